@@ -69,13 +69,13 @@ setup_command() {
 # --- What needs no set-up ---------------------------------------------------------------------------------------------
 
 answers_before_setup() { # WORD...
-  local word commands=$root/src/hindrax_cli/hindrax_cli/commands
+  local word commands=$root/src/hindrax_cli/hindrax_cli/command.py
   case ${1-} in '' | -h | --help | help | --version | completion) return ;; esac
   for word; do
     case $word in -h | --help) return ;; esac
   done
   # Neither must a word that is no command.
-  [ -d "$commands" ] && ! compgen -G "$commands/*/${1//-/_}.py" >/dev/null
+  [ -f "$commands" ] && ! grep -q "[ \"]$1[ \"]" "$commands"
 }
 
 # With any Python from 3.9 on, of which nothing is wanted but its library.
@@ -89,7 +89,7 @@ from pathlib import Path
 
 root = Path(sys.argv[1])
 sys.path[:0] = [str(folder) for folder in root.glob("src/hindrax_*")]
-from hindrax_cli.before_setup import main
+from hindrax_cli.command_page import main
 
 sys.exit(main(root, sys.argv[2:]))
 END

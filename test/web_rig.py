@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import cast
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.hold.holds import HoldState
@@ -17,6 +18,7 @@ from hindrax_control.maneuver.plan import MOTIONS
 from hindrax_core.signals import NAN, Estimate, Navigation
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.online.aim import ExperimentGoal
+from hindrax_operator.monitor.graph_link import GraphLink
 from hindrax_operator.snapshot import Frame, ManeuverView, NodeHealth, PlaceView, Snapshot, Thrusters
 from hindrax_operator.web.access import Access, hosts_of
 from hindrax_operator.web.page_controller import PageController, ViewerHeartbeat
@@ -149,7 +151,9 @@ def served(runs: Path, shown: Snapshot = ARMED, *, read_only: bool = False) -> I
     vehicle, heartbeat = FakeVehicle(shown), ViewerHeartbeat()
     said: list[str] = []
     of = load_vehicle(default_vehicle())
-    controller = PageController(vehicle, of, Reports(runs), heartbeat, read_only=read_only, log=said.append)
+    controller = PageController(
+        cast("GraphLink", vehicle), of, Reports(runs), heartbeat, read_only=read_only, log=said.append
+    )
     server = Server(ADDRESS, 0, Access(hosts_of(ADDRESS), TOKEN), controller)
     server.start()
     try:

@@ -14,7 +14,7 @@ import pytest
 from hindrax_bringup.stack_lock import FOLDER
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.machine import deploy
-from hindrax_cli.deployment.steps import DeploymentKind, Target, kind_of, plan
+from hindrax_cli.deployment import DeploymentKind, Target, kind_of, plan
 from hindrax_core.errors import HindraxError, UsageError
 
 SSH = f"""#!{sys.executable} -SE
@@ -132,7 +132,7 @@ def test_a_machine_without_a_clock_does_not_complain_of_every_file(
 
 
 def test_the_wait_for_health_ends_by_the_clock_and_says_what_was_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hindrax_cli.deployment.steps.HEALTHY_S", 1)
+    monkeypatch.setattr("hindrax_cli.deployment.HEALTHY_S", 1)
     script = plan(Target("rov"))[-1].script.replace("sudo -u hindrax", "env").replace("sudo ", "echo ")
     script = script.replace("/opt/hindrax/hindrax", "/bin/false no device;")
     done = subprocess.run(["sh", "-c", f"set -e\n{script}"], capture_output=True, timeout=30, check=False)

@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 from hindrax_bringup.share_files import default_vehicle
-from hindrax_cli.command_line import module_names
+from hindrax_cli.command import MODULES
 from hindrax_core.vehicle import load_vehicle
 
 ROOT = Path(__file__).parents[2]
@@ -209,7 +209,7 @@ def test_every_command_that_is_called_exists() -> None:
     called += re.findall(r"/opt/hindrax/hindrax ([a-z-]+)", (PI / "hindrax.service").read_text())
     called += [COMPOSE["command"][0]]
     assert {"health", "setup", "up"} <= set(called)
-    assert set(called) <= {name.replace("_", "-") for name in module_names()} | {"setup"}
+    assert set(called) <= set(MODULES) | {"setup"}
 
 
 def test_every_file_that_is_named_exists() -> None:

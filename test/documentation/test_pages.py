@@ -33,7 +33,7 @@ def test_every_command_is_taken(command: Command, tmp_path: Path, monkeypatch: p
     first, *rest = command.words
     if first in BY_THE_SCRIPT or first.startswith("-"):
         return
-    parser = command_line.parser_of(command_line.load(first.replace("-", "_")))
+    parser = command_line.parser_of(command_line.load(first))
     if "--help" not in rest:
         parser.parse_args(rest)
 

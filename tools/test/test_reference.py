@@ -19,6 +19,7 @@ import pytest
 from hindrax_bringup.clone import clone_root
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli import command_line
+from hindrax_cli.command import MODULES
 from hindrax_cli.command_line import main
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_tools import reference
@@ -73,7 +74,7 @@ def test_every_sensor_of_the_vehicle_says_who_it_is() -> None:
 
 
 def parsers() -> list[argparse.ArgumentParser]:
-    made = [command_line.parser_of(command_line.load(name)) for name in command_line.module_names()]
+    made = [command_line.parser_of(command_line.load(name)) for name in MODULES]
     return made + [word for one in made for word in words_of(one)]
 
 
@@ -87,7 +88,7 @@ def test_help_shows_an_example_that_the_command_takes(parser: argparse.ArgumentP
         first = re.split(r"\|\||&&|  +\(", example.replace("sudo ", ""))[0]
         words = shlex.split(first, comments=True)
         assert words[0] == "./hindrax"
-        command = command_line.load(words[1].replace("-", "_"))
+        command = command_line.load(words[1])
         assert command_line.parser_of(command).parse_args(words[2:]) is not None
 
 
@@ -101,8 +102,8 @@ def test_every_option_says_what_it_does(parser: argparse.ArgumentParser) -> None
 def test_the_overview_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--help"]) == 0
     said = capsys.readouterr().out
-    for name in command_line.module_names():
-        assert re.search(rf"^  {name.replace('_', '-')} +\w", said, re.MULTILINE)
+    for name in MODULES:
+        assert re.search(rf"^  {name} +\w", said, re.MULTILINE)
 
 
 def test_every_page_is_linked_from_the_overview_of_the_documentation() -> None:

@@ -32,9 +32,12 @@ def print_json(document: Mapping[str, object] | object) -> None:
     print_whole(json.dumps(plain(document), indent=2, allow_nan=False))
 
 
-def print_answer(document: Mapping[str, object] | object, said: object, *, as_json: bool) -> None:
-    """Print one JSON document, or what is said to a person."""
+def print_answer(document: Mapping[str, object] | object, said: object, *, as_json: bool) -> int:
+    """Print one JSON document, or say it to a person: a sentence, or what a function prints. Exit code of success."""
     if as_json:
         print_json(document)
+    elif callable(said):
+        said()
     else:
         print_fitted(said)
+    return 0

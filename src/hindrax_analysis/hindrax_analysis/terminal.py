@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from textwrap import TextWrapper
 
@@ -29,16 +29,19 @@ def console() -> Console:
 
 
 @contextmanager
-def working(sentence: str) -> Iterator[None]:
-    """Tell on a terminal what is being computed and for how long; a file or a pipe gets nothing."""
+def working(sentence: str) -> Iterator[Callable[[object], None]]:
+    """Tell on a terminal what is being computed and for how long, and how far it is, which is called with it.
+
+    A file or a pipe gets nothing.
+    """
     shown = SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn()
     screen = Console(stderr=True)
     quiet = not sys.stderr.isatty()
     with Progress(
         *shown, console=screen, transient=True, refresh_per_second=4, redirect_stdout=False, disable=quiet
     ) as progress:
-        progress.add_task(sentence, total=None)
-        yield
+        task = progress.add_task(sentence, total=None)
+        yield lambda reached: progress.update(task, description=f"{sentence}: {reached}")
 
 
 def make_table(title: str, words: Sequence[str], numbers: Sequence[str], prose: Sequence[str] = ()) -> Table:

@@ -7,7 +7,9 @@ import math
 
 from hindrax_bringup.node_options import Tuning
 from hindrax_bringup.share_files import usual_vehicle, vehicle_file
-from hindrax_core.topics import NAMESPACE
+from hindrax_cli.command import option
+from hindrax_core.topics import NAMESPACE, namespace_arguments
+from hindrax_drivers.nodes.thruster_settings import NODE, Settings, read_settings
 
 WHICH = "vehicle: its file, or its name"
 
@@ -38,7 +40,10 @@ def share(text: str) -> float:
 
 def seed(text: str) -> int:
     """Argument type: seed of everything random; goals carry it in 32 bits."""
-    number = int(text)
+    try:
+        number = int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"found {text!r}, wanted a whole number") from None
     if not 0 <= number < 1 << 32:
         raise argparse.ArgumentTypeError(f"found {text}, wanted 0 to {(1 << 32) - 1}")
     return number
@@ -66,13 +71,8 @@ def add_tuning(parser: argparse.ArgumentParser) -> None:
 def add_parameters(parser: argparse.ArgumentParser) -> None:
     """Parameters of the nodes, for a command whose vehicle is named otherwise."""
     parser.add_argument("--params", default="", metavar="FILE", help="ROS parameter file for the nodes")
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NODE.NAME:=VALUE",
-        help="one parameter, repeatable: pilot.holds.turn_radps:=0.3 (docs/reference/parameters.md)",
-    )
+    one = "one parameter, repeatable: pilot.holds.turn_radps:=0.3 (docs/reference/parameters.md)"
+    parser.add_argument("--set", action="append", default=[], metavar="NODE.NAME:=VALUE", help=one)
 
 
 def tuning_of(arguments: argparse.Namespace) -> Tuning:
@@ -80,11 +80,15 @@ def tuning_of(arguments: argparse.Namespace) -> Tuning:
     return Tuning(arguments.namespace, arguments.params, tuple(arguments.set))
 
 
-def add_json(parser: argparse._ActionsContainer) -> None:
-    """Whether a program reads the answer."""
-    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+def output_settings(arguments: argparse.Namespace) -> Settings:
+    """Vehicle, port and guard of the thruster output by the words of a command, read as its node reads them."""
+    tuning, own = tuning_of(arguments), f"{NODE}."
+    words = ["-p", f"vehicle:={arguments.vehicle}", *namespace_arguments(tuning.namespace, own_clock=False)]
+    words += ["--params-file", tuning.file] if tuning.file else []
+    for text in tuning.settings:
+        words += ["-p", text.removeprefix(own)] if text.startswith(own) else []
+    return read_settings(words)
 
 
-def add_i2c_port(parser: argparse.ArgumentParser) -> None:
-    """Where a chip is, if not where the vehicle file says."""
-    parser.add_argument("--port", metavar="PORT", help="I2C bus, or mock:SOCKET; default: of the vehicle file")
+add_json = option("--json", action="store_true", help="one JSON document on stdout")
+add_i2c_port = option("--port", metavar="PORT", help="I2C bus, or mock:SOCKET; default: of the vehicle file")

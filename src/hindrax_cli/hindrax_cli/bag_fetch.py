@@ -38,25 +38,21 @@ class Remote:
         try:
             done = subprocess.run(self.shell(line), capture_output=True, text=True, check=False)  # noqa: S603  # quoted
         except OSError as error:
-            raise HindraxError(
-                f"{self.command[0]}: cannot be run ({cause(error)}); install it, or name another with --ssh"
-            ) from error
+            remedy = "install it, or name another with --ssh"
+            raise HindraxError(f"{self.command[0]}: cannot be run ({cause(error)}); {remedy}") from error
         if done.returncode != 0:
-            words = (done.stderr.strip().splitlines() or [f"{self.command[0] if self.command else 'sh'} said nothing"])[
-                -1
-            ]
-            raise HindraxError(f"{self.name}: cannot be read ({words}); {self._remedy(done.returncode)}")
+            silent = f"{self.shell('')[0]} said nothing"
+            words = (done.stderr.strip().splitlines() or [silent])[-1]
+            remedy = "--remote names the folder"
+            if self.command and done.returncode == SSH_FAILED:
+                remedy = f"is it on the network, and does `ssh {self.command[-1]}` ask for no password?"
+            raise HindraxError(f"{self.name}: cannot be read ({words}); {remedy}")
         return done.stdout
 
     @property
     def name(self) -> str:
         """Name for messages."""
         return ":".join((*self.command[-1:], self.folder))
-
-    def _remedy(self, code: int) -> str:
-        if self.command and code == SSH_FAILED:
-            return f"is it on the network, and does `ssh {self.command[-1]}` ask for no password?"
-        return "--remote names the folder"
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +95,7 @@ def _fetch_one(remote: Remote, name: str, size: int, out: Path, progress: Progre
     target = out / name
     if ".." in PurePosixPath(name).parts:
         raise HindraxError(f"{name}: leads out of the folder; not fetched")
-    wanted = _remote_hash(remote, name)
+    wanted = remote.ask(f"sha256sum < {shlex.quote(remote.folder + '/' + name)}").split()[0]
     if target.is_file() and _hash(target) == wanted:
         return Fetched(target, size, 0)
     partial = target.with_name(target.name + ".part")
@@ -131,10 +127,6 @@ def _copy(remote: Remote, name: str, size: int, partial: Path, progress: Progres
     if process.returncode != 0:
         raise HindraxError(f"{name}: the copy broke off after {here} of {size} bytes; run it again, it goes on there")
     return here - start
-
-
-def _remote_hash(remote: Remote, name: str) -> str:
-    return remote.ask(f"sha256sum < {shlex.quote(remote.folder + '/' + name)}").split()[0]
 
 
 def _hash(path: Path) -> str:

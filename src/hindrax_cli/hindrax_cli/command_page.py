@@ -1,17 +1,19 @@
 """Help and completion from the page of the commands in docs/reference, which a test keeps equal to the parsers.
 
-Needs nothing but the standard library of Python 3.9: it answers before hindrax is set up.
+Needs nothing but the standard library of Python 3.9: it answers, and the version too, before hindrax is set up.
 """
 
 from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Mapping
+import sys
+from collections.abc import Mapping, Sequence
 from itertools import starmap
 from pathlib import Path
 
-from hindrax_core.text.screen_text import UNBOUNDED, fitted, fitted_description
+from hindrax_cli import command_line
+from hindrax_core.text.screen_text import UNBOUNDED, fitted, fitted_description, print_whole, screen_width
 
 WIDTH = 24
 """Of the column of the options, as argparse sets it."""
@@ -40,6 +42,16 @@ ZSH = """# Completion of hindrax for zsh; source it in ~/.zshrc
 autoload -Uz bashcompinit && bashcompinit
 """
 FISH = "# Completion of hindrax for fish; keep it as ~/.config/fish/completions/hindrax.fish"
+
+
+def main(root: Path, words: Sequence[str]) -> int:
+    """Answer and return the exit code; the help of a command comes from its page, as its parser needs libraries."""
+    asked = [word for word in words if word not in ("-h", "--help")]
+    text = help_of(page_of(root), asked, screen_width(sys.stdout)) if 0 < len(asked) < len(words) else None
+    if text is None:
+        return command_line.main(words)
+    print_whole(text, end="")
+    return 0
 
 
 def page_of(root: Path) -> str:

@@ -14,12 +14,16 @@ import numpy as np
 from hindrax_analysis.experiments.experiment_record import Column, describe, read_columns
 from hindrax_analysis.experiments.least_squares import Array
 from hindrax_bag.read.bag_reader import messages
-from hindrax_cli.argument_types import add_json
+from hindrax_cli.argument_types import add_json, positive
+from hindrax_cli.command import Declare, option
 from hindrax_core.errors import HindraxError, UsageError, cause
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.text.text_file import nothing_left, require_place, writing
 
 PLOT_KINDS = (".png", ".svg", ".pdf")
+
+
+DENSITY = option("--density", type=positive, default=1000.0, metavar="KG_PER_M3", help="water [kg/m^3]")
 
 
 def add_output(parser: argparse.ArgumentParser) -> None:
@@ -37,18 +41,17 @@ def require_plot(path: Path | None) -> None:
     require_place(path, "--plot ")
 
 
-def add_record(parser: argparse.ArgumentParser, columns: Sequence[Column], nargs: str | None = None) -> None:
+def record(columns: Sequence[Column], nargs: str | None = None) -> Declare:
     """The record itself (one, or as many as `nargs` says), and where in a bag its columns are."""
-    what = "CSV file with a header line, or a bag with --field"
-    parser.add_argument("record", type=Path, nargs=nargs, metavar="CSV_OR_BAG", help=what)
-    parser.add_argument(
-        "--field",
-        action="append",
-        default=[],
-        metavar="COLUMN=TOPIC:PATH",
-        help="where a column is in a bag, e.g. acceleration_mps2=/icm20948/imu:linear_acceleration.z",
-    )
-    parser.description = f"{parser.description}\n\ncolumns of the record:\n{describe(columns)}"
+
+    def declare(parser: argparse.ArgumentParser) -> None:
+        what = "CSV file with a header line, or a bag with --field"
+        parser.add_argument("record", type=Path, nargs=nargs, metavar="CSV_OR_BAG", help=what)
+        where = "where a column is in a bag, e.g. acceleration_mps2=/icm20948/imu:linear_acceleration.z"
+        parser.add_argument("--field", action="append", default=[], metavar="COLUMN=TOPIC:PATH", help=where)
+        parser.description = f"{parser.description}\n\ncolumns of the record:\n{describe(columns)}"
+
+    return declare
 
 
 def read_record(path: Path, columns: Sequence[Column], fields: Sequence[str]) -> dict[str, Array]:

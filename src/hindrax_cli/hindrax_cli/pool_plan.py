@@ -8,7 +8,7 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from hindrax_analysis.plain import print_json
+from hindrax_analysis.plain import print_answer
 from hindrax_analysis.terminal import make_table, print_table, working
 from hindrax_control.maneuver.goal import motions_to_fly
 from hindrax_core.errors import UsageError
@@ -38,10 +38,7 @@ def rehearse_and_show(arguments: argparse.Namespace, aim: Aim | None) -> int:
         found = rehearse(
             servable.flown, arguments.seed, world, vehicle=vehicle, excitation=arguments.excitation, aim=aim
         )
-    if arguments.json:
-        print_json(found.document())
-    else:
-        show(found)
+    print_answer(found.document(), lambda: show(found), as_json=arguments.json)
     if found.ended and not arguments.json:
         print_fitted(f"ended: {found.ended}")
     if found.aborted:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import yaml
 
+from hindrax_cli.command import option
 from hindrax_core.errors import UsageError, cause
 from hindrax_core.text.text_file import replace_text, require_place
 from hindrax_core.vehicle import vehicle_from_text
@@ -27,9 +29,22 @@ def set_key(file: Path, keys: Sequence[str], value: object) -> None:
         raise UsageError(f"{file}: cannot be changed ({cause(error)})") from error
 
 
-def require_editable(file: Path) -> None:
-    """UsageError where `set_key` would not be able to write, told before anything is measured."""
-    require_place(file, "--write: ")
+add_write = option("--write", action="store_true", help="put the result into the vehicle file")
+
+
+def require_editable(arguments: argparse.Namespace) -> None:
+    """UsageError where `set_key` would not be able to write what --write asks for, told before anything is measured."""
+    if arguments.write:
+        require_place(Path(arguments.vehicle), "--write: ")
+
+
+def kept(arguments: argparse.Namespace, where: str = "") -> str:
+    """Where the result is, or how to keep it."""
+    return (
+        f"written to {where or arguments.vehicle}"
+        if arguments.write
+        else f"not kept; --write puts it into {where or 'the vehicle file'}"
+    )
 
 
 def edited(text: str, keys: Sequence[str], value: object, source: str) -> str:

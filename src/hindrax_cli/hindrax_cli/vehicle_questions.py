@@ -32,20 +32,23 @@ Answers = Mapping[str, tuple[float, ...]]
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """One question: numbers wanted, their bounds, and what is meant where the line stays empty (none: an answer)."""
+    """One question: how many numbers, their bounds, and what an empty line means (nothing: it must be answered)."""
 
     key: str
-    text: str
     count: int
     low: float
     high: float
-    usual: Callable[[Answers], Sequence[float]] | None = None
+    text: str
+    usual: Callable[[Answers], Sequence[float]] | Sequence[float] = ()
+
+    def _usual(self, answers: Answers) -> tuple[float, ...]:
+        return tuple(self.usual(answers) if callable(self.usual) else self.usual)
 
     def read(self, line: str, answers: Answers) -> tuple[float, ...]:
         """Numbers of a line; UsageError with what was found and what was wanted."""
         words = line.replace(",", " ").split()
-        if not words and self.usual is not None:
-            return tuple(self.usual(answers))
+        if not words and (usual := self._usual(answers)):
+            return usual
         try:
             found = tuple(float(word) for word in words)
         except ValueError:
@@ -59,8 +62,8 @@ class Question:
 
     def prompt(self, answers: Answers) -> str:
         """The question with its usual answer."""
-        usual = "" if self.usual is None else f" [{' '.join(f'{one:g}' for one in self.usual(answers))}]"
-        return f"{self.text}{usual}: "
+        usual = " ".join(f"{one:g}" for one in self._usual(answers))
+        return f"{self.text} [{usual}]: " if usual else f"{self.text}: "
 
 
 def _across(answers: Answers) -> tuple[float, float]:
@@ -73,42 +76,24 @@ def _upright(answers: Answers) -> tuple[float, float]:
     return (0.0 if answers["layout"][0] == 6 else ahead, across)  # a row of LAYOUTS
 
 
+def _below(answers: Answers) -> tuple[float, float, float]:
+    return (0.0, 0.0, round(0.5 * answers["size"][2], 3))
+
+
+APART = "front to rear and port to starboard"
+ORIGIN = "the center of the envelope: forward, starboard, down"
+ROWS = "; ".join(f"{n}: {text}" for n, text in LAYOUTS.items())
 QUESTIONS = (
-    Question("mass", "1. mass, dry, trimmed as it flies [kg]", 1, 0.1, 1e5),
-    Question(
-        "buoyancy", "2. pull on a scale when held under water, floating is positive [N]", 1, -1e4, 1e4, lambda _: (1.0,)
-    ),
-    Question("size", "3. length, width, height [m]", 3, 0.01, 50.0),
-    Question(
-        "layout", f"4. thrusters ({'; '.join(f'{n}: {text}' for n, text in LAYOUTS.items())})", 1, 0, 8, lambda _: (6,)
-    ),
-    Question("angle", "5. angle of the vectored thrusters off the x axis [deg]", 1, 1.0, 89.0, lambda _: (45.0,)),
-    Question(
-        "vectored",
-        "6. distance of the vectored thrusters, front to rear and port to starboard [m]",
-        2,
-        0.0,
-        50.0,
-        _across,
-    ),
-    Question(
-        "vertical",
-        "7. distance of the vertical thrusters, front to rear and port to starboard [m]",
-        2,
-        0.0,
-        50.0,
-        _upright,
-    ),
-    Question("thrust", "8. thrust of one thruster at full command [N]", 1, 0.1, 1e4, lambda _: (30.0,)),
-    Question(
-        "dvl",
-        "9. position of the DVL from the center of the envelope: forward, starboard, down [m]",
-        3,
-        -50.0,
-        50.0,
-        lambda answers: (0.0, 0.0, round(0.5 * answers["size"][2], 3)),
-    ),
-    Question("pool", "10. pool: length, width, depth [m]", 3, 0.5, 1e4, lambda _: (10.0, 6.0, 1.8)),
+    Question("mass", 1, 0.1, 1e5, "1. mass, dry, trimmed as it flies [kg]"),
+    Question("buoyancy", 1, -1e4, 1e4, "2. pull on a scale when held under water, floating is positive [N]", (1.0,)),
+    Question("size", 3, 0.01, 50.0, "3. length, width, height [m]"),
+    Question("layout", 1, 0, 8, f"4. thrusters ({ROWS})", (6,)),
+    Question("angle", 1, 1.0, 89.0, "5. angle of the vectored thrusters off the x axis [deg]", (45.0,)),
+    Question("vectored", 2, 0.0, 50.0, f"6. distance of the vectored thrusters, {APART} [m]", _across),
+    Question("vertical", 2, 0.0, 50.0, f"7. distance of the vertical thrusters, {APART} [m]", _upright),
+    Question("thrust", 1, 0.1, 1e4, "8. thrust of one thruster at full command [N]", (30.0,)),
+    Question("dvl", 3, -50.0, 50.0, f"9. position of the DVL from {ORIGIN} [m]", _below),
+    Question("pool", 3, 0.5, 1e4, "10. pool: length, width, depth [m]", (10.0, 6.0, 1.8)),
 )
 
 
@@ -162,14 +147,7 @@ def file_text(name: str, answers: Answers) -> str:
     body = Dimensions(length, width, height, mass_kg, front, side, top, density, RIGHTING_ARM_m)
     belief = block_text(hydrodynamics_of(empirical(body)))
     assumed = {"projected_areas_m2": [front, side, top], "center_of_buoyancy_m": [0.0, 0.0, -RIGHTING_ARM_m]}
-    parts = [
-        HEAD.format(name=name),
-        _dump(known),
-        ASSUMED,
-        _dump(assumed),
-        BELIEVED,
-        belief,
-    ]
+    parts = [HEAD.format(name=name), _dump(known), ASSUMED, _dump(assumed), BELIEVED, belief]
     upright_mps = upright_speed_mps(vehicle_from_text("\n".join(parts), name)) if "thrusters" in known else math.inf
     if MARGIN * upright_mps < Limits().speed_mps:
         limit = _dump({"limits": {"speed_mps": float(f"{MARGIN * upright_mps:.2g}")}})

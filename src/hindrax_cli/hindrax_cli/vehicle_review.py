@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from hindrax_cli.health_checks.check import Check
+from hindrax_cli.health_checks import Check
 from hindrax_control.maneuver.goal import largest_wrench, servable_motions
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import AXES, WRENCH_UNITS, Vehicle
@@ -60,13 +60,8 @@ def _thrusters(vehicle: Vehicle) -> list[Check]:
     ]
     found.append(Check("channels", ", ".join(str(one.channel) for one in vehicle.thrusters), _shared(vehicle)))
     far = [one.name for one in vehicle.thrusters if _outside(vehicle, one.position_m)]
-    found.append(
-        Check(
-            "thruster positions",
-            "within the envelope" if not far else f"{', '.join(far)} far outside of it",
-            "check unit and origin of position_m" if far else "",
-        )
-    )
+    where = f"{', '.join(far)} far outside of it" if far else "within the envelope"
+    found.append(Check("thruster positions", where, "check unit and origin of position_m" if far else ""))
     reach = largest_wrench(vehicle)
     reach_N, need_N = reach["heave"], abs(vehicle.net_buoyancy_N)
     weak = "" if reach_N > 2.0 * need_N else "trim it: the vertical thrusters have too little to spare"

@@ -8,7 +8,7 @@ import pytest
 
 from hindrax_bringup import clone
 from hindrax_cli.command_line import main
-from hindrax_cli.commands.explain.bench import show
+from hindrax_cli.commands.explain.trials import print_bench
 
 
 def test_a_vehicle_without_the_peers_gets_a_sentence(
@@ -26,8 +26,8 @@ def test_a_vehicle_without_the_peers_gets_a_sentence(
 
 
 def test_a_long_time_is_a_number_and_not_an_exponent(capsys: pytest.CaptureFixture[str]) -> None:
-    show([{"name": "surge run", "ours_us": 368_912.4, "peer_us": 1e6, "ratio": 2.7106, "peer": "real time"}])
-    show([{"name": "settled in 5.3 s", "ratio": 0.0965, "peer": "without the model"}])
+    print_bench([{"name": "surge run", "ours_us": 368_912.4, "peer_us": 1e6, "ratio": 2.7106, "peer": "real time"}])
+    print_bench([{"name": "settled in 5.3 s", "ratio": 0.0965, "peer": "without the model"}])
     said = capsys.readouterr().out
     for words in ("369000", "1000000", "2.71", "0.0965", "without the model"):
         assert words in said

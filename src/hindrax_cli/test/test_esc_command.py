@@ -12,8 +12,7 @@ from lock_step import LockStep
 
 from hindrax_bringup.share_files import default_vehicle, hindrax_with
 from hindrax_cli.command_line import main
-from hindrax_cli.commands.machine import esc as command
-from hindrax_cli.commands.machine import oscillator
+from hindrax_cli.commands.machine import output as command
 from hindrax_core.bus_operations import Program
 from hindrax_core.bus_operations import run as run_program
 from hindrax_core.events import Stamp, Stamped, after
@@ -37,7 +36,7 @@ def chip(monkeypatch: pytest.MonkeyPatch) -> Iterator[Pca9685]:
         return run_program(program, bus.transfer, lambda seconds: bus.sleep_until(after(bus.now(), seconds)))
 
     monkeypatch.setattr(command, "run_once", run_once)
-    monkeypatch.setattr(oscillator, "vehicle_stack", lambda: None)
+    monkeypatch.setattr(command, "vehicle_stack", lambda: None)
     before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
     yield made
     for number, handler in before.items():

@@ -14,7 +14,7 @@ from mcap_ros2.writer import Writer
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.command_line import main
-from hindrax_cli.commands.machine.imu import calibration
+from hindrax_cli.commands.machine.calibration import calibration
 from hindrax_core.bus_operations import Transaction
 from hindrax_core.events import Stamp, to_s
 from hindrax_core.vehicle import load_vehicle

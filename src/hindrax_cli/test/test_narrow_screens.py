@@ -11,9 +11,10 @@ from rich.console import Console
 from hindrax_analysis import terminal
 from hindrax_bringup.clone import clone_root
 from hindrax_cli import command_line
-from hindrax_cli.command_line import load, main, module_names, modules, parser_of, print_overview
+from hindrax_cli.command import MODULES
+from hindrax_cli.command_line import load, main, parser_of, print_overview
 from hindrax_cli.commands.machine import doctor
-from hindrax_cli.health_checks.check import Check
+from hindrax_cli.health_checks import Check
 from hindrax_core.text import screen_text
 from hindrax_core.text.screen_text import COMMAND, UNBOUNDED
 
@@ -27,7 +28,7 @@ COMMANDS = {
     "bag list": f"bag list {BAGS}",
     "identify": f"identify {BAGS / 'surge'}",
 }
-"""One that prints a table and needs neither a vehicle nor minutes, by its module, or module and word."""
+"""One that prints a table and needs neither a vehicle nor minutes, by its name, or name and word."""
 ELSEWHERE = {
     "bench",
     "faults",
@@ -37,7 +38,7 @@ ELSEWHERE = {
     "step",
     "towing",
     "forced",
-    "free_decay",
+    "free-decay",
     "bollard",
     "pendulum",
     "weigh",
@@ -60,12 +61,12 @@ def printed(words: str, width: int, monkeypatch: pytest.MonkeyPatch, capsys: pyt
 def test_every_command_that_prints_tables_is_here() -> None:
     prints = re.compile(r"\b(print_table\(|print_values\(|show\(found)")
     root = clone_root() / "src" / "hindrax_cli"
-    paths = {name: root / f"{dotted.replace('.', '/')}.py" for name, dotted in modules().items()}
-    found = {name for name, path in paths.items() if prints.search(path.read_text(encoding="utf-8"))}
-    assert found == {name.partition(" ")[0] for name in COMMANDS} | ELSEWHERE
+    paths = {dotted: root / f"{dotted.replace('.', '/')}.py" for dotted in MODULES.values()}
+    found = {dotted for dotted, path in paths.items() if prints.search(path.read_text(encoding="utf-8"))}
+    assert found == {MODULES[name.partition(" ")[0]] for name in (*COMMANDS, *ELSEWHERE)}
 
 
-@pytest.mark.parametrize("name", module_names())
+@pytest.mark.parametrize("name", MODULES)
 def test_the_help_of_a_command_breaks_between_words(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "60")
     # argparse keeps options that exclude each other on one line.
@@ -78,7 +79,7 @@ def test_the_overview_breaks_between_words(monkeypatch: pytest.MonkeyPatch, caps
         monkeypatch.setattr(module, "screen_width", lambda _: 60)
     print_overview()
     lines = capsys.readouterr().out.splitlines()
-    assert len(lines) > len(module_names())
+    assert len(lines) > len(MODULES)
     assert not [line for line in lines if len(line) > 60]
 
 

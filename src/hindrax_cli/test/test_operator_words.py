@@ -22,9 +22,9 @@ from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import MockOptions
 from hindrax_bringup.stack_lock import FOLDER, StackLock
 from hindrax_bringup.stack_runner import asked_to_end, startup_text
-from hindrax_cli import mock_devices
 from hindrax_cli.command_line import main
-from hindrax_cli.commands.operate import hold, lights, recentre, wrench
+from hindrax_cli.commands.machine import mock
+from hindrax_cli.commands.operate import orders
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import fitted
 from hindrax_core.vehicle import load_vehicle
@@ -55,9 +55,9 @@ def test_every_command_has_help_with_an_example(name: str, capsys: pytest.Captur
 
 
 def test_one_brightness_goes_for_every_lamp() -> None:
-    assert lights.parse(["0.5"], 2) == [0.5, 0.5]
-    assert lights.parse(["1", "0"], 2) == [1.0, 0.0]
-    assert lights.parse(["off"], 2) == [0.0, 0.0]
+    assert orders.brightness(["0.5"], 2) == [0.5, 0.5]
+    assert orders.brightness(["1", "0"], 2) == [1.0, 0.0]
+    assert orders.brightness(["off"], 2) == [0.0, 0.0]
 
 
 @pytest.mark.parametrize("words", [["2"], ["-0.1"], ["nan"], ["bright"], ["1", "1", "1"]])
@@ -72,11 +72,11 @@ def test_what_is_no_brightness_is_refused_before_the_vehicle_is_asked(
 
 
 def test_a_place_is_meters_and_degrees_or_nothing() -> None:
-    assert recentre.place_of(["5", "3", "90"]) == pytest.approx((5.0, 3.0, math.pi / 2))
-    assert recentre.place_of(["5", "3"])[:2] == (5.0, 3.0)
-    assert all(map(math.isnan, recentre.place_of([])))
-    assert recentre.shown(5.0, 3.0) == "5.00 m from the south wall, 3.00 m from the west wall"
-    assert recentre.shown(math.nan, math.nan) == "at its start"
+    assert orders.place_of(["5", "3", "90"]) == pytest.approx((5.0, 3.0, math.pi / 2))
+    assert orders.place_of(["5", "3"])[:2] == (5.0, 3.0)
+    assert all(map(math.isnan, orders.place_of([])))
+    assert orders.place_text(5.0, 3.0) == "5.00 m from the south wall, 3.00 m from the west wall"
+    assert orders.place_text(math.nan, math.nan) == "at its start"
 
 
 @pytest.mark.parametrize("words", [["5"], ["5", "nan"], ["5", "inf", "0"], ["here", "there"], ["1", "2", "3", "4"]])
@@ -91,21 +91,21 @@ def test_what_is_no_place_is_refused_before_the_vehicle_is_asked(
 
 
 def test_angles_are_given_in_degrees_and_distances_in_meters() -> None:
-    axes, value, engaged = hold.parse("heading", "90")
+    axes, value, engaged = orders.held("heading", "90")
     assert (axes, engaged) == (("heading",), True)
     assert value == pytest.approx(math.pi / 2)
-    assert hold.parse("depth", "0.8") == (("depth",), 0.8, True)
+    assert orders.held("depth", "0.8") == (("depth",), 0.8, True)
 
 
 def test_without_a_value_the_vehicle_holds_where_it_is() -> None:
-    axes, value, engaged = hold.parse("altitude", None)
+    axes, value, engaged = orders.held("altitude", None)
     assert (axes, engaged) == (("altitude",), True)
     assert math.isnan(value)
 
 
 def test_off_lets_go_of_one_or_all() -> None:
-    assert hold.parse("roll", "off")[::2] == (("roll",), False)
-    assert hold.parse("all", "off")[::2] == (("heading", "roll", "pitch", "depth", "altitude", "station"), False)
+    assert orders.held("roll", "off")[::2] == (("roll",), False)
+    assert orders.held("all", "off")[::2] == (("heading", "roll", "pitch", "depth", "altitude", "station"), False)
 
 
 @pytest.mark.parametrize(
@@ -120,10 +120,10 @@ def test_what_cannot_be_held_is_refused_with_what_was_wanted(
 
 
 def test_headings_are_shown_from_0_to_360() -> None:
-    assert hold.shown("heading", math.radians(-90.0)) == "270.0 deg"
-    assert hold.shown("pitch", math.radians(-10.0)) == "-10.0 deg"
-    assert hold.shown("depth", 0.8) == "0.80 m"
-    assert hold.shown("station", 0.0) == "this place"
+    assert orders.shown("heading", math.radians(-90.0)) == "270.0 deg"
+    assert orders.shown("pitch", math.radians(-10.0)) == "-10.0 deg"
+    assert orders.shown("depth", 0.8) == "0.80 m"
+    assert orders.shown("station", 0.0) == "this place"
 
 
 # ---- joystick
@@ -158,7 +158,7 @@ def test_steering_without_a_stack_says_where_it_is_looked_for(
 
 
 def test_a_wrench_is_six_finite_numbers(capsys: pytest.CaptureFixture[str]) -> None:
-    assert wrench.checked([1, 2, 3, 4, 5, 6]) == (1, 2, 3, 4, 5, 6)
+    assert orders.checked([1, 2, 3, 4, 5, 6]) == (1, 2, 3, 4, 5, 6)
     assert main(["wrench", "1", "0", "nan", "0", "0", "0"]) == 2
     assert "wrench Z: found nan, wanted a finite number" in capsys.readouterr().err
     with pytest.raises(SystemExit):
@@ -167,16 +167,16 @@ def test_a_wrench_is_six_finite_numbers(capsys: pytest.CaptureFixture[str]) -> N
 
 def test_a_wrench_beyond_the_limits_of_the_vehicle_is_refused() -> None:
     limits = load_vehicle(default_vehicle()).limits.wrench
-    wrench.require_within(limits, limits)
+    orders.require_within(limits, limits)
     with pytest.raises(UsageError, match=r"wrench N: found -500, wanted -\d+ to \d+ "):
-        wrench.require_within((0.0, 0.0, 0.0, 0.0, 0.0, -500.0), limits)
+        orders.require_within((0.0, 0.0, 0.0, 0.0, 0.0, -500.0), limits)
 
 
 def test_what_came_of_a_wrench_names_what_lacks() -> None:
     plan = Message(achieved=[9.0, 0, 0, 0, 0, 0.5], shortfall=[1.0, 0, 0, 0, 0, 0], refused=["Y: found nan"])
-    said = wrench.outcome_text(plan)
+    said = orders.outcome_text(plan)
     assert said == "done; with the holds it was X +9.0 N, N +0.5 Nm; lacking X +1.0 N; refused: Y: found nan"
-    assert wrench.wrench_text([0.01] * 6) == "nothing"
+    assert orders.wrench_text([0.01] * 6) == "nothing"
 
 
 # ---- thruster
@@ -201,12 +201,11 @@ def test_a_thruster_at_a_desk_is_not_waited_for(tmp_path: Path, monkeypatch: pyt
 
     monkeypatch.setattr(one_thruster, "joined", nobody)
     monkeypatch.setattr(one_thruster, "stacks", list)
-    monkeypatch.setattr(one_thruster, "_own_thrusters", lambda _run: pytest.fail("started"))
+    monkeypatch.setattr(one_thruster, "_own_thrusters", lambda _file, *, mock: pytest.fail(f"started, mock: {mock}"))
     text = Path(default_vehicle()).read_text(encoding="utf-8").replace("/dev/i2c-1", str(tmp_path / "i2c"))
     (tmp_path / "vehicle.yaml").write_text(text, encoding="utf-8")
-    run = one_thruster.ThrusterRun("T1", 3.0, 1.0, tmp_path / "vehicle.yaml", mock=False)
     with pytest.raises(HindraxError, match=r"no thrusters on the graph and no .*/i2c on this machine.* --mock"):
-        one_thruster.run_one(run)
+        one_thruster.run_one("T1", 3.0, 1.0, tmp_path / "vehicle.yaml", mock=False)
 
 
 @pytest.mark.parametrize(
@@ -351,8 +350,7 @@ def test_the_devices_alone_lie_at_stable_paths_and_only_once(
         assert main(["mock"]) == 1
         asked.set()
 
-    options = mock_devices.DeviceOptions(default_vehicle(), MockOptions(rate=1.0))
-    mock_devices.serve(options, tell, asked.is_set)
+    mock.serve(default_vehicle(), MockOptions(rate=1.0), tell, asked.is_set)
     assert told["dvl75"] == str(folder / "dvl75")
     assert told["icm20948"] == told["clock"] == f"mock:{folder / 'i2c'}"
     assert "a mock runs there already" in capsys.readouterr().err
@@ -361,19 +359,19 @@ def test_the_devices_alone_lie_at_stable_paths_and_only_once(
 
 def test_ports_are_told_to_people_scripts_and_programs() -> None:
     found = {"dvl75": "/run/dvl75", "clock": "mock:/run/i2c"}
-    assert mock_devices.plain(found) == "dvl75 /run/dvl75\nclock mock:/run/i2c"
-    assert json.loads(mock_devices.document(found)) == {"ports": found}
-    assert "  dvl75  /run/dvl75" in mock_devices.table(found)
-    assert "udp" not in mock_devices.table(found)
+    assert mock.plain(found) == "dvl75 /run/dvl75\nclock mock:/run/i2c"
+    assert json.loads(mock.document(found)) == {"ports": found}
+    assert "  dvl75  /run/dvl75" in mock.table(found)
+    assert "udp" not in mock.table(found)
 
 
 def test_a_port_that_the_network_has_is_not_told(tmp_path: Path) -> None:
     told: dict[str, str] = {}
-    options = mock_devices.DeviceOptions(default_vehicle(), MockOptions(rate=1.0), tmp_path / "ports", dvl_udp=True)
-    mock_devices.serve(options, told.update, lambda: True)
+    options, place = MockOptions(rate=1.0), tmp_path / "ports"
+    mock.serve(default_vehicle(), options, told.update, lambda: True, place=place, dvl_udp=True)
     assert told["dvl75"] == "udp://0.0.0.0:27000"
     assert told["ping1d"] == str(tmp_path / "ports" / "ping1d")
-    assert "udp://0.0.0.0:27000 is to be listened at, and takes commands at port 50000" in mock_devices.table(told)
+    assert "udp://0.0.0.0:27000 is to be listened at, and takes commands at port 50000" in mock.table(told)
 
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -12,7 +12,7 @@ from lock_step import LockStep
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.command_line import main
-from hindrax_cli.commands.machine import oscillator as command
+from hindrax_cli.commands.machine import output as command
 from hindrax_core.bus_operations import EDGES, DeviceError, Program
 from hindrax_core.bus_operations import run as run_program
 from hindrax_core.events import Stamp, after

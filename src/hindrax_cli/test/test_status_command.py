@@ -18,7 +18,7 @@ from hindrax_bringup.liveness import tool_liveness
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack_lock import FOLDER, LAUNCHED, StackLock, announced
 from hindrax_cli.command_line import main
-from hindrax_cli.commands.operate.web import kept_token
+from hindrax_cli.commands.operate.view import kept_token
 from hindrax_core.errors import HindraxError
 from hindrax_operator import connection
 

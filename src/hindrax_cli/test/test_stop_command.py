@@ -12,8 +12,8 @@ import pytest
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack_lock import FOLDER, StackLock, announced
 from hindrax_cli.command_line import main
-from hindrax_cli.commands.operate import stop as command
-from hindrax_cli.commands.operate.stop import on_the_wire
+from hindrax_cli.commands.operate import stack as command
+from hindrax_cli.commands.operate.stack import on_the_wire
 from hindrax_drivers.nodes.thruster_settings import Settings
 
 STACK = StackLock(4999999, mock=False, vehicle="v.yaml", folder="runs/a")

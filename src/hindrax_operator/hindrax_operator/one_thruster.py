@@ -11,7 +11,6 @@ import contextlib
 import shutil
 import tempfile
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -36,33 +35,22 @@ LOOK_S = 2.0
 ARMING_S = 60.0
 
 
-@dataclass(frozen=True, slots=True)
-class ThrusterRun:
-    """Which thruster, how hard [N] and how long [s], on which vehicle."""
-
-    thruster: str
-    force_N: float
-    seconds: float
-    vehicle_file: Path
-    mock: bool
-
-
-def run_one(run: ThrusterRun) -> str:
-    """Arm, run, disarm; returns what was done in one sentence."""
-    vehicle = load_vehicle(run.vehicle_file)
+def run_one(thruster: str, force_N: float, seconds: float, vehicle_file: Path, *, mock: bool) -> str:
+    """Arm, run one thruster for some seconds, disarm; returns what was done in one sentence."""
+    vehicle = load_vehicle(vehicle_file)
     vehicle.output_channels()
-    index, pulses = pulses_of(vehicle, run.thruster, run.force_N)
+    index, pulses = pulses_of(vehicle, thruster, force_N)
     name = vehicle.thrusters[index].name
     from hindrax_operator.nodes.orders import require_sole, run_alone  # noqa: PLC0415  # invalid arguments end before rclpy loads
 
-    with _thrusters(run) as operator:
+    with _thrusters(vehicle_file, mock=mock) as operator:
         require_sole(operator)
         operator.wait_for_thrusters()
         report(f"arming; {name} will turn, keep clear")
         try:
             operator.arm(seconds=ARMING_S)
-            report(f"{name}: {run.force_N:+.1f} N, {pulses[index]:.0f} us, for {run.seconds:g} s; Ctrl-C ends it")
-            applied = list(run_alone(operator, pulses, run.seconds).pulses)
+            report(f"{name}: {force_N:+.1f} N, {pulses[index]:.0f} us, for {seconds:g} s; Ctrl-C ends it")
+            applied = list(run_alone(operator, pulses, seconds).pulses)
         finally:
             with contextlib.suppress(HindraxError):
                 operator.arm(arm=False)
@@ -87,9 +75,8 @@ def pulses_of(vehicle: Vehicle, thruster: str, force_N: float) -> tuple[int, lis
     pulses[index] = curve.pulse(force_N)
     if force_N and pulses[index] == curve.stop_us:
         back, forth = curve.gap_N
-        raise UsageError(
-            f"thruster {names[index]}: {force_N:g} N is less than it can give, {back:.2f} or {forth:+.2f} N at least"
-        )
+        least = f"{back:.2f} or {forth:+.2f} N at least"
+        raise UsageError(f"thruster {names[index]}: {force_N:g} N is less than it can give, {least}")
     return index, pulses
 
 
@@ -100,22 +87,22 @@ def _numbered(text: str, names: list[str]) -> int:
 
 
 @contextlib.contextmanager
-def _thrusters(run: ThrusterRun) -> Iterator[Operator]:
+def _thrusters(vehicle_file: Path, *, mock: bool) -> Iterator[Operator]:
     """Yield an operator beside a thrusters process: one that runs already, or one of our own."""
-    running = [one for one in stacks() if one.mock is run.mock]
+    running = [one for one in stacks() if one.mock is mock]
     if running:
         with joined(running[0]) as operator:
             yield operator
         return
-    if not run.mock:
+    if not mock:
         # A stack that was started by a service or by `ros2 launch` announces nothing here; its topics tell.
         with joined(None) as operator:
             operator.pause(LOOK_S)
             if operator.thrusters is not None:
                 yield operator
                 return
-        require_port(load_vehicle(run.vehicle_file).output.port)
-    with _own_thrusters(run) as operator:
+        require_port(load_vehicle(vehicle_file).output.port)
+    with _own_thrusters(vehicle_file, mock=mock) as operator:
         yield operator
 
 
@@ -129,25 +116,25 @@ def require_port(port: str) -> None:
 
 
 @contextlib.contextmanager
-def _own_thrusters(run: ThrusterRun) -> Iterator[Operator]:
+def _own_thrusters(vehicle_file: Path, *, mock: bool) -> Iterator[Operator]:
     with (
         tempfile.TemporaryDirectory(prefix="hindrax-") as place,
-        own_domain(mock=run.mock) as domain,
+        own_domain(mock=mock) as domain,
         tool_liveness() as beat,
     ):
         folder = RunFolder(Path(place))
-        shutil.copyfile(run.vehicle_file, folder.vehicle)
-        made = stack_environment(mock=run.mock, domain=domain)
+        shutil.copyfile(vehicle_file, folder.vehicle)
+        made = stack_environment(mock=mock, domain=domain)
         with Supervisor(folder.logs, made) as supervisor:
             stack = Stack(folder, supervisor)
-            stack.start(MockOptions(rate=1.0) if run.mock else None, record=False, onboard=(THRUSTERS,))
-            presence = StackLock(0, run.mock, str(folder.vehicle), place, graph_settings(made))
+            stack.start(MockOptions(rate=1.0) if mock else None, record=False, onboard=(THRUSTERS,))
+            presence = StackLock(0, mock, str(folder.vehicle), place, graph_settings(made))
 
             def look_after() -> None:
                 for sentence in supervisor.check():
                     report(sentence)
                 supervisor.require()
-                beat.beat(f"thruster {run.thruster} alone", {})
+                beat.beat("one thruster alone", {})
 
             with joined(presence, tick=look_after) as operator:
                 operator.wait(lambda: operator.thrusters is not None, UP_S, lambda: _missing(operator))

@@ -149,9 +149,8 @@ def finish(identified: IdentifiedBag, folder: RunFolder, flight: FlownManeuver) 
         sizes = (f"{name} {size:.3g} {units[name]}".removesuffix(" -") for name, size in world.items())
         print_fitted(f"the mock's world: {', '.join(sizes)}")
     if flight.facts.get("wall_hits"):
-        print_fitted(
-            f"the mock vehicle ran into a wall of its pool (contacts: {flight.facts['wall_hits']})", sys.stderr
-        )
+        hits = flight.facts["wall_hits"]
+        print_fitted(f"the mock vehicle ran into a wall of its pool (contacts: {hits})", sys.stderr)
     print_fitted(f"flown at {flight.real_time_factor:.1f} times real time ({flight.vehicle_s:.0f} s of vehicle time)")
     for path in (folder.report, folder.coefficients, folder.bag):
         print_fitted(f"  {path}")

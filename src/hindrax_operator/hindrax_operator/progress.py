@@ -25,11 +25,8 @@ class Progress:
 
     def __init__(self, *, headless: bool) -> None:
         self._console = Console(stderr=True)
-        self._live = (
-            None
-            if headless or not sys.stderr.isatty()
-            else Live(console=self._console, auto_refresh=False, transient=True)
-        )
+        live = not headless and sys.stderr.isatty()
+        self._live = Live(console=self._console, auto_refresh=False, transient=True) if live else None
         self._begin = time.monotonic()
         self._shown = 0.0
         self._phase = ("", "")
@@ -81,9 +78,8 @@ def panel(maneuver: Any, navigation: Any, estimates: dict[str, Stamped[Estimate]
     if navigation is not None:
         state = navigation.reading
         heading = math.degrees(state.attitude_rad[2])
-        table.add_row(
-            "vehicle", f"altitude {state.altitude_m:.2f} m, depth {state.depth_m:.2f} m, heading {heading:.0f} deg"
-        )
+        where = f"altitude {state.altitude_m:.2f} m, depth {state.depth_m:.2f} m, heading {heading:.0f} deg"
+        table.add_row("vehicle", where)
     for motion, stamped in estimates.items():
         table.add_row(motion, coefficients_line(stamped.reading))
     return table

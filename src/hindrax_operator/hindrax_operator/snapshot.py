@@ -1,14 +1,11 @@
-"""What the live view shows, as values: copied from the messages once per snapshot, so that drawing needs no ROS.
-
-And what a view asks of the vehicle that it shows.
-"""
+"""What the live view shows, as values: copied from the messages once per snapshot, so that drawing needs no ROS."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol, TypeAlias
+from typing import Any, TypeAlias
 
 from hindrax_control.hold.holds import HoldState
 from hindrax_core.signals import NAN, Estimate, Navigation
@@ -102,21 +99,6 @@ OnDone: TypeAlias = Callable[[str, bool], None]
 """Outcome of an order: a sentence, and whether the order succeeded."""
 
 
-class WatchedVehicle(Protocol):
-    """What a view shows and may always order. Orders return at once; `on_done` gets the outcome later."""
-
-    title: str
-
-    def snapshot(self) -> Snapshot:
-        """Return everything known now."""
-
-    def stop(self, on_done: OnDone) -> None:
-        """Neutral, disarm, cancel."""
-
-    def disarm(self, on_done: OnDone) -> None:
-        """Disarm."""
-
-
 def snapshot(operator: Any) -> Snapshot:
     """Copy the last message of every topic that an operator node watches."""
     stamped = operator.navigation
@@ -148,19 +130,13 @@ def _thrusters(state: Any, allocation: Any) -> Thrusters:
     if state is None:
         return Thrusters()
     pulses = tuple(float(one) for one in state.pulses)
-    known = allocation is not None and len(allocation.forces) == len(pulses)
-    names = tuple(allocation.thrusters) if known else tuple(f"T{number + 1}" for number in range(len(pulses)))
-    return Thrusters(
-        armed=state.armed,
-        state=state.state,
-        reason=state.reason,
-        names=names,
-        pulses_us=pulses,
-        forces_N=tuple(allocation.forces) if known else (NAN,) * len(pulses),
-        saturated=tuple(allocation.saturated) if known else (False,) * len(pulses),
-        disabled=tuple(allocation.disabled) if known else (),
-        lost_axes=tuple(allocation.lost_axes) if known else (),
-    )
+    told = state.armed, state.state, state.reason
+    if allocation is None or len(allocation.forces) != len(pulses):
+        count = len(pulses)
+        names = tuple(f"T{number + 1}" for number in range(count))
+        return Thrusters(*told, names, pulses, (NAN,) * count, (False,) * count)
+    rows = allocation.forces, allocation.saturated, allocation.disabled, allocation.lost_axes
+    return Thrusters(*told, tuple(allocation.thrusters), pulses, *map(tuple, rows))
 
 
 def _holds(status: Any) -> tuple[HoldState, ...]:
@@ -173,16 +149,8 @@ def _holds(status: Any) -> tuple[HoldState, ...]:
 def _flight(status: Any) -> ManeuverView | None:
     if status is None:
         return None
-    return ManeuverView(
-        motion=status.motion,
-        phase=status.phase,
-        aborted=status.aborted,
-        progress=status.progress,
-        remaining_s=status.remaining,
-        wall_m=status.wall_distance,
-        force=status.force,
-        velocity=status.velocity,
-    )
+    where = status.wall_distance, status.force, status.velocity
+    return ManeuverView(status.motion, status.phase, status.aborted, status.progress, status.remaining, *where)
 
 
 def place_view(message: Any) -> PlaceView | None:

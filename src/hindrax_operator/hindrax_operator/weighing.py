@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -38,39 +38,32 @@ def weigh_on(
     hold(operator, ("heading", "depth", "station"), math.nan, engaged=True)
     hold(operator, [name for name in ("roll", "pitch") if name in served], 0.0, engaged=True)
     events: list[Stamped[IdentEvent]] = []
+
+    def heard(end: Stamp, *, keep: bool) -> bool:
+        """Keep what is new; whether the end is reached."""
+        events.extend(one for one in _now(operator) if keep and one not in events[-4:])
+        return operator.now() >= end
+
     spans = []
     for load in loads:
         ask(load)
         operator.wait(ready, PATIENCE_S, lambda: "the load to hang")
         say(f"settling for {SETTLE_S:.0f} s")
         begin = after(operator.now(), SETTLE_S)
-        until(operator, partial(_reached, operator, begin), SETTLE_S, "the weighing")
+        until(operator, partial(heard, begin, keep=False), SETTLE_S, "the weighing")
         say(f"measuring for {HOLD_S:.0f} s: keep away from line and tether")
         span = Span(begin, after(begin, HOLD_S), load)
-
-        until(operator, partial(_measured, operator, span.end, events), HOLD_S, "the weighing")
+        until(operator, partial(heard, span.end, keep=True), HOLD_S, "the weighing")
         spans.append(span)
     return holds_of(events, axis, spans)
 
 
-def _reached(operator: Operator, stamp: Stamp) -> bool:
-    return operator.now() >= stamp
-
-
-def _measured(operator: Operator, end: Stamp, events: list[Stamped[IdentEvent]]) -> bool:
-    """Keep what is new; whether the end is reached."""
-    events.extend(_now(operator, events))
-    return _reached(operator, end)
-
-
-def _now(operator: Operator, events: Sequence[Stamped[IdentEvent]]) -> list[Stamped[IdentEvent]]:
-    """The latest wrench and velocity, where they are new."""
-    found: list[Stamped[IdentEvent]] = []
+def _now(operator: Operator) -> Iterator[Stamped[IdentEvent]]:
+    """The latest wrench and velocity."""
     if operator.allocation is not None:
         X, Y, Z, K, M, N = (float(one) for one in operator.allocation.achieved)
-        found.append(Stamped(stamp_from_msg(operator.allocation.header.stamp), Thrust((X, Y, Z, K, M, N))))
+        yield Stamped(stamp_from_msg(operator.allocation.header.stamp), Thrust((X, Y, Z, K, M, N)))
     if operator.navigation is not None:
         state = operator.navigation.reading
         nu = (*state.velocity_mps, *state.rate_radps)
-        found.append(Stamped(operator.navigation.stamp, Velocity(nu, UNKNOWN6, "navigation")))
-    return [one for one in found if one not in events[-4:]]
+        yield Stamped(operator.navigation.stamp, Velocity(nu, UNKNOWN6, "navigation"))

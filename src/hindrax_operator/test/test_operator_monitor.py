@@ -15,6 +15,7 @@ import termios
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace as Message
+from typing import cast
 
 import pytest
 from rich.console import Console
@@ -24,6 +25,7 @@ from hindrax_core.events import Stamp, Stamped
 from hindrax_core.signals import Estimate, Navigation
 from hindrax_operator.monitor import draw
 from hindrax_operator.monitor.app import Monitor
+from hindrax_operator.monitor.graph_link import GraphLink
 from hindrax_operator.snapshot import ManeuverView, NodeHealth, Snapshot, Thrusters, snapshot
 
 NAVIGATION = Navigation(
@@ -114,7 +116,7 @@ def screen(
     vehicle = Fake(shown)
 
     async def look() -> str:
-        app = Monitor(vehicle)
+        app = Monitor(cast("GraphLink", vehicle))
         async with app.run_test(size=size) as pilot:
             await pilot.press(*keys)
             await pilot.pause()

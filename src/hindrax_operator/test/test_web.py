@@ -26,7 +26,7 @@ from hindrax_analysis.plain import plain
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack_lock import FOLDER
 from hindrax_cli.command_line import main
-from hindrax_cli.commands.operate.web import page_url, qr_code, startup_text
+from hindrax_cli.commands.operate.view import page_url, qr_code, startup_text
 from hindrax_control.maneuver.goal import EXCITATIONS, Goal
 from hindrax_control.maneuver.maneuver_guards import ManeuverGuardKnobs, ManeuverGuards
 from hindrax_control.maneuver.plan import MOTIONS
@@ -40,9 +40,8 @@ from hindrax_operator.snapshot import Frame, Snapshot, place_view
 from hindrax_operator.web import page as page_text
 from hindrax_operator.web import page_controller, server
 from hindrax_operator.web.access import hosts_of
-from hindrax_operator.web.page import PAGE
+from hindrax_operator.web.page import PAGE, pool, summary
 from hindrax_operator.web.reports import Reports
-from hindrax_operator.web.summary import pool, summary
 
 GETS = ("/events", "/reports", "/reports/one", "/camera/%2Fcamera", "/nowhere")
 POSTS = ("/here", "/fly", "/cancel", "/stop", "/disarm", "/nowhere")
@@ -580,7 +579,7 @@ def test_no_vehicle_is_named_with_the_remedy(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv(FOLDER, str(tmp_path))
-    monkeypatch.setattr("hindrax_cli.commands.operate.web.VEHICLE_S", 0.1)
+    monkeypatch.setattr("hindrax_cli.commands.operate.view.VEHICLE_S", 0.1)
     monkeypatch.setattr(GraphLink, "run", lambda _link: None)
     assert main(["web", "--port", "0"]) == 1
     said = capsys.readouterr().err

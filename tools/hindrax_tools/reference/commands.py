@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Iterator
 
 from hindrax_cli import command_line
+from hindrax_cli.command import GROUPS, MODULES
 from hindrax_tools.reference.markdown import code, head, table
 
 ABOUT = """`./hindrax COMMAND` from the root of the clone sets the machine up when needed and runs the tool; inside
@@ -18,13 +19,17 @@ there; progress and logs go to stderr. Help, `--version` and completion answer b
 
 def page() -> str:
     """Return the page."""
-    parsers = [command_line.parser_of(command_line.load(name)) for name in command_line.module_names()]
-    rows = [row for title, names in command_line.grouped() for row in [(f"**{title}**", ""), *map(_row, names)]]
+    parsers = [command_line.parser_of(command_line.load(name)) for name in sorted(MODULES)]
+    rows = [
+        row
+        for title, group in GROUPS.items()
+        for row in [(f"**{title}**", ""), *map(_row, " ".join(group.values()).split())]
+    ]
     return head("Commands", ABOUT) + "\n" + table(("command", "does"), rows) + "".join(map(_command, parsers))
 
 
 def _row(name: str) -> tuple[str, str]:
-    return f"[{name}](#{name})", command_line.declared(name.replace("-", "_"))["HELP"]
+    return f"[{name}](#{name})", command_line.declared(name)
 
 
 def _name(parser: argparse.ArgumentParser) -> str:

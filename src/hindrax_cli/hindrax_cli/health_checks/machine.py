@@ -19,7 +19,7 @@ from pathlib import Path
 from hindrax_bag.run_folder import FIRST_YEAR, FREE_BYTES_WANTED
 from hindrax_bringup.network.tether import Tether, address_of
 from hindrax_bringup.stack_lock import FOLDER
-from hindrax_cli.health_checks.check import Check
+from hindrax_cli.health_checks import Check
 from hindrax_core.errors import HindraxError
 
 LIBRARIES = ("numpy", "scipy", "yaml", "rich", "textual", "serial", "smbus2", "mcap")
@@ -96,9 +96,8 @@ def clock(kernel: KernelTime, now_s: float) -> Check:
     """Whether stamps of two machines can be compared: a request to arm that seems old is refused."""
     date = time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime(now_s))
     if time.gmtime(now_s).tm_year < FIRST_YEAR:
-        return Check(
-            "time", f"{date}: the clock was never set", "set it: connect a network with NTP, or `sudo date -s`"
-        )
+        remedy = "set it: connect a network with NTP, or `sudo date -s`"
+        return Check("time", f"{date}: the clock was never set", remedy)
     if not kernel.synchronized:
         remedy = "start chrony or systemd-timesyncd; without internet let the vehicle follow the topside computer"
         return Check("time", f"{date}, not synchronized", remedy)
@@ -112,21 +111,12 @@ def groups() -> Check:
     user = pwd.getpwuid(os.getuid()).pw_name
     if os.getuid() == 0:
         return Check("groups", "root: may open everything")
-    existing = {group.gr_name for group in grp.getgrall()} & set(GROUPS)
-    mine = {grp.getgrgid(number).gr_name for number in os.getgroups() if _known(number)}
-    lacking = sorted(existing - mine)
+    existing = {group.gr_name: group.gr_gid for group in grp.getgrall() if group.gr_name in GROUPS}
+    lacking = sorted(name for name, number in existing.items() if number not in os.getgroups())
     if lacking:
         remedy = f"sudo usermod -aG {','.join(lacking)} {user}, then log in again"
         return Check("groups", f"{user} is not in {', '.join(lacking)}", remedy)
     return Check("groups", f"{user} is in {', '.join(sorted(existing)) or 'no special group, and none exists here'}")
-
-
-def _known(number: int) -> bool:
-    try:
-        grp.getgrgid(number)
-    except KeyError:
-        return False
-    return True
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from hindrax_cli.health_checks.check import Check
+from hindrax_cli.health_checks import Check
 from hindrax_core.input_checks import OTHER_CLOCK_s
 from hindrax_core.topics import THRUSTER_STATE
 from hindrax_core.vehicle import Vehicle
@@ -48,9 +48,8 @@ MOCK_CLOCK = "if it is a mock vehicle, nothing: it has a clock of its own, and c
 def clocks(ages_s: Sequence[float]) -> Check:
     """Judge two clocks by how old stamps are on arrival [s]: the youngest is the offset and the least delay."""
     if not ages_s:
-        return Check(
-            "clocks", "nothing is heard of the vehicle", "see `tether`, then `./hindrax doctor` on the vehicle"
-        )
+        remedy = "see `tether`, then `./hindrax doctor` on the vehicle"
+        return Check("clocks", "nothing is heard of the vehicle", remedy)
     least, most = min(ages_s), max(ages_s)
     if abs(least) > OFFSET_s:
         which = "behind" if least > 0.0 else "ahead of"
@@ -70,9 +69,8 @@ def judged(diagnostics: Mapping[str, Any], wanted: Iterable[str], title: str) ->
 
 def _node(name: str, status: Any) -> Check:
     if status is None:
-        return Check(
-            name, "its node says nothing", "its process is down; see logs/ of the run, or start the stack again"
-        )
+        remedy = "its process is down; see logs/ of the run, or start the stack again"
+        return Check(name, "its node says nothing", remedy)
     values = {pair.key: pair.value for pair in status.values}
     rate = float(values.get("rate [Hz]", math.nan))
     parts = [values.get("identity", ""), status.message, "" if math.isnan(rate) else f"{rate:.1f} Hz"]

@@ -7,10 +7,9 @@ Sources: Raspberry Pi's boot/overlays/README (dtparam, uart overlays) and its do
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
 from pathlib import Path
 
-from hindrax_cli.health_checks.check import Check
+from hindrax_cli.health_checks import Check
 
 BOARD = "Raspberry Pi 4"
 MODEL = "proc/device-tree/model"
@@ -100,9 +99,8 @@ def power(root: Path) -> Check:
     if flags & UNDER_VOLTAGE:
         return Check("power", "under-voltage now", "give it 5.1 V and 3 A; look at cable, plug and converter")
     if flags & UNDER_VOLTAGE_BEFORE:
-        return Check(
-            "power", "there was under-voltage since the start", "look at cable, plug and converter, then reboot"
-        )
+        remedy = "look at cable, plug and converter, then reboot"
+        return Check("power", "there was under-voltage since the start", remedy)
     return Check("power", "no under-voltage since the start")
 
 
@@ -118,18 +116,14 @@ def _settings(root: Path) -> dict[str, list[str]]:
     """Values of every key of config.txt that are in force on a Pi 4, in order."""
     found: dict[str, list[str]] = {}
     in_force = True
-    for line in _lines(root):
+    text = next(filter(None, (_text(root / name) for name in CONFIGS)), "")
+    for line in (line.partition("#")[0].strip() for line in text.splitlines()):
         if line.startswith("["):
             in_force = line in ("[all]", "[pi4]")
         elif in_force and "=" in line:
             key, _, value = line.partition("=")
             found.setdefault(key.strip(), []).append(value.strip())
     return found
-
-
-def _lines(root: Path) -> Iterator[str]:
-    text = next(filter(None, (_text(root / name) for name in CONFIGS)), "")
-    return (line.partition("#")[0].strip() for line in text.splitlines())
 
 
 def _text(path: Path) -> str:

@@ -6,14 +6,15 @@ import contextlib
 import grp
 import os
 import stat
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
-from hindrax_cli.health_checks.check import Check
+from hindrax_cli.health_checks import Check
 from hindrax_core.bus_operations import DeviceError
-from hindrax_core.driver_interface import Identity, Output, Send, SerialDevice, Trouble
+from hindrax_core.driver_interface import Identity, Send, SerialDevice, Trouble
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamped, after, seconds_between
 from hindrax_core.readings import SonarHealth
@@ -21,7 +22,7 @@ from hindrax_core.vehicle import Mount, Vehicle, chip_and_line
 from hindrax_drivers.bus_capture import capture
 from hindrax_drivers.buses.clock import MOCK_PREFIX, Clock
 from hindrax_drivers.buses.gpio import GPIO_PREFIX, find_chip
-from hindrax_drivers.buses.line import UDP_PREFIX, Line, open_line
+from hindrax_drivers.buses.line import UDP_PREFIX, open_line
 from hindrax_drivers.buses.ports import open_clock
 from hindrax_drivers.driver_registry import DEVICES
 from hindrax_drivers.nodes.thruster_settings import Settings
@@ -146,66 +147,42 @@ def _sensor(where: str, mount: Mount, vehicle: Vehicle, clock_port: str) -> str:
         heard = capture(where, device, RATE_S, lambda _part: None)
         rate = f"{len({one.stamp for one in heard.readings}) / RATE_S:.0f} Hz"
         return "; ".join([f"{heard.identity}, {rate}", *heard.rejected])
-    clock = open_clock(clock_port, "doctor")
-    try:
+    with contextlib.closing(open_clock(clock_port, "doctor")) as clock:
         return _serial(where, device, clock)
-    finally:
-        clock.close()
 
 
 def _serial(path: str, device: SerialDevice, clock: Clock) -> str:
+    """Hear a device out until it says who it is, then count its readings; what it wants to send is sent."""
+    heard: dict[type, Any] = {}  # the last output, or reading, of each kind
+    begun, readings, count = clock.now(), 0, 0
+    end, outputs = after(begun, ANSWER_S), list(device.start(begun))
     with contextlib.closing(open_line(path, device.baud, clock)) as line:
-        talk = _Talk(line, device)
-        talk.note(device.start(clock.now()))
-        end, identified = after(clock.now(), ANSWER_S), None
-        while (now := clock.now()) < end:
+        while True:
+            for output in outputs:
+                if isinstance(output, Send):
+                    line.send(output)
+                elif isinstance(output, Identity) and Identity not in heard:
+                    begun, readings = clock.now(), 0
+                    end = after(begun, RATE_S)
+                readings += isinstance(output, Stamped)
+                heard[type(output.reading if isinstance(output, Stamped) else output)] = output
+            if (now := clock.now()) >= end:
+                break
             line.wait(min(after(now, TURN_S), end))
             data, stamp = line.read()
-            if data:
-                talk.bytes += len(data)
-                talk.note(device.feed(data, stamp))
-            talk.note(device.tick(clock.now()))
-            if identified is None and talk.identity:
-                identified, talk.readings = stamp, 0
-                end = after(stamp, RATE_S)
-        if identified is None:
-            raise DeviceError(f"{path}: {talk.silence(device.baud)}")
-        rate = talk.readings / max(TURN_S, seconds_between(identified, clock.now()))
-        return "; ".join(filter(None, (f"{talk.identity}, {rate:.0f} readings/s{talk.supply}", talk.trouble)))
-
-
-class _Talk:
-    """Collects the outputs of a serial driver and sends its orders."""
-
-    def __init__(self, line: Line, device: SerialDevice) -> None:
-        self._line, self._device = line, device
-        self.identity, self.trouble, self.supply = "", "", ""
-        self.readings, self.bytes = 0, 0
-
-    def note(self, outputs: Iterable[Output]) -> None:
-        for output in outputs:
-            if isinstance(output, Send):
-                self._line.send(output)
-            elif isinstance(output, Identity):
-                self.identity = output.text
-            elif isinstance(output, Trouble):
-                self.trouble = output.text
-            elif isinstance(output, Stamped):
-                self.readings += 1
-                if isinstance(output.reading, SonarHealth):
-                    self.supply = f", supply {output.reading.supply_V:.2f} V"
-
-    def silence(self, baud: int) -> str:
-        """Reason for a missing identity."""
-        if not self.bytes:
-            return f"silence at {baud} baud"
-        return self.trouble or f"{self.bytes} bytes that make no sense at {baud} baud"
+            count += len(data)
+            outputs = [*(device.feed(data, stamp) if data else ()), *device.tick(clock.now())]
+    trouble = heard[Trouble].text if Trouble in heard else ""
+    if Identity not in heard:
+        foreign = trouble or f"{count} bytes that make no sense at {device.baud} baud"
+        raise DeviceError(f"{path}: {foreign if count else f'silence at {device.baud} baud'}")
+    rate = readings / max(TURN_S, seconds_between(begun, clock.now()))
+    supply = f", supply {heard[SonarHealth].reading.supply_V:.2f} V" if SonarHealth in heard else ""
+    return "; ".join(filter(None, (f"{heard[Identity].text}, {rate:.0f} readings/s{supply}", trouble)))
 
 
 def _output(settings: Settings, where: str, clock: str) -> str:
     vehicle, neutral = settings.vehicle, settings.guard.neutral
     output = open_output(vehicle, where, clock, lambda _stamp, _sent, _data: None, "doctor", neutral=neutral)
-    try:
+    with contextlib.closing(output):
         return output.set_up()
-    finally:
-        output.close()

@@ -11,7 +11,7 @@ from textual.events import Resize
 from textual.widgets import Footer, Static
 
 from hindrax_operator.monitor import draw
-from hindrax_operator.snapshot import WatchedVehicle
+from hindrax_operator.monitor.graph_link import GraphLink
 
 REFRESH_s = 0.2
 FRAMED = ("state", "thrusters", "holds", "health", "maneuver")
@@ -34,7 +34,7 @@ class Monitor(App[None]):
     ]
     CSS_PATH = "app.tcss"
 
-    def __init__(self, vehicle: WatchedVehicle) -> None:
+    def __init__(self, vehicle: GraphLink) -> None:
         super().__init__()
         self._vehicle = vehicle
         # Kept, not looked up: a snapshot may still arrive while the screen is being taken down.

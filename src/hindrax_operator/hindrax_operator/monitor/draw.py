@@ -47,12 +47,12 @@ def state(navigation: Navigation | None) -> RenderableType:
     table = _grid(11, 0)
     locked = Text("locked", style=GOOD) if navigation.dvl_locked else Text("no bottom lock", style=BAD)
     for name, value in (
-        ("heading", _number(heading % 360.0, ".1f", "deg")),
+        ("heading", _numbers((heading % 360.0,), ".1f", "deg")),
         ("roll, pitch", _numbers((roll, pitch), "+z.1f", "deg")),
-        ("depth", _number(navigation.depth_m, ".2f", "m")),
-        ("altitude", _number(navigation.altitude_m, ".2f", "m")),
+        ("depth", _numbers((navigation.depth_m,), ".2f", "m")),
+        ("altitude", _numbers((navigation.altitude_m,), ".2f", "m")),
         ("surge, sway", _numbers(navigation.velocity_mps[:2], "+z.3f", "m/s")),
-        ("heave", _number(navigation.velocity_mps[2], "+z.3f", "m/s")),
+        ("heave", _numbers((navigation.velocity_mps[2],), "+z.3f", "m/s")),
         ("north, east", _numbers((north, east), "+z.2f", "m")),
         ("DVL", locked),
     ):
@@ -88,7 +88,7 @@ def thrusters(found: Thrusters) -> RenderableType:
             Text(name, style=VALUE),
             _bar((pulse - 1500.0) / FULL_us, color),
             Text(f"{pulse:4.0f} us", style=DIM),
-            _number(force, "+z5.1f", "N"),
+            _numbers((force,), "+z5.1f", "N"),
         )
     return table
 
@@ -103,10 +103,9 @@ def health(found: Mapping[str, NodeHealth]) -> RenderableType:
     if not found:
         return Text("no /diagnostics yet", style=DIM)
     ill = {name: one for name, one in found.items() if one.level != "ok"}
-    lines: list[RenderableType] = []
-    for name, one in ill.items():
-        words = Text.assemble(("● ", LEVEL_STYLES[one.level]), (name, VALUE), f" {one.message}")
-        lines.append(words)
+    lines = [
+        Text.assemble(("● ", LEVEL_STYLES[one.level]), (name, VALUE), f" {one.message}") for name, one in ill.items()
+    ]
     well = [_well(name, one) for name, one in found.items() if one.level == "ok"]
     table = _grid(16, 0)
     for left in range(0, len(well), 2):
@@ -178,12 +177,6 @@ def _grid(*least: int) -> Table:
     for width in least:
         table.add_column(no_wrap=bool(width), min_width=width or None)  # the free one gives way
     return table
-
-
-def _number(value: float, form: str, unit: str) -> Text:
-    if not math.isfinite(value):
-        return Text("unknown", style=WARN)
-    return Text.assemble((format(value, form), VALUE), (f" {unit}", DIM))
 
 
 def _numbers(values: tuple[float, ...], form: str, unit: str) -> Text:

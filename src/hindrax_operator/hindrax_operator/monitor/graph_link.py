@@ -33,7 +33,7 @@ Order = Callable[["Operator"], str]
 
 
 class GraphLink(threading.Thread):
-    """Joins a stack's graph and stays in it until `close`; use it as the `OperatedVehicle` of a page.
+    """Joins a stack's graph and stays in it until `close`.
 
     Stop, disarm and cancel are executed at once, also while a maneuver is being flown. `present` says whether a person
     watches: the heartbeat stands for the person, not for the program.

@@ -17,25 +17,10 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from hindrax_control.maneuver.goal import LATE, Goal
+from hindrax_core import topics
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.signals import Estimate, Navigation
-from hindrax_core.topics import (
-    ALLOCATION,
-    DIAGNOSTICS,
-    ESTIMATE,
-    HEARTBEAT,
-    HOLD_STATUS,
-    MANEUVER,
-    NAMESPACE,
-    NAVIGATION,
-    PLACE,
-    PLANS,
-    THRUSTER_HEALTH,
-    THRUSTER_STATE,
-    Topic,
-    namespace_arguments,
-)
 from hindrax_drivers.output.output_guard import ASK_AGAIN
 from hindrax_ident.online.aim import ExperimentGoal
 from hindrax_msgs.action import FlyManeuver, RunExperiment
@@ -63,8 +48,10 @@ class Operator:
     can look after its processes and show progress.
     """
 
-    def __init__(self, *, mock: bool, namespace: str = NAMESPACE, tick: Callable[[], object] = lambda: None) -> None:
-        words = ["--ros-args", *namespace_arguments(namespace, own_clock=mock)]
+    def __init__(
+        self, *, mock: bool, namespace: str = topics.NAMESPACE, tick: Callable[[], object] = lambda: None
+    ) -> None:
+        words = ["--ros-args", *topics.namespace_arguments(namespace, own_clock=mock)]
         rclpy.init(args=words, signal_handler_options=SignalHandlerOptions.NO)
         overrides = [Parameter("use_sim_time", Parameter.Type.BOOL, mock)]
         self.node = BatchedNode("operator", parameter_overrides=overrides)
@@ -104,20 +91,20 @@ class Operator:
         rclpy.try_shutdown()
 
     def _subscribe(self) -> None:
-        latest: dict[Topic, Callable[[Any], None]] = {
-            NAVIGATION: self._on_navigation,
-            THRUSTER_STATE: lambda message: setattr(self, "thrusters", message),
-            MANEUVER: lambda message: setattr(self, "maneuver", message),
-            PLACE: lambda message: setattr(self, "place", message),
-            PLANS: lambda message: setattr(self, "plans", message),
-            HOLD_STATUS: lambda message: setattr(self, "holds", message),
-            THRUSTER_HEALTH: lambda message: setattr(self, "health", message),
+        latest = {
+            topics.THRUSTER_STATE: "thrusters",
+            topics.MANEUVER: "maneuver",
+            topics.PLACE: "place",
+            topics.PLANS: "plans",
+            topics.HOLD_STATUS: "holds",
+            topics.THRUSTER_HEALTH: "health",
         }
-        for topic, keep in latest.items():
-            subscription(self.node, topic, keep, queue=1)
-        subscription(self.node, ESTIMATE, self._on_estimate)
-        subscription(self.node, DIAGNOSTICS, self._on_diagnostics)
-        self._heartbeats = publisher(self.node, HEARTBEAT, held=False)
+        for topic, name in latest.items():
+            subscription(self.node, topic, partial(setattr, self, name), queue=1)
+        subscription(self.node, topics.NAVIGATION, self._on_navigation, queue=1)
+        subscription(self.node, topics.ESTIMATE, self._on_estimate)
+        subscription(self.node, topics.DIAGNOSTICS, self._on_diagnostics)
+        self._heartbeats = publisher(self.node, topics.HEARTBEAT, held=False)
         # The safety monitor measures silence in wall time, so the pace is that of the wall, not that of a mock's clock.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._heartbeat_timer = self.node.create_timer(0.5, self._send_heartbeat, clock=steady)
@@ -148,7 +135,7 @@ class Operator:
         """The last allocation; subscribed on first use, since it comes at 50 Hz and few callers need it."""
         if self._allocations is None:
             keep = partial(setattr, self, "_allocation")
-            self._allocations = subscription(self.node, ALLOCATION, keep, queue=1)
+            self._allocations = subscription(self.node, topics.ALLOCATION, keep, queue=1)
         return self._allocation
 
     def _on_diagnostics(self, message: Any) -> None:
@@ -181,12 +168,12 @@ class Operator:
         self.wait_for_time()
         return stamp_to_msg(self.now())
 
-    def publishers(self, topic: Topic) -> int:
+    def publishers(self, topic: topics.Topic) -> int:
         """How many nodes publish a topic, as far as they have been discovered."""
         return int(self.node.count_publishers(topic.name))
 
     @contextlib.contextmanager
-    def sender(self, topic: Topic, reader: str) -> Iterator[Callable[[Any], None]]:
+    def sender(self, topic: topics.Topic, reader: str) -> Iterator[Callable[[Any], None]]:
         """Yield a function that publishes on a topic which somebody reads; HindraxError names the missing `reader`."""
         out = publisher(self.node, topic, held=False)
         try:
@@ -329,11 +316,10 @@ class Operator:
         """Reason of the end of a maneuver whose result was lost."""
         if self.maneuver.phase in ("done", "aborted"):
             return str(self.maneuver.aborted)
-        now = (
-            f"the thrusters are {self.thrusters.state}" if self.thrusters is not None else "the thrusters are not heard"
-        )
-        because = f" ({self.thrusters.reason})" if self.thrusters is not None and self.thrusters.reason else ""
-        return f"link: nothing heard of the maneuver for {MANEUVER_LOST_s:.0f} s, and {now}{because}; {AGAIN}"
+        now, found = "the thrusters are not heard", self.thrusters
+        if found is not None:
+            now = f"the thrusters are {found.state}" + (f" ({found.reason})" if found.reason else "")
+        return f"link: nothing heard of the maneuver for {MANEUVER_LOST_s:.0f} s, and {now}; {AGAIN}"
 
     def _maneuver_lost(self) -> bool:
         """Whether the vehicle still publishes, but no maneuver status: the result was lost with the link."""

@@ -13,7 +13,7 @@ from typing import Any
 from std_msgs.msg import Float32MultiArray
 
 from hindrax_core.errors import HindraxError
-from hindrax_core.events import Stamp, after
+from hindrax_core.events import after
 from hindrax_core.readings import Vec6
 from hindrax_core.rotation import wrapped
 from hindrax_core.signals import ZERO6
@@ -83,33 +83,32 @@ def _send_until_held(operator: Operator, send: Callable[[Any], None], wanted: Ho
         send(wanted)
 
     def held() -> bool:
-        refused = _refusal(operator.holds, wanted.axis, after(begun, ANSWERED_S))
-        if refused:
+        # Before, the pilot may not have received it: a refusal would belong to another setpoint.
+        answered = operator.holds is not None and stamp_from_msg(operator.holds.header.stamp) >= after(
+            begun, ANSWERED_S
+        )
+        found = _hold(operator.holds, wanted.axis)
+        if answered and found and (refused := found[2].partition(REFUSED)[2]):
             raise HindraxError(refused)
         return _holds_as(operator.holds, wanted)
 
     verb = "engage" if wanted.engaged else "end"
     with operator.repeating(AGAIN_S, publish):
-        operator.wait(
-            held,
-            SEEN_S,
-            lambda: f"the {wanted.axis} hold to {verb}{_note(operator.holds, wanted.axis)}",
-        )
+        operator.wait(held, SEEN_S, lambda: f"the {wanted.axis} hold to {verb}{_note(operator.holds, wanted.axis)}")
 
 
-def _refusal(status: Any, axis: str, since: Stamp) -> str:
-    """Why the pilot refused a setpoint that it has certainly received; an older refusal may belong to another."""
-    if status is None or axis not in status.axes or stamp_from_msg(status.header.stamp) < since:
-        return ""
-    note: str = status.notes[list(status.axes).index(axis)]
-    return note.partition(REFUSED)[2]
+def _hold(status: Any, axis: str) -> tuple[bool, float, str] | None:
+    """Whether a hold is engaged, its setpoint and its note, where the pilot tells of it."""
+    if status is None or axis not in status.axes:
+        return None
+    index = list(status.axes).index(axis)
+    return bool(status.engaged[index]), float(status.setpoints[index]), str(status.notes[index])
 
 
 def _holds_as(status: Any, wanted: HoldSetpoint) -> bool:
-    if status is None or wanted.axis not in status.axes:
+    if (found := _hold(status, wanted.axis)) is None:
         return False
-    index = list(status.axes).index(wanted.axis)
-    engaged, setpoint = bool(status.engaged[index]), float(status.setpoints[index])
+    engaged, setpoint, _ = found
     if not (engaged and wanted.engaged):
         return engaged is wanted.engaged
     if math.isnan(wanted.value):
@@ -119,9 +118,9 @@ def _holds_as(status: Any, wanted: HoldSetpoint) -> bool:
 
 
 def _note(status: Any, axis: str) -> str:
-    if status is None or axis not in status.axes:
+    if (found := _hold(status, axis)) is None:
         return "; the pilot says nothing: it waits for a navigation solution (`./hindrax monitor`)"
-    note = status.notes[list(status.axes).index(axis)]
+    _, _, note = found
     return f"; it says: {note}" if note else "; the pilot gives no reason: does another client set this hold? Ask again"
 
 
@@ -169,9 +168,8 @@ def set_health(operator: Operator, names: set[str], reason: str, *, usable: bool
     listed = _list_in_force(operator)
     strange = sorted(names - set(operator.allocation.thrusters))
     if strange:
-        raise HindraxError(
-            f"found no thruster {', '.join(strange)}; the vehicle has {', '.join(operator.allocation.thrusters)}"
-        )
+        known = ", ".join(operator.allocation.thrusters)
+        raise HindraxError(f"found no thruster {', '.join(strange)}; the vehicle has {known}")
     wanted = sorted(set(listed.disabled) - names if usable else names.union(listed.disabled))
     kept: Mapping[str, str] = dict(zip(listed.disabled, listed.reasons, strict=False))
     message = ThrusterHealth(disabled=wanted, reasons=[kept.get(name, reason) for name in wanted])
@@ -204,8 +202,7 @@ def _list_in_force(operator: Operator) -> Any:
 def require_sole(operator: Operator) -> None:
     """HindraxError when another node commands the thrusters: two masters would fight, and neither could be trusted."""
     operator.pause(1.0)
-    others = operator.publishers(THRUSTER_COMMAND)
-    if others:
+    if operator.publishers(THRUSTER_COMMAND):
         raise HindraxError(
             "the control process commands the thrusters, and a thruster alone needs them for itself; "
             "end the stack first, or push with `./hindrax wrench`"

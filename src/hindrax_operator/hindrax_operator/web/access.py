@@ -34,9 +34,8 @@ class Access:
         """Refuse a strange Host (a foreign name that resolves to this host: DNS rebinding) and a strange Origin."""
         if len(hosts) != 1 or hostname(hosts[0]) not in self.hosts:
             found = ", ".join(hosts) or "none"
-            raise RefusedRequest(
-                HTTPStatus.MISDIRECTED_REQUEST, f"Host: found {found}, wanted {' or '.join(sorted(self.hosts))}"
-            )
+            wanted = " or ".join(sorted(self.hosts))
+            raise RefusedRequest(HTTPStatus.MISDIRECTED_REQUEST, f"Host: found {found}, wanted {wanted}")
         if origins and list(origins) != [f"http://{hosts[0]}"]:
             raise RefusedRequest(HTTPStatus.FORBIDDEN, "Origin: found another page, wanted the one that is served here")
 
@@ -44,9 +43,8 @@ class Access:
         """Refuse whoever does not have the token; the comparison takes as long whatever was given."""
         given = (authorization or "").removeprefix(BEARER)
         if not hmac.compare_digest(given.encode(), self.token.encode()):
-            raise RefusedRequest(
-                HTTPStatus.UNAUTHORIZED, "token: missing or wrong; open the address that `./hindrax web` printed"
-            )
+            wrong = "token: missing or wrong; open the address that `./hindrax web` printed"
+            raise RefusedRequest(HTTPStatus.UNAUTHORIZED, wrong)
 
 
 def hostname(host: str) -> str:

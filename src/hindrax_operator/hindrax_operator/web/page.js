@@ -240,9 +240,9 @@ function flight(update) {
     bar.append(done);
     const [force, rate] = found.units;
     place.replaceChildren(make("b", `${found.motion} ${found.phase}, ${(100 * found.progress).toFixed(0)} %`), bar,
-      make("p", (found.remaining === null ? "" : found.remaining.toFixed(0) + " s to go, ") +
+      make("p", (found.remaining_s === null ? "" : found.remaining_s.toFixed(0) + " s to go, ") +
         number(found.force, 1, force, true) + ", " + number(found.velocity, 3, rate, true) +
-        (found.wall === null ? "" : ", wall " + found.wall.toFixed(1) + " m ahead"), "soft"));
+        (found.wall_m === null ? "" : ", wall " + found.wall_m.toFixed(1) + " m ahead"), "soft"));
   }
   const picked = [...document.querySelectorAll("[name=motion]:checked")].map(one => update.plans[one.value]);
   at("planned").textContent = experimenting() ? "the fastest and the slowest legs of each, then those that tell most" :
@@ -270,7 +270,7 @@ const health = found => at("health").replaceChildren(...found
   .map(one => {
     const line = make("li"), kind = KINDS[one.level] || "bad";
     line.append(make("span", one.level === "ok" ? "\u2713 " : "\u2717 ", kind), make("b", one.name),
-      make("span", (one.rate === null ? "" : " " + one.rate.toFixed(0) + " Hz") +
+      make("span", (one.rate_Hz === null ? "" : " " + one.rate_Hz.toFixed(0) + " Hz") +
         (one.level === "ok" ? "" : " " + one.message), one.level === "ok" ? "soft" : kind));
     return line;
   }));

@@ -8,7 +8,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from http import HTTPStatus
-from typing import Any, Protocol
+from typing import Any
 
 from hindrax_analysis.plain import plain
 from hindrax_control.maneuver.goal import Goal, check_goal
@@ -16,10 +16,11 @@ from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.online.aim import Aim, ExperimentGoal, check_experiment
 from hindrax_operator.monitor.draw import SILENT_s
-from hindrax_operator.snapshot import Frame, OnDone, WatchedVehicle
+from hindrax_operator.monitor.graph_link import GraphLink
+from hindrax_operator.snapshot import Frame
 from hindrax_operator.web.access import RefusedRequest
+from hindrax_operator.web.page import pool, summary
 from hindrax_operator.web.reports import Reports
-from hindrax_operator.web.summary import pool, summary
 
 PERIOD_S = 0.2
 VIEWER_LOST_S = 1.5
@@ -28,19 +29,6 @@ OUTCOMES = 8
 SEEDS = 1 << 32
 LARGEST = 1e9
 """No number of an order is as large."""
-
-
-class OperatedVehicle(WatchedVehicle, Protocol):
-    """What the page shows and may order."""
-
-    def cancel(self, on_done: OnDone) -> None:
-        """End what is being flown."""
-
-    def fly(self, goal: Goal | ExperimentGoal, on_done: OnDone) -> None:
-        """Fly; done when the maneuver or the experiment has ended."""
-
-    def frame(self, camera: str) -> Frame | None:
-        """Return the last frame of a camera of the snapshot; None before its first."""
 
 
 class ViewerHeartbeat:
@@ -63,7 +51,7 @@ class PageController:
 
     def __init__(
         self,
-        vehicle: OperatedVehicle,
+        vehicle: GraphLink,
         of: Vehicle,
         reports: Reports,
         heartbeat: ViewerHeartbeat,
@@ -123,15 +111,12 @@ class PageController:
         if view.silent_s > SILENT_s:
             raise RefusedRequest(HTTPStatus.CONFLICT, "fly: the vehicle is silent; `./hindrax doctor` says why")
         if not view.thrusters.armed:
-            raise RefusedRequest(
-                HTTPStatus.CONFLICT,
-                f"fly: the thrusters are {view.thrusters.state}, wanted armed; `./hindrax arm` in a terminal first",
-            )
+            wanted = "wanted armed; `./hindrax arm` in a terminal first"
+            raise RefusedRequest(HTTPStatus.CONFLICT, f"fly: the thrusters are {view.thrusters.state}, {wanted}")
         with self._lock:
             if self._flying:
-                raise RefusedRequest(
-                    HTTPStatus.CONFLICT, "fly: a maneuver from this page is under way; cancel it first"
-                )
+                under_way = "fly: a maneuver from this page is under way; cancel it first"
+                raise RefusedRequest(HTTPStatus.CONFLICT, under_way)
             self._flying = True
         self._vehicle.fly(goal, self._flown)
 

@@ -3,80 +3,41 @@
 from __future__ import annotations
 
 import argparse
+import math
 import shlex
 import shutil
-import sys
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
+from rich import progress
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    DownloadColumn,
-    Progress,
-    TaskID,
-    TextColumn,
-    TimeRemainingColumn,
-    TransferSpeedColumn,
-)
 
-from hindrax_analysis.plain import print_json
-from hindrax_analysis.terminal import make_table, print_table
+from hindrax_analysis.plain import print_answer
+from hindrax_analysis.terminal import make_table, print_table, working
 from hindrax_bag.read.message_columns import Series, extract, series
 from hindrax_bag.read.recovery import recover
 from hindrax_bag.read.survey import ListedBag, Survey, find_bags, survey
 from hindrax_cli.argument_types import add_json
 from hindrax_cli.bag_fetch import SSH, fetch, remote_of
+from hindrax_cli.command import add_words, command, option
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.text.text_file import nothing_left, require_place, writing
 
-NAME = "bag"
-HELP = "show, recover, cut, extract, plot and fetch bags"
-EXAMPLE = "./hindrax bag info runs/2026-01-31_14-00-00/bag"
-
-QUIET_S = 2.0
-"""Shorter work shows no progress."""
 PLOTS = (".png", ".svg", ".pdf")
-Argument = tuple[Sequence[str], dict[str, Any]]
-
-BAG: Argument = (("bag",), {"type": Path, "metavar": "BAG", "help": "folder of a bag, or one of its files"})
-OUT: Argument = (("--out",), {"type": Path, "metavar": "PATH", "help": "where the result goes"})
-TOPICS: Argument = (("--topics",), {"nargs": "+", "metavar": "TOPIC", "help": "only these; default all"})
+BAG = option("bag", type=Path, metavar="BAG", help="folder of a bag, or one of its files")
+OUT = option("--out", type=Path, metavar="PATH", help="where the result goes")
+TOPICS = option("--topics", nargs="+", metavar="TOPIC", help="only these; default all")
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """One word after `bag` per thing that can be done."""
-    words = parser.add_subparsers(dest="word", required=True, metavar="WORD")
-    for name, (does, arguments, example) in WORDS.items():
-        one = words.add_parser(
-            name,
-            help=does.__doc__,
-            description=does.__doc__,
-            epilog=f"example:\n  ./hindrax bag {name} {example}",
-            formatter_class=parser.formatter_class,
-        )
-        for names, options in arguments:
-            one.add_argument(*names, **options)
-        add_json(one)
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Run the subcommand and print its outcome."""
-    document = WORDS[arguments.word][0](arguments)
-    if arguments.json:
-        print_json(document)
-    return 0
-
-
-def info(arguments: argparse.Namespace) -> dict[str, Any]:
+@command("./hindrax bag info runs/2026-01-31_14-00-00/bag", BAG, add_json)
+def info(arguments: argparse.Namespace) -> int:
     """Topics, counts, rates and times of a bag."""
-    found = survey(arguments.bag, Ticker("messages read"))
-    if not arguments.json:
-        show_info(found)
-    return found.document()
+    with working("messages read") as tell:
+        found = survey(arguments.bag, tell)
+    return print_answer(found.document(), lambda: show_info(found), as_json=arguments.json)
 
 
 def show_info(found: Survey) -> None:
@@ -94,12 +55,16 @@ def show_info(found: Survey) -> None:
         print_fitted(f"the bag was not finished; ./hindrax bag recover {found.bag} makes a whole one")
 
 
-def listed(arguments: argparse.Namespace) -> dict[str, Any]:
+@command(
+    "./hindrax bag list runs",
+    option("folder", type=Path, nargs="?", default=Path("runs"), help="default: runs"),
+    add_json,
+)
+def listed(arguments: argparse.Namespace) -> int:
     """Bags below a folder."""
     found = find_bags(arguments.folder)
-    if not arguments.json:
-        show_list(found, arguments.folder)
-    return {"bags": [one.document() for one in found]}
+    document = {"bags": [one.document() for one in found]}
+    return print_answer(document, lambda: show_list(found, arguments.folder), as_json=arguments.json)
 
 
 def show_list(found: Sequence[ListedBag], folder: Path) -> None:
@@ -114,28 +79,40 @@ def show_list(found: Sequence[ListedBag], folder: Path) -> None:
         print_fitted(f"no bags below {folder}")
 
 
-def recovered(arguments: argparse.Namespace) -> dict[str, Any]:
+@command("./hindrax bag recover runs/2026-01-31_14-00-00/bag", BAG, OUT, add_json)
+def recovered(arguments: argparse.Namespace) -> int:
     """A whole, indexed bag out of one that was cut off or damaged."""
     bag: Path = arguments.bag
-    output = arguments.out or bag.with_name(f"{bag.stem}_recovered")
-    made = recover(bag, output, Ticker("messages recovered"))
-    if not arguments.json:
-        for note in made.notes:
-            print_fitted(note)
-        print_fitted(f"{made.output}: {made.messages} messages recovered, {made.lost_s:.2f} s known to be lost")
-    return {"recovered_messages": made.messages, "lost_seconds": made.lost_s, "output": str(made.output)}
+    with working("messages recovered") as tell:
+        made = recover(bag, arguments.out or bag.with_name(f"{bag.stem}_recovered"), tell)
+    document = {"recovered_messages": made.messages, "lost_seconds": made.lost_s, "output": str(made.output)}
+    outcome = f"{made.output}: {made.messages} messages recovered, {made.lost_s:.2f} s known to be lost"
+    return print_answer(document, "\n".join([*made.notes, outcome]), as_json=arguments.json)
 
 
-def extracted(arguments: argparse.Namespace) -> dict[str, Any]:
+@command(
+    "./hindrax bag extract runs/2026-01-31_14-00-00/bag --csv sensors --topics /hindrax/ms5837/pressure",
+    BAG,
+    option("--csv", type=Path, required=True, metavar="DIR", help="folder for the files"),
+    TOPICS,
+    add_json,
+)
+def extracted(arguments: argparse.Namespace) -> int:
     """Messages as CSV files, one per topic."""
     tables = extract(arguments.bag, arguments.csv, arguments.topics)
-    if not arguments.json:
-        for topic, (path, rows) in sorted(tables.items()):
-            print_fitted(f"{path}: {rows} rows of {topic}")
-    return {"files": {topic: {"path": str(path), "rows": rows} for topic, (path, rows) in tables.items()}}
+    document = {"files": {topic: {"path": str(path), "rows": rows} for topic, (path, rows) in tables.items()}}
+    lines = [f"{path}: {rows} rows of {topic}" for topic, (path, rows) in sorted(tables.items())]
+    return print_answer(document, "\n".join(lines), as_json=arguments.json)
 
 
-def plotted(arguments: argparse.Namespace) -> dict[str, Any]:
+@command(
+    "./hindrax bag plot runs/2026-01-31_14-00-00/bag /hindrax/navigation/status:depth --out depth.png",
+    BAG,
+    option("fields", nargs="+", metavar="TOPIC:FIELD", help="numbers to be drawn"),
+    OUT,
+    add_json,
+)
+def plotted(arguments: argparse.Namespace) -> int:
     """Fields over time as a picture."""
     out: Path = arguments.out or Path("bag.png")
     if out.suffix not in PLOTS:
@@ -143,9 +120,8 @@ def plotted(arguments: argparse.Namespace) -> dict[str, Any]:
     require_place(out)
     lines = series(arguments.bag, arguments.fields)
     draw(lines, out, str(arguments.bag))
-    if not arguments.json:
-        print_fitted(out)
-    return {"plot": str(out), "series": {one.name: len(one.values) for one in lines}}
+    document = {"plot": str(out), "series": {one.name: len(one.values) for one in lines}}
+    return print_answer(document, out, as_json=arguments.json)
 
 
 def draw(lines: Sequence[Series], out: Path, title: str) -> None:
@@ -164,28 +140,42 @@ def draw(lines: Sequence[Series], out: Path, title: str) -> None:
         figure.savefig(out, dpi=120)
 
 
-def exported(arguments: argparse.Namespace) -> dict[str, Any]:
+@command(
+    "./hindrax bag export runs/2026-01-31_14-00-00/bag --topics /hindrax/navigation/status --to 60",
+    BAG,
+    TOPICS,
+    option("--from", dest="begin", type=float, default=0.0, metavar="S", help="since its start"),
+    option("--to", dest="end", type=float, default=math.inf, metavar="S", help="since its start"),
+    OUT,
+    add_json,
+)
+def exported(arguments: argparse.Namespace) -> int:
     """A smaller bag: some topics, or a span of time."""
-    wanted = set(arguments.topics or ())
-    if arguments.begin >= arguments.end:
-        raise UsageError(
-            f"found --from {arguments.begin:g} and --to {arguments.end:g}, wanted a span: --to after --from"
-        )
+    bag, begin, end, wanted = arguments.bag, arguments.begin, arguments.end, set(arguments.topics or ())
+    if begin >= end:
+        raise UsageError(f"found --from {begin:g} and --to {end:g}, wanted a span: --to after --from")
 
     def keep(topic: str, after_s: float) -> bool:
-        return (not wanted or topic in wanted) and arguments.begin <= after_s <= arguments.end
+        return (not wanted or topic in wanted) and begin <= after_s <= end
 
-    bag: Path = arguments.bag
-    made = recover(bag, arguments.out or bag.with_name(f"{bag.stem}_export"), Ticker("messages written"), keep)
+    with working("messages written") as tell:
+        made = recover(bag, arguments.out or bag.with_name(f"{bag.stem}_export"), tell, keep)
     if not made.messages:
         shutil.rmtree(made.output)
         raise UsageError(f"{bag}: none of its messages was wanted; `hindrax bag info {bag}` tells topics and length")
-    if not arguments.json:
-        print_fitted(f"{made.output}: {made.messages} messages")
-    return {"messages": made.messages, "output": str(made.output)}
+    document = {"messages": made.messages, "output": str(made.output)}
+    return print_answer(document, f"{made.output}: {made.messages} messages", as_json=arguments.json)
 
 
-def fetched(arguments: argparse.Namespace) -> dict[str, Any]:
+@command(
+    "./hindrax bag fetch pi@rov.local --remote hindrax/runs --out runs",
+    option("host", metavar="HOST", help="name or user@name; with a slash: a folder of this machine"),
+    option("--remote", default="runs", metavar="DIR", help="folder on the vehicle; default runs"),
+    option("--ssh", metavar="COMMAND", help="instead of ssh"),
+    OUT,
+    add_json,
+)
+def fetched(arguments: argparse.Namespace) -> int:
     """Bags from the vehicle over ssh, resumed and verified by checksum."""
     ssh = tuple(shlex.split(arguments.ssh)) if arguments.ssh else SSH
     out = arguments.out or Path("runs")
@@ -193,18 +183,19 @@ def fetched(arguments: argparse.Namespace) -> dict[str, Any]:
     with Bars() as bars:
         files = fetch(remote, out, bars)
     copied = sum(one.copied for one in files)
-    if not arguments.json:
-        print_fitted(f"{out}: {len(files)} files here and verified, {_mb(copied)} copied")
-    return {"files": [str(one.path) for one in files], "copied_bytes": copied, "output": str(out)}
+    document = {"files": [str(one.path) for one in files], "copied_bytes": copied, "output": str(out)}
+    said = f"{out}: {len(files)} files here and verified, {_mb(copied)} copied"
+    return print_answer(document, said, as_json=arguments.json)
 
 
 class Bars:
     """A bar per file on stderr: how much of it is here, how fast it comes, how long it will take."""
 
     def __init__(self) -> None:
-        columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TransferSpeedColumn())
-        self._bars = Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True))
-        self._tasks: dict[str, TaskID] = {}
+        name, bar = progress.TextColumn("{task.description}"), progress.BarColumn()
+        speed = progress.DownloadColumn(), progress.TransferSpeedColumn(), progress.TimeRemainingColumn()
+        self._bars = progress.Progress(name, bar, *speed, console=Console(stderr=True))
+        self._tasks: dict[str, progress.TaskID] = {}
 
     def __call__(self, name: str, here: int, size: int) -> None:
         """Show a file with so many bytes of its size."""
@@ -223,62 +214,22 @@ class Bars:
             self._bars.stop()
 
 
-class Ticker:
-    """Progress on stderr, at most once a second, and only of work that takes longer than two."""
-
-    def __init__(self, what: str) -> None:
-        self._what = what
-        self._last = time.monotonic() + QUIET_S - 1.0
-
-    def __call__(self, count: int) -> None:
-        """Show the count so far."""
-        if time.monotonic() - self._last >= 1.0:
-            self._last = time.monotonic()
-            print_fitted(f"{count} {self._what}", sys.stderr)
-
-
 def _mb(size: int) -> str:
     return f"{size / 1e6:.1f} MB"
 
 
-_EVER = float("inf")
-WORDS: dict[str, tuple[Callable[[argparse.Namespace], dict[str, Any]], Sequence[Argument], str]] = {
-    "info": (info, (BAG,), "runs/2026-01-31_14-00-00/bag"),
-    "list": (
-        listed,
-        ((("folder",), {"type": Path, "nargs": "?", "default": Path("runs"), "help": "default: runs"}),),
-        "runs",
-    ),
-    "recover": (recovered, (BAG, OUT), "runs/2026-01-31_14-00-00/bag"),
-    "extract": (
-        extracted,
-        (BAG, (("--csv",), {"type": Path, "required": True, "metavar": "DIR", "help": "folder for the files"}), TOPICS),
-        "runs/2026-01-31_14-00-00/bag --csv sensors --topics /hindrax/ms5837/pressure",
-    ),
-    "plot": (
-        plotted,
-        (BAG, (("fields",), {"nargs": "+", "metavar": "TOPIC:FIELD", "help": "numbers to be drawn"}), OUT),
-        "runs/2026-01-31_14-00-00/bag /hindrax/navigation/status:depth --out depth.png",
-    ),
-    "export": (
-        exported,
-        (
-            BAG,
-            TOPICS,
-            (("--from",), {"dest": "begin", "type": float, "default": 0.0, "metavar": "S", "help": "since its start"}),
-            (("--to",), {"dest": "end", "type": float, "default": _EVER, "metavar": "S", "help": "since its start"}),
-            OUT,
-        ),
-        "runs/2026-01-31_14-00-00/bag --topics /hindrax/navigation/status --to 60",
-    ),
-    "fetch": (
-        fetched,
-        (
-            (("host",), {"metavar": "HOST", "help": "name or user@name; with a slash: a folder of this machine"}),
-            (("--remote",), {"default": "runs", "metavar": "DIR", "help": "folder on the vehicle; default runs"}),
-            (("--ssh",), {"metavar": "COMMAND", "help": "instead of ssh"}),
-            OUT,
-        ),
-        "pi@rov.local --remote hindrax/runs --out runs",
-    ),
+WORDS = {
+    "info": info,
+    "list": listed,
+    "recover": recovered,
+    "extract": extracted,
+    "plot": plotted,
+    "export": exported,
+    "fetch": fetched,
 }
+
+
+@command("./hindrax bag info runs/2026-01-31_14-00-00/bag", partial(add_words, words=WORDS))
+def bag(arguments: argparse.Namespace) -> int:
+    """Show, recover, cut, extract, plot and fetch bags."""
+    return WORDS[arguments.word].run(arguments)

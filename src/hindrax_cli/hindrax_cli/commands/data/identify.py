@@ -6,6 +6,7 @@ import argparse
 import sys
 import time
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from hindrax_analysis.identification.record_identification import (
     open_sources,
     recorded_vehicle,
 )
-from hindrax_analysis.plain import print_json
+from hindrax_analysis.plain import print_answer
 from hindrax_analysis.records.csv_columns import COLUMNS
 from hindrax_analysis.records.own_bag import date_of, maneuver_record
 from hindrax_analysis.records.third_party_bag import FRAMES, TopicSelection
@@ -30,6 +31,7 @@ from hindrax_analysis.terminal import working
 from hindrax_bag import software_version
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.argument_types import add_json, add_vehicle
+from hindrax_cli.command import command, option
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.text.text_file import require_place
@@ -37,12 +39,6 @@ from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 from hindrax_ident.assess.results import Results
 from hindrax_ident.model.motion_model import MOTIONS
 from hindrax_ident.tuning import Tuning
-
-NAME = "identify"
-HELP = "the identification over recorded data: our bags, third-party bags, CSV, logs of ArduPilot and PX4"
-EXAMPLE = (
-    "./hindrax identify pool.mcap --vehicle myrov.yaml --odometry /odom --wrench /thrust --dof surge --report pool.html"
-)
 
 NO_VEHICLE = (
     "no --vehicle was named: dimensionless numbers are for the size of the Hindrax, and the added mass is left out; "
@@ -69,38 +65,16 @@ names like vx, surge_force or those of PlotJuggler serve too; empty cells where 
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Records, vehicle, topics, what is taken of them, and where the results go."""
-    columns = "\n".join(f"  {name:<8} {meaning}" for name, meaning in COLUMNS.items())
-    parser.description = f"{HELP}\n{ABOUT}{columns}"
-    parser.add_argument(
-        "records", nargs="+", type=Path, metavar="BAG_OR_CSV", help="bag, run folder, CSV file, .bin, .tlog or .ulg"
-    )
-    add_vehicle(parser, "vehicle: its file, or its name; mass, volume and envelope are enough", default=False)
-    add_selection(parser)
-    parser.add_argument(
-        "--gain-sigma",
-        type=_share,
-        metavar="SHARE",
-        help=f"deviation of the wrench's gain; default: by the vehicle file, {GAIN_SIGMA:g} where it has no thrusters",
-    )
-    parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML report")
-    parser.add_argument("--coefficients", type=Path, metavar="FILE", help="write a coefficients.yaml")
-    add_json(parser)
-
-
 def add_selection(parser: argparse.ArgumentParser) -> None:
     """Options that say what is taken of the records, for `selected`."""
-    parser.add_argument("--odometry", default="", metavar="TOPIC", help="velocities; default: found by type")
-    parser.add_argument("--wrench", default="", metavar="TOPIC", help="forces; default: found by type")
-    parser.add_argument(
-        "--frame", choices=FRAMES, default="", help="axes, whatever they are called; world: velocities of an odometry"
-    )
-    parser.add_argument(
-        "--dof", nargs="+", default=[], choices=CHOICES, metavar="MOTION", help="default: all that moved"
-    )
-    parser.add_argument("--from", dest="from_s", type=float, default=0.0, metavar="S", help="begin here [s]")
-    parser.add_argument("--to", dest="to_s", type=float, default=float("inf"), metavar="S", help="end here [s]")
+    add = parser.add_argument
+    add("--odometry", default="", metavar="TOPIC", help="velocities; default: found by type")
+    add("--wrench", default="", metavar="TOPIC", help="forces; default: found by type")
+    axes = "axes, whatever they are called; world: velocities of an odometry"
+    add("--frame", choices=FRAMES, default="", help=axes)
+    add("--dof", nargs="+", default=[], choices=CHOICES, metavar="MOTION", help="default: all that moved")
+    add("--from", dest="from_s", type=float, default=0.0, metavar="S", help="begin here [s]")
+    add("--to", dest="to_s", type=float, default=float("inf"), metavar="S", help="end here [s]")
 
 
 def selected(arguments: argparse.Namespace) -> tuple[TopicSelection, tuple[int, ...], Span]:
@@ -119,8 +93,32 @@ def _share(text: str) -> float:
     return number
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Read, identify, show; 0 when the work was done, whatever the verdict on each motion."""
+def _about(parser: argparse.ArgumentParser) -> None:
+    columns = "\n".join(f"  {name:<8} {meaning}" for name, meaning in COLUMNS.items())
+    parser.description = f"{parser.description}\n{ABOUT}{columns}"
+
+
+@command(
+    "./hindrax identify pool.mcap --vehicle myrov.yaml --odometry /odom --wrench /thrust --dof surge "
+    "--report pool.html",
+    _about,
+    option(
+        "records", nargs="+", type=Path, metavar="BAG_OR_CSV", help="bag, run folder, CSV file, .bin, .tlog or .ulg"
+    ),
+    partial(add_vehicle, meaning="vehicle: its file, or its name; mass, volume and envelope are enough", default=False),
+    add_selection,
+    option(
+        "--gain-sigma",
+        type=_share,
+        metavar="SHARE",
+        help=f"deviation of the wrench's gain; default: by the vehicle file, {GAIN_SIGMA:g} where it has no thrusters",
+    ),
+    option("--report", type=Path, metavar="FILE", help="write an HTML report"),
+    option("--coefficients", type=Path, metavar="FILE", help="write a coefficients.yaml"),
+    add_json,
+)
+def identify(arguments: argparse.Namespace) -> int:
+    """The identification over recorded data: our bags, third-party bags, CSV, logs of ArduPilot and PX4."""
     wanted, axes, span = selected(arguments)
     for file in filter(None, (arguments.report, arguments.coefficients)):
         require_place(file)
@@ -139,11 +137,8 @@ def run(arguments: argparse.Namespace) -> int:
         write(arguments.report, run_page(_report(vehicle, sources, found, conditions)))
     if arguments.coefficients:
         write(arguments.coefficients, as_yaml(found.identified.results, conditions))
-    if arguments.json:
-        print_json(_document(arguments, sources, found, conditions, took_s))
-    else:
-        _show(arguments, found, conditions)
-    return 0
+    document = _document(arguments, sources, found, conditions, took_s)
+    return print_answer(document, lambda: _show(arguments, found, conditions), as_json=arguments.json)
 
 
 def _vehicle(named: Vehicle | None, source: RecordSource) -> tuple[Vehicle, list[str]]:

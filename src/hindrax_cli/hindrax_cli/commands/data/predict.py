@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 
 from hindrax_analysis.coefficients_file import SavedCoefficients, read_coefficients
@@ -13,10 +14,11 @@ from hindrax_analysis.identification.record_identification import (
     open_sources,
     recorded_vehicle,
 )
-from hindrax_analysis.plain import print_json
+from hindrax_analysis.plain import print_answer
 from hindrax_analysis.records.prediction import predict_record
 from hindrax_analysis.terminal import make_table, print_table, working
 from hindrax_cli.argument_types import add_vehicle, positive
+from hindrax_cli.command import command, option
 from hindrax_cli.commands.data.identify import add_selection, selected
 from hindrax_cli.experiment_command import add_output, require_plot, save_plot
 from hindrax_core.errors import HindraxError, UsageError
@@ -24,9 +26,6 @@ from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 from hindrax_ident.assess.prediction import WINDOW_S, Prediction
 
-NAME = "predict"
-HELP = "the motion that coefficients predict for records that they were not fitted to"
-EXAMPLE = "./hindrax predict runs/monday/coefficients.yaml runs/tuesday --window 10 --plot tuesday.png"
 ABOUT = """
 The model runs free over windows of the record: from the velocity that fits the first second of each, with the measured
 thrust alone. The error of the model stands beside those of two predictors that know nothing: the vehicle stays still,
@@ -34,21 +33,22 @@ and it keeps its speed. Coefficients that were fitted to the same record prove l
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Coefficients, records, windows, and where the plot goes."""
-    parser.description = f"{HELP}\n{ABOUT}"
-    parser.add_argument("coefficients", type=Path, metavar="COEFFICIENTS", help="coefficients.yaml, or a run folder")
-    parser.add_argument("records", nargs="+", type=Path, metavar="RECORD", help="bag, run folder or CSV, as `identify`")
-    parser.add_argument(
-        "--window", type=positive, default=WINDOW_S, metavar="S", help="length of a window (default 10 s)"
-    )
-    add_vehicle(parser, "vehicle: its file, or its name; default: the one in the bag", default=False)
-    add_selection(parser)
-    add_output(parser)
+def _about(parser: argparse.ArgumentParser) -> None:
+    parser.description = f"{parser.description}\n{ABOUT}"
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Predict and show; 1 when no motion can be predicted."""
+@command(
+    "./hindrax predict runs/monday/coefficients.yaml runs/tuesday --window 10 --plot tuesday.png",
+    _about,
+    option("coefficients", type=Path, metavar="COEFFICIENTS", help="coefficients.yaml, or a run folder"),
+    option("records", nargs="+", type=Path, metavar="RECORD", help="bag, run folder or CSV, as `identify`"),
+    option("--window", type=positive, default=WINDOW_S, metavar="S", help="length of a window (default 10 s)"),
+    partial(add_vehicle, meaning="vehicle: its file, or its name; default: the one in the bag", default=False),
+    add_selection,
+    add_output,
+)
+def predict(arguments: argparse.Namespace) -> int:
+    """The motion that coefficients predict for records that they were not fitted to."""
     file = arguments.coefficients
     require_plot(arguments.plot)
     saved = read_coefficients(file / "coefficients.yaml" if file.is_dir() else file)
@@ -62,12 +62,9 @@ def run(arguments: argparse.Namespace) -> int:
     if not found:
         raise HindraxError("; ".join(reasons) or "the records hold no motion with both velocities and forces")
     save_plot(arguments.plot, "prediction", found)
-    if arguments.json:
-        motions = {AXES[one.axis]: {"unit": one.unit, "windows": one.windows, **one.errors} for one in found}
-        print_json({"window_s": arguments.window, "motions": motions, "left_out": reasons})
-    else:
-        _show(found, reasons, arguments.window)
-    return 0
+    motions = {AXES[one.axis]: {"unit": one.unit, "windows": one.windows, **one.errors} for one in found}
+    document = {"window_s": arguments.window, "motions": motions, "left_out": reasons}
+    return print_answer(document, lambda: _show(found, reasons, arguments.window), as_json=arguments.json)
 
 
 def _recorded(source: RecordSource) -> Vehicle:

@@ -4,49 +4,45 @@ from __future__ import annotations
 
 import argparse
 import sys
+from functools import partial
 from pathlib import Path
 
-from hindrax_analysis.plain import print_json
+from hindrax_analysis.plain import print_answer
 from hindrax_analysis.terminal import working
 from hindrax_bag.message_comparison import TOLERANCES, ComparisonReport, load_rules
 from hindrax_bringup.clone import clone_root
 from hindrax_cli.argument_types import add_json, add_vehicle
+from hindrax_cli.command import command, option
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import load_vehicle
-from hindrax_replay.bag_replay import (
-    Replayed,
-    check_reference,
-    names_of,
-    reference_file,
-    replay,
-    write_reference,
-)
+from hindrax_replay.bag_replay import Replayed, check_reference, names_of, reference_file, write_reference
+from hindrax_replay.bag_replay import replay as replay_bag
 from hindrax_replay.ros_replay import replay_ros
 
-NAME = "replay"
-HELP = "recorded wire frames through the real code again, compared with the record"
-EXAMPLE = "./hindrax replay runs/2026-01-31_14-00-00/bag"
 SHOWN = 30
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the bags and their references."""
-    parser.add_argument("bags", nargs="*", type=Path, metavar="BAG", help="folder of a bag, or one of its files")
+def _way(parser: argparse.ArgumentParser) -> None:
     way = parser.add_mutually_exclusive_group()
     way.add_argument("--pure", action="store_true", help="without ROS, as fast as possible (default)")
     way.add_argument("--ros", action="store_true", help="the real processes on the recorded wires, with /clock")
-    parser.add_argument("--all", action="store_true", help="every reference bag of this clone, against its reference")
-    parser.add_argument("--update-refs", action="store_true", help="with --all: write the references, say what changed")
-    parser.add_argument("--remap", action="append", default=[], metavar="THEIRS:=OURS", help="a topic under our name")
-    add_vehicle(parser, "vehicle, for bags that have no file of it inside", default=False)
-    parser.add_argument("--tolerances", type=Path, default=TOLERANCES, metavar="FILE", help="default: ours")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="with --ros and one bag: keep the bag that is made")
-    add_json(parser)
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Replay and report; 1 when anything differs beyond its tolerance."""
+@command(
+    "./hindrax replay runs/2026-01-31_14-00-00/bag",
+    option("bags", nargs="*", type=Path, metavar="BAG", help="folder of a bag, or one of its files"),
+    _way,
+    option("--all", action="store_true", help="every reference bag of this clone, against its reference"),
+    option("--update-refs", action="store_true", help="with --all: write the references, say what changed"),
+    option("--remap", action="append", default=[], metavar="THEIRS:=OURS", help="a topic under our name"),
+    partial(add_vehicle, meaning="vehicle, for bags that have no file of it inside", default=False),
+    option("--tolerances", type=Path, default=TOLERANCES, metavar="FILE", help="default: ours"),
+    option("--out", type=Path, metavar="DIR", help="with --ros and one bag: keep the bag that is made"),
+    add_json,
+)
+def replay(arguments: argparse.Namespace) -> int:
+    """Recorded wire frames through the real code again, compared with the record."""
     if arguments.update_refs and not arguments.all:
         raise UsageError("--update-refs is for --all only: references belong to the reference bags")
     if arguments.ros and arguments.update_refs:
@@ -55,13 +51,15 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError("--out is for --ros with one bag")
     if arguments.all == bool(arguments.bags):
         raise UsageError("name one or more bags, or --all for the reference bags")
-    done = [_one(bag, arguments) for bag in (_reference_bags() if arguments.all else arguments.bags)]
+    done = []
+    for bag in _reference_bags() if arguments.all else arguments.bags:
+        print_fitted(f"replaying {bag} ...", sys.stderr)
+        with working("comparing with the record"):
+            done.append(_one(bag, arguments))
     vehicle_s, wall_s = sum(one.vehicle_s for one in done), sum(one.wall_s for one in done)
     factor = round(vehicle_s / wall_s, 1) if wall_s else 0.0
-    if arguments.json:
-        print_json({"bags": [one.document() for one in done], "times_real_time": factor})
-    else:
-        _show(done, factor)
+    document = {"bags": [one.document() for one in done], "times_real_time": factor}
+    print_answer(document, lambda: _show(done, factor), as_json=arguments.json)
     differing = any(one.ledger.differences() for one in done)
     return 1 if differing and not arguments.update_refs else 0
 
@@ -80,19 +78,13 @@ def _reference_bags() -> list[Path]:
 
 
 def _one(bag: Path, arguments: argparse.Namespace) -> Replayed:
-    print_fitted(f"replaying {bag} ...", sys.stderr)
-    with working("comparing with the record"):
-        return _replayed(bag, arguments)
-
-
-def _replayed(bag: Path, arguments: argparse.Namespace) -> Replayed:
     if arguments.ros:
         rules = load_rules(arguments.tolerances, "ros")
         return replay_ros(bag, rules, arguments.vehicle, arguments.out)
     vehicle = load_vehicle(arguments.vehicle) if arguments.vehicle else None
     names = {} if arguments.all else names_of(bag, arguments.remap)
     rules = load_rules(arguments.tolerances, "reference" if arguments.all else "pure")
-    replayed = replay(bag, rules, vehicle, results=arguments.all, names=names)
+    replayed = replay_bag(bag, rules, vehicle, results=arguments.all, names=names)
     if not replayed.ledger.messages and not replayed.ledger.differences():
         raise UsageError(
             f"{bag}: holds nothing that can be compared, neither wire frames with readings nor inertial samples with"
@@ -110,9 +102,8 @@ def _replayed(bag: Path, arguments: argparse.Namespace) -> Replayed:
 def _update(replayed: Replayed, file: Path) -> None:
     """Print what changed in a reference, for the commit message, and rewrite it; one that is met keeps its digits."""
     if file.exists():
-        changes = Replayed(
-            replayed.bag, ComparisonReport(replayed.ledger.rules), replayed.begin, samples=replayed.samples
-        )
+        ledger = ComparisonReport(replayed.ledger.rules)
+        changes = Replayed(replayed.bag, ledger, replayed.begin, samples=replayed.samples)
         check_reference(changes, file)
         found = changes.ledger.differences()
         print_fitted(f"{file.name}: {len(found)} fields changed", sys.stderr)

@@ -10,15 +10,17 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from hindrax_analysis.experiments.known_weight import Hold, Span, Weighing, holds_of, weigh
+from hindrax_analysis.experiments.known_weight import Hold, Span, Weighing, holds_of
+from hindrax_analysis.experiments.known_weight import weigh as weighed
 from hindrax_analysis.experiments.least_squares import Value
-from hindrax_analysis.plain import print_json
+from hindrax_analysis.plain import print_answer
 from hindrax_analysis.records.own_bag import bag_events
 from hindrax_analysis.terminal import make_table, print_table, print_values, working
 from hindrax_bringup.stack import WORLD_HELP
 from hindrax_bringup.stack_runner import report
 from hindrax_cli.argument_types import add_json, add_vehicle, positive, seed
-from hindrax_cli.vehicle_edit import require_editable, set_key
+from hindrax_cli.command import command, option
+from hindrax_cli.vehicle_edit import kept, require_editable, set_key
 from hindrax_control.maneuver.goal import largest_wrench
 from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.errors import UsageError
@@ -27,13 +29,6 @@ from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 from hindrax_operator.connection import add_stack, operator_of
 
-NAME = "weigh"
-HELP = "gain of the thrust on an axis from a known weight or a line over a pulley, without a load cell"
-EXAMPLE = (
-    "./hindrax weigh surge --load 15 --write                     (beside an armed stack; it says what to do)\n"
-    "  ./hindrax weigh heave --load 18 --mock --world pool --seed 3\n"
-    "  ./hindrax weigh surge --bag runs/1/bag --hold 0:20:50 --hold 15:80:110 --hold=-15:140:170"
-)
 ACTS = {
     "surge": ("a line over a pulley pulls it ahead", "a line over a pulley pulls it astern"),
     "sway": ("a line over a pulley pulls it to starboard", "a line over a pulley pulls it to port"),
@@ -45,53 +40,43 @@ SHARES = (0.0, 1.0, -1.0, 1.0, -1.0)
 LEVER_SIGMA_m = 0.002
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Axis, load, and where the record comes from."""
-    parser.add_argument("axis", choices=tuple(ACTS), help="roll and pitch: their righting moment carries the load")
-    parser.add_argument(
-        "--load", type=positive, metavar="N", help="force of the weight, in water where it hangs in it [N]"
-    )
-    parser.add_argument(
-        "--load-std", type=positive, default=0.002, metavar="PART", help="its deviation; default 0.002 [-]"
-    )
-    parser.add_argument("--lever", type=positive, metavar="M", help="yaw: of the line from the center of mass [m]")
-    parser.add_argument("--one-way", action="store_true", help="only the first direction: no float, no second pulley")
-    add_vehicle(parser)
-    parser.add_argument("--write", action="store_true", help="put the gain into the vehicle file")
-    add_json(parser)
-    add_stack(parser)
+def _elsewhere(parser: argparse.ArgumentParser) -> None:
     mock = parser.add_argument_group("in mock, in lock-step")
     mock.add_argument("--mock", action="store_true", help="the mock vehicle, and a mock operator")
     mock.add_argument("--world", default="ideal", help=f"{WORLD_HELP}. Default: ideal")
     mock.add_argument("--seed", type=seed, default=1, help="of the mock's noise; default 1")
     bag = parser.add_argument_group("after the fact")
     bag.add_argument("--bag", type=Path, metavar="BAG", help="a record of this stack")
-    bag.add_argument(
-        "--hold",
-        action="append",
-        default=[],
-        metavar="LOAD:FROM:TO",
-        help="load with the axis [N, Nm] and when it hung, in seconds from the start of the bag; repeatable",
-    )
+    when = "load with the axis [N, Nm] and when it hung, in seconds from the start of the bag; repeatable"
+    bag.add_argument("--hold", action="append", default=[], metavar="LOAD:FROM:TO", help=when)
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Measure, print, and write where asked to."""
-    if arguments.write:
-        require_editable(Path(arguments.vehicle))
+@command(
+    "./hindrax weigh surge --load 15 --write                     (beside an armed stack; it says what to do)\n"
+    "  ./hindrax weigh heave --load 18 --mock --world pool --seed 3\n"
+    "  ./hindrax weigh surge --bag runs/1/bag --hold 0:20:50 --hold 15:80:110 --hold=-15:140:170",
+    option("axis", choices=tuple(ACTS), help="roll and pitch: their righting moment carries the load"),
+    option("--load", type=positive, metavar="N", help="force of the weight, in water where it hangs in it [N]"),
+    option("--load-std", type=positive, default=0.002, metavar="PART", help="its deviation; default 0.002 [-]"),
+    option("--lever", type=positive, metavar="M", help="yaw: of the line from the center of mass [m]"),
+    option("--one-way", action="store_true", help="only the first direction: no float, no second pulley"),
+    add_vehicle,
+    option("--write", action="store_true", help="put the gain into the vehicle file"),
+    add_json,
+    add_stack,
+    _elsewhere,
+)
+def weigh(arguments: argparse.Namespace) -> int:
+    """Gain of the thrust on an axis from a known weight or a line over a pulley, without a load cell."""
+    require_editable(arguments)
     vehicle, axis = load_vehicle(arguments.vehicle), AXES.index(arguments.axis)
-    found = weigh(
-        _holds(arguments, vehicle, axis), axis, prior_dynamics(vehicle)[arguments.axis], load_sigma=_sigma(arguments)
-    )
+    holds, belief = _holds(arguments, vehicle, axis), prior_dynamics(vehicle)[arguments.axis]
+    found = weighed(holds, axis, belief, load_sigma=_sigma(arguments))
     if arguments.write:
         write(Path(arguments.vehicle), vehicle, found)
-    if arguments.json:
-        print_json({"weighing": found, "written": arguments.write})
-    else:
-        show(found)
-        where = f"thrust_gain.{arguments.axis} of {arguments.vehicle}"
-        print_fitted(f"written to {where}" if arguments.write else f"not kept; --write puts it into {where}")
-    return 0
+    where = kept(arguments, f"thrust_gain.{arguments.axis} of {arguments.vehicle}")
+    document = {"weighing": found, "written": arguments.write}
+    return print_answer(document, lambda: show(found, where), as_json=arguments.json)
 
 
 def _sigma(arguments: argparse.Namespace) -> float:
@@ -176,8 +161,8 @@ def write(file: Path, vehicle: Vehicle, found: Weighing) -> None:
         set_key(file, ("thrust_gain",), {found.axis: gains})
 
 
-def show(found: Weighing) -> None:
-    """Print the gain each way, and what its deviation is made of."""
+def show(found: Weighing, where: str) -> None:
+    """Print the gain each way, what its deviation is made of, and where it is kept."""
     gain = found.gain
     ways = (("positive", gain.positive), ("negative", gain.negative))
     rows: list[tuple[str, object, str]] = [(way, Value(value, gain.sigma), "-") for way, value in ways if value]
@@ -196,3 +181,4 @@ def show(found: Weighing) -> None:
             f"warning: the holds contradict each other by {found.misfit:.1f} deviations; look at line and pulley",
             sys.stderr,
         )
+    print_fitted(where)

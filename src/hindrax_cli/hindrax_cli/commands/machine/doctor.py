@@ -13,45 +13,39 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from hindrax_analysis.plain import print_json
+from hindrax_analysis.plain import print_answer
 from hindrax_analysis.terminal import console
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.network.tether import add_tether, tether_setting
 from hindrax_bringup.stack import FAULT_HELP, MockOptions, Stack, environment
 from hindrax_bringup.stack_lock import UP, StackLock, stacks
 from hindrax_bringup.supervisor import Supervisor
-from hindrax_cli.argument_types import add_json, add_tuning, add_vehicle
-from hindrax_cli.health_checks import machine, nodes, wires
-from hindrax_cli.health_checks.check import Check
+from hindrax_cli.argument_types import add_json, add_tuning, add_vehicle, output_settings
+from hindrax_cli.command import command, option
+from hindrax_cli.health_checks import Check, machine, nodes, wires
 from hindrax_cli.health_checks.pi import board
-from hindrax_cli.output_settings import output_settings
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_drivers.nodes.thruster_settings import Settings
 from hindrax_operator.connection import joined
 
-NAME = "doctor"
-HELP = "look at buses, ports, devices, permissions, disk and time; name each problem and its remedy"
-EXAMPLE = "./hindrax doctor     (before the stack is up: asks the devices; while it is up: asks its nodes)"
-
 LEAST_FOUND = 30
 """Characters a line in which what was found is readable beside the names."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Vehicle or mock, here or at the other end of the tether, and how to print."""
-    parser.add_argument("--mock", action="store_true", help="look at the mock vehicle that is up, or at one for this")
-    parser.add_argument("--topside", action="store_true", help="look at the vehicle from here, over the tether")
-    add_tether(parser)
-    add_vehicle(parser)
-    parser.add_argument("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP)
-    add_json(parser)
-    add_tuning(parser)
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Look at everything; 1 when anything is wrong."""
+@command(
+    "./hindrax doctor     (before the stack is up: asks the devices; while it is up: asks its nodes)",
+    option("--mock", action="store_true", help="look at the mock vehicle that is up, or at one for this"),
+    option("--topside", action="store_true", help="look at the vehicle from here, over the tether"),
+    add_tether,
+    add_vehicle,
+    option("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP),
+    add_json,
+    add_tuning,
+)
+def doctor(arguments: argparse.Namespace) -> int:
+    """Look at buses, ports, devices, permissions, disk and time; name each problem and its remedy."""
     settings = output_settings(arguments)
     vehicle = settings.vehicle
     if arguments.topside and tether_setting() is None:
@@ -69,10 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
         checks += in_mock(settings, Path(arguments.vehicle), tuple(arguments.fault))
     else:
         checks += wires.ports(vehicle, {}) + wires.devices(settings, {}, settings.clock)
-    if arguments.json:
-        print_json({"checks": [one.document() for one in checks]})
-    else:
-        show(checks)
+    print_answer({"checks": [one.document() for one in checks]}, lambda: show(checks), as_json=arguments.json)
     return 0 if all(one.ok for one in checks) else 1
 
 

@@ -6,107 +6,95 @@ import argparse
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from hindrax_analysis.plain import print_answer
 from hindrax_cli.argument_types import add_json, add_vehicle
+from hindrax_cli.command import command, option
 from hindrax_core.bus_operations import DeviceError
-from hindrax_core.driver_interface import Identity, Output, Send
+from hindrax_core.driver_interface import Identity, Send
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import after
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_drivers.buses.clock import Clock, SystemClock
 from hindrax_drivers.buses.line import open_line
+from hindrax_drivers.devices import dvl75_settings as flash
 from hindrax_drivers.devices.dvl75 import Dvl75
-from hindrax_drivers.devices.dvl75_settings import (
-    BAUD_RATE,
-    HEADING_OFFSET,
-    IMU_CALIBRATION,
-    POOL_MODE,
-    REBOOT,
-    Dvl75Knobs,
-    commands,
-    wanted_settings,
-)
 
-NAME = "dvl"
-HELP = "show or set what the DVL keeps in its flash"
-EXAMPLE = "./hindrax dvl setup --pool-mode on --dry-run"
 ANSWER_S = 2.0
 FLASH_S = 0.5
 """Time given to the device after a command, which it writes to flash."""
-SWITCHES = {"--pool-mode": POOL_MODE, "--retweet-gps": "Retweet GPS", "--kalman": "DVKFA messages"}
-ANGLES = {"--heading-offset": HEADING_OFFSET, "--declination": "Magnetic declination"}
+SWITCHES = {"--pool-mode": flash.POOL_MODE, "--retweet-gps": "Retweet GPS", "--kalman": "DVKFA messages"}
+ANGLES = {"--heading-offset": flash.HEADING_OFFSET, "--declination": "Magnetic declination"}
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare what to do, where the DVL is, and what shall hold."""
-    parser.add_argument("action", choices=("show", "setup"), help="show the settings, or set those that differ")
-    add_vehicle(parser)
-    parser.add_argument(
-        "--port", metavar="PATH", help="serial port, or udp://ADDRESS:PORT; default: of the vehicle file"
-    )
-    parser.add_argument(
+@command(
+    "./hindrax dvl setup --pool-mode on --dry-run",
+    option("action", choices=("show", "setup"), help="show the settings, or set those that differ"),
+    add_vehicle,
+    option("--port", metavar="PATH", help="serial port, or udp://ADDRESS:PORT; default: of the vehicle file"),
+    option(
         "--speed-of-sound", type=float, metavar="M_PER_S", help="wanted [m/s]; default: of the vehicle file's water"
-    )
-    parser.add_argument("--velocity-adjustment", type=float, default=1.0, metavar="FACTOR", help="wanted [-]")
-    parser.add_argument(
+    ),
+    option("--velocity-adjustment", type=float, default=1.0, metavar="FACTOR", help="wanted [-]"),
+    option(
         "--orientation",
         type=float,
         nargs=3,
         metavar=("ROLL", "PITCH", "YAW"),
         help="how the sensor head is mounted in the vehicle [deg]",
-    )
-    for option in ANGLES:
-        parser.add_argument(option, type=float, metavar="DEG", help="added to the device's compass [deg, to 0.1]")
-    parser.add_argument("--pool-mode", choices=("on", "off"), help="for small tanks, whose walls echo")
-    parser.add_argument("--retweet-gps", choices=("on", "off"), help="hand on what a GPS at the DVL says")
-    parser.add_argument("--kalman", choices=("on", "off"), help="send $DVKFA, for a Kalman filter of one's own")
-    parser.add_argument("--imu-calibration", choices=tuple(IMU_CALIBRATION), help="keep or delete the one of now")
-    parser.add_argument("--baud", type=int, default=Dvl75Knobs().baud, metavar="RATE", help="line speed of now [bit/s]")
-    parser.add_argument("--baud-rate", type=int, metavar="RATE", help="line speed wanted [bit/s]")
-    parser.add_argument("--reboot", action="store_true", help="restart the device in the end")
-    parser.add_argument("--always", action="store_true", help="send also what holds already; wears the flash")
-    parser.add_argument("--dry-run", action="store_true", help="only say what would be sent")
-    add_json(parser)
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Talk to the DVL and print what came of it."""
+    ),
+    *(option(name, type=float, metavar="DEG", help="added to the device's compass [deg, to 0.1]") for name in ANGLES),
+    option("--pool-mode", choices=("on", "off"), help="for small tanks, whose walls echo"),
+    option("--retweet-gps", choices=("on", "off"), help="hand on what a GPS at the DVL says"),
+    option("--kalman", choices=("on", "off"), help="send $DVKFA, for a Kalman filter of one's own"),
+    option("--imu-calibration", choices=tuple(flash.IMU_CALIBRATION), help="keep or delete the one of now"),
+    option("--baud", type=int, default=flash.Dvl75Knobs().baud, metavar="RATE", help="line speed of now [bit/s]"),
+    option("--baud-rate", type=int, metavar="RATE", help="line speed wanted [bit/s]"),
+    option("--reboot", action="store_true", help="restart the device in the end"),
+    option("--always", action="store_true", help="send also what holds already; wears the flash"),
+    option("--dry-run", action="store_true", help="only say what would be sent"),
+    add_json,
+)
+def dvl(arguments: argparse.Namespace) -> int:
+    """Show or set what the DVL keeps in its flash."""
     vehicle = load_vehicle(arguments.vehicle)
     port = arguments.port or port_of(vehicle)
     knobs = wanted_knobs(vehicle, arguments.speed_of_sound, arguments.velocity_adjustment, arguments.baud)
-    calibrate = [IMU_CALIBRATION[arguments.imu_calibration]] if arguments.imu_calibration else []
-    orders = Orders(calibrate, asked(arguments), [REBOOT] if arguments.reboot else [], arguments.always)
+    calibrate = [flash.IMU_CALIBRATION[arguments.imu_calibration]] if arguments.imu_calibration else []
+    named, last = asked(arguments), [flash.REBOOT] if arguments.reboot else []
     clock = SystemClock()
     try:
         with closing(DvlConversation(port, knobs, clock)) as talk:
-            report = talk.show() if arguments.action == "show" else talk.set_up(orders, arguments.dry_run)
+            if arguments.action == "show":
+                report = talk.show()
+            else:
+                always, dry_run = arguments.always, arguments.dry_run
+                report = talk.set_up(calibrate, named, last, always=always, dry_run=dry_run)
     except DeviceError as error:
         raise HindraxError(str(error)) from error
     finally:
         clock.close()
-    print_answer(report, "\n".join(lines(report)), as_json=arguments.json)
-    return 0
+    return print_answer(report, "\n".join(lines(report)), as_json=arguments.json)
 
 
 def asked(arguments: argparse.Namespace) -> dict[str, str]:
     """Settings that were named, as $DVNVM reports them; the line speed last, for it cuts the line."""
     named = vars(arguments)
     found = {}
-    for option, key in SWITCHES.items():
-        if value := named[option[2:].replace("-", "_")]:
+    for word, key in SWITCHES.items():
+        if value := named[word[2:].replace("-", "_")]:
             found[key] = value.upper()
-    for option, key in ANGLES.items():
-        if (value := named[option[2:].replace("-", "_")]) is not None:
-            found[key] = f"{within(option, value, -360.0, 360.0):.1f}"
+    for word, key in ANGLES.items():
+        if (value := named[word[2:].replace("-", "_")]) is not None:
+            found[key] = f"{within(word, value, -360.0, 360.0):.1f}"
     if arguments.orientation is not None:
         angles = (within("--orientation", one, -360.0, 360.0) for one in arguments.orientation)
         found["Sensor Orientation"] = ",".join(f"{angle:g}" for angle in angles)
     if arguments.baud_rate is not None:
-        found[BAUD_RATE] = f"{within('--baud-rate', arguments.baud_rate, 9600, 921600):.0f}"
+        found[flash.BAUD_RATE] = f"{within('--baud-rate', arguments.baud_rate, 9600, 921600):.0f}"
     return found
 
 
@@ -127,11 +115,11 @@ def port_of(vehicle: Vehicle) -> str:
 
 def wanted_knobs(
     vehicle: Vehicle, speed_of_sound_mps: float | None, velocity_adjustment: float, baud: int
-) -> Dvl75Knobs:
+) -> flash.Dvl75Knobs:
     """Settings that shall hold, within what the device takes."""
     speed = vehicle.water.speed_of_sound_mps if speed_of_sound_mps is None else speed_of_sound_mps
     return replace(
-        Dvl75Knobs(),
+        flash.Dvl75Knobs(),
         baud=round(within("--baud", baud, 9600, 921600)),
         speed_of_sound_mps=within("--speed-of-sound", speed, 1100.0, 1950.0),
         velocity_adjustment=within("--velocity-adjustment", velocity_adjustment, 0.8, 1.25),
@@ -139,20 +127,10 @@ def wanted_knobs(
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Orders:
-    """Settings that were named, sent where they differ or `always`, and orders `before` and `after` them."""
-
-    before: Sequence[bytes]
-    asked: Mapping[str, str]
-    after: Sequence[bytes]
-    always: bool
-
-
 class DvlConversation:
     """One conversation with a DVL over its port."""
 
-    def __init__(self, path: str, knobs: Dvl75Knobs, clock: Clock) -> None:
+    def __init__(self, path: str, knobs: flash.Dvl75Knobs, clock: Clock) -> None:
         self._path, self._knobs, self._clock = path, knobs, clock
         self._device = Dvl75(knobs)
         self._port = open_line(path, self._device.baud, clock)
@@ -167,25 +145,28 @@ class DvlConversation:
         settings = self._ask()
         return {"port": self._path, "identity": self._identity, "settings": settings}
 
-    def set_up(self, orders: Orders, dry_run: bool) -> dict[str, Any]:
+    def set_up(
+        self, before: Sequence[bytes], named: Mapping[str, str], last: Sequence[bytes], *, always: bool, dry_run: bool
+    ) -> dict[str, Any]:
         """Send what differs (or everything), then ask again and say what still differs.
 
-        What the device does not report cannot be verified, and the report says so.
+        `named`: settings that were asked for; `before` and `last`: orders around them. What the device does not report
+        cannot be verified, and the report says so.
         """
         current = self._ask()
-        wanted = {**wanted_settings(self._knobs, current["Model"]), **orders.asked}
-        first = [*orders.before, *commands(current, wanted, orders.always)]
+        wanted = {**flash.wanted_settings(self._knobs, current["Model"]), **named}
+        first = [*before, *flash.commands(current, wanted, always)]
         report: dict[str, Any] = {"port": self._path, "identity": self._identity}
-        report["orders"] = _texts([*first, *orders.after])
+        report["orders"] = _texts([*first, *last])
         if dry_run:
             return report | {"sent": False}
         for order in first:
             self._send(order)
         settings = self._ask()
         told = {key: value for key, value in wanted.items() if key in settings}
-        if left := commands(settings, told):
+        if left := flash.commands(settings, told):
             raise HindraxError(f"{self._path}: DVL did not take {', '.join(_texts(left))}; check its firmware")
-        for order in orders.after:
+        for order in last:
             self._send(order)
         unverified = [key for key in wanted if key not in told]
         return report | {"sent": True, "verified": not unverified, "unverified": unverified, "settings": settings}
@@ -221,13 +202,10 @@ class DvlConversation:
             self._port.wait(end)
             data, stamp = self._port.read()
             count += len(data)
-            self._note(self._device.feed(data, stamp))
+            for output in self._device.feed(data, stamp):
+                if isinstance(output, Identity):
+                    self._identity = output.text
         return count
-
-    def _note(self, outputs: Iterable[Output]) -> None:
-        for output in outputs:
-            if isinstance(output, Identity):
-                self._identity = output.text
 
 
 def _texts(orders: Iterable[bytes]) -> list[str]:

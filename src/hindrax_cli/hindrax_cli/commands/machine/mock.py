@@ -1,47 +1,128 @@
-"""`hindrax mock`: the mock vehicle's devices alone."""
+"""`hindrax mock`: the mock vehicle's devices alone, at stable paths, for third-party programs and bench work."""
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import fcntl
+import json
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
+from hindrax_bringup.stack import MockOptions
+from hindrax_bringup.stack_lock import runtime_folder
 from hindrax_bringup.stack_runner import asked_to_end
 from hindrax_cli.argument_types import add_json, add_vehicle
-from hindrax_cli.commands.operate.up import add_mock_options, mock_options
-from hindrax_cli.mock_devices import DeviceOptions, document, plain, serve, table
+from hindrax_cli.command import command, option
+from hindrax_cli.commands.operate.stack import add_mock_options, mock_options
+from hindrax_core.errors import HindraxError, UsageError, cause
 from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.vehicle import load_vehicle
+from hindrax_drivers.bus_capture import mount_of
+from hindrax_drivers.buses.line import UDP_PREFIX
+from hindrax_sim.buses.serial_ends import OF_DEVICE, TO_HOST, UdpLine
+from hindrax_sim.conditions.world_table import sizes_of
+from hindrax_sim.faults.fault_registry import parse_fault
+from hindrax_sim.mock_vehicle import MockVehicle
+from hindrax_sim.world import Conditions
 
-NAME = "mock"
-HELP = "the mock vehicle's devices alone (serial ports, I2C bus), until Ctrl-C"
-EXAMPLE = (
+UDP_PORT = f"{UDP_PREFIX}0.0.0.0:{TO_HOST}"
+"""Port of a DVL that speaks by UDP, as a vehicle file has it."""
+
+
+@command(
     "./hindrax mock --print-paths\n"
-    "  sudo ./hindrax mock --i2c-device /dev/i2c-9     (a bus that unmodified programs open; needs root)"
-)
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Vehicle, behavior, and where the ports lie."""
-    parser.add_argument("--print-paths", action="store_true", help="only `NAME PATH` lines on stdout, for scripts")
-    add_json(parser)
-    add_vehicle(parser)
-    parser.add_argument(
-        "--folder", type=Path, metavar="DIR", help="where ports and socket lie; default: stable, per user"
-    )
-    parser.add_argument("--i2c-device", metavar="PATH", help="also serve the I2C bus as this file (root, /dev/fuse)")
-    parser.add_argument(
+    "  sudo ./hindrax mock --i2c-device /dev/i2c-9     (a bus that unmodified programs open; needs root)",
+    option("--print-paths", action="store_true", help="only `NAME PATH` lines on stdout, for scripts"),
+    add_json,
+    add_vehicle,
+    option("--folder", type=Path, metavar="DIR", help="where ports and socket lie; default: stable, per user"),
+    option("--i2c-device", metavar="PATH", help="also serve the I2C bus as this file (root, /dev/fuse)"),
+    option(
         "--dvl-udp",
         action="store_true",
         help="the DVL speaks by UDP to port 27000 of this machine and listens at 50000",
-    )
-    add_mock_options(parser)
+    ),
+    add_mock_options,
+)
+def mock(arguments: argparse.Namespace) -> int:
+    """The mock vehicle's devices alone (serial ports, I2C bus), until Ctrl-C."""
+    words = document if arguments.json else plain if arguments.print_paths else table
 
+    def tell(ports: Mapping[str, str]) -> None:
+        print_fitted(words(ports))
 
-def run(arguments: argparse.Namespace) -> int:
-    """Serve until a signal, which is the normal end."""
-    format_ports = document if arguments.json else plain if arguments.print_paths else table
-    options = mock_options(arguments)
-    faces = (arguments.i2c_device, arguments.dvl_udp)
-    wanted = DeviceOptions(Path(arguments.vehicle), options, arguments.folder, *faces)
+    faces = {"place": arguments.folder, "i2c_device": arguments.i2c_device, "dvl_udp": arguments.dvl_udp}
     with asked_to_end() as over:
-        serve(wanted, lambda found: print_fitted(format_ports(found)), over)
+        serve(Path(arguments.vehicle), mock_options(arguments), tell, over, **faces)
     return 0
+
+
+def serve(
+    vehicle_file: Path,
+    options: MockOptions,
+    tell: Callable[[Mapping[str, str]], None],
+    over: Callable[[], bool],
+    *,
+    place: Path | None = None,
+    i2c_device: str | None = None,
+    dvl_udp: bool = False,
+) -> None:
+    """Serve until `over`; `tell` is called with every port by name once all are up.
+
+    `place`: folder of the ports; `i2c_device`: a file to mount as the bus too; `dvl_udp`: the DVL is on the network.
+    """
+    vehicle = load_vehicle(vehicle_file)
+    faults = [parse_fault(fault) for fault in options.faults]
+    dvl = mount_of(vehicle, "dvl75")[0] if dvl_udp else ""
+    conditions = Conditions(sizes=sizes_of(options.world, options.seed))
+    with (
+        _own(place or runtime_folder() / "mock") as folder,
+        MockVehicle(
+            vehicle, folder, seed=options.seed, rate=options.rate, conditions=conditions, faults=faults
+        ) as mock,
+        mock.offer_file(i2c_device) if i2c_device else contextlib.nullcontext(),
+        UdpLine(mock.ports[dvl]) if dvl_udp else contextlib.nullcontext() as network,
+    ):
+        ports = mock.ports | {"clock": mock.clock} | ({"i2c-device": i2c_device} if i2c_device else {})
+        tell(ports | ({dvl: UDP_PORT} if dvl_udp else {}))
+        while not over():
+            mock.step()
+            if network is not None:
+                network.turn()
+
+
+@contextlib.contextmanager
+def _own(folder: Path) -> Iterator[Path]:
+    """Make the folder and hold it: two mocks in one would take each other's ports away."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = (folder / "lock").open("w")
+    except OSError as error:
+        raise UsageError(f"{folder}: cannot be made ({cause(error)}); choose another with --folder") from error
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise HindraxError(f"{folder}: a mock runs there already; end it, or choose another --folder") from error
+        yield folder
+
+
+def table(found: Mapping[str, str]) -> str:
+    """Return the ports for a person."""
+    width = max(len(name) for name in found)
+    lines = [f"  {name:{width}}  {path}" for name, path in found.items()]
+    note = "mock:SOCKET is for hindrax (--port); the other paths open as they are"
+    if UDP_PORT in found.values():
+        note += f"; {UDP_PORT} is to be listened at, and takes commands at port {OF_DEVICE}"
+    return "\n".join(["the mock vehicle's devices are up:", *lines, f"  ({note})", "  Ctrl-C ends them"])
+
+
+def plain(found: Mapping[str, str]) -> str:
+    """Return the ports for a script, one `NAME PATH` a line."""
+    return "\n".join(f"{name} {path}" for name, path in found.items())
+
+
+def document(found: Mapping[str, str]) -> str:
+    """Return the ports as one JSON document."""
+    return json.dumps({"ports": dict(found)})

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from contextlib import closing
-from dataclasses import asdict, dataclass
-from typing import Any, Generic, TypeVar
+from dataclasses import asdict
+from typing import Any, TypeVar
 
 from hindrax_analysis.plain import plain, print_answer
 from hindrax_cli.argument_types import add_json, add_vehicle
+from hindrax_cli.command import command, option
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Identity, Send, Trouble
 from hindrax_core.errors import HindraxError, UsageError
@@ -23,9 +25,6 @@ from hindrax_drivers.devices.ping1d_settings import Ping1dKnobs
 from hindrax_drivers.driver import in_water
 from hindrax_drivers.protocols import ping_protocol as protocol
 
-NAME = "ping"
-HELP = "the sonar asked by hand: one echo profile, or its number, supply and temperatures"
-EXAMPLE = "./hindrax ping profile --port /dev/hindrax/ping"
 PATIENCE_S = 8.0
 TICK_S = 0.05
 ROWS = 20
@@ -34,39 +33,28 @@ LOUDEST = 255
 ReadingT = TypeVar("ReadingT")
 
 
-@dataclass(frozen=True, slots=True)
-class SonarAnswer(Generic[ReadingT]):
-    """What the sonar said, and how long it took to say it."""
-
-    identity: str
-    reading: ReadingT
-    round_trip_s: float
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare what to do and where the sonar is."""
-    parser.add_argument("action", choices=("profile", "show"), help="one profile, or the device itself")
-    add_vehicle(parser)
-    parser.add_argument("--port", metavar="PATH", help="serial port; default: of the vehicle file")
-    parser.add_argument("--device-id", type=int, metavar="N", help="give the sonar this number first, 0 to 254")
-    add_json(parser)
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Ask, and print the answer."""
+@command(
+    "./hindrax ping profile --port /dev/hindrax/ping",
+    option("action", choices=("profile", "show"), help="one profile, or the device itself"),
+    add_vehicle,
+    option("--port", metavar="PATH", help="serial port; default: of the vehicle file"),
+    option("--device-id", type=int, metavar="N", help="give the sonar this number first, 0 to 254"),
+    add_json,
+)
+def ping(arguments: argparse.Namespace) -> int:
+    """The sonar asked by hand: one echo profile, or its number, supply and temperatures."""
     vehicle = load_vehicle(arguments.vehicle)
     port = arguments.port or mount_of(vehicle, "ping1d")[1].port
     knobs = in_water(Ping1dKnobs(continuous=False, profile=True, min_confidence=0.0), vehicle)
     sonar, order = Ping1d(knobs), number_order(arguments.device_id)
     if arguments.action == "profile":
-        answer = ask(port, sonar, EchoProfile, order)
-        print_answer(document(port, answer), "\n".join(drawn(port, answer)), as_json=arguments.json)
-        return 0
-    health = ask(port, sonar, SonarHealth, order)
-    report: dict[str, object] = {"port": port, "identity": health.identity}
-    report |= {name: plain(value) for name, value in asdict(health.reading).items()}
-    print_answer(report, "\n".join(f"{key}: {value}" for key, value in report.items()), as_json=arguments.json)
-    return 0
+        identity, echo = ask(port, sonar, EchoProfile, order)
+        found = document(port, identity, echo, sonar.round_trip_s or 0.0)
+        return print_answer(found, "\n".join(drawn(found)), as_json=arguments.json)
+    identity, health = ask(port, sonar, SonarHealth, order)
+    report = {"port": port, "identity": identity} | {name: plain(value) for name, value in asdict(health).items()}
+    lines = (f"{key}: {value}" for key, value in report.items())
+    return print_answer(report, "\n".join(lines), as_json=arguments.json)
 
 
 def number_order(device_id: int | None) -> bytes:
@@ -78,8 +66,8 @@ def number_order(device_id: int | None) -> bytes:
     return protocol.encode(protocol.SET_DEVICE_ID, bytes([device_id]))
 
 
-def ask(path: str, sonar: Ping1d, wanted: type[ReadingT], order: bytes = b"") -> SonarAnswer[ReadingT]:
-    """Wake the sonar, give it the order, set it up and wait for a reading. HindraxError when none comes."""
+def ask(path: str, sonar: Ping1d, wanted: type[ReadingT], order: bytes = b"") -> tuple[str, ReadingT]:
+    """Wake the sonar, give it the order, set it up; who it is, and its reading. HindraxError when none comes."""
     identity, trouble = "", "silence"
     try:
         with closing(SystemClock()) as clock, closing(SerialPort(path, sonar.baud, clock)) as port:
@@ -95,7 +83,7 @@ def ask(path: str, sonar: Ping1d, wanted: type[ReadingT], order: bytes = b"") ->
                     elif isinstance(one, Trouble):
                         trouble = one.text
                     elif isinstance(one, Stamped) and isinstance(one.reading, wanted):
-                        return SonarAnswer(identity, one.reading, sonar.round_trip_s or 0.0)
+                        return identity, one.reading
                 port.wait(after(clock.now(), TICK_S))
                 data, stamp = port.read()
                 outputs = [*sonar.feed(data, stamp), *sonar.tick(stamp)]
@@ -104,31 +92,30 @@ def ask(path: str, sonar: Ping1d, wanted: type[ReadingT], order: bytes = b"") ->
     raise HindraxError(f"{path}: no answer in {PATIENCE_S:g} s ({trouble}); check power, cable and speed")
 
 
-def document(port: str, answer: SonarAnswer[EchoProfile]) -> dict[str, Any]:
+def document(port: str, identity: str, echo: EchoProfile, round_trip_s: float) -> dict[str, Any]:
     """Return the answer for a program; strengths from 0 to 255, evenly over the scan."""
-    echo = answer.reading
     return {
         "port": port,
-        "identity": answer.identity,
+        "identity": identity,
         "distance_m": echo.range_m,
         "confidence": echo.confidence,
         "scan_m": [echo.start_m, echo.start_m + echo.length_m],
         "gain": echo.gain,
-        "round_trip_s": answer.round_trip_s,
+        "round_trip_s": round_trip_s,
         "strength": list(echo.strength),
     }
 
 
-def drawn(port: str, answer: SonarAnswer[EchoProfile]) -> list[str]:
-    """Return the answer for a person: one row per part of the scan, as long as its loudest echo."""
-    echo = answer.reading
-    head = f"{answer.identity} on {port}, answered in {answer.round_trip_s * 1e3:.0f} ms"
-    found = f"{echo.range_m:.3f} m, confidence {echo.confidence:.0%}, gain {echo.gain}"
-    count = len(echo.strength)
-    rows = [echo.strength[count * row // ROWS : count * (row + 1) // ROWS] for row in range(ROWS)]
-    lines = [
-        f"{echo.start_m + echo.length_m * (row + 0.5) / ROWS:7.2f} m  {'#' * (WIDTH * max(part) // LOUDEST)}"
-        for row, part in enumerate(rows)
-        if part
+def drawn(found: Mapping[str, Any]) -> list[str]:
+    """Return the document for a person: one row per part of the scan, as long as its loudest echo."""
+    (start_m, end_m), strength, count = found["scan_m"], found["strength"], len(found["strength"])
+    parts = [strength[count * row // ROWS : count * (row + 1) // ROWS] for row in range(ROWS)]
+    return [
+        f"{found['identity']} on {found['port']}, answered in {found['round_trip_s'] * 1e3:.0f} ms",
+        f"{found['distance_m']:.3f} m, confidence {found['confidence']:.0%}, gain {found['gain']}",
+        *(
+            f"{start_m + (end_m - start_m) * (row + 0.5) / ROWS:7.2f} m  {'#' * (WIDTH * max(part) // LOUDEST)}"
+            for row, part in enumerate(parts)
+            if part
+        ),
     ]
-    return [head, found, *lines]

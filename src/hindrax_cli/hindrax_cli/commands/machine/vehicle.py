@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from hindrax_analysis.plain import print_json
+from hindrax_analysis.plain import print_answer, print_json
 from hindrax_analysis.terminal import make_table, print_table
 from hindrax_bringup.share_files import own_vehicles, vehicle_file
 from hindrax_cli.argument_types import add_json
+from hindrax_cli.command import add_words, command, option
 from hindrax_cli.vehicle_questions import ask, file_text
 from hindrax_cli.vehicle_review import findings, picture
 from hindrax_control.allocation.thrust_curve import thrust_curves
@@ -21,34 +22,7 @@ from hindrax_core.text.screen_text import print_fitted, print_whole
 from hindrax_core.text.text_file import replace_text, require_place, writing
 from hindrax_core.vehicle import AXES, Thruster, Vehicle, load_vehicle, vehicle_from_text
 
-NAME = "vehicle"
-HELP = "make a vehicle file by ten questions, check one, show its thrusters"
-EXAMPLE = "./hindrax vehicle new myrov"
-
 UPRIGHT_deg = 90.0
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """One word, and the vehicle."""
-    words = parser.add_subparsers(dest="word", required=True, metavar="WORD")
-    for word, does in WORDS.items():
-        one = words.add_parser(
-            word,
-            help=does.__doc__,
-            description=does.__doc__,
-            epilog=f"example:\n  ./hindrax vehicle {word} myrov",
-            formatter_class=parser.formatter_class,
-        )
-        one.add_argument("vehicle", metavar="NAME", help="its name, or its file")
-        if word == "new":
-            one.add_argument("--out", type=Path, metavar="FILE", help="default: NAME.yaml in ~/.config/hindrax")
-        else:
-            add_json(one)
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Do what the word says."""
-    return WORDS[arguments.word](arguments)
 
 
 def new(arguments: argparse.Namespace) -> int:
@@ -89,10 +63,8 @@ def check(arguments: argparse.Namespace) -> int:
     """Whether a vehicle file can fly, and what looks wrong in it; exit 1 when something is to be done."""
     vehicle = load_vehicle(vehicle_file(arguments.vehicle))
     found = findings(vehicle)
-    if arguments.json:
-        print_json({"checks": [one.document() for one in found]})
-    else:
-        _show_checks(vehicle)
+    document = {"checks": [one.document() for one in found]}
+    print_answer(document, lambda: _show_checks(vehicle), as_json=arguments.json)
     return 0 if all(one.ok for one in found) else 1
 
 
@@ -141,4 +113,19 @@ def _document(vehicle: Vehicle, reach: dict[str, float], reasons: dict[str, str]
     return {"vehicle": vehicle.name, "thrusters": thrusters, "largest_wrench": reach, "not_served": reasons}
 
 
-WORDS: dict[str, Callable[[argparse.Namespace], int]] = {"new": new, "check": check, "show": show}
+NAMED = option("vehicle", metavar="NAME", help="its name, or its file")
+WORDS = {
+    "new": command(
+        "./hindrax vehicle new myrov",
+        NAMED,
+        option("--out", type=Path, metavar="FILE", help="default: NAME.yaml in ~/.config/hindrax"),
+    )(new),
+    "check": command("./hindrax vehicle check myrov", NAMED, add_json)(check),
+    "show": command("./hindrax vehicle show myrov", NAMED, add_json)(show),
+}
+
+
+@command("./hindrax vehicle new myrov", partial(add_words, words=WORDS))
+def vehicle(arguments: argparse.Namespace) -> int:
+    """Make a vehicle file by ten questions, check one, show its thrusters."""
+    return WORDS[arguments.word].run(arguments)

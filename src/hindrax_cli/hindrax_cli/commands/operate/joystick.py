@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import yaml
@@ -11,6 +12,7 @@ import yaml
 from hindrax_bringup.share_files import usual_vehicle, vehicle_file
 from hindrax_bringup.stack import adopted, environment, environment_beside
 from hindrax_cli.argument_types import add_vehicle
+from hindrax_cli.command import command, option
 from hindrax_control.teleop import TeleopKnobs
 from hindrax_core.errors import UsageError
 from hindrax_core.knobs import build
@@ -18,26 +20,19 @@ from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.topics import namespace_arguments
 from hindrax_operator.connection import add_stack, told_presence
 
-NAME = "joystick"
-HELP = "steer by hand: /hindrax/joy and /hindrax/cmd_vel become wrenches, until Ctrl-C"
-EXAMPLE = (
+
+@command(
     "./hindrax joystick        (then, in another terminal: ros2 run joy joy_node --ros-args -r joy:=/hindrax/joy\n"
     "                              or: ros2 run teleop_twist_keyboard teleop_twist_keyboard --ros-args"
-    " -r cmd_vel:=/hindrax/cmd_vel)"
-)
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the stack and the parameters of the node."""
-    add_stack(parser)
-    add_vehicle(parser, "vehicle: its file, or its name; default: that of the stack", default=False)
-    parser.add_argument(
+    " -r cmd_vel:=/hindrax/cmd_vel)",
+    add_stack,
+    partial(add_vehicle, meaning="vehicle: its file, or its name; default: that of the stack", default=False),
+    option(
         "--set", action="append", default=[], metavar="NAME:=VALUE", help="parameter of the node, such as dead_man:=5"
-    )
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Run the node here until a signal."""
+    ),
+)
+def joystick(arguments: argparse.Namespace) -> int:
+    """Steer by hand: /hindrax/joy and /hindrax/cmd_vel become wrenches, until Ctrl-C."""
     check(arguments.set)
     found = told_presence(arguments)
     file = arguments.vehicle or (found.vehicle if found else str(vehicle_file(usual_vehicle())))

@@ -6,18 +6,16 @@ import argparse
 import time
 from dataclasses import asdict, dataclass
 
-from hindrax_analysis.plain import print_json
+from hindrax_analysis.plain import print_answer
 from hindrax_analysis.terminal import make_table, print_table
 from hindrax_bringup.liveness import NOBODY, liveness_of_stacks
 from hindrax_bringup.stack_lock import StackLock, runtime_place, stacks
 from hindrax_cli.argument_types import add_json
+from hindrax_cli.command import command
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import load_vehicle
 
-NAME = "status"
-HELP = "every stack on this machine: what it does, domain, armed or not, age, health, bag"
-EXAMPLE = "./hindrax status"
 THRUSTERS_S, DIAGNOSTICS_S = 3.0, 1.5
 """Longest wait for the state of the thrusters, and time in which every node reports once."""
 WELL = "well"
@@ -38,41 +36,25 @@ class StackStatus:
     bag: str = ""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Only the form of the answer."""
-    add_json(parser)
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """List what is announced here, and the tools that still wait for something."""
+@command("./hindrax status", add_json)
+def status(arguments: argparse.Namespace) -> int:
+    """Every stack on this machine: what it does, domain, armed or not, age, health, bag."""
     now_s = time.monotonic()
     alive, found = liveness_of_stacks(runtime_place(), now_s), stacks()
     rows = [_status(one, alive.get(one.pid), now_s) for one in found]
     known = {one.pid for one in found}
     rows += [StackStatus(pid, what, health=wrong or WELL) for pid, (what, wrong) in alive.items() if pid not in known]
-    if arguments.json:
-        print_json({"stacks": [asdict(one) for one in rows]})
-    elif rows:
-        _show(rows)
-    else:
-        print_fitted(NOBODY)
-    return 0
+    document = {"stacks": [asdict(one) for one in rows]}
+    return print_answer(document, lambda: _show(rows) if rows else print_fitted(NOBODY), as_json=arguments.json)
 
 
 def _status(stack: StackLock, alive: tuple[str, str] | None, now_s: float) -> StackStatus:
     """What the lock file, the alive and, where nobody else knows it, the graph of a stack say."""
     doing, wrong = alive or ("", "")
     what, _, thrusters = doing.rpartition(": ")
-    made = StackStatus(
-        stack.pid,
-        what or stack.purpose,
-        _vehicle(stack),
-        stack.domain,
-        thrusters if what else "",
-        round(now_s - stack.started_s, 1),
-        wrong or WELL,
-        stack.bag,
-    )
+    age_s = round(now_s - stack.started_s, 1)
+    told = _vehicle(stack), stack.domain, thrusters if what else "", age_s, wrong or WELL, stack.bag
+    made = StackStatus(stack.pid, what or stack.purpose, *told)
     if stack.waits_for_operator:
         _ask(stack, made)
     return made
@@ -108,5 +90,5 @@ def _show(rows: list[StackStatus]) -> None:
     table = make_table("", headings[:3], headings[3:], ["health", "bag"])
     for one in rows:
         age = "" if one.age_s is None else f"{one.age_s:.0f}"
-        table.add_row(str(one.stack), one.what, one.vehicle, one.domain, one.thrusters, age, one.health, one.bag)
+        table.add_row(*(age if name == "age_s" else str(cell) for name, cell in asdict(one).items()))
     print_table(table)

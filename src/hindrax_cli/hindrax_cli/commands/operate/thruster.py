@@ -7,30 +7,19 @@ from pathlib import Path
 
 import yaml
 
-from hindrax_analysis.plain import print_json
+from hindrax_analysis.plain import print_answer
 from hindrax_cli.argument_types import add_json, add_vehicle, positive
-from hindrax_cli.commands.experiment import bollard
-from hindrax_cli.vehicle_edit import require_editable, set_key
+from hindrax_cli.command import command, option
+from hindrax_cli.commands.experiment import blocks
+from hindrax_cli.vehicle_edit import kept, require_editable, set_key
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_operator.connection import add_stack, operator_of
 
-NAME = "thruster"
-HELP = "run one thruster alone, fit its curve from a sweep, take it out of use or back"
-EXAMPLE = (
-    "./hindrax thruster 3 --force 5 --for 2            (alone, armed for it; not beside a running stack)\n"
-    "  ./hindrax thruster fit sweep.csv --lever-ratio 2 --write\n"
-    "  ./hindrax thruster disable T3 --reason 'blade lost'   (and: enable T3)"
-)
 ACTIONS = ("fit", "disable", "enable")
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the action and its thrusters or sweep."""
-    parser.add_argument("what", metavar="N|fit|disable|enable", help="a thruster (3 or T3), or what to do")
-    parser.add_argument("which", nargs="*", metavar="SWEEP.csv|T3", help="sweep to fit, thrusters to disable or enable")
-    add_vehicle(parser)
-    add_stack(parser)
+def _groups(parser: argparse.ArgumentParser) -> None:
     alone = parser.add_argument_group("one thruster alone")
     alone.add_argument("--force", type=float, metavar="N", help="along its axis, negative: astern [N]")
     alone.add_argument("--for", dest="seconds", type=positive, default=2.0, metavar="S", help="how long; default 2 [s]")
@@ -38,25 +27,35 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     health = parser.add_argument_group("disable")
     health.add_argument("--reason", default="disabled by the operator", help="one sentence for the bag and the display")
     sweep = parser.add_argument_group("fit", "columns of the sweep: pulse_us, load_N, supply_V where measured")
-    bollard.add_rig(sweep)
+    blocks.add_rig(sweep)
     sweep.add_argument("--write", action="store_true", help="put the curve into the vehicle file")
     sweep.add_argument("--plot", type=Path, metavar="FILE", help="draw the sweep and the curve")
     sweep.add_argument("--field", action="append", default=[], help=argparse.SUPPRESS)
     add_json(sweep)
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Run, fit, or enable and disable."""
+@command(
+    "./hindrax thruster 3 --force 5 --for 2            (alone, armed for it; not beside a running stack)\n"
+    "  ./hindrax thruster fit sweep.csv --lever-ratio 2 --write\n"
+    "  ./hindrax thruster disable T3 --reason 'blade lost'   (and: enable T3)",
+    option("what", metavar="N|fit|disable|enable", help="a thruster (3 or T3), or what to do"),
+    option("which", nargs="*", metavar="SWEEP.csv|T3", help="sweep to fit, thrusters to disable or enable"),
+    add_vehicle,
+    add_stack,
+    _groups,
+)
+def thruster(arguments: argparse.Namespace) -> int:
+    """Run one thruster alone, fit its curve from a sweep, take it out of use or back."""
     if arguments.what == "fit":
         return _fit(arguments)
     if arguments.what in ACTIONS:
         return _set_health(arguments)
     if arguments.which or arguments.force is None:
         raise UsageError(f"thruster {arguments.what}: wanted --force NEWTONS and nothing else, or {', '.join(ACTIONS)}")
-    from hindrax_operator.one_thruster import ThrusterRun, run_one  # noqa: PLC0415  # fitting does without the stack
+    from hindrax_operator.one_thruster import run_one  # noqa: PLC0415  # fitting does without the stack
 
-    wanted = ThrusterRun(arguments.what, arguments.force, arguments.seconds, Path(arguments.vehicle), arguments.mock)
-    print_fitted(run_one(wanted))
+    vehicle, how = Path(arguments.vehicle), (arguments.what, arguments.force, arguments.seconds)
+    print_fitted(run_one(*how, vehicle, mock=arguments.mock))
     return 0
 
 
@@ -64,16 +63,14 @@ def _fit(arguments: argparse.Namespace) -> int:
     if len(arguments.which) != 1:
         raise UsageError(f"thruster fit: found {len(arguments.which)} files, wanted one sweep (CSV)")
     arguments.record = Path(arguments.which[0])
-    if arguments.write:
-        require_editable(Path(arguments.vehicle))
-    curve, block = bollard.fitted(arguments)
+    require_editable(arguments)
+    curve, block = blocks.fitted(arguments)
     if arguments.write:
         fresh = yaml.safe_load(block)["curves"][arguments.name]
         set_key(Path(arguments.vehicle), ("curves", arguments.name), fresh)
-    bollard.print_curve(arguments, curve, block)
+    blocks.print_curve(arguments, curve, block)
     if not arguments.json:
-        where = f"curves.{arguments.name} of {arguments.vehicle}"
-        print_fitted(f"written to {where}" if arguments.write else f"not kept; --write puts it into {where}")
+        print_fitted(kept(arguments, f"curves.{arguments.name} of {arguments.vehicle}"))
     return 0
 
 
@@ -86,8 +83,5 @@ def _set_health(arguments: argparse.Namespace) -> int:
     with operator_of(arguments) as operator:
         left_out = set_health(operator, names, arguments.reason, usable=arguments.what == "enable")
         lost = list(operator.allocation.lost_axes)
-    if arguments.json:
-        print_json({"disabled": left_out, "lost_axes": lost})
-        return 0
-    print_fitted(f"out of use: {', '.join(left_out) or 'none'}" + (f"; lost axes: {', '.join(lost)}" if lost else ""))
-    return 0
+    said = f"out of use: {', '.join(left_out) or 'none'}" + (f"; lost axes: {', '.join(lost)}" if lost else "")
+    return print_answer({"disabled": left_out, "lost_axes": lost}, said, as_json=arguments.json)

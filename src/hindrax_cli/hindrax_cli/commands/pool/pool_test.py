@@ -9,7 +9,8 @@ from pathlib import Path
 
 from hindrax_bringup.stack import FAULT_HELP, WORLD_HELP, MockOptions
 from hindrax_cli.argument_types import add_json, add_tuning, add_vehicle, pace, seed, share, tuning_of
-from hindrax_cli.commands.operate.recentre import PLACE_HELP, place_of
+from hindrax_cli.command import command, option
+from hindrax_cli.commands.operate.orders import PLACE_HELP, place_of
 from hindrax_control.maneuver.goal import EXCITATIONS, PLATEAUS
 from hindrax_control.maneuver.plan import MOTIONS
 from hindrax_core.errors import UsageError
@@ -17,58 +18,7 @@ from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.online.aim import Aim
 from hindrax_operator.pool_run import ABORT, CONTINUE, PoolOptions, run_pool_test
 
-NAME = "pool-test"
-HELP = "fly the maneuvers and identify the vehicle: the main job"
-EXAMPLE = """./hindrax pool-test --plan --dof all
-  ./hindrax pool-test --mock --dof surge --seed 7
-  ./hindrax pool-test --mock --dof all --until 2% --minutes 5"""
 PLAN_HELP = "only rehearse it in lock-step: timetable, clearances, charge and bands, without ROS and devices"
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Vehicle or mock, motions, where to put the results."""
-    parser.add_argument("--mock", action="store_true", help="fly the mock vehicle instead of the one on this machine")
-    parser.add_argument("--plan", action="store_true", help=PLAN_HELP)
-    parser.add_argument(
-        "--dof",
-        nargs="+",
-        default=["surge"],
-        choices=[*MOTIONS, "all"],
-        help="default: surge; all: what its thrusters serve",
-    )
-    parser.add_argument(
-        "--until",
-        type=share,
-        default=0.0,
-        metavar="SHARE",
-        help="noise of the drag at which it ends, such as 2%%: the identification chooses what to fly",
-    )
-    parser.add_argument("--minutes", type=float, default=0.0, help="after which it ends, and with what it knows then")
-    parser.add_argument("--seed", type=seed, default=1, help="of the mock's noise and of the excitation; default 1")
-    parser.add_argument(
-        "--rate", type=pace, default=0.0, help="mock: times real time at most; default: as fast as the stack follows"
-    )
-    parser.add_argument("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP)
-    parser.add_argument("--world", default="", help=f"{WORLD_HELP}. Default: pool")
-    parser.add_argument("--excitation", default=PLATEAUS, choices=(PLATEAUS, *EXCITATIONS), help="default: plateaus")
-    parser.add_argument(
-        "--on-cancel",
-        choices=("neutral", "hold"),
-        default="neutral",
-        help="how a guard ends it, before it is disarmed; default: neutral",
-    )
-    parser.add_argument(
-        "--without-record",
-        choices=(ABORT, CONTINUE),
-        default=ABORT,
-        help="what happens when the recorder or its disk fails in flight; default: abort",
-    )
-    parser.add_argument("--start", nargs="+", metavar="X", help=f"X Y [DEG]: {PLACE_HELP}")
-    parser.add_argument("--out", metavar="DIR", help="new or empty folder for the results; default runs/<time>")
-    add_vehicle(parser)
-    add_tuning(parser)
-    parser.add_argument("--headless", action="store_true", help="no live progress, one line per phase")
-    add_json(parser)
 
 
 def aim_of(arguments: argparse.Namespace) -> Aim | None:
@@ -81,8 +31,55 @@ def aim_of(arguments: argparse.Namespace) -> Aim | None:
     return Aim(arguments.until, arguments.minutes)
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Check the arguments, then fly."""
+@command(
+    "./hindrax pool-test --plan --dof all\n"
+    "  ./hindrax pool-test --mock --dof surge --seed 7\n"
+    "  ./hindrax pool-test --mock --dof all --until 2% --minutes 5",
+    option("--mock", action="store_true", help="fly the mock vehicle instead of the one on this machine"),
+    option("--plan", action="store_true", help=PLAN_HELP),
+    option(
+        "--dof",
+        nargs="+",
+        default=["surge"],
+        choices=[*MOTIONS, "all"],
+        help="default: surge; all: what its thrusters serve",
+    ),
+    option(
+        "--until",
+        type=share,
+        default=0.0,
+        metavar="SHARE",
+        help="noise of the drag at which it ends, such as 2%%: the identification chooses what to fly",
+    ),
+    option("--minutes", type=float, default=0.0, help="after which it ends, and with what it knows then"),
+    option("--seed", type=seed, default=1, help="of the mock's noise and of the excitation; default 1"),
+    option(
+        "--rate", type=pace, default=0.0, help="mock: times real time at most; default: as fast as the stack follows"
+    ),
+    option("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP),
+    option("--world", default="", help=f"{WORLD_HELP}. Default: pool"),
+    option("--excitation", default=PLATEAUS, choices=(PLATEAUS, *EXCITATIONS), help="default: plateaus"),
+    option(
+        "--on-cancel",
+        choices=("neutral", "hold"),
+        default="neutral",
+        help="how a guard ends it, before it is disarmed; default: neutral",
+    ),
+    option(
+        "--without-record",
+        choices=(ABORT, CONTINUE),
+        default=ABORT,
+        help="what happens when the recorder or its disk fails in flight; default: abort",
+    ),
+    option("--start", nargs="+", metavar="X", help=f"X Y [DEG]: {PLACE_HELP}"),
+    option("--out", metavar="DIR", help="new or empty folder for the results; default runs/<time>"),
+    add_vehicle,
+    add_tuning,
+    option("--headless", action="store_true", help="no live progress, one line per phase"),
+    add_json,
+)
+def pool_test(arguments: argparse.Namespace) -> int:
+    """Fly the maneuvers and identify the vehicle: the main job."""
     aim = aim_of(arguments)
     if arguments.plan:
         from hindrax_cli.pool_plan import rehearse_and_show  # noqa: PLC0415  # a flight needs neither SciPy nor the simulator

@@ -1,4 +1,4 @@
-"""`hindrax web`: the live view and the maneuvers in a browser."""
+"""The live view of a vehicle: `hindrax monitor` in a terminal, `hindrax web` in a browser, with the maneuvers."""
 
 from __future__ import annotations
 
@@ -13,64 +13,98 @@ from typing import TYPE_CHECKING
 from hindrax_bringup.share_files import usual_vehicle, vehicle_file
 from hindrax_bringup.stack_lock import runtime_folder
 from hindrax_bringup.stack_runner import asked_to_end, report
+from hindrax_cli.command import command, option
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_fitted, print_whole
 from hindrax_core.vehicle import AXES, load_vehicle
-from hindrax_operator.connection import add_stack, told_presence
+from hindrax_operator.connection import add_stack, presence_of, told_presence
 from hindrax_operator.web.access import Access, hosts_of
 
 if TYPE_CHECKING:
     from hindrax_operator.monitor.graph_link import GraphLink
-    from hindrax_operator.web.page_controller import PageController
 
-NAME = "web"
-HELP = "live view in a browser: plots, the pool from above, maneuvers, finished reports"
-EXAMPLE = "./hindrax web\n  ./hindrax web --read-only --address 192.168.2.2"
 PORT = 8480
 JOIN_S, VEHICLE_S = 15.0, 10.0
 TURN_S = 0.1
 TOKEN_bytes = 24
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Where it is served, and what it may."""
-    parser.add_argument(
+@command("./hindrax monitor", add_stack)
+def monitor(arguments: argparse.Namespace) -> int:
+    """Live view in the terminal (also over ssh); keys to stop and disarm."""
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):  # where textual hears keys, and where it draws
+        raise UsageError("found no terminal to draw on, wanted one; over ssh use `ssh -t`")
+    from hindrax_operator.monitor.app import Monitor  # noqa: PLC0415  # textual takes long to load
+    from hindrax_operator.monitor.graph_link import GraphLink  # noqa: PLC0415  # as above
+
+    link = GraphLink(presence_of(arguments), sim_time=arguments.sim_time, namespace=arguments.namespace)
+    link.start()
+    try:
+        link.wait(JOIN_S)
+        Monitor(link).run()
+    finally:
+        link.close()
+    return 0
+
+
+@command(
+    "./hindrax web\n  ./hindrax web --read-only --address 192.168.2.2",
+    option(
         "--address",
         default="127.0.0.1",
         metavar="ADDRESS",
         help="of this machine, in numbers; default 127.0.0.1, which only this machine reaches",
-    )
-    parser.add_argument("--port", type=int, default=PORT, help=f"default {PORT}; 0: any free one")
-    parser.add_argument("--read-only", action="store_true", help="no orders from the page, for people who watch")
-    parser.add_argument("--new-token", action="store_true", help="a new address; those given away stop working")
-    parser.add_argument(
+    ),
+    option("--port", type=int, default=PORT, help=f"default {PORT}; 0: any free one"),
+    option("--read-only", action="store_true", help="no orders from the page, for people who watch"),
+    option("--new-token", action="store_true", help="a new address; those given away stop working"),
+    option(
         "--runs",
         type=Path,
         default=Path("runs"),
         metavar="DIR",
         help="folder of runs whose reports are shown; default runs",
-    )
-    add_stack(parser)
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Bind, join the graph, report the address, serve until Ctrl-C."""
+    ),
+    add_stack,
+)
+def web(arguments: argparse.Namespace) -> int:
+    """Live view in a browser: plots, the pool from above, maneuvers, finished reports."""
     if not 0 <= arguments.port < 1 << 16:
         raise UsageError(f"--port: found {arguments.port}, wanted 0 to 65535")
-    access = Access(hosts_of(arguments.address), kept_token(read_only=arguments.read_only, new=arguments.new_token))
+    read_only = arguments.read_only
+    access = Access(hosts_of(arguments.address), kept_token(read_only=read_only, new=arguments.new_token))
     from hindrax_control.maneuver.goal import servable_motions  # noqa: PLC0415  # help must not wait for numpy
     from hindrax_operator.monitor.graph_link import GraphLink  # noqa: PLC0415  # as above
     from hindrax_operator.web.page_controller import PageController, ViewerHeartbeat  # noqa: PLC0415  # as above
     from hindrax_operator.web.reports import Reports  # noqa: PLC0415  # as above
+    from hindrax_operator.web.server import Server  # noqa: PLC0415  # as above
 
     found = told_presence(arguments)
     vehicle = load_vehicle(Path(found.vehicle) if found else vehicle_file(usual_vehicle()))
     heartbeat = ViewerHeartbeat()
     link = GraphLink(found, sim_time=arguments.sim_time, namespace=arguments.namespace, present=heartbeat.present)
-    reports = Reports(arguments.runs)
-    controller = PageController(link, vehicle, reports, heartbeat, read_only=arguments.read_only, log=report)
+    controller = PageController(link, vehicle, Reports(arguments.runs), heartbeat, read_only=read_only, log=report)
     with asked_to_end() as over:
-        _serve(arguments, access, controller, link, over, servable=f"{vehicle.name} {servable_motions(AXES, vehicle)}")
+        server = Server(arguments.address, arguments.port, access, controller)
+        link.start()
+        try:
+            _wait_for_vehicle(link, over)
+            server.start()
+            report(f"{vehicle.name} {servable_motions(AXES, vehicle)}")
+            print_fitted(startup_text(arguments.address, server.port, access.token, read_only=read_only))
+            if sys.stdout.isatty() and "localhost" not in access.hosts:
+                print_whole(qr_code(page_url(arguments.address, server.port, access.token)))
+            while not over() and link.is_alive():
+                if not server.is_alive():
+                    raise HindraxError(
+                        "the server of the page has ended, by a mistake of ours; start `./hindrax web` again"
+                    )
+                time.sleep(TURN_S)
+        finally:
+            server.close()
+            link.close()
+        if link.error is not None:
+            raise link.error
     return 0
 
 
@@ -84,39 +118,6 @@ def kept_token(*, read_only: bool, new: bool = False) -> str:
     token = ("" if new else file.read_text(encoding="ascii")) or secrets.token_urlsafe(TOKEN_bytes)
     file.write_text(token, encoding="ascii")
     return token
-
-
-def _serve(
-    arguments: argparse.Namespace,
-    access: Access,
-    controller: PageController,
-    link: GraphLink,
-    over: Callable[[], bool],
-    *,
-    servable: str,
-) -> None:
-    from hindrax_operator.web.server import Server  # noqa: PLC0415  # only the command that serves pays for it
-
-    server = Server(arguments.address, arguments.port, access, controller)
-    link.start()
-    try:
-        _wait_for_vehicle(link, over)
-        server.start()
-        report(servable)
-        print_fitted(startup_text(arguments.address, server.port, access.token, read_only=arguments.read_only))
-        if sys.stdout.isatty() and "localhost" not in access.hosts:
-            print_whole(qr_code(page_url(arguments.address, server.port, access.token)))
-        while not over() and link.is_alive():
-            if not server.is_alive():
-                raise HindraxError(
-                    "the server of the page has ended, by a mistake of ours; start `./hindrax web` again"
-                )
-            time.sleep(TURN_S)
-    finally:
-        server.close()
-        link.close()
-    if link.error is not None:
-        raise link.error
 
 
 def _wait_for_vehicle(link: GraphLink, over: Callable[[], bool]) -> None:

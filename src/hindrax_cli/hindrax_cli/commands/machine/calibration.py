@@ -1,8 +1,9 @@
-"""`hindrax imu`: offsets and distortion of magnetometer and accelerometer from a turn, and the sensor's self test."""
+"""Sensors that a turn or calm air calibrates, with the stack down: `hindrax imu` and `hindrax depth`."""
 
 from __future__ import annotations
 
 import argparse
+import statistics
 import sys
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -10,72 +11,68 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from hindrax_analysis.plain import print_answer, print_json
+from hindrax_analysis.plain import print_answer
+from hindrax_analysis.terminal import working
 from hindrax_bag.read.bag_reader import messages
 from hindrax_cli.argument_types import add_i2c_port, add_json, add_vehicle
-from hindrax_cli.vehicle_edit import require_editable, set_key
+from hindrax_cli.command import command, option
+from hindrax_cli.vehicle_edit import add_write, kept, require_editable, set_key
 from hindrax_core import topics
 from hindrax_core.errors import HindraxError
-from hindrax_core.readings import Inertial, Magnetic, Vec3
-from hindrax_core.text.screen_text import print_fitted, print_whole
+from hindrax_core.readings import Inertial, Magnetic, Pressure, Vec3
+from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import GRAVITY_mps2, Mount, load_vehicle
 from hindrax_drivers.bus_capture import capture, mount_of, run_once
 from hindrax_drivers.devices.icm20948 import Icm20948
 from hindrax_drivers.devices.imu.icm20948_samples import Icm20948Knobs
 from hindrax_drivers.devices.imu.icm20948_selftest import self_test
+from hindrax_drivers.devices.ms5837 import Ms5837
 from hindrax_drivers.imu_calibration import correction, fit_sphere, roundness
 
-NAME = "imu"
-HELP = "calibrate magnetometer and accelerometer from a turn, or run the sensor's self test"
-EXAMPLE = "./hindrax imu calibrate --seconds 90 --write"
 SLOW_radps = 0.15
 """While it turns no faster, the accelerometer sees gravity and little else."""
 NEAR_GRAVITY = 0.15
+AIR_Pa = (80_000.0, 120_000.0)
+CALM_Pa = 150.0
+FEWEST = 20
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare what to do, where the data come from, and whether the vehicle file shall keep the result."""
-    parser.add_argument("action", choices=("calibrate", "self-test"), help="self-test: the vehicle must stand still")
-    add_vehicle(parser)
-    add_i2c_port(parser)
-    parser.add_argument("--seconds", type=float, default=60.0, metavar="S", help="how long to turn [s]")
-    parser.add_argument("--bag", metavar="BAG", help="calibrate from a recorded turn instead of a live one")
-    parser.add_argument("--write", action="store_true", help="put the result into the vehicle file")
-    add_json(parser)
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Calibrate or test, print what came of it."""
-    if arguments.write:
-        require_editable(Path(arguments.vehicle))
+@command(
+    "./hindrax imu calibrate --seconds 90 --write",
+    option("action", choices=("calibrate", "self-test"), help="self-test: the vehicle must stand still"),
+    add_vehicle,
+    add_i2c_port,
+    option("--seconds", type=float, default=60.0, metavar="S", help="how long to turn [s]"),
+    option("--bag", metavar="BAG", help="calibrate from a recorded turn instead of a live one"),
+    add_write,
+    add_json,
+)
+def imu(arguments: argparse.Namespace) -> int:
+    """Calibrate magnetometer and accelerometer from a turn, or run the sensor's self test."""
+    require_editable(arguments)
     name, mount = mount_of(load_vehicle(arguments.vehicle), "icm20948")
     port = arguments.port or mount.port
     if arguments.action == "self-test":
         return _self_test(port, mount, as_json=arguments.json)
-    if arguments.bag:
-        forces, fields = from_bag(arguments.bag)
-    else:
-        forces, fields = live(port, mount, arguments.seconds)
+    forces, fields = from_bag(arguments.bag) if arguments.bag else live(port, mount, arguments.seconds)
     found, remarks = calibration(forces, fields, mount.calibration if arguments.bag else {})
     if arguments.write and found:
         block = {key: values for key, values in mount.calibration.items() if not key.endswith("_scale")} | found
         rounded = {key: [float(f"{one:.6g}") for one in values] for key, values in block.items()}
         set_key(Path(arguments.vehicle), ("sensors", name, "calibration"), rounded)
-    if arguments.json:
-        print_json({"calibration": found, "remarks": remarks, "written": arguments.write and bool(found)})
-    else:
-        print_fitted(
-            "\n".join([*remarks, *(f"{key}: {[float(f'{v:.6g}') for v in one]}" for key, one in found.items())])
-        )
+    document = {"calibration": found, "remarks": remarks, "written": arguments.write and bool(found)}
+    lines = [*remarks, *(f"{key}: {[float(f'{v:.6g}') for v in one]}" for key, one in found.items())]
+    print_answer(document, "\n".join(lines), as_json=arguments.json)
     return 0 if found else 1
 
 
 def live(port: str, mount: Mount, seconds: float) -> tuple[list[Vec3], list[Vec3]]:
     """Raw forces while turning slowly, and raw fields, heard from the sensor itself."""
-    told = partial(
-        print_fitted, f"turn the vehicle slowly about each axis, all the way round: {seconds:g} s", sys.stderr
-    )
-    heard = capture(port, Icm20948(Icm20948Knobs(), mount.address), seconds, _progress, told)
+    task = f"turn the vehicle slowly about each axis, all the way round: {seconds:g} s"
+    told = partial(print_fitted, task, sys.stderr)
+    sensor = Icm20948(Icm20948Knobs(), mount.address)
+    with working("heard") as tell:
+        heard = capture(port, sensor, seconds, lambda share: tell(f"{share:.0%}"), told)
     slow = [one for one in heard.of(Inertial) if max(abs(rate) for rate in one.rate_radps) < SLOW_radps]
     return [one.specific_force_mps2 for one in slow], [one.field_T for one in heard.of(Magnetic)]
 
@@ -121,14 +118,53 @@ def _self_test(port: str, mount: Mount, *, as_json: bool) -> int:
     return 0 if result.passed else 1
 
 
-def _progress(share: float) -> None:
-    if sys.stderr.isatty():
-        print_whole(f"\r{share:4.0%}", sys.stderr, end="")
-
-
 def _vector(message: Any) -> Vec3:
     return (message.x, message.y, message.z)
 
 
 def _length(vector: Vec3) -> float:
     return float(sum(one * one for one in vector) ** 0.5)
+
+
+@command(
+    "./hindrax depth tare --write",
+    option("action", choices=("tare",), help="the vehicle out of the water, or its sensor at the surface"),
+    add_vehicle,
+    add_i2c_port,
+    option("--seconds", type=float, default=3.0, metavar="S", help="how long to measure [s]"),
+    add_write,
+    add_json,
+)
+def depth(arguments: argparse.Namespace) -> int:
+    """Measure the air pressure at the surface, from which depth is counted (tare)."""
+    require_editable(arguments)
+    vehicle = load_vehicle(arguments.vehicle)
+    _, mount = mount_of(vehicle, "ms5837")
+    sensor = Ms5837(address=mount.address)
+    told = partial(print_fitted, f"measuring the air pressure for {arguments.seconds:g} s", sys.stderr)
+    heard = capture(arguments.port or mount.port, sensor, arguments.seconds, lambda _: None, told)
+    mean, spread = judged([one.pressure_Pa for one in heard.of(Pressure)])
+    if arguments.write:
+        set_key(Path(arguments.vehicle), ("water", "surface_pressure_Pa"), round(mean, 1))
+    report = {
+        "sensor": heard.identity,
+        "surface_pressure_Pa": round(mean, 1),
+        "spread_Pa": round(spread, 1),
+        "before_Pa": vehicle.water.surface_pressure_Pa,
+        "written": arguments.write,
+    }
+    said = f"surface pressure {mean:.1f} Pa (+/- {spread:.1f} Pa), {kept(arguments)}"
+    return print_answer(report, said, as_json=arguments.json)
+
+
+def judged(pressures_Pa: list[float]) -> tuple[float, float]:
+    """Mean and standard deviation; HindraxError when this was not calm air."""
+    if len(pressures_Pa) < FEWEST:
+        raise HindraxError(f"found {len(pressures_Pa)} readings, wanted at least {FEWEST}; measure longer")
+    mean, spread = statistics.fmean(pressures_Pa), statistics.stdev(pressures_Pa)
+    low, high = AIR_Pa
+    if not low <= mean <= high:
+        raise HindraxError(f"found {mean:.0f} Pa, wanted air pressure ({low:.0f} to {high:.0f} Pa); surface first")
+    if spread > CALM_Pa:
+        raise HindraxError(f"pressure varies by {spread:.0f} Pa, wanted at most {CALM_Pa:g} Pa; keep the vehicle still")
+    return mean, spread

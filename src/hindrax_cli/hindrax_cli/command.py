@@ -1,0 +1,98 @@
+"""The words of the tool: which module has which commands, and what a command is.
+
+Exit codes: 0 done, 1 the work failed (HindraxError), 2 wrong use (UsageError), 130 interrupted by Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+Run = Callable[[argparse.Namespace], int]
+Declare = Callable[[argparse.ArgumentParser], object]
+"""Adds options to a parser."""
+GROUPS = {
+    "the main job": {"pool.pool_test": "pool-test", "pool.results": "report export"},
+    "run and drive the vehicle": {
+        "operate.stack": "up stop health",
+        "operate.status": "status",
+        "operate.view": "monitor web",
+        "operate.orders": "arm disarm hold recentre wrench lights",
+        "operate.joystick": "joystick",
+        "operate.thruster": "thruster",
+    },
+    "the machine and its devices": {
+        "machine.doctor": "doctor",
+        "machine.vehicle": "vehicle",
+        "machine.mock": "mock",
+        "machine.dvl": "dvl",
+        "machine.calibration": "imu depth",
+        "machine.ping": "ping",
+        "machine.output": "oscillator esc",
+        "machine.deploy": "deploy",
+    },
+    "recorded data": {
+        "data.bag": "bag",
+        "data.identify": "identify",
+        "data.predict": "predict",
+        "data.replay": "replay",
+    },
+    "bench experiments": {
+        "experiment.blocks": "bollard estimate",
+        "experiment.drag": "towing step",
+        "experiment.oscillation": "free-decay forced pendulum",
+        "experiment.weigh": "weigh",
+    },
+    "explained and proven": {"explain.explained": "allocate papers", "explain.trials": "montecarlo faults bench"},
+    "for the shell and the code": {"explain.clone": "completion test reference"},
+}
+"""Title in the overview -> module -> its commands, each a function of its name."""
+MODULES = {
+    name: f"hindrax_cli.commands.{module}"
+    for group in GROUPS.values()
+    for module, names in group.items()
+    for name in names.split()
+}
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command: what it does, what it takes, and an example; `passes_on`: all of its words go to another program."""
+
+    run: Run
+    example: str
+    arguments: tuple[Declare, ...]
+    passes_on: bool
+
+    @property
+    def name(self) -> str:
+        """Name on the command line."""
+        return self.run.__name__.replace("_", "-")
+
+
+def command(example: str, *arguments: Declare, passes_on: bool = False) -> Callable[[Run], Command]:
+    """Make a function a command: its docstring is the help, `arguments` declare its options in this order."""
+    return lambda run: Command(run, example, arguments, passes_on)
+
+
+def option(*names: str, **how: Any) -> Callable[[argparse._ActionsContainer], object]:
+    """One option or argument of a command, as argparse takes it."""
+    return lambda parser: parser.add_argument(*names, **how)
+
+
+def add_words(parser: argparse.ArgumentParser, words: Mapping[str, Command]) -> None:
+    """Words of which one follows the command, each with arguments of its own; they are `arguments.word`."""
+    below = parser.add_subparsers(dest="word", required=True, metavar="WORD")
+    for name, one in words.items():
+        about = one.run.__doc__
+        style, epilog = parser.formatter_class, f"example:\n  {one.example}"
+        made = below.add_parser(name, help=about, description=about, epilog=epilog, formatter_class=style)
+        for declare in one.arguments:
+            declare(made)
+
+
+def help_text(docstring: str | None) -> str:
+    """Help of a command, from the docstring of its function."""
+    return (docstring or "")[:1].lower() + (docstring or "")[1:].removesuffix(".")

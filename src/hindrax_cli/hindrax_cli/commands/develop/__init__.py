@@ -1,1 +1,0 @@
-"""For changing the code; these need the clone."""

@@ -1,0 +1,137 @@
+"""For the shell and the code, in a clone: `hindrax completion`, `test` and `reference`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from hindrax_bringup.clone import VEHICLE_SETUP, WHOLE_SETUP, clone_root, developer_module, is_vehicle_setup
+from hindrax_cli import command_page
+from hindrax_cli.command import command, option
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.text.screen_text import print_fitted, print_whole
+
+PYTEST = [sys.executable, "-m", "pytest"]
+WORKERS = len(os.sched_getaffinity(0)) + 1
+"""One more than there are cores: tests with real processes wait half of their time."""
+ALL = [*PYTEST, "-n", str(WORKERS), "--durations", "10"]
+QUICK = (
+    ("style", [sys.executable, "-m", "ruff", "check", "--quiet"]),
+    ("format", [sys.executable, "-m", "ruff", "format", "--check", "--quiet"]),
+    ("rooms", [sys.executable, "-c", "from importlinter.cli import lint_imports_command as c; c()"]),
+)
+TYPES = [sys.executable, "-m", "mypy"]
+
+
+@command("./hindrax completion bash", option("shell", choices=command_page.SHELLS, help="which shell"))
+def completion(arguments: argparse.Namespace) -> int:
+    """Print the completion of commands and options for a shell; its first line says where to keep it."""
+    print_whole(command_page.completion(command_page.page_of(clone_root()), arguments.shell), end="")
+    return 0
+
+
+@command(
+    "./hindrax test test/golden -k dvl75",
+    option("arguments", nargs=argparse.REMAINDER, metavar="PYTEST ARGS", help="as pytest takes them"),
+    passes_on=True,
+)
+def test(arguments: argparse.Namespace) -> int:
+    """All checks and tests, on all cores; with arguments only pytest, with those."""
+    root = clone_root()
+    if is_vehicle_setup():
+        raise UsageError(f"{VEHICLE_SETUP}, without pytest; {WHOLE_SETUP}")
+    words = arguments.arguments[1:] if arguments.arguments[:1] == ["--"] else arguments.arguments
+    if words:
+        return 0 if good("tests", [*PYTEST, *words], root) else 1
+    passed = [good(name, command, root) for name, command in QUICK]
+    with tempfile.TemporaryFile("w+") as said:
+        print_fitted("== types: checked beside the tests")
+        types = subprocess.Popen(TYPES, cwd=root, stdin=subprocess.DEVNULL, stdout=said, stderr=said)  # noqa: S603  # our own command
+        passed.append(good("tests", ALL, root))
+        passed.append(code_of(types) == 0)
+        said.seek(0)
+        print_whole(f"{said.read()}== types: {'good' if passed[-1] else 'FAILED'}")
+    return 0 if all(passed) else 1
+
+
+def good(name: str, command: list[str], root: Path) -> bool:
+    """Run one check to its end, and say how it went."""
+    begin = time.monotonic()
+    print_fitted(f"== {name}")
+    code = code_of(subprocess.Popen(command, cwd=root, stdin=subprocess.DEVNULL))  # noqa: S603  # our own commands
+    print_fitted(f"== {name}: {'good' if code == 0 else 'FAILED'} ({time.monotonic() - begin:.0f} s)")
+    return code == 0
+
+
+def code_of(process: subprocess.Popen[bytes]) -> int:
+    """Wait; what Ctrl-C interrupts is left the time to end what it has started."""
+    try:
+        return process.wait()
+    except KeyboardInterrupt:
+        process.wait()
+        raise
+
+
+def _what(parser: argparse.ArgumentParser) -> None:
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--check", action="store_true", help="only say what is stale (the default); exit code 1 if any")
+    what.add_argument("--write", action="store_true", help="write the pages that are stale, and the access policies")
+    what.add_argument("--figures", action="store_true", help="draw the figures of the explanation again")
+    what.add_argument("--fly", action="store_true", help="fly the runs behind the figures again, then draw them")
+
+
+@command(
+    "./hindrax reference --write\n"
+    "  ./hindrax reference --fly      (sixteen pool tests in lock-step, then the figures of docs/explanation)",
+    _what,
+    option("--out", type=Path, metavar="DIR", help="folder of the pages, or of the figures"),
+)
+def reference(arguments: argparse.Namespace) -> int:
+    """Write the reference pages in docs/reference from the code, or check that they are up to date."""
+    docs, pages = clone_root() / "docs", developer_module("reference")
+    if arguments.figures or arguments.fly:
+        return _draw(arguments.out or docs / "explanation" / "figures", again=arguments.fly)
+    folder = arguments.out or docs / "reference"
+    if arguments.write:
+        for name in pages.write(folder):
+            print_fitted(folder / name)
+        if arguments.out is None:
+            _write_policies()
+        return 0
+    stale = pages.stale(folder)
+    if stale:
+        raise HindraxError(f"{folder}: stale are {', '.join(stale)}; `{pages.COMMAND}` writes them")
+    print_fitted(f"{folder}: up to date", sys.stderr)
+    return 0
+
+
+def _write_policies() -> None:
+    """Write the access policies if they are stale, and tell it as of a page."""
+    from hindrax_bringup.network.security import policies  # noqa: PLC0415  # completion answers before YAML is installed
+    from hindrax_bringup.share_files import share_folder  # noqa: PLC0415  # as above
+
+    file, text = share_folder("security") / "policies.xml", policies()
+    if file.read_text(encoding="utf-8") != text:
+        file.write_text(text, encoding="utf-8")
+        print_fitted(file.resolve())
+
+
+def _draw(folder: Path, *, again: bool) -> int:
+    # Imported here: matplotlib takes long to load.
+    figures = developer_module("reference.figures")
+    if again:
+        flown = []
+        for flight in figures.FLIGHTS:
+            print_fitted(f"flying {flight}", sys.stderr)
+            flown.append(figures.flown(flight))
+        kept = [flown[0], *({key: one[key] for key in one if key != "online"} for one in flown[1:])]
+        (folder / figures.FLIGHTS_FILE).write_text(json.dumps(kept) + "\n", encoding="utf-8")
+    for file in figures.draw(folder):
+        print_fitted(file)
+    return 0

@@ -1,0 +1,123 @@
+"""Computed and shown in full: `hindrax allocate` (one allocation) and `papers` (published tables, recomputed)."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Sequence
+from typing import Any
+
+from rich.markup import escape
+
+from hindrax_analysis.papers import recompute
+from hindrax_analysis.papers.cells import Cell
+from hindrax_analysis.plain import print_answer
+from hindrax_analysis.terminal import console, make_table, print_table
+from hindrax_cli.argument_types import add_json, add_vehicle
+from hindrax_cli.command import command, option
+from hindrax_control.allocation.allocator import Allocator
+from hindrax_core.errors import UsageError
+from hindrax_core.signals import Allocation
+from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.vehicle import AXES, WRENCH_SYMBOLS, load_vehicle
+
+
+def _negative_numbers(parser: argparse.ArgumentParser) -> None:
+    # Python 3.11 takes "-1e-5" for an option, and there is no public way to tell it otherwise.
+    parser._negative_number_matcher = re.compile(r"^-(\d|\.\d|inf|nan)")  # noqa: SLF001  # see above
+
+
+@command(
+    "./hindrax allocate --wrench 14 0 2 0 0 0.5 --disable T3",
+    _negative_numbers,
+    option("--wrench", nargs=6, type=float, required=True, metavar=WRENCH_SYMBOLS, help="wanted, SNAME axes [N, Nm]"),
+    option("--disable", action="extend", nargs="+", default=[], metavar="NAME", help="leave out thrusters"),
+    option("--supply", type=float, metavar="V", help="supply voltage; default: of the vehicle file"),
+    add_vehicle,
+    add_json,
+)
+def allocate(arguments: argparse.Namespace) -> int:
+    """One wrench to forces and pulses, explained."""
+    allocator = Allocator(load_vehicle(arguments.vehicle))
+    disabled = frozenset(word for name in arguments.disable for word in name.split(","))
+    unknown = sorted(disabled - set(allocator.names))
+    if unknown:
+        raise UsageError(f"--disable: found {unknown[0]!r}, wanted some of {', '.join(allocator.names)}")
+    X, Y, Z, K, M, N = arguments.wrench
+    allocation = allocator.allocate((X, Y, Z, K, M, N), disabled, supply_V=arguments.supply)
+    found = allocation_document(allocator.names, allocation)
+    return print_answer(found, lambda: show_allocation(allocator.names, allocation), as_json=arguments.json)
+
+
+def allocation_document(names: tuple[str, ...], allocation: Allocation) -> dict[str, Any]:
+    """Return the allocation as the JSON document of this command."""
+    return {
+        "forces": dict(zip(names, allocation.forces_N, strict=True)),
+        "pulses": dict(zip(names, allocation.pulses_us, strict=True)),
+        "achieved": list(allocation.achieved),
+        "shortfall": list(allocation.shortfall),
+        "saturated": [name for name, at_limit in zip(names, allocation.saturated, strict=True) if at_limit],
+        "lost_axes": list(allocation.lost_axes),
+        "disabled": list(allocation.disabled),
+        "refused": list(allocation.refused),
+    }
+
+
+def show_allocation(names: tuple[str, ...], allocation: Allocation) -> None:
+    """Print one table of thrusters and one of axes."""
+    thrusters = make_table("Thrusters", ("name",), ("force [N]", "pulse [us]", ""))
+    for name, force, pulse, at_limit in zip(
+        names, allocation.forces_N, allocation.pulses_us, allocation.saturated, strict=True
+    ):
+        note = "disabled" if name in allocation.disabled else "at its limit" if at_limit else ""
+        thrusters.add_row(name, f"{force:z.2f}", str(pulse), note)
+    print_table(thrusters)
+    axes = make_table("Wrench [N, Nm]", ("axis",), ("wanted", "achieved", "shortfall", ""))
+    rows = zip(AXES, WRENCH_SYMBOLS, allocation.wanted, allocation.achieved, allocation.shortfall, strict=True)
+    for axis, symbol, wanted, achieved, missing in rows:
+        lost = "lost" if axis in allocation.lost_axes else ""
+        axes.add_row(f"{axis} {symbol}", *(f"{value:z.3f}" for value in (wanted, achieved, missing)), lost)
+    print_table(axes)
+    for refusal in allocation.refused:
+        print_fitted(f"refused: {refusal}")
+
+
+TITLES = {
+    "A": "COB-2023-1394: thrust and drag of the Hindrax",
+    "B": "COB-2023-2422: added mass by free oscillation",
+    "C": "Xu, Ma, Han 2017: forced oscillation",
+    "D": "Eidsvik 2015: estimates from dimensions",
+    "E": "Badawy, Omer 2012: pendulum and CFD drag",
+}
+COLORS = {"agrees": "green", "misprint": "yellow", "does not follow": "red"}
+
+
+@command(
+    "./hindrax papers --paper B", option("--paper", choices=sorted(TITLES), help="one paper; default all"), add_json
+)
+def papers(arguments: argparse.Namespace) -> int:
+    """Every published table recomputed from its printed inputs, misprints named."""
+    cells = [cell for cell in recompute() if arguments.paper in (None, cell.paper)]
+    return print_answer({"cells": cells}, lambda: show_papers(cells), as_json=arguments.json)
+
+
+def show_papers(cells: Sequence[Cell]) -> None:
+    """Print a table for each paper; a cell that does not follow is a finding, not a failure."""
+    for paper, title in TITLES.items():
+        mine = [cell for cell in cells if cell.paper == paper]
+        if mine:
+            show_paper(f"{paper}  {title}", mine)
+    counts = {verdict: sum(cell.verdict == verdict for cell in cells) for verdict in COLORS}
+    console().print(f"{len(cells)} cells: " + ", ".join(f"{count} {verdict}" for verdict, count in counts.items()))
+
+
+def show_paper(title: str, cells: Sequence[Cell]) -> None:
+    """Print one paper as a table."""
+    numbers = ("printed", "recomputed", "difference")
+    table = make_table(title, ("table", "row", "quantity"), numbers, ("unit", "verdict", "note"))
+    for cell in cells:
+        difference = f"{cell.difference:+.2g}" if abs(cell.difference) > 1e-6 * cell.tolerance else "0"
+        values = (f"{cell.printed:.6g}", f"{cell.recomputed:.6g}", difference, cell.unit)
+        verdict = f"[{COLORS[cell.verdict]}]{cell.verdict}[/]"
+        table.add_row(cell.table, cell.row, cell.quantity, *values, verdict, escape(cell.note))
+    print_table(table)

@@ -1,0 +1,185 @@
+"""What is proven by many runs: `hindrax montecarlo` (accuracy), `faults` (time to neutral) and `bench` (speed)."""
+
+from __future__ import annotations
+
+import argparse
+import pkgutil
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from typing import Any
+
+from hindrax_analysis.identification.executor import run_all
+from hindrax_analysis.identification.montecarlo import Trial, summary, trial_of
+from hindrax_analysis.plain import print_answer
+from hindrax_analysis.terminal import make_table, print_table
+from hindrax_bringup.clone import developer_module
+from hindrax_cli.argument_types import add_json, add_vehicle
+from hindrax_cli.command import command, option
+from hindrax_control.maneuver.goal import EXCITATIONS, PLATEAUS, motions_to_fly
+from hindrax_control.maneuver.plan import MOTIONS
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.vehicle import load_vehicle
+from hindrax_sim.conditions.world_table import FORM, IDEAL, sizes_of
+from hindrax_sim.flights.pool_flight import fly
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One pool test: everything that it depends on."""
+
+    seed: int
+    motions: tuple[str, ...]
+    excitation: str
+    vehicle_file: str
+    world: str
+
+
+@command(
+    "./hindrax montecarlo --runs 40 --dof all",
+    option("--runs", type=int, default=40, metavar="N", help="default 40"),
+    option("--dof", nargs="+", default=["all"], choices=[*MOTIONS, "all"], help="default: all"),
+    option("--excitation", default=PLATEAUS, choices=(PLATEAUS, *EXCITATIONS), help="default: plateaus"),
+    option("--seed", type=int, default=1, help="seed of the first run; the others follow. Default 1"),
+    option("--cluster", default="", metavar="ADDRESS", help="compute on this Dask cluster"),
+    option("--workers", type=int, default=0, metavar="N", help="local processes; default: one per core"),
+    partial(add_vehicle, meaning="vehicle with its truth: file or name"),
+    option("--world", default=IDEAL, help=f"what the model does not know: {FORM}. Default: {IDEAL}"),
+    add_json,
+)
+def montecarlo(arguments: argparse.Namespace) -> int:
+    """Accuracy over many runs with the mock, against the Cramer-Rao bound."""
+    if arguments.runs < 1:
+        raise UsageError(f"--runs: found {arguments.runs}, wanted 1 or more")
+    sizes_of(arguments.world, arguments.seed)
+    vehicle = load_vehicle(arguments.vehicle)
+    if vehicle.hydrodynamics is None:
+        raise UsageError(f"{arguments.vehicle}: has no block `hydrodynamics`, wanted the truth to compare with")
+    servable = motions_to_fly(arguments.dof, vehicle)
+    print_fitted(f"{vehicle.name} {servable}", sys.stderr)
+    seeds = range(arguments.seed, arguments.seed + arguments.runs)
+    jobs = [Job(seed, servable.flown, arguments.excitation, arguments.vehicle, arguments.world) for seed in seeds]
+    trials: list[Trial] = []
+    for one in run_all(trial, jobs, cluster=arguments.cluster, workers=arguments.workers):
+        trials.append(one)
+        print_fitted(f"run {len(trials)} of {len(jobs)}: seed {one.seed} {one.trouble}", sys.stderr)
+    document = summary(trials)
+    if not document["cells"]:
+        raise HindraxError(f"none of {len(trials)} runs gave a result: {trials[0].trouble}")
+    return print_answer(document, lambda: print_montecarlo(document), as_json=arguments.json)
+
+
+def trial(job: Job) -> Trial:
+    """Fly one pool test in lock-step and compare its results with the truth."""
+    flight = fly(job.motions, job.seed, job.world, vehicle=load_vehicle(job.vehicle_file), excitation=job.excitation)
+    thrust_s = flight.world.conditions.thrust_density_s
+    hull = flight.truth, flight.drag_N
+    return trial_of(job.seed, flight.outcome, *hull, trouble=flight.aborted, thrust_s=thrust_s)
+
+
+def print_montecarlo(document: dict[str, Any]) -> None:
+    """Print the tables: refined result and the other methods, then the drag force."""
+    methods = list(document["methods"])
+    numbers = ("truth", "bias", "RMSE", "bound", "RMSE / bound", "in the 95 % band", "in the calibrated")
+    table = make_table(
+        f"{document['runs']} runs; RMSE / bound: 1 is the limit of what can be known",
+        ("motion", "coefficient"),
+        (*numbers, *(f"RMSE / bound, {method}" for method in methods)),
+    )
+    for cell in document["cells"]:
+        table.add_row(*_row(cell), *(_ratio(document["methods"][method], cell) for method in methods))
+    print_table(table)
+    low, high = document["ratio_by_chance"]
+    print_fitted(f"{document['runs']} runs at the bound give {low:.2f} to {high:.2f} by chance, 95 times in 100")
+    title = "Drag force at shares of the tested speed: relative error, percent"
+    drag = make_table(title, ("motion",), ("share", "bias", "RMSE", "in the calibrated 95 % band", "RMSE / band"))
+    for row in document["drag"]:
+        percents = (f"{100 * row[key]:.2f}" for key in ("bias", "rmse"))
+        held = "" if row["coverage95_calibrated"] is None else f"{row['coverage95_calibrated']:.0%}"
+        per_band = "" if row["rmse_per_band"] is None else f"{row['rmse_per_band']:.2f}"
+        drag.add_row(row["motion"], f"{row['share_of_speed']:.0%}", *percents, held, per_band)
+    print_table(drag)
+    for seed, trouble in document["troubles"].items():
+        print_fitted(f"seed {seed}: {trouble}")
+
+
+def _row(cell: dict[str, Any]) -> tuple[str, ...]:
+    numbers = tuple(f"{cell[key]:.4g}" for key in ("truth", "bias", "rmse", "crlb"))
+    held = (f"{cell[key]:.0%}" for key in ("coverage95", "coverage95_calibrated"))
+    return (cell["motion"], cell["coefficient"], *numbers, f"{cell['ratio']:.2f}", *held)
+
+
+def _ratio(cells: list[dict[str, Any]], wanted: dict[str, Any]) -> str:
+    same = [one for one in cells if (one["motion"], one["coefficient"]) == (wanted["motion"], wanted["coefficient"])]
+    return f"{same[0]['ratio']:.2f}" if same else ""
+
+
+@command(
+    "./hindrax faults --only sensors --seeds 1",
+    option("--only", nargs="+", metavar="NAME", help="these processes and devices; any other word lists all"),
+    option("--seeds", type=int, default=3, metavar="N", help="flights of each fault; default 3"),
+    option("--workers", type=int, default=0, metavar="N", help="processes; default: one per core"),
+    add_json,
+)
+def faults(arguments: argparse.Namespace) -> int:
+    """Every process and device fails in mock: how long until neutral."""
+    table = developer_module("faults.table")
+    only = tuple(arguments.only or table.WHO)
+    if strange := [name for name in only if name not in table.WHO]:
+        raise UsageError(f"--only: found {strange[0]!r}, wanted {', '.join(table.WHO)}")
+    for name, least in (("seeds", 1), ("workers", 0)):
+        if (found := getattr(arguments, name)) < least:
+            raise UsageError(f"--{name}: found {found}, wanted {least} or more")
+    cells = table.fly(only, range(1, arguments.seeds + 1), arguments.workers)
+    violated = [f"{one.who} {one.what}, {one.mode}, seed {one.seed}: {why}" for one in cells for why in one.violated]
+    document = {"cells": [asdict(one) for one in cells], "violated": violated}
+    title = f"Time to neutral, the longest of {arguments.seeds} seeds"
+    print_answer(document, lambda: print_faults(title, table, cells, violated), as_json=arguments.json)
+    return int(bool(violated))
+
+
+def print_faults(title: str, table: Any, cells: Sequence[Any], violated: Sequence[str]) -> None:
+    """Print the table, and what must never be and was."""
+    shown = make_table(title, ("who", "what", *table.MODES), (), ("said",))
+    for row in table.rows(cells):
+        shown.add_row(*row)
+    print_table(shown)
+    for sentence in violated:
+        print_fitted(f"violated: {sentence}")
+
+
+@command(
+    "./hindrax bench rls allocation",
+    option("names", nargs="*", metavar="NAME", help="which; the default is all of them"),
+    add_json,
+)
+def bench(arguments: argparse.Namespace) -> int:
+    """Speed, each figure beside a peer in the same run."""
+    folder = developer_module("benchmarks").__path__
+    known = sorted(module.name for module in pkgutil.iter_modules(folder) if not module.ispkg)
+    wanted = arguments.names or known
+    unknown = [name for name in wanted if name not in known]
+    if unknown:
+        raise UsageError(f"no benchmark {unknown[0]!r}; there are {', '.join(known)}")
+    rows: list[dict[str, Any]] = []
+    for name in wanted:
+        print_fitted(f"measuring {name} ...", sys.stderr)
+        rows += developer_module(f"benchmarks.{name}").rows()
+    return print_answer({"rows": rows}, lambda: print_bench(rows), as_json=arguments.json)
+
+
+def print_bench(rows: list[dict[str, Any]]) -> None:
+    """Print a table."""
+    table = make_table("Medians; the ratio is peer / ours", ("what",), ("ours [us]", "peer [us]", "ratio"), ("peer",))
+    for row in rows:
+        table.add_row(row["name"], *(_cell(row.get(key)) for key in ("ours_us", "peer_us", "ratio", "peer")))
+    print_table(table)
+
+
+def _cell(value: object) -> str:
+    if not isinstance(value, float):
+        return "" if value is None else str(value)
+    text = f"{value:.3g}"
+    return f"{float(text):.0f}" if "e+" in text else text

@@ -1,0 +1,145 @@
+"""`hindrax up`, `stop` and `health`: a stack is started, ended whatever goes on, and asked whether it is well."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import time
+from pathlib import Path
+
+from hindrax_bringup.liveness import PERIOD_S, beats, stacks_well
+from hindrax_bringup.network.tether import add_tether, tether_setting
+from hindrax_bringup.processes import THRUSTERS
+from hindrax_bringup.stack import FAULT_HELP, WORLD_HELP, MockOptions
+from hindrax_bringup.stack_lock import StackLock, choose, runtime_folder, stacks, vehicle_stack
+from hindrax_bringup.stack_runner import UpOptions, run_up
+from hindrax_cli.argument_types import (
+    add_parameters,
+    add_tuning,
+    add_vehicle,
+    output_settings,
+    pace,
+    positive,
+    seed,
+    tuning_of,
+)
+from hindrax_cli.command import command, option
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.text.screen_text import print_fitted
+from hindrax_drivers.nodes.deadman import write_neutral
+from hindrax_operator.connection import add_stack, joined
+
+
+def add_mock_options(parser: argparse.ArgumentParser) -> None:
+    """How the mock vehicle behaves."""
+    parser.add_argument("--seed", type=seed, help="mock: of its noise; default 1")
+    parser.add_argument("--rate", type=pace, help="mock: times real time at most (0: no bound); default 1")
+    parser.add_argument("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP)
+    parser.add_argument("--world", default="", help=f"{WORLD_HELP}. Default: ideal")
+
+
+def mock_options(arguments: argparse.Namespace) -> MockOptions:
+    """Options of the mock; default pace for an operator: real time."""
+    rate = 1.0 if arguments.rate is None else arguments.rate
+    seed_of_all = 1 if arguments.seed is None else arguments.seed
+    return MockOptions(seed_of_all, rate, tuple(arguments.fault), arguments.world or "ideal")
+
+
+@command(
+    "./hindrax up --mock --record",
+    option("--mock", action="store_true", help="the mock vehicle instead of the one on this machine"),
+    option("--record", action="store_true", help="write a bag"),
+    add_vehicle,
+    option("--out", metavar="DIR", help="new or empty folder for logs and bag; default runs/<time>"),
+    option("--keep", type=positive, metavar="GB", help="room for runs/: older ones are removed; default: all stay"),
+    add_tether,
+    option(
+        "--without-operator",
+        choices=("hold", "neutral"),
+        default="hold",
+        help="with a tether, when the operator is silent for 2 s: end the maneuver and hold (default), or disarm",
+    ),
+    add_mock_options,
+    add_tuning,
+)
+def up(arguments: argparse.Namespace) -> int:
+    """Start the stack and keep it up until Ctrl-C; other terminals operate it."""
+    of_mock = arguments.fault or arguments.world or arguments.rate is not None or arguments.seed is not None
+    if of_mock and not arguments.mock:
+        raise UsageError("--fault, --world, --rate and --seed are for --mock only")
+    mock = mock_options(arguments) if arguments.mock else None
+    # A mock is for this machine alone, unless it is asked for by name here.
+    tether = tether_setting() if arguments.tether or not arguments.mock else None
+    vehicle, without, tuning = Path(arguments.vehicle), arguments.without_operator, tuning_of(arguments)
+    keep_bytes = math.inf if arguments.keep is None else arguments.keep * 1e9
+    return run_up(UpOptions(vehicle, mock, arguments.record, arguments.out, tether, without, tuning, keep_bytes))
+
+
+@command(
+    "./hindrax stop",
+    add_stack,
+    option(
+        "--output",
+        action="store_true",
+        help="after a stack was killed: put neutral on the thruster output of --vehicle, without any stack",
+    ),
+    add_vehicle,
+    add_parameters,
+)
+def stop(arguments: argparse.Namespace) -> int:
+    """Neutral, disarm, and cancel whatever flies, in every stack that runs here; or neutral where no stack is left."""
+    if arguments.output:
+        return neutral_on_output(arguments)
+    from hindrax_operator.nodes.orders import stop as stop_all  # noqa: PLC0415  # rclpy is loaded only where it is needed
+
+    # All of them by default, because nobody should have to look up a number first; on with the next when one fails.
+    found = stacks()
+    wanted = [choose(found, arguments.stack)] if arguments.stack is not None or not found else found
+    failed = []
+    for one in wanted:
+        title = one.title if one else "the ROS graph of this terminal"
+        try:
+            with joined(one, sim_time=arguments.sim_time) as operator:
+                wrong = stop_all(operator)
+        except HindraxError as error:
+            wrong = [str(error)]
+        failed += [f"{title}: {sentence}" for sentence in (*wrong, *([on_the_wire(one)] if wrong else []))]
+        if not wrong:
+            print_fitted(f"stopped and disarmed: {title}")
+    for sentence in failed:
+        print_fitted(f"hindrax stop: {sentence}", sys.stderr)
+    return 1 if failed else 0
+
+
+def neutral_on_output(arguments: argparse.Namespace) -> int:
+    """Write neutral as the dead man would; refused while a stack has the output in hand."""
+    if (found := vehicle_stack()) is not None:
+        raise UsageError(f"--output: {found.title} runs, and its dead man has the output; `./hindrax stop` stops it")
+    settings = output_settings(arguments)
+    if write_neutral(settings):
+        raise HindraxError(f"{settings.port}: neutral could not be written; cut the power")
+    return 0
+
+
+def on_the_wire(stack: StackLock | None) -> str:
+    """Return what can be said of the pulses of a stack that did not obey."""
+    found = {} if stack is None else beats(runtime_folder(), stack.pid, time.monotonic())
+    if THRUSTERS.name not in found:
+        return "nothing here tells whether its thrusters turn; if they do, cut the power"
+    if found[THRUSTERS.name] > 2.0 * PERIOD_S:
+        return "its dead man does not beat, so its thrusters may go on with their last pulses; cut the power"
+    return "its dead man lives: half a second after the last command they are neutral; if they turn, cut the power"
+
+
+@command("./hindrax health || ./hindrax doctor")
+def health(_arguments: argparse.Namespace) -> int:
+    """One line about every stack on this machine; exit 1 unless all are up and well (`doctor` finds out why)."""
+    try:
+        well, sentence = stacks_well(runtime_folder(), time.monotonic())
+    except OSError as error:
+        raise HindraxError(f"no stack of this user can be up here: {error}") from error
+    if not well:
+        raise HindraxError(sentence)
+    print_fitted(sentence)
+    return 0

@@ -1,0 +1,174 @@
+"""What follows a run: `hindrax report` and `export`, for simulators, controllers, tables and our vehicle file."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+from hindrax_analysis.coefficients_file import Conditions, SavedCoefficients, read_coefficients
+from hindrax_analysis.exports import gz, python_model, stonefish, tables, uuv, vehicle_block
+from hindrax_analysis.exports.export_model import ExportModel, export_model
+from hindrax_analysis.identification.bag_identification import bag_conditions, identify_bag, traces_of, write
+from hindrax_analysis.identification.record_identification import RecordSource, recorded_vehicle
+from hindrax_analysis.records.own_bag import is_mock
+from hindrax_analysis.report import RunReport, comparison_page, run_page
+from hindrax_analysis.terminal import working
+from hindrax_bag.run_folder import RunFolder
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_cli.argument_types import add_vehicle
+from hindrax_cli.command import command, option
+from hindrax_core.errors import UsageError
+from hindrax_core.text.screen_text import print_fitted, print_whole
+from hindrax_core.text.text_file import require_place, writing
+from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_ros.messages.frames import urdf_of
+
+
+@command(
+    "./hindrax report runs/2026-05-04_10-00-00 runs/2026-05-05_09-30-00 --out comparison.html",
+    option("runs", nargs="+", type=Path, metavar="RUN", help="run folder; for a comparison also coefficients.yaml"),
+    option("--earlier", nargs="+", type=Path, default=[], metavar="RUN", help="earlier runs to show beside one"),
+    option("--out", type=Path, metavar="FILE", help="default: report.html of the run, or comparison.html"),
+)
+def report(arguments: argparse.Namespace) -> int:
+    """The HTML report of a run again, or a comparison of many runs."""
+    runs: list[Path] = arguments.runs
+    if len(runs) == 1:
+        _require_run(runs[0])
+        require_place(arguments.out or RunFolder(runs[0]).report)
+        with working(f"identifying over {runs[0]} again"):
+            out = _again(runs[0], [_saved(path) for path in arguments.earlier], arguments.out)
+    else:
+        out = arguments.out or Path("comparison.html")
+        require_place(out)
+        write(out, comparison_page(_labelled([*runs, *arguments.earlier])))
+    print_fitted(out)
+    return 0
+
+
+def _saved(path: Path, label: str = "") -> SavedCoefficients:
+    file = RunFolder(path).coefficients if path.is_dir() else path
+    return read_coefficients(file, label)
+
+
+def _labelled(paths: list[Path]) -> list[SavedCoefficients]:
+    """Runs under the shortest names that tell them apart."""
+    folders = [(path if path.is_dir() else path.parent).resolve() for path in paths]
+    names = [folder.name for folder in folders]
+    if len(set(names)) < len(names):
+        names = [f"{folder.parent.name}/{folder.name}" for folder in folders]
+    if len(set(names)) < len(names):
+        names = [str(path) for path in paths]
+    return [_saved(path, name) for path, name in zip(paths, names, strict=True)]
+
+
+def _with_predicted(conditions: Conditions, folder: RunFolder) -> Conditions:
+    """With what only the coefficients of the run tell: what was predicted."""
+    if not folder.coefficients.is_file():
+        return conditions
+    return replace(conditions, predicted=read_coefficients(folder.coefficients).conditions.predicted)
+
+
+def _require_run(path: Path) -> None:
+    if not path.is_dir() or not RunFolder(path).bag.is_dir():
+        raise UsageError(f"{path}: holds no folder `bag`, wanted the folder of a run such as runs/2026-05-04_10-00-00")
+
+
+def _again(path: Path, earlier: list[SavedCoefficients], out: Path | None) -> Path:
+    folder = RunFolder(path)
+    vehicle = recorded_vehicle(RecordSource(folder.bag)) or load_vehicle(default_vehicle())
+    identified = identify_bag(folder.bag, vehicle, mock=is_mock(folder.bag))
+    conditions = bag_conditions(folder.bag, vehicle, identified.results, mock=identified.mock)
+    conditions = _with_predicted(conditions, folder)
+    traces = traces_of(folder.bag, identified.origin)
+    page = RunReport(vehicle, identified.results, identified.outcome.assessments, conditions, traces, earlier)
+    write(out or folder.report, run_page(page))
+    return out or folder.report
+
+
+FORMATS: dict[str, Callable[[ExportModel], str]] = {
+    "gz": gz.write,
+    "gz-plugin": lambda model: gz.write(model, added_mass="plugin"),
+    "stonefish": stonefish.write,
+    "stonefish-quadratic": lambda model: stonefish.write(model, "quadratic"),
+    "uuv": uuv.write,
+    "python": python_model.write,
+    "vehicle": vehicle_block.write,
+}
+TABLES: dict[str, Callable[[tables.ResultTable], str]] = {"csv": tables.write_csv, "latex": tables.write_latex}
+"""They show what was identified, and want nothing that completes it."""
+URDF = "urdf"
+"""Needs no results: the vehicle as on `robot_description`."""
+
+
+@command(
+    "./hindrax export runs/2026-05-04_10-00-00 --to gz --out model.sdf",
+    option(
+        "coefficients",
+        type=Path,
+        nargs="?",
+        metavar="COEFFICIENTS",
+        help="coefficients.yaml, or a run's folder; not needed for urdf",
+    ),
+    option("--to", choices=[*FORMATS, *TABLES, URDF], required=True, help="format"),
+    option("--out", type=Path, metavar="FILE", help="default: stdout"),
+    partial(add_vehicle, meaning="vehicle; also fills in what the results lack, and says so", default=False),
+)
+def export(arguments: argparse.Namespace) -> int:
+    """Coefficients for gz-sim, Stonefish, uuv_simulator, Python, the vehicle file, CSV or LaTeX; a vehicle as URDF."""
+    text = _text(arguments.coefficients, arguments.to, arguments.vehicle)
+    if arguments.out is None:
+        print_whole(text, end="")
+        return 0
+    with writing(f"--out {arguments.out}", "name another place", UsageError):
+        arguments.out.write_text(text, encoding="utf-8")
+    print_fitted(f"written: {arguments.out}", sys.stderr)
+    return 0
+
+
+def _text(path: Path | None, to: str, named: str | None) -> str:
+    if path is None and to != URDF:
+        raise UsageError(f"--to {to}: found no results, wanted a coefficients.yaml or a run's folder")
+    file = RunFolder(path).coefficients if path is not None and path.is_dir() else path
+    if file is None or (to == URDF and named):
+        return urdf_of(load_vehicle(named or default_vehicle()))
+    if to == URDF:
+        return urdf_of(_vehicle_beside(file))
+    if not file.is_file():
+        raise UsageError(f"{file}: cannot be read, there is no such file")
+    saved = read_coefficients(file)
+    if to in TABLES:
+        table = tables.result_table(saved, str(file))
+        _note(table.notes)
+        return TABLES[to](table)
+    return FORMATS[to](_model(saved, file, named))
+
+
+def _note(notes: Iterable[str]) -> None:
+    for note in notes:
+        print_fitted(f"note: {note}", sys.stderr)
+
+
+def _model(saved: SavedCoefficients, file: Path, named: str | None) -> ExportModel:
+    """Results, completed by the vehicle file that is named or lies beside them; says what was assumed."""
+    vehicle = load_vehicle(named) if named else _vehicle_beside(file)
+    of = saved.conditions.vehicle
+    strange = of not in ("", vehicle.name)
+    stranger = f"the results are of {of}, the vehicle file is of {vehicle.name}" if strange else ""
+    if stranger and not named:
+        raise UsageError(f"{file}: {stranger}; name the vehicle file with --vehicle")
+    if stranger:
+        _note([stranger])
+    model = export_model(saved, vehicle, str(file), complete=named is not None)
+    _note(model.notes)
+    return model
+
+
+def _vehicle_beside(file: Path) -> Vehicle:
+    """Return the vehicle of the run the results lie in, or the Hindrax itself."""
+    recorded = RunFolder(file.parent).vehicle
+    return load_vehicle(recorded if recorded.is_file() else default_vehicle())

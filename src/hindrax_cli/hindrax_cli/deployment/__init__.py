@@ -1,1 +1,0 @@
-"""Bringing this clone to another machine, and starting it there."""
