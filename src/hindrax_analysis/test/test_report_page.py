@@ -144,8 +144,8 @@ def test_a_figure_escapes_its_words() -> None:
 
 
 def test_a_run_that_is_not_believed_does_not_spoil_the_frame_of_the_others() -> None:
-    good = [Entry("one", 66.0, 0.3, 1.0, "model"), Entry("two", 67.0, 0.3, 1.0, "model")]
-    wild = Entry("wild", 980.0, 1700.0, 1700.0, "earlier", excluded=True)
+    good = [Entry("one", Number(66.0, 0.3, 1.0), "model"), Entry("two", Number(67.0, 0.3, 1.0), "model")]
+    wild = Entry("wild", Number(980.0, 1700.0, 1700.0), "earlier", excluded=True)
     frame = re.compile(r'class="tick" x="([\d.]+)"[^>]*>([^<]+)<')
     with_it, without = (forest("k_q", "N", rows, "caption") for rows in ([*good, wild], good))
     assert frame.findall(with_it) == frame.findall(without)
@@ -155,9 +155,9 @@ def test_a_run_that_is_not_believed_does_not_spoil_the_frame_of_the_others() -> 
 
 def test_a_forest_keeps_every_source_in_the_frame() -> None:
     entries = [
-        Entry("a", 1.0, 0.1, 0.2, "model"),
-        Entry("b", 1.1, 1e9, math.nan, "paper"),
-        Entry("c", math.nan, 1, 1, "model"),
+        Entry("a", Number(1.0, 0.1, 0.2), "model"),
+        Entry("b", Number(1.1, 1e9), "paper"),
+        Entry("c", Number(math.nan, 1, 1), "model"),
     ]
     text = forest("k_q", "N", entries, "caption", 1.05)
     ET.fromstring(text)

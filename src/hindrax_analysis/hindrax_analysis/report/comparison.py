@@ -133,11 +133,7 @@ def _cell(found: Number | None) -> str:
 
 
 def _forest(
-    motion: str,
-    paper: Published | None,
-    name: str,
-    own: Sequence[tuple[str, SavedMotion]],
-    pooled: RunScatter | None,
+    motion: str, paper: Published | None, name: str, own: Sequence[tuple[str, SavedMotion]], pooled: RunScatter | None
 ) -> str:
     """Plot of a coefficient of every run; empty where none has it."""
     entries, truths = [], set()
@@ -145,14 +141,14 @@ def _forest(
         if name in found.numbers:
             number, believed = found.numbers[name], found.identifiable
             role: Role = "model" if believed else "earlier"
-            entries.append(Entry(label, number.value, number.std, number.std_calibrated, role, not believed))
+            entries.append(Entry(label, number, role, not believed))
             truths |= {number.truth} - {None}
     if not entries:
         return ""
     if pooled is not None:
-        entries.append(Entry("all, weighted", pooled.mean, pooled.std, pooled.std_calibrated, "online"))
+        entries.append(Entry("all, weighted", Number(pooled.mean, pooled.std, pooled.std_calibrated), "online"))
     if paper is not None and name in paper.coefficients:
-        entries.append(Entry(PAPER, *paper.in_our_axes[name], math.nan, "paper"))
+        entries.append(Entry(PAPER, Number(*paper.in_our_axes[name]), "paper"))
     truth = truths.pop() if len(truths) == 1 else None
     words = [f"{LABELS[name]} of every run: thick 95 % from noise, thin 95 % with calibration"]
     if not all(found.identifiable for _, found in own):

@@ -12,6 +12,7 @@ import numpy as np
 from hindrax_analysis.digits import TWO_SIDED_95
 from hindrax_analysis.report.chart import BOTTOM, WIDTH, Role, x_axis
 from hindrax_analysis.report.scale import Scale, data_range
+from hindrax_ident.assess.results import Number
 
 ROW = 26.0
 LEFT, RIGHT, TOP = 148.0, 14.0, 6.0
@@ -19,12 +20,10 @@ LEFT, RIGHT, TOP = 148.0, 14.0, 6.0
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One row: a value and its standard deviations (noise; with calibration), NaN where unknown."""
+    """One row: a coefficient of one source."""
 
     label: str
-    value: float
-    std: float
-    std_calibrated: float
+    number: Number
     role: Role
     excluded: bool = False
     """Not identifiable: shown, but not included in the range."""
@@ -32,7 +31,7 @@ class Entry:
 
 def forest(title: str, unit: str, entries: Sequence[Entry], caption: str, reference: float | None = None) -> str:
     """HTML of one coefficient; `reference` is a vertical line through all rows (the truth of the mock)."""
-    entries = [entry for entry in entries if math.isfinite(entry.value)]
+    entries = [entry for entry in entries if math.isfinite(entry.number.value)]
     height = TOP + ROW * len(entries) + BOTTOM
     scale = _scale(entries, reference)
     line = ""
@@ -50,22 +49,24 @@ def forest(title: str, unit: str, entries: Sequence[Entry], caption: str, refere
 def _scale(entries: Sequence[Entry], reference: float | None) -> Scale:
     """Scale that includes every identifiable value; much wider bands are clipped at the frame."""
     entries = [entry for entry in entries if not entry.excluded] or entries
-    values = np.array([entry.value for entry in entries] + ([reference] if reference is not None else []))
-    known = [[std for std in (entry.std, entry.std_calibrated) if math.isfinite(std)] for entry in entries]
+    values = np.array([entry.number.value for entry in entries] + ([reference] if reference is not None else []))
+    known = [
+        [std for std in (entry.number.std, entry.number.std_calibrated) if math.isfinite(std)] for entry in entries
+    ]
     reach = np.array([TWO_SIDED_95 * max(stds, default=0.0) for stds in known])
     room = 1.2 * float(np.ptp(values)) + 4.0 * float(np.median(reach)) if len(reach) else 1.0
-    shown, own = np.minimum(reach, room), np.array([entry.value for entry in entries])
+    shown, own = np.minimum(reach, room), np.array([entry.number.value for entry in entries])
     return Scale(*data_range([values, own - shown, own + shown]), LEFT, WIDTH - RIGHT)
 
 
 def _row(entry: Entry, y: float, scale: Scale) -> str:
     parts = [f'<text class="name" x="{LEFT - 10:.0f}" y="{y + 4:.1f}" text-anchor="end">{escape(entry.label)}</text>']
-    for std, kind in ((entry.std_calibrated, "outer"), (entry.std, "inner")):
+    for std, kind in ((entry.number.std_calibrated, "outer"), (entry.number.std, "inner")):
         if math.isfinite(std) and std > 0.0:
-            ends = scale(np.array([entry.value - TWO_SIDED_95 * std, entry.value + TWO_SIDED_95 * std]))
+            ends = scale(np.array([entry.number.value - TWO_SIDED_95 * std, entry.number.value + TWO_SIDED_95 * std]))
             a, b = (min(WIDTH - RIGHT, max(LEFT, end)) for end in ends.tolist())
             parts.append(f'<path class="whisker {kind} {entry.role}" d="M{a:.1f} {y:.1f}H{b:.1f}"/>')
-    x = float(scale(entry.value))
+    x = float(scale(entry.number.value))
     if LEFT <= x <= WIDTH - RIGHT:
         parts.append(f'<path class="dots {entry.role}" stroke-width="9" d="M{x:.1f} {y:.1f}h0"/>')
     else:

@@ -10,7 +10,7 @@ from html import escape
 
 from hindrax_analysis.coefficients_file import TABULATED, Conditions, SavedCoefficients
 from hindrax_analysis.published import PAPER, published_of
-from hindrax_analysis.report.chart import Role, figure
+from hindrax_analysis.report.chart import figure
 from hindrax_analysis.report.figures import (
     LABELS,
     METHODS,
@@ -220,23 +220,19 @@ def _entries(report: RunReport, result: MotionResult, name: str) -> list[Entry]:
     for method, numbers in methods.items():
         if name in numbers:
             role = ROLES.get(method, "model" if method == result.method else "online")
-            entries.append(_entry(METHODS.get(method, method).partition(" (")[0], numbers[name], role))
+            entries.append(Entry(METHODS.get(method, method).partition(" (")[0], numbers[name], role))
     prior = truth_of(report.vehicle).get(result.motion, {})
     if name in prior and not report.conditions.mock:
-        entries.append(Entry("vehicle file", prior[name], math.nan, math.nan, "prior"))
+        entries.append(Entry("vehicle file", Number(prior[name], math.nan), "prior"))
     paper = published_of(report.vehicle.name, result.motion)
     if paper is not None and name in paper.coefficients:
-        entries.append(Entry(PAPER, *paper.in_our_axes[name], math.nan, "paper"))
+        entries.append(Entry(PAPER, Number(*paper.in_our_axes[name]), "paper"))
     for saved in report.earlier:
         motion = saved.motions.get(result.motion)
         if motion is not None and name in motion.numbers:
             label = f"{saved.label} (aborted)" if saved.conditions.aborted else saved.label
-            entries.append(_entry(label, motion.numbers[name], "earlier"))
+            entries.append(Entry(label, motion.numbers[name], "earlier"))
     return entries
-
-
-def _entry(label: str, found: Number, role: Role) -> Entry:
-    return Entry(label, found.value, found.std, found.std_calibrated, role)
 
 
 # ---- the end
