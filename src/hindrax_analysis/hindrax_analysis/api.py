@@ -6,8 +6,6 @@ A table is a mapping from names to columns of one length, as `pandas.DataFrame(t
 xarray is needed here. Tutorial: docs/how-to/analyze-in-python.ipynb.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -124,7 +122,7 @@ def predict(results: Results, axis: str, time_s: ArrayLike, force: ArrayLike, st
     return path.v
 
 
-def plot(results: Results, motion: str, axes: Axes | None = None) -> Axes:
+def plot(results: Results, motion: str, axes: "Axes | None" = None) -> "Axes":
     """Draw the drag of a motion over its speeds with the 95 % band; returns the axes. Needs matplotlib."""
     from matplotlib import pyplot as plt  # noqa: PLC0415  # only who plots waits for it
 

@@ -4,8 +4,6 @@ The keys under `motions` are those of the JSON of `pool-test` and `identify`. Co
 readers ignore them.
 """
 
-from __future__ import annotations
-
 import math
 import textwrap
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """How many digits of a number mean something: its standard deviation says so. Nothing slow is imported here."""
 
-from __future__ import annotations
-
 import math
 
 TWO_SIDED_95 = 1.96

@@ -1,7 +1,5 @@
 """Results as plain data, for JSON or YAML, and printed as JSON."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Results of COB-2023-1394 for the Hindrax, Table 3 and Table 4, as printed."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

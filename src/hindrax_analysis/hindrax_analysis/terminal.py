@@ -1,7 +1,5 @@
 """Results on the terminal: tables, values with their units."""
 
-from __future__ import annotations
-
 import math
 import sys
 from collections.abc import Callable, Iterator, Sequence

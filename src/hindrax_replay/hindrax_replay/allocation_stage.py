@@ -5,8 +5,6 @@ and does not affect later commands. In a bag without wrenches or commands only t
 wanted ones are those of the record.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from typing import Any
 

@@ -4,8 +4,6 @@ Recorded wrenches pass the real guard and allocation. All recorded outputs are c
 without wire frames is replayed from its messages; then the devices are not compared.
 """
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Iterator, Mapping, Sequence

@@ -4,8 +4,6 @@ The second reads the bag itself. The first sends it the number of settled messag
 the replayed devices publish differently.
 """
 
-from __future__ import annotations
-
 import gc
 import multiprocessing
 import signal

@@ -5,8 +5,6 @@ device restarted. A register device runs its programs again, and each transactio
 transaction that is not the next of the record failed on the wire, for only successful ones were recorded.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import lru_cache

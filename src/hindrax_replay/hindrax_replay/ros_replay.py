@@ -5,8 +5,6 @@ was up, differs from day to day: so a message is compared with the recorded one 
 in time (computed from them), with the tolerances of the section `ros`.
 """
 
-from __future__ import annotations
-
 import contextlib
 import shutil
 import tempfile

@@ -1,7 +1,5 @@
 """Second stage of a replay: navigator and identification over the replayed readings, compared with the record."""
 
-from __future__ import annotations
-
 from bisect import bisect_left
 from collections import deque
 from collections.abc import Iterable

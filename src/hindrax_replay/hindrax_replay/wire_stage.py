@@ -1,7 +1,5 @@
 """First stage of a replay: wire frames into the devices, and their messages compared with the recorded ones."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable
 from typing import Any

@@ -4,8 +4,6 @@ The thruster pulls on a load cell through a lever: thrust = load x lever ratio. 
 F = c4 P^3 + c3 P^2 + c2 P + c1, F in N and P in us, by least squares with standard deviations (eq. 6 to 8).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 

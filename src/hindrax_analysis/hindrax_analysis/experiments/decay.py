@@ -3,8 +3,6 @@
 The record is a displacement, or the raw signal of an accelerometer that is integrated twice.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ about the fourth power of how full the box is, so without them the estimate is a
 Axes are SNAME (x forward, y starboard, z down); six-vectors go surge, sway, heave, roll, pitch, yaw.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import cast

@@ -1,7 +1,5 @@
 """Bench records in CSV: named columns, and errors that name line and column."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ part of the force in phase with the acceleration is inertia: the model's own and
 force = derivative x motion, so an added mass of 90 kg is Z_wdot = -90 kg.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

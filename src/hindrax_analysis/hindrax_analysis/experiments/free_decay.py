@@ -4,8 +4,6 @@ A model of mass m_b hangs on springs of stiffness k in water, is displaced and r
 gives the added mass, its decrement the damping. The record is a displacement, or the raw signal of an accelerometer.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Literal

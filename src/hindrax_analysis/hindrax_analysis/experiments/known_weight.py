@@ -4,8 +4,6 @@ At rest, gain x thrust of the curves + known load + what else pulls = 0. What el
 is the same with and without. Pure, over the events of any record; uncertainty by GUM (JCGM 100), clause 5.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Least squares with uncertainty, and propagation of uncertainty."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias

@@ -5,8 +5,6 @@ beta = K_L / (M + m_a), gamma = K_Q r / (M + m_a). The paper prints theta |theta
 form used here.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 Each function returns a matplotlib Figure with the Agg canvas; the caller saves it (`figure.savefig(path)`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

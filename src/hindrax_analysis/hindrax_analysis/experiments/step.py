@@ -3,8 +3,6 @@
 (m + m_a) v' + K_L v + K_Q v|v| = T from rest: the velocity rises to a constant, the acceleration falls to zero.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

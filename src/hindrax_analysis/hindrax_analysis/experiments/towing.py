@@ -1,7 +1,5 @@
 """Drag coefficients from towing points: force against speed. Eidsvik 2015 (towing tank), Badawy 2012 (CFD table 5)."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

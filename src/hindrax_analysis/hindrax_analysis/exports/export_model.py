@@ -1,7 +1,5 @@
 """Export model: a results file (coefficients.yaml), completed and made passive."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

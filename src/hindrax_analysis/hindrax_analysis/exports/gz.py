@@ -11,8 +11,6 @@ both; added mass off the diagonal changes sign where one of its two axes is turn
 differs between them goes into `zWW w^2`, which is exact for the quadratic part; the linear part is the mean of both.
 """
 
-from __future__ import annotations
-
 from typing import Literal
 from xml.etree import ElementTree as ET
 

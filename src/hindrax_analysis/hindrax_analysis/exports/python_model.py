@@ -4,8 +4,6 @@ The file stands on its own: it is written, not imported. Its signs are those of 
 M v' + C(v) v + D(v) v + g(eta) = tau with M = M_RB + M_A, everything on the left positive when it resists, SNAME axes.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from hindrax_analysis.experiments.least_squares import Array

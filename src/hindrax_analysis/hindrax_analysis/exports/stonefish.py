@@ -8,8 +8,6 @@ speed: both are fitted to it over the tested speeds, and the comment says how we
 follow from the geometry and cannot be given.
 """
 
-from __future__ import annotations
-
 from typing import Literal, TypeAlias
 from xml.etree import ElementTree as ET
 

@@ -1,7 +1,5 @@
 """The result as a table for a spreadsheet (CSV) or for a paper (LaTeX)."""
 
-from __future__ import annotations
-
 import csv
 import io
 import math

@@ -5,8 +5,6 @@ Signs. Its added mass is the matrix M_A itself, positive (force = -M_A a); its d
 uses either, so matrices are written in SNAME axes; positions are in Gazebo's axes.
 """
 
-from __future__ import annotations
-
 from xml.etree import ElementTree as ET
 
 from hindrax_analysis.exports.export_model import ExportModel, add, commented, header, mean_of_directions, number

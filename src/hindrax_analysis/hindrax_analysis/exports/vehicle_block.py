@@ -1,7 +1,5 @@
 """Our own vehicle file: the `hydrodynamics` block, as `hindrax_core.vehicle` reads it."""
 
-from __future__ import annotations
-
 import yaml
 
 from hindrax_analysis.exports.export_model import ExportModel, header

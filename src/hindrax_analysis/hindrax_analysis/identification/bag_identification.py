@@ -1,7 +1,5 @@
 """Identification over a finished bag of this stack; its results in files and on the terminal."""
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 from collections.abc import Mapping

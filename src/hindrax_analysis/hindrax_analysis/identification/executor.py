@@ -4,8 +4,6 @@ Results come in the order of the items; the exception of an item is raised in it
 picklable: defined at the top of a module.
 """
 
-from __future__ import annotations
-
 import contextlib
 import multiprocessing
 import os

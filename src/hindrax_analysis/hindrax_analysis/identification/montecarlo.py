@@ -1,7 +1,5 @@
 """Accuracy of the identification: many runs with known truth, each compared with the bound of its record."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Identification over records of any origin: bags of this stack, third-party bags, CSV; one, or several pooled."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """Paper E, Badawy, Omer 2012: drag from CFD (table 5) and the coefficients fitted to it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -6,8 +6,6 @@ slip of the printed result that hits the recomputed value, or a slip of an input
 back, makes a *misprint*. All else *does not follow*.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal

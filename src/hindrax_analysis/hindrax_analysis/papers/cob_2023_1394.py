@@ -1,7 +1,5 @@
 """Paper A, COB-2023-1394: thrust curve (Table 2), drag (Table 3) and drag coefficients (Table 4) of the Hindrax."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Paper B, COB-2023-2422: added mass of a 1:3 model of the Hindrax by free oscillation. Table 4 and Table 6."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from statistics import mean, stdev

@@ -4,8 +4,6 @@ Only the vehicles whose printed results follow from their printed inputs are her
 not: their results are off by up to a factor of four.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 

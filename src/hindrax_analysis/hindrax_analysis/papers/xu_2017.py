@@ -1,7 +1,5 @@
 """Paper C, Xu, Ma, Han 2017: acceleration derivatives of a 1:4 model by a vertical planar motion mechanism."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from itertools import chain
 

@@ -8,8 +8,6 @@ VehicleLocalPosition, VehicleAttitude (w, x, y, z from front, right, down to nor
 ActuatorOutputs, BatteryStatus.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 import os

@@ -3,8 +3,6 @@
 Poses beside velocities tell the frame of the velocities; where there are none, velocities follow from poses.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Rows and columns of CSV files of any origin: separators, names and units in use, and number formats."""
 
-from __future__ import annotations
-
 import csv
 import math
 import re

@@ -1,7 +1,5 @@
 """CSV records of any origin: the header line names columns and units."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable
 from dataclasses import replace

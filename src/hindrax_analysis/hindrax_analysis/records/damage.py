@@ -5,8 +5,6 @@ for seconds, flat tops of a saturated sensor and outliers are no measurements. T
 each kind is an assumption of the record, with its number and place.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """What a bag of this stack tells: events by the feed of the live identifier, what was flown, its date, its truth."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """Implausible results: wrong units and axes give numbers too, often with narrow bands."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Prediction of a record by saved coefficients, which were fitted to another."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from hindrax_core.errors import HindraxError, UsageError

@@ -4,8 +4,6 @@ Such a record has no phases. Each axis is identified separately, with the whole 
 it into stretches. The session's verdict covers what the record cannot show.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -64,7 +62,7 @@ class Recording:
         """Time of the last measurement."""
         return max((float(t[-1]) for t in (self.velocity_t, self.attitude_t) if len(t)), default=0.0)
 
-    def between(self, start_s: float, end_s: float) -> Recording:
+    def between(self, start_s: float, end_s: float) -> "Recording":
         """Part of a record, with the force at its start."""
         v, a = ((t >= start_s) & (t <= end_s) for t in (self.velocity_t, self.attitude_t))
         first = max(0, int(np.searchsorted(self.wrench_t, start_s, side="right")) - 1)
@@ -79,7 +77,7 @@ class Recording:
             attitude=self.attitude[a],
         )
 
-    def half_turned(self) -> Recording:
+    def half_turned(self) -> "Recording":
         """The same record rotated by half a turn about x: left and up for starboard and down."""
         velocity, wrench = array(self.velocity * HALF_TURN), array(self.wrench * HALF_TURN)
         attitude = array(self.attitude * np.array([1.0, -1.0, 1.0]))

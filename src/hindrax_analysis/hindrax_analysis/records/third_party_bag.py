@@ -3,8 +3,6 @@
 Topics are found by type. Ambiguous axes follow REP-103 and REP-105, and are reported as assumptions.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

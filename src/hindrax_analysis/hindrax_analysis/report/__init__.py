@@ -1,7 +1,5 @@
 """The report of a run and the comparison of many: one self-contained page for phone, desk and paper, light and dark."""
 
-from __future__ import annotations
-
 from hindrax_analysis.published import published_of
 from hindrax_analysis.report.comparison import comparison_page
 from hindrax_analysis.report.figures import Trace

@@ -4,8 +4,6 @@ A chart is layers over two axes. Every layer has a role (measured, model, truth,
 gives each role one color everywhere, and the legend under the chart names the roles that occur.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from html import escape
 from typing import Literal, TypeAlias

@@ -1,7 +1,5 @@
 """The comparison of many runs: a table and a forest plot of each coefficient of each motion."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Charts of one motion: measurement, fit, convergence, and residuals."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Forest plot: one coefficient, one row per source, a dot with its 95 % band each."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

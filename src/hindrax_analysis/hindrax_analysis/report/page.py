@@ -1,7 +1,5 @@
 """A self-contained page of HTML: no network, no script, no font."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The tables of a report: Table 3 and Table 4 of COB-2023-1394 for this vehicle, and the methods side by side."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

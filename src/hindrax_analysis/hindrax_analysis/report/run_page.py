@@ -1,7 +1,5 @@
 """Report of one run as a page of HTML."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping, Sequence

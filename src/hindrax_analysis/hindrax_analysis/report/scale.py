@@ -1,7 +1,5 @@
 """Scales of a drawing: ranges, round ticks, thinning of lines with more points than a screen shows."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence
