@@ -1,7 +1,5 @@
 """What every test run has in common."""
 
-from __future__ import annotations
-
 import os
 import signal
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """A heavy BlueROV2 on ArduSub, flown by hand: its outputs and its motion, with the axes decoupled."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

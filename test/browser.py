@@ -1,7 +1,5 @@
 """A real browser without a screen, spoken to through two pipes (Chrome DevTools Protocol); nothing else is needed."""
 
-from __future__ import annotations
-
 import base64
 import contextlib
 import fcntl

@@ -1,7 +1,5 @@
 """Covariance of the residuals of a simulated motion, written out in full: Kalman filters are held against it."""
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np

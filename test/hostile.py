@@ -1,7 +1,5 @@
 """Messages that nobody should send: in every field of any message what a stranger, a fault or a slip may put there."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from copy import deepcopy

@@ -1,7 +1,5 @@
 """An ideal vehicle: six uncoupled degrees of freedom in still or moving water, perfect senses."""
 
-from __future__ import annotations
-
 import math
 
 from hindrax_control.prior_dynamics import prior_dynamics

@@ -1,7 +1,5 @@
 """A stand-in for launch and launch_ros, which are not among the wheels of ROS: it takes down what launch files say."""
 
-from __future__ import annotations
-
 import importlib.util
 import sys
 from collections.abc import Callable

@@ -3,8 +3,6 @@
 The graph of states is that of design.ros2.org/articles/node_lifecycle.html, written down here once more by hand.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any

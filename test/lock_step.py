@@ -1,7 +1,5 @@
 """A virtual bus without a process: a test sets its time."""
 
-from __future__ import annotations
-
 from hindrax_core.bus_operations import Transaction, wire_error
 from hindrax_core.events import Stamp
 from hindrax_drivers.buses.clock import EPOCH

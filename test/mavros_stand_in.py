@@ -4,8 +4,6 @@
 writes what it publishes as a bag.
 """
 
-from __future__ import annotations
-
 import math
 import sys
 import time

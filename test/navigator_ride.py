@@ -1,7 +1,5 @@
 """A vehicle on a motion in closed form, the sensors that watch it, and a navigator that hears them."""
 
-from __future__ import annotations
-
 import math
 import random
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -134,7 +132,7 @@ class Ride:
         known = self.dvl_from_s <= t < self.dvl_until_s
         self.tell(end - 0.025, BottomVelocity(mean if known else None, 0.01, 1.0, 0.05, 0), "dvl75")
 
-    def run(self, seconds: float) -> Ride:
+    def run(self, seconds: float) -> "Ride":
         for number in range(1, round(seconds * 200)):
             t = number * 0.005
             self.tell(t, self.inertial(t, self.vehicle.sensors["icm20948"]), "icm20948")

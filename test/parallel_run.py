@@ -1,7 +1,5 @@
 """The suite on all cores: whole files go to the workers, the longest first, and each is shown when it is done."""
 
-from __future__ import annotations
-
 import time
 from collections import Counter, defaultdict
 from collections.abc import Generator, Sequence

@@ -1,7 +1,5 @@
 """A clone with the real scripts, on a machine whose interpreter, installer and builder are stand-ins."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal

@@ -1,7 +1,5 @@
 """Messages of a navigation state, field by field, against which the bytes of `fast_serialization` are held."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -4,8 +4,6 @@ Not the mock vehicle: no hull, no pool, no devices. Only the equation that is fi
 through noise and rounding as a DVL, a gyroscope and a pressure sensor have them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ The time of the bus goes at half the pace of the wall's, and stands still while 
 does not count as a slow vehicle.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

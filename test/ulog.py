@@ -1,7 +1,5 @@
 """A minimal writer of PX4's logs, from its guide, "ULog File Format": header, formats, subscriptions, data."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterable, Iterator
 

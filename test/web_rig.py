@@ -1,7 +1,5 @@
 """The page served for a vehicle that is only pretended: one picture, orders noted, outcomes told at once."""
 
-from __future__ import annotations
-
 import contextlib
 import http.client
 import json

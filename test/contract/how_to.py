@@ -1,7 +1,5 @@
 """Doing what `docs/how-to/new-sensor.md` says, word for word, in a copy of the clone."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A sensor of the table on its wire: the real driver at one end, the emulator at the other, in lock-step."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """A serial driver and an emulator on one line, in lock-step: the port, the clock and the operator of the sweep."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar

@@ -1,7 +1,5 @@
 """The DVL-75 driver against the emulator: the truth that is set is the reading that comes out."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -4,8 +4,6 @@ python-periphery makes the requests; what answers them is the kernel's part, pla
 chip, and a file cannot play one, because a request returns a new file descriptor.
 """
 
-from __future__ import annotations
-
 import errno
 import os
 import struct

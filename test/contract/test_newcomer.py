@@ -1,7 +1,5 @@
 """The way of a newcomer: what `docs/how-to/new-sensor.md` says is done in a copy of the clone, and nothing else."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

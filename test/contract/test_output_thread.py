@@ -1,7 +1,5 @@
 """The thread of the thruster output, on a bus whose time goes on as the test says, with a PCA9685 at its far end."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator

@@ -1,7 +1,5 @@
 """The contract of every sensor of the table: truth in, the same truth out, through every fault that it can suffer."""
 
-from __future__ import annotations
-
 import functools
 import random
 from collections import Counter

@@ -4,8 +4,6 @@ Each is a network namespace. The tether is 192.168.77.0/24; the stranger shares 
 the vehicle's tether address and has a route to it.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """A deployment against a stand-in for ssh that records its commands and runs them here, below a folder."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

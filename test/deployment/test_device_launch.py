@@ -3,8 +3,6 @@
 A stand-in for launch, which is not among the wheels of ROS, takes down what the files say.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import time

@@ -4,8 +4,6 @@ A stand-in for launch, which is not among the wheels of ROS, takes the words tha
 started as launch would start them. Where launch is installed it has its own say.
 """
 
-from __future__ import annotations
-
 import ast
 import configparser
 import contextlib

@@ -1,7 +1,5 @@
 """The launch file of a replay: the record, and the nodes that compute on it."""
 
-from __future__ import annotations
-
 import pytest
 
 pytest.importorskip("rclpy", reason="the words of the replay are read from its process, which imports rclpy")

@@ -1,7 +1,5 @@
 """A ROS installation brings its own numpy, and everything that is installed beside it has to run with that one."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What is put on a Raspberry Pi agrees with itself, with the vehicle file and with the tools of the system."""
 
-from __future__ import annotations
-
 import configparser
 import re
 import shutil

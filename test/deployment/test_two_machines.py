@@ -1,7 +1,5 @@
 """Vehicle and topside on one graph over the tether, and nobody else: in network namespaces, with the mock vehicle."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import threading

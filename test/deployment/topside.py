@@ -1,7 +1,5 @@
 """An operator at the far end of the tether: arms, dives, flies, is cut off, comes back, disarms. One line per event."""
 
-from __future__ import annotations
-
 import json
 import sys
 import time

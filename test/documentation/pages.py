@@ -1,7 +1,5 @@
 """The pages of the documentation as a test reads them: commands, links, paths, blocks."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from dataclasses import dataclass

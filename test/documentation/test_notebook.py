@@ -1,7 +1,5 @@
 """The notebook of the how-to runs from its first cell to its last, and says what is true."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

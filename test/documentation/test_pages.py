@@ -1,7 +1,5 @@
 """What the documentation says exists: commands are taken, links lead somewhere, examples are good."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Lines with `ros2`, which is not among the wheels of ROS: what they name exists, and what they send fits its type."""
 
-from __future__ import annotations
-
 import importlib
 import re
 import shlex

@@ -1,7 +1,5 @@
 """Thruster processes that are frozen (SIGSTOP): whichever of them stands still, neutral is on the wire in time."""
 
-from __future__ import annotations
-
 import importlib.util
 import subprocess
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The thrusters process on a virtual bus: whatever dies, hangs or falls silent, neutral is on the wire in time."""
 
-from __future__ import annotations
-
 import importlib.util
 import signal
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """A million frames for a stream decoder: out of a pool of good ones, half of them damaged, each in a way of its own."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from random import Random
 

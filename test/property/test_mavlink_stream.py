@@ -1,7 +1,5 @@
 """Laws of the MAVLink decoders, of host and firmware, over a million random and mutated frames."""
 
-from __future__ import annotations
-
 import random
 import struct
 

@@ -1,7 +1,5 @@
 """Laws of the stream decoders, on a million random and mutated frames each."""
 
-from __future__ import annotations
-
 import functools
 import operator
 import random

@@ -7,8 +7,6 @@ One is flown by hand, beyond the limits of the vehicle and with a thruster out o
 Run it in the environment of the clone, then `./hindrax replay --all --update-refs`: new bags want new references.
 """
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

@@ -6,8 +6,6 @@ When a message changes: write its step into `hindrax_bag/definitions.py`, and ma
 here. Those of earlier versions stay as they are, unless the reference bag that they are made of was changed.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Guard and allocation over a bag that was flown by hand, beyond limits and with a thruster out of use."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Third-party bags, with messages only: replayed from the topics that their types or the user name."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

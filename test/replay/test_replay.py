@@ -1,7 +1,5 @@
 """The reference bags through today's code: nothing may differ, and what is changed on purpose is found and named."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import os

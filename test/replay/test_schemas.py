@@ -1,7 +1,5 @@
 """Bags of every version of our messages: they open, come in today's form, and are replayed."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """Two pool tests in mock for everybody who wants to look at one: that of the tutorial, and the same in *ideal*."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

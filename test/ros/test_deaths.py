@@ -1,7 +1,5 @@
 """Processes die or freeze, the vehicle does not: each in flight, and wires and the true pose are judged."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """The identification node runs the experiment (`ident/run`): with a stand-in pilot, by messages."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any

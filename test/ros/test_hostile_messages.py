@@ -1,7 +1,5 @@
 """What comes from the graph is data: whatever is sent to the control process ends no node and moves nothing."""
 
-from __future__ import annotations
-
 import math
 import threading
 import time

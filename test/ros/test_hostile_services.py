@@ -3,8 +3,6 @@
 A client in a process of its own, against every node of a stack in mock with recorder, and the node `teleop`.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import math

@@ -1,7 +1,5 @@
 """Ctrl-C in the middle of a plateau: neutral thrusters, a readable bag, no orphan."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The sensors process while it measures: whatever is asked of one node, the process lives and the others go on."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import time

@@ -3,8 +3,6 @@
 One stack for all: started once, driven through arming, holds, a push, a thruster out of use and a stop, then ended.
 """
 
-from __future__ import annotations
-
 import contextlib
 import http.client
 import importlib.util

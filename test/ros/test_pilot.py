@@ -1,7 +1,5 @@
 """The pilot node and an operator, by messages: reports of a maneuver in flight, and of one that is refused."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import re

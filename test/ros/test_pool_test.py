@@ -1,7 +1,5 @@
 """The main job through real processes: one surge pool test in mock, and what must be true of what it leaves."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A recorder that stands still for a moment misses nothing of what is said meanwhile."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """What is wrong is said in one sentence with its remedy, and the exit code tells whose fault it is."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The real processes on the recorded wires of a reference bag: nothing but time may differ, and a change is found."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The safety monitor of a vehicle whose operator is silent: its requests to other nodes, once, and its reports."""
 
-from __future__ import annotations
-
 import re
 import time
 from collections.abc import Callable, Iterator

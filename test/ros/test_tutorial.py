@@ -1,7 +1,5 @@
 """The tutorial, word for word: what stands under "At the desk" is run in order, in a folder of its own."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Two mock vehicles, /rov1 and /rov2, in one graph: each flies on its own clock, and each is recorded apart."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Iterator
 from functools import partial

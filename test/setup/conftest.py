@@ -1,7 +1,5 @@
 """Clones and machines for the tests of the set-up."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What a start and a restart in flight wait for: nobody imports the slow parts of scipy, or what it does not use."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,7 +1,5 @@
 """The set-up: what it does when, what it says of what is missing, and how it gets over being interrupted."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

@@ -1,7 +1,5 @@
 """What the packages say of themselves agrees with what they contain, so that rosdep and colcon can be believed."""
 
-from __future__ import annotations
-
 import ast
 import configparser
 import re

@@ -1,7 +1,5 @@
 """The structure that `docs/architecture.md` claims; what import-linter checks stands in pyproject.toml."""
 
-from __future__ import annotations
-
 import ast
 import configparser
 import re

@@ -3,8 +3,6 @@
 `python -m hindrax_tools.flight_endings --flights 100` flies each vehicle file in the world *pool*, with one more fault.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import random

@@ -5,8 +5,6 @@ twelve laws, surge, heave and yaw flown one after the other. The truth is the dr
 unless the law is another drag.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import re

@@ -7,8 +7,6 @@ module in their own process can kill a mutant. One that survives may also change
 test. `hindrax_tools.mutation_table` does this for a list of modules.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import contextlib

@@ -7,8 +7,6 @@ each module a sample is tried; what survives is printed, with the line of code a
 is 1 when less than 95 % are killed in an area.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

@@ -6,8 +6,6 @@ A vehicle holds its depth and is recorded; the table tells the memory of each pr
 the start and at the end, and the last line the longest pause between two commands to the thrusters.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import tempfile

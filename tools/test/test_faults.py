@@ -1,7 +1,5 @@
 """The table of faults: what is judged, how it is put together, and the lies of devices that are found in flight."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

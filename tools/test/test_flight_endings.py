@@ -1,7 +1,5 @@
 """Endings of flights with faults: what is drawn, what counts as unsafe, and the table."""
 
-from __future__ import annotations
-
 import pytest
 
 from hindrax_tools.flight_endings import DONE, REFUSED, Ending, Fault, drawn, table

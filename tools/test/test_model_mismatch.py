@@ -1,7 +1,5 @@
 """What obeys another law is not known with confidence."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

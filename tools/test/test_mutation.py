@@ -1,7 +1,5 @@
 """The tool that mutates a module changes what a test holds, and tells which test does not."""
 
-from __future__ import annotations
-
 import ast
 import importlib.util
 import sys

@@ -1,7 +1,5 @@
 """The reference says what the code does, and every command explains itself with an example that it takes."""
 
-from __future__ import annotations
-
 import argparse
 import ast
 import json

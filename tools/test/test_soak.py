@@ -1,7 +1,5 @@
 """The soak judges growth after the warm-up and pauses of the control cycle."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The parts of the virtual vehicle that need no machine."""
 
-from __future__ import annotations
-
 import subprocess
 import tempfile
 import time

@@ -1,7 +1,5 @@
 """The analysis as a library: what a notebook gets from a bag, and laws that its predictions keep."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

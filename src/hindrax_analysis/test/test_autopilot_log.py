@@ -1,7 +1,5 @@
 """Logs of ArduPilot and PX4, written here as the autopilots do: velocities in body axes, forces by the vehicle file."""
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Thrust curve and towing points: fits give back what made the points, with honest deviations."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import yaml

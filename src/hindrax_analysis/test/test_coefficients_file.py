@@ -1,7 +1,5 @@
 """The file of coefficients: what is written is read back, and a broken file is named."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

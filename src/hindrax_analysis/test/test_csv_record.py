@@ -1,7 +1,5 @@
 """CSV as other people write it: names, units, separators, times; and what is refused."""
 
-from __future__ import annotations
-
 import math
 import tracemalloc
 from typing import Any

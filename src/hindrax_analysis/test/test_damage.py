@@ -1,7 +1,5 @@
 """What third-party sensors leave behind is left out and told; what only looks like it stays."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Laws that any estimate from dimensions must keep. Eidsvik 2015."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

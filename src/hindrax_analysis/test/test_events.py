@@ -1,7 +1,5 @@
 """Measurements out of a bag: each one, in the order of its stamp, however late it was written."""
 
-from __future__ import annotations
-
 import types
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Reading a results file for export: complete, passive, honest; and as a table."""
 
-from __future__ import annotations
-
 import csv
 import io
 import math

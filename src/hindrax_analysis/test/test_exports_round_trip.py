@@ -1,7 +1,5 @@
 """Every export is read back by an evaluator of its own, written after the simulator's equations: same force."""
 
-from __future__ import annotations
-
 import importlib.util
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Forced oscillation: known derivatives come back by both ways. Xu, Ma, Han 2017."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Free oscillation: a simulated bench gives back the added mass and drag it was simulated with. COB-2023-2422."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Literal

@@ -1,7 +1,5 @@
 """What the maneuver of a bag came to, out of the status messages of the pilot."""
 
-from __future__ import annotations
-
 import types
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """How a verdict comes about: digits, tolerances, slips."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

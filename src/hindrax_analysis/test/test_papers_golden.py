@@ -1,7 +1,5 @@
 """The golden cells: printed numbers of the five papers that must come out, and the misprints that must be found."""
 
-from __future__ import annotations
-
 import pytest
 
 from hindrax_analysis.papers import recompute

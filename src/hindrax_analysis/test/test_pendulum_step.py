@@ -1,7 +1,5 @@
 """Pendulum and step response: what was simulated comes back. Badawy, Omer 2012."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

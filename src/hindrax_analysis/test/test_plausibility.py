@@ -1,7 +1,5 @@
 """What nobody measured does not count as a fact."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

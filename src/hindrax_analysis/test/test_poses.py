@@ -1,7 +1,5 @@
 """Whose axes velocities are in, by the positions beside them; and velocities from poses alone."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Free-running prediction: exact for the model's own motion, and honest about the coefficients of another vehicle."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

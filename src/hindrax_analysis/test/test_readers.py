@@ -1,7 +1,5 @@
 """Third-party records: columns, gaps, and the events made of them."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 from collections.abc import Callable

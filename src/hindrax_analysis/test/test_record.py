@@ -1,7 +1,5 @@
 """A bench record is read by column name; a bad one is refused with line and column."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 
 import numpy as np

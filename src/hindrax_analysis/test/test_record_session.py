@@ -1,7 +1,5 @@
 """A vehicle identified while it flies gets the verdict that its record gets afterwards."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The vehicle of a bag: the file beside it, else the one inside it."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The report: drawings that are well formed, scales that are right, pages that need no network."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import replace

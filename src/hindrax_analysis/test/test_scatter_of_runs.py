@@ -1,7 +1,5 @@
 """What differs between runs widens a pooled result, with everything that is said of its band."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

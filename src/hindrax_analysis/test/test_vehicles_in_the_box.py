@@ -1,7 +1,5 @@
 """Vehicles that come with the stack: each flies in mock what its thrusters serve, and is identified."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

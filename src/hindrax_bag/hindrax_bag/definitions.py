@@ -5,8 +5,6 @@ migrated, so that old bags stay readable. When a message changes: add a step her
 `test/replay/schemas` (see `test/replay/make_schema_bags.py`); a test opens each of them.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping

@@ -1,7 +1,5 @@
 """Comparison of two messages of a topic, field by field: the recorded one and the replayed one."""
 
-from __future__ import annotations
-
 import fnmatch
 import math
 import struct
@@ -9,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 from weakref import WeakKeyDictionary
 
 from hindrax_core.errors import UsageError
@@ -192,7 +190,7 @@ class ComparisonReport:
         counts = Counter(topic for topic, _ in self._differences if topic in self._explained)
         return [f"{topic}: {count} fields differ, for {self._explained[topic]}" for topic, count in counts.items()]
 
-    def add(self, other: ComparisonReport) -> None:
+    def add(self, other: Self) -> None:
         """Add the counts of another report, of other topics."""
         self.fields_compared += other.fields_compared
         self.messages |= other.messages

@@ -1,7 +1,5 @@
 """Files of a bag, their completeness, and metadata.yaml as rosbag2 of ROS 2 Jazzy writes it beside them (version 9)."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 from collections import Counter

@@ -1,7 +1,5 @@
 """The folder of one run: bag, logs, parameters, vehicle file, coefficients, report."""
 
-from __future__ import annotations
-
 import itertools
 import shutil
 from collections.abc import Collection, Iterator

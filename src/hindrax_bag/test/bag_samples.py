@@ -1,7 +1,5 @@
 """Small bags for the tests, made without any ROS installation."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Files of a bag: their order, whether they are whole, what their channels are."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

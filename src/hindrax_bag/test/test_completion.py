@@ -1,7 +1,5 @@
 """Bags that a recorder left unfinished: resumed in the next file, and completed where they lie."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """The stamp of a message out of its bytes: where it lies, and when there is none."""
 
-from __future__ import annotations
-
 import struct
 
 import pytest

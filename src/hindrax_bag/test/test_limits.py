@@ -1,7 +1,5 @@
 """What a bag may take of the disk: where a file ends, where a bag ends, and where none begins."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Records of files made by hand from the MCAP specification: what is whole is read, what is not is told."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """metadata.yaml of a bag, in the words of rosbag2."""
 
-from __future__ import annotations
-
 from collections import Counter
 from typing import Any
 

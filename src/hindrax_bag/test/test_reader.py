@@ -1,7 +1,5 @@
 """Third-party bags, damaged bags, and files that are no bag."""
 
-from __future__ import annotations
-
 import sqlite3
 import struct
 import tracemalloc

@@ -1,7 +1,5 @@
 """The recorder as a process: what is published is in the bag, byte for byte, also after it was killed."""
 
-from __future__ import annotations
-
 import select
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """The recorder in the process of its test: stamps, the clock of a mock, what it says of itself, what it leaves."""
 
-from __future__ import annotations
-
 import os
 import struct
 import sys

@@ -1,7 +1,5 @@
 """Whatever byte a file is cut at, a whole bag comes out, and no more than the open chunk is lost."""
 
-from __future__ import annotations
-
 import os
 import random
 import struct

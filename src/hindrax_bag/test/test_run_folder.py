@@ -1,7 +1,5 @@
 """How runs are named, and which of them make room."""
 
-from __future__ import annotations
-
 import os
 from datetime import UTC, datetime
 from pathlib import Path

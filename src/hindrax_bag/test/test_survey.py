@@ -1,7 +1,5 @@
 """What a bag holds, and a list of bags, over files written by the `mcap` package."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

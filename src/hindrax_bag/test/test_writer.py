@@ -1,7 +1,5 @@
 """What is written is what rosbag2 would have written, and other people's readers agree."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 from collections.abc import Callable

@@ -6,8 +6,6 @@ start, and the processes live on without the server. It makes no node, opens no 
 of LTTng, which come with rclpy, sleep on a futex, and are missing in what is forked: trace nodes that `ros2` started.
 """
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import gc

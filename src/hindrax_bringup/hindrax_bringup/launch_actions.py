@@ -3,8 +3,6 @@
 Everything happens when the launch is executed: `ros2 launch --show-args` makes no file and waits for nothing.
 """
 
-from __future__ import annotations
-
 import atexit
 import contextlib
 import os

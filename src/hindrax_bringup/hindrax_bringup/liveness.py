@@ -4,8 +4,6 @@ The pulse stops when the tool hangs, whatever its processes still do; the servic
 the tool again (sd_notify(3)). The file is locked for as long as the tool lives, as that of `stack_lock` is.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import math

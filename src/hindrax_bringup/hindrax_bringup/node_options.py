@@ -1,7 +1,5 @@
 """Options of the processes of a stack: one description for `hindrax up`, `pool-test` and `ros2 launch`."""
 
-from __future__ import annotations
-
 import difflib
 import json
 import re

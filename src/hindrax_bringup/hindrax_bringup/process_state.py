@@ -1,7 +1,5 @@
 """What the kernel says of processes on this machine: which ones are stopped, and which one is a child of which."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import select

@@ -3,8 +3,6 @@
 Nodes are grouped by fault domain. The thruster output is always a process of its own.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from hindrax_core import sensor_table

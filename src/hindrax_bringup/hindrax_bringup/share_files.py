@@ -1,7 +1,5 @@
 """Where the files that come with the stack lie: vehicles, middleware profiles."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

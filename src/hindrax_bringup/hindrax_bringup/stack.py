@@ -1,7 +1,5 @@
 """A running stack: the mock on request, the onboard processes, the recorder, and their parameters."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

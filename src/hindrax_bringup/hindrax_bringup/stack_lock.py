@@ -4,8 +4,6 @@ The file is locked for as long as the tool that wrote it lives, so a file that c
 was killed, and is removed by whoever finds it.
 """
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import json

@@ -1,7 +1,5 @@
 """A stack that is kept up: processes looked after, presence announced, until a signal ends it."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 import os

@@ -8,8 +8,6 @@ SIGKILL, always by the id of a process that was started here. If the tool itself
 SIGINT to each child (PR_SET_PDEATHSIG), so that none is orphaned.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import shutil

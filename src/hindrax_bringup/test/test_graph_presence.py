@@ -1,7 +1,5 @@
 """Which domains are free: by the sockets of this machine, and by the nodes of the graph."""
 
-from __future__ import annotations
-
 import socket
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The layouts of Foxglove and PlotJuggler show what there is: fields of the table's topics, numbers in real bags."""
 
-from __future__ import annotations
-
 import importlib
 import json
 import re

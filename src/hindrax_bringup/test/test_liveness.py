@@ -1,7 +1,5 @@
 """Who is alive: the operator at the other end of a link, the tool of a stack, its nodes and processes."""
 
-from __future__ import annotations
-
 import json
 import os
 import socket

@@ -1,7 +1,5 @@
 """Parameters of the nodes: three sources in their order, and names that no node has."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The operator's end of the link: when it may conclude that a maneuver is over, and whose heartbeat it sends."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The safety monitor without its graph: what it asks of others and when it asks again, what it keeps, what it says."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """The policies follow from the roles, and the roles from what the nodes do: nothing is missing, nothing is spare."""
 
-from __future__ import annotations
-
 import ast
 import os
 import subprocess

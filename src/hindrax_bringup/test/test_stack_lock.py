@@ -1,7 +1,5 @@
 """How tools find the stacks that run."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

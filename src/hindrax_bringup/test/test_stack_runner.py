@@ -1,7 +1,5 @@
 """What `up` does before its processes start, and when the wall clock is set."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Processes that end for good, freeze, or leave their output unsafe: who gets a report, and of what."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

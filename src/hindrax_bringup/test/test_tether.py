@@ -1,7 +1,5 @@
 """The tether: how it is named, when it is there, how the middleware uses it, and who is at its other end."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import xml.etree.ElementTree as ET

@@ -1,7 +1,5 @@
 """Argument types shared by several commands."""
 
-from __future__ import annotations
-
 import argparse
 import math
 

@@ -3,8 +3,6 @@
 The vehicle needs nothing but a shell, `find`, `tail` and `sha256sum`.
 """
 
-from __future__ import annotations
-
 import hashlib
 import shlex
 import subprocess

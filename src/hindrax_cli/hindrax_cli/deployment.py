@@ -1,7 +1,5 @@
 """The steps of a deployment, as data: title, remote script, and the local command that feeds it."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from dataclasses import dataclass

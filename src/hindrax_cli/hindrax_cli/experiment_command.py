@@ -1,7 +1,5 @@
 """What the bench experiment commands share: options, reading a record, saving a plot."""
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import sys

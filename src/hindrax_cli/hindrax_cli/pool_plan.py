@@ -1,7 +1,5 @@
 """`hindrax pool-test --plan`: what to expect of a pool test, from a rehearsal in lock-step."""
 
-from __future__ import annotations
-
 import argparse
 import math
 import sys

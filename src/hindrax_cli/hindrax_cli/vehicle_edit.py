@@ -1,7 +1,5 @@
 """Changes one value of a vehicle file; comments, order and style stay."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from pathlib import Path

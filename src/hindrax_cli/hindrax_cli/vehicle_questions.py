@@ -1,7 +1,5 @@
 """Ten questions about a vehicle, and the vehicle file that their answers make."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A vehicle file judged before it flies: what its thrusters serve and how hard, and what looks wrong."""
 
-from __future__ import annotations
-
 import math
 
 from hindrax_cli.health_checks import Check

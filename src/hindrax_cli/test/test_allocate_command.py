@@ -1,7 +1,5 @@
 """`hindrax allocate` as a user calls it: the JSON document, the table, and what is refused."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The words of `hindrax bag`, on a small bag and on one that was cut off."""
 
-from __future__ import annotations
-
 import csv
 import json
 import shlex

@@ -1,7 +1,5 @@
 """Help, version and completion with nothing but a Python: no site packages, no environment."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

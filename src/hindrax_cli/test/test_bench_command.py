@@ -1,7 +1,5 @@
 """The table of `hindrax bench`, without measuring anything."""
 
-from __future__ import annotations
-
 import sys
 
 import pytest

@@ -1,7 +1,5 @@
 """The bench experiment commands as an operator uses them: words in, tables or one JSON document out, exit codes."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The doctor on a Raspberry Pi: every way to be wrong has its remedy, and what docker/pi sets up is right."""
 
-from __future__ import annotations
-
 import subprocess
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`hindrax dvl` on a pty with the emulated DVL behind it."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

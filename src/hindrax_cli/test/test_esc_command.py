@@ -1,7 +1,5 @@
 """`hindrax esc` on the emulated chip: what is put out at each step, and what it refuses."""
 
-from __future__ import annotations
-
 import io
 import signal
 import sys

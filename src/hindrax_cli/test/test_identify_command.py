@@ -1,7 +1,5 @@
 """`identify` over third-party records: CSV, MCAP, sqlite3, any topics and frames; no confidence without cause."""
 
-from __future__ import annotations
-
 import functools
 import json
 import math

@@ -1,7 +1,5 @@
 """`hindrax imu` and `hindrax depth` against emulated sensors behind the mock's socket."""
 
-from __future__ import annotations
-
 import json
 import math
 import threading

@@ -1,7 +1,5 @@
 """What a person has to do is told once the device that will see it has answered, and not before."""
 
-from __future__ import annotations
-
 import errno
 import threading
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Many runs: the table against numbers made by hand, the executors against each other, the command over the mock."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

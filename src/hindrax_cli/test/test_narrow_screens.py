@@ -1,7 +1,5 @@
 """The tables of every command on narrow screens: what a wide screen shows is there too, and whole."""
 
-from __future__ import annotations
-
 import re
 import sys
 

@@ -1,7 +1,5 @@
 """The doctor: every problem has its remedy, with devices, without, and with a stack that is up."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os

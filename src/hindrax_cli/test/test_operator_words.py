@@ -1,7 +1,5 @@
 """The operator's commands: what their words mean, what is refused before the vehicle is asked, what is said."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import math

@@ -1,7 +1,5 @@
 """`hindrax oscillator` against the emulated chip, whose pulses come back on a line of a stand-in GPIO."""
 
-from __future__ import annotations
-
 import json
 import random
 from collections.abc import Callable

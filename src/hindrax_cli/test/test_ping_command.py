@@ -1,7 +1,5 @@
 """`hindrax ping` on a pty with the emulated sonar behind it."""
 
-from __future__ import annotations
-
 import json
 import threading
 import time

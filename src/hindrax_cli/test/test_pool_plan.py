@@ -1,7 +1,5 @@
 """The dress rehearsal: a timetable that adds up, clearances that fit the pool, bands that hold the truth."""
 
-from __future__ import annotations
-
 import itertools
 import json
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """`report`: a comparison out of the files of several runs, and what it refuses."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """`hindrax status` lists what is announced on this machine, whatever started it."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -1,7 +1,5 @@
 """What `hindrax stop` says of the pulses of a stack that did not obey: what the heartbeat of the dead man tells."""
 
-from __future__ import annotations
-
 import math
 import os
 import time

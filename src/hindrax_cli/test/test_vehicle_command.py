@@ -1,7 +1,5 @@
 """`hindrax vehicle`: ten answers make a file that can be flown; files are found by name, checked and shown."""
 
-from __future__ import annotations
-
 import io
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """One value of a vehicle file is changed, and nothing else."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

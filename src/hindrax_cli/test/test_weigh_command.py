@@ -1,7 +1,5 @@
 """`hindrax weigh` as an operator uses it: in mock, from a record, into the vehicle file."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

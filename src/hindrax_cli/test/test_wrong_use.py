@@ -1,7 +1,5 @@
 """Wrong use costs one sentence that names the word, with the one that was perhaps meant, and exit code 2."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import subprocess

@@ -3,8 +3,6 @@
 Pure. Setpoints, goals, cancels and operator wrenches are events; `step` is called for every new Navigation.
 """
 
-from __future__ import annotations
-
 import math
 from copy import copy
 from dataclasses import dataclass, field, replace

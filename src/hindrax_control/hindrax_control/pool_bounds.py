@@ -5,8 +5,6 @@ Pool axes: x along the length, y to the right of it, from the corner; the walls 
 angle, or somebody says later where it is; from there on the position is what the navigator reckons, with its doubt.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ Plans and gains follow from it, so that a second vehicle needs no tuning. Where 
 hydrodynamics, displaced volume and envelope stand in for them: crude, and good enough to plan with.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

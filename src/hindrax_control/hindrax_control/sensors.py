@@ -1,7 +1,5 @@
 """The sensors of a vehicle: which of them measure what, where they sit, and which readings cannot be measurements."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

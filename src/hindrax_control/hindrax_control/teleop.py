@@ -5,8 +5,6 @@ the time at which they were made, on a clock that need not be ours, so the messa
 measure for the others.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

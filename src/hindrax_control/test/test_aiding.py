@@ -1,7 +1,5 @@
 """What each sensor beside the IMU tells the filters: lever, tilt, delay, and what of it is not used."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

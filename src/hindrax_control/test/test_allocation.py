@@ -1,7 +1,5 @@
 """Allocation against its laws; `test_bounded_allocation.py` judges its order."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import replace

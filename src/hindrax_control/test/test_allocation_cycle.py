@@ -1,7 +1,5 @@
 """Wrench to command and applied pulses to achieved wrench, with the guard between."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

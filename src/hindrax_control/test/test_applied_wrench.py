@@ -1,7 +1,5 @@
 """What applied pulses mean: which channels are thrusters, what is no pulse, and the wrench of the rest."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import replace

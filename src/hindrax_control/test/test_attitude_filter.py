@@ -1,7 +1,5 @@
 """The attitude filter against rotations of scipy and a Kalman filter in matrices, and the gains that it promises."""
 
-from __future__ import annotations
-
 import cmath
 import math
 from collections.abc import Sequence

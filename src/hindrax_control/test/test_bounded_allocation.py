@@ -4,8 +4,6 @@ The allocator works on facets and two parts; the reference knows neither. It han
 the priorities as two programs, one after the other.
 """
 
-from __future__ import annotations
-
 import os
 from dataclasses import replace
 from itertools import product

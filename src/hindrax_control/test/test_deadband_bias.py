@@ -1,7 +1,5 @@
 """The size of a pattern without wrench, against a search over all sizes."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

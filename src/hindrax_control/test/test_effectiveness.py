@@ -1,7 +1,5 @@
 """The effectiveness matrix of the Hindrax against the paper's equation 9 and its account of who drives what."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Every way in which a state can be wrong is named, with its limit and a remedy, and is not forgotten in flight."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

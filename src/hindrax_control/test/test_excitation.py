@@ -1,7 +1,5 @@
 """Excitation: bounded, seeded, rich, and kept in its room."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

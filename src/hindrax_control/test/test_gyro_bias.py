@@ -1,7 +1,5 @@
 """The gyroscope's offset: what a window shows of it, never surer than it is right, at rest and in motion."""
 
-from __future__ import annotations
-
 import math
 import random
 from collections.abc import Callable

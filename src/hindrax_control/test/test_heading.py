@@ -1,7 +1,5 @@
 """The compass filter alone: what it learns, and what it refuses to learn."""
 
-from __future__ import annotations
-
 import math
 import random
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The compass filter against an extended Kalman filter in matrices, measurement by measurement."""
 
-from __future__ import annotations
-
 import copy
 import math
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The holds on an ideal vehicle: uncoupled degrees of freedom without sensors in between."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The horizontal filter against a Kalman filter in matrices, and its memory of the path against closed forms."""
 
-from __future__ import annotations
-
 import copy
 import math
 

@@ -1,7 +1,5 @@
 """One leg on a vehicle whose thrust lags: it coasts, and brakes to rest, however strong and light the vehicle is."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Every guard: silent when all is well, and a sentence of its own when not."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """A maneuver step by step, on a vehicle that stays where it is put: what each step is given decides what it does."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Maneuvers and the pilot on an ideal vehicle: to the end, and through cancels, currents and lost sensors."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable
@@ -62,7 +60,7 @@ class Rig:
         self.step()
 
     def fly(
-        self, goal: Goal, each: Callable[[Rig], None] = lambda _rig: None, most_s: float = 600.0
+        self, goal: Goal, each: Callable[["Rig"], None] = lambda _rig: None, most_s: float = 600.0
     ) -> tuple[ManeuverOutput, list[Phase]]:
         """Fly a goal to its end; returns the last output and every phase that was flown."""
         self.arm()

@@ -1,7 +1,5 @@
 """The navigator against motions that are known in closed form."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """The navigator while everything moves at once, while a sensor is missing, and after a start that is no rest."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """What the pilot tells of what it was told: a setpoint that is refused is seen in the state of its hold."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

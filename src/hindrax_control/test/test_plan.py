@@ -1,7 +1,5 @@
 """Plans: they fit the pool, the limits and the thrusters, and say why when nothing does."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Where the vehicle is in the pool: the start, the axes, the walls."""
 
-from __future__ import annotations
-
 import cmath
 import contextlib
 import math

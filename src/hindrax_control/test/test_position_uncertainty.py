@@ -1,7 +1,5 @@
 """What the navigator says of the error of its position holds for the errors that are believed, and grows with them."""
 
-from __future__ import annotations
-
 import math
 import random
 from itertools import pairwise

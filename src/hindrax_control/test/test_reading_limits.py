@@ -1,7 +1,5 @@
 """Readings that no sensor produces are told apart from merely odd ones."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

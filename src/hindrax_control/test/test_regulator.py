@@ -1,7 +1,5 @@
 """One axis under control: it follows its reference, comes back as its poles say, and does not wind up."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """What a vehicle can fly: all that its thrusters serve, and a reason for each motion that they do not."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """Each stage of a maneuver by itself: what it asks of the holds, what it does at a moment, and when it is over."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

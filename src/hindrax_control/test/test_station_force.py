@@ -1,7 +1,5 @@
 """The force that keeps station: what is asked for at a place and a speed, in the pool and in the body."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Keeping station on an ideal vehicle: transits, currents, headings."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

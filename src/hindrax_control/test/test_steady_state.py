@@ -1,7 +1,5 @@
 """The test for steadiness: neither fooled by noise nor by a slow approach."""
 
-from __future__ import annotations
-
 import math
 import random
 from collections import deque

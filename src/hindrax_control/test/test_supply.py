@@ -1,7 +1,5 @@
 """A voltage counts while it is measured; a sensor that falls silent is named, and the constant takes its place."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """The thrust curve against the paper's table and its own law: pulse and force are inverse to each other."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The thruster watch on an ideal vehicle whose thrusters can die, and whose prior can be wrong."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

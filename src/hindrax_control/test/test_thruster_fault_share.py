@@ -1,7 +1,5 @@
 """The thruster fault detector in a motion with all couplings: how weak a thruster is, and when that is told."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The vertical filter that is written out gives what filterpy's Kalman filter gives over the same measurements."""
 
-from __future__ import annotations
-
 import copy
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The command guard: what is refused whole, what axis by axis, and what it says about it."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The runner and the rehearsal of bus programs."""
 
-from __future__ import annotations
-
 from typing import TypeAlias
 
 import pytest

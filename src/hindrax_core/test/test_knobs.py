@@ -1,7 +1,5 @@
 """Declared once, checked everywhere: errors name the key path, what was found and what was wanted."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, fields
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What was refused is counted by thing, and is news once."""
 
-from __future__ import annotations
-
 from hindrax_core.input_checks import LONGEST, Refusals
 
 

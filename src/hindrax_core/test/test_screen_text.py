@@ -1,7 +1,5 @@
 """Sentences break between words on a screen, and nowhere else."""
 
-from __future__ import annotations
-
 import io
 import os
 import pty

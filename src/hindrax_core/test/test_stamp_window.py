@@ -1,7 +1,5 @@
 """One rule for the stamps of orders: neither too old nor too far ahead, never without a stamp."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

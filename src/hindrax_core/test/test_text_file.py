@@ -1,7 +1,5 @@
 """Files of text: whole or as they were, and the question beforehand."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os

@@ -1,7 +1,5 @@
 """The vehicle file: figures of the papers, and every mistake named by its key path."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """YAML from anybody is plain data or one sentence."""
 
-from __future__ import annotations
-
 import pytest
 
 from hindrax_core.errors import UsageError

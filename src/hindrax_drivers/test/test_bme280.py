@@ -1,7 +1,5 @@
 """The barometer in the hull: the weight of each coefficient, and what is no measurement."""
 
-from __future__ import annotations
-
 import math
 import struct
 from typing import Any

@@ -1,7 +1,5 @@
 """The dead man without processes and clocks: crash after crash, a child that hangs, one that is well, an end."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -1,7 +1,5 @@
 """One device's node under every request in every state, found and lost."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from typing import Any

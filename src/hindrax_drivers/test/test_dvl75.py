@@ -1,7 +1,5 @@
 """The DVL-75 as a device: gates, time, supervision, settings. Sentences from outside are in test/golden/dvl75."""
 
-from __future__ import annotations
-
 import functools
 import math
 import operator

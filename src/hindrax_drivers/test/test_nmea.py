@@ -1,7 +1,5 @@
 """Lines, checksums and numbers of NMEA-like streams."""
 
-from __future__ import annotations
-
 import functools
 import operator
 import random

@@ -1,7 +1,5 @@
 """When the dead man counts as silent: by both clocks, never by one that stands still or leaps."""
 
-from __future__ import annotations
-
 import pytest
 
 pytest.importorskip("rclpy", reason="needs the ROS environment")

@@ -1,7 +1,5 @@
 """The Ping1D as a device: waking, orders, gates, time, supervision."""
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Callable, Iterable

@@ -1,7 +1,5 @@
 """Frames of the Ping protocol. Vectors from outside are in test/golden/ping1d."""
 
-from __future__ import annotations
-
 import struct
 
 import pytest

@@ -1,7 +1,5 @@
 """When a serial line counts as silent, or as speaking another language: told once, until it is well again."""
 
-from __future__ import annotations
-
 import pytest
 
 from hindrax_core.events import stamp_from_s

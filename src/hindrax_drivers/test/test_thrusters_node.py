@@ -1,7 +1,5 @@
 """The node of the thrusters without its thread: what it passes on, what it refuses, what it says of the output."""
 
-from __future__ import annotations
-
 import os
 import signal
 import threading

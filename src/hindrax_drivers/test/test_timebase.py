@@ -1,7 +1,5 @@
 """The map from a device's clock to ROS time: laws first, then each kind of break."""
 
-from __future__ import annotations
-
 import random
 from collections.abc import Iterator
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Progress of a maneuver on stderr: a live view on a terminal, else one line per phase."""
 
-from __future__ import annotations
-
 import math
 import sys
 import time

@@ -1,7 +1,5 @@
 """What the live view shows, as values: copied from the messages once per snapshot, so that drawing needs no ROS."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

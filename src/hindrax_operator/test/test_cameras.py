@@ -1,7 +1,5 @@
 """Cameras on the graph: found by type, subscribed only while a viewer looks."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 

@@ -1,7 +1,5 @@
 """The live view: everything is on the screen at 80 columns, and the keys order what they say."""
 
-from __future__ import annotations
-
 import asyncio
 import fcntl
 import math

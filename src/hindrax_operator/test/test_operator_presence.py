@@ -1,7 +1,5 @@
 """How commands in other terminals find a stack: exactly while the tool that started it lives."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """A pool test in the eyes of `hindrax health`: what it flies, whether it is armed, what its nodes complain of."""
 
-from __future__ import annotations
-
 import time
 import types
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What a pool test shows while it flies: the maneuver, and what is known of the motion by now."""
 
-from __future__ import annotations
-
 import io
 import math
 import sys

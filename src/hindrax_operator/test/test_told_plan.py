@@ -1,7 +1,5 @@
 """What a pool test tells of its plan before anything starts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

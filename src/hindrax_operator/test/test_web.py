@@ -1,7 +1,5 @@
 """The page's server: what is refused and why, what is passed on, what never leaves the folder of runs."""
 
-from __future__ import annotations
-
 import contextlib
 import http.client
 import json

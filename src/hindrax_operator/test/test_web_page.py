@@ -1,7 +1,5 @@
 """The page in a real browser without a screen: it shows the vehicle, passes orders on, opens reports, fits a phone."""
 
-from __future__ import annotations
-
 import base64
 import json
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The guided known-weight test against a stack that pushes as a vehicle under the load would."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any

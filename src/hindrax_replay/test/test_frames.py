@@ -1,7 +1,5 @@
 """Recorded frames into devices: in step, after failures that were not recorded, and where the driver has changed."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import Any, TypeAlias
 

@@ -1,7 +1,5 @@
 """Recorded wires among real processes: what counts as their end."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 from typing import Any, cast

@@ -1,7 +1,5 @@
 """The /diagnostics of one node: rate, rejections by reason, last trouble, identity and age as keys and values."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

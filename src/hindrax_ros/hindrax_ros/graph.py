@@ -1,7 +1,5 @@
 """Publishers and subscriptions from the topics table, so that no node spells a topic or a quality; ends of goals."""
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Callable
 from dataclasses import replace

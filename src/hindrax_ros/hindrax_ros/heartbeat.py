@@ -4,8 +4,6 @@ The supervisor reads it, and so does whoever asks for the health of a stack. It 
 a process that hangs in either. Time is that of the monotonic clock [s], which all processes of a machine share.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 from collections.abc import Mapping
@@ -25,7 +23,7 @@ class Heartbeat:
             self._file = os.open(path, os.O_WRONLY | os.O_CREAT, 0o600)
 
     @classmethod
-    def of(cls, environment: Mapping[str, str]) -> Heartbeat:
+    def of(cls, environment: Mapping[str, str]) -> "Heartbeat":
         """Make the heartbeat of a process with this environment."""
         return cls(environment.get(VARIABLE, ""))
 

@@ -1,7 +1,5 @@
 """ROS parameter files, read without ROS as ROS reads them: for the tool, and for the dead man who does without ROS."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path

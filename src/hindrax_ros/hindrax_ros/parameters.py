@@ -4,8 +4,6 @@ A parameter request is data, refused with a reason where it is wrong: the servic
 type that they do not know, such as 255, and an exception in a callback ends the process.
 """
 
-from __future__ import annotations
-
 import difflib
 import math
 import os

@@ -4,8 +4,6 @@ The multi-threaded executor of rclpy starves timers (rclpy issue 1452) and `Even
 signals, so the loop takes turns itself (see `batched_node`).
 """
 
-from __future__ import annotations
-
 import gc
 import inspect
 import os

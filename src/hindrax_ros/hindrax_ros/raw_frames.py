@@ -1,7 +1,5 @@
 """Raw wire frames in batches, byte for byte as on the port, for the bag."""
 
-from __future__ import annotations
-
 from rclpy.node import Node
 
 from hindrax_core.events import Stamp, seconds_between

@@ -4,8 +4,6 @@ A computer without a battery clock (every Raspberry Pi) gets its time from the n
 clock then steps. Stamps of one stack do not: all its processes share the one offset that its tool measured.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The frames of the vehicle on /tf and /tf_static: odom -> base_link -> everything that is fixed to it."""
 
-from __future__ import annotations
-
 from geometry_msgs.msg import Quaternion, Transform, TransformStamped
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage

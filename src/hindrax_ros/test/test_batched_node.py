@@ -1,7 +1,5 @@
 """Nodes that empty their subscriptions in loop, and messages that go out together; on loopback, in a domain apart."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from typing import Any

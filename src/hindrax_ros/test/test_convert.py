@@ -1,7 +1,5 @@
 """The table of signs, axis by axis, and the way back."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

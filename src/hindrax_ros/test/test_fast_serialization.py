@@ -1,7 +1,5 @@
 """Bytes written in place against those of rclpy, and numbers read in place against those of message objects."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

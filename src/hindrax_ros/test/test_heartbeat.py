@@ -1,7 +1,5 @@
 """The heartbeat of a process: how often, where, and what becomes of one that nobody asked for."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from hindrax_ros.heartbeat import VARIABLE, Heartbeat, beaten_s

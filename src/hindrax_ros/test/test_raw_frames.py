@@ -1,7 +1,5 @@
 """Raw frames in batches; the first waits for its recorder."""
 
-from __future__ import annotations
-
 from typing import Any, cast
 
 import pytest

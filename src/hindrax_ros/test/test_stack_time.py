@@ -1,7 +1,5 @@
 """A stack's time does not step with the wall clock, and says how far that has stepped."""
 
-from __future__ import annotations
-
 import itertools
 import time
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The mock vehicle's hardware: the world, and every device of the vehicle file in it. No ports, no clock."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

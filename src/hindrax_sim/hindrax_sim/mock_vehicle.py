@@ -1,7 +1,5 @@
 """The mock vehicle for other programs: ptys, the socket of the bus, and time that follows their users."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

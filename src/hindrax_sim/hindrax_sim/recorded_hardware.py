@@ -5,8 +5,6 @@ recorded answer to each transaction: the next of the record while host and recor
 in time.
 """
 
-from __future__ import annotations
-
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The mock world: one vehicle in one pool, its time, and the truth that every sensor would see at its mount."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

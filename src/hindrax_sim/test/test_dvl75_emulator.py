@@ -1,7 +1,5 @@
 """The emulated DVL-75 against its pages."""
 
-from __future__ import annotations
-
 import functools
 import math
 import operator

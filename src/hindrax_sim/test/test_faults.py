@@ -1,7 +1,5 @@
 """Fault specifications and each stream fault by itself."""
 
-from __future__ import annotations
-
 from itertools import groupby
 
 import pytest

@@ -1,7 +1,5 @@
 """How long time waits for a control loop that is late."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Hardware that ends together with its clients: the thruster output is written last."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator
 from functools import partial

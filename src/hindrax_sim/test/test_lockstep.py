@@ -1,7 +1,5 @@
 """The whole vehicle without ROS: both fidelities, determinism, faults, and what the identification finds."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from itertools import pairwise

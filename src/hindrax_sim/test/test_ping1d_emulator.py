@@ -1,7 +1,5 @@
 """The emulated Ping1D against the Ping protocol's definitions; frames made by the vendor's encoder (brping 0.2.5)."""
 
-from __future__ import annotations
-
 import struct
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Recorded wires as hardware: in step, out of step, before the record and behind it, and under the real drivers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

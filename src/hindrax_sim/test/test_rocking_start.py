@@ -1,7 +1,5 @@
 """A vehicle that rocks while it is switched on knows its attitude all the same, and how well, before it may arm."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

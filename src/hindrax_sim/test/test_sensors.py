@@ -1,7 +1,5 @@
 """The reading-level sensors against the truth that they are made from."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Sentences from outside through the driver, field by field."""
 
-from __future__ import annotations
-
 import functools
 import math
 import operator

@@ -1,7 +1,5 @@
 """Frames from outside through the codec and the driver."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Speed, each figure beside a peer measured in the same run: every module offers `rows() -> list[dict]`."""
 
-from __future__ import annotations
-
 import statistics
 import time
 import timeit

@@ -1,7 +1,5 @@
 """Speed of allocation and curve inverse, compared with general solvers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

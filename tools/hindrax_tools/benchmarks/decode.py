@@ -1,7 +1,5 @@
 """Speed of decoding a DVL's sentences, beside pynmea2 on the same lines."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import reduce
 from itertools import cycle

@@ -1,7 +1,5 @@
 """How fast the surge run flies through the whole stack in mock, beside real time."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

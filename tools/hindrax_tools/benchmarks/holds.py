@@ -4,8 +4,6 @@ With it, feed-forward of mass and drag and all gains are of the identified vehic
 has written them there. Without it, displaced volume and a box of its envelope stand in. Lock-step in an ideal world.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

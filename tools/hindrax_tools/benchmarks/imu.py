@@ -4,8 +4,6 @@ The peers of the decoder do less: they neither stamp nor doubt anything. The pee
 as drivers without a FIFO do; both talk to the same chip in memory, behind the kernel's binary interface.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 import struct

@@ -1,7 +1,5 @@
 """Speed of the mock's plant, beside the same law written with numpy as simulators usually write it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import Any

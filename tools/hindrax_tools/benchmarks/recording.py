@@ -3,8 +3,6 @@
 Beside it the plain MCAP writer and that of rosbags write the same messages in the same run.
 """
 
-from __future__ import annotations
-
 import importlib.metadata
 import tempfile
 import time

@@ -1,7 +1,5 @@
 """A recorded run through the real code again and compared, beside only reading the same bag with the mcap reader."""
 
-from __future__ import annotations
-
 import importlib.metadata
 from pathlib import Path
 from typing import Any

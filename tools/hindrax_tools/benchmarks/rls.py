@@ -1,7 +1,5 @@
 """Speed of one recursive least-squares update with three and six parameters, compared with other libraries."""
 
-from __future__ import annotations
-
 from importlib.metadata import version
 from itertools import cycle
 from typing import Any

@@ -1,7 +1,5 @@
 """CPU time and memory of the whole node stack at vehicle rates, beside an rclpy node that listens to its topics."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """A cell of the table of faults: what went wrong in which mode of flying, what came of it, and what must never."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

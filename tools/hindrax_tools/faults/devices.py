@@ -1,7 +1,5 @@
 """Faults of devices, in lock-step and by bytes: every emulator, every driver, the whole stack without its processes."""
 
-from __future__ import annotations
-
 import random
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """All cells of the table of faults: flown, then put together, a row for each fault."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial

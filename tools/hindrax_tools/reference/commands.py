@@ -1,7 +1,5 @@
 """Page of the commands, from their own parsers."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator
 

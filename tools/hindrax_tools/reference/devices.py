@@ -1,7 +1,5 @@
 """Pages of the devices, by the table of sensors, drivers, emulators and their faults, and of the worlds of the mock."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Mapping
 from importlib import import_module

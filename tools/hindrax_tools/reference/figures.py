@@ -1,7 +1,5 @@
 """The figures of the explanation, drawn from the vehicle file and from pool tests in lock-step that lie beside them."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass

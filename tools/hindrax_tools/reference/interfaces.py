@@ -1,7 +1,5 @@
 """Pages of the interfaces: topics from their table; our own messages, services and actions from their definitions."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from hindrax_bringup.clone import clone_root

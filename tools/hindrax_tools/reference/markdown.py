@@ -1,7 +1,5 @@
 """Tables and heads of the reference pages."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 

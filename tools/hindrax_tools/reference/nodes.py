@@ -1,7 +1,5 @@
 """Page of the nodes, from their roles: what each takes, gives and serves, and its states."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 
 from hindrax_bringup.network.security import ARM, ASSESS, CANCEL, FLY, RECENTRE, ROLES, RUN, Role

@@ -1,7 +1,5 @@
 """Pages of what is set: the parameters of every node and the vehicle file, from their dataclasses of knobs."""
 
-from __future__ import annotations
-
 import math
 import types
 import typing

@@ -1,7 +1,5 @@
 """Build, boot, deploy, harm: one line per check, 0 when all are good, 1 when one is not, 2 for wrong use."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 import tempfile

@@ -1,7 +1,5 @@
 """What the virtual vehicle has to survive, each check with its findings. Times are those of the machine."""
 
-from __future__ import annotations
-
 import random
 import subprocess
 import time

@@ -5,8 +5,6 @@ serial line of the machine, ten times a second and whenever it changes between n
 emulated PCA9685 gives them, whatever was killed, with the times of both clocks. The line ends in a file outside.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ The network of the machine ends at its host, so that nothing can be fetched ther
 folder before it becomes a disk; a deployment then finds it done.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import shutil

@@ -5,8 +5,6 @@ seconds of this machine. Since Linux 6.16 their system calls are caught by secco
 ten times as long.
 """
 
-from __future__ import annotations
-
 import os
 import shlex
 import signal

@@ -4,8 +4,6 @@ It runs in a process of its own, so that a slow disk never slows the control loo
 subscriptions) and are written as they are.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 from collections import Counter

@@ -4,8 +4,6 @@ Nothing here needs a ROS installation or our generated messages, so bags of othe
 stack open too: MCAP, and the older sqlite3 format of rosbag2.
 """
 
-from __future__ import annotations
-
 import sqlite3
 import struct
 from collections.abc import Callable, Collection, Iterator, Mapping

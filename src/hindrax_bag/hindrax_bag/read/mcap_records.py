@@ -4,8 +4,6 @@ Checksums are verified; a chunk that fails is left out and reading goes on behin
 length before the `mcap` package opens it, so that what is wrong inside one costs that one, in time and in memory.
 """
 
-from __future__ import annotations
-
 import os
 import struct
 import zlib

@@ -1,7 +1,5 @@
 """Messages of a bag as columns: for a spreadsheet or a plot."""
 
-from __future__ import annotations
-
 import contextlib
 import csv
 import re

@@ -5,8 +5,6 @@ leaves its last file without an index, which other readers refuse. Each such fil
 and the copy takes its place. A file that is still written is left alone.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Survey of a bag: topics, counts, rates, times, files; by reading it, so that unfinished bags are correct too."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path

@@ -1,7 +1,5 @@
 """One MCAP file of a bag while it is written."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 from collections import Counter

@@ -6,8 +6,6 @@ The caller flushes it at least every second of wall time, so that a power cut co
 the disk and what is done when it is used up are decided at a flush; each decision is said as a sentence.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections import Counter

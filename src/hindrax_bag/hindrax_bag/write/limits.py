@@ -1,7 +1,5 @@
 """Limits on the size of a bag."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Whether the operator's link is alive, by heartbeats alone: the node graph lists dead nodes for many seconds."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from hindrax_core.knobs import choice

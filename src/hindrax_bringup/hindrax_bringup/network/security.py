@@ -4,8 +4,6 @@ Nothing else is allowed. An enclave is the identity of one process. Only the ope
 move the vehicle; only the allocator may publish pulses, and at the bench, with the stack down, the bench's enclave.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass

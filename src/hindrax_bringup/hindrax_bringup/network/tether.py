@@ -9,8 +9,6 @@ With the netmask filter a participant speaks only to those who are in the networ
 elsewhere is never answered and never matched.
 """
 
-from __future__ import annotations
-
 import argparse
 import fcntl
 import hashlib

@@ -4,8 +4,6 @@ As a program, `python -m hindrax_bringup.nodes.graph_presence NAMESPACE`, it pri
 of its environment.
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

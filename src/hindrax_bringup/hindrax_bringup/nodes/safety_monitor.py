@@ -9,8 +9,6 @@ have expired by then. It disarms an armed vehicle when the wall clock is set. Wh
 `hindrax health`.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from typing import Any

@@ -1,7 +1,5 @@
 """What is wrong with this machine and this vehicle, and what to do about it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

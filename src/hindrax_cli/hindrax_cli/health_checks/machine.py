@@ -1,7 +1,5 @@
 """Checks of the machine itself: Python and ROS, disk, time, groups, processes left behind. Nothing is changed."""
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import grp

@@ -4,8 +4,6 @@ Sources: Raspberry Pi's boot/overlays/README (dtparam, uart overlays) and its do
 `vcgencmd get_throttled`; raspberrypi/linux issue 4884 (SCL follows the core clock).
 """
 
-from __future__ import annotations
-
 import contextlib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Checks of buses, ports and devices through the drivers, with the stack down."""
 
-from __future__ import annotations
-
 import contextlib
 import grp
 import os

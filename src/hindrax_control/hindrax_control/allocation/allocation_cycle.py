@@ -6,8 +6,6 @@
 The allocator node publishes both; a replay compares them with the record.
 """
 
-from __future__ import annotations
-
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

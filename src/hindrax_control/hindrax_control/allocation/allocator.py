@@ -5,8 +5,6 @@ of their common part and lose magnitude only as far as they must; then the next 
 is left. See `bounded_allocation.py` for how that part is found. A failed thruster is a column taken out.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

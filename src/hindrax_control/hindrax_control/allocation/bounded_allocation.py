@@ -11,8 +11,6 @@ of a subspace, Rockafellar 1969), so it is kept with them. The facets are worked
 demand leaves a linear program in two unknowns: see `_newton`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import combinations
 from typing import TypeAlias

@@ -5,8 +5,6 @@ Its size is chosen so that no thruster falls into the gap between standing and i
 force could not be had; it moves as little as possible from cycle to cycle.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

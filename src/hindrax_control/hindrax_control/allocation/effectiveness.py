@@ -1,7 +1,5 @@
 """What thrusters can do: the effectiveness matrix, its condition, the axes that they serve, forces that cancel."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ COB-2023-1394 eq. 1: F = c4 P^3 + c3 P^2 + c2 P + c1 with one cubic per directio
 band of the speed controller; the cubics do not pass through zero at its edges, so the smallest forces cannot be had.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -9,8 +9,6 @@ For each thruster the part of its force that is missing is fitted; the one that 
 for the model's own errors, for long enough, is suspected.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ A wrench that is stale, from the future, out of order or in a foreign frame is r
 is refused alone; an axis beyond the vehicle's limits is brought back to them. Every refusal says why.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

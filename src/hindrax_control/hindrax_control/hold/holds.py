@@ -5,8 +5,6 @@ is and moves its reference to the setpoint at a bounded rate; changing between d
 altitude hold whose sonar falls silent holds the depth it has, says so, and returns when the sonar does.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ Gains by pole placement: with inertia M, drag slope d and restoring k, the gains
 poles of M x'' + d x' + k x at w, damped by z. The derivative acts on the measured rate, never on an error that jumps.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

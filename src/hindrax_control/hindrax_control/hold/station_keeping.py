@@ -4,8 +4,6 @@ A two-dimensional PI-D law in pool axes, turned into the body by the heading, so
 way whatever the heading, stays in the integral part while the vehicle turns.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

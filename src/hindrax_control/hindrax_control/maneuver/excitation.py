@@ -4,8 +4,6 @@ A signal is a function of time with values in [-1, 1]; the same seed gives the s
 its room is in `Excite`: near the edge a spring and a damper take over from the signal.
 """
 
-from __future__ import annotations
-
 import math
 import random
 from collections.abc import Callable

@@ -4,8 +4,6 @@ A vehicle flies the motions that its thrusters serve independently. A plan that 
 planner, and an order that comes late by the node.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 Whether its speed is steady says a statistical test on the slope of the last samples.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 Pure: `step(navigation, stamp)` in, what to do out. Setpoints engage the holds; the pilot applies them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

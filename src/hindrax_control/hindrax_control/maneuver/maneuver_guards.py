@@ -4,8 +4,6 @@ A guard looks at one thing and says what it found and what it wanted, or nothing
 find the same for a while before they count.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

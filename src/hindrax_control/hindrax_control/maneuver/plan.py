@@ -5,8 +5,6 @@ force, a coast without it, then braking before its end. Forward and backward leg
 turn around, and each backward leg ends where the next forward one begins.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -3,8 +3,6 @@
 A stage asks for hold setpoints when it begins and gives a wrench at every step; it knows no clock and no port.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 
@@ -101,7 +99,7 @@ class Pose:
     floor_m: float
     """Depth of the pool, by which a depth stands in for an altitude that is not measured."""
 
-    def without_altitude(self) -> Pose:
+    def without_altitude(self) -> "Pose":
         """Return the same pose held by depth."""
         hold, value = self.vertical
         return self if hold == "depth" else replace(self, vertical=("depth", self.floor_m - value))

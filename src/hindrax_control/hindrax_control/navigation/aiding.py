@@ -3,8 +3,6 @@
 Pressure becomes depth here: (pressure - surface) / (density * gravity), at the lever of the sensor.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -15,8 +15,6 @@ window counts only as far as the rates are alike, the forces are alike, and grav
 the middle of its swing turns steadily, but gravity turns with it.
 """
 
-from __future__ import annotations
-
 import cmath
 import math
 from collections.abc import Iterable, Sequence
@@ -186,7 +184,7 @@ class Offset:
     rate_radps: Vec3
     sigma_radps: float
 
-    def combined(self, other: Offset) -> Offset:
+    def combined(self, other: "Offset") -> "Offset":
         """What two sources know together; one that cannot be true beside this one adds nothing."""
         variance = self.sigma_radps**2
         off = tuple(b - a for a, b in zip(self.rate_radps, other.rate_radps, strict=True))

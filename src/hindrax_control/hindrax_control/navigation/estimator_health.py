@@ -9,8 +9,6 @@ Of a third-party odometry its maker judges the sensors behind it. It must be of 
 vehicle: a state that came from another source, went back in time or jumped began anew, which is not accepted in flight.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace

@@ -11,8 +11,6 @@ All fields are in units of the first one measured. While the vehicle leans, the 
 what is fixed in the vehicle is right to the cosine of its tilt.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

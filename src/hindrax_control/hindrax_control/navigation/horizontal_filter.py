@@ -6,8 +6,6 @@ sample is compared with the path at its own time: the rows keep the predicted in
 not touch.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass

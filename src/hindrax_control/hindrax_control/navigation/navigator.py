@@ -4,8 +4,6 @@ The IMU drives it: each sample only adds to sums, and at every tick the sums go 
 the horizontal filter. What other sensors said waits until the next tick and is fused at its own time of validity.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Sequence

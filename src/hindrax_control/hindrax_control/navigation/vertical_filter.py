@@ -7,8 +7,6 @@ COB-2023-1394 took the derivative of the sonar's altitude instead and found that
 Pressure becomes depth in `hindrax_core/vehicle.py` (`Water.depth_m`), and is brought here by `aiding.py`.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """The allocator node: wrenches in, pulses out; and what the applied pulses achieve, every cycle."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -5,8 +5,6 @@ topic; then the graph is not read for it. Remap one end (`-r pilot:control/wrenc
 out, and the other takes it from the graph, from whoever publishes it.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Collection, Sequence
 from functools import partial

@@ -1,7 +1,5 @@
 """The node `estimator_health`: checks each state before the pilot uses it, and disarms on an implausible one."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

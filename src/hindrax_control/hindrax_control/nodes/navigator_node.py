@@ -1,7 +1,5 @@
 """The navigator node: messages of the sensors in, odometry and navigation status out at 50 Hz of sensor time."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Messages that the pilot receives and publishes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any

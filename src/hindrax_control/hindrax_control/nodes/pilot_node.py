@@ -1,7 +1,5 @@
 """The pilot node: holds, maneuvers and the operator's wrench make one wrench for every navigation status."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial

@@ -4,8 +4,6 @@ Velocities (geometry_msgs/Twist) carry no time of their own: they get that of th
 belongs behind this node, not before it. Whatever stops, the vehicle forgets the last wrench half a second later.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The thrust node: pulses of anybody's output channels in, the wrench that they achieve by the thrust curves out."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """The full-screen view: places for the sections, a snapshot five times a second, and three keys."""
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 from textual.app import App, ComposeResult

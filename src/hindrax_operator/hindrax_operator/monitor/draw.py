@@ -1,7 +1,5 @@
 """Drawing the live view: one function per section, from values to styled text that fits 38 or 78 columns."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 

@@ -1,7 +1,5 @@
 """Cameras of the graph: who publishes sensor_msgs/CompressedImage, and the last frame of those that are looked at."""
 
-from __future__ import annotations
-
 import time
 from functools import partial
 from typing import Any

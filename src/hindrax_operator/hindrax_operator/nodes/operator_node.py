@@ -1,7 +1,5 @@
 """The operator's node: arm, fly, monitor, disarm. Every call has a time-out and names what it waited for."""
 
-from __future__ import annotations
-
 import contextlib
 import time
 from collections.abc import Callable, Iterator

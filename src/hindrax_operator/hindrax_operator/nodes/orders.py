@@ -4,8 +4,6 @@ The vehicle checks every order. These functions only report in advance what it w
 Every order expires on board: nothing moves for longer than half a second after the last message of the operator.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Who may ask: the right host, the right origin, the right token. Pure; the sentences are for whoever was refused."""
 
-from __future__ import annotations
-
 import hmac
 import ipaddress
 import re

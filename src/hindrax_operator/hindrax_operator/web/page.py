@@ -3,8 +3,6 @@
 The page is `page.html` with `page.css` and `page.js` in it; the script runs by its hash.
 """
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """Between the page and the vehicle: updates for the page, orders for the vehicle, and whether an operator watches."""
 
-from __future__ import annotations
-
 import json
 import threading
 import time

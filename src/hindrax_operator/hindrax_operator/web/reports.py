@@ -1,7 +1,5 @@
 """Runs and finished reports: `report.html` of the folders directly in a folder of runs, and nothing else."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from http import HTTPStatus
 from pathlib import Path

@@ -5,8 +5,6 @@ GET /reports/NAME: the report of one. GET /camera/TOPIC: its next frame. POST /h
 /fly, /cancel, /stop, /disarm.
 """
 
-from __future__ import annotations
-
 import asyncio
 import json
 from collections.abc import Mapping

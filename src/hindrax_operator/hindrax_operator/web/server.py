@@ -1,7 +1,5 @@
 """The HTTP server: Tornado in a thread of its own, with a bound on connections, sizes and patience."""
 
-from __future__ import annotations
-
 import asyncio
 import errno
 import socket

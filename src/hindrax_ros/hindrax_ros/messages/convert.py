@@ -11,8 +11,6 @@ left, z up), the world is east, north, up (REP-105).
 | ICM-20948 vectors | axes of the chip | axes of the chip, frame `icm20948_link` (REP-145) |
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

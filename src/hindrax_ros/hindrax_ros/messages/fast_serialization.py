@@ -5,8 +5,6 @@ message object takes 10 to 50 in a loop, and three times that in a process that 
 tested against the function of `convert` that it replaces, each reader against it or against what was written.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Callable, Sequence
@@ -139,7 +137,7 @@ def command_writer(thrusters: int) -> Callable[[Stamp, int, Sequence[float]], by
     return lambda stamp, sequence, pulses: writer.write((*divmod(stamp, NS_PER_S), sequence, *pulses))
 
 
-def applied_writer(output: str) -> Callable[[ThrusterStateFields, str, str], bytes]:
+def applied_writer(output: str) -> Callable[["ThrusterStateFields", str, str], bytes]:
     """Make a writer of ThrusterState: its numbers, its state and its reason in words."""
     writer = CdrWriter(*_STAMP, "armed", "pulses", "sequence", "armings")
 
@@ -156,7 +154,7 @@ def applied_writer(output: str) -> Callable[[ThrusterStateFields, str, str], byt
 
 def allocation_writer(
     thrusters: Sequence[str], nominal_V: float
-) -> Callable[[ThrusterStateFields, Allocation, float | None], bytes]:
+) -> Callable[["ThrusterStateFields", Allocation, float | None], bytes]:
     """Make a writer of AllocationStatus: what applied pulses achieve, by the measured supply, None: the nominal one."""
     numbers = ("sequence", "wanted", "achieved", "shortfall", "forces", "pulses", "saturated")
     writer = CdrWriter(*_STAMP, *numbers, "supply_voltage", "supply_measured")

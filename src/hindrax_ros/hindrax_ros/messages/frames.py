@@ -6,8 +6,6 @@ sensor. A thruster's `NAME_link` has its positive thrust along x. Names have no 
 graph, each has `tf` and `tf_static` in its own namespace.
 """
 
-from __future__ import annotations
-
 import math
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ ordinary way when one comes along. Little-endian CDR as of XCDR1: alignment coun
 encapsulation.
 """
 
-from __future__ import annotations
-
 import re
 import struct
 from collections.abc import Callable, Iterator, Sequence

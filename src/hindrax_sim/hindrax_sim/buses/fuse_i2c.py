@@ -7,8 +7,6 @@ and stored into the memory of the caller. Linux, 64 bit, root only (mount, and a
 Source: Linux uapi header fuse.h (protocol 7), i2c-dev.h; no FUSE library is used.
 """
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import errno

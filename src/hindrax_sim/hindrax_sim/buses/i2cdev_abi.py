@@ -5,8 +5,6 @@ the kernel's documentation of the SMBus protocol (Documentation/i2c/smbus-protoc
 accessed as a kernel does for an ioctl: process_vm_readv(2), process_vm_writev(2).
 """
 
-from __future__ import annotations
-
 import ctypes
 import errno
 import os

@@ -4,8 +4,6 @@ Covers the binary interface of <linux/i2c-dev.h> without hardware, root or files
 into the memory of the ctypes structures that smbus2 passes, as the kernel would.
 """
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import errno

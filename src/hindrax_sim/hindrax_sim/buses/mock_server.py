@@ -10,8 +10,6 @@ The mock's main loop owns the time; nothing here reads a clock:
         now = min(next step of the plant, ...)      # no client is due before server.earliest_wakeup()
 """
 
-from __future__ import annotations
-
 import mmap
 import os
 import selectors

@@ -1,7 +1,5 @@
 """Where other programs meet serial emulators: ptys at stable paths, and the Ethernet side of a DVL."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import pty

@@ -1,7 +1,5 @@
 """The virtual I2C bus: register emulators at addresses."""
 
-from __future__ import annotations
-
 from hindrax_core.bus_operations import Read, Transaction, Write
 from hindrax_core.events import Stamp, to_s
 from hindrax_sim.devices.emulator import NackError, RegisterEmulator

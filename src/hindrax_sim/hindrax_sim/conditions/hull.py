@@ -3,8 +3,6 @@
 And known loads [N] that an operator hangs on it to weigh its thrust.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The world as it really is: the true vehicle, and what acts on it. Every condition adds its part."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias

@@ -1,7 +1,5 @@
 """Conditions of the sensors. Each function adds one of them, of a size, to a world in the making."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Conditions of thrusters and battery. Each function adds one of them, of a size, to a world in the making."""
 
-from __future__ import annotations
-
 import heapq
 import math
 from collections.abc import Callable

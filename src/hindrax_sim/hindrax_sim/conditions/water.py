@@ -1,7 +1,5 @@
 """Conditions of water and tether. Each function adds one of them, of a size, to a world in the making."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """The table of conditions, and the worlds made of them: `ideal` has none, `pool` draws the size of all by its seed."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """TI ADS1115 as a register model, behind a Blue Robotics Power Sense Module. Source: TI SBAS444E, section 9.6."""
 
-from __future__ import annotations
-
 import random
 from dataclasses import dataclass
 

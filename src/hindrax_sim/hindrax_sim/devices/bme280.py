@@ -4,8 +4,6 @@ Truth goes in as pressure, temperature and humidity; the counts that come out ar
 section 4.2.3 (pages 25 and 26), backwards.
 """
 
-from __future__ import annotations
-
 import math
 import random
 import struct

@@ -6,8 +6,6 @@ are forward, starboard, down; the interval is one of the three that the $DVKFA p
 altitude; a lock takes half a second to find and no time to lose.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace

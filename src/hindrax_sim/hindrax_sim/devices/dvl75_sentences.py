@@ -1,7 +1,5 @@
 """Sentences of an emulated DVL-75, after its format pages and captured lines."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

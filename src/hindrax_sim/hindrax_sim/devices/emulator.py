@@ -1,7 +1,5 @@
 """What an emulator file offers under the name EMULATOR, the base of parts that measure, and their buses and lines."""
 
-from __future__ import annotations
-
 import errno
 import math
 import os

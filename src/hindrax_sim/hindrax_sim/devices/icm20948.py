@@ -3,8 +3,6 @@
 Samples are computed on access, from the history of truths. Source: TDK DS-000189 r1.3, independent of the driver.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from typing import Any

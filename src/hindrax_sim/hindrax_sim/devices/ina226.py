@@ -1,7 +1,5 @@
 """TI INA226 as a register model. Source: TI SBOS547 (June 2011), register maps of pages 17 to 24."""
 
-from __future__ import annotations
-
 import math
 import random
 from dataclasses import dataclass

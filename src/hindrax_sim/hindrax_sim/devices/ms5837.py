@@ -4,8 +4,6 @@ Truth goes in as pressure and temperature; the conversions that come out are the
 compensation. Sources: TE MS5837-30BA rev C2 pages 7, 9, 11; MS5837-02BA pages 6, 7, 9.
 """
 
-from __future__ import annotations
-
 import math
 import random
 from bisect import bisect_left

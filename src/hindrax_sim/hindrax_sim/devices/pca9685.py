@@ -4,8 +4,6 @@ What a speed controller would see is `pulse_us(channel)`; `changes` remembers wh
 forbids or leaves undefined is not played through but written down in `violations`.
 """
 
-from __future__ import annotations
-
 import struct
 from collections import deque
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ into it; settings are lost with the power; in automatic mode the scan reaches to
 the gain grows with it; an answer is about the last ping that is complete.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Callable, Mapping, Sequence

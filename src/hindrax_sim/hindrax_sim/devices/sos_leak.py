@@ -1,7 +1,5 @@
 """A Blue Robotics SOS leak sensor on a line with a pull-up: low while it has power and its probes are dry."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from hindrax_sim.devices.emulator import Emulator, Part

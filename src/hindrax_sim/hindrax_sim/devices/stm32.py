@@ -4,8 +4,6 @@ Runs the same files as the board (`firmware/hindrax_mcu`); only pins, timers and
 simulated. `pulses_us` is the input of the speed controllers.
 """
 
-from __future__ import annotations
-
 import math
 
 from hindrax_sim.devices.emulator import BaudRateLine, Part

@@ -4,8 +4,6 @@ The counterpart of `stream_faults`: each fault changes the data while it lasts; 
 the device. Random faults draw from their seed. Faults compose, in the order given.
 """
 
-from __future__ import annotations
-
 import random
 from functools import partial
 from typing import Any

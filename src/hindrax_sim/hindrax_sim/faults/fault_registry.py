@@ -4,8 +4,6 @@
 every device it applies to; without a time it comes after 10 s; without a duration it lasts 5 s.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ Each fault changes the data in either direction while it lasts; some begin or en
 Whatever is random in one comes from its seed. Faults compose: a line may have several at once, in the order given.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from functools import partial

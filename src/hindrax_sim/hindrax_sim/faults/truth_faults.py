@@ -1,7 +1,5 @@
 """Faults of vehicle and water, and devices that lie: their data is plausible, and what they measure is not true."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

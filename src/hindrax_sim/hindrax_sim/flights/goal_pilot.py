@@ -1,7 +1,5 @@
 """A goal flown in lock-step: arms when the guards permit, flies it with the vehicle's own pilot, disarms."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 from hindrax_control.maneuver.goal import Goal

@@ -8,8 +8,6 @@ The same objects that run on the vehicle are stepped here in simulated time: dev
 pilot with its holds and maneuvers, command guard, allocator, output guard, identification.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias

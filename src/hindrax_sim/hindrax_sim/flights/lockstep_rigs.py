@@ -4,8 +4,6 @@ A rig advances time to the next readings, and applies pulses to the thrusters. B
 readings in the same form, so they are interchangeable.
 """
 
-from __future__ import annotations
-
 import heapq
 from collections.abc import Sequence
 from functools import partial

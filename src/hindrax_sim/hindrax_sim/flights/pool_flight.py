@@ -3,8 +3,6 @@
 Fly once, identify often: the `events` of a flight can be pickled and given to `identified` with changed code.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias

@@ -1,7 +1,5 @@
 """A dress rehearsal: a pool test flown in lock-step, told as a timetable with clearances, charge and bands."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace

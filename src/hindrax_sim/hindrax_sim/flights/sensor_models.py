@@ -3,8 +3,6 @@
 Biases and noise are drawn from the seed and the name of the sensor, so one sensor's draws never shift another's.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A known-weight test in lock-step: the vehicle keeps its place while the load of a world comes and goes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What the processes that replace hardware share: their main function, their place in the graph, and their end."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import shutil

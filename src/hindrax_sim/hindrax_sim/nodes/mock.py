@@ -1,7 +1,5 @@
 """The mock process: devices at ports, /clock on the graph, and at the end one line of ground truth."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import gc

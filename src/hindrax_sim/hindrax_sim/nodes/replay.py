@@ -4,8 +4,6 @@ Sensors, navigator, allocator and identifier run on it as they do on the vehicle
 (pulses applied, maneuver) is played as messages: no pilot runs.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

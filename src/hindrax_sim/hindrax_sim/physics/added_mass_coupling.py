@@ -1,7 +1,5 @@
 """Off-diagonal added mass, which need not be symmetric (as measured by Xu, Ma, Han 2017)."""
 
-from __future__ import annotations
-
 from typing import TypeAlias
 
 import numpy as np

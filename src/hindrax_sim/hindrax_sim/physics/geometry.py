@@ -3,8 +3,6 @@
 Attitudes are unit quaternions (w, x, y, z) that turn body vectors into the reference frame.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 

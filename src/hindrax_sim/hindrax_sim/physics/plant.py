@@ -5,8 +5,6 @@ Everything is written about the center of mass, so the rigid-body part is diagon
 appears only in lever arms. Frames: SNAME body axes; the reference frame is north, east, down with z = 0 at the surface.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import TypeAlias

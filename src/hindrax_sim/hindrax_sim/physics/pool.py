@@ -3,8 +3,6 @@
 The pool frame lies in the middle of the surface: x along the length, y along the width, z down.
 """
 
-from __future__ import annotations
-
 import math
 
 from hindrax_core.readings import Vec3

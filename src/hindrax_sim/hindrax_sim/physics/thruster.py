@@ -3,8 +3,6 @@
 Independent of the allocator's curve on purpose: the mock shares only the vehicle file with the code under test.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """A listener that subscribes to every topic, or a steady load: `listen`, or `load RATE_Hz BYTES SECONDS`."""
 
-from __future__ import annotations
-
 import json
 import sys
 import time

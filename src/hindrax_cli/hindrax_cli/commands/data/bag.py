@@ -1,7 +1,5 @@
 """`hindrax bag`: inspect, recover, extract, plot, export and fetch bags."""
 
-from __future__ import annotations
-
 import argparse
 import math
 import shlex

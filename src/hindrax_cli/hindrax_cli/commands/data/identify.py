@@ -1,7 +1,5 @@
 """`hindrax identify`: the identification over recorded data, of this stack or third-party."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 import time

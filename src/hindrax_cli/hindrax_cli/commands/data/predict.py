@@ -1,7 +1,5 @@
 """`hindrax predict`: what coefficients predict for records that they were not fitted to."""
 
-from __future__ import annotations
-
 import argparse
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`hindrax replay`: a recorded run through the real code, compared field by field with the record."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from functools import partial

@@ -1,7 +1,5 @@
 """What goes into a vehicle file: `hindrax bollard` (thrust curve, COB-2023-1394) and `estimate` (Eidsvik 2015)."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from functools import partial

@@ -1,7 +1,5 @@
 """Drag from what is pulled or pushed: `hindrax towing`, and `hindrax step` (Badawy, Omer 2012, figures 14 to 17)."""
 
-from __future__ import annotations
-
 import argparse
 import math
 from collections.abc import Mapping

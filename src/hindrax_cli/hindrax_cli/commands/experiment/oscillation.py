@@ -3,8 +3,6 @@
 Sources: COB-2023-2422 (free decay); Xu, Ma, Han 2017 (forced oscillation); Badawy, Omer 2012 (pendulum).
 """
 
-from __future__ import annotations
-
 import argparse
 from typing import Literal
 

@@ -1,7 +1,5 @@
 """`hindrax weigh`: gain of the thrust from a known weight, guided step by step, in mock, or from a bag."""
 
-from __future__ import annotations
-
 import argparse
 import math
 import select

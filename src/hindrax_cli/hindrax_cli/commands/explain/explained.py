@@ -1,7 +1,5 @@
 """Computed and shown in full: `hindrax allocate` (one allocation) and `papers` (published tables, recomputed)."""
 
-from __future__ import annotations
-
 import argparse
 import re
 from collections.abc import Sequence

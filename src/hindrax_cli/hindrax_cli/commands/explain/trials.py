@@ -1,7 +1,5 @@
 """What is proven by many runs: `hindrax montecarlo` (accuracy), `faults` (time to neutral) and `bench` (speed)."""
 
-from __future__ import annotations
-
 import argparse
 import pkgutil
 import sys

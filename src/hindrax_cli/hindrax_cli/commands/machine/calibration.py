@@ -1,7 +1,5 @@
 """Sensors that a turn or calm air calibrates, with the stack down: `hindrax imu` and `hindrax depth`."""
 
-from __future__ import annotations
-
 import argparse
 import statistics
 import sys

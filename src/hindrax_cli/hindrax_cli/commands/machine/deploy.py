@@ -3,8 +3,6 @@
 The machine is reached by ssh: one connection for all steps, so that a password is asked for once.
 """
 
-from __future__ import annotations
-
 import argparse
 import shutil
 import subprocess

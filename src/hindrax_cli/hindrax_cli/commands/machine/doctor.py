@@ -1,7 +1,5 @@
 """`hindrax doctor`: what is wrong, and the remedy."""
 
-from __future__ import annotations
-
 import argparse
 import shutil
 import sys

@@ -1,7 +1,5 @@
 """`hindrax dvl`: what the DVL keeps in its flash, shown and set. Nothing else in the stack changes these settings."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Iterable, Mapping, Sequence

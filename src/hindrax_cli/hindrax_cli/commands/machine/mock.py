@@ -1,7 +1,5 @@
 """`hindrax mock`: the mock vehicle's devices alone, at stable paths, for third-party programs and bench work."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import fcntl

@@ -4,8 +4,6 @@ The steps of `esc` are those of BLHeli (operation manual for SiLabs chips, rev. 
 input), the family of the Basic ESC: full throttle from power-up until it is stored, then the least until that is too.
 """
 
-from __future__ import annotations
-
 import argparse
 import signal
 import sys

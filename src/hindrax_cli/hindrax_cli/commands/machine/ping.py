@@ -1,7 +1,5 @@
 """`hindrax ping`: what the echo sounder hears, asked over its own port, with the stack down."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Mapping
 from contextlib import closing

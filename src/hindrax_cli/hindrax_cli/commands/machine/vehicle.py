@@ -1,7 +1,5 @@
 """`hindrax vehicle`: make, check and show vehicle files."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from functools import partial

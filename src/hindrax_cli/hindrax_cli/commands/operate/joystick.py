@@ -1,7 +1,5 @@
 """`hindrax joystick`: steer by hand, with what any joystick or keyboard tool of ROS 2 sends."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from functools import partial

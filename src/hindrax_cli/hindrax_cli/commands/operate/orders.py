@@ -1,7 +1,5 @@
 """Orders to a vehicle whose stack is up: `arm`, `disarm`, `hold`, `recentre`, `wrench`, `lights`."""
 
-from __future__ import annotations
-
 import argparse
 import math
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """`hindrax up`, `stop` and `health`: a stack is started, ended whatever goes on, and asked whether it is well."""
 
-from __future__ import annotations
-
 import argparse
 import math
 import sys

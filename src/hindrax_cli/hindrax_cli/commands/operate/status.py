@@ -1,7 +1,5 @@
 """`hindrax status`: the stacks that run on this machine."""
 
-from __future__ import annotations
-
 import argparse
 import time
 from dataclasses import asdict, dataclass

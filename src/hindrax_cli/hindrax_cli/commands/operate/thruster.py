@@ -1,7 +1,5 @@
 """`hindrax thruster`: one thruster alone, its curve from a bench sweep, and thrusters out of use."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`hindrax pool-test`: the main job, from arming to a report."""
 
-from __future__ import annotations
-
 import argparse
 import signal
 from collections.abc import Mapping

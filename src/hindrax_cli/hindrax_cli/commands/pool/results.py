@@ -1,7 +1,5 @@
 """What follows a run: `hindrax report` and `export`, for simulators, controllers, tables and our vehicle file."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Callable, Iterable

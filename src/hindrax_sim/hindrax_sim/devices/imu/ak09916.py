@@ -1,7 +1,5 @@
 """AK09916 magnetometer as a register model: modes, data ready and overrun, locking by ST2. TDK DS-000189 section 13."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable
 

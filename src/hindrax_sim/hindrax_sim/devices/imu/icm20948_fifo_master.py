@@ -3,8 +3,6 @@
 Source: TDK DS-000189 r1.3, registers 0x66 to 0x72, sections 7.2 and 10.
 """
 
-from __future__ import annotations
-
 from hindrax_sim.devices.imu.ak09916 import Ak09916
 
 MAG_ADDRESS = 0x0C

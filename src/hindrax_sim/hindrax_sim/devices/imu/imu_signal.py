@@ -3,8 +3,6 @@
 Source: TDK DS-000189 r1.3, tables 1 (gyroscope) and 2 (accelerometer), section 13 (magnetometer), bank 2.
 """
 
-from __future__ import annotations
-
 import math
 import random
 import struct
