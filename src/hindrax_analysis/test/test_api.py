@@ -12,7 +12,7 @@ from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.arrays import array
 from hindrax_ident.assess.results import DragBand, MotionResult, Number, Results
-from hindrax_ident.model.motion_model import MOTIONS, coefficients
+from hindrax_ident.model.motion_model import MOTIONS, coefficient_units
 
 ROOT = Path(__file__).parents[3]
 BAG = ROOT / "test/replay/bags/pitch_reset"
@@ -27,7 +27,7 @@ def results(**motions: dict[str, float]) -> Results:
             motion=motion,
             method="given",
             coefficients={
-                name: Number(value, 0.1, unit=coefficients(MOTIONS[motion].axis)[name].unit)
+                name: Number(value, 0.1, unit=coefficient_units(MOTIONS[motion].axis)[name])
                 for name, value in values.items()
             },
             names=tuple(values),

@@ -30,11 +30,11 @@ from hindrax_ident.assess.assessment import (
 from hindrax_ident.assess.influences import GAIN, LAG, LATENCY, MODEL, RUN, Case
 from hindrax_ident.assess.quality import Evidence, excitation, measured_speed, measurement_noise
 from hindrax_ident.assess.results import Contribution, NextStep
-from hindrax_ident.assess.slow_forces import slow_force_ratio
 from hindrax_ident.assess.uncertainty_budget import budget_of
 from hindrax_ident.fit.output_error import OutputErrorFit, refine
 from hindrax_ident.fit.plateaus import fit as fit_plateaus
 from hindrax_ident.fit.plateaus import measure
+from hindrax_ident.fit.score_test import slow_force_ratio
 from hindrax_ident.fit.whitening import Noise
 from hindrax_ident.model.motion_model import MOTIONS, Model, model_of
 from hindrax_ident.model.prior import Prior, wide_prior

@@ -12,7 +12,6 @@ from error_covariance import MEMORY_S, covariance_of, error_dynamics_of
 
 from hindrax_ident.arrays import Array, Flags, array
 from hindrax_ident.fit.noise_likelihood import (
-    NoiseCandidates,
     _piece_rows,
     _Pieces,
     _ratio_and_part,
@@ -81,7 +80,7 @@ def test_the_score_is_that_of_the_best_scale() -> None:
     mean_thrust = float(np.concatenate([chain.thrust[:20], [chain.thrust[19]] * 20, chain.thrust[20:]]).mean())
     candidates = [(-7.0, 0.4, 0.3), (0.5, 0.0, -1.0), (0.5, 0.25, -1.0), (-1.5, 1.0, 0.0)]
     pieces = _Pieces(chain, residual, 0)
-    scores, sizes = pieces.scores(NoiseCandidates(*(array(np.array(one)) for one in zip(*candidates, strict=True))))
+    scores, sizes = pieces.scores(*(array(one) for one in zip(*candidates, strict=True)))
     for index, (ratio, part, other) in enumerate(candidates):
         total = 0.0 if ratio == -7.0 else 10.0**ratio
         unit = Noise(1.0, 10.0**other, total * (1.0 - part), total * part / mean_thrust)
@@ -118,10 +117,10 @@ class Bowl:
     def __init__(self, ratio: float, part: float) -> None:
         self.ratio, self.part, self.tried = ratio, part, list[tuple[list[float], list[float], set[float]]]()
 
-    def scores(self, candidates: NoiseCandidates) -> tuple[Array, Array]:
-        ratios, parts = (sorted(set(one.round(6).tolist())) for one in (candidates.ratio, candidates.part))
-        self.tried.append((ratios, parts, set(candidates.other.tolist())))
-        cost = (candidates.ratio - self.ratio) ** 2 + (candidates.part - self.part) ** 2
+    def scores(self, ratio: Array, part: Array, other: Array) -> tuple[Array, Array]:
+        ratios, parts = (sorted(set(one.round(6).tolist())) for one in (ratio, part))
+        self.tried.append((ratios, parts, set(other.tolist())))
+        cost = (ratio - self.ratio) ** 2 + (part - self.part) ** 2
         return array(cost), cost
 
 
@@ -177,7 +176,7 @@ def test_both_channels_have_their_own_noise(decades: float) -> None:
 
 
 def _of(pieces: _Pieces, candidates: Sequence[tuple[float, float, float]]) -> Array:
-    return pieces.scores(NoiseCandidates(*(array(np.array(one)) for one in zip(*candidates, strict=True))))[0]
+    return pieces.scores(*(array(one) for one in zip(*candidates, strict=True)))[0]
 
 
 @pytest.mark.parametrize("decades", [3.0, 5.6])
@@ -224,7 +223,7 @@ def test_a_profile_is_the_likelihood_of_the_best_force_beside_each_thrust(channe
     noise = Noise(1e-4, 4e-5, 2e-4, 1e-3)
     chain, residual = drawn(noise, channels, 60)
     thrusts = array(np.array([1e-6, 1e-4, 1e-2]))
-    found = disturbance_profile(chain, residual, noise, thrusts)
+    costs, forces = disturbance_profile(chain, residual, noise, thrusts)
     total = 2e-4 + 1e-3 * float(chain.thrust.mean())
     main = 1e-4 if 0 in channels else 4e-5
     wide = WIDE * max(main, 4e-5)
@@ -235,15 +234,15 @@ def test_a_profile_is_the_likelihood_of_the_best_force_beside_each_thrust(channe
             + (4.0 if share else 0.0)
             for share in FLOORS
         ]
-        assert found.cost[at] == pytest.approx(min(tried), rel=1e-6)
-        assert found.force[at] == pytest.approx(FLOORS[int(np.argmin(tried))] * total)
+        assert costs[at] == pytest.approx(min(tried), rel=1e-6)
+        assert forces[at] == pytest.approx(FLOORS[int(np.argmin(tried))] * total)
 
 
 @pytest.mark.parametrize("share", FLOORS)
 def test_the_share_of_the_force_that_is_there_is_the_best(share: float) -> None:
     chain, residual = drawn(Noise(1e-6, 1e-6, 2e-3 * share, 0.0), (0,))
-    found = disturbance_profile(chain, residual, Noise(1e-6, 1e-6, 2e-3, 0.0), array(np.array([1e-15])))
-    assert found.force[0] == pytest.approx(2e-3 * share)
+    _, forces = disturbance_profile(chain, residual, Noise(1e-6, 1e-6, 2e-3, 0.0), array(np.array([1e-15])))
+    assert forces[0] == pytest.approx(2e-3 * share)
 
 
 def test_the_profile_of_a_long_record_is_that_of_its_pieces_times_their_number() -> None:
@@ -258,9 +257,9 @@ def test_the_profile_of_a_long_record_is_that_of_its_pieces_times_their_number()
         thrust=chain.thrust[used],
     )  # fmt: skip
     noise, thrusts = Noise(1e-4, 1.0, 1e-4, 1e-4), array(np.array([1e-4, 1e-3]))
-    whole = disturbance_profile(chain, array(np.where(used, residual, 1e3)), noise, thrusts)
-    parts = disturbance_profile(own, array(residual[used]), noise, thrusts)
-    assert whole.cost - 8.0 == pytest.approx(2.0 * parts.cost - 8.0, rel=1e-6)
+    whole, _ = disturbance_profile(chain, array(np.where(used, residual, 1e3)), noise, thrusts)
+    parts, _ = disturbance_profile(own, array(residual[used]), noise, thrusts)
+    assert whole - 8.0 == pytest.approx(2.0 * parts - 8.0, rel=1e-6)
 
 
 @pytest.mark.parametrize(("force", "thrust"), [(0.0, 0.0), (1e-4, 0.0), (1e-2, 0.0), (0.0, 1e-2), (1e-3, 1e-3)])

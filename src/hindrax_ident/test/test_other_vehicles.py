@@ -14,7 +14,7 @@ from hindrax_core.events import to_s
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array
 from hindrax_ident.assess.results import MotionResult
-from hindrax_ident.assess.slow_forces import slow_force_ratio
+from hindrax_ident.fit.score_test import slow_force_ratio
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.online.session import Outcome, Session
 from hindrax_ident.tuning import Tuning

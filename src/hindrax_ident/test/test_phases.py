@@ -8,9 +8,10 @@ import numpy as np
 
 from hindrax_ident.arrays import Array
 from hindrax_ident.records.axis_record import Series, Stretch
-from hindrax_ident.records.phases import PhaseLimits, PhaseLog, usable
+from hindrax_ident.records.phases import PhaseLog, usable
+from hindrax_ident.tuning import Tuning
 
-LIMITS = PhaseLimits(gap_s=1.0, thrust_age_s=2.0, longest_s=60.0)
+LIMITS = Tuning(gap_s=1.0, thrust_age_s=2.0, stretch_s=60.0)
 
 
 def log(*changes: tuple[float, str, str]) -> PhaseLog:

@@ -9,7 +9,7 @@ import pytest
 
 from hindrax_core.events import Stamp, Stamped, stamp_from_s
 from hindrax_core.signals import Phase, Thrust, Velocity
-from hindrax_ident.records.sorter import StampSorter
+from hindrax_ident.records.feed import StampSorter
 
 SIX = (0.0,) * 6
 

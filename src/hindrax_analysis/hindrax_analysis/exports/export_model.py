@@ -14,7 +14,7 @@ from hindrax_analysis.experiments.least_squares import Array
 from hindrax_core.errors import HindraxError
 from hindrax_core.readings import Vec6
 from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle
-from hindrax_ident.model.motion_model import MOTIONS, coefficients
+from hindrax_ident.model.motion_model import MOTIONS, coefficient_units
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class ExportModel:
 
 def unit_of(motion: str, name: str) -> str:
     """Unit of a coefficient of a motion."""
-    return coefficients(MOTIONS[motion].axis)[name].unit
+    return coefficient_units(MOTIONS[motion].axis)[name]
 
 
 def mean_of_directions(drag: Drag) -> tuple[float, float]:

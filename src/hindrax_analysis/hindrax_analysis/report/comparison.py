@@ -15,7 +15,7 @@ from hindrax_analysis.report.forest import Entry, forest
 from hindrax_analysis.report.page import chips, page, plus_minus, table
 from hindrax_analysis.report.report_tables import HEADINGS, title_of
 from hindrax_ident.assess.results import Number
-from hindrax_ident.model.motion_model import MOTIONS, coefficients
+from hindrax_ident.model.motion_model import MOTIONS, coefficient_units
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,8 +108,8 @@ def _motion(motion: str, runs: Sequence[SavedCoefficients]) -> str:
 
 
 def _table(motion: str, own: Sequence[tuple[str, SavedMotion]], pooled: Mapping[str, RunScatter | None]) -> str:
-    units = coefficients(MOTIONS[motion].axis)
-    heads = [f"{head} [{pretty_unit(units[name].unit)}]" for name, head in zip(TABULATED, HEADINGS, strict=True)]
+    units = coefficient_units(MOTIONS[motion].axis)
+    heads = [f"{head} [{pretty_unit(units[name])}]" for name, head in zip(TABULATED, HEADINGS, strict=True)]
     rows = []
     for label, found in own:
         cells = [_cell(found.numbers.get(name)) for name in TABULATED]
@@ -152,5 +152,5 @@ def _forest(
     if not all(found.identifiable for _, found in own):
         words.append("gray: not identifiable, not in the mean, an arrow if outside the frame")
     words += ["dashed: the truth of the mock"] if truth is not None else []
-    unit = coefficients(MOTIONS[motion].axis)[name].unit
+    unit = coefficient_units(MOTIONS[motion].axis)[name]
     return forest(LABELS[name], pretty_unit(unit), entries, f"{'; '.join(words)}.", truth)

@@ -19,7 +19,7 @@ from hindrax_ident.assess.assessment import Assessment
 from hindrax_ident.assess.prediction import Prediction
 from hindrax_ident.assess.results import MotionResult, Number
 from hindrax_ident.model.motion_model import MOTIONS, Motion
-from hindrax_ident.model.sign_dependent import reported_parameters
+from hindrax_ident.model.reported_parameters import reported_parameters
 
 CURVE_POINTS = 81
 BINS = 24

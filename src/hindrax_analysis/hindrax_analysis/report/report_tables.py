@@ -14,7 +14,7 @@ from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.assessment import Assessment
 from hindrax_ident.assess.results import MotionResult, Number, Results
-from hindrax_ident.model.motion_model import MOTIONS, coefficients
+from hindrax_ident.model.motion_model import MOTIONS, coefficient_units
 
 HEADINGS = ("k<sub>q</sub>", "k<sub>l</sub>", "b", "added mass")
 CONTRIBUTIONS = (
@@ -182,7 +182,7 @@ def headings_of(motion: str) -> dict[str, str]:
 
 def units_of(motion: str) -> dict[str, str]:
     """Unit of each coefficient of a motion, and of its drag: a force or a moment, as net buoyancy is."""
-    units = {name: pretty_unit(one.unit) for name, one in coefficients(MOTIONS[motion].axis).items()}
+    units = {name: pretty_unit(unit) for name, unit in coefficient_units(MOTIONS[motion].axis).items()}
     return units | {"drag": units["b"]}
 
 

@@ -32,7 +32,7 @@ from hindrax_analysis.report.report_tables import (
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.assessment import Assessment
 from hindrax_ident.assess.results import MotionResult, Number, Results, truth_of
-from hindrax_ident.model.motion_model import MOTIONS, coefficients
+from hindrax_ident.model.motion_model import MOTIONS, coefficient_units
 
 SEPARATOR = " \u00b7 "
 PREDICTED = (
@@ -204,7 +204,7 @@ def _forests(report: RunReport, result: MotionResult) -> list[str]:
         entries = _entries(report, result, name)
         if len(entries) < 2:
             continue
-        unit = coefficients(MOTIONS[result.motion].axis)[name].unit
+        unit = coefficient_units(MOTIONS[result.motion].axis)[name]
         truth = result.coefficients[name].truth if name in result.coefficients else None
         caption = f"{LABELS[name]} by every method and source: thick 95 % from noise, thin 95 % with calibration"
         caption += ", dashed the truth of the mock." if truth is not None else "."

@@ -25,18 +25,16 @@ from hindrax_ident.assess.quality import (
     whiteness,
 )
 from hindrax_ident.assess.results import Contribution, DragBand, MotionResult, NextStep, Number
-from hindrax_ident.assess.slow_forces import slow_force_ratio
 from hindrax_ident.assess.uncertainty_budget import ALL, Budget, budget_of
 from hindrax_ident.fit.delay import fit_with_delays
 from hindrax_ident.fit.disturbance_noise import common_noise
-from hindrax_ident.fit.one_sided import OnlineEstimates
 from hindrax_ident.fit.output_error import OutputErrorFit, refine, reweighted
-from hindrax_ident.fit.plateaus import BatchFit, Plateaus, measure
+from hindrax_ident.fit.plateaus import Plateaus, measure
 from hindrax_ident.fit.plateaus import fit as fit_plateaus
-from hindrax_ident.model.motion_model import HORIZONTAL, Model, Motion, coefficients
-from hindrax_ident.model.parameter_bounds import bounded
-from hindrax_ident.model.prior import Prior
-from hindrax_ident.model.sign_dependent import ReportedParameters, reported_parameters
+from hindrax_ident.fit.score_test import slow_force_ratio
+from hindrax_ident.model.motion_model import HORIZONTAL, Model, Motion, coefficient_units
+from hindrax_ident.model.prior import OnlineEstimates, Prior
+from hindrax_ident.model.reported_parameters import ReportedParameters, bounded, reported_parameters
 from hindrax_ident.records.axis_record import Record
 from hindrax_ident.tuning import Tuning
 
@@ -272,7 +270,7 @@ def _within(values: Array, block: Array, reported: ReportedParameters) -> Array:
     """Coefficients within bounds, (p,), where the violation is within noise; a clear violation stays visible."""
     if np.any(values < np.array(reported.low) - 3.0 * _sigmas(block)):
         return values
-    return bounded(values, block, reported.low, reported.high)
+    return bounded(values, block, reported.low)
 
 
 class _Drag(NamedTuple):
@@ -336,15 +334,10 @@ def _methods(motion: Motion, assessment: Assessment) -> dict[str, dict[str, Numb
     out = {name: numbers_of(model, motion, *found) for name, found in assessment.online.items()}
     batch = fit_plateaus(assessment.plateaus.on_side(motion.side))
     if batch is not None:
-        out["plateaus"] = _batch_numbers(batch, model)
+        triples = zip(("k_q", "k_l", "b"), batch.theta.tolist(), _sigmas(batch.covariance).tolist(), strict=True)
+        units = coefficient_units(model.axis)
+        out["plateaus"] = {name: Number(value, sigma, unit=units[name]) for name, value, sigma in triples}
     return out
-
-
-def _batch_numbers(batch: BatchFit, model: Model) -> dict[str, Number]:
-    known = coefficients(model.axis)
-    sigmas = np.sqrt(np.diag(batch.covariance)).tolist()
-    triples = zip(("k_q", "k_l", "b"), batch.theta.tolist(), sigmas, strict=True)
-    return {name: Number(value, sigma, unit=known[name].unit) for name, value, sigma in triples}
 
 
 def _quality(assessment: Assessment) -> dict[str, float]:

@@ -228,15 +228,6 @@ def _calibration(case: Case) -> Array:
     )
 
 
-def _gain(case: Case) -> Array:
-    """All of the commanded thrust larger by its share."""
-    return case.of_commands(case.record.thrust.y[:, None])
-
-
-def _losses(case: Case) -> Array:
-    return case.of_commands(_unweighed(case, case.record.thrust.y, lambda y: -y[:, None]))
-
-
 def _unweighed(case: Case, thrust: Array, error: Callable[[Array], Array]) -> Array:
     """What an error of the thrust, (n,) to (n, k), is beside the gain that a known weight showed with it."""
     out, gain = error(thrust), case.weighing
@@ -371,10 +362,6 @@ def _tether(case: Case) -> Array:
     return case.of_force(-np.stack([np.sin(heading), np.cos(heading)], axis=1))
 
 
-def _tether_drag(case: Case) -> Array:
-    return case.of_force(-_braking(case))
-
-
 def _longer_tether(case: Case) -> Array:
     """What the drag of a tether changes by from the middle of the way to its end: it grows with its length."""
     return case.of_force(-_braking(case) * case.position)
@@ -462,12 +449,13 @@ INFLUENCES: tuple[Influence, ...] = (
     ),
     Influence(
         "gain of the wrench", "-", GAIN,
-        lambda case: case.tuning.wrench_gain_sigma, _gain,
+        lambda case: case.tuning.wrench_gain_sigma, lambda case: case.of_commands(case.record.thrust.y[:, None]),
         "describe the thrusters in the vehicle file, or measure the wrench", considered=True,
     ),
     Influence(
         "losses between thrusters and hull", "-", GAIN,
-        lambda case: 0.08 if len(case.weighed) < 2 else 0.0, _losses,
+        lambda case: 0.08 if len(case.weighed) < 2 else 0.0,
+        lambda case: case.of_commands(_unweighed(case, case.record.thrust.y, lambda y: -y[:, None])),
         MEASURED_THRUST, considered=True, near=0.21, alone=True, loss=True,
     ),
     Influence(
@@ -531,7 +519,8 @@ INFLUENCES: tuple[Influence, ...] = (
         "leave the tether slack, or float it, and fly near its fixed end", near=NEAR,
     ),
     Influence(
-        "drag of the tether", "N", MODEL, lambda case: max(TETHER, case.tuning.thrust_doubt) * case.pull, _tether_drag,
+        "drag of the tether", "N", MODEL, lambda case: max(TETHER, case.tuning.thrust_doubt) * case.pull,
+        lambda case: case.of_force(-_braking(case)),
         "fly near the fixed end of the tether, or with a thinner one", near=NEAR, loss=True,
     ),
     Influence(

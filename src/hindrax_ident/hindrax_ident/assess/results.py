@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -49,10 +49,6 @@ class NextStep:
     std: float
     """Standard deviation of the quantity after it."""
 
-    def to_json(self) -> dict[str, Any]:
-        """Plain data."""
-        return {"remedy": self.remedy, "std": self.std}
-
 
 @dataclass(frozen=True, slots=True)
 class DragBand:
@@ -65,12 +61,7 @@ class DragBand:
 
     def to_json(self) -> dict[str, list[float]]:
         """Plain lists."""
-        return {
-            "speed": self.speed.tolist(),
-            "force": self.force.tolist(),
-            "std": self.std.tolist(),
-            "std_calibrated": self.std_calibrated.tolist(),
-        }
+        return {one.name: getattr(self, one.name).tolist() for one in fields(self)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +115,7 @@ class MotionResult:
             },
             "quality": dict(self.quality),
             "budget": {name: {row.influence: row.std for row in rows} for name, rows in self.budget.items()},
-            "next_step": self.next_step.to_json() if self.next_step else None,
+            "next_step": asdict(self.next_step) if self.next_step else None,
             "warnings": list(self.warnings),
         }
 
@@ -161,12 +152,9 @@ def truth_of(vehicle: Vehicle) -> dict[str, dict[str, float]]:
 
 def with_truth(results: Results, truth: Mapping[str, Mapping[str, float]]) -> Results:
     """Results with the true values of the mock vehicle: for display only, not used in the estimation."""
-    motions = {
-        name: replace(result, coefficients=_with_truths(result.coefficients, truth.get(name, {})))
-        for name, result in results.motions.items()
-    }
+    motions = {}
+    for motion, result in results.motions.items():
+        true = truth.get(motion, {})
+        numbers = {name: replace(number, truth=true.get(name)) for name, number in result.coefficients.items()}
+        motions[motion] = replace(result, coefficients=numbers)
     return replace(results, motions=motions)
-
-
-def _with_truths(coefficients: Mapping[str, Number], truth: Mapping[str, float]) -> dict[str, Number]:
-    return {name: replace(number, truth=truth.get(name)) for name, number in coefficients.items()}

@@ -263,16 +263,11 @@ class _Told(NamedTuple):
     prior: _Prior
 
 
-class _Explanations(NamedTuple):
-    """Explanations of a record: logarithms of their evidence (e,), means (e, m), covariances (e, m, m)."""
-
-    evidence: Array
-    mean: Array
-    covariance: Array
-
-
 class _Posterior(NamedTuple):
-    """Mean (m,) and covariance (m, m) of the influences; logarithm of the evidence of each nearness, (k,)."""
+    """Mean (m,) and covariance (m, m) of the influences; logarithm of the evidence of each nearness, (k,).
+
+    Of e explanations of a record: (e, m), (e, m, m), (e,).
+    """
 
     mean: Array
     covariance: Array
@@ -299,7 +294,7 @@ def _posterior(told: _Told, water: Array | None = None) -> _Posterior:
     return _Posterior(array(middle), array(total), own)
 
 
-def _explained(information: Array, gradient: Array, usual: Array, sigma: Array, tails: Flags) -> _Explanations:
+def _explained(information: Array, gradient: Array, usual: Array, sigma: Array, tails: Flags) -> _Posterior:
     """Explanations by unknowns with these means and deviations: Student priors where `tails`, otherwise normal.
 
     Tails let a record tell of an influence far greater than usual, instead of spreading it over all. Expectation
@@ -320,7 +315,7 @@ def _explained(information: Array, gradient: Array, usual: Array, sigma: Array, 
     same = np.abs(mean[:, None] - mean[None]).max(axis=2, initial=0.0) < SAME_EXPLANATION
     # One that is found from many starts counts once.
     evidence += known - np.log(same.sum(axis=1))
-    return _Explanations(array(evidence), array(usual + sigma * mean), array(sigma[:, None] * covariance * sigma))
+    return _Posterior(array(usual + sigma * mean), array(sigma[:, None] * covariance * sigma), array(evidence))
 
 
 def _given(variance: Array, root: Array) -> tuple[Array, Array]:

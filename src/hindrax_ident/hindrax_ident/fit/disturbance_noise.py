@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from hindrax_ident.arrays import Array, array
-from hindrax_ident.fit.noise_likelihood import DisturbanceProfile, disturbance_profile
+from hindrax_ident.fit.noise_likelihood import disturbance_profile
 from hindrax_ident.fit.output_error import OutputErrorFit
 from hindrax_ident.fit.output_error_problem import error_dynamics_of
 from hindrax_ident.fit.whitening import Noise
@@ -35,21 +35,21 @@ def common_noise(fits: Mapping[int, OutputErrorFit]) -> dict[int, Noise]:
     profiles = {axis: _profile(fit, tried) for axis, fit in fits.items()}
     limit = float(chdtri(1, CHANCE))
     while len(profiles) > 1:
-        total = np.sum([one.cost for one in profiles.values()], axis=0)
+        total = np.sum([cost for cost, _ in profiles.values()], axis=0)
         best = int(np.argmin(total))
-        excess = {axis: float(one.cost[best] - one.cost.min()) for axis, one in profiles.items()}
+        excess = {axis: float(cost[best] - cost.min()) for axis, (cost, _) in profiles.items()}
         worst = max(excess, key=lambda axis: excess[axis])
         if excess[worst] <= limit:
             thrust = _parabola_minimum(np.log(tried), total, best)
             return {
-                axis: replace(fits[axis].noise, force=float(one.force[best]), thrust=thrust)
-                for axis, one in profiles.items()
+                axis: replace(fits[axis].noise, force=float(force[best]), thrust=thrust)
+                for axis, (_, force) in profiles.items()
             }
         del profiles[worst]
     return {}
 
 
-def _profile(fit: OutputErrorFit, tried: Array) -> DisturbanceProfile:
+def _profile(fit: OutputErrorFit, tried: Array) -> tuple[Array, Array]:
     chain = error_dynamics_of(fit.problem, fit.theta, fit.linear.path)
     return disturbance_profile(chain, fit.linear.raw, fit.noise, tried)
 

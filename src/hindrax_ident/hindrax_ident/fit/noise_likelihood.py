@@ -7,9 +7,10 @@ whole likelihood, so none of its several maxima is missed.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hindrax_ident.arrays import Array, Flags, Index, array
 from hindrax_ident.fit.whitening import LEAST_MEMORY_S, ErrorDynamics, Noise, transitions
@@ -30,23 +31,8 @@ DOUBT = 4.0
 """Penalty, in twice the negative log-likelihood, of an unknown force independent of the thrust."""
 ZOOMS = ((1.0, 7, 0.4, 5), (0.25, 5, 0.15, 5))
 """Half width and points of each refinement, in decades of the ratio and in shares of the thrust."""
-
-
-@dataclass(frozen=True, slots=True)
-class NoiseCandidates:
-    """Noise candidates, (g,) each, for a main channel of unit variance.
-
-    `ratio`: decades of the mean density of the unknown acceleration; `part`: share proportional to the thrust; `other`:
-    decades of the variance of positions where velocities are the main channel.
-    """
-
-    ratio: Array
-    part: Array
-    other: Array
-
-    def one(self, index: int) -> tuple[float, float, float]:
-        """Unknowns of one candidate."""
-        return float(self.ratio[index]), float(self.part[index]), float(self.other[index])
+OTHERS = np.linspace(-2.0, 2.0, 21)
+"""Candidate variances of the other channel, in decades about the last one."""
 
 
 def fit_noise(chain: ErrorDynamics, residual: Array, before: Noise, *, given_position: bool = False) -> Noise:
@@ -57,9 +43,9 @@ def fit_noise(chain: ErrorDynamics, residual: Array, before: Noise, *, given_pos
     other = math.log10(before.position / before.velocity)
     ratio, part = _ratio_and_part(pieces, other)
     if both:
-        other = _other(pieces, ratio, part, other)
+        *_, other = _best(pieces, [ratio], [part], other + OTHERS)
         ratio, part = _ratio_and_part(pieces, other)
-        other = _other(pieces, ratio, part, other)
+        *_, other = _best(pieces, [ratio], [part], other + OTHERS)
     found = pieces.noise(ratio, part, other)
     return replace(found, position=before.position) if given_position and main == 0 else found
 
@@ -69,45 +55,28 @@ def _main(chain: ErrorDynamics) -> int:
     return int(not np.any(chain.channel == 0))
 
 
-def _other(pieces: _Pieces, ratio: float, part: float, other: float) -> float:
-    """Most likely variance of the other channel, in decades, within two of this one."""
-    spread = array(other + np.linspace(-2.0, 2.0, 21))
-    candidates = NoiseCandidates(np.full(21, ratio), np.full(21, part), spread)
-    *_, best = candidates.one(int(np.argmin(pieces.scores(candidates)[0])))
-    return best
-
-
 def _ratio_and_part(pieces: _Pieces, other: float) -> tuple[float, float]:
     """Search the whole range, then refine around the best."""
-    ratio, part = _best(pieces, array(np.linspace(*DECADES, 11)), array(np.linspace(0.0, 1.0, 3)), other)
+    ratio, part, _ = _best(pieces, np.linspace(*DECADES, 11), np.linspace(0.0, 1.0, 3), [other])
     for half, points, half_part, points_part in ZOOMS:
         ratios = np.clip(ratio + np.linspace(-half, half, points), *DECADES)
         parts = np.clip(part + np.linspace(-half_part, half_part, points_part), 0.0, 1.0)
-        ratio, part = _best(pieces, ratios, parts, other)
+        ratio, part, _ = _best(pieces, ratios, parts, [other])
     return ratio, part
 
 
-def _best(pieces: _Pieces, ratios: Array, parts: Array, other: float) -> tuple[float, float]:
-    """Most likely of all pairs."""
-    every_ratio, every_part = (one.ravel() for one in np.meshgrid(ratios, parts, indexing="ij"))
-    candidates = NoiseCandidates(every_ratio, every_part, np.full(len(every_ratio), other))
-    ratio, part, _ = candidates.one(int(np.argmin(pieces.scores(candidates)[0])))
-    return ratio, part
+def _best(pieces: _Pieces, ratios: ArrayLike, parts: ArrayLike, others: ArrayLike) -> tuple[float, float, float]:
+    """Most likely of all combinations, in the units of `_Pieces.scores`."""
+    ratio, part, other = (array(one).ravel() for one in np.meshgrid(ratios, parts, others, indexing="ij"))
+    best = int(np.argmin(pieces.scores(ratio, part, other)[0]))
+    return float(ratio[best]), float(part[best]), float(other[best])
 
 
-@dataclass(frozen=True, slots=True)
-class DisturbanceProfile:
-    """Likelihood of a record over thrust noise densities [s]: (m,) each.
+def disturbance_profile(chain: ErrorDynamics, residual: Array, noise: Noise, thrusts: Array) -> tuple[Array, Array]:
+    """Likelihood of a residual (n,) over thrust noise densities (m,) [s]; the measurement variances stay fixed.
 
-    `cost`: twice the negative log-likelihood; `force`: most likely density of the other unknown acceleration for each.
+    Twice the negative log-likelihood, and the most likely density of the other unknown acceleration: (m,) each.
     """
-
-    cost: Array
-    force: Array
-
-
-def disturbance_profile(chain: ErrorDynamics, residual: Array, noise: Noise, thrusts: Array) -> DisturbanceProfile:
-    """Profile of a residual (n,) over `thrusts` (m,) [s]; the measurement variances stay fixed."""
     main = _main(chain)
     pieces = _Pieces(chain, residual, main)
     size = noise.velocity if main == 0 else noise.position
@@ -118,7 +87,7 @@ def disturbance_profile(chain: ErrorDynamics, residual: Array, noise: Noise, thr
     cost = (squares / size + logs + n * math.log(size)).reshape(candidates.shape) + DOUBT * (forces > 0.0)
     best = cost.argmin(axis=1)
     # Pieces sample a long record: scale the cost to all of it.
-    return DisturbanceProfile(array(cost.min(axis=1) * (chain.counts.sum() / n)), array(forces[best]))
+    return array(cost.min(axis=1) * (chain.counts.sum() / n)), array(forces[best])
 
 
 def _piece_rows(starts: Flags) -> tuple[Index, Flags]:
@@ -147,14 +116,15 @@ class _Pieces:
         self.mean_thrust = max(1e-300, float(self._thrust.mean()))
         self._memory_s, self._main = max(LEAST_MEMORY_S, chain.memory_s), main
 
-    def scores(self, candidates: NoiseCandidates) -> tuple[Array, Array]:
+    def scores(self, ratio: Array, part: Array, other: Array) -> tuple[Array, Array]:
         """Twice the negative log-likelihood per sample, and the main channel's variance: (g,) each.
 
-        The likelihood is maximized over the scale of the noise.
+        Of candidates, (g,) each, for a main channel of unit variance. `ratio`: decades of the mean density of the
+        unknown acceleration; `part`: share proportional to the thrust; `other`: decades of the variance of positions
+        where velocities are the main channel. The likelihood is maximized over the scale of the noise.
         """
-        total = np.where(candidates.ratio <= DECADES[0], 0.0, 10.0**candidates.ratio)
-        thrust = total * candidates.part / self.mean_thrust
-        squares, logs, n = self.filtered(total * (1.0 - candidates.part), thrust, candidates.other)
+        total = np.where(ratio <= DECADES[0], 0.0, 10.0**ratio)
+        squares, logs, n = self.filtered(total * (1.0 - part), total * part / self.mean_thrust, other)
         return np.log(np.maximum(1e-300, squares / n)) + logs / n, squares / n
 
     @np.errstate(over="ignore", invalid="ignore")  # see `transitions`
@@ -207,7 +177,7 @@ class _Pieces:
 
     def noise(self, ratio: float, part: float, other: float) -> Noise:
         """Noise of these unknowns, scaled to the residuals."""
-        _, sizes = self.scores(NoiseCandidates(np.array([ratio]), np.array([part]), np.array([other])))
+        _, sizes = self.scores(np.array([ratio]), np.array([part]), np.array([other]))
         size = max(1e-18, float(sizes[0]))
         total = 0.0 if ratio <= DECADES[0] else size * 10.0**ratio
         position = size * 10.0**other if self._main == 0 else size

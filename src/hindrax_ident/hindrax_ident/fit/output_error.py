@@ -120,7 +120,7 @@ def retrained(fit: OutputErrorFit, record: Record, belief: Prior) -> tuple[Array
         kept, problem, path = problem.samples, _without_outliers(problem, linear), linear.path
         if problem.samples == kept:
             break
-    return theta, (_rms(_raw(problem, linear, 0)), _rms(_raw(problem, linear, 1)))
+    return theta, _deviations(problem, linear)
 
 
 def _first_noise(problem: OutputErrorProblem) -> Noise:
@@ -189,9 +189,11 @@ def _feasible_start(
     raise ValueError("the simulation diverges from both the start and the prior")
 
 
-def _raw(problem: OutputErrorProblem, linear: LinearizedProblem, channel: int) -> Array:
-    """Plain residuals of a channel without outliers: (n,) [m/s, rad/s] or [m, rad]."""
-    return array(linear.raw[(problem.channel == channel) & problem.counts])
+def _deviations(problem: OutputErrorProblem, linear: LinearizedProblem) -> tuple[float, float]:
+    """Root mean squares of the plain residuals without outliers, by channel: SI; NaN of none."""
+    raw = (linear.raw[(problem.channel == channel) & problem.counts] for channel in (0, 1))
+    of_velocity, of_position = (float(np.sqrt(np.mean(one**2))) if len(one) else math.nan for one in raw)
+    return of_velocity, of_position
 
 
 def _without_outliers(problem: OutputErrorProblem, linear: LinearizedProblem) -> OutputErrorProblem:
@@ -227,7 +229,7 @@ def _fit_of(
         covariance=covariance * np.outer(inflation, inflation),
         samples=problem.samples,
         effective_samples=_effective_samples(problem, linear),
-        sigmas=(_rms(_raw(problem, linear, 0)), _rms(_raw(problem, linear, 1))),
+        sigmas=_deviations(problem, linear),
         inflation=inflation,
         problem=problem,
         linear=linear,
@@ -242,10 +244,6 @@ def _effective_samples(problem: OutputErrorProblem, linear: LinearizedProblem) -
     """Equivalent independent samples of the main channel, whitened as the covariance has them."""
     own = (problem.channel == problem.main) & problem.counts
     return effective_samples([linear.r[span][own[span]] for span in problem.spans])
-
-
-def _rms(raw: Array) -> float:
-    return float(np.sqrt(np.mean(raw**2))) if len(raw) else math.nan
 
 
 def _with_color(

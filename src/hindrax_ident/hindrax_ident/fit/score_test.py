@@ -5,6 +5,7 @@ Computed from the linearization about the fit, without refitting.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,10 @@ import numpy as np
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.fit.output_error import OutputErrorFit
 from hindrax_ident.fit.output_error_problem import linearize
+
+SLOW_S = 3.0
+"""Shortest period of forces that are slow compared with the motion of a small vehicle."""
+SLOW_RATES = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,3 +61,18 @@ def _noise(fit: OutputErrorFit) -> float:
     """
     plain = np.diag(np.linalg.inv(fit.linear.information + fit.prior_information)) * fit.inflation**2
     return float(np.median(np.diag(fit.covariance) / plain))
+
+
+def slow_force_ratio(fit: OutputErrorFit) -> float:
+    """Ratio of the power of slow unknown forces in the residuals to that expected from the noise; 1 or more.
+
+    Whitening over the memory of the thrusters does not cover a tether, an operator or a swell (third-party records).
+    """
+    grid = fit.problem.grid
+    longest_s = max(float(np.ptp(fit.problem.t[span])) for span in fit.problem.spans)
+    rates = np.geomspace(math.tau / max(longest_s, 2.0 * SLOW_S), math.tau / SLOW_S, SLOW_RATES)
+    angles = np.outer(grid.times_s - grid.times_s[0], rates)
+    found = score(fit, np.hstack([np.cos(angles), np.sin(angles)]) * grid.steps_s[:, None])
+    inverse = np.linalg.pinv(found.information, rcond=1e-9, hermitian=True)
+    known = float(np.trace(inverse @ found.information))
+    return max(1.0, float(found.values @ found.information @ found.values) / max(1.0, known))

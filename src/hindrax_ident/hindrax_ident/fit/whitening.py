@@ -78,10 +78,10 @@ def transitions(chain: ErrorDynamics) -> tuple[Array, Array]:
     drive = np.zeros((3, 3))
     drive[2, 2] = rate * rate
     A, middle = _series(F), _series(0.5 * F)
-    at_middle, at_end = middle @ drive @ _transposed(middle), A @ drive @ _transposed(A)
+    at_middle, at_end = middle @ drive @ middle.mT, A @ drive @ A.mT
     Q = h[:, None, None] / 6.0 * (drive + 4.0 * at_middle + at_end)
     for _ in range(doublings):
-        Q = Q + A @ Q @ _transposed(A)
+        Q = Q + A @ Q @ A.mT
         A = A @ A
     return array(A), array(Q)
 
@@ -90,11 +90,6 @@ def _series(F: Array) -> Array:
     """Matrix exponential to fourth order: (n, 3, 3)."""
     square = F @ F
     return array(np.eye(3) + F + square / 2.0 + F @ square / 6.0 + square @ square / 24.0)
-
-
-def _transposed(A: Array) -> Array:
-    """Each matrix transposed: (n, 3, 3)."""
-    return array(np.swapaxes(A, 1, 2))
 
 
 def gains(chain: ErrorDynamics, transition: tuple[Array, Array], noise: Noise) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""The models: one equation per degree of freedom, its coefficients with unit, bounds and meaning, its known terms.
+"""The models: one equation per degree of freedom, the units of its coefficients, its known terms.
 
     (m + m_a) v' = tau + known - drag(v) - b - k_r s(attitude),    drag(v) = k_q |v| v + k_l v
 
@@ -50,30 +50,13 @@ def motions_of(axis: int) -> tuple[Motion, ...]:
     return tuple(motion for motion in MOTIONS.values() if motion.axis == axis)
 
 
-@dataclass(frozen=True, slots=True)
-class Coefficient:
-    """One number of a model: name, unit, physical bounds, meaning."""
+def coefficient_units(axis: int) -> dict[str, str]:
+    """Unit of each coefficient of motions on this axis.
 
-    name: str
-    unit: str
-    low: float
-    high: float
-    meaning: str
-
-
-def coefficients(axis: int) -> dict[str, Coefficient]:
-    """Coefficients of motions on this axis, by name, with their units."""
-    rotational = axis >= 3
-    unit = ("N m s^2", "N m s", "N m", "kg m^2", "N m") if rotational else ("N s^2/m^2", "N s/m", "N", "kg", "N")
-    unlimited = math.inf
-    rows = (
-        Coefficient("k_q", unit[0], 0.0, unlimited, "quadratic drag"),
-        Coefficient("k_l", unit[1], -unlimited, unlimited, "linear drag"),
-        Coefficient("b", unit[2], -unlimited, unlimited, "net buoyancy" if axis == 2 else "offset"),
-        Coefficient("added_mass", unit[3], 0.0, unlimited, "added moment of inertia" if rotational else "added mass"),
-        Coefficient("k_r", unit[4], -unlimited, unlimited, "restoring moment per unit of sine"),
-    )
-    return {row.name: row for row in rows}
+    k_q, k_l: quadratic and linear drag; b: net buoyancy in heave, elsewhere an offset; k_r: restoring moment per sine.
+    """
+    of_axis = ("N m s^2", "N m s", "N m", "kg m^2", "N m") if axis >= 3 else ("N s^2/m^2", "N s/m", "N", "kg", "N")
+    return dict(zip(("k_q", "k_l", "b", "added_mass", "k_r"), of_axis, strict=True))
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +83,7 @@ class Model:
         return 4 if self.split else 2
 
     def names_of(self, side: int) -> tuple[str, ...]:
-        """Parameters reported by a motion in one direction, in the order of `Coefficient` names."""
+        """Parameters reported by a motion in one direction, in the order of their names."""
         suffix = "_negative" if self.split and side < 0 else ""
         return (f"k_q{suffix}", f"k_l{suffix}", "b", "mass", *(("k_r",) if self.restores else ()))
 

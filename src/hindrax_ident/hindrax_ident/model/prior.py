@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,8 @@ from hindrax_ident.arrays import Array
 from hindrax_ident.model.motion_model import Model, restoring
 
 WIDE = 30.0
+OnlineEstimates = Mapping[str, tuple[Array, Array]]
+"""Parameters and their covariance, by the name of the method: (p,), (p, p)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,3 +44,12 @@ def wide_prior(vehicle: Vehicle, model: Model) -> Prior:
     if model.restores:
         sigmas[-2] += abs(values[-2])
     return Prior(np.array(values), np.array(sigmas))
+
+
+def one_sided(model: Model, belief: Prior, online: OnlineEstimates, side: int) -> tuple[Model, Prior, OnlineEstimates]:
+    """Model, prior and estimates of one direction of a split model: for a heave record that has no other."""
+    drag = [0, 1] if side > 0 else [2, 3]
+    rows = [*drag, *range(4, len(model.names))]
+    narrowed = {name: (theta[rows], C[np.ix_(rows, rows)]) for name, (theta, C) in online.items()}
+    plain = Model(model.axis, model.rigid, split=False, restores=model.restores)
+    return plain, Prior(belief.values[rows], belief.sigmas[rows]), narrowed

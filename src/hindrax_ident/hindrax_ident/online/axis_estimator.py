@@ -50,23 +50,6 @@ class Verdict:
 class AxisEstimator:
     """Inputs in time order. Times in seconds, forces in N or N m, velocities in m/s or rad/s."""
 
-    __slots__ = (
-        "_blocks",
-        "_filter",
-        "_fixed_mass",
-        "_inputs",
-        "_length",
-        "_outliers",
-        "_rls",
-        "_rows",
-        "_sum",
-        "_tuning",
-        "_widening",
-        "correlator",
-        "model",
-        "regression",
-    )  # fmt: skip
-
     def __init__(self, model: Model, lag_s: float, belief: Prior, tuning: Tuning) -> None:
         """With `tuning.plateaus_only` the mass stays at its prior, and three coefficients are estimated."""
         self.model, self._tuning = model, tuning

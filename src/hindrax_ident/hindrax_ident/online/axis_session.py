@@ -11,9 +11,8 @@ from hindrax_core.signals import ZERO6, Estimate, Thrust
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.model.coriolis import Masses, coriolis, coriolis_errors
 from hindrax_ident.model.motion_model import Model, Motion, known_force, lag_s, motions_of, unit_wrench
-from hindrax_ident.model.parameter_bounds import bounded
 from hindrax_ident.model.prior import Prior
-from hindrax_ident.model.sign_dependent import reported_parameters
+from hindrax_ident.model.reported_parameters import bounded, reported_parameters
 from hindrax_ident.online.axis_estimator import AxisEstimator, Verdict
 from hindrax_ident.records.axis_record import Record, Series, Stretch, series
 from hindrax_ident.records.binning import DEPTH_S, NAVIGATORS, Bin, SourceSelector, mean
@@ -84,7 +83,12 @@ class AxisSession:
         """Add one velocity of one source; return the verdicts on the means that it completes."""
         if not math.isfinite(v) or not self._speed_source.accepts(source) or self._is_derived:
             return []
-        return self._learn(self._speed_bin.add(t_s, v), source, refusal)
+        points = self._speed_bin.add(t_s, v)
+        if not points:
+            return []
+        mean_s, mean_v = mean(points)
+        self._velocities.setdefault(source, []).append((mean_s, mean_v))
+        return [(mean_s, self.estimator.velocity(mean_s, mean_v, refusal))]
 
     @property
     def _is_derived(self) -> bool:
@@ -129,13 +133,6 @@ class AxisSession:
         at_s, v = 0.5 * (earlier_s + later_s), (lower_m - higher_m) / (later_s - earlier_s)
         return [(at_s, self.estimator.velocity(at_s, v, refusal, derived=True))]
 
-    def _learn(self, points: list[tuple[float, float]], source: str, refusal: str) -> list[tuple[float, Verdict]]:
-        if not points:
-            return []
-        t_s, v = mean(points)
-        self._velocities.setdefault(source, []).append((t_s, v))
-        return [(t_s, self.estimator.velocity(t_s, v, refusal))]
-
     # ---- outputs
 
     def estimate(self, motion: Motion, verdict: Verdict) -> Estimate:
@@ -149,7 +146,7 @@ class AxisSession:
             motion=motion.name,
             names=reported.names,
             units=reported.units,
-            values=tuple(bounded(values, block, reported.low, reported.high).tolist()),
+            values=tuple(bounded(values, block, reported.low).tolist()),
             covariance=tuple(map(tuple, block.tolist())),
             samples=self.estimator.samples,
             effective_samples=self.estimator.effective_samples,
@@ -161,12 +158,10 @@ class AxisSession:
     def record(self, stretches: tuple[Stretch, ...], plateaus: tuple[Stretch, ...], masses: Masses) -> Record:
         """Record of the axis, with the stretches of time in which it may be used."""
         velocities = [] if self._is_derived else self._velocities.get(self._speed_source.name, [])
-        velocity = series(velocities)
         moved_s, *nu = np.array(self._other_velocities or [(0.0, *ZERO6)]).T
-        position = series(self._positions.get(self._depth_source.name or "attitude", []))
         effort, inflow = self._of_forces()
         return Record(
-            velocity=velocity,
+            velocity=series(velocities),
             thrust=series([(t, one.wrench[self.model.axis]) for t, one in self._thrusts]),
             effort=effort,
             inflow=inflow,
@@ -174,7 +169,7 @@ class AxisSession:
             known=series(self._hydrostatics),
             coriolis=Series(moved_s, coriolis(self.model.axis, masses.values, nu)),
             coriolis_errors=tuple(Series(moved_s, error) for error in coriolis_errors(self.model.axis, masses, nu)),
-            position=position,
+            position=series(self._positions.get(self._depth_source.name or "attitude", [])),
             lag_s=self.lag_s,
             plateaus=plateaus,
             supply_measured=self._is_measured(stretches),

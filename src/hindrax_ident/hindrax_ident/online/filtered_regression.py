@@ -16,7 +16,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 
@@ -30,7 +29,6 @@ CLEAR_SIGN = 8.0
 DIRECTION_S = 0.3
 """Time over which the velocities before have a sign: a vehicle at rest moves slower than the noise of one velocity, and
 one that turns back has both signs within a second."""
-_VelocityState: TypeAlias = tuple[float, float, tuple[float, ...], list[float], float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,62 +49,28 @@ class Sample:
 class FilteredRegression:
     """Filters of one axis; inputs in time order (seconds from any origin)."""
 
-    __slots__ = (
-        "_commanded_s",
-        "_direction",
-        "_force",
-        "_force_f",
-        "_known",
-        "_lag_s",
-        "_lagged",
-        "_position",
-        "_recent",
-        "_split",
-        "_start",
-        "_sums",
-        "_t_thrust",
-        "_t_velocity",
-        "_terms",
-        "_undo",
-        "_z",
-        "model",
-        "noise_variance",
-        "rate",
-    )  # fmt: skip
-
     def __init__(self, model: Model, lag_s: float, rate: float) -> None:
-        """`rate`: pole of the filters [1/s]; it and `noise_variance` may be changed at any time."""
+        """`rate`: pole of the filters [1/s]; it and `noise_variance` may be changed at any time.
+
+        `velocity_time_s`, `thrust_time_s`: times of the last velocity and thrust command; NaN before the first.
+        """
         self.model, self.rate, self.noise_variance = model, rate, 0.0
         self._lag_s, self._split = lag_s, model.split
         self._force = self._lagged = self._known = self._force_f = self._z = 0.0
         self._terms: tuple[float, ...] = ()
         self._position: tuple[float, float] | None = None
-        self._t_thrust = self._commanded_s = math.nan
+        self._t_thrust = self.thrust_time_s = math.nan
         self.restart()
 
     def restart(self) -> None:
         """Reset the velocity filters: after a gap, or before the first sample."""
-        self._t_velocity, self._start = math.nan, 1.0
+        self.velocity_time_s, self._start = math.nan, 1.0
         self._sums = [0.0] * (len(self.model.names) - 1)
         self._recent = self._direction = 0.0
 
     def undo_last(self) -> None:
         """Undo the last velocity: an outlier would stay in the filters for seconds."""
-        self._t_velocity, self._z, self._terms, self._sums, self._start, self._recent, self._direction = self._undo
-
-    @property
-    def _velocity_state(self) -> _VelocityState:
-        return self._t_velocity, self._z, self._terms, self._sums, self._start, self._recent, self._direction
-
-    @property
-    def velocity_time_s(self) -> float:
-        """Time of the last velocity sample; NaN before the first."""
-        return self._t_velocity
-
-    @property
-    def thrust_time_s(self) -> float:
-        """Time of the last thrust command; NaN before the first."""
-        return self._commanded_s
+        self.velocity_time_s, self._z, self._terms, self._sums, self._start, self._recent, self._direction = self._undo
 
     def thrust(self, t_s: float, force: float) -> None:
         """Force commanded from this time on, before the thrusters' lag [N, N m]."""
@@ -114,7 +78,7 @@ class FilteredRegression:
             self._lagged = force
             self._t_thrust = t_s
         self._advance_thrust(t_s)
-        self._force, self._commanded_s = force, t_s
+        self._force, self.thrust_time_s = force, t_s
 
     def known(self, t_s: float, force: float) -> None:
         """Known force from this time on, in addition to the thrust, without lag [N, N m]."""
@@ -131,14 +95,14 @@ class FilteredRegression:
         `spread_s2`: variance of the span of time over which it is a mean [s^2].
         """
         terms = self._terms_at(t_s, v)
-        self._undo = self._velocity_state
-        if math.isnan(self._t_velocity):
-            self._t_velocity, self._z, self._terms = t_s, -v, terms
+        self._undo = self.velocity_time_s, self._z, self._terms, self._sums, self._start, self._recent, self._direction
+        if math.isnan(self.velocity_time_s):
+            self.velocity_time_s, self._z, self._terms = t_s, -v, terms
             self._advance_thrust(t_s)
             self._force_f = 0.0
             return None
         self._advance_thrust(t_s)
-        before, self._t_velocity = self._t_velocity, t_s
+        before, self.velocity_time_s = self.velocity_time_s, t_s
         ramp = self._advance_velocity(t_s - before, v, terms)
         x = (*(-total for total in self._sums), self._force_f + 0.5 * spread_s2 * self._force_curvature)
         return Sample(

@@ -11,18 +11,13 @@ import math
 
 import numpy as np
 
-from hindrax_ident.arrays import Array, array
+from hindrax_ident.arrays import Array
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.online.filtered_regression import physical, scaled
 
 
 class JointFilter:
     """One axis; inputs in time order. It does nothing before `start`."""
-
-    __slots__ = (
-        "_P", "_force", "_impulse", "_known", "_lag_s", "_lagged", "_model", "_noise", "_position_noise", "_t_state",
-        "_t_thrust", "_x",
-    )  # fmt: skip
 
     def __init__(self, model: Model, lag_s: float, position_sigma: float = 0.01) -> None:
         """`position_sigma`: standard deviation of measured positions [m, rad]."""
@@ -96,16 +91,12 @@ class JointFilter:
         v, s, q = float(self._x[0]), float(self._x[1]), self._x[2:]
         middle = v
         for _ in range(3):
-            columns = self._columns(middle, s + 0.5 * h * middle)
+            columns = self._model.columns(np.array([middle]), np.array([s + 0.5 * h * middle]))[0]
             change = q[-1] * impulse - h * float(columns @ q[:-1])
             middle = v + 0.5 * change
         self._x[0], self._x[1] = v + change, s + h * middle
         F = self._transition(h, middle, s + 0.5 * h * middle, columns, impulse)
         self._P = F @ self._P @ F.T
-
-    def _columns(self, v: float, s: float) -> Array:
-        """Regressors of all parameters but the mass at one velocity and position: (p - 1,)."""
-        return array(self._model.columns(np.array([v]), np.array([s]))[0])
 
     def _transition(self, h: float, v: float, s: float, columns: Array, impulse: float) -> Array:
         """Jacobian of the implicit midpoint step: (n, n)."""

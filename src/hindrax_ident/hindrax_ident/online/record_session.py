@@ -16,7 +16,7 @@ from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.assess.results import MotionResult
 from hindrax_ident.model.motion_model import motions_of
 from hindrax_ident.online.session import Session
-from hindrax_ident.records.sorter import StampSorter
+from hindrax_ident.records.feed import StampSorter
 from hindrax_ident.tuning import Tuning, for_foreign_records
 
 SOURCE = "record"

@@ -29,14 +29,13 @@ from hindrax_ident.assess.assessment import (
     unidentified,
 )
 from hindrax_ident.assess.results import MotionResult, Results
-from hindrax_ident.fit.one_sided import OnlineEstimates, one_sided, side_of
 from hindrax_ident.model.coriolis import USUAL_MASS_RATIO, USUAL_MASS_RATIO_SIGMA, Masses, VelocityHistory
 from hindrax_ident.model.motion_model import MOTIONS, Motion, model_of, motions_of, rigid_mass
-from hindrax_ident.model.prior import wide_prior
+from hindrax_ident.model.prior import OnlineEstimates, one_sided, wide_prior
 from hindrax_ident.online.axis_estimator import Verdict
 from hindrax_ident.online.axis_session import AxisSession
-from hindrax_ident.records.axis_record import Record
-from hindrax_ident.records.phases import PhaseLimits, PhaseLog, usable
+from hindrax_ident.records.axis_record import Record, side_of
+from hindrax_ident.records.phases import PhaseLog, usable
 from hindrax_ident.tuning import Tuning
 
 JOIN_S = 1.0
@@ -224,8 +223,7 @@ class Session:
         plateaus = tuple(self._log.stretches(names, ("plateau",), self._now_s))
         kept = axis_session.record((), plateaus, masses or self._believed_masses({}))
         measured = kept.velocity.t if len(kept.velocity) else kept.position.t
-        limits = PhaseLimits(tuning.gap_s, tuning.thrust_age_s, tuning.stretch_s)
-        return kept.with_stretches(usable(spans, measured, kept.thrust, limits))
+        return kept.with_stretches(usable(spans, measured, kept.thrust, tuning))
 
     def refined(self, axis: int) -> DraftFit:
         """Fit of what was flown along an axis so far, with its noise; takes a second. ValueError where nothing fits."""

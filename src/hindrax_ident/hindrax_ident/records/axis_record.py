@@ -12,6 +12,8 @@ from hindrax_ident.model.thrust_lag import LaggedThrust
 EMPTY: Array = np.zeros(0)
 SPAN_S = 0.5
 """Time over which a velocity is a mean, where its noise must not count."""
+SHARE = 0.25
+"""Share of the highest speed that the other direction must reach."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,3 +116,14 @@ def _slopes(placed: Series) -> Array:
         return EMPTY
     times = np.arange(placed.t[0], placed.t[-1], SPAN_S)
     return array(np.diff(np.interp(times, placed.t, placed.y)) / SPAN_S)
+
+
+def side_of(record: Record) -> int:
+    """Directions in which a record moves; 0: both, 1 or -1: only that one."""
+    v = record.mean_velocities()
+    if not len(v):
+        return 1
+    up, down = float(np.percentile(v, 98.0)), float(np.percentile(v, 2.0))
+    if min(up, -down) > SHARE * max(up, -down):
+        return 0
+    return 1 if up >= -down else -1

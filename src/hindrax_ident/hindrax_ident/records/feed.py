@@ -14,21 +14,20 @@ pressure, for the same reason; the navigator's heave velocity is used where ther
 
 from __future__ import annotations
 
+import heapq
 import math
 from collections.abc import Iterable, Iterator
-from typing import TypeAlias
+from typing import Generic, TypeAlias, TypeVar
 
 from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.readings import BottomVelocity, Pressure, Vec3, Vec6
 from hindrax_core.rotation import cross, matrix, rotate
-from hindrax_core.signals import NAN, Attitude, IdentEvent, Navigation, Velocity
+from hindrax_core.signals import NAN, Attitude, IdentEvent, Navigation, Phase, Thrust, Velocity
 from hindrax_core.vehicle import Mount, Vehicle
-from hindrax_ident.records.sorter import StampSorter
 from hindrax_ident.tuning import Tuning
 
 # ICM-20948 datasheet table 1: 0.015 dps/sqrt(Hz) over the noise bandwidth of a 50 Hz filter.
 SIGMA_RATE_radps = math.radians(0.015) * math.sqrt(1.57 * 50.0)
-
 
 Measurement: TypeAlias = BottomVelocity | Pressure | Navigation | IdentEvent
 """A measurement, or an event that needs no conversion."""
@@ -36,6 +35,57 @@ DROPPED = "late events dropped"
 """Name in /diagnostics of the number of measurements that came too late to be used."""
 VELOCITIES = (BottomVelocity, Navigation, Velocity)
 """Measurements to which `velocity_latency_s` applies."""
+KINDS = (Phase, Thrust, Navigation, Pressure, BottomVelocity, Attitude, Velocity)
+"""Order at equal stamps: inputs to the vehicle first, then its motion."""
+RANKS: dict[type, int] = {kind: rank for rank, kind in enumerate(KINDS)}
+EARLIEST = Stamp(-(2**62))
+ReadingT = TypeVar("ReadingT")
+
+
+class StampSorter(Generic[ReadingT]):
+    """Sorts measurements by stamp, whatever the order of arrival.
+
+    Topics arrive in different orders live and from a bag; estimates must not depend on it. Each measurement and each
+    event waits a short time for others with an earlier stamp, and longer for those of a kind that lags behind on a busy
+    machine; later arrivals are dropped and counted.
+    """
+
+    __slots__ = ("_count", "_heap", "_newest", "_newest_of", "_released", "dropped", "lag_s", "wait_s")
+
+    def __init__(self, wait_s: float, lag_s: float = 0.0) -> None:
+        """`wait_s`: largest delay against measurements with neighboring stamps; `lag_s`: longest wait for a kind."""
+        self.wait_s, self.lag_s = wait_s, lag_s
+        self.dropped = 0
+        self._heap: list[tuple[Stamp, int, str, int, Stamped[ReadingT]]] = []
+        self._count = 0
+        self._newest = self._released = EARLIEST
+        self._newest_of: dict[tuple[int, str], Stamp] = {}
+
+    def push(self, one: Stamped[ReadingT]) -> Iterator[Stamped[ReadingT]]:
+        """Add one measurement, or drop and count it if too late; yield all that have waited long enough."""
+        stamp, reading = one.stamp, one.reading
+        if stamp < self._released:
+            self.dropped += 1
+            return
+        kind = (RANKS[type(reading)], reading.source if isinstance(reading, Velocity) else "")
+        self._count += 1
+        heapq.heappush(self._heap, (stamp, *kind, self._count, one))
+        self._newest = max(self._newest, stamp)
+        self._newest_of[kind] = max(self._newest_of.get(kind, stamp), stamp)
+        # A kind that is silent for longer than that has nothing to say: a lost sensor must not stop the others.
+        silent = after(self._newest, -self.lag_s)
+        slowest = min((newest for newest in self._newest_of.values() if newest > silent), default=self._newest)
+        yield from self._until(min(slowest, after(self._newest, -self.wait_s)))
+
+    def flush(self) -> Iterator[Stamped[ReadingT]]:
+        """Yield all waiting measurements."""
+        yield from self._until(self._newest)
+
+    def _until(self, stamp: Stamp) -> Iterator[Stamped[ReadingT]]:
+        while self._heap and self._heap[0][0] <= stamp:
+            entry = heapq.heappop(self._heap)
+            self._released = entry[0]
+            yield entry[4]
 
 
 class Feed:
@@ -107,7 +157,7 @@ class Feed:
         """Heave velocity, rates, attitude and depth; the navigator's velocity and depth are those of the origin."""
         self._rate_radps = state.rate_radps
         if math.isfinite(sum(state.attitude_rad)):
-            self._down = _down(state.attitude_rad)
+            self._down = matrix(state.attitude_rad)[2]  # Fossen 2011 eq. 2.18, last row: downward in body axes
         heave_mps = state.velocity_mps[2] + cross(state.rate_radps, self._center_m)[2]
         nu: Vec6 = (NAN, NAN, heave_mps, *state.rate_radps)
         rate = SIGMA_RATE_radps
@@ -120,12 +170,6 @@ class Feed:
     def _depth_of_lever_m(self, lever_m: Vec3) -> float:
         """Depth of the end of a lever in body axes below its beginning [m]."""
         return sum(share * length for share, length in zip(self._down, lever_m, strict=True))
-
-
-def _down(attitude_rad: Vec3) -> Vec3:
-    """Downward direction in body axes. Fossen 2011 eq. 2.18, last row."""
-    roll, pitch, _ = attitude_rad
-    return (-math.sin(pitch), math.cos(pitch) * math.sin(roll), math.cos(pitch) * math.cos(roll))
 
 
 def _difference(a: Vec3, b: Vec3) -> Vec3:

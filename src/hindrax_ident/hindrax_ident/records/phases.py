@@ -11,6 +11,7 @@ import numpy as np
 from hindrax_core.signals import BLOCKED
 from hindrax_ident.arrays import Array
 from hindrax_ident.records.axis_record import Series, Stretch
+from hindrax_ident.tuning import Tuning
 
 BEFORE_BLOCKED_S = 2.0
 """What led to a thrust without motion is no free motion either; the pilot says it after a second and a half."""
@@ -48,27 +49,18 @@ class PhaseLog:
         return spans
 
 
-@dataclass(frozen=True, slots=True)
-class PhaseLimits:
-    """Limits of a stretch: pause of the measurements, age of the thrust, length [s]."""
-
-    gap_s: float
-    thrust_age_s: float
-    longest_s: float
-
-
-def usable(spans: Sequence[Stretch], measured: Array, thrust: Series, limits: PhaseLimits) -> tuple[Stretch, ...]:
+def usable(spans: Sequence[Stretch], measured: Array, thrust: Series, tuning: Tuning) -> tuple[Stretch, ...]:
     """Cut spans where measurements pause or thrust is unknown, and into pieces within the longest length."""
     if not len(thrust) or not len(measured):
         return ()
     last = np.searchsorted(thrust.t, measured, side="right") - 1
-    fresh = (last >= 0) & (measured - thrust.t[np.maximum(last, 0)] <= limits.thrust_age_s)
+    fresh = (last >= 0) & (measured - thrust.t[np.maximum(last, 0)] <= tuning.thrust_age_s)
     times = measured[fresh]
     pieces: list[Stretch] = []
     for span in spans:
         inside = times[(times >= span.start_s) & (times <= span.end_s)]
-        for run in np.split(inside, np.flatnonzero(np.diff(inside) > limits.gap_s) + 1):
-            pieces += _cut(run, span, limits.longest_s)
+        for run in np.split(inside, np.flatnonzero(np.diff(inside) > tuning.gap_s) + 1):
+            pieces += _cut(run, span, tuning.stretch_s)
     return tuple(pieces)
 
 
