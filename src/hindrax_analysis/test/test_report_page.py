@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from synthetic_runs import DVL, back_and_forth, events, fly
 
 from hindrax_analysis.coefficients_file import Conditions, SavedCoefficients, SavedMotion, conditions_of
+from hindrax_analysis.identification.bag_identification import shared_warnings
 from hindrax_analysis.published import PUBLISHED, published_of
 from hindrax_analysis.report import RunReport, Trace, comparison_page, run_page
 from hindrax_analysis.report.chart import Band, Bars, Chart, Line, Points, Stems, drawing, figure
@@ -19,7 +20,8 @@ from hindrax_analysis.report.comparison import pool_runs
 from hindrax_analysis.report.figures import MotionFigures, charts_of, comparable_methods
 from hindrax_analysis.report.forest import Entry, forest
 from hindrax_analysis.report.page import plus_minus, table
-from hindrax_analysis.report.report_tables import dimensionless, table_3, table_budget, table_methods
+from hindrax_analysis.report.report_tables import dimensionless, reynolds_text, table_3, table_budget, table_methods
+from hindrax_analysis.report.run_page import _facts
 from hindrax_analysis.report.scale import Scale, data_range, thinned, tick_text, ticks
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import array
@@ -216,6 +218,29 @@ def a_motion(motion: str, band: DragBand | None) -> MotionResult:
         speeds=(0.0, 0.0),
         drag=band,
     )
+
+
+@pytest.mark.parametrize(
+    ("reynolds", "printed"),
+    [(9.96e4, "1.0 \u00d7 10\u2075"), (9.94e4, "9.9 \u00d7 10\u2074"), (0.25, "2.5 \u00d7 10\u207b\u00b9"), (0.0, "0")],
+)
+def test_a_reynolds_number_has_one_digit_before_the_point(reynolds: float, printed: str) -> None:
+    assert reynolds_text(reynolds) == printed
+
+
+@pytest.mark.parametrize(("count", "said"), [(1.0, "1 plateau<"), (10.0, "10 plateaus<")])
+def test_one_plateau_is_no_plateaus(count: float, said: str) -> None:
+    assert said in _facts(replace(a_motion("surge", None), quality={"plateaus": count}))
+
+
+def test_a_warning_about_many_motions_is_said_once() -> None:
+    wide, late = "most of the band comes from the tether", "the stamps are late"
+    motions = {
+        name: replace(a_motion(name, None), warnings=warnings)
+        for name, warnings in {"surge": (late, wide), "sway": (wide,), "heave": (), "yaw": (late, wide)}.items()
+    }
+    assert shared_warnings(motions) == [(["surge", "yaw"], late), (["surge", "sway", "yaw"], wide)]
+    assert shared_warnings({"heave": motions["heave"]}) == []
 
 
 def test_plateaus_are_not_shown_of_a_motion_that_rights_itself() -> None:

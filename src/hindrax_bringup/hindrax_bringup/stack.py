@@ -99,6 +99,8 @@ class Stack:
 
     def start_mock(self, options: MockOptions, *more: str) -> None:
         """Start the mock alone, with more words of its own; `mock_facts` then names its ports."""
+        if keystore := self.supervisor.environment.get(security.KEYSTORE, ""):
+            print_fitted(security.unenforced(keystore), sys.stderr)
         words = [*more, "--vehicle", str(self.folder.vehicle), "--seed", str(options.seed), "--rate", str(options.rate)]
         words += [word for fault in options.faults for word in ("--fault", fault)]
         words += ["--world", options.world, *(["--truth", options.truth] if options.truth else [])]

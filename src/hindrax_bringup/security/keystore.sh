@@ -25,7 +25,8 @@ command -v ros2 >/dev/null || {
   exit 1
 }
 
-[ -d "$folder/enclaves" ] || ros2 security create_keystore "$folder"
+# One that was begun and not finished is completed: the governance is signed last.
+[ -e "$folder/enclaves/governance.p7s" ] || ros2 security create_keystore "$folder"
 while IFS= read -r enclave; do
   [ -e "$folder/enclaves$enclave/key.pem" ] || ros2 security create_enclave "$folder" "$enclave"
   ros2 security create_permission "$folder" "$enclave" "$here/policies.xml"

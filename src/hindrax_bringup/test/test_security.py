@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from hindrax_bag.run_folder import make_run_folder
 from hindrax_bringup.network import security
 from hindrax_bringup.network.security import (
     FROM_WHEELS,
@@ -21,9 +22,10 @@ from hindrax_bringup.network.security import (
     with_enclave,
 )
 from hindrax_bringup.processes import ONBOARD, RECORDER
-from hindrax_bringup.share_files import share_folder
-from hindrax_bringup.stack import adopted, environment_beside
+from hindrax_bringup.share_files import default_vehicle, share_folder
+from hindrax_bringup.stack import MockOptions, Stack, adopted, environment_beside, stack_environment
 from hindrax_bringup.stack_lock import StackLock
+from hindrax_bringup.supervisor import Supervisor
 from hindrax_core import topics
 from hindrax_core.errors import HindraxError
 from hindrax_core.topics import (
@@ -173,6 +175,21 @@ def test_a_mock_beside_a_keystore_is_operated_without_it(tmp_path: Path, monkeyp
     assert environment_beside(replace(mock, mock=False))["ROS_SECURITY_KEYSTORE"] == str(tmp_path)
 
 
+def test_a_mock_that_starts_beside_a_keystore_says_that_it_is_open(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(Supervisor, "start", lambda *_, **__: None)
+    monkeypatch.setattr("hindrax_bringup.stack.first_line", lambda *_: {})
+    folder, said = make_run_folder(str(tmp_path / "run"), default_vehicle(), wanted_bytes=0), []
+    for keystore in ("", str(tmp_path)):
+        monkeypatch.setenv(KEYSTORE, keystore)
+        supervisor = Supervisor(folder.logs, stack_environment(mock=True, domain=None))
+        Stack(folder, supervisor).start_mock(MockOptions())
+        said.append(capsys.readouterr().err)
+    assert said == ["", f"{security.unenforced(str(tmp_path))}\n"]
+    assert said[1].startswith(f"{KEYSTORE}: {tmp_path} is not enforced in mock")
+
+
 def test_a_node_in_the_tool_is_the_operator() -> None:
     secured = {"ROS_SECURITY_ENABLE": "true"}
     with adopted(secured):
@@ -206,6 +223,9 @@ def test_the_keystore_has_every_enclave_and_the_topside_only_its_own(tmp_path: P
         assert calls.count(f"security create_enclave {folder} {enclave}") == 1
         permission = f"security create_permission {folder} {enclave} {share_folder('security') / 'policies.xml'}"
         assert calls.count(permission) == 2
+    (folder / "enclaves/governance.p7s").unlink()  # as after a first call that ended half way
+    subprocess.run(command, env=environment, check=True, capture_output=True)
+    assert (tmp_path / "calls").read_text().count("create_keystore") == 2
     topside = tmp_path / "keys-topside"
     assert [path.name for path in (topside / "enclaves/hindrax").iterdir()] == ["operator"]
     assert not (topside / "private").exists()

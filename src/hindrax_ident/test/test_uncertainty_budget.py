@@ -159,6 +159,9 @@ def test_warnings_name_what_the_record_shows_clearest_first(budget: Budget) -> N
     gain, law = budget.warnings()
     assert gain == "the record shows gain (-6 +- 1 %): weigh"
     assert law == "the record shows law (0.15 +- 0.04 N): wait"
+    turning = replace(budget.case.fit, model=replace(budget.case.fit.model, axis=5))
+    _, law = replace(budget, case=replace(budget.case, fit=turning)).warnings()
+    assert law == "the record shows law (0.15 +- 0.04 N m): wait"
     # Two deviations, or clearly seen but within what a pool has: no word.
     assert replace(budget, mean=array(np.array([0.0, 0.0, -1.4, 0.0]))).warnings() == ()
     assert replace(budget, mean=array(np.array([0.0, 0.0, 0.0, 0.9])), covariance=0.01 * COVARIANCE).warnings() == ()
@@ -171,12 +174,14 @@ def test_what_no_record_shows_is_named_where_it_makes_most_of_a_band(budget: Bud
     hidden = replace(budget, influences=(CURRENT, replace(GAINS, considered=True), LAW))
     rest, total = budget.variance_without(own)["weigh"], float(budget.variance(own[None])[0])
     assert rest < 1e-9 * total
-    said = ("no record shows gain, most of the band of the drag: weigh",)
+    said = ("most of the band of the drag comes from what this record does not show (gain): weigh",)
     # Noise of half of the variance, and a bit less.
     assert hidden.unseen({"the drag": (own, 1.01 * total)}) == ()
     assert hidden.unseen({"the drag": (own, 0.99 * total), "the mass": (0.0 * own, 1.0)}) == said
     both = hidden.unseen({"the drag": (own, 0.0), "the mass": (2.0 * own, 0.0)})
-    assert both == ("no record shows gain, most of the band of the drag and the mass: weigh",)
+    assert both == (
+        "most of the band of the drag and the mass comes from what this record does not show (gain): weigh",
+    )
     # What the record may judge, what it was flown to show, and what was measured is no matter of belief.
     assert budget.unseen({"the drag": (own, 0.0)}) == ()
     for plain in (

@@ -90,9 +90,9 @@ def show(identified: IdentifiedBag) -> None:
     if table.row_count and papers:
         print_fitted(f"{PAPER}: {CITATION}")
     _show_budgets(motions, identified.predicted)
+    for names, warning in shared_warnings(motions):
+        print_fitted(f"{', '.join(names)}: {warning}")
     for motion, result in motions.items():
-        for warning in result.warnings:
-            print_fitted(f"{motion}: {warning}")
         if not result.identifiable:
             print_fitted(f"{motion}: not identifiable")
             for reason in result.reasons:
@@ -104,6 +104,15 @@ def show(identified: IdentifiedBag) -> None:
                     for at in (0, -1)
                 ]
                 print_fitted(f"  drag: {', '.join(ends)}")
+
+
+def shared_warnings(motions: Mapping[str, MotionResult]) -> list[tuple[list[str], str]]:
+    """Each warning once, in the order of the motions, with the names of all motions that it is about."""
+    names: dict[str, list[str]] = {}
+    for motion, result in motions.items():
+        for warning in result.warnings:
+            names.setdefault(warning, []).append(motion)
+    return [(of, warning) for warning, of in names.items()]
 
 
 def _show_budgets(motions: Mapping[str, MotionResult], predicted: Mapping[str, float]) -> None:

@@ -132,24 +132,28 @@ def table_4(vehicle: Vehicle, results: Results) -> str:
         found = dimensionless(vehicle, result)
         if found is not None:
             own += [len(rows)] if result.identifiable else []
-            between = " to ".join(_reynolds(float(found.reynolds[end])) for end in (0, -1))
+            between = " to ".join(reynolds_text(float(found.reynolds[end])) for end in (0, -1))
             top = plus_minus(*(float(part[-1]) for part in (found.drag_coefficient, found.std, found.std_calibrated)))
             rows.append([title_of(motion), plus_minus(*found.mean), top, between])
             paper = published_of(vehicle.name, motion)
             if paper is not None:
-                cells = [PAPER, as_printed(*paper.drag_coefficient), "", " to ".join(map(_reynolds, paper.reynolds))]
+                cells = [
+                    PAPER,
+                    as_printed(*paper.drag_coefficient),
+                    "",
+                    " to ".join(map(reynolds_text, paper.reynolds)),
+                ]
                 rows.append([*map(_small, cells)])
     heads = ["motion", "C<sub>D</sub>, mean over the speeds", "C<sub>D</sub> at the highest speed", "Re"]
     return _titled(TITLE_4, 4, results) + table(heads, rows, own) if rows else ""
 
 
-def _reynolds(reynolds: float) -> str:
+def reynolds_text(reynolds: float) -> str:
     """A Reynolds number as the paper prints it: 1.1 times ten to the fifth."""
     if not reynolds > 0.0:
         return "0"
-    power = math.floor(math.log10(reynolds))
-    raised = str(power).translate(RAISED)
-    return f"{reynolds / 10.0**power:.1f} \u00d7 10{raised}"
+    mantissa, _, power = f"{reynolds:.1e}".partition("e")
+    return f"{mantissa} \u00d7 10{str(int(power)).translate(RAISED)}"
 
 
 def table_predictions(assessments: Mapping[int, Assessment]) -> str:

@@ -180,15 +180,15 @@ def _next(result: MotionResult) -> str:
 
 
 def _reasons(result: MotionResult) -> str:
-    lists = (("Not identifiable from this record.", result.reasons), ("Beside the model:", result.warnings))
+    lists = (("Not identifiable from this record.", result.reasons), ("Before you use it:", result.warnings))
     return "".join(f'<div class="warning"><b>{title}</b>{bullets(those)}</div>' for title, those in lists if those)
 
 
 def _facts(result: MotionResult) -> str:
     quality = result.quality
     words = [f"{result.samples} samples ({result.effective_samples:.0f} independent)"]
-    if quality.get("plateaus"):
-        words.append(f"{quality['plateaus']:.0f} plateaus")
+    if plateaus := quality.get("plateaus"):
+        words.append(f"{plateaus:.0f} plateau{'s' * (plateaus != 1.0)}")
     if math.isfinite(quality.get("held_out_fit", math.nan)):
         words.append(f"{max(0.0, quality['held_out_fit']):.0%} of the held-out motion predicted")
     if "lag_s" in quality:

@@ -160,6 +160,11 @@ def settings(keystore: str, environment: Mapping[str, str]) -> dict[str, str]:
     return {"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "Enforce", "ROS_SECURITY_KEYSTORE": keystore}
 
 
+def unenforced(keystore: str) -> str:
+    """What is said where a mock starts beside a keystore."""
+    return f"{KEYSTORE}: {keystore} is not enforced in mock; whoever reaches its graph may command the mock vehicle"
+
+
 def with_enclave(environment: Mapping[str, str], process: str) -> dict[str, str]:
     """Environment of a node that is made in this process; an identity that the user chose stays, as at the bench."""
     secured = environment.get("ROS_SECURITY_ENABLE") == "true"

@@ -434,7 +434,7 @@ def _always(sigma: float) -> Callable[[Case], float]:
     return lambda _case: sigma
 
 
-MEASURED_THRUST = "measure the thrust: `hindrax weigh`, for roll and pitch a bollard pull"
+MEASURED_THRUST = "measure the thrust with `hindrax weigh`, for roll and pitch by a bollard pull"
 
 INFLUENCES: tuple[Influence, ...] = (
     Influence(

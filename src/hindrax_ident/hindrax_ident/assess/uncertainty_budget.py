@@ -146,7 +146,8 @@ class Budget:
             surprise = float(self._surprise[at])
             if surprise > SURPRISE and abs(self.mean[at]) > 1.0:
                 value, spread = sigma * float(self.mean[at]), sigma * math.sqrt(self.covariance[at, at])
-                shown = f"{influence.name} ({value:.2g} +- {spread:.1g} {influence.unit})"
+                unit = "N m" if influence.unit == "N" and self.case.axis >= 3 else influence.unit
+                shown = f"{influence.name} ({value:.2g} +- {spread:.1g} {unit})"
                 told = f"the record shows {shown}: {influence.remedy}"
                 if (times := abs(float(self.mean[at]))) > GREAT:
                     told = (
@@ -173,7 +174,10 @@ class Budget:
         for remedy, names in rows.items():
             wide = [name for name, (rest, noise, total) in left.items() if noise + rest[remedy] < (1.0 - MOST) * total]
             if wide:
-                out.append(f"no record shows {' and '.join(names)}, most of the band of {' and '.join(wide)}: {remedy}")
+                causes, widened = " and ".join(names), " and ".join(wide)
+                out.append(
+                    f"most of the band of {widened} comes from what this record does not show ({causes}): {remedy}"
+                )
         return tuple(out)
 
     @property

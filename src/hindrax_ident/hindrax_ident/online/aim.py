@@ -72,4 +72,4 @@ def check_experiment(motions: Sequence[str], aim: Aim) -> None:
     if aim.until != 0.0 and not LEAST_SHARE <= aim.until <= 1.0:
         raise UsageError(f"goal: until {aim.until:g}, wanted {LEAST_SHARE:g} to 1, or 0 for what calibration leaves")
     if not 0.0 <= aim.minutes <= LONGEST_MIN:
-        raise UsageError(f"goal: minutes {aim.minutes:g}, wanted at most {LONGEST_MIN:g}, or 0 for those")
+        raise UsageError(f"goal: minutes {aim.minutes:g}, wanted 0 to {LONGEST_MIN:g}; 0 asks for {LONGEST_MIN:g}")
