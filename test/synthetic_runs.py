@@ -152,9 +152,8 @@ def _velocities(flight: Flight, axis: int, sensors: Sensors, rng: np.random.Gene
         v = np.round(v * dt / sensors.rounding) * sensors.rounding / dt
     middle = flight.grid.times_s[edges[:-1]] + 0.5 * dt
     source = "dvl75" if axis < 3 else "icm20948"
-    sigma = _only(axis, sensors.velocity_sigma, NAN)
     pairs = zip(middle.tolist(), v.tolist(), strict=True)
-    return [Stamped(stamp_from_s(t), Velocity(_only(axis, one, NAN), sigma, source)) for t, one in pairs]
+    return [Stamped(stamp_from_s(t), Velocity(_only(axis, one, NAN), source)) for t, one in pairs]
 
 
 def _positions(flight: Flight, axis: int, sensors: Sensors, rng: np.random.Generator) -> list[Stamped[IdentEvent]]:

@@ -86,8 +86,8 @@ def test_holds_are_cut_out_of_a_record_of_events() -> None:
     for index in range(400):
         stamp = after(begin, 0.1 * index)
         events.append(Stamped(stamp, Thrust((float(index), 0.0, 0.0, 0.0, 0.0, 0.0))))
-        events.append(Stamped(stamp, Velocity((0.001, *UNKNOWN6[1:]), UNKNOWN6, "dvl")))
-        events.append(Stamped(stamp, Velocity(UNKNOWN6, UNKNOWN6, "gyro")))
+        events.append(Stamped(stamp, Velocity((0.001, *UNKNOWN6[1:]), "dvl")))
+        events.append(Stamped(stamp, Velocity(UNKNOWN6, "gyro")))
     (found,) = holds_of(events, 0, [Span(after(begin, 10.0), after(begin, 20.0), 3.0)])
     assert (found.load, found.begin_s, found.long_s) == (3.0, 0.0, 10.0)
     assert found.thrust.tolist() == [float(index) for index in range(100, 200)]

@@ -9,7 +9,7 @@ import pytest
 from hindrax_analysis.identification.record_identification import IdentificationTask, RecordSource, identify_sources
 from hindrax_analysis.records.recording import Recording
 from hindrax_core.events import Stamped, stamp_from_s
-from hindrax_core.signals import UNKNOWN6, Attitude, IdentEvent, Thrust, Velocity
+from hindrax_core.signals import Attitude, IdentEvent, Thrust, Velocity
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.arrays import array
 from hindrax_ident.online.record_session import RecordSession
@@ -41,7 +41,7 @@ def measurements(recording: Recording) -> Iterator[Stamped[IdentEvent]]:
         stamp = stamp_from_s(1e6 + float(t))
         yield Stamped(stamp, Attitude((0.0, 0.0, np.nan)))
         u, v, w, p, q, r = nu.tolist()
-        yield Stamped(stamp, Velocity((u, v, w, p, q, r), UNKNOWN6, "odometry"))
+        yield Stamped(stamp, Velocity((u, v, w, p, q, r), "odometry"))
         X, Y, Z, K, M, N = wrench.tolist()
         late.append(Stamped(stamp, Thrust((X, Y, Z, K, M, N))))
         if len(late) > 4:

@@ -87,7 +87,6 @@ class Velocity:
     """A velocity measurement in body axes at the center of mass; NaN where the source has no value."""
 
     nu: Vec6
-    sigma: Vec6
     source: str
 
 

@@ -86,7 +86,7 @@ def drifting(vehicle: Vehicle) -> list[Any]:
     moments = LaggedThrust(flight.times_s, commands, LAG_S).force(flight.times_s)
     for t, moment in zip(flight.times_s[::2].tolist(), moments[::2].tolist(), strict=True):
         nu = (SURGE_mps, NAN, HEAVE_PER_Nm * moment, NAN, NAN, NAN)
-        said.append(Stamped(stamp_from_s(t), Velocity(nu, (0.01,) * 6, "dvl75")))
+        said.append(Stamped(stamp_from_s(t), Velocity(nu, "dvl75")))
     return sorted(said, key=lambda event: event.stamp)
 
 

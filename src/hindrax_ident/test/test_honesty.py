@@ -142,7 +142,7 @@ def drifting(said: list[Any], current_mps: float) -> list[Any]:
     return [
         Stamped(
             event.stamp,
-            Velocity((event.reading.nu[0] + current_mps, *event.reading.nu[1:]), event.reading.sigma, "dvl75"),
+            Velocity((event.reading.nu[0] + current_mps, *event.reading.nu[1:]), "dvl75"),
         )
         if isinstance(event.reading, Velocity)
         else event

@@ -141,7 +141,7 @@ def test_who_listens_earlier_learns_the_same_bits(vehicle: Vehicle, surge: list[
     """As the identifier hears the vehicle before the recorder is up, and a replay has what was recorded."""
     t0, thrust = surge[0].stamp, next(one for one in surge if isinstance(one.reading, Thrust))
     before = [
-        Stamped(after(t0, -7.3), Velocity((0.1,) * 6, (0.01,) * 6, "dvl75")),
+        Stamped(after(t0, -7.3), Velocity((0.1,) * 6, "dvl75")),
         Stamped(after(t0, -3.1), thrust.reading),
     ]
     assert repr(run(vehicle, before + surge)[1]) == repr(run(vehicle, surge)[1])
@@ -191,7 +191,7 @@ def test_an_outlier_is_refused(vehicle: Vehicle, surge: list[Any]) -> None:
     spoiled = list(surge)
     index = next(k for k, event in enumerate(surge) if isinstance(event.reading, Velocity) and event.stamp > 40e9)
     nu = (5.0, *surge[index].reading.nu[1:])
-    spoiled[index] = Stamped(surge[index].stamp, Velocity(nu, surge[index].reading.sigma, "dvl75"))
+    spoiled[index] = Stamped(surge[index].stamp, Velocity(nu, "dvl75"))
     session, estimates = run(vehicle, spoiled)
     assert [estimate.reading.reason for estimate in estimates].count("outlier") == 1
     clean, _ = run(vehicle, surge)
@@ -201,7 +201,7 @@ def test_an_outlier_is_refused(vehicle: Vehicle, surge: list[Any]) -> None:
 
 def test_values_that_are_not_numbers_do_no_harm(vehicle: Vehicle, surge: list[Any]) -> None:
     nan = float("nan")
-    dirty = [*surge, Stamped(stamp_from_s(20.005), Velocity((nan,) * 6, (nan,) * 6, "dvl75")),
+    dirty = [*surge, Stamped(stamp_from_s(20.005), Velocity((nan,) * 6, "dvl75")),
              Stamped(stamp_from_s(20.006), Thrust((nan,) * 6))]  # fmt: skip
     dirty.sort(key=lambda event: event.stamp)
     assert run(vehicle, dirty)[0].finalize().results.to_json() == run(vehicle, surge)[0].finalize().results.to_json()
@@ -210,7 +210,7 @@ def test_values_that_are_not_numbers_do_no_harm(vehicle: Vehicle, surge: list[An
 def test_an_instrument_wins_over_the_navigator(vehicle: Vehicle, surge: list[Any]) -> None:
     def navigator(event: Any) -> Stamped[Any]:
         nu = (event.reading.nu[0] + 0.3, *event.reading.nu[1:])
-        return Stamped(after(event.stamp, 0.001), Velocity(nu, event.reading.sigma, "navigation"))
+        return Stamped(after(event.stamp, 0.001), Velocity(nu, "navigation"))
 
     doubled = [
         one

@@ -36,7 +36,7 @@ def test_delays_within_the_wait_do_not_show(seed: int) -> None:
 
 def test_at_one_instant_the_phase_comes_first_and_the_velocity_last() -> None:
     stamp = Stamp(5)
-    velocity = Stamped(stamp, Velocity(SIX, SIX, "dvl75"))
+    velocity = Stamped(stamp, Velocity(SIX, "dvl75"))
     phase = Stamped(stamp, Phase("surge", "plateau"))
     force = Stamped(stamp, Thrust(SIX))
     for order in ([velocity, force, phase], [force, phase, velocity], [phase, velocity, force]):
@@ -50,7 +50,7 @@ def test_what_comes_too_late_is_counted_and_left_out() -> None:
 
 
 def velocity(t: float) -> Stamped[Velocity]:
-    return Stamped(stamp_from_s(t), Velocity(SIX, SIX, "dvl"))
+    return Stamped(stamp_from_s(t), Velocity(SIX, "dvl"))
 
 
 def test_a_kind_that_lags_behind_on_a_busy_machine_is_waited_for() -> None:

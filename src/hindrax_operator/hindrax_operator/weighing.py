@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from hindrax_analysis.experiments.known_weight import Hold, Span, holds_of
 from hindrax_control.maneuver.goal import servable_motions
 from hindrax_core.events import Stamp, Stamped, after
-from hindrax_core.signals import UNKNOWN6, IdentEvent, Thrust, Velocity
+from hindrax_core.signals import IdentEvent, Thrust, Velocity
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ros.messages.convert import stamp_from_msg
 
@@ -66,4 +66,4 @@ def _now(operator: Operator) -> Iterator[Stamped[IdentEvent]]:
     if operator.navigation is not None:
         state = operator.navigation.reading
         nu = (*state.velocity_mps, *state.rate_radps)
-        yield Stamped(operator.navigation.stamp, Velocity(nu, UNKNOWN6, "navigation"))
+        yield Stamped(operator.navigation.stamp, Velocity(nu, "navigation"))

@@ -213,12 +213,11 @@ def events(recording: Recording, axis: int, begin_s: float = 0.0) -> Iterator[St
     motion = motions_of(axis)[0].name
     parts: list[tuple[float, int, IdentEvent]] = [(recording.begin_s, 1, Phase(motion, "excite"))]
     forces = zip(recording.wrench_t.tolist(), recording.wrench[:, axis].tolist(), strict=True)
-    parts += [(t, 0, Thrust(on_axis_only(axis, force, 0.0))) for t, force in forces if math.isfinite(force)]
-    unknown = on_axis_only(axis, NAN, NAN)
+    parts += [(t, 0, Thrust(on_axis_only(axis, force))) for t, force in forces if math.isfinite(force)]
     known = np.isfinite(recording.velocity).any(axis=1)
     rows = zip(recording.velocity_t[known].tolist(), recording.velocity[known].tolist(), strict=True)
     # Of all axes: motion along the others causes forces on this one.
-    parts += [(t, 3, Velocity((u, v, w, p, q, r), unknown, SOURCE)) for t, (u, v, w, p, q, r) in rows]
+    parts += [(t, 3, Velocity((u, v, w, p, q, r), SOURCE)) for t, (u, v, w, p, q, r) in rows]
     measured = bool(np.isfinite(recording.velocity[:, axis]).any())
     for t, (roll, pitch, depth) in zip(recording.attitude_t.tolist(), recording.attitude.tolist(), strict=True):
         if axis == 2 and not measured and math.isfinite(depth):

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.rotation import FLU, FSD
-from hindrax_core.signals import NAN, UNKNOWN6, Attitude, IdentEvent, Phase, Thrust, Velocity
+from hindrax_core.signals import NAN, Attitude, IdentEvent, Phase, Thrust, Velocity
 from hindrax_core.topics import ALLOCATION, DVL_DETAIL, MANEUVER, NAVIGATION, PRESSURE, Quality, Topic
 from hindrax_ident.records.feed import Measurement
 from hindrax_ros.messages.convert import (
@@ -80,7 +80,7 @@ def velocities_from_odometry(message: Any, now: Stamp) -> tuple[Stamped[IdentEve
     u, v, w, p, q, r = (value if 0.0 <= variance < LARGEST_VARIANCE else NAN for value, variance in pairs)
     roll, pitch, _ = state.attitude_rad
     nu = (u, v, w, p, q, r)
-    return Stamped(stamp, Attitude((roll, pitch, NAN))), Stamped(stamp, Velocity(nu, UNKNOWN6, "odometry"))
+    return Stamped(stamp, Attitude((roll, pitch, NAN))), Stamped(stamp, Velocity(nu, "odometry"))
 
 
 def thrust_from_wrench(message: Any, now: Stamp) -> tuple[Stamped[IdentEvent], ...]:

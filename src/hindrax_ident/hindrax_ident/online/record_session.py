@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from hindrax_core.events import Stamped, after
 from hindrax_core.readings import Vec6
-from hindrax_core.signals import NAN, UNKNOWN6, Attitude, Estimate, IdentEvent, Phase, Thrust, Velocity
+from hindrax_core.signals import NAN, Attitude, Estimate, IdentEvent, Phase, Thrust, Velocity
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.assess.results import MotionResult
 from hindrax_ident.model.motion_model import motions_of
@@ -68,17 +68,17 @@ def of_axis(reading: IdentEvent, axis: int) -> IdentEvent | None:
     """
     if isinstance(reading, Thrust):
         force = reading.wrench[axis]
-        return Thrust(on_axis_only(axis, force, 0.0)) if math.isfinite(force) else None
+        return Thrust(on_axis_only(axis, force)) if math.isfinite(force) else None
     if isinstance(reading, Velocity):
-        return Velocity(reading.nu, UNKNOWN6, SOURCE) if any(map(math.isfinite, reading.nu)) else None
+        return Velocity(reading.nu, SOURCE) if any(map(math.isfinite, reading.nu)) else None
     if isinstance(reading, Attitude) and axis != 2:
         roll, pitch, _ = reading.attitude_rad
         return Attitude((roll, pitch, NAN)) if math.isfinite(roll) or math.isfinite(pitch) else None
     return None
 
 
-def on_axis_only(axis: int, value: float, rest: float) -> Vec6:
-    """Six numbers with a value on one axis."""
-    six = [rest] * 6
+def on_axis_only(axis: int, value: float) -> Vec6:
+    """Six numbers with a value on one axis, zero on the others."""
+    six = [0.0] * 6
     six[axis] = value
     return (six[0], six[1], six[2], six[3], six[4], six[5])

@@ -26,9 +26,6 @@ from hindrax_core.signals import NAN, Attitude, IdentEvent, Navigation, Phase, T
 from hindrax_core.vehicle import Mount, Vehicle
 from hindrax_ident.tuning import Tuning
 
-# ICM-20948 datasheet table 1: 0.015 dps/sqrt(Hz) over the noise bandwidth of a 50 Hz filter.
-SIGMA_RATE_radps = math.radians(0.015) * math.sqrt(1.57 * 50.0)
-
 Measurement: TypeAlias = BottomVelocity | Pressure | Navigation | IdentEvent
 """A measurement, or an event that needs no conversion."""
 DROPPED = "late events dropped"
@@ -150,8 +147,7 @@ class Feed:
         rotated = rotate(self._rotation, reading.velocity_mps)
         by_rotation = cross(self._rate_radps, self._dvl_lever_m)
         nu: Vec6 = (rotated[0] - by_rotation[0], rotated[1] - by_rotation[1], NAN, NAN, NAN, NAN)
-        sigma = reading.sigma_mps
-        return (Stamped(stamp, Velocity(nu, (sigma, sigma, NAN, NAN, NAN, NAN), "dvl")),)
+        return (Stamped(stamp, Velocity(nu, "dvl")),)
 
     def _navigation(self, stamp: Stamp, state: Navigation) -> tuple[Stamped[IdentEvent], ...]:
         """Heave velocity, rates, attitude and depth; the navigator's velocity and depth are those of the origin."""
@@ -160,11 +156,9 @@ class Feed:
             self._down = matrix(state.attitude_rad)[2]  # Fossen 2011 eq. 2.18, last row: downward in body axes
         heave_mps = state.velocity_mps[2] + cross(state.rate_radps, self._center_m)[2]
         nu: Vec6 = (NAN, NAN, heave_mps, *state.rate_radps)
-        rate = SIGMA_RATE_radps
-        sigma: Vec6 = (NAN, NAN, state.velocity_sigma_mps[2], rate, rate, rate)
         return (
             Stamped(stamp, Attitude(state.attitude_rad, state.depth_m + self._depth_of_lever_m(self._center_m))),
-            Stamped(stamp, Velocity(nu, sigma, "navigation")),
+            Stamped(stamp, Velocity(nu, "navigation")),
         )
 
     def _depth_of_lever_m(self, lever_m: Vec3) -> float:

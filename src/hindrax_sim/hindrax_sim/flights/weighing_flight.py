@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from hindrax_control.hold.holds import HOLDS, Setpoint
 from hindrax_control.pilot import Pilot
 from hindrax_core.events import Stamp, Stamped, after, seconds_between
-from hindrax_core.signals import UNKNOWN6, Allocation, IdentEvent, Navigation, Phase, Thrust, Velocity
+from hindrax_core.signals import Allocation, IdentEvent, Navigation, Phase, Thrust, Velocity
 from hindrax_core.vehicle import Vehicle
 from hindrax_sim.conditions.hull import KnownLoad
 from hindrax_sim.conditions.world_table import sizes_of
@@ -79,5 +79,5 @@ def fly_weighing(vehicle: Vehicle, axis: int, world: str, seed: int, shares: Seq
             events.append(Stamped(event.stamp, Thrust(reading.achieved)))
         elif isinstance(reading, Navigation):
             nu = (*reading.velocity_mps, *reading.rate_radps)
-            events.append(Stamped(event.stamp, Velocity(nu, UNKNOWN6, "navigation")))
+            events.append(Stamped(event.stamp, Velocity(nu, "navigation")))
     return WeighingFlight(events, [(begin, end, share * load.level[axis]) for begin, end, share in pilot.spans])
