@@ -1,7 +1,5 @@
 """Array types: double precision; each docstring gives the shape."""
 
-from __future__ import annotations
-
 from typing import Any, TypeAlias
 
 import numpy as np

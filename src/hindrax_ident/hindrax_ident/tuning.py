@@ -1,7 +1,5 @@
 """Tuning parameters of the identification: each number once, with its default, range and meaning."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 from hindrax_core.knobs import choice, knob

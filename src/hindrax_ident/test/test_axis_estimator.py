@@ -1,7 +1,5 @@
 """The online estimate of one axis: bands as wide as it is off, and a reason for every velocity that teaches nothing."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The rules of the online estimate one by one: what it does with a row, and how wide it says it is."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """One axis of a session: what its estimator hears of each event, what is reported, and what is kept for the fit."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

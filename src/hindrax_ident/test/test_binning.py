@@ -1,7 +1,5 @@
 """Means over short spans, and one source for each quantity."""
 
-from __future__ import annotations
-
 import pytest
 
 from hindrax_ident.records.binning import Bin, SourceSelector, mean

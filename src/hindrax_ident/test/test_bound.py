@@ -1,7 +1,5 @@
 """The Cramer-Rao bound: in closed form where there is one, and what the Monte Carlo makes of it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from synthetic_runs import DVL, back_and_forth, events, fly

@@ -1,7 +1,5 @@
 """Estimates within bounds: the most likely ones, not just clipped."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

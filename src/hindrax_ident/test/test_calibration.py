@@ -1,7 +1,5 @@
 """What the calibration of the thrusters does to a result, against fits to wrongly scaled thrust."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Motions on other axes: the forces they make, and what becomes of an estimate that knows of them."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """The joint filter: as good as output error from a sane start, with velocity, with position, with both."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from synthetic_runs import back_and_forth, fly

@@ -1,7 +1,5 @@
 """The experiment: every motion once, then what tells most per second, until enough is known or the time is over."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

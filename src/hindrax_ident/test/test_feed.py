@@ -1,7 +1,5 @@
 """The identification gets the motion of the center of mass, wherever the sensors sit."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Gusts of the thrust: what one motion can hardly see, another shows, and one that contradicts is left out."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from synthetic_runs import COMMAND_S, STEP_S, back_and_forth, fly

@@ -1,7 +1,5 @@
 """Poor excitation, wrong signs, strange records: wide bands or a refusal with its reason."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

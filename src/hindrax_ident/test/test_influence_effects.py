@@ -1,7 +1,5 @@
 """What one unit of each influence does to a record, by hand: a made-up motion of two stretches, and thrust at once."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Lagged thrust against a fine integration, and its limits."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

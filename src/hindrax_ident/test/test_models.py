@@ -1,7 +1,5 @@
 """The equations against the vehicle and the papers: signs, shapes, names."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

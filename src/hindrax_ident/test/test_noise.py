@@ -1,7 +1,5 @@
 """The color of noise, on noise whose color is known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.signal import lfilter

@@ -1,7 +1,5 @@
 """The likelihood of a noise, against that of normal residuals with their full covariance; the search for the best."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """What records of other vehicles do not say: lag and latency, dead bands, tethers, motions along other axes."""
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Output error, part by part: the solution is where theory has it, and so are its covariance and what widens it."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterable, Iterator

@@ -1,7 +1,5 @@
 """The output-error problem of a record: its grid by hand, its sensitivities against finite differences."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From what the maneuver says to stretches of time."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

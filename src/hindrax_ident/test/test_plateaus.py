@@ -1,7 +1,5 @@
 """The paper's way: means over plateaus, batch least squares."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

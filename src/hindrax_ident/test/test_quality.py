@@ -1,7 +1,5 @@
 """The verdict on a motion: every reason against it has its line, and the evidence is that of the record."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

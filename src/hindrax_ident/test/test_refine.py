@@ -1,7 +1,5 @@
 """Output error: the bound is reached, the bands are honest, and what does not belong shows."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

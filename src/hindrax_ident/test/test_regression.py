@@ -1,7 +1,5 @@
 """The regression without derivatives: exact identity without noise, whatever the filter does."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """Results as data: what is written of them, and the truth of a mock vehicle beside them."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

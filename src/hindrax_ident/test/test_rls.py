@@ -1,7 +1,5 @@
 """Recursive least squares against the batch solution, and against everything that makes others wind up."""
 
-from __future__ import annotations
-
 import math
 import os
 

@@ -1,7 +1,5 @@
 """The session: events in, estimates and results out; the same from any order, honest about what it does not know."""
 
-from __future__ import annotations
-
 import random
 from typing import Any
 

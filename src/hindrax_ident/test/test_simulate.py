@@ -1,7 +1,5 @@
 """Simulated motion against closed forms and a fine Runge-Kutta integration; sensitivities against differences."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

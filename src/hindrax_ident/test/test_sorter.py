@@ -1,7 +1,5 @@
 """Events in order, whatever order they come in."""
 
-from __future__ import annotations
-
 import random
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What a budget says of its influences: bands, contributions, remedies and warnings, computed by hand beside it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Whitening by a Kalman filter, against the covariance of the residuals written out."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

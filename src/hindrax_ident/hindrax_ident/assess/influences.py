@@ -7,8 +7,6 @@ what the row contributes to each coefficient, and what the record tells about it
 The deviations of water, thrust and hull are those of a usual pool (`docs/reference/worlds.md` has their sources).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

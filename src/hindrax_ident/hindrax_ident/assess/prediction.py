@@ -5,8 +5,6 @@ Its errors stand beside those of two predictors that know nothing: the vehicle s
 Ljung 1999 section 16.4 (simulation over fresh data).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace

@@ -3,8 +3,6 @@
 Each reason against a result is a sentence with the number behind it.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Results of a run: coefficients with two standard deviations each, their method, and the verdict."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace

@@ -3,8 +3,6 @@
 A gain per kind of thruster; the coefficients of each cubic, where the vehicle file gives their standard deviations.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Colored noise: autoregressive models of residuals, and the effective sample size."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -4,8 +4,6 @@ Sensitivities are those at the true parameters; measurement noise is the estimat
 known.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -6,8 +6,6 @@ measurements and without whitening. Samples rejected or explained as disturbance
 that reveal it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple

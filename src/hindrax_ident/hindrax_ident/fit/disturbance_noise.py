@@ -5,8 +5,6 @@ log hardly. So the likelihoods of all motions are combined, and the most likely 
 does not contradict it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

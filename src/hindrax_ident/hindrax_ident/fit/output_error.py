@@ -6,8 +6,6 @@ and against the scatter between blocks of the record: where the scatter is signi
 incomplete, and the scatter is reported.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, fields, replace
 

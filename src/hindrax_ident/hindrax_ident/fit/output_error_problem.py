@@ -5,8 +5,6 @@ measurements at their times. Initial velocity and position of each stretch are n
 projection, so that only the parameters remain.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 Computed from the linearization about the fit, without refitting.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

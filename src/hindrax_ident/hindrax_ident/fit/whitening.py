@@ -8,8 +8,6 @@ The same filter runs over every column of the sensitivities, so least squares on
 first order (Ljung 1999, sections 4.3 and 7.4). Without unknown forces it is plain output error.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ A vehicle that drifts while it pitches is subject to the Munk moment, (m_w - m_u
 motion, so it does not average out.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -7,8 +7,6 @@ eq. 4.6. Everything is in SNAME body axes about the center of mass. Heave has se
 per direction, as in COB-2023-1394 Table 3: its two motions share b (there: the net buoyancy) and the mass.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

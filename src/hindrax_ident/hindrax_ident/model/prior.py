@@ -1,7 +1,5 @@
 """The prior of an axis: wide, from the size of the vehicle."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

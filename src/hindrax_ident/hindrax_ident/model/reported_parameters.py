@@ -1,7 +1,5 @@
 """What a motion reports: which parameters of a model, under which names, and their most likely values within bounds."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -10,8 +10,6 @@ gives the whole trajectory in a few solves, and the sensitivities are further ri
 (implicit function theorem). Stretches of a record are solved side by side.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

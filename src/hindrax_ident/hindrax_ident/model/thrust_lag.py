@@ -4,8 +4,6 @@ l' = (c - l) / T. Between two commands l(t) = c + (l0 - c) exp(-t / T), so neith
 step size.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Identifier node: runs the session live and publishes an estimate at every sample."""
 
-from __future__ import annotations
-
 import copy
 import os
 import sys

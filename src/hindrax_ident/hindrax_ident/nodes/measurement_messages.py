@@ -1,7 +1,5 @@
 """Topics of the identification, and the measurement in each message; used live and over a bag."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any, TypeAlias

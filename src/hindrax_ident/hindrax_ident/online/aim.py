@@ -1,7 +1,5 @@
 """What an experiment is for: its motions, when it is over, and what it begins with."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Online estimator of one axis: filters, recursive least squares, and a reason for every rejected sample."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass, replace

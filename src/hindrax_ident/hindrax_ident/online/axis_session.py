@@ -1,7 +1,5 @@
 """One axis of a running session: its estimator, its choice of sources, and its record for the final fit."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

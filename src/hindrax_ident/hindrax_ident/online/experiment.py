@@ -6,8 +6,6 @@ calibration of the thrust leaves, or below the share that was asked for, or the 
 what is chosen, and feeds the session meanwhile.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field

@@ -11,8 +11,6 @@ Analysis, chapter 8, calls that the optimal prefilter). Thrust is piecewise cons
 filtered in closed form; velocity is linear between samples.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ initialize it after enough samples. State: v, s, then theta / M and 1 / M. Betwe
 is the implicit midpoint rule over the exact impulse of the lagged thrust.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -4,8 +4,6 @@ As over a third-party record, each axis is identified apart, with everything tha
 comes. Velocities and wrenches are those of the center of mass, SNAME.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 

@@ -8,8 +8,6 @@ vehicle is parked or repeats one motion. Quantities are in units of the noise: t
 `variance` is the ratio of the measured to the assumed variance (COB-2023-1394 eq. 8).
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Callable, Sequence

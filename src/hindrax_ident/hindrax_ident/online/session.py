@@ -8,8 +8,6 @@
 It is deterministic. Its events are in the order of their stamps; the feed sorts them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -5,8 +5,6 @@ the navigator, whose estimates are filtered. Depth, where available, replaces th
 is derived from it.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

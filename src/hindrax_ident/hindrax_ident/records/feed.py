@@ -12,8 +12,6 @@ color their noise. Rates come from the gyroscope. Heave has no instrument of its
 pressure, for the same reason; the navigator's heave velocity is used where there is no pressure.
 """
 
-from __future__ import annotations
-
 import heapq
 import math
 from collections.abc import Iterable, Iterator

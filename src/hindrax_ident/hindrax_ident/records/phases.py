@@ -1,7 +1,5 @@
 """Phases of a maneuver to the stretches of time in which a motion's model holds."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
