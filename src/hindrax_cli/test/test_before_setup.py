@@ -1,5 +1,6 @@
 """Help, version and completion with nothing but a Python: no site packages, no environment."""
 
+import ast
 import os
 import re
 import shutil
@@ -25,6 +26,11 @@ COMPLETE = """
 COMP_WORDS=(./hindrax "$@") COMP_CWORD=$#
 _hindrax
 echo "${COMPREPLY[@]}"
+"""
+
+
+LOADED = """
+print(*(module.__file__ for name, module in list(sys.modules.items()) if name.startswith("hindrax_")), sep="\\n")
 """
 
 
@@ -152,3 +158,18 @@ def test_every_shell_gets_its_script_before_a_set_up(shell: str) -> None:
     assert said.stdout == command_page.completion(PAGE, shell)
     assert said.stdout.startswith(f"# Completion of hindrax for {shell}")
     assert all(f"--{option}" in said.stdout for option in ("mock", "dof", "json"))
+
+
+@pytest.mark.parametrize("words", [("--help",), ("bag", "--help"), ("--version",), ("completion", "bash")])
+def test_what_answers_is_read_by_python_3_9(words: tuple[str, ...]) -> None:
+    """It evaluates annotations unless told not to, and `str | None` is an error there."""
+    script = ASK.replace("sys.exit(main(Path(sys.argv[1]), sys.argv[2:]))", "main(Path(sys.argv[1]), sys.argv[2:])")
+    command = [sys.executable, "-I", "-S", "-c", script + LOADED, str(clone_root()), *words]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
+    files = [line for line in done.stdout.splitlines() if line.startswith(str(clone_root())) and line.endswith(".py")]
+    assert any(file.endswith("command_page.py") for file in files)
+    for file in files:
+        tree = ast.parse(Path(file).read_text(), feature_version=(3, 9))
+        told = any(isinstance(node, ast.ImportFrom) and node.module == "__future__" for node in tree.body)
+        annotated = any(isinstance(node, ast.AnnAssign | ast.FunctionDef) for node in ast.walk(tree))
+        assert told or not annotated, file
