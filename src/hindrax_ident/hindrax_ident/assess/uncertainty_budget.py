@@ -107,8 +107,7 @@ class Budget:
         known = float(sensitivity @ self.covariance @ sensitivity)
         out = {}
         for remedy, at in columns.items():
-            along = self.covariance[at] @ sensitivity
-            lost = float(along @ np.linalg.lstsq(self.covariance[np.ix_(at, at)], along, rcond=None)[0])
+            lost = self._lost(at, sensitivity)
             shown = float(self.mean @ sensitivity - self.mean[at] @ sensitivity[at])
             out[remedy] = max(0.0, known - lost) + shown**2
         return out
@@ -124,11 +123,15 @@ class Budget:
         for row, influence, _ in self._table():
             if influence.scope not in scopes:
                 continue
-            along = self.covariance[row] @ sensitivity
-            lost = float(along @ np.linalg.lstsq(self.covariance[row, row], along, rcond=None)[0])
+            lost = self._lost(range(row.start, row.stop), sensitivity)
             shown = float(self.mean[row] @ sensitivity[row])
             out.append(Contribution(influence.name, math.hypot(math.sqrt(max(0.0, lost)), shown), influence.remedy))
         return sorted(out, key=lambda one: -one.std)
+
+    def _lost(self, at: Sequence[int], sensitivity: Array) -> float:
+        """Variance that a quantity with this sensitivity (m,) would lose if these columns were known."""
+        along = self.covariance[at] @ sensitivity
+        return float(along @ np.linalg.lstsq(self.covariance[np.ix_(at, at)], along, rcond=None)[0])
 
     def found(self, name: str) -> tuple[float, float]:
         """Value of an influence with one unknown, in its unit, and its deviation after the record; NaN for no such."""
