@@ -1,11 +1,24 @@
 """How many digits of a number mean something: its standard deviation says so. Nothing slow is imported here."""
 
 import math
+from dataclasses import dataclass
 
 TWO_SIDED_95 = 1.96
 """Standard deviations on each side of a 95 % band."""
 LAST_PLACE = -5
 """Power of ten of the last digit of a number that is written without one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """A number and its standard deviation, in the same unit."""
+
+    value: float
+    std: float
+
+    def __format__(self, spec: str) -> str:
+        """Both numbers in the given format: `f"{mass:.3f}"` is '12.080 +- 0.120'."""
+        return f"{self.value:{spec}} +- {self.std:{spec}}"
 
 
 def measured(value: float, std: float) -> str:

@@ -9,8 +9,7 @@ import pytest
 from rich.console import Console
 
 from hindrax_analysis import terminal
-from hindrax_analysis.digits import measured
-from hindrax_analysis.experiments.least_squares import Value
+from hindrax_analysis.digits import Value, measured
 from hindrax_analysis.terminal import make_table, print_table, print_values, working
 from hindrax_core.text.screen_text import UNBOUNDED, print_fitted
 

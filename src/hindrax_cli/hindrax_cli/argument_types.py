@@ -2,12 +2,15 @@
 
 import argparse
 import math
+from typing import TYPE_CHECKING
 
 from hindrax_bringup.node_options import Tuning
 from hindrax_bringup.share_files import usual_vehicle, vehicle_file
 from hindrax_cli.command import option
 from hindrax_core.topics import NAMESPACE, namespace_arguments
-from hindrax_drivers.nodes.thruster_settings import NODE, Settings, read_settings
+
+if TYPE_CHECKING:
+    from hindrax_drivers.nodes.thruster_settings import Settings
 
 WHICH = "vehicle: its file, or its name"
 
@@ -78,8 +81,10 @@ def tuning_of(arguments: argparse.Namespace) -> Tuning:
     return Tuning(arguments.namespace, arguments.params, tuple(arguments.set))
 
 
-def output_settings(arguments: argparse.Namespace) -> Settings:
+def output_settings(arguments: argparse.Namespace) -> "Settings":
     """Vehicle, port and guard of the thruster output by the words of a command, read as its node reads them."""
+    from hindrax_drivers.nodes.thruster_settings import NODE, read_settings  # noqa: PLC0415  # few commands need it
+
     tuning, own = tuning_of(arguments), f"{NODE}."
     words = ["-p", f"vehicle:={arguments.vehicle}", *namespace_arguments(tuning.namespace, own_clock=False)]
     words += ["--params-file", tuning.file] if tuning.file else []

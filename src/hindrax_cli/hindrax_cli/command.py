@@ -16,7 +16,8 @@ Declare = Callable[[argparse.ArgumentParser], object]
 GROUPS = {
     "the main job": {"pool.pool_test": "pool-test", "pool.results": "report export"},
     "run and drive the vehicle": {
-        "operate.stack": "up stop health",
+        "operate.stack": "up stop",
+        "operate.health": "health",
         "operate.status": "status",
         "operate.view": "monitor web",
         "operate.orders": "arm disarm hold recentre wrench lights",
@@ -45,7 +46,11 @@ GROUPS = {
         "experiment.oscillation": "free-decay forced pendulum",
         "experiment.weigh": "weigh",
     },
-    "explained and proven": {"explain.explained": "allocate papers", "explain.trials": "montecarlo faults bench"},
+    "explained and proven": {
+        "explain.allocate": "allocate",
+        "explain.papers": "papers",
+        "explain.trials": "montecarlo faults bench",
+    },
     "for the shell and the code": {"explain.clone": "completion test reference"},
 }
 """Title in the overview -> module -> its commands, each a function of its name."""

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, detrend, find_peaks, sosfiltfilt
 
-from hindrax_analysis.experiments.least_squares import Array, Value, fit_curve, least_squares, propagate
+from hindrax_analysis.digits import Value
+from hindrax_analysis.experiments.least_squares import Array, fit_curve, least_squares, propagate
 from hindrax_core.errors import HindraxError
 
 HIGH_PASS = 0.25

@@ -12,8 +12,9 @@ from typing import TypeAlias
 
 import numpy as np
 
+from hindrax_analysis.digits import Value
 from hindrax_analysis.experiments.experiment_record import Column, evenly
-from hindrax_analysis.experiments.least_squares import Array, Fit, Value, least_squares
+from hindrax_analysis.experiments.least_squares import Array, Fit, least_squares
 from hindrax_core.errors import HindraxError
 
 LOADS = ("X_N", "Y_N", "Z_N", "K_Nm", "M_Nm", "N_Nm")

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares as minimize
 
+from hindrax_analysis.digits import Value
 from hindrax_core.errors import HindraxError
 
 Array: TypeAlias = NDArray[np.float64]
@@ -17,18 +18,6 @@ RANK_TOLERANCE = 1e-10
 
 MOST_STEPS = 60
 """Most steps of a nonlinear fit; from a good start, ten are enough."""
-
-
-@dataclass(frozen=True, slots=True)
-class Value:
-    """A number and its standard deviation, in the same unit."""
-
-    value: float
-    std: float
-
-    def __format__(self, spec: str) -> str:
-        """Both numbers in the given format: `f"{mass:.3f}"` is '12.080 +- 0.120'."""
-        return f"{self.value:{spec}} +- {self.std:{spec}}"
 
 
 def check_added_mass(found: Value, own_kg: float, source: str, inputs: str) -> None:

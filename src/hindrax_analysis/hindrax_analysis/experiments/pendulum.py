@@ -12,10 +12,10 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.signal import savgol_filter
 
+from hindrax_analysis.digits import Value
 from hindrax_analysis.experiments.experiment_record import Column, evenly
 from hindrax_analysis.experiments.least_squares import (
     Array,
-    Value,
     check_added_mass,
     fit_curve,
     least_squares,

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hindrax_analysis.digits import Value
 from hindrax_analysis.experiments.experiment_record import Column
-from hindrax_analysis.experiments.least_squares import Array, Value, check_added_mass, fit_curve
+from hindrax_analysis.experiments.least_squares import Array, check_added_mass, fit_curve
 from hindrax_core.errors import HindraxError
 
 COLUMNS = (

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hindrax_analysis.digits import Value
 from hindrax_analysis.experiments.experiment_record import Column
-from hindrax_analysis.experiments.least_squares import Array, Value, least_squares
+from hindrax_analysis.experiments.least_squares import Array, least_squares
 from hindrax_core.errors import HindraxError
 
 COLUMNS = (

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from hindrax_analysis.digits import Value
 from hindrax_analysis.experiments.known_weight import Hold, Span, Weighing, holds_of
 from hindrax_analysis.experiments.known_weight import weigh as weighed
-from hindrax_analysis.experiments.least_squares import Value
 from hindrax_analysis.plain import print_answer
 from hindrax_analysis.records.own_bag import bag_events
 from hindrax_analysis.terminal import make_table, print_table, print_values, working

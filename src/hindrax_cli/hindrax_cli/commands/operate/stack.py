@@ -1,4 +1,4 @@
-"""`hindrax up`, `stop` and `health`: a stack is started, ended whatever goes on, and asked whether it is well."""
+"""`hindrax up` and `stop`: a stack is started, and ended whatever goes on."""
 
 import argparse
 import math
@@ -6,7 +6,7 @@ import sys
 import time
 from pathlib import Path
 
-from hindrax_bringup.liveness import PERIOD_S, beats, stacks_well
+from hindrax_bringup.liveness import PERIOD_S, beats
 from hindrax_bringup.network.tether import add_tether, tether_setting
 from hindrax_bringup.processes import THRUSTERS
 from hindrax_bringup.stack import FAULT_HELP, WORLD_HELP, MockOptions
@@ -128,16 +128,3 @@ def on_the_wire(stack: StackLock | None) -> str:
     if found[THRUSTERS.name] > 2.0 * PERIOD_S:
         return "its dead man does not beat, so its thrusters may go on with their last pulses; cut the power"
     return "its dead man lives: half a second after the last command they are neutral; if they turn, cut the power"
-
-
-@command("./hindrax health || ./hindrax doctor")
-def health(_arguments: argparse.Namespace) -> int:
-    """One line about every stack on this machine; exit 1 unless all are up and well (`doctor` finds out why)."""
-    try:
-        well, sentence = stacks_well(runtime_folder(), time.monotonic())
-    except OSError as error:
-        raise HindraxError(f"no stack of this user can be up here: {error}") from error
-    if not well:
-        raise HindraxError(sentence)
-    print_fitted(sentence)
-    return 0

@@ -1,0 +1,53 @@
+"""`hindrax papers`: the published tables recomputed from their printed inputs."""
+
+import argparse
+from collections.abc import Sequence
+
+from rich.markup import escape
+
+from hindrax_analysis.papers import recompute
+from hindrax_analysis.papers.cells import Cell
+from hindrax_analysis.plain import print_answer
+from hindrax_analysis.terminal import console, make_table, print_table
+from hindrax_cli.argument_types import add_json
+from hindrax_cli.command import command, option
+
+TITLES = {
+    "A": "COB-2023-1394: thrust and drag of the Hindrax",
+    "B": "COB-2023-2422: added mass by free oscillation",
+    "C": "Xu, Ma, Han 2017: forced oscillation",
+    "D": "Eidsvik 2015: estimates from dimensions",
+    "E": "Badawy, Omer 2012: pendulum and CFD drag",
+}
+COLORS = {"agrees": "green", "misprint": "yellow", "does not follow": "red"}
+
+
+@command(
+    "./hindrax papers --paper B", option("--paper", choices=sorted(TITLES), help="one paper; default all"), add_json
+)
+def papers(arguments: argparse.Namespace) -> int:
+    """Every published table recomputed from its printed inputs, misprints named."""
+    cells = [cell for cell in recompute() if arguments.paper in (None, cell.paper)]
+    return print_answer({"cells": cells}, lambda: show_papers(cells), as_json=arguments.json)
+
+
+def show_papers(cells: Sequence[Cell]) -> None:
+    """Print a table for each paper; a cell that does not follow is a finding, not a failure."""
+    for paper, title in TITLES.items():
+        mine = [cell for cell in cells if cell.paper == paper]
+        if mine:
+            show_paper(f"{paper}  {title}", mine)
+    counts = {verdict: sum(cell.verdict == verdict for cell in cells) for verdict in COLORS}
+    console().print(f"{len(cells)} cells: " + ", ".join(f"{count} {verdict}" for verdict, count in counts.items()))
+
+
+def show_paper(title: str, cells: Sequence[Cell]) -> None:
+    """Print one paper as a table."""
+    numbers = ("printed", "recomputed", "difference")
+    table = make_table(title, ("table", "row", "quantity"), numbers, ("unit", "verdict", "note"))
+    for cell in cells:
+        difference = f"{cell.difference:+.2g}" if abs(cell.difference) > 1e-6 * cell.tolerance else "0"
+        values = (f"{cell.printed:.6g}", f"{cell.recomputed:.6g}", difference, cell.unit)
+        verdict = f"[{COLORS[cell.verdict]}]{cell.verdict}[/]"
+        table.add_row(cell.table, cell.row, cell.quantity, *values, verdict, escape(cell.note))
+    print_table(table)
