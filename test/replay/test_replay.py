@@ -34,7 +34,7 @@ from hindrax_core.topics import DIAGNOSTICS, NAVIGATION, ODOMETRY, RAW_FRAMES, r
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.devices import ms5837
 from hindrax_drivers.devices.imu import icm20948_registers
-from hindrax_drivers.nodes import reading_messages
+from hindrax_drivers.nodes import reading_fields, reading_messages
 from hindrax_drivers.nodes.reading_messages import ReadingMessages
 from hindrax_ident.records.feed import DROPPED
 from hindrax_replay import state_stage
@@ -105,7 +105,7 @@ def test_a_changed_driver_constant_is_found_and_named(short: Path, monkeypatch: 
     ("changed", "field"),
     [
         ((icm20948_registers, "MAG_T_PER_LSB", 0.1506e-6), "/hindrax/icm20948/mag magnetic_field.x"),
-        ((reading_messages, "PING_LIMITS_m", (0.5, 100.0)), "/hindrax/ping1d/range min_range"),
+        ((reading_fields, "PING_LIMITS_m", (0.5, 100.0)), "/hindrax/ping1d/range min_range"),
     ],
 )
 def test_a_changed_constant_fails_the_command_and_is_pointed_at(

@@ -18,6 +18,7 @@ import ardusub
 import hostile
 import numpy as np
 import rclpy
+import sensor_messages
 from builtin_interfaces.msg import Time
 from documentation.pages import ROOT, block_of
 from geometry_msgs.msg import Twist
@@ -89,16 +90,16 @@ TOLD = Estimate("surge", ("k_q",), ("N s^2/m^2",), (66.0,), ((0.2,),), 9, 9.0, T
 def good(topic: Topic, now: Stamp) -> Any:
     """Message of a topic with which nothing is wrong, and which moves nothing where it is an order."""
     made = {
-        IMU: lambda: convert.inertial_to_msg(
+        IMU: lambda: sensor_messages.inertial_to_msg(
             Stamped(now, Inertial((0.0, 0.0, -9.8), ZERO6[:3], 20.0)), "imu", 0.1, 0.1
         ),
-        MAGNETIC: lambda: convert.magnetic_to_msg(Stamped(now, Magnetic((2e-5, 0.0, 1e-5))), "imu", 1e-6),
-        PRESSURE: lambda: convert.pressure_to_msg(Stamped(now, Pressure(1.1e5, 20.0)), "depth", 100.0),
-        ALTITUDE: lambda: convert.echo_to_msg(Stamped(now, Echo(0.9, 1.0)), "ping", (0.3, 30.0), 0.4),
-        DVL_DETAIL: lambda: convert.dvl_to_msg(
+        MAGNETIC: lambda: sensor_messages.magnetic_to_msg(Stamped(now, Magnetic((2e-5, 0.0, 1e-5))), "imu", 1e-6),
+        PRESSURE: lambda: sensor_messages.pressure_to_msg(Stamped(now, Pressure(1.1e5, 20.0)), "depth", 100.0),
+        ALTITUDE: lambda: sensor_messages.echo_to_msg(Stamped(now, Echo(0.9, 1.0)), "ping", (0.3, 30.0), 0.4),
+        DVL_DETAIL: lambda: sensor_messages.dvl_to_msg(
             Stamped(now, BottomVelocity((0.0, 0.0, 0.0), 0.01, 1.0, 0.1, 1)), LEVEL, "dvl", 1480.0
         ),
-        DVL_ATTITUDE: lambda: convert.attitude_to_msg(Stamped(now, LEVEL), "dvl", 0.01),
+        DVL_ATTITUDE: lambda: sensor_messages.attitude_to_msg(Stamped(now, LEVEL), "dvl", 0.01),
         ESTIMATE: lambda: convert.estimate_to_msg(Stamped(now, TOLD)),
         OPERATOR_WRENCH: lambda: wrench_to_msg(now, ZERO6),
         WRENCH: lambda: wrench_to_msg(now, ZERO6),

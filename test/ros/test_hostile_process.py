@@ -19,6 +19,7 @@ import rclpy
 from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from sensor_messages import inertial_to_msg
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
@@ -41,7 +42,7 @@ from hindrax_core.topics import (
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import HoldSetpoint, ThrusterHealth, ThrusterState
 from hindrax_ros.graph import message_class, publisher, subscription
-from hindrax_ros.messages.convert import inertial_to_msg, stamp_to_msg, wrench_to_msg
+from hindrax_ros.messages.convert import stamp_to_msg, wrench_to_msg
 
 pytestmark = pytest.mark.ros
 

@@ -1,5 +1,7 @@
 """Readings written in place against the message objects of the same readings."""
 
+import math
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -7,15 +9,30 @@ import pytest
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
 
+import sensor_messages
+from geometry_msgs.msg import TwistWithCovarianceStamped
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import FluidPressure, NavSatFix
 
 from hindrax_core.events import Stamp, Stamped
-from hindrax_core.readings import Beam, BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Position, Pressure
-from hindrax_drivers.nodes.reading_fields import DETAIL, FIELDS
-from hindrax_drivers.nodes.reading_messages import MAKERS
-from hindrax_ros.messages import convert
+from hindrax_core.readings import (
+    Air,
+    Beam,
+    BottomTrack,
+    BottomVelocity,
+    Echo,
+    Inertial,
+    Magnetic,
+    Position,
+    Pressure,
+    Vec3,
+)
+from hindrax_drivers.nodes import reading_fields
+from hindrax_drivers.nodes.reading_fields import FIELDS
+from hindrax_msgs.msg import Dvl
+from hindrax_ros.messages import convert, fast_serialization
 from hindrax_ros.messages.fast_serialization import in_place
 
 number = st.floats(width=32, allow_nan=False)
@@ -32,6 +49,7 @@ READINGS = {
     Inertial: st.builds(Inertial, three, three, number),
     Magnetic: st.builds(Magnetic, three),
     Pressure: st.builds(Pressure, number, number),
+    Air: st.builds(Air, number, number, number),
     Echo: st.builds(Echo, number, number),
     BottomTrack: tracks,
     BottomVelocity: speeds,
@@ -52,17 +70,38 @@ def same(data: bytes | None, message: Any) -> bool:
     return repr(read) == repr(expected) and len(data) == len(wanted)
 
 
+def altitude(one: Stamped[BottomTrack | Echo]) -> Any:
+    altitude_m = one.reading.range_m if isinstance(one.reading, Echo) else one.reading.altitude_m
+    if altitude_m is None:
+        return None
+    return sensor_messages.echo_to_msg(
+        Stamped(one.stamp, Echo(altitude_m, 1.0)), "link", reading_fields.DVL_LIMITS_m, reading_fields.DVL_VIEW_rad
+    )
+
+
+MESSAGES: dict[str, Callable[[Any], Any]] = {
+    "data_raw": lambda one: sensor_messages.inertial_to_msg(
+        one, "link", reading_fields.SIGMA_FORCE_mps2, reading_fields.SIGMA_RATE_radps
+    ),
+    "mag": lambda one: sensor_messages.magnetic_to_msg(one, "link", reading_fields.SIGMA_FIELD_T),
+    "pressure": lambda one: sensor_messages.pressure_to_msg(one, "link", reading_fields.SIGMA_PRESSURE_Pa),
+    "range": lambda one: sensor_messages.echo_to_msg(
+        one, "link", reading_fields.PING_LIMITS_m, reading_fields.PING_VIEW_rad
+    ),
+    "altitude": altitude,
+    "attitude": lambda one: sensor_messages.attitude_to_msg(one, "link", reading_fields.SIGMA_ATTITUDE_rad),
+    "velocity": lambda one: sensor_messages.velocity_to_msg(one, "link"),
+    "position": lambda one: sensor_messages.position_to_msg(one, "link"),
+}
+
+
 @pytest.mark.parametrize("quantity", FIELDS)
 @settings(max_examples=30)
 @given(st.data())
 def test_every_quantity_in_place_says_what_its_message_says(quantity: str, data: st.DataObject) -> None:
-    kinds, maker = MAKERS[quantity]
-
-    def make(one: Stamped[Any]) -> Any:
-        return maker(one, "link")
-
-    write = in_place(make, *FIELDS[quantity])
-    of_kinds = [READINGS[kind] for kind in kinds if kind in READINGS]
+    kinds, like, paths, values = FIELDS[quantity]
+    make, write = MESSAGES[quantity], in_place(like("link"), paths, values)
+    of_kinds = [READINGS[kind] for kind in kinds]
     for one in data.draw(st.lists(stamped(st.one_of(of_kinds)), min_size=1, max_size=3)):
         assert same(write(one), make(one))
 
@@ -70,9 +109,64 @@ def test_every_quantity_in_place_says_what_its_message_says(quantity: str, data:
 @settings(max_examples=30)
 @given(st.lists(st.tuples(stamped(speeds), st.none() | tracks), min_size=1, max_size=3))
 def test_the_detail_in_place_says_what_its_message_says(pairs: list[tuple[Any, Any]]) -> None:
-    def make(velocity: Stamped[BottomVelocity], track: BottomTrack | None) -> Any:
-        return convert.dvl_to_msg(velocity, track, "link", 1500.0)
-
-    write = in_place(make, *DETAIL)
+    write = reading_fields.detail_writer("link", 1500.0)
     for velocity, track in pairs:
-        assert same(write(velocity, track), make(velocity, track))
+        assert same(write(velocity, track), sensor_messages.dvl_to_msg(velocity, track, "link", 1500.0))
+
+
+STAMP = Stamp(1_234_567_890_123_456_789)
+
+
+def written(quantity: str, reading: Any) -> Any:
+    _, like, paths, values = FIELDS[quantity]
+    return in_place(like("link"), paths, values)(Stamped(STAMP, reading))
+
+
+@pytest.mark.parametrize(
+    ("velocity", "message"),
+    [((1.0, 0.0, 0.0), (1, 0, 0)), ((0.0, 1.0, 0.0), (0, -1, 0)), ((0.0, 0.0, 1.0), (0, 0, -1))],
+)
+def test_dvl_velocity_axis_by_axis(velocity: Vec3, message: Vec3) -> None:
+    data = written("velocity", BottomVelocity(velocity, 0.01, 1.0, 0.05, 7))
+    made = deserialize_message(data, TwistWithCovarianceStamped)
+    linear = made.twist.twist.linear
+    assert (linear.x, linear.y, linear.z) == message
+    assert made.twist.covariance[0] == pytest.approx(0.01**2)
+
+
+def test_no_velocity_is_no_message() -> None:
+    assert written("velocity", BottomVelocity(None, 0.01, 0.0, 0.05, 7)) is None
+
+
+def test_sensors_there_and_back() -> None:
+    inertial = Inertial((0.1, 0.2, -9.8), (0.01, 0.02, 0.03), 20.0)
+    back = fast_serialization.inertial_from_bytes(written("data_raw", inertial)).reading
+    assert back.specific_force_mps2 == inertial.specific_force_mps2
+    assert back.rate_radps == inertial.rate_radps
+    magnetic = Magnetic((17e-6, 1e-6, -13e-6))
+    assert fast_serialization.magnetic_from_bytes(written("mag", magnetic)) == Stamped(STAMP, magnetic)
+    pressure = deserialize_message(written("pressure", Pressure(110_000.0, 20.0)), FluidPressure)
+    assert convert.pressure_from_msg(pressure).reading.pressure_Pa == 110_000.0
+    assert fast_serialization.echo_from_bytes(written("range", Echo(0.75, 1.0))).reading.range_m == 0.75
+    track = BottomTrack(True, 0.1, -0.2, 3.0, 1.0, (0.0, 0.0), (), "3333", 0)
+    made = fast_serialization.attitude_from_bytes(written("attitude", track)).reading
+    assert (made.roll_rad, made.pitch_rad, made.heading_rad) == pytest.approx((0.1, -0.2, 3.0))
+
+
+@pytest.mark.parametrize("velocity", [(0.4, -0.1, 0.02), None])
+def test_dvl_detail_there_and_back(velocity: Vec3 | None) -> None:
+    reading = BottomVelocity(velocity, 0.01 if velocity else 0.0, 0.9, 0.05, 123456)
+    track = BottomTrack(True, 0.1, -0.2, 3.0, 1.25, (0.0, 0.0), (), "3333", 0)
+    data = reading_fields.detail_writer("dvl75_link", 1484.0)(Stamped(STAMP, reading), track)
+    assert data is not None
+    message = deserialize_message(data, Dvl)
+    assert message.altitude == 1.25
+    assert convert.dvl_from_msg(message).reading == reading
+
+
+def test_a_place_says_whether_a_gps_gives_it() -> None:
+    for fixed, status in ((True, 0), (False, -1)):
+        message = deserialize_message(written("position", Position(44.96, -93.51, fixed)), NavSatFix)
+        assert (message.latitude, message.longitude, message.status.status) == (44.96, -93.51, status)
+        assert math.isnan(message.altitude)
+        assert message.position_covariance_type == 0

@@ -5,19 +5,16 @@ from dataclasses import replace
 
 import pytest
 
-from hindrax_core.readings import Vec3
-
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 
 from geometry_msgs.msg import Quaternion
 from nav_msgs.msg import Odometry
-from rclpy.serialization import serialize_message
 from state_messages import navigation_to_msg, odometry_to_msg
 
 from hindrax_core.events import Stamp, Stamped
-from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Position, Pressure
+from hindrax_core.readings import Vec3
 from hindrax_core.signals import Estimate, Navigation
-from hindrax_ros.messages import convert, fast_serialization
+from hindrax_ros.messages import convert
 
 STAMP = Stamp(1_234_567_890_123_456_789)
 NAVIGATION = Navigation(
@@ -69,23 +66,6 @@ def test_orientation_there_and_back() -> None:
     assert convert.sname_from_xyzw(*convert.xyzw_from_sname(*angles)) == pytest.approx(angles)
 
 
-@pytest.mark.parametrize(
-    ("velocity", "message"),
-    [((1.0, 0.0, 0.0), (1, 0, 0)), ((0.0, 1.0, 0.0), (0, -1, 0)), ((0.0, 0.0, 1.0), (0, 0, -1))],
-)
-def test_dvl_velocity_axis_by_axis(velocity: Vec3, message: Vec3) -> None:
-    reading = BottomVelocity(velocity, 0.01, 1.0, 0.05, 7)
-    made = convert.velocity_to_msg(Stamped(STAMP, reading), "dvl75_link")
-    assert made is not None
-    linear = made.twist.twist.linear
-    assert (linear.x, linear.y, linear.z) == message
-    assert made.twist.covariance[0] == pytest.approx(0.01**2)
-
-
-def test_no_velocity_is_no_message() -> None:
-    assert convert.velocity_to_msg(Stamped(STAMP, BottomVelocity(None, 0.01, 0.0, 0.05, 7)), "dvl75_link") is None
-
-
 def test_odometry_is_rep_105() -> None:
     message = odometry_to_msg(Stamped(STAMP, NAVIGATION))
     position = message.pose.pose.position
@@ -100,25 +80,6 @@ def test_navigation_there_and_back() -> None:
     assert convert.navigation_from_msg(navigation_to_msg(Stamped(STAMP, NAVIGATION))).reading == NAVIGATION
 
 
-def test_sensors_there_and_back() -> None:
-    inertial = Stamped(STAMP, Inertial((0.1, 0.2, -9.8), (0.01, 0.02, 0.03), 20.0))
-    message = convert.inertial_to_msg(inertial, "icm20948_link", 0.02, 0.001)
-    back = fast_serialization.inertial_from_bytes(serialize_message(message)).reading
-    assert back.specific_force_mps2 == inertial.reading.specific_force_mps2
-    assert back.rate_radps == inertial.reading.rate_radps
-    magnetic = Stamped(STAMP, Magnetic((17e-6, 1e-6, -13e-6)))
-    data = serialize_message(convert.magnetic_to_msg(magnetic, "f", 3e-7))
-    assert fast_serialization.magnetic_from_bytes(data) == magnetic
-    pressure = Stamped(STAMP, Pressure(110_000.0, 20.0))
-    assert convert.pressure_from_msg(convert.pressure_to_msg(pressure, "f", 20.0)).reading.pressure_Pa == 110_000.0
-    echo = Stamped(STAMP, Echo(0.75, 1.0))
-    data = serialize_message(convert.echo_to_msg(echo, "f", (0.3, 100.0), 0.4))
-    assert fast_serialization.echo_from_bytes(data).reading.range_m == 0.75
-    track = Stamped(STAMP, BottomTrack(True, 0.1, -0.2, 3.0, 1.0, (0.0, 0.0), (), "3333", 0))
-    made = fast_serialization.attitude_from_bytes(serialize_message(convert.attitude_to_msg(track, "f", 0.02))).reading
-    assert (made.roll_rad, made.pitch_rad, made.heading_rad) == pytest.approx((0.1, -0.2, 3.0))
-
-
 def test_estimate_there_and_back() -> None:
     estimate = Estimate(
         "surge", ("k_q", "b"), ("N s^2/m^2", "N"), (66.0, 0.1), ((1.0, 0.2), (0.2, 3.0)), 12, 8.5, True, "", 0.3
@@ -131,23 +92,6 @@ def test_wrench_there_and_back() -> None:
     message = convert.wrench_to_msg(STAMP, wrench)
     assert message.header.frame_id == "base_link_fsd"
     assert convert.wrench_from_msg(message) == wrench
-
-
-@pytest.mark.parametrize("velocity", [(0.4, -0.1, 0.02), None])
-def test_dvl_detail_there_and_back(velocity: Vec3 | None) -> None:
-    reading = BottomVelocity(velocity, 0.01 if velocity else 0.0, 0.9, 0.05, 123456)
-    track = BottomTrack(True, 0.1, -0.2, 3.0, 1.25, (0.0, 0.0), (), "3333", 0)
-    message = convert.dvl_to_msg(Stamped(STAMP, reading), track, "dvl75_link", 1484.0)
-    assert message.altitude == 1.25
-    assert convert.dvl_from_msg(message).reading == reading
-
-
-def test_a_place_says_whether_a_gps_gives_it() -> None:
-    for fixed, status in ((True, 0), (False, -1)):
-        message = convert.position_to_msg(Stamped(Stamp(5), Position(44.96, -93.51, fixed)), "dvl75_link")
-        assert (message.latitude, message.longitude, message.status.status) == (44.96, -93.51, status)
-        assert math.isnan(message.altitude)
-        assert message.position_covariance_type == 0
 
 
 def test_odometry_comes_back_with_all_that_it_holds() -> None:

@@ -7,6 +7,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 
+import sensor_messages
 from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
@@ -68,7 +69,7 @@ navigations = st.builds(
 @given(stamps, texts, three, three)
 def test_inertial(stamp: Stamp, frame: str, force_mps2: Vec3, rate_radps: Vec3) -> None:
     inertial = Stamped(stamp, Inertial(force_mps2, rate_radps, math.nan))
-    message = convert.inertial_to_msg(inertial, frame, 0.02, 0.001)
+    message = sensor_messages.inertial_to_msg(inertial, frame, 0.02, 0.001)
     assert repr(fast_serialization.inertial_from_bytes(serialize_message(message))) == repr(inertial)
 
 
@@ -92,7 +93,7 @@ def test_wrench(stamp: Stamp, wrench: Vec6) -> None:
 @given(stamps, texts, st.floats(0, 2e5), number)
 def test_pressure(stamp: Stamp, frame: str, pressure_Pa: float, temperature_C: float) -> None:
     reading = Stamped(stamp, Pressure(pressure_Pa, temperature_C))
-    message = convert.pressure_to_msg(reading, frame, 20.0)
+    message = sensor_messages.pressure_to_msg(reading, frame, 20.0)
     assert repr(fast_serialization.pressure_from_bytes(serialize_message(message))) == repr(
         convert.pressure_from_msg(message)
     )
@@ -101,17 +102,17 @@ def test_pressure(stamp: Stamp, frame: str, pressure_Pa: float, temperature_C: f
 @given(stamps, texts, three, number)
 def test_magnetic_and_echo(stamp: Stamp, frame: str, field_T: Vec3, range_m: float) -> None:
     field = Stamped(stamp, Magnetic(field_T))
-    magnetic = convert.magnetic_to_msg(field, frame, 3e-7)
+    magnetic = sensor_messages.magnetic_to_msg(field, frame, 3e-7)
     assert fast_serialization.magnetic_from_bytes(serialize_message(magnetic)) == field
     echo = Stamped(stamp, Echo(range_m, 1.0))
-    message = convert.echo_to_msg(echo, frame, (0.25, 50.0), 0.5)
+    message = sensor_messages.echo_to_msg(echo, frame, (0.25, 50.0), 0.5)
     assert fast_serialization.echo_from_bytes(serialize_message(message)) == echo
 
 
 @given(stamps, texts, st.tuples(*[st.floats(-3, 3)] * 3))
 def test_attitude(stamp: Stamp, frame: str, angles_rad: Vec3) -> None:
     track = Stamped(stamp, BottomTrack(True, *angles_rad, 1.5, (0.0, 0.0), (), "", 0))
-    message = convert.attitude_to_msg(track, frame, 0.02)
+    message = sensor_messages.attitude_to_msg(track, frame, 0.02)
     found = fast_serialization.attitude_from_bytes(serialize_message(message))
     q = message.orientation
     attitude_rad = convert.sname_from_xyzw(q.x, q.y, q.z, q.w)
@@ -148,7 +149,7 @@ tracks = st.builds(
 
 @given(texts, number, velocities, st.none() | tracks)
 def test_dvl(frame: str, sound_mps: float, velocity: Stamped[Any], track: Any) -> None:
-    message = convert.dvl_to_msg(velocity, track, frame, sound_mps)
+    message = sensor_messages.dvl_to_msg(velocity, track, frame, sound_mps)
     assert repr(fast_serialization.dvl_from_bytes(serialize_message(message))) == repr(convert.dvl_from_msg(message))
 
 

@@ -5,12 +5,9 @@
 The node of a device publishes them, a replay compares them with the record.
 """
 
-import math
 from collections.abc import Callable, Iterator
-from functools import partial
 from typing import Any, TypeAlias
 
-from sensor_msgs.msg import Range
 from std_msgs.msg import Bool
 
 from hindrax_core.events import NS_PER_S, Stamped
@@ -19,40 +16,28 @@ from hindrax_core.readings import (
     Battery,
     BottomTrack,
     BottomVelocity,
-    Echo,
     EchoProfile,
     Inertial,
     Leak,
-    Magnetic,
-    Position,
     Pressure,
     SonarHealth,
 )
 from hindrax_core.topics import SENSOR, TOPICS_OF, Topic
 from hindrax_core.vehicle import Vehicle
-from hindrax_drivers.nodes.reading_fields import DETAIL, FIELDS
-from hindrax_msgs.msg import PingProfile
+from hindrax_drivers.nodes.reading_fields import FIELDS, detail_writer
+from hindrax_msgs.msg import Dvl, PingProfile
 from hindrax_ros.graph import optional_class
 from hindrax_ros.messages import convert
 from hindrax_ros.messages.fast_serialization import in_place
+from hindrax_ros.messages.serialization import deserialized
 
 Write: TypeAlias = Callable[[Stamped[Any]], Any]
 """Message of a reading, or its bytes; None if the reading has no data for the topic."""
 Make: TypeAlias = Callable[[Stamped[Any], str], Any]
 """Message of a reading in a frame; None as above."""
 
-# ICM-20948 datasheet table 1 and 2: 0.015 dps/sqrt(Hz) and 230 ug/sqrt(Hz), over the noise bandwidth of a 50 Hz filter.
-SIGMA_RATE_radps = math.radians(0.015) * math.sqrt(1.57 * 50.0)
-SIGMA_FORCE_mps2 = 230e-6 * 9.80665 * math.sqrt(1.57 * 50.0)
-SIGMA_FIELD_T = 0.3e-6
-SIGMA_PRESSURE_Pa = 20.0
 SIGMA_HUMIDITY = 0.03
 """BME280 data sheet, table 2: absolute accuracy."""
-SIGMA_ATTITUDE_rad = math.radians(1.0)
-PING_LIMITS_m = (0.3, 100.0)
-PING_VIEW_rad = math.radians(25.0)
-DVL_LIMITS_m = (0.15, 75.0)
-DVL_VIEW_rad = math.radians(22.5)
 
 MARINE_ACOUSTIC = "marine_acoustic_msgs/msg/Dvl"
 """Definition: github apl-ocean-engineering/marine_msgs, marine_acoustic_msgs/msg/Dvl.msg."""
@@ -89,12 +74,13 @@ class ReadingMessages:
         for quantity, topic in TOPICS_OF.get(device, {}).items():
             if quantity == "detail":
                 self._add_detail(topic, frame, vehicle.water.speed_of_sound_mps)
-                continue
-            readings, make = MAKERS[quantity]
-            write = _in_frame(make, frame)
-            if quantity == "die_temperature":
-                write = _first_of_second(write)
-            self._add(topic, readings, in_place(write, *FIELDS[quantity]) if quantity in FIELDS else write)
+            elif quantity in FIELDS:
+                readings, like, paths, values = FIELDS[quantity]
+                self._add(topic, readings, in_place(like(frame), paths, values))
+            else:
+                readings, make = MAKERS[quantity]
+                write = _in_frame(make, frame)
+                self._add(topic, readings, _first_of_second(write) if quantity == "die_temperature" else write)
 
     def _add(self, topic: Topic, readings: tuple[type, ...], write: Write) -> None:
         self.topics.append(topic)
@@ -103,11 +89,11 @@ class ReadingMessages:
 
     def _add_detail(self, topic: Topic, frame: str, sound_mps: float) -> None:
         """Add the DVL's detail, and its copy as marine_acoustic_msgs/Dvl where that package is installed."""
-        make = partial(convert.dvl_to_msg, frame=frame, sound_mps=sound_mps)
-        self._add(topic, (BottomVelocity, BottomTrack), _with_track(in_place(make, *DETAIL)))
+        write = detail_writer(frame, sound_mps)
+        self._add(topic, (BottomVelocity, BottomTrack), _with_track(write))
         kind = optional_class(MARINE_ACOUSTIC)
         if kind is not None:
-            copy = _with_track(lambda velocity, track: fill(kind(), make(velocity, track)))
+            copy = _with_track(lambda velocity, track: fill(kind(), deserialized(write(velocity, track), Dvl)))
             name, meaning = topic.name.replace("/detail", "/dvl"), "detail as marine_acoustic_msgs"
             its = Topic(name, MARINE_ACOUSTIC, SENSOR, 0.0, meaning, recorded=False)
             self._add(its, (BottomVelocity, BottomTrack), copy)
@@ -148,14 +134,6 @@ def _profile(one: Stamped[EchoProfile], frame: str) -> PingProfile:
     return message
 
 
-def _altitude(one: Stamped[BottomTrack | Echo], frame: str) -> Range | None:
-    """A DVL-75 reports the altitude with its attitude, a Tracker 650 as an echo of its own."""
-    altitude_m = one.reading.range_m if isinstance(one.reading, Echo) else one.reading.altitude_m
-    if altitude_m is None:
-        return None
-    return convert.echo_to_msg(Stamped(one.stamp, Echo(altitude_m, 1.0)), frame, DVL_LIMITS_m, DVL_VIEW_rad)
-
-
 def _temperature(of: str) -> Make:
     """Message of the temperature that a field of the reading holds."""
     return lambda one, frame: convert.temperature_to_msg(one.stamp, getattr(one.reading, of), frame)
@@ -192,17 +170,10 @@ def _with_track(write: Callable[[Stamped[BottomVelocity], BottomTrack | None], A
 
 
 MAKERS: dict[str, tuple[tuple[type, ...], Make]] = {
-    "data_raw": (
-        (Inertial,),
-        lambda one, frame: convert.inertial_to_msg(one, frame, SIGMA_FORCE_mps2, SIGMA_RATE_radps),
-    ),
-    "mag": ((Magnetic,), lambda one, frame: convert.magnetic_to_msg(one, frame, SIGMA_FIELD_T)),
-    "pressure": ((Pressure, Air), lambda one, frame: convert.pressure_to_msg(one, frame, SIGMA_PRESSURE_Pa)),
     "temperature": ((Pressure, Air), _temperature("temperature_C")),
     "humidity": ((Air,), lambda one, frame: convert.humidity_to_msg(one, frame, SIGMA_HUMIDITY)),
     "battery": ((Battery,), lambda one, _: convert.battery_to_msg(one)),
     "leak": ((Leak,), lambda one, _: Bool(data=one.reading.wet)),
-    "range": ((Echo,), lambda one, frame: convert.echo_to_msg(one, frame, PING_LIMITS_m, PING_VIEW_rad)),
     "profile": ((EchoProfile,), _profile),
     "die_temperature": ((Inertial,), _temperature("temperature_C")),
     "supply": (
@@ -211,9 +182,5 @@ MAKERS: dict[str, tuple[tuple[type, ...], Make]] = {
     ),
     "processor_temperature": ((SonarHealth,), _temperature("processor_C")),
     "board_temperature": ((SonarHealth,), _temperature("board_C")),
-    "velocity": ((BottomVelocity,), convert.velocity_to_msg),
-    "attitude": ((BottomTrack,), lambda one, frame: convert.attitude_to_msg(one, frame, SIGMA_ATTITUDE_rad)),
-    "altitude": ((BottomTrack, Echo), _altitude),
-    "position": ((Position,), convert.position_to_msg),
 }
-"""Kinds of readings behind each quantity, and its message; the DVL's detail is added by itself."""
+"""Kinds of readings behind each slower quantity, and its message."""

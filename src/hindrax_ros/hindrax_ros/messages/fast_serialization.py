@@ -2,7 +2,7 @@
 
 Writing the numbers into the bytes of the previous message (see `serialization`) takes 3 us. Filling and serializing a
 message object takes 10 to 50 in a loop, and three times that in a process that has just woken (ADR 40). Each writer is
-tested against the function of `convert` that it replaces, each reader against it or against what was written.
+tested against a message object that is filled field by field, each reader against it or against what was written.
 """
 
 import math
@@ -39,22 +39,19 @@ _NAVIGATION = (
 
 
 def in_place(
-    make: Callable[..., Any], paths: Sequence[str], values: Callable[..., Sequence[Any] | None]
+    example: Any, paths: Sequence[str], values: Callable[..., Sequence[Any] | None]
 ) -> Callable[..., bytes | None]:
-    """Make the writer of one topic of one sensor, called as `make` is, with a stamped reading first.
+    """Make the writer of one topic of one sensor, called with a stamped reading, and with what else `values` takes.
 
-    Of the messages of `make`, only stamp and the fields at `paths` differ. `values` gives these from the reading,
-    arrays flattened, or None if it has no message.
+    Only stamp and the fields at `paths` differ from the example. `values` gives these from the reading, arrays
+    flattened, or None if it has no message.
     """
     writer = CdrWriter(*_STAMP, *paths)
+    writer.learn(None, example)
 
     def write(stamped: Stamped[Any], *more: Any) -> bytes | None:
         numbers = values(stamped.reading, *more)
-        if numbers is None:
-            return None
-        if writer.key is None:
-            writer.learn(make, make(stamped, *more))
-        return writer.write((*divmod(stamped.stamp, NS_PER_S), *numbers))
+        return None if numbers is None else writer.write((*divmod(stamped.stamp, NS_PER_S), *numbers))
 
     return write
 
@@ -233,25 +230,25 @@ _thrust = CdrReader(AllocationStatus, *_STAMP, "achieved", "forces", "supply_mea
 
 
 def inertial_from_bytes(data: bytes) -> Stamped[Inertial]:
-    """Undo `convert.inertial_to_msg`; the temperature of the chip does not travel."""
+    """Specific force and angular rate; the temperature of the chip does not travel."""
     s, ns, p, q, r, x, y, z = _inertial(data)
     return Stamped(Stamp(s * NS_PER_S + ns), Inertial((x, y, z), (p, q, r), math.nan))
 
 
 def magnetic_from_bytes(data: bytes) -> Stamped[Magnetic]:
-    """Undo `convert.magnetic_to_msg`."""
+    """Magnetic field in the axes of the chip."""
     s, ns, x, y, z = _magnetic(data)
     return Stamped(Stamp(s * NS_PER_S + ns), Magnetic((x, y, z)))
 
 
 def echo_from_bytes(data: bytes) -> Stamped[Echo]:
-    """Undo `convert.echo_to_msg`; only confident echoes travel."""
+    """Distance along the beam; only confident echoes travel."""
     s, ns, range_m = _echo(data)
     return Stamped(Stamp(s * NS_PER_S + ns), Echo(range_m, 1.0))
 
 
 def attitude_from_bytes(data: bytes) -> Stamped[BottomTrack]:
-    """Undo `convert.attitude_to_msg`: a bottom track of which only the attitude is known."""
+    """Attitude of the DVL's own IMU: a bottom track of which nothing else is known."""
     s, ns, *orientation = _attitude(data)
     track = BottomTrack(True, *convert.sname_from_xyzw(*orientation), None, (math.nan, math.nan), (), "", 0)
     return Stamped(Stamp(s * NS_PER_S + ns), track)
