@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import IO, Self
 
-from hindrax_bringup.stack_lock import HEARTBEATS, locked, owned, runtime_folder
+from hindrax_bringup.stack_lock import HEARTBEATS, locked, owned_document, runtime_folder
 from hindrax_ros.heartbeat import beaten_s
 
 PERIOD_S = 1.0
@@ -115,13 +115,7 @@ def _stack_of(path: Path) -> int:
 
 def _liveness_of(path: Path, now_s: float) -> tuple[str, list[str]] | None:
     """What the process behind a liveness file does, and what is wrong with it; None without a process."""
-    try:
-        with path.open(encoding="utf-8") as file:
-            if not owned(file):
-                path.unlink(missing_ok=True)
-                return None
-            beat = json.load(file)
-    except (OSError, ValueError):  # it has just ended
+    if (beat := owned_document(path)) is None:
         return None
     age_s, pid, of_nodes = now_s - beat["at_s"], _stack_of(path), path.name.endswith(NODES)
     if not 0.0 <= age_s <= DEAD_S:

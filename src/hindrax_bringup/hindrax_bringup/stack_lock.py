@@ -12,7 +12,7 @@ import time
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 from hindrax_core.errors import UsageError
 from hindrax_core.topics import NAMESPACE
@@ -136,21 +136,20 @@ def _written_s(path: Path) -> float:
 
 
 def _read(path: Path) -> StackLock | None:
-    with contextlib.suppress(OSError, ValueError, TypeError), path.open(encoding="utf-8") as file:
-        if not owned(file):
-            path.unlink(missing_ok=True)
-            return None
-        return StackLock(**json.load(file))
+    with contextlib.suppress(TypeError):  # of another version
+        return None if (document := owned_document(path)) is None else StackLock(**document)
     return None
 
 
-def owned(file: IO[str]) -> bool:
-    """Whether the tool that wrote it still holds it."""
-    try:
-        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    return False
+def owned_document(path: Path) -> Any:
+    """What the tool that wrote a file says in it; None where it no longer holds it, and then the file is removed."""
+    with contextlib.suppress(OSError, ValueError), path.open(encoding="utf-8") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return json.load(file)
+        path.unlink(missing_ok=True)
+    return None
 
 
 def choose(found: list[StackLock], pid: int | None) -> StackLock | None:

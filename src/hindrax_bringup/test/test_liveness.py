@@ -31,7 +31,7 @@ def own_settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_an_operator_is_lost_once_and_comes_back() -> None:
-    watch = LinkMonitor(patience_s=2.0)
+    watch = LinkMonitor()
     assert not watch.step(100.0), "nobody is lost who was never there"
     assert watch.status_text(100.0) == "no operator yet"
     assert watch.beat(100.0) == "link: the operator is there"
@@ -47,7 +47,7 @@ def test_an_operator_is_lost_once_and_comes_back() -> None:
 
 
 def test_a_link_that_is_not_steady_yet_is_lost_later() -> None:
-    watch = LinkMonitor(patience_s=2.0, unsteady_patience_s=10.0)
+    watch = LinkMonitor()
     for at_s in (100.0, 102.6, 105.2, 105.7, 106.2):  # late, late, then regular
         assert not watch.step(at_s)
         watch.beat(at_s)
@@ -148,7 +148,7 @@ def test_a_link_is_there_until_it_is_lost() -> None:
 
 
 def test_a_link_that_was_lost_must_be_steady_anew() -> None:
-    watch = LinkMonitor(patience_s=2.0, unsteady_patience_s=10.0)
+    watch = LinkMonitor()
     for at_s in (100.0, 100.5, 101.0, 101.5, 102.0):
         watch.beat(at_s)
     assert watch.step(105.0)

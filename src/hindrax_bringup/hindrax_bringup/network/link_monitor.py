@@ -26,8 +26,6 @@ class SafetyMonitorKnobs:
 class LinkMonitor:
     """Time is an argument [s], of any clock that only goes forward."""
 
-    patience_s: float = PATIENCE_s
-    unsteady_patience_s: float = UNSTEADY_PATIENCE_s
     last_s: float | None = None
     lost: bool = False
     regular: int = 0
@@ -42,7 +40,7 @@ class LinkMonitor:
         elif self.lost:
             message = f"link: the operator is back after {silent_s:.1f} s"
         if self.regular < STEADY_BEATS:
-            on_time = self.last_s is not None and not self.lost and silent_s <= self.patience_s
+            on_time = self.last_s is not None and not self.lost and silent_s <= PATIENCE_s
             self.regular = self.regular + 1 if on_time else 1
         self.last_s, self.lost = now_s, False
         return message
@@ -57,7 +55,7 @@ class LinkMonitor:
     @property
     def allowed_s(self) -> float:
         """Silence after which the link is lost [s]: longer before it is steady."""
-        return self.patience_s if self.regular >= STEADY_BEATS else self.unsteady_patience_s
+        return PATIENCE_s if self.regular >= STEADY_BEATS else UNSTEADY_PATIENCE_s
 
     def silent_s(self, now_s: float) -> float:
         """Return the time since the last heartbeat [s]; zero before the first."""

@@ -9,6 +9,7 @@ import os
 import re
 import sys
 from collections.abc import Iterable, Iterator
+from functools import partial
 from textwrap import wrap
 from typing import TextIO
 
@@ -19,6 +20,7 @@ COPIED = re.compile(r"\s*(\./hindrax |export \w+=)")
 """How a line of any text begins that is to be copied."""
 LEAST = 20
 """Narrower than this is no width of a screen."""
+_wrapped = partial(wrap, break_long_words=False, break_on_hyphens=False, replace_whitespace=False)
 
 
 def screen_width(stream: TextIO) -> int:
@@ -75,20 +77,9 @@ def _fitted_prose(line: str, width: int) -> str:
 def _broken(line: str, width: int, hang: int | None) -> str:
     if len(line) <= width or COPIED.match(line):
         return line
-    begin = len(line) - len(line.lstrip())
-    rest = " " * (begin + 2 if hang is None else hang)
-    words = line.lstrip()
-    found = wrap(
-        words,
-        width,
-        initial_indent=line[:begin],
-        subsequent_indent=rest,
-        break_long_words=False,
-        break_on_hyphens=False,
-        drop_whitespace=True,
-        replace_whitespace=False,
-    )
-    return "\n".join(found)
+    begin = line[: -len(line.lstrip())]
+    rest = " " * (len(begin) + 2 if hang is None else hang)
+    return "\n".join(_wrapped(line.lstrip(), width, initial_indent=begin, subsequent_indent=rest))
 
 
 def print_fitted(text: object, stream: TextIO | None = None, end: str = "\n") -> None:
