@@ -135,7 +135,7 @@ def _node(process: Process, file: Path, options: NodeOptions) -> Node:
 
 def _announce(options: NodeOptions, made: Mapping[str, str]) -> None:
     """Let `hindrax monitor`, `arm` and the like find this stack, until this process ends."""
-    presence = StackLock(
+    lock = StackLock(
         os.getpid(),
         options.wires is not None,
         options.vehicle,
@@ -148,7 +148,7 @@ def _announce(options: NodeOptions, made: Mapping[str, str]) -> None:
     )
     until_the_end = contextlib.ExitStack()
     atexit.register(until_the_end.close)
-    until_the_end.enter_context(announced(presence))
+    until_the_end.enter_context(announced(lock))
 
 
 def ports(folder: Path, vehicle_file: str) -> dict[str, Any]:

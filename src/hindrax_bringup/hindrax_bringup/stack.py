@@ -17,7 +17,7 @@ from hindrax_bringup.liveness import NOTIFY
 from hindrax_bringup.network import security
 from hindrax_bringup.network.tether import Tether, profile_file
 from hindrax_bringup.node_options import NodeOptions, Tuning
-from hindrax_bringup.nodes.graph_presence import occupied_domains, require_no_stack
+from hindrax_bringup.nodes.graph_search import occupied_domains, require_no_stack
 from hindrax_bringup.processes import MOCK, RECORDER, Process
 from hindrax_bringup.stack_lock import StackLock, graph_settings
 from hindrax_bringup.supervisor import SupervisedProcess, Supervisor, last_words
@@ -108,7 +108,7 @@ class Stack:
         self.mock_facts = first_line(child, MOCK_READY_S, self.folder.logs / "mock.log")
 
 
-def presence_of(stack: Stack) -> StackLock:
+def lock_of(stack: Stack) -> StackLock:
     """Lock-file entry of a stack that was started."""
     folder, started = stack.folder, stack.supervisor.children
     return StackLock(

@@ -95,10 +95,10 @@ def graph_settings(environment: Mapping[str, str]) -> dict[str, str]:
 
 
 @contextlib.contextmanager
-def announced(presence: StackLock) -> Iterator[Path]:
+def announced(lock: StackLock) -> Iterator[Path]:
     """Leave the file for as long as the stack runs."""
-    path = runtime_folder() / f"{presence.pid}.json"
-    with locked(path, asdict(presence)):
+    path = runtime_folder() / f"{lock.pid}.json"
+    with locked(path, asdict(lock)):
         try:
             yield path
         finally:

@@ -1,4 +1,4 @@
-"""A stack that is kept up: processes looked after, presence announced, until a signal ends it."""
+"""A stack that is kept up: processes looked after, its lock file announced, until a signal ends it."""
 
 import contextlib
 import math
@@ -17,7 +17,7 @@ from hindrax_bringup.liveness import STARTING, LivenessFile, heard_armed, tool_l
 from hindrax_bringup.network.tether import FOREVER_S, Tether, address_of, wait_for_address
 from hindrax_bringup.node_options import Tuning
 from hindrax_bringup.processes import MOCK, ONBOARD, SAFETY_MONITOR, THRUSTERS, modules
-from hindrax_bringup.stack import PROFILE, MockOptions, Stack, own_domain, presence_of, stack_environment
+from hindrax_bringup.stack import PROFILE, MockOptions, Stack, lock_of, own_domain, stack_environment
 from hindrax_bringup.stack_lock import StackLock, announced, runtime_folder, stacks
 from hindrax_bringup.supervisor import Supervisor, last_words, stop_signals
 from hindrax_core.errors import HindraxError
@@ -81,9 +81,9 @@ def _run(options: UpOptions, run: int, domain: int | None, over: Callable[[], bo
         stack = Stack(folder, supervisor, "up in mock" if mock else "up", options.tuning)
         without_operator = options.without_operator if options.tether else ""
         stack.start(options.mock, record=options.record, without_operator=without_operator)
-        presence = presence_of(stack)
-        with announced(presence):
-            print_fitted(startup_text(presence, folder, record=options.record))
+        lock = lock_of(stack)
+        with announced(lock):
+            print_fitted(startup_text(lock, folder, record=options.record))
             clock = ClockStep(StackTime.of(made))
             _look_after(supervisor, lambda: over() or clock.followed(), options.tether, address, beating)
         report("ending; the thrusters go neutral and disarm")
@@ -172,13 +172,13 @@ def report(sentence: str) -> None:
     print_fitted(sentence, sys.stderr)
 
 
-def startup_text(presence: StackLock, folder: RunFolder, *, record: bool) -> str:
+def startup_text(lock: StackLock, folder: RunFolder, *, record: bool) -> str:
     """Return how to reach the stack."""
     lines = [
-        f"up: {presence.title}",
+        f"up: {lock.title}",
         "  from any terminal: ./hindrax monitor | web | arm | hold | wrench | disarm | stop",
         "  with ROS 2 tools:",
-        *(f"    export {key}={value}" for key, value in sorted(presence.graph.items()) if key in SHOWN),
+        *(f"    export {key}={value}" for key, value in sorted(lock.graph.items()) if key in SHOWN),
         f"  processes:         {', '.join(process.name for process in ONBOARD)}; logs in {folder.logs}",
     ]
     lines += [f"  bag:               {folder.bag}"] if record else []

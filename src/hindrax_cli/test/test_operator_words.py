@@ -307,11 +307,11 @@ def test_options_of_the_mock_need_the_mock(option: list[str], capsys: pytest.Cap
 
 
 def test_up_says_how_to_reach_it(tmp_path: Path) -> None:
-    presence = StackLock(5, True, "v", "f", {"ROS_DOMAIN_ID": "7", "ROS_DISTRO": "jazzy"})
-    said = startup_text(presence, RunFolder(tmp_path), record=True)
+    lock = StackLock(5, True, "v", "f", {"ROS_DOMAIN_ID": "7", "ROS_DISTRO": "jazzy"})
+    said = startup_text(lock, RunFolder(tmp_path), record=True)
     assert "export ROS_DOMAIN_ID=7\n" in said
     assert str(tmp_path / "bag") in said
-    assert "bag" not in startup_text(presence, RunFolder(Path("x")), record=False)
+    assert "bag" not in startup_text(lock, RunFolder(Path("x")), record=False)
 
 
 def test_settings_of_up_can_be_copied_from_a_narrow_screen() -> None:

@@ -31,7 +31,7 @@ def add_stack(parser: argparse.ArgumentParser) -> None:
     add_tether(parser)
 
 
-def presence_of(arguments: argparse.Namespace) -> StackLock | None:
+def chosen_stack(arguments: argparse.Namespace) -> StackLock | None:
     """Pick the stack that is meant, None when none is announced."""
     found = stacks()
     if arguments.namespace != NAMESPACE:
@@ -81,9 +81,9 @@ def _graph_of_this_terminal() -> dict[str, str]:
     return environment(mock=False, domain=None, tether=tether)
 
 
-def told_presence(arguments: argparse.Namespace) -> StackLock | None:
+def find_stack(arguments: argparse.Namespace) -> StackLock | None:
     """Pick the stack that is meant; when none is announced, say where it is looked for."""
-    found = presence_of(arguments)
+    found = chosen_stack(arguments)
     if found is None:
         tether = tether_setting()
         where = f"over the tether {tether.interface}" if tether else "in the ROS graph of this terminal"
@@ -94,6 +94,6 @@ def told_presence(arguments: argparse.Namespace) -> StackLock | None:
 @contextlib.contextmanager
 def operator_of(arguments: argparse.Namespace) -> Iterator[Operator]:
     """Yield an operator in the graph that the words of a command mean."""
-    found = told_presence(arguments)
+    found = find_stack(arguments)
     with joined(found, sim_time=arguments.sim_time, namespace=arguments.namespace) as operator:
         yield operator

@@ -128,7 +128,7 @@ def _own_thrusters(vehicle_file: Path, *, mock: bool) -> Iterator[Operator]:
         with Supervisor(folder.logs, made) as supervisor:
             stack = Stack(folder, supervisor)
             stack.start(MockOptions(rate=1.0) if mock else None, record=False, onboard=(THRUSTERS,))
-            presence = StackLock(0, mock, str(folder.vehicle), place, graph_settings(made))
+            lock = StackLock(0, mock, str(folder.vehicle), place, graph_settings(made))
 
             def look_after() -> None:
                 for sentence in supervisor.check():
@@ -136,7 +136,7 @@ def _own_thrusters(vehicle_file: Path, *, mock: bool) -> Iterator[Operator]:
                 supervisor.require()
                 beat.beat("one thruster alone", {})
 
-            with joined(presence, tick=look_after) as operator:
+            with joined(lock, tick=look_after) as operator:
                 operator.wait(lambda: operator.thrusters is not None, UP_S, lambda: _missing(operator))
                 yield operator
 

@@ -18,7 +18,7 @@ from hindrax_bringup.liveness import STARTING, LivenessFile, health_change, tool
 from hindrax_bringup.network.tether import available_tether
 from hindrax_bringup.node_options import Tuning
 from hindrax_bringup.processes import RECORDER, modules
-from hindrax_bringup.stack import MockOptions, Stack, adopted, own_domain, presence_of, stack_environment
+from hindrax_bringup.stack import MockOptions, Stack, adopted, lock_of, own_domain, stack_environment
 from hindrax_bringup.stack_lock import announced
 from hindrax_bringup.supervisor import Supervisor, stop_signals
 from hindrax_control.maneuver.goal import PLATEAUS, Goal, motions_to_fly
@@ -208,7 +208,7 @@ def _operate(
         contextlib.ExitStack() as until_the_end,
     ):
         stack.start(mock, record=True)
-        until_the_end.enter_context(announced(presence_of(stack)))
+        until_the_end.enter_context(announced(lock_of(stack)))
         progress.report("waiting for the devices, the thrusters and a navigation solution")
         operator.wait(lambda: operator.navigation is not None, UP_S, lambda: missing_solution(operator))
         operator.wait(lambda: operator.thrusters is not None, UP_S, lambda: "the thrusters to say anything")

@@ -74,11 +74,11 @@ def from_topside(vehicle: Vehicle) -> list[Check]:
         return [Check("stack", str(error), "see `tether`; is `./hindrax up` running there?")]
 
 
-def of_stack(presence: StackLock) -> list[Check]:
+def of_stack(lock: StackLock) -> list[Check]:
     """Ask the nodes of a stack that is up; its ports are taken."""
     try:
-        with joined(presence) as operator:
-            return nodes.stack(operator, load_vehicle(presence.vehicle), presence.title)
+        with joined(lock) as operator:
+            return nodes.stack(operator, load_vehicle(lock.vehicle), lock.title)
     except HindraxError as error:
         return [Check("stack", str(error), "end it and start it again")]
 

@@ -13,7 +13,7 @@ from hindrax_core.errors import UsageError
 from hindrax_core.readings import Vec6
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import WRENCH_SYMBOLS, WRENCH_UNITS, load_vehicle
-from hindrax_operator.connection import add_stack, operator_of, presence_of
+from hindrax_operator.connection import add_stack, chosen_stack, operator_of
 from hindrax_operator.snapshot import ANGLES
 
 ARMING_S = 60.0
@@ -144,7 +144,7 @@ def place_of(words: Sequence[str]) -> tuple[float, float, float]:
 def wrench(arguments: argparse.Namespace) -> int:
     """Push with a wrench for a while, added to the holds; it ends with this command."""
     pushed = checked([getattr(arguments, symbol) for symbol in WRENCH_SYMBOLS])
-    found = presence_of(arguments)
+    found = chosen_stack(arguments)
     if found is not None:
         require_within(pushed, load_vehicle(found.vehicle).limits.wrench)
     from hindrax_operator.nodes.orders import apply_wrench, require_armed  # noqa: PLC0415  # invalid arguments cost no rclpy
@@ -195,7 +195,7 @@ def outcome_text(allocation: Any) -> str:
 )
 def lights(arguments: argparse.Namespace) -> int:
     """Set the brightness of the lamps, from 0 to 1; they go out when nobody commands the vehicle any more."""
-    found = presence_of(arguments)
+    found = chosen_stack(arguments)
     lamps = len(load_vehicle(found.vehicle if found else vehicle_file(usual_vehicle())).output.light_channels)
     levels = brightness(arguments.levels, lamps)
     with operator_of(arguments) as operator:

@@ -17,7 +17,7 @@ from hindrax_cli.command import command, option
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_fitted, print_whole
 from hindrax_core.vehicle import AXES, load_vehicle
-from hindrax_operator.connection import add_stack, presence_of, told_presence
+from hindrax_operator.connection import add_stack, chosen_stack, find_stack
 from hindrax_operator.web.access import Access, hosts_of
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def monitor(arguments: argparse.Namespace) -> int:
     from hindrax_operator.monitor.app import Monitor  # noqa: PLC0415  # textual takes long to load
     from hindrax_operator.monitor.graph_link import GraphLink  # noqa: PLC0415  # as above
 
-    link = GraphLink(presence_of(arguments), sim_time=arguments.sim_time, namespace=arguments.namespace)
+    link = GraphLink(chosen_stack(arguments), sim_time=arguments.sim_time, namespace=arguments.namespace)
     link.start()
     try:
         link.wait(JOIN_S)
@@ -79,7 +79,7 @@ def web(arguments: argparse.Namespace) -> int:
     from hindrax_operator.web.reports import Reports  # noqa: PLC0415  # as above
     from hindrax_operator.web.server import Server  # noqa: PLC0415  # as above
 
-    found = told_presence(arguments)
+    found = find_stack(arguments)
     vehicle = load_vehicle(Path(found.vehicle) if found else vehicle_file(usual_vehicle()))
     heartbeat = ViewerHeartbeat()
     link = GraphLink(found, sim_time=arguments.sim_time, namespace=arguments.namespace, present=heartbeat.present)

@@ -1,6 +1,6 @@
 """Who lives in a ROS domain of this machine: lock files tell only of stacks whose tool still runs.
 
-As a program, `python -m hindrax_bringup.nodes.graph_presence NAMESPACE`, it prints the nodes of a stack in the domain
+As a program, `python -m hindrax_bringup.nodes.graph_search NAMESPACE`, it prints the nodes of a stack in the domain
 of its environment.
 """
 
@@ -36,7 +36,7 @@ def require_no_stack(domain: int, namespace: str, environment: Mapping[str, str]
     """HindraxError when nodes of a stack of this namespace are in this domain; other nodes may be there."""
     if domain not in occupied_domains():
         return
-    words = [sys.executable, "-m", "hindrax_bringup.nodes.graph_presence", namespace]
+    words = [sys.executable, "-m", "hindrax_bringup.nodes.graph_search", namespace]
     # A process of its own: the middleware keeps the profile of the first node for as long as its process lives.
     try:
         done = subprocess.run(  # noqa: S603  # our own module

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_bringup.nodes.graph_presence import FIRST_PORT, PORTS_PER_DOMAIN, occupied_domains
+from hindrax_bringup.nodes.graph_search import FIRST_PORT, PORTS_PER_DOMAIN, occupied_domains
 from hindrax_bringup.stack import environment, own_domain
 from hindrax_core.errors import HindraxError
 
