@@ -15,8 +15,8 @@ from hindrax_drivers.protocols.mavlink import (
     CommandAck,
     CommandLong,
     Decoder,
-    Frame,
     Heartbeat,
+    MavlinkFrame,
     Message,
     ServoOutput,
     StatusText,
@@ -70,7 +70,7 @@ def test_a_flood_of_frames_raises_nothing_and_lets_no_false_one_through() -> Non
         data, decoder = batch + bytes(300), Decoder()
         found = 0
         for piece in chunked(data, dice):
-            found += sum(isinstance(event, Frame) for event in decoder.feed(piece, Stamp(turn)))
+            found += sum(isinstance(event, MavlinkFrame) for event in decoder.feed(piece, Stamp(turn)))
             board.receive(piece, turn)
             assert all(1100 <= pulse <= 1900 for pulse in board.failsafe.step(turn))
             if turn % HOST_EVERY == 0:

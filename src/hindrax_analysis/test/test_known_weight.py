@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hindrax_analysis.experiments.known_weight import Hold, Span, holds_of, weigh
+from hindrax_analysis.experiments.known_weight import Hold, LoadSpan, holds_of, weigh
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.errors import HindraxError
@@ -88,9 +88,9 @@ def test_holds_are_cut_out_of_a_record_of_events() -> None:
         events.append(Stamped(stamp, Thrust((float(index), 0.0, 0.0, 0.0, 0.0, 0.0))))
         events.append(Stamped(stamp, Velocity((0.001, *UNKNOWN6[1:]), "dvl")))
         events.append(Stamped(stamp, Velocity(UNKNOWN6, "gyro")))
-    (found,) = holds_of(events, 0, [Span(after(begin, 10.0), after(begin, 20.0), 3.0)])
+    (found,) = holds_of(events, 0, [LoadSpan(after(begin, 10.0), after(begin, 20.0), 3.0)])
     assert (found.load, found.begin_s, found.long_s) == (3.0, 0.0, 10.0)
     assert found.thrust.tolist() == [float(index) for index in range(100, 200)]
     assert found.velocity.tolist() == [0.001] * 100
     with pytest.raises(HindraxError, match="found 0 wrenches"):
-        holds_of(events, 0, [Span(after(begin, 50.0), after(begin, 60.0), 3.0)])
+        holds_of(events, 0, [LoadSpan(after(begin, 50.0), after(begin, 60.0), 3.0)])

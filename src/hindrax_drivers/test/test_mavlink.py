@@ -6,7 +6,7 @@ from pymavlink.dialects.v20 import common
 
 from hindrax_core.events import Rejected, Stamp
 from hindrax_core.testing import chunks
-from hindrax_drivers.protocols.mavlink import CommandAck, Decoder, Frame, Heartbeat, Message, ServoOutput, encode
+from hindrax_drivers.protocols.mavlink import CommandAck, Decoder, Heartbeat, MavlinkFrame, Message, ServoOutput, encode
 
 NOW = Stamp(7)
 MESSAGES = st.sampled_from([Heartbeat(12, 0, 128, 4), CommandAck(400, 1), ServoOutput(9, (1500,) * 16)])
@@ -17,7 +17,7 @@ def wire(pieces: list[bytes | Message]) -> bytes:
     return b"".join(piece if isinstance(piece, bytes) else encode(piece, 1) for piece in pieces)
 
 
-def events(data: bytes, sizes: list[int]) -> list[Frame | Rejected]:
+def events(data: bytes, sizes: list[int]) -> list[MavlinkFrame | Rejected]:
     decoder = Decoder()
     return [event for piece in chunks(data, sizes) for event in decoder.feed(piece, NOW)]
 
@@ -35,7 +35,7 @@ def test_every_frame_among_garbage_is_found_and_every_other_byte_is_accounted_fo
     data = wire(pieces) + bytes(100)
     found = events(data, [len(data)])
     sent = [piece for piece in pieces if not isinstance(piece, bytes)]
-    assert [event.message for event in found if isinstance(event, Frame)] == sent
+    assert [event.message for event in found if isinstance(event, MavlinkFrame)] == sent
     refused = sum(len(event.data) for event in found if isinstance(event, Rejected))
     frames = sum(len(encode(message, 1)) for message in sent)
     assert 0 <= len(data) - refused - frames < 64
@@ -46,13 +46,13 @@ def test_a_frame_with_a_flipped_bit_is_never_a_message(message: Message, data: s
     good = bytearray(encode(message, 1))
     bit = data.draw(st.integers(0, len(good) * 8 - 1))
     good[bit // 8] ^= 1 << bit % 8
-    assert not any(isinstance(event, Frame) for event in events(bytes(good) + bytes(100), [999]))
+    assert not any(isinstance(event, MavlinkFrame) for event in events(bytes(good) + bytes(100), [999]))
 
 
 def test_a_frame_after_a_stray_start_byte_and_a_false_length_is_not_lost() -> None:
     beat = encode(Heartbeat(12, 0, 0, 3), 1)
     data = b"\xfd\xff" + beat + b"\xfd\x09\x00" + beat + beat + b"\xfd" + beat
-    assert sum(isinstance(event, Frame) for event in events(data, [1])) == 4
+    assert sum(isinstance(event, MavlinkFrame) for event in events(data, [1])) == 4
 
 
 def test_bytes_without_any_start_are_refused_to_the_last() -> None:
@@ -69,7 +69,7 @@ def test_refusals_say_why() -> None:
     for bad in (unknown, long, damaged, signed, b"hello"):
         first, second = events(bad + beat, [999])
         assert isinstance(first, Rejected)
-        assert isinstance(second, Frame)
+        assert isinstance(second, MavlinkFrame)
         assert first.data == bad
         reasons.append(first.reason)
     assert reasons == [

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from hindrax_core.testing import chunks
 from hindrax_drivers.protocols import ping_protocol as protocol
-from hindrax_drivers.protocols.ping_protocol import Frame, FrameSplitter, Refused, encode
+from hindrax_drivers.protocols.ping_protocol import FrameSplitter, PingFrame, Refused, encode
 
 SIMPLE = encode(protocol.DISTANCE_SIMPLE, struct.pack("<IB", 1234, 95))
 LONG_TEXT = b"BR\x00\x01\x03\x00"
@@ -44,8 +44,8 @@ def test_every_frame_that_is_not_overlapped_comes_through_and_every_byte_is_told
 ) -> None:
     data = b"".join(parts) + b"\x00" * 1200 + SIMPLE
     pieces = split(data)
-    assert pieces[-1] == Frame(protocol.DISTANCE_SIMPLE, SIMPLE[8:-2])
-    frames = sum(one.size for one in pieces if isinstance(one, Frame))
+    assert pieces[-1] == PingFrame(protocol.DISTANCE_SIMPLE, SIMPLE[8:-2])
+    frames = sum(one.size for one in pieces if isinstance(one, PingFrame))
     junk = sum(len(one.data) for one in pieces if isinstance(one, Refused) and one.reason == "garbage")
     assert frames + junk <= len(data)
 
@@ -53,8 +53,8 @@ def test_every_frame_that_is_not_overlapped_comes_through_and_every_byte_is_told
 @given(st.integers(1200, 1400), st.binary(max_size=200))
 def test_what_is_encoded_is_decoded_when_its_length_is_right(message: int, payload: bytes) -> None:
     pieces = split(encode(message, payload))
-    if pieces and isinstance(pieces[0], Frame):
-        assert pieces == [Frame(message, payload)]
+    if pieces and isinstance(pieces[0], PingFrame):
+        assert pieces == [PingFrame(message, payload)]
         assert pieces[0].size == len(payload) + 10
     else:
         assert isinstance(pieces[0], Refused)
@@ -76,8 +76,8 @@ def test_a_flood_of_false_marks_is_cheap_and_told() -> None:
 
 def test_a_profile_whose_count_does_not_fit_is_none() -> None:
     head = struct.pack("<IHHIIIIH", 1000, 100, 50, 7, 0, 5000, 2, 5)
-    assert protocol.echo(Frame(protocol.PROFILE, head + b"1234")) is None
-    message = protocol.echo(Frame(protocol.PROFILE, head + b"12345"))
+    assert protocol.echo(PingFrame(protocol.PROFILE, head + b"1234")) is None
+    message = protocol.echo(PingFrame(protocol.PROFILE, head + b"12345"))
     assert message is not None
     assert message.strength == b"12345"
 
@@ -86,8 +86,8 @@ def test_what_a_corrupt_length_covers_comes_through_when_it_arrives() -> None:
     splitter = FrameSplitter()
     header = struct.pack("<2sHHBB", b"BR", 1000, protocol.PROFILE, 0, 0)
     arrived = [splitter.feed(part) for part in (header + bytes(40), SIMPLE, SIMPLE)]
-    frame = Frame(protocol.DISTANCE_SIMPLE, SIMPLE[8:-2])
-    assert [[one for one in pieces if isinstance(one, Frame)] for pieces in arrived] == [[], [frame], [frame]]
+    frame = PingFrame(protocol.DISTANCE_SIMPLE, SIMPLE[8:-2])
+    assert [[one for one in pieces if isinstance(one, PingFrame)] for pieces in arrived] == [[], [frame], [frame]]
     assert [one.reason for one in arrived[1] if isinstance(one, Refused)] == ["length", "garbage"]
 
 
@@ -115,9 +115,9 @@ LENGTHS |= {1200: 6, 1210: 10, 1211: 5, 1212: 24, 1213: 2, 1214: 2, 1215: 1}
 
 @pytest.mark.parametrize(("message", "size"), LENGTHS.items())
 def test_every_message_has_the_length_of_its_definition_and_no_other(message: int, size: int) -> None:
-    assert split(encode(message, bytes(size))) == [Frame(message, bytes(size))]
+    assert split(encode(message, bytes(size))) == [PingFrame(message, bytes(size))]
     for wrong in (size - 1, size + 1):
-        assert not any(isinstance(one, Frame) for one in split(encode(message, bytes(wrong))))
+        assert not any(isinstance(one, PingFrame) for one in split(encode(message, bytes(wrong))))
 
 
 @pytest.mark.parametrize(
@@ -126,9 +126,9 @@ def test_every_message_has_the_length_of_its_definition_and_no_other(message: in
 )
 def test_a_message_of_any_length_has_its_head_and_an_end(message: int, shortest: int, longest: int) -> None:
     for size in {shortest, longest}:
-        assert split(encode(message, bytes(size))) == [Frame(message, bytes(size))]
+        assert split(encode(message, bytes(size))) == [PingFrame(message, bytes(size))]
     for wrong in {max(0, shortest - 1), longest + 1} - {shortest}:
-        assert not any(isinstance(one, Frame) for one in split(encode(message, bytes(wrong))))
+        assert not any(isinstance(one, PingFrame) for one in split(encode(message, bytes(wrong))))
 
 
 @pytest.mark.parametrize(("message", "reason"), [(protocol.DISTANCE_SIMPLE, "length"), (1999, "unknown")])

@@ -16,8 +16,8 @@ from hindrax_drivers.protocols.mavlink import (
     CommandAck,
     CommandLong,
     Decoder,
-    Frame,
     Heartbeat,
+    MavlinkFrame,
     Message,
     ServoOutput,
     StatusText,
@@ -35,7 +35,7 @@ def at(seconds: float) -> Stamp:
 def said(outputs: Iterable[Output]) -> list[Message | None]:
     """Messages on the wire, decoded."""
     data = b"".join(output.data for output in outputs if isinstance(output, Send))
-    return [event.message for event in Decoder().feed(data, at(0.0)) if isinstance(event, Frame)]
+    return [event.message for event in Decoder().feed(data, at(0.0)) if isinstance(event, MavlinkFrame)]
 
 
 def heard(device: Stm32, message: Message, seconds: float) -> list[Output]:

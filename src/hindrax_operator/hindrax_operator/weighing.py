@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-from hindrax_analysis.experiments.known_weight import Hold, Span, holds_of
+from hindrax_analysis.experiments.known_weight import Hold, LoadSpan, holds_of
 from hindrax_control.maneuver.goal import servable_motions
 from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.signals import IdentEvent, Thrust, Velocity
@@ -52,7 +52,7 @@ def weigh_on(
         begin = after(operator.now(), SETTLE_S)
         until(operator, partial(heard, begin, keep=False), SETTLE_S, "the weighing")
         say(f"measuring for {HOLD_S:.0f} s: keep away from line and tether")
-        span = Span(begin, after(begin, HOLD_S), load)
+        span = LoadSpan(begin, after(begin, HOLD_S), load)
         until(operator, partial(heard, span.end, keep=True), HOLD_S, "the weighing")
         spans.append(span)
     return holds_of(events, axis, spans)

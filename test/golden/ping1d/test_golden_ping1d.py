@@ -29,7 +29,7 @@ def test_encoding(case: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("case", named("device"))
 def test_decoding(case: dict[str, Any]) -> None:
-    wanted = protocol.Frame(case["message"], bytes.fromhex(case["payload"]))
+    wanted = protocol.PingFrame(case["message"], bytes.fromhex(case["payload"]))
     assert protocol.FrameSplitter().feed(bytes.fromhex(case["frame"])) == [wanted]
 
 
@@ -37,7 +37,7 @@ def test_decoding(case: dict[str, Any]) -> None:
 def test_hostile_streams_swallow_nothing(case: dict[str, Any]) -> None:
     stream = bytes.fromhex(case["stream"].replace("F", FRAMES["distance_simple"].hex(" ")))
     pieces = protocol.FrameSplitter().feed(stream)
-    assert [one.id for one in pieces if isinstance(one, protocol.Frame)] == [1211] * case["wanted"]
+    assert [one.id for one in pieces if isinstance(one, protocol.PingFrame)] == [1211] * case["wanted"]
     assert any(isinstance(one, protocol.Refused) for one in pieces)
 
 

@@ -17,8 +17,8 @@ from hindrax_drivers.protocols.mavlink import (
     CommandAck,
     CommandLong,
     Decoder,
-    Frame,
     Heartbeat,
+    MavlinkFrame,
     Message,
     ServoOutput,
     StatusText,
@@ -43,7 +43,7 @@ TARGET = st.permutations([1, 2, 190, 255]).map(lambda ids: (ids[0], ids[1]))
 
 def only(data: bytes) -> Message:
     (frame,) = Decoder().feed(data, NOW)
-    assert isinstance(frame, Frame)
+    assert isinstance(frame, MavlinkFrame)
     assert frame.message is not None
     return frame.message
 
@@ -61,7 +61,7 @@ def test_encodes_to_the_very_bytes(name: str) -> None:
 @pytest.mark.parametrize("name", CASES)
 def test_decodes_the_very_bytes(name: str) -> None:
     (frame,) = Decoder().feed(WIRES[name], NOW)
-    assert isinstance(frame, Frame)
+    assert isinstance(frame, MavlinkFrame)
     assert (frame.system, frame.component, frame.sequence) == (1, CASES[name]["component"], CASES[name]["sequence"])
     assert frame.message is not None
     assert encode(frame.message, frame.sequence, frame.system, frame.component) == WIRES[name]
@@ -124,7 +124,7 @@ def test_signed_frames_are_refused() -> None:
     theirs.signing.secret_key, theirs.signing.sign_outgoing = bytes(32), True
     signed = bytes(theirs.heartbeat_encode(12, 0, 0, 0, 3).pack(theirs))
     events = list(Decoder().feed(signed + bytes(64), NOW))
-    assert not any(isinstance(event, Frame) for event in events)
+    assert not any(isinstance(event, MavlinkFrame) for event in events)
     assert [getattr(event, "reason", "") for event in events] == ["signed, or of a later version"]
 
 

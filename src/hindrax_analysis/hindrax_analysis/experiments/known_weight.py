@@ -40,7 +40,7 @@ SOURCES = ("scatter of the thrust", "quality of the hold", "drift of the DVL", "
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
+class LoadSpan:
     """When which load [N, Nm, with the axis] hung on the vehicle, from one stamp to another."""
 
     begin: Stamp
@@ -73,7 +73,7 @@ class Weighing:
     misfit: float
 
 
-def holds_of(events: Iterable[Stamped[IdentEvent]], axis: int, spans: Sequence[Span]) -> list[Hold]:
+def holds_of(events: Iterable[Stamped[IdentEvent]], axis: int, spans: Sequence[LoadSpan]) -> list[Hold]:
     """Cut the spans out of a record. HindraxError names a span in which too little was recorded."""
     if not spans:
         return []

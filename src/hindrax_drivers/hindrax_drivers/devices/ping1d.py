@@ -22,7 +22,7 @@ from hindrax_core.readings import DeviceText, Echo, EchoProfile, SonarHealth
 from hindrax_drivers.devices.ping1d_settings import DEFAULT_KNOBS, DeviceSetting, Ping1dKnobs, device_settings
 from hindrax_drivers.driver import Driver, SilenceMonitor, in_water
 from hindrax_drivers.protocols import ping_protocol as protocol
-from hindrax_drivers.protocols.ping_protocol import EchoMessage, Frame, FrameSplitter, Refused
+from hindrax_drivers.protocols.ping_protocol import EchoMessage, FrameSplitter, PingFrame, Refused
 
 HELLO = protocol.request(protocol.PROTOCOL_VERSION) + protocol.request(protocol.DEVICE_INFORMATION)
 HALF_COUNT = 1 << 31
@@ -40,7 +40,7 @@ class Ping1d:
         self._knobs, self.baud = knobs, knobs.baud
         self._stall_s = max(knobs.stall_s, 4.0 * knobs.interval_s)
         self._silence = SilenceMonitor("Ping", f"Ping frames at {knobs.baud} baud", self._stall_s)
-        self._handlers: dict[int, Callable[[Frame, Stamp], list[Output]]] = {
+        self._handlers: dict[int, Callable[[PingFrame, Stamp], list[Output]]] = {
             protocol.DEVICE_INFORMATION: self._on_identity,
             protocol.ACK: self._on_ack,
             protocol.NACK: self._on_nack,
@@ -111,7 +111,7 @@ class Ping1d:
                 outputs += self._on_frame(piece, stamp)
         return outputs
 
-    def _on_frame(self, frame: Frame, stamp: Stamp) -> list[Output]:
+    def _on_frame(self, frame: PingFrame, stamp: Stamp) -> list[Output]:
         self._silence.last_valid = stamp
         handler = self._handlers.get(frame.id)
         outputs = handler(frame, stamp) if handler is not None else []
@@ -119,7 +119,7 @@ class Ping1d:
             outputs += self._check_setting(frame, stamp)
         return outputs
 
-    def _on_identity(self, frame: Frame, stamp: Stamp) -> list[Output]:
+    def _on_identity(self, frame: PingFrame, stamp: Stamp) -> list[Output]:
         kind, revision, major, minor, patch, _ = frame.payload
         self._answered(stamp)
         if self._known:
@@ -148,13 +148,13 @@ class Ping1d:
             self._streaming = False
         return self._send_order(stamp)
 
-    def _on_ack(self, frame: Frame, stamp: Stamp) -> list[Output]:
+    def _on_ack(self, frame: PingFrame, stamp: Stamp) -> list[Output]:
         if not self._orders or protocol.about(frame) != self._orders[0].message:
             return []
         self._acked = True
         return [] if self._orders[0].proof else self._next_order(stamp)
 
-    def _on_nack(self, frame: Frame, stamp: Stamp) -> list[Output]:
+    def _on_nack(self, frame: PingFrame, stamp: Stamp) -> list[Output]:
         reason = frame.payload[2:].decode("ascii", "replace").strip("\0 ") or "no reason given"
         refused = protocol.about(frame)
         if self._orders and refused == self._orders[0].message:
@@ -169,7 +169,7 @@ class Ping1d:
         data = b"".join(map(protocol.request, self._health_wanted))
         return [Send(data)] if data else []
 
-    def _on_health(self, frame: Frame, stamp: Stamp) -> list[Output]:
+    def _on_health(self, frame: PingFrame, stamp: Stamp) -> list[Output]:
         """Collect what was asked for; the last answer completes the reading."""
         self._health[frame.id] = int.from_bytes(frame.payload, "little")
         if not self._running or self._health_wanted[-1:] != (frame.id,):
@@ -188,7 +188,7 @@ class Ping1d:
             return []
         return [Trouble(stamp, f"Ping: supply {supply_V:.2f} V, wanted {low} to {high} V; check cable and regulator")]
 
-    def _check_setting(self, frame: Frame, stamp: Stamp) -> list[Output]:
+    def _check_setting(self, frame: PingFrame, stamp: Stamp) -> list[Output]:
         """Compare a reported setting with the wanted one; a mismatch is sent again after the timeout."""
         if not self._orders[0].holds(frame):
             self._acked = False
@@ -197,11 +197,11 @@ class Ping1d:
         self._answered(stamp)
         return self._next_order(stamp)
 
-    def _on_text(self, frame: Frame, stamp: Stamp) -> list[Output]:
+    def _on_text(self, frame: PingFrame, stamp: Stamp) -> list[Output]:
         text = frame.payload.decode("ascii", "replace").strip("\0\r\n ")
         return [Stamped(stamp, DeviceText(text))] if text else []
 
-    def _on_simple(self, frame: Frame, stamp: Stamp) -> list[Output]:
+    def _on_simple(self, frame: PingFrame, stamp: Stamp) -> list[Output]:
         if not self._running:
             return []
         distance_mm, percent = protocol.simple(frame)
@@ -212,7 +212,7 @@ class Ping1d:
         at = self._echo_stamp(stamp, self._age_s(frame, distance_mm))
         return [Stamped(at, Echo(distance_mm * 0.001, percent * 0.01))]
 
-    def _on_echo(self, frame: Frame, stamp: Stamp) -> list[Output]:
+    def _on_echo(self, frame: PingFrame, stamp: Stamp) -> list[Output]:
         if not self._running:
             return []
         if not self._streaming:
@@ -248,7 +248,7 @@ class Ping1d:
             return "range"
         return "confidence" if percent * 0.01 < self._knobs.min_confidence else ""
 
-    def _age_s(self, frame: Frame, path_mm: int) -> float:
+    def _age_s(self, frame: PingFrame, path_mm: int) -> float:
         """Age of an echo when the last byte of its message arrives; `path_mm`: path of the sound after the echo."""
         on_wire_s = frame.size * 10.0 / self._knobs.baud
         return on_wire_s + path_mm * 0.001 / self._knobs.speed_of_sound_mps + self._knobs.latency_s

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from hindrax_core.knobs import knob
 from hindrax_drivers.protocols import ping_protocol as protocol
-from hindrax_drivers.protocols.ping_protocol import Frame
+from hindrax_drivers.protocols.ping_protocol import PingFrame
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class DeviceSetting:
         asked = protocol.request(self.proof) if self.proof and self.proof != protocol.PROFILE else b""
         return protocol.encode(self.message, self.payload) + asked
 
-    def holds(self, frame: Frame) -> bool:
+    def holds(self, frame: PingFrame) -> bool:
         """Whether a message with the id of the proof reports the wanted value."""
         if frame.id == protocol.PROFILE:
             return True

@@ -22,8 +22,8 @@ from hindrax_drivers.protocols.mavlink import (
     CommandAck,
     CommandLong,
     Decoder,
-    Frame,
     Heartbeat,
+    MavlinkFrame,
     Message,
     ServoOutput,
     StatusText,
@@ -146,7 +146,7 @@ class Stm32:
         self._wanted = ()
         self._wanted_at = self._sent_at = self._heartbeat_at = Stamp(0)
 
-    def _on_frame(self, frame: Frame, stamp: Stamp) -> list[Output]:
+    def _on_frame(self, frame: MavlinkFrame, stamp: Stamp) -> list[Output]:
         message = frame.message
         if isinstance(message, Heartbeat):
             return self._on_heartbeat(frame, message, stamp)
@@ -162,7 +162,7 @@ class Stm32:
             return [self._on_text(message, stamp)]
         return []
 
-    def _on_heartbeat(self, frame: Frame, beat: Heartbeat, stamp: Stamp) -> list[Output]:
+    def _on_heartbeat(self, frame: MavlinkFrame, beat: Heartbeat, stamp: Stamp) -> list[Output]:
         outputs: list[Output] = []
         identity = f"MAVLink system {frame.system} component {frame.component}, type {beat.type}"
         if identity != self.identity:

@@ -174,7 +174,7 @@ send (message sets common and ardupilotmega), so that those verify and are no re
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class MavlinkFrame:
     """A message whose checksum holds, and who sent it; None for a message that is not read here."""
 
     system: int
@@ -216,7 +216,7 @@ class Decoder:
         self._refused = bytearray()
         self._why = ""
 
-    def feed(self, data: bytes, stamp: Stamp) -> Iterator[Frame | Rejected]:
+    def feed(self, data: bytes, stamp: Stamp) -> Iterator[MavlinkFrame | Rejected]:
         """Return all complete frames. Rejected bytes come before the frame that follows them, 64 at a time."""
         self._buffer += data
         while len(self._buffer) >= HEAD:
@@ -250,15 +250,15 @@ class Decoder:
     def _number(self) -> int:
         return int.from_bytes(self._buffer[7:10], "little")
 
-    def _pop_frame(self, size: int) -> Frame:
+    def _pop_frame(self, size: int) -> MavlinkFrame:
         _, length, _, _, sequence, system, component = self._buffer[:7]
         layout = _BY_NUMBER.get(self._number())
         payload = bytes(self._buffer[HEAD : HEAD + length])
         del self._buffer[:size]
         if layout is None:
-            return Frame(system, component, sequence, None)
+            return MavlinkFrame(system, component, sequence, None)
         values = layout.fields.unpack(payload.ljust(layout.fields.size, b"\x00"))
-        return Frame(system, component, sequence, layout.of(values))
+        return MavlinkFrame(system, component, sequence, layout.of(values))
 
     def _refuse(self, count: int, why: str, stamp: Stamp) -> Iterator[Rejected]:
         # The first reason that names a frame is more specific than its absence.

@@ -55,7 +55,7 @@ _LENGTHS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class PingFrame:
     """A frame whose checksum holds and whose payload has a length that its message can have."""
 
     id: int
@@ -78,7 +78,7 @@ class Refused:
 _BITE = 4096
 """Bytes looked at in one go, so that a flood of false marks stays cheap."""
 
-Piece: TypeAlias = Frame | Refused
+Piece: TypeAlias = PingFrame | Refused
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,12 +105,12 @@ def request(message: int) -> bytes:
     return encode(GENERAL_REQUEST, struct.pack("<H", message))
 
 
-def about(frame: Frame) -> int:
+def about(frame: PingFrame) -> int:
     """Message id that an ack or a nack refers to."""
     return int.from_bytes(frame.payload[:2], "little")
 
 
-def echo(frame: Frame) -> EchoMessage | None:
+def echo(frame: PingFrame) -> EchoMessage | None:
     """Content of a distance or profile; None when a profile's count does not fit its length."""
     strength = frame.payload[26:]
     if frame.id == PROFILE and int.from_bytes(frame.payload[24:26], "little") != len(strength):
@@ -119,7 +119,7 @@ def echo(frame: Frame) -> EchoMessage | None:
     return EchoMessage(distance, confidence, number, start, length, gain, strength)
 
 
-def simple(frame: Frame) -> tuple[int, int]:
+def simple(frame: PingFrame) -> tuple[int, int]:
     """Distance [mm] and confidence [%] of a distance_simple."""
     distance, confidence = _SIMPLE.unpack(frame.payload)
     return distance, confidence
@@ -172,7 +172,7 @@ class FrameSplitter:
             self._refuse("checksum", end, pieces)
             return True
         self._flush(pieces)
-        pieces.append(Frame(message, self._bytes[HEADER.size : end - CHECKSUM.size]))
+        pieces.append(PingFrame(message, self._bytes[HEADER.size : end - CHECKSUM.size]))
         self._bytes = self._bytes[end:]
         self._excused = max(0, self._excused - end)
         return True

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from hindrax_analysis.digits import Value
-from hindrax_analysis.experiments.known_weight import Hold, Span, Weighing, holds_of
+from hindrax_analysis.experiments.known_weight import Hold, LoadSpan, Weighing, holds_of
 from hindrax_analysis.experiments.known_weight import weigh as weighed
 from hindrax_analysis.plain import print_answer
 from hindrax_analysis.records.own_bag import bag_events
@@ -95,7 +95,7 @@ def _holds(arguments: argparse.Namespace, vehicle: Vehicle, axis: int) -> list[H
         world = f"{arguments.world},{MOCK_LOADS[arguments.axis]}{load}"
         with working(f"holding {arguments.axis} in lock-step against each load"):
             flight = fly_weighing(vehicle, axis, world, arguments.seed, shares)
-        return holds_of(flight.events, axis, [Span(*one) for one in flight.spans])
+        return holds_of(flight.events, axis, [LoadSpan(*one) for one in flight.spans])
     if not arguments.load or (arguments.axis == "yaw" and not arguments.lever):
         raise UsageError(
             f"weigh {arguments.axis}: wanted --load N{' and --lever M' if arguments.axis == 'yaw' else ''}"
@@ -146,7 +146,7 @@ def _from_bag(arguments: argparse.Namespace, vehicle: Vehicle, axis: int) -> lis
             raise UsageError(f"--hold {text}: wanted LOAD:FROM:TO, such as 15:80:110") from None
         if not (math.isfinite(load) and 0.0 <= begin_s < end_s < math.inf):
             raise UsageError(f"--hold {text}: wanted a load, and seconds from 0 on, the first before the last")
-        spans.append(Span(after(start, begin_s), after(start, end_s), load))
+        spans.append(LoadSpan(after(start, begin_s), after(start, end_s), load))
     return holds_of(events, axis, spans)
 
 
