@@ -94,8 +94,9 @@ class BatchedNode(CheckedNode):
         overrides = [*parameter_overrides]
         if not ros_time:
             overrides.append(Parameter("use_sim_time", Parameter.Type.BOOL, False))  # as rclpy has it
-        super().__init__(name, namespace=NAMESPACE, parameter_overrides=overrides, **options)
         self._bypassed: frozenset[Subscription] = frozenset()
+        self._read: list[tuple[Callable[..., Any], Any, bool, Callable[..., Any], int]] | None = None
+        super().__init__(name, namespace=NAMESPACE, parameter_overrides=overrides, **options)
 
     def bypass(self, source: Node, topic: Topic, *, shown: bool) -> bool:
         """Read a topic no more from the graph if `source`, of the same process, publishes it under the same name.
@@ -123,13 +124,28 @@ class BatchedNode(CheckedNode):
         """Empty, so that the executor waits for none of them."""
         return iter(())
 
+    def create_subscription(self, *arguments: Any, **options: Any) -> Subscription:
+        """As rclpy does; `drain` reads it from its next call on."""
+        self._read = None
+        return super().create_subscription(*arguments, **options)
+
+    def destroy_subscription(self, subscription: Subscription) -> bool:
+        """As rclpy does."""
+        self._read = None
+        return super().destroy_subscription(subscription)
+
     def drain(self) -> None:
         """Pass every waiting message to its callback, topic by topic in the order of subscription."""
-        for one in [one for one in super().subscriptions if one not in self._bypassed]:
-            take, kind, raw = one.handle.take_message, one.msg_type, one.raw
-            count = 2 if one._callback_type is Subscription.CallbackType.WithMessageInfo else 1  # noqa: SLF001  # as rclpy
+        if self._read is None:
+            read = [one for one in super().subscriptions if one not in self._bypassed]
+            with_info = Subscription.CallbackType.WithMessageInfo
+            self._read = [
+                (one.handle.take_message, one.msg_type, one.raw, one.callback, 1 + (one._callback_type is with_info))  # noqa: SLF001  # as rclpy
+                for one in read
+            ]
+        for take, kind, raw, callback, count in self._read:
             while (found := take(kind, raw)) is not None:
-                one.callback(*found[:count])
+                callback(*found[:count])
 
 
 def events_executor(context: Context | None = None) -> Executor:

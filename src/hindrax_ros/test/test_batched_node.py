@@ -132,6 +132,20 @@ def test_one_outbox_serves_several_senders() -> None:
     assert len(sent) == 2
 
 
+def test_a_subscription_made_or_destroyed_between_two_reads_counts_at_the_next(node: BatchedNode) -> None:
+    heard: list[Any] = []
+    out = publisher(node, THRUSTER_COMMAND, held=False)
+    node.drain()
+    one = subscription(node, THRUSTER_COMMAND, heard.append)
+    wait_for(lambda: out.get_subscription_count() == 1)
+    say(out, 1)
+    wait_for(lambda: len(heard) == 1, turn=node.drain)
+    node.destroy_subscription(one)
+    say(out, 2)
+    node.drain()
+    assert len(heard) == 1
+
+
 def test_without_ros_time_no_clock_is_read(context: Context) -> None:
     with_time, without = BatchedNode("a", context=context), BatchedNode("b", context=context, ros_time=False)
     assert not without.get_parameter("use_sim_time").value
