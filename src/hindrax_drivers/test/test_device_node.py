@@ -67,6 +67,7 @@ class Bench:
 
     def turn(self) -> None:
         self._served.spin_once(timeout_sec=0.01)
+        self.node.drain()
         self.node.publish_queue.flush()
         self._executor.spin_once(timeout_sec=0.01)
 
