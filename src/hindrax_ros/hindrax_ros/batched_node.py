@@ -45,9 +45,11 @@ class PublishQueue:
     def __init__(self) -> None:
         self._held: deque[tuple[Callable[[bytes], None], bytes]] = deque()
         self._sending = threading.Lock()
+        self.flushes = 0
 
     def flush(self) -> None:
         """Send the queued messages in the order of publication."""
+        self.flushes += 1
         with self._sending:
             while self._held:
                 send, data = self._held.popleft()
@@ -160,6 +162,7 @@ class SpinLoop:
     def __init__(self, nodes: Sequence[Node], executor: Executor) -> None:
         self._batched = [node for node in nodes if isinstance(node, BatchedNode)]
         self._executor = executor
+        self._queues = {node.publish_queue: 0 for node in self._batched}
         leads = [node.lead for node in self._batched if node.lead is not None]
         self._leads = [lead.handle for lead in leads]
         self._settle_s = max((node.settle_s for node in self._batched), default=0.0)
@@ -183,9 +186,11 @@ class SpinLoop:
         self.flush()
 
     def flush(self) -> None:
-        """Send the queued messages of the nodes."""
-        for node in self._batched:
-            node.publish_queue.flush()
+        """Send the queued messages of the nodes, but for a queue that a thread has flushed since the last turn."""
+        for queue, before in self._queues.items():
+            if queue.flushes == before:
+                queue.flush()
+            self._queues[queue] = queue.flushes
 
     def _wait(self) -> None:
         self._set.clear_entities()

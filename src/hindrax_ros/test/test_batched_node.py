@@ -132,6 +132,24 @@ def test_one_outbox_serves_several_senders() -> None:
     assert len(sent) == 2
 
 
+def test_what_follows_the_flush_of_a_thread_waits_for_its_next_one_or_for_the_next_turn(
+    node: BatchedNode, context: Context
+) -> None:
+    executor = events_executor(context)
+    loop, sent = SpinLoop([node], executor), list[bytes]()
+    node.publish_queue.add(sent.append, b"1")
+    loop.flush()
+    assert sent == [b"1"]
+    node.publish_queue.add(sent.append, b"2")
+    node.publish_queue.flush()
+    node.publish_queue.add(sent.append, b"3")
+    loop.flush()
+    assert sent == [b"1", b"2"]
+    loop.flush()
+    assert sent == [b"1", b"2", b"3"]
+    executor.shutdown()
+
+
 def test_a_subscription_made_or_destroyed_between_two_reads_counts_at_the_next(node: BatchedNode) -> None:
     heard: list[Any] = []
     out = publisher(node, THRUSTER_COMMAND, held=False)
