@@ -29,7 +29,7 @@ class OutputThread(ServingThread):
     ) -> None:
         super().__init__("output")
         self._make, self._guard, self._listener, self._beat = make, guard, listener, beat
-        self._inbox: queue.SimpleQueue[tuple[Callable[[OutputHost], Any], Future[Any]]] = queue.SimpleQueue()
+        self._inbox: queue.SimpleQueue[tuple[Callable[[OutputHost], Any], Future[Any] | None]] = queue.SimpleQueue()
         self._output: ThrusterOutput | None = None
         self.ready = False
         """Whether the output is set up and follows commands."""
@@ -45,11 +45,11 @@ class OutputThread(ServingThread):
 
     def command(self, command: Command) -> None:
         """Check and apply a command at once. From any thread."""
-        self._ask(lambda host: host.command(command))
+        self._tell(lambda host: host.command(command))
 
     def light(self, levels: tuple[float, ...]) -> None:
         """Set the lamps, 0 (dark) to 1, at once. From any thread."""
-        self._ask(lambda host: host.light(levels))
+        self._tell(lambda host: host.light(levels))
 
     def arm(self, request: Request) -> Future[Answer]:
         """Begin to arm. From any thread."""
@@ -61,12 +61,12 @@ class OutputThread(ServingThread):
 
     def drop(self, reason: str) -> None:
         """Disarm for an internal reason. From any thread."""
-        self._ask(lambda host: host.drop(reason))
+        self._tell(lambda host: host.drop(reason))
 
     def inhibit(self, reason: str) -> None:
         """Hold neutral and disarmed while there is a reason; an empty reason ends it. From any thread."""
         self._inhibited_because = reason
-        self._ask(lambda host: host.inhibit(reason))
+        self._tell(lambda host: host.inhibit(reason))
 
     def stop(self, timeout_s: float = 3.0) -> None:
         """Write neutral and stop the thread. From any other thread."""
@@ -80,14 +80,19 @@ class OutputThread(ServingThread):
 
     def _ask(self, action: Callable[[OutputHost], Any]) -> Future[Any]:
         future: Future[Any] = Future()
+        self._tell(action, future)
+        return future
+
+    def _tell(self, action: Callable[[OutputHost], Any], future: Future[Any] | None = None) -> None:
         self._inbox.put((action, future))
         self._wake()
-        return future
 
     def _drain(self, host: OutputHost | None) -> None:
         while not self._inbox.empty():
             action, future = self._inbox.get()
-            future.set_result(action(host) if host else Answer(accepted=False, reason=self._closed_because))
+            answer = action(host) if host else Answer(accepted=False, reason=self._closed_because)
+            if future is not None:
+                future.set_result(answer)
 
     def _serve(self) -> None:
         """Open the output and serve it until a stop request; a missing port is retried."""
