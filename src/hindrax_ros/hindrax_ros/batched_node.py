@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
 TURN_S = 0.05
 """Longest wait between two turns of a process [wall time]."""
+IDLE_TURN_S = 0.2
+"""The same where nothing is read and a thread sends what is published; services and timers begin a turn anyway."""
 UNREAD = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
@@ -80,6 +82,8 @@ class BatchedNode(CheckedNode):
 
     lead: Subscription | None = None
     """The subscription whose messages begin a turn; without one the process turns every `TURN_S`."""
+    turn_s = TURN_S
+    """Longest wait between two turns [wall time]."""
     settle_s = 0.0
     """Time in which the rest of a burst follows the first message of the lead [wall time]."""
 
@@ -126,6 +130,11 @@ class BatchedNode(CheckedNode):
         """Empty, so that the executor waits for none of them."""
         return iter(())
 
+    @property
+    def reads(self) -> bool:
+        """Whether it subscribes to anything."""
+        return any(super().subscriptions)
+
     def create_subscription(self, *arguments: Any, **options: Any) -> Subscription:
         """As rclpy does; `drain` reads it from its next call on."""
         self._read = None
@@ -170,11 +179,13 @@ class SpinLoop:
         if leads:
             self._set = rclpy_implementation.WaitSet(len(leads), 0, 0, 0, 0, 0, nodes[0].context.handle)
         self._served = 0.0
+        self._turn_s = min((node.turn_s for node in self._batched), default=TURN_S)
+        self._idle = False
 
     def spin_once(self) -> None:
         """Run one turn of the loop."""
         if self._set is None:
-            self._executor.spin_once(timeout_sec=TURN_S)
+            self._executor.spin_once(timeout_sec=IDLE_TURN_S if self._idle else self._turn_s)
         else:
             self._wait()
             now = time.monotonic()
@@ -187,9 +198,11 @@ class SpinLoop:
 
     def flush(self) -> None:
         """Send the queued messages of the nodes, but for a queue that a thread has flushed since the last turn."""
+        self._idle = not any(node.reads for node in self._batched)
         for queue, before in self._queues.items():
             if queue.flushes == before:
                 queue.flush()
+                self._idle = False
             self._queues[queue] = queue.flushes
 
     def _wait(self) -> None:

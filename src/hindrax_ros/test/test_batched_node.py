@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
@@ -16,7 +16,7 @@ from rclpy.qos import ReliabilityPolicy
 
 from hindrax_core.topics import BATTERY, HOLD_STATUS, THRUSTER_COMMAND
 from hindrax_msgs.msg import HoldStatus, ThrusterCommand
-from hindrax_ros.batched_node import BatchedNode, PublishQueue, SpinLoop, events_executor
+from hindrax_ros.batched_node import IDLE_TURN_S, TURN_S, BatchedNode, PublishQueue, SpinLoop, events_executor
 from hindrax_ros.graph import publisher, subscription
 
 
@@ -162,6 +162,28 @@ def test_a_subscription_made_or_destroyed_between_two_reads_counts_at_the_next(n
     say(out, 2)
     node.drain()
     assert len(heard) == 1
+
+
+def test_only_a_process_that_reads_nothing_and_leaves_sending_to_a_thread_turns_rarely(context: Context) -> None:
+    waits: list[float] = []
+
+    class Executor:
+        def spin_once(self, timeout_sec: float) -> None:
+            waits.append(timeout_sec)
+
+    node = BatchedNode("c", context=context, ros_time=False)
+    loop = SpinLoop([node], cast(Any, Executor()))
+    loop.spin_once()  # nobody else has flushed
+    loop.spin_once()
+    node.publish_queue.flush()
+    loop.spin_once()
+    loop.spin_once()
+    subscription(node, BATTERY, print)
+    node.publish_queue.flush()
+    loop.spin_once()
+    loop.spin_once()
+    assert waits == [TURN_S, TURN_S, TURN_S, IDLE_TURN_S, TURN_S, TURN_S]
+    node.destroy_node()
 
 
 def test_without_ros_time_no_clock_is_read(context: Context) -> None:

@@ -33,11 +33,15 @@ from hindrax_ros.process import spin
 from hindrax_ros.stack_time import STEP_S
 
 CHECK_S, AGAIN_S, REPORT_S = 0.1, 0.5, 1.0
+TURN_S = 0.1
+"""What it reads is watched for seconds; what it does at once is begun by its timers."""
 LINK = "link"
 
 
 class SafetyMonitor(BatchedNode):
     """One light node in a process of its own; `report` gets a sentence about everything that happens."""
+
+    turn_s = TURN_S
 
     def __init__(self, beating: LivenessFile) -> None:
         super().__init__("safety_monitor")
