@@ -7,6 +7,7 @@ band of the speed controller; the cubics do not pass through zero at its edges, 
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from operator import mul
 
 from hindrax_control.allocation.effectiveness import effectiveness
 from hindrax_core.curves import Branch, Curve, inverse, problems_of, reflected, running_branches, scaled
@@ -148,4 +149,4 @@ class AppliedWrench:
 
     def wrench(self, forces_N: Sequence[float]) -> Vec6:
         """Wrench about the center of mass [N, Nm], SNAME."""
-        return vec6(sum(a * b for a, b in zip(row, forces_N, strict=True)) for row in self._rows)
+        return vec6(sum(map(mul, row, forces_N)) for row in self._rows)
