@@ -41,6 +41,7 @@ THRUSTERS = Thrusters(
     reason="",
     names=tuple(f"T{number}" for number in range(1, 9)),
     pulses_us=(1640, 1640, 1500, 1372, 1560, 1440, 1900, 1500),
+    stops_us=(1500,) * 8,
     forces_N=(5.0, 5.0, 0.0, -4.4, 2.0, -2.0, 15.5, 0.0),
     saturated=(False,) * 6 + (True, False),
     disabled=("T3",),

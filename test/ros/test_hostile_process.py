@@ -136,7 +136,7 @@ def test_control_lives_moves_nothing_and_says_what_it_refused(stranger: Stranger
     goal.stamp.sec = 2_000_000_000
     for _ in range(200):  # more than the middleware keeps: what it drops is not answered
         stranger.goals.send_goal_async(goal)
-    wanted_words = r"clock: the goal is stamped \d+\.\d s in the future, wanted "
+    wanted_words = r"clock: the goal is stamped \d+\.\d+ s in the future, wanted "
     stranger.until(lambda: re.match(wanted_words, stranger.ask(goal)))  # a result behind a flood may have expired
     names = ("ms5837" if topic is PRESSURE else topic.name for topic in SENT)
     wanted = {f"refused: {name}" for name in (*names, "maneuver/fly")}

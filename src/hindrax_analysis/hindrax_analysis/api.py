@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hindrax_analysis.digits import TWO_SIDED_95
 from hindrax_analysis.identification.record_identification import (
     IdentificationTask,
     axes_named,
@@ -30,6 +29,7 @@ from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import Allocation
+from hindrax_core.text.digits import TWO_SIDED_95
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.results import Results

@@ -14,6 +14,7 @@ from typing import Any
 import yaml
 
 from hindrax_core.errors import HindraxError, cause
+from hindrax_core.text.digits import measured
 from hindrax_core.text.yaml_text import read_yaml
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import MotionResult, Number, Results
@@ -105,8 +106,8 @@ def _in_words(result: MotionResult) -> list[str]:
     verdict = "identified" if result.identifiable else "NOT identifiable: " + "; ".join(result.reasons)
     lines = [f"{result.motion}: {verdict}"]
     for name, number in result.coefficients.items():
-        wide = f" (+- {number.std_calibrated:.3g} with calibration)" if math.isfinite(number.std_calibrated) else ""
-        lines.append(f"  {name} = {number.value:.5g} +- {number.std:.3g}{wide} {number.unit}")
+        wide = f" (+- {number.std_calibrated:.2g} with calibration)" if math.isfinite(number.std_calibrated) else ""
+        lines.append(f"  {name} = {measured(number.value, number.std)}{wide} {number.unit}")
     return lines
 
 

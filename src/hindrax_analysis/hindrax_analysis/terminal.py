@@ -12,7 +12,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Column, Table
 from rich.text import Text
 
-from hindrax_analysis.digits import Value, rounded
+from hindrax_core.text.digits import Value, rounded
 from hindrax_core.text.screen_text import UNBOUNDED, fitted, print_whole
 
 NO_BREAK = "\0"

@@ -79,7 +79,7 @@ def test_the_exports_read_the_same_file(saved: Path, vehicle: Vehicle) -> None:
 
 def test_words_stand_beside_the_numbers(saved: Path) -> None:
     text = saved.read_text()
-    assert "k_q = 66.481 +- 0.21 (+- 1.35 with calibration) N s^2/m^2" in text
+    assert "k_q = 66.48 +- 0.21 (+- 1.4 with calibration) N s^2/m^2" in text
     assert "yaw: NOT identifiable" in text
 
 

@@ -9,8 +9,8 @@ import pytest
 from rich.console import Console
 
 from hindrax_analysis import terminal
-from hindrax_analysis.digits import Value, measured
 from hindrax_analysis.terminal import make_table, print_table, print_values, working
+from hindrax_core.text.digits import Value
 from hindrax_core.text.screen_text import UNBOUNDED, print_fitted
 
 TOPIC = "/hindrax/navigation/a_topic_with_a_rather_long_name"
@@ -84,22 +84,6 @@ def test_names_that_are_too_long_side_by_side_stand_below_each_other(
 
 def test_a_pipe_gets_whole_lines(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     assert re.search(rf"{TOPIC}.*66.4801234.*{NOTE}", shown(capsys, monkeypatch, None))
-
-
-@pytest.mark.parametrize(
-    ("value", "std", "text"),
-    [
-        (2.3379, 0.0471, "2.338 +- 0.047"),
-        (66.4801, 10.2049, "66 +- 10"),
-        (1234.5, 321.0, "1234 +- 321"),
-        (0.12345, 0.000996, "0.1235 +- 0.0010"),
-        (1.0, 0.0, "1 +- 0"),
-        (66.48012, float("inf"), "66.48 +- inf"),
-        (float("nan"), float("nan"), "nan +- nan"),
-    ],
-)
-def test_a_number_has_the_digits_that_its_deviation_leaves_it(value: float, std: float, text: str) -> None:
-    assert measured(value, std) == text
 
 
 @pytest.mark.parametrize(

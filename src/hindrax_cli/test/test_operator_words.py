@@ -192,7 +192,9 @@ def test_one_thruster_alone_gets_a_pulse_and_the_others_rest(name: str) -> None:
     assert pulses_of(VEHICLE, name, 4.0)[1][2] > 1525.0
 
 
-def test_a_thruster_at_a_desk_is_not_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_thruster_at_a_desk_is_not_waited_for_in_silence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     @contextlib.contextmanager
     def nobody(_stack: object) -> Iterator[Message]:
         yield Message(thrusters=None, pause=lambda _seconds: None)
@@ -204,6 +206,7 @@ def test_a_thruster_at_a_desk_is_not_waited_for(tmp_path: Path, monkeypatch: pyt
     (tmp_path / "vehicle.yaml").write_text(text, encoding="utf-8")
     with pytest.raises(HindraxError, match=r"no thrusters on the graph and no .*/i2c on this machine.* --mock"):
         one_thruster.run_one("T1", 3.0, 1.0, tmp_path / "vehicle.yaml", mock=False)
+    assert "looking for thrusters in the ROS graph of this terminal" in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.parametrize(
@@ -220,6 +223,13 @@ def test_a_thruster_at_a_desk_is_not_waited_for(tmp_path: Path, monkeypatch: pyt
 def test_a_thruster_that_cannot_do_it_says_what_it_can(name: str, force: float, words: str) -> None:
     with pytest.raises(UsageError, match=words):
         pulses_of(VEHICLE, name, force)
+
+
+def test_the_forces_that_are_wanted_are_taken() -> None:
+    with pytest.raises(UsageError, match="found 1000 N, wanted ") as refused:
+        pulses_of(VEHICLE, "1", 1000.0)
+    low, high = re.findall(r"-?\d+\.\d", str(refused.value))
+    assert pulses_of(VEHICLE, "1", float(low))[1][0] < pulses_of(VEHICLE, "1", float(high))[1][0]
 
 
 def test_no_force_is_rest() -> None:

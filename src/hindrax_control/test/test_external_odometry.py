@@ -104,8 +104,8 @@ def test_a_late_one_is_refused_and_what_comes_too_often_is_left_out() -> None:
     odometry = ExternalOdometry(VEHICLE)
     found, refused = odometry.step(Stamped(after(NOW, -1.0), LEVEL), MINE, NOW)
     assert found is None
-    assert refused.startswith("1.0 s old, wanted at most 0.50 s")
-    assert odometry.step(Stamped(after(NOW, 1.0), LEVEL), MINE, NOW)[1].startswith("stamped 1.0 s in the future")
+    assert refused.startswith("1.00 s old, wanted at most 0.50 s")
+    assert odometry.step(Stamped(after(NOW, 1.0), LEVEL), MINE, NOW)[1].startswith("stamped 1.00 s in the future")
     assert odometry.step(Stamped(NOW, LEVEL), MINE, NOW)[0] is not None
     assert odometry.step(Stamped(after(NOW, 0.005), LEVEL), MINE, after(NOW, 0.005)) == (None, "")
 

@@ -12,6 +12,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 
 from hindrax_core.events import Stamp, seconds_between, to_s
+from hindrax_core.text.digits import above
 
 EXPIRED, FUTURE, UNSTAMPED, TIMELESS = "expired", "from the future", "not stamped", "no clock"
 REMEDIES = {
@@ -64,12 +65,11 @@ class StampWindow:
         if now <= 0:
             return Untimely(TIMELESS, "cannot be judged, because the vehicle's clock is not known yet")
         age_s = seconds_between(stamp, now)
-        other_clock = abs(age_s) > OTHER_CLOCK_s
-        if age_s > self.oldest_s:
-            return Untimely(EXPIRED, f"{_number(age_s)} s old, wanted at most {_number(self.oldest_s)} s", other_clock)
-        if age_s < -self.lead_s:
-            wanted = f"wanted at most {_number(self.lead_s)} s ahead of the vehicle's clock"
-            return Untimely(FUTURE, f"stamped {_number(-age_s)} s in the future, {wanted}", other_clock)
+        old = above("{} s old, wanted at most {} s", age_s, self.oldest_s, _places(self.oldest_s))
+        ahead = "stamped {} s in the future, wanted at most {} s ahead of the vehicle's clock"
+        early = above(ahead, -age_s, self.lead_s, _places(self.lead_s))
+        if old or early:
+            return Untimely(EXPIRED if old else FUTURE, old or early, abs(age_s) > OTHER_CLOCK_s)
         return None
 
     @property
@@ -97,9 +97,9 @@ def impossible(stamp: Stamp) -> str:
     return f"stamped {to_s(stamp):g} s, wanted 0 to {to_s(LAST):g} s"
 
 
-def _number(seconds: float) -> str:
-    """Format seconds with the significant digits."""
-    return f"{seconds:.1f}" if seconds >= 1.0 else f"{seconds:.2f}"
+def _places(seconds: float) -> int:
+    """Decimal places that mean something."""
+    return 1 if seconds >= 1.0 else 2
 
 
 @dataclass(slots=True)

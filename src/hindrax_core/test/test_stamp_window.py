@@ -35,7 +35,7 @@ def refused(window: StampWindow, stamp: Stamp, now: Stamp = NOW) -> Untimely:
     [
         (-1.5, EXPIRED, r"1\.5 s old, wanted at most 1\.0 s; ask again, .*set the clocks.*"),
         (0.25, FUTURE, r"stamped 0\.25 s in the future, wanted at most 0\.10 s ahead of the vehicle's clock; set .*"),
-        (2e8, FUTURE, r"stamped 200000000\.0 s in the future, .*; set the clocks of both machines"),
+        (2e8, FUTURE, r"stamped 200000000\.00 s in the future, .*; set the clocks of both machines"),
         (1.1e9, FUTURE, r"stamped .* s in the future, .*; one of the two .*mock.*--sim-time.*"),
         (-1.7e9, EXPIRED, r"1700000000\.0 s old, .*; one of the two .*mock.*--sim-time.*"),
     ],

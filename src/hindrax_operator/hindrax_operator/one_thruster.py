@@ -70,7 +70,8 @@ def pulses_of(vehicle: Vehicle, thruster: str, force_N: float) -> tuple[int, lis
     curve = curves[index]
     low, high = curve.range_N
     if not low <= force_N <= high:
-        raise UsageError(f"thruster {names[index]}: found {force_N:g} N, wanted {low:.1f} to {high:.1f} N")
+        inside = f"{low + 0.05:.1f} to {high - 0.05:.1f} N"  # rounded inwards: what is wanted is taken
+        raise UsageError(f"thruster {names[index]}: found {force_N:g} N, wanted {inside}")
     pulses = [one.stop_us for one in curves]
     pulses[index] = curve.pulse(force_N)
     if force_N and pulses[index] == curve.stop_us:
@@ -96,6 +97,7 @@ def _thrusters(vehicle_file: Path, *, mock: bool) -> Iterator[Operator]:
         return
     if not mock:
         # A stack that was started by a service or by `ros2 launch` announces nothing here; its topics tell.
+        report("no stack is announced here; looking for thrusters in the ROS graph of this terminal")
         with joined(None) as operator:
             operator.pause(LOOK_S)
             if operator.thrusters is not None:

@@ -9,10 +9,10 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
-from hindrax_analysis.digits import measured
 from hindrax_control.maneuver.plan import TURNING
 from hindrax_core.events import Stamped
 from hindrax_core.signals import Estimate
+from hindrax_core.text.digits import measured
 from hindrax_core.text.screen_text import fitted, screen_width
 
 REFRESH_S = 0.2
@@ -76,7 +76,7 @@ def panel(maneuver: Any, navigation: Any, estimates: dict[str, Stamped[Estimate]
     if navigation is not None:
         state = navigation.reading
         heading = math.degrees(state.attitude_rad[2])
-        where = f"altitude {state.altitude_m:.2f} m, depth {state.depth_m:.2f} m, heading {heading:.0f} deg"
+        where = f"altitude {state.altitude_m:.2f} m, depth {state.depth_m:.2f} m, heading {heading:z.0f} deg"
         table.add_row("vehicle", where)
     for motion, stamped in estimates.items():
         table.add_row(motion, coefficients_line(stamped.reading))

@@ -11,17 +11,20 @@ from hindrax_core.signals import NAN, Estimate, Navigation
 ANGLES = ("heading", "roll", "pitch")
 """Holds whose values are angles."""
 LEVELS = {b"\x00": "ok", b"\x01": "warning", b"\x02": "error", b"\x03": "stale"}
+USUAL_STOP_us = 1500.0
+"""Pulse at rest, before the thrusters have been seen at rest."""
 
 
 @dataclass(frozen=True, slots=True)
 class Thrusters:
-    """Armed or not and why, the pulses applied, and what they achieve [N]; names in order."""
+    """Armed or not and why, the pulses applied, those at rest, and what they achieve [N]; names in order."""
 
     armed: bool = False
     state: str = "unknown"
     reason: str = "no word from the thrusters yet"
     names: tuple[str, ...] = ()
     pulses_us: tuple[float, ...] = ()
+    stops_us: tuple[float, ...] = ()
     forces_N: tuple[float, ...] = ()
     saturated: tuple[bool, ...] = ()
     disabled: tuple[str, ...] = ()
@@ -97,13 +100,13 @@ OnDone: TypeAlias = Callable[[str, bool], None]
 """Outcome of an order: a sentence, and whether the order succeeded."""
 
 
-def snapshot(operator: Any) -> Snapshot:
-    """Copy the last message of every topic that an operator node watches."""
+def snapshot(operator: Any, stops_us: tuple[float, ...] = ()) -> Snapshot:
+    """Copy the last message of every topic that an operator node watches; `stops_us`: pulses at rest, where known."""
     stamped = operator.navigation
     return Snapshot(
         time_s=operator.now() / 1e9,
         navigation=stamped.reading if stamped else None,
-        thrusters=_thrusters(operator.thrusters, operator.allocation),
+        thrusters=_thrusters(operator.thrusters, operator.allocation, stops_us),
         holds=_holds(operator.holds),
         flight=_flight(operator.maneuver),
         health={name.removeprefix("hindrax: "): _health(one) for name, one in sorted(operator.diagnostics.items())},
@@ -124,17 +127,21 @@ def node_problems(operator: Any) -> list[str]:
     return [f"{name}: {trouble}" for name, trouble in troubles(operator).items() if trouble]
 
 
-def _thrusters(state: Any, allocation: Any) -> Thrusters:
+def _thrusters(state: Any, allocation: Any, stops_us: tuple[float, ...]) -> Thrusters:
     if state is None:
         return Thrusters()
     pulses = tuple(float(one) for one in state.pulses)
+    if not state.armed:  # only then they are at rest for sure
+        stops_us = pulses
+    elif len(stops_us) != len(pulses):
+        stops_us = (USUAL_STOP_us,) * len(pulses)
     told = state.armed, state.state, state.reason
     if allocation is None or len(allocation.forces) != len(pulses):
         count = len(pulses)
         names = tuple(f"T{number + 1}" for number in range(count))
-        return Thrusters(*told, names, pulses, (NAN,) * count, (False,) * count)
+        return Thrusters(*told, names, pulses, stops_us, (NAN,) * count, (False,) * count)
     rows = allocation.forces, allocation.saturated, allocation.disabled, allocation.lost_axes
-    return Thrusters(*told, tuple(allocation.thrusters), pulses, *map(tuple, rows))
+    return Thrusters(*told, tuple(allocation.thrusters), pulses, stops_us, *map(tuple, rows))
 
 
 def _holds(status: Any) -> tuple[HoldState, ...]:

@@ -24,7 +24,8 @@ from hindrax_core.signals import Estimate, Navigation
 from hindrax_operator.monitor import draw
 from hindrax_operator.monitor.app import Monitor
 from hindrax_operator.monitor.graph_link import GraphLink
-from hindrax_operator.snapshot import ManeuverView, NodeHealth, Snapshot, Thrusters, snapshot
+from hindrax_operator.snapshot import ManeuverView, NodeHealth, Snapshot, Thrusters, _thrusters, snapshot
+from hindrax_operator.web.page import summary
 
 NAVIGATION = Navigation(
     attitude_rad=(math.radians(1.2), math.radians(-3.4), math.radians(-90.0)),
@@ -41,6 +42,7 @@ THRUSTERS = Thrusters(
     reason="",
     names=tuple(f"T{number}" for number in range(1, 9)),
     pulses_us=(1640, 1640, 1500, 1372, 1560, 1440, 1900, 1500),
+    stops_us=(1500,) * 8,
     forces_N=(5.0, 5.0, 0.0, -4.4, 2.0, -2.0, 15.5, 0.0),
     saturated=(False,) * 6 + (True, False),
     disabled=("T3",),
@@ -225,12 +227,14 @@ import sys
 from test_operator_monitor import FULL, Fake
 from hindrax_operator.monitor.app import Monitor
 vehicle = Fake(FULL)
-Monitor(vehicle).run()
+code = Monitor(vehicle).run() or 0
 print(",".join(vehicle.orders))
+sys.exit(code)
 """
 
 
-def test_a_real_terminal_of_80_columns_shows_it_takes_keys_and_is_given_back() -> None:
+@pytest.mark.parametrize(("end", "code"), [(b"q", 0), (b"\x03", 130)])
+def test_a_real_terminal_of_80_columns_shows_it_takes_keys_and_is_given_back(end: bytes, code: int) -> None:
     ours, theirs = pty.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("4H", 24, 80, 0, 0))
     before = termios.tcgetattr(theirs)
@@ -241,7 +245,7 @@ def test_a_real_terminal_of_80_columns_shows_it_takes_keys_and_is_given_back() -
     child = subprocess.Popen(command, stdin=theirs, stdout=subprocess.PIPE, stderr=theirs, text=True, env=environment)
     try:
         shown = b""
-        for key, awaited in ((b"d", b"STOP"), (b"s", b"disarming"), (b"q", b"stopping")):
+        for key, awaited in ((b"d", b"STOP"), (b"s", b"disarming"), (end, b"stopping")):
             while awaited not in shown:
                 assert select.select([ours], (), (), 60.0)[0], f"waited 60 s for {awaited!r}"
                 shown += os.read(ours, 1 << 16)
@@ -252,7 +256,7 @@ def test_a_real_terminal_of_80_columns_shows_it_takes_keys_and_is_given_back() -
     finally:
         child.kill()
     assert child.communicate()[0] == "disarm,stop\n"
-    assert child.returncode == 0
+    assert child.returncode == code
     assert termios.tcgetattr(theirs) == before
     os.close(ours)
     os.close(theirs)
@@ -278,6 +282,21 @@ def test_bars_begin_in_the_middle(part: float, shown: str) -> None:
 
 def test_a_bar_astern_ends_at_the_middle() -> None:
     assert draw._bar(-0.1875, "cyan").plain == "      ▐█│        "
+
+
+def test_a_bar_begins_at_the_pulse_that_its_thruster_had_at_rest() -> None:
+    def seen(found: Snapshot, *pulses: float, armed: bool) -> Snapshot:
+        state = Message(armed=armed, state="", reason="", pulses=list(pulses))
+        return replace(found, thrusters=_thrusters(state, None, found.thrusters.stops_us))
+
+    unknown = seen(Snapshot(), 1500.0, 1530.0, armed=True)
+    known = seen(seen(unknown, 1490.0, 1530.0, armed=False), 1490.0, 1630.0, armed=True)
+    for view, stops, bars in ((unknown, (1500.0, 1500.0), (0, 1)), (known, (1490.0, 1530.0), (0, 2))):
+        console = Console(width=78)
+        with console.capture() as drawn:
+            console.print(draw.thrusters(view.thrusters))
+        assert [one["stop"] for one in summary(view)["thrusters"]] == list(stops)
+        assert tuple(line.count("█") + line.count("▌") for line in drawn.get().splitlines()) == bars
 
 
 def test_an_aborted_maneuver_names_its_guard() -> None:

@@ -590,7 +590,7 @@ def test_the_cameras_are_never_gone_between_two_pictures_of_the_vehicle(monkeypa
     link = GraphLink(None, sim_time=False)
     seen: list[tuple[str, ...]] = []
 
-    def look(_operator: object) -> Snapshot:
+    def look(*_: object) -> Snapshot:
         seen.append(link.snapshot().cameras)
         return Snapshot()
 
@@ -678,7 +678,7 @@ def linked(present: Callable[[], bool] = lambda: True) -> tuple[GraphLink, Flown
 
 
 def test_an_end_is_obeyed_while_a_maneuver_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hindrax_operator.monitor.graph_link.snapshot", lambda _operator: Snapshot())
+    monkeypatch.setattr("hindrax_operator.monitor.graph_link.snapshot", lambda *_: Snapshot())
     link, operator, node = linked()
     told: list[tuple[str, bool]] = []
     link._waiting = True
@@ -688,7 +688,7 @@ def test_an_end_is_obeyed_while_a_maneuver_is_waited_for(monkeypatch: pytest.Mon
 
 
 def test_a_link_that_ends_gives_up_waiting_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hindrax_operator.monitor.graph_link.snapshot", lambda _operator: Snapshot())
+    monkeypatch.setattr("hindrax_operator.monitor.graph_link.snapshot", lambda *_: Snapshot())
     link, operator, _ = linked()
     link._waiting = True
     link._over.set()
@@ -698,7 +698,7 @@ def test_a_link_that_ends_gives_up_waiting_once(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_the_heartbeat_is_that_of_whoever_looks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hindrax_operator.monitor.graph_link.snapshot", lambda _operator: Snapshot())
+    monkeypatch.setattr("hindrax_operator.monitor.graph_link.snapshot", lambda *_: Snapshot())
     looks = [True]
     link, operator, _ = linked(lambda: looks[-1])
     for looks[-1] in (True, False, False, True, True):

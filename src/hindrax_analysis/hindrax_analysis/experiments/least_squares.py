@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares as minimize
 
-from hindrax_analysis.digits import Value
 from hindrax_core.errors import HindraxError
+from hindrax_core.text.digits import Value
 
 Array: TypeAlias = NDArray[np.float64]
 

@@ -12,7 +12,6 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.signal import savgol_filter
 
-from hindrax_analysis.digits import Value
 from hindrax_analysis.experiments.experiment_record import Column, evenly
 from hindrax_analysis.experiments.least_squares import (
     Array,
@@ -22,6 +21,7 @@ from hindrax_analysis.experiments.least_squares import (
     propagate,
 )
 from hindrax_core.errors import HindraxError
+from hindrax_core.text.digits import Value
 from hindrax_core.vehicle import GRAVITY_mps2
 
 COLUMNS = (Column("time_s", "time [s], increasing"), Column("theta_rad", "angle from the vertical [rad]"))

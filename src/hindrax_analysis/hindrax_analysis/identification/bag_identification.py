@@ -11,7 +11,6 @@ import numpy as np
 from rich.markup import escape
 
 from hindrax_analysis.coefficients_file import Conditions, as_yaml, conditions_of, read_coefficients
-from hindrax_analysis.digits import measured
 from hindrax_analysis.published import CITATION, PAPER
 from hindrax_analysis.records.own_bag import bag_events, date_of, maneuver_record, truth_in
 from hindrax_analysis.report import RunReport, Trace, published_of, run_page
@@ -21,6 +20,7 @@ from hindrax_bag.read.bag_reader import bag_files, messages
 from hindrax_bag.run_folder import RunFolder
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp
+from hindrax_core.text.digits import measured
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.text.text_file import replace_text, writing
 from hindrax_core.topics import ESTIMATE, resolved

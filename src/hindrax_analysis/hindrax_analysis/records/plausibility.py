@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from hindrax_analysis.records.recording import Recording
+from hindrax_core.text.digits import measured
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array
 from hindrax_ident.assess.results import Contribution, MotionResult
@@ -69,7 +70,7 @@ def with_weight_check(result: MotionResult, vehicle: Vehicle) -> MotionResult:
     if abs(off_N) < max(CONTRADICTED * sigma_N, LEAST_OFF * vehicle.weight_N):
         return result
     told = (
-        f"the record has a net buoyancy of {found.value:.3g} +- {sigma_N:.2g} N, mass and volume of the vehicle file "
+        f"the record has a net buoyancy of {measured(found.value, sigma_N)} N, mass and volume of the vehicle file "
         f"{vehicle.net_buoyancy_N:.3g} N: check mass_kg, volume_m3 and the density of the water"
     )
     return replace(result, warnings=(*result.warnings, told))

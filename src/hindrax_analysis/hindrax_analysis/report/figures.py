@@ -9,10 +9,10 @@ from typing import Self
 import numpy as np
 
 from hindrax_analysis.coefficients_file import TABULATED
-from hindrax_analysis.digits import TWO_SIDED_95
 from hindrax_analysis.published import PAPER, published_of
 from hindrax_analysis.report.chart import Band, Bars, Chart, Layer, Line, Points, Role, Stems, xs, ys
 from hindrax_analysis.report.scale import data_range
+from hindrax_core.text.digits import TWO_SIDED_95
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.assessment import Assessment

@@ -7,9 +7,9 @@ from html import escape
 
 import numpy as np
 
-from hindrax_analysis.digits import TWO_SIDED_95
 from hindrax_analysis.report.chart import BOTTOM, WIDTH, Role, x_axis
 from hindrax_analysis.report.scale import Scale, data_range
+from hindrax_core.text.digits import TWO_SIDED_95
 from hindrax_ident.assess.results import Number
 
 ROW = 26.0

@@ -19,6 +19,7 @@ from hindrax_core.input_checks import StampWindow
 from hindrax_core.knobs import knob
 from hindrax_core.rotation import matrix
 from hindrax_core.signals import NAN, NEVER, Navigation
+from hindrax_core.text.digits import above
 from hindrax_core.vehicle import Vehicle
 
 FASTEST = 3.0
@@ -121,35 +122,30 @@ class EstimatorHealth:
         finite = all(map(math.isfinite, (roll, pitch, yaw, *navigation.rate_radps)))
         yield "finite", "" if finite else "attitude or rates are no numbers, wanted finite ones"
         found, most = math.degrees(evidence.tilt_sigma_rad), knobs.tilt_sigma_deg
-        yield "attitude", f"tilt known to {found:.1f} deg, wanted {most:.1f} deg" if found > most else ""
+        yield "attitude", above("tilt known to {} deg, wanted {} deg", found, most, 1)
         found, most = math.degrees(evidence.gravity_off_rad), knobs.gravity_deg
-        words = "deg from where it is measured, wanted at most"
-        yield "gravity", f"{found:.0f} {words} {most:.0f} deg" if found > most else ""
+        yield "gravity", above("{} deg from where it is measured, wanted at most {} deg", found, most, 0)
         refused, fewest = evidence.refused_depths, knobs.refused
         words = "depths by pressure contradict depth and heave velocity, wanted fewer than"
         yield "depth", f"{refused} {words} {fewest}" if refused >= fewest else ""
         refused = evidence.refused_velocities
         words = "velocities of the DVL contradict the accelerometer, wanted fewer than"
         yield "velocity", f"{refused} {words} {fewest}" if refused >= fewest else ""
-        found, most = abs(evidence.sunk_off_m), knobs.sunk_m
-        apart = found > most
-        yield "sinking", f"DVL and pressure differ by {found:.2f} m, wanted at most {most:.2f} m" if apart else ""
-        found, most = -navigation.altitude_m, knobs.below_floor_m
+        words = "DVL and pressure differ by {} m, wanted at most {} m"
+        yield "sinking", above(words, abs(evidence.sunk_off_m), knobs.sunk_m, 2)
+        words = "{} m below it without pressure, wanted at most {} m"
         silent_s = min((navigation.ages_s.get(name, 0.0) for name in self._depth_sensors), default=0.0)
-        below = silent_s > SILENT_S and found > most
-        yield "floor", f"{found:.2f} m below it without pressure, wanted at most {most:.2f} m" if below else ""
+        yield "floor", above(words, -navigation.altitude_m, knobs.below_floor_m, 2) if silent_s > SILENT_S else ""
         found, most = evidence.frozen_s, knobs.frozen_s
         words = "the inertial sensor has said the very same for"
         yield "frozen", f"{words} {found:.1f} s, wanted noise" if found > most else ""
         found, most = math.degrees(math.hypot(*navigation.rate_radps)), knobs.rate_dps
-        yield "rate", f"{found:.0f} deg/s, wanted at most {most:.0f} deg/s" if found > most else ""
+        yield "rate", above("{} deg/s, wanted at most {} deg/s", found, most, 0)
         found = math.sqrt(sum(v * v for v in navigation.velocity_mps if not math.isnan(v)))
-        most = FASTEST * limits.speed_mps
-        yield "speed", f"{found:.1f} m/s, wanted at most {most:.1f} m/s" if found > most else ""
+        yield "speed", above("{} m/s, wanted at most {} m/s", found, FASTEST * limits.speed_mps, 1)
         leans = math.isfinite(roll) and math.isfinite(pitch)
         found = math.degrees(math.acos(math.cos(roll) * math.cos(pitch))) if leans else 0.0
-        most = limits.tilt_deg + BEYOND_deg
-        yield "tilt", f"{found:.0f} deg, wanted at most {most:.0f} deg" if found > most else ""
+        yield "tilt", above("{} deg, wanted at most {} deg", found, limits.tilt_deg + BEYOND_deg, 0)
 
 
 class ExternalOdometry:

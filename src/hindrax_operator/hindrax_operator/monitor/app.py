@@ -8,6 +8,7 @@ from textual.containers import Horizontal, VerticalScroll
 from textual.events import Resize
 from textual.widgets import Footer, Static
 
+from hindrax_core.errors import INTERRUPTED
 from hindrax_operator.monitor import draw
 from hindrax_operator.monitor.graph_link import GraphLink
 
@@ -17,7 +18,7 @@ TWO_COLUMNS = 78
 """Narrower than this, the sections stand below each other."""
 
 
-class Monitor(App[None]):
+class Monitor(App[int]):
     """The view of one vehicle."""
 
     TITLE = "hindrax"
@@ -27,6 +28,7 @@ class Monitor(App[None]):
         Binding("s", "stop", "STOP (disarm, cancel)", priority=True),
         Binding("d", "disarm", "disarm"),
         Binding("q", "quit", "quit (ROV goes on)"),
+        Binding("ctrl+c", "interrupt", show=False, priority=True),
         Binding("down,pagedown", "scroll(1)", show=False),
         Binding("up,pageup", "scroll(-1)", show=False),
     ]
@@ -71,7 +73,8 @@ class Monitor(App[None]):
         """Draw what is known now."""
         view = self._vehicle.snapshot()
         places = self._places
-        self.screen.set_class(view.silent_s > draw.SILENT_s, "old")
+        for screen in self.screen_stack[-1:]:  # none while it is being taken down
+            screen.set_class(view.silent_s > draw.SILENT_s, "old")
         places["headline"].update(draw.headline(view, self._vehicle.title))
         for name, section in draw.SECTIONS.items():
             places[name].update(section(view))
@@ -81,6 +84,10 @@ class Monitor(App[None]):
         """Scroll the list of estimates, and on a small screen the sections."""
         for one in (self.query_one("#rest"), self.screen):
             one.scroll_relative(y=4 * way, animate=False)
+
+    def action_interrupt(self) -> None:
+        """End as every command does on Ctrl-C."""
+        self.exit(INTERRUPTED)
 
     def action_stop(self) -> None:
         """Stop now; no question is asked."""

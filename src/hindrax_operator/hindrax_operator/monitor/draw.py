@@ -7,9 +7,9 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from hindrax_analysis.digits import TWO_SIDED_95, rounded
 from hindrax_control.hold.holds import HoldState
 from hindrax_core.signals import Estimate, Navigation
+from hindrax_core.text.digits import TWO_SIDED_95, rounded
 from hindrax_operator.progress import units
 from hindrax_operator.snapshot import ANGLES, ManeuverView, NodeHealth, Snapshot, Thrusters
 
@@ -76,15 +76,15 @@ def thrusters(found: Thrusters) -> RenderableType:
     if not found.names:
         return Text("no word from the thrusters yet", style=DIM)
     table = _grid(2, 2 * BAR + 1, 7, 0)
-    rows = zip(found.names, found.pulses_us, found.forces_N, found.saturated, strict=True)
-    for name, pulse, force, saturated in rows:
+    rows = zip(found.names, found.pulses_us, found.stops_us, found.forces_N, found.saturated, strict=True)
+    for name, pulse, stop, force, saturated in rows:
         if name in found.disabled:
             table.add_row(Text(name, style=BAD), Text("out of use", style=BAD), "", "")
             continue
         color = BAD if saturated else "cyan"
         table.add_row(
             Text(name, style=VALUE),
-            _bar((pulse - 1500.0) / FULL_us, color),
+            _bar((pulse - stop) / FULL_us, color),
             Text(f"{pulse:4.0f} us", style=DIM),
             _numbers((force,), "+z5.1f", "N"),
         )

@@ -144,7 +144,8 @@ class GraphLink(threading.Thread):
             if self._cameras:
                 self._cameras.step()
             # In one piece: a page that asks in between must not find the cameras gone.
-            self._snapshot = replace(snapshot(operator), cameras=self._cameras.names if self._cameras else ())
+            now = snapshot(operator, self._snapshot.thrusters.stops_us)
+            self._snapshot = replace(now, cameras=self._cameras.names if self._cameras else ())
 
     def _beat(self, operator: Operator) -> None:
         if self._present() is not self._beating:

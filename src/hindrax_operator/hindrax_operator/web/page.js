@@ -217,7 +217,7 @@ function thrusters(found) {
   at("thrusters").replaceChildren(...found.thrusters.map(one => {
     const row = make("div", undefined, "thruster" + (one.saturated ? " full" : ""));
     const track = make("span"), bar = make("i");
-    const part = Math.max(-1, Math.min(1, (one.pulse - 1500) / 400)) * 50;
+    const part = Math.max(-1, Math.min(1, (one.pulse - one.stop) / 400)) * 50;
     bar.style.left = (part < 0 ? 50 + part : 50) + "%";
     bar.style.width = Math.abs(part) + "%";
     track.append(bar);

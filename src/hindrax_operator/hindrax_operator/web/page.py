@@ -11,11 +11,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from hindrax_analysis.digits import TWO_SIDED_95
 from hindrax_control.hold.holds import HoldState
 from hindrax_control.maneuver.goal import EXCITATIONS, PLATEAUS
 from hindrax_control.maneuver.plan import MOTIONS
 from hindrax_core.signals import Estimate, Navigation
+from hindrax_core.text.digits import TWO_SIDED_95
 from hindrax_core.vehicle import Vehicle
 from hindrax_operator.progress import units
 from hindrax_operator.snapshot import ANGLES, PlaceView, Snapshot, Thrusters
@@ -90,10 +90,11 @@ def _navigation(found: Navigation | None) -> Json | None:
 
 
 def _thrusters(found: Thrusters) -> list[Json]:
-    rows = zip(found.names, found.pulses_us, found.forces_N, found.saturated, strict=True)
+    rows = zip(found.names, found.pulses_us, found.stops_us, found.forces_N, found.saturated, strict=True)
     return [
-        {"name": name, "pulse": pulse, "force": force, "saturated": bool(full), "disabled": name in found.disabled}
-        for name, pulse, force, full in rows
+        {"name": name, "pulse": pulse, "stop": stop, "force": force, "saturated": bool(full)}
+        | {"disabled": name in found.disabled}
+        for name, pulse, stop, force, full in rows
     ]
 
 

@@ -5,9 +5,9 @@ from http import HTTPStatus
 from pathlib import Path
 from typing import Any
 
-from hindrax_analysis.digits import measured
 from hindrax_bag.run_folder import RunFolder
 from hindrax_core.errors import HindraxError, cause
+from hindrax_core.text.digits import measured
 from hindrax_core.text.yaml_text import read_yaml
 from hindrax_operator.web.access import RefusedRequest
 

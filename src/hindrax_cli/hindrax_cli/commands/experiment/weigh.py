@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from hindrax_analysis.digits import Value
 from hindrax_analysis.experiments.known_weight import Hold, LoadSpan, Weighing, holds_of
 from hindrax_analysis.experiments.known_weight import weigh as weighed
 from hindrax_analysis.plain import print_answer
@@ -23,6 +22,7 @@ from hindrax_control.maneuver.goal import largest_wrench
 from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.errors import UsageError
 from hindrax_core.events import after
+from hindrax_core.text.digits import Value
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 from hindrax_operator.connection import add_stack, operator_of

@@ -41,10 +41,9 @@ def monitor(arguments: argparse.Namespace) -> int:
     link.start()
     try:
         link.wait(JOIN_S)
-        Monitor(link).run()
+        return Monitor(link).run() or 0
     finally:
         link.close()
-    return 0
 
 
 @command(

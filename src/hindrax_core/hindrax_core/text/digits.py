@@ -1,4 +1,4 @@
-"""How many digits of a number mean something: its standard deviation says so. Nothing slow is imported here."""
+"""How many digits of a number mean something: its standard deviation says so, or the limit that it is beyond."""
 
 import math
 from dataclasses import dataclass
@@ -35,3 +35,14 @@ def rounded(value: float, std: float) -> tuple[str, str]:
         digits = max(0, math.floor(math.log10(abs(value))) - place)
         return f"{value:.{digits}e}", f"{std:.1e}"
     return f"{value:.{max(0, -place)}f}", f"{std:.{max(0, -place)}f}"
+
+
+def unlike(found: float, limit: float, places: int) -> tuple[str, str]:
+    """Both with so many decimal places, and up to three more where they would look alike."""
+    pairs = [(f"{found:z.{digits}f}", f"{limit:z.{digits}f}") for digits in range(places, places + 4)]
+    return next((pair for pair in pairs if pair[0] != pair[1]), pairs[0])
+
+
+def above(words: str, found: float, most: float, places: int) -> str:
+    """Words with both numbers where `found` is above `most`, else empty: "{} m deep, wanted at most {} m"."""
+    return words.format(*unlike(found, most, places)) if found > most else ""
