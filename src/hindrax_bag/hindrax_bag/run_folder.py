@@ -9,6 +9,7 @@ from pathlib import Path
 import yaml
 
 from hindrax_core.errors import HindraxError, UsageError, cause
+from hindrax_core.text.text_file import nothing_left, writing
 
 FREE_BYTES_WANTED = 500_000_000
 FIRST_YEAR = 2025
@@ -39,18 +40,15 @@ def make_run_folder(wanted: str | None, vehicle_file: Path, wanted_bytes: int = 
     if path.exists() and (not path.is_dir() or any(path.iterdir())):
         raise UsageError(f"{path} is occupied; name an empty or new folder with --out")
     folder = RunFolder(path.resolve())
-    try:
+    with writing(path, "name another folder with --out", UsageError), nothing_left(folder.vehicle):
         path.mkdir(parents=True, exist_ok=True)
         free = shutil.disk_usage(path).free
         if free < wanted_bytes:
-            path.rmdir()
             have, want = free // 1_000_000, wanted_bytes // 1_000_000
             raise HindraxError(
                 f"the disk of {path} is full: {have} MB are free, {want} MB are wanted; make room or use --out"
             )
         shutil.copyfile(vehicle_file, folder.vehicle)
-    except OSError as error:
-        raise UsageError(f"{path} cannot be written ({cause(error)}); name another folder with --out") from error
     return folder
 
 

@@ -1,12 +1,16 @@
-"""How runs are named, and which of them make room."""
+"""How runs are named, what is left of one that has no room, and which of them make room."""
 
+import errno
 import os
+import shutil
 from datetime import UTC, datetime
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from hindrax_bag import run_folder
+from hindrax_core.errors import HindraxError
 
 
 @pytest.mark.parametrize(("year", "name"), [(1970, "undated"), (2026, "2026-01-01_00-00-40")])
@@ -38,3 +42,16 @@ def test_only_the_oldest_finished_runs_make_room(tmp_path: Path) -> None:
     assert said[-1].endswith("removed, 0.0 MB; the runs take 0.0 MB now")
     assert list(run_folder.remove_oldest(runs, 2500.0, [])) == []
     assert len(list(run_folder.remove_oldest(runs, 0.0, []))) == 2
+
+
+@pytest.mark.parametrize("free", [0, 10**9])
+def test_nothing_is_left_of_a_run_that_has_no_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, free: int) -> None:
+    def copied(_source: Path, target: Path) -> None:
+        target.touch()
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=free))
+    monkeypatch.setattr(shutil, "copyfile", copied)
+    with pytest.raises(HindraxError, match=r"is full: 0 MB are free|No space left on device"):
+        run_folder.make_run_folder(str(tmp_path / "day" / "run"), tmp_path / "vehicle.yaml")
+    assert list(tmp_path.iterdir()) == []

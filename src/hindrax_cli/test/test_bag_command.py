@@ -1,10 +1,13 @@
 """The words of `hindrax bag`, on a small bag and on one that was cut off."""
 
+import contextlib
 import csv
 import json
+import resource
 import shlex
 import stat
 import struct
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -116,6 +119,22 @@ def test_a_plot_has_the_unit_that_the_message_names(field: str, unit: str, tmp_p
     assert f"<!-- {name}{unit} -->" in out.read_text()
 
 
+@pytest.mark.parametrize("words", ["extract {bag} --csv {dir}/csv", "plot {bag} /demo/point:x --out {dir}/x.svg"])
+def test_who_waits_for_a_large_bag_sees_that_it_goes_on(
+    bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str
+) -> None:
+    told: list[str] = []
+
+    @contextlib.contextmanager
+    def working(sentence: str) -> Iterator[None]:
+        told.append(sentence)
+        yield
+
+    monkeypatch.setattr(command, "working", working)
+    assert command_line.main(["bag", *words.format(bag=bag, dir=tmp_path).split()]) == 0
+    assert len(told) == 1
+
+
 def test_export_keeps_topics_and_span(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "small"
     _json(capsys, "export", bag, "--topics", "/demo/point", "--from", "1", "--to", "2", "--out", out)
@@ -190,14 +209,14 @@ SAID = [
     ("recover {dir}/texts/a.txt --out {dir}/new", 2, "is no MCAP file"),
     ("recover {bag} --out {dir}/texts", 2, "exists already"),
     ("recover {bag} --out /proc/new", 1, "cannot be written"),
-    ("extract {bag} --csv {dir}/new --topics /demo/point /none", 2, "no message on /none"),
+    ("extract {bag} --csv {dir}/new/csv --topics /demo/point /none", 2, "no message on /none"),
     ("extract {bag} --csv {dir}/texts/a.txt", 1, "cannot be written"),
     ("extract {dir}/none --csv {dir}/new", 2, "does not exist"),
     ("plot {bag} /demo/word:text --out {dir}/a.png", 2, "there is none in its messages"),
     ("plot {bag} /demo/point:y --out {dir}/a.png", 2, "there is y[0], y[1]"),
     ("plot {bag} /demo/point:x --out {dir}/none/a.png", 1, "cannot be written"),
     ("plot {bag} /demo/point --out {dir}/a.png", 2, "wanted TOPIC:FIELD"),
-    ("export {bag} --topics /none --out {dir}/new", 2, "none of its messages was wanted"),
+    ("export {bag} --topics /none --out {dir}/new/bag", 2, "none of its messages was wanted"),
     ("export {bag} --from 3 --to 1 --out {dir}/new", 2, "a span: --to after --from"),
     ("fetch {dir}/none --remote '' --out {dir}/new", 1, "--remote names the folder"),
     ("fetch {dir}/empty --remote '' --out {dir}/new", 1, "holds no file"),
@@ -220,7 +239,22 @@ def test_good_and_bad_use_is_told_in_a_sentence(
     assert command_line.main(["bag", *shlex.split(line.format(dir=tmp_path, bag=bag))]) == code
     captured = capsys.readouterr()
     assert said in " ".join((captured.err if code else captured.out).split())
-    assert not (tmp_path / "new").exists() or not any((tmp_path / "new").iterdir())
+    assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize("words", ["extract {bag} --csv", "export {bag} --out", "recover {bag} --out"])
+def test_a_full_disk_keeps_no_part_and_no_folder(
+    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: str
+) -> None:
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, before[1]))
+    try:
+        code = command_line.main(["bag", *words.format(bag=bag).split(), str(tmp_path / "new/deep/bag")])
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert code == 1
+    assert "cannot be written (File too large)" in " ".join(capsys.readouterr().err.split())
+    assert [one.name for one in tmp_path.iterdir()] == ["runs"]
 
 
 def test_a_bag_in_the_older_format_is_exported_as_ours(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

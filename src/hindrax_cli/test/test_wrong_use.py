@@ -44,7 +44,7 @@ def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
         (["montecarlo", "--runs", "1.5"], "--runs: found '1.5', wanted a whole number; "),
         (["identify", "bag", "--to", "there"], "--to: found 'there', wanted a number; "),
         (["pool-test", "--until", "5"], "--until: found 5, wanted more than 0, at most 1 or 100%; "),
-        (["pool-test", "--mock", "--out", "/proc/nowhere"], "/proc/nowhere cannot be written"),
+        (["pool-test", "--mock", "--out", "/proc/nowhere"], "/proc/nowhere: cannot be written"),
         (["bag", "inof"], "invalid choice: 'inof'"),
         (["bag", "info"], "hindrax bag info: the following arguments are required: BAG"),
         (["monitor"], "found no terminal to draw on, wanted one; over ssh use `ssh -t`"),

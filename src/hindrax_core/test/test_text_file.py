@@ -127,6 +127,19 @@ def test_nothing_is_left_of_a_file_that_was_not_finished(tmp_path: Path, failure
     assert fresh.read_text() == "whole"
 
 
+def test_of_the_folders_that_were_made_only_those_that_hold_something_are_left(tmp_path: Path) -> None:
+    file = tmp_path / "made/used/empty/file"
+
+    def filled() -> None:
+        file.parent.mkdir(parents=True)
+        (tmp_path / "made/used/log").touch()
+        raise OSError("full")
+
+    with pytest.raises(OSError, match="full"), nothing_left(file):
+        filled()
+    assert [one.name for one in sorted(tmp_path.rglob("*"))] == ["made", "used", "log"]
+
+
 def _umask() -> int:
     found = os.umask(0)
     os.umask(found)

@@ -27,8 +27,13 @@ def add_stack(parser: argparse.ArgumentParser) -> None:
     """Declare the option for the stack; default: the only one that runs, else the ROS graph of this terminal."""
     parser.add_argument("--stack", type=int, metavar="PID", help="which stack, when several run (as `up` prints it)")
     parser.add_argument("--namespace", default=NAMESPACE, help=f"which vehicle; default {NAMESPACE}")
-    parser.add_argument("--sim-time", action="store_true", help="the stack was not started by `up` and lives in /clock")
+    add_sim_time(parser)
     add_tether(parser)
+
+
+def add_sim_time(parser: argparse.ArgumentParser) -> None:
+    """Declare the option for the clock of a mock that is not announced on this machine."""
+    parser.add_argument("--sim-time", action="store_true", help="the stack was not started by `up` and lives in /clock")
 
 
 def chosen_stack(arguments: argparse.Namespace) -> StackLock | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import shutil
 import signal
 import sys
 import time
@@ -111,8 +112,11 @@ def run_pool_test(options: PoolOptions) -> int:
             flight = fly(options, folder, domain, progress)
             progress.report("identifying over the bag")
             from hindrax_analysis.identification.bag_identification import identify_run, show  # noqa: PLC0415  # SciPy and the report take a second: the stack starts first
+            from hindrax_analysis.terminal import working  # noqa: PLC0415  # as above
 
-            identified = identify_run(folder, vehicle, mock=mock, aborted=flight.aborted, predicted=options.predicted)
+            predicted = options.predicted
+            with working("identifying"):
+                identified = identify_run(folder, vehicle, mock=mock, aborted=flight.aborted, predicted=predicted)
     document = identified.document(folder, round(flight.real_time_factor, 2), flight.aborted or None)
     document |= {"mock": flight.facts} if mock else {}
     document |= {"predicted": dict(options.predicted)} if options.predicted else {}
@@ -164,7 +168,7 @@ def fly(options: PoolOptions, folder: RunFolder, domain: int | None, progress: P
     tether = None if mock else available_tether(progress.report)
     made = stack_environment(mock=mock is not None, domain=domain, tether=tether)
     supervised = Supervisor(folder.logs, made, preload=modules(mock=mock is not None))
-    with tool_liveness() as liveness, supervised as supervisor, adopted(made):
+    with _nothing_kept(flight, folder), tool_liveness() as liveness, supervised as supervisor, adopted(made):
         liveness.beat(notes, STARTING)
         stack = Stack(folder, supervisor, notes, options.tuning)
         progress.report(f"starting {'the mock vehicle and ' if mock else ''}the stack")
@@ -172,6 +176,17 @@ def fly(options: PoolOptions, folder: RunFolder, domain: int | None, progress: P
         supervisor.stop("recorder")
         flight.facts = stack.last_facts()
     return flight
+
+
+@contextlib.contextmanager
+def _nothing_kept(flight: FlownManeuver, folder: RunFolder) -> Iterator[None]:
+    """Remove the folder of a run that Ctrl-C ended before it was armed: the name is free again."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if not flight.armed:
+            shutil.rmtree(folder.path, ignore_errors=True)
+        raise
 
 
 def beat(liveness: LivenessFile, notes: str, operator: Any) -> None:

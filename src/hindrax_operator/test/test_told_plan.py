@@ -1,16 +1,21 @@
-"""What a pool test tells of its plan before anything starts."""
+"""What a pool test tells of its plan before anything starts, and what it keeps of a flight that did not begin."""
 
+import contextlib
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from hindrax_analysis import terminal
+from hindrax_analysis.identification import bag_identification
 from hindrax_bringup.node_options import Tuning
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.maneuver.plan import plans_of
-from hindrax_core.errors import UsageError
+from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import Pool, load_vehicle
-from hindrax_operator.pool_run import ABORT, PoolOptions, planned, run_pool_test
+from hindrax_operator import pool_run
+from hindrax_operator.pool_run import ABORT, FlownManeuver, PoolOptions, planned, run_pool_test
 
 OPTIONS = PoolOptions(("surge", "yaw"), default_vehicle(), None, None, 1, "plateaus", "hold", ABORT, True, False)
 
@@ -38,3 +43,37 @@ def test_a_pool_without_room_is_refused_before_anything_starts(tmp_path: Path, m
     with pytest.raises(UsageError, match=r"surge: the pool leaves -0\.19 m of room"):
         run_pool_test(replace(OPTIONS, vehicle_file=file))
     assert not (tmp_path / "runs").exists()
+
+
+@pytest.mark.parametrize("armed", [False, True])
+def test_ctrl_c_before_the_flight_leaves_the_name_of_the_run_free(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, armed: bool
+) -> None:
+    def interrupted(_options: object, flight: FlownManeuver, *_: object) -> None:
+        flight.armed = armed
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(pool_run, "modules", lambda **_: ())
+    monkeypatch.setattr(pool_run, "_operate", interrupted)
+    out = tmp_path / "run"
+    with pytest.raises(KeyboardInterrupt):
+        run_pool_test(replace(OPTIONS, out=str(out)))
+    assert out.exists() == armed
+
+
+def test_who_waits_for_the_identification_sees_that_it_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    going_on: list[str] = []
+
+    @contextlib.contextmanager
+    def working(sentence: str) -> Iterator[None]:
+        going_on.append(sentence)
+        yield
+
+    def identified(*_: object, **__: object) -> None:
+        raise HindraxError(", ".join(going_on))
+
+    monkeypatch.setattr(pool_run, "fly", lambda *_: FlownManeuver())
+    monkeypatch.setattr(terminal, "working", working)
+    monkeypatch.setattr(bag_identification, "identify_run", identified)
+    with pytest.raises(HindraxError, match=r"^identifying$"):
+        run_pool_test(replace(OPTIONS, out=str(tmp_path / "run")))

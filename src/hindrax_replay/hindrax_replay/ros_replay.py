@@ -24,7 +24,7 @@ from hindrax_bringup.stack import environment, first_line, own_domain
 from hindrax_bringup.supervisor import SupervisedProcess, Supervisor, last_words
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import NS_PER_S
-from hindrax_core.text.text_file import require_place, writing
+from hindrax_core.text.text_file import nothing_left, require_place, writing
 from hindrax_core.topics import ALLOCATION, ESTIMATE, NAVIGATION, RAW_FRAMES, TOPICS, resolved
 from hindrax_replay.bag_replay import Replayed
 from hindrax_replay.recorded_devices import parameters_of
@@ -76,10 +76,11 @@ def _folder(out: Path | None) -> Iterator[RunFolder]:
             yield RunFolder(Path(place))
         return
     folder = RunFolder(out.resolve())
-    with writing(out, "name another folder with --out", UsageError):
-        out.mkdir(parents=True, exist_ok=True)
-    require_place(folder.vehicle)
-    yield folder
+    with nothing_left(folder.path):
+        with writing(out, "name another folder with --out", UsageError):
+            out.mkdir(parents=True, exist_ok=True)
+        require_place(folder.vehicle)
+        yield folder
 
 
 def _run(bag: Path, folder: RunFolder, vehicle_file: str | None, seconds: float) -> None:

@@ -1,7 +1,9 @@
 """Recorded wires among real processes: what counts as their end."""
 
+import shutil
 import time
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
@@ -53,3 +55,11 @@ def test_a_folder_that_cannot_be_made_is_told_before_anything_starts(
     (tmp_path / "file").write_text("")
     with pytest.raises(UsageError, match=r"file/out: cannot be written \(Not a directory\); name another folder"):
         replay_ros(tmp_path / "bag", load_rules(TOLERANCES, "ros"), out=tmp_path / "file" / "out")
+
+
+def test_a_disk_without_room_keeps_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ros_replay, "messages", lambda _: iter(()))
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(total=1, free=0))
+    with pytest.raises(HindraxError, match="No space left on device"):
+        replay_ros(tmp_path / "bag", load_rules(TOLERANCES, "ros"), out=tmp_path / "day" / "out")
+    assert list(tmp_path.iterdir()) == []

@@ -13,7 +13,7 @@ from hindrax_bag.message_comparison import flat
 from hindrax_bag.read.bag_reader import messages, stamp_of
 from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S
-from hindrax_core.text.text_file import writing
+from hindrax_core.text.text_file import nothing_left, writing
 
 MOST_NAMED = 12
 TIME = ("time_s", "stamp_ns")
@@ -25,7 +25,7 @@ def extract(bag: Path, folder: Path, topics: Collection[str] | None) -> dict[str
     Columns: seconds since the first message of the bag, the message's own stamp (that of receipt where it has none),
     then every field. The fields of a topic are those of its first message; longer lists of later ones are cut.
     """
-    with writing(folder, "name another"):
+    with writing(folder, "name another"), nothing_left(folder):
         return _extract(bag, folder, topics)
 
 
@@ -41,6 +41,7 @@ def _extract(bag: Path, folder: Path, topics: Collection[str] | None) -> dict[st
             if message.topic not in tables:
                 folder.mkdir(parents=True, exist_ok=True)
                 path = folder / f"{message.topic.strip('/').replace('/', '_')}.csv"
+                files.enter_context(nothing_left(path))
                 writer = csv.writer(files.enter_context(path.open("w", newline="", encoding="utf-8")))
                 writer.writerow([*TIME, *row])
                 tables[message.topic] = _Table(path, list(row), writer.writerow)
@@ -48,12 +49,10 @@ def _extract(bag: Path, folder: Path, topics: Collection[str] | None) -> dict[st
             stamp = stamp_of(message.data) if "header.stamp.sec" in row else message.received
             table.write([(message.received - begin) / NS_PER_S, stamp, *(row.get(name, "") for name in table.names)])
             table.rows += 1
-    missing = sorted(set(topics or ()) - tables.keys())
-    if missing or not tables:
-        for table in tables.values():
-            table.path.unlink()
-        lacking = f"no message on {missing[0]}" if missing else "holds no message"
-        raise UsageError(f"{bag}: {lacking}; `hindrax bag info {bag}` lists the topics")
+        missing = sorted(set(topics or ()) - tables.keys())
+        if missing or not tables:
+            lacking = f"no message on {missing[0]}" if missing else "holds no message"
+            raise UsageError(f"{bag}: {lacking}; `hindrax bag info {bag}` lists the topics")
     return {topic: (table.path, table.rows) for topic, table in tables.items()}
 
 

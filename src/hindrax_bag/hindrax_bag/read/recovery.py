@@ -35,7 +35,7 @@ from hindrax_bag.write.bag_file import BagFile
 from hindrax_bag.write.limits import free_bytes
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import NS_PER_S
-from hindrax_core.text.text_file import writing
+from hindrax_core.text.text_file import nothing_left, writing
 
 NICENESS = 10
 SUFFIX, DAMAGED = ".completed", ".damaged"
@@ -72,7 +72,7 @@ def recover(
     if output.exists() and any(output.iterdir() if output.is_dir() else [output]):
         raise UsageError(f"{output} exists already; name another folder with --out")
     copy = _Copy(progress, keep)
-    with writing(output, "name another with --out"), _nothing_left(output):
+    with writing(output, "name another with --out"), nothing_left(output), _nothing_inside(output):
         output.mkdir(parents=True, exist_ok=True)
         contents = [copy.file(file, output / f"{output.name}_{number}.mcap") for number, file in enumerate(files)]
         (output / NAME).write_text(metadata_text(contents), encoding="utf-8")
@@ -80,8 +80,8 @@ def recover(
 
 
 @contextlib.contextmanager
-def _nothing_left(folder: Path) -> Iterator[None]:
-    """Remove a folder that holds a part only: of a bag that is none, on a full disk, or after Ctrl-C."""
+def _nothing_inside(folder: Path) -> Iterator[None]:
+    """Empty a folder that holds a part only: of a bag that is none, on a full disk, or after Ctrl-C."""
     try:
         yield
     except BaseException:

@@ -63,14 +63,15 @@ def require_place(file: Path, option: str = "") -> None:
 
 
 @contextlib.contextmanager
-def nothing_left(file: Path) -> Iterator[None]:
-    """Remove a file that was not there before, when writing it fails or is interrupted."""
-    fresh = not file.exists()
+def nothing_left(place: Path) -> Iterator[None]:
+    """Remove a file, and empty folders down to it, that were not there before, when the block fails or is stopped."""
+    fresh = [one for one in (place.absolute(), *place.absolute().parents) if not one.exists()]
     try:
         yield
     except BaseException:
-        if fresh:
-            file.unlink(missing_ok=True)
+        for one in fresh:
+            with contextlib.suppress(OSError):  # a folder that holds more stays
+                one.rmdir() if one.is_dir() else one.unlink()
         raise
 
 

@@ -97,7 +97,8 @@ def recovered(arguments: argparse.Namespace) -> int:
 )
 def extracted(arguments: argparse.Namespace) -> int:
     """Messages as CSV files, one per topic."""
-    tables = extract(arguments.bag, arguments.csv, arguments.topics)
+    with working("writing tables"):
+        tables = extract(arguments.bag, arguments.csv, arguments.topics)
     document = {"files": {topic: {"path": str(path), "rows": rows} for topic, (path, rows) in tables.items()}}
     lines = [f"{path}: {rows} rows of {topic}" for topic, (path, rows) in sorted(tables.items())]
     return print_answer(document, "\n".join(lines), as_json=arguments.json)
@@ -116,8 +117,9 @@ def plotted(arguments: argparse.Namespace) -> int:
     if out.suffix not in PLOTS:
         raise UsageError(f"{out}: wanted a picture with one of {', '.join(PLOTS)}")
     require_place(out)
-    lines = series(arguments.bag, arguments.fields)
-    draw(lines, out, str(arguments.bag))
+    with working("drawing"):
+        lines = series(arguments.bag, arguments.fields)
+        draw(lines, out, str(arguments.bag))
     document = {"plot": str(out), "series": {one.name: len(one.values) for one in lines}}
     return print_answer(document, out, as_json=arguments.json)
 
@@ -156,11 +158,14 @@ def exported(arguments: argparse.Namespace) -> int:
     def keep(topic: str, after_s: float) -> bool:
         return (not wanted or topic in wanted) and begin <= after_s <= end
 
-    with working("messages written") as tell:
-        made = recover(bag, arguments.out or bag.with_name(f"{bag.stem}_export"), tell, keep)
-    if not made.messages:
-        shutil.rmtree(made.output)
-        raise UsageError(f"{bag}: none of its messages was wanted; `hindrax bag info {bag}` tells topics and length")
+    out = arguments.out or bag.with_name(f"{bag.stem}_export")
+    with working("messages written") as tell, nothing_left(out):
+        made = recover(bag, out, tell, keep)
+        if not made.messages:
+            shutil.rmtree(out)
+            raise UsageError(
+                f"{bag}: none of its messages was wanted; `hindrax bag info {bag}` tells topics and length"
+            )
     document = {"messages": made.messages, "output": str(made.output)}
     return print_answer(document, f"{made.output}: {made.messages} messages", as_json=arguments.json)
 
