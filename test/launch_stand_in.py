@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-MODULES = ("launch", "launch.actions", "launch.substitutions", "launch_ros", "launch_ros.actions")
-MODULES_OF_ROS = ("launch_ros.parameter_descriptions", "launch_ros.substitutions")
+MODULES = ("launch", "launch.actions", "launch.event_handlers", "launch.substitutions")
+MODULES_OF_ROS = ("launch_ros", "launch_ros.actions", "launch_ros.parameter_descriptions", "launch_ros.substitutions")
 
 
 @dataclass

@@ -45,6 +45,8 @@ KEYWORDS = {
     "SetEnvironmentVariable": set(),
     "ExecuteProcess": {"cmd"} | LOCAL,
     "OpaqueFunction": {"function", "args"},
+    "OnProcessIO": {"target_action", "on_stdout"},
+    "RegisterEventHandler": set(),
     "Shutdown": {"reason"},
     "Node": {"package", "executable", "parameters", "ros_arguments"} | LOCAL,
     "ExecutableInPackage": {"package", "executable"},
@@ -74,10 +76,12 @@ def described(name: str) -> tuple[dict[str, str], Said]:
 
 
 def executed(name: str, **chosen: str) -> list[Said]:
-    """Actions of a launch file with these arguments."""
+    """Actions of a launch file with these arguments, at once and once the mock has said that its devices are there."""
     defaults, action = described(name)
     context = SimpleNamespace(launch_configurations=defaults | chosen)
-    return cast("list[Said]", action.keywords["function"](context, *action.keywords["args"]))
+    found = cast("list[Said]", action.keywords["function"](context, *action.keywords["args"]))
+    waiting = [one.words[0].keywords["on_stdout"] for one in found if one.kind == "RegisterEventHandler"]
+    return [*found, *(one for at_first_word in waiting for one in at_first_word(None))]
 
 
 def processes(found: Sequence[Said]) -> set[tuple[str, str]]:
@@ -188,6 +192,16 @@ def test_both_ways_start_the_same_stack(mock: bool, tmp_path: Path, monkeypatch:
         assert launch_way[1]["/**/pilot"] == {"ros__parameters": {"holds.turn_radps": 0.3}}
         assert launch_way[1]["/**"]["ros__parameters"].get("use_sim_time", False) is mock
         assert one.keywords["respawn"]
+
+
+@pytest.mark.usefixtures("stand_in")
+def test_the_nodes_start_once_when_the_devices_of_the_mock_are_there() -> None:
+    *at_once, handler, mock, _, _, _, _, _ = executed("mock")
+    assert {one.kind for one in at_once} == {"SetEnvironmentVariable"}
+    assert (handler.kind, mock.kind) == ("RegisterEventHandler", "ExecuteProcess")
+    (at_first_word,) = handler.words
+    assert at_first_word.keywords["target_action"] is mock
+    assert at_first_word.keywords["on_stdout"](None) is None, "its later words start nothing"
 
 
 @pytest.mark.usefixtures("stand_in")

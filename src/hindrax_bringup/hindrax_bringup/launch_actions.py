@@ -11,7 +11,15 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction, SetEnvironmentVariable, Shutdown
+from launch.actions import (
+    DeclareLaunchArgument,
+    ExecuteProcess,
+    OpaqueFunction,
+    RegisterEventHandler,
+    SetEnvironmentVariable,
+    Shutdown,
+)
+from launch.event_handlers import OnProcessIO
 from launch_ros.actions import Node
 from launch_ros.substitutions import ExecutableInPackage
 
@@ -63,6 +71,7 @@ def stack(
         started: list[Action] = [
             SetEnvironmentVariable(key, value) for key, value in made.items() if os.environ.get(key) != value
         ]
+        mock: Action | None = None
         if hardware is not None:
             folder = runtime_folder() / f"{os.getpid()}.{hardware.name}"
             wires = ports(folder, vehicle)
@@ -73,7 +82,7 @@ def stack(
             # Not a Node: that adds words of ROS, and this process has its own.
             program = ExecutableInPackage(package=hardware.package, executable=hardware.name)
             ends = Shutdown(reason=f"the {hardware.name} has ended")
-            started.append(ExecuteProcess(cmd=[program, *line], output="screen", on_exit=ends))
+            mock = ExecuteProcess(cmd=[program, *line], output="screen", on_exit=ends)
         record = argument("record")
         options = NodeOptions(
             vehicle,
@@ -91,7 +100,13 @@ def stack(
         atexit.register(file.unlink, missing_ok=True)
         _announce(options, made)
         chosen = [one for one in options.processes if one in onboard or one not in ONBOARD]
-        return [*started, *(_node(one, file, options) for one in chosen)]
+        nodes = [_node(one, file, options) for one in chosen]
+        if mock is None:
+            return [*started, *nodes]
+        # Its first word is that its devices are there; before that, each node would warn that they are not.
+        to_start = iter([nodes])
+        at_first_word = OnProcessIO(target_action=mock, on_stdout=lambda _: next(to_start, None))
+        return [*started, RegisterEventHandler(at_first_word), mock]
 
     declared = [
         DeclareLaunchArgument(name, default_value=default, description=meaning)

@@ -9,6 +9,7 @@ from hindrax_bringup.clone import clone_root
 from hindrax_bringup.network.tether import SETTING, Tether
 from hindrax_cli.command_line import main
 from hindrax_cli.health_checks import machine, nodes, pi
+from hindrax_core.errors import HindraxError
 
 SET_UP = clone_root() / "docker/pi/set-up.sh"
 
@@ -106,3 +107,16 @@ def test_the_far_end_needs_a_tether(monkeypatch: pytest.MonkeyPatch, capsys: pyt
     monkeypatch.setenv(SETTING, "")
     assert main(["doctor", "--topside"]) == 2
     assert "wanted one: --tether eth0:192.168.2.2" in capsys.readouterr().err
+
+
+def test_the_far_end_may_be_a_mock_with_its_own_clock_and_name(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def joined(_found: None, **how: object) -> None:
+        raise HindraxError(f"joined with {how}")
+
+    monkeypatch.setattr("hindrax_cli.commands.machine.doctor.joined", joined)
+    monkeypatch.setenv(SETTING, "eth9:192.168.2.1")
+    assert main(["doctor", "--topside", "--sim-time", "--namespace", "/rov2", "--json"]) == 1
+    assert "joined with {'sim_time': True, 'namespace': '/rov2'}" in capsys.readouterr().out
+    assert "--sim-time" in nodes.clocks([1.7e9]).remedy

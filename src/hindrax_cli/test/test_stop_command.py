@@ -12,6 +12,7 @@ from hindrax_bringup.stack_lock import FOLDER, StackLock, announced
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.operate import stack as command
 from hindrax_cli.commands.operate.stack import on_the_wire
+from hindrax_core.errors import HindraxError
 from hindrax_drivers.nodes.thruster_settings import Settings
 
 STACK = StackLock(4999999, mock=False, vehicle="v.yaml", folder="runs/a")
@@ -92,3 +93,16 @@ def test_without_a_stack_the_output_rests_where_its_node_would(
     given = [str(parameters) if word == "PARAMETERS" else word for word in words]
     assert main(["stop", "--output", "--vehicle", str(file), *given]) == 0
     assert [one.guard.neutral.thrusters for one in written] == [(wanted_us,) * 8]
+
+
+def test_where_no_stack_is_announced_it_says_first_where_it_looks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def nobody(_found: None, *, sim_time: bool) -> None:
+        assert "looking in the ROS graph of this terminal" in capsys.readouterr().err
+        raise HindraxError(f"nobody answers, {sim_time}")
+
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    monkeypatch.setattr(command, "joined", nobody)
+    assert main(["stop"]) == 1
+    assert "nobody answers, False" in capsys.readouterr().err

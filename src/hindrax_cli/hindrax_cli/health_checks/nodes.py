@@ -42,7 +42,7 @@ def far_clock(operator: Operator, seconds: float = LISTEN_S) -> Check:
     return clocks(ages_s)
 
 
-MOCK_CLOCK = "if it is a mock vehicle, nothing: it has a clock of its own, and commands need --sim-time"
+MOCK_CLOCK = "if it is a mock vehicle, say --sim-time here and with each command: it has a clock of its own"
 
 
 def clocks(ages_s: Sequence[float]) -> Check:

@@ -26,7 +26,7 @@ from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_drivers.nodes.thruster_settings import Settings
-from hindrax_operator.connection import joined
+from hindrax_operator.connection import add_sim_time, joined
 
 LEAST_FOUND = 30
 """Characters a line in which what was found is readable beside the names."""
@@ -36,6 +36,7 @@ LEAST_FOUND = 30
     "./hindrax doctor     (before the stack is up: asks the devices; while it is up: asks its nodes)",
     option("--mock", action="store_true", help="look at the mock vehicle that is up, or at one for this"),
     option("--topside", action="store_true", help="look at the vehicle from here, over the tether"),
+    add_sim_time,
     add_tether,
     add_vehicle,
     option("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP),
@@ -54,7 +55,7 @@ def doctor(arguments: argparse.Namespace) -> int:
     if not arguments.mock:
         checks += machine.vehicle_machine() + board()
     if arguments.topside:
-        checks += from_topside(vehicle)
+        checks += from_topside(vehicle, arguments)
     elif up:
         checks += wires.ports(vehicle, up[0].ports) + of_stack(up[0])
     elif arguments.mock:
@@ -65,10 +66,10 @@ def doctor(arguments: argparse.Namespace) -> int:
     return 0 if all(one.ok for one in checks) else 1
 
 
-def from_topside(vehicle: Vehicle) -> list[Check]:
+def from_topside(vehicle: Vehicle, arguments: argparse.Namespace) -> list[Check]:
     """Ask the nodes of the vehicle at the other end of the tether, and compare the clocks."""
     try:
-        with joined(None) as operator:
+        with joined(None, sim_time=arguments.sim_time, namespace=arguments.namespace) as operator:
             return [nodes.far_clock(operator), *nodes.stack(operator, vehicle, "the vehicle over the tether")]
     except HindraxError as error:
         return [Check("stack", str(error), "see `tether`; is `./hindrax up` running there?")]

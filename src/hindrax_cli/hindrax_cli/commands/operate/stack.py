@@ -10,7 +10,7 @@ from hindrax_bringup.liveness import PERIOD_S, beats
 from hindrax_bringup.network.tether import add_tether, tether_setting
 from hindrax_bringup.processes import THRUSTERS
 from hindrax_bringup.stack import FAULT_HELP, WORLD_HELP, MockOptions
-from hindrax_bringup.stack_lock import StackLock, choose, runtime_folder, stacks, vehicle_stack
+from hindrax_bringup.stack_lock import StackLock, runtime_folder, stacks, vehicle_stack
 from hindrax_bringup.stack_runner import UpOptions, run_up
 from hindrax_cli.argument_types import (
     add_parameters,
@@ -26,7 +26,7 @@ from hindrax_cli.command import command, option
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_drivers.nodes.deadman import write_neutral
-from hindrax_operator.connection import add_stack, joined
+from hindrax_operator.connection import add_stack, find_stack, joined
 
 
 def add_mock_options(parser: argparse.ArgumentParser) -> None:
@@ -93,7 +93,7 @@ def stop(arguments: argparse.Namespace) -> int:
 
     # All of them by default, because nobody should have to look up a number first; on with the next when one fails.
     found = stacks()
-    wanted = [choose(found, arguments.stack)] if arguments.stack is not None or not found else found
+    wanted = [find_stack(arguments)] if arguments.stack is not None or not found else found
     failed = []
     for one in wanted:
         title = one.title if one else "the ROS graph of this terminal"
