@@ -224,3 +224,10 @@ def test_what_comes_by_call_is_not_read_from_the_graph_unless_a_remap_separates_
     wait_for(lambda: out[0].get_subscription_count() == 0)
     for one in made:
         one.destroy_node()
+
+
+def test_a_stream_is_read_best_effort_and_what_is_said_rarely_reliably(node: BatchedNode) -> None:
+    for topic, reliable in ((THRUSTER_COMMAND, False), (BATTERY, True)):
+        one = subscription(node, topic, print)
+        (found,) = node.get_subscriptions_info_by_topic(one.topic_name)
+        assert (found.qos_profile.reliability is ReliabilityPolicy.RELIABLE) is reliable
