@@ -262,6 +262,8 @@ class Pilot:
         if not armed:
             return PilotOutput(ZERO6, states, flown, self._guards, refused=self._refusal(OPERATOR))
         total = _sum(_sum(_sum(held.wrench, wrench), keeping), self._current_operator_wrench(stamp))
+        if flown is not None and flown.resting:
+            total = ZERO6
         suspected_fault = self._suspected_fault(navigation, stamp, allocation)
         return PilotOutput(total, states, flown, self._guards, suspected_fault, self._refusal(OPERATOR))
 

@@ -2,7 +2,7 @@
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import pytest
 
@@ -188,6 +188,31 @@ def test_it_coasts_where_coast_and_brake_together_just_bring_it_to_rest_at_the_e
         assert driver.step(one.end - sign * (way_m + before_m), one.rate, BEGIN_s + 1.0).phase == phase
     told = [driver.step(0.0, one.rate, BEGIN_s + 1.0 + elapsed_s).phase for elapsed_s in (1.9, 2.0, 2.1)]
     assert told == ["coast", "coast", "transit"]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_it_swings_where_its_righting_alone_brings_it_to_rest_at_the_end(sign: float) -> None:
+    """Amplitude of a pendulum: hypot(angle, rate / natural frequency), an angle of a lag later than now."""
+    one = replace(leg(2.1, sign, coast_s=2.0, axis="roll"), natural_radps=0.2)
+    ahead = math.sqrt(3.0**2 - (RATE_mps / 0.2) ** 2)
+    for before, phase in ((0.001, "transient"), (-0.001, "coast")):
+        driver = at_speed(one)
+        assert driver.step(sign * (ahead - RATE_mps * LAG_S - before), one.rate, BEGIN_s + 1.0).phase == phase
+    told = [driver.step(at * sign, rate * sign, BEGIN_s + 2.0) for at, rate in ((2.9, 0.4), (3.2, 0.1), (0.0, -0.4))]
+    assert [(one.phase, one.force) for one in told] == [("coast", 0.0)] * 3
+    assert driver.step(0.0, -one.rate, BEGIN_s + 3.0).phase == "coast"
+    assert driver.step(0.0, -one.rate, BEGIN_s + 3.1).phase == "transit"
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("swinging", [False, True])
+def test_what_does_not_right_itself_as_believed_is_braked_beyond_its_end(sign: float, swinging: bool) -> None:
+    one = replace(leg(2.1, sign, coast_s=2.0, axis="roll"), natural_radps=0.2 if swinging else 100.0)
+    driver = at_speed(one)
+    first = driver.step(sign * 2.5, one.rate, BEGIN_s + 0.1)
+    assert first.phase == ("coast" if swinging else "transient")
+    told = [driver.step(sign * at, one.rate, BEGIN_s + 0.2).phase for at in (2.7, 3.31)]
+    assert told == [first.phase, "transit"]
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

@@ -211,6 +211,20 @@ def test_a_maneuver_engages_its_holds_and_bears_no_wrench_by_hand(hovering: Hove
     assert (flight.maneuver, flight.wrench, engaged(flight), hovering.pilot.flying) == (None, ZERO6, set(), False)
 
 
+def test_all_thrusters_rest_when_a_maneuver_wants_it_whatever_the_holds_want(
+    hovering: Hovering, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hovering.fly()
+    maneuver = hovering.pilot.fly(Goal(("roll",)))
+    pushing, step = hovering.fly(), maneuver.step
+    assert pushing.wrench[2] != 0.0
+    monkeypatch.setattr(maneuver, "step", lambda *given, **more: replace(step(*given, **more), resting=True))
+    resting = hovering.fly()
+    assert (resting.wrench, engaged(resting)) == (ZERO6, engaged(pushing))
+    monkeypatch.undo()
+    assert hovering.fly().wrench[2] != 0.0
+
+
 def test_what_is_abandoned_pushes_no_more(hovering: Hovering) -> None:
     hovering.fly()
     for axis in ("station", "heading"):

@@ -157,14 +157,41 @@ BOOSTS_s = {"surge": 1.2, "sway": 1.2, "heave": 0.8, "roll": 0.25, "pitch": 0.3,
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
-def test_a_boost_gets_up_to_speed_in_its_time_and_no_leg_but_of_an_angle_that_rights_itself_lacks_a_coast(
+def test_a_boost_gets_up_to_speed_in_its_time_and_every_leg_ends_with_a_coast_or_a_swing_on_the_way_back(
     hindrax: Vehicle, allocator: Allocator, motion: str
 ) -> None:
     planner, plan = planned(hindrax, allocator, motion)
     for leg in plan.legs:
         assert leg.boost < planner.force_limit(motion, leg.sign)
         assert leg.pace == pytest.approx(max(abs(leg.rate) / BOOSTS_s[motion], 0.2))
-        assert leg.coast_s == (0.0 if motion in ("roll", "pitch") else PlanKnobs().coast_s)
+        if motion not in ("roll", "pitch"):
+            assert (leg.coast_s, leg.natural_radps) == (PlanKnobs().coast_s, 0.0)
+        elif leg.sign > 0.0:
+            assert (leg.coast_s, leg.natural_radps) == (0.0, 0.0)
+        else:
+            freedom = planner.freedoms[motion]
+            assert leg.natural_radps**2 * freedom.inertia == pytest.approx(freedom.restoring)
+            # One period: the leg that follows has the whole room again.
+            assert leg.coast_s == pytest.approx(math.tau / leg.natural_radps)
+
+
+def test_without_a_swing_both_legs_of_an_angle_cross_the_whole_room(hindrax: Vehicle, allocator: Allocator) -> None:
+    _, plan = planned(hindrax, allocator, "roll", PlanKnobs(swing_s=0.0))
+    assert {(leg.coast_s, leg.natural_radps) for leg in plan.legs} == {(0.0, 0.0)}
+    assert [leg.seconds for leg in plan.legs[::2]] == pytest.approx([leg.seconds for leg in plan.legs[1::2]])
+
+
+@pytest.mark.parametrize("net_buoyancy_N", [25.0, -25.0])
+def test_a_vehicle_that_is_not_neutral_swings_no_longer_than_it_takes_to_rise_or_sink_by_a_hand(
+    hindrax: Vehicle, allocator: Allocator, net_buoyancy_N: float
+) -> None:
+    volume_m3 = hindrax.mass_kg / hindrax.water.density_kgpm3 + net_buoyancy_N / (9.80665 * hindrax.water.density_kgpm3)
+    planner, plan = planned(replace(hindrax, volume_m3=volume_m3), allocator, "pitch")
+    swing_s = plan.legs[1].coast_s
+    acceleration = abs(planner.freedoms["heave"].bias) / planner.freedoms["heave"].inertia
+    assert 0.5 * acceleration * swing_s**2 == pytest.approx(0.3)
+    _, short = planned(hindrax, allocator, "pitch", PlanKnobs(swing_s=0.5))
+    assert short.legs[1].coast_s == 0.5
 
 
 def test_heave_is_two_motions_and_every_other_one() -> None:

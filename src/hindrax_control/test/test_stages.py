@@ -9,7 +9,7 @@ import pytest
 from hindrax_control.hold.holds import Setpoint
 from hindrax_control.hold.station_keeping import StationKeeping
 from hindrax_control.maneuver.excitation import Bounds, Excite
-from hindrax_control.maneuver.leg import LegController
+from hindrax_control.maneuver.leg import LegController, LegOutput
 from hindrax_control.maneuver.plan import Leg, motion_name
 from hindrax_control.maneuver.stages import (
     RELEASED,
@@ -254,6 +254,26 @@ def leg_of(axis: str) -> Leg:
         axis=axis, name=motion_name(axis, 0.4), sign=1.0, level=10.0, rate=0.4, start=1.0, end=9.0, back=1.0,
         boost=20.0, pace=0.4, inertia=27.0, coast_s=0.0, seconds=20.0,
     )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("axis", "rests"),
+    [("surge", False), ("sway", False), ("heave", True), ("roll", True), ("pitch", True), ("yaw", False)],
+)
+def test_all_thrusters_rest_while_those_that_hold_it_down_would_lose_thrust_to_the_inflow(
+    station: StationKeeping, axis: str, rests: bool
+) -> None:
+    class Driven(LegController):
+        phase = "plateau"
+
+        def step(self, *_: Any, **__: Any) -> LegOutput:
+            return LegOutput(0.0, self.phase)
+
+    driver = Driven(leg_of(axis))
+    stage = ExciteMotion(axis, driver, SURGE, station, POSE)
+    assert not stage.step(moment(0.0)).resting
+    driver.phase = "coast"
+    assert stage.step(moment(0.1)).resting is rests
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Flying one leg: boost, constant force until its end comes near, coast without thrust, brake.
+"""Flying one leg: boost, constant force until its end comes near, coast or swing without thrust, brake.
 
 Whether its speed is steady says a statistical test on the slope of the last samples.
 """
@@ -15,6 +15,8 @@ SAMPLE_S = 0.05
 """Samples nearer to each other than this say nothing new: the navigator filters them."""
 SURE = 2.5
 """Standard deviations of the slope within which it passes for zero."""
+OVERSHOOT = 1.1
+"""Share of a leg's end beyond which a swing is braked."""
 LET_GO = 3.0
 """A plateau ends when the slope is this many times beyond what it may be."""
 
@@ -62,6 +64,8 @@ class LegController:
         """Whether it is time to brake: before the leg's end, or before the room's end when it is carried backward."""
         leg = self.leg
         way = stopping(forward, self._braking)
+        if leg.natural_radps and self._stretch != "boost" and forward >= 0.0:
+            return coordinate * leg.sign > OVERSHOOT * abs(leg.end)
         if forward >= 0.0:
             return (leg.end - coordinate) * leg.sign <= way
         # During the boost it may still move backward from the leg before.
@@ -83,8 +87,7 @@ class LegController:
 
     def _hold(self, coordinate: float, rate: float, time_s: float, *, trusted: bool) -> LegOutput:
         leg = self.leg
-        way, left = leg.coast(rate * leg.sign)
-        if leg.coast_s and (leg.end - coordinate) * leg.sign <= way + stopping(left, self._braking):
+        if leg.coast_s and self._may_coast(coordinate, rate * leg.sign):
             self._enter("coast", time_s)
             return self._coast(time_s)
         if self._elapsed_s(time_s) > PATIENCE * self.leg.seconds + 1.0:
@@ -94,6 +97,15 @@ class LegController:
             return LegOutput(self.leg.level, "transient")
         steady = self._steadiness.push(time_s, rate)
         return LegOutput(self.leg.level, "plateau" if steady else "transient")
+
+    def _may_coast(self, coordinate: float, forward: float) -> bool:
+        """Whether coast and brake, or a swing, would end where the leg does."""
+        leg = self.leg
+        if leg.natural_radps:
+            ahead = coordinate * leg.sign + forward * LAG_S
+            return ahead > 0.0 and math.hypot(ahead, forward / leg.natural_radps) >= abs(leg.end)
+        way, left = leg.coast(forward)
+        return (leg.end - coordinate) * leg.sign <= way + stopping(left, self._braking)
 
     def _coast(self, time_s: float) -> LegOutput:
         if self._elapsed_s(time_s) >= self.leg.coast_s:

@@ -54,7 +54,7 @@ class ManeuverOutput:
 
     `wrench` [N, Nm] adds to that of the holds; `setpoints` are events for the holds; `force` and `velocity` are
     along the motion; `wall_distance_m` is ahead of the hull; `aborted` is "guard: sentence", once `done`, and `neutral`
-    says whether it has ended without holding anything.
+    says whether it has ended without holding anything. `resting`: all thrusters rest, whatever the holds want.
     """
 
     wrench: Vec6
@@ -68,6 +68,7 @@ class ManeuverOutput:
     done: bool
     aborted: str
     neutral: bool
+    resting: bool = False
 
 
 def abandoned(reason: str) -> ManeuverOutput:
@@ -188,6 +189,7 @@ class Maneuver:
             done=done,
             aborted=self._aborted if done else "",
             neutral=neutral,
+            resting=act.resting,
         )
         return self.last
 

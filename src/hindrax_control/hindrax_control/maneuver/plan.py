@@ -2,7 +2,8 @@
 
 A leg drives one degree of freedom in one direction: a boost up to the speed that the prior expects, then the constant
 force, a coast without it, then braking before its end. Forward and backward legs alternate, so the vehicle never has to
-turn around, and each backward leg ends where the next forward one begins.
+turn around, and each backward leg ends where the next forward one begins. What rights itself (roll, pitch) ends each leg
+back with a free decay instead: one period of its swing with all thrusters at rest.
 """
 
 import math
@@ -21,9 +22,13 @@ MOTIONS = AXES
 ALONG = ("surge", "sway")
 """Flown along the pool's length."""
 TURNING = ("roll", "pitch", "yaw")
+RESTING = ("heave", "roll", "pitch")
+"""Their coasts rest all thrusters: what holds the vehicle down meanwhile would lose thrust to the inflow along them."""
 
 LAG_S = 0.25
 """Thrusters and navigation together."""
+RISE_m = 0.3
+"""While all thrusters rest, net buoyancy may move the vehicle by this much."""
 PACE_LEAST = 0.2
 """A boost accelerates at least this much [m/s^2, rad/s^2], however slow the plateau."""
 LEVEL_SHARE = 0.85
@@ -38,7 +43,7 @@ class PlanKnobs:
     levels: int = knob(3, 1, 20, "force levels per direction in surge, sway and heave [-]")
     turning_levels: int = knob(2, 1, 20, "force levels per direction in roll, pitch and yaw [-]")
     repeats: tuple[int, int, int, int, int, int] = knob(
-        (1, 1, 1, 2, 2, 1), 1, 20, "how often the set of each motion is flown, surge to yaw [-]"
+        (1, 1, 1, 1, 1, 1), 1, 20, "how often the set of each motion is flown, surge to yaw [-]"
     )
     surge_mps: tuple[float, float] = knob((0.1, 0.45), 0.02, 3.0, "slowest and fastest surge plateau [m/s]")
     sway_mps: tuple[float, float] = knob((0.1, 0.4), 0.02, 3.0, "slowest and fastest sway plateau [m/s]")
@@ -48,7 +53,8 @@ class PlanKnobs:
     yaw_radps: tuple[float, float] = knob((0.4, 1.2), 0.02, 3.0, "slowest and fastest yaw plateau [rad/s]")
     hover_s: float = knob(8.0, 0.0, 120.0, "time at rest before heave, in which net buoyancy shows [s]")
     plateau_s: float = knob(10.0, 1.0, 120.0, "longest plateau of surge and sway [s]")
-    coast_s: float = knob(2.0, 0.0, 30.0, "time without thrust at the end of a leg, but in roll and pitch [s]")
+    coast_s: float = knob(2.0, 0.0, 30.0, "time without thrust at the end of a leg of surge, sway, heave and yaw [s]")
+    swing_s: float = knob(5.0, 0.0, 30.0, "longest swing without thrust at the end of a leg back in roll and pitch [s]")
     turns: float = knob(0.5, 0.1, 10.0, "length of a yaw leg [turns]")
     roll_deg: float = knob(30.0, 2.0, 80.0, "largest roll angle [deg]")
     pitch_deg: float = knob(40.0, 2.0, 80.0, "largest pitch angle [deg]")
@@ -108,6 +114,8 @@ class Leg:
     """Longest time without thrust between plateau and braking [s]."""
     seconds: float
     """Expected duration [s]."""
+    natural_radps: float = 0.0
+    """Natural frequency of the prior where the leg ends in a swing: what rights itself stops without thrust."""
 
     def coast(self, forward: float) -> tuple[float, float]:
         """Way of a coast from a plateau at this rate ahead, and the rate that is left."""
@@ -274,12 +282,25 @@ class Planner:
             boost=boost,
             pace=pace,
             inertia=freedom.inertia,
-            coast_s=0.0 if freedom.restoring else self.knobs.coast_s,
+            coast_s=self.knobs.coast_s,
             # On the way up to speed half of the way is lost; braking ends before the leg does.
             seconds=abs((end - start) / rate) + 0.5 * abs(rate) / pace,
         )
+        if freedom.restoring:
+            natural_radps = math.sqrt(freedom.restoring / freedom.inertia)
+            swing_s = min(self.knobs.swing_s, math.tau / natural_radps, self._risen_s)
+            if swing_s and rate > 0.0:
+                # From near level, where the swing before has ended.
+                return replace(leg, coast_s=0.0, seconds=0.6 * leg.seconds)
+            return replace(leg, coast_s=swing_s, natural_radps=swing_s and natural_radps, seconds=leg.seconds + swing_s)
         way, _ = leg.coast(abs(rate))
         return replace(leg, seconds=leg.seconds + leg.coast_s - way / abs(rate))
+
+    @property
+    def _risen_s(self) -> float:
+        """Time in which net buoyancy alone moves the vehicle by `RISE_m`, from rest."""
+        heave = self.freedoms["heave"]
+        return math.sqrt(2.0 * RISE_m * heave.inertia / max(1e-9, abs(heave.bias)))
 
     def _boost(self, motion: str, freedom: PriorDynamics, rate: float) -> tuple[float, float]:
         """Force that accelerates to a rate in the character's time, within the limit, and the acceleration it makes."""

@@ -11,7 +11,7 @@ from hindrax_control.hold.station_keeping import StationKeeping
 from hindrax_control.maneuver.excitation import Excite
 from hindrax_control.maneuver.goal import SENSELESS
 from hindrax_control.maneuver.leg import LegController
-from hindrax_control.maneuver.plan import ALONG, motion_name
+from hindrax_control.maneuver.plan import ALONG, RESTING, motion_name
 from hindrax_control.pool_bounds import PoolPosition
 from hindrax_control.prior_dynamics import PriorDynamics
 from hindrax_core.readings import Vec6, vec6
@@ -52,6 +52,8 @@ class StageOutput:
     finished: bool = False
     trouble: str = ""
     """Why the maneuver cannot go on; empty while it can."""
+    resting: bool = False
+    """Whether all thrusters rest, whatever the holds want."""
 
 
 class Stage:
@@ -218,7 +220,8 @@ class ExciteMotion(Stage):
         # The thrust that is asked for now comes a lag later, when the vehicle has turned on.
         righting = self._freedom.restoring * math.sin(coordinate + rate * THRUST_LAG_S)
         wrench[AXES.index(self._axis)] = drive.force + self._freedom.bias + righting
-        return StageOutput(vec6(wrench), drive.phase, drive.force, rate, drive.finished)
+        resting = drive.phase == "coast" and self._axis in RESTING
+        return StageOutput(vec6(wrench), drive.phase, drive.force, rate, drive.finished, resting=resting)
 
     def _straight(self, navigation: Navigation) -> bool:
         """Whether surge or sway is measured, and flown as it should be; an unknown altitude does not count."""
