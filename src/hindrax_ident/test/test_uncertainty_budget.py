@@ -12,7 +12,7 @@ from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.influences import GAIN, MODEL, RUN, Case, Influence
 from hindrax_ident.assess.uncertainty_budget import (
     ALL,
-    ODDS,
+    NEAR_ODDS,
     Budget,
     _explained,
     _posterior,
@@ -223,8 +223,8 @@ def test_a_loss_is_weighed_against_its_prior_as_bayes_says(case: Case) -> None:
 def test_other_motions_tell_how_near_the_water_is_to_the_model(case: Case) -> None:
     hidden = replace(LAW, sigma=lambda _case: 3.0, considered=True, near=0.2, loss=True)
     shares = []
-    for near, usual in ((50.0, 0.0), (0.0, 50.0), (-ODDS[0], -ODDS[2])):
-        found = budget_of(case, (hidden,)).in_water(array([near, -1e3, usual]))
+    for near, usual in ((50.0, 0.0), (0.0, 50.0), (-NEAR_ODDS, 0.0)):
+        found = budget_of(case, (hidden,)).in_water(array([near, -1e3, -1e3, usual]))
         shares.append(found.band()[0, 0] / found.prior_band("law")[0, 0])
     # Near, usual, and as likely the one as the other.
     assert shares == pytest.approx([0.2**2, 1.0, 0.5 * (0.2**2 + 1.0)], rel=1e-3)
@@ -246,7 +246,7 @@ def test_a_record_that_shows_an_influence_tells_that_the_water_is_usual(case: Ca
         again = refine(fit.model, record, fit.theta, wide_prior(case.vehicle, fit.model))
         found = budget_of(replace(case, record=record, fit=again), (row,))
         assert found.found("law")[0] == pytest.approx(size_N, abs=4.0 * found.found("law")[1])
-        near, _, usual = found.evidence
+        near, *_, usual = found.evidence
         return float(usual - near)
 
     assert told(0.0) < 0.0 < told(2.0)
@@ -298,7 +298,7 @@ def test_the_three_waters_count_by_their_odds_and_evidence(by_others: Array | No
     own = [normal(TOLD_ABOUT, GRADIENT, usual, sigma) for usual, sigma, _ in zip(*WATERS, strict=True)]
     assert found.evidence == pytest.approx([one[0] - 1.5 for one in own])
     said = np.array([one[0] for one in own]) if by_others is None else by_others
-    weights = np.exp(said) * np.array([0.03, 0.012, 1.0])
+    weights = np.exp(said) * np.array([0.014, 0.014, 1.0])
     weights /= weights.sum()
     mean = sum(weight * one[1] for weight, one in zip(weights, own, strict=True))
     assert found.mean == pytest.approx(mean)
@@ -352,23 +352,24 @@ def test_the_prior_of_each_water_is_that_of_its_row() -> None:
         replace(LAW, near=1.0),
         replace(LAW, near=0.03),
         replace(LAW, near=0.2),
-        replace(LAW, near=0.03, alone=True),
+        replace(LAW, near=0.03, alone="inflow"),
         replace(LAW, near=0.03, loss=True),
-        replace(LAW, near=0.03, alone=True, loss=True),
+        replace(LAW, near=0.03, alone="losses", loss=True),
         replace(CURRENT, near=0.2),
     ]
     slices = [*(slice(at, at + 1) for at in range(6)), slice(6, 8)]
     prior = _prior([(row, 1.0) for row in rows], slices)
     near = np.array([1.0, 0.03, 0.2, 0.03, 0.03, 0.03, 0.2, 0.2])
-    alone = np.array([1.0, 0.03, 0.2, 1.0, 0.03, 1.0, 0.2, 0.2])
+    losses = np.array([1.0, 0.03, 0.2, 0.03, 0.03, 1.0, 0.2, 0.2])
+    inflow = np.array([1.0, 0.03, 0.2, 1.0, 0.03, 0.03, 0.2, 0.2])
     # A loss is anywhere between nothing and its greatest, whose root mean square is 1.
     loss = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0])
-    for at, size in enumerate((near, alone, np.ones(8))):
+    for at, size in enumerate((near, losses, inflow, np.ones(8))):
         assert prior.mean[at] == pytest.approx(math.sqrt(0.75) * loss * size)
         assert prior.sigma[at] == pytest.approx(np.where(loss > 0.0, 0.5, 1.0) * size)
     both_ways = loss == 0.0
-    assert prior.tails.tolist() == [(both_ways & (near > 0.03)).tolist()] * 2 + [both_ways.tolist()]
-    assert _prior([], []).mean.shape == (3, 0)
+    assert prior.tails.tolist() == [(both_ways & (near > 0.03)).tolist()] * 3 + [both_ways.tolist()]
+    assert _prior([], []).mean.shape == (4, 0)
 
 
 def heave(case: Case, sigma_N: float) -> Case:

@@ -166,7 +166,7 @@ def test_a_measured_battery_takes_its_sag_out_of_the_drag_and_out_of_the_budget(
     truth = (hydro.surge.k_q * 0.4 + hydro.surge.k_l) * 0.4
     assert abs(measured.drag_force(0.4)[0] / truth - 1.0) < 0.02
     assert assumed.drag_force(0.4)[0] / truth - 1.0 > 0.03, "the sag is there"
-    assert sag(measured) < 0.2 * sag(assumed)
+    assert sag(measured) < 0.6 * sag(assumed)
 
 
 def test_a_failed_thruster_is_told_to_the_allocator() -> None:

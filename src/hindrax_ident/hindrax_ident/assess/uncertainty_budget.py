@@ -23,8 +23,8 @@ from hindrax_ident.fit.score_test import score
 ALL = (GAIN, RUN, MODEL)
 FREEDOM = 1.0
 """Degrees of freedom of the priors."""
-ODDS = (math.log(0.03), math.log(0.012), 0.0)
-"""What the water may be: near the model, near it but for inflow loss, or that of a usual pool; logarithms of odds."""
+NEAR_ODDS = math.log(0.014)
+"""Logarithm of the odds of water near the model, or near it but for one cause, against that of a usual pool."""
 LOSS_MEAN = 0.75**0.5
 """Mean over root mean square of what is anywhere between nothing and its greatest."""
 ROUNDS = 20
@@ -241,17 +241,20 @@ def budget_of(case: Case, influences: Sequence[Influence] = INFLUENCES) -> Budge
 
 
 def _prior(known: Sequence[tuple[Influence, float]], rows: Sequence[slice]) -> _Prior:
-    """Prior of the influences in each water of `ODDS`."""
+    """Prior of the influences in each water: near the model, near it but for one cause each, usual."""
     m = rows[-1].stop if rows else 0
-    near, alone, loss = np.ones(m), np.zeros(m), np.zeros(m)
+    near, loss = np.ones(m), np.zeros(m)
+    causes = {influence.alone: np.zeros(m) for influence in INFLUENCES if influence.alone}
     for row, (influence, _) in zip(rows, known, strict=True):
-        near[row], alone[row], loss[row] = influence.near, influence.alone, influence.loss
-    size = np.stack([near, np.maximum(near, alone), np.ones(m)])
+        near[row], loss[row] = influence.near, influence.loss
+        if influence.alone in causes:
+            causes[influence.alone][row] = 1.0
+    size = np.stack([near, *(np.maximum(near, alone) for alone in causes.values()), np.ones(m)])
     usual, spread = LOSS_MEAN * loss * size, np.sqrt(1.0 - loss * LOSS_MEAN**2) * size
     # What acts one way only cannot take more than there is: no tails.
     both_ways = loss == 0.0
     in_near = both_ways & (near > NEAR)
-    return _Prior(array(usual), array(spread), np.stack([in_near, in_near, both_ways]))
+    return _Prior(array(usual), array(spread), np.stack([*[in_near] * (len(size) - 1), both_ways]))
 
 
 class _Prior(NamedTuple):
@@ -289,7 +292,7 @@ def _posterior(told: _Told, water: Array | None = None) -> _Posterior:
     """
     found = [_explained(told.information, told.gradient, *one) for one in zip(*told.prior, strict=True)]
     own = array([np.logaddexp.reduce(one.evidence) for one in found])
-    odds = np.array(ODDS)
+    odds = np.array([*[NEAR_ODDS] * (len(found) - 1), 0.0])
     others = odds if water is None else odds + (water - own)
     evidence = np.concatenate([one.evidence + other for one, other in zip(found, others, strict=True)])
     mean, covariance = (np.concatenate(parts) for parts in ([x.mean for x in found], [x.covariance for x in found]))
