@@ -160,6 +160,7 @@ def test_fast_vehicle_is_stopped_earlier_than_a_slow_one(look: Callable[..., tup
     [
         ({"attitude_rad": (1.1, 0.0, 0.0)}, "attitude: tilted by 63 deg, wanted at most 55 deg"),
         ({"attitude_rad": (0.0, 0.0, math.nan)}, "attitude: unknown"),
+        ({"velocity_mps": (1.0, 0.0, 0.08)}, "speed: 1.003 m/s, wanted at most 1.000 m/s"),
         ({"velocity_mps": (0.9, 0.0, 0.6)}, "speed: 1.08 m/s, wanted at most 1.00 m/s"),
         ({"ages_s": {"icm20948": 0.5, "ms5837": 0.02}}, "sensor_age: icm20948 heard 0.50 s ago"),
         ({"ages_s": {"icm20948": 0.01}}, "sensor_age: ms5837 heard never, wanted at most 1.00 s"),
@@ -180,7 +181,7 @@ def test_lost_lock_is_survived_for_a_while(look: Callable[..., tuple[str, ...]])
     blind = replace(WELL, dvl_locked=False)
     assert [look(blind, 10.0 + t) for t in (0.0, 1.0, 3.0, 4.9)] == [(), (), (), ()]
     (found,) = look(blind, 15.0)
-    assert found.startswith("dvl_lock: no bottom lock for 5.0 s, wanted at most 5.0 s; give the DVL more water")
+    assert found.startswith("dvl_lock: no bottom lock for 5.0 s, wanted less than 5.0 s; give the DVL more water")
 
 
 def test_battery_leak_time_and_thrusters(look: Callable[..., tuple[str, ...]]) -> None:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hindrax_core.text.digits import above, measured, unlike
+from hindrax_core.text.digits import above, below, measured, unlike
 
 
 @pytest.mark.parametrize(
@@ -38,6 +38,8 @@ def test_a_number_has_the_digits_that_its_deviation_leaves_it(value: float, std:
 )
 def test_what_is_above_a_limit_does_not_look_like_it(found: float, most: float, said: str) -> None:
     assert above("{} s, wanted at most {} s", found, most, 1) == said
+    negated = below("{} s, wanted at most {} s", -found, -most, 1)
+    assert negated.replace("-", "") == said
 
 
 @given(st.floats(-1e6, 1e6), st.floats(0.002, 10.0), st.integers(0, 3))

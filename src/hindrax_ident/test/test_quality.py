@@ -98,17 +98,17 @@ def predicted(fit: float, excess: float) -> Validation:
         (
             {"k": array(np.array([-5.9, 40.0])), "covariance": array(np.diag([4.0, 0.1]))},
             {"k": array(np.array([-6.1, 40.0])), "covariance": array(np.diag([4.0, 0.1]))},
-            "k_q is negative (-6.1 +- 2): other forces than drag act, or the thrust obeys another law than the record",
+            "k_q is negative (-6.1 +- 2.0): other forces than drag act, or the thrust obeys another law",
         ),
         (
             {"k": array(np.array([80.0, -2.0]))},
             {"k": array(np.array([80.0, -8.0]))},
-            "k_l is negative (-8 +- 0.32): other forces than drag act, or the thrust obeys another law than the record",
+            "k_l is negative (-8.00 +- 0.32): other forces than drag act, or the thrust obeys another law",
         ),
         (
             {"k": array(np.array([80.0, -8.0])), "covariance": array(np.diag([1.0, 9.0]))},
             {"k": array(np.array([80.0, -8.0])), "covariance": array(np.diag([1.0, 4.0]))},
-            "k_l is negative (-8 +- 2): other forces than drag act, or the thrust obeys another law than the record",
+            "k_l is negative (-8.0 +- 2.0): other forces than drag act, or the thrust obeys another law",
         ),
         (
             {"added_mass_sigmas": -2.9},
@@ -358,9 +358,9 @@ def test_a_small_drag_is_a_drag() -> None:
     small: dict[str, Any] = {"covariance": array(WELL.covariance / 1e4), "drag_std": 0.005}
     assert judged(k=array(SURGE[:2] / 100.0), **small) == []
     (reason,) = judged(k=array(np.array([-0.1, 0.5])), **small)
-    assert reason.startswith("k_q is negative (-0.1 +- 0.01)")
+    assert reason.startswith("k_q is negative (-0.100 +- 0.010)")
     (reason,) = judged(k=array(np.array([1.5, -0.1])), **small)
-    assert reason.startswith("k_l is negative (-0.1 +- 0.0032)")
+    assert reason.startswith("k_l is negative (-0.1000 +- 0.0032)")
 
 
 def test_moving_at_twice_the_noise_of_a_velocity_is_no_motion() -> None:

@@ -155,16 +155,16 @@ def test_what_was_found_is_in_the_unit_of_the_influence(budget: Budget) -> None:
 
 def test_warnings_name_what_the_record_shows_clearest_first(budget: Budget) -> None:
     gain, law = budget.warnings()
-    assert gain == "the record shows gain (-6 +- 1 %): weigh"
-    assert law == "the record shows law (0.15 +- 0.04 N): wait"
+    assert gain == "the record shows gain (-6.0 +- 1.0 %): weigh"
+    assert law == "the record shows law (0.150 +- 0.040 N): wait"
     turning = replace(budget.case.fit, model=replace(budget.case.fit.model, axis=5))
     _, law = replace(budget, case=replace(budget.case, fit=turning)).warnings()
-    assert law == "the record shows law (0.15 +- 0.04 N m): wait"
+    assert law == "the record shows law (0.150 +- 0.040 N m): wait"
     # Two deviations, or clearly seen but within what a pool has: no word.
     assert replace(budget, mean=array(np.array([0.0, 0.0, -1.4, 0.0]))).warnings() == ()
     assert replace(budget, mean=array(np.array([0.0, 0.0, 0.0, 0.9])), covariance=0.01 * COVARIANCE).warnings() == ()
     second = replace(budget, mean=array(np.array([0.0, 5.0, 0.0, 0.0])))
-    assert second.warnings() == ("the record shows current (2.5 +- 0.4 m/s): wait",)
+    assert second.warnings() == ("the record shows current (2.50 +- 0.45 m/s): wait",)
 
 
 def test_what_no_record_shows_is_named_where_it_makes_most_of_a_band(budget: Budget) -> None:

@@ -14,6 +14,7 @@ from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_control.sensors import DEPTH, INERTIAL, VELOCITY, sensors_of
 from hindrax_core.knobs import knob
 from hindrax_core.signals import NAN, Navigation
+from hindrax_core.text.digits import above, below, unlike
 from hindrax_core.vehicle import Vehicle
 
 MOVES_mps = 0.2
@@ -107,10 +108,9 @@ class ManeuverGuards:
         yield "pool_box", situation.unplaced or self._pool_box(situation.place, situation.walls_m)
         yield "depth_band", self._depth_band(navigation.depth_m)
         under_m, least_m = navigation.altitude_m - self._half_height_m, self._knobs.floor_m
-        low = under_m < least_m
-        yield "altitude_band", f"{under_m:.2f} m of water under the hull, wanted {least_m:.2f} m" if low else ""
+        yield "altitude_band", below("{} m of water under the hull, wanted {} m", under_m, least_m, 2)
         found, least = situation.battery_V, limits.battery_V
-        yield "battery", f"{found:.1f} V, wanted at least {least:.1f} V" if found < least else ""
+        yield "battery", below("{} V, wanted at least {} V", found, least, 1)
         yield "leak", "found water in the hull, wanted it dry" if situation.water_in_hull else ""
         late_s = situation.time_s - situation.deadline_s
         yield "time_out", f"{late_s:.0f} s later than it should long be over" if late_s > 0.0 else ""
@@ -118,8 +118,7 @@ class ManeuverGuards:
         yield "thrusters", f"{', '.join(lost)} cannot be served without the disabled ones" if lost else ""
         yield "attitude", self._attitude(navigation)
         found = math.sqrt(sum(v * v for v in navigation.velocity_mps if math.isfinite(v)))
-        most = limits.speed_mps
-        yield "speed", f"{found:.2f} m/s, wanted at most {most:.2f} m/s" if found > most else ""
+        yield "speed", above("{} m/s, wanted at most {} m/s", found, limits.speed_mps, 2)
         yield "sensor_age", self._sensor_age(navigation)
         yield "blocked", self._blocked(situation)
         yield "dvl_lock", self._dvl_lock(situation)
@@ -140,7 +139,8 @@ class ManeuverGuards:
             return ""
         wanted_m, words = self.margin(place)
         wall, left_m = nearest(walls_after_braking_m(place, walls_m, self._knobs))
-        return f"{left_m:.2f} m to the {wall} wall after braking, wanted {words}" if left_m < wanted_m else ""
+        found, _ = unlike(left_m, wanted_m, 2)
+        return f"{found} m to the {wall} wall after braking, wanted {words}" if left_m < wanted_m else ""
 
     def guarded(self, place: PoolPosition, walls_m: Mapping[str, float], unplaced: str) -> GuardedPlace:
         """A place as the guard sees it, with the distance to each wall [m]."""
@@ -155,15 +155,14 @@ class ManeuverGuards:
 
     def _depth_band(self, depth_m: float) -> str:
         top_m, rating_m = depth_m - self._half_height_m, self._vehicle.depth_rating_m
-        if top_m < self._knobs.surface_m:
-            return f"{top_m:.2f} m of water above the hull, wanted {self._knobs.surface_m:.2f} m"
-        return f"{depth_m:.2f} m deep, wanted at most {rating_m:.2f} m" if depth_m > rating_m else ""
+        high = below("{} m of water above the hull, wanted {} m", top_m, self._knobs.surface_m, 2)
+        return high or above("{} m deep, wanted at most {} m", depth_m, rating_m, 2)
 
     def _attitude(self, navigation: Navigation) -> str:
         tilt_deg = math.degrees(max(abs(navigation.attitude_rad[0]), abs(navigation.attitude_rad[1])))
         limit_deg = self._vehicle.limits.tilt_deg
-        if tilt_deg > limit_deg:
-            return f"tilted by {tilt_deg:.0f} deg, wanted at most {limit_deg:.0f} deg"
+        if tilted := above("tilted by {} deg, wanted at most {} deg", tilt_deg, limit_deg, 0):
+            return tilted
         return "" if math.isfinite(sum(navigation.attitude_rad)) else "unknown, wanted roll, pitch and heading"
 
     def _sensor_age(self, navigation: Navigation) -> str:
@@ -172,8 +171,8 @@ class ManeuverGuards:
         for name, limit_s in limits.items():
             age_s = navigation.ages_s.get(name, math.inf)
             if age_s > limit_s:
-                said = f"{age_s:.2f} s" if math.isfinite(age_s) else "never"
-                return f"{name} heard {said} ago, wanted at most {limit_s:.2f} s".replace("never ago", "never")
+                heard = above("{} s ago, wanted at most {} s", age_s, limit_s, 2)
+                return f"{name} heard {heard}".replace("inf s ago", "never")
         return "" if math.isfinite(navigation.depth_m) else "depth unknown"
 
     def _blocked(self, situation: Situation) -> str:
@@ -189,7 +188,8 @@ class ManeuverGuards:
         if situation.navigation.dvl_locked or not self._velocity:
             return ""
         since_s = situation.time_s - self._wrong_since_s.get("dvl_lock", situation.time_s)
-        return f"no bottom lock for {since_s:.1f} s, wanted at most {self._knobs.unlocked_s:.1f} s"
+        found, most = unlike(since_s, self._knobs.unlocked_s, 1)
+        return f"no bottom lock for {found} s, wanted less than {most} s"
 
 
 def nearest(walls_m: Mapping[str, float]) -> tuple[str, float]:

@@ -46,3 +46,8 @@ def unlike(found: float, limit: float, places: int) -> tuple[str, str]:
 def above(words: str, found: float, most: float, places: int) -> str:
     """Words with both numbers where `found` is above `most`, else empty: "{} m deep, wanted at most {} m"."""
     return words.format(*unlike(found, most, places)) if found > most else ""
+
+
+def below(words: str, found: float, least: float, places: int) -> str:
+    """The same where `found` is below `least`: "{} V, wanted at least {} V"."""
+    return words.format(*unlike(found, least, places)) if found < least else ""

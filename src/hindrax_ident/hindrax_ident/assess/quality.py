@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hindrax_core.text.digits import measured
 from hindrax_ident.arrays import Array
 from hindrax_ident.assess.prediction import WINDOW_S, Prediction, predict, windows_of
 from hindrax_ident.assess.results import Contribution
@@ -250,10 +251,10 @@ def _physics(evidence: Evidence, force: float) -> list[str]:
     out = []
     sigma = math.sqrt(max(0.0, float(evidence.covariance[0, 0])))
     if evidence.k[0] < -3.0 * sigma:
-        out.append(f"k_q is negative ({evidence.k[0]:.3g} +- {sigma:.2g}): {OTHER_LAW}")
+        out.append(f"k_q is negative ({measured(evidence.k[0], sigma)}): {OTHER_LAW}")
     sigma = math.sqrt(max(0.0, float(evidence.covariance[1, 1])))
     if evidence.k[1] < -3.0 * sigma and -evidence.k[1] * evidence.excitation.high > LINEAR_SHARE * force:
-        out.append(f"k_l is negative ({evidence.k[1]:.3g} +- {sigma:.2g}): {OTHER_LAW}")
+        out.append(f"k_l is negative ({measured(evidence.k[1], sigma)}): {OTHER_LAW}")
     if evidence.added_mass_sigmas < -3.0:
         below = f"the total mass is {-evidence.added_mass_sigmas:.3g} standard deviations below the body's own"
         out.append(f"{below}: check the units of force and velocity, and the mass of the vehicle file")

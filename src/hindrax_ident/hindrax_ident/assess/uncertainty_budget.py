@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hindrax_core.text.digits import measured
 from hindrax_ident.arrays import Array, Flags, array
 from hindrax_ident.assess.influences import GAIN, HEAVE, INFLUENCES, MODEL, NEAR, RUN, Case, Influence, acting
 from hindrax_ident.assess.results import Contribution
@@ -150,7 +151,7 @@ class Budget:
             if surprise > SURPRISE and abs(self.mean[at]) > 1.0:
                 value, spread = sigma * float(self.mean[at]), sigma * math.sqrt(self.covariance[at, at])
                 unit = "N m" if influence.unit == "N" and self.case.axis >= 3 else influence.unit
-                shown = f"{influence.name} ({value:.2g} +- {spread:.1g} {unit})"
+                shown = f"{influence.name} ({measured(value, spread)} {unit})"
                 told = f"the record shows {shown}: {influence.remedy}"
                 if (times := abs(float(self.mean[at]))) > GREAT:
                     told = (

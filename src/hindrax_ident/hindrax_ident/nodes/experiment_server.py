@@ -82,7 +82,7 @@ class ExperimentServer:
     def _refused(self, request: Any, experiment: Experiment) -> str:
         """Why a goal is not begun, as "guard: sentence"; empty when it is."""
         try:
-            check_experiment(experiment.motions, experiment.aim)
+            check_experiment(experiment.motions, experiment.aim, request.on_cancel or "hold")
         except UsageError as error:
             return str(error)
         if request.plan:

@@ -16,6 +16,7 @@ from std_srvs.srv import Trigger
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.input_checks import Refusals
 from hindrax_core.signals import Estimate, IdentEvent
+from hindrax_core.text.digits import measured
 from hindrax_core.topics import ESTIMATE, Topic
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ident.assess.results import MotionResult
@@ -160,7 +161,7 @@ def verdict_text(result: MotionResult) -> str:
     """Verdict on a motion in one line, such as `surge: k_q 66.1 +- 0.4, k_l 1.3 +- 0.5`."""
     if not result.identifiable:
         return f"{result.motion}: not identifiable: {'; '.join(result.reasons)}"
-    numbers = (f"{name} {one.value:.4g} +- {one.std:.2g}" for name, one in result.coefficients.items())
+    numbers = (f"{name} {measured(one.value, one.std)}" for name, one in result.coefficients.items())
     return f"{result.motion}: {', '.join(numbers)}"
 
 

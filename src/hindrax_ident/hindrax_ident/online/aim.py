@@ -10,6 +10,7 @@ LEVELS = {1.0: "fastest", 0.5: "middle", 0.0: "slowest"}
 """Plateaus that may be chosen, in shares of the way from the slowest of the pilot's plan to the fastest."""
 FIRST = (1.0, 0.0, 1.0)
 """Levels that a motion begins with: the extremes tell most of the drag, and a repeated leg shows drift."""
+ENDINGS = ("hold", "neutral")
 LONGEST_MIN = 50.0
 LEAST_SHARE = 1e-4
 
@@ -58,7 +59,7 @@ def plan_text(motions: Sequence[str], aim: Aim) -> str:
     return f"{'; '.join(str(Choice(motion)) for motion in motions)}, each out and back; then what tells most, {aim}"
 
 
-def check_experiment(motions: Sequence[str], aim: Aim) -> None:
+def check_experiment(motions: Sequence[str], aim: Aim, on_cancel: str = "hold") -> None:
     """UsageError that names what is invalid."""
     if not motions:
         raise UsageError(f"goal: no motion, wanted some of {', '.join(AXES)}")
@@ -67,6 +68,8 @@ def check_experiment(motions: Sequence[str], aim: Aim) -> None:
             raise UsageError(f"goal: motion {motion[:40]!r} unknown, wanted one of {', '.join(AXES)}")
     if len(set(motions)) < len(motions):
         raise UsageError(f"goal: {len(motions)} motions, one of them twice, wanted each once")
+    if on_cancel not in ENDINGS:
+        raise UsageError(f"goal: ending {on_cancel[:40]!r} unknown, wanted {' or '.join(ENDINGS)}")
     if aim.until != 0.0 and not LEAST_SHARE <= aim.until <= 1.0:
         raise UsageError(f"goal: until {aim.until:g}, wanted {LEAST_SHARE:g} to 1, or 0 for what calibration leaves")
     if not 0.0 <= aim.minutes <= LONGEST_MIN:
