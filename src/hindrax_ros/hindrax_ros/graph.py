@@ -18,8 +18,8 @@ from hindrax_ros.batched_node import BatchedNode, DeferredPublisher
 QUEUE = 200
 """Messages that may wait for a reader that takes them when its turn comes."""
 STREAM_Hz = 20.0
-"""Usual rate from which on a topic is read best effort: the next message comes before a lost one is repaired, and a
-reliable reader withholds all that follow until then. The recorder reads everything reliably."""
+"""Usual rate from which on commands are read best effort: the next comes before a lost one is repaired, and a reliable
+reader withholds all that follow until then. Readings and states are reliable: what is used is what is recorded."""
 
 
 @cache
@@ -59,8 +59,9 @@ def subscription(
 
     `queue` messages wait for a node that takes them when its turn comes; a command never has company.
     """
-    quality = topic.quality if topic.quality.depth == 1 else replace(topic.quality, depth=queue)
-    if topic.rate_Hz >= STREAM_Hz:
+    command = topic.quality.depth == 1
+    quality = topic.quality if command else replace(topic.quality, depth=queue)
+    if command and topic.rate_Hz >= STREAM_Hz:
         quality = replace(quality, reliable=False)
     return node.create_subscription(message_class(topic.type), topic.name, callback, profile(quality), raw=raw)
 

@@ -14,7 +14,7 @@ import rclpy
 from rclpy.context import Context
 from rclpy.qos import ReliabilityPolicy
 
-from hindrax_core.topics import BATTERY, HOLD_STATUS, THRUSTER_COMMAND
+from hindrax_core.topics import BATTERY, HOLD_STATUS, ODOMETRY, THRUSTER_COMMAND
 from hindrax_msgs.msg import HoldStatus, ThrusterCommand
 from hindrax_ros.batched_node import IDLE_TURN_S, TURN_S, BatchedNode, PublishQueue, SpinLoop, events_executor
 from hindrax_ros.graph import publisher, subscription
@@ -226,8 +226,8 @@ def test_what_comes_by_call_is_not_read_from_the_graph_unless_a_remap_separates_
         one.destroy_node()
 
 
-def test_a_stream_is_read_best_effort_and_what_is_said_rarely_reliably(node: BatchedNode) -> None:
-    for topic, reliable in ((THRUSTER_COMMAND, False), (BATTERY, True)):
+def test_commands_are_read_best_effort_and_what_the_recorder_has_too_reliably(node: BatchedNode) -> None:
+    for topic, reliable in ((THRUSTER_COMMAND, False), (ODOMETRY, True), (BATTERY, True)):
         one = subscription(node, topic, print)
         (found,) = node.get_subscriptions_info_by_topic(one.topic_name)
         assert (found.qos_profile.reliability is ReliabilityPolicy.RELIABLE) is reliable

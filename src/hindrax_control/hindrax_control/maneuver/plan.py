@@ -2,8 +2,8 @@
 
 A leg drives one degree of freedom in one direction: a boost up to the speed that the prior expects, then the constant
 force, a coast without it, then braking before its end. Forward and backward legs alternate, so the vehicle never has to
-turn around, and each backward leg ends where the next forward one begins. What rights itself (roll, pitch) ends each leg
-back with a free decay instead: one period of its swing with all thrusters at rest.
+turn around, and each backward leg ends where the next forward one begins. What rights itself (roll, pitch) ends each
+leg back with a free decay instead: one period of its swing with all thrusters at rest.
 """
 
 import math
