@@ -515,6 +515,10 @@ def test_thrusters_that_idle_against_each_other_leave_a_constant_force(case: Cas
     told = replace(case, record=replace(case.record, effort=Series(array(np.arange(101.0)), array(effort))))
     assert row(name).sigma(told) == 0.06
     assert_effect(told, name, of_force(np.full(len(TIMES), math.sqrt(8.0) * each_N)))
+    # Most of the time all of them rest: nothing is left over then.
+    turning = np.array([1.0, 0.0, 0.0, 1.0, 0.0])
+    rested = replace(told, record=replace(told.record, effort=Series(COMMANDS.t, array(8 * each_N**2 * turning))))
+    assert_effect(rested, name, of_commands(math.sqrt(8.0) * each_N * turning))
     idle = replace(told, record=replace(told.record, effort=Series(COMMANDS.t, array(np.zeros(5)))))
     assert row(name).sigma(idle) == row(name).sigma(case) == 0.0
     assert (row(name).scope, row(name).considered, row(name).near, row(name).loss) == (MODEL, True, 0.37, False)

@@ -157,9 +157,13 @@ class Case:
         table = np.column_stack([force])
         return array(0.5 * self.steps_s[:, None] * (table + np.roll(table, 1, axis=0)))
 
-    def of_commands(self, commands: Array) -> Array:
-        """Impulses over each step of errors of the commanded thrust, (commands, k), through its lag: (n, k)."""
-        totals = [LaggedThrust(self.record.thrust.t, one, self.record.lag_s) for one in commands.T]
+    def of_commands(self, commands: Array, times_s: Array | None = None) -> Array:
+        """Impulses over each step of errors of the commanded thrust, (commands, k), through its lag: (n, k).
+
+        `times_s` (commands,): from when on each is in force; without them, those of the thrust.
+        """
+        times_s = self.record.thrust.t if times_s is None else times_s
+        totals = [LaggedThrust(times_s, one, self.record.lag_s) for one in commands.T]
         return per_step(np.stack([one.impulse(self._thrust_s) for one in totals], axis=1), self.fit.problem.grid)
 
     def delayed(self, time_s: float) -> Array:
@@ -252,7 +256,14 @@ def _root(covariance: Array) -> Array:
 def _idle(case: Case) -> float:
     """Root of the sum of squares of what the thrusters put on the axis when they idle against each other [N, N m]."""
     effort = case.record.effort.y
-    return math.sqrt(max(0.0, float(np.percentile(effort, IDLING)))) if len(effort) else 0.0
+    turning = effort[effort > 0.0]
+    return math.sqrt(float(np.percentile(turning, IDLING))) if len(turning) else 0.0
+
+
+def _idle_differences(case: Case) -> Array:
+    """A constant force while thrusters turn; none while all of them rest, as in a coast of heave."""
+    effort = case.record.effort
+    return case.of_commands(array(_idle(case) * (effort.y > 0.0)[:, None]), effort.t)
 
 
 def _inflow(case: Case) -> Array:
@@ -470,7 +481,7 @@ INFLUENCES: tuple[Influence, ...] = (
     Influence(
         "differences between idle thrusters", "of their forces", MODEL,
         lambda case: 0.06 if _idle(case) > 0.0 else 0.0,
-        lambda case: case.of_force(np.full(len(case.v), _idle(case))),
+        _idle_differences,
         "measure each thruster near its dead band, or lower `allocation.idle_bias_N`", considered=True, near=0.37,
     ),
     Influence(
