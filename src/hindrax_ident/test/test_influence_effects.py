@@ -462,7 +462,7 @@ def test_a_coast_is_within_one_stretch(case: Case) -> None:
 
 PRIORS: dict[str, tuple[str, float, bool, float, str, bool]] = {
     "thrust calibration": (GAIN, 1.0, True, 1.0, "", False),
-    "losses between thrusters and hull": (GAIN, 0.08, True, 0.17, "losses", True),
+    "losses between thrusters and hull": (GAIN, 0.08, True, 0.12, "losses", True),
     "losses that change with the load": (MODEL, 0.03, False, 0.03, "losses", False),
     "gain of the wrench": (GAIN, 0.02, True, 1.0, "", False),
     "inflow loss": (GAIN, 0.12, True, 0.005, "inflow", True),

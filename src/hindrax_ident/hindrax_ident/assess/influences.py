@@ -465,7 +465,7 @@ INFLUENCES: tuple[Influence, ...] = (
         "losses between thrusters and hull", "-", GAIN,
         lambda case: 0.08 if len(case.weighed) < 2 else 0.0,
         lambda case: case.of_commands(_unweighed(case, case.record.thrust.y, lambda y: -y[:, None])),
-        MEASURED_THRUST, considered=True, near=0.17, alone="losses", loss=True,
+        MEASURED_THRUST, considered=True, near=0.12, alone="losses", loss=True,
     ),
     Influence(
         # A record that only tells a wrench has the exponent of the thrust for it.
