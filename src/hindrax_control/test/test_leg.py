@@ -205,6 +205,15 @@ def test_it_swings_where_its_righting_alone_brings_it_to_rest_at_the_end(sign: f
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_what_never_gets_up_to_speed_swings_too(sign: float) -> None:
+    driver = LegController(replace(leg(2.1, sign, coast_s=2.0, axis="roll"), natural_radps=0.2))
+    slow_mps = 0.25 * RATE_mps
+    ahead = math.sqrt(3.0**2 - (slow_mps / 0.2) ** 2) - slow_mps * LAG_S
+    told = [driver.step(sign * (ahead + beyond), sign * slow_mps, BEGIN_s + 0.1) for beyond in (-0.001, 0.001)]
+    assert [(one.phase, one.force != 0.0) for one in told] == [("transient", True), ("coast", False)]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("swinging", [False, True])
 def test_what_does_not_right_itself_as_believed_is_braked_beyond_its_end(sign: float, swinging: bool) -> None:
     one = replace(leg(2.1, sign, coast_s=2.0, axis="roll"), natural_radps=0.2 if swinging else 100.0)

@@ -49,6 +49,9 @@ class LegController:
         if math.isnan(self._since_s):
             self._since_s = time_s
         forward = rate * leg.sign
+        if self._stretch == "boost" and leg.natural_radps and self._may_coast(coordinate, forward):
+            # Thrust that is lost to inflow may never bring it up to speed; it swings all the same.
+            self._enter("coast", time_s)
         if self._stretch != "brake" and self._at_an_end(coordinate, forward):
             self._enter("brake", time_s)
             self._way = math.copysign(1.0, forward)
@@ -64,7 +67,7 @@ class LegController:
         """Whether it is time to brake: before the leg's end, or before the room's end when it is carried backward."""
         leg = self.leg
         way = stopping(forward, self._braking)
-        if leg.natural_radps and self._stretch != "boost" and forward >= 0.0:
+        if leg.natural_radps and forward >= 0.0:
             return coordinate * leg.sign > OVERSHOOT * abs(leg.end)
         if forward >= 0.0:
             return (leg.end - coordinate) * leg.sign <= way
