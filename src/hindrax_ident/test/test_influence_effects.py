@@ -444,6 +444,15 @@ def test_a_coast_begins_at_half_the_speed_and_lasts_a_second(
     assert not row("sag over the run").shown(case)
 
 
+def test_a_swing_is_a_coast_that_becomes_fast(case: Case) -> None:
+    slow = coasting(case, 1.2, 0.05)
+    assert not _coasts(slow)
+    times, v = slow.fit.problem.grid.times_s, slow.fit.linear.path.v.copy()
+    v[(times > 2.5) & (times < 2.8)] = -0.3
+    swung = moved(slow.fit, array(v), array(np.zeros(121)), times, slow.fit.problem.grid.starts)
+    assert _coasts(replace(slow, fit=swung))
+
+
 def test_a_coast_is_within_one_stretch(case: Case) -> None:
     whole = coasting(case, 1.2)
     grid = whole.fit.problem.grid

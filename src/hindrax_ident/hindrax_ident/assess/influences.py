@@ -36,7 +36,7 @@ MEASURED_SAG = 0.005
 EDGE = 0.1
 """Share of the largest thrust from which a thruster works on its curve [-]."""
 COASTS_FROM, COAST_S = 0.5, 1.0
-"""Share of the highest speed at which a coast begins at least [-], and how long it lasts at least [s]."""
+"""Share of the highest speed that a coast has at least once [-], and how long it lasts at least [s]."""
 MEMORY_S, WAKE_S = 1.0, 4.0
 """Time constants of fluid memory, and of the vehicle's own wake."""
 TETHER = 0.04
@@ -284,7 +284,8 @@ def _coasts(case: Case) -> bool:
     fast = np.abs(case.v) > COASTS_FROM * case.speed
     begins = np.flatnonzero(np.diff(idle, prepend=idle[:1]) | case.fit.problem.grid.starts)
     lasts_s = np.add.reduceat(np.where(case.fit.problem.grid.starts, 0.0, case.steps_s), begins)
-    return bool(np.any(idle[begins] & fast[begins] & (lasts_s > COAST_S)))
+    # A swing is slow where it begins, and fast as it passes level.
+    return bool(np.any(idle[begins] & np.logical_or.reduceat(fast, begins) & (lasts_s > COAST_S)))
 
 
 def _drift(case: Case) -> Array:
