@@ -49,8 +49,9 @@ class LegController:
         if math.isnan(self._since_s):
             self._since_s = time_s
         forward = rate * leg.sign
-        if self._stretch == "boost" and leg.natural_radps and self._may_coast(coordinate, forward):
-            # Thrust that is lost to inflow may never bring it up to speed; it swings all the same.
+        # Thrust that is lost to inflow may never bring it up to speed; it swings all the same.
+        driven = ("boost", "hold") if leg.natural_radps else ("hold",)
+        if leg.coast_s and self._stretch in driven and self._may_coast(coordinate, forward):
             self._enter("coast", time_s)
         if self._stretch != "brake" and self._at_an_end(coordinate, forward):
             self._enter("brake", time_s)
@@ -58,7 +59,7 @@ class LegController:
         if self._stretch == "boost":
             return self._boost(forward, time_s)
         if self._stretch == "hold":
-            return self._hold(coordinate, rate, time_s, trusted=trusted)
+            return self._hold(rate, time_s, trusted=trusted)
         if self._stretch == "coast":
             return self._coast(time_s)
         return self._brake(forward, time_s)
@@ -66,9 +67,9 @@ class LegController:
     def _at_an_end(self, coordinate: float, forward: float) -> bool:
         """Whether it is time to brake: before the leg's end, or before the room's end when it is carried backward."""
         leg = self.leg
-        way = stopping(forward, self._braking)
         if leg.natural_radps and forward >= 0.0:
             return coordinate * leg.sign > OVERSHOOT * abs(leg.end)
+        way = stopping(forward, self._braking)
         if forward >= 0.0:
             return (leg.end - coordinate) * leg.sign <= way
         # During the boost it may still move backward from the leg before.
@@ -88,11 +89,7 @@ class LegController:
             return LegOutput(leg.level, "transient")
         return LegOutput(leg.sign * leg.boost, "transient")
 
-    def _hold(self, coordinate: float, rate: float, time_s: float, *, trusted: bool) -> LegOutput:
-        leg = self.leg
-        if leg.coast_s and self._may_coast(coordinate, rate * leg.sign):
-            self._enter("coast", time_s)
-            return self._coast(time_s)
+    def _hold(self, rate: float, time_s: float, *, trusted: bool) -> LegOutput:
         if self._elapsed_s(time_s) > PATIENCE * self.leg.seconds + 1.0:
             self._enter("brake", time_s)
         if not trusted:

@@ -244,13 +244,12 @@ def budget_of(case: Case, influences: Sequence[Influence] = INFLUENCES) -> Budge
 def _prior(known: Sequence[tuple[Influence, float]], rows: Sequence[slice]) -> _Prior:
     """Prior of the influences in each water: near the model, near it but for one cause each, usual."""
     m = rows[-1].stop if rows else 0
-    near, loss = np.ones(m), np.zeros(m)
-    causes = {influence.alone: np.zeros(m) for influence in INFLUENCES if influence.alone}
+    near, cause, loss = np.ones(m), np.zeros(m, object), np.zeros(m)
     for row, (influence, _) in zip(rows, known, strict=True):
-        near[row], loss[row] = influence.near, influence.loss
-        if influence.alone in causes:
-            causes[influence.alone][row] = 1.0
-    size = np.stack([near, *(np.maximum(near, alone) for alone in causes.values()), np.ones(m)])
+        near[row], cause[row], loss[row] = influence.near, influence.alone, influence.loss
+    # The waters of all motions are the same, whichever rows act on one.
+    causes = dict.fromkeys(one.alone for one in INFLUENCES if one.alone)
+    size = np.stack([near, *(np.where(cause == one, 1.0, near) for one in causes), np.ones(m)])
     usual, spread = LOSS_MEAN * loss * size, np.sqrt(1.0 - loss * LOSS_MEAN**2) * size
     # What acts one way only cannot take more than there is: no tails.
     both_ways = loss == 0.0
