@@ -247,6 +247,21 @@ def stop_signals(handler: Callable[[int, Any], object]) -> Iterator[None]:
             signal.signal(number, one)
 
 
+@contextlib.contextmanager
+def deferred_signals() -> Iterator[None]:
+    """Have SIGINT and SIGTERM wait until the block ends, then act as before it.
+
+    Ctrl-C raises wherever Python is; within a message that C++ is converting, that ends as another exception.
+    """
+    waiting: list[int] = []
+    try:
+        with stop_signals(lambda number, _frame: waiting.append(number)):
+            yield
+    finally:
+        for number in waiting[:1]:
+            signal.raise_signal(number)
+
+
 def _heartbeat_folder() -> Path:
     """Make a folder for heartbeats, and remove those that killed tools have left behind."""
     place = runtime_folder()

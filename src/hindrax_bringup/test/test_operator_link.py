@@ -1,5 +1,6 @@
 """The operator's end of the link: when it may conclude that a maneuver is over, and whose heartbeat it sends."""
 
+import signal
 from types import SimpleNamespace
 from typing import Any
 
@@ -64,6 +65,22 @@ def test_without_a_clock_no_heartbeat_is_sent(monkeypatch: pytest.MonkeyPatch) -
         monkeypatch.setattr(operator, "now", lambda: NOW)
         operator._send_heartbeat()
     assert [message.header.stamp.sec for message in sent] == [1_000]
+
+
+def test_ctrl_c_in_a_callback_waits_for_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
+    ended: list[None] = []
+
+    def interrupted() -> None:
+        if operator.thrusters:  # in the executor, where C++ may have called
+            signal.raise_signal(signal.SIGINT)
+            ended.append(None)
+
+    with Operator(mock=False) as operator, operator.repeating(0.02, interrupted):
+        operator.thrusters = True
+        with pytest.raises(KeyboardInterrupt):
+            operator.pause(10.0)
+        assert ended == [None]
 
 
 def test_resting_the_heartbeat_leaves_other_timers_alone(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,6 +14,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
+from hindrax_bringup.supervisor import deferred_signals
 from hindrax_control.maneuver.goal import LATE, Goal
 from hindrax_core import topics
 from hindrax_core.errors import HindraxError
@@ -210,8 +211,9 @@ class Operator:
 
     def spin(self, seconds: float = 0.05) -> None:
         """Spin once: answers and timers, the last message of every topic, then the caller's tick."""
-        self._executor.spin_once(timeout_sec=seconds)
-        self.node.drain()
+        with deferred_signals():
+            self._executor.spin_once(timeout_sec=seconds)
+            self.node.drain()
         self._tick()
 
     def wait(self, done: Callable[[], bool], seconds: float, what: Callable[[], str]) -> None:
