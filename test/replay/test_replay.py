@@ -28,6 +28,7 @@ from hindrax_cli.commands.data import replay as command
 from hindrax_control.navigation.navigator import Navigator
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import NS_PER_S, Stamp
+from hindrax_core.knobs import build
 from hindrax_core.readings import Pressure, Vec3
 from hindrax_core.signals import Navigation
 from hindrax_core.topics import DIAGNOSTICS, NAVIGATION, ODOMETRY, RAW_FRAMES, resolved
@@ -266,12 +267,8 @@ def _surer(real: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def test_rules_name_ignored_fields_and_tolerances() -> None:
-    rules = Rules(
-        {
-            "default": {"relative": 1e-9},
-            "topics": {"/a": {"ignore": ["ages"], "fields": {"x*": {"absolute": 0.1}}, "unmatched": 0.5}},
-        }
-    )
+    topic = {"ignore": ["ages"], "fields": {"x*": {"absolute": 0.1}}, "unmatched": 0.5}
+    rules = build(Rules, {"default": {"relative": 1e-9}, "topics": {"/a": topic}}, "rules:")
     ledger = ComparisonReport(rules)
     ledger.compare_values("/a", 1, {"x1": 1.0, "ages[0]": 1.0, "y": 2.0}, {"x1": 1.05, "ages[0]": 9.0, "y": 2.1})
     ledger.unmatched("/a", 2, "recorded, not replayed", "a message", "none")

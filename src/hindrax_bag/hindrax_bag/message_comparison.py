@@ -5,13 +5,14 @@ import math
 import struct
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
 from weakref import WeakKeyDictionary
 
 from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S
+from hindrax_core.knobs import build
 from hindrax_core.text.yaml_text import read_yaml
 
 TOLERANCES = Path(__file__).parent / "tolerances.yaml"
@@ -40,9 +41,9 @@ class Tolerance:
 class Rule:
     """Rule of one topic: fields that are not compared, tolerances of fields, and allowed missing messages."""
 
-    ignored: tuple[str, ...] = ()
-    fields: tuple[tuple[str, Tolerance], ...] = ()
-    default: Tolerance = field(default_factory=Tolerance)
+    ignore: tuple[str, ...] = ()
+    fields: Mapping[str, Tolerance] = field(default_factory=dict)
+    default: Tolerance | None = None
     sampled: bool = False
     """Only some of what the replay makes was published."""
     unmatched: float = 0.0
@@ -50,9 +51,9 @@ class Rule:
 
     def tolerance(self, name: str) -> Tolerance | None:
         """Tolerance of a field, None when it is not compared. Names may hold wildcards; the first that fits counts."""
-        if any(fnmatch.fnmatchcase(name, pattern) for pattern in self.ignored):
+        if any(fnmatch.fnmatchcase(name, pattern) for pattern in self.ignore):
             return None
-        for pattern, tolerance in self.fields:
+        for pattern, tolerance in self.fields.items():
             if fnmatch.fnmatchcase(name, pattern):
                 return tolerance
         return self.default
@@ -62,36 +63,24 @@ class Rule:
         return self.tolerance(_unnumbered(name)) is self.default
 
 
+@dataclass(frozen=True, slots=True)
 class Rules:
-    """The rules of all topics, read from one file."""
+    """The rules of all topics, as a section of a file has them."""
 
-    def __init__(self, data: Mapping[str, Any]) -> None:
-        self._default = _tolerance(data.get("default", {}), "default")
-        self._topics = {name: self._rule(name, block or {}) for name, block in data.get("topics", {}).items()}
+    default: Tolerance = field(default_factory=Tolerance)
+    topics: Mapping[str, Rule] = field(default_factory=dict)
 
     def of(self, topic: str) -> Rule:
         """Rule of a topic."""
-        return self._topics.get(topic) or Rule(default=self._default)
-
-    def _rule(self, name: str, block: Mapping[str, Any]) -> Rule:
-        fields = tuple((key, _tolerance(value, f"{name}.{key}")) for key, value in block.get("fields", {}).items())
-        default = _tolerance(block["default"], name) if "default" in block else self._default
-        ignored = tuple(block.get("ignore", ()))
-        return Rule(ignored, fields, default, bool(block.get("sampled")), float(block.get("unmatched", 0.0)))
-
-
-def _tolerance(block: Mapping[str, Any], where: str) -> Tolerance:
-    try:
-        return Tolerance(**{key: float(value) for key, value in block.items()})
-    except (TypeError, ValueError, AttributeError) as error:
-        raise UsageError(f"tolerances, {where}: found {block!r}, wanted absolute and relative numbers") from error
+        rule = self.topics.get(topic, Rule())
+        return rule if rule.default else replace(rule, default=self.default)
 
 
 def load_rules(path: Path = TOLERANCES, section: str = "pure") -> Rules:
     """Read a section of a file of tolerances: `pure`, `reference` or `ros`; UsageError when it is none."""
     try:
-        return Rules(read_yaml(path.read_text(encoding="utf-8"), str(path))[section])
-    except (OSError, UsageError, AttributeError, KeyError, TypeError) as error:
+        return build(Rules, read_yaml(path.read_text(encoding="utf-8"), str(path))[section], f"{section}:")
+    except (OSError, UsageError, KeyError, TypeError) as error:
         raise UsageError(f"{path}: cannot be read as tolerances ({error})") from error
 
 
