@@ -106,15 +106,6 @@ def test_the_command_ends_with_1_when_a_cell_is_violated(
 
 
 @pytest.mark.parametrize(
-    ("words", "why"),
-    [(["--only", "dvl"], "wanted identifier, "), (["--seeds", "0"], "found 0"), (["--workers", "-1"], "found -1")],
-)
-def test_wrong_use_is_one_sentence(words: list[str], why: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["faults", *words]) == 2
-    assert why in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
     ("who", "fault", "mode", "guard"),
     [
         ("icm20948", "gyro_offset", HOLD, "gravity"),

@@ -2,7 +2,8 @@
 
 import argparse
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeVar
 
 from hindrax_bringup.node_options import Tuning
 from hindrax_bringup.share_files import usual_vehicle, vehicle_file
@@ -12,23 +13,38 @@ from hindrax_core.topics import NAMESPACE, namespace_arguments
 if TYPE_CHECKING:
     from hindrax_drivers.nodes.thruster_settings import Settings
 
+NumberT = TypeVar("NumberT", int, float)
 WHICH = "vehicle: its file, or its name"
 
 
-def positive(text: str) -> float:
-    """Argument type: a finite number above zero."""
-    number = float(text)
-    if not (math.isfinite(number) and number > 0.0):
-        raise argparse.ArgumentTypeError(f"{text} is not above 0")
-    return number
+def checked(kind: type[NumberT], wanted: str, fits: Callable[[NumberT], bool]) -> Callable[[str], NumberT]:
+    """Argument type: a number that fits; any other is refused with what was wanted."""
+
+    def read(text: str) -> NumberT:
+        number = kind(text)
+        if not fits(number):
+            raise argparse.ArgumentTypeError(f"found {text}, wanted {wanted}")
+        return number
+
+    read.__name__ = kind.__name__  # by which the parser says what it wanted of a text that is no number
+    return read
 
 
-def pace(text: str) -> float:
-    """Argument type: times real time, 0 for no bound."""
-    number = float(text)
-    if not (math.isfinite(number) and number >= 0.0):
-        raise argparse.ArgumentTypeError(f"found {text}, wanted 0 (no bound) or more")
-    return number
+def within(kind: type[NumberT], low: NumberT, high: NumberT) -> Callable[[str], NumberT]:
+    """Argument type: a number from `low` to `high`."""
+    return checked(kind, f"{low:.10g} to {high:.10g}", lambda number: low <= number <= high)
+
+
+def at_least(low: int) -> Callable[[str], int]:
+    """Argument type: a whole number from `low` on."""
+    return checked(int, f"{low} or more", lambda number: number >= low)
+
+
+positive = checked(float, "more than 0", lambda number: 0.0 < number < math.inf)
+pace = checked(float, "0 (no bound) or more", lambda number: 0.0 <= number < math.inf)
+"""Times real time."""
+seed = within(int, 0, (1 << 32) - 1)
+"""Of everything random; goals carry it in 32 bits."""
 
 
 def share(text: str) -> float:
@@ -36,17 +52,6 @@ def share(text: str) -> float:
     number = float(text.removesuffix("%")) * (0.01 if text.endswith("%") else 1.0)
     if not 0.0 < number <= 1.0:
         raise argparse.ArgumentTypeError(f"found {text}, wanted more than 0, at most 1 or 100%")
-    return number
-
-
-def seed(text: str) -> int:
-    """Argument type: seed of everything random; goals carry it in 32 bits."""
-    try:
-        number = int(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"found {text!r}, wanted a whole number") from None
-    if not 0 <= number < 1 << 32:
-        raise argparse.ArgumentTypeError(f"found {text}, wanted 0 to {(1 << 32) - 1}")
     return number
 
 

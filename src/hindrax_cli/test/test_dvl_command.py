@@ -117,21 +117,3 @@ def test_a_port_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[
     code, _, err = hindrax(capsys, "show", "--port", os.fspath(tmp_path / "none"))
     assert code == 1
     assert "no such port" in err
-
-
-@pytest.mark.parametrize(
-    ("words", "error"),
-    [
-        (("--speed-of-sound", "900"), "wanted 1100 to 1950"),
-        (("--velocity-adjustment", "2"), "wanted 0.8 to 1.25"),
-        (("--baud-rate", "300"), "wanted 9600 to 921600"),
-        (("--declination", "nan"), "wanted -360 to 360"),
-        (("--orientation", "0", "0", "400"), "wanted -360 to 360"),
-    ],
-)
-def test_settings_the_device_cannot_take_are_refused_before_it_is_asked(
-    words: tuple[str, ...], error: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    code, _, err = hindrax(capsys, "setup", "--port", "/nowhere", *words)
-    assert code == 2
-    assert error in err

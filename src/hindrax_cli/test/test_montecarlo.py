@@ -100,15 +100,6 @@ def test_the_command_flies_and_compares(capsys: pytest.CaptureFixture[str]) -> N
     assert all(abs(row["bias"]) < 0.02 for row in document["drag"])
 
 
-@pytest.mark.parametrize(
-    ("words", "sentence"),
-    [(["--runs", "0"], "--runs: found 0"), (["--vehicle", "nowhere.yaml"], "nowhere.yaml: cannot be read")],
-)
-def test_wrong_use_is_one_sentence(words: list[str], sentence: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["montecarlo", *words]) == 2
-    assert sentence in capsys.readouterr().err
-
-
 INTERRUPTED = """
 import time
 from hindrax_analysis.identification.executor import run_all

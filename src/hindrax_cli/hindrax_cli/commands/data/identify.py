@@ -28,7 +28,7 @@ from hindrax_analysis.report import RunReport, run_page
 from hindrax_analysis.terminal import working
 from hindrax_bag import software_version
 from hindrax_bringup.share_files import default_vehicle
-from hindrax_cli.argument_types import add_json, add_vehicle
+from hindrax_cli.argument_types import add_json, add_vehicle, within
 from hindrax_cli.command import command, option
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted
@@ -83,14 +83,6 @@ def selected(arguments: argparse.Namespace) -> tuple[TopicSelection, tuple[int, 
     return topics, tuple(axes_named(arguments.dof)), Span(arguments.from_s, arguments.to_s)
 
 
-def _share(text: str) -> float:
-    """Argument type: a part of one."""
-    number = float(text)
-    if not 0.0 <= number <= 1.0:
-        raise argparse.ArgumentTypeError(f"{text} is not from 0 to 1")
-    return number
-
-
 def _about(parser: argparse.ArgumentParser) -> None:
     columns = "\n".join(f"  {name:<8} {meaning}" for name, meaning in COLUMNS.items())
     parser.description = f"{parser.description}\n{ABOUT}{columns}"
@@ -107,7 +99,7 @@ def _about(parser: argparse.ArgumentParser) -> None:
     add_selection,
     option(
         "--gain-sigma",
-        type=_share,
+        type=within(float, 0.0, 1.0),
         metavar="SHARE",
         help=f"deviation of the wrench's gain; default: by the vehicle file, {GAIN_SIGMA:g} where it has no thrusters",
     ),

@@ -13,7 +13,7 @@ from hindrax_analysis.identification.montecarlo import Trial, summary, trial_of
 from hindrax_analysis.plain import print_answer
 from hindrax_analysis.terminal import make_table, print_table
 from hindrax_bringup.clone import developer_module
-from hindrax_cli.argument_types import add_json, add_vehicle
+from hindrax_cli.argument_types import add_json, add_vehicle, at_least
 from hindrax_cli.command import command, option
 from hindrax_control.maneuver.goal import EXCITATIONS, PLATEAUS, motions_to_fly
 from hindrax_control.maneuver.plan import MOTIONS
@@ -37,20 +37,18 @@ class Job:
 
 @command(
     "./hindrax montecarlo --runs 40 --dof all",
-    option("--runs", type=int, default=40, metavar="N", help="default 40"),
+    option("--runs", type=at_least(1), default=40, metavar="N", help="default 40"),
     option("--dof", nargs="+", default=["all"], choices=[*MOTIONS, "all"], help="default: all"),
     option("--excitation", default=PLATEAUS, choices=(PLATEAUS, *EXCITATIONS), help="default: plateaus"),
     option("--seed", type=int, default=1, help="seed of the first run; the others follow. Default 1"),
     option("--cluster", default="", metavar="ADDRESS", help="compute on this Dask cluster"),
-    option("--workers", type=int, default=0, metavar="N", help="local processes; default: one per core"),
+    option("--workers", type=at_least(0), default=0, metavar="N", help="local processes; default: one per core"),
     partial(add_vehicle, meaning="vehicle with its truth: file or name"),
     option("--world", default=IDEAL, help=f"what the model does not know: {FORM}. Default: {IDEAL}"),
     add_json,
 )
 def montecarlo(arguments: argparse.Namespace) -> int:
     """Accuracy over many runs with the mock, against the Cramer-Rao bound."""
-    if arguments.runs < 1:
-        raise UsageError(f"--runs: found {arguments.runs}, wanted 1 or more")
     sizes_of(arguments.world, arguments.seed)
     vehicle = load_vehicle(arguments.vehicle)
     if vehicle.hydrodynamics is None:
@@ -117,8 +115,8 @@ def _ratio(cells: list[dict[str, Any]], wanted: dict[str, Any]) -> str:
 @command(
     "./hindrax faults --only sensors --seeds 1",
     option("--only", nargs="+", metavar="NAME", help="these processes and devices; any other word lists all"),
-    option("--seeds", type=int, default=3, metavar="N", help="flights of each fault; default 3"),
-    option("--workers", type=int, default=0, metavar="N", help="processes; default: one per core"),
+    option("--seeds", type=at_least(1), default=3, metavar="N", help="flights of each fault; default 3"),
+    option("--workers", type=at_least(0), default=0, metavar="N", help="processes; default: one per core"),
     add_json,
 )
 def faults(arguments: argparse.Namespace) -> int:
@@ -127,9 +125,6 @@ def faults(arguments: argparse.Namespace) -> int:
     only = tuple(arguments.only or table.WHO)
     if strange := [name for name in only if name not in table.WHO]:
         raise UsageError(f"--only: found {strange[0]!r}, wanted {', '.join(table.WHO)}")
-    for name, least in (("seeds", 1), ("workers", 0)):
-        if (found := getattr(arguments, name)) < least:
-            raise UsageError(f"--{name}: found {found}, wanted {least} or more")
     cells = table.fly(only, range(1, arguments.seeds + 1), arguments.workers)
     violated = [f"{one.who} {one.what}, {one.mode}, seed {one.seed}: {why}" for one in cells for why in one.violated]
     document = {"cells": [asdict(one) for one in cells], "violated": violated}

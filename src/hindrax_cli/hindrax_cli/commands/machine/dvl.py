@@ -8,14 +8,15 @@ from dataclasses import replace
 from typing import Any
 
 from hindrax_analysis.plain import print_answer
-from hindrax_cli.argument_types import add_json, add_vehicle
+from hindrax_cli.argument_types import add_json, add_vehicle, within
 from hindrax_cli.command import command, option
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Identity, Send
-from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.errors import HindraxError
 from hindrax_core.events import after
 from hindrax_core.text.screen_text import print_fitted
-from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_core.vehicle import load_vehicle
+from hindrax_drivers.bus_capture import mount_of
 from hindrax_drivers.buses.clock import Clock, SystemClock
 from hindrax_drivers.buses.line import open_line
 from hindrax_drivers.devices import dvl75_settings as flash
@@ -25,6 +26,7 @@ ANSWER_S = 2.0
 FLASH_S = 0.5
 """Time given to the device after a command, which it writes to flash."""
 SWITCHES = {"--pool-mode": flash.POOL_MODE, "--retweet-gps": "Retweet GPS", "--kalman": "DVKFA messages"}
+ANGLE, BAUD = within(float, -360.0, 360.0), within(int, 9600, 921600)
 ANGLES = {"--heading-offset": flash.HEADING_OFFSET, "--declination": "Magnetic declination"}
 
 
@@ -34,23 +36,26 @@ ANGLES = {"--heading-offset": flash.HEADING_OFFSET, "--declination": "Magnetic d
     add_vehicle,
     option("--port", metavar="PATH", help="serial port, or udp://ADDRESS:PORT; default: of the vehicle file"),
     option(
-        "--speed-of-sound", type=float, metavar="M_PER_S", help="wanted [m/s]; default: of the vehicle file's water"
+        "--speed-of-sound",
+        type=within(float, 1100.0, 1950.0),
+        metavar="M_PER_S",
+        help="wanted [m/s]; default: of the vehicle file's water",
     ),
-    option("--velocity-adjustment", type=float, default=1.0, metavar="FACTOR", help="wanted [-]"),
+    option("--velocity-adjustment", type=within(float, 0.8, 1.25), default=1.0, metavar="FACTOR", help="wanted [-]"),
     option(
         "--orientation",
-        type=float,
+        type=ANGLE,
         nargs=3,
         metavar=("ROLL", "PITCH", "YAW"),
         help="how the sensor head is mounted in the vehicle [deg]",
     ),
-    *(option(name, type=float, metavar="DEG", help="added to the device's compass [deg, to 0.1]") for name in ANGLES),
+    *(option(name, type=ANGLE, metavar="DEG", help="added to the device's compass [deg, to 0.1]") for name in ANGLES),
     option("--pool-mode", choices=("on", "off"), help="for small tanks, whose walls echo"),
     option("--retweet-gps", choices=("on", "off"), help="hand on what a GPS at the DVL says"),
     option("--kalman", choices=("on", "off"), help="send $DVKFA, for a Kalman filter of one's own"),
     option("--imu-calibration", choices=tuple(flash.IMU_CALIBRATION), help="keep or delete the one of now"),
-    option("--baud", type=int, default=flash.Dvl75Knobs().baud, metavar="RATE", help="line speed of now [bit/s]"),
-    option("--baud-rate", type=int, metavar="RATE", help="line speed wanted [bit/s]"),
+    option("--baud", type=BAUD, default=flash.Dvl75Knobs().baud, metavar="RATE", help="line speed of now [bit/s]"),
+    option("--baud-rate", type=BAUD, metavar="RATE", help="line speed wanted [bit/s]"),
     option("--reboot", action="store_true", help="restart the device in the end"),
     option("--always", action="store_true", help="send also what holds already; wears the flash"),
     option("--dry-run", action="store_true", help="only say what would be sent"),
@@ -59,8 +64,14 @@ ANGLES = {"--heading-offset": flash.HEADING_OFFSET, "--declination": "Magnetic d
 def dvl(arguments: argparse.Namespace) -> int:
     """Show or set what the DVL keeps in its flash."""
     vehicle = load_vehicle(arguments.vehicle)
-    port = arguments.port or port_of(vehicle)
-    knobs = wanted_knobs(vehicle, arguments.speed_of_sound, arguments.velocity_adjustment, arguments.baud)
+    port = arguments.port or mount_of(vehicle, "dvl75")[1].port
+    knobs = replace(
+        flash.Dvl75Knobs(),
+        baud=arguments.baud,
+        speed_of_sound_mps=arguments.speed_of_sound or vehicle.water.speed_of_sound_mps,
+        velocity_adjustment=arguments.velocity_adjustment,
+        enable_tries=0,
+    )
     calibrate = [flash.IMU_CALIBRATION[arguments.imu_calibration]] if arguments.imu_calibration else []
     named, last = asked(arguments), [flash.REBOOT] if arguments.reboot else []
     clock = SystemClock()
@@ -87,42 +98,12 @@ def asked(arguments: argparse.Namespace) -> dict[str, str]:
             found[key] = value.upper()
     for word, key in ANGLES.items():
         if (value := named[word[2:].replace("-", "_")]) is not None:
-            found[key] = f"{within(word, value, -360.0, 360.0):.1f}"
+            found[key] = f"{value:.1f}"
     if arguments.orientation is not None:
-        angles = (within("--orientation", one, -360.0, 360.0) for one in arguments.orientation)
-        found["Sensor Orientation"] = ",".join(f"{angle:g}" for angle in angles)
+        found["Sensor Orientation"] = ",".join(f"{angle:g}" for angle in arguments.orientation)
     if arguments.baud_rate is not None:
-        found[flash.BAUD_RATE] = f"{within('--baud-rate', arguments.baud_rate, 9600, 921600):.0f}"
+        found[flash.BAUD_RATE] = str(arguments.baud_rate)
     return found
-
-
-def within(option: str, found: float, low: float, high: float) -> float:
-    """Value of an option that the device takes; UsageError for any other."""
-    if not low <= found <= high:
-        raise UsageError(f"{option}: found {found:g}, wanted {low:g} to {high:g}")
-    return found
-
-
-def port_of(vehicle: Vehicle) -> str:
-    """Port of the vehicle's DVL."""
-    for mount in vehicle.sensors.values():
-        if mount.device == "dvl75" and mount.port:
-            return mount.port
-    raise UsageError(f"vehicle {vehicle.name}: found no sensor with device dvl75 and a port; name one with --port")
-
-
-def wanted_knobs(
-    vehicle: Vehicle, speed_of_sound_mps: float | None, velocity_adjustment: float, baud: int
-) -> flash.Dvl75Knobs:
-    """Settings that shall hold, within what the device takes."""
-    speed = vehicle.water.speed_of_sound_mps if speed_of_sound_mps is None else speed_of_sound_mps
-    return replace(
-        flash.Dvl75Knobs(),
-        baud=round(within("--baud", baud, 9600, 921600)),
-        speed_of_sound_mps=within("--speed-of-sound", speed, 1100.0, 1950.0),
-        velocity_adjustment=within("--velocity-adjustment", velocity_adjustment, 0.8, 1.25),
-        enable_tries=0,
-    )
 
 
 class DvlConversation:

@@ -7,11 +7,11 @@ from dataclasses import asdict
 from typing import Any, TypeVar
 
 from hindrax_analysis.plain import plain, print_answer
-from hindrax_cli.argument_types import add_json, add_vehicle
+from hindrax_cli.argument_types import add_json, add_vehicle, within
 from hindrax_cli.command import command, option
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Identity, Send, Trouble
-from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamped, after
 from hindrax_core.readings import EchoProfile, SonarHealth
 from hindrax_core.vehicle import load_vehicle
@@ -36,7 +36,8 @@ ReadingT = TypeVar("ReadingT")
     option("action", choices=("profile", "show"), help="one profile, or the device itself"),
     add_vehicle,
     option("--port", metavar="PATH", help="serial port; default: of the vehicle file"),
-    option("--device-id", type=int, metavar="N", help="give the sonar this number first, 0 to 254"),
+    # 255 is everybody (ping-protocol, docs/index.md).
+    option("--device-id", type=within(int, 0, 254), metavar="N", help="give the sonar this number first, 0 to 254"),
     add_json,
 )
 def ping(arguments: argparse.Namespace) -> int:
@@ -44,7 +45,8 @@ def ping(arguments: argparse.Namespace) -> int:
     vehicle = load_vehicle(arguments.vehicle)
     port = arguments.port or mount_of(vehicle, "ping1d")[1].port
     knobs = in_water(Ping1dKnobs(continuous=False, profile=True, min_confidence=0.0), vehicle)
-    sonar, order = Ping1d(knobs), number_order(arguments.device_id)
+    sonar, device_id = Ping1d(knobs), arguments.device_id
+    order = b"" if device_id is None else protocol.encode(protocol.SET_DEVICE_ID, bytes([device_id]))
     if arguments.action == "profile":
         identity, echo = ask(port, sonar, EchoProfile, order)
         found = document(port, identity, echo, sonar.round_trip_s or 0.0)
@@ -53,15 +55,6 @@ def ping(arguments: argparse.Namespace) -> int:
     report = {"port": port, "identity": identity} | {name: plain(value) for name, value in asdict(health).items()}
     lines = (f"{key}: {value}" for key, value in report.items())
     return print_answer(report, "\n".join(lines), as_json=arguments.json)
-
-
-def number_order(device_id: int | None) -> bytes:
-    """Message that gives the sonar a number, if one is wanted; 255 is everybody (ping-protocol, docs/index.md)."""
-    if device_id is None:
-        return b""
-    if not 0 <= device_id <= 254:
-        raise UsageError(f"--device-id: found {device_id}, wanted 0 to 254")
-    return protocol.encode(protocol.SET_DEVICE_ID, bytes([device_id]))
 
 
 def ask(path: str, sonar: Ping1d, wanted: type[ReadingT], order: bytes = b"") -> tuple[str, ReadingT]:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from hindrax_bringup.share_files import usual_vehicle, vehicle_file
 from hindrax_bringup.stack_lock import runtime_folder
 from hindrax_bringup.stack_runner import asked_to_end, report
+from hindrax_cli.argument_types import within
 from hindrax_cli.command import command, option
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_fitted, print_whole
@@ -54,7 +55,7 @@ def monitor(arguments: argparse.Namespace) -> int:
         metavar="ADDRESS",
         help="of this machine, in numbers; default 127.0.0.1, which only this machine reaches",
     ),
-    option("--port", type=int, default=PORT, help=f"default {PORT}; 0: any free one"),
+    option("--port", type=within(int, 0, 65535), default=PORT, help=f"default {PORT}; 0: any free one"),
     option("--read-only", action="store_true", help="no orders from the page, for people who watch"),
     option("--new-token", action="store_true", help="a new address; those given away stop working"),
     option(
@@ -68,8 +69,6 @@ def monitor(arguments: argparse.Namespace) -> int:
 )
 def web(arguments: argparse.Namespace) -> int:
     """Live view in a browser: plots, the pool from above, maneuvers, finished reports."""
-    if not 0 <= arguments.port < 1 << 16:
-        raise UsageError(f"--port: found {arguments.port}, wanted 0 to 65535")
     read_only = arguments.read_only
     access = Access(hosts_of(arguments.address), kept_token(read_only=read_only, new=arguments.new_token))
     from hindrax_control.maneuver.goal import servable_motions  # noqa: PLC0415  # help must not wait for numpy
