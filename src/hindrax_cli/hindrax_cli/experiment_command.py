@@ -2,6 +2,7 @@
 
 import argparse
 import importlib
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,10 +12,11 @@ import numpy as np
 
 from hindrax_analysis.experiments.experiment_record import Column, describe, read_columns
 from hindrax_analysis.experiments.least_squares import Array
-from hindrax_bag.read.bag_reader import messages
+from hindrax_bag.read.message_columns import series
 from hindrax_cli.argument_types import add_json, positive
 from hindrax_cli.command import Declare, option
-from hindrax_core.errors import HindraxError, UsageError, cause
+from hindrax_core.errors import UsageError, cause
+from hindrax_core.events import NS_PER_S
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.text.text_file import nothing_left, require_place, writing
 
@@ -67,48 +69,23 @@ def read_record(path: Path, columns: Sequence[Column], fields: Sequence[str]) ->
 
 def _read_bag(path: Path, fields: Sequence[str], columns: Sequence[Column]) -> dict[str, Array]:
     """Columns by name, each (n,) in SI, from message fields; interpolated to the time base of the first field."""
-    places = [_place(field, columns) for field in fields]
-    series: dict[str, tuple[list[float], list[float]]] = {column: ([], []) for column, _, _ in places}
-    for message in messages(path, {topic for _, topic, _ in places}):
-        content = message.decoded()
-        for column, topic, words in places:
-            if topic == message.topic:
-                series[column][0].append(_stamp_s(content, message.received))
-                series[column][1].append(_follow(content, words, f"{path}, {topic}"))
-    empty = [topic for column, topic, _ in places if not series[column][0]]
-    if empty:
-        raise HindraxError(f"{path}: no message on {empty[0]}; `hindrax bag info {path}` lists the topics")
-    start = series[places[0][0]][0]
-    time = np.array(start) - start[0]
-    record = {"time_s": time}
-    for column, (stamps, values) in series.items():
-        record[column] = np.interp(time, np.array(stamps) - start[0], np.array(values))
-    return record
+    names, places = zip(*(_place(field, columns) for field in fields), strict=True)
+    found = series(path, places)
+    start = found[0].stamps[0]
+    times = [(np.array(one.stamps) - start) / NS_PER_S for one in found]
+    values = (np.interp(times[0], time, np.array(one.values)) for time, one in zip(times, found, strict=True))
+    return {"time_s": times[0], **dict(zip(names, values, strict=True))}
 
 
-def _place(field: str, columns: Sequence[Column]) -> tuple[str, str, list[str]]:
+def _place(field: str, columns: Sequence[Column]) -> tuple[str, str]:
+    """Column, and `TOPIC:PATH` with the numbers of elements in brackets."""
     column, _, where = field.partition("=")
     topic, _, words = where.partition(":")
     if not (column and topic and words):
         raise UsageError(f"--field {field}: wanted COLUMN=TOPIC:PATH")
     if column not in [known.name for known in columns]:
         raise UsageError(f"--field {field}: no column {column}; there are {', '.join(known.name for known in columns)}")
-    return column, topic, words.split(".")
-
-
-def _stamp_s(content: Any, received_ns: int) -> float:
-    """Time of the measurement where the message has a header, else of receipt."""
-    header = getattr(content, "header", None)
-    return header.stamp.sec + 1e-9 * header.stamp.nanosec if header is not None else 1e-9 * received_ns
-
-
-def _follow(content: Any, words: Sequence[str], where: str) -> float:
-    for word in words:
-        try:
-            content = content[int(word)] if word.isdigit() else getattr(content, word)
-        except (AttributeError, IndexError, TypeError):
-            raise HindraxError(f"{where}: no field {'.'.join(words)} (stopped at {word})") from None
-    return float(content)
+    return column, re.sub(r"\.(\d+)", r"[\1]", where)
 
 
 def save_plot(path: Path | None, name: str, *data: Any) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from hindrax_bag.message_comparison import flat
-from hindrax_bag.read.bag_reader import messages, stamp_of
+from hindrax_bag.read.bag_reader import BagMessage, messages, stamp_of
 from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S
 from hindrax_core.text.text_file import nothing_left, writing
@@ -46,14 +46,23 @@ def _extract(bag: Path, folder: Path, topics: Collection[str] | None) -> dict[st
                 writer.writerow([*TIME, *row])
                 tables[message.topic] = _Table(path, list(row), writer.writerow)
             table = tables[message.topic]
-            stamp = stamp_of(message.data) if "header.stamp.sec" in row else message.received
-            table.write([(message.received - begin) / NS_PER_S, stamp, *(row.get(name, "") for name in table.names)])
+            table.write(
+                [
+                    (message.received - begin) / NS_PER_S,
+                    _stamp(message, row),
+                    *(row.get(name, "") for name in table.names),
+                ]
+            )
             table.rows += 1
         missing = sorted(set(topics or ()) - tables.keys())
         if missing or not tables:
             lacking = f"no message on {missing[0]}" if missing else "holds no message"
             raise UsageError(f"{bag}: {lacking}; `hindrax bag info {bag}` lists the topics")
     return {topic: (table.path, table.rows) for topic, table in tables.items()}
+
+
+def _stamp(message: BagMessage, row: Mapping[str, Any]) -> int:
+    return stamp_of(message.data) if "header.stamp.sec" in row else message.received
 
 
 @dataclass(slots=True)
@@ -72,6 +81,8 @@ class Series:
 
     name: str
     time_s: list[float] = field(default_factory=list)
+    stamps: list[int] = field(default_factory=list)
+    """When it was measured, by the header of the message, or received where it has none [ns]."""
     values: list[float] = field(default_factory=list)
     unit: str = ""
     """As the definition of the message names it; empty where it does not."""
@@ -91,6 +102,7 @@ def series(bag: Path, wanted: Sequence[str]) -> list[Series]:
             if topic == message.topic:
                 one.unit = one.unit or _unit(message.form.definition, name)
                 one.time_s.append((message.received - begin) / NS_PER_S)
+                one.stamps.append(_stamp(message, row))
                 one.values.append(_number(row, name, topic))
     for one, (topic, _) in zip(made, places, strict=True):
         if not one.values:
