@@ -77,6 +77,13 @@ ARMED = Snapshot(
 DISARMED = replace(ARMED, thrusters=replace(THRUSTERS, armed=False, state="disarmed", reason="at the start"))
 
 
+OUTCOMES = {
+    "stop": ("stopped and disarmed", True),
+    "disarm": ("the thrusters refused to disarm", False),
+    "cancel": ("nothing was being flown", True),
+}
+
+
 @dataclass
 class FakeVehicle:
     """Shows what it is given; a maneuver ends when the test says so."""
@@ -93,17 +100,9 @@ class FakeVehicle:
     def frame(self, camera: str) -> Frame | None:
         return self.frames.get(camera)
 
-    def stop(self, on_done: Callable[[str, bool], None]) -> None:
-        self.orders.append("stop")
-        on_done("stopped and disarmed", True)
-
-    def disarm(self, on_done: Callable[[str, bool], None]) -> None:
-        self.orders.append("disarm")
-        on_done("the thrusters refused to disarm", False)
-
-    def cancel(self, on_done: Callable[[str, bool], None]) -> None:
-        self.orders.append("cancel")
-        on_done("nothing was being flown", True)
+    def end(self, how: str, on_done: Callable[[str, bool], None]) -> None:
+        self.orders.append(how)
+        on_done(*OUTCOMES[how])
 
     def fly(self, goal: Goal | ExperimentGoal, on_done: Callable[[str, bool], None]) -> None:
         self.orders.append(goal)

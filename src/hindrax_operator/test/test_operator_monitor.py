@@ -16,38 +16,25 @@ from types import SimpleNamespace as Message
 from typing import cast
 
 import pytest
+import web_rig
 from rich.console import Console
+from web_rig import FakeVehicle
 
 from hindrax_control.hold.holds import HoldState
 from hindrax_core.events import Stamp, Stamped
-from hindrax_core.signals import Estimate, Navigation
+from hindrax_core.signals import Estimate
 from hindrax_operator.monitor import draw
 from hindrax_operator.monitor.app import Monitor
 from hindrax_operator.monitor.graph_link import GraphLink
-from hindrax_operator.snapshot import ManeuverView, NodeHealth, Snapshot, Thrusters, _thrusters, snapshot
+from hindrax_operator.snapshot import ManeuverView, NodeHealth, Snapshot, _thrusters, snapshot
 from hindrax_operator.web.page import summary
 
-NAVIGATION = Navigation(
+NAVIGATION = replace(
+    web_rig.NAVIGATION,
     attitude_rad=(math.radians(1.2), math.radians(-3.4), math.radians(-90.0)),
-    rate_radps=(0.0, 0.0, 0.0),
     velocity_mps=(0.312, -0.004, 0.011),
-    depth_m=0.82,
-    altitude_m=0.98,
-    position_m=(1.25, -0.33),
-    dvl_locked=True,
 )
-THRUSTERS = Thrusters(
-    armed=True,
-    state="armed",
-    reason="",
-    names=tuple(f"T{number}" for number in range(1, 9)),
-    pulses_us=(1640, 1640, 1500, 1372, 1560, 1440, 1900, 1500),
-    stops_us=(1500,) * 8,
-    forces_N=(5.0, 5.0, 0.0, -4.4, 2.0, -2.0, 15.5, 0.0),
-    saturated=(False,) * 6 + (True, False),
-    disabled=("T3",),
-    lost_axes=(),
-)
+THRUSTERS = replace(web_rig.THRUSTERS, lost_axes=())
 ESTIMATE = Estimate(
     "surge",
     ("k_q", "k_l", "b", "added_mass"),
@@ -90,23 +77,11 @@ FULL = Snapshot(
 )
 
 
-class Fake:
-    """A vehicle that shows one picture and notes what it is ordered."""
+class Fake(FakeVehicle):
+    """Tells no outcome: that comes from another thread."""
 
-    title = "mock vehicle, ROS domain 3, process 4711"
-
-    def __init__(self, shown: Snapshot) -> None:
-        self.shown = shown
-        self.orders: list[str] = []
-
-    def snapshot(self) -> Snapshot:
-        return self.shown
-
-    def stop(self, _tell: object) -> None:
-        self.orders.append("stop")
-
-    def disarm(self, _tell: object) -> None:
-        self.orders.append("disarm")
+    def end(self, how: str, _tell: object) -> None:
+        self.orders.append(how)
 
 
 def screen(
@@ -228,7 +203,7 @@ from test_operator_monitor import FULL, Fake
 from hindrax_operator.monitor.app import Monitor
 vehicle = Fake(FULL)
 code = Monitor(vehicle).run() or 0
-print(",".join(vehicle.orders))
+print(*vehicle.orders, sep=",")
 sys.exit(code)
 """
 

@@ -25,8 +25,8 @@ class Monitor(App[int]):
     ENABLE_COMMAND_PALETTE = False
     AUTO_FOCUS = None  # it would scroll to the last section, and what is armed away from a small screen
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("s", "stop", "STOP (disarm, cancel)", priority=True),
-        Binding("d", "disarm", "disarm"),
+        Binding("s", "end('stop', 'stopping')", "STOP (disarm, cancel)", priority=True),
+        Binding("d", "end('disarm', 'disarming')", "disarm"),
         Binding("q", "quit", "quit (ROV goes on)"),
         Binding("ctrl+c", "interrupt", show=False, priority=True),
         Binding("down,pagedown", "scroll(1)", show=False),
@@ -89,15 +89,10 @@ class Monitor(App[int]):
         """End as every command does on Ctrl-C."""
         self.exit(INTERRUPTED)
 
-    def action_stop(self) -> None:
-        """Stop now; no question is asked."""
-        self.notify("stopping", timeout=2)
-        self._vehicle.stop(self._show_outcome)
-
-    def action_disarm(self) -> None:
-        """Disarm now."""
-        self.notify("disarming", timeout=2)
-        self._vehicle.disarm(self._show_outcome)
+    def action_end(self, how: str, doing: str) -> None:
+        """Stop or disarm now; no question is asked."""
+        self.notify(doing, timeout=2)
+        self._vehicle.end(how, self._show_outcome)
 
     def _show_outcome(self, sentence: str, went_well: bool) -> None:
         """Show an outcome; called from the thread that has it."""

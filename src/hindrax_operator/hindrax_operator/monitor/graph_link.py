@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -77,17 +77,9 @@ class GraphLink(threading.Thread):
         """Return the latest snapshot with the silence up to now, also when this thread has ended."""
         return replace(self._snapshot, silent_s=time.monotonic() - self._heard_s)
 
-    def stop(self, on_done: OnDone) -> None:
-        """Order a stop."""
-        self._urgent.put((_stop, on_done))
-
-    def disarm(self, on_done: OnDone) -> None:
-        """Order to disarm."""
-        self._urgent.put((_disarm, on_done))
-
-    def cancel(self, on_done: OnDone) -> None:
-        """Order to cancel the maneuver."""
-        self._urgent.put((_cancel, on_done))
+    def end(self, how: str, on_done: OnDone) -> None:
+        """Order one of `ENDS`."""
+        self._urgent.put((ENDS[how], on_done))
 
     def fly(self, goal: Goal | ExperimentGoal, on_done: OnDone) -> None:
         """Order a maneuver or an experiment; `on_done` is called when it has ended."""
@@ -175,6 +167,10 @@ def _disarm(operator: Operator) -> str:
 
 def _cancel(operator: Operator) -> str:
     return "the maneuver is cancelled" if operator.cancel_all() else "nothing was being flown"
+
+
+ENDS: Mapping[str, Order] = {"stop": _stop, "disarm": _disarm, "cancel": _cancel}
+"""Orders that are carried out at once: stop everything, disarm, cancel the maneuver."""
 
 
 def _fly(operator: Operator, goal: Goal | ExperimentGoal) -> str:

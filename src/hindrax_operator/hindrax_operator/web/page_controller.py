@@ -101,8 +101,7 @@ class PageController:
             return
         if words:
             raise RefusedRequest(HTTPStatus.BAD_REQUEST, f"{name}: found {', '.join(sorted(words))}, wanted no words")
-        ends = {"stop": self._vehicle.stop, "disarm": self._vehicle.disarm, "cancel": self._vehicle.cancel}
-        ends[name](lambda sentence, well: self._done(name, sentence, well))
+        self._vehicle.end(name, lambda sentence, well: self._done(name, sentence, well))
 
     def _fly(self, goal: Goal | ExperimentGoal) -> None:
         view = self._vehicle.snapshot()
