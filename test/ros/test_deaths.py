@@ -16,6 +16,7 @@ pytest.importorskip("rclpy", reason="needs the ROS environment")
 from hindrax_bringup.process_state import descendants
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack_lock import FOLDER
+from hindrax_operator.nodes.orders import hold
 from hindrax_tools.faults.cells import HAND, HOLD, MANEUVER
 from hindrax_tools.faults.processes import BOTH, DEAD_MAN, DIED, FROZEN, ROWS, FaultyStack, faulty_stack
 
@@ -59,7 +60,9 @@ def test_what_systemd_runs_after_it_has_killed_everything_puts_neutral_on_the_wi
     flying: FaultyStack, tmp_path: Path
 ) -> None:
     supervisor, operator = flying.supervisor, flying.operator
-    flying.until_thrust(HOLD)
+    flying.take_off(HOLD)
+    hold(operator, ["depth"], 0.8, engaged=True)
+    flying.wait(lambda: not flying.neutral, "thrust")
     vehicle = [one.handle.pid for name, one in supervisor.children.items() if name != "mock"]
     killed = [*(pid for one in vehicle for pid in descendants(one)), *vehicle]
     for pid in killed:

@@ -127,7 +127,7 @@ def mutated(source: str, number: int) -> ast.Module:
     return ast.fix_missing_locations(tree)
 
 
-class Trial:
+class MutatedModule:
     """The tests of one module, run in a process of its own each time."""
 
     def __init__(self, module: str, tests: Sequence[str]) -> None:
@@ -158,23 +158,23 @@ class Trial:
         return pytest.main(words) == pytest.ExitCode.OK
 
 
-def try_mutants(trial: Trial, chosen: Sequence[int], seconds: float = math.inf) -> tuple[int, list[Mutant]]:
+def try_mutants(tested: MutatedModule, chosen: Sequence[int], seconds: float = math.inf) -> tuple[int, list[Mutant]]:
     """Try mutants in this order for so long, and print those that survive; returns how many were tried, and these.
 
     AssertionError when the tests fail without a mutant.
     """
-    known, left, tried, start_s = mutants(trial.source), list[Mutant](), 0, time.monotonic()
-    if not trial.survives(-1, 0.0):
-        raise AssertionError(f"{trial.module}: the tests fail already without a mutant")
+    known, left, tried, start_s = mutants(tested.source), list[Mutant](), 0, time.monotonic()
+    if not tested.survives(-1, 0.0):
+        raise AssertionError(f"{tested.module}: the tests fail already without a mutant")
     patience_s = max(LEAST_PATIENCE_S, PATIENCE * (time.monotonic() - start_s))
     for number in chosen:
         if time.monotonic() - start_s > seconds:
             break
         tried += 1
-        if trial.survives(number, patience_s):
+        if tested.survives(number, patience_s):
             one = known[number]
             left.append(one)
-            print(f"{Path(trial.path).name}:{one.line}: {one.before}  ->  {one.after}: {one.reads}", flush=True)
+            print(f"{Path(tested.path).name}:{one.line}: {one.before}  ->  {one.after}: {one.reads}", flush=True)
     return tried, left
 
 
@@ -207,9 +207,9 @@ def main(words: Sequence[str] | None = None) -> int:
     options = parser.parse_args(words)
     prepare()
     try:
-        trial = Trial(options.module, options.tests)
-        chosen = sampled(trial.source, options.sample, options.seed, options.grep)
-        tried, left = try_mutants(trial, chosen, options.seconds)
+        tested = MutatedModule(options.module, options.tests)
+        chosen = sampled(tested.source, options.sample, options.seed, options.grep)
+        tried, left = try_mutants(tested, chosen, options.seconds)
     except (LookupError, AssertionError) as error:
         parser.error(str(error))
     print(f"{options.module}: {tried - len(left)} of {tried} mutants killed; {len(chosen) - tried} not tried")

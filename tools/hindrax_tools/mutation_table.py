@@ -17,7 +17,7 @@ from typing import Any
 
 import yaml
 
-from hindrax_tools.mutation import Trial, mutants, prepare, sampled, try_mutants
+from hindrax_tools.mutation import MutatedModule, mutants, prepare, sampled, try_mutants
 
 LIST = Path(__file__).with_name("mutation_tests.yaml")
 WANTED = 0.95
@@ -64,12 +64,12 @@ def listed() -> list[Entry]:
 
 def measure(entry: Entry, count: int | None, seed: int, seconds: float) -> Row:
     """Try a sample of the mutants of a module, as far as the time goes."""
-    trial = Trial(entry.module, entry.tests)
-    known = mutants(trial.source)
+    tested = MutatedModule(entry.module, entry.tests)
+    known = mutants(tested.source)
     # The code has changed since these were read.
     for line in sorted(set(entry.same) - {one.reads for one in known}):
         print(f"{entry.module}: no mutant reads: {line}; take it out of {LIST.name}", file=sys.stderr)
-    tried, left = try_mutants(trial, sampled(trial.source, count, seed), seconds)
+    tried, left = try_mutants(tested, sampled(tested.source, count, seed), seconds)
     same = [one for one in left if one.reads in entry.same]
     return Row(entry.module, len(known), tried, tried - len(same), tried - len(left))
 

@@ -236,16 +236,6 @@ class FaultyStack:
             ):
                 operator.pause(PATIENT_S)
 
-    def until_thrust(self, mode: str) -> None:
-        """Arm and fly in one mode, until there is thrust."""
-
-        def enough(_: Sequence[TrueState]) -> None:
-            if not self.neutral:
-                raise _SeenError
-
-        self.take_off(mode)
-        self.fly(mode, 1, enough)
-
     def cell(self, row: ProcessFault, mode: str, seed: int) -> Cell:
         """Fly, harm, and judge. A cell that does not end well by its own deadline says what never came."""
         self.believed.clear()

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from hindrax_bringup.clone import clone_root
 from hindrax_core.errors import HindraxError
-from hindrax_tools.virtual_vehicle.checks import CHECKS, Finding, Trial, deployment
+from hindrax_tools.virtual_vehicle.checks import CHECKS, DeployedVehicle, Finding, deployment
 from hindrax_tools.virtual_vehicle.image import image_of, missing_packages
 from hindrax_tools.virtual_vehicle.machine import Machine
 
@@ -35,7 +35,7 @@ def main() -> int:
         clone = clone_root()
         image = image_of(clone, words.cache, report)
         with tempfile.TemporaryDirectory(prefix="virtual-vehicle-") as folder, Machine(image, Path(folder)) as machine:
-            for finding in findings(Trial(machine, clone, words.cuts, words.seed), words.only):
+            for finding in findings(DeployedVehicle(machine, clone, words.cuts, words.seed), words.only):
                 report(finding.line())
                 bad += not finding.good
     except HindraxError as error:
@@ -45,12 +45,12 @@ def main() -> int:
     return 1 if bad else 0
 
 
-def findings(trial: Trial, names: list[str]) -> Iterator[Finding]:
+def findings(vehicle: DeployedVehicle, names: list[str]) -> Iterator[Finding]:
     """Findings of the deployment and the checks of these names; a check that ends early is a bad finding."""
-    yield from deployment(trial)
+    yield from deployment(vehicle)
     for name in [one for one in CHECKS if one in names]:
         try:
-            yield from CHECKS[name](trial)
+            yield from CHECKS[name](vehicle)
         except HindraxError as error:
             yield Finding(name, good=False, figure=str(error))
 

@@ -58,7 +58,7 @@ class Finding:
 
 
 @dataclass(slots=True)
-class Trial:
+class DeployedVehicle:
     """A machine that is on, and the clone that was deployed to it."""
 
     machine: Machine
@@ -153,9 +153,9 @@ class Trial:
         return Finding(check, good, "thrust for good" if took_s is None else f"neutral after {took_s:.2f} s")
 
 
-def deployment(trial: Trial) -> Iterator[Finding]:
+def deployment(vehicle: DeployedVehicle) -> Iterator[Finding]:
     """Deploy onto a fresh machine with devices, and find the stack well."""
-    machine = trial.machine
+    machine = vehicle.machine
     began = time.monotonic()
     machine.power_on()
     machine.wait_for_login()
@@ -166,12 +166,12 @@ def deployment(trial: Trial) -> Iterator[Finding]:
     machine.put("/etc/systemd/system/hindrax.service.d/slow.conf", SLOW)
     machine.asked("sudo systemctl daemon-reload && sudo systemctl -q enable --now virtual-devices")
     # A deployment replaces links that their imports go through.
-    machine.until("the devices", lambda: bool(trial.seen()))
-    code, last = trial.deploy()
+    machine.until("the devices", lambda: bool(vehicle.seen()))
+    code, last = vehicle.deploy()
     yield Finding("deploy", code == 0, f"exit {code}, {last!r}, {time.monotonic() - began:.0f} s here")
 
 
-def kills(trial: Trial) -> Iterator[Finding]:
+def kills(vehicle: DeployedVehicle) -> Iterator[Finding]:
     """Kill all of the service, then the tool, with thrust on the wires; who judges is in another group.
 
     Neutral, and a stack that is up again by itself, disarmed.
@@ -180,66 +180,66 @@ def kills(trial: Trial) -> Iterator[Finding]:
         ("the whole service", f"echo 1 >{CGROUP}/cgroup.kill"),
         ("the main process", "kill -9 $(systemctl show -P MainPID hindrax)"),
     ):
-        check, before = f"SIGKILL of {what}, armed", trial.runs()
-        trial.thrust()
-        killed_s = trial.at(script)
-        yield trial.neutral(check, killed_s)
-        trial.recording(before)
-        sentence = trial.says()
-        again = thrust_after_s(trial.seen(), killed_s)
+        check, before = f"SIGKILL of {what}, armed", vehicle.runs()
+        vehicle.thrust()
+        killed_s = vehicle.at(script)
+        yield vehicle.neutral(check, killed_s)
+        vehicle.recording(before)
+        sentence = vehicle.says()
+        again = thrust_after_s(vehicle.seen(), killed_s)
         yield Finding(f"{check}: up again", again is not None and again < NEUTRAL_S, sentence)
 
 
-def clock_steps(trial: Trial) -> Iterator[Finding]:
+def clock_steps(vehicle: DeployedVehicle) -> Iterator[Finding]:
     """Set the wall clock back and forward, with thrust and disarmed: neutral, and a run of its own that says why."""
     for armed, way in ((True, "back"), (True, "forward"), (False, "back"), (False, "forward")):
-        check, before = f"clock {way} by {STEP_S} s, {'armed' if armed else 'disarmed'}", trial.runs()
+        check, before = f"clock {way} by {STEP_S} s, {'armed' if armed else 'disarmed'}", vehicle.runs()
         if armed:
-            trial.thrust()
-        stepped_s = trial.at(f"date -s @$(( $(date +%s) {'-' if way == 'back' else '+'} {STEP_S} ))")
+            vehicle.thrust()
+        stepped_s = vehicle.at(f"date -s @$(( $(date +%s) {'-' if way == 'back' else '+'} {STEP_S} ))")
         if armed:
-            yield trial.neutral(check, stepped_s)
-        trial.recording(before)
-        up_s = trial.seen()[-1].monotonic_s
-        sentence = trial.machine.asked("sudo journalctl -u hindrax -n 200 -o cat | grep 'clock: the' | tail -1")
+            yield vehicle.neutral(check, stepped_s)
+        vehicle.recording(before)
+        up_s = vehicle.seen()[-1].monotonic_s
+        sentence = vehicle.machine.asked("sudo journalctl -u hindrax -n 200 -o cat | grep 'clock: the' | tail -1")
         yield Finding(f"{check}: a new run", f"set {way}" in sentence, f"after {up_s - stepped_s:.0f} s: {sentence}")
-        trial.says()
+        vehicle.says()
 
 
-def full_disk(trial: Trial) -> Iterator[Finding]:
+def full_disk(vehicle: DeployedVehicle) -> Iterator[Finding]:
     """Fill the disk while it records, start on the full disk, and make room again."""
-    machine = trial.machine
+    machine = vehicle.machine
     pid = machine.asked("sudo systemctl show -P MainPID hindrax")
     room = f"$(( $(df --output=avail -B1 / | tail -1) - {LEFT_BYTES} ))"
     machine.asked(f"sudo fallocate -l {room} /var/fill")
-    sentence = trial.says(wanted=lambda _, said: "recorder" in said)
+    sentence = vehicle.says(wanted=lambda _, said: "recorder" in said)
     same = machine.asked("sudo systemctl show -P MainPID hindrax") == pid
     yield Finding("disk full while recording: goes on, says so", same, sentence)
-    before = trial.runs()
+    before = vehicle.runs()
     machine.asked("sudo systemctl restart hindrax")
-    sentence = trial.says(wanted=lambda _, said: "recorder" in said and "heartbeat" not in said)
+    sentence = vehicle.says(wanted=lambda _, said: "recorder" in said and "heartbeat" not in said)
     restarts = machine.asked("sudo systemctl show -P NRestarts hindrax")
     yield Finding("start on a full disk: up, says so", restarts == "0", f"{restarts} restarts; {sentence}")
     machine.asked("sudo rm /var/fill")
-    run = trial.recording(before)
-    figure = f"{run}: {trial.recorded_bytes(run)} bytes; {trial.says()}"
+    run = vehicle.recording(before)
+    figure = f"{run}: {vehicle.recorded_bytes(run)} bytes; {vehicle.says()}"
     yield Finding("room again: it records", good=True, figure=figure)
 
 
-def power_cuts(trial: Trial) -> Iterator[Finding]:
+def power_cuts(vehicle: DeployedVehicle) -> Iterator[Finding]:
     """Cut the power at random times while it records; the next boot completes the bag, and records by itself."""
-    rng = random.Random(trial.seed)  # noqa: S311  # no secret
-    machine = trial.machine
+    rng = random.Random(vehicle.seed)  # noqa: S311  # no secret
+    machine = vehicle.machine
     known: set[str] = set()
-    run = max(trial.runs(), default="")
-    for number in range(1, trial.cuts + 1):
-        trial.wait(rng.uniform(0.5, 6.0))
-        known = trial.runs()
+    run = max(vehicle.runs(), default="")
+    for number in range(1, vehicle.cuts + 1):
+        vehicle.wait(rng.uniform(0.5, 6.0))
+        known = vehicle.runs()
         machine.cut_power()
-        cut = trial.seen()[-1]
+        cut = vehicle.seen()[-1]
         machine.power_on()
         machine.wait_for_login()
-        after = trial.recording(known)
+        after = vehicle.recording(known)
         machine.until("the bag to be completed", lambda: "ended" in machine.asked(COMPLETION))
         bag = machine.folder / f"cut_{number}" / "bag"
         machine.fetch(f"{RUNS}/{run}/bag", bag)
@@ -254,14 +254,14 @@ def power_cuts(trial: Trial) -> Iterator[Finding]:
 COMPLETION = "pgrep -f [h]indrax_bag.read.recovery >/dev/null || echo ended"
 
 
-def no_device(trial: Trial) -> Iterator[Finding]:
+def no_device(vehicle: DeployedVehicle) -> Iterator[Finding]:
     """Deploy to a machine without any device: an honest end."""
-    trial.machine.asked("sudo systemctl -q disable --now virtual-devices")
-    code, last = trial.deploy()
+    vehicle.machine.asked("sudo systemctl -q disable --now virtual-devices")
+    code, last = vehicle.deploy()
     yield Finding("deploy without any device: refused", code == 1 and "failed" in last, f"exit {code}: {last}")
 
 
-CHECKS: dict[str, Callable[[Trial], Iterator[Finding]]] = {
+CHECKS: dict[str, Callable[[DeployedVehicle], Iterator[Finding]]] = {
     "power-cuts": power_cuts,
     "clock-steps": clock_steps,
     "kills": kills,

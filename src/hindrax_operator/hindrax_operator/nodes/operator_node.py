@@ -167,10 +167,6 @@ class Operator:
         self.wait_for_time()
         return stamp_to_msg(self.now())
 
-    def publishers(self, topic: topics.Topic) -> int:
-        """How many nodes publish a topic, as far as they have been discovered."""
-        return int(self.node.count_publishers(topic.name))
-
     @contextlib.contextmanager
     def sender(self, topic: topics.Topic, reader: str) -> Iterator[Callable[[Any], None]]:
         """Yield a function that publishes on a topic which somebody reads; HindraxError names the missing `reader`."""

@@ -200,7 +200,7 @@ def _list_in_force(operator: Operator) -> Any:
 def require_sole(operator: Operator) -> None:
     """HindraxError when another node commands the thrusters: two masters would fight, and neither could be trusted."""
     operator.pause(1.0)
-    if operator.publishers(THRUSTER_COMMAND):
+    if operator.node.count_publishers(THRUSTER_COMMAND.name):
         raise HindraxError(
             "the control process commands the thrusters, and a thruster alone needs them for itself; "
             "end the stack first, or push with `./hindrax wrench`"
