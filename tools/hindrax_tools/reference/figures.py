@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -44,31 +43,24 @@ STYLE: dict[Any, Any] = {
 Flights = Sequence[Mapping[str, Any]]
 
 
-@dataclass(frozen=True, slots=True)
-class FigureFlight:
-    """One pool test in surge: seed of everything random, and true thrust over the thrust that the curve promises."""
-
-    seed: int
-    thrust_gain: float
+FLIGHTS = tuple((seed, gain) for gain in (1.0, 1.03) for seed in range(1, 9))
+"""Pool tests in surge: seed of everything random, and true thrust over the thrust that the curve promises."""
 
 
-FLIGHTS = tuple(FigureFlight(seed, gain) for gain in (1.0, 1.03) for seed in range(1, 9))
-
-
-def flown(flight: FigureFlight) -> dict[str, Any]:
+def flown(seed: int, thrust_gain: float) -> dict[str, Any]:
     """Fly one and keep its coefficients, and what was known of them on the way."""
     vehicle = load_vehicle(default_vehicle())
     session = Session(vehicle)
-    pilot = GoalPilot(vehicle, Goal(("surge",), "plateaus", flight.seed))
-    conditions = Conditions(sizes={"thrust_gain": flight.thrust_gain - 1.0})
-    steps = Lockstep(vehicle, pilot, flight.seed, conditions=conditions, session=session).run(LONGEST_S)
+    pilot = GoalPilot(vehicle, Goal(("surge",), "plateaus", seed))
+    conditions = Conditions(sizes={"thrust_gain": thrust_gain - 1.0})
+    steps = Lockstep(vehicle, pilot, seed, conditions=conditions, session=session).run(LONGEST_S)
     online = [event for event in steps if isinstance(event, Stamped) and isinstance(event.reading, Estimate)]
     result = session.finalize().results.motions["surge"]
     found = {
         name: [round(one, 5) for one in (number.value, number.std, number.std_calibrated)]
         for name, number in result.coefficients.items()
     }
-    return {"seed": flight.seed, "thrust_gain": flight.thrust_gain, "found": found, "online": list(_course(online))}
+    return {"seed": seed, "thrust_gain": thrust_gain, "found": found, "online": list(_course(online))}
 
 
 def _course(online: list[Stamped[Any]]) -> Iterator[dict[str, Any]]:

@@ -2,7 +2,6 @@
 
 import fcntl
 import os
-from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -22,11 +21,10 @@ class BagFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._channels: dict[str, Channel] = {}
+        self.contents = Contents(path.name)
+        """What was written so far."""
         self._numbers: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
-        self._counts: Counter[str] = Counter()
-        self._first = self._last = 0
         self._file = path.open("xb")
         fcntl.flock(self._file, fcntl.LOCK_EX)
         self._mcap = Writer(self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, enable_data_crcs=True)
@@ -36,12 +34,6 @@ class BagFile:
     def size_bytes(self) -> int:
         """Bytes written so far; the open chunk is not among them."""
         return self._file.tell()
-
-    @property
-    def contents(self) -> Contents:
-        """What was written so far."""
-        channels = tuple(self._channels.values())
-        return Contents(self.path.name, self._counts.copy(), self._first, self._last, channels)
 
     def has(self, topic: str) -> bool:
         """Whether the channel of a topic is open."""
@@ -53,15 +45,16 @@ class BagFile:
             self._schemas[channel.type] = self._mcap.register_schema(channel.type, encoding, definition.encode())
         schema, metadata = self._schemas[channel.type], channel_metadata(channel)
         self._numbers[channel.topic] = self._mcap.register_channel(channel.topic, "cdr", schema, metadata)
-        self._channels[channel.topic] = channel
+        self.contents.channels += (channel,)
 
     def write(self, topic: str, data: bytes, received: int, sent: int) -> None:
         """Append one message of an open channel, with the time of receipt and of sending [ns]."""
         self._mcap.add_message(self._numbers[topic], received, data, sent)
-        self._counts[topic] += 1
-        if received < self._first or not self._first:
-            self._first = received
-        self._last = max(received, self._last)
+        contents = self.contents
+        contents.counts[topic] += 1
+        if received < contents.first or not contents.first:
+            contents.first = received
+        contents.last = max(received, contents.last)
 
     def attach(self, name: str, media_type: str, data: bytes, stamp: int) -> None:
         """Put a file inside."""

@@ -4,8 +4,9 @@ import argparse
 import pkgutil
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import partial
+from operator import call
 from typing import Any
 
 from hindrax_analysis.identification.executor import run_all
@@ -22,17 +23,6 @@ from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import load_vehicle
 from hindrax_sim.conditions.world_table import FORM, IDEAL, sizes_of
 from hindrax_sim.flights.pool_flight import fly
-
-
-@dataclass(frozen=True, slots=True)
-class Job:
-    """One pool test: everything that it depends on."""
-
-    seed: int
-    motions: tuple[str, ...]
-    excitation: str
-    vehicle_file: str
-    world: str
 
 
 @command(
@@ -56,9 +46,10 @@ def montecarlo(arguments: argparse.Namespace) -> int:
     servable = motions_to_fly(arguments.dof, vehicle)
     print_fitted(f"{vehicle.name} {servable}", sys.stderr)
     seeds = range(arguments.seed, arguments.seed + arguments.runs)
-    jobs = [Job(seed, servable.flown, arguments.excitation, arguments.vehicle, arguments.world) for seed in seeds]
+    how = servable.flown, arguments.excitation, arguments.vehicle, arguments.world
+    jobs = [partial(trial, seed, *how) for seed in seeds]
     trials: list[Trial] = []
-    for one in run_all(trial, jobs, cluster=arguments.cluster, workers=arguments.workers):
+    for one in run_all(call, jobs, cluster=arguments.cluster, workers=arguments.workers):
         trials.append(one)
         print_fitted(f"run {len(trials)} of {len(jobs)}: seed {one.seed} {one.trouble}", sys.stderr)
     document = summary(trials)
@@ -67,12 +58,12 @@ def montecarlo(arguments: argparse.Namespace) -> int:
     return print_answer(document, lambda: print_montecarlo(document), as_json=arguments.json)
 
 
-def trial(job: Job) -> Trial:
+def trial(seed: int, motions: tuple[str, ...], excitation: str, vehicle_file: str, world: str) -> Trial:
     """Fly one pool test in lock-step and compare its results with the truth."""
-    flight = fly(job.motions, job.seed, job.world, vehicle=load_vehicle(job.vehicle_file), excitation=job.excitation)
+    flight = fly(motions, seed, world, vehicle=load_vehicle(vehicle_file), excitation=excitation)
     thrust_s = flight.world.conditions.thrust_density_s
     hull = flight.truth, flight.drag_N
-    return trial_of(job.seed, flight.outcome, *hull, trouble=flight.aborted, thrust_s=thrust_s)
+    return trial_of(seed, flight.outcome, *hull, trouble=flight.aborted, thrust_s=thrust_s)
 
 
 def print_montecarlo(document: dict[str, Any]) -> None:
