@@ -64,7 +64,10 @@ MODULES = {
 
 @dataclass(frozen=True)
 class Command:
-    """A command: what it does, what it takes, and an example; `passes_on`: all of its words go to another program."""
+    """A command: what it does, what it takes, and an example; `passes_on`: all of its words go to another program.
+
+    Each line of the example can be pasted; a line that begins with # says when or what for.
+    """
 
     run: Run
     example: str
@@ -92,10 +95,15 @@ def add_words(parser: argparse.ArgumentParser, words: Mapping[str, Command]) -> 
     below = parser.add_subparsers(dest="word", required=True, metavar="WORD")
     for name, one in words.items():
         about = one.run.__doc__
-        style, epilog = parser.formatter_class, f"example:\n  {one.example}"
+        style, epilog = parser.formatter_class, example_text(one)
         made = below.add_parser(name, help=about, description=about, epilog=epilog, formatter_class=style)
         for declare in one.arguments:
             declare(made)
+
+
+def example_text(command: Command) -> str:
+    """End of the help of a command."""
+    return "\n".join(["example:", *(f"  {line}" for line in command.example.splitlines())])
 
 
 def help_text(docstring: str | None) -> str:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from hindrax_bag import software_version
-from hindrax_cli.command import GROUPS, MODULES, Command, help_text
+from hindrax_cli.command import GROUPS, MODULES, Command, example_text, help_text
 from hindrax_core.errors import INTERRUPTED, HindraxError, UsageError
 from hindrax_core.text.screen_text import fitted, fitted_description, print_fitted, print_whole, screen_width
 
@@ -43,6 +43,10 @@ class HelpText(argparse.RawDescriptionHelpFormatter):
     def _expand_help(self, action: argparse.Action) -> str:
         found = long_choices(action)
         return f"{super()._expand_help(action)}; one of {found}" if found else super()._expand_help(action)
+
+    def _split_lines(self, text: str, width: int) -> list[str]:
+        """Between words only: a word that is to be typed stays whole."""
+        return fitted(" ".join(text.split()), width, 0).split("\n")
 
     def _fill_text(self, text: str, width: int, _indent: str) -> str:
         return fitted_description(text.splitlines(), width)
@@ -110,7 +114,7 @@ def parser_of(command: Command) -> argparse.ArgumentParser:
     parser = Parser(
         prog=f"hindrax {command.name}",
         description=help_text(command.run.__doc__),
-        epilog=f"example:\n  {command.example}",
+        epilog=example_text(command),
         formatter_class=HelpText,
     )
     for declare in command.arguments:

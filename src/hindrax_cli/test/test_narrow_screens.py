@@ -1,6 +1,8 @@
 """The tables of every command on narrow screens: what a wide screen shows is there too, and whole."""
 
 import re
+import shlex
+import subprocess
 import sys
 
 import pytest
@@ -15,6 +17,7 @@ from hindrax_cli.commands.machine import doctor
 from hindrax_cli.health_checks import Check
 from hindrax_core.text import screen_text
 from hindrax_core.text.screen_text import COMMAND, UNBOUNDED
+from hindrax_tools.reference.commands import words_of
 
 BAGS = clone_root() / "test" / "replay" / "bags"
 COMMANDS = {
@@ -69,7 +72,32 @@ def test_the_help_of_a_command_breaks_between_words(name: str, monkeypatch: pyte
     monkeypatch.setenv("COLUMNS", "60")
     # argparse keeps options that exclude each other on one line.
     lines = [line for line in parser_of(load(name)).format_help().splitlines() if " | " not in line]
-    assert not [line for line in lines if len(line) > 60 and " " in line.strip() and COMMAND not in line]
+    assert not [line for line in lines if len(line) > 60 and " " in line.strip() and not COMMAND.search(line)]
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_the_help_of_a_command_keeps_its_words_whole(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    wide = parser_of(load(name)).format_help().split()
+    monkeypatch.setenv("COLUMNS", "60")
+    assert parser_of(load(name)).format_help().split() == wide
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_an_example_can_be_pasted(name: str) -> None:
+    """Into any shell: one without remarks after a command takes it, and the command takes its words."""
+    parser = parser_of(load(name))
+    for one in (parser, *words_of(parser)):
+        example = (one.epilog or "").removeprefix("example:\n")
+        lines = [line for line in example.splitlines() if not line.startswith("  # ")]
+        assert lines
+        assert all(line.startswith("  ") and len(line) <= 60 for line in example.splitlines() if line not in lines)
+        for line in lines:
+            assert subprocess.run(["bash", "-n", "-c", line], check=False).returncode == 0, line
+            tool, command, *words = shlex.split(line.split(" || ")[0].strip().removeprefix("sudo "))
+            if tool != "ros2":
+                assert (tool, command) == ("./hindrax", name)
+                parser.parse_args(words)
 
 
 def test_the_overview_breaks_between_words(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

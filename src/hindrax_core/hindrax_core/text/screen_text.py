@@ -14,8 +14,10 @@ from textwrap import wrap
 from typing import TextIO
 
 UNBOUNDED = 100_000
-COMMAND = "./hindrax "
+COMMAND = re.compile(r"\./hindrax |^\s*ros2 ")
 """A line of a description with it is to be copied."""
+ENTRY = re.compile(r" +\S+ {2,}(?=\S)")
+"""How an entry of a list begins: its name, and the column of its meaning."""
 COPIED = re.compile(r"\s*(\./hindrax |export \w+=)")
 """How a line of any text begins that is to be copied."""
 LEAST = 20
@@ -67,11 +69,15 @@ def _paragraphs(lines: Iterable[str]) -> Iterator[str]:
 
 
 def _flows(line: str) -> bool:
-    return line[:1].strip() != "" and COMMAND not in line
+    return line[:1].strip() != "" and not COMMAND.search(line)
 
 
 def _fitted_prose(line: str, width: int) -> str:
-    return line if COMMAND in line else fitted(line, width, None if line.startswith(" ") else 0)
+    if COMMAND.search(line):
+        return line
+    entry = ENTRY.match(line)
+    hang = entry.end() if entry and entry.end() <= width // 2 else None
+    return fitted(line, width, hang if line.startswith(" ") else 0)
 
 
 def _broken(line: str, width: int, hang: int | None) -> str:

@@ -50,9 +50,10 @@ def _elsewhere(parser: argparse.ArgumentParser) -> None:
 
 
 @command(
-    "./hindrax weigh surge --load 15 --write                     (beside an armed stack; it says what to do)\n"
-    "  ./hindrax weigh heave --load 18 --mock --world pool --seed 3\n"
-    "  ./hindrax weigh surge --bag runs/1/bag --hold 0:20:50 --hold 15:80:110 --hold=-15:140:170",
+    "# beside an armed stack; it says what to do:\n"
+    "./hindrax weigh surge --load 15 --write\n"
+    "./hindrax weigh heave --load 18 --mock --world pool --seed 3\n"
+    "./hindrax weigh surge --bag runs/1/bag --hold 0:20:50 --hold 15:80:110 --hold=-15:140:170",
     option("axis", choices=tuple(ACTS), help="roll and pitch: their righting moment carries the load"),
     option("--load", type=positive, metavar="N", help="force of the weight, in water where it hangs in it [N]"),
     option("--load-std", type=positive, default=0.002, metavar="PART", help="its deviation; default 0.002 [-]"),

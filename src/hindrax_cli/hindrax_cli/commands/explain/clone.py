@@ -87,8 +87,7 @@ def _what(parser: argparse.ArgumentParser) -> None:
 
 
 @command(
-    "./hindrax reference --write\n"
-    "  ./hindrax reference --fly      (sixteen pool tests in lock-step, then the figures of docs/explanation)",
+    "./hindrax reference --write\n# flies sixteen pool tests, then draws the figures:\n./hindrax reference --fly",
     _what,
     option("--out", type=Path, metavar="DIR", help="folder of the pages, or of the figures"),
 )

@@ -33,7 +33,7 @@ LEAST_FOUND = 30
 
 
 @command(
-    "./hindrax doctor     (before the stack is up: asks the devices; while it is up: asks its nodes)",
+    "# asks the devices; while the stack is up, its nodes:\n./hindrax doctor",
     option("--mock", action="store_true", help="look at the mock vehicle that is up, or at one for this"),
     option("--topside", action="store_true", help="look at the vehicle from here, over the tether"),
     add_sim_time,

@@ -29,8 +29,7 @@ UDP_PORT = f"{UDP_PREFIX}0.0.0.0:{TO_HOST}"
 
 
 @command(
-    "./hindrax mock --print-paths\n"
-    "  sudo ./hindrax mock --i2c-device /dev/i2c-9     (a bus that unmodified programs open; needs root)",
+    "./hindrax mock --print-paths\n# a bus that unmodified programs open:\nsudo ./hindrax mock --i2c-device /dev/i2c-9",
     option("--print-paths", action="store_true", help="only `NAME PATH` lines on stdout, for scripts"),
     add_json,
     add_vehicle,

@@ -20,9 +20,10 @@ from hindrax_operator.connection import add_stack, find_stack
 
 
 @command(
-    "./hindrax joystick        (then, in another terminal: ros2 run joy joy_node --ros-args -r joy:=/hindrax/joy\n"
-    "                              or: ros2 run teleop_twist_keyboard teleop_twist_keyboard --ros-args"
-    " -r cmd_vel:=/hindrax/cmd_vel)",
+    "./hindrax joystick\n"
+    "# then, in another terminal, a joystick or the keyboard:\n"
+    "ros2 run joy joy_node --ros-args -r joy:=/hindrax/joy\n"
+    "ros2 run teleop_twist_keyboard teleop_twist_keyboard --ros-args -r cmd_vel:=/hindrax/cmd_vel",
     add_stack,
     partial(add_vehicle, meaning="vehicle: its file, or its name; default: that of the stack", default=False),
     option(

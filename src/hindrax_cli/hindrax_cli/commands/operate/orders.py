@@ -50,7 +50,7 @@ def disarm(arguments: argparse.Namespace) -> int:
 
 
 @command(
-    "./hindrax hold heading 90     (also: hold depth, hold altitude 0.8, hold pitch -10, hold all off)",
+    "./hindrax hold depth\n./hindrax hold heading 90\n./hindrax hold pitch -10\n./hindrax hold all off",
     option(
         "axis",
         choices=(*HOLDS, "all"),
@@ -102,7 +102,7 @@ def shown(axis: str, value: float) -> str:
 
 
 @command(
-    "./hindrax recentre     (at the start of the pilot's parameters; also: recentre 5 3, recentre 5 3 90)",
+    "./hindrax recentre\n./hindrax recentre 5 3\n./hindrax recentre 5 3 90",
     option("place", nargs="*", metavar="X Y [DEG]", help=PLACE_HELP),
     add_stack,
 )
@@ -136,7 +136,7 @@ def place_of(words: Sequence[str]) -> tuple[float, float, float]:
 
 
 @command(
-    "./hindrax wrench 10 0 0 0 0 0 --for 2      (forward with 10 N for 2 s)",
+    "./hindrax wrench 10 0 0 0 0 0 --for 2",
     *(option(symbol, type=float, help=meaning) for symbol, meaning in zip(WRENCH_SYMBOLS, MEANINGS, strict=True)),
     option("--for", dest="seconds", type=positive, default=2.0, metavar="S", help="how long [s]; default 2"),
     add_stack,
@@ -189,7 +189,7 @@ def outcome_text(allocation: Any) -> str:
 
 
 @command(
-    "./hindrax lights 0.5       (both; `lights 1 0`: the first only, `lights off`)",
+    "./hindrax lights 0.5\n# the first only:\n./hindrax lights 1 0\n./hindrax lights off",
     option("levels", nargs="+", metavar="LEVEL", help="of all lamps, or of each; or `off`"),
     add_stack,
 )

@@ -33,9 +33,11 @@ def _groups(parser: argparse.ArgumentParser) -> None:
 
 
 @command(
-    "./hindrax thruster 3 --force 5 --for 2            (alone, armed for it; not beside a running stack)\n"
-    "  ./hindrax thruster fit sweep.csv --lever-ratio 2 --write\n"
-    "  ./hindrax thruster disable T3 --reason 'blade lost'   (and: enable T3)",
+    "# armed for it alone, so not beside a running stack:\n"
+    "./hindrax thruster 3 --force 5 --for 2\n"
+    "./hindrax thruster fit sweep.csv --lever-ratio 2 --write\n"
+    "./hindrax thruster disable T3 --reason 'blade lost'\n"
+    "./hindrax thruster enable T3",
     option("what", metavar="N|fit|disable|enable", help="a thruster (3 or T3), or what to do"),
     option("which", nargs="*", metavar="SWEEP.csv|T3", help="sweep to fit, thrusters to disable or enable"),
     add_vehicle,

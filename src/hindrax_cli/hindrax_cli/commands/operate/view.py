@@ -48,7 +48,7 @@ def monitor(arguments: argparse.Namespace) -> int:
 
 
 @command(
-    "./hindrax web\n  ./hindrax web --read-only --address 192.168.2.2",
+    "./hindrax web\n./hindrax web --read-only --address 192.168.2.2",
     option(
         "--address",
         default="127.0.0.1",

@@ -31,8 +31,8 @@ def aim_of(arguments: argparse.Namespace) -> Aim | None:
 
 @command(
     "./hindrax pool-test --plan --dof all\n"
-    "  ./hindrax pool-test --mock --dof surge --seed 7\n"
-    "  ./hindrax pool-test --mock --dof all --until 2% --minutes 5",
+    "./hindrax pool-test --mock --dof surge --seed 7\n"
+    "./hindrax pool-test --mock --dof all --until 2% --minutes 5",
     option("--mock", action="store_true", help="fly the mock vehicle instead of the one on this machine"),
     option("--plan", action="store_true", help=PLAN_HELP),
     option(
