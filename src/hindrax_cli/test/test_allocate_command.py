@@ -55,16 +55,3 @@ def test_table_names_thrusters_and_axes(capsys: pytest.CaptureFixture[str]) -> N
     assert "disabled" in out
     assert "at its limit" in out
     assert "surge X" in out
-
-
-@pytest.mark.parametrize(
-    ("words", "reason"),
-    [
-        (["--wrench", *"000000", "--disable", "T9"], "found 'T9', wanted some of T1"),
-        (["--wrench", *"000000", "--vehicle", "nowhere.yaml"], "nowhere.yaml: cannot be read"),
-        (["--wrench", *"100000", "--supply", "-3"], "found -3 V, wanted more than zero"),
-    ],
-)
-def test_wrong_use_is_one_sentence(capsys: pytest.CaptureFixture[str], words: list[Any], reason: str) -> None:
-    assert main(["allocate", *words]) == 2
-    assert reason in capsys.readouterr().err

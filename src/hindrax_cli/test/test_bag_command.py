@@ -187,14 +187,6 @@ def test_fetch_says_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "cannot be run" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("word", list(command.WORDS))
-def test_every_word_has_help_with_an_example(word: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as ended:
-        command_line.main(["bag", word, "--help"])
-    assert ended.value.code == 0
-    assert f"./hindrax bag {word} " in capsys.readouterr().out
-
-
 SAID = [
     ("info {dir}/none", 2, "does not exist, wanted a bag"),
     ("info {dir}/empty", 2, "an empty folder"),

@@ -215,13 +215,3 @@ def test_what_goes_wrong_is_one_sentence_and_an_exit_code(
     assert message in captured.err
     assert captured.err.count("\n") == 1
     assert captured.out == ""
-
-
-@pytest.mark.parametrize(
-    "name", ["papers", "free-decay", "forced", "pendulum", "bollard", "towing", "estimate", "step", "export"]
-)
-def test_every_command_has_help_with_an_example(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as stop:
-        command_line.main([name, "--help"])
-    assert stop.value.code == 0
-    assert f"./hindrax {name}" in capsys.readouterr().out

@@ -37,20 +37,6 @@ def test_the_rehearsal_tells_times_clearances_charge_and_bands(capsys: pytest.Ca
     assert found["aborted"] is None
 
 
-@pytest.mark.parametrize(
-    ("words", "sentence"),
-    [
-        (["--mock", "--set", "pilot.plan.levels:=2"], "--plan: found --set, wanted no options of the stack"),
-        (["--world", "sea"], "sea"),
-    ],
-)
-def test_what_a_rehearsal_cannot_do_is_one_sentence(
-    words: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["pool-test", "--plan", *words]) == 2
-    assert sentence in capsys.readouterr().err
-
-
 def test_a_pool_without_room_is_told_before_anything_is_flown(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

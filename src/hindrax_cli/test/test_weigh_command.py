@@ -54,27 +54,6 @@ def test_each_axis_is_kept_beside_the_others_and_a_second_weighing_takes_the_pla
     assert [line for line in after if "thrust_gain" not in line] == before.splitlines()
 
 
-@pytest.mark.parametrize(
-    ("words", "why"),
-    [
-        (["surge"], "wanted --load N"),
-        (["yaw", "--load", "10"], "--lever M"),
-        (["surge", "--bag", "there-is-none", "--hold", "1:2"], "there-is-none"),
-        (["roll", "--load", "10"], "invalid choice"),
-        (["surge", "--load", "40"], "surge: found a load of 40 N, wanted less than the 35.6 N that its thrusters give"),
-        (["heave", "--load", "500", "--mock"], "heave: found a load of 500 N, wanted less than the 62.1 N"),
-        (["yaw", "--load", "90", "--lever", "0.5"], "found a load of 45 N m, wanted less than the "),
-    ],
-)
-def test_what_cannot_be_weighed_is_refused(words: list[str], why: str, capsys: pytest.CaptureFixture[str]) -> None:
-    try:
-        code = main(["weigh", *words])
-    except SystemExit as error:
-        code = int(str(error.code))
-    assert code in (1, 2)
-    assert why in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(("axis", "unit"), [("surge", "N"), ("yaw", "Nm")])
 def test_a_gain_is_told_with_its_deviation_and_the_load_with_its_unit(
     axis: str, unit: str, capsys: pytest.CaptureFixture[str]

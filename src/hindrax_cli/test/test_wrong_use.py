@@ -13,6 +13,7 @@ import yaml
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli import command_line
 from hindrax_cli.command import MODULES
+from hindrax_cli.commands.data.bag import WORDS as BAG
 from hindrax_cli.commands.operate import orders
 from hindrax_cli.commands.pool import pool_test
 from hindrax_core.errors import HindraxError, UsageError
@@ -29,6 +30,18 @@ def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
     assert said.out == ""
     assert len(said.err.splitlines()) == 1
     return said.err
+
+
+BRIGHTNESS = "wanted one or 2 numbers from 0 to 1, or `off`"
+PLACE = "wanted nothing, or X Y [DEG]: meters from the south and the west wall"
+THRUSTER = ("3", "fit", "disable", "3 T4 --force 1", "fly --force 1")
+MOCKS = ("pool-test --mock", "up --mock", "mock")
+NEITHER = (
+    (["--rate", "nan"], "--rate: found nan, wanted 0 (no bound) or more"),
+    (["--rate", "-1"], "--rate: found -1, wanted"),
+    (["--seed", "-1"], "--seed: found -1, wanted 0 to 4294967295"),
+    (["--seed", str(1 << 32)], "--seed: found 4294967296"),
+)
 
 
 @pytest.mark.parametrize(
@@ -61,7 +74,38 @@ def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
         (["bag", "info"], "hindrax bag info: the following arguments are required: BAG"),
         (["monitor"], "found no terminal to draw on, wanted one; over ssh use `ssh -t`"),
         (["hold", "depht"], "invalid choice: 'depht'"),
+        (["hold", "all"], "hold all: "),
+        (["hold", "all", "3"], "hold all: "),
+        (["hold", "depth", "deep"], "hold depth: "),
+        (["hold", "depth", "nan"], "hold depth: "),
+        (["hold", "roll", "inf"], "hold roll: "),
+        (["hold", "station", "3"], "hold station: "),
+        *((["lights", *words.split()], BRIGHTNESS) for words in ("2", "-0.1", "nan", "bright", "1 1 1")),
+        *((["recentre", *words.split()], PLACE) for words in ("5", "5 nan", "5 inf 0", "here there", "1 2 3 4")),
+        *((["thruster", *words.split()], "hindrax thruster: thruster ") for words in THRUSTER),
+        (["joystick", "--set", "dead_man"], "--set dead_man: wanted NAME:=VALUE"),
+        (["joystick", "--set", "nobody:=4"], "--set.nobody: unknown key, wanted one of dead_man, "),
+        (["joystick", "--set", "dead_man:=banana"], "--set.dead_man: found 'banana', wanted a whole number"),
+        (["joystick", "--set", "dead_man:=99"], "--set.dead_man: found 99, wanted 0 to 63"),
+        (["wrench", *"10", "nan", *"000"], "wrench Z: found nan, wanted a finite number"),
+        (["wrench", "1", "0"], "arguments are required"),
+        *(
+            (["up", *words.split()], "for --mock only")
+            for words in ("--rate 2", "--seed 2", "--fault absent:dvl75@1+2")
+        ),
+        *(([*command.split(), *words], reason) for command in MOCKS for words, reason in NEITHER),
+        (["pool-test", "--plan", "--mock", "--set", "pilot.plan.levels:=2"], "--plan: found --set, wanted no options"),
+        (["pool-test", "--plan", "--world", "sea"], "sea"),
+        (["weigh", "surge"], "wanted --load N"),
+        (["weigh", "yaw", "--load", "10"], "--lever M"),
+        (["weigh", "surge", "--bag", "there-is-none", "--hold", "1:2"], "there-is-none"),
+        (["weigh", "roll", "--load", "10"], "invalid choice"),
+        (["weigh", "surge", "--load", "40"], "surge: found a load of 40 N, wanted less than the 35.6 N that its"),
+        (["weigh", "heave", "--load", "500", "--mock"], "heave: found a load of 500 N, wanted less than the 62.1 N"),
+        (["weigh", "yaw", "--load", "90", "--lever", "0.5"], "found a load of 45 N m, wanted less than the "),
         (["allocate", "--wrench", *"000000", "--vehicle", "/no.yaml"], "/no.yaml: cannot be read (No such file or"),
+        (["allocate", "--wrench", *"000000", "--disable", "T9"], "found 'T9', wanted some of T1"),
+        (["allocate", "--wrench", *"100000", "--supply", "-3"], "found -3 V, wanted more than zero"),
         (["thruster", "fit", "/no.csv", "--lever-ratio", "2"], "/no.csv: cannot be read (No such file or directory)"),
     ],
 )
@@ -111,6 +155,14 @@ def test_a_motion_that_the_vehicle_cannot_serve_is_refused_before_anything_start
     assert "pitch: no thruster serves it independently of " in said
     assert "wanted some of surge, sway, heave, roll, yaw" in said
     assert not out.exists()
+
+
+@pytest.mark.parametrize("words", [*([name] for name in MODULES if name != "test"), *(["bag", word] for word in BAG)])
+def test_every_command_has_help_with_an_example(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        command_line.main([*words, "--help"])
+    assert ended.value.code == 0
+    assert f"./hindrax {' '.join(words)}" in capsys.readouterr().out
 
 
 def test_no_word_at_all_shows_every_command(capsys: pytest.CaptureFixture[str]) -> None:
