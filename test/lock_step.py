@@ -1,7 +1,9 @@
 """A virtual bus without a process: a test sets its time."""
 
-from hindrax_core.bus_operations import Transaction, wire_error
-from hindrax_core.events import Stamp
+from collections.abc import Callable
+
+from hindrax_core.bus_operations import Program, Transaction, run, wire_error
+from hindrax_core.events import Stamp, after
 from hindrax_drivers.buses.clock import EPOCH
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
 
@@ -46,3 +48,9 @@ class LockStep:
 
     def close(self) -> None:
         """Do nothing."""
+
+
+def run_at_once(wires: VirtualI2c) -> Callable[[str, Program[object]], object]:
+    """Return what runs programs on a virtual bus, whatever port is named."""
+    bus = LockStep(wires, Stamp(10**9))
+    return lambda _port, program: run(program, bus.transfer, lambda seconds: bus.sleep_until(after(bus.now(), seconds)))

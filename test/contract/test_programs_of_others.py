@@ -9,12 +9,12 @@ import contextlib
 import fcntl
 import os
 import struct
-import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from mock_wires import repeated
 from smbus2 import SMBus, i2c_msg
 
 from hindrax_bringup.share_files import hindrax_with
@@ -30,25 +30,13 @@ pytestmark = [pytest.mark.root, pytest.mark.skipif(not POSSIBLE, reason="needs r
 @contextlib.contextmanager
 def mock_bus(folder: Path, *sensors: str) -> Iterator[tuple[MockVehicle, str]]:
     """The whole mock vehicle with further sensors, stepped by a thread, with its bus as a file."""
-    over = threading.Event()
     with MockVehicle(hindrax_with(*sensors), folder, seed=1, rate=1.0) as mock:
         try:
             file = mock.offer_file(str(folder / "i2c-9"))
         except HindraxError as error:
             pytest.skip(str(error))
-
-        def turn() -> None:
-            while not over.is_set():
-                mock.step()
-
-        thread = threading.Thread(target=turn)
-        thread.start()
-        try:
+        with contextlib.closing(file), repeated(mock.step):
             yield mock, str(folder / "i2c-9")
-        finally:
-            over.set()
-            thread.join()
-            file.close()
 
 
 @pytest.fixture(scope="module")

@@ -4,12 +4,11 @@ import contextlib
 import json
 import os
 import socket
-import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from mock_wires import repeated, serial_device
 
 from hindrax_cli.command_line import main
 from hindrax_sim.buses.serial_ends import Pty, UdpLine
@@ -20,28 +19,16 @@ from hindrax_sim.devices.dvl75 import Dvl75, DvlSettings, DvlTruth
 def dvl(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[str, Dvl75]]:
     """Yield a path and the emulator that answers on it."""
     path, device = tmp_path / "dvl", Dvl75(settings=DvlSettings(speed_of_sound_mps=1500.0))
-    port, stop = Pty(path), threading.Event()
-    here, there = free_ports(2)
-    network = UdpLine(str(path), here, there) if request.param == "network" else None
-
-    def serve() -> None:
-        begun = time.monotonic()
-        while not stop.is_set():
-            now_s = time.monotonic() - begun
-            device.set_truth(DvlTruth(), 0.0)
-            port.write(device.step(now_s) + device.receive(port.read(), now_s))
-            if network:
-                network.turn()
-            stop.wait(0.005)
-
-    thread = threading.Thread(target=serve)
-    thread.start()
-    yield f"udp://127.0.0.1:{here}" if network else str(path), device
-    stop.set()
-    thread.join()
-    if network:
-        network.close()
-    port.close()
+    device.set_truth(DvlTruth(), 0.0)
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(serial_device(path, device))
+        port = str(path)
+        if request.param == "network":
+            here, there = free_ports(2)
+            network = stack.enter_context(contextlib.closing(UdpLine(str(path), here, there)))
+            stack.enter_context(repeated(network.turn, 0.005))
+            port = f"udp://127.0.0.1:{here}"
+        yield port, device
 
 
 def free_ports(count: int) -> list[int]:

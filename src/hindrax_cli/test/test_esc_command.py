@@ -6,14 +6,12 @@ import sys
 from collections.abc import Callable, Iterator
 
 import pytest
-from lock_step import LockStep
+from lock_step import run_at_once
 
 from hindrax_bringup.share_files import default_vehicle, hindrax_with
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.machine import output as command
-from hindrax_core.bus_operations import Program
-from hindrax_core.bus_operations import run as run_program
-from hindrax_core.events import Stamp, Stamped, after
+from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import Battery
 from hindrax_drivers.bus_capture import CapturedReadings
 from hindrax_drivers.nodes.thruster_settings import Settings
@@ -28,12 +26,7 @@ NEUTRAL = (1500.0,) * 8
 def chip(monkeypatch: pytest.MonkeyPatch) -> Iterator[Pca9685]:
     made, wires = Pca9685(), VirtualI2c()
     wires.attach(0x40, made)
-    bus = LockStep(wires, Stamp(10**9))
-
-    def run_once(_port: str, program: Program[object]) -> object:
-        return run_program(program, bus.transfer, lambda seconds: bus.sleep_until(after(bus.now(), seconds)))
-
-    monkeypatch.setattr(command, "run_once", run_once)
+    monkeypatch.setattr(command, "run_once", run_at_once(wires))
     monkeypatch.setattr(command, "vehicle_stack", lambda: None)
     before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
     yield made

@@ -2,22 +2,21 @@
 
 import json
 import math
-import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 from mcap_ros2.writer import Writer
+from mock_wires import jumping_bus
+from vehicle_files import hindrax_file
 
-from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.machine.calibration import calibration
 from hindrax_core.bus_operations import Transaction
 from hindrax_core.events import Stamp, to_s
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.imu_calibration import Correction
-from hindrax_sim.buses.mock_server import BusServer
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.devices.icm20948 import Icm20948
 from hindrax_sim.devices.imu.imu_signal import ImuTruth, SensorErrors
@@ -40,51 +39,33 @@ def turning(seconds: float) -> ImuTruth:
 
 
 class Bench:
-    """Sensors on a bus whose time jumps from one wish of the tool to the next."""
+    """Sensors on a bus."""
 
-    def __init__(self, path: Path, motion: Callable[[float], ImuTruth], air_Pa: float) -> None:
-        self.port = f"mock:{path}"
+    def __init__(self, motion: Callable[[float], ImuTruth], air_Pa: float) -> None:
+        self.port = ""
         self.imu = Icm20948(2, SensorErrors(hard_iron_T=IRON_T, accel_offset_mps2=OFFSET_mps2))
         self.pressure = Ms5837(seed=2)
         self.pressure.set_truth(WaterTruth(air_Pa), 0.0)
         self._motion, self._wires = motion, VirtualI2c()
         for address, part in ((0x68, self.imu), (0x0C, self.imu.magnetometer), (0x76, self.pressure)):
             self._wires.attach(address, part)
-        self._server = BusServer(str(path), self._transfer, Stamp(10**9))
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run)
-        self._thread.start()
 
-    def _transfer(self, transaction: Transaction, now: Stamp) -> bytes:
+    def transfer(self, transaction: Transaction, now: Stamp) -> bytes:
         self.imu.set_truth(self._motion(to_s(now)), to_s(now))
         return self._wires.transfer(transaction, now)
-
-    def _run(self) -> None:
-        now = Stamp(10**9)
-        while not self._stop.is_set():
-            self._server.serve(now, 0.001)
-            if not self._server.busy() and self._server.earliest_wakeup() < 1 << 62:
-                now = max(now, self._server.earliest_wakeup())
-
-    def close(self) -> None:
-        self._stop.set()
-        self._thread.join()
-        self._server.close()
 
 
 @pytest.fixture
 def bench(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Bench]:
     motion, air_Pa = getattr(request, "param", (turning, 98_765.0))
-    one = Bench(tmp_path / "i2c", motion, air_Pa)
-    yield one
-    one.close()
+    one = Bench(motion, air_Pa)
+    with jumping_bus(tmp_path / "i2c", one.transfer) as one.port:
+        yield one
 
 
 @pytest.fixture
 def vehicle(tmp_path: Path) -> Path:
-    file = tmp_path / "mine.yaml"
-    file.write_text(default_vehicle().read_text(encoding="utf-8"), encoding="utf-8")
-    return file
+    return hindrax_file(tmp_path)
 
 
 def test_a_live_turn_finds_iron_and_offset_and_keeps_them(

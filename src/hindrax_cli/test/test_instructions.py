@@ -1,16 +1,14 @@
 """What a person has to do is told once the device that will see it has answered, and not before."""
 
 import errno
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from mock_wires import jumping_bus
 
 from hindrax_cli.command_line import main
-from hindrax_core.events import Stamp
-from hindrax_sim.buses.mock_server import BusServer
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
 
 BY_HAND = (
@@ -23,24 +21,9 @@ BY_HAND = (
 
 @pytest.fixture
 def empty_bus(tmp_path: Path) -> Iterator[str]:
-    """A bus without any device, whose time jumps from one wish of the tool to the next."""
-    wires = VirtualI2c()
-    server = BusServer(str(tmp_path / "i2c"), wires.transfer, Stamp(10**9))
-    stop = threading.Event()
-
-    def serve() -> None:
-        now = Stamp(10**9)
-        while not stop.is_set():
-            server.serve(now, 0.001)
-            if not server.busy() and server.earliest_wakeup() < 1 << 62:
-                now = max(now, server.earliest_wakeup())
-
-    thread = threading.Thread(target=serve)
-    thread.start()
-    yield f"mock:{tmp_path / 'i2c'}"
-    stop.set()
-    thread.join()
-    server.close()
+    """A bus without any device."""
+    with jumping_bus(tmp_path / "i2c", VirtualI2c().transfer) as port:
+        yield port
 
 
 @pytest.mark.parametrize("words", BY_HAND, ids=lambda words: words[0])

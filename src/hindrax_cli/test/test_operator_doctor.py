@@ -13,6 +13,7 @@ from types import SimpleNamespace as Message
 from typing import Any
 
 import pytest
+from vehicle_files import hindrax_file
 
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.share_files import default_vehicle, hindrax_with
@@ -36,9 +37,7 @@ def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_with_nothing_attached_every_problem_has_a_remedy(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = tmp_path / "vehicle.yaml"
-    text = default_vehicle().read_text(encoding="utf-8").replace("/dev/", f"{tmp_path}/dev/")
-    file.write_text(text, encoding="utf-8")
+    file = hindrax_file(tmp_path, ("/dev/", f"{tmp_path}/dev/"))
     assert main(["doctor", "--json", "--vehicle", str(file)]) == 1
     checks = json.loads(capsys.readouterr().out)["checks"]
     assert all(set(one) == {"name", "ok", "found", "remedy"} for one in checks)
@@ -50,8 +49,7 @@ def test_with_nothing_attached_every_problem_has_a_remedy(tmp_path: Path, capsys
 
 
 def test_people_get_the_same_as_lines(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = tmp_path / "vehicle.yaml"
-    file.write_text(default_vehicle().read_text(encoding="utf-8").replace("/dev/", f"{tmp_path}/"), encoding="utf-8")
+    file = hindrax_file(tmp_path, ("/dev/", f"{tmp_path}/"))
     assert main(["doctor", "--vehicle", str(file)]) == 1
     said = capsys.readouterr().out
     assert "-> check cable and power" in said

@@ -6,14 +6,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from lock_step import LockStep
+from lock_step import run_at_once
+from vehicle_files import hindrax_file
 
-from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.machine import output as command
-from hindrax_core.bus_operations import EDGES, DeviceError, Program
-from hindrax_core.bus_operations import run as run_program
-from hindrax_core.events import Stamp, after
+from hindrax_core.bus_operations import EDGES, DeviceError
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.output.oscillator import LOOKS, Edge, clock_Hz
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
@@ -58,20 +56,14 @@ def chip(monkeypatch: pytest.MonkeyPatch) -> Pca9685:
     made, wires = Pca9685(clock_error=0.031), VirtualI2c()
     wires.attach(0x40, made)
     wires.attach(EDGES + 17, LoopBack(made, 15))
-    bus = LockStep(wires, Stamp(10**9))
-
-    def run_once(_port: str, program: Program[object]) -> object:
-        return run_program(program, bus.transfer, lambda seconds: bus.sleep_until(after(bus.now(), seconds)))
-
-    monkeypatch.setattr(command, "run_once", run_once)
+    monkeypatch.setattr(command, "run_once", run_at_once(wires))
     monkeypatch.setattr(command, "vehicle_stack", lambda: None)
     return made
 
 
 @pytest.fixture
 def say(tmp_path: Path) -> Callable[..., tuple[int, Path]]:
-    file = tmp_path / "mine.yaml"
-    file.write_text(default_vehicle().read_text(encoding="utf-8"), encoding="utf-8")
+    file = hindrax_file(tmp_path)
     return lambda *words: (main(["oscillator", "--vehicle", str(file), *words]), file)
 
 

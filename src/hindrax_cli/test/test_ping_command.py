@@ -1,12 +1,11 @@
 """`hindrax ping` on a pty with the emulated sonar behind it."""
 
 import json
-import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from mock_wires import serial_device
 
 from hindrax_cli.command_line import main
 from hindrax_sim.buses.serial_ends import Pty
@@ -17,22 +16,9 @@ from hindrax_sim.devices.ping1d import Ping1d, PingTruth
 def sonar(tmp_path: Path) -> Iterator[str]:
     """Yield a path on which a sonar hears the bottom at 1.8 m."""
     path, device = tmp_path / "ping", Ping1d(noise=0.0)
-    port, stop = Pty(path), threading.Event()
-
-    def serve() -> None:
-        begun = time.monotonic()
-        while not stop.is_set():
-            now_s = time.monotonic() - begun
-            device.set_truth(PingTruth(1.8), 0.0)
-            port.write(device.step(now_s) + device.receive(port.read(), now_s))
-            stop.wait(0.005)
-
-    thread = threading.Thread(target=serve)
-    thread.start()
-    yield str(path)
-    stop.set()
-    thread.join()
-    port.close()
+    device.set_truth(PingTruth(1.8), 0.0)
+    with serial_device(path, device):
+        yield str(path)
 
 
 def test_a_profile_is_asked_for_and_told(sonar: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from vehicle_files import hindrax_file
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.command_line import main
@@ -40,10 +41,7 @@ def test_the_rehearsal_tells_times_clearances_charge_and_bands(capsys: pytest.Ca
 def test_a_pool_without_room_is_told_before_anything_is_flown(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    text = default_vehicle().read_text(encoding="utf-8")
-    (short,) = [line for line in text.splitlines() if line.startswith("pool:")]
-    file = tmp_path / "short.yaml"
-    file.write_text(text.replace(short, "pool: {length_m: 2.0, width_m: 6.0, depth_m: 1.8}"), encoding="utf-8")
+    file = hindrax_file(tmp_path, ("^pool: .*", "pool: {length_m: 2.0, width_m: 6.0, depth_m: 1.8}"))
     assert main(["pool-test", "--plan", "--vehicle", str(file)]) == 2
     assert "surge: the pool leaves -0.19 m of room" in capsys.readouterr().err
 
@@ -84,10 +82,7 @@ def test_what_can_never_begin_is_told_at_once(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], line: str, code: int, sentence: str
 ) -> None:
     """These were rehearsed for two hours of the vehicle, in minutes, and nobody said why nothing began."""
-    key = line.partition(":")[0]
-    lines = default_vehicle().read_text(encoding="utf-8").splitlines()
-    file = tmp_path / "mine.yaml"
-    file.write_text("\n".join(line if one.startswith(f"{key}:") else one for one in lines), encoding="utf-8")
+    file = hindrax_file(tmp_path, (f"^{line.partition(':')[0]}: .*", line))
     assert main(["pool-test", "--plan", "--world", "ideal", "--mock", "--vehicle", str(file)]) == code
     shown = capsys.readouterr()
     assert sentence in " ".join((shown.out + shown.err).split())

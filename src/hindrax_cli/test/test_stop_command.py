@@ -6,8 +6,8 @@ import time
 from pathlib import Path
 
 import pytest
+from vehicle_files import hindrax_file
 
-from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack_lock import FOLDER, StackLock, announced
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.operate import stack as command
@@ -57,8 +57,7 @@ def test_a_mock_stack_does_not_keep_the_real_output_from_neutral(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv(FOLDER, str(tmp_path))
-    file = tmp_path / "v.yaml"
-    file.write_text(default_vehicle().read_text().replace("/dev/i2c-1", "/dev/i2c-99"))
+    file = hindrax_file(tmp_path, ("/dev/i2c-1", "/dev/i2c-99"))
     with announced(StackLock(os.getpid(), mock=True, vehicle="v.yaml", folder="runs/a")):
         assert main(["stop", "--output", "--vehicle", str(file)]) == 1
     assert "/dev/i2c-99: neutral could not be written; cut the power" in capsys.readouterr().err
@@ -80,8 +79,8 @@ def test_without_a_stack_the_output_rests_where_its_node_would(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stop_us: float, words: list[str], wanted_us: float
 ) -> None:
     monkeypatch.setenv(FOLDER, str(tmp_path))
-    file, parameters = tmp_path / "v.yaml", tmp_path / "tuning.yaml"
-    file.write_text(default_vehicle().read_text().replace("stop_us: 1500.0", f"stop_us: {stop_us}"))
+    file = hindrax_file(tmp_path, ("stop_us: 1500.0", f"stop_us: {stop_us}"))
+    parameters = tmp_path / "tuning.yaml"
     parameters.write_text(PARAMETERS)
     written: list[Settings] = []
 

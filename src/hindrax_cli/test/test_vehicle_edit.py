@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from vehicle_files import hindrax_file
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.vehicle_edit import edited, set_key
@@ -89,8 +90,7 @@ def test_a_missing_block_is_named() -> None:
 
 
 def test_a_value_the_vehicle_would_refuse_is_not_written(tmp_path: Path) -> None:
-    file = tmp_path / "v.yaml"
-    file.write_text(default_vehicle().read_text())
+    file = hindrax_file(tmp_path)
     with pytest.raises(UsageError, match=r"water.surface_pressure_Pa: found 5"):
         set_key(file, ("water", "surface_pressure_Pa"), 5)
     assert file.read_text() == default_vehicle().read_text()

@@ -4,9 +4,9 @@ import json
 from pathlib import Path
 
 import pytest
+from vehicle_files import hindrax_file
 
 from hindrax_analysis.experiments.known_weight import Weighing
-from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.experiment import weigh
 from hindrax_core.vehicle import AxisGain, load_vehicle
@@ -17,9 +17,7 @@ COMMENT = "# Poses are not published"
 
 @pytest.fixture
 def vehicle_file(tmp_path: Path) -> Path:
-    file = tmp_path / "mine.yaml"
-    file.write_text(Path(default_vehicle()).read_text(encoding="utf-8"), encoding="utf-8")
-    return file
+    return hindrax_file(tmp_path)
 
 
 def test_in_mock_it_finds_what_the_thrusters_lack_and_keeps_it(

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 import yaml
+from vehicle_files import hindrax_file
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli import command_line
@@ -147,9 +148,7 @@ def test_parameters_that_cannot_be_read_leave_no_folder_behind(
 def test_a_motion_that_the_vehicle_cannot_serve_is_refused_before_anything_starts(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    lines = default_vehicle().read_text(encoding="utf-8").splitlines(keepends=True)
-    six, out = tmp_path / "six.yaml", tmp_path / "run"
-    six.write_text("".join(line for line in lines if "name: T7" not in line and "name: T8" not in line))
+    six, out = hindrax_file(tmp_path, (r".*name: T[78].*\n", "")), tmp_path / "run"
     words = ["pool-test", "--mock", "--vehicle", str(six), "--out", str(out), "--dof"]
     said = refused(capsys, *words, "surge", "pitch")
     assert "pitch: no thruster serves it independently of " in said
@@ -277,8 +276,6 @@ def test_an_error_names_its_command_once(capsys: pytest.CaptureFixture[str], tmp
 def test_a_channel_that_drives_two_is_told_before_anything_starts(
     words: list[str], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    text = default_vehicle().read_text(encoding="utf-8")
-    file = tmp_path / "mine.yaml"
-    file.write_text(text.replace("{name: T8, channel: 7,", "{name: T8, channel: 6,"), encoding="utf-8")
+    file = hindrax_file(tmp_path, ("{name: T8, channel: 7,", "{name: T8, channel: 6,"))
     assert command_line.main([*words, "--vehicle", str(file)]) == UsageError.exit_code
     assert "output channel 6 drives T7 and T8" in capsys.readouterr().err

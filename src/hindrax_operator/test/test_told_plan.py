@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from vehicle_files import hindrax_file
 
 from hindrax_analysis import terminal
 from hindrax_analysis.identification import bag_identification
@@ -34,10 +35,7 @@ def test_before_the_start_no_plan_is_told_that_only_the_pilot_knows_nor_of_signa
 
 
 def test_a_pool_without_room_is_refused_before_anything_starts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    text = default_vehicle().read_text(encoding="utf-8")
-    (pool,) = [line for line in text.splitlines() if line.startswith("pool:")]
-    file = tmp_path / "short.yaml"
-    file.write_text(text.replace(pool, "pool: {length_m: 2.0, width_m: 6.0, depth_m: 1.8}"), encoding="utf-8")
+    file = hindrax_file(tmp_path, ("^pool: .*", "pool: {length_m: 2.0, width_m: 6.0, depth_m: 1.8}"))
     assert load_vehicle(file).pool == Pool(2.0, 6.0, 1.8)
     monkeypatch.chdir(tmp_path)
     with pytest.raises(UsageError, match=r"surge: the pool leaves -0\.19 m of room"):
