@@ -181,6 +181,16 @@ def test_without_a_swing_both_legs_of_an_angle_cross_the_whole_room(hindrax: Veh
     assert [leg.seconds for leg in plan.legs[::2]] == pytest.approx([leg.seconds for leg in plan.legs[1::2]])
 
 
+@pytest.mark.parametrize(("arm_m", "coast_s"), [(-0.01, 0.0), (0.0, PlanKnobs().coast_s)])
+def test_what_does_not_right_itself_does_not_swing_and_what_is_top_heavy_never_rests(
+    hindrax: Vehicle, allocator: Allocator, arm_m: float, coast_s: float
+) -> None:
+    vehicle = replace(hindrax, center_of_mass_m=(0.0, 0.0, arm_m), center_of_buoyancy_m=(0.0, 0.0, 0.0))
+    for motion in ("roll", "pitch"):
+        _, plan = planned(vehicle, allocator, motion)
+        assert {(leg.coast_s, leg.natural_radps) for leg in plan.legs} == {(coast_s, 0.0)}
+
+
 @pytest.mark.parametrize("net_buoyancy_N", [25.0, -25.0])
 def test_a_vehicle_that_is_not_neutral_swings_no_longer_than_it_takes_to_rise_or_sink_by_a_hand(
     hindrax: Vehicle, allocator: Allocator, net_buoyancy_N: float

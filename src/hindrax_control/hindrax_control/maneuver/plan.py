@@ -286,6 +286,9 @@ class Planner:
             # On the way up to speed half of the way is lost; braking ends before the leg does.
             seconds=abs((end - start) / rate) + 0.5 * abs(rate) / pace,
         )
+        if freedom.restoring < 0.0:
+            # Top-heavy: without thrust it turns over.
+            return replace(leg, coast_s=0.0)
         if freedom.restoring:
             natural_radps = math.sqrt(freedom.restoring / freedom.inertia)
             swing_s = min(self.knobs.swing_s, math.tau / natural_radps, self._risen_s)
