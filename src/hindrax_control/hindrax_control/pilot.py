@@ -84,6 +84,8 @@ class Pilot:
         self._keeping_station = False
         self._station: StationKeeping | None = None
         self._station_s = 0.0
+        self._unserved = ZERO6
+        """What holds and station wanted of thrusters that rested: to them it is a shortfall."""
         self._operator_wrench: tuple[Stamp, Vec6] | None = None
         self._armed = self._was_armed = False
         self._guards: tuple[str, ...] = ()
@@ -252,18 +254,19 @@ class Pilot:
         """
         self._stamp = stamp
         self._update(navigation, stamp, battery_V, armed=armed, unarmed=unarmed)
-        shortfall = allocation.shortfall if allocation else ZERO6
+        shortfall = _sum(allocation.shortfall, self._unserved) if allocation else self._unserved
         lost = allocation.lost_axes if allocation else ()
         flown, wrench = self._step_maneuver(navigation, stamp, shortfall, lost, battery_V)
         held = self._holds.step(navigation, stamp, shortfall, armed=armed)
         station, keeping = self._keep_station(navigation, stamp, shortfall)
         states = (*held.states, station)
         states = tuple(map(self._with_refusal, states)) if self._refused else states
+        self._unserved = ZERO6
         if not armed:
             return PilotOutput(ZERO6, states, flown, self._guards, refused=self._refusal(OPERATOR))
         total = _sum(_sum(_sum(held.wrench, wrench), keeping), self._current_operator_wrench(stamp))
         if flown is not None and flown.resting:
-            total = ZERO6
+            total, self._unserved = ZERO6, total
         suspected_fault = self._suspected_fault(navigation, stamp, allocation)
         return PilotOutput(total, states, flown, self._guards, suspected_fault, self._refusal(OPERATOR))
 

@@ -16,6 +16,7 @@ from hindrax_control.allocation.thruster_fault_detector import (
 from hindrax_control.allocation.wrench_guard import WrenchGuardKnobs
 from hindrax_control.hold.holds import HoldKnobs, Setpoint
 from hindrax_control.maneuver.goal import Goal
+from hindrax_control.maneuver.maneuver import ManeuverOutput
 from hindrax_control.pilot import REFUSAL_S, Pilot, PilotKnobs, PilotOutput
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.readings import Vec6
@@ -223,6 +224,25 @@ def test_all_thrusters_rest_when_a_maneuver_wants_it_whatever_the_holds_want(
     assert (resting.wrench, engaged(resting)) == (ZERO6, engaged(pushing))
     monkeypatch.undo()
     assert hovering.fly().wrench[2] != 0.0
+
+
+def test_what_holds_and_station_want_of_thrusters_that_rest_is_a_shortfall(
+    hovering: Hovering, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else a vehicle that drifts while it swings is taken for one that thrust does not move, and integrals wind up."""
+    hovering.fly()
+    maneuver, told = hovering.pilot.fly(Goal(("roll",))), []
+    step = maneuver.step
+
+    def resting(*given: Any, shortfall: Vec6, **more: Any) -> ManeuverOutput:
+        told.append(shortfall)
+        return replace(step(*given, shortfall=shortfall, **more), wrench=(10.0, *ZERO6[1:]), resting=len(told) == 2)
+
+    monkeypatch.setattr(maneuver, "step", resting)
+    wanted = [hovering.fly().wrench for _ in range(4)]
+    assert [shortfall[0] for shortfall in told] == [0.0, 0.0, 10.0, 0.0]
+    assert told[2][2] == pytest.approx(wanted[2][2], rel=0.1), "that of the holds too"
+    assert hovering.fly(armed=False).wrench == ZERO6
 
 
 def test_what_is_abandoned_pushes_no_more(hovering: Hovering) -> None:
