@@ -224,6 +224,73 @@ def test_what_does_not_right_itself_as_believed_is_braked_beyond_its_end(sign: f
     assert told == [first.phase, "transit"]
 
 
+def swinging(sign: float, natural_radps: float = 0.2) -> Leg:
+    """Leg that ends in a swing of two seconds, fifteen seconds of plateau before it."""
+    return replace(leg(2.1, sign, coast_s=2.0, axis="roll"), natural_radps=natural_radps, seconds=17.0)
+
+
+PATIENT_s = 1.6 * 15.0 + 1.0
+"""Patience with the plateau of `swinging`: that of any plateau, without the time of the swing."""
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("at", [-2.0, -1.6, 1.6, 2.0])
+def test_a_leg_that_hangs_swings_from_where_it_hangs(sign: float, at: float) -> None:
+    """Righting moment and thrust are never quite what is believed: the rest of both outweighs a slow leg's drag."""
+    driver = at_speed(swinging(sign))
+    told = [driver.step(sign * at, 0.0, BEGIN_s + PATIENT_s + late_s) for late_s in (-0.01, 0.01, 0.02, 2.0)]
+    assert [(one.phase, one.force != 0.0) for one in told] == [("transient", True)] * 2 + [("coast", False)] * 2
+    assert [driver.step(0.0, 0.0, BEGIN_s + PATIENT_s + late_s).phase for late_s in (2.02, 2.1)] == ["coast", "transit"]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("at", [-1.4, 0.0, 1.4])
+def test_a_leg_that_hangs_near_level_is_pushed_and_swings_where_it_gets_to(sign: float, at: float) -> None:
+    one, late_s = swinging(sign, 100.0), 0.01
+    pushed_s = 1.6 * CHARACTERS["roll"].boost_s + 1.0
+    for rises in (True, False):
+        driver = at_speed(one)
+        told = [driver.step(sign * at, 0.0, BEGIN_s + PATIENT_s + after_s) for after_s in (late_s, 2.0 * late_s)]
+        assert told == [LegOutput(one.level, "transient"), LegOutput(sign * one.boost, "transient")]
+        if rises:
+            assert driver.step(sign * 3.01, sign * 0.01, BEGIN_s + PATIENT_s + 0.1) == LegOutput(0.0, "coast")
+            continue
+        times_s = [BEGIN_s + PATIENT_s + late_s + pushed_s + after_s for after_s in (-0.005, 0.005, 0.015)]
+        assert [driver.step(sign * at, 0.0, time_s).phase for time_s in times_s] == ["transient"] * 2 + ["coast"]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("boosting", [False, True])
+def test_a_leg_that_is_carried_back_to_its_begin_swings_from_there(sign: float, boosting: bool) -> None:
+    """In its boost it may still turn back by itself, until it is beyond."""
+    one, backward = swinging(sign, 100.0), 0.1
+    way = 0.0 if boosting else backward * LAG_S + backward**2 / (2.0 * 2.1)
+    for before, phase in ((0.001, "transient"), (-0.001, "coast")):
+        driver = LegController(one) if boosting else at_speed(one)
+        assert driver.step(sign * (-3.0 + way + before), -sign * backward, BEGIN_s + 0.1).phase == phase
+    # It is carried no further than a swing may go.
+    told = [driver.step(-sign * at, -sign * backward, BEGIN_s + 0.2).phase for at in (3.2, 3.3)]
+    assert told == ["coast", "transit"]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_what_rights_itself_slowly_is_braked_in_time(sign: float, side: float) -> None:
+    """A pendulum of 0.2 rad/s that turns by 1 rad/s at level would go on to 5 rad: it stops at 3.3."""
+    driver, rate = at_speed(swinging(sign)), 1.0
+    assert driver.step(0.1 * sign, rate * sign, BEGIN_s + 0.1).phase == "coast"
+    last = 3.3 - rate * LAG_S - rate**2 / (2.0 * 2.1)
+    told = [driver.step(side * (last + beyond), side * rate, BEGIN_s + 0.2) for beyond in (-0.001, 0.001)]
+    assert [one.phase for one in told] == ["coast", "transit"]
+    assert told[1].force * side < 0.0
+
+
+def test_what_still_turns_back_from_the_leg_before_is_boosted_not_braked() -> None:
+    driver = LegController(swinging(1.0))
+    assert driver.step(-2.9, -1.0, BEGIN_s).force > 0.0
+    assert driver.step(-2.95, -1.0, BEGIN_s + 0.05).phase == "transient"
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("elapsed_s", [0.1, 0.2, 1.0])
 def test_a_brake_is_over_when_the_thrust_of_its_last_lag_takes_off_the_rest(sign: float, elapsed_s: float) -> None:

@@ -17,6 +17,8 @@ SURE = 2.5
 """Standard deviations of the slope within which it passes for zero."""
 OVERSHOOT = 1.1
 """Share of a leg's end beyond which a swing is braked."""
+SWING_SHARE = 0.5
+"""Share of a leg's end from which a swing is worth its time."""
 LET_GO = 3.0
 """A plateau ends when the slope is this many times beyond what it may be."""
 
@@ -50,7 +52,7 @@ class LegController:
             self._since_s = time_s
         forward = rate * leg.sign
         # Thrust that is lost to inflow may never bring it up to speed; it swings all the same.
-        driven = ("boost", "hold") if leg.natural_radps else ("hold",)
+        driven = ("boost", "hold", "push") if leg.natural_radps else ("hold",)
         if leg.coast_s and self._stretch in driven and self._may_coast(coordinate, forward):
             self._enter("coast", time_s)
         if self._stretch != "brake" and self._at_an_end(coordinate, forward):
@@ -59,7 +61,10 @@ class LegController:
         if self._stretch == "boost":
             return self._boost(forward, time_s)
         if self._stretch == "hold":
+            self._lose_patience(coordinate, time_s)
             return self._hold(rate, time_s, trusted=trusted)
+        if self._stretch == "push":
+            return self._push(time_s)
         if self._stretch == "coast":
             return self._coast(time_s)
         return self._brake(forward, time_s)
@@ -67,9 +72,12 @@ class LegController:
     def _at_an_end(self, coordinate: float, forward: float) -> bool:
         """Whether it is time to brake: before the leg's end, or before the room's end when it is carried backward."""
         leg = self.leg
-        if leg.natural_radps and forward >= 0.0:
-            return coordinate * leg.sign > OVERSHOOT * abs(leg.end)
         way = stopping(forward, self._braking)
+        if leg.natural_radps:
+            # Driven, it may still move backward from the leg before; without thrust nothing else stops it there.
+            outward = coordinate * leg.sign * forward >= 0.0 and (forward >= 0.0 or self._stretch == "coast")
+            allowed = OVERSHOOT * abs(leg.end)
+            return outward and abs(coordinate) + way > allowed and self._amplitude(coordinate, forward) > allowed
         if forward >= 0.0:
             return (leg.end - coordinate) * leg.sign <= way
         # During the boost it may still move backward from the leg before.
@@ -89,9 +97,21 @@ class LegController:
             return LegOutput(leg.level, "transient")
         return LegOutput(leg.sign * leg.boost, "transient")
 
+    def _lose_patience(self, coordinate: float, time_s: float) -> None:
+        """End a plateau that takes too long: what swings does so from where it is, or is pushed if that is level."""
+        leg = self.leg
+        if not leg.natural_radps:
+            if self._elapsed_s(time_s) > PATIENCE * leg.seconds + 1.0:
+                self._enter("brake", time_s)
+        elif self._elapsed_s(time_s) > PATIENCE * (leg.seconds - leg.coast_s) + 1.0:
+            self._enter("coast" if abs(coordinate) > SWING_SHARE * abs(leg.end) else "push", time_s)
+
+    def _push(self, time_s: float) -> LegOutput:
+        if self._elapsed_s(time_s) > PATIENCE * self._boost_s + 1.0:
+            self._enter("coast", time_s)
+        return LegOutput(self.leg.sign * self.leg.boost, "transient")
+
     def _hold(self, rate: float, time_s: float, *, trusted: bool) -> LegOutput:
-        if self._elapsed_s(time_s) > PATIENCE * self.leg.seconds + 1.0:
-            self._enter("brake", time_s)
         if not trusted:
             self._steadiness.clear()
             return LegOutput(self.leg.level, "transient")
@@ -103,9 +123,17 @@ class LegController:
         leg = self.leg
         if leg.natural_radps:
             ahead = coordinate * leg.sign + forward * LAG_S
-            return ahead > 0.0 and math.hypot(ahead, forward / leg.natural_radps) >= abs(leg.end)
+            if forward < 0.0:
+                # Carried back to where it began, it hangs there as far from level as at its end.
+                room = (coordinate - leg.back) * leg.sign
+                return room <= (0.0 if self._stretch == "boost" else stopping(forward, self._braking))
+            return ahead > 0.0 and self._amplitude(ahead, forward) >= abs(leg.end)
         way, left = leg.coast(forward)
         return (leg.end - coordinate) * leg.sign <= way + stopping(left, self._braking)
+
+    def _amplitude(self, coordinate: float, rate: float) -> float:
+        """Angle at which the righting moment of the prior alone would turn it back."""
+        return math.hypot(coordinate, rate / self.leg.natural_radps)
 
     def _coast(self, time_s: float) -> LegOutput:
         if self._elapsed_s(time_s) >= self.leg.coast_s:
