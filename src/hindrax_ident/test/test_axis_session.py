@@ -29,11 +29,13 @@ class Estimator(AxisEstimator):
     def __init__(self, model: Model, belief: Prior) -> None:
         super().__init__(model, 0.15, belief, Tuning())
         self.heard: list[Heard] = []
+        self.efforts: list[float | None] = []
         self.refusals: list[tuple[str, bool]] = []
 
-    def thrust(self, t_s: float, force: float) -> None:
+    def thrust(self, t_s: float, force: float, effort: float | None = None) -> None:
         self.heard.append(("thrust", t_s, force))
-        super().thrust(t_s, force)
+        self.efforts.append(effort)
+        super().thrust(t_s, force, effort)
 
     def known(self, t_s: float, force: float) -> None:
         self.heard.append(("known", t_s, force))
@@ -91,11 +93,13 @@ def test_thrust_of_its_axis_counts_with_what_each_thruster_did(vehicle: Vehicle)
     per_newton = np.array([unit_wrench(vehicle, one)[5] for one in vehicle.thrusters])
     assert record.effort.t.tolist() == record.inflow.t.tolist() == [1.0, 2.0]
     assert record.effort.y == pytest.approx([float(np.sum((per_newton * own) ** 2)) for own in forces])
+    assert estimator.efforts == pytest.approx(record.effort.y.tolist())
     inflow = [float(np.sum(per_newton**2 * np.sqrt(np.abs(own)))) for own in forces]
     assert record.inflow.y == pytest.approx(inflow)
     session.thrust(3.0, Thrust((0.0,) * 6, (1.0,) * 7))
     unknown = session.record((), (), MASSES)
     assert len(unknown.thrust) == 3
+    assert estimator.efforts[2] is None
     assert len(unknown.effort) == len(unknown.inflow) == 0
 
 

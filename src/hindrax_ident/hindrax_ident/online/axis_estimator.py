@@ -1,4 +1,4 @@
-"""Online estimator of one axis: filters, recursive least squares, and a reason for every rejected sample."""
+"""Online estimator of one axis: filters, whitening, recursive least squares, a reason for every rejected sample."""
 
 import math
 from collections import deque
@@ -13,6 +13,7 @@ from hindrax_ident.model.prior import Prior
 from hindrax_ident.online.filtered_regression import FilteredRegression, Sample, physical, scaled
 from hindrax_ident.online.joint_ekf import JointFilter
 from hindrax_ident.online.rls import Rls
+from hindrax_ident.online.row_whitening import RowWhitener
 from hindrax_ident.records.binning import DEPTH_S
 from hindrax_ident.tuning import Tuning
 
@@ -59,6 +60,7 @@ class AxisEstimator:
         known = len(values) - bool(self._fixed_mass)
         sigmas = np.sqrt(np.diag(covariance))[:known] / NOISE
         self._rls = Rls(values[:known].tolist(), sigmas.tolist(), tuning.forgetting)
+        self._whitener = RowWhitener(known + 1, lag_s, float(belief.values[-1]))
         self.correlator = Correlator()
         self._filter = JointFilter(model, lag_s) if tuning.estimator == "ekf" and not self._fixed_mass else None
         self._inputs: deque[tuple[float, str, float]] = deque()
@@ -77,17 +79,21 @@ class AxisEstimator:
 
     @property
     def effective_samples(self) -> float:
-        """Equivalent number of independent samples, after forgetting and correlation of the residuals."""
-        return self._rls.weight / self.correlator.factor
+        """Equivalent number of independent samples, after forgetting and correlation of the residuals.
+
+        Residuals that alternate are no gain: the whitening assumed more thrust noise than there was.
+        """
+        return self._rls.weight / max(1.0, self.correlator.factor)
 
     @property
     def noise(self) -> float:
         """Standard deviation of the residuals [m/s, rad/s]; NaN before there are enough."""
         return math.sqrt(self._rls.variance)
 
-    def thrust(self, t_s: float, force: float) -> None:
-        """Thrust commanded from this time on."""
+    def thrust(self, t_s: float, force: float, effort: float | None = None) -> None:
+        """Thrust commanded from this time on; `effort` as in a record, by default that of a single thruster."""
         self._inputs.append((t_s, "thrust", force))
+        self._inputs.append((t_s, "effort", force**2 if effort is None else effort))
 
     def known(self, t_s: float, force: float) -> None:
         """Known force from this time on."""
@@ -102,8 +108,8 @@ class AxisEstimator:
         inputs = self._inputs
         while inputs and inputs[0][0] <= t_s:
             at_s, kind, value = inputs.popleft()
-            getattr(self.regression, kind)(at_s, value)
-            if self._filter:
+            getattr(self._whitener if kind == "effort" else self.regression, kind)(at_s, value)
+            if self._filter and kind != "effort":
                 getattr(self._filter, kind)(at_s, value)
 
     def velocity(self, t_s: float, v: float, refusal: str = "", *, derived: bool = False) -> Verdict:
@@ -118,10 +124,13 @@ class AxisEstimator:
             return Verdict(learned=False, reason="its stamp is not later than the previous one")
         if pause > tuning.gap_s:
             regression.restart()
+            self._whitener.restart()
             self._sum = ()
         age = t_s - regression.thrust_time_s
         sample = regression.velocity(t_s, v, DERIVED_SPREAD_s2 if derived else 0.0)
-        if sample is not None and derived:
+        if not derived:
+            self._whitener.advance(t_s, regression.rate)
+        elif sample is not None:
             sample = self._summed(sample, pause)
         if self._filter and not derived:
             self._filter.velocity(t_s, v)
@@ -152,16 +161,23 @@ class AxisEstimator:
         x, y = sample.x, sample.y
         if self._fixed_mass:
             x, y = x[:-1], y - x[-1] / self._fixed_mass
+        scale = 1.0
+        if not derived:
+            scale = self._whitener.scale
+            *columns, y = (scale * value for value in self._whitener.unpredicted((*x, y)))
+            x = tuple(columns)
         innovation, information = self._rls.evaluate(x, y)
         self._outliers = self._outliers + 1 if self._is_outlier(innovation, information) else 0
         if 0 < self._outliers <= MOST_OUTLIERS_IN_A_ROW:
             self.regression.undo_last()
-            return Verdict(learned=False, reason="outlier", innovation=innovation)
+            return Verdict(learned=False, reason="outlier", innovation=innovation / scale)
         if self.samples > KNOWN_AFTER * self._rls.n and not derived:
             # The noise of a velocity is in x as well as in y: subtract the unexpected part from x.
-            x = tuple(value - slope * innovation for value, slope in zip(x, sample.slope, strict=False))
+            x = tuple(value - scale**2 * slope * innovation for value, slope in zip(x, sample.slope, strict=False))
         self._rls.update(x, y)
         self.correlator.add(innovation / (1.0 + information))
+        if not derived:
+            self._whitener.update([value / scale for value in (*x, y)])
         self._add_to_block((*x, y))
         if self.samples > ROUGHLY_AFTER * self._rls.n:
             # The noise of a sum of differences is that of the positions: a difference has twice its variance.
@@ -171,7 +187,7 @@ class AxisEstimator:
         if self._filter and not self._filter.started and self.samples > START_FILTER_AFTER * self._rls.n:
             theta, covariance = self.estimate()
             self._filter.start(t_s, theta, covariance, self._rls.variance)
-        return Verdict(learned=True, innovation=innovation)
+        return Verdict(learned=True, innovation=innovation / scale)
 
     def _is_outlier(self, innovation: float, information: float) -> bool:
         if self.samples <= KNOWN_AFTER * self._rls.n:

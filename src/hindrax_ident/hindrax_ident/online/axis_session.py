@@ -51,7 +51,13 @@ class AxisSession:
     def thrust(self, t_s: float, thrust: Thrust) -> None:
         """Thrust commanded from this time on."""
         self._thrusts.append((t_s, thrust))
-        self.estimator.thrust(t_s, thrust.wrench[self.model.axis])
+        self.estimator.thrust(t_s, thrust.wrench[self.model.axis], self._effort(thrust))
+
+    def _effort(self, thrust: Thrust) -> float | None:
+        """Effort of one thrust; None where it does not tell the forces of all thrusters."""
+        if not self._per_newton or len(thrust.forces_N) != len(self._per_newton):
+            return None
+        return sum((share * force) ** 2 for share, force in zip(self._per_newton, thrust.forces_N, strict=True))
 
     def _of_forces(self) -> tuple[Series, Series]:
         """Effort and inflow of a record, from the forces of all thrusters; empty where one thrust did not tell them."""

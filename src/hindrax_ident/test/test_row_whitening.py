@@ -1,0 +1,86 @@
+"""Whitening of rows: what a disturbed vehicle leaves in them is predicted, and what is left is white."""
+
+import math
+
+import numpy as np
+import pytest
+
+from hindrax_ident.arrays import Array
+from hindrax_ident.online.row_whitening import UNKNOWN, RATE_NOISE_radps, RowWhitener, THRUST_NOISE_s
+
+STEP_s, POLE, LAG_s, MASS, MOMENT_Nm = 0.015, 1.3, 0.15, 0.7, 2.0
+
+
+def disturbed(seed: int, acting: Array) -> tuple[Array, Array]:
+    """Rows y of a vehicle at rest behind the filter, in rad/s, and the disturbance in them: (n,) each."""
+    rng = np.random.default_rng(seed)
+    inner = 20
+    h = STEP_s / inner
+    pushed = moved = 0.0
+    kept = []
+    for on in acting:
+        for _ in range(inner):
+            white = rng.standard_normal() * math.sqrt(THRUST_NOISE_s / h) * MOMENT_Nm / MASS * on
+            pushed += h / LAG_s * (white - pushed)
+            moved += h * (pushed - POLE * moved)
+        kept.append(moved)
+    moves = np.array(kept)
+    return moves + RATE_NOISE_radps * rng.standard_normal(len(moves)), moves
+
+
+def whitened(rows: Array, acting: Array) -> tuple[Array, Array]:
+    """Whitened rows [rad/s] and their weights [-]: (n,) each."""
+    whitener, out = RowWhitener(2, LAG_s, MASS), []
+    for index, (y, on) in enumerate(zip(rows, acting, strict=True)):
+        whitener.effort(index * STEP_s, on * MOMENT_Nm**2)
+        whitener.advance((index + 1) * STEP_s, POLE)
+        *_, new = whitener.unpredicted((1.0, y))
+        out.append((new * whitener.scale, whitener.scale))
+        whitener.update([0.0, new])
+    values, scales = np.array(out).T
+    return values, scales
+
+
+def correlation(values: Array) -> float:
+    return float(np.corrcoef(values[1:], values[:-1])[0, 1])
+
+
+def test_what_is_left_of_disturbed_rows_is_white_noise_of_the_velocity() -> None:
+    acting = np.ones(6000)
+    rows, _ = disturbed(1, acting)
+    assert correlation(rows) > 0.95
+    left, scales = whitened(rows, acting)
+    assert abs(correlation(left[100:])) < 0.05
+    assert left[100:].std() == pytest.approx(RATE_NOISE_radps, rel=0.05)
+    assert scales[-1] < 0.9
+
+
+def test_thrusters_at_rest_disturb_nobody_and_their_rows_count_in_full() -> None:
+    acting = np.array([1.0] * 2000 + [0.0] * 400)
+    rows, _ = disturbed(2, acting)
+    left, scales = whitened(rows, acting)
+    assert scales[1999] < 0.9
+    assert scales[-1] > 0.99
+    assert left[-200:].std() == pytest.approx(RATE_NOISE_radps, rel=0.15)
+
+
+def test_the_first_row_after_a_restart_only_tells_the_disturbance() -> None:
+    whitener = RowWhitener(2, LAG_s, MASS)
+    for t_s in (0.0, STEP_s):
+        whitener.effort(t_s, 0.0)
+        whitener.advance(t_s, POLE)
+    assert whitener.scale == pytest.approx(1.0 / math.sqrt(UNKNOWN), rel=0.05)
+    whitener.update(whitener.unpredicted((3.0, 5.0)))
+    assert whitener.unpredicted((3.0, 5.0)) == pytest.approx([0.0, 0.0], abs=1e-4)
+    whitener.restart()
+    assert whitener.unpredicted((3.0, 5.0)) == [3.0, 5.0]
+
+
+@pytest.mark.parametrize("lag_s", [0.0, 1.0 / POLE])
+def test_no_lag_and_a_lag_like_the_filter_give_finite_weights(lag_s: float) -> None:
+    whitener = RowWhitener(1, lag_s, MASS)
+    for index in range(200):
+        whitener.effort(index * STEP_s, 4.0)
+        whitener.advance((index + 1) * STEP_s, POLE)
+        whitener.update(whitener.unpredicted((0.0,)))
+    assert 0.1 < whitener.scale < 1.0
