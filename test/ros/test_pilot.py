@@ -285,7 +285,7 @@ def test_a_goal_that_was_late_is_asked_again_and_told_its_age_in_the_end(
 
 
 def test_before_arming_and_while_a_guard_objects_nothing_begins(bench: Bench) -> None:
-    assert bench.fly() == "start: the vehicle is not armed; `./hindrax arm` first"
+    assert bench.fly() == "start: the vehicle is not armed (not armed since start); `./hindrax arm` first"
     bench.say_armed(armed=True)
     bench.navigation = replace(ADRIFT, altitude_m=0.3)
     assert re.fullmatch(r"start: altitude_band: 0\.10 m of water .*, wanted 0\.15 m; let it rise .*", bench.fly())

@@ -12,7 +12,7 @@ from hindrax_control.allocation.thruster_fault_detector import FaultDetectorKnob
 from hindrax_control.allocation.wrench_guard import WrenchGuard, WrenchGuardKnobs
 from hindrax_control.hold.holds import STATION, HoldKnobs, Holds, HoldState, Setpoint
 from hindrax_control.hold.station_keeping import StationKeeping, StationKeepingKnobs
-from hindrax_control.maneuver.goal import BUSY, SENSELESS, Goal, require_flyable, require_ready
+from hindrax_control.maneuver.goal import BUSY, SENSELESS, Goal, not_armed, require_flyable, require_ready
 from hindrax_control.maneuver.maneuver import Maneuver, ManeuverKnobs, ManeuverOutput
 from hindrax_control.maneuver.maneuver_guards import ManeuverGuardKnobs, ManeuverGuards, Situation
 from hindrax_control.maneuver.plan import MOTIONS, Plan, PlanKnobs, Planner
@@ -88,6 +88,7 @@ class Pilot:
         """What holds and station wanted of thrusters that rested: to them it is a shortfall."""
         self._operator_wrench: tuple[Stamp, Vec6] | None = None
         self._armed = self._was_armed = False
+        self._unarmed = ""
         self._guards: tuple[str, ...] = ()
         self._disabled: frozenset[str] = frozenset()
         self._refused: dict[str, tuple[Stamp, str]] = {}
@@ -128,7 +129,7 @@ class Pilot:
 
     def _reason_to_refuse(self, setpoint: Setpoint) -> str:
         if not self._armed and setpoint.engaged:
-            return f"hold {setpoint.axis}: the vehicle is not armed; `./hindrax arm` first"
+            return f"hold {setpoint.axis}: {not_armed(self._unarmed)}"
         if self.flying:
             return f"hold {setpoint.axis}: {BUSY}"
         return ""
@@ -172,7 +173,13 @@ class Pilot:
     def fly(self, goal: Goal) -> Maneuver:
         """Begin a maneuver with the next step; HindraxError says why it cannot be flown now or at all."""
         pool, knobs = self.pool, self._knobs
-        require_ready(flying=self.flying, armed=self._armed, guards=self._guards, heading_known=pool is not None)
+        require_ready(
+            flying=self.flying,
+            armed=self._armed,
+            unarmed=self._unarmed,
+            guards=self._guards,
+            heading_known=pool is not None,
+        )
         assert pool is not None
         self._maneuver = Maneuver(
             self._planner(), goal, pool, knobs=knobs.maneuver, station_knobs=knobs.station, safety_knobs=knobs.guards
@@ -303,7 +310,7 @@ class Pilot:
             if self._maneuver is not None:
                 why = f" ({unarmed})" if unarmed else ""
                 self._maneuver.cancel(f"disarmed: the thrusters were disarmed{why}; arm and fly again", "neutral")
-        self._armed = armed
+        self._armed, self._unarmed = armed, unarmed
         self._was_armed = self._was_armed or armed
 
     def _step_maneuver(

@@ -30,12 +30,12 @@ class Hovering:
     def __init__(self, vehicle: Vehicle, ideal: IdealVehicle) -> None:
         self.pilot, self.ideal = Pilot(vehicle), ideal
 
-    def fly(self, *, armed: bool = True, seconds: float = 0.02) -> PilotOutput:
+    def fly(self, *, armed: bool = True, unarmed: str = "", seconds: float = 0.02) -> PilotOutput:
         self.ideal.time_s += seconds
-        return self.pilot.step(self.ideal.navigation(), self.ideal.stamp, armed=armed)
+        return self.pilot.step(self.ideal.navigation(), self.ideal.stamp, armed=armed, unarmed=unarmed)
 
-    def step(self, *, armed: bool = True, seconds: float = 0.02) -> dict[str, Any]:
-        flight = self.fly(armed=armed, seconds=seconds)
+    def step(self, *, armed: bool = True, unarmed: str = "", seconds: float = 0.02) -> dict[str, Any]:
+        flight = self.fly(armed=armed, unarmed=unarmed, seconds=seconds)
         return {state.axis: state.note for state in flight.holds if state.note}
 
 
@@ -57,6 +57,14 @@ def test_it_is_shown_disarmed_too(hovering: Hovering) -> None:
     assert hovering.step(armed=False) == {
         "depth": "refused: hold depth: the vehicle is not armed; `./hindrax arm` first"
     }
+
+
+def test_while_it_is_being_armed_the_refusal_says_so(hovering: Hovering) -> None:
+    hovering.step(armed=False, unarmed="waiting for the ESCs")
+    why = hovering.pilot.set(Setpoint("depth", value=0.5))
+    assert why == "hold depth: the vehicle is not armed (waiting for the ESCs); `./hindrax arm` first"
+    with pytest.raises(HindraxError, match=r"not armed \(waiting for the ESCs\)"):
+        hovering.pilot.fly(Goal(("surge",)))
 
 
 def test_letting_go_disarmed_is_no_news(hovering: Hovering) -> None:

@@ -48,12 +48,17 @@ def require_flyable(goal: Goal, vehicle: Vehicle, disabled: frozenset[str] = fro
     require_lift(vehicle)
 
 
-def require_ready(*, flying: bool, armed: bool, guards: Sequence[str], heading_known: bool) -> None:
+def not_armed(why: str) -> str:
+    """Sentence that nothing can be done as long as the thrusters are not armed, and `why` they are not, if known."""
+    return f"the vehicle is not armed{f' ({why})' if why else ''}; `./hindrax arm` first"
+
+
+def require_ready(*, flying: bool, armed: bool, unarmed: str, guards: Sequence[str], heading_known: bool) -> None:
     """HindraxError that says why no maneuver can begin now; `guards`: what is wrong, the first thing first."""
     if flying:
         raise HindraxError(BUSY)
     if not armed:
-        raise HindraxError("the vehicle is not armed; `./hindrax arm` first")
+        raise HindraxError(not_armed(unarmed))
     if guards:
         raise HindraxError(guards[0])
     if not heading_known:

@@ -185,7 +185,7 @@ class PilotNode(BatchedNode):
         if not self._heard_thrusters and applied.armings:
             self._pilot.lose_place(RESTARTED)
         self._heard_thrusters = True
-        if self._armed and not applied.armed:
+        if not applied.armed:
             self._unarmed = deserialized(data, ThrusterState).reason
         self._armed = applied.armed
         if self.health is not None:
