@@ -100,6 +100,8 @@ def test_thrust_of_its_axis_counts_with_what_each_thruster_did(vehicle: Vehicle)
     unknown = session.record((), (), MASSES)
     assert len(unknown.thrust) == 3
     assert estimator.efforts[2] is None
+    session.thrust(4.0, Thrust((1e300,) * 6, (1e300,) * 8))
+    assert estimator.efforts[3] == math.inf
     assert len(unknown.effort) == len(unknown.inflow) == 0
 
 

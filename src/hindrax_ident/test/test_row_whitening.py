@@ -84,3 +84,13 @@ def test_no_lag_and_a_lag_like_the_filter_give_finite_weights(lag_s: float) -> N
         whitener.advance((index + 1) * STEP_s, POLE)
         whitener.update(whitener.unpredicted((0.0,)))
     assert 0.1 < whitener.scale < 1.0
+
+
+@pytest.mark.parametrize("effort", [1e300, math.inf, math.nan])
+def test_an_effort_that_cannot_be_is_forgotten_again(effort: float) -> None:
+    whitener = RowWhitener(1, LAG_s, MASS)
+    for index in range(2000):
+        whitener.effort(index * STEP_s, effort if index < 3 else 0.0)
+        whitener.advance((index + 1) * STEP_s, POLE)
+        whitener.update(whitener.unpredicted((0.1,)))
+    assert whitener.scale > 0.9

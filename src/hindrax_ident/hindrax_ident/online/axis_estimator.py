@@ -93,7 +93,7 @@ class AxisEstimator:
     def thrust(self, t_s: float, force: float, effort: float | None = None) -> None:
         """Thrust commanded from this time on; `effort` as in a record, by default that of a single thruster."""
         self._inputs.append((t_s, "thrust", force))
-        self._inputs.append((t_s, "effort", force**2 if effort is None else effort))
+        self._inputs.append((t_s, "effort", force * force if effort is None else effort))
 
     def known(self, t_s: float, force: float) -> None:
         """Known force from this time on."""
@@ -176,7 +176,7 @@ class AxisEstimator:
             x = tuple(value - scale**2 * slope * innovation for value, slope in zip(x, sample.slope, strict=False))
         self._rls.update(x, y)
         self.correlator.add(innovation / (1.0 + information))
-        if not derived:
+        if not derived and math.isfinite(innovation):
             self._whitener.update([value / scale for value in (*x, y)])
         self._add_to_block((*x, y))
         if self.samples > ROUGHLY_AFTER * self._rls.n:

@@ -57,7 +57,8 @@ class AxisSession:
         """Effort of one thrust; None where it does not tell the forces of all thrusters."""
         if not self._per_newton or len(thrust.forces_N) != len(self._per_newton):
             return None
-        return sum((share * force) ** 2 for share, force in zip(self._per_newton, thrust.forces_N, strict=True))
+        parts = [share * force for share, force in zip(self._per_newton, thrust.forces_N, strict=True)]
+        return sum(part * part for part in parts)  # a power of a huge number raises, a product does not
 
     def _of_forces(self) -> tuple[Series, Series]:
         """Effort and inflow of a record, from the forces of all thrusters; empty where one thrust did not tell them."""

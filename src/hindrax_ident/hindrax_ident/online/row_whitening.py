@@ -17,6 +17,8 @@ RATE_NOISE_radps = 0.0025
 """Noise of a gyroscope's mean over 15 ms, which weighs least against the thrust noise; a Doppler log [m/s] has more."""
 LEAST_MEMORY_s = 0.02
 """Shortest time constant of the thrust noise behind the lag of the thrusters."""
+MOST_EFFORT = 1e12
+"""Effort [N^2, N^2 m^2] beyond that of any vehicle: a message may say anything, and what is not a number."""
 UNKNOWN = 1e6
 """Variance of a disturbance about which nothing is known."""
 
@@ -44,7 +46,7 @@ class RowWhitener:
     def effort(self, t_s: float, effort: float) -> None:
         """Sum of the squared contributions of all thrusters from this time on, before their lag [N^2, N^2 m^2]."""
         self._advance_effort(t_s)
-        self._effort = effort
+        self._effort = min(MOST_EFFORT, effort)
 
     def _advance_effort(self, t_s: float) -> None:
         step, self._t_effort = t_s - self._t_effort, t_s
