@@ -235,7 +235,7 @@ def _operate(
                 progress.report(f"plan: {plans[motion]}")
         if options.start is not None:
             recentre(operator, *options.start)
-        with deferred_interrupt(), disarmed_at_the_end(operator):
+        with interrupted_once(), disarmed_at_the_end(operator):
             operator.arm(seconds=ARMING_S)
             flight.armed = True
             begin, wall = operator.now(), time.monotonic()
@@ -280,7 +280,7 @@ def disarmed_at_the_end(operator: Any) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def deferred_interrupt() -> Iterator[None]:
+def interrupted_once() -> Iterator[None]:
     """The first Ctrl-C interrupts the flight; further ones do not interrupt the landing."""
     count = 0
 
