@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from hindrax_ident.model.thrust_lag import LaggedThrust
+from hindrax_ident.model.thrust_lag import LaggedInput, LaggedThrust
 
 
 @settings(max_examples=25, deadline=None)
@@ -45,3 +45,18 @@ def test_impulse_does_not_depend_on_how_a_constant_command_is_repeated() -> None
 def test_no_thrust_at_all_is_refused() -> None:
     with pytest.raises(ValueError, match="no thrust"):
         LaggedThrust(np.zeros(0), np.zeros(0), 0.1)
+
+
+@pytest.mark.parametrize("lag_s", [0.0, 0.2])
+def test_an_input_that_is_not_over_has_the_integrals_of_a_record(lag_s: float) -> None:
+    commands, running, taken = [(1.0, 4.0), (1.3, -2.0), (2.5, 7.0)], LaggedInput(lag_s), 0.0
+    assert running.taken(0.5) == 0.0
+    times, forces = np.array(commands).T
+    record = LaggedThrust(times, forces, lag_s)
+    for at_s in (1.0, 1.2, 1.3, 1.31, 2.0, 2.5, 4.0):
+        for t_s, value in commands:
+            if t_s == at_s:
+                running.set(t_s, value)
+        taken += running.taken(at_s)
+        assert taken == pytest.approx(float(record.impulse(np.array([at_s]))[0]))
+    assert running.taken(4.0) == running.taken(3.0) == 0.0

@@ -46,6 +46,38 @@ class LaggedThrust:
         return index, np.asarray(at_s, float) - self._times[index]
 
 
+class LaggedInput:
+    """The same for an input that is not over: its integral behind the lag, from one time to the next."""
+
+    __slots__ = ("_integral", "_lag_s", "_lagged", "_t_s", "_value")
+
+    def __init__(self, lag_s: float) -> None:
+        self._lag_s, self._t_s = lag_s, math.nan
+        self._value = self._lagged = self._integral = 0.0
+
+    def set(self, t_s: float, value: float) -> None:
+        """Value before the lag from this time on; steady at the first."""
+        if math.isnan(self._t_s):
+            self._t_s, self._lagged = t_s, value
+        self._advance(t_s)
+        self._value = value
+
+    def taken(self, t_s: float) -> float:
+        """Integral up to this time since it was taken last."""
+        self._advance(t_s)
+        taken, self._integral = self._integral, 0.0
+        return taken
+
+    def _advance(self, t_s: float) -> None:
+        step = t_s - self._t_s
+        if not step > 0.0:
+            return
+        self._t_s = t_s
+        gap, decay = self._lagged - self._value, math.exp(-step / self._lag_s) if self._lag_s > 0.0 else 0.0
+        self._integral += self._value * step + gap * self._lag_s * (1.0 - decay)
+        self._lagged = self._value + gap * decay
+
+
 def _decay(spans_s: Array, lag_s: float) -> Array:
     """Share of a lag's transient that is left after each span: (n,) [-]."""
     if lag_s <= 0.0:

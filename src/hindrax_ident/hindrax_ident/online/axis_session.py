@@ -40,6 +40,7 @@ class AxisSession:
         self._positions: dict[str, list[tuple[float, float]]] = {}
         self._per_newton = tuple(unit_wrench(vehicle, thruster)[model.axis] for thruster in vehicle.thrusters)
         self._thrusts: list[tuple[float, Thrust]] = []
+        self._efforts: list[float | None] = []
         self._hydrostatics: list[tuple[float, float]] = []
         self._other_velocities: list[tuple[float, ...]] = []
         self._others: tuple[float, ...] = ZERO6
@@ -51,10 +52,12 @@ class AxisSession:
     def thrust(self, t_s: float, thrust: Thrust) -> None:
         """Thrust commanded from this time on."""
         self._thrusts.append((t_s, thrust))
-        self.estimator.thrust(t_s, thrust.wrench[self.model.axis], self._effort(thrust))
+        effort = self._effort(thrust)
+        self._efforts.append(effort)
+        self.estimator.thrust(t_s, thrust.wrench[self.model.axis], effort)
 
     def _effort(self, thrust: Thrust) -> float | None:
-        """Effort of one thrust; None where it does not tell the forces of all thrusters."""
+        """Effort of one thrust, also of thrusters that oppose each other; None where it does not tell all forces."""
         if not self._per_newton or len(thrust.forces_N) != len(self._per_newton):
             return None
         parts = [share * force for share, force in zip(self._per_newton, thrust.forces_N, strict=True)]
@@ -62,16 +65,15 @@ class AxisSession:
 
     def _of_forces(self) -> tuple[Series, Series]:
         """Effort and inflow of a record, from the forces of all thrusters; empty where one thrust did not tell them."""
-        told = [one.forces_N for _, one in self._thrusts]
-        known = {len(one) for one in told} == {len(self._per_newton)} and bool(self._per_newton)
-        if not known:
+        efforts = [one for one in self._efforts if one is not None]
+        if not efforts or len(efforts) < len(self._thrusts):
             return series([]), series([])
-        share, forces = np.array(self._per_newton), np.array(told)
+        share, forces = np.array(self._per_newton), np.array([one.forces_N for _, one in self._thrusts])
+        # Thrusters that oppose each other lose thrust too.
+        inflows = (share**2 * np.sqrt(np.abs(forces))).sum(axis=1).tolist()
         times = [t for t, _ in self._thrusts]
-        # Thrusters that oppose each other are unsteady too, and lose thrust too.
-        effort, inflow = (share * forces) ** 2, share**2 * np.sqrt(np.abs(forces))
-        first, second = (series(list(zip(times, one.sum(axis=1).tolist(), strict=True))) for one in (effort, inflow))
-        return first, second
+        effort, inflow = (series(list(zip(times, values, strict=True))) for values in (efforts, inflows))
+        return effort, inflow
 
     def motion(self, t_s: float, nu: Vec6, masses: Masses) -> None:
         """Velocities of all axes from this time on, and the present estimates of the masses (see `coriolis`)."""

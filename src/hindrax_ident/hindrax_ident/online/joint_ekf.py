@@ -11,6 +11,7 @@ import numpy as np
 
 from hindrax_ident.arrays import Array
 from hindrax_ident.model.motion_model import Model
+from hindrax_ident.model.thrust_lag import LaggedInput
 from hindrax_ident.online.filtered_regression import physical, scaled
 
 
@@ -19,9 +20,8 @@ class JointFilter:
 
     def __init__(self, model: Model, lag_s: float, position_sigma: float = 0.01) -> None:
         """`position_sigma`: standard deviation of measured positions [m, rad]."""
-        self._model, self._lag_s = model, lag_s
-        self._force = self._lagged = self._known = self._impulse = 0.0
-        self._t_thrust = math.nan
+        self._model = model
+        self._thrust, self._known = LaggedInput(lag_s), LaggedInput(0.0)
         self._t_state = math.nan
         self._noise, self._position_noise = 0.0, position_sigma**2
         self._x: Array = np.zeros(0)
@@ -40,7 +40,8 @@ class JointFilter:
         self._P = np.zeros((n, n))
         self._P[2:, 2:] = Q
         self._P[0, 0], self._P[1, 1] = 1e2, 1e2
-        self._noise, self._t_state, self._impulse = noise_variance, t_s, 0.0
+        self._noise, self._t_state = noise_variance, t_s
+        self._impulse(t_s)
 
     def estimate(self) -> tuple[Array, Array]:
         """Parameters in the model's order and their covariance: (p,), (p, p)."""
@@ -48,25 +49,15 @@ class JointFilter:
 
     def thrust(self, t_s: float, force: float) -> None:
         """Thrust commanded from this time on [N, N m]."""
-        if math.isnan(self._t_thrust):
-            self._t_thrust, self._lagged = t_s, force
-        self._advance_thrust(t_s)
-        self._force = force
+        self._thrust.set(t_s, force)
 
     def known(self, t_s: float, force: float) -> None:
         """Known force from this time on [N, N m]."""
-        self._advance_thrust(t_s)
-        self._known = force
+        self._known.set(t_s, force)
 
-    def _advance_thrust(self, t_s: float) -> None:
-        step = t_s - self._t_thrust
-        if not step > 0.0:
-            return
-        gap, lag_s = self._lagged - self._force, self._lag_s
-        decay = math.exp(-step / lag_s) if lag_s > 0.0 else 0.0
-        self._impulse += (self._force + self._known) * step + gap * lag_s * (1.0 - decay)
-        self._lagged = self._force + gap * decay
-        self._t_thrust = t_s
+    def _impulse(self, t_s: float) -> float:
+        """Impulse up to this time since it was taken last [N s, N m s]."""
+        return self._thrust.taken(t_s) + self._known.taken(t_s)
 
     def velocity(self, t_s: float, v: float) -> None:
         """Velocity measured at this time [m/s, rad/s]."""
@@ -81,11 +72,10 @@ class JointFilter:
             self._correct(1, s, self._position_noise)
 
     def _predict(self, t_s: float) -> None:
-        self._advance_thrust(t_s)
-        h, impulse = t_s - self._t_state, self._impulse
+        h = t_s - self._t_state
         if not h > 0.0:
             return
-        self._t_state, self._impulse = t_s, 0.0
+        self._t_state, impulse = t_s, self._impulse(t_s)
         v, s, q = float(self._x[0]), float(self._x[1]), self._x[2:]
         middle = v
         for _ in range(3):

@@ -11,6 +11,8 @@ squares of the record (Harvey 1989, Forecasting, Structural Time Series Models a
 import math
 from collections.abc import Sequence
 
+from hindrax_ident.model.thrust_lag import LaggedInput
+
 THRUST_NOISE_s = 1e-4
 """Density of the thrust noise per squared thrust: 3 % for a tenth of a second."""
 RATE_NOISE_radps = 0.0025
@@ -31,11 +33,11 @@ class RowWhitener:
 
     def __init__(self, columns: int, lag_s: float, mass: float) -> None:
         """`columns` of a row, its response among them; the `mass` believed [kg, kg m^2] only weights the rows."""
-        self._columns, self._lag_s = columns, lag_s
+        self._columns = columns
         self._density = THRUST_NOISE_s / (mass * RATE_NOISE_radps) ** 2
         self._rate = 1.0 / max(lag_s, LEAST_MEMORY_s)
-        self._effort = self._lagged = self._effort_sum = 0.0
-        self._t_effort = self._t_row = math.nan
+        self._effort = LaggedInput(lag_s)
+        self._t_row = math.nan
         self.restart()
 
     def restart(self) -> None:
@@ -45,22 +47,12 @@ class RowWhitener:
 
     def effort(self, t_s: float, effort: float) -> None:
         """Sum of the squared contributions of all thrusters from this time on, before their lag [N^2, N^2 m^2]."""
-        self._advance_effort(t_s)
-        self._effort = min(MOST_EFFORT, effort)
-
-    def _advance_effort(self, t_s: float) -> None:
-        step, self._t_effort = t_s - self._t_effort, t_s
-        if not step > 0.0:
-            return
-        gap, decay = self._lagged - self._effort, math.exp(-step / self._lag_s) if self._lag_s > 0.0 else 0.0
-        self._effort_sum += self._effort * step + gap * self._lag_s * (1.0 - decay)
-        self._lagged = self._effort + gap * decay
+        self._effort.set(t_s, min(MOST_EFFORT, effort))  # in this order: it is the bound where the other is no number
 
     def advance(self, t_s: float, pole: float) -> None:
         """Let the disturbance decay with the pole of the regression's filter [1/s], and grow, up to the next row."""
-        self._advance_effort(t_s)
+        effort = self._effort.taken(t_s)
         step, self._t_row = t_s - self._t_row, t_s
-        effort, self._effort_sum = self._effort_sum, 0.0
         if not step > 0.0:
             return
         a, b = pole * (1.0 + 1e-6), self._rate * (1.0 - 1e-6)  # they may coincide
