@@ -74,7 +74,7 @@ class Budget:
         return self._sandwich(self._moment, scopes)
 
     def band_of_run(self) -> Array:
-        """Covariance of the parameters due to what differs in each run, and what this record shows beyond chance."""
+        """Covariance (p, p) of the parameters due to what differs in each run, and what is seen beyond chance."""
         excess = 1.0 - (SURPRISE / np.maximum(self._surprise, SURPRISE)) ** 2
         shown = self.shifts @ (self.mean * excess)
         return array(self._sandwich(self.covariance, (RUN,)) + np.outer(shown, shown))

@@ -51,7 +51,7 @@ def color_backward(a: Array, x: Array) -> Array:
 
 
 def autocorrelation(pieces: Sequence[Array], lags: int = LAGS) -> Array:
-    """Autocorrelation at lags 0 to `lags`, over all pieces: (lags + 1,); zero without data."""
+    """Autocorrelation, without unit, at lags 0 to `lags` over all pieces, (n,) each: (lags + 1,); zero without data."""
     sums = np.zeros(lags + 1)
     for piece in pieces:
         centered = piece - piece.mean() if len(piece) else piece
