@@ -5,6 +5,7 @@ serial line of the machine, ten times a second and whenever it changes between n
 emulated PCA9685 gives them, whatever was killed, with the times of both clocks. The line ends in a file outside.
 """
 
+import contextlib
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -78,7 +79,7 @@ def main() -> None:
     FOLDER.mkdir(parents=True, exist_ok=True)
     with (
         Devices(file, FOLDER, seed=1, rate=1.0) as vehicle,
-        vehicle.offer_file(file.output.port),
+        contextlib.closing(vehicle.offer_file(file.output.port)),
         LINE.open("w") as line,
     ):
         for name in file.sensors.keys() & vehicle.hardware.serial:

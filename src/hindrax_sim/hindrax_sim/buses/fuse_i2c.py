@@ -16,7 +16,6 @@ import stat
 import struct
 from collections.abc import Callable
 from pathlib import Path
-from typing import Self
 
 from hindrax_core.bus_operations import Read, Transaction, Write
 from hindrax_core.errors import HindraxError, cause
@@ -59,7 +58,7 @@ _libc = ctypes.CDLL(None, use_errno=True)
 
 
 class FuseI2c:
-    """The file at `path`. Use it as a context manager: it must be unmounted.
+    """The file at `path`. It must be closed, and is unmounted then.
 
     `transfer(transaction, now)` does a transaction and raises OSError as a kernel would; `now()` is the time of the
     mock, which programs that sleep by the wall clock need to run as that does.
@@ -104,12 +103,6 @@ class FuseI2c:
             os.close(self._fd)
             self._fd = -1
             self._clean()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _clean(self) -> None:
         if self._made:

@@ -7,7 +7,6 @@ import socket
 import termios
 import tty
 from pathlib import Path
-from typing import Self
 
 from hindrax_core.errors import HindraxError, cause
 
@@ -99,12 +98,6 @@ class UdpLine:
         with contextlib.suppress(OSError):
             os.close(self._port)
         self._socket.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _lines(self) -> list[bytes]:
         """Whole lines, with their ends."""

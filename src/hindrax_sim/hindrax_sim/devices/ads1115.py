@@ -1,7 +1,6 @@
 """TI ADS1115 as a register model, behind a Blue Robotics Power Sense Module. Source: TI SBAS444E, section 9.6."""
 
-import random
-from dataclasses import dataclass
+import math
 
 from hindrax_sim.devices.emulator import Emulator, Part
 from hindrax_sim.devices.ina226 import EMULATOR as SUPPLY
@@ -15,20 +14,17 @@ AT_RESET = (0, 0x8583, 0x8000, 0x7FFF)
 V_PER_V, A_PER_V, ZERO_V = 11.0, 37.8788, 0.33
 
 
-@dataclass(frozen=True, slots=True)
-class _Conversion:
-    done_s: float
-    word: int
-
-
 class Ads1115(Part[SupplyTruth]):
     """One converter, with the module's current at AIN2 and its voltage at AIN3. Hung, its conversions never end."""
 
     def __init__(self, seed: int = 0) -> None:
-        super().__init__(SupplyTruth())
-        self._draw = random.Random(f"ads1115 {seed}")  # noqa: S311  # noise, not secrets
-        self._conversion: _Conversion | None = None
+        super().__init__(SupplyTruth(), f"ads1115 {seed}")
         self.power_cycle(0.0)
+
+    def power_cycle(self, _now_s: float) -> None:
+        """Fault, and power-up: all registers as in the data sheet."""
+        self._pointer, self._words = 0, list(AT_RESET)
+        self._done_s = math.inf
 
     def write(self, data: bytes, now_s: float) -> None:
         """The register, and perhaps its two bytes; a configuration with OS starts a conversion."""
@@ -37,38 +33,37 @@ class Ads1115(Part[SupplyTruth]):
             return
         self._words[self._pointer] = int.from_bytes(data[1:3], "big")
         if self._pointer == CONFIGURATION and (data[1] & 0x80 or not data[1] & 1):
-            self._conversion = _Conversion(now_s + 1.0 / RATE_Hz[data[2] >> 5], self._words[CONFIGURATION])
+            self._begin(now_s, self._words[CONFIGURATION])
 
     def read(self, count: int, now_s: float) -> bytes:
         """The register last pointed at; OS is set while no conversion runs."""
         self._finish(now_s)
         found = self._words[self._pointer]
         if self._pointer == CONFIGURATION:
-            found = found & 0x7FFF | (0x8000 if self._conversion is None else 0)
+            found = found & 0x7FFF | (0x8000 if self._done_s == math.inf else 0)
         if self._disguised:
             found ^= 0x0A0A
         return found.to_bytes(2, "big")[:count].ljust(count, b"\xff")
 
     def _finish(self, now_s: float) -> None:
-        conversion = self._conversion
-        if conversion is None or now_s < conversion.done_s or self._hung:
+        if now_s < self._done_s or self._hung:
             return
-        volts = self._volts(conversion.word >> 12 & 7) + self._draw.gauss(0.0, NOISE_V)
-        counts = 0x7FFF if self._saturated else round(volts / FULL_SCALE_V[conversion.word >> 9 & 7] * 0x8000)
+        volts = self._volts(self._asked >> 12 & 7) + self._draw.gauss(0.0, NOISE_V)
+        counts = 0x7FFF if self._saturated else round(volts / FULL_SCALE_V[self._asked >> 9 & 7] * 0x8000)
         self._words[CONVERSION] = max(-0x8000, min(0x7FFF, counts)) & 0xFFFF
-        continuous = not conversion.word & 0x0100
-        self._conversion = (
-            _Conversion(now_s + 1.0 / RATE_Hz[conversion.word >> 5 & 7], conversion.word) if continuous else None
-        )
+        self._done_s = math.inf
+        if not self._asked & 0x0100:
+            self._begin(now_s, self._asked)
+
+    def _begin(self, now_s: float, asked: int) -> None:
+        """Start the conversion that a configuration asks for."""
+        self._asked = asked
+        self._done_s = now_s + 1.0 / RATE_Hz[asked >> 5 & 7]
 
     def _volts(self, multiplexer: int) -> float:
         inputs = (0.0, 0.0, ZERO_V + self._truth.current_A / A_PER_V, self._truth.voltage_V / V_PER_V)
         plus, minus = ((0, 1), (0, 3), (1, 3), (2, 3), (0, None), (1, None), (2, None), (3, None))[multiplexer]
         return inputs[plus] - (0.0 if minus is None else inputs[minus])
-
-    def power_cycle(self, _now_s: float) -> None:
-        """Fault, and power-up: all registers as in the data sheet."""
-        self._pointer, self._words, self._conversion = 0, list(AT_RESET), None
 
 
 EMULATOR = Emulator(Ads1115, SUPPLY.truth, SUPPLY.example, SUPPLY.agrees)

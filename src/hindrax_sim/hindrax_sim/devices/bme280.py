@@ -5,7 +5,6 @@ section 4.2.3 (pages 25 and 26), backwards.
 """
 
 import math
-import random
 import struct
 from bisect import bisect_left
 from dataclasses import dataclass
@@ -46,8 +45,7 @@ class Bme280(Part[HullTruth]):
     """One part, asleep until a measurement is wanted. Disguised, it is a BMP180; what saturates is the pressure."""
 
     def __init__(self, seed: int = 0) -> None:
-        super().__init__(HullTruth())
-        self._draw = random.Random(f"bme280 {seed}")  # noqa: S311  # noise, not secrets
+        super().__init__(HullTruth(), f"bme280 {seed}")
         self._data = bytes(8)
         self.power_cycle(0.0)
 

@@ -29,6 +29,8 @@ SEARCH_INTERVAL_us = 100_000
 ALTITUDES_m = (0.1, 75.0)
 LOCK_AFTER_S = 0.5
 BOOT_S = 0.5
+UP_S = 60.0
+"""Time since its start when it is first looked at."""
 BOOT_TEXT = b"DVL-75 starting\r\n"
 FOREIGN = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n"
 """The well-known example of NMEA 0183: what a GPS receiver on the wrong port says."""
@@ -98,7 +100,6 @@ class Dvl75(Part[DvlTruth]):
         settings: DvlSettings | None = None,
         noise_mps: float = 0.01,
         drift_ppm: float = 40.0,
-        booted_s: float = 60.0,
     ) -> None:
         super().__init__(DvlTruth())
         self.settings = settings or DvlSettings()
@@ -108,7 +109,7 @@ class Dvl75(Part[DvlTruth]):
         self._wire = BaudRateLine(self.settings.baud)
         self._measured_m: Vec3 = (0.0, 0.0, 0.0)
         self._stepped = False
-        self._boot(-booted_s, booted_s)
+        self._boot(-UP_S, UP_S)
 
     def _boot(self, now_s: float, silent_s: float) -> None:
         self._booted_s = now_s

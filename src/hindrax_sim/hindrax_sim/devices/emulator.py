@@ -3,6 +3,7 @@
 import errno
 import math
 import os
+import random
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -33,10 +34,11 @@ class Emulator:
 
 
 class Part(Generic[TruthT]):
-    """An emulated part: what is true at its place, and the faults that it may have. What they do, its class says."""
+    """An emulated part: what is true at its place, its noise, and its faults: what they do, its class says."""
 
-    def __init__(self, truth: TruthT) -> None:
+    def __init__(self, truth: TruthT, noise: str = "") -> None:
         self._truth = truth
+        self._draw = random.Random(noise)  # noqa: S311  # noise, not secrets
         self._disguised = self._saturated = self._hung = False
 
     def set_truth(self, truth: TruthT, _now_s: float) -> None:

@@ -1,7 +1,6 @@
 """TI INA226 as a register model. Source: TI SBOS547 (June 2011), register maps of pages 17 to 24."""
 
 import math
-import random
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,8 +31,7 @@ class Ina226(Part[SupplyTruth]):
     """
 
     def __init__(self, seed: int = 0) -> None:
-        super().__init__(SupplyTruth())
-        self._draw = random.Random(f"ina226 {seed}")  # noqa: S311  # noise, not secrets
+        super().__init__(SupplyTruth(), f"ina226 {seed}")
         self.power_cycle(0.0)
 
     def write(self, data: bytes, now_s: float) -> None:

@@ -5,7 +5,6 @@ compensation. Sources: TE MS5837-30BA rev C2 pages 7, 9, 11; MS5837-02BA pages 6
 """
 
 import math
-import random
 from bisect import bisect_left
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -48,10 +47,9 @@ class Ms5837(Part[WaterTruth]):
     """One part at 0x76. `noise` scales the noise of the datasheet. Disguised, its memory is no MS5837's."""
 
     def __init__(self, model: Literal["30BA", "02BA"] = "30BA", seed: int = 0, noise: float = 1.0) -> None:
-        super().__init__(WaterTruth())
+        super().__init__(WaterTruth(), f"ms5837 {seed}")
         self.prom: tuple[int, ...] = PROM_30BA if model == "30BA" else PROM_02BA
         self._model, self._noise = model, noise
-        self._draw = random.Random(f"ms5837 {seed}")  # noqa: S311  # noise, not secrets
         self._held = {0: 0, 1: 0}
         self._solved = (math.nan, 0)
         self.power_cycle(0.0)

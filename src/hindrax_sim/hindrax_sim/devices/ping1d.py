@@ -17,6 +17,7 @@ from hindrax_core.readings import DeviceText, Echo, SonarHealth
 from hindrax_sim.devices.emulator import BaudRateLine, Emulator, Part
 
 PROCESSING_S = 0.002
+BAUD = 115200
 SAMPLES = 200
 DEFAULT_INTERVAL_ms = 100
 SHORTEST_m, FARTHEST_m = 0.3, 100.0
@@ -85,14 +86,12 @@ class Ping1d(Part[PingTruth]):
     Disguised, it is a Ping360, which uses the same protocol.
     """
 
-    def __init__(
-        self, *, seed: int = 0, noise: float = 0.005, baud: int = 115200, continuous: bool = True, supply_V: float = 5.0
-    ) -> None:
+    def __init__(self, *, seed: int = 0, noise: float = 0.005, continuous: bool = True, supply_V: float = 5.0) -> None:
         super().__init__(PingTruth())
         self._continuous, self._supply_V = continuous, supply_V
         self._random = np.random.default_rng(seed)
         self._noise = noise
-        self._wire = BaudRateLine(baud)
+        self._wire = BaudRateLine(BAUD)
         self._stepped = False
         self._boot(0.0)
 

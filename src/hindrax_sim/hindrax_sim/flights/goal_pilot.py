@@ -33,7 +33,6 @@ class GoalPilot:
         *,
         following: Callable[[Stamp], Goal | None] = lambda _now: None,
         cancel_at_s: float = NAN,
-        disabled: Sequence[str] = (),
     ) -> None:
         self.pilot = Pilot(vehicle, knobs)
         self._goal, self._following = goal, following
@@ -46,8 +45,7 @@ class GoalPilot:
         self._ready_since: Stamp | None = None
         self._begun: Stamp | None = None
         self.suspected: tuple[str, ...] = ()
-        self._disabled = frozenset(disabled)
-        self.pilot.disable(self._disabled)
+        self._disabled: frozenset[str] = frozenset()
 
     def step(self, navigation: Stamped[Navigation], became: Allocation | None, *, armed: bool) -> LockstepCommand:
         """Decide on the next order."""

@@ -78,8 +78,8 @@ def serve(
         MockVehicle(
             vehicle, folder, seed=options.seed, rate=options.rate, conditions=conditions, faults=faults
         ) as mock,
-        mock.offer_file(i2c_device) if i2c_device else contextlib.nullcontext(),
-        UdpLine(mock.ports[dvl]) if dvl_udp else contextlib.nullcontext() as network,
+        contextlib.closing(mock.offer_file(i2c_device)) if i2c_device else contextlib.nullcontext(),
+        contextlib.closing(UdpLine(mock.ports[dvl])) if dvl_udp else contextlib.nullcontext() as network,
     ):
         ports = mock.ports | {"clock": mock.clock} | ({"i2c-device": i2c_device} if i2c_device else {})
         tell(ports | ({dvl: UDP_PORT} if dvl_udp else {}))
