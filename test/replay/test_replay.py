@@ -88,13 +88,13 @@ def test_messages_of_other_packages_are_no_part_of_a_replay(short: Path, monkeyp
 
 
 def test_a_changed_driver_constant_is_found_and_named(short: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    real = ms5837.to_reading
+    real = ms5837.reading_of
 
-    def twisted(prom: Any, values: Any) -> Pressure:
-        reading = real(prom, values)
+    def twisted(prom: ms5837.Prom, d1: int, d2: int) -> Pressure:
+        reading = real(prom, d1, d2)
         return dataclasses.replace(reading, pressure_Pa=reading.pressure_Pa * 1.0001)
 
-    monkeypatch.setattr(ms5837, "to_reading", twisted)
+    monkeypatch.setattr(ms5837, "reading_of", twisted)
     found = replay(short).ledger.differences()
     assert ("/hindrax/ms5837/pressure", "fluid_pressure") in {(one.topic, one.field) for one in found}
     assert not any("icm20948" in one.topic or "dvl75" in one.topic for one in found)

@@ -49,7 +49,9 @@ ON_REQUEST = {
     State.UNCONFIGURED: "unconfigured on request; `configure` and `activate` bring it back",
     State.INACTIVE: "inactive on request; `activate` brings it back",
     State.FINALIZED: "shut down on request; only a restart of its process brings it back",
+    State.ACTIVE: "",
 }
+"""Why a node is not active, by the state that an operator wants."""
 
 
 def requested(state: State, number: int, label: str) -> Transition | None:
@@ -68,8 +70,3 @@ def next_transition(state: State, wanted: State, *, found: bool) -> Transition |
     if state is goal:
         return None
     return UP[state] if state < goal else DOWN[state]
-
-
-def why_not_active(wanted: State) -> str:
-    """Reason, when an operator wants anything but an active node; empty otherwise."""
-    return ON_REQUEST.get(wanted, "")

@@ -4,7 +4,7 @@ from itertools import product
 
 import pytest
 
-from hindrax_drivers.lifecycle import TRANSITIONS, State, Transition, next_transition, requested, why_not_active
+from hindrax_drivers.lifecycle import ON_REQUEST, TRANSITIONS, State, Transition, next_transition, requested
 
 MESSAGES = pytest.importorskip("lifecycle_msgs.msg", reason="needs the ROS environment")
 
@@ -59,5 +59,5 @@ def test_a_request_means_what_starts_in_this_state_and_nothing_else(state: State
 
 
 def test_only_an_active_node_needs_no_reason() -> None:
-    assert not why_not_active(State.ACTIVE)
-    assert all(why_not_active(state) for state in State if state is not State.ACTIVE)
+    assert not ON_REQUEST[State.ACTIVE]
+    assert all(ON_REQUEST[state] for state in State if state is not State.ACTIVE)

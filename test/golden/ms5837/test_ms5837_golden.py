@@ -25,7 +25,7 @@ from hindrax_drivers.devices.ms5837 import (
     compensate,
     crc4,
     model_of,
-    to_reading,
+    reading_of,
 )
 
 CASES = yaml.safe_load(Path(__file__).with_name("cases.yaml").read_text())
@@ -36,9 +36,11 @@ WORDS = [bytes.fromhex(word) for word in CASES["prom"][0]["words"].split()]
 @pytest.mark.parametrize("row", CASES["compensation"], ids=lambda row: row["model"])
 def test_the_worked_example(row: dict[str, Any]) -> None:
     prom = Prom(row["model"], tuple(row["c"]))
-    value = compensate(prom, row["d1"], row["d2"])
-    assert (value.temperature_cC, value.pressure_steps) == (row["temperature_cC"], row["steps"])
-    assert astuple(to_reading(prom, value)) == (row["pressure_Pa"], pytest.approx(row["temperature_cC"] / 100.0))
+    assert compensate(prom, row["d1"], row["d2"]) == (row["temperature_cC"], row["steps"])
+    assert astuple(reading_of(prom, row["d1"], row["d2"])) == (
+        row["pressure_Pa"],
+        pytest.approx(row["temperature_cC"] / 100.0),
+    )
 
 
 @pytest.mark.parametrize(

@@ -5,15 +5,19 @@ import errno
 import socket
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
+from typing import TypeAlias
 
 import serial
 
 from hindrax_core.bus_operations import DeviceError
-from hindrax_core.driver_interface import Send
+from hindrax_core.driver_interface import Output, Send
 from hindrax_core.errors import cause
 from hindrax_core.events import Stamp
 from hindrax_drivers.buses.clock import Clock, Meanwhile, nothing
+
+Tap: TypeAlias = Callable[[Stamp, bool, bytes], None]
+"""Called for every frame of the port: time, whether it was sent, bytes."""
 
 BREAK_S = 0.001
 WRITE_TIMEOUT_S = 1.0
@@ -64,6 +68,15 @@ class Line(ABC):
         """Send bytes; with `wake`, a serial port first sends a BREAK of 1 ms, waits 1 ms and sends 'U' (auto-baud)."""
         with self._lost_on(OSError):
             self._transmit(order)
+
+    def send_all(self, outputs: Iterable[Output], tap: Tap) -> list[Output]:
+        """Send, and tap, what is for the wire; returns the rest."""
+        kept = list(outputs)
+        for output in kept:
+            if isinstance(output, Send):
+                self.send(output)
+                tap(self._clock.now(), True, output.data)
+        return [output for output in kept if not isinstance(output, Send)]
 
     def close(self) -> None:
         """Close the line; closing twice is no error."""

@@ -9,19 +9,17 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import TypeAlias
 
 from hindrax_core.bus_operations import DeviceError
-from hindrax_core.driver_interface import Output, Send, SerialDevice, Trouble
-from hindrax_core.events import Stamp, after
+from hindrax_core.driver_interface import Output, SerialDevice, Trouble
+from hindrax_core.events import after
 from hindrax_drivers.buses.bus_schedule import BusOutput, BusSchedule, Result
 from hindrax_drivers.buses.clock import Clock, RegisterBus
-from hindrax_drivers.buses.line import Line, open_line
+from hindrax_drivers.buses.line import Line, Tap, open_line
 
 TICK_S = 0.05
 REOPEN_S = 0.5
 
 Deliver: TypeAlias = Callable[[str, Sequence[BusOutput]], None]
 """Called on the bus thread with the name of a device and its outputs."""
-Tap: TypeAlias = Callable[[Stamp, bool, bytes], None]
-"""Called for every frame of the port: time, whether it was sent, bytes."""
 
 
 class ServingThread(threading.Thread):
@@ -48,10 +46,6 @@ class ServingThread(threading.Thread):
     def stopping(self) -> bool:
         """Whether a stop was requested; long-running code checks this."""
         return self._stopping.is_set()
-
-    def pause(self, seconds: float) -> None:
-        """Wait, on the thread itself, at most until a stop request."""
-        self._stopping.wait(seconds)
 
     def stop(self, timeout_s: float = 2.0) -> None:
         """Request a stop, wake the thread and wait for its end. From any other thread."""
@@ -136,7 +130,7 @@ class SerialThread(ServingThread):
         try:
             self._port = open_line(self._path, self._device.baud, self._clock)
             self._tap(self._clock.now(), True, b"")  # an empty frame marks a restart of the device
-            self._handle(self._device.start(self._clock.now()))
+            self._pending += self._port.send_all(self._device.start(self._clock.now()), self._tap)
             while not self.stopping:
                 self._run_once(self._port)
         except DeviceError as error:
@@ -150,18 +144,10 @@ class SerialThread(ServingThread):
         data, stamp = port.read()
         if data:
             self._tap(stamp, False, data)
-            self._handle(self._device.feed(data, stamp))
+            self._pending += port.send_all(self._device.feed(data, stamp), self._tap)
         while not self._calls.empty():
-            self._handle(self._calls.get()())
-        self._handle(self._device.tick(stamp))
-
-    def _handle(self, outputs: Iterable[Output]) -> None:
-        kept = list(outputs)
-        for output in kept:
-            if isinstance(output, Send) and self._port is not None:
-                self._port.send(output)
-                self._tap(self._clock.now(), True, output.data)
-        self._pending += kept
+            self._pending += port.send_all(self._calls.get()(), self._tap)
+        self._pending += port.send_all(self._device.tick(stamp), self._tap)
 
     def _deliver_pending(self) -> None:
         """Deliver readings while the line is idle."""

@@ -69,14 +69,6 @@ class Prom:
     c: tuple[int, int, int, int, int, int]
 
 
-@dataclass(frozen=True, slots=True)
-class Compensated:
-    """Temperature and pressure in the steps of the datasheet: 0.01 C; 0.1 mbar (30BA) or 0.01 mbar (02BA)."""
-
-    temperature_cC: int
-    pressure_steps: int
-
-
 def crc4(words: Sequence[int]) -> int:
     """Checksum over seven PROM words, the four bits that hold it left out. DS 30BA page 9."""
     remainder = 0
@@ -95,8 +87,11 @@ def model_of(c1: int) -> Model | None:
     return "02BA" if c1 > C1_BORDER else "30BA"
 
 
-def compensate(prom: Prom, d1: int, d2: int) -> Compensated:
-    """Second-order compensation in integers that round down. DS 30BA page 7 and 11, DS 02BA page 7 and 9."""
+def compensate(prom: Prom, d1: int, d2: int) -> tuple[int, int]:
+    """Temperature [0.01 C] and pressure [0.1 mbar of a 30BA, 0.01 mbar of a 02BA]: the steps of the datasheets.
+
+    Second-order compensation in integers that round down. DS 30BA page 7 and 11, DS 02BA page 7 and 9.
+    """
     c1, c2, c3, c4, c5, c6 = prom.c
     dt = d2 - (c5 << 8)
     temperature = 2000 + (dt * c6 >> 23)
@@ -107,7 +102,7 @@ def compensate(prom: Prom, d1: int, d2: int) -> Compensated:
         offset, sensitivity, shift = (c2 << 17) + (c4 * dt >> 6), (c1 << 16) + (c3 * dt >> 7), 15
         ti, offset_i, sensitivity_i = _second_order_02(dt, temperature)
     pressure = (d1 * (sensitivity - sensitivity_i) >> 21) - (offset - offset_i) >> shift
-    return Compensated(temperature - ti, pressure)
+    return temperature - ti, pressure
 
 
 def _second_order_30(dt: int, temperature: int) -> tuple[int, int, int]:
@@ -128,10 +123,10 @@ def _second_order_02(dt: int, temperature: int) -> tuple[int, int, int]:
     return 11 * dt * dt >> 35, 31 * warm * warm >> 3, 63 * warm * warm >> 5
 
 
-def to_reading(prom: Prom, value: Compensated) -> Pressure:
-    """Steps of the datasheet to SI."""
-    step_Pa = 10.0 if prom.model == "30BA" else 1.0
-    return Pressure(value.pressure_steps * step_Pa, value.temperature_cC * 0.01)
+def reading_of(prom: Prom, d1: int, d2: int) -> Pressure:
+    """Compensated conversions, in SI."""
+    temperature_cC, pressure_steps = compensate(prom, d1, d2)
+    return Pressure(pressure_steps * (10.0 if prom.model == "30BA" else 1.0), temperature_cC * 0.01)
 
 
 class Ms5837(RegisterPart):
@@ -172,7 +167,7 @@ class Ms5837(RegisterPart):
         self._turn += 1
         if self._repeats >= HUNG_AFTER:
             raise self.error("gives the same conversion again and again")
-        reading = to_reading(self._prom, compensate(self._prom, d1, self._d2))
+        reading = reading_of(self._prom, d1, self._d2)
         valid = after(stamp, begin_s + 0.5 * self._wait_s)
         reason = self._implausible(d1, Stamped(valid, reading))
         if reason:

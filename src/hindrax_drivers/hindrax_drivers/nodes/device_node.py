@@ -13,12 +13,12 @@ from typing import Any
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
-from hindrax_core.driver_interface import Identity, Output, Send, Trouble
+from hindrax_core.driver_interface import Identity, Output, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped
 from hindrax_core.readings import DeviceText, Inertial, Leak
 from hindrax_core.topics import TOPICS_OF, WATER_TEMPERATURE, Topic
 from hindrax_core.vehicle import Vehicle
-from hindrax_drivers.lifecycle import State, Transition, next_transition, requested, why_not_active
+from hindrax_drivers.lifecycle import ON_REQUEST, State, Transition, next_transition, requested
 from hindrax_drivers.nodes.reading_messages import ReadingMessages, frame_of
 from hindrax_ros.batched_node import BatchedNode, PublishQueue
 from hindrax_ros.diagnostics import DiagnosticsPublisher, NodeDiagnostics
@@ -89,8 +89,6 @@ class DeviceNode(BatchedNode, LifecycleNode):
             elif isinstance(output, Identity):
                 self.health.identity = output.text
                 self.get_logger().info(f"{self.get_name()}: found {output.text}")
-            else:
-                assert isinstance(output, Send)
         if self._messages.accepts(Inertial):
             self.publish_queue.flush()
 
@@ -149,7 +147,7 @@ class DeviceNode(BatchedNode, LifecycleNode):
         self._wanted = transition.goal
         if transition.goal is not State.ACTIVE:
             self.health.alarm = ""
-        self.health.withheld = why_not_active(transition.goal)
+        self.health.withheld = ON_REQUEST[transition.goal]
         self.on_request(transition.goal)
         return response
 

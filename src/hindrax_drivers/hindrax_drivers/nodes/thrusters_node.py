@@ -25,7 +25,7 @@ from hindrax_core.events import Rejected, Stamp, Stamped, seconds_between
 from hindrax_core.input_checks import SinglePublisher
 from hindrax_core.readings import AppliedPulses, Battery
 from hindrax_core.topics import BATTERY, LIGHTS, THRUSTER_COMMAND, THRUSTER_STATE
-from hindrax_drivers.lifecycle import State, why_not_active
+from hindrax_drivers.lifecycle import ON_REQUEST, State
 from hindrax_drivers.nodes.device_node import DeviceNode
 from hindrax_drivers.nodes.thruster_settings import TOLD_S, OutputAlone, Settings, read_settings
 from hindrax_drivers.output.output_guard import ArmingPhase, Command, OutputGuardKnobs, Refusal, Request, guard_of
@@ -135,7 +135,7 @@ class ThrustersNode(DeviceNode):
 
     def on_request(self, wanted: State) -> None:
         """Go neutral and disarm in every state but active."""
-        self._inhibit("lifecycle", why_not_active(wanted))
+        self._inhibit("lifecycle", ON_REQUEST[wanted])
 
     def _on_command(self, data: bytes) -> None:
         try:

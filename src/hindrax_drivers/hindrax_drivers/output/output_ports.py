@@ -3,17 +3,17 @@
 One thread owns an output and its clock, that of all decisions about safety; only `wake` may be called by others.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from typing import TypeAlias, TypeVar
 
 from hindrax_core.bus_operations import DeviceError, Program, Transaction, pack_transaction, run
-from hindrax_core.driver_interface import Output, Send
+from hindrax_core.driver_interface import Output
 from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.readings import AppliedPulses
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.buses.clock import Clock, Meanwhile, RegisterBus, nothing, pause
-from hindrax_drivers.buses.line import SerialPort
+from hindrax_drivers.buses.line import SerialPort, Tap
 from hindrax_drivers.buses.ports import open_bus, open_clock
 from hindrax_drivers.devices.pca9685 import Pca9685, pca9685_of
 from hindrax_drivers.devices.stm32 import BOARD_NEUTRAL_us, Stm32
@@ -21,8 +21,6 @@ from hindrax_drivers.output.enable_line import EnableLine, open_enable_line
 from hindrax_drivers.output.output_guard import Pulses
 
 ResultT = TypeVar("ResultT")
-Tap: TypeAlias = Callable[[Stamp, bool, bytes], None]
-"""Called for every frame of the port: time, whether it was sent, bytes."""
 
 FOUND_WITHIN_S = 3.0
 SERIAL_TURN_S = 0.02
@@ -180,12 +178,7 @@ class SerialOutput:
             self._port = None
 
     def _send(self, outputs: Iterable[Output]) -> list[Output]:
-        kept = list(outputs)
-        for output in kept:
-            if isinstance(output, Send) and self._port is not None:
-                self._port.send(output)
-                self._tap(self._clock.now(), True, output.data)
-        return [output for output in kept if not isinstance(output, Send)]
+        return [] if self._port is None else self._port.send_all(outputs, self._tap)
 
 
 ThrusterOutput: TypeAlias = RegisterOutput | SerialOutput

@@ -101,7 +101,7 @@ class OutputThread(ServingThread):
         except DeviceError as error:
             self._closed_because = str(error)
             self._listener.troubled(str(error))
-            self.pause(REOPEN_S)
+            self._stopping.wait(REOPEN_S)
             self._drain(None)
             return
         host = OutputHost(output, self._guard, self._listener)
