@@ -1,11 +1,14 @@
 """Small bags for the tests, made without any ROS installation."""
 
+import contextlib
 import struct
 from collections.abc import Sequence
 from pathlib import Path
 
+from mcap.exceptions import EndOfFile
 from mcap.reader import McapReader
-from mcap.records import Statistics
+from mcap.records import Chunk, Statistics
+from mcap.stream_reader import StreamReader
 from mcap.summary import Summary
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos
 
@@ -59,6 +62,15 @@ def small_bag(folder: Path, count: int = 300, per_flush: int = 20) -> Path:
             bag.flush()
     bag.close()
     return bag.path
+
+
+def chunk_ends(path: Path) -> list[int]:
+    """Where the chunks of a file end, which may be cut off after them [bytes]."""
+    ends: list[int] = []
+    with path.open("rb") as stream, contextlib.suppress(EndOfFile):
+        for record in StreamReader(stream, emit_chunks=True).records:
+            ends += [stream.tell()] if isinstance(record, Chunk) else []
+    return ends
 
 
 def summary_of(reader: McapReader) -> tuple[Summary, Statistics]:

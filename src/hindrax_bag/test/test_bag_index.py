@@ -8,6 +8,7 @@ from mcap.records import Schema
 from mcap.writer import IndexType, Writer
 
 from hindrax_bag.metadata import Contents, channel_of, contents_of, is_whole, parts
+from hindrax_bag.read.bag_reader import bag_files
 from hindrax_core.topics import IMU, Quality, resolved
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -23,7 +24,7 @@ def test_files_are_in_the_order_of_their_numbers_and_one_without_comes_first(tmp
     names = ["old.mcap", "bag_1.mcap", "bag_2.mcap", "bag_10.mcap"]
     for name in reversed(names):
         (tmp_path / name).write_bytes(b"")
-    assert [one.name for one in parts(tmp_path)] == names
+    assert parts(tmp_path) == bag_files(tmp_path) == [tmp_path / name for name in names]
 
 
 def test_a_channel_that_tells_nothing_has_no_type_and_the_quality_of_our_table() -> None:

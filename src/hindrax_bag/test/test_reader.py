@@ -166,27 +166,6 @@ def test_an_encoding_that_nobody_knows_is_named() -> None:
         form.decode(b"{}")
 
 
-def test_parts_come_in_the_order_of_their_numbers(tmp_path: Path) -> None:
-    for number in (10, 2, 0):
-        (tmp_path / f"bag_{number}.mcap").touch()
-    assert [file.name for file in bag_files(tmp_path)] == ["bag_0.mcap", "bag_2.mcap", "bag_10.mcap"]
-
-
-def test_a_damaged_chunk_is_left_out_and_said(tmp_path: Path) -> None:
-    path = small_bag(tmp_path / "bag", count=100)
-    data = bytearray(path.read_bytes())
-    second = data.index(b"zstd", data.index(b"zstd") + 1)
-    data[second + 60] ^= 0xFF
-    path.write_bytes(bytes(data))
-    damage = Damage()
-    found = list(messages(path, [LEVEL.topic], damage=damage))
-    assert len(found) == 80
-    assert len(damage.notes) == 1
-    assert "damaged" in damage.notes[0]
-    assert damage.lost_s == pytest.approx(0.19)
-    assert not damage.unfinished
-
-
 def test_a_tail_of_zeros_as_some_file_systems_leave_it(tmp_path: Path) -> None:
     path = small_bag(tmp_path / "bag", count=100)
     data = path.read_bytes()

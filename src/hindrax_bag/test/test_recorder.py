@@ -34,16 +34,28 @@ COUNT = 300
 PATIENT_S = 60.0
 RECORDER = ("-m", "hindrax_bag.nodes.recorder")
 IMU_TOPIC = "/hindrax/icm20948/data_raw"
-PUBLISH = """
+SPEAK = """
+import struct
 import sys
 import time
 import rclpy
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
-from sensor_msgs.msg import Imu
-from hindrax_core.topics import IMU
+from sensor_msgs.msg import Imu, Joy
+from hindrax_core.topics import IMU, JOYSTICK
 from hindrax_ros.graph import publisher
 
+def heard(topic):
+    rclpy.init()
+    node = Node("load", namespace="/hindrax")
+    out = publisher(node, topic)
+    deadline = time.monotonic() + 20.0
+    while out.get_subscription_count() == 0 and time.monotonic() < deadline:
+        time.sleep(0.05)
+    time.sleep(0.3)
+    return node, out
+"""
+PUBLISH = f"""{SPEAK}
 def say(count, pause_s):
     global sent
     for sent in range(sent + 1, sent + 1 + count):
@@ -53,13 +65,7 @@ def say(count, pause_s):
         said.append(data.hex())
         time.sleep(pause_s)
 
-rclpy.init()
-node = Node("load", namespace="/hindrax")
-out = publisher(node, IMU)
-deadline = time.monotonic() + 20.0
-while out.get_subscription_count() == 0 and time.monotonic() < deadline:
-    time.sleep(0.05)
-time.sleep(0.3)
+node, out = heard(IMU)
 sent, said, message = 0, [], Imu()
 message.header.frame_id = "icm20948_link"
 for line in sys.stdin:
@@ -88,15 +94,12 @@ recorder.main()
 class Rig:
     """A recorder and a publisher beside it, as processes."""
 
-    def __init__(
-        self, folder: Path, domain: int, recorder: Sequence[str] = ("-m", "hindrax_bag.nodes.recorder")
-    ) -> None:
+    def __init__(self, folder: Path, domain: int, recorder: Sequence[str] = RECORDER) -> None:
         self.bag = folder / "bag"
         parameters = folder / "parameters.yaml"
         parameters.write_text("/**:\n  ros__parameters:\n    notes: a test\n")
-        self.environment = environment(
-            mock=True, domain=domain
-        )  # no shared memory: what the killed leave there hangs others
+        # No shared memory: what the killed leave there hangs others.
+        self.environment = environment(mock=True, domain=domain)
         words = ["--ros-args", "--params-file", str(parameters), "-p", f"bag:={self.bag}", "--", str(folder / "stuck")]
         self._start = partial(subprocess.Popen, [sys.executable, *recorder, *words], env=self.environment)
         self.recorder = self._start()
@@ -150,6 +153,11 @@ class Rig:
         """What is in the bag of what was published."""
         return received(self.bag)
 
+    def last_words(self) -> dict[str, str]:
+        """What the recorder said of itself last."""
+        told = [status for one in messages(self.bag, {"/diagnostics"}) for status in one.decoded().status]
+        return [{pair.key: pair.value for pair in one.values} for one in told if one.name == "hindrax: recorder"][-1]
+
 
 def received(place: Path) -> list[BagMessage]:
     """What a bag, or a file of it, holds of what was published."""
@@ -198,9 +206,7 @@ def test_what_is_published_is_recorded(tmp_path: Path, ros_domain: int) -> None:
 def test_a_recorder_that_is_killed_loses_less_than_a_second(tmp_path: Path, ros_domain: int) -> None:
     with Rig(tmp_path, ros_domain) as rig:
         rig.order(100_000, 0.003)
-        deadline = time.monotonic() + 30.0
-        while time.monotonic() < deadline and not (any(rig.bag.glob("*.mcap")) and len(rig.recorded()) > COUNT):
-            time.sleep(0.1)
+        rig.wait_for(COUNT)
         time.sleep(0.45)
         killed = time.time_ns()
         rig.end(signal.SIGKILL)
@@ -237,24 +243,8 @@ def test_a_restarted_recorder_goes_on_in_the_next_file_and_the_bag_is_whole(
             assert summary_of(make_reader(stream, validate_crcs=True))[1].message_count
 
 
-HOSTILE_JOY = """
-import struct
-import sys
-import time
-import rclpy
-from rclpy.node import Node
-from sensor_msgs.msg import Joy
-from rclpy.serialization import serialize_message
-from hindrax_core.topics import JOYSTICK
-from hindrax_ros.graph import publisher
-
-rclpy.init()
-node = Node("stranger", namespace="/hindrax")
-out = publisher(node, JOYSTICK)
-deadline = time.monotonic() + 20.0
-while out.get_subscription_count() == 0 and time.monotonic() < deadline:
-    time.sleep(0.05)
-time.sleep(0.3)
+HOSTILE_JOY = f"""{SPEAK}
+node, out = heard(JOYSTICK)
 whole = serialize_message(Joy())
 for stamp in ((-1, 0), (-(2**31), 2**32 - 1), (0, 10**9), (7, 5)):
     out.publish(whole[:4] + struct.pack("<iI", *stamp) + whole[12:])
@@ -279,9 +269,7 @@ def test_hostile_stamps_and_bytes_are_recorded_and_counted_and_end_nothing(tmp_p
     assert [one.sent for one in joys if one.sent != one.received] == [7 * NS_PER_S + 5]
     bad = len(joys) - 1
     assert bad >= 3
-    told = [status for one in messages(rig.bag, {"/diagnostics"}) for status in one.decoded().status]
-    words = [{pair.key: pair.value for pair in one.values} for one in told if one.name == "hindrax: recorder"][-1]
-    assert words[f"invalid stamps: {JOYSTICK.name}"] == str(bad)
+    assert rig.last_words()[f"invalid stamps: {JOYSTICK.name}"] == str(bad)
 
 
 @pytest.mark.ros
@@ -302,9 +290,7 @@ def test_what_does_not_fit_into_the_queue_is_counted_and_told(tmp_path: Path, ro
         rig.end(signal.SIGINT)
     lost = len(published) - len(rig.recorded())
     assert lost >= QUEUE // 2
-    told = [status for one in messages(rig.bag, {"/diagnostics"}) for status in one.decoded().status]
-    (words,) = [{pair.key: pair.value for pair in one.values} for one in told if one.name == "hindrax: recorder"][-1:]
-    assert words["lost: icm20948/data_raw"] == str(lost)
+    assert rig.last_words()["lost: icm20948/data_raw"] == str(lost)
 
 
 def test_offered_quality_is_that_of_the_publisher() -> None:

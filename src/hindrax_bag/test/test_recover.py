@@ -8,11 +8,10 @@ from pathlib import Path
 
 import lz4.frame
 import pytest
-from bag_samples import LEVEL, level, small_bag, summary_of, writer
+from bag_samples import LEVEL, chunk_ends, level, small_bag, summary_of, writer
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
-from mcap.records import Chunk, Message
-from mcap.stream_reader import StreamReader
+from mcap.records import Message
 from mcap.writer import Writer
 from rosbags.rosbag2 import Reader
 
@@ -32,16 +31,11 @@ def no_waiting_for_the_disk(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "fsync", lambda _number: None)
 
 
-def _chunk_ends(path: Path) -> list[int]:
-    with path.open("rb") as stream:
-        return [stream.tell() for record in StreamReader(stream, emit_chunks=True).records if isinstance(record, Chunk)]
-
-
 def test_cut_at_any_byte(tmp_path: Path) -> None:
     path = small_bag(tmp_path / "bag")
     whole = path.read_bytes()
     everything = [(one.topic, one.data, one.received, one.sent) for one in messages(path)]
-    ends = _chunk_ends(path)
+    ends = chunk_ends(path)
     offsets = {0, 1, 7, 8, 9, len(whole) - 1, *random.Random(6).sample(range(len(whole)), 200)}
     for offset in offsets:
         cut = tmp_path / "cut.mcap"
@@ -92,7 +86,7 @@ def test_a_bag_of_several_files_is_cut_at_any_byte_of_its_last(tmp_path: Path) -
     bag.close()
     everything = [one.data for one in messages(tmp_path / "bag")]
     assert (len(files), len(everything)) == (3, 340)
-    whole, ends = last.read_bytes(), _chunk_ends(last)
+    whole, ends = last.read_bytes(), chunk_ends(last)
     before = sum(1 for file in files[:-1] for _ in messages(file))
     for offset in random.Random(7).sample(range(len(whole)), 30):
         last.write_bytes(whole[:offset])
@@ -107,18 +101,21 @@ def test_a_bag_of_several_files_is_cut_at_any_byte_of_its_last(tmp_path: Path) -
 
 def test_a_damaged_chunk_costs_itself_only(tmp_path: Path) -> None:
     path = small_bag(tmp_path / "bag")
-    data, ends = bytearray(path.read_bytes()), _chunk_ends(path)
+    data, ends = bytearray(path.read_bytes()), chunk_ends(path)
     data[ends[5] - 40] ^= 0xFF
     path.write_bytes(data)
-    made = recover(path, tmp_path / "out")
-    assert made.messages == 301 - 20
-    assert made.lost_s == pytest.approx(0.19)
-    assert "a chunk is damaged" in made.notes[0]
+    made, damage = recover(path, tmp_path / "out"), Damage()
+    assert made.messages == len(list(messages(path, damage=damage))) == 301 - 20
+    assert made.lost_s == damage.lost_s == pytest.approx(0.19)
+    (note,) = damage.notes
+    assert made.notes == (note,)
+    assert "a chunk is damaged" in note
+    assert not damage.unfinished
 
 
 def test_recovered_bag_opens_elsewhere_and_keeps_everything(tmp_path: Path) -> None:
     path = small_bag(tmp_path / "bag")
-    path.write_bytes(path.read_bytes()[: _chunk_ends(path)[10] - 10])
+    path.write_bytes(path.read_bytes()[: chunk_ends(path)[10] - 10])
     made = recover(path.parent, tmp_path / "out")
     with Reader(made.output) as reader:
         assert reader.message_count == made.messages == 201
@@ -206,7 +203,7 @@ def test_a_chunk_that_claims_or_holds_gigabytes_costs_itself_only(
 ) -> None:
     path = small_bag(tmp_path / "bag")
     monkeypatch.setattr(mcap_records, "MOST_B", 2**20)
-    whole, end = path.read_bytes(), _chunk_ends(path)[0]
+    whole, end = path.read_bytes(), chunk_ends(path)[0]
     body = (
         struct.pack("<QQQII", 0, 0, claimed, 0, len(compression)) + compression.encode() + struct.pack("<Q", len(data))
     )
