@@ -61,7 +61,9 @@ def test_the_guard_flies_the_mock_through_the_firmware(tmp_path: Path) -> None:
     with MockVehicle(vehicle, tmp_path, seed=1, rate=0.0) as mock:
         port = mock.ports["thrusters"]
         assert port == str(tmp_path / "thrusters")
-        guard = guard_of(vehicle, OutputGuardKnobs(arming_s=7.2))
+        # The mock does not wait for the thread: on a busy machine it is seconds ahead of a command that is taken.
+        patient = {"command_lifespan_s": 2.0, "silence_s": 2.0, "arm_lifespan_s": 5.0, "disarm_after_s": 600.0}
+        guard = guard_of(vehicle, OutputGuardKnobs(arming_s=7.2, **patient))
         thread = OutputThread(
             lambda: open_output(vehicle, port, mock.clock, lambda *_: None, "thrusters", neutral=guard.neutral),
             guard,
