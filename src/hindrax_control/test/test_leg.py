@@ -285,6 +285,13 @@ def test_what_rights_itself_slowly_is_braked_in_time(sign: float, side: float) -
     assert told[1].force * side < 0.0
 
 
+@pytest.mark.parametrize(("natural_radps", "phase"), [(0.0, "transient"), (100.0, "coast")])
+def test_only_what_swings_coasts_without_a_plateau(natural_radps: float, phase: str) -> None:
+    one = replace(swinging(1.0), natural_radps=natural_radps)
+    at = 3.0 if natural_radps else 3.0 - one.coast(0.1)[0]
+    assert LegController(one).step(at, 0.1, BEGIN_s).phase == phase
+
+
 def test_what_still_turns_back_from_the_leg_before_is_boosted_not_braked() -> None:
     driver = LegController(swinging(1.0))
     assert driver.step(-2.9, -1.0, BEGIN_s).force > 0.0
