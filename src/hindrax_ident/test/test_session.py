@@ -1,5 +1,6 @@
 """The session: events in, estimates and results out; the same from any order, honest about what it does not know."""
 
+import math
 import random
 from typing import Any
 
@@ -197,12 +198,20 @@ def test_an_outlier_is_refused(vehicle: Vehicle, surge: list[Any]) -> None:
     assert a.value == pytest.approx(b.value, abs=0.2 * b.std)
 
 
-def test_values_that_are_not_numbers_do_no_harm(vehicle: Vehicle, surge: list[Any]) -> None:
-    nan = float("nan")
-    dirty = [*surge, Stamped(stamp_from_s(20.005), Velocity((nan,) * 6, "dvl75")),
-             Stamped(stamp_from_s(20.006), Thrust((nan,) * 6))]  # fmt: skip
+@pytest.mark.parametrize("value", [math.nan, math.inf, -1e200, 60.0])
+def test_values_that_no_vehicle_has_do_no_harm(vehicle: Vehicle, surge: list[Any], value: float) -> None:
+    dirty = [*surge, Stamped(stamp_from_s(20.005), Velocity((value,) * 6, "dvl75")),
+             Stamped(stamp_from_s(20.006), Thrust((value * 1e5,) * 6))]  # fmt: skip
     dirty.sort(key=lambda event: event.stamp)
     assert run(vehicle, dirty)[0].finalize().results.to_json() == run(vehicle, surge)[0].finalize().results.to_json()
+
+
+@pytest.mark.parametrize("depth_m", [math.nan, math.inf, 1e200, -2e4])
+def test_depths_that_no_vehicle_has_do_no_harm(vehicle: Vehicle, depth_m: float) -> None:
+    heave = heard(vehicle, 2, end_s=40.0)
+    depth = Stamped(stamp_from_s(20.005), Attitude((math.nan,) * 3, depth_m))
+    dirty = sorted([*heave, depth], key=lambda event: event.stamp)
+    assert run(vehicle, dirty)[0].finalize().results.to_json() == run(vehicle, heave)[0].finalize().results.to_json()
 
 
 def test_an_instrument_wins_over_the_navigator(vehicle: Vehicle, surge: list[Any]) -> None:

@@ -70,7 +70,7 @@ class VelocityHistory:
         self._nu, self._measured_s = list(ZERO6), [-math.inf] * 6
         self._jumped = [math.nan] * 3
 
-    def update(self, t_s: float, nu: Vec6) -> bool:
+    def update(self, t_s: float, nu: Sequence[float]) -> bool:
         """Store six velocities [m/s, rad/s], NaN where not measured; return whether any was measured."""
         measured = [axis for axis, value in enumerate(nu) if math.isfinite(value)]
         for axis in measured:

@@ -20,6 +20,8 @@ ANGLE_S = 0.5
 """Interval at which measured angles are kept: their errors are slow."""
 LONGEST_DIFFERENCE_S = 0.5
 """Longest time between depths that give a velocity."""
+DEEPEST_m = 12e3
+"""Depths beyond this are no measurements: the oceans end before."""
 
 
 class AxisSession:
@@ -114,7 +116,7 @@ class AxisSession:
             self.estimator.known(t_s, self._hydrostatic + self._coriolis)
         if axis in (3, 4) and math.isfinite(attitude_rad[axis - 3]):
             self._add_position(t_s, attitude_rad[axis - 3], "attitude")
-        if axis == 2 and math.isfinite(depth_m):
+        if axis == 2 and abs(depth_m) < DEEPEST_m:
             return self._add_depth(t_s, depth_m, "navigation" if math.isfinite(roll) else "depth", refusal)
         return []
 

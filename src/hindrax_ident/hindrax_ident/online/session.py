@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hindrax_core.events import Stamp, Stamped, after, seconds_between
-from hindrax_core.signals import Attitude, Estimate, IdentEvent, Phase, Thrust, Velocity
+from hindrax_core.signals import NAN, Attitude, Estimate, IdentEvent, Phase, Thrust, Velocity
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.assess.assessment import (
     MASS_SHARE,
@@ -38,6 +38,8 @@ from hindrax_ident.tuning import Tuning
 
 JOIN_S = 1.0
 """Longest pause between legs of one stretch: the equation of motion holds while the vehicle turns back."""
+FASTEST, STRONGEST = 50.0, 1e6
+"""Velocities [m/s, rad/s] and thrusts [N, N m] beyond these are no measurements; filters would keep them long."""
 NO_FIT = "no coefficients explain this motion by this force: check axes, signs and times of both"
 
 
@@ -115,7 +117,7 @@ class Session:
             self._axes[motion.axis].thrust(t_s, self._thrust)
 
     def _on_thrust(self, t_s: float, thrust: Thrust) -> None:
-        if not all(np.isfinite(thrust.wrench)):
+        if not all(abs(force) < STRONGEST for force in thrust.wrench):
             return
         self._thrust = thrust = self._weighed(thrust)
         axis_session = self._active()
@@ -144,13 +146,14 @@ class Session:
         return self._estimates(axis_session.attitude(t_s, attitude.attitude_rad, attitude.depth_m, self._refusal()))
 
     def _on_velocity(self, t_s: float, velocity: Velocity) -> Sequence[Stamped[Estimate]]:
-        measured = self._velocities.update(t_s, velocity.nu)
+        nu = [speed if abs(speed) < FASTEST else NAN for speed in velocity.nu]
+        measured = self._velocities.update(t_s, nu)
         axis_session, motion = self._active(), self._motion
         if not axis_session or not motion:
             return ()
         if measured:
             axis_session.motion(t_s, self._velocities.at(t_s), self._masses)
-        return self._estimates(axis_session.velocity(t_s, velocity.nu[motion.axis], velocity.source, self._refusal()))
+        return self._estimates(axis_session.velocity(t_s, nu[motion.axis], velocity.source, self._refusal()))
 
     def _estimates(self, verdicts: list[tuple[float, Verdict]]) -> Sequence[Stamped[Estimate]]:
         axis_session, motion, origin = self._active(), self._motion, self._origin
