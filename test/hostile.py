@@ -8,7 +8,7 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 
-from hindrax_ros.graph import message_class
+from hindrax_ros.messages.serialization import message_class
 
 NUMBERS = (math.nan, math.inf, -math.inf)
 HUGE = (1e308, -1e308, 1e-320, 0.0)

@@ -1,4 +1,4 @@
-"""Messages of readings, field by field, against which the bytes of `reading_fields` are held."""
+"""Messages of readings, field by field, against which the bytes of `reading_fields` and their readers are held."""
 
 import math
 
@@ -21,7 +21,14 @@ from hindrax_core.readings import (
     Pressure,
 )
 from hindrax_msgs.msg import Dvl, DvlBeam
-from hindrax_ros.messages.convert import UNKNOWN_COVARIANCE, half_turn, header, quaternion_from_sname, vector_to_msg
+from hindrax_ros.messages.convert import (
+    UNKNOWN_COVARIANCE,
+    half_turn,
+    header,
+    quaternion_from_sname,
+    stamp_from_msg,
+    vector_to_msg,
+)
 
 
 def _diagonal(variance: float) -> list[float]:
@@ -142,3 +149,18 @@ def echo_to_msg(stamped: Stamped[Echo], frame: str, limits_m: tuple[float, float
         max_range=limits_m[1],
         range=stamped.reading.range_m,
     )
+
+
+def pressure_from_msg(message: FluidPressure) -> Stamped[Pressure]:
+    """Absolute pressure; the temperature travels on its own topic."""
+    return Stamped(stamp_from_msg(message.header.stamp), Pressure(message.fluid_pressure, math.nan))
+
+
+def dvl_from_msg(message: Dvl) -> Stamped[BottomVelocity]:
+    """Velocity over ground in the DVL frame with its interval; None where there was none."""
+    variance = message.velocity_covar[0]
+    velocity = None if variance < 0.0 else (message.velocity.x, message.velocity.y, message.velocity.z)
+    reading = BottomVelocity(
+        velocity, math.sqrt(max(0.0, variance)), message.confidence, message.interval, int(message.device_time)
+    )
+    return Stamped(stamp_from_msg(message.header.stamp), reading)

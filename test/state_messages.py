@@ -12,7 +12,13 @@ from hindrax_core.events import Stamped
 from hindrax_core.rotation import FLU, FSD
 from hindrax_core.signals import Navigation
 from hindrax_msgs.msg import NavigationStatus
-from hindrax_ros.messages.convert import half_turn, header, quaternion_from_sname, vector_to_msg
+from hindrax_ros.messages.convert import (
+    half_turn,
+    header,
+    quaternion_from_sname,
+    stamp_from_msg,
+    vector_to_msg,
+)
 
 
 def odometry_to_msg(stamped: Stamped[Navigation]) -> Odometry:
@@ -55,3 +61,20 @@ def navigation_to_msg(stamped: Stamped[Navigation]) -> NavigationStatus:
     message.heave_velocity_valid = math.isfinite(state.velocity_mps[2])
     message.sources, message.ages = list(ages), list(ages.values())
     return message
+
+
+def navigation_from_msg(message: NavigationStatus) -> Stamped[Navigation]:
+    """Full navigation state, SNAME."""
+    su, sv, sw = message.surge_velocity_sigma, message.sway_velocity_sigma, message.heave_velocity_sigma
+    state = Navigation(
+        attitude_rad=(message.roll, message.pitch, message.heading),
+        rate_radps=(message.roll_rate, message.pitch_rate, message.yaw_rate),
+        velocity_mps=(message.surge_velocity, message.sway_velocity, message.heave_velocity),
+        depth_m=message.depth,
+        altitude_m=message.altitude,
+        position_m=(message.position_north, message.position_east),
+        dvl_locked=message.dvl_locked,
+        ages_s=dict(zip(message.sources, message.ages, strict=True)),
+        velocity_sigma_mps=(su, sv, sw),
+    )
+    return Stamped(stamp_from_msg(message.header.stamp), state)

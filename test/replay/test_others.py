@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-from state_messages import odometry_to_msg
+from state_messages import navigation_from_msg, odometry_to_msg
 
 from hindrax_bag.metadata import Channel
 from hindrax_bag.read.bag_reader import attachments, messages
@@ -14,7 +14,6 @@ from hindrax_bringup.clone import clone_root
 from hindrax_cli import command_line
 from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import ODOMETRY
-from hindrax_ros.messages.convert import navigation_from_msg
 from hindrax_ros.messages.serialization import serialized
 
 SURGE = clone_root() / "test" / "replay" / "bags" / "surge"

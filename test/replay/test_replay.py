@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from state_messages import odometry_to_msg
+from state_messages import navigation_from_msg, odometry_to_msg
 
 from hindrax_bag.message_comparison import ComparisonReport, Rules, load_rules
 from hindrax_bag.metadata import Channel
@@ -40,8 +40,7 @@ from hindrax_drivers.nodes.reading_messages import ReadingMessages
 from hindrax_ident.records.feed import DROPPED
 from hindrax_replay import state_stage
 from hindrax_replay.bag_replay import Replayed, check_reference, reference_file, replay, write_reference
-from hindrax_ros.graph import message_class
-from hindrax_ros.messages.convert import estimate_to_msg, navigation_from_msg
+from hindrax_ros.messages.convert import estimate_to_msg
 from hindrax_ros.messages.serialization import current_bytes, serialized
 
 BAGS = sorted((clone_root() / "test" / "replay" / "bags").iterdir())
@@ -188,7 +187,7 @@ def test_bursts_that_were_recorded_topic_by_topic_are_matched(tmp_path: Path) ->
         twin = one._replace(topic=resolved(ODOMETRY), type=ODOMETRY.type, data=odometry)
         bursts += [(burst, twin.topic, twin), (burst, one.topic, one)]
     for _, _, one in sorted(bursts, key=lambda entry: entry[:2]):
-        bag.write(Channel(one.topic, one.type), current_bytes(one, message_class(one.type)), one.received, one.sent)
+        bag.write(Channel(one.topic, one.type), current_bytes(one), one.received, one.sent)
     bag.close()
     replayed = replay(bag.folder).ledger
     assert replayed.messages[resolved(NAVIGATION)] == replayed.messages[resolved(ODOMETRY)] > 15
@@ -245,7 +244,7 @@ def test_estimates_that_lack_late_measurements_are_explained_in_one_line(
     for name, data in attachments(ESTIMATES).items():
         copy.attach(name, "application/yaml", data, 0)
     for one in messages(ESTIMATES):
-        copy.write(Channel(one.topic, one.type), current_bytes(one, message_class(one.type)), one.received, one.sent)
+        copy.write(Channel(one.topic, one.type), current_bytes(one), one.received, one.sent)
     status = DiagnosticStatus(name="hindrax: identifier", values=[KeyValue(key=DROPPED, value=str(late))])
     report = serialized(DiagnosticArray(status=[status]))
     copy.write(Channel(resolved(DIAGNOSTICS), DIAGNOSTICS.type), report, one.received, one.sent)

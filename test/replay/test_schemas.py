@@ -10,7 +10,7 @@ from hindrax_bag.read.bag_reader import messages
 from hindrax_bag.read.mcap_records import records
 from hindrax_bringup.clone import clone_root
 from hindrax_replay.bag_replay import replay
-from hindrax_ros.graph import message_class
+from hindrax_ros.messages.serialization import message_class
 
 FOLDER = clone_root() / "test" / "replay" / "schemas"
 VERSIONS = sorted(int(one.name) for one in FOLDER.iterdir())

@@ -68,14 +68,14 @@ from hindrax_core.topics import (
 )
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.nodes.identifier import Identifier
+from hindrax_ident.nodes.measurement_messages import READERS
 from hindrax_ident.online.session import Outcome, Session
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import AllocationStatus, HoldSetpoint, ThrusterHealth, ThrusterState
-from hindrax_ros.graph import message_class
 from hindrax_ros.messages import convert
 from hindrax_ros.messages.convert import stamp_from_msg, stamp_to_msg, wrench_from_msg, wrench_to_msg
 from hindrax_ros.messages.fast_serialization import command_from_bytes
-from hindrax_ros.messages.serialization import serialized
+from hindrax_ros.messages.serialization import message_class, serialized
 
 pytestmark = pytest.mark.ros
 
@@ -422,6 +422,16 @@ def test_nothing_that_anybodys_stack_says_ends_the_identifier_or_spoils_what_is_
     k_q, k_l = [one for one in told if one.motion == "surge"][-1].values[:2]
     assert k_q * 0.5**2 + k_l * 0.5 == pytest.approx(141.0 * 0.5**2 + 13.7 * 0.5, rel=0.1)
     assert identifier._any.dropped == dropped
+
+
+def test_bytes_that_are_no_measurement_do_not_end_the_identifier(desk: tuple[Identifier, ThrustNode]) -> None:
+    identifier, _ = desk
+    listening = {one.topic_name: one for one in Node.subscriptions.fget(identifier) if one.raw}
+    assert listening.keys() == {resolved(topic) for topic in READERS}
+    for one in listening.values():
+        for data in (b"", b"\x00\x01" + bytes(9)):
+            one.callback(data)
+    assert identifier._refusals.counts == {topic.name: 2 for topic in READERS}
 
 
 def hear_pulses(thrust: ThrustNode, header: Header, channels: Any) -> None:

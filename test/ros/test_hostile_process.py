@@ -41,8 +41,9 @@ from hindrax_core.topics import (
 )
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import HoldSetpoint, ThrusterHealth, ThrusterState
-from hindrax_ros.graph import message_class, publisher, subscription
+from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.messages.convert import stamp_to_msg, wrench_to_msg
+from hindrax_ros.messages.serialization import message_class
 
 pytestmark = pytest.mark.ros
 

@@ -47,8 +47,9 @@ from hindrax_bringup.stack_lock import FOLDER
 from hindrax_core.topics import NAMESPACE, THRUSTER_STATE, TOPICS
 from hindrax_core.vehicle import load_vehicle
 from hindrax_msgs.srv import Arm, Recentre
-from hindrax_ros.graph import message_class, publisher, subscription
+from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.messages.convert import stamp_to_msg
+from hindrax_ros.messages.serialization import message_class
 from hindrax_tools.reference.nodes import edges
 
 pytestmark = pytest.mark.ros

@@ -18,7 +18,8 @@ from hindrax_bag.read.bag_reader import messages
 from hindrax_bringup.stack import adopted, environment, own_domain
 from hindrax_core.topics import IMU, resolved
 from hindrax_ros.batched_node import BatchedNode, events_executor
-from hindrax_ros.graph import message_class, publisher
+from hindrax_ros.graph import publisher
+from hindrax_ros.messages.serialization import message_class
 
 pytestmark = pytest.mark.ros
 

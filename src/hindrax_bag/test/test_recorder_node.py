@@ -46,7 +46,8 @@ from hindrax_core.topics import (
     resolved,
 )
 from hindrax_ros.batched_node import BatchedNode, SpinLoop, events_executor
-from hindrax_ros.graph import message_class, publisher, subscription
+from hindrax_ros.graph import publisher, subscription
+from hindrax_ros.messages.serialization import message_class
 
 PATIENT_S = 60.0
 CLOCK = Topic("/clock", "rosgraph_msgs/msg/Clock", STATE, 0, "time of a mock")

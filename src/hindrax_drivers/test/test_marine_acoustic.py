@@ -17,7 +17,8 @@ from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import Beam, BottomTrack, BottomVelocity
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.nodes.reading_messages import MARINE_ACOUSTIC, ReadingMessages, fill
-from hindrax_ros.graph import message_class, optional_class
+from hindrax_ros.graph import optional_class
+from hindrax_ros.messages.serialization import message_class
 
 
 class Dvl:

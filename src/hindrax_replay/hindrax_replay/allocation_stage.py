@@ -19,7 +19,6 @@ from hindrax_core.topics import ALLOCATION, BATTERY, THRUSTER_COMMAND, THRUSTER_
 from hindrax_core.vehicle import Vehicle
 from hindrax_replay.recorded_devices import Parameters, knobs_of
 from hindrax_replay.wire_stage import Samples, compare_lazily
-from hindrax_ros.graph import message_class
 from hindrax_ros.messages.convert import stamp_from_msg, wrench_from_msg
 from hindrax_ros.messages.fast_serialization import (
     ThrusterStateFields,
@@ -28,7 +27,7 @@ from hindrax_ros.messages.fast_serialization import (
     command_from_bytes,
     command_writer,
 )
-from hindrax_ros.messages.serialization import current_bytes, deserialized
+from hindrax_ros.messages.serialization import current_bytes, deserialized, message_class
 
 WRENCH_NAME, COMMAND_NAME, STATE_NAME = map(resolved, (WRENCH, THRUSTER_COMMAND, THRUSTER_STATE))
 STATUS_NAME, HEALTH_NAME, BATTERY_NAME = map(resolved, (ALLOCATION, THRUSTER_HEALTH, BATTERY))
@@ -87,7 +86,7 @@ class AllocationStage:
             self._commanded = True
             self._commands[stamp_of(message.data)] = message
         elif message.topic == STATE_NAME:
-            state = applied_from_bytes(current_bytes(message, message_class(message.type)))
+            state = applied_from_bytes(current_bytes(message))
             self._newest = max(self._newest, state.stamp)
             self._states.setdefault((state.stamp, state.sequence), []).append(state)
         elif message.topic == STATUS_NAME:
@@ -112,9 +111,7 @@ class AllocationStage:
             self._command(stamp, wrench, command)
 
     def _command(self, stamp: Stamp, wrench: Any, recorded: BagMessage | None) -> None:
-        recorded_command = (
-            command_from_bytes(current_bytes(recorded, message_class(recorded.type))) if recorded else None
-        )
+        recorded_command = command_from_bytes(current_bytes(recorded)) if recorded else None
         known = recorded_command is not None and self._resume(recorded_command.sequence)
         supply_V = self._cycle.supply_V
         made = self._cycle.command(wrench_from_msg(wrench), wrench.header.frame_id, stamp, stamp)

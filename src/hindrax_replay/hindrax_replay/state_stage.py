@@ -3,7 +3,6 @@
 from bisect import bisect_left
 from collections import deque
 from collections.abc import Iterable
-from typing import Any
 
 from hindrax_bag.message_comparison import ComparisonReport, flat
 from hindrax_bag.read.bag_reader import BagMessage, stamp_of
@@ -11,18 +10,17 @@ from hindrax_control.navigation.navigator import Navigator, NavigatorKnobs
 from hindrax_control.nodes.navigator_node import SOURCES
 from hindrax_core.events import NS_PER_S, Stamp, Stamped
 from hindrax_core.signals import Estimate, IdentEvent, Navigation, Thrust
-from hindrax_core.topics import ALLOCATION, DIAGNOSTICS, ESTIMATE, NAVIGATION, ODOMETRY, resolved
+from hindrax_core.topics import DIAGNOSTICS, ESTIMATE, NAVIGATION, ODOMETRY, resolved
 from hindrax_core.vehicle import Vehicle
-from hindrax_ident.nodes import measurement_messages
+from hindrax_ident.nodes.measurement_messages import READERS
 from hindrax_ident.online.session import Session
 from hindrax_ident.records.feed import DROPPED, Feed, Measurement
 from hindrax_ident.tuning import Tuning
 from hindrax_replay.recorded_devices import Parameters, knobs_of
 from hindrax_replay.wire_stage import Samples
-from hindrax_ros.graph import message_class
-from hindrax_ros.messages.convert import estimate_to_msg, stamp_from_msg
+from hindrax_ros.messages.convert import estimate_to_msg
 from hindrax_ros.messages.fast_serialization import navigation_writer, odometry_writer
-from hindrax_ros.messages.serialization import deserialized, serialized
+from hindrax_ros.messages.serialization import current_bytes, deserialized, message_class, serialized
 
 NEAR_NS = NS_PER_S // 50
 """A recorded navigation state has a replayed one within a tick."""
@@ -34,16 +32,12 @@ LATEST = 1000
 """Navigation states kept: recorded messages are rarely later than a second."""
 SETTLING_NS = NS_PER_S
 """In its first second the navigator receives its sensors one by one, in the order of that day."""
-READERS = {resolved(topic): (read, topic.name.partition("/")[0]) for topic, read in SOURCES.items()}
-BYTES_LISTENERS = {resolved(topic): one for topic, one in measurement_messages.AS_BYTES.items()}
-SESSION_INPUTS = {resolved(topic): one for topic, one in measurement_messages.LISTENERS.items()}
-NAVIGATION_NAME, ESTIMATE_NAME, ALLOCATION_NAME = resolved(NAVIGATION), resolved(ESTIMATE), resolved(ALLOCATION)
-STATES = {NAVIGATION_NAME: navigation_writer(), resolved(ODOMETRY): odometry_writer()}
-DIAGNOSTICS_NAME = resolved(DIAGNOSTICS)
-INPUTS = READERS.keys() | SESSION_INPUTS.keys() | STATES.keys() | {ESTIMATE_NAME, ALLOCATION_NAME, DIAGNOSTICS_NAME}
+SENSORS = {resolved(topic): (read, topic.name.partition("/")[0]) for topic, read in SOURCES.items()}
+MEASUREMENTS = {resolved(topic): read for topic, read in READERS.items()}
+ESTIMATE_NAME, DIAGNOSTICS_NAME = resolved(ESTIMATE), resolved(DIAGNOSTICS)
+STATES = {resolved(NAVIGATION): navigation_writer(), resolved(ODOMETRY): odometry_writer()}
+INPUTS = SENSORS.keys() | MEASUREMENTS.keys() | STATES.keys() | {ESTIMATE_NAME, DIAGNOSTICS_NAME}
 """Input topics of this stage."""
-OBJECTS = INPUTS - READERS.keys() - BYTES_LISTENERS.keys() - STATES.keys()
-"""Inputs that are decoded to messages; the others are read from their bytes."""
 
 
 class StateStage:
@@ -64,28 +58,23 @@ class StateStage:
 
     def feed(self, message: BagMessage, replaced: bytes | None) -> None:
         """Feed the next message of INPUTS; `replaced` is its replacement, if any."""
-        topic, data = message.topic, replaced or message.data
-        decoded: Any = None
-        if topic in OBJECTS or message.form.old:
-            decoded = deserialized(replaced, message_class(message.type)) if replaced else message.decoded()
-        if topic in READERS:
-            read, source = READERS[topic]
-            found = self._navigator.step(read(data if decoded is None else serialized(decoded)), source)
+        topic, data = message.topic, replaced or current_bytes(message)
+        if topic in SENSORS:
+            read, source = SENSORS[topic]
+            found = self._navigator.step(read(data), source)
             if found is not None:
                 for states in self._states.values():
                     states.append(found)
         elif topic in STATES:
             self._check_state(message)
         elif topic == ESTIMATE_NAME:
-            self._recorded_estimates.append((decoded.motion, stamp_from_msg(decoded.header.stamp), message))
+            self._recorded_estimates.append((message.decoded().motion, Stamp(stamp_of(data)), message))
         elif topic == DIAGNOSTICS_NAME:
-            counts = (pair.value for status in decoded.status for pair in status.values if pair.key == DROPPED)
-            self._dropped = max(self._dropped, *map(int, counts), 0)
+            pairs = (pair for status in message.decoded().status for pair in status.values)
+            self._dropped = max(self._dropped, *(int(pair.value) for pair in pairs if pair.key == DROPPED), 0)
         # The identification gets the recorded navigation: its result must equal that of the day.
-        if decoded is None and topic in BYTES_LISTENERS:
-            self._identify(BYTES_LISTENERS[topic](data))
-        elif topic in SESSION_INPUTS:
-            self._identify(SESSION_INPUTS[topic](decoded))
+        if topic in MEASUREMENTS:
+            self._identify(MEASUREMENTS[topic](data))
 
     def finish(self) -> None:
         """Compare the estimates that were published."""

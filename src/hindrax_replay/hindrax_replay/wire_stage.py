@@ -10,8 +10,7 @@ from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import LEAK, MEASURED, RAW_FRAMES, resolved
 from hindrax_core.vehicle import Vehicle
 from hindrax_replay.recorded_devices import Parameters, ReplayedDevice
-from hindrax_ros.graph import message_class
-from hindrax_ros.messages.serialization import deserialized, serialized
+from hindrax_ros.messages.serialization import deserialized, message_class, serialized
 
 WINDOW = 4096
 """Messages processed together: one kind of work at a time is faster than alternating."""

@@ -1,9 +1,7 @@
 """Publishers and subscriptions from the topics table, so that no node spells a topic or a quality; ends of goals."""
 
-import importlib
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
 from typing import Any
 
 from rclpy.duration import Duration
@@ -14,19 +12,13 @@ from rclpy.subscription import Subscription
 
 from hindrax_core.topics import Quality, Topic
 from hindrax_ros.batched_node import BatchedNode, DeferredPublisher
+from hindrax_ros.messages.serialization import message_class
 
 QUEUE = 200
 """Messages that may wait for a reader that takes them when its turn comes."""
 STREAM_Hz = 20.0
 """Usual rate from which on commands are read best effort: the next comes before a lost one is repaired, and a reliable
 reader withholds all that follow until then. Readings and states are reliable: what is used is what is recorded."""
-
-
-@cache
-def message_class(type_name: str) -> Any:
-    """Class of a message type written as `package/msg/Type`."""
-    package, kind, name = type_name.split("/")
-    return getattr(importlib.import_module(f"{package}.{kind}"), name)
 
 
 def profile(quality: Quality) -> QoSProfile:

@@ -9,7 +9,7 @@ pytest.importorskip("rclpy", reason="needs the ROS environment")
 
 from geometry_msgs.msg import Quaternion
 from nav_msgs.msg import Odometry
-from state_messages import navigation_to_msg, odometry_to_msg
+from state_messages import navigation_from_msg, navigation_to_msg, odometry_to_msg
 
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import Vec3
@@ -77,7 +77,7 @@ def test_odometry_is_rep_105() -> None:
 
 
 def test_navigation_there_and_back() -> None:
-    assert convert.navigation_from_msg(navigation_to_msg(Stamped(STAMP, NAVIGATION))).reading == NAVIGATION
+    assert navigation_from_msg(navigation_to_msg(Stamped(STAMP, NAVIGATION))).reading == NAVIGATION
 
 
 def test_estimate_there_and_back() -> None:

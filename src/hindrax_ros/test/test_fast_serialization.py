@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import FluidPressure, Imu, Range
-from state_messages import navigation_to_msg, odometry_to_msg
+from state_messages import navigation_from_msg, navigation_to_msg, odometry_to_msg
 from std_msgs.msg import Header
 
 from hindrax_core.events import Stamp, Stamped
@@ -82,7 +82,7 @@ def test_navigation(states: list[Any]) -> None:
         assert same(odometry(state), odometry_to_msg(state))
         message.sources, message.ages = [], []
         found = fast_serialization.navigation_from_bytes(status(state))
-        assert repr(found) == repr(convert.navigation_from_msg(message))
+        assert repr(found) == repr(navigation_from_msg(message))
 
 
 @given(stamps, six)
@@ -95,7 +95,7 @@ def test_pressure(stamp: Stamp, frame: str, pressure_Pa: float, temperature_C: f
     reading = Stamped(stamp, Pressure(pressure_Pa, temperature_C))
     message = sensor_messages.pressure_to_msg(reading, frame, 20.0)
     assert repr(fast_serialization.pressure_from_bytes(serialize_message(message))) == repr(
-        convert.pressure_from_msg(message)
+        sensor_messages.pressure_from_msg(message)
     )
 
 
@@ -150,7 +150,9 @@ tracks = st.builds(
 @given(texts, number, velocities, st.none() | tracks)
 def test_dvl(frame: str, sound_mps: float, velocity: Stamped[Any], track: Any) -> None:
     message = sensor_messages.dvl_to_msg(velocity, track, frame, sound_mps)
-    assert repr(fast_serialization.dvl_from_bytes(serialize_message(message))) == repr(convert.dvl_from_msg(message))
+    assert repr(fast_serialization.dvl_from_bytes(serialize_message(message))) == repr(
+        sensor_messages.dvl_from_msg(message)
+    )
 
 
 @given(stamps, st.integers(0, 2**32 - 1), st.lists(number, max_size=9))

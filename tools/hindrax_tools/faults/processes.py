@@ -104,11 +104,11 @@ class FaultyStack:
         self.supervisor.check()
         self._tick(self._read())
 
-    def on_navigation(self, message: Any) -> None:
+    def on_navigation(self, message: bytes) -> None:
         """Keep a state."""
-        from hindrax_ros.messages.convert import navigation_from_msg  # noqa: PLC0415  # as the operator's
+        from hindrax_ros.messages.fast_serialization import navigation_from_bytes  # noqa: PLC0415  # as the operator's
 
-        state = navigation_from_msg(message)
+        state = navigation_from_bytes(message)
         self.believed[to_s(state.stamp)] = state.reading
 
     def _read(self) -> list[TrueState]:
@@ -325,7 +325,7 @@ def faulty_stack(
         faulty = FaultyStack(stack)
         with Operator(mock=True, tick=faulty.tick) as operator:
             faulty.operator = operator
-            subscription(operator.node, NAVIGATION, faulty.on_navigation, queue=STATES)
+            subscription(operator.node, NAVIGATION, faulty.on_navigation, raw=True, queue=STATES)
             faulty.wait(lambda: operator.navigation is not None and operator.thrusters is not None, "the stack")
             yield faulty
 

@@ -29,7 +29,8 @@ from hindrax_core.events import NS_PER_S, Stamp
 from hindrax_core.topics import TOPICS, Quality, Topic
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.diagnostics import DiagnosticsPublisher, status
-from hindrax_ros.graph import message_class, profile
+from hindrax_ros.graph import profile
+from hindrax_ros.messages.serialization import message_class
 from hindrax_ros.parameters import knobs, text
 from hindrax_ros.process import spin
 

@@ -24,9 +24,8 @@ from hindrax_ident.nodes.experiment_server import ExperimentServer
 from hindrax_ident.nodes.measurement_messages import (
     ANY_ODOMETRY,
     ANY_WRENCH,
-    AS_BYTES,
-    LISTENERS,
-    Listen,
+    READERS,
+    Read,
     thrust_from_wrench,
     velocities_from_odometry,
 )
@@ -65,10 +64,9 @@ class Identifier(BatchedNode):
         self._out = publisher(self, ESTIMATE)
         self._reporter = DiagnosticsPublisher(self)
         self._last: Estimate | None = None
-        for topic, listen in LISTENERS.items():
-            fast = AS_BYTES.get(topic)
-            subscription(self, topic, self._listener(fast or listen), raw=fast is not None)
         self._refusals = Refusals()
+        for topic, read in READERS.items():
+            subscription(self, topic, self._listener(topic, read), raw=True)
         for topic, events_of in ((ANY_ODOMETRY, velocities_from_odometry), (ANY_WRENCH, thrust_from_wrench)):
             subscription(self, topic, self._any_listener(topic, events_of))
         self._heartbeat = Heartbeat.of(os.environ)
@@ -86,9 +84,14 @@ class Identifier(BatchedNode):
         self._any, self._any_heard = RecordSession(vehicle, tuning), False
         self._waiting: list[Stamped[IdentEvent]] = []
 
-    def _listener(self, listen: Listen) -> Callable[[Any], None]:
-        def on_message(message: Any) -> None:
-            for event in self._feed.step(listen(message)):
+    def _listener(self, topic: Topic, read: Read) -> Callable[[bytes], None]:
+        def on_message(data: bytes) -> None:
+            try:
+                measurement = read(data)
+            except ValueError as error:
+                self._refusals.add(topic.name, str(error))
+                return
+            for event in self._feed.step(measurement):
                 for estimate in self._session.step(event):
                     self._publish(estimate)
 

@@ -9,12 +9,10 @@ from hindrax_core.rotation import FLU, FSD
 from hindrax_core.signals import NAN, Attitude, IdentEvent, Phase, Thrust, Velocity
 from hindrax_core.topics import ALLOCATION, DVL_DETAIL, MANEUVER, NAVIGATION, PRESSURE, Quality, Topic
 from hindrax_ident.records.feed import Measurement
+from hindrax_msgs.msg import ManeuverStatus
 from hindrax_ros.messages.convert import (
-    dvl_from_msg,
     half_turn,
-    navigation_from_msg,
     odometry_from_msg,
-    pressure_from_msg,
     stamp_from_msg,
     wrench_from_msg,
 )
@@ -24,35 +22,22 @@ from hindrax_ros.messages.fast_serialization import (
     pressure_from_bytes,
     thrust_from_bytes,
 )
+from hindrax_ros.messages.serialization import deserialized
 
-Listen: TypeAlias = Callable[[Any], Stamped[Measurement]]
-
-
-def _thrust(message: Any) -> Stamped[Measurement]:
-    X, Y, Z, K, M, N = (float(value) for value in message.achieved)
-    forces = tuple(float(value) for value in message.forces)
-    return Stamped(
-        stamp_from_msg(message.header.stamp), Thrust((X, Y, Z, K, M, N), forces, bool(message.supply_measured))
-    )
+Read: TypeAlias = Callable[[bytes], Stamped[Measurement]]
+"""Reads the measurement in the bytes of a message of today's form; ValueError for bytes of another kind."""
 
 
-def _phase(message: Any) -> Stamped[Measurement]:
+def _phase(data: bytes) -> Stamped[Measurement]:
+    message = deserialized(data, ManeuverStatus)
     return Stamped(stamp_from_msg(message.header.stamp), Phase(message.motion, message.phase))
 
 
-AS_BYTES: dict[Topic, Callable[[bytes], Stamped[Measurement]]] = {
+READERS: dict[Topic, Read] = {
     DVL_DETAIL: dvl_from_bytes,
     PRESSURE: pressure_from_bytes,
     NAVIGATION: navigation_from_bytes,
     ALLOCATION: thrust_from_bytes,
-}
-"""High-rate topics of `LISTENERS`, decoded without message objects."""
-
-LISTENERS: dict[Topic, Listen] = {
-    DVL_DETAIL: dvl_from_msg,
-    PRESSURE: pressure_from_msg,
-    NAVIGATION: navigation_from_msg,
-    ALLOCATION: _thrust,
     MANEUVER: _phase,
 }
 

@@ -27,7 +27,9 @@ from hindrax_msgs.msg import Heartbeat
 from hindrax_msgs.srv import Arm
 from hindrax_ros.batched_node import BatchedNode, events_executor
 from hindrax_ros.graph import publisher, subscription
-from hindrax_ros.messages.convert import estimate_from_msg, navigation_from_msg, stamp_from_msg, stamp_to_msg
+from hindrax_ros.messages.convert import estimate_from_msg, stamp_from_msg, stamp_to_msg
+from hindrax_ros.messages.fast_serialization import navigation_from_bytes
+from hindrax_ros.messages.serialization import serialized
 
 UP = "`./hindrax up` starts the stack"
 ANSWER_S = 5.0
@@ -124,7 +126,7 @@ class Operator:
         self._heartbeats.publish(message)
 
     def _on_navigation(self, message: Any) -> None:
-        self.navigation = navigation_from_msg(message)
+        self.navigation = navigation_from_bytes(serialized(message))
 
     def _on_estimate(self, message: Any) -> None:
         self.estimates[message.motion] = estimate_from_msg(message)

@@ -20,7 +20,6 @@ from geometry_msgs.msg import Vector3, Wrench, WrenchStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import (
     BatteryState,
-    FluidPressure,
     RelativeHumidity,
     Temperature,
 )
@@ -30,14 +29,12 @@ from hindrax_core.events import NS_PER_S, Stamp, Stamped
 from hindrax_core.readings import (
     Air,
     Battery,
-    BottomVelocity,
-    Pressure,
     Vec3,
     Vec6,
 )
 from hindrax_core.rotation import FLU, FSD, wrapped
 from hindrax_core.signals import Consistency, Estimate, Navigation
-from hindrax_msgs.msg import Dvl, ModelEstimate, NavigationStatus
+from hindrax_msgs.msg import ModelEstimate
 
 UNKNOWN_COVARIANCE = -1.0
 UNIT = 0.01
@@ -72,11 +69,6 @@ def vector_to_msg(vector: Sequence[float]) -> Vector3:
 
 def _plain(vector: Vector3) -> Vec3:
     return (vector.x, vector.y, vector.z)
-
-
-def pressure_from_msg(message: FluidPressure) -> Stamped[Pressure]:
-    """Absolute pressure; the temperature travels on its own topic."""
-    return Stamped(stamp_from_msg(message.header.stamp), Pressure(message.fluid_pressure, math.nan))
 
 
 def temperature_to_msg(stamp: Stamp, temperature_C: float, frame: str) -> Temperature:
@@ -131,16 +123,6 @@ def sname_from_xyzw(x: float, y: float, z: float, w: float) -> Vec3:
     return (roll, -pitch, wrapped(math.pi / 2.0 - yaw))
 
 
-def dvl_from_msg(message: Dvl) -> Stamped[BottomVelocity]:
-    """Velocity over ground in the DVL frame with its interval; None where there was none."""
-    variance = message.velocity_covar[0]
-    velocity = None if variance < 0.0 else _plain(message.velocity)
-    reading = BottomVelocity(
-        velocity, math.sqrt(max(0.0, variance)), message.confidence, message.interval, int(message.device_time)
-    )
-    return Stamped(stamp_from_msg(message.header.stamp), reading)
-
-
 def odometry_from_msg(message: Odometry) -> Stamped[Navigation]:
     """State in anybody's odometry of `base_link` in a world with z up, as REP-105 has it; z = 0 is the surface.
 
@@ -173,23 +155,6 @@ def odometry_from_msg(message: Odometry) -> Stamped[Navigation]:
 
 def _sigma(variance: float) -> float:
     return math.sqrt(variance) if variance > 0.0 else math.nan
-
-
-def navigation_from_msg(message: NavigationStatus) -> Stamped[Navigation]:
-    """Full navigation state, SNAME."""
-    su, sv, sw = message.surge_velocity_sigma, message.sway_velocity_sigma, message.heave_velocity_sigma
-    state = Navigation(
-        attitude_rad=(message.roll, message.pitch, message.heading),
-        rate_radps=(message.roll_rate, message.pitch_rate, message.yaw_rate),
-        velocity_mps=(message.surge_velocity, message.sway_velocity, message.heave_velocity),
-        depth_m=message.depth,
-        altitude_m=message.altitude,
-        position_m=(message.position_north, message.position_east),
-        dvl_locked=message.dvl_locked,
-        ages_s=dict(zip(message.sources, message.ages, strict=True)),
-        velocity_sigma_mps=(su, sv, sw),
-    )
-    return Stamped(stamp_from_msg(message.header.stamp), state)
 
 
 def wrench_to_msg(stamp: Stamp, wrench: Vec6) -> WrenchStamped:

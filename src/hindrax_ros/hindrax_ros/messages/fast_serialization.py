@@ -255,7 +255,7 @@ def attitude_from_bytes(data: bytes) -> Stamped[BottomTrack]:
 
 
 def dvl_from_bytes(data: bytes) -> Stamped[BottomVelocity]:
-    """Read what `convert.dvl_from_msg` reads."""
+    """Velocity over ground in the DVL frame with its interval; None where there was none."""
     s, ns, u, v, w, variance, *_, confidence, device_us, interval_s = _dvl(data)
     velocity = None if variance < 0.0 else (u, v, w)
     reading = BottomVelocity(velocity, math.sqrt(max(0.0, variance)), confidence, interval_s, device_us)
@@ -263,13 +263,13 @@ def dvl_from_bytes(data: bytes) -> Stamped[BottomVelocity]:
 
 
 def pressure_from_bytes(data: bytes) -> Stamped[Pressure]:
-    """Read what `convert.pressure_from_msg` reads."""
+    """Absolute pressure; the temperature travels on its own topic."""
     s, ns, pressure_Pa = _pressure(data)
     return Stamped(Stamp(s * NS_PER_S + ns), Pressure(pressure_Pa, math.nan))
 
 
 def navigation_from_bytes(data: bytes) -> Stamped[Navigation]:
-    """Read what `convert.navigation_from_msg` reads, but for the ages."""
+    """Full navigation state, SNAME, but for the ages."""
     s, ns, *found = _navigation(data)
     depth_m, _, _, altitude_m, _, _, w, _, _, yaw, roll, pitch, u, v, su, sv, sw, p, q, r, north, east, locked = found
     state = Navigation(

@@ -6,9 +6,11 @@ ordinary way when one comes along. Little-endian CDR as of XCDR1: alignment coun
 encapsulation.
 """
 
+import importlib
 import re
 import struct
 from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 from typing import Any
 
 from rclpy.serialization import deserialize_message, serialize_message
@@ -33,14 +35,24 @@ _ARRAY = re.compile(r"(?P<of>.+)\[(?P<count>\d+)\]")
 _SEQUENCE = re.compile(r"sequence<(?P<of>[^,>]+)(, \d+)?>")
 
 
+@cache
+def message_class(type_name: str) -> Any:
+    """Class of a message type written as `package/msg/Type`."""
+    package, kind, name = type_name.split("/")
+    return getattr(importlib.import_module(f"{package}.{kind}"), name)
+
+
 def serialized(message: Any) -> bytes:
     """CDR bytes of a message; bytes are returned unchanged."""
     return message if isinstance(message, bytes) else bytes(serialize_message(message))
 
 
 def deserialized(data: bytes, kind: type) -> Any:
-    """Message of a class, from its bytes."""
-    return deserialize_message(data, kind)
+    """Message of a class, from its bytes; ValueError for bytes that are none."""
+    try:
+        return deserialize_message(data, kind)
+    except Exception as error:
+        raise ValueError(f"found {len(data)} bytes that are no {kind.__name__}: {error}") from error
 
 
 def as_message(decoded: Any, message_type: Any) -> Any:
@@ -56,9 +68,11 @@ def as_message(decoded: Any, message_type: Any) -> Any:
     return message
 
 
-def current_bytes(message: Any, message_type: Any) -> bytes:
+def current_bytes(message: Any) -> bytes:
     """CDR bytes of a message of a bag (`BagMessage`) in today's form of its type."""
-    return serialized(as_message(message.decoded(), message_type)) if message.form.old else bytes(message.data)
+    if not message.form.old:
+        return bytes(message.data)
+    return serialized(as_message(message.decoded(), message_class(message.type)))
 
 
 class CdrLayout:
@@ -150,10 +164,7 @@ class CdrReader:
     def _learn(self, data: bytes) -> None:
         if data[:2] != LITTLE_ENDIAN:
             raise ValueError(f"found encapsulation {data[:2].hex()}, wanted little-endian CDR (0001)")
-        try:
-            layout = CdrLayout(deserialize_message(data, self._type))
-        except Exception as error:
-            raise ValueError(f"found {len(data)} bytes that are no {self._type.__name__}: {error}") from error
+        layout = CdrLayout(deserialized(data, self._type))
         if len(data) < layout.size:
             raise ValueError(f"found {len(data)} bytes, wanted {layout.size}")
         self._size = len(data)

@@ -18,7 +18,7 @@ from hindrax_core import topics
 from hindrax_core.events import NS_PER_S, Stamp, to_s
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ros.batched_node import BatchedNode
-from hindrax_ros.graph import message_class, publisher, subscription
+from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.messages.convert import stamp_to_msg
 from hindrax_ros.messages.serialization import current_bytes
 from hindrax_ros.process import StopSignal
@@ -88,7 +88,7 @@ class Player(BatchedNode):
             self._clock_at = now
             self._clock.publish(Clock(clock=stamp_to_msg(now)))
         while self._next_message is not None and self._next_message.received <= now:
-            data = current_bytes(self._next_message, message_class(self._next_message.type))
+            data = current_bytes(self._next_message)
             self._out[self._next_message.topic].publish(data)
             self._next_message = next(self._messages, None)
         self.publish_queue.flush()
