@@ -7,11 +7,22 @@ import pytest
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 
 from geometry_msgs.msg import TwistWithCovarianceStamped
-from sensor_msgs.msg import FluidPressure, Imu, MagneticField, NavSatFix, NavSatStatus, Range
+from sensor_msgs.msg import (
+    BatteryState,
+    FluidPressure,
+    Imu,
+    MagneticField,
+    NavSatFix,
+    NavSatStatus,
+    Range,
+    RelativeHumidity,
+    Temperature,
+)
 
-from hindrax_core.events import Stamped
+from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import (
     Air,
+    Battery,
     BottomTrack,
     BottomVelocity,
     Echo,
@@ -164,3 +175,23 @@ def dvl_from_msg(message: Dvl) -> Stamped[BottomVelocity]:
         velocity, math.sqrt(max(0.0, variance)), message.confidence, message.interval, int(message.device_time)
     )
     return Stamped(stamp_from_msg(message.header.stamp), reading)
+
+
+def temperature_to_msg(stamp: Stamp, temperature_C: float, frame: str) -> Temperature:
+    """Temperature of the water or inside a device."""
+    return Temperature(header=header(stamp, frame), temperature=temperature_C, variance=0.0)
+
+
+def humidity_to_msg(stamped: Stamped[Air], frame: str, sigma: float) -> RelativeHumidity | None:
+    """Relative humidity, 0 to 1; None where the part measures none."""
+    humidity, variance = stamped.reading.humidity, sigma * sigma
+    if math.isnan(humidity):
+        return None
+    return RelativeHumidity(header=header(stamped.stamp, frame), relative_humidity=humidity, variance=variance)
+
+
+def battery_to_msg(stamped: Stamped[Battery]) -> BatteryState:
+    """Supply voltage and current, which is negative while the battery discharges; NaN is what nobody measures."""
+    unknown = dict.fromkeys(("temperature", "charge", "capacity", "design_capacity", "percentage"), math.nan)
+    voltage, current = stamped.reading.voltage_V, -stamped.reading.current_A
+    return BatteryState(header=header(stamped.stamp), voltage=voltage, current=current, present=True, **unknown)

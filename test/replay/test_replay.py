@@ -35,11 +35,12 @@ from hindrax_core.topics import DIAGNOSTICS, NAVIGATION, ODOMETRY, RAW_FRAMES, r
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.devices import ms5837
 from hindrax_drivers.devices.imu import icm20948_registers
-from hindrax_drivers.nodes import reading_fields, reading_messages
+from hindrax_drivers.nodes import reading_messages
 from hindrax_drivers.nodes.reading_messages import ReadingMessages
 from hindrax_ident.records.feed import DROPPED
 from hindrax_replay import state_stage
 from hindrax_replay.bag_replay import Replayed, check_reference, reference_file, replay, write_reference
+from hindrax_ros.messages import reading_fields
 from hindrax_ros.messages.convert import estimate_to_msg
 from hindrax_ros.messages.serialization import current_bytes, serialized
 

@@ -42,6 +42,7 @@ from hindrax_drivers.output.output_guard import (
 from hindrax_drivers.output.output_host import AppliedOutput
 from hindrax_msgs.msg import ThrusterCommand, ThrusterState
 from hindrax_msgs.srv import Arm
+from hindrax_ros.messages.serialization import deserialized
 
 FILE = Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml"
 VEHICLE = load_vehicle(FILE)
@@ -312,8 +313,8 @@ SAID = (
 def test_a_board_tells_its_battery_where_no_sensor_does(make: Make) -> None:
     bench = make(vehicle=BOARD)
     bench.node.deliver(SAID)
-    (battery,) = bench.published["battery"]
-    assert isinstance(battery, BatteryState)
+    (said,) = bench.published["battery"]
+    battery = deserialized(said, BatteryState)
     assert (battery.voltage, battery.header.stamp.sec) == (15.5, 2)
     health = bench.node.health
     assert (health.readings, health.rejects, health.identity) == (0, {"checksum": 1}, "a board")

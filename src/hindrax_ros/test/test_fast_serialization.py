@@ -29,8 +29,10 @@ from hindrax_core.readings import (
     vec6,
 )
 from hindrax_core.signals import Allocation, Navigation
+from hindrax_core.topics import ALTITUDE, DVL_ATTITUDE, DVL_DETAIL, IMU, MAGNETIC, PRESSURE
 from hindrax_msgs.msg import AllocationStatus, NavigationStatus, ThrusterCommand, ThrusterState
 from hindrax_ros.messages import convert, fast_serialization
+from hindrax_ros.messages.reading_fields import reader
 from hindrax_ros.messages.serialization import CdrLayout, CdrReader
 
 counts = st.integers(0, 2**32 - 1)
@@ -70,7 +72,7 @@ navigations = st.builds(
 def test_inertial(stamp: Stamp, frame: str, force_mps2: Vec3, rate_radps: Vec3) -> None:
     inertial = Stamped(stamp, Inertial(force_mps2, rate_radps, math.nan))
     message = sensor_messages.inertial_to_msg(inertial, frame, 0.02, 0.001)
-    assert repr(fast_serialization.inertial_from_bytes(serialize_message(message))) == repr(inertial)
+    assert repr(reader(IMU)(serialize_message(message))) == repr(inertial)
 
 
 @given(st.lists(navigations, min_size=1, max_size=4))
@@ -94,26 +96,24 @@ def test_wrench(stamp: Stamp, wrench: Vec6) -> None:
 def test_pressure(stamp: Stamp, frame: str, pressure_Pa: float, temperature_C: float) -> None:
     reading = Stamped(stamp, Pressure(pressure_Pa, temperature_C))
     message = sensor_messages.pressure_to_msg(reading, frame, 20.0)
-    assert repr(fast_serialization.pressure_from_bytes(serialize_message(message))) == repr(
-        sensor_messages.pressure_from_msg(message)
-    )
+    assert repr(reader(PRESSURE)(serialize_message(message))) == repr(sensor_messages.pressure_from_msg(message))
 
 
 @given(stamps, texts, three, number)
 def test_magnetic_and_echo(stamp: Stamp, frame: str, field_T: Vec3, range_m: float) -> None:
     field = Stamped(stamp, Magnetic(field_T))
     magnetic = sensor_messages.magnetic_to_msg(field, frame, 3e-7)
-    assert fast_serialization.magnetic_from_bytes(serialize_message(magnetic)) == field
+    assert reader(MAGNETIC)(serialize_message(magnetic)) == field
     echo = Stamped(stamp, Echo(range_m, 1.0))
     message = sensor_messages.echo_to_msg(echo, frame, (0.25, 50.0), 0.5)
-    assert fast_serialization.echo_from_bytes(serialize_message(message)) == echo
+    assert reader(ALTITUDE)(serialize_message(message)) == echo
 
 
 @given(stamps, texts, st.tuples(*[st.floats(-3, 3)] * 3))
 def test_attitude(stamp: Stamp, frame: str, angles_rad: Vec3) -> None:
     track = Stamped(stamp, BottomTrack(True, *angles_rad, 1.5, (0.0, 0.0), (), "", 0))
     message = sensor_messages.attitude_to_msg(track, frame, 0.02)
-    found = fast_serialization.attitude_from_bytes(serialize_message(message))
+    found = reader(DVL_ATTITUDE)(serialize_message(message))
     q = message.orientation
     attitude_rad = convert.sname_from_xyzw(q.x, q.y, q.z, q.w)
     wanted = BottomTrack(True, *attitude_rad, None, (math.nan, math.nan), (), "", 0)
@@ -150,9 +150,7 @@ tracks = st.builds(
 @given(texts, number, velocities, st.none() | tracks)
 def test_dvl(frame: str, sound_mps: float, velocity: Stamped[Any], track: Any) -> None:
     message = sensor_messages.dvl_to_msg(velocity, track, frame, sound_mps)
-    assert repr(fast_serialization.dvl_from_bytes(serialize_message(message))) == repr(
-        sensor_messages.dvl_from_msg(message)
-    )
+    assert repr(reader(DVL_DETAIL)(serialize_message(message))) == repr(sensor_messages.dvl_from_msg(message))
 
 
 @given(stamps, st.integers(0, 2**32 - 1), st.lists(number, max_size=9))

@@ -23,26 +23,16 @@ from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.diagnostics import DiagnosticsPublisher
 from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.messages.fast_serialization import (
-    attitude_from_bytes,
-    dvl_from_bytes,
-    echo_from_bytes,
-    inertial_from_bytes,
-    magnetic_from_bytes,
     navigation_writer,
     odometry_writer,
-    pressure_from_bytes,
     thrust_from_bytes,
 )
+from hindrax_ros.messages.reading_fields import reader
 from hindrax_ros.parameters import knobs
 from hindrax_ros.transforms import Transforms
 
 SOURCES: dict[Topic, Callable[[bytes], Stamped[Any]]] = {
-    MAGNETIC: magnetic_from_bytes,
-    PRESSURE: pressure_from_bytes,
-    ALTITUDE: echo_from_bytes,
-    DVL_DETAIL: dvl_from_bytes,
-    DVL_ATTITUDE: attitude_from_bytes,
-    IMU: inertial_from_bytes,
+    topic: reader(topic) for topic in (MAGNETIC, PRESSURE, ALTITUDE, DVL_DETAIL, DVL_ATTITUDE, IMU)
 }
 """In the order of subscription: the inertial samples, which complete a tick, come last."""
 REPORT_EVERY = 50

@@ -65,10 +65,12 @@ from hindrax_ros.messages.convert import (
     stamp_from_msg,
     wrench_from_msg,
 )
-from hindrax_ros.messages.fast_serialization import applied_from_bytes, echo_from_bytes, wrench_writer
+from hindrax_ros.messages.fast_serialization import applied_from_bytes, wrench_writer
+from hindrax_ros.messages.reading_fields import reader
 from hindrax_ros.messages.serialization import deserialized
 from hindrax_ros.parameters import SAFETY, knobs
 
+_range = reader(ALTITUDE)
 SendWrench: TypeAlias = Callable[[Vec6, str, Stamp, Stamp], object]
 """Called with a wrench, its frame, its stamp and the time."""
 
@@ -216,7 +218,7 @@ class PilotNode(BatchedNode):
     def _on_range(self, data: bytes) -> None:
         """Keep the altimeter's range, which no odometry holds."""
         try:
-            echo = echo_from_bytes(data)
+            echo = _range(data)
         except ValueError as error:
             self._refuse(ALTITUDE, str(error))
             return

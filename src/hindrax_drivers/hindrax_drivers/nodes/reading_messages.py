@@ -1,4 +1,4 @@
-"""Messages of readings: for each quantity of the table of topics one function, reading in, message or CDR bytes out.
+"""Messages of the readings of one device: for each of its topics one function, reading in, message or CDR bytes out.
 
     for topic, message in messages.of(stamped): ...
 
@@ -6,39 +6,23 @@ The node of a device publishes them, a replay compares them with the record.
 """
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any, TypeAlias
 
 from std_msgs.msg import Bool
 
 from hindrax_core.events import NS_PER_S, Stamped
-from hindrax_core.readings import (
-    Air,
-    Battery,
-    BottomTrack,
-    BottomVelocity,
-    EchoProfile,
-    Inertial,
-    Leak,
-    Pressure,
-    SonarHealth,
-)
+from hindrax_core.readings import BottomTrack, BottomVelocity, EchoProfile, Leak
 from hindrax_core.topics import SENSOR, TOPICS_OF, Topic
 from hindrax_core.vehicle import Vehicle
-from hindrax_drivers.nodes.reading_fields import FIELDS, detail_writer
 from hindrax_msgs.msg import Dvl, PingProfile
 from hindrax_ros.graph import optional_class
-from hindrax_ros.messages import convert
-from hindrax_ros.messages.fast_serialization import in_place
+from hindrax_ros.messages.convert import header
+from hindrax_ros.messages.reading_fields import FIELDS, writer
 from hindrax_ros.messages.serialization import deserialized
 
 Write: TypeAlias = Callable[[Stamped[Any]], Any]
 """Message of a reading, or its bytes; None if the reading has no data for the topic."""
-Make: TypeAlias = Callable[[Stamped[Any], str], Any]
-"""Message of a reading in a frame; None as above."""
-
-SIGMA_HUMIDITY = 0.03
-"""BME280 data sheet, table 2: absolute accuracy."""
-
 MARINE_ACOUSTIC = "marine_acoustic_msgs/msg/Dvl"
 """Definition: github apl-ocean-engineering/marine_msgs, marine_acoustic_msgs/msg/Dvl.msg."""
 ALIKE = (
@@ -74,13 +58,14 @@ class ReadingMessages:
         for quantity, topic in TOPICS_OF.get(device, {}).items():
             if quantity == "detail":
                 self._add_detail(topic, frame, vehicle.water.speed_of_sound_mps)
-            elif quantity in FIELDS:
-                readings, like, paths, values = FIELDS[quantity]
-                self._add(topic, readings, in_place(like(frame), paths, values))
+            elif quantity == "leak":
+                self._add(topic, (Leak,), lambda one: Bool(data=one.reading.wet))
+            elif quantity == "profile":
+                self._add(topic, (EchoProfile,), partial(_profile, frame=frame))
             else:
-                readings, make = MAKERS[quantity]
-                write = _in_frame(make, frame)
-                self._add(topic, readings, _first_of_second(write) if quantity == "die_temperature" else write)
+                write = writer(quantity, frame)
+                write = _first_of_second(write) if quantity == "die_temperature" else write
+                self._add(topic, FIELDS[quantity].kinds, write)
 
     def _add(self, topic: Topic, readings: tuple[type, ...], write: Write) -> None:
         self.topics.append(topic)
@@ -89,14 +74,14 @@ class ReadingMessages:
 
     def _add_detail(self, topic: Topic, frame: str, sound_mps: float) -> None:
         """Add the DVL's detail, and its copy as marine_acoustic_msgs/Dvl where that package is installed."""
-        write = detail_writer(frame, sound_mps)
-        self._add(topic, (BottomVelocity, BottomTrack), _with_track(write))
+        write = writer("detail", frame)
+        self._add(topic, FIELDS["detail"].kinds, _with_track(write, sound_mps))
         kind = optional_class(MARINE_ACOUSTIC)
         if kind is not None:
-            copy = _with_track(lambda velocity, track: fill(kind(), deserialized(write(velocity, track), Dvl)))
+            copy = _with_track(lambda *moving: fill(kind(), deserialized(write(*moving) or b"", Dvl)), sound_mps)
             name, meaning = topic.name.replace("/detail", "/dvl"), "detail as marine_acoustic_msgs"
             its = Topic(name, MARINE_ACOUSTIC, SENSOR, 0.0, meaning, recorded=False)
-            self._add(its, (BottomVelocity, BottomTrack), copy)
+            self._add(its, FIELDS["detail"].kinds, copy)
 
     def accepts(self, reading: type) -> bool:
         """Whether readings of this kind have messages."""
@@ -121,7 +106,8 @@ def fill(theirs: Any, ours: Any) -> Any:
 
 def _profile(one: Stamped[EchoProfile], frame: str) -> PingProfile:
     echo = one.reading
-    message = PingProfile(
+    return PingProfile(
+        header=header(one.stamp, frame),
         distance=echo.range_m,
         confidence=echo.confidence,
         ping_number=echo.ping_number,
@@ -130,17 +116,6 @@ def _profile(one: Stamped[EchoProfile], frame: str) -> PingProfile:
         gain_setting=echo.gain,
         profile=echo.strength,
     )
-    message.header.stamp, message.header.frame_id = convert.stamp_to_msg(one.stamp), frame
-    return message
-
-
-def _temperature(of: str) -> Make:
-    """Message of the temperature that a field of the reading holds."""
-    return lambda one, frame: convert.temperature_to_msg(one.stamp, getattr(one.reading, of), frame)
-
-
-def _in_frame(make: Make, frame: str) -> Write:
-    return lambda stamped: make(stamped, frame)
 
 
 def _first_of_second(write: Write) -> Write:
@@ -155,7 +130,7 @@ def _first_of_second(write: Write) -> Write:
     return sometimes
 
 
-def _with_track(write: Callable[[Stamped[BottomVelocity], BottomTrack | None], Any]) -> Write:
+def _with_track(write: Callable[[Stamped[BottomVelocity], BottomTrack | None, float], Any], sound_mps: float) -> Write:
     """Combine every velocity with the last sentence about the beams."""
     latest: BottomTrack | None = None
 
@@ -164,23 +139,6 @@ def _with_track(write: Callable[[Stamped[BottomVelocity], BottomTrack | None], A
         if isinstance(stamped.reading, BottomTrack):
             latest = stamped.reading
             return None
-        return write(stamped, latest)
+        return write(stamped, latest, sound_mps)
 
     return detail
-
-
-MAKERS: dict[str, tuple[tuple[type, ...], Make]] = {
-    "temperature": ((Pressure, Air), _temperature("temperature_C")),
-    "humidity": ((Air,), lambda one, frame: convert.humidity_to_msg(one, frame, SIGMA_HUMIDITY)),
-    "battery": ((Battery,), lambda one, _: convert.battery_to_msg(one)),
-    "leak": ((Leak,), lambda one, _: Bool(data=one.reading.wet)),
-    "profile": ((EchoProfile,), _profile),
-    "die_temperature": ((Inertial,), _temperature("temperature_C")),
-    "supply": (
-        (SonarHealth,),
-        lambda one, _: convert.battery_to_msg(Stamped(one.stamp, Battery(one.reading.supply_V))),
-    ),
-    "processor_temperature": ((SonarHealth,), _temperature("processor_C")),
-    "board_temperature": ((SonarHealth,), _temperature("board_C")),
-}
-"""Kinds of readings behind each slower quantity, and its message."""

@@ -34,8 +34,9 @@ from hindrax_drivers.output.output_ports import ThrusterOutput, open_output
 from hindrax_drivers.output.output_thread import OutputThread
 from hindrax_msgs.srv import Arm
 from hindrax_ros.graph import publisher, publishers_of, subscription
-from hindrax_ros.messages.convert import battery_to_msg, stamp_from_msg
+from hindrax_ros.messages.convert import stamp_from_msg
 from hindrax_ros.messages.fast_serialization import ThrusterStateFields, applied_writer, command_from_bytes
+from hindrax_ros.messages.reading_fields import writer
 from hindrax_ros.parameters import SAFETY, knobs, text
 from hindrax_ros.process import spin
 
@@ -67,7 +68,7 @@ class ThrustersNode(DeviceNode):
         self._inhibited_by = {"dead man": "", "lifecycle": "", "commander": ""}
         self._state = publisher(self, THRUSTER_STATE)
         self._state_bytes = applied_writer(settings.vehicle.output.device)
-        self._battery = None
+        self._battery, self._battery_bytes = None, writer("battery")
         if settings.vehicle.output.device == "stm32" and not settings.vehicle.sources_of("battery"):
             self._battery = publisher(self, BATTERY)
         self._thread = OutputThread(self._open, self._guard, self, self._beat)
@@ -128,8 +129,8 @@ class ThrustersNode(DeviceNode):
         """Publish other outputs of the device; its pulses come with `applied`."""
         for output in () if self.finalized else outputs:
             reading = output.reading if isinstance(output, Stamped) else None
-            if isinstance(reading, Battery) and isinstance(output, Stamped) and self._battery is not None:
-                self._battery.publish(battery_to_msg(Stamped(output.stamp, reading)))
+            if isinstance(reading, Battery) and self._battery is not None:
+                self._battery.publish(self._battery_bytes(output))
             elif not isinstance(reading, AppliedPulses):
                 super().deliver([output])
 

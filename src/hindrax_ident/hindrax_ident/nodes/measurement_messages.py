@@ -17,11 +17,10 @@ from hindrax_ros.messages.convert import (
     wrench_from_msg,
 )
 from hindrax_ros.messages.fast_serialization import (
-    dvl_from_bytes,
     navigation_from_bytes,
-    pressure_from_bytes,
     thrust_from_bytes,
 )
+from hindrax_ros.messages.reading_fields import reader
 from hindrax_ros.messages.serialization import deserialized
 
 Read: TypeAlias = Callable[[bytes], Stamped[Measurement]]
@@ -34,8 +33,8 @@ def _phase(data: bytes) -> Stamped[Measurement]:
 
 
 READERS: dict[Topic, Read] = {
-    DVL_DETAIL: dvl_from_bytes,
-    PRESSURE: pressure_from_bytes,
+    DVL_DETAIL: reader(DVL_DETAIL),
+    PRESSURE: reader(PRESSURE),
     NAVIGATION: navigation_from_bytes,
     ALLOCATION: thrust_from_bytes,
     MANEUVER: _phase,

@@ -18,17 +18,10 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Quaternion as QuaternionMsg
 from geometry_msgs.msg import Vector3, Wrench, WrenchStamped
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import (
-    BatteryState,
-    RelativeHumidity,
-    Temperature,
-)
 from std_msgs.msg import Header
 
 from hindrax_core.events import NS_PER_S, Stamp, Stamped
 from hindrax_core.readings import (
-    Air,
-    Battery,
     Vec3,
     Vec6,
 )
@@ -69,26 +62,6 @@ def vector_to_msg(vector: Sequence[float]) -> Vector3:
 
 def _plain(vector: Vector3) -> Vec3:
     return (vector.x, vector.y, vector.z)
-
-
-def temperature_to_msg(stamp: Stamp, temperature_C: float, frame: str) -> Temperature:
-    """Temperature of the water or inside a device."""
-    return Temperature(header=header(stamp, frame), temperature=temperature_C, variance=0.0)
-
-
-def humidity_to_msg(stamped: Stamped[Air], frame: str, sigma: float) -> RelativeHumidity | None:
-    """Relative humidity, 0 to 1; None where the part measures none."""
-    humidity, variance = stamped.reading.humidity, sigma * sigma
-    if math.isnan(humidity):
-        return None
-    return RelativeHumidity(header=header(stamped.stamp, frame), relative_humidity=humidity, variance=variance)
-
-
-def battery_to_msg(stamped: Stamped[Battery]) -> BatteryState:
-    """Supply voltage and current, which is negative while the battery discharges; NaN is what nobody measures."""
-    unknown = dict.fromkeys(("temperature", "charge", "capacity", "design_capacity", "percentage"), math.nan)
-    voltage, current = stamped.reading.voltage_V, -stamped.reading.current_A
-    return BatteryState(header=header(stamped.stamp), voltage=voltage, current=current, present=True, **unknown)
 
 
 def quaternion_from_sname(roll: float, pitch: float, yaw: float) -> QuaternionMsg:

@@ -1,4 +1,4 @@
-"""The readings of the sensors and the topics of every control cycle as CDR bytes, without message objects.
+"""The topics of every control cycle as CDR bytes, without message objects; those of the sensors see `reading_fields`.
 
 Writing the numbers into the bytes of the previous message (see `serialization`) takes 3 us. Filling and serializing a
 message object takes 10 to 50 in a loop, and three times that in a process that has just woken (ADR 40). Each writer is
@@ -8,52 +8,28 @@ tested against a message object that is filled field by field, each reader again
 import math
 import struct
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import FluidPressure, Imu, MagneticField, Range
 
 from hindrax_core.events import NS_PER_S, Stamp, Stamped
-from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Vec6
+from hindrax_core.readings import Vec6
 from hindrax_core.rotation import FLU, FSD
 from hindrax_core.signals import Allocation, Navigation, Thrust
-from hindrax_msgs.msg import AllocationStatus, Dvl, NavigationStatus, ThrusterCommand, ThrusterState
+from hindrax_msgs.msg import AllocationStatus, NavigationStatus, ThrusterCommand, ThrusterState
 from hindrax_ros.messages import convert
-from hindrax_ros.messages.serialization import ENCAPSULATION, LITTLE_ENDIAN, CdrReader, CdrWriter
+from hindrax_ros.messages.serialization import ENCAPSULATION, LITTLE_ENDIAN, STAMP, CdrReader, CdrWriter, parts
 
-_STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 _ZERO6, _ZERO28 = (0.0,) * 6, (0.0,) * 28
 
 
-def _xyz(path: str) -> tuple[str, str, str]:
-    return f"{path}.x", f"{path}.y", f"{path}.z"
-
-
 _NAVIGATION = (
-    *_STAMP,
+    *STAMP,
     *("depth", "depth_age", "depth_valid", "altitude", "altitude_age", "altitude_valid"),
     *("heave_velocity", "heave_velocity_age", "heave_velocity_valid", "heading", "roll", "pitch"),
     *("surge_velocity", "sway_velocity", "surge_velocity_sigma", "sway_velocity_sigma", "heave_velocity_sigma"),
     *("roll_rate", "pitch_rate", "yaw_rate", "position_north", "position_east", "dvl_locked"),
 )
-
-
-def in_place(
-    example: Any, paths: Sequence[str], values: Callable[..., Sequence[Any] | None]
-) -> Callable[..., bytes | None]:
-    """Make the writer of one topic of one sensor, called with a stamped reading, and with what else `values` takes.
-
-    Only stamp and the fields at `paths` differ from the example. `values` gives these from the reading, arrays
-    flattened, or None if it has no message.
-    """
-    writer = CdrWriter(*_STAMP, *paths)
-    writer.learn(None, example)
-
-    def write(stamped: Stamped[Any], *more: Any) -> bytes | None:
-        numbers = values(stamped.reading, *more)
-        return None if numbers is None else writer.write((*divmod(stamped.stamp, NS_PER_S), *numbers))
-
-    return write
 
 
 def navigation_writer() -> Callable[[Stamped[Navigation]], bytes]:
@@ -93,9 +69,9 @@ def odometry_writer() -> Callable[[Stamped[Navigation]], bytes]:
 
     Variances: of the velocities, and of east and north since the position was last known; NaN where unknown.
     """
-    pose = (*_xyz("pose.pose.position"), *_xyz("pose.pose.orientation"), "pose.pose.orientation.w", "pose.covariance")
-    twist = (*_xyz("twist.twist.linear"), *_xyz("twist.twist.angular"), "twist.covariance")
-    writer = CdrWriter(*_STAMP, *pose, *twist)
+    pose = (*parts("pose.pose.position"), *parts("pose.pose.orientation", "xyzw"), "pose.covariance")
+    twist = (*parts("twist.twist.linear"), *parts("twist.twist.angular"), "twist.covariance")
+    writer = CdrWriter(*STAMP, *pose, *twist)
     writer.learn(None, Odometry(header=convert.header(0, "odom"), child_frame_id=FLU))
 
     def write(stamped: Stamped[Navigation]) -> bytes:
@@ -122,21 +98,21 @@ def odometry_writer() -> Callable[[Stamped[Navigation]], bytes]:
 
 def wrench_writer() -> Callable[[Stamp, Vec6], bytes]:
     """Make a writer: `convert.wrench_to_msg`."""
-    writer = CdrWriter(*_STAMP, *_xyz("wrench.force"), *_xyz("wrench.torque"))
+    writer = CdrWriter(*STAMP, *parts("wrench.force"), *parts("wrench.torque"))
     writer.learn(None, convert.wrench_to_msg(Stamp(0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
     return lambda stamp, wrench: writer.write((*divmod(stamp, NS_PER_S), *wrench))
 
 
 def command_writer(thrusters: int) -> Callable[[Stamp, int, Sequence[float]], bytes]:
     """Make a writer of ThrusterCommand: stamp, sequence, pulses [us]."""
-    writer = CdrWriter(*_STAMP, "sequence", "pulses")
+    writer = CdrWriter(*STAMP, "sequence", "pulses")
     writer.learn(None, ThrusterCommand(header=convert.header(0, FSD), pulses=[0.0] * thrusters))
     return lambda stamp, sequence, pulses: writer.write((*divmod(stamp, NS_PER_S), sequence, *pulses))
 
 
 def applied_writer(output: str) -> Callable[["ThrusterStateFields", str, str], bytes]:
     """Make a writer of ThrusterState: its numbers, its state and its reason in words."""
-    writer = CdrWriter(*_STAMP, "armed", "pulses", "sequence", "armings")
+    writer = CdrWriter(*STAMP, "armed", "pulses", "sequence", "armings")
 
     def write(applied: ThrusterStateFields, state: str, reason: str) -> bytes:
         shape = (state, reason, len(applied.pulses_us))
@@ -154,7 +130,7 @@ def allocation_writer(
 ) -> Callable[["ThrusterStateFields", Allocation, float | None], bytes]:
     """Make a writer of AllocationStatus: what applied pulses achieve, by the measured supply, None: the nominal one."""
     numbers = ("sequence", "wanted", "achieved", "shortfall", "forces", "pulses", "saturated")
-    writer = CdrWriter(*_STAMP, *numbers, "supply_voltage", "supply_measured")
+    writer = CdrWriter(*STAMP, *numbers, "supply_voltage", "supply_measured")
 
     def write(applied: ThrusterStateFields, found: Allocation, supply_V: float | None) -> bytes:
         texts = (found.disabled, found.lost_axes, found.refused)
@@ -216,56 +192,11 @@ class ThrusterStateFields(NamedTuple):
     armings: int
 
 
-_inertial = CdrReader(Imu, *_STAMP, *_xyz("angular_velocity"), *_xyz("linear_acceleration")).read
-_magnetic = CdrReader(MagneticField, *_STAMP, *_xyz("magnetic_field")).read
-_echo = CdrReader(Range, *_STAMP, "range").read
-_attitude = CdrReader(Imu, *_STAMP, *_xyz("orientation"), "orientation.w").read
-_dvl = CdrReader(Dvl, *_STAMP, *_xyz("velocity"), "velocity_covar", "confidence", "device_time", "interval").read
-_pressure = CdrReader(FluidPressure, *_STAMP, "fluid_pressure").read
 _navigation = CdrReader(NavigationStatus, *_NAVIGATION).read
-_command = CdrReader(ThrusterCommand, *_STAMP, "sequence", "pulses").read
+_command = CdrReader(ThrusterCommand, *STAMP, "sequence", "pulses").read
 _lamps = CdrReader(ThrusterCommand, "lights").read
-_applied = CdrReader(ThrusterState, *_STAMP, "armed", "pulses", "sequence", "armings").read
-_thrust = CdrReader(AllocationStatus, *_STAMP, "achieved", "forces", "supply_measured").read
-
-
-def inertial_from_bytes(data: bytes) -> Stamped[Inertial]:
-    """Specific force and angular rate; the temperature of the chip does not travel."""
-    s, ns, p, q, r, x, y, z = _inertial(data)
-    return Stamped(Stamp(s * NS_PER_S + ns), Inertial((x, y, z), (p, q, r), math.nan))
-
-
-def magnetic_from_bytes(data: bytes) -> Stamped[Magnetic]:
-    """Magnetic field in the axes of the chip."""
-    s, ns, x, y, z = _magnetic(data)
-    return Stamped(Stamp(s * NS_PER_S + ns), Magnetic((x, y, z)))
-
-
-def echo_from_bytes(data: bytes) -> Stamped[Echo]:
-    """Distance along the beam; only confident echoes travel."""
-    s, ns, range_m = _echo(data)
-    return Stamped(Stamp(s * NS_PER_S + ns), Echo(range_m, 1.0))
-
-
-def attitude_from_bytes(data: bytes) -> Stamped[BottomTrack]:
-    """Attitude of the DVL's own IMU: a bottom track of which nothing else is known."""
-    s, ns, *orientation = _attitude(data)
-    track = BottomTrack(True, *convert.sname_from_xyzw(*orientation), None, (math.nan, math.nan), (), "", 0)
-    return Stamped(Stamp(s * NS_PER_S + ns), track)
-
-
-def dvl_from_bytes(data: bytes) -> Stamped[BottomVelocity]:
-    """Velocity over ground in the DVL frame with its interval; None where there was none."""
-    s, ns, u, v, w, variance, *_, confidence, device_us, interval_s = _dvl(data)
-    velocity = None if variance < 0.0 else (u, v, w)
-    reading = BottomVelocity(velocity, math.sqrt(max(0.0, variance)), confidence, interval_s, device_us)
-    return Stamped(Stamp(s * NS_PER_S + ns), reading)
-
-
-def pressure_from_bytes(data: bytes) -> Stamped[Pressure]:
-    """Absolute pressure; the temperature travels on its own topic."""
-    s, ns, pressure_Pa = _pressure(data)
-    return Stamped(Stamp(s * NS_PER_S + ns), Pressure(pressure_Pa, math.nan))
+_applied = CdrReader(ThrusterState, *STAMP, "armed", "pulses", "sequence", "armings").read
+_thrust = CdrReader(AllocationStatus, *STAMP, "achieved", "forces", "supply_measured").read
 
 
 def navigation_from_bytes(data: bytes) -> Stamped[Navigation]:

@@ -15,6 +15,7 @@ from typing import Any
 
 from rclpy.serialization import deserialize_message, serialize_message
 
+STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 ENCAPSULATION = 4
 LITTLE_ENDIAN = b"\x00\x01"
 PRIMITIVES = {
@@ -40,6 +41,11 @@ def message_class(type_name: str) -> Any:
     """Class of a message type written as `package/msg/Type`."""
     package, kind, name = type_name.split("/")
     return getattr(importlib.import_module(f"{package}.{kind}"), name)
+
+
+def parts(path: str, names: str = "xyz") -> tuple[str, ...]:
+    """Paths of the fields of a vector or quaternion."""
+    return tuple(f"{path}.{name}" for name in names)
 
 
 def serialized(message: Any) -> bytes:

@@ -1,0 +1,289 @@
+"""Readings and their messages, both ways: a row for every quantity, with an example message and what differs from it.
+
+Nothing here makes a message object: the bytes of the example are written in place (see `serialization`), and read so.
+Each row is tested against a message object that is filled field by field.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from geometry_msgs.msg import TwistWithCovarianceStamped
+from sensor_msgs.msg import (
+    BatteryState,
+    FluidPressure,
+    Imu,
+    MagneticField,
+    NavSatFix,
+    NavSatStatus,
+    Range,
+    RelativeHumidity,
+    Temperature,
+)
+
+from hindrax_core.events import NS_PER_S, Stamp, Stamped
+from hindrax_core.readings import (
+    Air,
+    Battery,
+    Beam,
+    BottomTrack,
+    BottomVelocity,
+    Echo,
+    Inertial,
+    Magnetic,
+    Position,
+    Pressure,
+    Reading,
+    SonarHealth,
+)
+from hindrax_core.topics import Topic
+from hindrax_msgs.msg import Dvl
+from hindrax_ros.messages.convert import UNKNOWN_COVARIANCE, half_turn, header, sname_from_xyzw, xyzw_from_sname
+from hindrax_ros.messages.serialization import STAMP, CdrReader, CdrWriter, message_class, parts
+
+# ICM-20948 datasheet table 1 and 2: 0.015 dps/sqrt(Hz) and 230 ug/sqrt(Hz), over the noise bandwidth of a 50 Hz filter.
+SIGMA_RATE_radps = math.radians(0.015) * math.sqrt(1.57 * 50.0)
+SIGMA_FORCE_mps2 = 230e-6 * 9.80665 * math.sqrt(1.57 * 50.0)
+SIGMA_FIELD_T = 0.3e-6
+SIGMA_PRESSURE_Pa = 20.0
+SIGMA_HUMIDITY = 0.03
+"""BME280 data sheet, table 2: absolute accuracy."""
+SIGMA_ATTITUDE_rad = math.radians(1.0)
+PING_LIMITS_m = (0.3, 100.0)
+PING_VIEW_rad = math.radians(25.0)
+DVL_LIMITS_m = (0.15, 75.0)
+DVL_VIEW_rad = math.radians(22.5)
+
+BEAMS = 4
+_NO_BEAM = (*(0.0,) * 5, False)
+_NOT_MOVING = (*(math.nan,) * 3, *(UNKNOWN_COVARIANCE,) * 9)
+_UNKNOWN = [UNKNOWN_COVARIANCE, *[0.0] * 8]
+"""Covariance of what a message of its type could hold, and this one does not (sensor_msgs/Imu)."""
+
+
+class Fields(NamedTuple):
+    """Kinds of readings; message in a frame with all that stays; paths of the other fields, as in the definition.
+
+    `values` gives these from a reading, arrays flattened, None if it has no message; `reading` is the way back.
+    """
+
+    kinds: tuple[type, ...]
+    example: Callable[[str], Any]
+    paths: Sequence[str]
+    values: Callable[..., Sequence[Any] | None]
+    reading: Callable[..., Reading] | None = None
+
+
+def _diagonal(sigma: float) -> list[float]:
+    variance = sigma * sigma
+    return [variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance]
+
+
+def _inertial(frame: str) -> Imu:
+    """REP-145 `data_raw`: no orientation; vectors in the axes of the chip [rad/s, m/s^2]."""
+    return Imu(
+        header=header(0, frame),
+        orientation_covariance=_UNKNOWN,
+        angular_velocity_covariance=_diagonal(SIGMA_RATE_radps),
+        linear_acceleration_covariance=_diagonal(SIGMA_FORCE_mps2),
+    )
+
+
+def _attitude(frame: str) -> Imu:
+    """Attitude of the DVL's own IMU; rates and accelerations are unknown."""
+    return Imu(
+        header=header(0, frame),
+        orientation_covariance=_diagonal(SIGMA_ATTITUDE_rad),
+        angular_velocity_covariance=_UNKNOWN,
+        linear_acceleration_covariance=_UNKNOWN,
+    )
+
+
+def _range(frame: str, limits_m: tuple[float, float], view_rad: float) -> Range:
+    """Distance along the beam; the frame's x axis is the beam (sensor_msgs/Range)."""
+    ends = dict(zip(("min_range", "max_range"), limits_m, strict=True))
+    return Range(header=header(0, frame), radiation_type=Range.ULTRASOUND, field_of_view=view_rad, **ends)
+
+
+def _altitude(found: BottomTrack | Echo) -> Sequence[float] | None:
+    """A DVL-75 reports the altitude with its attitude, a Tracker 650 as an echo of its own."""
+    altitude_m = found.range_m if isinstance(found, Echo) else found.altitude_m
+    return None if altitude_m is None else (altitude_m,)
+
+
+def _velocity(found: BottomVelocity) -> Sequence[float] | None:
+    """Velocity over ground in the DVL frame, REP-103; None while there is none. Angular rates are unknown."""
+    if found.velocity_mps is None:
+        return None
+    covariance = [0.0] * 36
+    covariance[:21:7] = [found.sigma_mps**2] * 3
+    covariance[21::7] = [UNKNOWN_COVARIANCE] * 3
+    return (*half_turn(found.velocity_mps), *covariance)
+
+
+def _place(frame: str) -> NavSatFix:
+    """Place that the DVL reckons; its status says whether a GPS gives it at the moment. Its height is unknown (NaN)."""
+    status = NavSatStatus(service=NavSatStatus.SERVICE_GPS)
+    return NavSatFix(header=header(0, frame), status=status, altitude=math.nan)
+
+
+def _detail(found: BottomVelocity, track: BottomTrack | None, sound_mps: float) -> Sequence[Any]:
+    """One message per velocity, also while there is none (NaN, covariance -1), with the beams of the track before.
+
+    Laid out like marine_acoustic_msgs/Dvl: x forward, y starboard, z along the beam axis.
+    """
+    moving: Sequence[float] = _NOT_MOVING
+    course_rad = speed_mps = 0.0
+    if found.velocity_mps is not None:
+        u, v, w = found.velocity_mps
+        moving = (u, v, w, *_diagonal(found.sigma_mps))
+        course_rad, speed_mps = math.atan2(v, u), math.hypot(u, v)
+    altitude_m = None if track is None else track.altitude_m
+    beams = () if track is None else track.beams
+    seen = [number for beam in beams for number in _beam(beam)] if len(beams) == BEAMS else BEAMS * _NO_BEAM
+    return (
+        *moving,
+        *(math.nan if altitude_m is None else altitude_m, course_rad, speed_mps),
+        *(sum(beam.locked for beam in beams), sound_mps),
+        *(any(beam.range_m is not None for beam in beams), track is not None and track.locked),
+        *seen,
+        *(found.confidence, found.device_us, found.interval_s),
+    )
+
+
+def _beam(beam: Beam) -> tuple[Any, ...]:
+    range_m = math.nan if beam.range_m is None else beam.range_m
+    return (range_m, UNKNOWN_COVARIANCE, beam.gain_dB, beam.velocity_mps, UNKNOWN_COVARIANCE, beam.locked)
+
+
+def _bottom_velocity(u: float, v: float, w: float, variance: float, *others: Any) -> BottomVelocity:
+    *_, confidence, device_us, interval_s = others
+    velocity = None if variance < 0.0 else (u, v, w)
+    return BottomVelocity(velocity, math.sqrt(max(0.0, variance)), confidence, interval_s, device_us)
+
+
+def _temperature(field: str, *kinds: type) -> Fields:
+    """Temperature of the water or inside a device, which a field of the reading holds."""
+    return Fields(
+        kinds,
+        lambda frame: Temperature(header=header(0, frame)),
+        ("temperature",),
+        lambda found: (getattr(found, field),),
+    )
+
+
+def _battery(_frame: str) -> BatteryState:
+    """Supply voltage and current, which is negative while the battery discharges; NaN is what nobody measures."""
+    names = ("temperature", "current", "charge", "capacity", "design_capacity", "percentage")
+    return BatteryState(present=True, **dict.fromkeys(names, math.nan))
+
+
+_BEAM = ("range", "range_covar", "quality", "velocity", "velocity_covar", "locked")
+FIELDS: Mapping[str, Fields] = {
+    "data_raw": Fields(
+        *((Inertial,), _inertial, (*parts("angular_velocity"), *parts("linear_acceleration"))),
+        values=lambda found: (*found.rate_radps, *found.specific_force_mps2),
+        reading=lambda p, q, r, x, y, z: Inertial((x, y, z), (p, q, r), math.nan),
+    ),
+    "mag": Fields(
+        (Magnetic,),
+        lambda frame: MagneticField(header=header(0, frame), magnetic_field_covariance=_diagonal(SIGMA_FIELD_T)),
+        parts("magnetic_field"),
+        values=lambda found: found.field_T,
+        reading=lambda x, y, z: Magnetic((x, y, z)),
+    ),
+    "pressure": Fields(
+        (Pressure, Air),
+        lambda frame: FluidPressure(header=header(0, frame), variance=SIGMA_PRESSURE_Pa**2),
+        ("fluid_pressure",),
+        values=lambda found: (found.pressure_Pa,),
+        reading=lambda pressure_Pa: Pressure(pressure_Pa, math.nan),
+    ),
+    "range": Fields(  # only confident echoes travel
+        *((Echo,), lambda frame: _range(frame, PING_LIMITS_m, PING_VIEW_rad), ("range",)),
+        values=lambda found: (found.range_m,),
+        reading=lambda range_m: Echo(range_m, 1.0),
+    ),
+    "altitude": Fields(
+        (BottomTrack, Echo), lambda frame: _range(frame, DVL_LIMITS_m, DVL_VIEW_rad), ("range",), _altitude
+    ),
+    "attitude": Fields(
+        *((BottomTrack,), _attitude, parts("orientation", "xyzw")),
+        values=lambda found: xyzw_from_sname(found.roll_rad, found.pitch_rad, found.heading_rad),
+        reading=lambda *xyzw: BottomTrack(True, *sname_from_xyzw(*xyzw), None, (math.nan, math.nan), (), "", 0),
+    ),
+    "velocity": Fields(
+        (BottomVelocity,),
+        lambda frame: TwistWithCovarianceStamped(header=header(0, frame)),
+        (*parts("twist.twist.linear"), "twist.covariance"),
+        _velocity,
+    ),
+    "detail": Fields(
+        (BottomVelocity, BottomTrack),
+        lambda frame: Dvl(header=header(0, frame), velocity_mode=Dvl.DVL_MODE_BOTTOM, dvl_type=Dvl.DVL_TYPE_PISTON),
+        (
+            *(*parts("velocity"), "velocity_covar", "altitude", "course_gnd", "speed_gnd"),
+            *("num_good_beams", "sound_speed", "beam_ranges_valid", "beam_velocities_valid"),
+            *(f"beams.{index}.{name}" for index in range(BEAMS) for name in _BEAM),
+            *("confidence", "device_time", "interval"),
+        ),
+        values=_detail,
+        reading=_bottom_velocity,
+    ),
+    "position": Fields(
+        *((Position,), _place, ("status.status", "latitude", "longitude")),
+        values=lambda found: (
+            NavSatStatus.STATUS_FIX if found.fixed else NavSatStatus.STATUS_NO_FIX,
+            found.latitude_deg,
+            found.longitude_deg,
+        ),
+    ),
+    "humidity": Fields(
+        (Air,),
+        lambda frame: RelativeHumidity(header=header(0, frame), variance=SIGMA_HUMIDITY**2),
+        ("relative_humidity",),
+        values=lambda found: None if math.isnan(found.humidity) else (found.humidity,),
+    ),
+    "temperature": _temperature("temperature_C", Pressure, Air),
+    "die_temperature": _temperature("temperature_C", Inertial),
+    "processor_temperature": _temperature("processor_C", SonarHealth),
+    "board_temperature": _temperature("board_C", SonarHealth),
+    "battery": Fields(
+        *((Battery,), _battery, ("voltage", "current")),
+        values=lambda found: (found.voltage_V, -found.current_A),
+    ),
+    "supply": Fields((SonarHealth,), _battery, ("voltage",), lambda found: (found.supply_V,)),
+}
+"""By quantity of the table of topics."""
+
+
+def writer(quantity: str, frame: str = "") -> Callable[..., bytes | None]:
+    """Make the writer of a quantity of one sensor, called with a stamped reading, and with what else `values` takes.
+
+    It returns the bytes of the message; None if the reading has none.
+    """
+    row = FIELDS[quantity]
+    made = CdrWriter(*STAMP, *row.paths)
+    made.learn(None, row.example(frame))
+
+    def write(stamped: Stamped[Any], *more: Any) -> bytes | None:
+        numbers = row.values(stamped.reading, *more)
+        return None if numbers is None else made.write((*divmod(stamped.stamp, NS_PER_S), *numbers))
+
+    return write
+
+
+def reader(topic: Topic) -> Callable[[bytes], Stamped[Any]]:
+    """Make the reader of a sensor's topic: what its messages hold of a reading, NaN for the rest.
+
+    ValueError for bytes of another kind.
+    """
+    row = FIELDS[topic.name.rpartition("/")[2]]
+    assert row.reading is not None
+    read, back = CdrReader(message_class(topic.type), *STAMP, *row.paths).read, row.reading
+
+    def reading(data: bytes) -> Stamped[Any]:
+        seconds, nanoseconds, *numbers = read(data)
+        return Stamped(Stamp(seconds * NS_PER_S + nanoseconds), back(*numbers))
+
+    return reading
