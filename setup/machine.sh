@@ -24,6 +24,10 @@ env=$state/env
 workspace=$root/ros_ws
 log=$state/setup.log
 
+# Ctrl-C waits while Python starts, which would answer it with a traceback; the tool then lets it in.
+until_heard=(env --block-signal=INT)
+"${until_heard[@]}" true 2>/dev/null || until_heard=()
+
 # shellcheck source=setup/needs.sh
 . "$root/setup/needs.sh"
 
@@ -83,7 +87,7 @@ answer_before_setup() { # WORD...
   local candidate
   for candidate in "${HINDRAX_PYTHON-}" python3 python3.12 python3.11; do
     "$candidate" -I -c 'import sys; sys.exit(sys.version_info < (3, 9))' 2>/dev/null || continue
-    "$candidate" -I -B - "$root" "$@" <<'END'
+    "${until_heard[@]}" "$candidate" -I -B - "$root" "$@" <<'END'
 import sys
 from pathlib import Path
 
@@ -370,11 +374,8 @@ set_up() {
   { mkdir -p "$state" && : >"$state/lock"; } 2>/dev/null || fail "$(unwritable)"
   exec 9>"$state/lock"
   flock -n 9 || { say "another set-up works here; waiting for it" && flock 9; }
-  # Ctrl-C ends the set-up even where a builder takes it for itself and ends as if it had failed.
-  trap 'exit 130' INT
   # The other one may have done all of it.
   is_ready || make_everything
-  trap - INT
   exec 9>&-
 }
 

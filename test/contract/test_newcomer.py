@@ -49,7 +49,7 @@ def run(place: Path, *words: str) -> subprocess.CompletedProcess[str]:
 
 
 def hindrax(place: Path, command: str) -> subprocess.CompletedProcess[str]:
-    return run(place, "-m", "hindrax_cli.command_line", *command.removeprefix("./hindrax ").split())
+    return run(place, "-m", "hindrax_cli", *command.removeprefix("./hindrax ").split())
 
 
 def test_four_files_one_row_and_one_line_and_nothing_else(

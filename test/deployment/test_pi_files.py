@@ -231,6 +231,9 @@ def test_the_service_is_watched_and_always_started_again() -> None:
     assert service["Type"] == "notify"
     assert int(service["WatchdogSec"]) > 0
     assert service["Restart"] == "always"
+    # A vehicle that is switched off has not failed.
+    assert service["KillSignal"] == "SIGINT"
+    assert service["SuccessExitStatus"] == "130"
     assert parser["Unit"]["StartLimitIntervalSec"] == "0"
     assert service["User"] != "root"
 

@@ -26,7 +26,7 @@ pytestmark = [
         importlib.util.find_spec("hindrax_msgs") is None, reason="needs the built workspace: run ./hindrax test"
     ),
 ]
-UP = ("-m", "hindrax_cli.command_line", "up", "--mock")
+UP = ("-m", "hindrax_cli", "up", "--mock")
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +73,7 @@ def test_without_a_tether_nobody_outside_the_machine_is_answered(machines: Machi
 
 def test_the_doctor_at_the_far_end_sees_tether_and_clocks(machines: Machines) -> None:
     child = machines.start(machines.vehicle, [str(HERE / "stand_in_vehicle.py")], HINDRAX_TETHER=f"tether:{TOPSIDE}")
-    words = ["-m", "hindrax_cli.command_line", "doctor", "--topside", "--json", "--tether", f"tether:{VEHICLE}"]
+    words = ["-m", "hindrax_cli", "doctor", "--topside", "--json", "--tether", f"tether:{VEHICLE}"]
     out, _ = machines.start(machines.topside, words).communicate(timeout=PATIENT_S)
     checks = {one["name"]: one for one in json.loads(out)["checks"]}
     assert checks["tether"]["found"] == f"tether is {TOPSIDE}; at its other end {VEHICLE}"

@@ -29,7 +29,7 @@ from hindrax_core.topics import (
     resolved,
 )
 
-TOOL = (sys.executable, "-m", "hindrax_cli.command_line")
+TOOL = (sys.executable, "-m", "hindrax_cli")
 BAGS = Path(__file__).parent / "bags"
 SECONDS = 32
 SHORT = 15

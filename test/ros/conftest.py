@@ -15,7 +15,7 @@ def flown(folder: Path, *more: str) -> tuple[Path, Any]:
     words = next(one.words for one in commands_of(TUTORIAL) if one.words[0] == "pool-test")
     words = [*words[: words.index("--out")], *more, "--json", "--out", str(folder)]
     done = subprocess.run(
-        [sys.executable, "-m", "hindrax_cli.command_line", *words],
+        [sys.executable, "-m", "hindrax_cli", *words],
         capture_output=True,
         text=True,
         timeout=900,

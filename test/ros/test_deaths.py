@@ -77,7 +77,7 @@ def test_what_systemd_runs_after_it_has_killed_everything_puts_neutral_on_the_wi
     (line,) = [one for one in SERVICE.read_text().splitlines() if one.startswith("ExecStopPost=")]
     words = line.removeprefix("ExecStopPost=/opt/hindrax/hindrax ").split()
     done = subprocess.run(
-        [sys.executable, "-m", "hindrax_cli.command_line", *words, "--vehicle", file],
+        [sys.executable, "-m", "hindrax_cli", *words, "--vehicle", file],
         env=os.environ | {FOLDER: str(tmp_path / "runtime")},
         check=True,
         capture_output=True,

@@ -138,15 +138,15 @@ class Client:
 
 
 def start(
-    words: list[str], environment: dict[str, str], log: Path, running: contextlib.ExitStack
+    words: list[str], environment: dict[str, str], log: Path, running: contextlib.ExitStack, code: int = 0
 ) -> subprocess.Popen[bytes]:
-    """Start a process that is ended with the stack of contexts, well."""
+    """Start a process that is ended with the stack of contexts, by Ctrl-C and with this code."""
     with log.open("w") as errors:
         made = subprocess.Popen([sys.executable, "-m", *words], env=environment, stdout=errors, stderr=errors)
 
     def end() -> None:
         made.send_signal(signal.SIGINT)
-        assert made.wait(PATIENT_S) == 0, log.read_text()
+        assert made.wait(PATIENT_S) == code, log.read_text()
 
     running.callback(end)
     return made
@@ -158,9 +158,9 @@ def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[psutil.Process]:
     folder = tmp_path_factory.mktemp("hostile")
     runtime = folder / "runtime"
     made = {key: value for key, value in os.environ.items() if key != "ROS_DOMAIN_ID"} | {FOLDER: str(runtime)}
-    up = ["hindrax_cli.command_line", "up", "--mock", "--record", "--out", str(folder / "run")]
+    up = ["hindrax_cli", "up", "--mock", "--record", "--out", str(folder / "run")]
     with contextlib.ExitStack() as running:
-        child = start(up, made, folder / "up.log", running)
+        child = start(up, made, folder / "up.log", running, 130)
         deadline = time.monotonic() + PATIENT_S
         while "thrusters: well" not in (folder / "up.log").read_text():
             assert time.monotonic() < deadline, (folder / "up.log").read_text()

@@ -22,9 +22,7 @@ def test_ctrl_c_in_a_plateau(tmp_path: Path) -> None:
     said = tmp_path / "said"
     words = ["pool-test", "--mock", "--seed", "5", "--headless", "--out", str(folder)]
     with said.open("w") as stream:
-        flight = subprocess.Popen(
-            [sys.executable, "-m", "hindrax_cli.command_line", *words], stdout=stream, stderr=stream
-        )
+        flight = subprocess.Popen([sys.executable, "-m", "hindrax_cli", *words], stdout=stream, stderr=stream)
     wait_for(lambda: "plateau" in said.read_text(), 240.0)
     flight.send_signal(signal.SIGINT)
     assert flight.wait(60.0) == 130

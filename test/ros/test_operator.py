@@ -44,7 +44,7 @@ class Terminal:
 
     def start(self, *words: str) -> subprocess.Popen[str]:
         return subprocess.Popen(
-            [sys.executable, "-m", "hindrax_cli.command_line", *words],
+            [sys.executable, "-m", "hindrax_cli", *words],
             env=self.environment,
             cwd=self.folder,
             stdout=subprocess.PIPE,
@@ -96,7 +96,7 @@ def up(terminal: Terminal) -> Iterator[psutil.Process]:
     yield psutil.Process(child.pid)
     family = psutil.Process(child.pid).children(recursive=True)
     child.send_signal(signal.SIGINT)
-    assert child.wait(PATIENT_S) == 0, terminal.errors("up")
+    assert child.wait(PATIENT_S) == 130, terminal.errors("up")
     assert [one for one in family if one.is_running() and one.status() != psutil.STATUS_ZOMBIE] == []
     assert (out / "bag" / "metadata.yaml").is_file()
     assert list((terminal.folder / "runtime").glob("*.json")) == []
@@ -234,7 +234,7 @@ def test_the_page_flies_an_armed_vehicle_and_stops_it_in_mid_maneuver(terminal: 
         wait_for(lambda: state()["state"] == "disarmed", terminal)
     finally:
         child.send_signal(signal.SIGINT)
-        assert child.wait(PATIENT_S) == 0, terminal.errors("web")
+        assert child.wait(PATIENT_S) == 130, terminal.errors("web")
 
 
 def test_without_a_stack_commands_say_what_is_missing(tmp_path: Path, terminal: Terminal, ros_domain: int) -> None:

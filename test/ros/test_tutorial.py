@@ -31,7 +31,7 @@ def test_the_tutorial_flies_once_at_the_desk() -> None:
 @pytest.mark.parametrize("command", [one for one in DESK if one.words[0] != "pool-test"], ids=lambda one: one.line)
 def test_a_command_of_the_tutorial_works(place: Path, command: Any) -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "hindrax_cli.command_line", *command.words],
+        [sys.executable, "-m", "hindrax_cli", *command.words],
         capture_output=True,
         text=True,
         timeout=300,

@@ -57,6 +57,19 @@ def test_control_c_ends_it_although_the_builder_takes_it_for_itself(clone: Clone
     assert clone.run("test").returncode == 0
 
 
+def test_control_c_before_python_starts_is_one_sentence(clone: Clone) -> None:
+    assert clone.run("setup").returncode == 0
+    begun = clone.tools / "begun"
+    clone.tool("sha256sum", f"#!/bin/sh\ntouch {begun}\nexec sleep 300\n")
+    process = clone.start("test")
+    while not begun.exists():
+        assert process.poll() is None
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGINT)
+    assert process.communicate(timeout=60) == ("", "hindrax: stopped by Ctrl-C\n")
+    assert process.returncode == 130
+
+
 def test_an_environment_without_its_stamp_is_made_anew(clone: Clone) -> None:
     clone.run("setup")
     clone.steps()

@@ -3,9 +3,9 @@
 import contextlib
 import math
 import os
+import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -50,7 +50,7 @@ class UpOptions:
 
 
 def run_up(options: UpOptions) -> int:
-    """Start everything, say how to reach it, look after it; 0 when a signal ended it."""
+    """Start everything, say how to reach it, look after it; 0 when SIGTERM ended it."""
     load_vehicle(options.vehicle_file).output_channels()
     mock, namespace = options.mock is not None, options.tuning.namespace
     with asked_to_end() as over, own_domain(mock=mock, namespace=namespace) as domain, tool_liveness() as beating:
@@ -161,10 +161,15 @@ def _require_same(tether: Tether | None, address: str) -> None:
 
 @contextlib.contextmanager
 def asked_to_end() -> Iterator[Callable[[], bool]]:
-    """Only note SIGINT and SIGTERM, however often they come; yields the question whether one has come."""
-    asked = threading.Event()
-    with stop_signals(lambda _number, _frame: asked.set()):
-        yield asked.is_set
+    """Only note SIGINT and SIGTERM, however often they come; yields the question whether one has come.
+
+    KeyboardInterrupt at the end when it was Ctrl-C: its exit code is one, also of what goes on until then.
+    """
+    came: list[int] = []
+    with stop_signals(lambda number, _frame: came.append(number)):
+        yield lambda: bool(came)
+    if signal.SIGINT in came:
+        raise KeyboardInterrupt
 
 
 def report(sentence: str) -> None:

@@ -1,6 +1,6 @@
 """The words of the tool: which module has which commands, and what a command is.
 
-Exit codes: 0 done, 1 the work failed (HindraxError), 2 wrong use (UsageError), 130 interrupted by Ctrl-C.
+Exit codes: 0 done, 1 the work failed (HindraxError), 2 wrong use (UsageError), 130 ended by Ctrl-C.
 """
 
 from __future__ import annotations

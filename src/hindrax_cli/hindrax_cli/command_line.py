@@ -16,6 +16,7 @@ from typing import NoReturn
 
 from hindrax_bag import software_version
 from hindrax_cli.command import GROUPS, MODULES, Command, example_text, help_text
+from hindrax_cli.interrupt import interruptible
 from hindrax_core.errors import INTERRUPTED, HindraxError, UsageError
 from hindrax_core.text.screen_text import fitted, fitted_description, print_fitted, print_whole, screen_width
 
@@ -128,7 +129,8 @@ def run_command(command: Command, words: list[str]) -> int:
     if command.passes_on and words[:1] not in (["-h"], ["--help"]):
         words = ["--", *words]  # argparse would look at the first one
     try:
-        return command.run(parser.parse_args(words))
+        with interruptible():
+            return command.run(parser.parse_args(words))
     except HindraxError as error:
         why = str(error).removeprefix(f"{command.name}: ")
         print_fitted(f"hindrax {command.name}: {why}", sys.stderr)
@@ -161,7 +163,3 @@ def declared(name: str) -> str:
         for node in tree.body
         if isinstance(node, ast.FunctionDef) and node.name == name.replace("-", "_")
     )
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -82,7 +82,7 @@ def test_another_ros_is_named() -> None:
 
 def test_nodes_without_a_parent_are_left_behind_and_those_with_one_are_not() -> None:
     node = "python -m hindrax_drivers.nodes.thrusters --ros-args"
-    init, tool = Running(1, 0, 0, "/sbin/init"), Running(50, 20, 7, "python -m hindrax_cli.command_line up")
+    init, tool = Running(1, 0, 0, "/sbin/init"), Running(50, 20, 7, "python -m hindrax_cli up")
     cared, lost, foreign = Running(51, 50, 7, node), Running(60, 1, 7, node), Running(61, 1, 8, node)
     assert machine.leftovers([init, tool, cared, foreign], 7).ok
     found = machine.leftovers([init, tool, cared, lost, foreign], 7)
@@ -92,7 +92,7 @@ def test_nodes_without_a_parent_are_left_behind_and_those_with_one_are_not() -> 
 
 
 def test_in_a_container_our_own_tool_may_be_the_first_process() -> None:
-    first = Running(1, 0, 7, "python -m hindrax_cli.command_line up")
+    first = Running(1, 0, 7, "python -m hindrax_cli up")
     assert machine.leftovers([first, Running(9, 1, 7, "python -m hindrax_sim.nodes.mock")], 7).ok
 
 

@@ -92,8 +92,9 @@ def test_steering_without_a_stack_says_where_it_is_looked_for(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("rclpy", reason="the node of the joystick needs it")
-    monkeypatch.setattr("hindrax_ros.process.spin", lambda _make, _words: 0)
-    assert main(["joystick"]) == 0
+    monkeypatch.setattr("hindrax_ros.process.StopSignal", lambda: Message(number=signal.SIGINT))
+    monkeypatch.setattr("hindrax_ros.process.spin", lambda _make, _words, _stop: 0)
+    assert main(["joystick"]) == 130
     assert "no `./hindrax up` runs here; looking in the ROS graph" in capsys.readouterr().err
 
 
@@ -262,12 +263,23 @@ def test_settings_of_up_can_be_copied_from_a_narrow_screen() -> None:
     assert all(len(line) <= 60 for line in lines if "PROFILES" not in line)
 
 
-def test_a_signal_is_noted_and_interrupts_nothing() -> None:
-    with asked_to_end() as over:
+@pytest.mark.parametrize(
+    ("numbers", "end"),
+    [
+        ([signal.SIGINT, signal.SIGTERM], pytest.raises(KeyboardInterrupt)),
+        ([signal.SIGTERM, signal.SIGTERM], contextlib.nullcontext()),
+    ],
+)
+def test_a_signal_is_noted_and_interrupts_nothing(
+    numbers: list[int], end: contextlib.AbstractContextManager[object]
+) -> None:
+    seen: list[bool] = []
+    with end, asked_to_end() as over:
         assert not over()
-        signal.raise_signal(signal.SIGINT)
-        signal.raise_signal(signal.SIGTERM)
-        assert over()
+        for number in numbers:
+            signal.raise_signal(number)
+        seen.append(over())
+    assert seen == [True]
 
 
 def test_the_devices_alone_lie_at_stable_paths_and_only_once(

@@ -185,7 +185,7 @@ def test_options_of_pytest_reach_pytest(monkeypatch: pytest.MonkeyPatch, words: 
 
 @pytest.mark.parametrize("buffered", [{}, {"PYTHONUNBUFFERED": "1"}])
 def test_a_reader_that_has_seen_enough_costs_no_traceback(buffered: dict[str, str]) -> None:
-    tool = [sys.executable, "-m", "hindrax_cli.command_line", "--help"]
+    tool = [sys.executable, "-m", "hindrax_cli", "--help"]
     here, there = os.pipe()
     os.close(here)
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}

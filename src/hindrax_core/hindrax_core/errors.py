@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 INTERRUPTED = 130
-"""Exit code of a command that Ctrl-C ended before its work was done, as of a shell: 128 and the number of SIGINT."""
+"""Exit code of a command that Ctrl-C ended, as of a shell: 128 and the number of SIGINT."""
 
 
 class HindraxError(Exception):

@@ -34,24 +34,29 @@ class StopSignal:
 
     def __init__(self) -> None:
         self.asked = False
+        self.number = 0
+        """Of the signal that asked."""
         signal.signal(signal.SIGINT, self._ask)
         signal.signal(signal.SIGTERM, self._ask)
 
-    def _ask(self, _number: int, _frame: FrameType | None) -> None:
+    def _ask(self, number: int, _frame: FrameType | None) -> None:
         if not self.asked:
+            self.number = number
             signal.signal(signal.SIGALRM, signal.SIG_DFL)
             signal.alarm(LONGEST_END_S)
         self.asked = True
 
 
-def spin(make: Callable[[], Sequence[Node]], arguments: Sequence[str] | None = None) -> int:
+def spin(
+    make: Callable[[], Sequence[Node]], arguments: Sequence[str] | None = None, stop: StopSignal | None = None
+) -> int:
     """Make the nodes, spin them until a stop signal, close them, and return the exit code of the process.
 
     A node that owns something (a port, a thread, a file) offers `close()`, called before it is destroyed. An exception
     in a callback is our own mistake: nothing catches it, the process ends and its supervisor starts it again. Nodes
     that cannot be made as they were told say so in one sentence.
     """
-    stop, heartbeat = StopSignal(), Heartbeat.of(os.environ)
+    stop, heartbeat = stop or StopSignal(), Heartbeat.of(os.environ)
     rclpy.init(args=list(sys.argv if arguments is None else arguments), signal_handler_options=SignalHandlerOptions.NO)
     nodes: Sequence[Node] = ()
     executor = events_executor()

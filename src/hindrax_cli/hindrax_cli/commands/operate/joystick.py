@@ -1,6 +1,7 @@
 """`hindrax joystick`: steer by hand, with what any joystick or keyboard tool of ROS 2 sends."""
 
 import argparse
+import signal
 from collections.abc import Sequence
 from functools import partial
 from typing import Any
@@ -41,11 +42,15 @@ def joystick(arguments: argparse.Namespace) -> int:
     words = ["teleop", "--ros-args", *remaps, *(word for one in given for word in ("-p", one))]
     with adopted(environment_beside(found) if found else environment(mock=False, domain=None)):
         from hindrax_control.nodes.teleop_node import make_nodes  # noqa: PLC0415  # rclpy reads the environment first
-        from hindrax_ros.process import spin  # noqa: PLC0415  # as above
+        from hindrax_ros.process import StopSignal, spin  # noqa: PLC0415  # as above
 
         ready = "hold the dead-man button and steer" if found else "a vehicle that is heard there can be steered"
         print_fitted(f"{ready}; Ctrl-C ends it")
-        return spin(make_nodes, words)
+        stop = StopSignal()
+        code = spin(make_nodes, words, stop)
+        if stop.number == signal.SIGINT:
+            raise KeyboardInterrupt
+        return code
 
 
 def check(words: Sequence[str]) -> None:

@@ -1,0 +1,17 @@
+"""Start of the tool: hears Ctrl-C before it imports anything that takes time."""
+
+import sys
+
+from hindrax_cli import interrupt
+
+
+def main() -> int:
+    """Run the tool and return its exit code."""
+    interrupt.listen()
+    from hindrax_cli.command_line import main as run  # noqa: PLC0415  # takes a tenth of a second
+
+    return run()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

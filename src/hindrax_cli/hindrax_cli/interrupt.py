@@ -1,0 +1,57 @@
+"""Ctrl-C is one sentence and exit code 130, at whatever moment it comes."""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import os
+import signal
+from collections.abc import Iterator
+from typing import Any
+
+from hindrax_core.errors import INTERRUPTED, HindraxError
+
+STDERR = 2
+
+
+def end_now(_number: int, _frame: Any) -> None:
+    """End where nothing is begun yet, or all is done; an exception within an import would come out as another."""
+    os.write(STDERR, b"hindrax: stopped by Ctrl-C\n")
+    os._exit(INTERRUPTED)
+
+
+def listen() -> None:
+    """End by `end_now` from here on, also by what has been waiting since `./hindrax` started Python."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else whoever started this wants it ignored
+        signal.signal(signal.SIGINT, end_now)
+        # Called last: beyond it Python gives signals back to the kernel, which would kill with another code.
+        atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+
+
+@contextlib.contextmanager
+def interruptible() -> Iterator[None]:
+    """Have KeyboardInterrupt raised meanwhile, and come out as that, whatever a library has made of it."""
+    if signal.getsignal(signal.SIGINT) is not end_now:
+        yield
+        return
+    interrupted = False
+
+    def interrupt(number: int, frame: Any) -> None:
+        nonlocal interrupted
+        interrupted = True
+        signal.default_int_handler(number, frame)
+
+    try:
+        signal.signal(signal.SIGINT, interrupt)
+        yield
+    except HindraxError:
+        raise
+    except BaseException as error:
+        if interrupted:
+            raise KeyboardInterrupt from error
+        raise
+    finally:
+        signal.signal(signal.SIGINT, end_now)
+        # Python notes where one leaves an `exec`, as of a named tuple in an import, and would kill itself at its end.
+        exec("")  # noqa: S102
