@@ -24,10 +24,6 @@ env=$state/env
 workspace=$root/ros_ws
 log=$state/setup.log
 
-# Ctrl-C waits while Python starts, which would answer it with a traceback; the tool then lets it in.
-until_heard=(env --block-signal=INT)
-"${until_heard[@]}" true 2>/dev/null || until_heard=()
-
 # shellcheck source=setup/needs.sh
 . "$root/setup/needs.sh"
 
@@ -87,6 +83,7 @@ answer_before_setup() { # WORD...
   local candidate
   for candidate in "${HINDRAX_PYTHON-}" python3 python3.12 python3.11; do
     "$candidate" -I -c 'import sys; sys.exit(sys.version_info < (3, 9))' 2>/dev/null || continue
+    # shellcheck disable=SC2154 # that of ./hindrax
     "${until_heard[@]}" "$candidate" -I -B - "$root" "$@" <<'END'
 import sys
 from pathlib import Path
