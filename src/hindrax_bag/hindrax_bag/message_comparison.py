@@ -166,9 +166,9 @@ class ComparisonReport:
                 self._differ(topic, name, stamp, one, other)
         self._count(topic, compared)
 
-    def unmatched(self, topic: str, stamp: int, said: str, recorded: str, replayed: str) -> None:
+    def unmatched(self, topic: str, stamp: int, text: str, recorded: str, replayed: str) -> None:
         """Record a message without a counterpart."""
-        self._differ(topic, f"{MISSING} {said}", stamp, recorded, replayed)
+        self._differ(topic, f"{MISSING} {text}", stamp, recorded, replayed)
 
     def explain(self, topic: str, why: str) -> None:
         """Give the cause that the record itself names for the differences of a topic; they no longer count as such."""

@@ -195,10 +195,10 @@ def contents_of(file: Path) -> Contents:
         summary = make_reader(stream).get_summary()
     if summary is None or summary.statistics is None:
         return Contents(file.name)
-    told = summary.statistics
+    stats = summary.statistics
     channels = tuple(channel_of(one, summary.schemas.get(one.schema_id)) for one in summary.channels.values())
-    counts = Counter({summary.channels[number].topic: count for number, count in told.channel_message_counts.items()})
-    return Contents(file.name, counts, told.message_start_time, told.message_end_time, channels)
+    counts = Counter({summary.channels[number].topic: count for number, count in stats.channel_message_counts.items()})
+    return Contents(file.name, counts, stats.message_start_time, stats.message_end_time, channels)
 
 
 def write_metadata(folder: Path, known: Mapping[str, Contents]) -> None:

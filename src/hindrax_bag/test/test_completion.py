@@ -143,9 +143,9 @@ def test_a_copy_is_made_where_there_is_room_for_it(tmp_path: Path, monkeypatch: 
 def test_files_are_completed_beside_the_flight_or_nothing_is_started(tmp_path: Path) -> None:
     assert begin_completion([]) is None
     path = unfinished_bag(tmp_path / "bag")
-    begun = begin_completion([path])
-    assert begun is not None
-    assert begun.wait(60.0) == 0
+    completion = begin_completion([path])
+    assert completion is not None
+    assert completion.wait(60.0) == 0
     assert is_whole(path)
 
 
@@ -161,8 +161,8 @@ def test_the_process_that_completes_yields_to_the_flight_outlives_ctrl_c_and_ind
     assert main() == 0
     assert yields[0] > 0
     assert signals == [(signal.SIGINT, signal.SIG_IGN)]
-    told = capsys.readouterr().err.splitlines()
-    assert told == [f"{file}: was left unfinished; completed, 181 messages" for file in files]
+    printed = capsys.readouterr().err.splitlines()
+    assert printed == [f"{file}: was left unfinished; completed, 181 messages" for file in files]
     for file in files:
         with Reader(file.parent) as reader:
             assert reader.message_count == 181
@@ -182,9 +182,9 @@ def test_the_budget_counts_and_drops_the_files_of_the_recorder_before(tmp_path: 
     budget_MB = (path.stat().st_size + 600) / 1e6
     bag, _ = resumed(tmp_path / "bag", BagLimits(budget_MB=budget_MB, when_full="oldest", keep_free_MB=0.0))
     record(bag, 100)
-    said = bag.flush()
+    decisions = bag.flush()
     bag.close()
-    assert any("dropped the oldest, bag_0.mcap" in sentence for sentence in said)
+    assert any("dropped the oldest, bag_0.mcap" in sentence for sentence in decisions)
     assert not path.exists()
 
 

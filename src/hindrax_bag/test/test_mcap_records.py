@@ -125,7 +125,7 @@ def test_a_broken_chunk_costs_itself_and_its_time(broken: bytes, why: str, tmp_p
     assert damage == lost(f"a chunk is damaged ({why}) and left out", left_out=1)
 
 
-def test_a_chunk_without_a_checksum_is_believed(tmp_path: Path) -> None:
+def test_a_chunk_without_a_checksum_is_accepted(tmp_path: Path) -> None:
     found, damage = read(tmp_path, MAGIC + chunk(message(1), crc=0) + FOOT)
     assert kinds(found) == [Message, Footer]
     assert damage == Damage()

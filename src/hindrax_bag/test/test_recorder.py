@@ -155,8 +155,8 @@ class Rig:
 
     def last_words(self) -> dict[str, str]:
         """What the recorder said of itself last."""
-        told = [status for one in messages(self.bag, {"/diagnostics"}) for status in one.decoded().status]
-        return [{pair.key: pair.value for pair in one.values} for one in told if one.name == "hindrax: recorder"][-1]
+        found = [status for one in messages(self.bag, {"/diagnostics"}) for status in one.decoded().status]
+        return [{pair.key: pair.value for pair in one.values} for one in found if one.name == "hindrax: recorder"][-1]
 
 
 def received(place: Path) -> list[BagMessage]:

@@ -58,8 +58,8 @@ class Bench:
 
     def __init__(self, folder: Path, **parameters: object) -> None:
         self.bag = folder / "bag"
-        told = {"bag": self.bag, **parameters}
-        rclpy.init(args=["--ros-args", *(word for key, value in told.items() for word in ("-p", f"{key}:={value}"))])
+        knobs = {"bag": self.bag, **parameters}
+        rclpy.init(args=["--ros-args", *(word for key, value in knobs.items() for word in ("-p", f"{key}:={value}"))])
         self.recorder, self.closed = Recorder(), False
         self.speaker = rclpy.create_node("speaker", namespace=NAMESPACE)
         self.statuses: list[DiagnosticStatus] = []
@@ -127,11 +127,11 @@ def bench(tmp_path: Path, ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> I
         one.end()
 
 
-def told(status: DiagnosticStatus) -> dict[str, str]:
+def values_of(status: DiagnosticStatus) -> dict[str, str]:
     return {pair.key: pair.value for pair in status.values}
 
 
-def said_by(bench: Bench) -> list[str]:
+def logged_by(bench: Bench) -> list[str]:
     """What is in the bag of the log, which the recorder finds in the graph like any other topic."""
     bench.report()
     return [one.decoded().msg for one in bench.recorded(ROSOUT)]
@@ -195,7 +195,7 @@ def test_a_stamp_that_is_none_is_counted_and_the_message_recorded_as_received(be
         inertial.publish(whole[:4] + struct.pack("<iI", seconds, nanoseconds) + whole[12:])
     lamps.publish(Float32MultiArray())
     made.recorder.drain()
-    words = told(made.report())
+    words = values_of(made.report())
     assert {key: value for key, value in words.items() if key.startswith("invalid")} == {
         f"invalid stamps: {IMU.name}": "2"
     }
@@ -214,8 +214,8 @@ def test_it_says_that_it_records_and_how_much_fits(bench: Callable[..., Bench]) 
         inertial.publish(imu(stamp_s))
     made.recorder.drain()
     status = made.report()
-    words = told(status)
-    assert not any("recording goes on" in text for text in said_by(made))
+    words = values_of(status)
+    assert not any("recording goes on" in text for text in logged_by(made))
     assert (status.name, status.level, status.message) == ("hindrax: recorder", DiagnosticStatus.OK, "recording")
     assert int(words["messages"]) >= 300
     assert words["lost"] == "0"
@@ -269,7 +269,7 @@ def test_what_its_queue_has_lost_is_a_warning_with_the_topic(bench: Callable[...
     lost = QUEUE + 101 - len(made.recorded(IMU))
     assert lost >= 100
     assert (status.level, status.message) == (DiagnosticStatus.WARN, f"recording; {lost} messages lost")
-    assert (told(status)["lost"], told(status)[f"lost: {IMU.name}"]) == (str(lost), str(lost))
+    assert (values_of(status)["lost"], values_of(status)[f"lost: {IMU.name}"]) == (str(lost), str(lost))
 
 
 def test_a_bag_that_may_not_grow_is_an_error_that_says_why_and_is_logged_then_and_in_the_end(
@@ -345,7 +345,7 @@ def test_a_bag_that_a_killed_recorder_left_is_resumed_and_in_the_end_whole(
     made = bench()
     inertial = made.voice(IMU)
     inertial.publish(imu(3))
-    assert any("recording goes on in bag_1.mcap" in text for text in said_by(made))
+    assert any("recording goes on in bag_1.mcap" in text for text in logged_by(made))
     assert [is_whole(file) for file in sorted(made.bag.glob("*.mcap"))] == [True, True]
     with Reader(made.bag) as reader:
         assert {"/demo/level", resolved(IMU)} <= {one.topic for one in reader.connections}

@@ -166,10 +166,10 @@ def test_messages_are_kept_by_topic_and_by_seconds_since_the_first(tmp_path: Pat
 
 
 def test_a_long_recovery_says_now_and_then_how_far_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path, told = small_bag(tmp_path / "bag", count=250), list[int]()
+    path, progress = small_bag(tmp_path / "bag", count=250), list[int]()
     monkeypatch.setattr(recovery, "EVERY", 100)
-    assert recover(path, tmp_path / "out", told.append).messages == 251
-    assert told == [100, 200]
+    assert recover(path, tmp_path / "out", progress.append).messages == 251
+    assert progress == [100, 200]
 
 
 def _zstd_of_zeros(size: int, claimed: int | None = None) -> bytes:

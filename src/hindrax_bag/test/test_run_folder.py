@@ -35,11 +35,11 @@ def test_only_the_oldest_finished_runs_make_room(tmp_path: Path) -> None:
     (runs / "linked").symlink_to(elsewhere)
     (runs / "notes").mkdir()
     (runs / "notes/diary.txt").write_bytes(bytes(5000))
-    said = list(run_folder.remove_oldest(runs, 2500.0, [runs / "flying"]))
+    removed = list(run_folder.remove_oldest(runs, 2500.0, [runs / "flying"]))
     assert {path.name for path in runs.iterdir()} == {"flying", "new", "linked", "notes"}
     assert elsewhere.exists()
-    assert [one.partition(":")[0] for one in said] == [str(runs / "old"), str(runs / "older_name")]
-    assert said[-1].endswith("removed, 0.0 MB; the runs take 0.0 MB now")
+    assert [one.partition(":")[0] for one in removed] == [str(runs / "old"), str(runs / "older_name")]
+    assert removed[-1].endswith("removed, 0.0 MB; the runs take 0.0 MB now")
     assert list(run_folder.remove_oldest(runs, 2500.0, [])) == []
     assert len(list(run_folder.remove_oldest(runs, 0.0, []))) == 2
 

@@ -33,17 +33,17 @@ def written(folder: Path, name: str = "bag_0.mcap", *, finish: bool = True) -> P
 
 
 def described(folder: Path, *files: str) -> None:
-    told = {"relative_file_paths": [*files], "duration": {"nanoseconds": 4_500_000_000}, "message_count": 7}
-    (folder / NAME).write_text(yaml.safe_dump({"rosbag2_bagfile_information": told}))
+    metadata = {"relative_file_paths": [*files], "duration": {"nanoseconds": 4_500_000_000}, "message_count": 7}
+    (folder / NAME).write_text(yaml.safe_dump({"rosbag2_bagfile_information": metadata}))
 
 
 def test_a_bag_is_counted_topic_by_topic_from_the_first_message_to_the_last(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    file, told = written(tmp_path / "bag"), list[int]()
+    file, progress = written(tmp_path / "bag"), list[int]()
     monkeypatch.setattr(module, "EVERY", 2)
-    found = survey(tmp_path / "bag", told.append)
-    assert told == [2, 4]
+    found = survey(tmp_path / "bag", progress.append)
+    assert progress == [2, 4]
     assert (found.first, found.last, found.seconds, found.messages) == (START, START + 3 * 10**9, 3.0, 5)
     document = found.document()
     assert document["topics"] == {

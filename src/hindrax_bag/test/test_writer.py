@@ -184,23 +184,23 @@ def test_what_was_flushed_is_on_disk_without_an_end(tmp_path: Path) -> None:
 
 
 def _record(bag: BagWriter, seconds: int, per_s: int = 100) -> list[str]:
-    said: list[str] = []
+    decisions: list[str] = []
     for second in range(seconds):
         for index in range(per_s):
             stamp = (second + 1) * NS_PER_S + index * NS_PER_S // per_s
             bag.write(WORD, word(f"{stamp * 7919 % 1_000_003:09d}" * 20), stamp, stamp)
-        said += bag.flush()
-    return said
+        decisions += bag.flush()
+    return decisions
 
 
 def test_split_by_time_leaves_files_that_each_open_alone(tmp_path: Path) -> None:
     bag = writer(tmp_path / "bag", BagLimits(split_s=1.9, keep_free_MB=0.0))
     bag.describe("hindrax", {"notes": "split"})
-    said = _record(bag, 6)
+    decisions = _record(bag, 6)
     bag.close()
     files = bag_files(tmp_path / "bag")
     assert len(files) == 4
-    assert said == [f"bag_{n}.mcap is full; bag_{n + 1}.mcap goes on" for n in range(3)]
+    assert decisions == [f"bag_{n}.mcap is full; bag_{n + 1}.mcap goes on" for n in range(3)]
     assert [len(list(messages(file))) for file in files] == [200, 200, 200, 0]
     for file in files:
         with file.open("rb") as stream:
@@ -225,10 +225,10 @@ def test_split_by_size(tmp_path: Path) -> None:
 
 def test_budget_stops_the_recording_and_says_so(tmp_path: Path) -> None:
     bag = writer(tmp_path / "bag", BagLimits(budget_MB=0.004, keep_free_MB=0.0))
-    said = _record(bag, 10)
+    decisions = _record(bag, 10)
     bag.close()
-    assert said == ["the bag has used its 0.004 MB of the disk; recording stopped"]
-    assert bag.stopped == said[0]
+    assert decisions == ["the bag has used its 0.004 MB of the disk; recording stopped"]
+    assert bag.stopped == decisions[0]
     kept = len(list(messages(tmp_path / "bag")))
     assert 0 < kept < 1000
     assert kept % 100 == 0
@@ -236,9 +236,9 @@ def test_budget_stops_the_recording_and_says_so(tmp_path: Path) -> None:
 
 def test_budget_drops_the_oldest_file_when_asked(tmp_path: Path) -> None:
     bag = writer(tmp_path / "bag", BagLimits(budget_MB=0.02, when_full="oldest", keep_free_MB=0.0))
-    said = _record(bag, 30)
+    decisions = _record(bag, 30)
     bag.close()
-    assert any("dropped the oldest, bag_0.mcap" in sentence for sentence in said)
+    assert any("dropped the oldest, bag_0.mcap" in sentence for sentence in decisions)
     assert not bag.stopped
     assert bag.counts == {WORD.topic: 3000}
     stamps = [one.received for one in messages(tmp_path / "bag")]
@@ -268,7 +268,7 @@ def test_a_full_disk_is_noticed_before_and_during_the_recording(tmp_path: Path) 
 def test_recording_goes_on_in_the_next_file_when_there_is_room_again(tmp_path: Path) -> None:
     bag = writer(tmp_path / "bag", BagLimits(keep_free_MB=50.0))
     bag.describe("hindrax", {"notes": "full"})
-    for free_MB, said, stopped in (
+    for free_MB, decisions, stopped in (
         (50, [], False),
         (49, ["less than 50 MB are free on the disk; recording waits for room"], True),
         (74, [], True),
@@ -276,7 +276,7 @@ def test_recording_goes_on_in_the_next_file_when_there_is_room_again(tmp_path: P
         (49, ["less than 50 MB are free on the disk; recording waits for room"], True),
     ):
         bag.free = lambda _folder, free_MB=free_MB: free_MB * 1_000_000  # type: ignore[misc]
-        assert _record(bag, 1) == said
+        assert _record(bag, 1) == decisions
         assert bool(bag.stopped) is stopped
     bag.close()
     assert [len(list(messages(file))) for file in bag_files(tmp_path / "bag")] == [200, 100]
@@ -334,9 +334,9 @@ def test_a_bag_that_has_used_its_budget_does_not_go_on_for_want_of_room_before(t
     bag.free = lambda _folder: 1_000_000
     _record(bag, 1)
     bag.free = lambda _folder: 1_000_000_000
-    said = _record(bag, 10)
-    assert ["goes on" in sentence for sentence in said] == [True, False]
-    assert said[-1] == bag.stopped == "the bag has used its 0.006 MB of the disk; recording stopped"
+    decisions = _record(bag, 10)
+    assert ["goes on" in sentence for sentence in decisions] == [True, False]
+    assert decisions[-1] == bag.stopped == "the bag has used its 0.006 MB of the disk; recording stopped"
     bag.close()
 
 
@@ -390,9 +390,9 @@ def test_a_disk_that_refuses_ends_the_recording_but_not_the_process(
 
     part = bag._part
     monkeypatch.setattr(type(part), "flush", refusing(28, "No space left on device"))
-    (said,) = bag.flush()
-    assert "No space left on device" in said
-    assert "bag recover" in said
+    (decisions,) = bag.flush()
+    assert "No space left on device" in decisions
+    assert "bag recover" in decisions
     assert bag.flush() == []
     with bag.path.open("rb") as file:
         fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)  # nobody has it any more: it can be recovered

@@ -135,7 +135,7 @@ class Refusals:
 
     counts: Counter[str] = field(default_factory=Counter)
     last: str = ""
-    _told: int = 0
+    _reported: int = 0
 
     def add(self, thing: str, why: str) -> str:
         """Count a refusal and return its sentence."""
@@ -150,5 +150,5 @@ class Refusals:
 
     def new_refusals(self) -> list[str]:
         """Return the last sentence if anything was refused since the previous call."""
-        told, self._told = self._told, self.counts.total()
-        return [f"refused: {self.last}"] if self._told > told else []
+        reported, self._reported = self._reported, self.counts.total()
+        return [f"refused: {self.last}"] if self._reported > reported else []

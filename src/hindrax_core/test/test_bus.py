@@ -59,17 +59,17 @@ def test_run_refuses_an_answer_of_the_wrong_length() -> None:
         run(double_register(), lambda _: b"", lambda _: None)
 
 
-def test_the_tap_hears_what_succeeded() -> None:
-    heard: list[tuple[Transaction, bytes]] = []
+def test_the_tap_receives_what_succeeded() -> None:
+    tapped: list[tuple[Transaction, bytes]] = []
 
     def transfer(transaction: Transaction) -> bytes:
         if isinstance(transaction, Read):
             raise DeviceError("no acknowledge")
         return b"\x15" if isinstance(transaction, WriteRead) else b""
 
-    run(patient(), transfer, lambda _: None, lambda *one: heard.append(one))
-    run(double_register(), transfer, lambda _: None, lambda *one: heard.append(one))
-    assert heard == [(Write(0x10, b"\x01"), b""), (WriteRead(0x10, b"\x02", 1), b"\x15")]
+    run(patient(), transfer, lambda _: None, lambda *one: tapped.append(one))
+    run(double_register(), transfer, lambda _: None, lambda *one: tapped.append(one))
+    assert tapped == [(Write(0x10, b"\x01"), b""), (WriteRead(0x10, b"\x02", 1), b"\x15")]
 
 
 Transcript: TypeAlias = list[tuple[Transaction | Pause, bytes]]

@@ -27,7 +27,7 @@ def test_a_number_has_the_digits_that_its_deviation_leaves_it(value: float, std:
 
 
 @pytest.mark.parametrize(
-    ("found", "most", "said"),
+    ("found", "most", "text"),
     [
         (5.02, 5.0, "5.02 s, wanted at most 5.00 s"),
         (5.4, 5.0, "5.4 s, wanted at most 5.0 s"),
@@ -36,10 +36,10 @@ def test_a_number_has_the_digits_that_its_deviation_leaves_it(value: float, std:
         (math.inf, 5.0, "inf s, wanted at most 5.0 s"),
     ],
 )
-def test_what_is_above_a_limit_does_not_look_like_it(found: float, most: float, said: str) -> None:
-    assert above("{} s, wanted at most {} s", found, most, 1) == said
+def test_what_is_above_a_limit_does_not_look_like_it(found: float, most: float, text: str) -> None:
+    assert above("{} s, wanted at most {} s", found, most, 1) == text
     negated = below("{} s, wanted at most {} s", -found, -most, 1)
-    assert negated.replace("-", "") == said
+    assert negated.replace("-", "") == text
 
 
 @given(st.floats(-1e6, 1e6), st.floats(0.002, 10.0), st.integers(0, 3))

@@ -47,10 +47,10 @@ def test_a_screen_is_as_wide_as_it_says(monkeypatch: pytest.MonkeyPatch) -> None
         monkeypatch.setenv("COLUMNS", "60")
         assert screen_width(screen) == 60
         print_fitted("word " * 20, screen)
-        said = os.read(mine, 4096).decode().splitlines()
+        lines = os.read(mine, 4096).decode().splitlines()
     os.close(mine)
-    assert len(said) == 2
-    assert all(len(line) <= 60 for line in said)
+    assert len(lines) == 2
+    assert all(len(line) <= 60 for line in lines)
 
 
 def test_paragraphs_of_a_description_flow_and_lists_and_commands_stay() -> None:

@@ -9,14 +9,14 @@ from hindrax_ros.graph import publisher
 from hindrax_ros.messages.fast_serialization import raw_frames_bytes
 
 RECEIVED, SENT = RawFrames.RECEIVED, RawFrames.SENT
-UNHEARD_S = 10.0
+READER_WAIT_S = 10.0
 """How long the first frames wait for a subscriber: a replay needs those with which a device was set up."""
 
 
 class FrameTap:
     """Collects the frames of one source and publishes them as one message every `period_s`.
 
-    The first message waits until somebody has subscribed, or for `UNHEARD_S`: on a busy machine the recorder may be
+    The first message waits until somebody has subscribed, or for `READER_WAIT_S`: on a busy machine the recorder may be
     discovered later than the first frames are there.
     """
 
@@ -24,7 +24,7 @@ class FrameTap:
         self._publisher = publisher(node, RAW_FRAMES[source])
         self._source, self._period_s = source, period_s
         self._begin: Stamp | None = None
-        self._heard = False
+        self._publishing = False
         self._stamps: list[int] = []
         self._directions = bytearray()
         self._lengths: list[int] = []
@@ -39,8 +39,8 @@ class FrameTap:
         self._lengths.append(len(data))
         self._data += data
         age_s = seconds_between(self._begin, stamp)
-        self._heard = self._heard or age_s >= UNHEARD_S or self._publisher.get_subscription_count() > 0
-        if self._heard and age_s >= self._period_s:
+        self._publishing = self._publishing or age_s >= READER_WAIT_S or self._publisher.get_subscription_count() > 0
+        if self._publishing and age_s >= self._period_s:
             self.flush(stamp)
 
     def flush(self, stamp: Stamp) -> None:

@@ -40,8 +40,8 @@ class StackTime:
     @classmethod
     def of(cls, environment: Mapping[str, str]) -> Self:
         """Time of the stack to which a process with this environment belongs."""
-        told = environment.get(VARIABLE, "")
-        return cls(int(told) if told else None)
+        epoch = environment.get(VARIABLE, "")
+        return cls(int(epoch) if epoch else None)
 
     def now(self) -> Stamp:
         """Nanoseconds since 1970."""

@@ -45,66 +45,66 @@ def wait_for(done: Callable[[], bool], seconds: float = 10.0, turn: Callable[[],
         turn()
 
 
-def say(out: DeferredPublisher, number: int) -> None:
+def publish(out: DeferredPublisher, number: int) -> None:
     out.publish(ThrusterCommand(sequence=number))
 
 
 def test_nothing_goes_out_before_the_flush_and_nothing_comes_in_before_the_drain(node: BatchedNode) -> None:
-    heard = []
+    received = []
     out = publisher(node, HOLD_STATUS)
-    subscription(node, HOLD_STATUS, lambda message: heard.append(list(message.axes)))
+    subscription(node, HOLD_STATUS, lambda message: received.append(list(message.axes)))
     wait_for(lambda: out.get_subscription_count() == 1)
     for name in ("one", "two", "three"):
         out.publish(HoldStatus(axes=[name]))
     time.sleep(0.2)
     node.drain()
-    assert not heard
+    assert not received
     node.publish_queue.flush()
     time.sleep(0.2)
-    assert not heard
+    assert not received
     node.drain()
-    assert heard == [["one"], ["two"], ["three"]]
+    assert received == [["one"], ["two"], ["three"]]
 
 
 def test_a_held_message_is_what_it_was_when_it_was_published(node: BatchedNode) -> None:
-    heard = []
+    received = []
     out = publisher(node, HOLD_STATUS)
-    subscription(node, HOLD_STATUS, lambda message: heard.append(list(message.axes)))
+    subscription(node, HOLD_STATUS, lambda message: received.append(list(message.axes)))
     wait_for(lambda: out.get_subscription_count() == 1)
     message = HoldStatus(axes=["before"])
     out.publish(message)
     message.axes = ["after"]
     node.publish_queue.flush()
-    wait_for(lambda: bool(heard), turn=node.drain)
-    assert heard == [["before"]]
+    wait_for(lambda: bool(received), turn=node.drain)
+    assert received == [["before"]]
 
 
 def test_of_commands_only_the_newest_waits(node: BatchedNode) -> None:
-    heard = []
+    received = []
     out = publisher(node, THRUSTER_COMMAND, held=False)
-    subscription(node, THRUSTER_COMMAND, lambda message: heard.append(message.sequence))
+    subscription(node, THRUSTER_COMMAND, lambda message: received.append(message.sequence))
     wait_for(lambda: out.get_subscription_count() == 1)
     for number in range(5):
-        say(out, number)
+        publish(out, number)
     time.sleep(0.2)
     node.drain()
-    assert heard == [4]
+    assert received == [4]
 
 
 def test_the_lead_begins_a_turn(node: BatchedNode, context: Context) -> None:
-    heard = []
-    node.lead = subscription(node, THRUSTER_COMMAND, lambda message: heard.append(message.sequence))
-    subscription(node, BATTERY, heard.append)
+    received = []
+    node.lead = subscription(node, THRUSTER_COMMAND, lambda message: received.append(message.sequence))
+    subscription(node, BATTERY, received.append)
     executor = events_executor(context)
     executor.add_node(node)
     loop = SpinLoop([node], executor)
     out = publisher(node, THRUSTER_COMMAND, held=False)
     wait_for(lambda: out.get_subscription_count() == 1)
     loop.spin_once()  # nobody leads: it ends by itself
-    assert not heard
-    say(out, 7)
-    wait_for(lambda: bool(heard), turn=loop.spin_once)
-    assert heard == [7]
+    assert not received
+    publish(out, 7)
+    wait_for(lambda: bool(received), turn=loop.spin_once)
+    assert received == [7]
     executor.shutdown()
 
 
@@ -116,7 +116,7 @@ def test_an_error_in_a_callback_is_not_swallowed(node: BatchedNode) -> None:
 
     subscription(node, THRUSTER_COMMAND, fail)
     wait_for(lambda: out.get_subscription_count() == 1)
-    say(out, 1)
+    publish(out, 1)
     with pytest.raises(ZeroDivisionError):
         wait_for(lambda: False, 5.0, turn=node.drain)
 
@@ -151,17 +151,17 @@ def test_what_follows_the_flush_of_a_thread_waits_for_its_next_one_or_for_the_ne
 
 
 def test_a_subscription_made_or_destroyed_between_two_reads_counts_at_the_next(node: BatchedNode) -> None:
-    heard: list[Any] = []
+    received: list[Any] = []
     out = publisher(node, THRUSTER_COMMAND, held=False)
     node.drain()
-    one = subscription(node, THRUSTER_COMMAND, heard.append)
+    one = subscription(node, THRUSTER_COMMAND, received.append)
     wait_for(lambda: out.get_subscription_count() == 1)
-    say(out, 1)
-    wait_for(lambda: len(heard) == 1, turn=node.drain)
+    publish(out, 1)
+    wait_for(lambda: len(received) == 1, turn=node.drain)
     node.destroy_subscription(one)
-    say(out, 2)
+    publish(out, 2)
     node.drain()
-    assert len(heard) == 1
+    assert len(received) == 1
 
 
 def test_only_a_process_that_reads_nothing_and_leaves_sending_to_a_thread_turns_rarely(context: Context) -> None:
@@ -198,9 +198,9 @@ def test_what_comes_by_call_is_not_read_from_the_graph_unless_a_remap_separates_
     remaps = ["--ros-args", "-r", "apart:holds/status:=elsewhere"]
     made = [BatchedNode(name, context=context, cli_args=remaps) for name in ("source", "reader", "apart")]
     source, reader, apart = made
-    heard: list[str] = []
-    reader.lead = subscription(reader, HOLD_STATUS, lambda _: heard.append("reader"))
-    apart.lead = subscription(apart, HOLD_STATUS, lambda _: heard.append("apart"))
+    received: list[str] = []
+    reader.lead = subscription(reader, HOLD_STATUS, lambda _: received.append("reader"))
+    apart.lead = subscription(apart, HOLD_STATUS, lambda _: received.append("apart"))
     assert reader.bypass(source, HOLD_STATUS, shown=True)
     assert not apart.bypass(source, HOLD_STATUS, shown=True)
     assert (reader.lead is None, apart.lead is None) == (True, False)
@@ -216,10 +216,10 @@ def test_what_comes_by_call_is_not_read_from_the_graph_unless_a_remap_separates_
     def drained() -> bool:
         for one in (reader, apart):
             one.drain()
-        return bool(heard)
+        return bool(received)
 
     wait_for(drained)
-    assert heard == ["apart"]
+    assert received == ["apart"]
     assert reader.bypass(source, HOLD_STATUS, shown=False)
     wait_for(lambda: out[0].get_subscription_count() == 0)
     for one in made:

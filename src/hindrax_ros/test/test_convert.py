@@ -106,13 +106,13 @@ def test_odometry_comes_back_with_all_that_it_holds() -> None:
     assert math.isnan(state.position_sigma_m)  # nobody said
 
 
-def test_the_doubt_of_a_position_travels_in_the_covariance_of_east_and_north() -> None:
+def test_the_uncertainty_of_a_position_travels_in_the_covariance_of_east_and_north() -> None:
     message = odometry_to_msg(Stamped(STAMP, replace(NAVIGATION, position_sigma_m=0.3)))
     assert [index for index, variance in enumerate(message.pose.covariance) if variance == 0.09] == [0, 7]
     assert convert.odometry_from_msg(message).reading.position_sigma_m == pytest.approx(0.3)
 
 
-def test_the_covariance_of_an_odometry_is_the_doubt_of_its_tilt() -> None:
+def test_the_covariance_of_an_odometry_is_the_uncertainty_of_its_tilt() -> None:
     message = odometry_to_msg(Stamped(STAMP, NAVIGATION))
     message.pose.covariance[21], message.pose.covariance[28] = 0.01, 0.04
     assert convert.odometry_from_msg(message).reading.consistency.tilt_sigma_rad == pytest.approx(0.2)

@@ -17,7 +17,7 @@ from hindrax_msgs.msg import RawFrames
 from hindrax_ros import raw_frames
 from hindrax_ros.messages.convert import stamp_to_msg
 from hindrax_ros.messages.fast_serialization import raw_frames_bytes
-from hindrax_ros.raw_frames import RECEIVED, UNHEARD_S, FrameTap
+from hindrax_ros.raw_frames import READER_WAIT_S, RECEIVED, FrameTap
 
 STEP_ns = NS_PER_S // 100
 
@@ -63,7 +63,7 @@ def test_no_frame_before_the_first_subscriber_is_lost(wire: Wire) -> None:
 
 def test_without_a_recorder_frames_are_not_kept(wire: Wire) -> None:
     tap = FrameTap(cast("Node", None), "dvl75")
-    for turn in range(round(2 * UNHEARD_S * 100)):
+    for turn in range(round(2 * READER_WAIT_S * 100)):
         tap.add(Stamp(STEP_ns * (turn + 1)), RECEIVED, b"x")
     assert len(wire.sent[-1].stamps) < 20
 

@@ -100,10 +100,10 @@ class Recorder(BatchedNode):
         # In wall time, whatever the mock's clock does: a power cut follows no clock.
         self.every(FLUSH_S, self._flush)
 
-    def _describe(self, told: dict[str, str], vehicle: str) -> None:
+    def _describe(self, values: dict[str, str], vehicle: str) -> None:
         rmw = os.environ.get("RMW_IMPLEMENTATION", "")
-        told |= {"version": software_version(), "rmw": rmw, "namespace": self.get_namespace()}
-        self._bag.describe(DESCRIPTION, told)
+        values |= {"version": software_version(), "rmw": rmw, "namespace": self.get_namespace()}
+        self._bag.describe(DESCRIPTION, values)
         files = {"vehicle.yaml": vehicle, "parameters.yaml": parameter_file(sys.argv)}
         for name, path in files.items():
             if path:
@@ -152,8 +152,8 @@ class Recorder(BatchedNode):
         name = self.resolve_topic_name(topic.name)
         found = self.get_publishers_info_by_topic(name)
         offered = dict.fromkeys(offered_quality(one.qos_profile, topic.quality) for one in found)
-        told = next(filter(None, (type_hash(one.topic_type_hash) for one in found)), "")
-        return Channel(name, topic.type, tuple(offered) or (topic.quality,), told)
+        found_hash = next(filter(None, (type_hash(one.topic_type_hash) for one in found)), "")
+        return Channel(name, topic.type, tuple(offered) or (topic.quality,), found_hash)
 
     def _flush(self) -> None:
         self._flushes += 1
@@ -176,8 +176,8 @@ class Recorder(BatchedNode):
             **{f"invalid stamps: {topic}": str(count) for topic, count in sorted(invalid.items())},
         }
         level = DiagnosticStatus.ERROR if bag.stopped else DiagnosticStatus.WARN if lost else DiagnosticStatus.OK
-        said = bag.stopped or (f"recording; {lost.total()} messages lost" if lost else "recording")
-        self._reporter.publish(self.now(), status("hindrax: recorder", level, said, values))
+        message = bag.stopped or (f"recording; {lost.total()} messages lost" if lost else "recording")
+        self._reporter.publish(self.now(), status("hindrax: recorder", level, message, values))
 
     def close(self) -> None:
         """Write what has arrived, and finish the bag with its index."""
@@ -201,11 +201,11 @@ def _free_MB(folder: Path) -> str:
         return cause(error)
 
 
-def offered_quality(found: QoSProfile, said: Quality) -> Quality:
+def offered_quality(found: QoSProfile, declared: Quality) -> Quality:
     """Quality that a publisher offers; the graph has no queue depth, so it is that of the table."""
     return Quality(
         reliable=found.reliability == ReliabilityPolicy.RELIABLE,
-        depth=found.depth or said.depth,
+        depth=found.depth or declared.depth,
         latched=found.durability == DurabilityPolicy.TRANSIENT_LOCAL,
         deadline_s=_limited_s(found.deadline),
         lifespan_s=_limited_s(found.lifespan),

@@ -3,7 +3,7 @@
 A recorder that starts again goes on in the next file of the bag; the files that are there stay as they are.
 
 The caller flushes it at least every second of wall time, so that a power cut costs no more. Splitting, the budget of
-the disk and what is done when it is used up are decided at a flush; each decision is said as a sentence.
+the disk and what is done when it is used up are decided at a flush; each decision is returned as a sentence.
 """
 
 import os
@@ -38,7 +38,7 @@ class BagWriter:
     free: Callable[[Path], int] = free_bytes
     _extras: list[Callable[[BagFile], None]] = field(default_factory=list)
     _done: dict[str, Contents] = field(default_factory=dict)
-    _begun: int = 0
+    _part_count: int = 0
     _part: BagFile | None = None
     _waits_for_room: bool = False
     _lock: int = -1
@@ -46,7 +46,7 @@ class BagWriter:
     @property
     def path(self) -> Path:
         """The MCAP file that is written now."""
-        return self.folder / f"{self.folder.name}_{self._begun - 1 if self._begun else 0}.mcap"
+        return self.folder / f"{self.folder.name}_{self._part_count - 1 if self._part_count else 0}.mcap"
 
     @property
     def size_bytes(self) -> int:
@@ -66,7 +66,7 @@ class BagWriter:
                 self.limits.check_space(self.folder)
             self._lock = self._locked()
             if resume:
-                self._begun = self._next_number()
+                self._part_count = self._next_number()
             if self.limits.planned_s or self._has_room():
                 self._next_part()
             else:
@@ -146,8 +146,8 @@ class BagWriter:
         return [file for file in parts(self.folder) if self._part is None or file != self._part.path]
 
     def _next_part(self) -> None:
-        path = self.folder / f"{self.folder.name}_{self._begun}.mcap"
-        self._begun += 1
+        path = self.folder / f"{self.folder.name}_{self._part_count}.mcap"
+        self._part_count += 1
         part = BagFile(path)
         for extra in self._extras:
             extra(part)
@@ -159,25 +159,25 @@ class BagWriter:
             put(self._part)
 
     def _keep_limits(self, part: BagFile) -> list[str]:
-        said: list[str] = []
+        decisions: list[str] = []
         contents, used = part.contents, f"the bag has used its {self.limits.budget_MB:g} MB of the disk"
         if self.limits.split_due(part.size_bytes, (contents.last - contents.first) / NS_PER_S):
             self._finish()
             self._next_part()
-            said.append(f"{contents.name} is full; {self.path.name} goes on")
+            decisions.append(f"{contents.name} is full; {self.path.name} goes on")
         while self.limits.over_budget(self.size_bytes) and self.limits.when_full == "oldest" and self._others():
             oldest = self._others()[0]
             oldest.unlink()
             self.index()
-            said.append(f"{used}; dropped the oldest, {oldest.name}")
+            decisions.append(f"{used}; dropped the oldest, {oldest.name}")
         if self.limits.over_budget(self.size_bytes):
             self.stopped = f"{used}; recording stopped"
             self._finish()
-            said.append(self.stopped)
+            decisions.append(self.stopped)
         elif not self._has_room():
             self._finish()
-            said.append(self._wait_for_room())
-        return said
+            decisions.append(self._wait_for_room())
+        return decisions
 
     def _has_room(self, times: float = 1.0) -> bool:
         return self.free(self.folder) >= times * self.limits.keep_free_MB * 1e6
