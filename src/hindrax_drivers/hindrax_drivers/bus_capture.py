@@ -52,9 +52,9 @@ def capture(
 ) -> CapturedReadings:
     """Run a device for some seconds of bus time from its answer on. HindraxError, with the last trouble, without one.
 
-    `answered` is called in between: what a person has to do is told once there is a device that sees it.
+    `answered` is called in between, to show the operator what to do once a device answers.
     """
-    heard: list[Output] = []
+    received: list[Output] = []
     with _opened(port) as bus:
         schedule = BusSchedule()
         begin = bus.now()
@@ -62,20 +62,20 @@ def capture(
 
         def run(end: Stamp, over: Callable[[], object]) -> None:
             while (now := bus.now()) < end and not over():
-                heard.extend(output for _, outputs in schedule.run_next(now, bus.transfer) for output in outputs)
+                received.extend(output for _, outputs in schedule.run_next(now, bus.transfer) for output in outputs)
                 bus.sleep_until(min(schedule.next_due(bus.now()), end))
 
-        run(after(begin, ANSWER_S), lambda: any(isinstance(one, Identity) for one in heard))
-        said = [one.text for one in heard if isinstance(one, Identity)]
-        if not said:
-            troubles = ["no answer", *(one.text for one in heard if isinstance(one, Trouble))]
+        run(after(begin, ANSWER_S), lambda: any(isinstance(one, Identity) for one in received))
+        identities = [one.text for one in received if isinstance(one, Identity)]
+        if not identities:
+            troubles = ["no answer", *(one.text for one in received if isinstance(one, Trouble))]
             raise HindraxError(f"{port}: {troubles[-1]}")
         answered()
         begin = bus.now()
         end = after(begin, seconds)
         run(end, lambda: progress((bus.now() - begin) / (end - begin)))
-    rejected = dict.fromkeys(one.reason for one in heard if isinstance(one, Rejected))
-    return CapturedReadings(said[0], tuple(one for one in heard if isinstance(one, Stamped)), tuple(rejected))
+    rejected = dict.fromkeys(one.reason for one in received if isinstance(one, Rejected))
+    return CapturedReadings(identities[0], tuple(one for one in received if isinstance(one, Stamped)), tuple(rejected))
 
 
 def run_once(port: str, program: Program[ResultT]) -> ResultT:

@@ -64,10 +64,10 @@ def _described(executable: str, words: list[str], arguments: dict[str, Argument]
         respawn_delay=1.0,
         output="screen",
     )
-    said = [
+    actions = [
         DeclareLaunchArgument(name, default_value=_text(one), description=why) for name, (one, why) in declared.items()
     ]
-    return LaunchDescription([*said, node])
+    return LaunchDescription([*actions, node])
 
 
 def _kind(default: Any) -> Any:

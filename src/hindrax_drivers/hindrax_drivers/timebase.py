@@ -45,7 +45,7 @@ class Break:
 class Timebase:
     """Maps device ticks to ROS time; one per device clock.
 
-    `tick_s` is the nominal length of a tick, `drift_ppm` the largest believed error of its rate, `latency_s` the delay
+    `tick_s` is the nominal length of a tick, `drift_ppm` the largest accepted error of its rate, `latency_s` the delay
     that every sample has. `on_break` is called with each Break, from inside `map`, before it returns.
     """
 

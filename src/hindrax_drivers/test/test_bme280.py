@@ -149,7 +149,7 @@ def test_a_part_that_is_not_done_or_has_lost_its_settings_is_configured_anew(hea
         look(configured(Bme280(Bme280Knobs())), bytes(8), head)
 
 
-def doubts(monkeypatch: pytest.MonkeyPatch, *airs: Air, part: bytes = b"\x60") -> list[str]:
+def reasons(monkeypatch: pytest.MonkeyPatch, *airs: Air, part: bytes = b"\x60") -> list[str]:
     """What is said of measurements in a row, each of its own bytes; nothing of one that is believed or the first."""
     sensor, found = configured(Bme280(Bme280Knobs()), part=part), []
     for number, air in enumerate(airs):
@@ -173,12 +173,12 @@ def doubts(monkeypatch: pytest.MonkeyPatch, *airs: Air, part: bytes = b"\x60") -
 def test_the_part_measures_300_to_1100_hPa_and_minus_40_to_85_degrees(
     monkeypatch: pytest.MonkeyPatch, air: Air, beyond: Air
 ) -> None:
-    assert doubts(monkeypatch, air, air) == ["", ""]
-    assert doubts(monkeypatch, beyond, air) == ["range", ""]
+    assert reasons(monkeypatch, air, air) == ["", ""]
+    assert reasons(monkeypatch, beyond, air) == ["range", ""]
 
 
 @pytest.mark.parametrize(
-    ("to", "believed"),
+    ("to", "accepted"),
     [
         (Air(101_625.0, 20.0, 0.5), True),
         (Air(101_625.1, 20.0, 0.5), False),
@@ -191,15 +191,15 @@ def test_the_part_measures_300_to_1100_hPa_and_minus_40_to_85_degrees(
         (Air(101_325.0, 20.0, 0.449), False),
     ],
 )
-def test_a_leap_is_refused_and_what_stays_there_is_believed(
-    monkeypatch: pytest.MonkeyPatch, to: Air, believed: bool
+def test_a_leap_is_refused_and_what_stays_there_is_accepted(
+    monkeypatch: pytest.MonkeyPatch, to: Air, accepted: bool
 ) -> None:
-    assert doubts(monkeypatch, AIR, to, to) == ["", "" if believed else "leap", ""]
+    assert reasons(monkeypatch, AIR, to, to) == ["", "" if accepted else "leap", ""]
 
 
 def test_the_air_of_a_bmp280_has_no_humidity_that_could_leap(monkeypatch: pytest.MonkeyPatch) -> None:
     dry = Air(101_325.0, 20.0, math.nan)
-    assert doubts(monkeypatch, dry, dry, part=b"\x58") == ["", ""]
+    assert reasons(monkeypatch, dry, dry, part=b"\x58") == ["", ""]
 
 
 def test_equal_measurements_are_refused_and_a_part_that_hangs_is_configured_anew(
@@ -209,8 +209,8 @@ def test_equal_measurements_are_refused_and_a_part_that_hangs_is_configured_anew
     sensor = configured(Bme280(Bme280Knobs()))
     for raw in (b"measured", b"anything"):
         found = [look(sensor, raw) for _ in range(HUNG_AFTER)]
-        said = [one.reason for one in found if isinstance(one, Rejected)]
-        assert said == [f"{count} equal measurements" for count in range(REPEATS + 1, HUNG_AFTER + 1)]
+        rejected = [one.reason for one in found if isinstance(one, Rejected)]
+        assert rejected == [f"{count} equal measurements" for count in range(REPEATS + 1, HUNG_AFTER + 1)]
         assert all(isinstance(one, Stamped) for one in found[1:REPEATS])
     with pytest.raises(DeviceError, match="address 0x77: gives the same measurement again and again"):
         look(sensor, b"anything")

@@ -42,29 +42,29 @@ class Meter:
         return [Stamped(stamp, Battery(1.0))]
 
 
-Heard = queue.SimpleQueue[tuple[str, object]]
+Received = queue.SimpleQueue[tuple[str, object]]
 
 
-def into(heard: Heard) -> Deliver:
+def into(received: Received) -> Deliver:
     def deliver(name: str, outputs: Sequence[object]) -> None:
         for output in outputs:
-            heard.put((name, output))
+            received.put((name, output))
 
     return deliver
 
 
 @pytest.fixture
-def heard() -> Heard:
+def received() -> Received:
     return queue.SimpleQueue()
 
 
-def test_outputs_are_delivered_in_order(heard: Heard) -> None:
+def test_outputs_are_delivered_in_order(received: Received) -> None:
     schedule = BusSchedule()
     schedule.add("meter", Meter())
-    host = BusThread(SystemWire(), schedule, into(heard))
+    host = BusThread(SystemWire(), schedule, into(received))
     host.start()
-    assert heard.get(timeout=5) == ("meter", Identity("meter"))
-    stamps = [heard.get(timeout=5)[1] for _ in range(3)]
+    assert received.get(timeout=5) == ("meter", Identity("meter"))
+    stamps = [received.get(timeout=5)[1] for _ in range(3)]
     assert all(isinstance(one, Stamped) for one in stamps)
     host.stop()
 

@@ -32,7 +32,7 @@ from hindrax_drivers.nodes.deadman import (
     NeutralWriter,
     WatchedProcess,
 )
-from hindrax_drivers.nodes.thruster_settings import TOLD_S, Settings, read_settings
+from hindrax_drivers.nodes.thruster_settings import KEEPALIVE_S, Settings, read_settings
 from hindrax_drivers.nodes.thrusters import ARGUMENTS, NEUTRAL_WORD, NODE_WORD
 from hindrax_drivers.output.output_guard import OutputGuardKnobs
 from hindrax_drivers.output.output_thread import BEAT_S
@@ -91,7 +91,7 @@ class Child(WatchedProcess):
         self.turns_left -= self.asked > 0
         return not self.ends and self.turns_left > 0
 
-    def reassure(self, now_s: float) -> None:
+    def send_keepalive(self, now_s: float) -> None:
         self.reassured += now_s > 0.0
 
     def reap(self) -> int:
@@ -138,21 +138,21 @@ def test_a_node_that_was_well_for_long_is_started_at_once(man: DeadMan, monkeypa
 
 def test_a_child_that_hangs_is_killed(man: DeadMan, monkeypatch: pytest.MonkeyPatch) -> None:
     child = Child(-9, ends=False)
-    child.beaten_at, child.heard_s = Stamp(NOW - stamp_from_s(HUNG_S + 0.1)), time.monotonic() - HUNG_S - 0.1
+    child.beaten_at, child.beaten_s = Stamp(NOW - stamp_from_s(HUNG_S + 0.1)), time.monotonic() - HUNG_S - 0.1
     run(man, monkeypatch, child, Child(0))
     assert child.killed == 1
 
 
-@pytest.mark.parametrize(("ago_s", "heard_s"), [(HUNG_S + 1.0, 0.0), (HUNG_S - 1.0, HUNG_S + 1.0)])
-def test_one_clock_alone_does_not_tell_that_a_child_hangs(ago_s: float, heard_s: float) -> None:
+@pytest.mark.parametrize(("ago_s", "beaten_s"), [(HUNG_S + 1.0, 0.0), (HUNG_S - 1.0, HUNG_S + 1.0)])
+def test_one_clock_alone_does_not_tell_that_a_child_hangs(ago_s: float, beaten_s: float) -> None:
     child = Child(0)
-    child.beaten_at, child.heard_s = Stamp(NOW - stamp_from_s(ago_s)), time.monotonic() - heard_s
+    child.beaten_at, child.beaten_s = Stamp(NOW - stamp_from_s(ago_s)), time.monotonic() - beaten_s
     assert not child.hung(NOW)
 
 
 def test_a_child_that_never_beat_is_starting_and_has_not_hung() -> None:
     child = Child(0)
-    child.heard_s = time.monotonic() - 10.0 * HUNG_S
+    child.beaten_s = time.monotonic() - 10.0 * HUNG_S
     assert not child.hung(NOW)
     assert child.silent_from(NOW) == NOW
 
@@ -277,8 +277,8 @@ def test_what_cannot_be_written_is_told_once_and_tried_again(chip: Chip, capsys:
         chip.trouble = trouble
         neutral.write()
         assert neutral.trouble == trouble
-    told = [f"thrusters: cannot write neutral: {why}" for why in ("no acknowledge", "a line is low")]
-    assert capsys.readouterr().err.splitlines() == told
+    sent = [f"thrusters: cannot write neutral: {why}" for why in ("no acknowledge", "a line is low")]
+    assert capsys.readouterr().err.splitlines() == sent
     chip.trouble = ""
     neutral.write()
     assert neutral.trouble == ""
@@ -358,15 +358,15 @@ class Pipes:
         return 7
 
 
-def test_beats_are_heard_and_a_closed_pipe_is_a_dead_child() -> None:
+def test_beats_are_received_and_a_closed_pipe_is_a_dead_child() -> None:
     pipes = Pipes()
-    child, before = pipes.child, pipes.child.heard_s
+    child, before = pipes.child, pipes.child.beaten_s
     assert child.listen(NOW)
-    assert (child.beaten_at, child.heard_s) == (None, before)
+    assert (child.beaten_at, child.beaten_s) == (None, before)
     os.write(pipes.beat, b"..")
     assert child.listen(NOW)
     assert child.beaten_at == NOW
-    assert child.heard_s > before
+    assert child.beaten_s > before
     os.close(pipes.beat)
     assert not child.listen(Stamp(NOW + 1))
     assert child.beaten_at == NOW
@@ -377,16 +377,16 @@ def test_beats_are_heard_and_a_closed_pipe_is_a_dead_child() -> None:
     os.close(pipes.life_end)
 
 
-def test_the_child_is_told_now_and_then_that_somebody_watches() -> None:
+def test_the_child_gets_a_keepalive_now_and_then() -> None:
     pipes = Pipes()
-    for now_s, told in ((100.0, b"!"), (100.0 + 0.9 * TOLD_S, b""), (100.0 + TOLD_S, b"!")):
-        pipes.child.reassure(now_s)
+    for now_s, sent in ((100.0, b"!"), (100.0 + 0.9 * KEEPALIVE_S, b""), (100.0 + KEEPALIVE_S, b"!")):
+        pipes.child.send_keepalive(now_s)
         with contextlib.suppress(BlockingIOError):
             found = b""
             found = os.read(pipes.life_end, 10)
-        assert found == told
+        assert found == sent
     os.close(pipes.life_end)
-    pipes.child.reassure(200.0)  # it has died: `listen` tells
+    pipes.child.send_keepalive(200.0)  # it has died: `listen` tells
     pipes.child.reap()
     os.close(pipes.beat)
 
@@ -424,7 +424,7 @@ def test_a_child_starts_in_a_session_of_its_own_with_both_pipes_and_another_hear
     for end in (beat, life_end):
         with pytest.raises(OSError, match="Bad file descriptor"):
             os.fstat(end)
-    child.reassure(0.5)
+    child.send_keepalive(0.5)
     assert os.read(started["life"], 10) == b"!", "at once, even just after the machine has started"
     for end in (child.beats, child.life, started["life"]):
         os.close(end)
@@ -464,10 +464,10 @@ def test_what_a_dying_child_may_still_have_written_is_neutral_again_before_the_n
     class Witness(Child):
         """Knows how often neutral had been written when it began to live and when it was gone."""
 
-        begun = gone = -1
+        began = gone = -1
 
         def listen(self, now: Stamp) -> bool:
-            self.begun = neutral.writes if self.begun < 0 else self.begun
+            self.began = neutral.writes if self.began < 0 else self.began
             return super().listen(now)
 
         def reap(self) -> int:
@@ -476,8 +476,8 @@ def test_what_a_dying_child_may_still_have_written_is_neutral_again_before_the_n
 
     first, second = Witness(1), Witness(0)
     run(man, monkeypatch, first, second)
-    assert (first.begun, first.gone) == (1, 2), "at the start, and before it waits for the child to be gone"
-    assert second.begun > first.gone
+    assert (first.began, first.gone) == (1, 2), "at the start, and before it waits for the child to be gone"
+    assert second.began > first.gone
 
 
 def test_who_is_asked_to_end_between_two_nodes_ends_with_neutral(man: DeadMan, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -96,7 +96,7 @@ class Bench:
             self.wait(0.3)
         self.until(lambda: (bool(self.readings), bool(self.frames)) == (readings, frames), "what it says")
 
-    def is_heard(self) -> bool:
+    def is_connected(self) -> bool:
         """Whether the client is connected to what the node publishes."""
         return all(one.get_publisher_count() for one in self.client.subscriptions)
 
@@ -122,7 +122,7 @@ def bench() -> Iterator[Bench]:
         rclpy.init(args=[])
         made = Bench()
         made.comes_to("active")
-        made.until(made.is_heard, "the graph")
+        made.until(made.is_connected, "the graph")
         yield made
         made.close()
         rclpy.try_shutdown()

@@ -123,7 +123,7 @@ def test_what_is_no_data_is_refused_with_the_reason(line: bytes, reason: str) ->
 
 
 @pytest.mark.parametrize("span_us", [20_000, 1_000_000])
-def test_the_shortest_and_the_longest_interval_are_believed(span_us: int) -> None:
+def test_the_shortest_and_the_longest_interval_are_accepted(span_us: int) -> None:
     assert len(readings(started().feed(delta(10**6, span_us), Stamp(0)), BottomVelocity)) == 1
 
 
@@ -327,7 +327,7 @@ def test_numbers_for_a_kalman_filter_come_in_their_order() -> None:
     assert second == KalmanSupport(15, 43, 0.1, ())
 
 
-def test_no_attitude_is_believed_beyond_a_turn() -> None:
+def test_no_attitude_is_accepted_beyond_a_turn() -> None:
     zeros = "0,0.0,0.00,0.0,0.0,0.0,0.0,0.05,1,0,0,0,25,25,25,25,F,F,F,F,0,0,0,0,-1,-1,-1,-1,"
     assert readings(started().feed(sentence(f"DVEXT,F,X,3333,1.0,2.0,359.9,{zeros}"), Stamp(0)), BottomTrack)
     assert reasons(started().feed(sentence(f"DVEXT,F,X,3333,181.0,2.0,0.0,{zeros}"), Stamp(0))) == ["DVEXT: range"]
@@ -346,7 +346,7 @@ def test_every_angle_has_its_limit(angles: tuple[float, float, float]) -> None:
 
 
 @pytest.mark.parametrize("angles", [(180, -180, 360), (-180, 180, 0)])
-def test_angles_at_their_limits_are_believed(angles: tuple[float, float, float]) -> None:
+def test_angles_at_their_limits_are_accepted(angles: tuple[float, float, float]) -> None:
     assert len(readings(started().feed(attitude(*angles), Stamp(0)), BottomTrack)) == 1
 
 
@@ -415,11 +415,11 @@ def test_deltas_are_asked_for_a_few_times_and_then_given_up() -> None:
 
 def test_deltas_are_asked_for_again_after_the_same_time() -> None:
     driver = started(Dvl75Knobs(enable_tries=3, enable_after_s=1.0))
-    asked_s = [turn / 8 for turn in range(60) if any(isinstance(one, Send) for one in told_at(driver, turn / 8))]
+    asked_s = [turn / 8 for turn in range(60) if any(isinstance(one, Send) for one in outputs_at(driver, turn / 8))]
     assert asked_s == [1.0, 2.0, 3.0]
 
 
-def told_at(driver: Dvl75, time_s: float) -> list[Output]:
+def outputs_at(driver: Dvl75, time_s: float) -> list[Output]:
     driver.feed(sentence("DVKFA,15,1,0.05"), stamp_from_s(time_s))
     return driver.tick(stamp_from_s(time_s))
 

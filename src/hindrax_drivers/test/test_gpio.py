@@ -29,7 +29,7 @@ class FakeGpiod(ModuleType):
     def __init__(self) -> None:
         super().__init__("gpiod")
         self.levels: dict[tuple[str, int], int] = {}
-        self.said: list[int] = []
+        self.written: list[int] = []
         self.line = SimpleNamespace(
             Direction=SimpleNamespace(OUTPUT="output", INPUT="input"),
             Bias=SimpleNamespace(AS_IS="none", PULL_UP="up", PULL_DOWN="down"),
@@ -72,7 +72,7 @@ class FakeGpiod(ModuleType):
 
         def set_value(number: int, value: int) -> None:
             self.levels[key[0], number] = 1 - value
-            self.said.append(1 - value)
+            self.written.append(1 - value)
 
         return SimpleNamespace(set_value=set_value, release=lambda: self.levels.pop(key))
 
@@ -120,13 +120,13 @@ def test_the_outputs_are_off_until_they_are_enabled_and_low_enables(gpiod: FakeG
 def test_a_timer_gets_a_low_pulse_for_each_write_while_the_outputs_are_enabled(gpiod: FakeGpiod) -> None:
     line = open_enable_line(Output(enable_line=LINE, enable_timer=True), BUS)
     line.written()
-    assert gpiod.said == []
+    assert gpiod.written == []
     line.set(enabled=True)
     line.written()
-    assert gpiod.said == [0, 1, 0, 1]
+    assert gpiod.written == [0, 1, 0, 1]
     line.set(enabled=False)
     line.written()
-    assert gpiod.said == [0, 1, 0, 1]
+    assert gpiod.written == [0, 1, 0, 1]
 
 
 def test_a_mock_has_no_line_whatever_the_vehicle_file_says(gpiod: FakeGpiod) -> None:
@@ -218,7 +218,7 @@ def test_outputs_are_enabled_for_a_while_and_the_line_is_given_back(gpiod: FakeG
     output = Output(enable_line=LINE, enable_timer=timer)
     with outputs_enabled(output, BUS):
         assert low.wait(10.0), "a timer is triggered again and again"
-    assert gpiod.said[-1] == 1, "a line that is given back may keep its level: the outputs are off before"
+    assert gpiod.written[-1] == 1, "a line that is given back may keep its level: the outputs are off before"
     assert levels == {}, "given back"
 
 

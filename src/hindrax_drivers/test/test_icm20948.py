@@ -161,19 +161,19 @@ def test_a_fifo_out_of_step_is_emptied(chip: Chip) -> None:
         chip.still(3)
         chip.fifo = chip.fifo[:-5]
         before = chip.resets
-        heard = [reasons(cycle(sensor, chip, begin + turn)) for turn in range(CROOKED)]
-        assert [len(one) for one in heard] == [0] * (CROOKED - 1) + [1]
-        assert "out of step" in heard[-1][0]
+        refused = [reasons(cycle(sensor, chip, begin + turn)) for turn in range(CROOKED)]
+        assert [len(one) for one in refused] == [0] * (CROOKED - 1) + [1]
+        assert "out of step" in refused[-1][0]
         assert chip.resets == before + 1
 
 
-@pytest.mark.parametrize(("count", "believed"), [(8, True), (9, False)])
+@pytest.mark.parametrize(("count", "accepted"), [(8, True), (9, False)])
 def test_a_turn_brings_four_samples_and_a_tenth_more_than_its_time(
-    sensor: Icm20948, chip: Chip, count: int, believed: bool
+    sensor: Icm20948, chip: Chip, count: int, accepted: bool
 ) -> None:
     """4 + 1.1 * 0.02 s * 225 Hz = 8.95."""
     chip.still(count)
-    assert (reasons(cycle(sensor, chip, 1)) == []) is believed
+    assert (reasons(cycle(sensor, chip, 1)) == []) is accepted
 
 
 def test_a_count_that_time_cannot_have_brought_is_not_read(sensor: Icm20948, chip: Chip) -> None:
@@ -228,7 +228,7 @@ def test_saturated_samples_are_no_readings(sensor: Icm20948, chip: Chip, raw: tu
     assert "saturated" in reasons(cycle(sensor, chip, 1))[0]
 
 
-def test_a_single_damaged_sample_is_refused_and_a_real_step_is_believed(sensor: Icm20948, chip: Chip) -> None:
+def test_a_single_damaged_sample_is_refused_and_a_real_step_is_accepted(sensor: Icm20948, chip: Chip) -> None:
     chip.fill((0, 0, 0, 0, 0, 0), (1, 0, 8192, 0, 0, 0))
     outputs = cycle(sensor, chip, 1)
     assert [isinstance(one, Rejected) for one in outputs] == [True, False]
@@ -267,33 +267,33 @@ def test_the_first_sample_is_as_far_from_the_second_as_from_any_other(chip: Chip
     assert [type(one) for one in play(sensor.cycle(START), chip)] == [Rejected, *[Stamped] * 4]
 
 
-def test_a_step_right_after_the_beginning_is_believed_no_earlier_than_any_other(chip: Chip) -> None:
+def test_a_step_right_after_the_beginning_is_accepted_no_earlier_than_any_other(chip: Chip) -> None:
     sensor = Icm20948(Icm20948Knobs(magnetometer=False))
     play(sensor.configure(), chip)
     chip.fill(LEVEL, LEVEL, *[(turn, 0, 0, 0, 0, 0) for turn in range(5)])
     assert [type(one) for one in play(sensor.cycle(START), chip)] == [Stamped] * 2 + [Rejected] * 3 + [Stamped] * 2
 
 
-@pytest.mark.parametrize(("divider", "believed"), [(4, False), (44, True)])
-def test_what_a_step_may_be_follows_the_rate(chip: Chip, divider: int, believed: bool) -> None:
+@pytest.mark.parametrize(("divider", "accepted"), [(4, False), (44, True)])
+def test_what_a_step_may_be_follows_the_rate(chip: Chip, divider: int, accepted: bool) -> None:
     """20 m/s^2 in 40 ms is a vehicle that is set down, in 4 ms it is damage."""
     sensor = Icm20948(Icm20948Knobs(divider=divider, magnetometer=False))
     play(sensor.configure(), chip)
     chip.fill(LEVEL, (1, 0, 8192, 0, 0, 0), (0, 0, 8192 + 16706, 0, 0, 0))
-    assert (reasons(cycle(sensor, chip, 1)) == []) is believed
+    assert (reasons(cycle(sensor, chip, 1)) == []) is accepted
 
 
 @pytest.mark.parametrize("axis", [2, 4])
 def test_samples_that_burst_mode_has_skipped_widen_the_step(axis: int) -> None:
     ready = (WriteRead(0x68, b"\x1a", 1), b"\x01")
-    for late_s, count, believed in ((0.0045, 6266, False), (0.0045, 16706, False), (0.045, 16706, True)):
+    for late_s, count, accepted in ((0.0045, 6266, False), (0.0045, 16706, False), (0.045, 16706, True)):
         sensor = Icm20948(Icm20948Knobs(mode="burst", magnetometer=False))
         raw = [*LEVEL]
         for at, step in ((START, 0), (after(START, late_s), count)):
             raw[axis] += step
             newest = (WriteRead(0x68, b"\x2d", 12), struct.pack(">6h", *raw))
             outputs = rehearse(sensor.cycle(at), [ready, newest])
-        assert isinstance(outputs[0], Stamped) is believed
+        assert isinstance(outputs[0], Stamped) is accepted
 
 
 def test_accelerometer_and_magnetometer_are_corrected_by_the_vehicle_file(chip: Chip) -> None:
@@ -400,8 +400,8 @@ NACK = DeviceError("no acknowledge")
 def test_a_magnetometer_that_fails_does_not_take_the_rest_with_it_and_comes_back() -> None:
     mag = Ak09916(Correction())
     assert rehearse(mag.configure(), [(SET_UP[0][0], NACK)]) == "no AK09916 (no acknowledge)"
-    (told,) = rehearse(mag.read(START), [(SET_UP[0][0], NACK)])
-    assert told == Rejected(START, "magnetometer: no AK09916 (no acknowledge)")
+    (reported,) = rehearse(mag.read(START), [(SET_UP[0][0], NACK)])
+    assert reported == Rejected(START, "magnetometer: no AK09916 (no acknowledge)")
     assert list(rehearse(mag.read(after(START, 0.04)), [])) == []
     assert list(rehearse(mag.read(after(START, SET_UP_EVERY_S)), SET_UP)) == []
     (reading,) = rehearse(mag.read(after(START, 1.1)), [(BLOCK, b"\x01\x01\0\0\0\0\0\0\0")])
@@ -431,14 +431,14 @@ def test_a_magnetometer_that_pauses_now_and_then_is_heard() -> None:
         assert [type(one) for one in outputs] == ([] if turn % 2 else [Stamped])
 
 
-def test_a_turn_between_two_fields_that_lie_far_apart_is_believed() -> None:
-    for span_s, believed in ((0.04, False), (0.2, True)):
+def test_a_turn_between_two_fields_that_lie_far_apart_is_accepted() -> None:
+    for span_s, accepted in ((0.04, False), (0.2, True)):
         mag = Ak09916(Correction())
         rehearse(mag.configure(), SET_UP)
         north, east = (b"\x01" + struct.pack("<3h", *field) + bytes(2) for field in ((200, 0, 50), (0, 200, 50)))
         rehearse(mag.read(START), [(BLOCK, north)])
         (output,) = rehearse(mag.read(after(START, span_s)), [(BLOCK, east)])
-        assert isinstance(output, Stamped) is believed
+        assert isinstance(output, Stamped) is accepted
 
 
 def magnetometer() -> Ak09916:
@@ -471,7 +471,7 @@ def test_a_leap_is_refused_until_it_is_confirmed_and_noise_on_a_strong_field_is_
     assert isinstance(field(mag, 0.166, *strong), Rejected), "the next leap is doubted anew"
 
 
-def test_what_was_believed_before_a_set_up_is_forgotten() -> None:
+def test_what_was_accepted_before_a_set_up_is_forgotten() -> None:
     mag = magnetometer()
     for turn in range(MAG_REPEATS):
         assert isinstance(field(mag, 0.01 * turn, 300, 0, 0), Stamped)
@@ -496,8 +496,8 @@ def test_a_lost_magnetometer_is_set_up_again_once_a_second_and_when_the_clock_we
     assert lost == Rejected(START, "magnetometer: no acknowledge")
     for late_s in (0.0, 0.99):
         assert list(rehearse(mag.read(after(START, late_s)), [])) == []
-    (told,) = rehearse(mag.read(after(START, 1.0)), [(SET_UP[0][0], NACK)])
-    assert told == Rejected(after(START, 1.0), "magnetometer: no AK09916 (no acknowledge)")
+    (reported,) = rehearse(mag.read(after(START, 1.0)), [(SET_UP[0][0], NACK)])
+    assert reported == Rejected(after(START, 1.0), "magnetometer: no AK09916 (no acknowledge)")
     assert list(rehearse(mag.read(after(START, 1.99)), [])) == []
     assert list(rehearse(mag.read(after(START, 0.5)), SET_UP)) == []
 
@@ -544,12 +544,12 @@ def test_a_step_of_the_host_s_clock_is_not_a_period() -> None:
     assert clock.period_ns == PERIOD_ns
 
 
-@pytest.mark.parametrize(("share", "believed"), [(0.89, False), (0.91, True), (1.09, True), (1.11, False)])
-def test_a_period_is_the_nominal_one_within_a_tenth(share: float, believed: bool) -> None:
+@pytest.mark.parametrize(("share", "accepted"), [(0.89, False), (0.91, True), (1.09, True), (1.11, False)])
+def test_a_period_is_the_nominal_one_within_a_tenth(share: float, accepted: bool) -> None:
     clock = EdgeClock(PERIOD_ns)
     for ticks in (4, 8, 12):
         clock.map(ticks, (ticks, round(share * ticks * PERIOD_ns)))
-    assert clock.period_ns == pytest.approx((share if believed else 1.0) * PERIOD_ns)
+    assert clock.period_ns == pytest.approx((share if accepted else 1.0) * PERIOD_ns)
 
 
 def edges(count: int, newest_s: float) -> bytes:
@@ -570,13 +570,13 @@ def timed_sensor() -> Icm20948:
 
 
 def test_a_line_without_edges_is_told_four_times_a_second() -> None:
-    sensor, told_s = timed_sensor(), []
+    sensor, reported_s = timed_sensor(), []
     for turn in range(56):
         at_s = 1.0 + turn / 50.0
-        told = reasons(timed_cycle(sensor, stamp_from_s(at_s), bytes(12), bytes(12), turn))
-        assert told == [SILENT_LINE] * len(told)
-        told_s += [at_s] * len(told)
-    assert told_s == pytest.approx([1.26, 1.52, 1.78, 2.04])
+        reported = reasons(timed_cycle(sensor, stamp_from_s(at_s), bytes(12), bytes(12), turn))
+        assert reported == [SILENT_LINE] * len(reported)
+        reported_s += [at_s] * len(reported)
+    assert reported_s == pytest.approx([1.26, 1.52, 1.78, 2.04])
 
 
 def test_a_line_that_times_the_samples_is_never_told() -> None:

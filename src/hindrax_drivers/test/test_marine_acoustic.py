@@ -77,10 +77,10 @@ def test_without_the_package_nothing_is_published_and_nothing_breaks() -> None:
 @pytest.mark.usefixtures("package")
 def test_with_the_package_every_detail_is_published() -> None:
     made = dvl_messages()
-    said = dict(made.of(Stamped(Stamp(5), BottomVelocity(None, 0.0, 0.0, 0.05, 77))))
+    messages = dict(made.of(Stamped(Stamp(5), BottomVelocity(None, 0.0, 0.0, 0.05, 77))))
     assert "dvl75/dvl" in {topic.name for topic in made.topics if not topic.recorded}
-    assert said["dvl75/dvl"].header.frame_id == "dvl75_link"
-    assert isinstance(said["dvl75/dvl"], Dvl)
+    assert messages["dvl75/dvl"].header.frame_id == "dvl75_link"
+    assert isinstance(messages["dvl75/dvl"], Dvl)
 
 
 def test_a_broken_package_is_not_taken_for_a_missing_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -40,10 +40,10 @@ def command(seconds: float, sequence: int, pulses: tuple[float, ...] = FULL, lig
     return Command(pulses, lights, at(seconds), sequence)
 
 
-def say(state: OutputGuardState, wanted: Command, seconds: float) -> tuple[OutputGuardState, Pulses]:
-    state, said = GUARD.command(state, wanted, at(seconds))
-    assert isinstance(said, Pulses), said
-    return state, said
+def accepted_command(state: OutputGuardState, wanted: Command, seconds: float) -> tuple[OutputGuardState, Pulses]:
+    state, pulses = GUARD.command(state, wanted, at(seconds))
+    assert isinstance(pulses, Pulses), pulses
+    return state, pulses
 
 
 def armed(pulses: tuple[float, ...] = NEUTRAL) -> OutputGuardState:
@@ -51,7 +51,7 @@ def armed(pulses: tuple[float, ...] = NEUTRAL) -> OutputGuardState:
     state, answer = GUARD.arm(GUARD.start(at(0.0)), Request(at(0.0), 1), at(0.0))
     assert answer == Answer(accepted=True)
     for turn in range(1, 81):
-        state, _ = say(state, command(turn * 0.1, turn, pulses), turn * 0.1)
+        state, _ = accepted_command(state, command(turn * 0.1, turn, pulses), turn * 0.1)
     assert state.phase is ArmingPhase.ARMED
     return state
 
@@ -66,9 +66,9 @@ def test_starts_disarmed_with_neutral_due_at_once() -> None:
 
 
 def test_commands_move_nothing_while_disarmed_but_switch_the_lights() -> None:
-    state, pulses = say(GUARD.start(at(0.0)), command(0.0, 1, FULL, (1900.0, 1500.0)), 0.0)
+    state, pulses = accepted_command(GUARD.start(at(0.0)), command(0.0, 1, FULL, (1900.0, 1500.0)), 0.0)
     assert pulses == Pulses(NEUTRAL, (1900.0, 1500.0))
-    state, pulses = say(state, command(0.1, 2), 0.1)
+    state, pulses = accepted_command(state, command(0.1, 2), 0.1)
     assert pulses.lights == (1900.0, 1500.0)
 
 
@@ -80,12 +80,12 @@ def test_lamps_are_lit_by_themselves_until_nobody_is_heard_for_long() -> None:
     _, due = GUARD.tick(state, at(5.1))
     assert due == GUARD.neutral
     for turn in range(1, 80):
-        state, pulses = say(state, command(turn * 0.1, turn), turn * 0.1)
+        state, pulses = accepted_command(state, command(turn * 0.1, turn), turn * 0.1)
     assert pulses.lights == (1900.0, 1300.0)
 
 
 def test_lamps_leave_running_thrusters_alone() -> None:
-    state, before = say(armed(FULL), command(8.1, 81), 8.1)
+    state, before = accepted_command(armed(FULL), command(8.1, 81), 8.1)
     state, pulses = GUARD.light(state, (0.5, 0.0), at(8.12))
     assert pulses == Pulses(before.thrusters, (1500.0, 1100.0), 81)
     _, due = GUARD.tick(state, at(8.6))
@@ -94,10 +94,10 @@ def test_lamps_leave_running_thrusters_alone() -> None:
 
 @pytest.mark.parametrize("levels", [(), (1.0,), *((1.0, wrong) for wrong in (1.01, -0.01, float("nan"), float("inf")))])
 def test_what_is_no_brightness_is_refused(levels: tuple[float, ...]) -> None:
-    state, said = GUARD.light(GUARD.start(at(0.0)), levels, at(0.0))
-    assert isinstance(said, Refusal)
-    assert said.reason == "not a brightness"
-    assert said.text.startswith(
+    state, decision = GUARD.light(GUARD.start(at(0.0)), levels, at(0.0))
+    assert isinstance(decision, Refusal)
+    assert decision.reason == "not a brightness"
+    assert decision.text.startswith(
         f"lamps: found {', '.join(f'{level:g}' for level in levels) or 'none'}, wanted 2 from 0"
     )
     assert state.pulses == GUARD.neutral
@@ -106,9 +106,9 @@ def test_what_is_no_brightness_is_refused(levels: tuple[float, ...]) -> None:
 def test_arming_is_neutral_for_the_time_of_the_escs() -> None:
     state, _ = GUARD.arm(GUARD.start(at(0.0)), Request(at(-0.5), 1), at(0.0))
     for turn in range(70):
-        state, pulses = say(state, command(turn * 0.1, turn + 1), turn * 0.1)
+        state, pulses = accepted_command(state, command(turn * 0.1, turn + 1), turn * 0.1)
         assert (state.phase, pulses.thrusters) == (ArmingPhase.ARMING, NEUTRAL)
-    state, pulses = say(state, command(7.0, 71), 7.0)
+    state, pulses = accepted_command(state, command(7.0, 71), 7.0)
     assert state.phase is ArmingPhase.ARMED
 
 
@@ -120,7 +120,7 @@ def test_it_counts_how_often_it_was_armed_whatever_happened_between() -> None:
         state, _ = GUARD.arm(state, Request(at(20.0 * turn + 1.0), 2 * turn + 1), at(20.0 * turn + 1.0))
         for step in range(75):
             now_s = 20.0 * turn + 1.0 + step * 0.1
-            state, _ = say(state, command(now_s, 1000 * turn + step + 1, pulses), now_s)
+            state, _ = accepted_command(state, command(now_s, 1000 * turn + step + 1, pulses), now_s)
         assert (state.phase, state.armings) == (ArmingPhase.ARMED, turn + 1)
 
 
@@ -300,7 +300,7 @@ def test_arming_times_out_without_commands() -> None:
 def test_silence_goes_neutral_before_the_time_promised_and_long_silence_disarms() -> None:
     state = armed()
     for turn in range(1, 6):
-        state, pulses = say(state, command(8.0 + turn * 0.1, 80 + turn), 8.0 + turn * 0.1)
+        state, pulses = accepted_command(state, command(8.0 + turn * 0.1, 80 + turn), 8.0 + turn * 0.1)
     assert pulses.thrusters == FULL
     assert GUARD.due(state) <= at(8.5 + KNOBS.repeat_s)
     state, held = GUARD.tick(state, at(8.5 + KNOBS.repeat_s))
@@ -312,7 +312,7 @@ def test_silence_goes_neutral_before_the_time_promised_and_long_silence_disarms(
     assert (state.phase, tripped.thrusters, tripped.sequence) == (ArmingPhase.ARMED, NEUTRAL, 0)
     state, _ = GUARD.tick(state, at(13.6))
     assert (state.phase, state.reason) == (ArmingPhase.DISARMED, "no command for 5 s")
-    state, pulses = say(state, command(14.0, 200), 14.0)
+    state, pulses = accepted_command(state, command(14.0, 200), 14.0)
     assert pulses.thrusters == NEUTRAL
 
 
@@ -351,14 +351,14 @@ def test_command_is_refused_with_its_reason(wanted: Command, seconds: float, rea
 
 
 def test_a_malformed_command_makes_neutral_until_the_next_good_one() -> None:
-    state, moving = say(armed(), command(8.05, 81), 8.05)
+    state, moving = accepted_command(armed(), command(8.05, 81), 8.05)
     assert moving.thrusters != NEUTRAL
     state, _ = GUARD.command(state, command(8.06, 82, (float("nan"),) * 8), at(8.06))
     assert GUARD.due(state) == at(8.06), "at once"
     state, pulses = GUARD.tick(state, at(8.06))
     assert pulses is not None
     assert pulses.thrusters == NEUTRAL
-    _, pulses = say(state, command(8.1, 83), 8.1)
+    _, pulses = accepted_command(state, command(8.1, 83), 8.1)
     assert pulses.thrusters != NEUTRAL
 
 
@@ -366,46 +366,46 @@ def test_a_sender_that_starts_again_is_heard_once_the_old_one_is_silent_but_must
     state = armed()
     _, refusal = GUARD.command(state, command(8.1, 1), at(8.1))
     assert isinstance(refusal, Refusal)
-    state, pulses = say(state, command(8.45, 1), 8.45)
+    state, pulses = accepted_command(state, command(8.45, 1), 8.45)
     assert pulses.thrusters == GUARD.neutral.thrusters
     assert state.phase is ArmingPhase.DISARMED
     assert "started anew" in state.reason
-    assert state.heard_at == at(8.45)
+    assert state.commanded_at == at(8.45)
 
 
 def test_the_sequence_may_wrap() -> None:
-    state, _ = say(armed(), command(8.35, 2**32 - 1), 8.45)
-    _, pulses = say(state, command(8.46, 0), 8.46)
+    state, _ = accepted_command(armed(), command(8.35, 2**32 - 1), 8.45)
+    _, pulses = accepted_command(state, command(8.46, 0), 8.46)
     assert pulses.sequence == 0
 
 
 def test_pulses_are_clipped_and_slewed() -> None:
     wanted = (2500.0, 500.0, 1600.0, 1500.0, *NEUTRAL[4:])
-    state, pulses = say(armed(), command(8.02, 81, wanted), 8.02)
+    state, pulses = accepted_command(armed(), command(8.02, 81, wanted), 8.02)
     assert pulses.thrusters[:4] == (1580.0, 1420.0, 1580.0, 1500.0)
     for turn in range(2, 10):
-        state, pulses = say(state, command(8.0 + turn * 0.02, 80 + turn, wanted), 8.0 + turn * 0.02)
+        state, pulses = accepted_command(state, command(8.0 + turn * 0.02, 80 + turn, wanted), 8.0 + turn * 0.02)
     assert pulses.thrusters[:4] == (1900.0, 1100.0, 1600.0, 1500.0)
 
 
 def test_after_neutral_pulses_begin_with_the_time_since_then() -> None:
-    state, _ = say(armed(FULL), command(8.1, 81), 8.1)
+    state, _ = accepted_command(armed(FULL), command(8.1, 81), 8.1)
     state, tripped = GUARD.tick(state, at(8.5))
     assert tripped == GUARD.neutral
-    _, pulses = say(state, command(8.51, 82), 8.51)
+    _, pulses = accepted_command(state, command(8.51, 82), 8.51)
     assert pulses.thrusters == pytest.approx((1540.0,) * 8)
 
 
 def test_a_repetition_is_no_movement() -> None:
     state, repeated = GUARD.tick(armed(), at(8.09))
     assert repeated == replace(GUARD.neutral, sequence=80)
-    _, pulses = say(state, command(8.1, 81), 8.1)
+    _, pulses = accepted_command(state, command(8.1, 81), 8.1)
     assert pulses.thrusters == pytest.approx((1860.0,) * 8)
 
 
 def test_the_first_command_of_all_after_the_arming_time_begins_at_neutral() -> None:
     state, _ = GUARD.arm(GUARD.start(at(0.0)), Request(at(0.0), 1), at(0.0))
-    state, pulses = say(state, command(7.1, 1), 7.1)
+    state, pulses = accepted_command(state, command(7.1, 1), 7.1)
     assert (state.phase, pulses.thrusters) == (ArmingPhase.ARMED, NEUTRAL)
 
 
@@ -417,7 +417,7 @@ def test_writes_that_keep_failing_fault_the_output_and_it_comes_back_disarmed() 
     assert (state.phase, state.reason) == (ArmingPhase.FAULTED, "bus is stuck")
     _, answer = GUARD.arm(state, Request(at(8.3), 7), at(8.3))
     assert answer == Answer(accepted=False, reason="output is faulted: bus is stuck")
-    state, pulses = say(state, command(8.4, 99), 8.4)
+    state, pulses = accepted_command(state, command(8.4, 99), 8.4)
     assert pulses.thrusters == NEUTRAL
     state = GUARD.restored(state, at(9.0))
     assert (state.phase, state.reason) == (ArmingPhase.DISARMED, "output is back after: bus is stuck")
@@ -434,16 +434,16 @@ def test_a_write_that_fails_once_does_not_put_off_the_end_by_silence() -> None:
 def test_a_write_that_fails_while_arming_starts_the_neutral_time_again() -> None:
     state, _ = GUARD.arm(GUARD.start(at(0.0)), Request(at(0.0), 1), at(0.0))
     state = GUARD.written(GUARD.failed(state, "no acknowledge", at(5.0)))
-    state, _ = say(state, command(7.5, 1), 7.5)
+    state, _ = accepted_command(state, command(7.5, 1), 7.5)
     assert state.phase is ArmingPhase.ARMING
-    state, _ = say(state, command(12.0, 2), 12.0)
+    state, _ = accepted_command(state, command(12.0, 2), 12.0)
     assert state.phase is ArmingPhase.ARMED
 
 
 def test_a_clock_that_goes_back_disarms() -> None:
-    state, _ = say(armed(), command(8.05, 81), 8.05)
-    still, said = GUARD.command(state, command(8.06, 82), at(8.03))
-    assert isinstance(said, Pulses)
+    state, _ = accepted_command(armed(), command(8.05, 81), 8.05)
+    still, decision = GUARD.command(state, command(8.06, 82), at(8.03))
+    assert isinstance(decision, Pulses)
     assert still.phase is ArmingPhase.ARMED
     state, tick = GUARD.tick(state, at(-3600.0))
     assert tick is not None
@@ -479,16 +479,16 @@ class HostileHost(RuleBasedStateMachine):
         self.write(GUARD.tick(self.state, self.now))
 
     def write(self, decided: tuple[OutputGuardState, Pulses | Refusal | None]) -> None:
-        self.state, said = decided
-        if not isinstance(said, Pulses):
+        self.state, decision = decided
+        if not isinstance(decision, Pulses):
             return
         gone_s = max(seconds_between(self.moved_at, self.now), 0.0)
-        for old, new in zip(self.wire.thrusters, said.thrusters, strict=True):
+        for old, new in zip(self.wire.thrusters, decision.thrusters, strict=True):
             assert 1100.0 <= new <= 1900.0
             assert new == 1500.0 or abs(new - old) <= KNOBS.slew_usps * min(gone_s, KNOBS.repeat_s) + 1e-6
-        if said.thrusters != self.wire.thrusters:
+        if decision.thrusters != self.wire.thrusters:
             self.moved_at = self.now
-        self.wire = said
+        self.wire = decision
 
     @rule(step_s=st.floats(0.0, 6.0), late_s=st.floats(0.0, 0.09))
     def let_time_pass(self, step_s: float, late_s: float) -> None:
@@ -507,12 +507,12 @@ class HostileHost(RuleBasedStateMachine):
     def send(self, pulses: list[float], age_s: float, step: int) -> None:
         stamp = after(self.now, -age_s)
         self.sequence = (self.sequence + step) % 2**32
-        self.state, said = GUARD.command(self.state, Command(tuple(pulses), (), stamp, self.sequence), self.now)
-        if isinstance(said, Pulses):
+        self.state, decision = GUARD.command(self.state, Command(tuple(pulses), (), stamp, self.sequence), self.now)
+        if isinstance(decision, Pulses):
             assert -KNOBS.future_s <= age_s <= KNOBS.command_lifespan_s + 1e-6
             assert len(pulses) == 8
             self.valid_at = stamp
-            self.write((self.state, said))
+            self.write((self.state, decision))
             self.moved_at = self.now
 
     @rule(levels=st.lists(st.floats(), max_size=3) | st.just([0.5, 1.0]))
@@ -622,7 +622,7 @@ def test_each_thruster_rests_at_the_stop_pulse_of_its_curve_unless_the_knob_says
 
 
 @pytest.mark.parametrize(
-    ("vehicle", "knobs", "said"),
+    ("vehicle", "knobs", "words"),
     [
         (resting_at(1950.0), OutputGuardKnobs(), r"T7 rests at 1950 us, wanted 1100 to 1900 us \(low_us, high_us\)"),
         (resting_at(1550.0), OutputGuardKnobs(high_us=1520.0), "T7 rests at 1550 us, wanted 1100 to 1520 us"),
@@ -630,8 +630,8 @@ def test_each_thruster_rests_at_the_stop_pulse_of_its_curve_unless_the_knob_says
         (resting_at(1500.0, "stm32"), OutputGuardKnobs(neutral_us=1470.0), "T1 rests at 1470 us, and the stm32"),
     ],
 )
-def test_a_rest_that_the_output_cannot_make_is_refused(vehicle: Vehicle, knobs: OutputGuardKnobs, said: str) -> None:
-    with pytest.raises(UsageError, match=said):
+def test_a_rest_that_the_output_cannot_make_is_refused(vehicle: Vehicle, knobs: OutputGuardKnobs, words: str) -> None:
+    with pytest.raises(UsageError, match=words):
         guard_of(vehicle, knobs)
 
 

@@ -6,7 +6,7 @@ pytest.importorskip("rclpy", reason="needs the ROS environment")
 pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
 
 from hindrax_core.events import after, stamp_from_s
-from hindrax_drivers.nodes.thruster_settings import TOLD_S
+from hindrax_drivers.nodes.thruster_settings import KEEPALIVE_S
 from hindrax_drivers.nodes.thrusters_node import SILENT_S, SILENT_WALL_S, ParentSilence
 
 START = stamp_from_s(100.0)
@@ -38,4 +38,4 @@ def test_a_word_ends_the_silence() -> None:
 
 
 def test_two_words_in_a_row_may_be_late_or_lost() -> None:
-    assert min(SILENT_S, SILENT_WALL_S) >= 3 * TOLD_S
+    assert min(SILENT_S, SILENT_WALL_S) >= 3 * KEEPALIVE_S

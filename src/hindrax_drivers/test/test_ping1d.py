@@ -18,7 +18,7 @@ from hindrax_drivers.protocols.ping_protocol import encode, request
 
 INFORMATION = encode(protocol.DEVICE_INFORMATION, bytes([1, 2, 3, 28, 0, 0]))
 START, LENGTH = 100, 4900
-TOLD = dict(zip(HEALTH, (b"\x07", *(struct.pack("<H", one) for one in (4987, 3612, 2850))), strict=True))
+HEALTH_PAYLOADS = dict(zip(HEALTH, (b"\x07", *(struct.pack("<H", one) for one in (4987, 3612, 2850))), strict=True))
 ASK_HEALTH = b"".join(map(request, HEALTH))
 
 
@@ -44,7 +44,7 @@ def obedient(sent: bytes) -> bytes:
         elif wanted == protocol.DEVICE_INFORMATION:
             answers += INFORMATION
         elif wanted in HEALTH:
-            answers += encode(wanted, TOLD[wanted])
+            answers += encode(wanted, HEALTH_PAYLOADS[wanted])
         elif ordered:
             answers += encode(wanted, ordered)
         if message == protocol.CONTINUOUS_START:
@@ -181,7 +181,7 @@ def test_an_order_without_answer_is_repeated_then_told_then_left() -> None:
     ]
 
 
-def test_a_device_that_only_acknowledges_is_believed() -> None:
+def test_a_device_that_only_acknowledges_is_accepted() -> None:
     driver = Ping1d(Ping1dKnobs(continuous=False, answer_s=0.3))
     driver.start(Stamp(0))
     driver.feed(INFORMATION, Stamp(0))
@@ -204,9 +204,9 @@ def test_a_value_other_than_ordered_is_told() -> None:
     driver = Ping1d(Ping1dKnobs(tries=2, interval_s=0.05))
     outputs = set_up(driver, stubborn)
     for index in range(1, 10):
-        for send in sends(said := driver.tick(stamp_from_s(index * 0.1))):
-            said += driver.feed(stubborn(send.data), stamp_from_s(index * 0.1))
-        outputs += said
+        for send in sends(sent := driver.tick(stamp_from_s(index * 0.1))):
+            sent += driver.feed(stubborn(send.data), stamp_from_s(index * 0.1))
+        outputs += sent
     assert "Ping: ping interval after 2 tries: found 100, wanted 50; check the firmware" in troubles(outputs)
 
 
@@ -234,9 +234,9 @@ def test_a_sonar_without_a_continuous_mode_is_polled(refused: bool) -> None:
     found: list[Echo] = []
     for index in range(1, 31):
         stamp = stamp_from_s(index * 0.1)
-        said = driver.tick(stamp)
-        outputs += said
-        asked = [one.data for one in sends(said) if one.data == request(protocol.DISTANCE)]
+        sent = driver.tick(stamp)
+        outputs += sent
+        asked = [one.data for one in sends(sent) if one.data == request(protocol.DISTANCE)]
         found += [one for _ in asked for one in readings(driver.feed(distance(index), stamp)) if isinstance(one, Echo)]
     assert driver.ready
     assert len(found) > 20
@@ -278,7 +278,7 @@ def test_a_supply_that_sags_is_told_once() -> None:
 
 def test_a_supply_that_sags_from_the_beginning_is_told() -> None:
     def sagging(sent: bytes) -> bytes:
-        return obedient(sent).replace(encode(protocol.SUPPLY_mV, TOLD[protocol.SUPPLY_mV]), low)
+        return obedient(sent).replace(encode(protocol.SUPPLY_mV, HEALTH_PAYLOADS[protocol.SUPPLY_mV]), low)
 
     low = encode(protocol.SUPPLY_mV, struct.pack("<H", 4200))
     assert ["supply 4.20 V" in text for text in troubles(set_up(Ping1d(), sagging))] == [True]
@@ -371,7 +371,7 @@ def test_a_host_clock_set_back_is_followed() -> None:
         (distance(2)[:-1] + b"\x00", "frame: checksum"),
     ],
 )
-def test_what_is_not_believed_is_refused_with_the_reason(frame: bytes, reason: str) -> None:
+def test_what_is_not_plausible_is_refused_with_the_reason(frame: bytes, reason: str) -> None:
     outputs = ready(Ping1dKnobs(continuous=False)).feed(frame, Stamp(0))
     assert [one.reason for one in outputs if isinstance(one, Rejected)] == [reason]
     assert not readings(outputs)

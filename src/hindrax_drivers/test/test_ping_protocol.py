@@ -64,9 +64,9 @@ def test_what_is_encoded_is_decoded_when_its_length_is_right(message: int, paylo
 def test_a_false_frame_is_told_as_a_whole_and_once() -> None:
     broken = bytearray(SIMPLE)
     broken[9] ^= 1
-    told = Refused("checksum", bytes(broken))
-    assert split(bytes(broken) + SIMPLE) == [told, *split(SIMPLE)]
-    assert split(bytes(broken) + bytes(3) + SIMPLE) == [told, Refused("garbage", bytes(3)), *split(SIMPLE)]
+    refused = Refused("checksum", bytes(broken))
+    assert split(bytes(broken) + SIMPLE) == [refused, *split(SIMPLE)]
+    assert split(bytes(broken) + bytes(3) + SIMPLE) == [refused, Refused("garbage", bytes(3)), *split(SIMPLE)]
 
 
 def test_a_flood_of_false_marks_is_cheap_and_told() -> None:

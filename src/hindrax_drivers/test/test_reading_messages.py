@@ -30,9 +30,9 @@ def messages_of_dvl() -> ReadingMessages:
 
 def test_the_altitude_of_either_dvl_is_published() -> None:
     made = messages_of_dvl()
-    said = [*made.of(Stamped(Stamp(0), TRACK)), *made.of(Stamped(Stamp(0), Echo(1.25, 0.9)))]
-    told = [deserialized(data, Range) for name, data in said if name == "dvl75/altitude"]
-    assert [one.range for one in told] == [1.5, 1.25]
+    published = [*made.of(Stamped(Stamp(0), TRACK)), *made.of(Stamped(Stamp(0), Echo(1.25, 0.9)))]
+    messages = [deserialized(data, Range) for name, data in published if name == "dvl75/altitude"]
+    assert [one.range for one in messages] == [1.5, 1.25]
 
 
 def test_a_dvl_without_lock_tells_its_detail_and_no_velocity() -> None:
@@ -44,8 +44,8 @@ def test_every_topic_has_a_name_that_messages_come_under() -> None:
     made = messages_of_dvl()
     moving = Stamped(Stamp(0), BottomVelocity((0.1, 0.0, 0.0), 0.01, 1.0, 0.05, 77))
     place = Stamped(Stamp(0), Position(44.96, -93.51, fixed=True))
-    said = {name for reading in (Stamped(Stamp(0), TRACK), moving, place) for name, _ in made.of(reading)}
-    assert said == {topic.name for topic in made.topics}
+    published = {name for reading in (Stamped(Stamp(0), TRACK), moving, place) for name, _ in made.of(reading)}
+    assert published == {topic.name for topic in made.topics}
     assert made.accepts(BottomVelocity)
     assert not made.accepts(str)
 
@@ -54,40 +54,40 @@ def messages_of(device: str, reading: Reading) -> dict[str, Any]:
     return read(ReadingMessages(device, hindrax_with(device)).of(Stamped(Stamp(0), reading)))
 
 
-def read(said: Iterable[tuple[str, Any]]) -> dict[str, Any]:
+def read(published: Iterable[tuple[str, Any]]) -> dict[str, Any]:
     """The messages by topic, made of their bytes."""
     kinds = {topic.name: message_class(topic.type) for topic in MEASURED.values()}
-    return {name: deserialized(serialized(one), kinds[name]) for name, one in said}
+    return {name: deserialized(serialized(one), kinds[name]) for name, one in published}
 
 
 def test_the_battery_is_that_of_the_vehicle_and_discharges_below_zero() -> None:
-    told = messages_of("ina226", Battery(14.8, 12.5))
-    assert list(told) == ["battery"], "the topic that the allocator listens to"
-    assert told["battery"].voltage == pytest.approx(14.8)
-    assert told["battery"].current == -12.5
-    assert math.isnan(told["battery"].percentage)
+    messages = messages_of("ina226", Battery(14.8, 12.5))
+    assert list(messages) == ["battery"], "the topic that the allocator listens to"
+    assert messages["battery"].voltage == pytest.approx(14.8)
+    assert messages["battery"].current == -12.5
+    assert math.isnan(messages["battery"].percentage)
 
 
 def test_the_air_in_the_hull_and_a_leak() -> None:
-    told = messages_of("bme280", Air(101_325.0, 30.0, 0.4))
-    assert list(told) == ["bme280/pressure", "bme280/temperature", "bme280/humidity"]
-    assert told["bme280/humidity"].relative_humidity == 0.4
+    messages = messages_of("bme280", Air(101_325.0, 30.0, 0.4))
+    assert list(messages) == ["bme280/pressure", "bme280/temperature", "bme280/humidity"]
+    assert messages["bme280/humidity"].relative_humidity == 0.4
     assert "bme280/humidity" not in messages_of("bme280", Air(101_325.0, 30.0))
     assert messages_of("sos_leak", Leak(wet=True))["leak"].data
 
 
 def test_of_many_messages_one_in_so_many_is_published() -> None:
-    said: list[int] = []
-    publish = one_of_many(3, said.append)
+    published: list[int] = []
+    publish = one_of_many(3, published.append)
     for number in range(1, 8):
         publish(number)
-    assert said == [3, 6]
+    assert published == [3, 6]
 
 
 def test_the_temperature_of_the_die_comes_once_a_second() -> None:
     made = ReadingMessages("icm20948", load_vehicle(default_vehicle()))
     samples = [Stamped(Stamp(index * 10_000_000), Inertial((0.0,) * 3, (0.0,) * 3, 24.5)) for index in range(250)]
-    said = [read(made.of(one)) for one in samples]
-    told = [one["icm20948/die_temperature"] for one in said if "icm20948/die_temperature" in one]
-    assert [message.header.stamp.sec for message in told] == [1, 2]
-    assert {message.temperature for message in told} == {24.5}
+    published = [read(made.of(one)) for one in samples]
+    messages = [one["icm20948/die_temperature"] for one in published if "icm20948/die_temperature" in one]
+    assert [message.header.stamp.sec for message in messages] == [1, 2]
+    assert {message.temperature for message in messages} == {24.5}

@@ -29,7 +29,7 @@ class Pty:
         tty.setraw(self._slave)
         self.path.symlink_to(os.ttyname(self._slave))
 
-    def heard(self, count: int) -> bytes:
+    def received(self, count: int) -> bytes:
         """What the host has sent; a pty passes bytes on in its own time."""
         data = b""
         while len(data) < count:
@@ -95,7 +95,7 @@ def test_an_auto_baud_device_is_woken_before_the_bytes(pty: Pty, clock: SystemCl
     port = SerialPort(str(pty.path), 115200, clock)
     port.send(Send(b"BR", wake=True))
     port.send(Send(b"!"))
-    assert pty.heard(4) == b"UBR!"
+    assert pty.received(4) == b"UBR!"
     port.close()
 
 

@@ -41,7 +41,7 @@ def until(done: Callable[[], bool]) -> None:
         time.sleep(0.01)
 
 
-def heard(master: int, wanted: bytes) -> bool:
+def received(master: int, wanted: bytes) -> bool:
     data = b""
     while len(data) < len(wanted):
         data += os.read(master, 100)
@@ -53,11 +53,11 @@ def test_it_greets_listens_asks_what_others_want_asked_and_comes_back(tmp_path: 
     master, slave = os.openpty()
     tty.setraw(slave)
     path.symlink_to(os.ttyname(slave))
-    said: list[Output] = []
+    outputs: list[Output] = []
     asked_on: list[str] = []
     passed: list[tuple[bool, bytes]] = []
     thread = SerialThread(
-        str(path), Parrot(), SystemClock(), said.extend, lambda _, sent, data: passed.append((sent, data))
+        str(path), Parrot(), SystemClock(), outputs.extend, lambda _, sent, data: passed.append((sent, data))
     )
 
     def question() -> list[Output]:
@@ -65,21 +65,21 @@ def test_it_greets_listens_asks_what_others_want_asked_and_comes_back(tmp_path: 
         return [Send(b"profile?")]
 
     thread.start()
-    assert heard(master, b"hello")
+    assert received(master, b"hello")
     os.write(master, b"polly")
-    until(lambda: any(isinstance(one, Stamped) for one in said))
+    until(lambda: any(isinstance(one, Stamped) for one in outputs))
     thread.call(question)
-    assert heard(master, b"profile?")
+    assert received(master, b"profile?")
     assert asked_on == [str(path)]
     path.unlink()
     os.close(slave)
     os.close(master)
-    until(lambda: any(isinstance(one, Trouble) for one in said))
+    until(lambda: any(isinstance(one, Trouble) for one in outputs))
     assert not thread.ready
     master, slave = os.openpty()
     tty.setraw(slave)
     path.symlink_to(os.ttyname(slave))
-    assert heard(master, b"hello")
+    assert received(master, b"hello")
     thread.stop()
     assert passed[:2] == [(True, b""), (True, b"hello")]
     assert (False, b"polly") in passed

@@ -15,7 +15,7 @@ def monitor() -> SilenceMonitor:
     return made
 
 
-def told(monitor: SilenceMonitor, at_s: float) -> list[str]:
+def reported(monitor: SilenceMonitor, at_s: float) -> list[str]:
     return [one.text for one in monitor.tick(stamp_from_s(at_s))]
 
 
@@ -24,26 +24,26 @@ def test_a_line_is_well_before_anybody_has_looked() -> None:
 
 
 def test_silence_is_told_once_and_again_after_it_was_well(monitor: SilenceMonitor) -> None:
-    assert told(monitor, 103.0) == []
-    (text,) = told(monitor, 103.1)
+    assert reported(monitor, 103.0) == []
+    (text,) = reported(monitor, 103.1)
     assert text.startswith("DVL: no byte for 3 s, wanted $DV sentences; check power")
-    assert (told(monitor, 110.0), monitor.condition) == ([], "silent")
+    assert (reported(monitor, 110.0), monitor.condition) == ([], "silent")
     monitor.last_byte = monitor.last_valid = stamp_from_s(110.5)
-    assert (told(monitor, 111.0), monitor.condition) == ([], "well")
-    assert len(told(monitor, 114.0)) == 1
+    assert (reported(monitor, 111.0), monitor.condition) == ([], "well")
+    assert len(reported(monitor, 114.0)) == 1
 
 
 def test_bytes_without_a_valid_message_are_told_after_twice_the_time(monitor: SilenceMonitor) -> None:
     monitor.last_byte = stamp_from_s(106.0)
-    assert told(monitor, 106.0) == []
-    (text,) = told(monitor, 106.1)
+    assert reported(monitor, 106.0) == []
+    (text,) = reported(monitor, 106.1)
     assert "bytes arrive but none of them verify, wanted $DV sentences; check line speed" in text
-    assert (told(monitor, 106.2), monitor.condition) == ([], "foreign")
-    assert len(told(monitor, 109.1)) == 1, "now it is silent as well"
+    assert (reported(monitor, 106.2), monitor.condition) == ([], "foreign")
+    assert len(reported(monitor, 109.1)) == 1, "now it is silent as well"
 
 
 def test_a_line_that_is_opened_again_begins_anew(monitor: SilenceMonitor) -> None:
-    assert told(monitor, 120.0) != []
+    assert reported(monitor, 120.0) != []
     monitor.restart(stamp_from_s(120.0))
     assert monitor.condition == "well"
-    assert told(monitor, 123.0) == []
+    assert reported(monitor, 123.0) == []

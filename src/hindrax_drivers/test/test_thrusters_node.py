@@ -59,11 +59,11 @@ class Thread:
     ) -> None:
         self.make, self.guard, self.listener, self.beat = make, guard, listener, beat
         self.ready, self.now = True, Stamp(5)
-        self.told: list[tuple[Any, ...]] = []
+        self.calls: list[tuple[Any, ...]] = []
         self.answer: Answer | None = Answer(accepted=True)
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
-        return lambda *told: self.told.append((name, *told))
+        return lambda *calls: self.calls.append((name, *calls))
 
     def arm(self, request: Request) -> Future[Answer]:
         return self._answered("arm", request)
@@ -72,7 +72,7 @@ class Thread:
         return self._answered("disarm", request)
 
     def _answered(self, name: str, request: Request) -> Future[Answer]:
-        self.told.append((name, request))
+        self.calls.append((name, request))
         future: Future[Answer] = Future()
         if self.answer is not None:
             future.set_result(self.answer)
@@ -83,7 +83,7 @@ class Bench:
     """The node, its thread, its callbacks by topic, what it publishes by topic, its log, and who commands it."""
 
     def __init__(self, settings: Settings, patch: pytest.MonkeyPatch) -> None:
-        self.heard: dict[str, Callable[[Any], None]] = {}
+        self.callbacks: dict[str, Callable[[Any], None]] = {}
         self.published: dict[str, list[Any]] = {}
         self.log: list[str] = []
         self.publishers, self.looks, self.now_s = frozenset({ONE}), 0, 0.5
@@ -100,7 +100,7 @@ class Bench:
 
     def _subscription(self, _node: object, topic: Any, act: Callable[[Any], None], *, raw: bool = False) -> None:
         assert raw == (topic.name == "thrusters/command"), "read as bytes"
-        self.heard[topic.name] = act
+        self.callbacks[topic.name] = act
 
     def _publisher(self, _node: object, topic: Any) -> Any:
         return SimpleNamespace(publish=self.published.setdefault(topic.name, []).append)
@@ -112,11 +112,11 @@ class Bench:
 
     def command(self, sequence: int) -> list[Any]:
         """What the thread is told of a command."""
-        before = len(self.thread.told)
+        before = len(self.thread.calls)
         message = ThrusterCommand(sequence=sequence, pulses=[1500.0, 1600.0], lights=[1100.0])
         message.header.stamp.sec = 3
-        self.heard["thrusters/command"](bytes(serialize_message(message)))
-        return list(self.thread.told[before:])
+        self.callbacks["thrusters/command"](bytes(serialize_message(message)))
+        return list(self.thread.calls[before:])
 
     def ask(self, **fields: Any) -> tuple[bool, str]:
         request = Arm.Request(**fields)
@@ -127,9 +127,9 @@ class Bench:
 
     def inhibitions(self) -> list[str]:
         """Reasons, in their order, since the last time."""
-        told = [one[1] for one in self.thread.told if one[0] == "inhibit"]
-        self.thread.told.clear()
-        return told
+        calls = [one[1] for one in self.thread.calls if one[0] == "inhibit"]
+        self.thread.calls.clear()
+        return calls
 
     def becomes(self, phase: ArmingPhase, reason: str = "") -> None:
         self.node.applied(AppliedOutput(Stamp(6_000_000_007), phase, reason, (1500.0, 1600.5), 9, 2))
@@ -161,10 +161,10 @@ def command_of(sequence: int) -> tuple[str, Command]:
 
 def test_a_command_and_levels_of_lamps_reach_the_guard(make: Make) -> None:
     bench = make()
-    assert bench.thread.told == [("start",)]
+    assert bench.thread.calls == [("start",)]
     assert bench.command(7) == [command_of(7)]
-    bench.heard["lights"](Float32MultiArray(data=[0.5, 1.0]))
-    assert bench.thread.told[-1] == ("light", (0.5, 1.0))
+    bench.callbacks["lights"](Float32MultiArray(data=[0.5, 1.0]))
+    assert bench.thread.calls[-1] == ("light", (0.5, 1.0))
 
 
 @pytest.mark.parametrize(
@@ -172,8 +172,8 @@ def test_a_command_and_levels_of_lamps_reach_the_guard(make: Make) -> None:
 )
 def test_bytes_that_are_no_command_are_refused_and_end_nothing(make: Make, data: bytes) -> None:
     bench = make()
-    bench.heard["thrusters/command"](data)
-    assert bench.thread.told == [("start",)]
+    bench.callbacks["thrusters/command"](data)
+    assert bench.thread.calls == [("start",)]
     assert bench.node.health.rejects == {"not a command": 1}
 
 
@@ -252,9 +252,9 @@ def test_who_asks_to_arm_is_judged_by_the_graph_of_now_and_answered_as_the_guard
     bench = make()
     bench.command(1)
     assert bench.ask(arm=True, sequence=3) == (True, "")
-    assert (bench.looks, bench.thread.told[-1]) == (2, ("arm", Request(Stamp(7_000_000_000), 3, "")))
+    assert (bench.looks, bench.thread.calls[-1]) == (2, ("arm", Request(Stamp(7_000_000_000), 3, "")))
     assert bench.ask(arm=False, sequence=4, reason="tether cut") == (True, "")
-    assert (bench.looks, bench.thread.told[-1]) == (2, ("disarm", Request(Stamp(7_000_000_000), 4, "tether cut")))
+    assert (bench.looks, bench.thread.calls[-1]) == (2, ("disarm", Request(Stamp(7_000_000_000), 4, "tether cut")))
     bench.thread.answer = Answer(accepted=False, reason="late")
     assert bench.ask(arm=True, sequence=5) == (False, "late")
     assert bench.log == ["arm: accepted", "disarm: tether cut", "arm: late"]
@@ -302,7 +302,7 @@ def test_refusals_are_counted_by_reason_and_the_first_of_each_is_told(make: Make
     assert bench.log == ["command refused: it is late", "command refused: it is malformed"]
 
 
-SAID = (
+BOARD_OUTPUTS = (
     Stamped(Stamp(2_000_000_000), Battery(voltage_V=15.5, current_A=3.0)),
     Stamped(Stamp(2), AppliedPulses((1500.0,) * 8)),
     Rejected(Stamp(3), "checksum"),
@@ -312,7 +312,7 @@ SAID = (
 
 def test_a_board_tells_its_battery_where_no_sensor_does(make: Make) -> None:
     bench = make(vehicle=BOARD)
-    bench.node.deliver(SAID)
+    bench.node.deliver(BOARD_OUTPUTS)
     (said,) = bench.published["battery"]
     battery = deserialized(said, BatteryState)
     assert (battery.voltage, battery.header.stamp.sec) == (15.5, 2)
@@ -324,7 +324,7 @@ def test_a_board_tells_its_battery_where_no_sensor_does(make: Make) -> None:
 def test_nobody_else_tells_a_battery(make: Make, device: str, sensor: str) -> None:
     output = replace(VEHICLE.output, device=device)
     bench = make(vehicle=replace(VEHICLE, output=output, sensors={sensor: Mount(sensor)}))
-    bench.node.deliver(SAID)
+    bench.node.deliver(BOARD_OUTPUTS)
     assert "battery" not in bench.published
     assert bench.node.health.identity == "a board"
 
@@ -332,7 +332,7 @@ def test_nobody_else_tells_a_battery(make: Make, device: str, sensor: str) -> No
 def test_a_finalized_node_says_nothing_of_its_device(make: Make) -> None:
     bench = make(vehicle=BOARD)
     bench.node._wanted = State.FINALIZED  # as the service has it
-    bench.node.deliver(SAID)
+    bench.node.deliver(BOARD_OUTPUTS)
     assert (bench.published["battery"], bench.node.health.identity) == ([], "")
 
 
@@ -357,10 +357,10 @@ def test_its_clock_and_its_end_are_those_of_the_thread(make: Make) -> None:
     bench.node.publish_queue.add(lambda _data: sent.append("sent"), Float32MultiArray())
     bench.node.on_idle()
     assert sent == ["sent"]
-    bench.thread.told.clear()
+    bench.thread.calls.clear()
     bench.node.abandon("the dead man has died")
     bench.node.close()
-    assert bench.thread.told == [("drop", "the dead man has died"), ("stop",), ("stop",)]
+    assert bench.thread.calls == [("drop", "the dead man has died"), ("stop",), ("stop",)]
 
 
 class Judge:
@@ -404,7 +404,7 @@ def test_a_silent_dead_man_inhibits_and_a_dead_one_ends_the_process(monkeypatch:
 
     node: Any = SimpleNamespace(now=lambda: Stamp(5), on_dead_man=on_dead_man, abandon=happened.append)
     monkeypatch.setattr(thrusters_node, "ParentSilence", made)
-    monkeypatch.setattr(thrusters_node, "TOLD_S", 0.001)
+    monkeypatch.setattr(thrusters_node, "KEEPALIVE_S", 0.001)
     monkeypatch.setattr(os, "kill", killed)
     os.write(alive, b"!")
     watch_parent(life, node)

@@ -88,60 +88,60 @@ def test_the_rate_is_never_believed_beyond_its_bound() -> None:
 
 def run_then(ticks: int, arrival: int) -> tuple[list[Break], Stamp]:
     """Let 200 samples at 10 Hz from tick 10^6 pass (the last at 20.9e6 ticks, START + 19.9 s), then one more."""
-    told: list[Break] = []
-    base = Timebase(1e-6, on_break=told.append)
+    breaks: list[Break] = []
+    base = Timebase(1e-6, on_break=breaks.append)
     for index in range(200):
         base.map(1_000_000 + index * 100_000, Stamp(START + index * 100 * MS))
-    return told, base.map(ticks, Stamp(arrival))
+    return breaks, base.map(ticks, Stamp(arrival))
 
 
 def test_a_plain_successor_breaks_nothing() -> None:
-    told, stamp = run_then(21_000_000, START + 20_003 * MS)
-    assert told == []
+    breaks, stamp = run_then(21_000_000, START + 20_003 * MS)
+    assert breaks == []
     assert stamp == START + 20_000 * MS
 
 
 def test_a_reset_is_told_and_the_map_starts_anew() -> None:
-    told, stamp = run_then(50_000, START + 22_000 * MS)
-    assert [(one.kind, one.ticks) for one in told] == [("reset", 50_000)]
-    assert told[0].shift_s == pytest.approx(-20.85)
+    breaks, stamp = run_then(50_000, START + 22_000 * MS)
+    assert [(one.kind, one.ticks) for one in breaks] == [("reset", 50_000)]
+    assert breaks[0].shift_s == pytest.approx(-20.85)
     assert stamp == START + 22_000 * MS
 
 
 def test_a_leap_ahead_is_told_and_never_stamped_in_the_future() -> None:
-    told, stamp = run_then(81_000_000, START + 20_000 * MS)
-    assert [one.kind for one in told] == ["jump"]
-    assert told[0].shift_s == pytest.approx(60.0, abs=1e-3)
+    breaks, stamp = run_then(81_000_000, START + 20_000 * MS)
+    assert [one.kind for one in breaks] == ["jump"]
+    assert breaks[0].shift_s == pytest.approx(60.0, abs=1e-3)
     assert stamp == START + 20_000 * MS
 
 
 def test_after_a_leap_the_map_goes_on_from_the_new_count() -> None:
-    told: list[Break] = []
-    base = Timebase(1e-6, on_break=told.append)
+    breaks: list[Break] = []
+    base = Timebase(1e-6, on_break=breaks.append)
     for index in range(400):
         leap = 5_000_000 if index >= 200 else 0
         stamp = base.map(index * 100_000 + leap, Stamp(START + index * 100 * MS))
         assert stamp == START + index * 100 * MS
-    assert len(told) == 1
+    assert len(breaks) == 1
 
 
 def test_time_the_device_lost_is_found_within_two_seconds() -> None:
-    told: list[Break] = []
-    base = Timebase(1e-6, on_break=told.append)
+    breaks: list[Break] = []
+    base = Timebase(1e-6, on_break=breaks.append)
     for index in range(400):
         pause = 30_000 * MS if index >= 200 else 0
         arrival = Stamp(START + index * 100 * MS + pause)
         stamp = base.map(index * 100_000, arrival)
-        assert index < 220 or told
-        if told:
+        assert index < 220 or breaks
+        if breaks:
             assert stamp == arrival
-    assert [one.kind for one in told] == ["jump"]
-    assert told[0].shift_s == pytest.approx(-30.0, abs=1e-3)
+    assert [one.kind for one in breaks] == ["jump"]
+    assert breaks[0].shift_s == pytest.approx(-30.0, abs=1e-3)
 
 
 def test_backlogs_are_not_taken_for_lost_time() -> None:
-    told: list[Break] = []
-    base = Timebase(1e-6, on_break=told.append)
+    breaks: list[Break] = []
+    base = Timebase(1e-6, on_break=breaks.append)
     for index in range(400):
         due = START + index * 100 * MS
         arrival = due
@@ -149,12 +149,12 @@ def test_backlogs_are_not_taken_for_lost_time() -> None:
             if begin <= index <= begin + 30:
                 arrival = START + (begin + 30) * 100 * MS
         assert base.map(index * 100_000, Stamp(arrival)) == due
-    assert told == []
+    assert breaks == []
 
 
 def test_lateness_before_a_reset_does_not_count_after_it() -> None:
-    told: list[Break] = []
-    base = Timebase(1e-6, on_break=told.append)
+    breaks: list[Break] = []
+    base = Timebase(1e-6, on_break=breaks.append)
     for index in range(200):
         base.map(1_000_000 + index * 100_000, Stamp(START + index * 100 * MS))
     base.map(21_000_000, Stamp(START + 21_000 * MS))  # a second late
@@ -163,7 +163,7 @@ def test_lateness_before_a_reset_does_not_count_after_it() -> None:
         due = START + 22_000 * MS + index * 100 * MS
         arrival = START + 22_600 * MS if held else due
         assert base.map(1_000 + index * 100_000, Stamp(arrival)) == due
-    assert [one.kind for one in told] == ["reset"]
+    assert [one.kind for one in breaks] == ["reset"]
 
 
 @pytest.mark.parametrize(
@@ -181,8 +181,8 @@ def test_the_rate_is_that_of_the_lower_hull_below_the_middle(points: list[tuple[
 
 
 def test_a_host_clock_set_back_is_told() -> None:
-    told, stamp = run_then(21_000_000, START + 5_000 * MS)
-    assert [one.kind for one in told] == ["host step"]
+    breaks, stamp = run_then(21_000_000, START + 5_000 * MS)
+    assert [one.kind for one in breaks] == ["host step"]
     assert stamp == START + 5_000 * MS
 
 
@@ -234,9 +234,9 @@ def test_a_step_back_of_either_clock_is_told_with_its_size(
     timebase = Timebase(1e-6, on_break=breaks.append)
     timebase.map(5_000_000, Stamp(START + 10 * NS_PER_S))
     timebase.map(ticks, Stamp(START + round(arrival_s * NS_PER_S)))
-    (told,) = breaks
-    assert told.kind == kind
-    assert told.shift_s == pytest.approx(shift_s)
+    (found,) = breaks
+    assert found.kind == kind
+    assert found.shift_s == pytest.approx(shift_s)
 
 
 def test_the_least_delay_so_far_is_what_later_ones_are_counted_from() -> None:

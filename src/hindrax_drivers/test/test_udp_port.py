@@ -31,7 +31,7 @@ class Talk:
         assert isinstance(line, UdpPort)
         self.line = line
 
-    def heard(self) -> bytes:
+    def received(self) -> bytes:
         self.line.wait(after(self.clock.now(), PATIENT_S))
         return self.line.read()[0]
 
@@ -48,7 +48,7 @@ def talk() -> Iterator[Talk]:
 def test_every_datagram_is_whole_lines(talk: Talk) -> None:
     for sent, wanted in ((b"$DVPDL,1*00\r\n", b"$DVPDL,1*00\r\n"), (b"$DVPDL,2*00", b"$DVPDL,2*00\n")):
         talk.device.sendto(sent, talk.at)
-        assert talk.heard() == wanted
+        assert talk.received() == wanted
     assert talk.line.read()[0] == b""
 
 
@@ -56,7 +56,7 @@ def test_orders_wait_until_it_is_known_where_the_device_is(talk: Talk) -> None:
     for number in range(20):
         talk.line.send(Send(b"CONFIGURATION %d\n" % number))
     talk.device.sendto(b"hello\n", talk.at)
-    assert talk.heard() == b"hello\n"
+    assert talk.received() == b"hello\n"
     talk.line.send(Send(b"SEND-DVPDL ON\n"))
     orders: list[bytes] = []
     while not orders or orders[-1] != b"SEND-DVPDL ON\n":

@@ -133,7 +133,7 @@ class Bme280(RegisterPart):
             raise self.error("gives the same measurement again and again")
         valid = after(stamp, 0.5 * MEASUREMENT_S)
         reason = (
-            f"{self._repeats + 1} equal measurements" if self._repeats >= REPEATS else self._doubt(last, self._last)
+            f"{self._repeats + 1} equal measurements" if self._repeats >= REPEATS else self._refusal(last, self._last)
         )
         if reason:
             return [Rejected(valid, reason, raw)]
@@ -143,7 +143,7 @@ class Bme280(RegisterPart):
         low = yield self.get(CALIBRATION, 26)
         return low, (yield self.get(CALIBRATION_H, 7)) if PARTS[part] == "BME280" else b""
 
-    def _doubt(self, last: Air | None, new: Air) -> str:
+    def _refusal(self, last: Air | None, new: Air) -> str:
         """Reason why a sample is implausible, also beside the one before it; empty when it is plausible."""
         if not LIMITS_Pa[0] <= new.pressure_Pa <= LIMITS_Pa[1] or not LIMITS_C[0] <= new.temperature_C <= LIMITS_C[1]:
             return "range"

@@ -49,7 +49,7 @@ class Dvl75Knobs:
     attitude_sign: Vec3 = knob((1.0, 1.0, 1.0), -1.0, 1.0, "signs that turn roll, pitch, heading into SNAME [-]")
     sigma_floor_mps: float = knob(0.01, 0.0, 1.0, "standard deviation of a velocity without rounding [m/s]")
     max_speed_mps: float = knob(5.0, 0.1, 20.0, "largest believable velocity along an axis [m/s]")
-    clock_drift_ppm: float = knob(200.0, 0.0, 1000.0, "largest believed error of the device's clock rate [ppm]")
+    clock_drift_ppm: float = knob(200.0, 0.0, 1000.0, "largest accepted error of the device's clock rate [ppm]")
     latency_s: float = knob(0.0065, 0.0, 0.5, "end of interval to arrival: 75 characters at 115200 baud [s]")
     stall_s: float = knob(1.0, 0.3, 60.0, "silence that is reported [s]")
     enable_after_s: float = knob(2.0, 0.5, 60.0, "time without a delta before it is asked for [s]")

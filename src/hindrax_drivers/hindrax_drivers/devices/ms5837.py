@@ -43,7 +43,7 @@ LEAST_STEP_Pa = 500.0
 REPEATS = 10
 """The noise is tens of counts, so this many equal conversions in a row are a device that has hung."""
 HUNG_AFTER = 50
-BELIEVE_AFTER = 3
+ACCEPT_AFTER = 3
 """A leap this often confirmed was real, however large."""
 
 
@@ -153,7 +153,7 @@ class Ms5837(RegisterPart):
         model, remark = self._model(words[1])
         self._prom = Prom(model, (words[1], words[2], words[3], words[4], words[5], words[6]))
         self._last: Stamped[Pressure] | None = None
-        self._d2 = self._last_d1 = self._turn = self._repeats = self._doubted = 0
+        self._d2 = self._last_d1 = self._turn = self._repeats = self._leaps = 0
         return Identity(f"MS5837-{model} at {self.address:#04x}, C1 {words[1]}{remark}")
 
     def cycle(self, stamp: Stamp) -> Program[Sequence[Stamped[Reading] | Rejected]]:
@@ -187,14 +187,14 @@ class Ms5837(RegisterPart):
 
     def _model(self, c1: int) -> tuple[Model, str]:
         """Model from the knob or the calibration; the identity notes a contradiction."""
-        told = model_of(c1)
+        found = model_of(c1)
         if self._knobs.model == "auto":
-            if told is None:
+            if found is None:
                 models = f"neither 30BA ({C1_LOWEST} to {C1_BORDER}) nor 02BA (to {C1_HIGHEST})"
                 raise self.error(f"C1 {c1} fits {models}; set the parameter `model`")
-            return told, ""
+            return found, ""
         model: Model = "02BA" if self._knobs.model == "02BA" else "30BA"
-        return model, "" if told == model else f" (its calibration looks like {told or 'neither model'})"
+        return model, "" if found == model else f" (its calibration looks like {found or 'neither model'})"
 
     def _implausible(self, d1: int, stamped: Stamped[Pressure]) -> str:
         """Reason why a reading is implausible; empty when it is plausible."""
@@ -213,7 +213,7 @@ class Ms5837(RegisterPart):
     def _jump(self, stamped: Stamped[Pressure]) -> str:
         """Compare with the last accepted reading over the time between; a lasting jump is accepted."""
         reading, last = stamped.reading, self._last
-        if last is not None and self._doubted < BELIEVE_AFTER:
+        if last is not None and self._leaps < ACCEPT_AFTER:
             span_s = max(self._knobs.period_s, seconds_between(last.stamp, stamped.stamp))
             step_Pa = reading.pressure_Pa - last.reading.pressure_Pa
             step_C = reading.temperature_C - last.reading.temperature_C
@@ -222,9 +222,9 @@ class Ms5837(RegisterPart):
                 abs(step_Pa) > max(LEAST_STEP_Pa, self._knobs.fastest_Paps * span_s)
                 or abs(step_C) > FASTEST_Kps * slowest_s
             ):
-                self._doubted += 1
+                self._leaps += 1
                 return f"leap of {step_Pa:+.0f} Pa, {step_C:+.1f} K in {span_s:.3f} s: no vehicle moves like that"
-        self._doubted, self._last = 0, stamped
+        self._leaps, self._last = 0, stamped
         return ""
 
 

@@ -53,7 +53,7 @@ class Ping1d:
         self._profile_wanted = knobs.profile
         self.round_trip_s: float | None = None
         """Time from the last question to its answer; None before the first."""
-        self._told_stranger = self._told_supply = False
+        self._wrong_type_reported = self._supply_reported = False
         self._last_stamp = Stamp(0)
         self._reset(Stamp(0))
 
@@ -125,10 +125,10 @@ class Ping1d:
         if self._known:
             return []
         if kind != protocol.PING1D_TYPE:
-            told, self._told_stranger = self._told_stranger, True
+            reported, self._wrong_type_reported = self._wrong_type_reported, True
             wanted = f"wanted {protocol.PING1D_TYPE} (Ping1D, Ping2); check which device is on this port"
-            return [] if told else [Trouble(stamp, f"Ping: found device type {kind}, {wanted}")]
-        self._known, self._told_stranger = True, False
+            return [] if reported else [Trouble(stamp, f"Ping: found device type {kind}, {wanted}")]
+        self._known, self._wrong_type_reported = True, False
         self._orders = deque(device_settings(self._knobs))
         identity = Identity(f"Blue Robotics Ping sonar, revision {revision}, firmware {major}.{minor}.{patch}")
         return [identity, *self._send_order(stamp)]
@@ -183,8 +183,8 @@ class Ping1d:
     def _check_supply(self, supply_V: float, stamp: Stamp) -> list[Output]:
         """Report a supply that the sonar is not made for, once until it is well again."""
         low, high = SUPPLY_V
-        told, self._told_supply = self._told_supply, supply_V < low or supply_V > high
-        if told or not self._told_supply:
+        reported, self._supply_reported = self._supply_reported, supply_V < low or supply_V > high
+        if reported or not self._supply_reported:
             return []
         return [Trouble(stamp, f"Ping: supply {supply_V:.2f} V, wanted {low} to {high} V; check cable and regulator")]
 

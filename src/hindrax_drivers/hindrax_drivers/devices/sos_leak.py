@@ -27,7 +27,7 @@ class SosLeakKnobs:
     period_s: float = knob(0.1, 0.01, 1.0, "time between two looks [s]")
     wet_level: str = choice("high", ("high", "low"), "level of the line when the probe is wet")
     bias: str = choice("pull-up", BIASES, "resistor of the GPIO; towards wet, a broken cable is reported as a leak")
-    looks: int = knob(5, 1, 100, "equal looks in a row before a level is believed [-]")
+    looks: int = knob(5, 1, 100, "equal samples in a row before a level is accepted [-]")
 
 
 class SosLeak:

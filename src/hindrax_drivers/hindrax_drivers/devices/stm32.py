@@ -2,7 +2,7 @@
 
 The controller keeps its own failsafe: it boots disarmed at neutral, arms only after seconds of neutral, and goes
 neutral when overrides are missing for 300 ms. This end repeats the wanted pulses often enough, and reads those that are
-output. An autopilot with the same messages works too. Others on the same network, as ground stations, are not heard:
+output. An autopilot with the same messages works too. Others on the same network, as ground stations, are ignored:
 state comes from the controller alone, and answers to their commands are not ours.
 """
 
@@ -191,8 +191,8 @@ class Stm32:
             self.armed, self.refusal = pending.arm, ""
             return []
         self.refusal = self._complaint or f"answered with result {answer.result}"
-        wish = "arm" if pending.arm else "disarm"
-        return [Trouble(stamp, f"stm32: does not {wish}: {self.refusal}")]
+        request = "arm" if pending.arm else "disarm"
+        return [Trouble(stamp, f"stm32: does not {request}: {self.refusal}")]
 
     def _retry(self, stamp: Stamp) -> list[Output]:
         """Repeat an unanswered command, and give up after the last attempt."""

@@ -2,9 +2,9 @@
 
 Starts the node `thrusters` as its child, without ROS and next to idle itself. When the child dies of whatever cause, or
 stops beating, neutral is written at once and then ten times a second, until a new child has the output in hand. When
-this process dies, the child sees its pipe close, goes neutral and ends; when it is frozen, the child hears nothing and
-goes neutral until it does. The two lie in different sessions, so that no signal to a group reaches both. Where both are
-frozen, the supervisor kills both: `--neutral`, or a new dead man, puts neutral on the wire.
+this process dies, the child sees its pipe close, goes neutral and ends; when it is frozen, the child gets no keepalives
+and goes neutral until it does. The two lie in different sessions, so that no signal to a group reaches both. Where both
+are frozen, the supervisor kills both: `--neutral`, or a new dead man, puts neutral on the wire.
 """
 
 import contextlib
@@ -26,7 +26,7 @@ from hindrax_core.events import Stamp, after, seconds_between
 from hindrax_drivers.buses.clock import RegisterBus, pause
 from hindrax_drivers.buses.ports import open_bus
 from hindrax_drivers.devices.pca9685 import Pca9685, pca9685_of
-from hindrax_drivers.nodes.thruster_settings import TOLD_S, Settings, read_settings
+from hindrax_drivers.nodes.thruster_settings import KEEPALIVE_S, Settings, read_settings
 from hindrax_drivers.nodes.thrusters import ARGUMENTS, NEUTRAL_WORD, NODE_WORD
 from hindrax_ros.heartbeat import VARIABLE, Heartbeat
 from hindrax_ros.stack_time import StackTime
@@ -89,15 +89,15 @@ class NeutralWriter:
 
 @dataclass(slots=True)
 class WatchedProcess:
-    """The node's process, the pipe it beats on, the pipe that tells it that we live, and when it was heard."""
+    """The node's process, the pipe of its beats, the pipe of our keepalives, and the time of its last beat."""
 
     handle: subprocess.Popen[bytes]
     beats: int
     life: int
     born_s: float = field(default_factory=time.monotonic)
     beaten_at: Stamp | None = None
-    heard_s: float = field(default_factory=time.monotonic)
-    told_s: float = 0.0
+    beaten_s: float = field(default_factory=time.monotonic)
+    keepalive_s: float = 0.0
 
     @classmethod
     def start(cls, arguments: Sequence[str]) -> "WatchedProcess":
@@ -125,13 +125,13 @@ class WatchedProcess:
         except BlockingIOError:
             return True
         if data:
-            self.beaten_at, self.heard_s = now, time.monotonic()
+            self.beaten_at, self.beaten_s = now, time.monotonic()
         return bool(data)
 
-    def reassure(self, now_s: float) -> None:
-        """Tell the child periodically that it is supervised."""
-        if now_s - self.told_s >= TOLD_S:
-            self.told_s = now_s
+    def send_keepalive(self, now_s: float) -> None:
+        """Tell the child periodically that we live."""
+        if now_s - self.keepalive_s >= KEEPALIVE_S:
+            self.keepalive_s = now_s
             with contextlib.suppress(BlockingIOError, BrokenPipeError):  # it hangs or has died: `listen` tells
                 os.write(self.life, b"!")
 
@@ -141,8 +141,8 @@ class WatchedProcess:
 
     def hung(self, now: Stamp) -> bool:
         """Whether it has beaten once and then not for long, by both clocks: that of a mock may stand still."""
-        heard = self.beaten_at is not None and seconds_between(self.beaten_at, now) > HUNG_S
-        return heard and time.monotonic() - self.heard_s > HUNG_S
+        silent = self.beaten_at is not None and seconds_between(self.beaten_at, now) > HUNG_S
+        return silent and time.monotonic() - self.beaten_s > HUNG_S
 
     def reap(self) -> int:
         """Wait for the end; returns the exit code."""
@@ -184,7 +184,7 @@ class DeadMan:
         """Return the exit code of the child when it has ended; neutral in its place whenever it is silent."""
         sent = False
         while child.listen(self._neutral.now()):
-            child.reassure(time.monotonic())
+            child.send_keepalive(time.monotonic())
             self._heartbeat.beat(time.monotonic())
             if self._asked_s is not None and not sent:
                 child.handle.send_signal(signal.SIGTERM)

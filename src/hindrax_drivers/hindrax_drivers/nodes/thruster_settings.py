@@ -20,8 +20,8 @@ from hindrax_drivers.output.output_guard import OutputGuard, OutputGuardKnobs, g
 from hindrax_ros.parameter_file import names_node, parameter_blocks
 
 NODE = "thrusters"
-TOLD_S = 0.2
-"""How often the node hears the dead man, when he lives [wall time]."""
+KEEPALIVE_S = 0.2
+"""How often the dead man sends the node a keepalive [wall time]."""
 NO_VEHICLE = Vehicle("no vehicle", mass_kg=1.0, volume_m3=1e-3, envelope_m=(0.1, 0.1, 0.1))
 """For a device that stands alone: nothing is known of what it is on."""
 

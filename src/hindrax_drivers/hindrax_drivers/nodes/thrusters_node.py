@@ -27,7 +27,7 @@ from hindrax_core.readings import AppliedPulses, Battery
 from hindrax_core.topics import BATTERY, LIGHTS, THRUSTER_COMMAND, THRUSTER_STATE
 from hindrax_drivers.lifecycle import ON_REQUEST, State
 from hindrax_drivers.nodes.device_node import DeviceNode
-from hindrax_drivers.nodes.thruster_settings import TOLD_S, OutputAlone, Settings, read_settings
+from hindrax_drivers.nodes.thruster_settings import KEEPALIVE_S, OutputAlone, Settings, read_settings
 from hindrax_drivers.output.output_guard import ArmingPhase, Command, OutputGuardKnobs, Refusal, Request, guard_of
 from hindrax_drivers.output.output_host import AppliedOutput
 from hindrax_drivers.output.output_ports import ThrusterOutput, open_output
@@ -105,10 +105,10 @@ class ThrustersNode(DeviceNode):
             self.health.identity = ""
         else:
             self.health.reading(applied.stamp)
-        said = ThrusterStateFields(
+        state = ThrusterStateFields(
             applied.stamp, applied.phase is ArmingPhase.ARMED, applied.pulses_us, applied.sequence, applied.armings
         )
-        self._state.publish(self._state_bytes(said, str(applied.phase), applied.reason))
+        self._state.publish(self._state_bytes(state, str(applied.phase), applied.reason))
 
     def on_idle(self) -> None:
         """Send the queued messages."""
@@ -189,17 +189,17 @@ class ParentSilence:
     Judged by the clock of the output and the monotonic one [s]: a mock's may stand still, the system's may leap.
     """
 
-    heard_at: Stamp
-    heard_s: float
+    beaten_at: Stamp
+    beaten_s: float
 
     def on_beat(self, now: Stamp, now_s: float) -> None:
         """The dead man lives."""
-        self.heard_at, self.heard_s = now, now_s
+        self.beaten_at, self.beaten_s = now, now_s
 
     def silent(self, now: Stamp, now_s: float) -> bool:
-        """Whether he has not been heard for too long."""
-        recent = 0.0 <= seconds_between(self.heard_at, now) < SILENT_S
-        return not recent and now_s - self.heard_s >= SILENT_WALL_S
+        """Whether no keepalive has come for too long."""
+        recent = 0.0 <= seconds_between(self.beaten_at, now) < SILENT_S
+        return not recent and now_s - self.beaten_s >= SILENT_WALL_S
 
 
 def watch_parent(life: int, node: ThrustersNode) -> None:
@@ -208,7 +208,7 @@ def watch_parent(life: int, node: ThrustersNode) -> None:
     def wait() -> None:
         silence, silent = ParentSilence(node.now(), time.monotonic()), False
         while True:
-            ready, _, _ = select.select([life], (), (), TOLD_S)
+            ready, _, _ = select.select([life], (), (), KEEPALIVE_S)
             if ready and not os.read(life, 4096):
                 break
             now, now_s = node.now(), time.monotonic()

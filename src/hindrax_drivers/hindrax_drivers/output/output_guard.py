@@ -144,7 +144,7 @@ class OutputGuardState:
     pulses: Pulses
     written_at: Stamp | None = None
     moved_at: Stamp | None = None
-    heard_at: Stamp | None = None
+    commanded_at: Stamp | None = None
     lit_at: Stamp | None = None
     fresh_until: Stamp | None = None
     failing_since: Stamp | None = None
@@ -197,7 +197,7 @@ class OutputGuard:
             state = self.drop(state, "the sender of commands has started anew: arm again", now)
         held = self._held(state, now)
         fresh_until = after(Stamp(min(command.stamp, now)), self.knobs.silence_s - self.knobs.margin_s)
-        state = replace(state, heard_at=now, fresh_until=fresh_until, last_command=command)
+        state = replace(state, commanded_at=now, fresh_until=fresh_until, last_command=command)
         state, now = self._observe(state, now)
         pulses = self._applied(state, held, command, now)
         return replace(state, pulses=pulses, written_at=now, moved_at=now), pulses
@@ -323,11 +323,11 @@ class OutputGuard:
         state = replace(state, seen=now)
         if state.phase is ArmingPhase.ARMING and seconds_between(state.since, now) >= self.knobs.arming_s:
             state = self._enter(state, ArmingPhase.ARMED, "", now)
-        heard = state.since if state.heard_at is None else state.heard_at
-        if state.armed and seconds_between(max(heard, state.since), now) > self.knobs.disarm_after_s:
+        commanded = state.since if state.commanded_at is None else state.commanded_at
+        if state.armed and seconds_between(max(commanded, state.since), now) > self.knobs.disarm_after_s:
             state = self.drop(state, f"no command for {self.knobs.disarm_after_s:g} s", now)
-        if seconds_between(heard, now) > self.knobs.disarm_after_s:
-            state = replace(state, heard_at=None)
+        if seconds_between(commanded, now) > self.knobs.disarm_after_s:
+            state = replace(state, commanded_at=None)
         if state.lit_at is not None and seconds_between(state.lit_at, now) > self.knobs.disarm_after_s:
             state = replace(state, lit_at=None)
         return state, now
@@ -336,7 +336,7 @@ class OutputGuard:
         forgotten = replace(
             state,
             seen=now,
-            heard_at=None,
+            commanded_at=None,
             lit_at=None,
             moved_at=None,
             last_command=None,
@@ -358,7 +358,7 @@ class OutputGuard:
         """Pulses without a new command: the last ones while fresh, else neutral; lights keep their level."""
         if state.armed and self._fresh(state, now):
             return state.pulses
-        silent = state.heard_at is None and state.lit_at is None
+        silent = state.commanded_at is None and state.lit_at is None
         return self.neutral if silent else replace(self.neutral, lights=state.pulses.lights)
 
     def _applied(self, state: OutputGuardState, held: Pulses, command: Command, now: Stamp) -> Pulses:

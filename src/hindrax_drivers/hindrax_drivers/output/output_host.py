@@ -1,7 +1,7 @@
 """Host of guard and output: checks commands, writes, repeats, monitors the output. Has no thread.
 
-Everything that moves a thruster goes through the guard, on the clock of the output. The caller turns it, sleeps as long
-as it is told, and ends it; every end writes neutral.
+Everything that moves a thruster goes through the guard, on the clock of the output. The caller turns it, sleeps for
+the time that it returns, and ends it; every end writes neutral.
 """
 
 from collections.abc import Callable, Iterable
@@ -90,13 +90,13 @@ class OutputHost:
 
     def _judge(self, rule: Callable[..., tuple[OutputGuardState, Pulses | Refusal]], asked: object) -> None:
         now = self._output.now()
-        said: Pulses | Refusal = Refusal("inhibited", self._inhibited_because)
+        decision: Pulses | Refusal = Refusal("inhibited", self._inhibited_because)
         if not self._inhibited_because:
-            self._state, said = rule(self._state, asked, now)
-        if isinstance(said, Refusal):
-            self._listener.refused(said, now)
+            self._state, decision = rule(self._state, asked, now)
+        if isinstance(decision, Refusal):
+            self._listener.refused(decision, now)
         else:
-            self._pending = said
+            self._pending = decision
 
     def arm(self, request: Request) -> Answer:
         """Start arming, or say why not."""
@@ -168,12 +168,12 @@ class OutputHost:
 
     def _listen(self) -> None:
         try:
-            said = self._output.serve()
+            outputs = self._output.serve()
         except DeviceError as error:
             self.broken(str(error))
             return
-        if said:
-            self._listener.deliver(said)
+        if outputs:
+            self._listener.deliver(outputs)
         complaint = self._output.complaint() if self._state.armed else ""
         if complaint:
             self.drop(complaint)

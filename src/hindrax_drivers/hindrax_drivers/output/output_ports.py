@@ -90,7 +90,7 @@ class SerialOutput:
     def __init__(self, path: str, device: Stm32, clock: Clock, tap: Tap) -> None:
         self._path, self._device, self._clock, self._tap = path, device, clock, tap
         self._port: SerialPort | None = None
-        self._said: list[Output] = []
+        self._outputs: list[Output] = []
         self._seen: tuple[float, ...] = ()
         self._asked = False
         self.now = clock.now
@@ -114,7 +114,7 @@ class SerialOutput:
             if self._clock.now() >= deadline:
                 raise DeviceError(f"{self._path}: no MAVLink heartbeat within {FOUND_WITHIN_S:g} s; check the board")
             self.wait(deadline)
-            self._said = list(self.serve())
+            self._outputs = list(self.serve())
         return self._device.identity
 
     def write(self, pulses: Pulses, *, armed: bool) -> None:
@@ -138,18 +138,18 @@ class SerialOutput:
 
     def serve(self) -> Sequence[Output]:
         """Decode received bytes, run the driver's timers, keep the reported pulses."""
-        said, self._said = self._said, []
+        outputs, self._outputs = self._outputs, []
         if self._port is None:
-            return said
+            return outputs
         data, stamp = self._port.read()
         if data:
             self._tap(stamp, False, data)
-            said += self._send(self._device.feed(data, stamp))
-        said += self._send(self._device.tick(stamp))
-        for one in said:
+            outputs += self._send(self._device.feed(data, stamp))
+        outputs += self._send(self._device.tick(stamp))
+        for one in outputs:
             if isinstance(one, Stamped) and isinstance(one.reading, AppliedPulses):
                 self._seen = one.reading.pulses_us
-        return said
+        return outputs
 
     def check(self, pulses: Pulses) -> None:
         """Require heartbeats; the board reports its pulses by itself."""

@@ -45,11 +45,11 @@ class OutputThread(ServingThread):
 
     def command(self, command: Command) -> None:
         """Check and apply a command at once. From any thread."""
-        self._tell(lambda host: host.command(command))
+        self._post(lambda host: host.command(command))
 
     def light(self, levels: tuple[float, ...]) -> None:
         """Set the lamps, 0 (dark) to 1, at once. From any thread."""
-        self._tell(lambda host: host.light(levels))
+        self._post(lambda host: host.light(levels))
 
     def arm(self, request: Request) -> Future[Answer]:
         """Begin to arm. From any thread."""
@@ -61,12 +61,12 @@ class OutputThread(ServingThread):
 
     def drop(self, reason: str) -> None:
         """Disarm for an internal reason. From any thread."""
-        self._tell(lambda host: host.drop(reason))
+        self._post(lambda host: host.drop(reason))
 
     def inhibit(self, reason: str) -> None:
         """Hold neutral and disarmed while there is a reason; an empty reason ends it. From any thread."""
         self._inhibited_because = reason
-        self._tell(lambda host: host.inhibit(reason))
+        self._post(lambda host: host.inhibit(reason))
 
     def stop(self, timeout_s: float = 3.0) -> None:
         """Write neutral and stop the thread. From any other thread."""
@@ -80,10 +80,10 @@ class OutputThread(ServingThread):
 
     def _ask(self, action: Callable[[OutputHost], Any]) -> Future[Any]:
         future: Future[Any] = Future()
-        self._tell(action, future)
+        self._post(action, future)
         return future
 
-    def _tell(self, action: Callable[[OutputHost], Any], future: Future[Any] | None = None) -> None:
+    def _post(self, action: Callable[[OutputHost], Any], future: Future[Any] | None = None) -> None:
         self._inbox.put((action, future))
         self._wake()
 

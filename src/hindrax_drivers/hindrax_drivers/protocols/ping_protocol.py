@@ -136,7 +136,7 @@ class FrameSplitter:
 
     def __init__(self) -> None:
         self._bytes = self._junk = b""
-        self._excused = 0
+        self._reported = 0
 
     def feed(self, data: bytes) -> list[Piece]:
         """Frames and refusals that these bytes have completed, in the order of the stream."""
@@ -174,7 +174,7 @@ class FrameSplitter:
         self._flush(pieces)
         pieces.append(PingFrame(message, self._bytes[HEADER.size : end - CHECKSUM.size]))
         self._bytes = self._bytes[end:]
-        self._excused = max(0, self._excused - end)
+        self._reported = max(0, self._reported - end)
         return True
 
     def _covers_a_frame(self, end: int) -> bool:
@@ -195,12 +195,12 @@ class FrameSplitter:
         self._flush(pieces)
         pieces.append(Refused(reason, self._bytes[:size]))
         self._bytes = self._bytes[len(MARK) :]
-        self._excused = max(self._excused, size) - len(MARK)
+        self._reported = max(self._reported, size) - len(MARK)
 
     def _skip(self, count: int, pieces: list[Piece]) -> None:
-        excused = min(count, self._excused)
-        self._excused -= excused
-        self._junk += self._bytes[excused:count]
+        reported = min(count, self._reported)
+        self._reported -= reported
+        self._junk += self._bytes[reported:count]
         self._bytes = self._bytes[count:]
         while len(self._junk) >= 64:
             pieces.append(Refused("garbage", self._junk[:64]))

@@ -20,7 +20,7 @@ REPEATS = 20
 LEAST_STEP_LSB = 130
 FASTEST_LSBps = 3250
 """20 uT in 40 ms: more than a turn of 8 rad/s does, and so damage on the wire."""
-BELIEVE_AFTER = 3
+ACCEPT_AFTER = 3
 """A leap this often confirmed was real, however large."""
 
 # Mode 100 Hz: a sample is at most 10 ms old when it is read, and the measurement before it took 7.2 ms.
@@ -53,10 +53,10 @@ class Ak09916:
         except DeviceError as error:
             return f"no AK09916 ({error})"
         self._ready = True
-        self._heard = self._believed_at = Stamp(0)
+        self._sampled_at = self._accepted_at = Stamp(0)
         self._last = b""
-        self._believed: tuple[int, ...] | None = None
-        self._repeats = self._doubted = 0
+        self._accepted: tuple[int, ...] | None = None
+        self._repeats = self._leaps = 0
         return "AK09916"
 
     def read(self, stamp: Stamp) -> Program[MagOutputs]:
@@ -79,10 +79,10 @@ class Ak09916:
     def _decode(self, block: bytes, stamp: Stamp) -> MagOutputs:
         """Decode a sample that is ready, has not overflowed and is not stuck."""
         if not block[0] & r.MAG_READY:
-            self._heard = self._heard if 0 < self._heard <= stamp else stamp
-            silent = seconds_between(self._heard, stamp) > SILENT_S
+            self._sampled_at = self._sampled_at if 0 < self._sampled_at <= stamp else stamp
+            silent = seconds_between(self._sampled_at, stamp) > SILENT_S
             return self._lost(stamp, f"magnetometer: no sample for {SILENT_S} s") if silent else ()
-        self._heard = stamp
+        self._sampled_at = stamp
         if block[8] & r.MAG_OVERFLOW:
             return (Rejected(stamp, "magnetometer: field too strong (overflow)", block),)
         field = block[1:7]
@@ -96,13 +96,13 @@ class Ak09916:
         return (Stamped(after(stamp, -MEAN_AGE_S), self._magnetic(*counts)),)
 
     def _jumps(self, counts: tuple[int, ...], stamp: Stamp) -> bool:
-        last, span_s = self._believed, seconds_between(self._believed_at, stamp)
+        last, span_s = self._accepted, seconds_between(self._accepted_at, stamp)
         most = max(LEAST_STEP_LSB, FASTEST_LSBps * span_s)
         far = last is not None and any(abs(a - b) > most for a, b in zip(counts, last, strict=True))
-        if far and self._doubted < BELIEVE_AFTER:
-            self._doubted += 1
+        if far and self._leaps < ACCEPT_AFTER:
+            self._leaps += 1
             return True
-        self._believed, self._believed_at, self._doubted = counts, stamp, 0
+        self._accepted, self._accepted_at, self._leaps = counts, stamp, 0
         return False
 
     def _magnetic(self, x: int, y: int, z: int) -> Magnetic:

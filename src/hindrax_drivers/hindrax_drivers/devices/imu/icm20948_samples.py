@@ -18,7 +18,7 @@ LEAST, MOST = -32768, 32767
 REPEATS = 2
 """The noise of six axes is several counts each: more equal samples in a row than this are a device that has hung."""
 HUNG_AFTER = 50
-BELIEVE_AFTER = 3
+ACCEPT_AFTER = 3
 """A step this often confirmed by the samples after it was real, however large."""
 
 FILL = 0.6
@@ -41,7 +41,7 @@ class Icm20948Knobs:
     gyro_range_dps: str = choice("500", r.GYRO_RANGES, "full scale of the gyroscope [dps]")
     accel_range_g: str = choice("4", r.ACCEL_RANGES, "full scale of the accelerometer [g]")
     filter: int = knob(3, 0, 7, "low-pass filter of both; 3: 51 Hz gyroscope, 50 Hz accelerometer [-]")
-    drift_ppm: float = knob(50_000.0, 0.0, 50_000.0, "largest believed error of the sample clock [ppm]")
+    drift_ppm: float = knob(50_000.0, 0.0, 50_000.0, "largest accepted error of the sample clock [ppm]")
     magnetometer: bool = knob(True, meaning="whether the magnetometer is used")
     magnetometer_every: int = knob(2, 1, 1000, "the magnetometer is read in every n-th cycle [-]")
     temperature_every: int = knob(50, 1, 100_000, "the die temperature is read in every n-th cycle [-]")
@@ -93,13 +93,13 @@ class EdgeClock:
         if edge is not None:
             before, self._ahead = self._ahead, edge[0] - ticks
             if before == self._ahead:
-                self._take(ticks, edge[1])
+                self._on_edge(ticks, edge[1])
         if self._anchor is None:
             return None
         passed_ns = (ticks - self._anchor[0]) * self.period_ns
         return self._anchor[1] + round(passed_ns) if passed_ns < LONGEST_GAP_ns else None
 
-    def _take(self, ticks: int, time_ns: int) -> None:
+    def _on_edge(self, ticks: int, time_ns: int) -> None:
         if self._anchor is not None and ticks > self._anchor[0]:
             period_ns = (time_ns - self._anchor[1]) / (ticks - self._anchor[0])
             if abs(period_ns - self._nominal_ns) < LARGEST_DRIFT * self._nominal_ns:  # else the host's clock was set
@@ -131,7 +131,7 @@ class Samples:
         self._ticks = 0
         self._stamp = Stamp(0)
         self._last: Raw | None = None
-        self._repeats = self._doubted = 0
+        self._repeats = self._leaps = 0
 
     @property
     def hung(self) -> bool:
@@ -194,10 +194,10 @@ class Samples:
         self._repeats = 0
         if LEAST in raw or MOST in raw:
             return "saturated: the motion exceeds the range"
-        if last is not None and self._jumps(raw, last, periods) and self._doubted < BELIEVE_AFTER:
-            self._doubted += 1
+        if last is not None and self._jumps(raw, last, periods) and self._leaps < ACCEPT_AFTER:
+            self._leaps += 1
             return "leap: no vehicle moves like that"
-        self._doubted = 0
+        self._leaps = 0
         self._last = raw
         return ""
 
