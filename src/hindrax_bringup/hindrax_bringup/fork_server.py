@@ -162,9 +162,9 @@ def _adopting() -> Iterator[None]:
 
 
 def in_a_group_of_its_own() -> None:
-    """Make this process the head of a group that ends by SIGINT, at the latest with its parent."""
+    """Make this process the head of a group that SIGINT ends, without a traceback, at the latest with its parent."""
     os.setpgid(0, 0)
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
     _prctl(PR_SET_PDEATHSIG, signal.SIGINT)
 
 

@@ -223,6 +223,14 @@ def test_who_hears_no_signal_is_killed_however_often_the_end_is_interrupted(
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
+def test_a_signal_while_a_process_imports_writes_no_traceback(forking: Supervisor, tmp_path: Path) -> None:
+    """What a process reports goes to the operator's terminal."""
+    (tmp_path / "fuses.py").write_text("import signal\nsignal.raise_signal(signal.SIGINT)\n")
+    child = forking.start(Process("fuses", ()))
+    assert child.handle.wait(PATIENT_S) == -signal.SIGINT
+    assert (forking.logs / "fuses.log").read_text() == ""
+
+
 def test_an_output_that_was_not_left_safe_is_made_safe_in_its_place(
     supervisor: Supervisor, capsys: pytest.CaptureFixture[str]
 ) -> None:
