@@ -83,7 +83,8 @@ def _run(options: UpOptions, run: int, domain: int | None, over: Callable[[], bo
         stack.start(options.mock, record=options.record, without_operator=without_operator)
         lock = lock_of(stack)
         with announced(lock):
-            print_fitted(startup_text(lock, folder, record=options.record))
+            with contextlib.suppress(OSError):  # a vehicle with a full disk can be flown
+                print_fitted(startup_text(lock, folder, record=options.record))
             clock = ClockStep(StackTime.of(made))
             _look_after(supervisor, lambda: over() or clock.followed(), options.tether, address, beating)
         report("ending; the thrusters go neutral and disarm")

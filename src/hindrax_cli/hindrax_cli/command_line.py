@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import ast
 import difflib
+import errno
 import importlib
 import importlib.util
 import os
@@ -17,9 +18,10 @@ from typing import NoReturn
 from hindrax_bag import software_version
 from hindrax_cli.command import GROUPS, MODULES, Command, example_text, help_text
 from hindrax_cli.interrupt import interruptible
-from hindrax_core.errors import INTERRUPTED, HindraxError, UsageError
+from hindrax_core.errors import INTERRUPTED, HindraxError, UsageError, cause
 from hindrax_core.text.screen_text import fitted, fitted_description, print_fitted, print_whole, screen_width
 
+NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS}
 LONGEST_WORD = 24
 """Of what there is to choose from, in the usage of a command."""
 
@@ -90,10 +92,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:  # a command stops by itself; this is for what it imports
         print_fitted("hindrax: stopped by Ctrl-C", sys.stderr)
         return INTERRUPTED
-    except BrokenPipeError:  # the reader closed the pipe; do not flush the rest into it
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except BrokenPipeError:  # the reader closed the pipe
+        _mute_stdout()
         return 0
+    except OSError as error:
+        if error.errno not in NO_ROOM:
+            raise
+        _mute_stdout()
+        where = error.filename or "output"
+        print_fitted(f"hindrax: {where}: cannot be written ({cause(error)}); make room and run again", sys.stderr)
+        return HindraxError.exit_code
     return code
+
+
+def _mute_stdout() -> None:
+    """Have nothing flushed any more into what takes nothing."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _main(words: list[str]) -> int:

@@ -1,6 +1,7 @@
 """Wrong use costs one sentence that names the word, with the one that was perhaps meant, and exit code 2."""
 
 import contextlib
+import errno
 import os
 import subprocess
 import sys
@@ -194,6 +195,28 @@ def test_a_reader_that_has_seen_enough_costs_no_traceback(buffered: dict[str, st
     )
     os.close(there)
     assert (done.returncode, done.stderr) == (0, b"")
+
+
+def test_an_answer_that_finds_no_room_costs_no_traceback() -> None:
+    tool = [sys.executable, "-m", "hindrax_cli", "--help"]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(tool, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, check=False)
+        said = "hindrax: output: cannot be written (No space left on device); make room and run again\n"
+        assert (done.returncode, done.stderr) == (1, said)
+        assert subprocess.run(tool, stdout=full, stderr=full, timeout=60, check=False).returncode == 1
+
+
+def test_a_full_disk_wherever_a_command_writes_is_one_sentence(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def full(_name: str) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device", "/run/user/1000/hindrax")
+
+    monkeypatch.setattr(command_line, "load", full)
+    monkeypatch.setattr(command_line, "_mute_stdout", lambda: None)
+    assert command_line.main(["web"]) == 1
+    said = "hindrax: /run/user/1000/hindrax: cannot be written (No space left on device); make room and run again\n"
+    assert capfd.readouterr().err == said
 
 
 def test_control_c_while_a_command_is_loaded_is_one_sentence(

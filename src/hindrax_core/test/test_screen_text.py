@@ -1,8 +1,10 @@
 """Sentences break between words on a screen, and nowhere else."""
 
+import errno
 import io
 import os
 import pty
+import sys
 from pathlib import Path
 
 import pytest
@@ -39,6 +41,21 @@ def test_a_file_gets_whole_lines(tmp_path: Path) -> None:
         print_fitted(text, file)
     assert (tmp_path / "out").read_text() == text + "\n"
     assert screen_width(io.StringIO()) == UNBOUNDED
+
+
+class Full(io.StringIO):
+    """A file on a full disk."""
+
+    def write(self, _text: str, /) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_on_a_full_disk_what_is_told_gets_lost_and_a_result_is_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The words of a stack would end it."""
+    monkeypatch.setattr(sys, "stderr", Full())
+    print_fitted("recorder: less than 200 MB are free", sys.stderr)
+    with pytest.raises(OSError, match="No space left"):
+        print_fitted("k_q 66.5", Full())
 
 
 def test_a_screen_is_as_wide_as_it_says(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,5 +1,6 @@
 """Progress of a maneuver on stderr: a live view on a terminal, else one line per phase."""
 
+import contextlib
 import math
 import sys
 import time
@@ -47,7 +48,9 @@ class Progress:
     def report(self, text: str) -> None:
         """Print one line with the wall time since the start."""
         line = f"[{time.monotonic() - self._begin:5.1f} s] {text}"
-        self._console.print(fitted(line, screen_width(sys.stderr)), highlight=False, markup=False, soft_wrap=True)
+        text = fitted(line, screen_width(sys.stderr))
+        with contextlib.suppress(OSError):  # as of all that is told on stderr
+            self._console.print(text, highlight=False, markup=False, soft_wrap=True)
 
     def show(self, maneuver: Any, navigation: Any, estimates: dict[str, Stamped[Estimate]]) -> None:
         """Show the state of the maneuver, at most five times a second."""

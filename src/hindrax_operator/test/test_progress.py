@@ -2,8 +2,10 @@
 
 import io
 import math
+import os
 import sys
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -41,6 +43,15 @@ def headless(
     with Progress(headless=True) as progress:
         progress.show(SimpleNamespace(**(FLOWN | changes)), None, estimates)
     return capsys.readouterr().err.rstrip().partition("s] ")[2]
+
+
+def test_a_full_disk_below_the_lines_does_not_end_the_flight(monkeypatch: pytest.MonkeyPatch) -> None:
+    with Path("/dev/full").open("w") as full:
+        monkeypatch.setattr(sys, "stderr", full)
+        with Progress(headless=True) as progress:
+            progress.report("armed; flying surge")
+        monkeypatch.undo()
+        os.dup2(os.open(os.devnull, os.O_WRONLY), full.fileno())
 
 
 def test_without_a_terminal_every_plateau_has_a_line_with_what_is_known(capsys: pytest.CaptureFixture[str]) -> None:

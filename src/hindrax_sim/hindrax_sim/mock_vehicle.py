@@ -93,9 +93,15 @@ class Ports:
     def __init__(self, hardware: HardwareBehindPorts, folder: Path, *, rate: float) -> None:
         self.hardware = hardware
         self.governor = Governor(rate)
-        self._ptys = {name: Pty(folder / name) for name in self.hardware.serial}
         self._socket = folder / "i2c"
-        self._server = BusServer(str(self._socket), self._transfer, self.hardware.stamp)
+        self._ptys: dict[str, Pty] = {}
+        try:
+            for name in self.hardware.serial:
+                self._ptys[name] = Pty(folder / name)
+            self._server = BusServer(str(self._socket), self._transfer, self.hardware.stamp)
+        except BaseException:
+            self._close_ptys()
+            raise
         self.last_write: Stamp | None = None
         """Time of the mock at the last write of a control loop that uses this clock."""
         self._step_began = time.monotonic()
@@ -108,6 +114,9 @@ class Ports:
 
     def __exit__(self, *_: object) -> None:
         self._server.close()
+        self._close_ptys()
+
+    def _close_ptys(self) -> None:
         for one in self._ptys.values():
             one.close()
 

@@ -254,7 +254,7 @@ def test_what_is_to_be_done_meanwhile_is_done_once_at_the_beginning(world: World
 
 
 def test_without_room_for_the_page_of_the_time_it_is_told_instead_of_a_bus_error(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, vehicle: Vehicle
 ) -> None:
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
@@ -262,3 +262,7 @@ def test_without_room_for_the_page_of_the_time_it_is_told_instead_of_a_bus_error
     monkeypatch.setattr(os, "posix_fallocate", full)
     with pytest.raises(HindraxError, match=r"bus\.time: cannot be made \(No space left on device\); make room"):
         BusServer(str(tmp_path / "bus"), VirtualI2c().transfer)
+    # Nor is a port left behind, which would be the next terminal's.
+    with pytest.raises(HindraxError, match=r"i2c\.time: cannot be made \(No space left on device\); make room"):
+        MockVehicle(vehicle, tmp_path, seed=1, rate=0.0)
+    assert list(tmp_path.iterdir()) == []

@@ -5,6 +5,7 @@ Needs nothing but the standard library of Python 3.9: help uses it before hindra
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import sys
@@ -95,5 +96,10 @@ def print_fitted(text: object, stream: TextIO | None = None, end: str = "\n") ->
 
 
 def print_whole(text: str, stream: TextIO | None = None, end: str = "\n") -> None:
-    """Print what is no prose, as it is: a document, a block to copy, a picture; default: to stdout."""
-    print(text, end=end, file=sys.stdout if stream is None else stream, flush=True)
+    """Print what is no prose, as it is: a document, a block to copy, a picture; default: to stdout.
+
+    What is told on stderr gets lost where nothing can be written, as on a full disk: words must not end a flight.
+    """
+    to = sys.stdout if stream is None else stream
+    with contextlib.suppress(OSError) if to is sys.stderr else contextlib.nullcontext():
+        print(text, end=end, file=to, flush=True)

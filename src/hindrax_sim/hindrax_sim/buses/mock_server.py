@@ -191,15 +191,14 @@ class BusServer:
 
 def _make_page(path: str) -> mmap.mmap:
     Path(path).unlink(missing_ok=True)
-    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o644)
     try:
-        # Not only its length: on a full disk a page without a block ends whoever writes to it by SIGBUS.
-        os.posix_fallocate(descriptor, 0, mock_protocol.PAGE_BYTES)
-        return mmap.mmap(descriptor, mock_protocol.PAGE_BYTES)
+        with Path(path).open("x+b", buffering=0) as page:
+            # Not only its length: on a full disk a page without a block ends whoever writes to it by SIGBUS.
+            os.posix_fallocate(page.fileno(), 0, mock_protocol.PAGE_BYTES)
+            return mmap.mmap(page.fileno(), mock_protocol.PAGE_BYTES)
     except OSError as error:
+        Path(path).unlink(missing_ok=True)
         raise HindraxError(f"{path}: cannot be made ({cause(error)}); make room, or choose another place") from error
-    finally:
-        os.close(descriptor)
 
 
 def _listen(path: str) -> socket.socket:
