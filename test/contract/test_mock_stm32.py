@@ -10,9 +10,9 @@ import pytest
 
 from hindrax_core.driver_interface import Output
 from hindrax_core.events import Stamp, stamp_from_s
+from hindrax_core.signals import AppliedOutput, Command
 from hindrax_core.vehicle import Vehicle, load_vehicle
-from hindrax_drivers.output.output_guard import ArmingPhase, Command, OutputGuardKnobs, Refusal, Request, guard_of
-from hindrax_drivers.output.output_host import AppliedOutput
+from hindrax_drivers.output.output_guard import ArmingPhase, OutputGuardKnobs, Refusal, Request, guard_of
 from hindrax_drivers.output.output_ports import open_output
 from hindrax_drivers.output.output_thread import OutputThread
 from hindrax_sim.mock_vehicle import MockVehicle

@@ -11,11 +11,11 @@ from lock_step import LockStep
 from hindrax_core.bus_operations import DeviceError, Transaction
 from hindrax_core.driver_interface import Output
 from hindrax_core.events import Stamp, after, seconds_between, stamp_from_s
+from hindrax_core.signals import AppliedOutput, Command
 from hindrax_drivers.buses.clock import Meanwhile, nothing
 from hindrax_drivers.devices.pca9685 import Pca9685
 from hindrax_drivers.output.enable_line import EnableLine
-from hindrax_drivers.output.output_guard import ArmingPhase, Command, OutputGuard, OutputGuardKnobs, Refusal, Request
-from hindrax_drivers.output.output_host import AppliedOutput
+from hindrax_drivers.output.output_guard import ArmingPhase, OutputGuard, OutputGuardKnobs, Refusal, Request
 from hindrax_drivers.output.output_ports import RegisterOutput
 from hindrax_drivers.output.output_thread import OutputThread
 from hindrax_sim.buses.virtual_i2c import VirtualI2c

@@ -9,18 +9,11 @@ import pytest
 from hindrax_core.driver_interface import Output
 from hindrax_core.events import Stamp, Stamped, after, stamp_from_s, to_s
 from hindrax_core.readings import Battery
+from hindrax_core.signals import AppliedOutput, Command
 from hindrax_drivers.buses.clock import Meanwhile, nothing
 from hindrax_drivers.devices.stm32 import Stm32
-from hindrax_drivers.output.output_guard import (
-    ArmingPhase,
-    Command,
-    OutputGuard,
-    OutputGuardKnobs,
-    Pulses,
-    Refusal,
-    Request,
-)
-from hindrax_drivers.output.output_host import AppliedOutput, OutputHost
+from hindrax_drivers.output.output_guard import ArmingPhase, OutputGuard, OutputGuardKnobs, Pulses, Refusal, Request
+from hindrax_drivers.output.output_host import OutputHost
 from hindrax_drivers.output.output_ports import SerialOutput
 from hindrax_sim.buses.serial_ends import Pty
 from hindrax_sim.devices.ina226 import SupplyTruth
@@ -97,7 +90,7 @@ class Bench:
     def on_idle(self) -> None:
         pass
 
-    def phase(self) -> ArmingPhase:
+    def phase(self) -> str:
         return self.told[-1].phase
 
     def wire(self) -> tuple[float | None, ...]:

@@ -11,19 +11,12 @@ from lock_step import LockStep
 from hindrax_core.bus_operations import Transaction, Write
 from hindrax_core.driver_interface import Output
 from hindrax_core.events import Stamp, after, seconds_between, stamp_from_s
+from hindrax_core.signals import AppliedOutput, Command
 from hindrax_drivers.buses.clock import Meanwhile, nothing
 from hindrax_drivers.devices.pca9685 import LED0, Pca9685
 from hindrax_drivers.output.enable_line import EnableLine
-from hindrax_drivers.output.output_guard import (
-    Answer,
-    ArmingPhase,
-    Command,
-    OutputGuard,
-    OutputGuardKnobs,
-    Refusal,
-    Request,
-)
-from hindrax_drivers.output.output_host import AppliedOutput, OutputHost
+from hindrax_drivers.output.output_guard import Answer, ArmingPhase, OutputGuard, OutputGuardKnobs, Refusal, Request
+from hindrax_drivers.output.output_host import OutputHost
 from hindrax_drivers.output.output_ports import RegisterOutput
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.devices.pca9685 import Pca9685 as Emulator
@@ -112,7 +105,7 @@ class Flight:
         pass
 
     @property
-    def phase(self) -> ArmingPhase:
+    def phase(self) -> str:
         return self.told[-1].phase
 
     def wire(self) -> tuple[float | None, ...]:

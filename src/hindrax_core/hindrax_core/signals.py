@@ -6,7 +6,7 @@ All in SNAME body axes (x forward, y starboard, z down; order surge, sway, heave
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from hindrax_core.events import Stamp
 from hindrax_core.readings import Vec3, Vec6
@@ -80,6 +80,30 @@ class Allocation:
     lost_axes: tuple[str, ...] = ()
     refused: tuple[str, ...] = ()
     exact: bool = True
+
+
+class Command(NamedTuple):
+    """Pulses wanted: thrusters and lamps in the order of the vehicle file [us]. No lights: leave them as they are."""
+
+    pulses_us: tuple[float, ...]
+    lights_us: tuple[float, ...]
+    stamp: Stamp
+    sequence: int
+
+
+class AppliedOutput(NamedTuple):
+    """Output from this time on: whether armed, actual pulses [us], sequence of their command, armings so far.
+
+    `phase` of the output guard and `reason`, where they are told in words.
+    """
+
+    stamp: Stamp
+    armed: bool
+    pulses_us: tuple[float, ...]
+    sequence: int
+    armings: int
+    phase: str = ""
+    reason: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,11 +10,11 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, after, seconds_between, stamp_from_s
+from hindrax_core.signals import Command
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_drivers.output.output_guard import (
     Answer,
     ArmingPhase,
-    Command,
     OutputGuard,
     OutputGuardKnobs,
     OutputGuardState,

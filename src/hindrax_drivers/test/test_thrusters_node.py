@@ -24,6 +24,7 @@ from std_msgs.msg import Float32MultiArray
 from hindrax_core.driver_interface import Identity
 from hindrax_core.events import Rejected, Stamp, Stamped
 from hindrax_core.readings import AppliedPulses, Battery
+from hindrax_core.signals import AppliedOutput, Command
 from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
 from hindrax_drivers.lifecycle import ON_REQUEST, State
 from hindrax_drivers.nodes import thrusters_node
@@ -32,14 +33,12 @@ from hindrax_drivers.nodes.thrusters_node import LOOK_S, ThrustersNode, watch_pa
 from hindrax_drivers.output.output_guard import (
     Answer,
     ArmingPhase,
-    Command,
     OutputGuard,
     OutputGuardKnobs,
     Pulses,
     Refusal,
     Request,
 )
-from hindrax_drivers.output.output_host import AppliedOutput
 from hindrax_msgs.msg import ThrusterCommand, ThrusterState
 from hindrax_msgs.srv import Arm
 from hindrax_ros.messages.serialization import deserialized
@@ -132,7 +131,9 @@ class Bench:
         return calls
 
     def becomes(self, phase: ArmingPhase, reason: str = "") -> None:
-        self.node.applied(AppliedOutput(Stamp(6_000_000_007), phase, reason, (1500.0, 1600.5), 9, 2))
+        self.node.applied(
+            AppliedOutput(Stamp(6_000_000_007), phase is ArmingPhase.ARMED, (1500.0, 1600.5), 9, 2, phase, reason)
+        )
 
 
 Make = Callable[..., Bench]

@@ -14,14 +14,13 @@ from hindrax_control.allocation.allocation_cycle import NO_PLAN, AllocationCycle
 from hindrax_control.allocation.allocator import AllocationKnobs
 from hindrax_control.allocation.wrench_guard import WrenchGuardKnobs
 from hindrax_core.events import NS_PER_S, Stamp
-from hindrax_core.signals import Allocation
+from hindrax_core.signals import Allocation, AppliedOutput
 from hindrax_core.topics import ALLOCATION, BATTERY, THRUSTER_COMMAND, THRUSTER_HEALTH, THRUSTER_STATE, WRENCH, resolved
 from hindrax_core.vehicle import Vehicle
 from hindrax_replay.recorded_devices import Parameters, knobs_of
 from hindrax_replay.wire_stage import Samples, compare_lazily
 from hindrax_ros.messages.convert import stamp_from_msg, wrench_from_msg
 from hindrax_ros.messages.fast_serialization import (
-    ThrusterStateFields,
     allocation_writer,
     applied_from_bytes,
     command_from_bytes,
@@ -50,7 +49,7 @@ class AllocationStage:
         self._command_bytes, self._status_bytes = command_writer(len(names)), allocation_writer(names, vehicle.supply_V)
         self._wrenches: deque[tuple[Stamp, Any]] = deque()
         self._commands: dict[int, BagMessage] = {}
-        self._states: dict[tuple[int, int], list[ThrusterStateFields]] = {}
+        self._states: dict[tuple[int, int], list[AppliedOutput]] = {}
         """By stamp and sequence number of the command; lists, for several states may have both in common."""
         self._statuses: deque[tuple[BagMessage, Any]] = deque()
         self._newest = Stamp(0)

@@ -28,7 +28,7 @@ from hindrax_core.readings import (
     Vec6,
     vec6,
 )
-from hindrax_core.signals import Allocation, Navigation
+from hindrax_core.signals import Allocation, AppliedOutput, Command, Navigation
 from hindrax_core.topics import ALTITUDE, DVL_ATTITUDE, DVL_DETAIL, IMU, MAGNETIC, PRESSURE
 from hindrax_msgs.msg import AllocationStatus, NavigationStatus, ThrusterCommand, ThrusterState
 from hindrax_ros.messages import convert, fast_serialization
@@ -166,12 +166,8 @@ def test_a_command_keeps_pulses_and_lights_apart(
 ) -> None:
     message = ThrusterCommand(sequence=sequence, pulses=pulses, lights=lights)
     message.header.stamp = convert.stamp_to_msg(stamp)
-    assert fast_serialization.command_from_bytes(serialize_message(message)) == (
-        stamp,
-        sequence,
-        tuple(pulses),
-        tuple(lights),
-    )
+    said = Command(tuple(pulses), tuple(lights), stamp, sequence)
+    assert fast_serialization.command_from_bytes(serialize_message(message)) == said
 
 
 @given(stamps, texts, st.booleans(), st.lists(number, max_size=9), st.tuples(counts, counts))
@@ -179,13 +175,12 @@ def test_applied(stamp: Stamp, text: str, armed: bool, pulses: list[int], number
     sequence, armings = numbers
     message = ThrusterState(armed=armed, state=text, reason=text + "x", pulses=pulses, sequence=sequence, output="o")
     message.armings, message.header.stamp = armings, convert.stamp_to_msg(stamp)
-    applied = fast_serialization.ThrusterStateFields(stamp, armed, tuple(pulses), sequence, armings)
+    applied = AppliedOutput(stamp, armed, tuple(pulses), sequence, armings)
     assert fast_serialization.applied_from_bytes(serialize_message(message)) == applied
     write = fast_serialization.applied_writer("o")
-    assert (
-        deserialize_message(write(applied._replace(pulses_us=(1500.0,)), "other", ""), ThrusterState).state == "other"
-    )
-    assert same(write(applied, text, text + "x"), message)
+    other = applied._replace(pulses_us=(1500.0,), phase="other")
+    assert deserialize_message(write(other), ThrusterState).state == "other"
+    assert same(write(applied._replace(phase=text, reason=text + "x")), message)
 
 
 @given(stamps, six, st.lists(texts, max_size=3), st.lists(st.booleans(), max_size=9))
@@ -205,7 +200,7 @@ def test_allocation(stamp: Stamp, wanted: tuple[float, ...], refused: list[Any],
         **texts,
     )
     full.header.stamp = convert.stamp_to_msg(stamp)
-    applied = fast_serialization.ThrusterStateFields(stamp, True, tuple(forces), 7, 0)
+    applied = AppliedOutput(stamp, True, tuple(forces), 7, 0)
     wrenches = vec6(wanted), vec6(wanted[::-1]), vec6(wanted)
     found = Allocation(*wrenches, tuple(forces), (), tuple(saturated), refused=tuple(refused))
     data = fast_serialization.allocation_writer(["T1"], 12.0)(applied, found, 16.0)

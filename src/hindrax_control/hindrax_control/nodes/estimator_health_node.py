@@ -7,14 +7,13 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from hindrax_control.navigation.estimator_health import EstimatorHealth, EstimatorHealthKnobs
 from hindrax_core.events import Stamp, Stamped, seconds_between
-from hindrax_core.signals import Navigation
+from hindrax_core.signals import AppliedOutput, Navigation
 from hindrax_core.vehicle import Vehicle
 from hindrax_msgs.msg import ThrusterState
 from hindrax_msgs.srv import Arm
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.diagnostics import DiagnosticsPublisher
 from hindrax_ros.messages.convert import stamp_to_msg
-from hindrax_ros.messages.fast_serialization import ThrusterStateFields
 from hindrax_ros.messages.serialization import deserialized
 from hindrax_ros.parameters import SAFETY, knobs
 
@@ -54,7 +53,7 @@ class EstimatorHealthNode(BatchedNode):
         """Whether the last state is not believed."""
         return bool(self._failed)
 
-    def on_thrusters(self, applied: ThrusterStateFields, data: bytes) -> None:
+    def on_thrusters(self, applied: AppliedOutput, data: bytes) -> None:
         """Disarm thrusters that are armed while the state is implausible; `data`: the whole ThrusterState."""
         self._armed = applied.armed
         if not self._failed:

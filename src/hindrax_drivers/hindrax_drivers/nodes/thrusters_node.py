@@ -24,18 +24,18 @@ from hindrax_core.driver_interface import Output
 from hindrax_core.events import Rejected, Stamp, Stamped, seconds_between
 from hindrax_core.input_checks import SinglePublisher
 from hindrax_core.readings import AppliedPulses, Battery
+from hindrax_core.signals import AppliedOutput
 from hindrax_core.topics import BATTERY, LIGHTS, THRUSTER_COMMAND, THRUSTER_STATE
 from hindrax_drivers.lifecycle import ON_REQUEST, State
 from hindrax_drivers.nodes.device_node import DeviceNode
 from hindrax_drivers.nodes.thruster_settings import KEEPALIVE_S, OutputAlone, Settings, read_settings
-from hindrax_drivers.output.output_guard import ArmingPhase, Command, OutputGuardKnobs, Refusal, Request, guard_of
-from hindrax_drivers.output.output_host import AppliedOutput
+from hindrax_drivers.output.output_guard import ArmingPhase, OutputGuardKnobs, Refusal, Request, guard_of
 from hindrax_drivers.output.output_ports import ThrusterOutput, open_output
 from hindrax_drivers.output.output_thread import OutputThread
 from hindrax_msgs.srv import Arm
 from hindrax_ros.graph import publisher, publishers_of, subscription
 from hindrax_ros.messages.convert import stamp_from_msg
-from hindrax_ros.messages.fast_serialization import ThrusterStateFields, applied_writer, command_from_bytes
+from hindrax_ros.messages.fast_serialization import applied_writer, command_from_bytes
 from hindrax_ros.messages.reading_fields import writer
 from hindrax_ros.parameters import SAFETY, knobs, text
 from hindrax_ros.process import spin
@@ -63,7 +63,7 @@ class ThrustersNode(DeviceNode):
         if settings.alone:
             knobs(self, OutputAlone)
         self._guard = guard_of(settings.vehicle, knobs(self, OutputGuardKnobs, fixed={"": SAFETY}))
-        self._phase: ArmingPhase | None = None
+        self._phase = ""
         self._commander, self._unfit, self._look_s = SinglePublisher(), "", 0.0
         self._inhibited_by = {"dead man": "", "lifecycle": "", "commander": ""}
         self._state = publisher(self, THRUSTER_STATE)
@@ -97,18 +97,15 @@ class ThrustersNode(DeviceNode):
 
     def applied(self, applied: AppliedOutput) -> None:
         """Publish the applied pulses."""
-        if applied.phase is not self._phase:
+        if applied.phase != self._phase:
             self._phase = applied.phase
-            self.health.note = f"{applied.phase}: {applied.reason}" if applied.reason else str(applied.phase)
+            self.health.note = f"{applied.phase}: {applied.reason}" if applied.reason else applied.phase
             self.get_logger().info(self.health.note)
-        if applied.phase is ArmingPhase.FAULTED:
+        if applied.phase == ArmingPhase.FAULTED:
             self.health.identity = ""
         else:
             self.health.reading(applied.stamp)
-        state = ThrusterStateFields(
-            applied.stamp, applied.phase is ArmingPhase.ARMED, applied.pulses_us, applied.sequence, applied.armings
-        )
-        self._state.publish(self._state_bytes(state, str(applied.phase), applied.reason))
+        self._state.publish(self._state_bytes(applied))
 
     def on_idle(self) -> None:
         """Send the queued messages."""
@@ -150,12 +147,12 @@ class ThrustersNode(DeviceNode):
         if self._unfit:  # as the graph was at most LOOK_S ago
             self.refused(Refusal("sender", self._unfit), self._thread.now)
             return
-        self._thread.command(Command(ordered.pulses_us, ordered.lights_us, ordered.stamp, ordered.sequence))
+        self._thread.command(ordered)
 
     def _look_for_commanders(self) -> None:
         """Judge the publishers of commands; disarmed, and not armed again, while there is another one."""
         publishers = publishers_of(self, THRUSTER_COMMAND)
-        self._unfit = self._commander.judge(publishers, armed=self._phase is ArmingPhase.ARMED)
+        self._unfit = self._commander.judge(publishers, armed=self._phase == ArmingPhase.ARMED)
         contested = self._commander.is_contested(publishers)
         self._inhibit("commander", f"{THRUSTER_COMMAND.name}: {self._unfit}" if contested else "")
 

@@ -19,6 +19,7 @@ from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, after, seconds_between
 from hindrax_core.input_checks import StampWindow
 from hindrax_core.knobs import knob
+from hindrax_core.signals import Command
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.devices.stm32 import BOARD_NEUTRAL_us
 
@@ -68,16 +69,6 @@ class ArmingPhase(StrEnum):
     ARMING = "arming"
     ARMED = "armed"
     FAULTED = "faulted"
-
-
-@dataclass(frozen=True, slots=True)
-class Command:
-    """Pulses wanted: thrusters and lamps in the order of the vehicle file [us]. No lights: leave them as they are."""
-
-    pulses: tuple[float, ...]
-    lights: tuple[float, ...]
-    stamp: Stamp
-    sequence: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -362,12 +353,12 @@ class OutputGuard:
         return self.neutral if silent else replace(self.neutral, lights=state.pulses.lights)
 
     def _applied(self, state: OutputGuardState, held: Pulses, command: Command, now: Stamp) -> Pulses:
-        lights = tuple(self._clip(light) for light in command.lights) or held.lights
+        lights = tuple(self._clip(light) for light in command.lights_us) or held.lights
         if not state.armed or not self._fresh(state, now):
             return Pulses(self.neutral.thrusters, lights)
         moved = now if state.moved_at is None else state.moved_at
         step = self.knobs.slew_usps * min(seconds_between(moved, now), self.knobs.repeat_s)
-        pairs = zip(held.thrusters, command.pulses, strict=True)
+        pairs = zip(held.thrusters, command.pulses_us, strict=True)
         thrusters = tuple(max(old - step, min(old + step, self._clip(new))) for old, new in pairs)
         return Pulses(thrusters, lights, command.sequence)
 
@@ -375,10 +366,10 @@ class OutputGuard:
         return max(self.knobs.low_us, min(self.knobs.high_us, float(pulse_us)))
 
     def _malformed(self, command: Command) -> Refusal | None:
-        if len(command.pulses) != len(self.rest_us) or len(command.lights) not in (0, self.lights):
-            found = f"{len(command.pulses)} pulses and {len(command.lights)} lights"
+        if len(command.pulses_us) != len(self.rest_us) or len(command.lights_us) not in (0, self.lights):
+            found = f"{len(command.pulses_us)} pulses and {len(command.lights_us)} lights"
             return Refusal("wrong count", f"found {found}, wanted {len(self.rest_us)} and {self.lights}, or no lights")
-        for index, pulse in enumerate((*command.pulses, *command.lights)):
+        for index, pulse in enumerate((*command.pulses_us, *command.lights_us)):
             if not math.isfinite(pulse) or not SERVO_LOW_us <= pulse <= SERVO_HIGH_us:
                 wanted = f"{SERVO_LOW_us:g} to {SERVO_HIGH_us:g} us"
                 return Refusal("not a pulse", f"pulse {index}: found {pulse:g}, wanted {wanted}")

@@ -5,16 +5,15 @@ the time that it returns, and ends it; every end writes neutral.
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from typing import Protocol
 
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Output
 from hindrax_core.events import Stamp, after, seconds_between
+from hindrax_core.signals import AppliedOutput, Command
 from hindrax_drivers.output.output_guard import (
     Answer,
     ArmingPhase,
-    Command,
     OutputGuard,
     OutputGuardState,
     Pulses,
@@ -26,18 +25,6 @@ from hindrax_drivers.output.output_ports import ThrusterOutput
 SET_UP_AGAIN_S = 0.5
 CHECK_S = 1.0
 LAST_ATTEMPTS = 3
-
-
-@dataclass(frozen=True, slots=True)
-class AppliedOutput:
-    """Output from this time on: state of the guard, actual pulses [us], sequence of their command, armings so far."""
-
-    stamp: Stamp
-    phase: ArmingPhase
-    reason: str
-    pulses_us: tuple[float, ...]
-    sequence: int
-    armings: int
 
 
 class OutputListener(Protocol):
@@ -215,8 +202,7 @@ class OutputHost:
 
     def _report(self) -> None:
         """Report the last pulses that were written: after a failed write they are most likely still active."""
-        state = self._state
-        made = self._output.applied(self._last)
-        self._listener.applied(
-            AppliedOutput(self._output.now(), state.phase, state.reason, made, self._last.sequence, state.armings)
-        )
+        state, last = self._state, self._last
+        made, now = self._output.applied(last), self._output.now()
+        said = AppliedOutput(now, state.armed, made, last.sequence, state.armings, state.phase, state.reason)
+        self._listener.applied(said)

@@ -8,8 +8,9 @@ from typing import Any
 
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.events import Stamp, seconds_between
+from hindrax_core.signals import Command
 from hindrax_drivers.buses.port_threads import ServingThread
-from hindrax_drivers.output.output_guard import Answer, Command, OutputGuard, Request
+from hindrax_drivers.output.output_guard import Answer, OutputGuard, Request
 from hindrax_drivers.output.output_host import OutputHost, OutputListener
 from hindrax_drivers.output.output_ports import ThrusterOutput
 

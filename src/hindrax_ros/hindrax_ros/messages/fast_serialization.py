@@ -8,14 +8,13 @@ tested against a message object that is filled field by field, each reader again
 import math
 import struct
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 from nav_msgs.msg import Odometry
 
 from hindrax_core.events import NS_PER_S, Stamp, Stamped
 from hindrax_core.readings import Vec6
 from hindrax_core.rotation import FLU, FSD
-from hindrax_core.signals import Allocation, Navigation, Thrust
+from hindrax_core.signals import Allocation, AppliedOutput, Command, Navigation, Thrust
 from hindrax_msgs.msg import AllocationStatus, NavigationStatus, ThrusterCommand, ThrusterState
 from hindrax_ros.messages import convert
 from hindrax_ros.messages.serialization import ENCAPSULATION, LITTLE_ENDIAN, STAMP, CdrReader, CdrWriter, parts
@@ -110,14 +109,15 @@ def command_writer(thrusters: int) -> Callable[[Stamp, int, Sequence[float]], by
     return lambda stamp, sequence, pulses: writer.write((*divmod(stamp, NS_PER_S), sequence, *pulses))
 
 
-def applied_writer(output: str) -> Callable[["ThrusterStateFields", str, str], bytes]:
+def applied_writer(output: str) -> Callable[[AppliedOutput], bytes]:
     """Make a writer of ThrusterState: its numbers, its state and its reason in words."""
     writer = CdrWriter(*STAMP, "armed", "pulses", "sequence", "armings")
 
-    def write(applied: ThrusterStateFields, state: str, reason: str) -> bytes:
-        shape = (state, reason, len(applied.pulses_us))
+    def write(applied: AppliedOutput) -> bytes:
+        shape = (applied.phase, applied.reason, len(applied.pulses_us))
         if writer.key != shape:
-            writer.learn(shape, ThrusterState(state=state, reason=reason, pulses=applied.pulses_us, output=output))
+            texts = {"state": str(applied.phase), "reason": applied.reason, "output": output}
+            writer.learn(shape, ThrusterState(pulses=applied.pulses_us, **texts))
         return writer.write(
             (*divmod(applied.stamp, NS_PER_S), applied.armed, *applied.pulses_us, applied.sequence, applied.armings),
         )
@@ -127,12 +127,12 @@ def applied_writer(output: str) -> Callable[["ThrusterStateFields", str, str], b
 
 def allocation_writer(
     thrusters: Sequence[str], nominal_V: float
-) -> Callable[["ThrusterStateFields", Allocation, float | None], bytes]:
+) -> Callable[[AppliedOutput, Allocation, float | None], bytes]:
     """Make a writer of AllocationStatus: what applied pulses achieve, by the measured supply, None: the nominal one."""
     numbers = ("sequence", "wanted", "achieved", "shortfall", "forces", "pulses", "saturated")
     writer = CdrWriter(*STAMP, *numbers, "supply_voltage", "supply_measured")
 
-    def write(applied: ThrusterStateFields, found: Allocation, supply_V: float | None) -> bytes:
+    def write(applied: AppliedOutput, found: Allocation, supply_V: float | None) -> bytes:
         texts = (found.disabled, found.lost_axes, found.refused)
         if writer.key != texts:
             arrays = {"forces": found.forces_N, "pulses": applied.pulses_us, "saturated": found.saturated}
@@ -173,25 +173,6 @@ def raw_frames_bytes(
     return LITTLE_ENDIAN.ljust(ENCAPSULATION, b"\0") + packed
 
 
-class CommandFields(NamedTuple):
-    """The numbers of a ThrusterCommand."""
-
-    stamp: Stamp
-    sequence: int
-    pulses_us: tuple[float, ...]
-    lights_us: tuple[float, ...]
-
-
-class ThrusterStateFields(NamedTuple):
-    """The numbers of a ThrusterState."""
-
-    stamp: Stamp
-    armed: bool
-    pulses_us: tuple[float, ...]
-    sequence: int
-    armings: int
-
-
 _navigation = CdrReader(NavigationStatus, *_NAVIGATION).read
 _command = CdrReader(ThrusterCommand, *STAMP, "sequence", "pulses").read
 _lamps = CdrReader(ThrusterCommand, "lights").read
@@ -216,16 +197,16 @@ def navigation_from_bytes(data: bytes) -> Stamped[Navigation]:
     return Stamped(Stamp(s * NS_PER_S + ns), state)
 
 
-def command_from_bytes(data: bytes) -> CommandFields:
+def command_from_bytes(data: bytes) -> Command:
     """Read the numbers of a ThrusterCommand. ValueError for bytes that are none."""
     s, ns, sequence, *pulses = _command(data)
-    return CommandFields(Stamp(s * NS_PER_S + ns), sequence, tuple(pulses), _lamps(data))
+    return Command(tuple(pulses), _lamps(data), Stamp(s * NS_PER_S + ns), sequence)
 
 
-def applied_from_bytes(data: bytes) -> ThrusterStateFields:
+def applied_from_bytes(data: bytes) -> AppliedOutput:
     """Read the numbers of a ThrusterState."""
     s, ns, armed, *pulses, sequence, armings = _applied(data)
-    return ThrusterStateFields(Stamp(s * NS_PER_S + ns), armed, tuple(pulses), sequence, armings)
+    return AppliedOutput(Stamp(s * NS_PER_S + ns), armed, tuple(pulses), sequence, armings)
 
 
 def thrust_from_bytes(data: bytes) -> Stamped[Thrust]:

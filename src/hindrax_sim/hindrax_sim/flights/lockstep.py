@@ -19,9 +19,9 @@ from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, Stamped, after, seconds_between
 from hindrax_core.readings import Battery, BottomVelocity, Pressure, Reading, Vec6
 from hindrax_core.rotation import FSD
-from hindrax_core.signals import ZERO6, Allocation, Estimate, Navigation, Phase, Thrust
+from hindrax_core.signals import ZERO6, Allocation, Command, Estimate, Navigation, Phase, Thrust
 from hindrax_core.vehicle import Vehicle
-from hindrax_drivers.output.output_guard import Command, Refusal, Request, guard_of
+from hindrax_drivers.output.output_guard import Refusal, Request, guard_of
 from hindrax_ident.online.session import Session
 from hindrax_ident.records.feed import Feed, Measurement
 from hindrax_sim.faults.fault_registry import FaultSpec
