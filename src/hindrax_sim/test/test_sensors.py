@@ -33,7 +33,7 @@ def moving(
         sensor = min(due, key=due.__getitem__)
         world.advance(Stamp(due[sensor]))
         due[sensor] += sensor.period_ns
-        said += [(sensor.source, one) for one in sensor.sample(world)]
+        said += [(sensor.source, one) for one in sensor.sample()]
     return world, said
 
 
@@ -83,7 +83,7 @@ def test_lock_is_lost_by_silence_and_by_tilt() -> None:
         world.plant.place((0.0, 0.0, 0.9), (tilt, 0.0, 0.0))
         world.dvl_silenced = silenced
         world.advance(Stamp(world.stamp + 50_000_000))
-        velocity = dvl.sample(world)[0].reading
+        velocity = dvl.sample()[0].reading
         assert isinstance(velocity, BottomVelocity)
         assert velocity.velocity_mps is None
         assert velocity.velocity_mps is None
@@ -93,7 +93,7 @@ def test_beside_the_floor_there_is_no_echo() -> None:
     world, _ = moving()
     sonar = next(one for one in sensors(world, QUIET, 1) if one.source == "ping1d")
     world.plant.place((0.0, 0.0, 0.9), (2.0, 0.0, 0.0))
-    assert sonar.sample(world) == ()
+    assert sonar.sample() == ()
 
 
 def test_noise_has_the_spread_that_is_asked_for() -> None:
@@ -101,7 +101,7 @@ def test_noise_has_the_spread_that_is_asked_for() -> None:
     noise = replace(QUIET, pressure_Pa=300.0)
     sensor = next(one for one in sensors(world, noise, 1) if one.source == "ms5837")
     truth = world.pressure_Pa(world.mounting(VEHICLE.sensors["ms5837"]))
-    readings = [sensor.sample(world)[0].reading for _ in range(4000)]
+    readings = [sensor.sample()[0].reading for _ in range(4000)]
     off = [one.pressure_Pa - truth for one in readings if isinstance(one, Pressure)]
     assert len(off) == len(readings)
     assert math.sqrt(sum(one * one for one in off) / len(off)) == pytest.approx(300.0, rel=0.05)

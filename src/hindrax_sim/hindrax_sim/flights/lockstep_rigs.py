@@ -66,7 +66,7 @@ class ReadingsRig:
             if said:
                 self._inject(to_s(world.stamp))
                 return [(sensor.source, one) for one in said]
-            said = sensor.sample(world)
+            said = sensor.sample()
             self._push(when + sensor.period_ns, sensor, ())
             if said:
                 self._push(when + sensor.latency_ns, sensor, said)
