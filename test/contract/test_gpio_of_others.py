@@ -14,8 +14,9 @@ import pytest
 
 from hindrax_core.bus_operations import Read, Write
 from hindrax_core.events import Stamp, stamp_from_s
+from hindrax_core.readings import Leak
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
-from hindrax_sim.devices.sos_leak import ProbeTruth, SosLeak
+from hindrax_sim.devices.sos_leak import SosLeak
 
 cdev = pytest.importorskip("periphery.gpio_cdev2")
 
@@ -61,9 +62,9 @@ def test_a_library_of_others_sees_the_probe_dry_wet_and_without_power(monkeypatc
     monkeypatch.setattr(cdev, "fcntl", SimpleNamespace(ioctl=kernel.ioctl))
     gpio = cdev.Cdev2GPIO("/dev/gpiochip0", LINE, "in", bias="pull_up")
     assert gpio.read() is False
-    probe.set_truth(ProbeTruth(wet=True), 1.0)
+    probe.set_truth(Leak(wet=True), 1.0)
     assert gpio.read() is True
-    probe.set_truth(ProbeTruth(wet=False), 2.0)
+    probe.set_truth(Leak(wet=False), 2.0)
     kernel.now = stamp_from_s(3.0)
     probe.power_cycle(3.0)
     assert gpio.read() is True, "the pull-up alone: told as a leak"

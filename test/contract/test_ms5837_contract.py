@@ -12,13 +12,17 @@ from hindrax_core.bus_operations import Write
 from hindrax_core.events import seconds_between
 from hindrax_core.readings import Pressure
 from hindrax_drivers.devices.ms5837 import OSRS, Ms5837, Ms5837Knobs
-from hindrax_sim.devices.ms5837 import PROM_30BA, NOISE_Pa, WaterTruth
+from hindrax_sim.devices.ms5837 import PROM_30BA, NOISE_Pa
 from hindrax_sim.devices.ms5837 import Ms5837 as Emulator
 
 STEPS_Pa = {"30BA": 10.0, "02BA": 1.0}
 
 
-def rig(truth: WaterTruth, model: str = "30BA", noise: float = 0.02, knobs: Ms5837Knobs | None = None) -> Rig:
+def water(pressure_Pa: float = 101_325.0, temperature_C: float = 20.0) -> Pressure:
+    return Pressure(pressure_Pa, temperature_C)
+
+
+def rig(truth: Pressure, model: str = "30BA", noise: float = 0.02, knobs: Ms5837Knobs | None = None) -> Rig:
     emulator = Emulator(model, noise=noise)  # type: ignore[arg-type]
     emulator.set_truth(truth, 0.0)
     return Rig(Ms5837(knobs or Ms5837Knobs()), {0x76: emulator}, lambda *_: None)
@@ -27,16 +31,16 @@ def rig(truth: WaterTruth, model: str = "30BA", noise: float = 0.02, knobs: Ms58
 @settings(max_examples=60, deadline=None)
 @given(st.floats(20_000.0, 3.0e6), st.floats(-39.0, 84.0))
 def test_the_30ba_gives_the_truth_within_a_step(pressure_Pa: float, temperature_C: float) -> None:
-    check(WaterTruth(pressure_Pa, temperature_C), "30BA")
+    check(water(pressure_Pa, temperature_C), "30BA")
 
 
 @settings(max_examples=60, deadline=None)
 @given(st.floats(20_000.0, 200_000.0), st.floats(-39.0, 84.0))
 def test_the_02ba_gives_the_truth_within_a_step(pressure_Pa: float, temperature_C: float) -> None:
-    check(WaterTruth(pressure_Pa, temperature_C), "02BA")
+    check(water(pressure_Pa, temperature_C), "02BA")
 
 
-def check(truth: WaterTruth, model: str) -> None:
+def check(truth: Pressure, model: str) -> None:
     outputs = rig(truth, model).run(0.2)
     found = readings(outputs, Pressure)
     assert len(found) >= 5
@@ -50,7 +54,7 @@ def check(truth: WaterTruth, model: str) -> None:
 
 
 def test_fifty_pressures_a_second_at_oversampling_4096() -> None:
-    outputs = readings(rig(WaterTruth(), noise=1.0).run(5.0), Pressure)
+    outputs = readings(rig(water(), noise=1.0).run(5.0), Pressure)
     assert len(outputs) == pytest.approx(250, abs=26)  # every tenth turn also converts the temperature: 20.4 ms
     gaps = np.diff([seconds_between(START, one.stamp) for one in outputs])
     assert gaps.max() < 0.032
@@ -59,7 +63,7 @@ def test_fifty_pressures_a_second_at_oversampling_4096() -> None:
 @pytest.mark.parametrize("osr", OSRS)
 def test_every_oversampling_is_waited_for(osr: str) -> None:
     knobs = Ms5837Knobs(oversampling=osr, period_s=0.05)
-    outputs = rig(WaterTruth(150_000.0, 12.0), knobs=knobs, noise=1.0).run(2.0)
+    outputs = rig(water(150_000.0, 12.0), knobs=knobs, noise=1.0).run(2.0)
     values = np.array([one.reading.pressure_Pa for one in readings(outputs, Pressure)])
     assert not reasons(outputs)
     sigma = NOISE_Pa["30BA"][OSRS.index(osr)]
@@ -69,7 +73,7 @@ def test_every_oversampling_is_waited_for(osr: str) -> None:
 
 @pytest.mark.parametrize(("model", "c1"), [("30BA", 34982), ("02BA", 46372)])
 def test_the_model_is_found_and_told(model: str, c1: int) -> None:
-    assert identities(rig(WaterTruth(), model).run(0.1)) == [f"MS5837-{model} at 0x76, C1 {c1}"]
+    assert identities(rig(water(), model).run(0.1)) == [f"MS5837-{model} at 0x76, C1 {c1}"]
 
 
 def test_a_30ba_without_product_number_is_not_taken_for_an_02ba() -> None:
@@ -80,7 +84,7 @@ def test_a_30ba_without_product_number_is_not_taken_for_an_02ba() -> None:
 
 
 def test_the_bus_is_free_for_others_while_it_converts() -> None:
-    bench = rig(WaterTruth())
+    bench = rig(water())
     bench.run(1.0)
     waits = [
         read - ordered
@@ -93,11 +97,11 @@ def test_the_bus_is_free_for_others_while_it_converts() -> None:
 
 def test_the_pressure_of_a_depth_is_right_to_three_millimeters() -> None:
     deep_Pa = 101_325.0 + 0.9 * 997.0 * 9.80665
-    outputs = readings(rig(WaterTruth(deep_Pa)).run(0.3), Pressure)
+    outputs = readings(rig(water(deep_Pa)).run(0.3), Pressure)
     assert outputs[-1].reading.pressure_Pa == pytest.approx(deep_Pa, abs=0.003 * 997.0 * 9.80665)
 
 
-def refusals(before: WaterTruth, then: WaterTruth, knobs: Ms5837Knobs) -> list[str]:
+def refusals(before: Pressure, then: Pressure, knobs: Ms5837Knobs) -> list[str]:
     """Reasons of refusal when the water changes at once after 3.1 s; in the end the new water is read."""
     emulator = Emulator("30BA", noise=0.02)
     bench = Rig(
@@ -113,7 +117,7 @@ def refusals(before: WaterTruth, then: WaterTruth, knobs: Ms5837Knobs) -> list[s
 @pytest.mark.parametrize(("period_s", "refused"), [(0.02, 3), (1.0, 0)])
 def test_what_a_step_may_be_follows_the_period(period_s: float, refused: int) -> None:
     """Half a metre of water in a second is a dive, in a fiftieth of one it is damage, until it stays."""
-    found = refusals(WaterTruth(150_000.0), WaterTruth(155_000.0), Ms5837Knobs(period_s=period_s))
+    found = refusals(water(150_000.0), water(155_000.0), Ms5837Knobs(period_s=period_s))
     assert len([reason for reason in found if reason.startswith("leap of +")]) == len(found) == refused
 
 
@@ -126,4 +130,4 @@ def test_a_slow_temperature_may_change_with_its_own_period(
 ) -> None:
     """By 10 K in a second since the last reading that was believed."""
     knobs = Ms5837Knobs(period_s=period_s, temperature_every=every)
-    assert len(refusals(WaterTruth(temperature_C=25.0), WaterTruth(temperature_C=to_C), knobs)) == refused
+    assert len(refusals(water(temperature_C=25.0), water(temperature_C=to_C), knobs)) == refused

@@ -10,7 +10,6 @@ from hindrax_core.driver_interface import Output, Send, Trouble
 from hindrax_core.events import Stamped, stamp_from_s
 from hindrax_core.readings import AppliedPulses, Battery
 from hindrax_drivers.devices.stm32 import Stm32
-from hindrax_sim.devices.ina226 import SupplyTruth
 from hindrax_sim.devices.stm32 import Stm32 as Emulator
 
 CHANNELS = (*range(8), 8, 9)
@@ -142,7 +141,7 @@ def test_something_else_on_the_line_is_told() -> None:
 
 def test_battery() -> None:
     bench = Bench()
-    bench.board.set_truth(SupplyTruth(14.8), 0.0)
+    bench.board.set_truth(Battery(14.8), 0.0)
     bench.run(1.2)
     found = [one.reading for one in bench.outputs if isinstance(one, Stamped) and isinstance(one.reading, Battery)]
     assert found[0].voltage_V == pytest.approx(14.8)

@@ -16,7 +16,6 @@ from hindrax_drivers.output.output_guard import ArmingPhase, OutputGuard, Output
 from hindrax_drivers.output.output_host import OutputHost
 from hindrax_drivers.output.output_ports import SerialOutput
 from hindrax_sim.buses.serial_ends import Pty
-from hindrax_sim.devices.ina226 import SupplyTruth
 from hindrax_sim.devices.stm32 import Stm32 as Emulator
 
 CHANNELS = (*range(8), 8, 9)
@@ -201,7 +200,7 @@ def test_a_board_that_falls_silent_in_flight_is_faulted_and_nobody_stays_armed(b
 
 
 def test_battery_is_delivered(bench: Bench) -> None:
-    bench.board.set_truth(SupplyTruth(15.2), 0.0)
+    bench.board.set_truth(Battery(15.2), 0.0)
     bench.run(1.5)
     found = [one.reading for one in bench.said if isinstance(one, Stamped) and isinstance(one.reading, Battery)]
     assert found[0].voltage_V == pytest.approx(15.2)

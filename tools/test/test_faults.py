@@ -7,10 +7,10 @@ from dataclasses import replace
 import pytest
 
 from hindrax_cli.command_line import main
+from hindrax_core.readings import Pressure
 from hindrax_core.signals import Navigation
 from hindrax_sim.devices.dvl75_sentences import DvlTruth
 from hindrax_sim.devices.imu.imu_signal import ImuTruth
-from hindrax_sim.devices.ms5837 import WaterTruth
 from hindrax_sim.devices.ping1d import PingTruth
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, liar
 from hindrax_sim.hardware import TrueState
@@ -128,7 +128,7 @@ LIES = {
     "false_lock": (DVL, lambda told: (told.velocity_mps, told.altitude_m) == ((0.0, 0.0, 0.0), 0.3)),
     "gyro_offset": (ImuTruth(), lambda told: told.rate_radps == (math.radians(40.0), 0.0, 0.0)),
     "force_offset": (ImuTruth(), lambda told: told.specific_force_mps2[1] == 3.0),
-    "depth_stuck": (WaterTruth(1.1e5), lambda told: told.pressure_Pa == 1.1e5),
+    "depth_stuck": (Pressure(1.1e5, 20.0), lambda told: told.pressure_Pa == 1.1e5),
     "range_short": (PingTruth(2.0), lambda told: told.distance_m == 1.5),
 }
 
@@ -148,6 +148,6 @@ def test_a_stuck_sensor_keeps_what_it_had_and_a_false_velocity_covers_ground() -
         liar(device, [FaultSpec(fault, (device,), 0.0)])
         for device, fault in (("ms5837", "depth_stuck"), ("dvl75", "velocity_bias"))
     )
-    assert stuck(WaterTruth(1.1e5), 1.0) == stuck(WaterTruth(1.2e5), 2.0) == WaterTruth(1.1e5)
+    assert stuck(Pressure(1.1e5, 20.0), 1.0) == stuck(Pressure(1.2e5, 20.0), 2.0) == Pressure(1.1e5, 20.0)
     biased(DVL, 1.0)
     assert biased(replace(DVL, velocity_mps=(0.0, 0.0, 0.1)), 3.0).travel_m == pytest.approx((1.5, 0.0, 0.2))

@@ -15,12 +15,13 @@ from hindrax_cli.command_line import main
 from hindrax_cli.commands.machine.calibration import calibration
 from hindrax_core.bus_operations import Transaction
 from hindrax_core.events import Stamp, to_s
+from hindrax_core.readings import Pressure
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.imu_calibration import Correction
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.devices.icm20948 import Icm20948
 from hindrax_sim.devices.imu.imu_signal import ImuTruth, SensorErrors
-from hindrax_sim.devices.ms5837 import Ms5837, WaterTruth
+from hindrax_sim.devices.ms5837 import Ms5837
 
 FIELD_T = np.array([20e-6, 5e-6, -15e-6])
 GRAVITY = np.array([0.0, 0.0, 9.80665])
@@ -45,7 +46,7 @@ class Bench:
         self.port = ""
         self.imu = Icm20948(2, SensorErrors(hard_iron_T=IRON_T, accel_offset_mps2=OFFSET_mps2))
         self.pressure = Ms5837(seed=2)
-        self.pressure.set_truth(WaterTruth(air_Pa), 0.0)
+        self.pressure.set_truth(Pressure(air_Pa, 20.0), 0.0)
         self._motion, self._wires = motion, VirtualI2c()
         for address, part in ((0x68, self.imu), (0x0C, self.imu.magnetometer), (0x76, self.pressure)):
             self._wires.attach(address, part)

@@ -8,12 +8,11 @@ from typing import Any, Self
 
 from hindrax_core.bus_operations import EDGES
 from hindrax_core.events import Stamp, stamp_from_s, to_s
-from hindrax_core.readings import Vec3
+from hindrax_core.readings import Battery, Vec3
 from hindrax_core.sensor_table import SENSORS
 from hindrax_core.vehicle import Mount, Vehicle
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.devices.emulator import Emulator, SerialEmulator
-from hindrax_sim.devices.ina226 import SupplyTruth
 from hindrax_sim.devices.pca9685 import LoopBack, Pca9685
 from hindrax_sim.devices.stm32 import Stm32
 from hindrax_sim.faults import fault_registry
@@ -133,7 +132,7 @@ class Hardware:
         output = self.vehicle.output
         if output.device == "stm32":
             board = self.output = Stm32(len(self._channels), len(output.light_channels), to_s(START))
-            board.set_truth(SupplyTruth(self.vehicle.supply_V), to_s(START))
+            board.set_truth(Battery(self.vehicle.supply_V), to_s(START))
             on_line = [spec for spec in self._faults if fault_registry.FAULTS[spec.name].make is not None]
             self.serial[THRUSTERS] = fault_registry.with_faults(THRUSTERS, board, on_line, seed, to_s(START))
             return

@@ -2,7 +2,8 @@
 
 import pytest
 
-from hindrax_sim.devices.ms5837 import PROM_02BA, PROM_30BA, Ms5837, WaterTruth
+from hindrax_core.readings import Pressure
+from hindrax_sim.devices.ms5837 import PROM_02BA, PROM_30BA, Ms5837
 
 
 def ready() -> Ms5837:
@@ -66,7 +67,7 @@ def test_nothing_is_read_without_a_command() -> None:
 def test_the_example_of_the_data_sheet_is_its_own_inverse() -> None:
     """DS 30BA page 7: D1 4958179, D2 6815414 are 3999.8 mbar and 19.81 C, to the width of one printed step."""
     part = ready()
-    part.set_truth(WaterTruth(399_980.0, 19.81), 2.0)
+    part.set_truth(Pressure(399_980.0, 19.81), 2.0)
     assert convert(part, 0x58, 0.01) == pytest.approx(6815414, abs=320)
     assert convert(part, 0x48, 0.01, 3.0) == pytest.approx(4958179, abs=120)
 

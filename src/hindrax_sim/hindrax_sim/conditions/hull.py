@@ -8,10 +8,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TypeAlias
 
-from hindrax_core.readings import Vec3, Vec6
+from hindrax_core.readings import Vec3, Vec6, vec6
 from hindrax_core.vehicle import AXES, Drag, Vehicle
 from hindrax_sim.conditions.realization import TESTED, Realization
-from hindrax_sim.physics.geometry import lever_wrench, minus, plus, rotate_back, six, unit
+from hindrax_sim.physics.geometry import lever_wrench, minus, plus, rotate_back, unit
 from hindrax_sim.physics.normal_draws import NormalDraws
 from hindrax_sim.physics.plant import Plant
 
@@ -35,7 +35,7 @@ def drag_exponent(world: Realization, size: float, _draws: NormalDraws) -> None:
         k_q, along = quadratic[axis][speed < 0.0], abs(speed)
         return math.copysign(k_q * (TESTED[axis] ** (2.0 - exponent) * along**exponent - along * along), speed)
 
-    world.influences.append(lambda plant, dt: six(-beyond(*at) for at in enumerate(plant.mid_step(dt))))
+    world.influences.append(lambda plant, dt: vec6(-beyond(*at) for at in enumerate(plant.mid_step(dt))))
     world.drag_changes.append(beyond)
 
 
@@ -59,7 +59,7 @@ def added_mass_cross(world: Realization, size: float, draws: NormalDraws) -> Non
     rows = [[0.0] * 6 for _ in AXES]
     for a, b in CROSSED:
         rows[a][b] = rows[b][a] = math.copysign(size * math.sqrt(mass[a] * mass[b]), draws.normal())
-    world.change_vehicle(hydrodynamics=replace(world.hydrodynamics, added_mass_cross=tuple(map(six, rows))))
+    world.change_vehicle(hydrodynamics=replace(world.hydrodynamics, added_mass_cross=tuple(map(vec6, rows))))
 
 
 def center_of_mass(world: Realization, size: float, draws: NormalDraws) -> None:

@@ -3,11 +3,11 @@
 import math
 from collections.abc import Callable
 
-from hindrax_core.readings import Vec6
+from hindrax_core.readings import Vec6, vec6
 from hindrax_core.signals import ZERO6
 from hindrax_core.vehicle import AXES, GRAVITY_mps2
 from hindrax_sim.conditions.realization import Realization
-from hindrax_sim.physics.geometry import lever_wrench, minus, plus, rotate_back, six
+from hindrax_sim.physics.geometry import lever_wrench, minus, plus, rotate_back
 from hindrax_sim.physics.normal_draws import NormalDraws
 from hindrax_sim.physics.plant import Plant
 
@@ -83,7 +83,7 @@ def _follow(world: Realization, lag_s: float, force: Callable[[int, float, float
 
     def push(plant: Plant, dt: float) -> Vec6:
         share, velocities = 1.0 - math.exp(-dt / lag_s), plant.mid_step(dt)
-        forces = six(force(axis, velocity, followed[axis]) for axis, velocity in enumerate(velocities))
+        forces = vec6(force(axis, velocity, followed[axis]) for axis, velocity in enumerate(velocities))
         for axis, velocity in enumerate(velocities):
             followed[axis] += share * (velocity - followed[axis])
         return forces

@@ -2,9 +2,9 @@
 
 import math
 
+from hindrax_core.readings import Battery
 from hindrax_sim.devices.emulator import Emulator, Part
 from hindrax_sim.devices.ina226 import EMULATOR as SUPPLY
-from hindrax_sim.devices.ina226 import SupplyTruth
 
 CONVERSION, CONFIGURATION, LOW, HIGH = range(4)
 FULL_SCALE_V = (6.144, 4.096, 2.048, 1.024, 0.512, 0.256, 0.256, 0.256)
@@ -14,11 +14,11 @@ AT_RESET = (0, 0x8583, 0x8000, 0x7FFF)
 V_PER_V, A_PER_V, ZERO_V = 11.0, 37.8788, 0.33
 
 
-class Ads1115(Part[SupplyTruth]):
+class Ads1115(Part[Battery]):
     """One converter, with the module's current at AIN2 and its voltage at AIN3. Hung, its conversions never end."""
 
     def __init__(self, seed: int = 0) -> None:
-        super().__init__(SupplyTruth(), f"ads1115 {seed}")
+        super().__init__(Battery(14.8, 0.0), f"ads1115 {seed}")
         self.power_cycle(0.0)
 
     def power_cycle(self, _now_s: float) -> None:

@@ -7,9 +7,9 @@ section 4.2.3 (pages 25 and 26), backwards.
 import math
 import struct
 from bisect import bisect_left
-from dataclasses import dataclass
 from typing import Any
 
+from hindrax_core.readings import Air
 from hindrax_sim.devices.emulator import Emulator, Part
 
 CALIBRATION, CHIP_ID, RESET, CALIBRATION_H, CTRL_HUM, STATUS, CTRL_MEAS, CONFIG, DATA = (
@@ -32,20 +32,11 @@ TIMES = (0, 1, 2, 4, 8, 16, 16, 16)
 """Oversampling by its setting."""
 
 
-@dataclass(frozen=True, slots=True)
-class HullTruth:
-    """The air in the hull."""
-
-    pressure_Pa: float = 101_325.0
-    temperature_C: float = 30.0
-    humidity: float = 0.4
-
-
-class Bme280(Part[HullTruth]):
+class Bme280(Part[Air]):
     """One part, asleep until a measurement is wanted. Disguised, it is a BMP180; what saturates is the pressure."""
 
     def __init__(self, seed: int = 0) -> None:
-        super().__init__(HullTruth(), f"bme280 {seed}")
+        super().__init__(Air(101_325.0, 30.0, 0.4), f"bme280 {seed}")
         self._data = bytes(8)
         self.power_cycle(0.0)
 
@@ -142,7 +133,7 @@ def _percent(raw: int, fine: int) -> float:
     return min(100.0, max(0.0, (v >> 12) / 1024.0))
 
 
-def _agrees(truth: HullTruth, reading: Any) -> bool:
+def _agrees(truth: Air, reading: Any) -> bool:
     """Noise is some pascals; the rest is corruption too small to be distinguished from weather."""
     near = abs(reading.pressure_Pa - truth.pressure_Pa) < 400.0 and abs(reading.humidity - truth.humidity) < 0.08
     return near and bool(abs(reading.temperature_C - truth.temperature_C) < 1.5)
@@ -150,7 +141,7 @@ def _agrees(truth: HullTruth, reading: Any) -> bool:
 
 EMULATOR = Emulator(
     Bme280,
-    truth=lambda world, _at: HullTruth(humidity=0.9 if world.water_in_hull else 0.4),
-    example=lambda seconds: HullTruth(101_325.0 - 50.0 * math.sin(0.1 * seconds), 30.0 + 0.02 * seconds),
+    truth=lambda world, _at: Air(101_325.0, 30.0, 0.9 if world.water_in_hull else 0.4),
+    example=lambda seconds: Air(101_325.0 - 50.0 * math.sin(0.1 * seconds), 30.0 + 0.02 * seconds, 0.4),
     agrees=_agrees,
 )

@@ -1,9 +1,9 @@
 """TI INA226 as a register model. Source: TI SBOS547 (June 2011), register maps of pages 17 to 24."""
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
+from hindrax_core.readings import Battery
 from hindrax_sim.devices.emulator import Emulator, Part
 
 CONFIGURATION, SHUNT, BUS, POWER, CURRENT, CALIBRATION, MASK_ENABLE, LIMIT = range(8)
@@ -16,22 +16,14 @@ NOISE_V, NOISE_SHUNT_V = 1e-3, 3e-6
 SHUNT_ohm = 0.0005
 
 
-@dataclass(frozen=True, slots=True)
-class SupplyTruth:
-    """Voltage and current of the supply."""
-
-    voltage_V: float = 14.8
-    current_A: float = 0.0
-
-
-class Ina226(Part[SupplyTruth]):
+class Ina226(Part[Battery]):
     """One part across a shunt of half a milliohm, converting all the time after power-up.
 
     Disguised, it has no registers of identity, as an INA219; what saturates is the current.
     """
 
     def __init__(self, seed: int = 0) -> None:
-        super().__init__(SupplyTruth(), f"ina226 {seed}")
+        super().__init__(Battery(14.8, 0.0), f"ina226 {seed}")
         self.power_cycle(0.0)
 
     def write(self, data: bytes, now_s: float) -> None:
@@ -94,7 +86,7 @@ class Ina226(Part[SupplyTruth]):
         self._begin(now_s)
 
 
-def _agrees(truth: SupplyTruth, reading: Any) -> bool:
+def _agrees(truth: Battery, reading: Any) -> bool:
     """Noise is a millivolt and some milliamperes; the truth moves by less in a conversion."""
     off = abs(reading.voltage_V - truth.voltage_V), abs(reading.current_A - truth.current_A)
     return bool(off[0] < 0.05 and off[1] < 0.2)
@@ -102,7 +94,7 @@ def _agrees(truth: SupplyTruth, reading: Any) -> bool:
 
 EMULATOR = Emulator(
     make=Ina226,
-    truth=lambda world, _at: SupplyTruth(world.plant.supply_V, world.supply_A),
-    example=lambda seconds: SupplyTruth(15.6 - 0.01 * seconds, 8.0 + 6.0 * math.sin(0.5 * seconds)),
+    truth=lambda world, _at: Battery(world.plant.supply_V, world.supply_A),
+    example=lambda seconds: Battery(15.6 - 0.01 * seconds, 8.0 + 6.0 * math.sin(0.5 * seconds)),
     agrees=_agrees,
 )

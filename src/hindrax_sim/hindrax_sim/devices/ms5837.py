@@ -9,6 +9,7 @@ from bisect import bisect_left
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from hindrax_core.readings import Pressure
 from hindrax_sim.devices.emulator import Emulator, Part
 
 RESET, PROM_FIRST, PROM_LAST, ADC_READ = 0x1E, 0xA0, 0xAE, 0x00
@@ -29,25 +30,17 @@ STRANGER = (0x1234, 0x5678, 0x9ABC, 0xDEF0, 0x1357, 0x9BDF, 0x2468, 0xACE0)
 
 
 @dataclass(frozen=True, slots=True)
-class WaterTruth:
-    """Truth at the sensor."""
-
-    pressure_Pa: float = 101325.0
-    temperature_C: float = 20.0
-
-
-@dataclass(frozen=True, slots=True)
 class _Conversion:
     begin_s: float
     end_s: float
     value: int
 
 
-class Ms5837(Part[WaterTruth]):
+class Ms5837(Part[Pressure]):
     """One part at 0x76. `noise` scales the noise of the datasheet. Disguised, its memory is no MS5837's."""
 
     def __init__(self, model: Literal["30BA", "02BA"] = "30BA", seed: int = 0, noise: float = 1.0) -> None:
-        super().__init__(WaterTruth(), f"ms5837 {seed}")
+        super().__init__(Pressure(101_325.0, 20.0), f"ms5837 {seed}")
         self.prom: tuple[int, ...] = PROM_30BA if model == "30BA" else PROM_02BA
         self._model, self._noise = model, noise
         self._held = {0: 0, 1: 0}
@@ -147,7 +140,7 @@ def _clip(value: float) -> int:
     return max(1, min(FULL_SCALE, round(value)))
 
 
-def _agrees(truth: WaterTruth, reading: Any) -> bool:
+def _agrees(truth: Pressure, reading: Any) -> bool:
     """Noise is some tens of pascals; the rest is damage that looks like a wave, and that no check can tell."""
     near = abs(reading.pressure_Pa - truth.pressure_Pa) < 1_000.0
     return near and bool(abs(reading.temperature_C - truth.temperature_C) < 2.0)
@@ -155,8 +148,8 @@ def _agrees(truth: WaterTruth, reading: Any) -> bool:
 
 EMULATOR = Emulator(
     lambda seed: Ms5837(seed=seed),
-    lambda world, at: WaterTruth(world.pressure_Pa(at), 24.0),
-    lambda seconds: WaterTruth(110_000.0 + 1_500.0 * math.sin(0.3 * seconds), 24.0),
+    lambda world, at: Pressure(world.pressure_Pa(at), 24.0),
+    lambda seconds: Pressure(110_000.0 + 1_500.0 * math.sin(0.3 * seconds), 24.0),
     _agrees,
     address=0x76,  # data sheet, I2C interface: 111011x with CSB
 )

@@ -1,24 +1,16 @@
 """A Blue Robotics SOS leak sensor on a line with a pull-up: low while it has power and its probes are dry."""
 
-from dataclasses import dataclass
-
+from hindrax_core.readings import Leak
 from hindrax_sim.devices.emulator import Emulator, Part
 
 UNPOWERED_S = 0.15
 
 
-@dataclass(frozen=True, slots=True)
-class ProbeTruth:
-    """Whether there is water at the probes."""
-
-    wet: bool = False
-
-
-class SosLeak(Part[ProbeTruth]):
+class SosLeak(Part[Leak]):
     """One board with its probes. Disguised, it is another signal on the line."""
 
     def __init__(self, _seed: int = 0) -> None:
-        super().__init__(ProbeTruth())
+        super().__init__(Leak(wet=False))
         self._turn = 0
         self._powered_s = 0.0
 
@@ -38,7 +30,7 @@ class SosLeak(Part[ProbeTruth]):
 
 EMULATOR = Emulator(
     make=SosLeak,
-    truth=lambda world, _at: ProbeTruth(world.water_in_hull),
-    example=lambda seconds: ProbeTruth(wet=seconds >= 30.0),
+    truth=lambda world, _at: Leak(world.water_in_hull),
+    example=lambda seconds: Leak(wet=seconds >= 30.0),
     agrees=lambda truth, reading: bool(truth.wet == reading.wet),
 )

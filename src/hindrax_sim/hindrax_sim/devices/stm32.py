@@ -6,19 +6,19 @@ simulated. `pulses_us` is the input of the speed controllers.
 
 import math
 
+from hindrax_core.readings import Battery
 from hindrax_sim.devices.emulator import BaudRateLine, Part
-from hindrax_sim.devices.ina226 import SupplyTruth
 from hindrax_sim.firmware.controller import Controller
 
 BAUD = 115200
 PINS = 16
 
 
-class Stm32(Part[SupplyTruth]):
+class Stm32(Part[Battery]):
     """One board, powered up at `now_s`; no supply is wired to it. Disguised, it is a GPS receiver."""
 
     def __init__(self, thrusters: int = 8, lights: int = 2, now_s: float = 0.0) -> None:
-        super().__init__(SupplyTruth(0.0))
+        super().__init__(Battery(0.0))
         self._outputs = (thrusters, lights)
         self._wire = BaudRateLine(BAUD)
         self._controller = Controller(thrusters, lights, 0)

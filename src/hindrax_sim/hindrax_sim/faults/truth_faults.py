@@ -5,10 +5,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, TypeAlias
 
-from hindrax_core.readings import Vec3
+from hindrax_core.readings import Pressure, Vec3
 from hindrax_sim.devices.dvl75_sentences import DvlTruth
 from hindrax_sim.devices.imu.imu_signal import ImuTruth
-from hindrax_sim.devices.ms5837 import WaterTruth
 from hindrax_sim.devices.ping1d import PingTruth
 from hindrax_sim.physics.geometry import plus
 from hindrax_sim.world import World
@@ -61,7 +60,7 @@ def false_lock(truth: DvlTruth, was: DvlTruth, _dt_s: float) -> DvlTruth:
     return replace(truth, velocity_mps=(0.0, 0.0, 0.0), travel_m=was.travel_m or NOWHERE, altitude_m=NEAR_m)
 
 
-def depth_stuck(_truth: WaterTruth, was: WaterTruth, _dt_s: float) -> WaterTruth:
+def depth_stuck(_truth: Pressure, was: Pressure, _dt_s: float) -> Pressure:
     """The pressure sensor is clogged: it keeps the pressure that it had."""
     return was
 

@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hindrax_core.errors import UsageError
-from hindrax_core.readings import Vec6
+from hindrax_core.readings import Vec6, vec6
 from hindrax_core.vehicle import Hydrodynamics
-from hindrax_sim.physics.geometry import six
 
 Matrix: TypeAlias = NDArray[np.float64]
 Rows: TypeAlias = list[list[float]]
@@ -55,4 +54,4 @@ def coupling(inertia: Vec6, hydrodynamics: Hydrodynamics) -> AddedMassCoupling |
 
 def _times(matrix: Rows, vector: Vec6) -> Vec6:
     a, b, c, d, e, f = vector
-    return six(row[0] * a + row[1] * b + row[2] * c + row[3] * d + row[4] * e + row[5] * f for row in matrix)
+    return vec6(row[0] * a + row[1] * b + row[2] * c + row[3] * d + row[4] * e + row[5] * f for row in matrix)

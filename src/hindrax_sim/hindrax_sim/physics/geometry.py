@@ -4,7 +4,7 @@ Attitudes are unit quaternions (w, x, y, z) that turn body vectors into the refe
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from hindrax_core.readings import Quaternion, Vec3, Vec6
 
@@ -39,12 +39,6 @@ def combined(shares: Sequence[tuple[float, Vec6]]) -> Vec6:
     for factor, (x, y, z, k, m, n) in shares:
         X, Y, Z = X + factor * x, Y + factor * y, Z + factor * z
         K, M, N = K + factor * k, M + factor * m, N + factor * n
-    return (X, Y, Z, K, M, N)
-
-
-def six(numbers: Iterable[float]) -> Vec6:
-    """Six numbers, one per axis."""
-    X, Y, Z, K, M, N = numbers
     return (X, Y, Z, K, M, N)
 
 

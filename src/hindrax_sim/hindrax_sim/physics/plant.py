@@ -10,10 +10,10 @@ from functools import lru_cache
 from typing import TypeAlias
 
 from hindrax_core.errors import UsageError
-from hindrax_core.readings import Quaternion, Vec3, Vec6
+from hindrax_core.readings import Quaternion, Vec3, Vec6, vec6
 from hindrax_core.vehicle import AXES, Hydrodynamics, Vehicle
 from hindrax_sim.physics.added_mass_coupling import coupling
-from hindrax_sim.physics.geometry import combined, minus, quaternion, rotate_back, six
+from hindrax_sim.physics.geometry import combined, minus, quaternion, rotate_back
 from hindrax_sim.physics.thruster import ThrusterLag, thruster_force, wrench_per_newton
 
 LONGEST_STEP_S = 0.005
@@ -51,7 +51,7 @@ class Plant:
         self._vehicle = vehicle
         self._influences, self._losses = tuple(influences), tuple(losses)
         body = (vehicle.mass_kg, vehicle.mass_kg, vehicle.mass_kg, *vehicle.inertia)
-        self._inertia = six(own + added for own, added in zip(body, hydrodynamics.added_mass, strict=True))
+        self._inertia = vec6(own + added for own, added in zip(body, hydrodynamics.added_mass, strict=True))
         mx, my, mz, Ix, Iy, Iz = self._inertia
         self._differences = (my - mz, mz - mx, mx - my, Iy - Iz, Iz - Ix, Ix - Iy)
         self._coupling = coupling(self._inertia, hydrodynamics)

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hindrax_core.readings import Vec3, Vec6
+from hindrax_core.readings import Vec3, Vec6, vec6
 from hindrax_core.vehicle import GRAVITY_mps2
-from hindrax_sim.physics.geometry import six
 
 GYRO_NOISE = math.radians(0.015)
 """Rate noise density [rad/s/sqrt(Hz)]."""
@@ -123,13 +122,13 @@ class ImuSignal:
         now = self.at(t_s)
         before, old = self._before or now, self._filtered or now
         filters = (accel, accel, accel, gyro, gyro, gyro)
-        filtered = six(one.step(*at) for one, *at in zip(filters, old, before, now, strict=True))
+        filtered = vec6(one.step(*at) for one, *at in zip(filters, old, before, now, strict=True))
         self._before, self._filtered = now, filtered
         part = self.imperfections
         offsets = (*part.accel_offset_mps2, *part.gyro_offset_radps)
         sa, sg = part.noise * ACCEL_NOISE * accel.root_band, part.noise * GYRO_NOISE * gyro.root_band
         sigmas = (sa, sa, sa, sg, sg, sg)
-        return six(x + o + s * self.normal() for x, o, s in zip(filtered, offsets, sigmas, strict=True))
+        return vec6(x + o + s * self.normal() for x, o, s in zip(filtered, offsets, sigmas, strict=True))
 
     def at(self, t_s: float) -> Vec6:
         """Truth at a time: linear between two truths, constant before the first and after the last."""
@@ -143,7 +142,7 @@ class ImuSignal:
             return first
         t1, second = history[1]
         k = (t_s - t0) / (t1 - t0)
-        return six(a + k * (b - a) for a, b in zip(first, second, strict=True))
+        return vec6(a + k * (b - a) for a, b in zip(first, second, strict=True))
 
     def normal(self) -> float:
         """One draw from a standard normal distribution."""
