@@ -27,7 +27,7 @@ class IdealVehicle:
         self.roll = self.pitch = self.north = self.east = 0.0
         self.heading, self.depth, self.step_s, self.lag_s = heading_rad, depth_m, step_s, lag_s
         self.time_s, self.current, self.locked, self.ages_s = 0.0, (0.0, 0.0), True, dict(AGES_S)
-        self.doubt_m = math.nan
+        self.sigma_m = math.nan
 
     @property
     def stamp(self) -> Stamp:
@@ -50,7 +50,7 @@ class IdealVehicle:
             position_m=(self.north, self.east),
             dvl_locked=self.locked,
             ages_s=self.ages_s,
-            position_sigma_m=self.doubt_m,
+            position_sigma_m=self.sigma_m,
         )
 
     def step(self, wrench: tuple[float, ...]) -> None:

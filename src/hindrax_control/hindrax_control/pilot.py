@@ -76,7 +76,7 @@ class Pilot:
         self._guard = WrenchGuard(vehicle, knobs.operator_wrench)
         self.pool: PoolBounds | None = None
         self._navigation: Navigation | None = None
-        self._told_where, self._unplaced = False, ""
+        self._recentred, self._unplaced = False, ""
         self._origin_m: tuple[float, float] | None = None
         self._maneuver_guards = ManeuverGuards(vehicle, knobs.guards)
         self._fault_detector = ThrusterFaultDetector(vehicle, knobs.fault_detector)
@@ -195,13 +195,13 @@ class Pilot:
         return self._maneuver_guards.guarded(place, self.pool.walls_m(place), self._unplaced)
 
     def lose_place(self, why: str) -> None:
-        """Take it that nobody knows where in the pool the vehicle is: no maneuver begins until `recentre`."""
+        """Mark the position in the pool as unknown: no maneuver begins until `recentre`."""
         self._unplaced = f"{why}, wanted a known place in the pool"
 
     def begin_anew(self) -> None:
         """Take it that positions have another origin from the next step on: that of the start, until it was armed."""
         self._origin_m = None
-        if self._was_armed or self._told_where:
+        if self._was_armed or self._recentred:
             self.lose_place(JUMPED)
 
     def recentre(self, x_m: float = NAN, y_m: float = NAN, turned_rad: float = NAN) -> str:
@@ -223,7 +223,7 @@ class Pilot:
             pool.recentre(self._navigation, x_m, y_m, turned_rad)
         except UsageError as error:
             return str(error)
-        self.pool, self._told_where, self._unplaced = pool, True, ""
+        self.pool, self._recentred, self._unplaced = pool, True, ""
         if self._station is not None:
             self._station.start(self.pool.place(self._navigation))
         return ""
@@ -291,7 +291,7 @@ class Pilot:
 
     def _update(self, navigation: Navigation, stamp: Stamp, battery_V: float, *, armed: bool, unarmed: str) -> None:
         self._navigation = navigation
-        if not (self._was_armed or self._told_where) and math.isfinite(navigation.attitude_rad[2]):
+        if not (self._was_armed or self._recentred) and math.isfinite(navigation.attitude_rad[2]):
             # Until it is armed for the first time, the vehicle lies in the pool as the knobs say.
             if self._origin_m is None and math.isfinite(sum(navigation.position_m)):
                 self._origin_m = navigation.position_m

@@ -2,7 +2,7 @@
 
 Pool axes: x along the length, y to the right of it, from the corner; the walls are called south (x = 0), north, west
 (y = 0) and east, whatever the compass says. The vehicle starts at a known place, turned from the length by a known
-angle, or somebody says later where it is; from there on the position is what the navigator reckons, with its doubt.
+angle, or the operator says later where it is; from there on the position is that of the navigator, with its sigma.
 """
 
 import math
@@ -22,14 +22,14 @@ class PoolBoundsKnobs:
     start_along: float = knob(0.5, 0.0, 1.0, "start of dead reckoning along the pool, as a fraction of its length [-]")
     start_across: float = knob(0.5, 0.0, 1.0, "start of dead reckoning across the pool, as a fraction of its width [-]")
     start_turned_deg: float = knob(0.0, -180.0, 180.0, "heading at the start, from the pool's length [deg]")
-    start_sigma_m: float = knob(0.1, 0.0, 10.0, "standard deviation of a place where it is said to be [m]")
+    start_sigma_m: float = knob(0.1, 0.0, 10.0, "standard deviation of a position that the operator gives [m]")
 
 
 @dataclass(frozen=True, slots=True)
 class PoolPosition:
     """Where the vehicle is in the pool, its heading from the pool's length, its velocity in pool axes.
 
-    `sigma_m` is the standard deviation of x and of y; NaN where nobody says.
+    `sigma_m` is the standard deviation of x and of y; NaN where it is unknown.
     """
 
     x_m: float
@@ -44,7 +44,7 @@ class PoolPosition:
 class GuardedPlace:
     """A place, the distance from the hull to each wall less the way that braking takes, and the least one allowed [m].
 
-    `unplaced`: why nobody knows where the vehicle is.
+    `unplaced`: why the position of the vehicle is unknown.
     """
 
     place: PoolPosition
@@ -56,7 +56,7 @@ class GuardedPlace:
 class PoolBounds:
     """Pool geometry for one start, where the vehicle lay as the knobs say.
 
-    `heading_rad` and `origin_m` (north, east) are what the navigator said there.
+    `heading_rad` and `origin_m` (north, east) are those of the navigator there.
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class PoolBounds:
 
     def place(self, navigation: Navigation) -> PoolPosition:
         """Where the vehicle is by dead reckoning; velocities are NaN where the navigator has none."""
-        north, east = (now - told for now, told in zip(navigation.position_m, self._reckoned_m, strict=True))
+        north, east = (now - then for now, then in zip(navigation.position_m, self._reckoned_m, strict=True))
         cos, sin = math.cos(self.axis_rad), math.sin(self.axis_rad)
         x_m, y_m = self.start_m[0] + cos * north + sin * east, self.start_m[1] - sin * north + cos * east
         u, v, _ = navigation.velocity_mps
@@ -105,9 +105,9 @@ class PoolBounds:
         return PoolPosition(x_m, y_m, heading, cos * u - sin * v, sin * u + cos * v, self._sigma_m(navigation))
 
     def _sigma_m(self, navigation: Navigation) -> float:
-        """Doubt of the place that was told and of the way since then.
+        """Uncertainty of the given position and of the way since then.
 
-        A navigator that counts from there says less than before; of another one, what it said then is taken off.
+        A navigator that counts from there has less than before; of another one, what it had then is subtracted.
         """
         variance_m2 = navigation.position_sigma_m**2
         if variance_m2 >= self._variance_m2:

@@ -1,4 +1,4 @@
-"""What is believed of each degree of freedom before anything is identified: inertia, drag, restoring.
+"""Prior of each degree of freedom before anything is identified: inertia, drag, restoring.
 
 Plans and gains follow from it, so that a second vehicle needs no tuning. Where the vehicle file gives no
 hydrodynamics, displaced volume and envelope stand in for them: crude, and good enough to plan with.
@@ -39,7 +39,7 @@ class PriorDynamics:
 
 
 def prior_dynamics(vehicle: Vehicle) -> dict[str, PriorDynamics]:
-    """Return what is believed of each SNAME axis, by name."""
+    """Return the prior of each SNAME axis, by name."""
     hydrodynamics = vehicle.hydrodynamics or guessed(vehicle)
     rigid = (vehicle.mass_kg,) * 3 + vehicle.inertia
     arm_m = vehicle.center_of_mass_m[2] - vehicle.center_of_buoyancy_m[2]

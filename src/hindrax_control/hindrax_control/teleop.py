@@ -1,6 +1,6 @@
 """From the operator's hand to a wrench: joysticks (sensor_msgs/Joy) and velocities (geometry_msgs/Twist).
 
-A joystick moves the vehicle only while its dead-man button is held. What comes late counts as not said: messages carry
+A joystick moves the vehicle only while its dead-man button is held. What comes late is ignored: messages carry
 the time at which they were made, on a clock that need not be ours, so the message that took the shortest way is the
 measure for the others.
 """
@@ -42,12 +42,12 @@ class Teleop:
     def __init__(self, limits: Vec6, knobs: TeleopKnobs | None = None) -> None:
         self._limits, self._knobs = limits, knobs or TeleopKnobs()
         self._held = False
-        self._shortest_s = self._made_s = self._heard_s = math.inf
+        self._shortest_s = self._made_s = self._received_s = math.inf
 
     def joystick(self, axes: Sequence[float], buttons: Sequence[int], made_s: float, now_s: float) -> Vec6 | None:
-        """Return the wrench, in base_link_fsd; None where the vehicle is not to hear of it.
+        """Return the wrench, in base_link_fsd; None where nothing is to be sent.
 
-        The button let go is said once, as zero; after that, silence leaves the vehicle to whoever else steers it.
+        A release of the button is sent once, as zero; after that, silence leaves the vehicle to whoever else steers.
         """
         late = self._is_late(made_s, now_s)
         knobs = self._knobs
@@ -90,7 +90,7 @@ class Teleop:
         delay_s = now_s - made_s
         if made_s < self._made_s:
             self._shortest_s = math.inf
-        drift_s = FORGETTING * max(0.0, now_s - self._heard_s)
+        drift_s = FORGETTING * max(0.0, now_s - self._received_s)
         self._shortest_s = min(delay_s, self._shortest_s + drift_s)
-        self._made_s, self._heard_s = made_s, now_s
+        self._made_s, self._received_s = made_s, now_s
         return delay_s - self._shortest_s > self._knobs.late_s

@@ -190,9 +190,9 @@ def test_a_first_field_that_contradicts_a_heading_told_outright_is_an_outlier() 
 def test_a_doubt_of_the_bias_only_widens() -> None:
     ours = HeadingFilter(KNOBS, 0)
     before = ours.bias_sigma_radps
-    ours.doubt_bias(0.5 * before)
+    ours.widen_bias(0.5 * before)
     assert ours.bias_sigma_radps == before
-    ours.doubt_bias(3.0 * before)
+    ours.widen_bias(3.0 * before)
     assert ours.bias_sigma_radps == pytest.approx(3.0 * before)
 
 

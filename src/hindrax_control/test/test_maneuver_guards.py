@@ -105,7 +105,7 @@ def test_braking_takes_its_way_ahead_only_and_none_at_a_speed_that_nobody_knows(
         ({"position_m": (0.0, 2.6), "velocity_mps": (0.0, 0.0, 0.0)}, "pool_box: 0.17 m to the east wall"),
         (
             {"position_m": (2.5, 0.0), "velocity_mps": (0.0, 0.0, 0.0), "position_sigma_m": 1.0},
-            "pool_box: 2.21 m to the north wall after braking, wanted 0.30 m and 2.01 m of doubt; bring it",
+            "pool_box: 2.21 m to the north wall after braking, wanted 0.30 m and 2.01 m uncertainty; bring it",
         ),
         ({"position_sigma_m": math.inf}, "pool_box: "),
         ({"depth_m": 61.0}, "depth_band: 61.00 m deep, wanted at most 60.00 m"),
@@ -128,7 +128,7 @@ def test_guards_that_act_at_once(
     [
         (math.nan, 0.3, "0.30 m"),
         (0.002, 0.304, "0.30 m"),
-        (0.5, 1.3, "0.30 m and 1.00 m of doubt"),
+        (0.5, 1.3, "0.30 m and 1.00 m uncertainty"),
     ],
 )
 def test_walls_are_nearer_by_the_doubt_of_the_position_and_a_tiny_one_is_not_worth_a_word(
@@ -162,8 +162,8 @@ def test_fast_vehicle_is_stopped_earlier_than_a_slow_one(look: Callable[..., tup
         ({"attitude_rad": (0.0, 0.0, math.nan)}, "attitude: unknown"),
         ({"velocity_mps": (1.0, 0.0, 0.08)}, "speed: 1.003 m/s, wanted at most 1.000 m/s"),
         ({"velocity_mps": (0.9, 0.0, 0.6)}, "speed: 1.08 m/s, wanted at most 1.00 m/s"),
-        ({"ages_s": {"icm20948": 0.5, "ms5837": 0.02}}, "sensor_age: icm20948 heard 0.50 s ago"),
-        ({"ages_s": {"icm20948": 0.01}}, "sensor_age: ms5837 heard never, wanted at most 1.00 s"),
+        ({"ages_s": {"icm20948": 0.5, "ms5837": 0.02}}, "sensor_age: icm20948 received 0.50 s ago"),
+        ({"ages_s": {"icm20948": 0.01}}, "sensor_age: ms5837 received never, wanted at most 1.00 s"),
         ({"depth_m": math.nan}, "sensor_age: depth unknown"),
     ],
 )

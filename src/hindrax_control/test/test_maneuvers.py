@@ -272,11 +272,11 @@ LONG = PilotKnobs(plan=PlanKnobs(levels=1, plateau_s=14.0))
 
 def test_a_leg_that_might_end_at_a_wall_is_not_flown(hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]) -> None:
     rig = Rig(hindrax, ideal_vehicle, LONG)
-    rig.ideal.doubt_m = 0.6
+    rig.ideal.sigma_m = 0.6
     output, phases = rig.fly(Goal(("surge",)))
     assert {one.phase for one in phases} == {"settle", "aborted"}
-    found = r"pool_box: surge would end [01]\.\d\d m from the south wall, wanted 0\.30 m and 1\.22 m of doubt; bring it"
-    assert re.match(found, output.aborted)
+    why = r"pool_box: surge would end [01]\.\d+ m from the south wall, wanted 0\.30 m and 1\.22 m uncertainty; bring it"
+    assert re.match(why, output.aborted)
     assert "./hindrax recentre" in output.aborted
 
 
@@ -285,7 +285,7 @@ def test_a_leg_ends_before_it_might_touch_a_wall(hindrax: Vehicle, ideal_vehicle
     rig = Rig(hindrax, ideal_vehicle, LONG)
 
     def doubt(rig: Rig) -> None:
-        rig.ideal.doubt_m = 0.0 if rig.nearest_m > 1.5 or rig.ideal.north < 0.0 else 0.9
+        rig.ideal.sigma_m = 0.0 if rig.nearest_m > 1.5 or rig.ideal.north < 0.0 else 0.9
 
     output, phases = rig.fly(Goal(("surge",)), doubt)
     assert "plateau" in {one.phase for one in phases}
@@ -314,16 +314,16 @@ def rig_without_wall(rig: Rig) -> list[Phase]:
     return Rig(rig.ideal.vehicle, type(rig.ideal)).fly(Goal(("surge", "heave", "yaw")))[1]
 
 
-def test_where_it_is_told_to_be_it_is_and_its_doubt_begins_anew(rig: Rig) -> None:
+def test_a_recentred_position_is_used_and_its_sigma_begins_anew(rig: Rig) -> None:
     rig.arm()
-    rig.ideal.north, rig.ideal.doubt_m = 1.0, 1.6
+    rig.ideal.north, rig.ideal.sigma_m = 1.0, 1.6
     assert rig.step().guards[0].startswith("pool_box: 2.77 m to the west wall after braking, wanted 0.30 m and 3.21 m")
     assert rig.pilot.recentre(2.0, 1.0) == ""
     assert rig.step().guards == ()
-    rig.ideal.north, rig.ideal.doubt_m = 1.4, 2.0  # a navigator that goes on counting from its own start
+    rig.ideal.north, rig.ideal.sigma_m = 1.4, 2.0  # a navigator that goes on counting from its own start
     found = rig.step().guards
-    assert found[0].startswith("pool_box: 0.77 m to the west wall after braking, wanted 0.30 m and 2.41 m of doubt")
-    rig.ideal.doubt_m = 0.1  # one that counts from here
+    assert found[0].startswith("pool_box: 0.77 m to the west wall after braking, wanted 0.30 m and 2.41 m uncertainty")
+    rig.ideal.sigma_m = 0.1  # one that counts from here
     assert rig.step().guards == ()
     assert rig.pilot.recentre() == ""
     assert rig.place.x_m == pytest.approx(5.0)

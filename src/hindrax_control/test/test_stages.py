@@ -41,10 +41,10 @@ AWAY = replace(HERE, x_m=5.1, y_m=2.9)
 BEGIN_s = 100.0
 
 
-def moment(time_s: float, place: PoolPosition = HERE, *, heard: bool = True, **changes: Any) -> StageInput:
+def moment(time_s: float, place: PoolPosition = HERE, *, fresh: bool = True, **changes: Any) -> StageInput:
     """A vehicle at rest at its pose, but for some changes of its navigation, some time after the stage has begun."""
     navigation = replace(AT_REST, **changes)
-    return StageInput(navigation, place, BEGIN_s + time_s, 0.05, turned_rad=3.5, altitude_heard=heard)
+    return StageInput(navigation, place, BEGIN_s + time_s, 0.05, turned_rad=3.5, altitude_measured=fresh)
 
 
 @pytest.fixture
@@ -80,12 +80,12 @@ def test_a_pose_is_held_by_depth_as_well_and_knows_how_far_off_it_is() -> None:
     assert POSE.turned_rad(replace(AT_REST, attitude_rad=(0.0, 0.0, -3.0))) == pytest.approx(math.tau - 3.4)
 
 
-@pytest.mark.parametrize(("heard", "vertical"), [(True, ("altitude", 0.9)), (False, ("depth", 1.1))])
+@pytest.mark.parametrize(("fresh", "vertical"), [(True, ("altitude", 0.9)), (False, ("depth", 1.1))])
 def test_settling_holds_the_pose_upright_by_depth_where_the_sonar_is_silent(
-    station: StationKeeping, heard: bool, vertical: tuple[str, float]
+    station: StationKeeping, fresh: bool, vertical: tuple[str, float]
 ) -> None:
     stage = SettleAtPose("surge", station, POSE, seconds=3.0)
-    *upright, up = stage.begin(moment(0.0, AWAY, heard=heard))
+    *upright, up = stage.begin(moment(0.0, AWAY, fresh=fresh))
     assert upright == [
         Setpoint("heading", value=0.4),
         Setpoint("roll", value=0.0),
@@ -105,7 +105,7 @@ def test_what_has_come_to_rest_is_settled_a_little_later(station: StationKeeping
     told = [stage.step(moment(0.1 * index - 0.05)) for index in range(20)]
     assert [one.finished for one in told] == [False] * 9 + [True] * 11, "after 0.8 s"
     assert (told[0].force, told[0].velocity, told[0].trouble) == (0.0, 0.0, "")
-    assert StageInput(AT_REST, HERE, 0.0, 0.05, 0.0).altitude_heard
+    assert StageInput(AT_REST, HERE, 0.0, 0.05, 0.0).altitude_measured
     assert told[-1] == StageOutput(told[-1].wrench, "settle", finished=True)
     assert told[-1].wrench == pytest.approx((0.0,) * 6)
 

@@ -33,7 +33,7 @@ class SupplyKnobs:
 
 
 class SupplyVoltage:
-    """Supply voltage of one vehicle: measured while a battery sensor is heard, else `nominal_V`.
+    """Supply voltage of one vehicle: measured while a battery sensor publishes, else `nominal_V`.
 
     The age of a voltage counts from its arrival, whatever its sensor's clock says.
     """

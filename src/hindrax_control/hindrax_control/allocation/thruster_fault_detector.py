@@ -85,7 +85,7 @@ class ThrusterFaultDetector:
         self._thrust = [0.0] * count
         self._slow: Matrix = np.zeros(12 + count)
         self._slow_rates, self._slow_model, self._slow_thrust = np.split(self._slow, (6, 12))
-        self._begun = False
+        self._started = False
         self._along, self._power, self._residual = np.zeros(2 * count), np.zeros(2 * count), 0.0
         self._since_s: Matrix = np.zeros(2 * count)
         self._unjudged_s = 0.0
@@ -111,8 +111,8 @@ class ThrusterFaultDetector:
         self, navigation: Navigation, rates: Vec6, drag: Sequence[float], forces_N: Sequence[float], dt: float
     ) -> None:
         """Filter rates [m/s, rad/s], wrench of the model [N, N m] and thrust [N]: `_slow`, in this order."""
-        if not self._begun:
-            self._begun, self._slow_rates[:] = True, rates
+        if not self._started:
+            self._started, self._slow_rates[:] = True, rates
         terms = zip(self._statics(navigation), self._munk(rates), drag, strict=True)
         model = [static + munk - drag_N for static, munk, drag_N in terms]
         # Plain numbers: arrays of six and eight cost more to make than to compute with.

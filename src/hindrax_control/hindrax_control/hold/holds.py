@@ -268,7 +268,7 @@ class Holds:
 
 
 def silence_s(ages_s: Mapping[str, float], names: Sequence[str]) -> float:
-    """Age of the newest measurement of some sensors; infinite if none was ever heard, zero if there are none."""
+    """Age of the newest measurement of some sensors; infinite if none was ever received, zero if there are none."""
     known = [ages_s[name] for name in names if name in ages_s]
     return min(known) if known else (math.inf if names else 0.0)
 

@@ -100,16 +100,16 @@ class Excite:
         self.seconds = seconds
         self.ends = (bounds.middle - bounds.room, bounds.middle + bounds.room)
         self._signal, self._bounds = wanted, bounds
-        self._begun_s: float | None = None
+        self._started_s: float | None = None
         self._margin = (1.0 - EDGE) * bounds.room
         self._stiffness = MOST * bounds.force / self._margin
         self._damping = 2.0 * math.sqrt(self._stiffness * bounds.inertia)
 
     def step(self, coordinate: float, rate: float, time_s: float, *, trusted: bool = True) -> LegOutput:  # noqa: ARG002
         """Drive on, given where the vehicle is along the motion and how fast; a leg asks whether that is measured."""
-        if self._begun_s is None:
-            self._begun_s = time_s
-        elapsed_s = time_s - self._begun_s
+        if self._started_s is None:
+            self._started_s = time_s
+        elapsed_s = time_s - self._started_s
         bounds = self._bounds
         force = bounds.force * self._signal(elapsed_s)
         off = coordinate - bounds.middle

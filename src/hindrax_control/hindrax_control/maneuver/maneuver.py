@@ -105,7 +105,7 @@ class Maneuver:
         """Planned duration [s]."""
         self._at = -1
         self._entered_s = 0.0
-        self._begun: Stamp | None = None
+        self._started_at: Stamp | None = None
         self._last: Stamp | None = None
         self._turned_rad = 0.0
         self._passed = 0.0
@@ -164,9 +164,9 @@ class Maneuver:
             self.cancel(act.trouble)
             setpoints += self._next(moment)
             act = self._stages[self._at].step(moment)
-        return self._told(act, setpoints, moment)
+        return self._output(act, setpoints, moment)
 
-    def _told(self, act: StageOutput, setpoints: tuple[Setpoint, ...], moment: StageInput) -> ManeuverOutput:
+    def _output(self, act: StageOutput, setpoints: tuple[Setpoint, ...], moment: StageInput) -> ManeuverOutput:
         done = act.finished and self._at == len(self._stages) - 1
         if act.finished and not done:
             setpoints += self._next(moment)
@@ -213,16 +213,16 @@ class Maneuver:
         return ""
 
     def _moment(self, navigation: Navigation, stamp: Stamp, shortfall: Vec6) -> StageInput:
-        self._begun = stamp if self._begun is None else self._begun
+        self._started_at = stamp if self._started_at is None else self._started_at
         dt = 0.0 if self._last is None else seconds_between(self._last, stamp)
         self._last = stamp
         place = self._pool.place(navigation)
         if math.isfinite(place.heading_rad):
             self._turned_rad += math.remainder(place.heading_rad - self._turned_rad, math.tau)
         held_back = max(abs(shortfall[0]), abs(shortfall[1])) > self._knobs.shortfall_N
-        heard = math.isfinite(navigation.altitude_m) and silence_s(navigation.ages_s, self._altimeters) <= SILENT_s
+        fresh = math.isfinite(navigation.altitude_m) and silence_s(navigation.ages_s, self._altimeters) <= SILENT_s
         return StageInput(
-            navigation, place, seconds_between(self._begun, stamp), dt, self._turned_rad, held_back, heard
+            navigation, place, seconds_between(self._started_at, stamp), dt, self._turned_rad, held_back, fresh
         )
 
     def _situation(self, moment: StageInput, lost_axes: tuple[str, ...], battery_V: float) -> Situation:

@@ -23,8 +23,8 @@ BLOCKED_SHARE = 0.25
 """Share of the expected speed below which it does not move."""
 BLOCKED_PHASE_S = 1.5
 """Time without motion after which the maneuver says so; a leg is up to speed before."""
-LEAST_DOUBT_m = 0.01
-"""Doubt of the position that is worth a word."""
+LEAST_UNCERTAINTY_m = 0.01
+"""Margin for an uncertain position that is worth mentioning."""
 
 REMEDIES: Mapping[str, str] = {
     "pool_box": "bring it to the middle of the pool and `./hindrax recentre` it, or correct `pool` in the vehicle file",
@@ -79,7 +79,7 @@ class Situation:
     thrust_N: tuple[float, float] = (0.0, 0.0)
     """Surge and sway force of the last cycle."""
     unplaced: str = ""
-    """Why nobody on board knows where in the pool it is; empty: it is at `place`."""
+    """Why its position in the pool is unknown; empty: it is at `place`."""
 
 
 class ManeuverGuards:
@@ -149,9 +149,9 @@ class ManeuverGuards:
 
     def margin(self, place: PoolPosition) -> tuple[float, str]:
         """Least distance to a wall where the vehicle is known as well as at this place [m], and the same in words."""
-        doubt_m = self._knobs.doubt * place.sigma_m if place.sigma_m > 0.0 else 0.0
-        said = f" and {doubt_m:.2f} m of doubt" if doubt_m >= LEAST_DOUBT_m else ""
-        return self._knobs.wall_m + doubt_m, f"{self._knobs.wall_m:.2f} m{said}"
+        margin_m = self._knobs.doubt * place.sigma_m if place.sigma_m > 0.0 else 0.0
+        text = f" and {margin_m:.2f} m uncertainty" if margin_m >= LEAST_UNCERTAINTY_m else ""
+        return self._knobs.wall_m + margin_m, f"{self._knobs.wall_m:.2f} m{text}"
 
     def _depth_band(self, depth_m: float) -> str:
         top_m, rating_m = depth_m - self._half_height_m, self._vehicle.depth_rating_m
@@ -171,8 +171,8 @@ class ManeuverGuards:
         for name, limit_s in limits.items():
             age_s = navigation.ages_s.get(name, math.inf)
             if age_s > limit_s:
-                heard = above("{} s ago, wanted at most {} s", age_s, limit_s, 2)
-                return f"{name} heard {heard}".replace("inf s ago", "never")
+                age = above("{} s ago, wanted at most {} s", age_s, limit_s, 2)
+                return f"{name} received {age}".replace("inf s ago", "never")
         return "" if math.isfinite(navigation.depth_m) else "depth unknown"
 
     def _blocked(self, situation: Situation) -> str:

@@ -334,7 +334,7 @@ def coasting(rate: float, slowing: float, coast_s: float) -> tuple[float, float]
     """Way [m, rad] of a coast from a steady rate ahead, and the rate that is left: v' = -k v |v| after a lag.
 
     `slowing`: the force of the plateau over the inertia [m/s^2, rad/s^2]; at that rate it is the drag, whatever the
-    prior believes.
+    prior says.
     """
     if rate <= 0.0:
         return 0.0, rate

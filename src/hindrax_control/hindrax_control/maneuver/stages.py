@@ -37,7 +37,7 @@ class StageInput:
     """Heading from the pool's length, counted on beyond half a turn."""
     held_back: bool = False
     """Whether the allocator falls short in surge or sway."""
-    altitude_heard: bool = True
+    altitude_measured: bool = True
     """Whether the altitude is measured at present."""
 
 
@@ -63,11 +63,11 @@ class Stage:
         self, motion: str, station: StationKeeping, seconds: float, ends: tuple[PoolPosition, ...] = ()
     ) -> None:
         self.motion, self.seconds, self.ends = motion, seconds, ends
-        self._station, self._begun_s = station, 0.0
+        self._station, self._started_s = station, 0.0
 
     def begin(self, moment: StageInput) -> tuple[Setpoint, ...]:
         """Return the hold setpoints that this stage wants: every hold stays as it is."""
-        self._begun_s = moment.time_s
+        self._started_s = moment.time_s
         return ()
 
     def step(self, moment: StageInput) -> StageOutput:
@@ -134,9 +134,9 @@ class SettleAtPose(Stage):
 
     def begin(self, moment: StageInput) -> tuple[Setpoint, ...]:
         """Engage every hold; the station keeps what it knows of the current."""
-        if not moment.altitude_heard:
+        if not moment.altitude_measured:
             self._pose = self._pose.without_altitude()
-        self._begun_s = self._still_since_s = moment.time_s
+        self._started_s = self._still_since_s = moment.time_s
         self._station.start(moment.place)
         return (
             Setpoint("heading", value=self._pose.heading_rad),
@@ -152,7 +152,7 @@ class SettleAtPose(Stage):
         wrench, off = self._keep_station(moment), self._off(moment)
         if off:
             self._still_since_s = moment.time_s
-        waited_s = moment.time_s - self._begun_s
+        waited_s = moment.time_s - self._started_s
         trouble = f"settle: {off} after {waited_s:.0f} s; {UNSETTLED}" if off and waited_s > PATIENCE_s else ""
         finished = moment.time_s - self._still_since_s >= LASTING_s
         return StageOutput(wrench, "settle", finished=finished, trouble=trouble)
@@ -184,7 +184,7 @@ class Hover(Stage):
 
     def step(self, moment: StageInput) -> StageOutput:
         """Keep station until the time is over."""
-        finished = moment.time_s - self._begun_s >= self.seconds
+        finished = moment.time_s - self._started_s >= self.seconds
         return StageOutput(self._keep_station(moment), "hover", finished=finished)
 
 
@@ -242,7 +242,7 @@ class BrakeAndHold(Stage):
 
     def begin(self, moment: StageInput) -> tuple[Setpoint, ...]:
         """Hold heading and depth as they are, upright, and this place in the pool."""
-        self._begun_s = moment.time_s
+        self._started_s = moment.time_s
         self._station.start(moment.place)
         return (Setpoint("heading"), Setpoint("roll", value=0.0), Setpoint("pitch", value=0.0), Setpoint("depth"))
 
@@ -250,7 +250,7 @@ class BrakeAndHold(Stage):
         """Keep station until the vehicle is slow, or for a few seconds."""
         wrench = self._keep_station(moment)
         speed = math.sqrt(sum(v * v for v in moment.navigation.velocity_mps if math.isfinite(v)))
-        waited_s = moment.time_s - self._begun_s
+        waited_s = moment.time_s - self._started_s
         finished = waited_s > PATIENT_s or (waited_s > LEAST_s and speed < REST_mps)
         return StageOutput(ZERO6 if finished and self._neutral else wrench, "settle", finished=finished)
 

@@ -20,7 +20,7 @@ from hindrax_core.vehicle import Vehicle
 SHORTEST_SPAN_S = 0.02
 """A velocity without an interval is compared with the mean over this span."""
 LONGEST_SPAN_S = 0.5
-"""After a silence of the DVL its first velocity tells of this much at most."""
+"""After a silence of the DVL its first velocity counts for this much time at most."""
 REMEMBERED_S = 5.0
 """Time over which the way down by DVL is compared with that by pressure; what is older fades."""
 
@@ -41,7 +41,7 @@ class AidingKnobs(AttitudeKnobs, HeadingKnobs, VerticalKnobs, HorizontalKnobs):
     sonar_tilt_deg: float = knob(25.0, 1.0, 90.0, "tilt above which ranges to the floor are not used [deg]")
     dvl_altitude_after_s: float = knob(0.5, 0.0, 60.0, "silence of the sonar after which the DVL's altitude serves [s]")
     dvl_altitude_sigma_m: float = knob(0.05, 1e-4, 1.0, "standard deviation of the DVL's altitude [m]")
-    fastest_mps: float = knob(3.0, 0.1, 20.0, "velocity above which a DVL sample is not believed [m/s]")
+    fastest_mps: float = knob(3.0, 0.1, 20.0, "velocity above which a DVL sample is rejected [m/s]")
     repeated_s: float = knob(1.0, 0.1, 60.0, "longest time for which a DVL may say the very same, but for rest [s]")
 
 
@@ -63,8 +63,8 @@ class Aiding:
         self.sunk_off_m = 0.0
         """Way down by DVL less that by pressure and accelerometer, of the last seconds."""
         self._sunk_s = -math.inf
-        self._said: Vec3 | None = None
-        self._said_s = 0.0
+        self._last_velocity: Vec3 | None = None
+        self._last_velocity_s = 0.0
 
     def bottom_velocity(self, reading: BottomVelocity, mount: SensorMount, valid_s: float) -> bool:
         """Fuse a velocity over ground, the mean over an interval around `valid_s` of filter time."""
@@ -84,12 +84,12 @@ class Aiding:
 
     def _repeated_s(self, velocity_mps: Vec3, valid_s: float) -> float:
         """Time for which a DVL says the very same: in motion its noise shows in the last digits, at rest it may not."""
-        if velocity_mps != self._said or not any(velocity_mps):
-            self._said, self._said_s = velocity_mps, valid_s
-        return valid_s - self._said_s
+        if velocity_mps != self._last_velocity or not any(velocity_mps):
+            self._last_velocity, self._last_velocity_s = velocity_mps, valid_s
+        return valid_s - self._last_velocity_s
 
     def _compare_sinking(self, velocity_mps: Vec3, valid_s: float) -> None:
-        """Compare what the DVL says of the way down with what pressure and accelerometer say."""
+        """Compare the way down by the DVL with that by pressure and accelerometer."""
         if self.vertical.knows_depth:
             dx, dy, dz = self.attitude.rotation[2]
             u, v, w = velocity_mps

@@ -27,7 +27,7 @@ from hindrax_core.rotation import IDENTITY, Matrix3
 from hindrax_core.vehicle import GRAVITY_mps2
 
 SMOOTHED_S = 0.25
-"""A gyroscope that jumps by 40 deg/s is told in 0.75 s; full thrust of the strongest vehicle, back and forth, stays
+"""A gyroscope that jumps by 40 deg/s is detected in 0.75 s; full thrust of the strongest vehicle, back and forth, stays
 below the limit of the health check by a tenth."""
 SPANS = 5
 """Spans in a window."""
@@ -66,7 +66,7 @@ class AttitudeFilter:
         self._p_tilt, self._p_cross, self._p_bias = math.pi**2, 0j, 0.0
         self.bias_radps: Vec3 = (0.0, 0.0, 0.0)
         self.gravity_off_rad = 0.0
-        """Angle between gravity as measured and as believed, smoothed: a vehicle in water accelerates shortly."""
+        """Angle between gravity as measured and as estimated, smoothed: a vehicle in water accelerates shortly."""
         self.q: Quaternion = (1.0, 0.0, 0.0, 0.0)
         self.rotation: Matrix3 = IDENTITY
 

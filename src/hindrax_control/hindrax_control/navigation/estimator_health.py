@@ -1,4 +1,4 @@
-"""Whether the state of the vehicle can be believed: checks that hold in every mode, with their limits and remedies.
+"""Whether the state of the vehicle is plausible: checks that hold in every mode, with their limits and remedies.
 
 A maneuver has guards of its own, which suppose that the state is true. These here ask whether it is: does gravity lie
 where the attitude says, do pressure and DVL agree with what the accelerometer predicts, is the motion possible at all,
@@ -42,15 +42,15 @@ ALTITUDE_AGE_s = 2.0
 
 @dataclass(frozen=True, slots=True)
 class EstimatorHealthKnobs:
-    """From where on a state is not believed."""
+    """Limits beyond which a state is rejected."""
 
     tilt_sigma_deg: float = knob(3.0, 0.1, 90.0, "largest standard deviation of the tilt [deg]")
-    gravity_deg: float = knob(20.0, 1.0, 90.0, "largest angle between gravity as measured and as believed [deg]")
+    gravity_deg: float = knob(20.0, 1.0, 90.0, "largest angle between gravity as measured and as estimated [deg]")
     refused: int = knob(20, 2, 1000, "surplus of refused depths or velocities over accepted ones [-]")
     rate_dps: float = knob(450.0, 10.0, 4000.0, "fastest believable turn; the gyroscope ends at 500 [deg/s]")
     sunk_m: float = knob(0.2, 0.01, 5.0, "largest difference of the way down by DVL and by pressure, of 5 s [m]")
-    below_floor_m: float = knob(0.3, 0.01, 5.0, "way below the floor that is believed while there is no pressure [m]")
-    frozen_s: float = knob(0.2, 0.05, 60.0, "longest time for which the inertial sensor may say the very same [s]")
+    below_floor_m: float = knob(0.3, 0.01, 5.0, "way below the floor that is accepted while there is no pressure [m]")
+    frozen_s: float = knob(0.2, 0.05, 60.0, "longest time for which the inertial sensor may repeat one sample [s]")
     patience_s: float = knob(0.1, 0.0, 5.0, "time for which a check must fail [s]")
     recovery_s: float = knob(1.0, 0.0, 60.0, "time for which all checks must hold before arming [s]")
 

@@ -68,8 +68,8 @@ class HeadingFilter:
         self._H[0, FIXED_X] = self._H[1, FIXED_Y] = 1.0
         self._passed_s = 0.0
 
-    def doubt_bias(self, sigma_radps: float) -> None:
-        """Widen the belief in the gyroscope bias: alignment could not tell offset and motion apart."""
+    def widen_bias(self, sigma_radps: float) -> None:
+        """Widen the prior of the gyroscope bias: alignment could not tell offset and motion apart."""
         self._P[BIAS, BIAS] = max(float(self._P[BIAS, BIAS]), sigma_radps * sigma_radps)
 
     def predict(self, dt_s: float) -> None:
@@ -114,12 +114,12 @@ class HeadingFilter:
 
     def _fuse(self, x: float, y: float, heading_rad: float, forces_N: Sequence[float]) -> tuple[float, float] | None:
         cos, sin, H, knobs = math.cos(heading_rad), math.sin(heading_rad), self._H, self._knobs
-        change = self._take(forces_N)
+        change = self._set_powers(forces_N)
         strength = float(self._fields[STRENGTH])
         H[0, HEADING], H[1, HEADING] = -strength * sin, -strength * cos
         H[0, STRENGTH], H[1, STRENGTH] = cos, -sin
         off = np.array([x, y]) - H[:, STRENGTH:] @ self._fields[STRENGTH:]
-        # While a force changes, thrust told and field measured do not belong to the same instant.
+        # While a force changes, thrust reported and field measured do not belong to the same instant.
         rest_deg = knobs.motor_rest_deg * self._power + knobs.motor_sigma_deg * change
         variance = math.radians(knobs.compass_sigma_deg) ** 2 + math.radians(rest_deg) ** 2
         HP = H @ self._P
@@ -136,7 +136,7 @@ class HeadingFilter:
         self._P -= gain @ HP
         return float(correction[HEADING]), float(correction[BIAS])
 
-    def _take(self, forces_N: Sequence[float]) -> float:
+    def _set_powers(self, forces_N: Sequence[float]) -> float:
         """Put the powers of the thrusters into the model; returns by how much they have changed."""
         if forces_N is self._forces_N:
             return 0.0

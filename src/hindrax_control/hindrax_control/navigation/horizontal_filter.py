@@ -1,4 +1,4 @@
-"""Surge and sway velocity between and beyond the DVL's samples, by the accelerometer, and the doubt of the way.
+"""Surge and sway velocity between and beyond the DVL's samples, by the accelerometer, and the uncertainty of the way.
 
 Per axis two states: the velocity, and an acceleration offset that stands for accelerometer bias and for gravity let in
 by an error of tilt. Both axes share one covariance, since they are measured by the same sensor at the same time. A late
@@ -138,7 +138,7 @@ class HorizontalFilter:
 
 @dataclass(frozen=True)
 class PositionKnobs:
-    """What is believed of the errors of the DVL before anything is known of them."""
+    """Prior of the errors of the DVL."""
 
     dvl_bias_mps: float = knob(0.003, 0.0, 1.0, "standard deviation of a constant bias of the DVL, each axis [m/s]")
     dvl_share: float = knob(0.027, 0.0, 1.0, "error of the distance by scale, mount and heading, as a share of it [-]")

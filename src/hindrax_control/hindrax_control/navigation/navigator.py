@@ -1,7 +1,7 @@
 """The navigator: all sensors in, one Navigation at 50 Hz of IMU time out. Pure; every stamp is respected.
 
 The IMU drives it: each sample only adds to sums, and at every tick the sums go through the attitude, the vertical and
-the horizontal filter. What other sensors said waits until the next tick and is fused at its own time of validity.
+the horizontal filter. What other sensors measured waits until the next tick and is fused at its own time of validity.
 """
 
 import math
@@ -78,7 +78,7 @@ class Navigator:
         self._vertical, self._horizontal = aiding.vertical, aiding.horizontal
         aiding.forces_N = self._forces_N
         self._waiting: deque[tuple[Stamp, Reading, str]] = deque(maxlen=MOST_WAITING)
-        self._heard: dict[str, Stamp] = {}
+        self._received: dict[str, Stamp] = {}
         self._echo = self._locked = LONG_AGO
         self._rate_radps: Vec3 = (0.0, 0.0, 0.0)
         self._aligned = False
@@ -130,7 +130,7 @@ class Navigator:
             self._remember()
             self._begin(stamp)
             return None
-        self._imu = self._heard[source] = stamp
+        self._imu = self._received[source] = stamp
         # Samples are instants: without the one before, the angle would be half a period ahead of the rate.
         half = 0.5 * dt
         self._turned_x += half * (o + p)
@@ -172,11 +172,11 @@ class Navigator:
             if _end(valid, reading) > stamp:
                 self._waiting.append(one)
             elif self._fuse(valid, reading, source):
-                self._heard[source] = max(valid, self._heard.get(source, valid))
+                self._received[source] = max(valid, self._received.get(source, valid))
         return True
 
     def _align(self, force: Vec3, rate: Vec3, stamp: Stamp) -> bool:
-        """Begin when it rests, when the offset is known from before, or when patience is over, with honest doubt."""
+        """Begin when it rests, when the offset is known from before, or when patience is over, with an honest sigma."""
         spans, knobs = self._spans, self._knobs
         spans.append((rate, force))
         if len(spans) < SPANS:
@@ -191,7 +191,7 @@ class Navigator:
         gravity, span_s = (mean(force for _, force in spans), knobs.align_s) if resting else (force, self._span_s)
         self._attitude.align(gravity, span_s, self._heading_rad)
         self._attitude.know_bias(offset.rate_radps, offset.sigma_radps)
-        self._heading.doubt_bias(offset.sigma_radps)
+        self._heading.widen_bias(offset.sigma_radps)
         self._aligned = True
         return True
 
@@ -234,7 +234,7 @@ class Navigator:
         self._reckoning.move(self._attitude.heading_rad, north_m, east_m, dt)
         still_s = (self._imu - self._reckoned) / NS_PER_S - dt
         if self._reckoned != LONG_AGO and still_s > dt:
-            # The filters began anew, and nobody knows how fast it was meanwhile.
+            # The filters began anew; how fast it was meanwhile is unknown.
             self._reckoning.unmeasured(self._vehicle.limits.speed_mps, still_s)
         elif not self._locked_at(self._imu):
             self._reckoning.unmeasured(self._horizontal.sigma_mps, dt)
@@ -304,7 +304,7 @@ class Navigator:
             altitude_m=vertical.altitude_m,
             position_m=self._position,
             dvl_locked=self._locked_at(stamp),
-            ages_s={source: (stamp - heard) / NS_PER_S for source, heard in self._heard.items()},
+            ages_s={source: (stamp - received) / NS_PER_S for source, received in self._received.items()},
             velocity_sigma_mps=(sigma, sigma, heave_sigma),
             position_sigma_m=self._reckoning.sigma_m if horizontal.known else NAN,
             consistency=Consistency(

@@ -124,7 +124,7 @@ class VerticalFilter:
             self._refused[source] = 0
             state = 0 if source == "depth" else 3
             self._P[state, state] += off * off
-            # A depth that jumps is no depth: it takes long to be believed again, also when the sensor pauses meanwhile.
+            # A depth that jumps is no depth: it takes long to be accepted again, also when the sensor pauses meanwhile.
             if source == "depth" and abs(off) > JUMP_m:
                 self.refused_depths += JUMP_COUNTS * self._knobs.patience
         return False

@@ -46,7 +46,7 @@ def make_nodes(wanted: Collection[str] = EVERY) -> Sequence[Node]:
     for listener in (pilot, navigator):
         if allocator and listener and listener.bypass(allocator, ALLOCATION, shown=False):
             allocator.allocation_listeners.append(listener.on_allocation)
-    # The navigator comes last: the turn in which it has a state begins with what the others have heard.
+    # The navigator comes last: the turn in which it has a state begins with what the others have received.
     return [node for node in (reader, health, pilot, allocator, navigator) if node is not None]
 
 

@@ -44,13 +44,13 @@ class EstimatorHealthNode(BatchedNode):
         before = self._failed
         self._failed = self._health.step(stamped.reading, stamped.stamp, armed=self._armed)
         if self._failed and not before:
-            self.get_logger().error(f"the state of the vehicle is not believed: {'; '.join(self._failed)}")
+            self.get_logger().error(f"the state of the vehicle is not plausible: {'; '.join(self._failed)}")
         self._turn += 1
         if bool(self._failed) != bool(before) or self._turn % REPORT_EVERY == 0:
             self._report(stamped)
 
     def failed(self) -> bool:
-        """Whether the last state is not believed."""
+        """Whether the last state is not plausible."""
         return bool(self._failed)
 
     def on_thrusters(self, applied: AppliedOutput, data: bytes) -> None:
@@ -77,5 +77,5 @@ class EstimatorHealthNode(BatchedNode):
             "sunk off [m]": f"{found.sunk_off_m:.3f}",
             "inertial sensor frozen [s]": f"{found.frozen_s:.2f}",
         }
-        well = "the state is believed"
+        well = "the state is plausible"
         self._reporter.report(stamped.stamp, self._failed, well, values, DiagnosticStatus.ERROR)

@@ -103,8 +103,8 @@ class PilotNode(BatchedNode):
     """Serves the action `maneuver/fly`, `maneuver/recentre` and the topics of the operator; commands `control/wrench`.
 
     It flies on the one publisher of `navigation/odometry`. A navigator of the same process calls `on_navigation`
-    instead and is `navigator`, told by `know_position` when its position is known; an allocator calls `on_allocation`,
-    and each cycle calls `send_wrench`. `health` checks every state before it is used.
+    instead and is `navigator`, `know_position` says when its position is known; an allocator calls `on_allocation`, and
+    each cycle calls `send_wrench`. `health` checks every state before it is used.
     """
 
     def __init__(self, vehicle: Vehicle, supply: SupplyVoltage, send_wrench: SendWrench = lambda *_: None) -> None:
@@ -117,7 +117,7 @@ class PilotNode(BatchedNode):
         self._altimeter: Subscription | None = None
         fixed = dict.fromkeys(SAFETY_GROUPS, SAFETY)
         self._pilot = Pilot(vehicle, knobs(self, PilotKnobs, self._tune, fixed=fixed))
-        self._armed, self._unarmed, self._heard_thrusters = False, "", False
+        self._armed, self._unarmed, self._thrusters_known = False, "", False
         self._last_state = Stamp(0)
         self._supply = supply
         self._allocation: Allocation | None = None
@@ -184,9 +184,9 @@ class PilotNode(BatchedNode):
         except ValueError as error:
             self._refuse(THRUSTER_STATE, str(error))
             return
-        if not self._heard_thrusters and applied.armings:
+        if not self._thrusters_known and applied.armings:
             self._pilot.lose_place(RESTARTED)
-        self._heard_thrusters = True
+        self._thrusters_known = True
         if not applied.armed:
             self._unarmed = deserialized(data, ThrusterState).reason
         self._armed = applied.armed
@@ -206,7 +206,7 @@ class PilotNode(BatchedNode):
         self._allocation = allocation
 
     def _on_allocation_message(self, message: Any) -> None:
-        """Keep what an allocator elsewhere says of the last wrench, and the supply that it measured."""
+        """Keep what an allocator elsewhere reports of the last wrench, and the supply that it measured."""
         try:
             self._allocation = allocation_from_msg(message, len(self._names))
         except ValueError as error:
@@ -403,8 +403,8 @@ class PilotNode(BatchedNode):
         silent_s = seconds_between(self._last_state, self.now())
         if silent_s <= SILENT_S or self._goal is None:
             return
-        said = f"for {silent_s:.0f} s" if self._last_state else "yet"
-        reason = f"navigation: no state of the vehicle {said}, so the thrusters are neutral; {SENSELESS}"
+        since = f"for {silent_s:.0f} s" if self._last_state else "yet"
+        reason = f"navigation: no state of the vehicle {since}, so the thrusters are neutral; {SENSELESS}"
         self._pilot.abandon()
         self._maneuver.publish(maneuver_to_msg(abandoned(reason), self.now()))
         self._finish_goal(self._goal, reason)
@@ -441,8 +441,8 @@ class PilotNode(BatchedNode):
         notes = (f"{state.axis} hold: {state.note}" for state in output.holds if state.note)
         refused = [f"by hand: {output.refused}"] if output.refused else []
         others = publishers_of(self, ODOMETRY) - {self.navigator} if self.navigator else ()
-        unheard = [f"not heard: {', '.join(sorted(others))}, because {self.navigator} navigates"] if others else []
-        wrong = (*output.guards, *notes, *refused, *unheard)
+        ignored = [f"ignored: {', '.join(sorted(others))}, because {self.navigator} navigates"] if others else []
+        wrong = (*output.guards, *notes, *refused, *ignored)
         held = ", ".join(state.axis for state in output.holds if state.engaged)
         values = {"holds": held, "state from": self.navigator or self._source.name}
         self._reporter.report(stamp, wrong, "armed" if self._armed else "disarmed", values)
