@@ -3,17 +3,19 @@
 import math
 import re
 from dataclasses import replace
+from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
+from browser import browser, browser_at_hand
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from synthetic_runs import DVL, back_and_forth, events, fly
 
 from hindrax_analysis.coefficients_file import Conditions, SavedCoefficients, SavedMotion, conditions_of
 from hindrax_analysis.identification.bag_identification import shared_warnings
-from hindrax_analysis.published import PUBLISHED, published_of
+from hindrax_analysis.published import CITATION, PUBLISHED, published_of
 from hindrax_analysis.report import RunReport, Trace, comparison_page, run_page
 from hindrax_analysis.report.chart import Band, Bars, Chart, Line, Points, Stems, drawing, figure
 from hindrax_analysis.report.comparison import pool_runs
@@ -266,7 +268,42 @@ def test_every_column_of_the_budget_has_its_unit_and_why_the_rows_do_not_add_up_
     assert "do not add up in squares" in page
 
 
+def test_a_budget_has_two_digits_and_no_row_without_a_number() -> None:
+    parts = [Contribution("drag of the tether", 120.4, ""), Contribution("inflow loss", 30.0, "")]
+    motion = replace(
+        a_motion("surge", None),
+        coefficients={"k_q": Number(60.0, 1.0, 130.0)},
+        budget={"k_q": [*parts, Contribution("tilt of the mount", 0.1, "align it")]},
+    )
+    page = table_budget(motion)
+    assert re.findall(r"</span>([\d.+e]+)</td>", page) == ["130", "120", "30"]
+    assert "tilt of the mount" not in page
+
+
 # ---- pages
+
+
+@pytest.mark.skipif(browser_at_hand() is None, reason="needs a browser: chromium or google-chrome on the PATH")
+def test_no_table_is_wider_than_its_page(report: RunReport, tmp_path: Path) -> None:
+    cut = replace(a_run("2026-01-31_14-00-00", 66.0), conditions=replace(a_run("", 1.0).conditions, aborted=BOUNDS))
+    pages = {"run": run_page(report), "comparison": comparison_page([a_run("2026-01-31_13-00-00", 66.0), cut])}
+    outside = "[...document.querySelectorAll('.scroll')].filter(one => one.scrollWidth > one.clientWidth).length"
+    with browser(str(browser_at_hand()), tmp_path / "profile") as seen:
+        for name, text in pages.items():
+            (tmp_path / f"{name}.html").write_text(text, encoding="utf-8")
+            for width in (1280, 1024, 768, 390):
+                seen.look(width, 900)
+                seen.open((tmp_path / f"{name}.html").as_uri())
+                seen.wait("document.readyState === 'complete'")
+                assert seen.run("document.querySelectorAll('.scroll').length") > 1
+                assert seen.run(outside) == 0, (name, width)
+
+
+def test_the_paper_is_cited_once_and_in_full(report: RunReport) -> None:
+    for text in (run_page(report), comparison_page([a_run("first", 66.0), a_run("second", 67.0)])):
+        assert text.count(CITATION) == 1
+    strange = [replace(run, conditions=replace(run.conditions, vehicle="lbv")) for run in (a_run("one", 1.0),)]
+    assert "COB-2023-1394" not in comparison_page(strange)
 
 
 def test_every_chart_has_units_and_one_sentence(report: RunReport, vehicle: Vehicle) -> None:
@@ -384,7 +421,7 @@ def test_a_command_in_a_sentence_is_shown_as_code(report: RunReport) -> None:
 # ---- aborted
 
 
-BOUNDS = "pool_bounds: 0.4 m to the <wall>; give it room"
+BOUNDS = "pool_bounds: 0.4 m to the <wall>; give it room, or ask `./hindrax doctor`"
 
 
 def aborted(report: RunReport, flown_s: dict[str, float] | None = None) -> RunReport:
@@ -398,6 +435,7 @@ def test_an_aborted_run_says_by_what_and_what_was_flown_until_then(report: RunRe
     assert "Aborted by pool_bounds: 0.4 m to the &lt;wall&gt;; give it room" in text
     assert "Flown until then: Surge for 20 s." in text
     assert "borted" not in run_page(report)
+    assert "Flown until then: no part of a motion." in run_page(aborted(report))
 
 
 def test_a_wall_that_was_pushed_against_is_in_the_report(report: RunReport) -> None:
@@ -432,6 +470,7 @@ def test_a_comparison_and_a_forest_mark_the_aborted_run(report: RunReport) -> No
     text = comparison_page([a_run("monday", 66.0), cut])
     assert '<span class="chip bad">aborted: 1 of 2 runs</span>' in text
     assert "vehicle, aborted by pool_bounds: 0.4 m to the &lt;wall&gt;" in text
+    assert "<code>./hindrax doctor</code>" in text
     assert "cut short (aborted)" in run_page(replace(report, earlier=[cut]))
 
 

@@ -8,11 +8,11 @@ from html import escape
 import numpy as np
 
 from hindrax_analysis.coefficients_file import TABULATED, SavedCoefficients, SavedMotion
-from hindrax_analysis.published import PAPER, Published, published_of
+from hindrax_analysis.published import CITATION, PAPER, Published, published_of
 from hindrax_analysis.report.chart import Role
 from hindrax_analysis.report.figures import LABELS, pretty_unit
 from hindrax_analysis.report.forest import Entry, forest
-from hindrax_analysis.report.page import chips, page, plus_minus, table
+from hindrax_analysis.report.page import chips, page, plus_minus, prose, table
 from hindrax_analysis.report.report_tables import HEADINGS, title_of
 from hindrax_ident.assess.results import Number
 from hindrax_ident.model.motion_model import MOTIONS, coefficient_units
@@ -65,6 +65,8 @@ def comparison_page(runs: Sequence[SavedCoefficients]) -> str:
     """The whole page; motions in the order of the paper's tables."""
     flown = [motion for motion in MOTIONS if any(motion in run.motions for run in runs)]
     parts = [_header(runs), _runs(runs), *(_motion(motion, runs) for motion in flown)]
+    if any(_published(motion, runs) for motion in flown):
+        parts.append(f'<p class="soft">{PAPER}: {CITATION}.</p>')
     return page(f"Comparison of {len(runs)} runs", "\n".join(parts))
 
 
@@ -90,14 +92,18 @@ def _runs(runs: Sequence[SavedCoefficients]) -> str:
         of = run.conditions
         kind = ("mock" if of.mock else "vehicle") + (f", aborted by {of.aborted}" if of.aborted else "")
         texts = (run.label, of.vehicle, of.date[:16].replace("T", " "), kind, of.software)
-        rows.append([escape(text) for text in texts])
+        rows.append([prose(text) for text in texts])
     return table(["run", "vehicle", "date", "data", "software"], rows, words=range(5))
+
+
+def _published(motion: str, runs: Sequence[SavedCoefficients]) -> Published | None:
+    vehicles = {run.conditions.vehicle for run in runs}
+    return published_of(vehicles.pop(), motion) if len(vehicles) == 1 else None
 
 
 def _motion(motion: str, runs: Sequence[SavedCoefficients]) -> str:
     own = [(run.label, run.motions[motion]) for run in runs if motion in run.motions]
-    vehicles = {run.conditions.vehicle for run in runs}
-    paper = published_of(vehicles.pop(), motion) if len(vehicles) == 1 else None
+    paper = _published(motion, runs)
     pooled = {}
     for name in TABULATED:
         believed = [found.numbers[name] for _, found in own if name in found.numbers and found.identifiable]

@@ -206,9 +206,14 @@ def table_budget(result: MotionResult) -> str:
     for influence, remedy in remedies.items():
         stds = [(shares[name].get(influence, 0.0), wide.get(name)) for name in columns]
         # Empty where it is below a twentieth of the band.
-        cells = [f"{std:.2g}" if band is None or std >= 0.05 * band else "" for std, band in stds]
-        rows.append([influence, *cells, prose(remedy)])
+        cells = [_digits(std) if band is None or std >= 0.05 * band else "" for std, band in stds]
+        rows += [[influence, *cells, prose(remedy)]] if any(cells) else []
     heads = headings_of(result.motion)
-    total = ["calibrated band", *(f"{wide[name]:.2g}" if name in wide else "" for name in columns), ""]
+    total = ["calibrated band", *(_digits(wide[name]) if name in wide else "" for name in columns), ""]
     heading = ["influence", *(heads[name] for name in columns), "what would shrink it"]
-    return table(heading, [total, *rows], own=(0,)) + f'<p class="soft">{CONTRIBUTIONS}</p>'
+    shown = table(heading, [total, *rows], own=(0,), words=(0, len(heading) - 1))
+    return f'{shown}<p class="soft">{CONTRIBUTIONS}</p>'
+
+
+def _digits(std: float) -> str:
+    return number(std, decimals(math.nan, std))

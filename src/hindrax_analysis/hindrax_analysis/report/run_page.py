@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from html import escape
 
 from hindrax_analysis.coefficients_file import TABULATED, Conditions, SavedCoefficients
-from hindrax_analysis.published import PAPER, published_of
+from hindrax_analysis.published import CITATION, PAPER, published_of
 from hindrax_analysis.report.chart import figure
 from hindrax_analysis.report.figures import (
     LABELS,
@@ -94,6 +94,8 @@ def _end(report: RunReport) -> str:
     until, blocked = _times(conditions.flown_s), _times(conditions.blocked_s)
     if conditions.aborted and until:
         rows.append(f"Flown until then: {until}. The results below are of that part only.")
+    elif conditions.aborted and report.results.motions:
+        rows.append("Flown until then: no part of a motion.")
     if not report.results.motions:
         rows.append("Nothing was flown: there is no data, so there are no coefficients.")
     if blocked:
@@ -249,8 +251,8 @@ def _conditions(of: Conditions) -> str:
         ("software", of.software),
     ]
     sources = (
-        '<p class="soft">Drag model, coefficients and drag coefficients as in COB-2023-1394. Standard deviations: its '
-        "eq. 7 and 8, with the color of the residuals taken into account. The same numbers, with covariances, are in "
-        "coefficients.yaml.</p>"
+        f'<p class="soft">Drag model, coefficients and drag coefficients as in {PAPER} ({CITATION}). Standard '
+        "deviations: its eq. 7 and 8, with the color of the residuals taken into account. The same numbers, with "
+        "covariances, are in coefficients.yaml.</p>"
     )
     return f"<h2>Conditions</h2>{definitions(pairs)}{sources}"
