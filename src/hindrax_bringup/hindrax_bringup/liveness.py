@@ -129,6 +129,8 @@ def beats(folder: Path, pid: int, now_s: float) -> dict[str, float]:
     """Seconds since the last heartbeat of each process that a tool has started; infinite before the first."""
     found = {}
     for path in sorted(folder.glob(f"{pid}-*{HEARTBEATS}/*")):
+        if path.suffixes:  # what a process leaves to its successor
+            continue
         last_s = beaten_s(path)
         found[path.name] = math.inf if last_s is None else now_s - last_s
     return found

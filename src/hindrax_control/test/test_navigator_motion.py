@@ -137,6 +137,27 @@ def test_after_a_gap_it_knows_gyroscope_and_heading_from_before_and_needs_no_res
     assert rms(off) < 0.01
 
 
+def test_a_navigator_that_is_told_the_gyroscope_of_the_one_before_needs_no_rest() -> None:
+    """Control was killed in flight: nothing but the offset of the gyroscope has outlived it."""
+    offset = (0.03, -0.02, 0.025)
+    before = Ride(attitude=turned_away, gyro_bias=offset, knobs=NO_COMPASS).run(8.0)
+    known = before.navigator.gyroscope_offset
+    assert known is not None
+    assert known.rate_radps == pytest.approx(offset, abs=0.005)
+    began_s = {}
+    for told in (None, known):
+        ride = Ride(attitude=turned_away, gyro_bias=offset, knobs=NO_COMPASS)
+        assert ride.navigator.gyroscope_offset is None
+        if told:
+            ride.navigator.know_gyroscope(told)
+        for number in range(1600, 3200):
+            t = number * 0.005
+            ride.tell(t, ride.inertial(t, ride.vehicle.sensors["icm20948"]), "icm20948")
+        began_s[told] = ride.out[0].stamp / 1e9 - 8.0
+    assert began_s[known] == pytest.approx(1.0, abs=0.1), "one window"
+    assert began_s[None] == pytest.approx(NavigatorKnobs().align_patience_s, abs=0.3), "the whole patience"
+
+
 def test_swinging_at_the_start_it_begins_with_the_tilt_of_the_last_moment() -> None:
     def swing(t: float) -> Vec3:
         return (0.3 * math.sin(2.5 * t), 0.0, 0.0)

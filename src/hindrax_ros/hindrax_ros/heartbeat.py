@@ -5,13 +5,16 @@ a process that hangs in either. Time is that of the monotonic clock [s], which a
 """
 
 import contextlib
+import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 VARIABLE = "HINDRAX_HEARTBEAT"
 """Environment variable with the path of the file; a process without it has no heartbeat."""
 PERIOD_S = 1.0
+MEMORY = ".memory"
+"""End of the name of the file beside the heartbeat."""
 
 
 class Heartbeat:
@@ -42,3 +45,29 @@ def beaten_s(path: Path) -> float | None:
         return float(path.read_text(encoding="ascii"))
     except (OSError, ValueError):
         return None
+
+
+class Memory:
+    """A few numbers that a process leaves to the one that its supervisor starts in its place, beside the heartbeat."""
+
+    def __init__(self, environment: Mapping[str, str]) -> None:
+        named = environment.get(VARIABLE, "")
+        self._path = Path(named + MEMORY) if named else None
+
+    def recall(self, count: int) -> tuple[float, ...] | None:
+        """What was left; None where there is nothing, or not so many finite numbers."""
+        try:
+            words = self._path.read_text(encoding="ascii").split() if self._path else []
+            found = tuple(map(float, words))
+        except (OSError, ValueError):
+            return None
+        return found if len(found) == count and all(map(math.isfinite, found)) else None
+
+    def remember(self, numbers: Sequence[float]) -> None:
+        """Leave these instead of what was left before; a process that is killed meanwhile has left the ones before."""
+        if self._path is None:
+            return
+        written = self._path.with_name(f"{self._path.name}.new")
+        with contextlib.suppress(OSError):  # a full disk does not end a process that thrusts
+            written.write_text(" ".join(map(repr, numbers)), encoding="ascii")
+            written.replace(self._path)

@@ -2,7 +2,9 @@
 
 from pathlib import Path
 
-from hindrax_ros.heartbeat import VARIABLE, Heartbeat, beaten_s
+import pytest
+
+from hindrax_ros.heartbeat import MEMORY, VARIABLE, Heartbeat, Memory, beaten_s
 
 
 def test_it_beats_at_most_once_a_second(tmp_path: Path) -> None:
@@ -28,3 +30,29 @@ def test_without_a_file_or_its_folder_it_does_nothing(tmp_path: Path) -> None:
     Heartbeat(str(tmp_path / "gone/control")).beat(1.0)
     assert list(tmp_path.iterdir()) == []
     assert beaten_s(tmp_path / "gone/control") is None
+
+
+def test_a_process_leaves_numbers_to_its_successor(tmp_path: Path) -> None:
+    named = {VARIABLE: str(tmp_path / "control")}
+    assert Memory(named).recall(2) is None
+    Memory(named).remember((0.1, -2e-9))
+    assert Memory(named).recall(2) == (0.1, -2e-9)
+    Memory(named).remember((0.3, 0.4))
+    assert Memory(named).recall(2) == (0.3, 0.4)
+    assert Memory(named).recall(3) is None, "another version of the process left it"
+    assert Memory({VARIABLE: str(tmp_path / "sensors")}).recall(2) is None
+
+
+@pytest.mark.parametrize(
+    "left", ["", "0.1", "0.1 nan", "0.1 inf", "0.1 x", "0.1 0.2 0.3", "\xe9 1"]
+)
+def test_what_cannot_be_meant_is_not_recalled(left: str, tmp_path: Path) -> None:
+    (tmp_path / f"control{MEMORY}").write_text(left, encoding="utf-8")
+    assert Memory({VARIABLE: str(tmp_path / "control")}).recall(2) is None
+
+
+def test_without_a_supervisor_nothing_is_left(tmp_path: Path) -> None:
+    Memory({}).remember((1.0,))
+    assert Memory({}).recall(1) is None
+    Memory({VARIABLE: str(tmp_path / "gone/control")}).remember((1.0,))
+    assert list(tmp_path.iterdir()) == []

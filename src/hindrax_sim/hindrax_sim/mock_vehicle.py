@@ -31,19 +31,19 @@ class Governor:
     The pulses written to the emulated outputs show how far the control loop is behind. While it keeps up, time runs
     free (or at `rate`, where that is not zero). When it falls behind by more than a period and a half, time nearly
     stands still until it has caught up: so a loaded machine makes a run longer, not the vehicle's latency. A loop that
-    is dead for a second is waited for no more than in real time, and so is one that has not turned a thruster yet: the
-    output of a stack that starts repeats neutral by itself, more slowly than any loop.
+    is dead for a second is waited for no more than in real time, and so is one while no thruster turns: the output of a
+    stack that starts, or whose control has died, repeats neutral by itself, more slowly than any loop.
     """
 
     rate: float = 0.0
-    turned: bool = True
-    """Whether a thruster has turned."""
+    turns: bool = True
+    """Whether a thruster turns."""
     worst_lag_s: float = 0.0
 
     def least_wall_s(self, step_s: float, now: Stamp, last_write: Stamp | None) -> float:
         """Minimum wall time of the step from `now` [s]."""
         lag_s = seconds_between(last_write, now) if last_write is not None else DEAD_LAG_s
-        held = self.turned and lag_s < DEAD_LAG_s
+        held = self.turns and lag_s < DEAD_LAG_s
         if held:
             self.worst_lag_s = max(self.worst_lag_s, lag_s)
         slowness = 0.0 if lag_s <= FREE_LAG_s else SLOW if held else 1.0
@@ -225,8 +225,8 @@ class MockVehicle(Ports):
         faults: Sequence[FaultSpec] = (),
     ) -> None:
         super().__init__(Hardware(vehicle, seed, conditions, faults), folder, rate=rate)
-        self.governor.turned = False
+        self.governor.turns = False
         self.after_step.append(self._note_thrust)
 
     def _note_thrust(self, _now: Stamp) -> None:
-        self.governor.turned = self.governor.turned or any(self.hardware.world.plant.targets_N)
+        self.governor.turns = any(self.hardware.world.plant.targets_N)

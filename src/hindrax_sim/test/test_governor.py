@@ -13,19 +13,19 @@ REPEATED = Stamp(90_000_000)
 """The output repeats neutral this long after its last write, without any control loop."""
 
 
-def test_a_late_loop_holds_time_back_only_where_it_has_turned_a_thruster() -> None:
-    assert Governor(turned=True).least_wall_s(STEP_s, REPEATED, Stamp(0)) == SLOW * STEP_s
-    starting = Governor(turned=False)
+def test_a_late_loop_holds_time_back_only_while_a_thruster_turns() -> None:
+    assert Governor(turns=True).least_wall_s(STEP_s, REPEATED, Stamp(0)) == SLOW * STEP_s
+    starting = Governor(turns=False)
     assert starting.least_wall_s(STEP_s, REPEATED, Stamp(0)) == STEP_s
     assert starting.worst_lag_s == 0.0
     assert starting.least_wall_s(STEP_s, Stamp(round(FREE_LAG_s * 1e9)), Stamp(0)) == 0.0
 
 
-def test_a_mock_knows_whether_a_thruster_has_turned(
+def test_a_mock_knows_whether_a_thruster_turns(
     vehicle: Vehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with MockVehicle(vehicle, tmp_path, seed=1, rate=0.0) as mock:
-        for pulse_us, turned in ((1500.0, False), (1700.0, True), (1500.0, True)):
+        for pulse_us, turns in ((1500.0, False), (1700.0, True), (1500.0, False)):
             monkeypatch.setattr(mock.hardware.output, "pulses_us", lambda pulse_us=pulse_us: (pulse_us,) * 16)
             mock.step()
-            assert mock.governor.turned is turned
+            assert mock.governor.turns is turns

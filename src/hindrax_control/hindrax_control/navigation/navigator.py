@@ -101,6 +101,18 @@ class Navigator:
         """Take the present position for known: its uncertainty begins anew."""
         self._reckoning.known()
 
+    def know_gyroscope(self, offset: Offset) -> None:
+        """Begin with what an earlier navigator knew of the same gyroscope: the vehicle need not rest then."""
+        self._offset = offset
+
+    @property
+    def gyroscope_offset(self) -> Offset | None:
+        """What outlasts a gap or a restart; None while nothing is known."""
+        sigma = max(self._attitude.bias_sigma_radps, self._heading.bias_sigma_radps)
+        if not self._aligned or sigma >= self._unknown.sigma_radps:
+            return None
+        return Offset(self._attitude.bias_radps, math.hypot(sigma, math.radians(self._knobs.resumed_dps)))
+
     def step(self, stamped: Stamped[Reading], source: str) -> Stamped[Navigation] | None:
         """Take one reading; a Navigation comes back whenever an IMU sample completes a tick."""
         reading = stamped.reading
@@ -198,9 +210,7 @@ class Navigator:
     def _remember(self) -> None:
         """Keep what outlasts a gap: the gyroscope is the same and may not rest when it is back; the place is near."""
         self._heading_rad = self._attitude.heading_rad
-        sigma = max(self._attitude.bias_sigma_radps, self._heading.bias_sigma_radps)
-        if self._aligned and sigma < self._unknown.sigma_radps:
-            self._offset = Offset(self._attitude.bias_radps, math.hypot(sigma, math.radians(self._knobs.resumed_dps)))
+        self._offset = self.gyroscope_offset or self._offset
 
     def _predict(self, turned: Vec3, force: Vec3, dt: float, at: SensorMount) -> None:
         attitude, horizontal = self._attitude, self._horizontal

@@ -1,8 +1,10 @@
 """The navigator node: messages of the sensors in, odometry and navigation status out at 50 Hz of sensor time."""
 
+import os
 from collections.abc import Callable
 from typing import Any
 
+from hindrax_control.navigation.attitude_filter import Offset
 from hindrax_control.navigation.navigator import Navigator, NavigatorKnobs
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.signals import Allocation, Navigation
@@ -22,6 +24,7 @@ from hindrax_core.vehicle import Vehicle
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.diagnostics import DiagnosticsPublisher
 from hindrax_ros.graph import publisher, subscription
+from hindrax_ros.heartbeat import Memory
 from hindrax_ros.messages.fast_serialization import (
     navigation_writer,
     odometry_writer,
@@ -36,6 +39,8 @@ SOURCES: dict[Topic, Callable[[bytes], Stamped[Any]]] = {
 }
 """In the order of subscription: the inertial samples, which complete a tick, come last."""
 REPORT_EVERY = 50
+REMEMBERED = 4
+"""Numbers that the navigator of a restarted process begins with: offset of the gyroscope and its deviation [rad/s]."""
 TRANSFORM_EVERY = 5
 """States per transform on /tf: 10 Hz, between which its listeners interpolate."""
 SETTLE_S = 0.0005
@@ -55,6 +60,9 @@ class NavigatorNode(BatchedNode):
         self._thrusters = len(vehicle.thrusters)
         self._navigator = Navigator(vehicle, knobs(self, NavigatorKnobs, fixed={"": "the state would start anew"}))
         self.know_position = self._navigator.know_position
+        self._memory = Memory(os.environ)
+        if known := self._memory.recall(REMEMBERED):
+            self._navigator.know_gyroscope(Offset((known[0], known[1], known[2]), known[3]))
         self._status = publisher(self, NAVIGATION)
         self._odometry = publisher(self, ODOMETRY)
         self._status_bytes, self._odometry_bytes = navigation_writer(), odometry_writer()
@@ -105,6 +113,8 @@ class NavigatorNode(BatchedNode):
             self._report(found)
 
     def _report(self, found: Stamped[Navigation]) -> None:
+        if offset := self._navigator.gyroscope_offset:
+            self._memory.remember((*offset.rate_radps, offset.sigma_radps))
         values = {f"age of {source} [s]": f"{age:.3f}" for source, age in found.reading.ages_s.items()}
         locked = found.reading.dvl_locked
         wrong = [] if locked else ["DVL has no bottom lock: position is dead reckoned without it"]
