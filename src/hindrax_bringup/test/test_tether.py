@@ -159,6 +159,8 @@ def test_the_profile_allows_loopback_and_the_tether_and_asks_the_peers() -> None
     peers = [one.text for one in profile.findall(".//d:initialPeersList//d:address", NAMES)]
     assert peers == [GROUP, "192.168.2.1"]
     assert profile.findtext(".//d:useBuiltinTransports", None, NAMES) == "false"
+    (often,) = profile.findall(".//d:leaseAnnouncement", NAMES)
+    assert [(one.tag.rpartition("}")[2], one.text) for one in often] == [("sec", "1")], "each goes to 32 ports"
 
 
 def test_without_peers_they_are_found_by_multicast() -> None:

@@ -43,9 +43,7 @@ def test_a_process_leaves_numbers_to_its_successor(tmp_path: Path) -> None:
     assert Memory({VARIABLE: str(tmp_path / "sensors")}).recall(2) is None
 
 
-@pytest.mark.parametrize(
-    "left", ["", "0.1", "0.1 nan", "0.1 inf", "0.1 x", "0.1 0.2 0.3", "\xe9 1"]
-)
+@pytest.mark.parametrize("left", ["", "0.1", "0.1 nan", "0.1 inf", "0.1 x", "0.1 0.2 0.3", "\xe9 1"])
 def test_what_cannot_be_meant_is_not_recalled(left: str, tmp_path: Path) -> None:
     (tmp_path / f"control{MEMORY}").write_text(left, encoding="utf-8")
     assert Memory({VARIABLE: str(tmp_path / "control")}).recall(2) is None

@@ -42,6 +42,8 @@ GROUP = "239.255.0.1"
 """Ports at which participants announce themselves (OMG DDSI-RTPS 2.3, section 9.6.1.4.1); allowed interfaces only."""
 PARTICIPANTS = 32
 """Ports tried per peer: one for each participant on its machine."""
+ANNOUNCED_S = "1"
+"""Each announcement of each participant goes to every port of every peer, so there are fewer than on loopback."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,6 +170,9 @@ def tether_profile(tether: Tether, loopback: str) -> str:
     allowed = ET.SubElement(ET.SubElement(transport, _tag("interfaces")), _tag("allowlist"))
     for name in ("lo", tether.interface):
         ET.SubElement(allowed, _tag("interface"), {"name": name, "netmask_filter": "ON"})
+    again = _one(profile, "leaseAnnouncement")
+    again.clear()
+    ET.SubElement(again, _tag("sec")).text = ANNOUNCED_S
     if tether.peers:
         peers = ET.SubElement(_one(profile, "builtin"), _tag("initialPeersList"))
         for address in (GROUP, *tether.peers):
