@@ -345,6 +345,6 @@ def test_a_result_that_went_lost_is_told_from_the_last_word(bench: Bench) -> Non
     assert operator._lost_outcome() == "battery: 12.0 V"
     operator.maneuver, operator.thrusters = ManeuverStatus(phase="plateau"), DISARMED
     assert re.fullmatch(
-        r"link: nothing heard of the maneuver for 10 s, and the thrusters are faulted \(.*: no answer\); .*fly again",
+        r"link: no status of the maneuver for 10 s, and the thrusters are faulted \(.*: no answer\); .*fly again",
         operator._lost_outcome(),
     )

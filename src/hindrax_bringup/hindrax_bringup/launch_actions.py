@@ -116,7 +116,7 @@ def stack(
 
 
 def _beside_the_tether(context: LaunchContext, start: Callable[[LaunchContext], list[Action]], real: bool) -> object:
-    """Start at once, or when the tether that this terminal names is there: earlier nobody would be discovered."""
+    """Start at once, or when the tether that this terminal names is up: earlier, discovery finds no participant."""
     if not real or tether_setting() is None:
         return start(context)
 
@@ -129,11 +129,11 @@ def _beside_the_tether(context: LaunchContext, start: Callable[[LaunchContext], 
 
 
 def _node(process: Process, file: Path, options: NodeOptions) -> Node:
-    """One process: started again a second after it has died, unless it was told what it cannot do."""
+    """One process: started again a second after it has died, unless its arguments were refused."""
 
     def on_exit(event: object, _context: LaunchContext) -> object:
         if getattr(event, "returncode", 0) == UsageError.exit_code:
-            return Shutdown(reason=f"{process.name}: refused what it was told")
+            return Shutdown(reason=f"{process.name}: refused its arguments")
         return None
 
     return Node(

@@ -26,11 +26,11 @@ STARTING = {"stack": "starting"}
 """Trouble of a stack whose processes are not up yet."""
 NOTIFY = "NOTIFY_SOCKET"
 NODES = ".nodes.pulse"
-"""End of the name of a pulse that tells of the nodes of a stack; it begins with the id of the stack's tool."""
+"""End of the name of a pulse file on the nodes of a stack; it begins with the id of the stack's tool."""
 
 
 def notify(words: str, environment: Mapping[str, str] = os.environ) -> None:
-    """Tell the service manager, where one listens: READY=1, WATCHDOG=1, STATUS=..."""
+    """Notify the service manager, if there is one: READY=1, WATCHDOG=1, STATUS=..."""
     address = environment.get(NOTIFY, "")
     if not address:
         return
@@ -101,8 +101,8 @@ def liveness_of_stacks(folder: Path, now_s: float) -> dict[int, tuple[str, str]]
     return {pid: (status, "; ".join(troubles)) for pid, (status, troubles) in found.items()}
 
 
-def heard_armed(folder: Path, pid: int) -> bool:
-    """Whether the safety monitor of a stack hears armed thrusters; one that is late or frozen hears nothing."""
+def reported_armed(folder: Path, pid: int) -> bool:
+    """Whether the safety monitor of a stack reports armed thrusters; one that is late or frozen reports none."""
     with contextlib.suppress(OSError, ValueError):
         beat = json.loads((folder / f"{pid}{NODES}").read_text(encoding="utf-8"))
         return bool(beat["armed"]) and time.monotonic() - beat["at_s"] <= LATE_S

@@ -153,7 +153,7 @@ def environment(*, mock: bool, domain: int | None, tether: Tether | None = None)
     made = dict(os.environ)
     made.setdefault("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp")
     made["PYTHONUNBUFFERED"] = "1"
-    made.pop(NOTIFY, None)  # only the tool itself tells the service manager that it lives
+    made.pop(NOTIFY, None)  # only the tool itself notifies the service manager
     made.pop(stack_time.VARIABLE, None)
     if domain is not None:
         made["ROS_DOMAIN_ID"] = str(domain)
@@ -188,7 +188,7 @@ def adopted(wanted: Mapping[str, str]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def own_domain(*, mock: bool, namespace: str = NAMESPACE) -> Iterator[int | None]:
-    """A ROS domain in which nobody on this machine lives; None (leave as it is) where the user chose one.
+    """A ROS domain that no process on this machine uses; None (leave as it is) where the user chose one.
 
     HindraxError when a mock would join a stack of the same namespace in the domain that the user chose.
     """

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from hindrax_bag.read.recovery import begin_completion, unfinished_files
 from hindrax_bag.run_folder import RUNS, RunFolder, make_run_folder, remove_oldest
-from hindrax_bringup.liveness import STARTING, LivenessFile, heard_armed, tool_liveness
+from hindrax_bringup.liveness import STARTING, LivenessFile, reported_armed, tool_liveness
 from hindrax_bringup.network.tether import FOREVER_S, Tether, address_of, wait_for_address
 from hindrax_bringup.node_options import Tuning
 from hindrax_bringup.processes import MOCK, ONBOARD, SAFETY_MONITOR, THRUSTERS, modules
@@ -96,7 +96,7 @@ class ClockStep:
     """Decides that a stack starts anew because the wall clock was set: disarmed, and not in the midst of more steps."""
 
     of_stack: StackTime
-    armed: Callable[[], bool] = lambda: heard_armed(runtime_folder(), os.getpid())
+    armed: Callable[[], bool] = lambda: reported_armed(runtime_folder(), os.getpid())
     now_s: Callable[[], float] = time.monotonic
     _step_s: float = 0.0
     _since_s: float = 0.0

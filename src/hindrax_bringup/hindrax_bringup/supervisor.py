@@ -58,7 +58,7 @@ class SupervisedProcess:
     frozen: str = ""
     """Why it was killed here; empty when it was not."""
     stopped: frozenset[int] = frozenset()
-    """Processes below it that stand still, and were told."""
+    """Processes below it that stand still and were reported."""
 
 
 @dataclass(slots=True)
@@ -129,8 +129,8 @@ class Supervisor:
     def check(self) -> list[str]:
         """Look after the processes: kill what is frozen, start again what died, and say so, one sentence each."""
         now_s, children = time.monotonic(), self.children.values()
-        said = [self._look(child, now_s) for child in children] if self._due(now_s) else []
-        return [sentence for sentence in (*said, *[self._check(child, now_s) for child in children]) if sentence]
+        sentences = [self._look(child, now_s) for child in children] if self._due(now_s) else []
+        return [sentence for sentence in (*sentences, *[self._check(child, now_s) for child in children]) if sentence]
 
     def _due(self, now_s: float) -> bool:
         since_s = now_s - self._looked_s
@@ -141,7 +141,7 @@ class Supervisor:
         return since_s >= LOOK_S
 
     def _look(self, child: SupervisedProcess, now_s: float) -> str:
-        """Kill a process that is frozen; tell of one below it, which is its own to look after."""
+        """Kill a process that is frozen; report one below it, which is its own to look after."""
         if child.frozen or child.handle.poll() is not None:
             return ""
         child.frozen = _frozen(child, now_s, self._awake_s)
@@ -151,8 +151,8 @@ class Supervisor:
             return f"{child.process.name} is frozen ({child.frozen}); killed, it does not end" if held else ""
         before = child.stopped
         child.stopped = frozenset(pid for pid in descendants(child.handle.pid) if is_stopped(pid))
-        told = [f"{child.process.name}: its process {pid} is frozen" for pid in sorted(child.stopped - before)]
-        return "; ".join(told)
+        frozen = [f"{child.process.name}: its process {pid} is frozen" for pid in sorted(child.stopped - before)]
+        return "; ".join(frozen)
 
     def _check(self, child: SupervisedProcess, now_s: float) -> str:
         code = child.handle.poll()

@@ -14,9 +14,9 @@ from hindrax_bringup.liveness import (
     LivenessFile,
     beats,
     health_change,
-    heard_armed,
     liveness_of_stacks,
     notify,
+    reported_armed,
     silent,
     stacks_well,
     tool_liveness,
@@ -194,12 +194,12 @@ def test_where_the_lines_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         found = liveness_of_stacks(tmp_path, now_s)[7]
         age = f"{abs(now_s - 100.0):.0f}"
         assert found == (("up", "") if well else ("", f"{dead.format(age)}; safety monitor of {dead.format(age)}"))
-    assert not heard_armed(tmp_path, 7), "unless it says so"
+    assert not reported_armed(tmp_path, 7), "unless it says so"
     monkeypatch.setattr(time, "monotonic", lambda: 101.0)
     nodes.beat("nodes", {}, armed=True)
-    for now_s, heard in ((101.0, True), (104.0, True), (104.1, False)):
+    for now_s, armed in ((101.0, True), (104.0, True), (104.1, False)):
         monkeypatch.setattr(time, "monotonic", lambda now_s=now_s: now_s)
-        assert heard_armed(tmp_path, 7) is heard
+        assert reported_armed(tmp_path, 7) is armed
     (tmp_path / "7-stack.beats").mkdir()
     (tmp_path / "7-stack.beats/control").write_text("97.0")
     Memory({VARIABLE: str(tmp_path / "7-stack.beats/control")}).remember((1.0,))

@@ -10,7 +10,7 @@ from hindrax_bag.metadata import Channel, is_whole
 from hindrax_bag.read.bag_reader import messages
 from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_bag.write.limits import BagLimits
-from hindrax_bringup.liveness import LATE_S, NODES, LivenessFile, heard_armed
+from hindrax_bringup.liveness import LATE_S, NODES, LivenessFile, reported_armed
 from hindrax_bringup.stack_runner import SETTLED_S, ClockStep, complete_earlier
 from hindrax_ros.stack_time import StackTime, epoch_ns
 
@@ -64,12 +64,12 @@ def test_a_stack_follows_the_wall_clock_once_it_is_disarmed_and_the_clock_stays(
     assert "set forward by 7.0 s; the stack starts anew" in capsys.readouterr().err
 
 
-def test_whether_a_stack_is_armed_is_heard_from_its_safety_monitor(tmp_path: Path) -> None:
-    assert not heard_armed(tmp_path, 7), "nobody has said so"
+def test_whether_a_stack_is_armed_is_reported_by_its_safety_monitor(tmp_path: Path) -> None:
+    assert not reported_armed(tmp_path, 7), "nobody has said so"
     for armed in (True, False):
         liveness = LivenessFile(tmp_path / f"7{NODES}")
         liveness.beat("nodes", {}, armed=armed)
-        assert heard_armed(tmp_path, 7) is armed
+        assert reported_armed(tmp_path, 7) is armed
         liveness.close()
 
 
@@ -78,6 +78,6 @@ def test_a_frozen_safety_monitor_hears_no_armed_thrusters(tmp_path: Path, monkey
     file = tmp_path / f"7{NODES}"
     LivenessFile(file).beat("nodes", {}, armed=True)
     said_s = json.loads(file.read_text(encoding="utf-8"))["at_s"]
-    for age_s, heard in ((LATE_S - 0.1, True), (LATE_S + 0.1, False)):
+    for age_s, armed in ((LATE_S - 0.1, True), (LATE_S + 0.1, False)):
         monkeypatch.setattr("hindrax_bringup.liveness.time.monotonic", lambda age_s=age_s: said_s + age_s)
-        assert heard_armed(tmp_path, 7) is heard
+        assert reported_armed(tmp_path, 7) is armed

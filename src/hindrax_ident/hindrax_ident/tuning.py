@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 from hindrax_core.knobs import choice, knob
 from hindrax_core.signals import PHASES
 
-STAMP_DOUBT_S = 0.03
+STAMP_SIGMA_S = 0.03
 """Prior standard deviation between stamps of different topics: delays, jitter and slow sampling resemble a lag."""
-LAG_DOUBT_S = 0.1
+LAG_SIGMA_S = 0.1
 """Prior standard deviation of the thrust lag, and of the latency of the velocities."""
-THRUST_DOUBT = 0.025
+THRUST_SHARE = 0.025
 """Unmodeled dead band of the thrusters or pull of a tether, share of the largest thrust [-]."""
 
 
@@ -59,7 +59,7 @@ def for_foreign_records(tuning: Tuning) -> Tuning:
     """Knobs for measurements of another stack, whose stamps, lag and thrusters are less well known."""
     return replace(
         tuning,
-        stamp_doubt_s=max(tuning.stamp_doubt_s, STAMP_DOUBT_S),
-        thrust_doubt=max(tuning.thrust_doubt, THRUST_DOUBT),
-        lag_doubt_s=max(tuning.lag_doubt_s, LAG_DOUBT_S),
+        stamp_doubt_s=max(tuning.stamp_doubt_s, STAMP_SIGMA_S),
+        thrust_doubt=max(tuning.thrust_doubt, THRUST_SHARE),
+        lag_doubt_s=max(tuning.lag_doubt_s, LAG_SIGMA_S),
     )

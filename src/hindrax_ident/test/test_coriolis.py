@@ -93,8 +93,8 @@ class Told(Session):
 
     known: Mapping[int, tuple[float, float]] = {}
 
-    def _believed_mass(self, axis: int, drafted: DraftFit | None) -> tuple[float, float]:
-        return self.known.get(axis) or super()._believed_mass(axis, drafted)
+    def _estimated_mass(self, axis: int, drafted: DraftFit | None) -> tuple[float, float]:
+        return self.known.get(axis) or super()._estimated_mass(axis, drafted)
 
 
 def off(vehicle: Vehicle, said: list[Any], known: Mapping[int, tuple[float, float]]) -> list[Any]:

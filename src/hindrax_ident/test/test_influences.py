@@ -10,7 +10,7 @@ from synthetic_runs import back_and_forth, fly
 from hindrax_core.vehicle import AxisGain, Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.influences import GAIN, INFLUENCES, MEASURED_THRUST, MODEL, RUN, Case, Influence
-from hindrax_ident.assess.uncertainty_budget import ALL, _posterior, _prior, _Told, budget_of
+from hindrax_ident.assess.uncertainty_budget import ALL, _Likelihood, _posterior, _prior, budget_of
 from hindrax_ident.fit.output_error import refine
 from hindrax_ident.model.motion_model import model_of
 from hindrax_ident.model.prior import wide_prior
@@ -136,9 +136,9 @@ def test_what_is_far_beyond_any_pool_is_no_explanation(flown: Case) -> None:
         mean = np.zeros(len(budget.mean))
         mean[at] = times
         covariance = 0.01 * np.eye(len(mean))
-        (told,) = replace(budget, mean=mean, covariance=covariance).warnings()
-        assert words in told
-    assert "59 times what a pool has" in told
+        (informative,) = replace(budget, mean=mean, covariance=covariance).warnings()
+        assert words in informative
+    assert "59 times what a pool has" in informative
 
 
 def test_a_loss_that_a_record_hardly_tells_is_never_greater_than_the_thrust() -> None:
@@ -147,7 +147,7 @@ def test_a_loss_that_a_record_hardly_tells_is_never_greater_than_the_thrust() ->
     for name, is_loss in (("sag over the run", True), ("tether", False)):
         (row,) = (one for one in INFLUENCES if one.name == name)
         information = np.full((1, 1), spread**-2)
-        found = _posterior(_Told(information, far * information[0], _prior([(row, 1.0)], [slice(0, 1)])))
+        found = _posterior(_Likelihood(information, far * information[0], _prior([(row, 1.0)], [slice(0, 1)])))
         assert bool(found.mean[0] > -1.0) is is_loss
         assert bool(found.covariance[0, 0] < 1.0) is is_loss
 
@@ -158,11 +158,11 @@ def test_inflow_that_one_motion_shows_counts_for_those_that_cannot_show_it(shown
     rows = [one for one in INFLUENCES if one.name in ("inflow loss", "sag under load")]
     at = {row.name: index for index, row in enumerate(rows)}
     prior = _prior([(row, 1.0) for row in rows], [slice(0, 1), slice(1, 2)])
-    told, silent, seen = 25.0 * np.eye(2), np.zeros((2, 2)), np.zeros(2)
+    informative, silent, seen = 25.0 * np.eye(2), np.zeros((2, 2)), np.zeros(2)
     seen[at["inflow loss"]] = shown
     by_other_rows = array([0.0, -5.0, 0.0, -10.0])
-    evidence = [_posterior(_Told(one, one @ seen, prior)).evidence for one in (told, silent)]
-    found = _posterior(_Told(silent, np.zeros(2), prior), array(sum(evidence, by_other_rows)))
+    evidence = [_posterior(_Likelihood(one, one @ seen, prior)).evidence for one in (informative, silent)]
+    found = _posterior(_Likelihood(silent, np.zeros(2), prior), array(sum(evidence, by_other_rows)))
     moment = np.diag(found.covariance) + found.mean**2
     assert bool(moment[at["inflow loss"]] > 0.3) is bool(shown)
     assert bool(moment[at["inflow loss"]] < 0.1) is not bool(shown)

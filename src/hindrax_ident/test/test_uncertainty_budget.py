@@ -15,10 +15,10 @@ from hindrax_ident.assess.uncertainty_budget import (
     NEAR_ODDS,
     Budget,
     _explained,
+    _Likelihood,
     _posterior,
     _Prior,
     _prior,
-    _Told,
     _weighed,
     budget_of,
 )
@@ -75,7 +75,7 @@ def budget(case: Case) -> Budget:
         mean=MEAN,
         covariance=COVARIANCE,
         evidence=array(np.zeros(3)),
-        told=budget_of(case, ()).told,
+        likelihood=budget_of(case, ()).likelihood,
     )
 
 
@@ -135,15 +135,15 @@ def test_a_remedy_leaves_what_the_others_do(budget: Budget) -> None:
 
 def test_a_contribution_is_what_would_be_lost_if_it_were_known_and_what_is_shown(budget: Budget) -> None:
     sensitivity = SHIFTS[0]
-    told = budget.contributions(sensitivity)
+    listed = budget.contributions(sensitivity)
     whole = float(sensitivity @ COVARIANCE @ sensitivity)
     wanted = {}
     for name, known in (("current", [0, 1]), ("gain", [2]), ("law", [3])):
         shown = float(MEAN[known] @ sensitivity[known])
         wanted[name] = math.sqrt(whole - left_if_known(sensitivity, known)[0] + shown**2)
-    assert {one.influence: one.std for one in told} == pytest.approx(wanted)
-    assert [one.std for one in told] == pytest.approx(sorted(wanted.values(), reverse=True))
-    assert [one.remedy for one in told if one.influence == "gain"] == ["weigh"]
+    assert {one.influence: one.std for one in listed} == pytest.approx(wanted)
+    assert [one.std for one in listed] == pytest.approx(sorted(wanted.values(), reverse=True))
+    assert [one.remedy for one in listed if one.influence == "gain"] == ["weigh"]
     (gain,) = budget.contributions(sensitivity, (GAIN,))
     assert gain.std == pytest.approx(abs(sensitivity[2]) * math.hypot(math.sqrt(COVARIANCE[2, 2]), MEAN[2]))
 
@@ -210,13 +210,13 @@ def test_in_water_that_may_be_near_the_model_an_influence_is_a_little_less(case:
 def test_a_loss_is_weighed_against_its_prior_as_bayes_says(case: Case) -> None:
     """Normal about 0.87 with deviation 0.5: the root mean square of anything between nothing and its greatest is 1."""
     loss = replace(LAW, sigma=lambda _case: 0.02, loss=True)
-    told = score(case.fit, 0.02 * to_and_fro(case))
+    scored = score(case.fit, 0.02 * to_and_fro(case))
     mean, variance = math.sqrt(0.75), 0.25
-    weight = 1.0 / (1.0 / variance + told.information[0, 0])
+    weight = 1.0 / (1.0 / variance + scored.information[0, 0])
     found = budget_of(case, (loss,))
     assert 0.1 < weight / variance < 0.9
     assert found.found("law") == pytest.approx(
-        (0.02 * weight * (mean / variance + told.gradient[0]), 0.02 * math.sqrt(weight)), rel=1e-6
+        (0.02 * weight * (mean / variance + scored.gradient[0]), 0.02 * math.sqrt(weight)), rel=1e-6
     )
 
 
@@ -234,7 +234,7 @@ def test_other_motions_tell_how_near_the_water_is_to_the_model(case: Case) -> No
 
 
 def test_a_record_that_shows_an_influence_tells_that_the_water_is_usual(case: Case) -> None:
-    def told(size_N: float) -> float:
+    def log_odds(size_N: float) -> float:
         """How much more likely usual water is than water near the model, by a force that was or was not there."""
         row = replace(LAW, sigma=lambda _case: 1.0, near=0.05)
         fit = case.fit
@@ -249,7 +249,7 @@ def test_a_record_that_shows_an_influence_tells_that_the_water_is_usual(case: Ca
         near, *_, usual = found.evidence
         return float(usual - near)
 
-    assert told(0.0) < 0.0 < told(2.0)
+    assert log_odds(0.0) < 0.0 < log_odds(2.0)
 
 
 def test_an_influence_that_cannot_act_is_no_row(case: Case) -> None:
@@ -262,9 +262,9 @@ def test_an_influence_that_cannot_act_is_no_row(case: Case) -> None:
 # ---- what a record tells, by Bayes' rule
 
 
-def normal(told: Array, gradient: Array, usual: Array, sigma: Array) -> tuple[float, Array, Array]:
+def normal(information: Array, gradient: Array, usual: Array, sigma: Array) -> tuple[float, Array, Array]:
     """Logarithm of the evidence, mean and covariance of unknowns with a normal prior, the integral written out."""
-    precision = told + np.diag(sigma**-2.0)
+    precision = information + np.diag(sigma**-2.0)
     covariance = np.linalg.inv(precision)
     pull = gradient + usual / sigma**2
     mean = covariance @ pull
@@ -273,7 +273,7 @@ def normal(told: Array, gradient: Array, usual: Array, sigma: Array) -> tuple[fl
     return evidence, array(mean), array(covariance)
 
 
-TOLD_ABOUT = array(np.array([[4.0, 1.0, 0.5], [1.0, 3.0, -0.5], [0.5, -0.5, 2.0]]))
+INFORMATION = array(np.array([[4.0, 1.0, 0.5], [1.0, 3.0, -0.5], [0.5, -0.5, 2.0]]))
 GRADIENT = array(np.array([2.0, -1.0, 0.7]))
 WATERS = _Prior(
     array(np.array([[0.02, 0.0, 0.1], [0.0, -0.3, 0.8], [0.87, 0.0, 0.5]])),
@@ -284,8 +284,8 @@ WATERS = _Prior(
 
 def test_without_tails_an_explanation_is_that_of_bayes() -> None:
     for usual, sigma, tails in zip(*WATERS, strict=True):
-        evidence, mean, covariance = normal(TOLD_ABOUT, GRADIENT, usual, sigma)
-        found = _explained(TOLD_ABOUT, GRADIENT, usual, sigma, tails)
+        evidence, mean, covariance = normal(INFORMATION, GRADIENT, usual, sigma)
+        found = _explained(INFORMATION, GRADIENT, usual, sigma, tails)
         assert np.all(np.abs(found.mean - mean) < 1e-9)
         assert np.all(np.abs(found.covariance - covariance) < 1e-9)
         # Every start finds the same: together they count once. Half of each unknown is a constant.
@@ -294,8 +294,8 @@ def test_without_tails_an_explanation_is_that_of_bayes() -> None:
 
 @pytest.mark.parametrize("by_others", [None, np.array([-3.0, 1.0, -2.0])], ids=["alone", "with others"])
 def test_the_three_waters_count_by_their_odds_and_evidence(by_others: Array | None) -> None:
-    found = _posterior(_Told(TOLD_ABOUT, GRADIENT, WATERS), by_others)
-    own = [normal(TOLD_ABOUT, GRADIENT, usual, sigma) for usual, sigma, _ in zip(*WATERS, strict=True)]
+    found = _posterior(_Likelihood(INFORMATION, GRADIENT, WATERS), by_others)
+    own = [normal(INFORMATION, GRADIENT, usual, sigma) for usual, sigma, _ in zip(*WATERS, strict=True)]
     assert found.evidence == pytest.approx([one[0] - 1.5 for one in own])
     said = np.array([one[0] for one in own]) if by_others is None else by_others
     weights = np.exp(said) * np.array([0.014, 0.014, 1.0])
@@ -341,7 +341,7 @@ def test_one_of_two_that_do_the_same_is_great_and_nobody_knows_which() -> None:
     assert found.evidence[0] == pytest.approx(found.evidence[1])
     assert found.evidence[0] > found.evidence[2] + 0.5
     waters = _Prior(*(np.stack([table] * 3) for table in (nothing, one, np.ones(2, bool))))
-    whole = _posterior(_Told(both, array(25.0 * 10.0 * np.ones(2)), waters))
+    whole = _posterior(_Likelihood(both, array(25.0 * 10.0 * np.ones(2)), waters))
     assert whole.mean == pytest.approx([5.0, 5.0], abs=0.2)
     assert whole.covariance[0, 0] > 8.0
     assert whole.covariance[0, 1] < -8.0
@@ -403,11 +403,12 @@ def test_a_weighed_net_buoyancy_adds_to_what_the_record_tells(vehicle: Vehicle) 
     plain, weighed = (budget_of(one, (GAINS, LAW)) for one in (bare, known))
     more, pull = _weighed(known, plain.shifts)
     assert np.trace(more) > 0.0
-    assert weighed.told.information - plain.told.information == pytest.approx(more, abs=1e-6 * np.trace(more))
-    assert weighed.told.gradient - plain.told.gradient == pytest.approx(pull, abs=1e-6 * np.abs(pull).max())
+    one, other = plain.likelihood, weighed.likelihood
+    assert other.information - one.information == pytest.approx(more, abs=1e-6 * np.trace(more))
+    assert other.gradient - one.gradient == pytest.approx(pull, abs=1e-6 * np.abs(pull).max())
 
 
 @pytest.mark.parametrize(("times", "explained"), [(9.5, True), (10.5, False)])
 def test_ten_times_what_a_pool_has_is_no_explanation(budget: Budget, times: float, explained: bool) -> None:
-    (told,) = replace(budget, mean=array(np.array([0.0, 0.0, -times, 0.0]))).warnings()
-    assert told.startswith("the record shows gain (") is explained
+    (warning,) = replace(budget, mean=array(np.array([0.0, 0.0, -times, 0.0]))).warnings()
+    assert warning.startswith("the record shows gain (") is explained

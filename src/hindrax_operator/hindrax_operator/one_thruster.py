@@ -1,7 +1,7 @@
 """One thruster alone, at the bench: to see which one it is, that it turns, and which way it pulls.
 
 Only one master may command thrusters. With the control process up, it is that master, fifty times a second and also
-with nothing to do; so a thruster alone is run either over a thrusters process that nobody else commands, or over one
+with nothing to do; so a thruster alone is run either over a thrusters process without another commander, or over one
 that is started for it and ended after it. It is armed for the run and disarmed at its end, whatever ends it.
 """
 
@@ -109,7 +109,7 @@ def _thrusters(vehicle_file: Path, *, mock: bool) -> Iterator[Operator]:
 
 
 def require_port(port: str) -> None:
-    """HindraxError when the port of the output is not there: nobody waits for thrusters that are not here."""
+    """HindraxError when the port of the output does not exist: there is no use in waiting for it."""
     if port.startswith("/") and not Path(port).exists():
         raise HindraxError(
             f"found no thrusters on the graph and no {port} on this machine; check cable and power (`./hindrax doctor` "

@@ -203,7 +203,7 @@ def _operate(
     from hindrax_operator.nodes.orders import recentre  # noqa: PLC0415  # as above
 
     deaths: list[str] = []
-    heard: dict[str, str] = {}
+    reported: dict[str, str] = {}
     supervisor, mock = stack.supervisor, options.mock
 
     def tick() -> None:
@@ -213,9 +213,9 @@ def _operate(
         supervisor.require(*([RECORDER.name] if options.without_record == CONTINUE else []))
         beat(liveness, stack.notes, operator)
         if flight.armed:
-            watch_record(operator, heard, progress, options.without_record)
+            watch_record(operator, reported, progress, options.without_record)
         else:
-            report_devices(operator, heard, progress)
+            report_devices(operator, reported, progress)
         progress.show(operator.maneuver, operator.navigation, operator.estimates)
 
     with (
@@ -227,7 +227,7 @@ def _operate(
         progress.report("waiting for the devices, the thrusters and a navigation solution")
         operator.wait(lambda: operator.navigation is not None, UP_S, lambda: missing_solution(operator))
         operator.wait(lambda: operator.thrusters is not None, UP_S, lambda: "the thrusters to say anything")
-        progress.report(f"{state_before_arming(heard)}; arming, which holds neutral for the time that the ESCs need")
+        progress.report(f"{state_before_arming(reported)}; arming, which holds neutral for the time that the ESCs need")
         if options.plan_is_the_pilots:
             operator.wait(lambda: operator.plans is not None, UP_S, lambda: "the pilot to tell its plans")
             plans = dict(zip(operator.plans.motions, operator.plans.plans, strict=True))
@@ -294,9 +294,9 @@ def interrupted_once() -> Iterator[None]:
         yield
 
 
-def state_before_arming(heard: Mapping[str, str]) -> str:
-    """That all is up, or what is not well, by what the nodes said last."""
-    troubled = sorted(name for name, trouble in heard.items() if trouble)
+def state_before_arming(reported: Mapping[str, str]) -> str:
+    """That all is up, or what is not well, by the last reports of the nodes."""
+    troubled = sorted(name for name, trouble in reported.items() if trouble)
     return f"the thrusters are up, but not well: {', '.join(troubled)}" if troubled else "sensors and thrusters are up"
 
 
@@ -305,22 +305,22 @@ def missing_solution(operator: Any) -> str:
     return "a navigation solution\n  " + ("\n  ".join(node_problems(operator)) or "no node has reported anything")
 
 
-def report_devices(operator: Any, heard: dict[str, str], progress: Progress) -> None:
-    """One line when a device or node is up, and one for what it still waits for; `heard` is what they said before."""
+def report_devices(operator: Any, reported: dict[str, str], progress: Progress) -> None:
+    """One line when a device or node is up, and one for what it still waits for; `reported`: what they said before."""
     now = troubles(operator)
     for name, trouble in now.items():
-        if change := health_change(name, heard.get(name), trouble):
+        if change := health_change(name, reported.get(name), trouble):
             progress.report(change)
-    heard.update(now)
+    reported.update(now)
 
 
-def watch_record(operator: Any, heard: dict[str, str], progress: Progress, without_record: str) -> None:
+def watch_record(operator: Any, reported: dict[str, str], progress: Progress, without_record: str) -> None:
     """Say at once that a flight is no longer recorded; HindraxError when it then is to end."""
     name = RECORDER.name
     status = operator.diagnostics.get(f"hindrax: {name}")
     failure = str(status.message) if status is not None and status.level == b"\x02" else ""
-    if change := health_change(name, heard.get(name, ""), failure):
+    if change := health_change(name, reported.get(name, ""), failure):
         progress.report(change)
-    heard[name] = failure
+    reported[name] = failure
     if failure and without_record == ABORT:
         raise HindraxError(f"{name}: {failure}; --without-record {CONTINUE} flies on")

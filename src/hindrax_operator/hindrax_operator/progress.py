@@ -49,7 +49,7 @@ class Progress:
         """Print one line with the wall time since the start."""
         line = f"[{time.monotonic() - self._begin:5.1f} s] {text}"
         text = fitted(line, screen_width(sys.stderr))
-        with contextlib.suppress(OSError):  # as of all that is told on stderr
+        with contextlib.suppress(OSError):  # as for all output on stderr
             self._console.print(text, highlight=False, markup=False, soft_wrap=True)
 
     def show(self, maneuver: Any, navigation: Any, estimates: dict[str, Stamped[Estimate]]) -> None:

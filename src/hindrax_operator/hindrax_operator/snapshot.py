@@ -49,7 +49,7 @@ class ManeuverView:
 class PlaceView:
     """Where in the pool the pilot has the vehicle, how far its walls are after braking, and the least that is allowed.
 
-    `unplaced`: why nobody knows where it is.
+    `unplaced`: why its position is unknown.
     """
 
     along_m: float
@@ -63,7 +63,7 @@ class PlaceView:
 
 @dataclass(frozen=True, slots=True)
 class NodeHealth:
-    """One node: how it is, in a word and a sentence, and its rate [Hz] where it tells one."""
+    """One node: how it is, in a word and a sentence, and its rate [Hz] where it reports one."""
 
     level: str
     message: str
@@ -72,7 +72,7 @@ class NodeHealth:
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """Everything at one moment. `silent_s`: wall time since the vehicle was last heard."""
+    """Everything at one moment. `silent_s`: wall time since the last message of the vehicle."""
 
     time_s: float = NAN
     silent_s: float = math.inf
@@ -135,13 +135,13 @@ def _thrusters(state: Any, allocation: Any, stops_us: tuple[float, ...]) -> Thru
         stops_us = pulses
     elif len(stops_us) != len(pulses):
         stops_us = (USUAL_STOP_us,) * len(pulses)
-    told = state.armed, state.state, state.reason
+    arming = state.armed, state.state, state.reason
     if allocation is None or len(allocation.forces) != len(pulses):
         count = len(pulses)
         names = tuple(f"T{number + 1}" for number in range(count))
-        return Thrusters(*told, names, pulses, stops_us, (NAN,) * count, (False,) * count)
+        return Thrusters(*arming, names, pulses, stops_us, (NAN,) * count, (False,) * count)
     rows = allocation.forces, allocation.saturated, allocation.disabled, allocation.lost_axes
-    return Thrusters(*told, tuple(allocation.thrusters), pulses, stops_us, *map(tuple, rows))
+    return Thrusters(*arming, tuple(allocation.thrusters), pulses, stops_us, *map(tuple, rows))
 
 
 def _holds(status: Any) -> tuple[HoldState, ...]:

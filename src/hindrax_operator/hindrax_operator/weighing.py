@@ -29,7 +29,7 @@ def weigh_on(
     *,
     ready: Callable[[], bool],
     ask: Callable[[float], None],
-    say: Callable[[str], None],
+    report: Callable[[str], None],
 ) -> list[Hold]:
     """Holds with loads on an axis [N, Nm]; `ask` the operator for each load, who is `ready` when it hangs."""
     from hindrax_operator.nodes.orders import hold, until  # noqa: PLC0415  # rclpy reads the environment first
@@ -39,7 +39,7 @@ def weigh_on(
     hold(operator, [name for name in ("roll", "pitch") if name in served], 0.0, engaged=True)
     events: list[Stamped[IdentEvent]] = []
 
-    def heard(end: Stamp, *, keep: bool) -> bool:
+    def collect(end: Stamp, *, keep: bool) -> bool:
         """Keep what is new; whether the end is reached."""
         events.extend(one for one in _now(operator) if keep and one not in events[-4:])
         return operator.now() >= end
@@ -48,12 +48,12 @@ def weigh_on(
     for load in loads:
         ask(load)
         operator.wait(ready, PATIENCE_S, lambda: "the load to hang")
-        say(f"settling for {SETTLE_S:.0f} s")
+        report(f"settling for {SETTLE_S:.0f} s")
         begin = after(operator.now(), SETTLE_S)
-        until(operator, partial(heard, begin, keep=False), SETTLE_S, "the weighing")
-        say(f"measuring for {HOLD_S:.0f} s: keep away from line and tether")
+        until(operator, partial(collect, begin, keep=False), SETTLE_S, "the weighing")
+        report(f"measuring for {HOLD_S:.0f} s: keep away from line and tether")
         span = LoadSpan(begin, after(begin, HOLD_S), load)
-        until(operator, partial(heard, span.end, keep=True), HOLD_S, "the weighing")
+        until(operator, partial(collect, span.end, keep=True), HOLD_S, "the weighing")
         spans.append(span)
     return holds_of(events, axis, spans)
 

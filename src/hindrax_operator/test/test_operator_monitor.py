@@ -239,14 +239,14 @@ def test_a_real_terminal_of_80_columns_shows_it_takes_keys_and_is_given_back(end
 
 def test_before_anything_is_heard_it_says_so_and_can_stop_all_the_same() -> None:
     text, vehicle = screen(Snapshot(), ("s",))
-    assert "nothing heard yet" in text
+    assert "no message yet" in text
     assert "no navigation solution yet" in text
     assert vehicle.orders == ["stop"]
 
 
 def test_a_vehicle_that_falls_silent_is_not_shown_as_armed() -> None:
     text, _ = screen(replace(FULL, silent_s=7.4))
-    assert "nothing heard for 7 s" in text
+    assert "no message for 7 s" in text
     assert "ARMED" not in text
 
 

@@ -59,7 +59,7 @@ def held(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 def test_it_holds_every_axis_asks_for_each_load_and_measures_when_it_hangs(held: list[str]) -> None:
     stack: Any = PushingStack()
-    heard: list[str] = []
+    reported: list[str] = []
 
     def ready() -> bool:
         """The operator takes a moment."""
@@ -67,7 +67,7 @@ def test_it_holds_every_axis_asks_for_each_load_and_measures_when_it_hangs(held:
         return bool(stack.asked % 20 == 0)
 
     holds = weigh_on(
-        stack, VEHICLE, 0, LOADS, ready=ready, ask=lambda load: setattr(stack, "load", load), say=heard.append
+        stack, VEHICLE, 0, LOADS, ready=ready, ask=lambda load: setattr(stack, "load", load), report=reported.append
     )
     assert sorted(held) == ["depth", "heading", "pitch", "roll", "station"]
     assert [one.load for one in holds] == list(LOADS)
@@ -75,7 +75,7 @@ def test_it_holds_every_axis_asks_for_each_load_and_measures_when_it_hangs(held:
     assert holds[1].begin_s > SETTLE_S + HOLD_S
     found = weigh(holds, 0, prior_dynamics(VEHICLE)["surge"]).gain
     assert found.positive == pytest.approx(GAIN, abs=1e-3)
-    assert [line for line in heard if "keep away" in line]
+    assert [line for line in reported if "keep away" in line]
 
 
 def test_a_vehicle_that_is_disarmed_meanwhile_ends_it(held: list[str]) -> None:
@@ -85,5 +85,5 @@ def test_a_vehicle_that_is_disarmed_meanwhile_ends_it(held: list[str]) -> None:
         stack.thrusters = SimpleNamespace(armed=False, state="disarmed")
 
     with pytest.raises(HindraxError, match="the weighing ended early: the thrusters are disarmed"):
-        weigh_on(stack, VEHICLE, 0, LOADS, ready=lambda: True, ask=disarm, say=lambda _: None)
+        weigh_on(stack, VEHICLE, 0, LOADS, ready=lambda: True, ask=disarm, report=lambda _: None)
     assert held

@@ -41,7 +41,7 @@ _transaction = lru_cache(4096)(unpack_transaction)
 
 @dataclass(slots=True)
 class SerialWire:
-    """Frames into a serial device. What it sends is not compared: time-outs depend on ticks that nobody recorded."""
+    """Frames into a serial device. What it sends is not compared: time-outs depend on ticks that no bag has."""
 
     device: SerialDevice
     stamp: Stamp = UNHEARD

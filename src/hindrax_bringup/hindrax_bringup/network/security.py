@@ -161,7 +161,7 @@ def settings(keystore: str, environment: Mapping[str, str]) -> dict[str, str]:
 
 
 def unenforced(keystore: str) -> str:
-    """What is said where a mock starts beside a keystore."""
+    """Note where a mock starts beside a keystore."""
     return f"{KEYSTORE}: {keystore} is not enforced in mock; whoever reaches its graph may command the mock vehicle"
 
 

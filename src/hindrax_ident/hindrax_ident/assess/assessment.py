@@ -111,7 +111,7 @@ def assess(
 ) -> tuple[dict[int, Assessment], dict[int, ValueError]]:
     """Bands of the drafts of a run from their uncertainty budgets, and why there are none.
 
-    All motions were flown in one water: what one record tells of it counts for all.
+    All motions were flown in one water: what one record shows of it counts for all.
     """
     budgets: dict[int, Budget] = {}
     failed: dict[int, ValueError] = {}

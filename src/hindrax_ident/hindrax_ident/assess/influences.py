@@ -2,7 +2,7 @@
 
 A row has a name, a unit, a prior standard deviation, an effect and a remedy. Its effect is what one unit does to the
 record: unmodeled impulses on the vehicle, or errors of the measurements. From it alone `uncertainty_budget` computes
-what the row contributes to each coefficient, and what the record tells about it. A new influence is a new row.
+what the row contributes to each coefficient, and what the record shows of it. A new influence is a new row.
 
 The deviations of water, thrust and hull are those of a usual pool (`docs/reference/worlds.md` has their sources).
 """
@@ -25,7 +25,7 @@ from hindrax_ident.records.axis_record import Record
 from hindrax_ident.tuning import Tuning
 
 LOST = 0.5
-"""Standard deviation of the share of thrust missing inside a dead band that nobody described [-]."""
+"""Standard deviation of the share of thrust missing inside a dead band that no file describes [-]."""
 BETWEEN_RUNS_S = 900.0
 FOUND_DELAY_S = 0.1
 """Prior standard deviation of a delay that the record gave against the vehicle file."""
@@ -98,13 +98,13 @@ class Case:
 
     @cached_property
     def inflow(self) -> Array:
-        """What inflow takes thrust by, after the lag: (n,) [N^0.5, N^0.5 m^2]; as a rule where no record tells it.
+        """What inflow takes thrust by, after the lag: (n,) [N^0.5, N^0.5 m^2]; as a rule where it is not recorded.
 
         Then each thruster has its share of the thrust, and some hold the net buoyancy in every motion.
         """
-        told, vehicle = self.record.inflow, self.vehicle
-        if len(told):
-            return LaggedThrust(told.t, told.y, self.record.lag_s).force(self._thrust_s)
+        recorded, vehicle = self.record.inflow, self.vehicle
+        if len(recorded):
+            return LaggedThrust(recorded.t, recorded.y, self.record.lag_s).force(self._thrust_s)
         held_N = 0.0 if self.axis == HEAVE else vehicle.net_buoyancy_N
         shares = thrust_shares(vehicle, HEAVE) if vehicle.thrusters else {}
         holding = {index: share for index, (_, share) in shares.items()}
@@ -279,7 +279,7 @@ def _inflow(case: Case) -> Array:
 
 
 def _coasts(case: Case) -> bool:
-    """Whether the thrust was taken away at speed, and for a while: beside plateaus, that tells inflow from drag."""
+    """Whether the thrust was taken away at speed, and for a while: beside plateaus, that separates inflow from drag."""
     idle = np.abs(case.thrust) < EDGE * case.pull
     fast = np.abs(case.v) > COASTS_FROM * case.speed
     begins = np.flatnonzero(np.diff(idle, prepend=idle[:1]) | case.fit.problem.grid.starts)
@@ -304,7 +304,7 @@ def _lag(case: Case) -> Array:
 
 
 def _dead_band(case: Case) -> Array:
-    """Thrust reduced by a force of the size of the doubt, and lost below it: two columns of one deviation."""
+    """Thrust reduced by a force of the size of the sigma, and lost below it: two columns of one deviation."""
     command, band = case.record.thrust.y, max(1e-9, case.tuning.thrust_doubt * case.pull)
     return case.of_commands(
         np.stack([-band * np.clip(command / band, -1.0, 1.0), -LOST * command * (np.abs(command) < band)], axis=1)
@@ -312,7 +312,7 @@ def _dead_band(case: Case) -> Array:
 
 
 def _thrust_exponent(case: Case) -> Array:
-    """Change of the thrust per unit of its exponent over what was told, the same at the largest."""
+    """Change of the thrust per unit of its exponent over that recorded, the same at the largest."""
     y, pull = case.record.thrust.y, max(1e-9, case.pull)
     x = np.abs(y) / pull
     return case.of_commands((pull * np.sign(y) * x * np.log(np.maximum(x, 1e-9)))[:, None])
@@ -469,7 +469,7 @@ INFLUENCES: tuple[Influence, ...] = (
         MEASURED_THRUST, considered=True, near=0.12, alone="losses", loss=True,
     ),
     Influence(
-        # A record that only tells a wrench has the exponent of the thrust for it.
+        # A record of a wrench alone has the exponent of the thrust for it.
         "losses that change with the load", "-", MODEL,
         lambda case: 0.0 if case.tuning.thrust_doubt > 0.0 else 0.03, _load,
         MEASURED_THRUST, near=NEAR, alone="losses",

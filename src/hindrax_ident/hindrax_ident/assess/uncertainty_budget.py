@@ -1,6 +1,6 @@
 """Uncertainty budget of one axis: bands, warnings and remedies from one table of influence quantities.
 
-GUM (JCGM 100) clause 5.2 for correlated quantities. What a record tells about an influence is estimated from the
+GUM (JCGM 100) clause 5.2 for correlated quantities. What a record shows of an influence is estimated from the
 residuals with its prior; what it cannot tell keeps its prior and is considered (Schmidt 1966). The parameters stay
 those of the fit: what the record shows of an influence is an error that they probably have, so it counts in the band.
 """
@@ -46,8 +46,8 @@ class Budget:
     """Influences in units of their prior deviations: m columns, of which `rows[k]` of influence k.
 
     `shifts` (p, m): error of the parameters per unit; `mean` (m,) and `covariance` (m, m): what is known of them
-    after the record. `evidence` (k,): logarithm of what this record tells of how near the water is to the model.
-    `told`: what the residuals say of all influences together, and what was believed of them.
+    after the record. `evidence` (k,): log evidence of this record for each nearness of the water to the model.
+    `likelihood`: what the residuals show of all influences together, and the prior.
     """
 
     case: Case
@@ -58,11 +58,11 @@ class Budget:
     mean: Array
     covariance: Array
     evidence: Array
-    told: _Told
+    likelihood: _Likelihood
 
     def in_water(self, water: Array) -> Budget:
         """The budget in the water of a run: (k,), the sum of the evidence of all its motions."""
-        mean, covariance, _ = _posterior(self.told, water)
+        mean, covariance, _ = _posterior(self.likelihood, water)
         return replace(self, mean=mean, covariance=covariance)
 
     def prior(self, name: str) -> float:
@@ -152,13 +152,13 @@ class Budget:
                 value, spread = sigma * float(self.mean[at]), sigma * math.sqrt(self.covariance[at, at])
                 unit = "N m" if influence.unit == "N" and self.case.axis >= 3 else influence.unit
                 shown = f"{influence.name} ({measured(value, spread)} {unit})"
-                told = f"the record shows {shown}: {influence.remedy}"
+                sentence = f"the record shows {shown}: {influence.remedy}"
                 if (times := abs(float(self.mean[at]))) > GREAT:
-                    told = (
+                    sentence = (
                         f"the record shows what no influence explains; the nearest, {shown}, is {times:.0f} times "
                         "what a pool has: it is in the band, but hardly the cause"
                     )
-                out.append((surprise, told))
+                out.append((surprise, sentence))
         return tuple(text for _, text in sorted(out, reverse=True))
 
     def unseen(self, quantities: Mapping[str, tuple[Array, float]]) -> tuple[str, ...]:
@@ -222,12 +222,12 @@ def budget_of(case: Case, influences: Sequence[Influence] = INFLUENCES) -> Budge
     for row, (influence, _) in zip(rows, known, strict=True):
         judged[row] = not influence.considered or influence.shown(case)
     weighed = _weighed(case, found.shifts)
-    told = _Told(
+    likelihood = _Likelihood(
         array(found.information * np.outer(judged, judged) + weighed[0]),
         array(found.gradient * judged + weighed[1]),
         _prior(known, rows),
     )
-    mean, covariance, evidence = _posterior(told)
+    mean, covariance, evidence = _posterior(likelihood)
     return Budget(
         case=case,
         influences=tuple(row for row, _ in known),
@@ -237,7 +237,7 @@ def budget_of(case: Case, influences: Sequence[Influence] = INFLUENCES) -> Budge
         mean=mean,
         covariance=covariance,
         evidence=evidence,
-        told=told,
+        likelihood=likelihood,
     )
 
 
@@ -265,7 +265,7 @@ class _Prior(NamedTuple):
     tails: Flags
 
 
-class _Told(NamedTuple):
+class _Likelihood(NamedTuple):
     """Information (m, m) and gradient (m,) of a record about the influences, and their prior."""
 
     information: Array
@@ -284,13 +284,13 @@ class _Posterior(NamedTuple):
     evidence: Array
 
 
-def _posterior(told: _Told, water: Array | None = None) -> _Posterior:
-    """How near the water is to the model is unknown: a record that shows influences tells of those it cannot show.
+def _posterior(data: _Likelihood, water: Array | None = None) -> _Posterior:
+    """How near the water is to the model is unknown: a record that shows influences informs of those it cannot show.
 
     Explanations that it cannot tell apart all count, by their evidence (global and local scales: Carvalho, Polson,
     Scott 2010). `water`: evidence of all motions of the run; None: of this one alone.
     """
-    found = [_explained(told.information, told.gradient, *one) for one in zip(*told.prior, strict=True)]
+    found = [_explained(data.information, data.gradient, *one) for one in zip(*data.prior, strict=True)]
     own = array([np.logaddexp.reduce(one.evidence) for one in found])
     odds = np.array([*[NEAR_ODDS] * (len(found) - 1), 0.0])
     others = odds if water is None else odds + (water - own)
@@ -338,7 +338,7 @@ def _given(variance: Array, root: Array) -> tuple[Array, Array]:
 
 
 def _weighed(case: Case, shifts: Array) -> tuple[Array, Array]:
-    """Information (m, m) and gradient (m,) of a weighed net buoyancy: heave then tells the gain of the thrust."""
+    """Information (m, m) and gradient (m,) of a weighed net buoyancy: heave then shows the gain of the thrust."""
     m, sigma = shifts.shape[1], case.tuning.buoyancy_sigma_N
     if case.axis != HEAVE or not sigma > 0.0:
         return np.zeros((m, m)), np.zeros(m)

@@ -171,7 +171,7 @@ class _Search:
 def fit_with_delays(
     record: Record, start: Array, model: Model, belief: Prior, sigma_s: float
 ) -> tuple[Record, OutputErrorFit]:
-    """Record and fit once lag and latency agree with the whitened residuals, and with what is believed of them."""
+    """Record and fit once lag and latency agree with the whitened residuals and with their prior."""
     prior_mean, prior = prior_delays(record), np.eye(2) / sigma_s**2
     first = search_delay(model, record, start, belief, sigma_s)
     record = replace(record, lag_s=first.lag_s, latency_s=first.latency_s)

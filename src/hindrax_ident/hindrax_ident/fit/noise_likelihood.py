@@ -27,7 +27,7 @@ NONZERO = ((0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (2, 2))
 """Nonzero elements of a transition."""
 FLOORS = (0.0, 0.03, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0)
 """Candidate densities independent of the thrust, as shares of the total estimate."""
-DOUBT = 4.0
+PENALTY = 4.0
 """Penalty, in twice the negative log-likelihood, of an unknown force independent of the thrust."""
 ZOOMS = ((1.0, 7, 0.4, 5), (0.25, 5, 0.15, 5))
 """Half width and points of each refinement, in decades of the ratio and in shares of the thrust."""
@@ -84,7 +84,7 @@ def disturbance_profile(chain: ErrorDynamics, residual: Array, noise: Noise, thr
     candidates, beside = np.meshgrid(thrusts, forces, indexing="ij")
     other = np.full(candidates.size, math.log10(noise.position / noise.velocity))
     squares, logs, n = pieces.filtered(beside.ravel() / size, candidates.ravel() / size, other)
-    cost = (squares / size + logs + n * math.log(size)).reshape(candidates.shape) + DOUBT * (forces > 0.0)
+    cost = (squares / size + logs + n * math.log(size)).reshape(candidates.shape) + PENALTY * (forces > 0.0)
     best = cost.argmin(axis=1)
     # Pieces sample a long record: scale the cost to all of it.
     return array(cost.min(axis=1) * (chain.counts.sum() / n)), array(forces[best])

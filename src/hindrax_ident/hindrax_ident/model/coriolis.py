@@ -56,9 +56,9 @@ def coriolis_errors(axis: int, masses: Masses, nu: Sequence[Array]) -> list[Arra
 
 
 class VelocityHistory:
-    """The last measured velocity of each axis that is believed.
+    """The last accepted velocity of each axis.
 
-    One that jumps is believed when the next one confirms it: a DVL that takes something else for the bottom once would
+    One that jumps is accepted when the next one confirms it: a DVL that takes something else for the bottom once would
     be a moment of newton meters here, and its own axis alone has a test for outliers.
     """
 
@@ -74,11 +74,11 @@ class VelocityHistory:
         """Store six velocities [m/s, rad/s], NaN where not measured; return whether any was measured."""
         measured = [axis for axis, value in enumerate(nu) if math.isfinite(value)]
         for axis in measured:
-            if axis >= 3 or self._believes(axis, nu[axis], t_s):
+            if axis >= 3 or self._accepts(axis, nu[axis], t_s):
                 self._nu[axis], self._measured_s[axis] = nu[axis], t_s
         return bool(measured)
 
-    def _believes(self, axis: int, value: float, t_s: float) -> bool:
+    def _accepts(self, axis: int, value: float, t_s: float) -> bool:
         """Whether a velocity follows the last one, or the one that jumped before it."""
         far = JUMP_mps + FASTEST_mps2 * (t_s - self._measured_s[axis])
         near = abs(value - self._nu[axis]) <= far or abs(value - self._jumped[axis]) <= far

@@ -34,7 +34,7 @@ SILENT_S = 10.0
 BUSY = "start: an experiment is being run; `./hindrax stop` ends it"
 CANCELLED = "cancelled: by the operator"
 GONE = "pilot: does not offer maneuver/fly; start it"
-MUTE = f"pilot: nothing heard of the maneuver for {SILENT_S:.0f} s; see whether its process is up, and run again"
+MUTE = f"pilot: no feedback of the maneuver for {SILENT_S:.0f} s; see whether its process is up, and run again"
 VERSION = "pilot: rejected the maneuver without a reason; it is of another version: start it anew"
 
 
@@ -42,7 +42,7 @@ Judge: TypeAlias = Callable[[Callable[[Session], Choice | None]], Choice | None]
 
 
 class ExperimentServer:
-    """Serves `ident/run` on a node, one goal at a time; a second one is told so.
+    """Serves `ident/run` on a node, one goal at a time; a second one is refused.
 
     `judge` does what takes seconds with what was learned so far.
     """
@@ -110,7 +110,7 @@ class ExperimentServer:
     def _send(self, run: _Run) -> None:
         goal = FlyManeuver.Goal(motions=[run.choice.motion], levels=run.choice.levels, excitation=PLATEAUS)
         goal.on_cancel, goal.stamp = run.handle.request.on_cancel or "hold", stamp_to_msg(self._node.now())
-        run.tries, run.maneuver, run.stopping, run.heard_s = run.tries + 1, None, False, time.monotonic()
+        run.tries, run.maneuver, run.stopping, run.received_s = run.tries + 1, None, False, time.monotonic()
         sent = self._fly.send_goal_async(goal, feedback_callback=partial(self._on_feedback, run))
         sent.add_done_callback(partial(self._on_sent, run))
 
@@ -122,7 +122,7 @@ class ExperimentServer:
         elif not maneuver.accepted:
             self._finish(run, VERSION)
         else:
-            run.maneuver, run.heard_s = maneuver, time.monotonic()
+            run.maneuver, run.received_s = maneuver, time.monotonic()
             maneuver.get_result_async().add_done_callback(partial(self._on_flown, run))
 
     def _on_flown(self, run: _Run, outcome: Any) -> None:
@@ -141,7 +141,7 @@ class ExperimentServer:
 
     def _on_feedback(self, run: _Run, message: Any) -> None:
         if run is self._run:
-            flown, run.heard_s = message.feedback, time.monotonic()
+            flown, run.received_s = message.feedback, time.monotonic()
             feedback = RunExperiment.Feedback(chosen=str(run.choice), motion=flown.motion, phase=flown.phase)
             feedback.progress, feedback.remaining_s = flown.progress, flown.remaining_s
             run.handle.publish_feedback(feedback)
@@ -151,7 +151,7 @@ class ExperimentServer:
         run = self._run
         if run is None:
             return
-        if time.monotonic() - run.heard_s > SILENT_S:
+        if time.monotonic() - run.received_s > SILENT_S:
             if run.maneuver is not None:
                 run.maneuver.cancel_goal_async()
             self._finish(run, MUTE)
@@ -176,7 +176,7 @@ class _Run:
         self.maneuver: Any = None
         self.tries = 0
         self.stopping = False
-        self.heard_s = 0.0
+        self.received_s = 0.0
 
 
 def _result(handle: Any, aborted: str, ended: str, known: Mapping[str, Drag]) -> Any:

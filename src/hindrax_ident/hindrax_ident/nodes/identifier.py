@@ -50,7 +50,7 @@ Verdict = TypeVar("Verdict")
 
 
 class Identifier(BatchedNode):
-    """Publishes the estimates of a live session, and diagnostics; `ident/assess` tells the verdicts so far.
+    """Publishes the estimates of a live session, and diagnostics; `ident/assess` returns the verdicts so far.
 
     `ident/run` has the pilot fly what the session is to learn from.
 
@@ -81,7 +81,7 @@ class Identifier(BatchedNode):
     def _begin(self, vehicle: Vehicle, tuning: Tuning) -> None:
         """Begin a session; one with another tuning forgets what was learned before."""
         self._feed, self._session = Feed(vehicle, tuning), Session(vehicle, tuning)
-        self._any, self._any_heard = RecordSession(vehicle, tuning), False
+        self._any, self._any_received = RecordSession(vehicle, tuning), False
         self._waiting: list[Stamped[IdentEvent]] = []
 
     def _listener(self, topic: Topic, read: Read) -> Callable[[bytes], None]:
@@ -106,7 +106,7 @@ class Identifier(BatchedNode):
             except ValueError as error:
                 self._refusals.add(topic.name, str(error))
                 return
-            self._any_heard = True
+            self._any_received = True
             self._waiting += events
 
         return on_message
@@ -121,7 +121,7 @@ class Identifier(BatchedNode):
 
     def _on_assess(self, _request: Any, response: Any) -> Any:
         """Verdict on every motion so far, a line each; success if there is any."""
-        motions = self._judged(_motions, self._any if self._any_heard else self._session)
+        motions = self._judged(_motions, self._any if self._any_received else self._session)
         response.success = bool(motions)
         response.message = "\n".join(map(verdict_text, motions.values())) or NOTHING
         return response

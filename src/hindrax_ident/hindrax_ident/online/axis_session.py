@@ -186,9 +186,9 @@ class AxisSession:
 
     def _is_measured(self, stretches: tuple[Stretch, ...]) -> bool:
         """Whether all thrust that acts within the stretches was computed with a measured supply voltage."""
-        told = series([(t, float(one.supply_measured)) for t, one in self._thrusts])
+        measured = series([(t, float(one.supply_measured)) for t, one in self._thrusts])
         acting = [
-            told.y[max(0, begin - 1) : end]
-            for begin, end in (np.searchsorted(told.t, [one.start_s, one.end_s], side="right") for one in stretches)
+            measured.y[max(0, begin - 1) : end]
+            for begin, end in (np.searchsorted(measured.t, [one.start_s, one.end_s], side="right") for one in stretches)
         ]
         return bool(acting) and all(len(one) and np.all(one) for one in acting)

@@ -129,18 +129,18 @@ class Experiment:
     ended: str = ""
     known: dict[str, Drag] = field(default_factory=dict)
     _flown_s: dict[str, float] = field(default_factory=dict)
-    _begun_s: float = math.nan
+    _started_s: float = math.nan
     _last: tuple[str, float] | None = None
 
     def left_s(self, now_s: float) -> float:
         """Time until what is flown is to be cut [s]; all of it before the first choice."""
-        return self.aim.limit_s if math.isnan(self._begun_s) else self.aim.limit_s - (now_s - self._begun_s)
+        return self.aim.limit_s if math.isnan(self._started_s) else self.aim.limit_s - (now_s - self._started_s)
 
     def next(self, session: Session, now_s: float) -> Choice | None:
         """Choose what to fly now; None when it is over. To be called again when that has been flown, or was cut."""
         left_s = self.left_s(now_s)
         if self._last is None:
-            self._begun_s = now_s
+            self._started_s = now_s
         else:
             motion, since_s = self._last
             self._flown_s[motion] = self._flown_s.get(motion, 0.0) + now_s - since_s

@@ -1,4 +1,4 @@
-"""Identification from velocities and wrenches of anybody's vehicle, which nobody divides into maneuvers.
+"""Identification from velocities and wrenches of any vehicle, not divided into maneuvers.
 
 As over a third-party record, each axis is identified apart, with everything that comes as its excitation; here while it
 comes. Velocities and wrenches are those of the center of mass, SNAME.
@@ -28,7 +28,7 @@ class RecordSession:
         self._sorter: StampSorter[IdentEvent] = StampSorter(tuning.reorder_s, tuning.lagging_s)
         self._sessions = [Session(vehicle, tuning) for _ in AXES]
         self._pushed = [False] * len(AXES)
-        self._begun = False
+        self._started = False
 
     @property
     def dropped(self) -> int:
@@ -48,19 +48,19 @@ class RecordSession:
     def _process(self, event: Stamped[IdentEvent]) -> Sequence[Stamped[Estimate]]:
         found: list[Stamped[Estimate]] = []
         for axis, session in enumerate(self._sessions):
-            if not self._begun:
+            if not self._started:
                 session.step(Stamped(after(event.stamp, -1e-3), Phase(motions_of(axis)[0].name, "excite")))
             reading = of_axis(event.reading, axis)
             if reading is not None:
                 self._pushed[axis] |= isinstance(reading, Thrust) and reading.wrench[axis] != 0.0
                 estimates = session.step(Stamped(event.stamp, reading))
                 found += estimates if self._pushed[axis] else ()
-        self._begun = True
+        self._started = True
         return found
 
 
 def of_axis(reading: IdentEvent, axis: int) -> IdentEvent | None:
-    """What the session of one axis is told of a measurement; None: nothing.
+    """What the session of one axis gets of a measurement; None: nothing.
 
     Velocities are those of all axes, for motion along the others causes forces on this one.
     """

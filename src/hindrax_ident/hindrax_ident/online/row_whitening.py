@@ -32,7 +32,7 @@ class RowWhitener:
     """
 
     def __init__(self, columns: int, lag_s: float, mass: float) -> None:
-        """`columns` of a row, its response among them; the `mass` believed [kg, kg m^2] only weights the rows."""
+        """`columns` of a row, its response among them; the prior `mass` [kg, kg m^2] only weights the rows."""
         self._columns = columns
         self._density = THRUST_NOISE_s / (mass * RATE_NOISE_radps) ** 2
         self._rate = 1.0 / max(lag_s, LEAST_MEMORY_s)

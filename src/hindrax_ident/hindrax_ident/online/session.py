@@ -64,7 +64,7 @@ class Session:
         self._origin: Stamp | None = None
         self._thrust: Thrust | None = None
         self._velocities = VelocityHistory(self.tuning.gap_s)
-        self._masses = self._believed_masses({})
+        self._masses = self._estimated_masses({})
         self._now_s = 0.0
 
     # ---- during the run
@@ -72,7 +72,7 @@ class Session:
     def step(self, event: Stamped[IdentEvent]) -> Sequence[Stamped[Estimate]]:
         """Process the next event; return the estimates of the samples that it completes.
 
-        Times count from the first motion: what came before depends on who listens since when, and rounding would too.
+        Times count from the first motion: what came before depends on when a node subscribed, and rounding would too.
         """
         if self._origin is None:
             if not (isinstance(event.reading, Phase) and event.reading.motion in MOTIONS):
@@ -107,7 +107,7 @@ class Session:
             return
         self._phase = phase
         self._log.add(t_s, phase.motion, phase.phase)
-        self._masses = self._believed_masses({})
+        self._masses = self._estimated_masses({})
         motion = self._motion
         if motion and motion.axis not in self._axes:
             model = model_of(self.vehicle, motion.axis)
@@ -169,7 +169,7 @@ class Session:
         drafts: dict[int, DraftFit] = {}
         for axis in sorted(self._axes):
             try:
-                drafts[axis] = self._draft(axis, self._believed_masses(drafts))
+                drafts[axis] = self._draft(axis, self._estimated_masses(drafts))
             except ValueError as error:
                 motions |= self._unidentified(axis, error)
         assessments, failed = assess(self.vehicle, combine_drafts(drafts), tuning=self.tuning)
@@ -195,11 +195,11 @@ class Session:
             return motions
         return tuple(motion for motion in motions if motion.side == side_of(assessment.record))
 
-    def _believed_masses(self, drafts: Mapping[int, DraftFit]) -> Masses:
-        values, sigmas = zip(*(self._believed_mass(axis, drafts.get(axis)) for axis in range(6)), strict=True)
+    def _estimated_masses(self, drafts: Mapping[int, DraftFit]) -> Masses:
+        values, sigmas = zip(*(self._estimated_mass(axis, drafts.get(axis)) for axis in range(6)), strict=True)
         return Masses(values, sigmas)
 
-    def _believed_mass(self, axis: int, drafted: DraftFit | None) -> tuple[float, float]:
+    def _estimated_mass(self, axis: int, drafted: DraftFit | None) -> tuple[float, float]:
         """Total mass of an axis and its deviation [kg, kg m^2]: refined, online, or the usual ratio."""
         rigid = rigid_mass(self.vehicle, axis)
         if drafted or axis in self._axes:
@@ -222,13 +222,13 @@ class Session:
         phases = ("plateau",) if tuning.plateaus_only else tuning.phases
         spans = self._log.stretches(names, phases, self._now_s, JOIN_S)
         plateaus = tuple(self._log.stretches(names, ("plateau",), self._now_s))
-        kept = axis_session.record((), plateaus, masses or self._believed_masses({}))
+        kept = axis_session.record((), plateaus, masses or self._estimated_masses({}))
         measured = kept.velocity.t if len(kept.velocity) else kept.position.t
         return kept.with_stretches(usable(spans, measured, kept.thrust, tuning))
 
     def refined(self, axis: int) -> DraftFit:
         """Fit of what was flown along an axis so far, with its noise; takes a second. ValueError where nothing fits."""
-        return self._draft(axis, self._believed_masses({}))
+        return self._draft(axis, self._estimated_masses({}))
 
     def _draft(self, axis: int, masses: Masses) -> DraftFit:
         axis_session = self._axes[axis]

@@ -27,7 +27,7 @@ def headline(view: Snapshot, title: str) -> Text:
     """Armed or not, before everything else; then who and when."""
     thrusters = view.thrusters
     if view.silent_s > SILENT_s:
-        silent = "nothing heard yet" if math.isinf(view.silent_s) else f"nothing heard for {view.silent_s:.0f} s"
+        silent = "no message yet" if math.isinf(view.silent_s) else f"no message for {view.silent_s:.0f} s"
         return Text.assemble((f" {silent} ", "bold white on red"), "  ", (title, DIM))
     color = "bold white on red" if thrusters.armed else "bold black on green"
     word = thrusters.state.upper() if thrusters.armed or thrusters.state == "disarmed" else thrusters.state

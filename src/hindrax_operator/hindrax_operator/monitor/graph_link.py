@@ -35,8 +35,8 @@ Order = Callable[["Operator"], str]
 class GraphLink(threading.Thread):
     """Joins a stack's graph and stays in it until `close`.
 
-    Stop, disarm and cancel are executed at once, also while a maneuver is being flown. `present` says whether a person
-    watches: the heartbeat stands for the person, not for the program.
+    Stop, disarm and cancel are executed at once, also while a maneuver is being flown. `present`: whether an operator
+    watches; the heartbeat stands for the operator, not for the program.
     """
 
     def __init__(
@@ -59,8 +59,8 @@ class GraphLink(threading.Thread):
         self._up = threading.Event()
         self._operator: Operator | None = None
         self._cameras: Cameras | None = None
-        self._heard: object = None
-        self._heard_s = float("-inf")
+        self._last_state: object = None
+        self._received_s = float("-inf")
         self._refreshed_s = 0.0
         self._snapshot = Snapshot()
         self.error: Exception | None = None
@@ -75,7 +75,7 @@ class GraphLink(threading.Thread):
 
     def snapshot(self) -> Snapshot:
         """Return the latest snapshot with the silence up to now, also when this thread has ended."""
-        return replace(self._snapshot, silent_s=time.monotonic() - self._heard_s)
+        return replace(self._snapshot, silent_s=time.monotonic() - self._received_s)
 
     def end(self, how: str, on_done: OnDone) -> None:
         """Order one of `ENDS`."""
@@ -123,14 +123,14 @@ class GraphLink(threading.Thread):
             self._urgent_running = True
             self._carry_out(operator, *self._urgent.get())
             self._urgent_running = False
-        if self._waiting and (self._over.is_set() or time.monotonic() - self._heard_s > LOST_S):
+        if self._waiting and (self._over.is_set() or time.monotonic() - self._received_s > LOST_S):
             self._waiting = False  # raised once: the maneuver still has to be cancelled
             raise HindraxError("the end of the maneuver is not waited for any longer; `./hindrax stop` ends it")
 
     def _refresh(self, operator: Operator) -> None:
         # The thrusters publish at 50 Hz in every state: without their messages the vehicle is not reachable.
-        if operator.thrusters is not self._heard:
-            self._heard, self._heard_s = operator.thrusters, time.monotonic()
+        if operator.thrusters is not self._last_state:
+            self._last_state, self._received_s = operator.thrusters, time.monotonic()
         if time.monotonic() - self._refreshed_s > SNAPSHOT_S:
             self._refreshed_s = time.monotonic()
             if self._cameras:

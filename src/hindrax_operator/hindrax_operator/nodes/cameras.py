@@ -16,7 +16,7 @@ TYPE = "sensor_msgs/msg/CompressedImage"
 LOOK_S = 2.0
 """Time between two looks at the graph."""
 WANTED_S = 3.0
-"""A camera that nobody has looked at for this long is subscribed no more: video is most of a tether's traffic."""
+"""A camera without a viewer for this long is unsubscribed: video is most of a tether's traffic."""
 
 
 class Cameras:

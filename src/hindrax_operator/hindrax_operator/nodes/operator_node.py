@@ -111,7 +111,7 @@ class Operator:
         self._heartbeat_timer = self.node.create_timer(0.5, self._send_heartbeat, clock=steady)
 
     def beat(self, *, on: bool) -> None:
-        """Start or stop the heartbeat: it stands for the person, not for the program."""
+        """Start or stop the heartbeat: it stands for the operator, not for the program."""
         if on:
             self._heartbeat_timer.reset()
         else:
@@ -171,7 +171,7 @@ class Operator:
 
     @contextlib.contextmanager
     def sender(self, topic: topics.Topic, reader: str) -> Iterator[Callable[[Any], None]]:
-        """Yield a function that publishes on a topic which somebody reads; HindraxError names the missing `reader`."""
+        """Yield a function that publishes on a topic that has a subscriber; HindraxError names the missing `reader`."""
         out = publisher(self.node, topic, held=False)
         try:
             self.wait_for_time()
@@ -314,10 +314,10 @@ class Operator:
         """Reason of the end of a maneuver whose result was lost."""
         if self.maneuver.phase in ("done", "aborted"):
             return str(self.maneuver.aborted)
-        now, found = "the thrusters are not heard", self.thrusters
+        now, found = "the thrusters are silent", self.thrusters
         if found is not None:
             now = f"the thrusters are {found.state}" + (f" ({found.reason})" if found.reason else "")
-        return f"link: nothing heard of the maneuver for {MANEUVER_LOST_s:.0f} s, and {now}; {AGAIN}"
+        return f"link: no status of the maneuver for {MANEUVER_LOST_s:.0f} s, and {now}; {AGAIN}"
 
     def _maneuver_lost(self) -> bool:
         """Whether the vehicle still publishes, but no maneuver status: the result was lost with the link."""

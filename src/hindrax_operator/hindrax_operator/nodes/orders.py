@@ -73,7 +73,7 @@ def hold(operator: Operator, axes: Sequence[str], value: float, *, engaged: bool
 
 def _send_until_held(operator: Operator, send: Callable[[Any], None], wanted: HoldSetpoint) -> None:
     """Repeat a setpoint until the pilot reports it: the first matched reader may have been the recorder."""
-    begun = operator.now()
+    started = operator.now()
 
     def publish() -> None:
         wanted.sequence = operator.next()
@@ -83,7 +83,7 @@ def _send_until_held(operator: Operator, send: Callable[[Any], None], wanted: Ho
     def held() -> bool:
         # Before, the pilot may not have received it: a refusal would belong to another setpoint.
         answered = operator.holds is not None and stamp_from_msg(operator.holds.header.stamp) >= after(
-            begun, ANSWERED_S
+            started, ANSWERED_S
         )
         found = _hold(operator.holds, wanted.axis)
         if answered and found and (refused := found[2].partition(REFUSED)[2]):
@@ -96,7 +96,7 @@ def _send_until_held(operator: Operator, send: Callable[[Any], None], wanted: Ho
 
 
 def _hold(status: Any, axis: str) -> tuple[bool, float, str] | None:
-    """Whether a hold is engaged, its setpoint and its note, where the pilot tells of it."""
+    """Whether a hold is engaged, its setpoint and its note, where the pilot reports it."""
     if status is None or axis not in status.axes:
         return None
     index = list(status.axes).index(axis)

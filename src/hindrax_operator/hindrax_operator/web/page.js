@@ -143,7 +143,7 @@ function show() {
   plotCourses();
 }
 
-/* Grey: an order would not arrive. It is sent all the same when somebody presses. */
+/* Grey: an order would not arrive. It is sent all the same when the button is pressed. */
 const isCut = () => Date.now() - heard_ms > PATIENCE_ms;
 
 function headline() {
@@ -156,7 +156,7 @@ function headline() {
   if (cut || silent) {
     pill.className = "pill warn";
     pill.textContent = cut ? (last ? "page cut off" : "connecting") : "vehicle silent";
-    at("reason").textContent = cut ? "the page gets no updates" : "nothing is heard from the thrusters";
+    at("reason").textContent = cut ? "the page gets no updates" : "no message from the thrusters";
     return;
   }
   pill.className = "pill " + (last.armed ? "armed" : last.state === "disarmed" ? "safe" : "warn");
@@ -367,7 +367,7 @@ function line(pen, points, color, x, y) {
   pen.stroke();
 }
 
-/* A gap where nothing was heard, and where the heading goes through north. */
+/* A gap where no message came, and where the heading goes through north. */
 const pointsOf = key => past.map((one, index) => ({at: one.at, value: one[key], gap: index > 0 &&
   (one.at - past[index - 1].at > 1500 || key === "heading" && Math.abs(one[key] - past[index - 1][key]) > 180)}));
 

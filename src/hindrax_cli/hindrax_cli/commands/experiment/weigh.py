@@ -126,7 +126,7 @@ def _guided(arguments: argparse.Namespace, vehicle: Vehicle, axis: int, loads: S
 
     with operator_of(arguments) as operator:
         require_armed(operator)
-        return weigh_on(operator, vehicle, axis, loads, ready=_entered, ask=ask, say=report)
+        return weigh_on(operator, vehicle, axis, loads, ready=_entered, ask=ask, report=report)
 
 
 def _entered() -> bool:
