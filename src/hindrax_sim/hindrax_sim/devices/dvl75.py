@@ -16,7 +16,7 @@ import numpy as np
 from hindrax_core.readings import BottomTrack, BottomVelocity, DeviceText, Position, Vec3
 from hindrax_core.rotation import matrix, rotate
 from hindrax_sim.devices import dvl75_sentences as sentences
-from hindrax_sim.devices.dvl75_sentences import DvlSettings, DvlTruth, Interval
+from hindrax_sim.devices.dvl75_sentences import DvlSettings, DvlTruth
 from hindrax_sim.devices.emulator import BaudRateLine, Emulator, Part
 from hindrax_sim.physics.geometry import minus, plus
 from hindrax_sim.world import Mounting, World
@@ -171,9 +171,8 @@ class Dvl75(Part[DvlTruth]):
             self._place_deg = (latitude + north * step, longitude + east * step / math.cos(math.radians(latitude)))
         turned_rad = self._truth.turned_rad
         moved_m, confidence = self._measured_delta(minus(travel_m, self._reported_m), locked)
-        end_us = self._end_us + self._jumped_us
-        turn = minus(turned_rad, self._reported_rad)
-        self._emit(Interval(end_us, self._span_us, moved_m, turn, confidence), locked)
+        end_us, turn = self._end_us + self._jumped_us, minus(turned_rad, self._reported_rad)
+        self._emit(sentences.delta(end_us, self._span_us, moved_m, turn, confidence), locked)
         self._reported_m, self._reported_rad = travel_m, turned_rad
         altitude = self._truth.altitude_m
         self._span_us = SEARCH_INTERVAL_us
@@ -209,27 +208,27 @@ class Dvl75(Part[DvlTruth]):
         self._measured_m = x, y, z
         return self._measured_m, 100
 
-    def _emit(self, interval: Interval, locked: bool) -> None:
+    def _emit(self, delta: bytes, locked: bool) -> None:
         if self._disguised:
             self._wire.send(FOREIGN, self._next_s)
         elif not self._paused:
-            for line in self._sentences(interval, locked):
+            for line in self._sentences(delta, locked):
                 self._wire.send(line, self._next_s)
 
-    def _sentences(self, interval: Interval, locked: bool) -> Iterator[bytes]:
+    def _sentences(self, delta: bytes, locked: bool) -> Iterator[bytes]:
         """Yield the sentences of an interval that are switched on."""
         settings = self.settings
         if settings.deltas:
-            yield sentences.delta(interval)
+            yield delta
         if settings.extended:
             noise = self._random.normal(0.0, BEAM_NOISE_mps, 4).tolist()
             track = sentences.Track(locked, self._skips, self._place_deg, noise)
-            yield sentences.extended(self._truth, settings, interval.span_us, track)
+            yield sentences.extended(self._truth, settings, self._span_us, track)
         if settings.kalman:
-            yield sentences.kalman(self._sequence, interval.span_us)
+            yield sentences.kalman(self._sequence, self._span_us)
             self._sequence += 1
         if settings.minimum:
-            yield sentences.minimum(interval.end_us * 1e-6, self._place_deg, self._told)
+            yield sentences.minimum((self._end_us + self._jumped_us) * 1e-6, self._place_deg, self._told)
         if settings.retweet_gps and self._next_s >= self._gps_s:
             self._gps_s = self._next_s + GPS_EVERY_S
             yield b"GPS:" + FOREIGN

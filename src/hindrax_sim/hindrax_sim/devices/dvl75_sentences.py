@@ -64,22 +64,11 @@ class Track:
     noise_mps: Sequence[float]
 
 
-@dataclass(frozen=True, slots=True)
-class Interval:
-    """One interval of the device: its clock at the end and the length [us], deltas, whether locked."""
-
-    end_us: int
-    span_us: int
-    moved_m: Vec3
-    turned_rad: Vec3
-    confidence: int
-
-
-def delta(interval: Interval) -> bytes:
-    """$DVPDL. Page "$DVPDL: DVL Position and Angle Deltas Message"."""
-    angles = "".join(f",{angle:.6f}" for angle in interval.turned_rad)
-    ways = "".join(f",{way:.3f}" for way in interval.moved_m)
-    return sentence(f"DVPDL,{interval.end_us},{interval.span_us}{angles}{ways},{interval.confidence}")
+def delta(end_us: int, span_us: int, moved_m: Vec3, turned_rad: Vec3, confidence: int) -> bytes:
+    """$DVPDL by the clock of the device. Page "$DVPDL: DVL Position and Angle Deltas Message"."""
+    angles = "".join(f",{angle:.6f}" for angle in turned_rad)
+    ways = "".join(f",{way:.3f}" for way in moved_m)
+    return sentence(f"DVPDL,{end_us},{span_us}{angles}{ways},{confidence}")
 
 
 def extended(truth: DvlTruth, settings: DvlSettings, span_us: int, track: Track) -> bytes:
