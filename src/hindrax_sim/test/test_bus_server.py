@@ -175,7 +175,8 @@ def test_a_frozen_client_holds_up_the_steps_of_a_mock_only_for_a_while(
 ) -> None:
     ticks = itertools.count()
     monkeypatch.setattr(mock_vehicle, "time", SimpleNamespace(monotonic=lambda: 0.04 * next(ticks)))
-    with MockVehicle(vehicle, tmp_path, seed=1, rate=0.0) as mock, socket.socket(socket.AF_UNIX) as frozen:
+    frozen = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with MockVehicle(vehicle, tmp_path, seed=1, rate=0.0) as mock, frozen:
         frozen.connect(mock.clock.removeprefix("mock:"))
         frozen.send(mock_protocol.hello("control"))
         held = []
@@ -235,7 +236,7 @@ def test_a_mock_that_dies_is_a_device_error_and_may_come_back(tmp_path: Path) ->
 
 
 def test_a_client_that_talks_nonsense_is_dropped_and_others_live(world: World, bus: VirtualBus) -> None:
-    rude = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    rude = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     rude.connect(world.path)
     rude.sendall(b"\xff" * 64)
     assert rude.recv(10) == b""

@@ -8,7 +8,6 @@ import mmap
 import select
 import socket
 import time
-from collections import deque
 from pathlib import Path
 
 from hindrax_core.bus_operations import DeviceError, Read, Transaction, WriteRead, pack_transaction, wire_error
@@ -16,7 +15,7 @@ from hindrax_core.errors import cause
 from hindrax_core.events import Stamp
 from hindrax_drivers.buses import mock_protocol
 from hindrax_drivers.buses.clock import MOCK_PREFIX, Alarm, Meanwhile, nothing
-from hindrax_drivers.buses.mock_protocol import Frames, Kind
+from hindrax_drivers.buses.mock_protocol import LARGEST_FRAME, Kind
 
 ANSWER_TIMEOUT_S = 5.0
 RETRY_S = 0.2
@@ -31,7 +30,7 @@ class VirtualClock:
     def __init__(self, path: str, name: str = "") -> None:
         self._path, self._name = path, name
         self._alarm = Alarm()
-        self._frames, self._answers, self._stale_answers = Frames(), deque[tuple[Kind, bytes]](), 0
+        self._stale_answers = 0
         self._socket: socket.socket | None = None
         try:
             self._connect()
@@ -73,17 +72,16 @@ class VirtualClock:
         """Wait for the answer of the mock. When woken before, do not wait for the answer to the cancelled sleep."""
         link = self._connected()
         wanted = [link.fileno(), self._alarm.fileno()]
-        while not self._answers:
+        while True:
             ready, _, _ = select.select(wanted if readable is None else [*wanted, readable], (), ())
             if self._alarm.fileno() in ready:
                 self._alarm.clear()
-            if link.fileno() in ready:
-                self._receive(link)
-            if not self._answers and ready != [link.fileno()]:
+            if link.fileno() in ready and self._receive(link) is not None:
+                return
+            if ready != [link.fileno()]:
                 self._send(mock_protocol.frame(Kind.WAKE))
                 self._stale_answers += 1
                 return
-        self._answers.clear()
 
     def _send(self, data: bytes) -> None:
         try:
@@ -93,22 +91,23 @@ class VirtualClock:
 
     def _answer(self) -> tuple[Kind, bytes]:
         link = self._connected()
-        while not self._answers:
-            self._receive(link)
-        return self._answers.popleft()
+        while (answer := self._receive(link)) is None:
+            pass
+        return answer
 
-    def _receive(self, link: socket.socket) -> None:
-        """Receive answers; those to cancelled sleeps are discarded."""
+    def _receive(self, link: socket.socket) -> tuple[Kind, bytes] | None:
+        """Receive an answer; None for one to a cancelled sleep."""
         try:
-            data = link.recv(65536)
-            if not data:
-                raise self._lost(None)
-            self._answers += self._frames.feed(data)
+            data = link.recv(LARGEST_FRAME)
+            answer = mock_protocol.parse(data) if data else None
         except (OSError, mock_protocol.ProtocolError) as error:
             raise self._lost(error) from error
-        while self._stale_answers and self._answers:
-            self._answers.popleft()
-            self._stale_answers -= 1
+        if answer is None:
+            raise self._lost(None)
+        if not self._stale_answers:
+            return answer
+        self._stale_answers -= 1
+        return None
 
     def _connected(self) -> socket.socket:
         if self._socket is None:
@@ -124,10 +123,9 @@ class VirtualClock:
         with Path(self._path + mock_protocol.PAGE_SUFFIX).open("rb") as page:
             mapped = mmap.mmap(page.fileno(), mock_protocol.PAGE_BYTES, access=mmap.ACCESS_READ)
         self._page = memoryview(mapped).cast("q")
-        link = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        link = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         link.settimeout(ANSWER_TIMEOUT_S)
-        self._frames, self._stale_answers = Frames(), 0
-        self._answers.clear()
+        self._stale_answers = 0
         try:
             link.connect(self._path)
             link.sendall(mock_protocol.hello(self._name))

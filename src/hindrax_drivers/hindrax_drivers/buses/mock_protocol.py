@@ -1,8 +1,8 @@
-"""Protocol between a client and the mock over a unix stream socket, and the page with the mock's time.
+"""Protocol between a client and the mock over a unix socket that keeps frames whole, and the page with the mock's time.
 
-Every frame is `u32 length | u8 kind | body`, little endian, `length` counting kind and body. A client has at most one
-question open. WAKE is no question: it makes the mock answer the open SLEEP at once, and is ignored when none is open
-(the answer and the change of mind may cross on the way).
+Every frame is `u8 kind | body`, little endian: a packet of a SOCK_SEQPACKET. A client has at most one question open.
+WAKE is no question: it makes the mock answer the open SLEEP at once, and is ignored when none is open (the answer and
+the change of mind may cross on the way).
 
     HELLO     u8 version, name (UTF-8)             -> TIME
     TRANSFER  u8 address, u16 count, bytes written -> DATA | FAILED     count 0: write; no bytes: read; both: one START
@@ -21,12 +21,13 @@ from enum import IntEnum
 
 from hindrax_core.bus_operations import Transaction, unpack_transaction
 
-VERSION = 1
+VERSION = 2
 PAGE_SUFFIX = ".time"
 PAGE_BYTES = 8
-LARGEST_FRAME = 1 << 17
+LARGEST_FRAME = 4 + 0xFFFF
+"""Kind, address, count, and as many bytes as a transaction can have."""
 
-_HEAD, STAMP, ERRNO = struct.Struct("<IB"), struct.Struct("<q"), struct.Struct("<i")
+STAMP, ERRNO = struct.Struct("<q"), struct.Struct("<i")
 
 
 class Kind(IntEnum):
@@ -46,30 +47,15 @@ class ProtocolError(Exception):
 
 
 def frame(kind: Kind, body: bytes = b"") -> bytes:
-    """Prepend length and kind to a body."""
-    return _HEAD.pack(len(body) + 1, kind) + body
+    """Prepend the kind to a body."""
+    return bytes([kind]) + body
 
 
-class Frames:
-    """Cuts a stream of bytes, in whatever pieces it arrives, into frames."""
-
-    def __init__(self) -> None:
-        self._buffer = bytearray()
-
-    def feed(self, data: bytes) -> list[tuple[Kind, bytes]]:
-        """Whole frames so far, in order. ProtocolError for an unknown kind or an absurd length."""
-        self._buffer += data
-        found: list[tuple[Kind, bytes]] = []
-        while len(self._buffer) >= _HEAD.size:
-            length, kind = _HEAD.unpack_from(self._buffer)
-            if not 1 <= length <= LARGEST_FRAME or kind not in Kind._value2member_map_:
-                raise ProtocolError(f"found a frame of kind {kind} and length {length}, wanted version {VERSION}")
-            end = 4 + length
-            if len(self._buffer) < end:
-                break
-            found.append((Kind(kind), bytes(self._buffer[5:end])))
-            del self._buffer[:end]
-        return found
+def parse(data: bytes) -> tuple[Kind, bytes]:
+    """Kind and body of a frame. ProtocolError for an unknown kind."""
+    if data[0] not in Kind._value2member_map_:
+        raise ProtocolError(f"found a frame of kind {data[0]}, wanted version {VERSION}")
+    return Kind(data[0]), data[1:]
 
 
 def hello(name: str) -> bytes:

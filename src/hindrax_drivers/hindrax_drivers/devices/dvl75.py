@@ -20,13 +20,6 @@ from hindrax_core.readings import BottomVelocity, DeviceText, Echo, Vec3
 from hindrax_drivers.devices.dvl75_settings import DEFAULT_KNOBS, Dvl75Knobs, commands, wanted_settings
 from hindrax_drivers.driver import Driver, SilenceMonitor, in_water
 from hindrax_drivers.protocols import dvl75_protocol as protocol
-from hindrax_drivers.protocols.dvl75_protocol import (
-    MAX_LINE,
-    LineSplitter,
-    SentenceError,
-    require_numbers,
-    split_verified,
-)
 from hindrax_drivers.timebase import Break, Timebase
 
 ASK_CONFIGURATION = b"\nCONFIGURATION\n"
@@ -64,7 +57,7 @@ class Dvl75:
 
     def _reset(self, stamp: Stamp) -> None:
         """Reset to the state after opening the line."""
-        self._lines = LineSplitter()
+        self._lines = protocol.LineSplitter()
         self._clock.restart()
         self._retweet = False
         self._identity = ""
@@ -93,7 +86,7 @@ class Dvl75:
         for line in self._lines.feed(data):
             try:
                 outputs += self._on_line(line, stamp)
-            except SentenceError as bad:
+            except protocol.SentenceError as bad:
                 outputs.append(Rejected(stamp, f"{_name(line)}: {bad}", line))
         outputs += self._troubles
         self._troubles = []
@@ -101,36 +94,36 @@ class Dvl75:
 
     def _on_line(self, line: bytes, stamp: Stamp) -> Iterable[Output]:
         if line.startswith(b"$DVPDL,"):
-            return self._on_delta(split_verified(line), line, stamp)
-        if len(line) >= MAX_LINE:
-            raise SentenceError("length")
+            return self._on_delta(protocol.split_verified(line), line, stamp)
+        if len(line) >= protocol.MAX_LINE:
+            raise protocol.SentenceError("length")
         retweet, self._retweet = self._retweet, line == RETWEET
         if line[:1] != b"$":
             return self._on_plain(line, stamp)
         if line[:6] == b"$DVTXT" and line[-3:-2] != b"*":
             return self._on_text(line[1:].split(b",", 1), line, stamp)
-        fields = split_verified(line)
+        fields = protocol.split_verified(line)
         if retweet and not fields[0].startswith(b"DV"):
             return self._on_known(fields, line, stamp)
         handler = self._handlers.get(fields[0])
         if handler is None:
-            raise SentenceError("unknown")
+            raise protocol.SentenceError("unknown")
         self._silence.last_valid = stamp
         return handler(fields, line, stamp)
 
     def _on_delta(self, fields: list[bytes], line: bytes, stamp: Stamp) -> list[Output]:
-        require_numbers(line[6:-3])
+        protocol.require_numbers(line[6:-3])
         tag = fields[0]
         now_us, span_us, moved, percent = protocol.position_delta(fields if tag == b"DVPDL" else fields[:10])
         if not (0 <= now_us < protocol.CLOCK_END_US and SHORTEST_us <= span_us <= LONGEST_us and 0 <= percent <= 100):
-            raise SentenceError("range")
+            raise protocol.SentenceError("range")
         if now_us == self._last_us:
             if tag == self._last_tag:
-                raise SentenceError("repeated")
+                raise protocol.SentenceError("repeated")
             self._last_tag = tag
             return self._standoff(fields, percent, self._last_stamp)
         if 0 < now_us - self._last_us < 0.9 * span_us and self._last_us >= 0:
-            raise SentenceError("overlap")
+            raise protocol.SentenceError("overlap")
         reading = self._velocity(moved, span_us, percent, now_us)
         middle = self._clock.map(now_us, stamp) - span_us * 500
         at = self._last_stamp = Stamp(max(self._last_stamp, middle))  # never before the previous one
@@ -156,7 +149,7 @@ class Dvl75:
         x, y, z = moved
         reach = self._knobs.max_speed_mps * span_s
         if not (-reach <= x <= reach and -reach <= y <= reach and -reach <= z <= reach):
-            raise SentenceError("range")
+            raise protocol.SentenceError("range")
         sx, sy, sz = self._knobs.axis_sign
         velocity = (sx * x / span_s, sy * y / span_s, sz * z / span_s)
         sigma = math.sqrt(self._knobs.sigma_floor_mps**2 + ROUNDING_VARIANCE_m2 / (span_s * span_s))
@@ -166,7 +159,7 @@ class Dvl75:
         """Decode $DVEXT. It has no time: its stamp is the start of transmission, never before the last one."""
         if line == self._last_extended:
             # Four beams measured to a tenth of a millimetre per second do not come out the same twice.
-            raise SentenceError("repeated")
+            raise protocol.SentenceError("repeated")
         track = protocol.extended(fields, self._knobs.attitude_sign)
         self._last_extended = line
         on_wire_ns = round((len(line) + 2) * 10 * NS_PER_S / self._knobs.baud)
@@ -191,7 +184,7 @@ class Dvl75:
     def _on_text(self, fields: list[bytes], _: bytes, stamp: Stamp) -> list[Output]:
         text = b",".join(fields[1:])
         if not _printable(text):
-            raise SentenceError("text")
+            raise protocol.SentenceError("text")
         return [Stamped(stamp, DeviceText(text.decode("ascii").strip()))]
 
     def _on_kalman(self, fields: list[bytes], _: bytes, stamp: Stamp) -> list[Output]:
@@ -216,9 +209,9 @@ class Dvl75:
             protocol.retweet(line)
             return []
         if line[-3:-2] == b"*":
-            raise SentenceError("cut")
+            raise protocol.SentenceError("cut")
         if not _printable(line) or line.upper() == line.lower():
-            raise SentenceError("text")
+            raise protocol.SentenceError("text")
         return [Stamped(stamp, DeviceText(line.decode("ascii").strip()))]
 
     def _identify(self, model: str) -> list[Output]:

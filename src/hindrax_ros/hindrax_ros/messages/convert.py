@@ -21,10 +21,7 @@ from nav_msgs.msg import Odometry
 from std_msgs.msg import Header
 
 from hindrax_core.events import NS_PER_S, Stamp, Stamped
-from hindrax_core.readings import (
-    Vec3,
-    Vec6,
-)
+from hindrax_core.readings import Vec3, Vec6
 from hindrax_core.rotation import FLU, FSD, wrapped
 from hindrax_core.signals import Consistency, Estimate, Navigation
 from hindrax_msgs.msg import ModelEstimate

@@ -14,6 +14,7 @@ import mmap
 import os
 import selectors
 import socket
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,7 +24,7 @@ from hindrax_core.errors import HindraxError, UsageError, cause
 from hindrax_core.events import Stamp
 from hindrax_drivers.buses import mock_protocol
 from hindrax_drivers.buses.clock import EPOCH, NEVER
-from hindrax_drivers.buses.mock_protocol import Frames, Kind
+from hindrax_drivers.buses.mock_protocol import LARGEST_FRAME, Kind
 
 
 @dataclass(slots=True, eq=False)
@@ -32,8 +33,7 @@ class _Client:
     name: str = ""
     until: Stamp | None = None
     has_slept: bool = False
-    frames: Frames = field(default_factory=Frames)
-    unsent: bytearray = field(default_factory=bytearray)
+    unsent: deque[bytes] = field(default_factory=deque)
 
 
 class BusServer:
@@ -121,7 +121,7 @@ class BusServer:
             client()
             return
         if events & selectors.EVENT_WRITE:
-            self._send(client, b"")
+            self._send(client)
         if events & selectors.EVENT_READ:
             self._receive(client)
 
@@ -134,12 +134,11 @@ class BusServer:
 
     def _receive(self, client: _Client) -> None:
         try:
-            data = client.link.recv(65536)
-            if not data:
+            data = client.link.recv(LARGEST_FRAME)
+            if data:
+                self._handle(client, *mock_protocol.parse(data))
+            else:
                 self._drop(client)
-                return
-            for kind, body in client.frames.feed(data):
-                self._handle(client, kind, body)
         except BlockingIOError:
             return
         except (OSError, mock_protocol.ProtocolError):
@@ -167,12 +166,13 @@ class BusServer:
         except OSError as error:
             return mock_protocol.frame(Kind.FAILED, mock_protocol.ERRNO.pack(error.errno or 0))
 
-    def _send(self, client: _Client, data: bytes) -> None:
+    def _send(self, client: _Client, *frames: bytes) -> None:
         """Send what the client accepts now and queue the rest, so that one stuck client cannot stop the mock."""
-        client.unsent += data
+        client.unsent += frames
         try:
-            sent = client.link.send(client.unsent) if client.unsent else 0
-            del client.unsent[:sent]
+            while client.unsent:
+                client.link.send(client.unsent[0])
+                client.unsent.popleft()
         except BlockingIOError:
             pass
         except OSError:
@@ -202,7 +202,7 @@ def _make_page(path: str) -> mmap.mmap:
 
 
 def _listen(path: str) -> socket.socket:
-    listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     Path(path).unlink(missing_ok=True)
     try:
         listener.bind(path)
