@@ -115,8 +115,13 @@ def run_pool_test(options: PoolOptions) -> int:
             from hindrax_analysis.terminal import working  # noqa: PLC0415  # as above
 
             predicted = options.predicted
-            with working("identifying"):
-                identified = identify_run(folder, vehicle, mock=mock, aborted=flight.aborted, predicted=predicted)
+            try:
+                with working("identifying"):
+                    identified = identify_run(folder, vehicle, mock=mock, aborted=flight.aborted, predicted=predicted)
+            except HindraxError as error:
+                end = f"aborted by {flight.aborted}" if flight.aborted else "flown"
+                later = f"the record is kept; after that `./hindrax identify {folder.bag}` gives the results"
+                raise HindraxError(f"{end}; but {error}; {later}") from error
     document = identified.document(folder, round(flight.real_time_factor, 2), flight.aborted or None)
     document |= {"mock": flight.facts} if mock else {}
     document |= {"predicted": dict(options.predicted)} if options.predicted else {}

@@ -73,5 +73,22 @@ def test_who_waits_for_the_identification_sees_that_it_goes_on(tmp_path: Path, m
     monkeypatch.setattr(pool_run, "fly", lambda *_: FlownManeuver())
     monkeypatch.setattr(terminal, "working", working)
     monkeypatch.setattr(bag_identification, "identify_run", identified)
-    with pytest.raises(HindraxError, match=r"^identifying$"):
+    with pytest.raises(HindraxError, match=r"^flown; but identifying; the record is kept; "):
         run_pool_test(replace(OPTIONS, out=str(tmp_path / "run")))
+
+
+def test_results_that_find_no_room_are_told_with_the_end_of_the_flight_and_how_to_get_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise HindraxError("coefficients.yaml: cannot be written; make room")
+
+    monkeypatch.setattr(pool_run, "fly", lambda *_: FlownManeuver(aborted="record: recording waits for room"))
+    monkeypatch.setattr(bag_identification, "identify_run", full)
+    out = tmp_path / "run"
+    with pytest.raises(HindraxError) as told:
+        run_pool_test(replace(OPTIONS, out=str(out)))
+    assert str(told.value) == (
+        "aborted by record: recording waits for room; but coefficients.yaml: cannot be written; make room; "
+        f"the record is kept; after that `./hindrax identify {out}/bag` gives the results"
+    )
