@@ -228,7 +228,7 @@ def judged(vehicle: int, law: int, gain_sigma: float) -> list[Verdict]:
     (known, axes), obeyed = VEHICLES[vehicle], LAWS[law]
     recording = without_damage(recorded(axes, obeyed, 100 * vehicle + law))
     task = IdentificationTask(tuple(AXES.values()), tuning=Tuning(wrench_gain_sigma=gain_sigma))
-    found = identify_sources([RecordSource(Path(recording.source), recording)], known, task).identified.results
+    found = identify_sources([RecordSource(Path(recording.source), recording)], known, task).results
     return [_verdict(result, axes, obeyed) for result in found.motions.values() if result.drag]
 
 

@@ -89,7 +89,7 @@ def identify(
     if of is None:
         raise UsageError(f"{records[0]}: holds no vehicle file; name one by vehicle=load_vehicle(...)")
     task = IdentificationTask(tuple(axes_named(tuple(motions))))
-    return identify_sources(sources, of, task).identified.results
+    return identify_sources(sources, of, task).results
 
 
 def coefficients(results: Results) -> Table:

@@ -57,7 +57,7 @@ def test_the_verdict_while_flying_is_that_over_the_record() -> None:
     assert session.dropped == 0
     live = session.finalize()
     task = IdentificationTask(axes=(0,))
-    afterwards = identify_sources([RecordSource(Path("made"), recording)], VEHICLE, task).identified.results.motions
+    afterwards = identify_sources([RecordSource(Path("made"), recording)], VEHICLE, task).results.motions
     assert set(live) == set(afterwards) == {"surge"}
     one, other = live["surge"], afterwards["surge"]
     assert one.identifiable

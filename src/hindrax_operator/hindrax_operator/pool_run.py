@@ -32,7 +32,7 @@ from hindrax_operator.progress import Progress
 from hindrax_operator.snapshot import node_problems, troubles
 
 if TYPE_CHECKING:
-    from hindrax_analysis.identification.bag_identification import IdentifiedBag
+    from hindrax_analysis.identification.bag_identification import Identified
 
 UP_S = 30.0
 ABORT, CONTINUE = "abort", "continue"
@@ -145,7 +145,7 @@ def planned(vehicle: Vehicle, options: PoolOptions) -> list[str]:
     return [f"plan: {plan}" for plan in plans_of(vehicle, options.motions)]
 
 
-def finish(identified: IdentifiedBag, folder: RunFolder, flight: FlownManeuver) -> None:
+def finish(identified: Identified, folder: RunFolder, flight: FlownManeuver) -> None:
     """Print how a run went, below its results."""
     if flight.aborted:
         print_fitted(f"aborted by {flight.aborted}", sys.stderr)

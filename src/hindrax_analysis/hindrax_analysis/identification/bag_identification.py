@@ -1,8 +1,8 @@
-"""Identification over a finished bag of this stack; its results in files and on the terminal."""
+"""Identification over a finished bag of this stack; results of any record in files and on the terminal."""
 
 import contextlib
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from rich.markup import escape
 
-from hindrax_analysis.coefficients_file import Conditions, as_yaml, conditions_of, read_coefficients
+from hindrax_analysis.coefficients_file import Conditions, SavedCoefficients, as_yaml, conditions_of, read_coefficients
 from hindrax_analysis.published import CITATION, PAPER
 from hindrax_analysis.records.own_bag import bag_events, date_of, maneuver_record, truth_in
 from hindrax_analysis.report import RunReport, Trace, published_of, run_page
+from hindrax_analysis.report.comparison import RunScatter
 from hindrax_analysis.terminal import make_table, print_table
 from hindrax_bag import software_version
 from hindrax_bag.read.bag_reader import bag_files, messages
@@ -31,12 +32,11 @@ from hindrax_ident.online.session import Outcome, Session
 from hindrax_ident.tuning import Tuning
 
 LARGEST = 3
-CHUNK_BYTES = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
-class IdentifiedBag:
-    """Identification results of one bag."""
+class Identified:
+    """Results of one record, or of several together and then of each one too."""
 
     outcome: Outcome
     results: Results
@@ -45,6 +45,9 @@ class IdentifiedBag:
     """Stamp at time zero of the outcome."""
     predicted: Mapping[str, float] = field(default_factory=dict)
     """Deviation of the drag of each motion as a share of it, as a rehearsal told before the flight [-]."""
+    traces: Mapping[str, Trace] = field(default_factory=dict)
+    runs: tuple[Results, ...] = ()
+    spreads: Mapping[str, Mapping[str, RunScatter]] = field(default_factory=dict)
 
     @property
     def complete(self) -> bool:
@@ -58,7 +61,7 @@ class IdentifiedBag:
         return {**self.results.to_json(), **ends}
 
 
-def identify_bag(bag: Path, vehicle: Vehicle, *, mock: bool = False, tuning: Tuning | None = None) -> IdentifiedBag:
+def identify_bag(bag: Path, vehicle: Vehicle, *, mock: bool = False, tuning: Tuning | None = None) -> Identified:
     """Run the session over a bag of this stack; in mock with the true value of each coefficient."""
     session = Session(vehicle, tuning)
     origin: Stamp | None = None
@@ -67,10 +70,10 @@ def identify_bag(bag: Path, vehicle: Vehicle, *, mock: bool = False, tuning: Tun
         session.step(event)
     outcome = session.finalize()
     results = with_truth(outcome.results, truth_in(bag, vehicle)) if mock else outcome.results
-    return IdentifiedBag(outcome, results, mock, origin)
+    return Identified(outcome, results, mock, origin)
 
 
-def show(identified: IdentifiedBag) -> None:
+def show(identified: Identified) -> None:
     """Print coefficients with the true values of the mock and the paper's; then unidentifiable motions with reasons."""
     motions = identified.results.motions
     name = identified.results.vehicle.name
@@ -135,19 +138,25 @@ def _show_budgets(motions: Mapping[str, MotionResult], predicted: Mapping[str, f
 
 def identify_run(
     folder: RunFolder, vehicle: Vehicle, *, mock: bool, aborted: str = "", predicted: Mapping[str, float]
-) -> IdentifiedBag:
+) -> Identified:
     """Identify over the bag of a run and write its coefficients and its report.
 
     Both say by what it was `aborted`, and what was `predicted`.
     """
     identified = replace(identify_bag(folder.bag, vehicle, mock=mock), predicted=predicted)
-    results = identified.results
-    conditions = bag_conditions(folder.bag, vehicle, results, mock=identified.mock, aborted=aborted)
-    conditions = replace(conditions, predicted=predicted)
-    write(folder.coefficients, as_yaml(results, conditions))
-    traces = traces_of(folder.bag, identified.origin)
-    write(folder.report, run_page(RunReport(vehicle, results, identified.outcome.assessments, conditions, traces)))
+    conditions = recorded_conditions(identified, [folder.bag], [folder.bag], aborted=aborted)
+    write(folder.coefficients, as_yaml(identified.results, conditions))
+    write_report(folder.report, identified, conditions, folder.bag)
     return identified
+
+
+def write_report(
+    file: Path, identified: Identified, conditions: Conditions, bag: Path | None, *earlier: SavedCoefficients
+) -> None:
+    """Write the report, with the online estimates in the `bag` where the record is one of this stack."""
+    results, traces = identified.results, traces_of(bag, identified.origin) if bag else identified.traces
+    report = RunReport(results.vehicle, results, identified.outcome.assessments, conditions, traces, earlier)
+    write(file, run_page(report))
 
 
 # ---- result files and what they hold of the bag
@@ -158,18 +167,36 @@ def bag_hash(bag: Path) -> str:
     digest = hashlib.sha256()
     for file in bag_files(bag):
         with file.open("rb") as stream:
-            while data := stream.read(CHUNK_BYTES):
-                digest.update(data)
+            hashlib.file_digest(stream, lambda: digest)
     return digest.hexdigest()
 
 
-def bag_conditions(bag: Path, vehicle: Vehicle, results: Results, *, mock: bool, aborted: str = "") -> Conditions:
-    """Conditions of a result over one bag; `aborted` is an end that neither the bag nor its run tells yet."""
-    conditions = conditions_of(vehicle, mock=mock, motions=tuple(results.motions))
-    flown = maneuver_record(bag)
-    aborted = aborted or told_end(bag) or flown.aborted
-    conditions = replace(conditions, aborted=aborted, flown_s=flown.flown_s, blocked_s=flown.blocked_s)
-    return replace(conditions, date=date_of(bag), bag=str(bag), bag_sha256=bag_hash(bag), software=software_version())
+def recorded_conditions(
+    identified: Identified, files: Sequence[Path], ours: Sequence[Path], assumed: Sequence[str] = (), aborted: str = ""
+) -> Conditions:
+    """Conditions of a result over files, of which some are bags of this stack.
+
+    `aborted` is an end that neither a bag nor its run tells yet.
+    """
+    results, flown = identified.results, [maneuver_record(bag) for bag in ours]
+    ends = [aborted or told_end(bag) or one.aborted for bag, one in zip(ours, flown, strict=True)]
+    is_bag = files[0].is_dir() or files[0].suffix in (".mcap", ".db3")
+
+    def total(seconds: Sequence[Mapping[str, float]]) -> dict[str, float]:
+        return {motion: sum(one.get(motion, 0.0) for one in seconds) for one in seconds for motion in one}
+
+    return replace(
+        conditions_of(results.vehicle, mock=identified.mock, motions=tuple(results.motions)),
+        date=date_of(files[0]) if is_bag else "",
+        bag=", ".join(map(str, files)),
+        bag_sha256=", ".join(map(bag_hash, files)),
+        software=software_version(),
+        assumptions=tuple(assumed),
+        aborted="; ".join(dict.fromkeys(filter(None, ends))),
+        flown_s=total([one.flown_s for one in flown]),
+        blocked_s=total([one.blocked_s for one in flown]),
+        predicted=identified.predicted,
+    )
 
 
 def told_end(bag: Path) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hindrax_analysis.identification.bag_identification import IdentifiedBag, identify_bag
+from hindrax_analysis.identification.bag_identification import Identified, identify_bag
 from hindrax_analysis.records import plausibility
 from hindrax_analysis.records.autopilot_log import ENDINGS, read_log
 from hindrax_analysis.records.csv_record import read_csv
@@ -79,16 +79,6 @@ class RecordSource:
     def assumptions(self) -> tuple[str, ...]:
         """Assumptions made to read it."""
         return self.recording.assumptions if self.recording else ()
-
-
-@dataclass(frozen=True, slots=True)
-class IdentifiedRecords:
-    """Results of all records together, and of each one where there are several."""
-
-    identified: IdentifiedBag
-    traces: dict[str, Trace] = field(default_factory=dict)
-    runs: tuple[Results, ...] = ()
-    spreads: dict[str, dict[str, RunScatter]] = field(default_factory=dict)
 
 
 # ---- reading
@@ -174,7 +164,7 @@ def identify_sources(
     vehicle: Vehicle,
     task: IdentificationTask,
     progress: Callable[[str], None] = lambda _text: None,
-) -> IdentifiedRecords:
+) -> Identified:
     """Identify over one record, or over several pooled; `progress` receives what begins."""
     if len(sources) > 1:
         progress(f"identifying over {len(sources)} records together")
@@ -184,16 +174,16 @@ def identify_sources(
     runs = []
     for index, one in enumerate(sources, start=1):
         progress(f"identifying over {one.path} alone, {index} of {len(sources)}")
-        runs.append(_identify([one], vehicle, task).identified.results)
-    results, spreads = _with_spread(whole.identified.results, runs)
-    return replace(whole, identified=replace(whole.identified, results=results), runs=tuple(runs), spreads=spreads)
+        runs.append(_identify([one], vehicle, task).results)
+    results, spreads = _with_spread(whole.results, runs)
+    return replace(whole, results=results, runs=tuple(runs), spreads=spreads)
 
 
-def _identify(sources: Sequence[RecordSource], vehicle: Vehicle, task: IdentificationTask) -> IdentifiedRecords:
+def _identify(sources: Sequence[RecordSource], vehicle: Vehicle, task: IdentificationTask) -> Identified:
     axes, span = task.axes or tuple(range(6)), task.span
     if len(sources) == 1 and sources[0].recording is None and span.whole:
-        found = IdentifiedRecords(identify_bag(sources[0].path, vehicle, mock=sources[0].mock, tuning=task.tuning))
-        return replace(found, identified=_with_axes_only(found.identified, axes))
+        found = identify_bag(sources[0].path, vehicle, mock=sources[0].mock, tuning=task.tuning)
+        return _with_axes_only(found, axes)
     ours = _own(sources)
     if ours:
         outcome = _session_over(_own_events(ours, vehicle, span), vehicle, task.tuning).finalize()
@@ -206,7 +196,7 @@ def _identify(sources: Sequence[RecordSource], vehicle: Vehicle, task: Identific
         # Runs in different worlds have no truth in common.
         same = truths and all(one == truths[0] for one in truths)
         results = with_truth(outcome.results, truths[0]) if same else outcome.results
-        return IdentifiedRecords(_with_axes_only(IdentifiedBag(outcome, results, mock), axes))
+        return _with_axes_only(Identified(outcome, results, mock), axes)
     recordings = [source.recording.between(span.from_s, span.to_s) for source in sources if source.recording]
     if not any(len(one.velocity_t) or len(one.attitude_t) for one in recordings):
         lasts = max(source.recording.end_s for source in sources if source.recording)
@@ -245,7 +235,7 @@ def axis_records(sources: Sequence[RecordSource], vehicle: Vehicle, task: Identi
     return out
 
 
-def _with_axes_only(identified: IdentifiedBag, axes: Sequence[int]) -> IdentifiedBag:
+def _with_axes_only(identified: Identified, axes: Sequence[int]) -> Identified:
     kept = {name: one for name, one in identified.results.motions.items() if MOTIONS[name].axis in axes}
     return replace(identified, results=replace(identified.results, motions=kept))
 
@@ -282,9 +272,7 @@ def _cut(found: Iterator[Stamped[IdentEvent]], span: Span, begin: Stamp) -> Iter
         yield moved
 
 
-def _identify_recordings(
-    recordings: Sequence[Recording], vehicle: Vehicle, task: IdentificationTask
-) -> IdentifiedRecords:
+def _identify_recordings(recordings: Sequence[Recording], vehicle: Vehicle, task: IdentificationTask) -> Identified:
     """Identify each axis in a separate session: in such a record all axes may move at once."""
     tuning, axes = tuned(recordings, task.tuning), task.axes or tuple(range(6))
     motions: dict[str, MotionResult] = {}
@@ -315,7 +303,7 @@ def _identify_recordings(
             kept = {key: number for key, number in one.coefficients.items() if key != "added_mass"}
             motions[name] = replace(one, coefficients=kept)
     results = Results(motions, vehicle)
-    return IdentifiedRecords(IdentifiedBag(Outcome(results, assessments), results, mock=False), traces)
+    return Identified(Outcome(results, assessments), results, mock=False, traces=traces)
 
 
 def _skipped(recording: Recording, axis: int) -> dict[str, MotionResult]:

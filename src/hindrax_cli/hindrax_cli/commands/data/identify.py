@@ -3,16 +3,21 @@
 import argparse
 import sys
 import time
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from hindrax_analysis.coefficients_file import Conditions, SavedCoefficients, SavedMotion, as_yaml, conditions_of
-from hindrax_analysis.identification.bag_identification import bag_hash, show, told_end, traces_of, write
+from hindrax_analysis.coefficients_file import Conditions, SavedCoefficients, SavedMotion, as_yaml
+from hindrax_analysis.identification.bag_identification import (
+    Identified,
+    recorded_conditions,
+    show,
+    write,
+    write_report,
+)
 from hindrax_analysis.identification.record_identification import (
     IdentificationTask,
-    IdentifiedRecords,
     RecordSource,
     Span,
     axes_named,
@@ -22,11 +27,8 @@ from hindrax_analysis.identification.record_identification import (
 )
 from hindrax_analysis.plain import print_answer
 from hindrax_analysis.records.csv_columns import COLUMNS
-from hindrax_analysis.records.own_bag import date_of, maneuver_record
 from hindrax_analysis.records.third_party_bag import FRAMES, TopicSelection
-from hindrax_analysis.report import RunReport, run_page
 from hindrax_analysis.terminal import working
-from hindrax_bag import software_version
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.argument_types import add_json, add_vehicle, within
 from hindrax_cli.command import command, option
@@ -122,11 +124,15 @@ def identify(arguments: argparse.Namespace) -> int:
     with working(f"identifying over {', '.join(str(path) for path in arguments.records)}"):
         found = identify_sources(sources, vehicle, task, lambda text: print_fitted(text, sys.stderr))
     took_s = time.monotonic() - began
-    conditions = _conditions(vehicle, sources, found, said)
+    ours = [source.path for source in sources if source.recording is None]
+    files = [file for source in sources for file in source.files]
+    assumed = dict.fromkeys([*said, *(one for source in sources for one in source.assumptions)])
+    conditions = recorded_conditions(found, files, ours, tuple(assumed))
     if arguments.report:
-        write(arguments.report, run_page(_report(vehicle, sources, found, conditions)))
+        runs = [_saved(source, results, conditions) for source, results in zip(sources, found.runs, strict=False)]
+        write_report(arguments.report, found, conditions, ours[0] if ours and len(sources) == 1 else None, *runs)
     if arguments.coefficients:
-        write(arguments.coefficients, as_yaml(found.identified.results, conditions))
+        write(arguments.coefficients, as_yaml(found.results, conditions))
     document = _document(arguments, sources, found, conditions, took_s)
     return print_answer(document, lambda: _show(arguments, found, conditions), as_json=arguments.json)
 
@@ -151,37 +157,6 @@ def _gain_sigma(given: float | None, vehicle: Vehicle, source: RecordSource, sai
     return believed
 
 
-def _conditions(vehicle: Vehicle, sources: list[RecordSource], found: IdentifiedRecords, said: list[str]) -> Conditions:
-    results = found.identified.results
-    conditions = conditions_of(vehicle, mock=found.identified.mock, motions=tuple(results.motions))
-    assumed = tuple(dict.fromkeys([*said, *(one for source in sources for one in source.assumptions)]))
-    ours = [source.path for source in sources if source.recording is None]
-    ended = [maneuver_record(path) for path in ours]
-    ends = [told_end(path) or one.aborted for path, one in zip(ours, ended, strict=True)]
-    is_bag = sources[0].path.is_dir() or sources[0].path.suffix in (".mcap", ".db3")
-    return replace(
-        conditions,
-        date=date_of(sources[0].path) if is_bag else "",
-        bag=", ".join(str(file) for source in sources for file in source.files),
-        bag_sha256=", ".join(bag_hash(file) for source in sources for file in source.files),
-        software=software_version(),
-        assumptions=assumed,
-        aborted="; ".join(dict.fromkeys(filter(None, ends))),
-        flown_s={motion: sum(one.flown_s.get(motion, 0.0) for one in ended) for one in ended for motion in one.flown_s},
-    )
-
-
-def _report(
-    vehicle: Vehicle, sources: list[RecordSource], found: IdentifiedRecords, conditions: Conditions
-) -> RunReport:
-    traces = found.traces
-    if len(sources) == 1 and sources[0].recording is None:
-        traces = traces_of(sources[0].path, found.identified.origin)
-    runs = [_saved(source, results, conditions) for source, results in zip(sources, found.runs, strict=False)]
-    identified = found.identified
-    return RunReport(vehicle, identified.results, identified.outcome.assessments, conditions, traces, runs)
-
-
 def _saved(source: RecordSource, results: Results, conditions: Conditions) -> SavedCoefficients:
     """One of several records, as the report shows earlier runs."""
     motions = {
@@ -195,14 +170,14 @@ def _saved(source: RecordSource, results: Results, conditions: Conditions) -> Sa
 def _document(
     arguments: argparse.Namespace,
     sources: list[RecordSource],
-    found: IdentifiedRecords,
+    found: Identified,
     conditions: Conditions,
     took_s: float,
 ) -> dict[str, Any]:
     """The agreed shape; with several records also each by itself and the spread between them."""
     recorded_s = sum(source.recording.duration_s for source in sources if source.recording)
     out: dict[str, Any] = {
-        **found.identified.results.to_json(),
+        **found.results.to_json(),
         "bag": str(sources[0].path),
         "report": str(arguments.report) if arguments.report else None,
         "real_time_factor": round(recorded_s / took_s, 2) if recorded_s and took_s > 0.0 else None,
@@ -225,16 +200,16 @@ def _delays(lag_s: float, latency_s: float) -> str:
     return f"thrust lags by {lag_s:.2f} s, velocities come {abs(latency_s):.2f} s {late}"
 
 
-def _show(arguments: argparse.Namespace, found: IdentifiedRecords, conditions: Conditions) -> None:
+def _show(arguments: argparse.Namespace, found: Identified, conditions: Conditions) -> None:
     for assumption in conditions.assumptions:
         print_fitted(f"assumed: {assumption}", sys.stderr)
     if conditions.aborted:
         print_fitted(f"aborted by {conditions.aborted}; the results are of what was flown until then", sys.stderr)
-    show(found.identified)
-    if not found.identified.results.motions:
+    show(found)
+    if not found.results.motions:
         print_fitted("no motion was flown in this record; `./hindrax bag info` tells what it holds", sys.stderr)
-    foreign = not conditions.mock and found.identified.origin is None
-    for motion, result in found.identified.results.motions.items() if foreign else ():
+    foreign = not conditions.mock and found.origin is None
+    for motion, result in found.results.motions.items() if foreign else ():
         if result.quality:
             delays = _delays(result.quality["lag_s"], result.quality["latency_s"])
             print_fitted(f"{motion}: {delays}, as the record has it")

@@ -7,13 +7,13 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from hindrax_analysis.coefficients_file import Conditions, SavedCoefficients, read_coefficients
+from hindrax_analysis.coefficients_file import SavedCoefficients, read_coefficients
 from hindrax_analysis.exports import gz, python_model, stonefish, tables, uuv, vehicle_block
 from hindrax_analysis.exports.export_model import ExportModel, export_model
-from hindrax_analysis.identification.bag_identification import bag_conditions, identify_bag, traces_of, write
+from hindrax_analysis.identification.bag_identification import identify_bag, recorded_conditions, write, write_report
 from hindrax_analysis.identification.record_identification import RecordSource, recorded_vehicle
 from hindrax_analysis.records.own_bag import is_mock
-from hindrax_analysis.report import RunReport, comparison_page, run_page
+from hindrax_analysis.report import comparison_page
 from hindrax_analysis.terminal import working
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.share_files import default_vehicle
@@ -64,13 +64,6 @@ def _labelled(paths: list[Path]) -> list[SavedCoefficients]:
     return [_saved(path, name) for path, name in zip(paths, names, strict=True)]
 
 
-def _with_predicted(conditions: Conditions, folder: RunFolder) -> Conditions:
-    """With what only the coefficients of the run tell: what was predicted."""
-    if not folder.coefficients.is_file():
-        return conditions
-    return replace(conditions, predicted=read_coefficients(folder.coefficients).conditions.predicted)
-
-
 def _require_run(path: Path) -> None:
     if not path.is_dir() or not RunFolder(path).bag.is_dir():
         raise UsageError(f"{path}: holds no folder `bag`, wanted the folder of a run such as runs/2026-05-04_10-00-00")
@@ -80,11 +73,10 @@ def _again(path: Path, earlier: list[SavedCoefficients], out: Path | None) -> Pa
     folder = RunFolder(path)
     vehicle = recorded_vehicle(RecordSource(folder.bag)) or load_vehicle(default_vehicle())
     identified = identify_bag(folder.bag, vehicle, mock=is_mock(folder.bag))
-    conditions = bag_conditions(folder.bag, vehicle, identified.results, mock=identified.mock)
-    conditions = _with_predicted(conditions, folder)
-    traces = traces_of(folder.bag, identified.origin)
-    page = RunReport(vehicle, identified.results, identified.outcome.assessments, conditions, traces, earlier)
-    write(out or folder.report, run_page(page))
+    if folder.coefficients.is_file():  # only they tell what was predicted
+        identified = replace(identified, predicted=read_coefficients(folder.coefficients).conditions.predicted)
+    conditions = recorded_conditions(identified, [folder.bag], [folder.bag])
+    write_report(out or folder.report, identified, conditions, folder.bag, *earlier)
     return out or folder.report
 
 
