@@ -20,7 +20,6 @@ from hindrax_analysis.identification.record_identification import (
     open_sources,
     recorded_vehicle,
 )
-from hindrax_analysis.records.prediction import parameters
 from hindrax_analysis.records.third_party_bag import TopicSelection, topics_of
 from hindrax_bag.message_comparison import flat
 from hindrax_bag.read.bag_reader import messages
@@ -34,6 +33,7 @@ from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.results import Results
 from hindrax_ident.model.motion_model import MOTIONS, model_of
+from hindrax_ident.model.reported_parameters import parameters_of
 from hindrax_ident.model.simulation import Grid, Trajectory, trajectory
 
 if TYPE_CHECKING:
@@ -111,7 +111,8 @@ def predict(results: Results, axis: str, time_s: ArrayLike, force: ArrayLike, st
     """
     index = axes_named([axis])[0]
     model = model_of(results.vehicle, index)
-    theta = parameters(model, {name: one.coefficients for name, one in results.motions.items()})
+    values = {name: {key: one.value for key, one in of.coefficients.items()} for name, of in results.motions.items()}
+    theta = parameters_of(model, values)
     t, f = array(np.asarray(time_s, dtype=float)), array(np.asarray(force, dtype=float))
     if t.shape != f.shape or len(t) < 2 or not np.all(np.diff(t) > 0.0):
         raise UsageError(f"found times {t.shape} and forces {f.shape}, wanted as many of both, and rising times")

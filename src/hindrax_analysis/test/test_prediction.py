@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from synthetic_runs import back_and_forth, fly
 
-from hindrax_analysis.records.prediction import parameters, predict_record
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
+from hindrax_ident.assess.prediction import predict_record
 from hindrax_ident.assess.quality import held_out
 from hindrax_ident.assess.results import Number
 from hindrax_ident.model.motion_model import model_of
+from hindrax_ident.model.reported_parameters import parameters_of
 from hindrax_ident.records.axis_record import Record, Series, Stretch
 
 ROV = Vehicle("rov", mass_kg=20.0, volume_m3=0.0203, envelope_m=(0.6, 0.5, 0.4))
@@ -26,7 +27,7 @@ def numbers(**changed: float) -> dict[str, dict[str, Number]]:
 
 def flown(noise_mps: float = 0.0) -> Record:
     """Surge back and forth, velocities at 10 Hz."""
-    theta: Array = parameters(model_of(ROV, 0), numbers())
+    theta: Array = parameters_of(model_of(ROV, 0), {"surge": TRUE})
     flight = fly(model_of(ROV, 0), theta, back_and_forth((4.0, 8.0, 12.0), 5.0, END_s), 0.0)
     t, v = flight.grid.times_s[::20], flight.path.v[::20]
     v = array(v + noise_mps * np.random.default_rng(1).standard_normal(len(v)))
@@ -79,6 +80,6 @@ def test_windows_longer_than_any_stretch_are_refused() -> None:
 
 
 def test_what_was_not_identified_is_named() -> None:
-    lacking = {"surge": {name: one for name, one in numbers()["surge"].items() if name != "added_mass"}}
+    lacking = {"surge": {name: one for name, one in TRUE.items() if name != "added_mass"}}
     with pytest.raises(UsageError, match="surge: found no mass"):
-        parameters(model_of(ROV, 0), lacking)
+        parameters_of(model_of(ROV, 0), lacking)

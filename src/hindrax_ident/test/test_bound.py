@@ -7,10 +7,11 @@ from synthetic_runs import DVL, back_and_forth, events, fly
 from hindrax_analysis.identification.montecarlo import trial_of
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import truth_of
-from hindrax_ident.fit.cramer_rao import bound_of, true_parameters
+from hindrax_ident.fit.cramer_rao import bound_of
 from hindrax_ident.fit.output_error import refine
 from hindrax_ident.model.motion_model import model_of
 from hindrax_ident.model.prior import wide_prior
+from hindrax_ident.model.reported_parameters import parameters_of
 from hindrax_ident.online.session import Session
 from hindrax_ident.records.axis_record import Record, Series, Stretch
 
@@ -19,10 +20,10 @@ SURGE = np.array([66.48, 1.25, 0.0, 27.3])
 
 def test_parameters_of_the_truth_are_in_the_order_of_the_model(vehicle: Vehicle) -> None:
     truth = truth_of(vehicle)
-    assert true_parameters(model_of(vehicle, 0), truth) == pytest.approx([66.48, 1.25, 0.0, 27.3])
-    heave = true_parameters(model_of(vehicle, 2), truth)
+    assert parameters_of(model_of(vehicle, 0), truth) == pytest.approx([66.48, 1.25, 0.0, 27.3])
+    heave = parameters_of(model_of(vehicle, 2), truth)
     assert heave == pytest.approx([93.52, 5.26, 56.57, 11.84, vehicle.net_buoyancy_N, 15.22 + 22.48])
-    assert true_parameters(model_of(vehicle, 3), truth)[3] == pytest.approx(3.0008, abs=1e-3)
+    assert parameters_of(model_of(vehicle, 3), truth)[3] == pytest.approx(3.0008, abs=1e-3)
 
 
 def test_long_plateaus_have_the_bound_of_a_linear_regression(vehicle: Vehicle) -> None:

@@ -12,9 +12,9 @@ from hindrax_analysis.plain import plain
 from hindrax_ident.arrays import Array
 from hindrax_ident.assess.assessment import METHOD, Assessment
 from hindrax_ident.assess.results import MotionResult
-from hindrax_ident.fit.cramer_rao import bound_of, true_parameters
+from hindrax_ident.fit.cramer_rao import bound_of
 from hindrax_ident.model.motion_model import MOTIONS
-from hindrax_ident.model.reported_parameters import reported_parameters
+from hindrax_ident.model.reported_parameters import parameters_of, reported_parameters
 from hindrax_ident.online.session import Outcome
 
 SHARES = (0.25, 0.5, 1.0)
@@ -86,7 +86,7 @@ def _found(
 ) -> Iterator[CoefficientError]:
     fit, motion = assessment.fit, MOTIONS[result.motion]
     face = reported_parameters(fit.model, motion)
-    bound = bound_of(fit, true_parameters(fit.model, truth), thrust_s)
+    bound = bound_of(fit, parameters_of(fit.model, truth), thrust_s)
     # A constant error of the measured angle cannot be separated from an offset of the moment.
     bound = bound + assessment.budget.prior_band("tilt of the accelerometer")
     limits = dict(zip(face.names, np.sqrt(np.diag(bound[face.square])).tolist(), strict=True))

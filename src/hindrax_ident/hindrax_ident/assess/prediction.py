@@ -6,14 +6,18 @@ Ljung 1999 section 16.4 (simulation over fresh data).
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hindrax_core.errors import HindraxError
+from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array, Index, array
+from hindrax_ident.assess.results import Number
 from hindrax_ident.fit.output_error_problem import OutputErrorProblem, build_problem
-from hindrax_ident.model.motion_model import Model
+from hindrax_ident.model.motion_model import Model, model_of
+from hindrax_ident.model.reported_parameters import parameters_of
 from hindrax_ident.model.simulation import Trajectory, sensitivities, trajectory
 from hindrax_ident.records.axis_record import Record, Stretch
 
@@ -91,6 +95,26 @@ def predict(model: Model, theta: Array, record: Record) -> Prediction:
     else:
         still, steady, predicted, unit = np.zeros(len(t)), v0, path.v[at], f"{unit}/s"
     return Prediction(model.axis, unit, t, problem.y[counts], predicted, array(still), array(steady), window)
+
+
+def predict_record(
+    motions: Mapping[str, Mapping[str, Number]], vehicle: Vehicle, axis: int, record: Record, window_s: float
+) -> Prediction:
+    """Prediction over windows of the record of one axis. HindraxError where there is none to predict."""
+    model = model_of(vehicle, axis)
+    values = {motion: {name: one.value for name, one in numbers.items()} for motion, numbers in motions.items()}
+    theta = parameters_of(model, values)
+    windows = windows_of(record.stretches, window_s)
+    if not windows:
+        longest = max((stretch.end_s - stretch.start_s for stretch in record.stretches), default=0.0)
+        raise HindraxError(
+            f"{AXES[axis]}: no stretch of the record lasts {window_s:g} s, the longest {longest:.3g} s; "
+            "choose a shorter --window"
+        )
+    try:
+        return predict(model, theta, record.with_stretches(windows))
+    except ValueError as error:
+        raise HindraxError(f"{AXES[axis]}: {error}, in windows of {window_s:g} s") from None
 
 
 def _moved(model: Model, theta: Array, problem: OutputErrorProblem, start: Trajectory) -> Trajectory:

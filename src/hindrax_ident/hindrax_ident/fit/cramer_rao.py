@@ -11,21 +11,8 @@ import numpy as np
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.fit.output_error import OutputErrorFit
 from hindrax_ident.fit.output_error_problem import linearize, restarted, whitener_of
-from hindrax_ident.model.motion_model import Model, motions_of
 
 ROUNDS = 3
-
-
-def true_parameters(model: Model, truth: dict[str, dict[str, float]]) -> Array:
-    """Parameters in the model's order and units from the coefficients of each motion: (p,)."""
-    motions = motions_of(model.axis)
-    values = {}
-    for motion in motions:
-        true = truth[motion.name]
-        for name in model.names_of(motion.side):
-            plain = name.removesuffix("_negative")
-            values[name] = true["added_mass"] + model.rigid if plain == "mass" else true[plain]
-    return np.array([values[name] for name in model.names])
 
 
 def bound_of(fit: OutputErrorFit, theta: Array, thrust_s: float | None = None) -> Array:

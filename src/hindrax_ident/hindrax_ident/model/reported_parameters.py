@@ -1,13 +1,18 @@
-"""What a motion reports: which parameters of a model, under which names, and their most likely values within bounds."""
+"""What a motion reports: which parameters of a model, under which names, and their most likely values within bounds.
+
+And back: the parameters of a model from the coefficients that its motions report.
+"""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from hindrax_core.errors import UsageError
+from hindrax_core.vehicle import AXES
 from hindrax_ident.arrays import Array, Index, array
-from hindrax_ident.model.motion_model import Model, Motion, coefficient_units
+from hindrax_ident.model.motion_model import Model, Motion, coefficient_units, motions_of
 
 NOT_NEGATIVE = ("k_q", "added_mass")
 
@@ -41,6 +46,25 @@ def reported_parameters(model: Model, motion: Motion) -> ReportedParameters:
         low=tuple(0.0 if name in NOT_NEGATIVE else -math.inf for name in names),
         mass=names.index("added_mass"),
     )
+
+
+def parameters_of(model: Model, coefficients: Mapping[str, Mapping[str, float]]) -> Array:
+    """Parameters of a model (p,), in the order of its names, from the coefficients of each motion.
+
+    UsageError names what is missing.
+    """
+    found: dict[str, float] = {}
+    for motion in motions_of(model.axis):
+        reported, known = reported_parameters(model, motion), coefficients.get(motion.name, {})
+        rows = zip(reported.rows.tolist(), reported.names, strict=True)
+        found |= {model.names[row]: known[name] for row, name in rows if name in known}
+    lacking = [name for name in model.names if name not in found]
+    if lacking:
+        raise UsageError(
+            f"{AXES[model.axis]}: found no {' and no '.join(lacking)} (mass: added_mass) in the coefficients"
+        )
+    found["mass"] += model.rigid
+    return array([found[name] for name in model.names])
 
 
 def bounded(values: Array, covariance: Array, low: Sequence[float]) -> Array:

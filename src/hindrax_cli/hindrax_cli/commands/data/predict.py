@@ -13,7 +13,6 @@ from hindrax_analysis.identification.record_identification import (
     recorded_vehicle,
 )
 from hindrax_analysis.plain import print_answer
-from hindrax_analysis.records.prediction import predict_record
 from hindrax_analysis.terminal import make_table, print_table, working
 from hindrax_cli.argument_types import add_vehicle, positive
 from hindrax_cli.command import command, option
@@ -22,7 +21,7 @@ from hindrax_cli.experiment_command import add_output, require_plot, save_plot
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
-from hindrax_ident.assess.prediction import WINDOW_S, Prediction
+from hindrax_ident.assess.prediction import WINDOW_S, Prediction, predict_record
 
 ABOUT = """
 The model runs free over windows of the record: from the velocity that fits the first second of each, with the measured
