@@ -19,7 +19,7 @@ from hindrax_ident.online.aim import ExperimentGoal
 from hindrax_operator.monitor.graph_link import GraphLink
 from hindrax_operator.snapshot import Frame, ManeuverView, NodeHealth, PlaceView, Snapshot, Thrusters
 from hindrax_operator.web.access import Access, hosts_of
-from hindrax_operator.web.page_controller import PageController, ViewerHeartbeat
+from hindrax_operator.web.page_controller import PageController
 from hindrax_operator.web.reports import Reports
 from hindrax_operator.web.server import Server
 
@@ -93,6 +93,7 @@ class FakeVehicle:
     landed: Callable[[str, bool], None] | None = None
     frames: dict[str, Frame] = field(default_factory=dict)
     title: str = "mock vehicle, ROS domain 3, process 4711"
+    present: Callable[[], bool] = lambda: True
 
     def snapshot(self) -> Snapshot:
         return self.shown
@@ -115,7 +116,6 @@ class Page:
 
     server: Server
     vehicle: FakeVehicle
-    heartbeat: ViewerHeartbeat
     said: list[str]
 
     @property
@@ -146,15 +146,13 @@ class Page:
 @contextlib.contextmanager
 def served(runs: Path, shown: Snapshot = ARMED, *, read_only: bool = False) -> Iterator[Page]:
     """Serve the page of a pretended vehicle at a free port."""
-    vehicle, heartbeat = FakeVehicle(shown), ViewerHeartbeat()
+    vehicle = FakeVehicle(shown)
     said: list[str] = []
     of = load_vehicle(default_vehicle())
-    controller = PageController(
-        cast("GraphLink", vehicle), of, Reports(runs), heartbeat, read_only=read_only, log=said.append
-    )
+    controller = PageController(cast("GraphLink", vehicle), of, Reports(runs), read_only=read_only, log=said.append)
     server = Server(ADDRESS, 0, Access(hosts_of(ADDRESS), TOKEN), controller)
     server.start()
     try:
-        yield Page(server, vehicle, heartbeat, said)
+        yield Page(server, vehicle, said)
     finally:
         server.close()

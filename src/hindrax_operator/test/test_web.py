@@ -244,15 +244,15 @@ def test_a_page_that_only_watches_orders_nothing_and_is_no_operator(tmp_path: Pa
         assert page.order("fly", motions=["surge"])[0] == 403
         assert page.order("here")[0] == 204
         assert not page.vehicle.orders
-        assert not page.heartbeat.present()
+        assert not page.vehicle.present()
 
 
 def test_who_sees_the_news_is_there_for_a_moment(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert not page.heartbeat.present()
+    assert not page.vehicle.present()
     assert page.order("here")[0] == 204
-    assert page.heartbeat.present()
+    assert page.vehicle.present()
     monkeypatch.setattr(page_controller, "VIEWER_LOST_S", 0.0)
-    assert not page.heartbeat.present()
+    assert not page.vehicle.present()
 
 
 # ---- events
@@ -670,7 +670,8 @@ class Flown:
 
 def linked(present: Callable[[], bool] = lambda: True) -> tuple[GraphLink, Flown, Any]:
     """A link that has joined; the operator's node, also as such, is a stand-in."""
-    link, operator = GraphLink(None, sim_time=False, present=present), Flown()
+    link, operator = GraphLink(None, sim_time=False), Flown()
+    link.present = present
     node: Any = operator
     link._operator = node
     return link, operator, node

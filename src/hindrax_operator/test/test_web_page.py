@@ -74,7 +74,7 @@ def test_the_page_in_a_browser(tmp_path: Path) -> None:
             seen.run(f"document.getElementById('{name}').click()")
             seen.wait(f"{text('outcomes')}.includes('{name}: ')")
         assert page.vehicle.orders[1:] == ["cancel", "disarm", "stop"]
-        assert page.heartbeat.present()
+        assert page.vehicle.present()
 
         # A vehicle that falls silent is not shown as armed.
         page.vehicle.shown = replace(ARMED, silent_s=7.0)
@@ -151,4 +151,4 @@ def test_without_the_token_the_page_asks_for_it_and_a_page_that_watches_has_no_b
         seen.wait(f"{text('armed')} === 'ARMED'")
         for name in ("stop", "disarm", "start", "cancel"):
             assert seen.run(f"document.getElementById('{name}').offsetParent === null"), name
-        assert not page.heartbeat.present()
+        assert not page.vehicle.present()

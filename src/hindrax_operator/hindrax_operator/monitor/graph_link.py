@@ -39,18 +39,11 @@ class GraphLink(threading.Thread):
     watches; the heartbeat stands for the operator, not for the program.
     """
 
-    def __init__(
-        self,
-        found: StackLock | None,
-        *,
-        sim_time: bool,
-        namespace: str = NAMESPACE,
-        present: Callable[[], bool] = lambda: True,
-    ) -> None:
+    def __init__(self, found: StackLock | None, *, sim_time: bool, namespace: str = NAMESPACE) -> None:
         super().__init__(name="operator's link", daemon=True)
         self.title = found.title if found else "ROS graph of this terminal"
         self._join = partial(joined, found, sim_time=sim_time, namespace=namespace, tick=self._tick)
-        self._present = present
+        self.present: Callable[[], bool] = lambda: True
         self._orders: queue.SimpleQueue[tuple[Order, OnDone]] = queue.SimpleQueue()
         self._urgent: queue.SimpleQueue[tuple[Order, OnDone]] = queue.SimpleQueue()
         self._urgent_running = self._waiting = False
@@ -140,7 +133,7 @@ class GraphLink(threading.Thread):
             self._snapshot = replace(now, cameras=self._cameras.names if self._cameras else ())
 
     def _beat(self, operator: Operator) -> None:
-        if self._present() is not self._beating:
+        if self.present() is not self._beating:
             self._beating = not self._beating
             operator.beat(on=self._beating)
 

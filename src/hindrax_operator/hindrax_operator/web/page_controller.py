@@ -29,36 +29,16 @@ LARGEST = 1e9
 """No number of an order is as large."""
 
 
-class ViewerHeartbeat:
-    """Whether an operator watches the vehicle: pages report that with every update."""
-
-    def __init__(self) -> None:
-        self._seen_s = float("-inf")
-
-    def beat(self) -> None:
-        """Note that a viewer is present."""
-        self._seen_s = time.monotonic()
-
-    def present(self) -> bool:
-        """Whether a viewer was present a moment ago."""
-        return time.monotonic() - self._seen_s < VIEWER_LOST_S
-
-
 class PageController:
     """Passes on orders and updates for all pages; its methods may be called from any thread."""
 
     def __init__(
-        self,
-        vehicle: GraphLink,
-        of: Vehicle,
-        reports: Reports,
-        heartbeat: ViewerHeartbeat,
-        *,
-        read_only: bool,
-        log: Callable[[str], None],
+        self, vehicle: GraphLink, of: Vehicle, reports: Reports, *, read_only: bool, log: Callable[[str], None]
     ) -> None:
-        self.reports, self.read_only, self._heartbeat = reports, read_only, heartbeat
+        self.reports, self.read_only = reports, read_only
         self._vehicle, self._of, self._log = vehicle, of, log
+        self._seen_s = float("-inf")
+        vehicle.present = self.is_watched
         self._lock = threading.Lock()
         self._outcomes: deque[Mapping[str, Any]] = deque(maxlen=OUTCOMES)
         self._number = 0
@@ -90,7 +70,11 @@ class PageController:
     def note_viewer(self) -> None:
         """Note that a page is being viewed; a viewer of a read-only page is no operator."""
         if not self.read_only:
-            self._heartbeat.beat()
+            self._seen_s = time.monotonic()
+
+    def is_watched(self) -> bool:
+        """Whether an operator watched a moment ago: pages report that with every update."""
+        return time.monotonic() - self._seen_s < VIEWER_LOST_S
 
     def order(self, name: str, words: Mapping[str, Any]) -> None:
         """Pass an order on; Refused where it may not be, or makes no sense. Its outcome is part of a later update."""
