@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from hindrax_analysis.records.bag_track import tilts_of
 from hindrax_analysis.records.recording import Recording
@@ -87,7 +88,7 @@ def read_log(path: Path, vehicle: Vehicle | None) -> Recording:
     velocity_t, world = tables["velocity"]
     steady = np.unwrap(attitude, axis=0)
     turned = array(np.column_stack([np.interp(velocity_t, attitude_t, column) for column in steady.T]))
-    moved = _in_body(world, turned)
+    moved = array(Rotation.from_euler("ZYX", turned[:, ::-1]).inv().apply(world))  # Fossen 2011 eq. 2.18
     parts = [(velocity_t, array(np.column_stack([moved, np.full_like(moved, np.nan)])))]
     if "rate" in tables:
         rate_t, rates = tables["rate"]
@@ -174,15 +175,6 @@ def _px4_rows(data: Mapping[str, Any], fields: Sequence[str]) -> tuple[Array, Ar
         kept &= np.asarray(data.get(name, 1)) != 0
     rows = np.column_stack([np.asarray(data[name], dtype=np.float64) for name in fields])
     return array(t_s[kept]), array(rows[kept])
-
-
-def _in_body(world: Array, attitude: Array) -> Array:
-    """Velocities (n, 3) from north, east, down in body axes. Fossen 2011 eq. 2.18, transposed."""
-    (sr, sp, sy), (cr, cp, cy) = np.sin(attitude).T, np.cos(attitude).T
-    north, east, down = world.T
-    ahead, across = cy * north + sy * east, cy * east - sy * north
-    up_tilted = sp * ahead + cp * down
-    return array(np.column_stack([cp * ahead - sp * down, cr * across + sr * up_tilted, cr * up_tilted - sr * across]))
 
 
 def _wrenches(path: Path, tables: Tables, vehicle: Vehicle) -> tuple[Array, Array, str]:
