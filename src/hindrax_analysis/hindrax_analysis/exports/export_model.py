@@ -85,6 +85,11 @@ def abort_notes(saved: SavedCoefficients) -> list[str]:
     return [f"aborted by {aborted}; the results are of what was flown until then"] if aborted else []
 
 
+def assumption_notes(saved: SavedCoefficients) -> list[str]:
+    """Notes on what was assumed of the record."""
+    return [f"assumed: {one}" for one in saved.conditions.assumptions]
+
+
 def export_model(saved: SavedCoefficients, vehicle: Vehicle, source: str, *, complete: bool = False) -> ExportModel:
     """Make an export model of the results of a file.
 
@@ -95,7 +100,7 @@ def export_model(saved: SavedCoefficients, vehicle: Vehicle, source: str, *, com
     motions = identified(saved)
     lost = {name: motion for name, motion in saved.motions.items() if not motion.identifiable}
     unidentified = {name: next(iter(motion.reasons), "no reason given") for name, motion in lost.items()}
-    assumptions, notes = saved.conditions.assumptions, abort_notes(saved)
+    notes = abort_notes(saved)
     if notes and not motions and not complete:
         raise HindraxError(f"{source}: {notes[0]}, and no motion of that is identifiable; fly it again")
     prior = vehicle.hydrodynamics if complete else None
@@ -109,7 +114,7 @@ def export_model(saved: SavedCoefficients, vehicle: Vehicle, source: str, *, com
     masses = [_axis_added_mass(axis, sides[axis], prior, notes) for axis in AXES]
     cross = prior.added_mass_cross if prior else ()
     hydrodynamics = Hydrodynamics(added_mass=cast("Vec6", tuple(masses)), added_mass_cross=cross, **drags)
-    notes = [*_joined(notes), *_uncertainty_notes(motions), *(f"assumed: {one}" for one in assumptions)]
+    notes = [*_joined(notes), *_uncertainty_notes(motions), *assumption_notes(saved)]
     return ExportModel(vehicle, hydrodynamics, cast("Vec6", tuple(tops)), source, tuple(notes))
 
 

@@ -3,10 +3,9 @@
 import csv
 import io
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 
-from hindrax_analysis.coefficients_file import TABULATED, SavedCoefficients, SavedMotion
+from hindrax_analysis.coefficients_file import TABULATED, SavedCoefficients
 from hindrax_analysis.exports.export_model import abort_notes, identified, unit_of
 from hindrax_core.errors import HindraxError
 from hindrax_ident.assess.results import Number
@@ -14,26 +13,15 @@ from hindrax_ident.assess.results import Number
 SYMBOLS = {"k_q": "$k_q$", "k_l": "$k_l$", "b": "$b$", "added_mass": "$m_a$"}
 
 
-@dataclass(frozen=True, slots=True)
-class ResultTable:
-    """Identified motions of a vehicle as they are: a table wants no others, and nothing made passive."""
-
-    vehicle: str
-    source: str
-    motions: Mapping[str, SavedMotion]
-    notes: tuple[str, ...] = ()
-
-
-def result_table(saved: SavedCoefficients, source: str) -> ResultTable:
-    """Table of the results of a file; HindraxError when it holds none."""
+def result_table(saved: SavedCoefficients, source: str) -> SavedCoefficients:
+    """What a table of results shows: identified motions as they are; HindraxError when there are none."""
     motions, aborted = identified(saved), abort_notes(saved)
     if not motions:
         raise HindraxError(f"{source}: no motion is identifiable{f', {aborted[0]}' if aborted else ''}; fly it again")
-    assumed = (f"assumed: {one}" for one in saved.conditions.assumptions)
-    return ResultTable(saved.conditions.vehicle, source, motions, (*aborted, *assumed))
+    return replace(saved, label=source, motions=motions)
 
 
-def write_csv(table: ResultTable) -> str:
+def write_csv(table: SavedCoefficients) -> str:
     """One line per motion: value, standard deviation and unit of each coefficient; empty where missing."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -50,14 +38,14 @@ def write_csv(table: ResultTable) -> str:
     return text.getvalue()
 
 
-def write_latex(table: ResultTable) -> str:
+def write_latex(table: SavedCoefficients) -> str:
     """A tabular that needs no package: values with one standard deviation, rounded to its second digit."""
     head = " & ".join(["motion", *SYMBOLS.values()])
     rows = [
         " & ".join([motion.replace("_", " "), *(_latex_cell(result.numbers.get(name)) for name in TABULATED)]) + r" \\"
         for motion, result in table.motions.items()
     ]
-    caption = f"% {table.vehicle}, from {table.source}; N, Nm, kg, SI; one standard deviation"
+    caption = f"% {table.conditions.vehicle}, from {table.label}; N, Nm, kg, SI; one standard deviation"
     begin, line, end = r"\begin{tabular}{lrrrr}", r"\hline", r"\end{tabular}"
     return "\n".join([caption, begin, line, head + r" \\", line, *rows, line, end]) + "\n"
 

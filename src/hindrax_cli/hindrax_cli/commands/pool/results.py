@@ -9,7 +9,7 @@ from pathlib import Path
 
 from hindrax_analysis.coefficients_file import SavedCoefficients, read_coefficients
 from hindrax_analysis.exports import gz, python_model, stonefish, tables, uuv, vehicle_block
-from hindrax_analysis.exports.export_model import ExportModel, export_model
+from hindrax_analysis.exports.export_model import ExportModel, abort_notes, assumption_notes, export_model
 from hindrax_analysis.identification.bag_identification import identify_bag, recorded_conditions, write, write_report
 from hindrax_analysis.identification.record_identification import RecordSource, recorded_vehicle
 from hindrax_analysis.records.own_bag import is_mock
@@ -89,7 +89,7 @@ FORMATS: dict[str, Callable[[ExportModel], str]] = {
     "python": python_model.write,
     "vehicle": vehicle_block.write,
 }
-TABLES: dict[str, Callable[[tables.ResultTable], str]] = {"csv": tables.write_csv, "latex": tables.write_latex}
+TABLES: dict[str, Callable[[SavedCoefficients], str]] = {"csv": tables.write_csv, "latex": tables.write_latex}
 """They show what was identified, and want nothing that completes it."""
 URDF = "urdf"
 """Needs no results: the vehicle as on `robot_description`."""
@@ -133,7 +133,7 @@ def _text(path: Path | None, to: str, named: str | None) -> str:
     saved = read_coefficients(file)
     if to in TABLES:
         table = tables.result_table(saved, str(file))
-        _note(table.notes)
+        _note([*abort_notes(saved), *assumption_notes(saved)])
         return TABLES[to](table)
     return FORMATS[to](_model(saved, file, named))
 
