@@ -23,7 +23,7 @@ from hindrax_analysis.report.figures import MotionFigures, charts_of, comparable
 from hindrax_analysis.report.forest import Entry, forest
 from hindrax_analysis.report.page import plus_minus, table
 from hindrax_analysis.report.report_tables import dimensionless, reynolds_text, table_3, table_budget, table_methods
-from hindrax_analysis.report.run_page import _facts
+from hindrax_analysis.report.run_page import _facts, _how_to_read
 from hindrax_analysis.report.scale import Scale, data_range, thinned, tick_text, ticks
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import array
@@ -32,6 +32,8 @@ from hindrax_ident.model.motion_model import model_of
 from hindrax_ident.online.session import Outcome, Session
 
 finite = st.floats(-1e6, 1e6, allow_nan=False)
+LONGEST_LABEL = 30
+"""Characters of a label along the height of a chart on a phone."""
 
 
 @pytest.fixture(scope="module")
@@ -284,10 +286,18 @@ def test_a_budget_has_two_digits_and_no_row_without_a_number() -> None:
 
 
 @pytest.mark.skipif(browser_at_hand() is None, reason="needs a browser: chromium or google-chrome on the PATH")
-def test_no_table_is_wider_than_its_page(report: RunReport, tmp_path: Path) -> None:
+def test_no_table_is_wider_than_its_page_and_no_number_than_its_box(report: RunReport, tmp_path: Path) -> None:
     cut = replace(a_run("2026-01-31_14-00-00", 66.0), conditions=replace(a_run("", 1.0).conditions, aborted=BOUNDS))
-    pages = {"run": run_page(report), "comparison": comparison_page([a_run("2026-01-31_13-00-00", 66.0), cut])}
-    outside = "[...document.querySelectorAll('.scroll')].filter(one => one.scrollWidth > one.clientWidth).length"
+    turning = array([0.3, 0.69])
+    drag = DragBand(turning, array([0.2, 0.7634]), array([0.02, 0.05]), array([0.1, 0.2123]))
+    swings = Results({motion: a_motion(motion, drag) for motion in ("roll", "pitch")}, report.vehicle)
+    pages = {
+        "run": run_page(report),
+        "swings": run_page(replace(report, results=swings, assessments={})),
+        "comparison": comparison_page([a_run("2026-01-31_13-00-00", 66.0), cut]),
+    }
+    boxes = "[...document.querySelectorAll('.scroll, .headline div')]"
+    outside = f"{boxes}.filter(one => one.scrollWidth > one.clientWidth).length"
     with browser(str(browser_at_hand()), tmp_path / "profile") as seen:
         for name, text in pages.items():
             (tmp_path / f"{name}.html").write_text(text, encoding="utf-8")
@@ -313,8 +323,21 @@ def test_every_chart_has_units_and_one_sentence(report: RunReport, vehicle: Vehi
     for chart in charts:
         assert "[" in chart.x_label, chart.title
         assert "[" in chart.y_label, chart.title
+        assert len(chart.y_label) <= LONGEST_LABEL, chart.title
         assert re.fullmatch(r"[A-Z].*\.", chart.caption), chart.title
         assert not re.search(r"\. [A-Z]", chart.caption), chart.title
+
+
+def test_the_first_estimates_do_not_flatten_what_the_online_estimate_converges_to(
+    report: RunReport, vehicle: Vehicle
+) -> None:
+    t = array(np.linspace(0.0, 30.0, 100))
+    std = np.where(t < 12.0, 14.0, 0.05)
+    trace = Trace(t, {"k_q": np.full(100, 66.0)}, {"k_q": std})
+    figures = MotionFigures(vehicle, report.results.motions["surge"], report.assessments[0], trace)
+    (chart,) = (one for one in charts_of(figures) if one.title == "Online estimate of k_q")
+    assert chart.y_range is not None
+    assert chart.y_range[1] - chart.y_range[0] < 4.0
 
 
 def test_on_a_phone_every_number_stands_under_its_heading() -> None:
@@ -411,6 +434,21 @@ def test_the_coefficients_have_the_units_of_the_motions_that_were_flown() -> Non
     assert "b [N]<" in table_3(Results({"surge": surge}, vehicle))
     assert "b [N\u00b7m]<" in table_3(Results({"yaw": yaw}, vehicle))
     assert "b [N or N\u00b7m]<" in table_3(Results({"surge": surge, "yaw": yaw}, vehicle))
+
+
+def test_the_restoring_moment_of_what_rights_itself_is_in_model_and_table(report: RunReport) -> None:
+    numbers = {name: Number(1.2, 0.1) for name in ("k_q", "k_l", "b", "added_mass")}
+    surge = replace(a_motion("surge", None), coefficients=numbers)
+    roll = replace(a_motion("roll", None), coefficients=numbers | {"k_r": Number(3.5, 0.11, 1.3, truth=3.06)})
+    both = Results({"surge": surge, "roll": roll}, report.vehicle)
+    table = table_3(both)
+    assert ">k<sub>r</sub> [N\u00b7m]<" in table
+    assert "3.5 \u00b1 1.3 <small>noise \u00b1 0.11</small>" in table
+    assert "<small>3.06</small>" in table
+    assert "not found" not in table
+    assert "k<sub>r</sub>" in _how_to_read(replace(report, results=both))
+    straight = Results({"surge": surge}, report.vehicle)
+    assert "k<sub>r</sub>" not in table_3(straight) + _how_to_read(replace(report, results=straight))
 
 
 def test_a_command_in_a_sentence_is_shown_as_code(report: RunReport) -> None:

@@ -102,7 +102,7 @@ def _force_velocity(figures: MotionFigures) -> Chart:
     return Chart(
         title=f"{force.capitalize()} against {speed}",
         x_label=f"{speed} [{speed_unit}]",
-        y_label=f"{force} at constant {speed} [{force_unit}]",
+        y_label=f"steady {force} [{force_unit}]",
         caption=f"The fitted drag curve k_q|x|x + k_l x + b over the tested range of {speed}, with its 95 % bands.",
         layers=tuple(layers),
         y_range=data_range([ys(layer) for layer in layers if not isinstance(layer, Band)]),
@@ -260,8 +260,8 @@ def _convergence(figures: MotionFigures, trace: Trace, name: str) -> Chart:
     if number is not None and number.truth is not None:
         layers.append(Line(ends, np.full(2, number.truth), "truth", "truth of the mock", dashed=True))
     unit = number.unit if number else ("kg m^2" if figures.motion.axis >= 3 else "kg")
-    # The later part is shown in full; the first estimates may leave the frame.
-    late = slice(len(value) // 4, None)
+    # The later half is shown in full; the first estimates may leave the frame.
+    late = slice(len(value) // 2, None)
     levels = [layer.y for layer in layers if isinstance(layer, Line)][1:]
     return Chart(
         title=f"Online estimate of {LABELS[name]}",
@@ -283,8 +283,8 @@ def _residuals(figures: MotionFigures) -> Chart:
     return Chart(
         title="Residuals",
         x_label="time [s]",
-        y_label=f"measured \u2212 fitted {what} [{unit}]",
-        caption="Measurement minus fitted model; it should be noise without a pattern.",
+        y_label=f"measured \u2212 fitted [{unit}]",
+        caption=f"Measured {what} minus that of the fitted model; it should be noise without a pattern.",
         layers=(Points(_clock(figures, t), residual, "measured", small=True),),
     )
 

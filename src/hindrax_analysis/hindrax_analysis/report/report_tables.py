@@ -40,12 +40,16 @@ def table_3(results: Results) -> str:
     """Coefficients with their deviations, titled; below each motion the paper's row and the mock's truth."""
     rows: list[list[str]] = []
     own: list[int] = []
+    righted = {motion for motion, result in results.motions.items() if has_restoring_moment(result)}
+    titles = dict(zip(TABULATED, HEADINGS, strict=True)) | ({"k_r": "k<sub>r</sub>"} if righted else {})
     for motion, result in results.motions.items():
         own += [len(rows)] if result.identifiable else []
         verdict = "identified" if result.identifiable else "not identifiable"
-        rows.append([title_of(motion), *(_cell(result.coefficients.get(name)) for name in TABULATED), verdict])
+        wanted = [name for name in titles if name != "k_r" or motion in righted]
+        cells = {name: _cell(result.coefficients.get(name)) for name in wanted}
+        rows.append([title_of(motion), *(cells.get(name, "") for name in titles), verdict])
         if any(one.truth is not None for one in result.coefficients.values()):
-            known = [result.coefficients.get(name) for name in TABULATED]
+            known = [result.coefficients.get(name) for name in titles]
             truths = [
                 number(one.truth, decimals(one.value, one.std)) if one and one.truth is not None else ""
                 for one in known
@@ -54,14 +58,12 @@ def table_3(results: Results) -> str:
         paper = published_of(results.vehicle.name, motion)
         if paper is not None:
             pairs = paper.in_our_axes
-            printed = [as_printed(*pairs[name]) if name in pairs else "" for name in TABULATED]
+            printed = [as_printed(*pairs[name]) if name in pairs else "" for name in titles]
             rows.append([*map(_small, (PAPER, *printed)), ""])
     # Straight motions and turns have different units; the heading has those of what was flown.
-    units = [units_of(motion) for motion in results.motions]
-    heads = [
-        f"{head} [{' or '.join(dict.fromkeys(one[name] for one in units))}]"
-        for name, head in zip(TABULATED, HEADINGS, strict=True)
-    ]
+    units = {name: [units_of(motion)[name] for motion in results.motions] for name in TABULATED}
+    units |= {"k_r": [units_of(motion)["k_r"] for motion in righted]}
+    heads = [f"{head} [{' or '.join(dict.fromkeys(units[name]))}]" for name, head in titles.items()]
     note = f'<p class="soft">{SIGN_OF_B}</p>' if _printed(results, "heave_up") else ""
     return _titled(TITLE_3, 3, results) + table(["motion", *heads, "verdict"], rows, own) + note
 
@@ -132,7 +134,7 @@ def table_4(vehicle: Vehicle, results: Results) -> str:
         found = dimensionless(vehicle, result)
         if found is not None:
             own += [len(rows)] if result.identifiable else []
-            between = " to ".join(reynolds_text(float(found.reynolds[end])) for end in (0, -1))
+            between = _between(float(found.reynolds[0]), float(found.reynolds[-1]))
             top = plus_minus(*(float(part[-1]) for part in (found.drag_coefficient, found.std, found.std_calibrated)))
             rows.append([title_of(motion), plus_minus(*found.mean), top, between])
             paper = published_of(vehicle.name, motion)
@@ -141,7 +143,7 @@ def table_4(vehicle: Vehicle, results: Results) -> str:
                     PAPER,
                     as_printed(*paper.drag_coefficient),
                     "",
-                    " to ".join(map(reynolds_text, paper.reynolds)),
+                    _between(*paper.reynolds),
                 ]
                 rows.append([*map(_small, cells)])
     heads = ["motion", "C<sub>D</sub>, mean over the speeds", "C<sub>D</sub> at the highest speed", "Re"]
@@ -156,11 +158,21 @@ def reynolds_text(reynolds: float) -> str:
     return f"{mantissa} \u00d7 10{str(int(power)).translate(RAISED)}"
 
 
+def _between(low: float, high: float) -> str:
+    """Two Reynolds numbers; a narrow screen breaks the line beside them, not within."""
+    return " to ".join(f'<span class="whole">{reynolds_text(one)}</span>' for one in (low, high))
+
+
 def table_predictions(assessments: Mapping[int, Assessment]) -> str:
     """RMS errors over the held-out part of each axis; empty where none was long enough."""
     checked = {axis: one.validation.prediction for axis, one in assessments.items() if one.validation}
     rows = [
-        [AXES[axis].capitalize(), str(one.windows), *(f"{error:.3g}" for error in one.errors.values()), one.unit]
+        [
+            AXES[axis].capitalize(),
+            str(one.windows),
+            *(number(error, decimals(math.nan, error / 10.0)) for error in one.errors.values()),
+            one.unit,
+        ]
         for axis, one in checked.items()
     ]
     return table(["axis", "windows", *PREDICTORS, "unit"], rows) if rows else ""

@@ -17,6 +17,7 @@ from hindrax_analysis.report.figures import (
     Trace,
     charts_of,
     comparable_methods,
+    has_restoring_moment,
     pretty_unit,
 )
 from hindrax_analysis.report.forest import Entry, forest
@@ -127,8 +128,11 @@ def _headline(results: Results, predicted: Mapping[str, float]) -> str:
 
 def _how_to_read(report: RunReport) -> str:
     mass = "(m + m<sub>a</sub>) v\u0307 = thrust \u2212 k<sub>q</sub>|v|v \u2212 k<sub>l</sub>v \u2212 b"
+    rights = any(map(has_restoring_moment, report.results.motions.values()))
+    righting = "; of roll and pitch also \u2212 k<sub>r</sub> sin of the angle: the restoring moment" if rights else ""
     words = (
-        f"<p>Model of every motion: {mass}, in SI units and SNAME axes (x forward, y starboard, z down). A value "
+        f"<p>Model of every motion: {mass}, in SI units and SNAME axes (x forward, y starboard, z down)"
+        f"{righting}. A value "
         "stands with the standard deviation to quote for the vehicle, which holds all influences of the uncertainty "
         "budget; below it is the part that is the noise of this run.</p>"
     )
