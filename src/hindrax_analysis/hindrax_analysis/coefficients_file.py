@@ -32,7 +32,7 @@ class Conditions:
     `date` is that of the record (ISO 8601), not of the evaluation; `bag_sha256` is over the files of the bag. `aborted`
     is "guard: sentence" where the flight was aborted, `flown_s` the excitation of each motion [s], where it is known;
     `blocked_s` its thrust without motion, as against a wall [s], which is not in the data; `predicted` the calibrated
-    deviation of its drag at the highest speed, as a share of it [-], where a rehearsal told it before the flight.
+    deviation of its drag at the highest speed, as a share of it [-], where a rehearsal predicted it before the flight.
     """
 
     vehicle: str

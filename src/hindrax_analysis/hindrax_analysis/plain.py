@@ -30,12 +30,12 @@ def print_json(document: Mapping[str, object] | object) -> None:
     print_whole(json.dumps(plain(document), indent=2, allow_nan=False))
 
 
-def print_answer(document: Mapping[str, object] | object, said: object, *, as_json: bool) -> int:
-    """Print one JSON document, or say it to a person: a sentence, or what a function prints. Exit code of success."""
+def print_answer(document: Mapping[str, object] | object, text: object, *, as_json: bool) -> int:
+    """Print one JSON document, or a text for people: a sentence, or what a function prints. Exit code of success."""
     if as_json:
         print_json(document)
-    elif callable(said):
-        said()
+    elif callable(text):
+        text()
     else:
-        print_fitted(said)
+        print_fitted(text)
     return 0

@@ -56,7 +56,7 @@ def make_table(title: str, words: Sequence[str], numbers: Sequence[str], prose: 
 def print_table(table: Table) -> None:
     """Print a table of `make_table`; on a screen that is too narrow row by row, so that nothing is ever cut."""
     screen = console()
-    # A column for remarks that nobody made would be a stripe of nothing.
+    # A column without remarks would be a stripe of nothing.
     table.columns = [column for column in table.columns if any(column.cells) or (column.header and column.no_wrap)]
     if _least_width(table) <= screen.width:
         screen.print(table)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hindrax_analysis.records.plausibility import INERTIA_SHARE, with_doubt_of_inertia
+from hindrax_analysis.records.plausibility import INERTIA_SHARE, with_inertia_uncertainty
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import Contribution, MotionResult, Number
 
@@ -21,7 +21,7 @@ def turned(motion: str) -> MotionResult:
 
 
 def test_the_added_mass_of_a_turn_is_no_better_than_an_inertia_that_nobody_named() -> None:
-    found = with_doubt_of_inertia(turned("yaw"), BOX)
+    found = with_inertia_uncertainty(turned("yaw"), BOX)
     doubt = INERTIA_SHARE * 20.0 * (0.6**2 + 0.5**2) / 12.0
     assert found.coefficients["added_mass"].std_calibrated == pytest.approx(np.hypot(0.02, doubt))
     assert found.coefficients["added_mass"].std == FOUND.std
@@ -29,5 +29,5 @@ def test_the_added_mass_of_a_turn_is_no_better_than_an_inertia_that_nobody_named
 
 
 def test_an_inertia_that_was_named_is_believed_and_a_mass_always() -> None:
-    assert with_doubt_of_inertia(turned("yaw"), replace(BOX, inertia_kgm2=(0.5, 0.6, 0.7))) == turned("yaw")
-    assert with_doubt_of_inertia(turned("surge"), BOX) == turned("surge")
+    assert with_inertia_uncertainty(turned("yaw"), replace(BOX, inertia_kgm2=(0.5, 0.6, 0.7))) == turned("yaw")
+    assert with_inertia_uncertainty(turned("surge"), BOX) == turned("surge")

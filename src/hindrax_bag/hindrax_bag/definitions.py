@@ -1,6 +1,6 @@
 """Message definitions as rosbag2 embeds them: the text of a type, then each type it depends on, once.
 
-The schema that is embedded in a bag tells which version of our interfaces wrote it. Messages of earlier ones are
+The schema that is embedded in a bag shows which version of our interfaces wrote it. Messages of earlier ones are
 migrated, so that old bags stay readable. When a message changes: add a step here, and a bag of the new version to
 `test/replay/schemas` (see `test/replay/make_schema_bags.py`); a test opens each of them.
 """

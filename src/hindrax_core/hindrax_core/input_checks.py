@@ -27,7 +27,7 @@ OTHER_CLOCK_s = 1e9
 LAST = Stamp((2**31 - 1) * 10**9)
 """Latest time that a ROS stamp can carry (builtin_interfaces/Time: int32 seconds)."""
 UNKNOWN = "_NODE_NAME_UNKNOWN_"
-"""What the middleware says of a publisher whose node it has not heard of yet, or that has none."""
+"""Name that the middleware gives a publisher whose node is not discovered yet, or that has none."""
 LONGEST = 300
 """Limit of a kept sentence [characters]: invalid input may be long."""
 
@@ -82,7 +82,7 @@ ORDER = StampWindow(1.0, 0.1)
 """For orders of an operator: goals, setpoints, lists, heartbeats. Arm requests have the same limits, as knobs."""
 MOCK_ORDER = StampWindow(10.0, 10.0)
 """On a mock's clock: at ten times real time a moment of the computer is a second of the vehicle, and two processes
-have heard of the time at different moments."""
+have received the time at different moments."""
 
 
 def order_window(*, mock: bool) -> StampWindow:

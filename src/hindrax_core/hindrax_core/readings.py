@@ -137,9 +137,9 @@ class BottomTrack(Reading):
 
 @dataclass(frozen=True, slots=True)
 class Position(Reading):
-    """Place that a DVL reckons from its start, its last GPS fix or a position told to it [deg].
+    """Place that a DVL reckons from its start, its last GPS fix or a position that it was given [deg].
 
-    `fixed`: a GPS gives it at the moment. Without one and never told a position, the device starts at 0, 0.
+    `fixed`: a GPS gives it at the moment. Without one and without a given position, the device starts at 0, 0.
     """
 
     latitude_deg: float

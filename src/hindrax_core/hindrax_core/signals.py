@@ -21,10 +21,10 @@ NEVER = Stamp(0)
 class Consistency:
     """Evidence of the filters for and against a state.
 
-    `began`: when this state began, from nothing; `gravity_off_rad`: angle between gravity as measured and as believed,
+    `began`: when this state began, from nothing; `gravity_off_rad`: angle between gravity as measured and as estimated,
     smoothed; `refused_depths`, `refused_velocities`: how many more were refused than accepted lately; `sunk_off_m`: way
     down by DVL less that by pressure and accelerometer, of the last seconds; `frozen_s`: time for which the inertial
-    sensor has said the very same.
+    sensor has repeated one sample.
     """
 
     began: Stamp = NEVER
@@ -94,7 +94,7 @@ class Command(NamedTuple):
 class AppliedOutput(NamedTuple):
     """Output from this time on: whether armed, actual pulses [us], sequence of their command, armings so far.
 
-    `phase` of the output guard and `reason`, where they are told in words.
+    `phase` of the output guard and `reason`, where they are given in words.
     """
 
     stamp: Stamp
@@ -126,7 +126,7 @@ class Attitude:
 class Thrust:
     """The wrench that the applied pulses achieve, from this stamp until the next (before thruster lag) [N, Nm].
 
-    `forces_N`: what each thruster gives, in the order of the vehicle file; empty where nobody says.
+    `forces_N`: what each thruster gives, in the order of the vehicle file; empty where unknown.
     `supply_measured`: the supply voltage that they were computed with was measured, not assumed.
     """
 

@@ -102,7 +102,7 @@ HOLD_STATUS = _row("holds/status", "hindrax_msgs/msg/HoldStatus", STATE, 10, "ho
 OPERATOR_WRENCH = _row(
     "operator/wrench", "geometry_msgs/msg/WrenchStamped", COMMAND, 0, "wrench by hand, added to the holds"
 )
-JOYSTICK = _row("joy", "sensor_msgs/msg/Joy", BY_HAND, 0, "joystick of the operator, as `joy_node` tells it")
+JOYSTICK = _row("joy", "sensor_msgs/msg/Joy", BY_HAND, 0, "joystick of the operator, as `joy_node` publishes it")
 TWIST = _row("cmd_vel", "geometry_msgs/msg/Twist", BY_HAND, 0, "velocity by hand: keyboard, web page")
 LIGHTS = _row("lights", "std_msgs/msg/Float32MultiArray", STATE, 0, "brightness of every lamp, 0 dark to 1")
 WRENCH = _row(

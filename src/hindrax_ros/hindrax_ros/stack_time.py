@@ -1,4 +1,4 @@
-"""The time of a real stack: wall time as it was when the stack started, carried on by the clock that nobody sets.
+"""The time of a real stack: wall time as it was when the stack started, carried on by the monotonic clock.
 
 A computer without a battery clock (every Raspberry Pi) gets its time from the network after it has booted, and its wall
 clock then steps. Stamps of one stack do not: all its processes share the one offset that its tool measured.

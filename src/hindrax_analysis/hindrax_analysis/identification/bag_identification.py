@@ -44,7 +44,7 @@ class Identified:
     origin: Stamp | None = None
     """Stamp at time zero of the outcome."""
     predicted: Mapping[str, float] = field(default_factory=dict)
-    """Deviation of the drag of each motion as a share of it, as a rehearsal told before the flight [-]."""
+    """Deviation of the drag of each motion as a share of it, as a rehearsal predicted before the flight [-]."""
     traces: Mapping[str, Trace] = field(default_factory=dict)
     runs: tuple[Results, ...] = ()
     spreads: Mapping[str, Mapping[str, RunScatter]] = field(default_factory=dict)
@@ -179,7 +179,7 @@ def recorded_conditions(
     `aborted` is an end that neither a bag nor its run tells yet.
     """
     results, flown = identified.results, [maneuver_record(bag) for bag in ours]
-    ends = [aborted or told_end(bag) or one.aborted for bag, one in zip(ours, flown, strict=True)]
+    ends = [aborted or recorded_end(bag) or one.aborted for bag, one in zip(ours, flown, strict=True)]
     is_bag = files[0].is_dir() or files[0].suffix in (".mcap", ".db3")
 
     def total(seconds: Sequence[Mapping[str, float]]) -> dict[str, float]:
@@ -199,12 +199,12 @@ def recorded_conditions(
     )
 
 
-def told_end(bag: Path) -> str:
-    """By what a run was aborted, as the coefficients beside its bag tell: a Ctrl-C or a refused start is in no bag."""
+def recorded_end(bag: Path) -> str:
+    """By what a run was aborted, by the coefficients beside its bag: a Ctrl-C or a refused start is in no bag."""
     run = RunFolder(bag.parent)
     if bag.name != run.bag.name or not run.coefficients.is_file():
         return ""
-    with contextlib.suppress(HindraxError):  # a file of somebody else's
+    with contextlib.suppress(HindraxError):  # a foreign file
         return read_coefficients(run.coefficients).conditions.aborted
     return ""
 

@@ -298,7 +298,7 @@ def _identify_recordings(recordings: Sequence[Recording], vehicle: Vehicle, task
     for name, one in motions.items():
         if task.mass_known:
             weighed = plausibility.with_weight_check(one, vehicle)
-            motions[name] = plausibility.with_doubt_of_inertia(weighed, vehicle)
+            motions[name] = plausibility.with_inertia_uncertainty(weighed, vehicle)
         else:
             kept = {key: number for key, number in one.coefficients.items() if key != "added_mass"}
             motions[name] = replace(one, coefficients=kept)

@@ -17,10 +17,10 @@ Verdict: TypeAlias = Literal["agrees", "misprint", "does not follow"]
 Formula: TypeAlias = Callable[[Mapping[str, float]], float]
 
 FEWEST_DIGITS = 4
-"""Significant digits a printed result must have before a one-digit slip in it is believed."""
+"""Significant digits a printed result must have before a one-digit slip in it is accepted."""
 
 FEWEST_REPAIRED = 2
-"""Cells that a slip in an input must bring back before it is believed."""
+"""Cells that a slip in an input must explain before it is accepted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +84,7 @@ class Claim:
 class Row:
     """A row of a table: printed inputs and the results claimed to follow.
 
-    `exact` inputs carry no rounding; a slip is looked for in `doubtful` inputs alone (None: in all).
+    `exact` inputs carry no rounding; a slip is looked for in `suspects` alone (None: in all).
     """
 
     paper: str
@@ -93,7 +93,7 @@ class Row:
     inputs: Mapping[str, Printed]
     claims: Sequence[Claim]
     exact: frozenset[str] = frozenset()
-    doubtful: frozenset[str] | None = None
+    suspects: frozenset[str] | None = None
 
     def judge(self) -> list[Cell]:
         """Every claim of the row with its verdict."""
@@ -133,7 +133,7 @@ class Row:
     def _slip_of_input(self) -> str:
         """Sentence about the one-digit slip of one input with which every claim of the row holds, or nothing."""
         best: tuple[float, str] | None = None
-        for name in self.inputs if self.doubtful is None else self.doubtful:
+        for name in self.inputs if self.suspects is None else self.suspects:
             number = self.inputs[name]
             for kind, text in (*wrong_digits(number.text), *wrong_orders(number.text)):
                 excess = replace(self, inputs={**self.inputs, name: Printed(text)}).excess()

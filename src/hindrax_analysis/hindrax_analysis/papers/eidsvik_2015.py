@@ -77,7 +77,7 @@ def _row(table: Table, prism: Printed | None = None) -> Row:
 
     claims = [claim(axis, printed) for axis, printed in enumerate(table.printed.split())]
     exact = frozenset(inputs)
-    return Row(PAPER, table.name, table.vehicle, inputs, claims, exact, doubtful=frozenset({"prism"}) & exact)
+    return Row(PAPER, table.name, table.vehicle, inputs, claims, exact, suspects=frozenset({"prism"}) & exact)
 
 
 def recompute() -> list[Cell]:

@@ -95,11 +95,11 @@ def read_log(path: Path, vehicle: Vehicle | None) -> Recording:
         parts.append((rate_t, array(np.column_stack([np.full_like(rates, np.nan), rates]))))
     t, rows = (array(np.concatenate(column)) for column in zip(*parts, strict=True))
     order = np.argsort(t, kind="stable")
-    pulses_t, wrench, told = _wrenches(path, tables, vehicle)
+    pulses_t, wrench, supply_note = _wrenches(path, tables, vehicle)
     tilts = array(np.column_stack([attitude[:, :2], np.full(len(attitude), np.nan)]))
     return Recording(
         str(path), array(t[order]), array(rows[order]), pulses_t, wrench, attitude_t, tilts, origin,
-        ("velocities are those of the autopilot's estimator, turned into body axes by its attitude", told),
+        ("velocities are those of the autopilot's estimator, turned into body axes by its attitude", supply_note),
     )  # fmt: skip
 
 
@@ -178,15 +178,15 @@ def _px4_rows(data: Mapping[str, Any], fields: Sequence[str]) -> tuple[Array, Ar
 
 
 def _wrenches(path: Path, tables: Tables, vehicle: Vehicle) -> tuple[Array, Array, str]:
-    """Times (n,) [s], wrenches (n, 6) [N, N m], and what is said of the supply voltage."""
+    """Times (n,) [s], wrenches (n, 6) [N, N m], and a note on the supply voltage."""
     t, channels = tables["pulses"]
-    volts, told = np.full(len(t), vehicle.supply_V), f"no supply voltage is logged: {vehicle.supply_V:g} V is assumed"
+    volts, note = np.full(len(t), vehicle.supply_V), f"no supply voltage is logged: {vehicle.supply_V:g} V is assumed"
     supply_t, supply = tables.get("supply", (array(np.zeros(0)), array(np.zeros((0, 1)))))
     connected = (supply[:, 0] >= LEAST_V) & (supply[:, 0] <= MOST_V)
     if connected.any():
         logged = supply[connected, 0]
         volts = np.interp(t, supply_t[connected], logged)
-        told = f"thrust is that of the curves at the logged {logged.min():.1f} to {logged.max():.1f} V"
+        note = f"thrust is that of the curves at the logged {logged.min():.1f} to {logged.max():.1f} V"
     applied = functools.cache(lambda steps: AppliedWrench(vehicle, steps * STEP_V))
     wrenches = []
     try:
@@ -195,4 +195,4 @@ def _wrenches(path: Path, tables: Tables, vehicle: Vehicle) -> tuple[Array, Arra
             wrenches.append(at_supply.wrench(at_supply.forces_N(pulses_of_channels(vehicle, row))))
     except ValueError as error:
         raise UsageError(f"{path}: {error}") from error
-    return t, array(np.array(wrenches)), f"pulses of the outputs are converted by the vehicle file; {told}"
+    return t, array(np.array(wrenches)), f"pulses of the outputs are converted by the vehicle file; {note}"

@@ -1,6 +1,6 @@
-"""Damage in third-party records: what a sensor without lock, a frozen one or a buffered link leaves, removed and told.
+"""Damage in third-party records: what a sensor without lock, a frozen one or a buffered link leaves, removed and noted.
 
-A least-squares fit believes every sample. Exact zeros of a DVL without bottom lock under thrust, values that repeat
+A least-squares fit trusts every sample. Exact zeros of a DVL without bottom lock under thrust, values that repeat
 for seconds, flat tops of a saturated sensor and outliers are no measurements. They are left out before the fit, and
 each kind is an assumption of the record, with its number and place.
 """
@@ -64,7 +64,7 @@ def without_damage(recording: Recording) -> Recording:
 
 
 def _damage(t: Array, v: Array, force: Array) -> Iterator[tuple[str, Flags]]:
-    """What is said of each kind of damage, and its samples (n,) of velocities (n,) under forces (n,)."""
+    """The note of each kind of damage, and its samples (n,) of velocities (n,) under forces (n,)."""
     stretches = list(_equal_values(t, v))
     size, most = float(np.quantile(np.abs(v), 0.95)), float(np.nanmax(np.abs(force), initial=0.0))
     zeros = [one for one in stretches if one.value == 0.0 and _is_lost(one, v, force, size, most)]
@@ -158,10 +158,10 @@ def _with_even_times(recording: Recording) -> tuple[Recording, list[str]]:
         return recording, []
     ends = np.concatenate((np.flatnonzero(~short), [len(t) - 1]))
     even = np.interp(np.arange(len(t)), ends, t[ends])
-    even[: ends[0]] = t[0]  # nothing tells when the first burst began
+    even[: ends[0]] = t[0]  # when the first burst began is unknown
     size = len(t) / len(ends)
-    told = f"velocities came in bursts of about {size:.0f}, as by their times of receipt: they are spread evenly"
-    return replace(recording, velocity_t=array(even)), [f"{told}; stamps of the measurement itself are better"]
+    note = f"velocities came in bursts of about {size:.0f}, as by their times of receipt: they are spread evenly"
+    return replace(recording, velocity_t=array(even)), [f"{note}; stamps of the measurement itself are better"]
 
 
 def _gaps(recording: Recording) -> list[str]:

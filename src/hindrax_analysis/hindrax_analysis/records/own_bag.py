@@ -1,4 +1,4 @@
-"""What a bag of this stack tells: events by the feed of the live identifier, what was flown, its date, its truth."""
+"""What a bag of this stack holds: events by the feed of the live identifier, what was flown, its date, its truth."""
 
 import json
 from collections.abc import Iterable, Iterator, Mapping
@@ -64,14 +64,14 @@ def record_of(statuses: Iterable[Any]) -> ManeuverRecord:
     before: tuple[dict[str, float], str] | None = None
     flown_s: dict[str, float] = {}
     blocked_s: dict[str, float] = {}
-    for told in statuses:
-        at_s = told.header.stamp.sec + 1e-9 * told.header.stamp.nanosec
+    for status in statuses:
+        at_s = status.header.stamp.sec + 1e-9 * status.header.stamp.nanosec
         if before and 0.0 < at_s - before_s < JOINED_S:
             times_s, motion = before
             times_s[motion] = times_s.get(motion, 0.0) + at_s - before_s
-        counts = blocked_s if told.phase == BLOCKED else flown_s if told.phase in FLOWN else None
-        before, before_s = (None if counts is None else (counts, str(told.motion))), at_s
-        aborted = str(told.aborted)
+        counts = blocked_s if status.phase == BLOCKED else flown_s if status.phase in FLOWN else None
+        before, before_s = (None if counts is None else (counts, str(status.motion))), at_s
+        aborted = str(status.aborted)
     return ManeuverRecord(aborted, flown_s, blocked_s)
 
 
@@ -85,7 +85,7 @@ def date_of(bag: Path) -> str:
     return ""
 
 
-def _told(bag: Path) -> Mapping[str, str]:
+def _description(bag: Path) -> Mapping[str, str]:
     """What the recorder says of a bag of this stack; empty for third-party bags."""
     for file in bag_files(bag):
         if file.suffix == ".db3":
@@ -98,10 +98,10 @@ def _told(bag: Path) -> Mapping[str, str]:
 
 def is_mock(bag: Path) -> bool:
     """Whether a bag of this stack was recorded on the mock vehicle."""
-    return "in mock" in _told(bag).get("notes", "")
+    return "in mock" in _description(bag).get("notes", "")
 
 
 def truth_in(bag: Path, vehicle: Vehicle) -> dict[str, dict[str, float]]:
     """True coefficients of the hull that the mock flew, by motion; without any in the bag, of the vehicle file."""
-    found: dict[str, dict[str, float]] = json.loads(_told(bag).get("truth") or "{}")
+    found: dict[str, dict[str, float]] = json.loads(_description(bag).get("truth") or "{}")
     return found or truth_of(vehicle)

@@ -69,21 +69,21 @@ def with_weight_check(result: MotionResult, vehicle: Vehicle) -> MotionResult:
     sigma_N = found.std_calibrated if math.isfinite(found.std_calibrated) else found.std
     if abs(off_N) < max(CONTRADICTED * sigma_N, LEAST_OFF * vehicle.weight_N):
         return result
-    told = (
+    warning = (
         f"the record has a net buoyancy of {measured(found.value, sigma_N)} N, mass and volume of the vehicle file "
         f"{vehicle.net_buoyancy_N:.3g} N: check mass_kg, volume_m3 and the density of the water"
     )
-    return replace(result, warnings=(*result.warnings, told))
+    return replace(result, warnings=(*result.warnings, warning))
 
 
-def with_doubt_of_inertia(result: MotionResult, vehicle: Vehicle) -> MotionResult:
-    """The result, whose added mass of a rotation holds no better than a moment of inertia that nobody named."""
+def with_inertia_uncertainty(result: MotionResult, vehicle: Vehicle) -> MotionResult:
+    """The result, whose added mass of a rotation holds no better than an assumed moment of inertia."""
     found, axis = result.coefficients.get("added_mass"), MOTIONS[result.motion].axis
     if axis < 3 or vehicle.inertia_kgm2 is not None or found is None:
         return result
-    doubt = Contribution("inertia of the body", INERTIA_SHARE * rigid_mass(vehicle, axis), INERTIA_REMEDY)
-    wider = replace(found, std_calibrated=math.hypot(found.std_calibrated, doubt.std))
-    rows = sorted([doubt, *result.budget.get("added_mass", ())], key=lambda row: -row.std)
+    inertia = Contribution("inertia of the body", INERTIA_SHARE * rigid_mass(vehicle, axis), INERTIA_REMEDY)
+    wider = replace(found, std_calibrated=math.hypot(found.std_calibrated, inertia.std))
+    rows = sorted([inertia, *result.budget.get("added_mass", ())], key=lambda row: -row.std)
     numbers, budget = {**result.coefficients, "added_mass": wider}, {**result.budget, "added_mass": rows}
     return replace(result, coefficients=numbers, budget=budget)
 

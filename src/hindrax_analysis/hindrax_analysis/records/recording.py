@@ -118,8 +118,8 @@ def joined(one: Recording, other: Recording) -> Recording:
         t = np.concatenate([getattr(part, f"{name}_t") + (part.origin_s - origin) for part in (one, other)])
         order = np.argsort(t, kind="stable")
         tables.append((array(t[order]), array(np.concatenate([getattr(one, name), getattr(other, name)])[order])))
-    told = f"{one.source} and {other.source} count time from one origin"
-    assumptions = tuple(dict.fromkeys((*one.assumptions, *other.assumptions, told)))
+    note = f"{one.source} and {other.source} count time from one origin"
+    assumptions = tuple(dict.fromkeys((*one.assumptions, *other.assumptions, note)))
     return Recording(one.source, *tables[0], *tables[1], *tables[2], origin, assumptions)
 
 

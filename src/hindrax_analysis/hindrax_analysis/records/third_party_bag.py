@@ -149,8 +149,8 @@ def _recording(bag: Path, velocity: Track, wrench: Track, frame: str, vehicle: V
 def _forces(wrench: Track, velocity: Track, signs: Array, axes: _FrameChoice, vehicle: Vehicle | None) -> Array:
     """Wrenches in SNAME axes, in the order of the bag: (n, 6) [N, N m]."""
     if wrench.kind in PULSE_FIELDS:
-        told = "holds pulses of the channels, converted to newtons by the curves of the vehicle file"
-        axes.notes.append(f"{wrench.topic} {told}")
+        note = "holds pulses of the channels, converted to newtons by the curves of the vehicle file"
+        axes.notes.append(f"{wrench.topic} {note}")
         return wrenches_of(wrench, vehicle)
     if wrench.frame or axes.is_given:
         signs = _signs_to_sname(wrench, axes)
@@ -193,8 +193,8 @@ def _in_world(track: Track, at_s: Array, rows: Array, poses: tuple[Array, Array]
         axes.notes.append(f"{track.topic}: suspect, its velocities contradict the change of its positions in any axes")
     if named_world or (found is not None and found.is_world):
         why = "as named" if named_world else f"not in {track.frame or 'those of the body'}: its positions change so"
-        told = f"velocities taken in the axes of the world, {why}, and turned by its attitude"
-        axes.notes.append(f"{track.topic}: {told}")
+        note = f"velocities taken in the axes of the world, {why}, and turned by its attitude"
+        axes.notes.append(f"{track.topic}: {note}")
         return True
     return False
 

@@ -23,7 +23,7 @@ class RunScatter:
     """Several runs of one coefficient: weighted mean, its deviations, and the scatter between runs.
 
     Random effects: what differs from run to run has the deviation `between`, estimated beside those of the runs
-    (DerSimonian and Laird 1986). A run that tells little weighs little. `std_calibrated` adds the uncertainty of the
+    (DerSimonian and Laird 1986). An uninformative run weighs little. `std_calibrated` adds the uncertainty of the
     calibration, which is common to all runs, so averaging does not reduce it. `ratio`: root mean square of the runs'
     distances from their mean in their own deviations; 1 is expected where nothing differs.
     """
@@ -106,8 +106,8 @@ def _motion(motion: str, runs: Sequence[SavedCoefficients]) -> str:
     paper = _published(motion, runs)
     pooled = {}
     for name in TABULATED:
-        believed = [found.numbers[name] for _, found in own if name in found.numbers and found.identifiable]
-        pooled[name] = pool_runs(believed)
+        identified = [found.numbers[name] for _, found in own if name in found.numbers and found.identifiable]
+        pooled[name] = pool_runs(identified)
     plots = [_forest(motion, paper, name, own, pooled[name]) for name in TABULATED]
     drawn = f'<div class="plots">{"".join(plots)}</div>'
     return f'<h2 id="{motion}">{title_of(motion)}</h2>{_table(motion, own, pooled)}{drawn}'
@@ -143,9 +143,9 @@ def _forest(
     entries, truths = [], set()
     for label, found in own:
         if name in found.numbers:
-            number, believed = found.numbers[name], found.identifiable
-            role: Role = "model" if believed else "earlier"
-            entries.append(Entry(label, number, role, not believed))
+            number, identifiable = found.numbers[name], found.identifiable
+            role: Role = "model" if identifiable else "earlier"
+            entries.append(Entry(label, number, role, not identifiable))
             truths |= {number.truth} - {None}
     if not entries:
         return ""

@@ -117,11 +117,11 @@ def _headline(results: Results, predicted: Mapping[str, float]) -> str:
             float(part[-1]) for part in (result.drag.speed, result.drag.force, result.drag.std_calibrated)
         )
         units = ("rad/s", "N\u00b7m") if MOTIONS[motion].axis >= 3 else ("m/s", "N")
-        told = f": {predicted[motion]:.1%} predicted, {std / force:.1%} reached" if motion in predicted else ""
+        precision = f": {predicted[motion]:.1%} predicted, {std / force:.1%} reached" if motion in predicted else ""
         cards.append(
             f"<div><small>{title_of(motion)}: drag at {speed:.2f} {units[0]}</small>"
             f"<b>{plus_minus(force, std)} {units[1]}</b>"
-            f"<small>one standard deviation, with calibration{told}</small></div>"
+            f"<small>one standard deviation, with calibration{precision}</small></div>"
         )
     return f'<div class="headline">{"".join(cards)}</div>' if cards else ""
 
@@ -181,8 +181,8 @@ def _next(result: MotionResult) -> str:
     if step is None or drag is None or not drag.force[-1] > 0.0:
         return ""
     now, then = (f"{std / float(drag.force[-1]):.1%}" for std in (float(drag.std_calibrated[-1]), step.std))
-    said = f"Next: {step.remedy}. The drag at the highest speed would be known to {then} instead of {now}."
-    return f"<p>{prose(said)}</p>"
+    text = f"Next: {step.remedy}. The drag at the highest speed would be known to {then} instead of {now}."
+    return f"<p>{prose(text)}</p>"
 
 
 def _reasons(result: MotionResult) -> str:

@@ -100,7 +100,7 @@ class ListedBag:
     seconds: float = 0.0
     messages: int = 0
     note: str = ""
-    """What is to be said instead of length and messages."""
+    """Text instead of length and messages."""
 
     def document(self) -> dict[str, Any]:
         """JSON document."""

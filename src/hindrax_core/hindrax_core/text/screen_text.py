@@ -98,7 +98,7 @@ def print_fitted(text: object, stream: TextIO | None = None, end: str = "\n") ->
 def print_whole(text: str, stream: TextIO | None = None, end: str = "\n") -> None:
     """Print what is no prose, as it is: a document, a block to copy, a picture; default: to stdout.
 
-    What is told on stderr gets lost where nothing can be written, as on a full disk: words must not end a flight.
+    Output on stderr gets lost where nothing can be written, as on a full disk: it must not end a flight.
     """
     to = sys.stdout if stream is None else stream
     with contextlib.suppress(OSError) if to is sys.stderr else contextlib.nullcontext():

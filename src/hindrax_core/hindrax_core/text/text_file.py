@@ -46,7 +46,7 @@ def _replace(target: Path, text: str) -> None:
 
 
 def require_place(file: Path, option: str = "") -> None:
-    """HindraxError where a file cannot be written, told before the work whose result it is to hold.
+    """HindraxError where a file cannot be written, raised before the work whose result it is to hold.
 
     UsageError with the words of an option before the file, where that is what asked for it.
     """

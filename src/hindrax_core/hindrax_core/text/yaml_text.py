@@ -1,4 +1,4 @@
-"""YAML from anybody: plain data, in bounded time and memory, without what YAML 1.1 reads otherwise than people do."""
+"""YAML of any author: plain data, in bounded time and memory, without what YAML 1.1 reads otherwise than people do."""
 
 from typing import Any
 

@@ -94,9 +94,9 @@ def sname_from_xyzw(x: float, y: float, z: float, w: float) -> Vec3:
 
 
 def odometry_from_msg(message: Odometry) -> Stamped[Navigation]:
-    """State in anybody's odometry of `base_link` in a world with z up, as REP-105 has it; z = 0 is the surface.
+    """State in any odometry of `base_link` in a world with z up, as REP-105 has it; z = 0 is the surface.
 
-    ValueError for other frames and for what is no orientation. A variance of zero or less means that it is not told.
+    ValueError for other frames and for what is no orientation. A variance of zero or less means unknown.
     """
     world, body = message.header.frame_id, message.child_frame_id
     if body.rpartition("/")[2] != FLU or not world or world.lower().endswith("ned"):

@@ -173,7 +173,7 @@ def _temperature(field: str, *kinds: type) -> Fields:
 
 
 def _battery(_frame: str) -> BatteryState:
-    """Supply voltage and current, which is negative while the battery discharges; NaN is what nobody measures."""
+    """Supply voltage and current, which is negative while the battery discharges; NaN is what is not measured."""
     names = ("temperature", "current", "charge", "capacity", "design_capacity", "percentage")
     return BatteryState(present=True, **dict.fromkeys(names, math.nan))
 

@@ -151,7 +151,7 @@ def _runs(layout: CdrLayout, paths: Sequence[str]) -> Iterator[tuple[int, str, i
 class CdrReader:
     """Reads the fields at `paths` out of the bytes of messages of one type, arrays flattened, in the order of `paths`.
 
-    The paths are named in the order of the definition. ValueError tells what is wrong with bytes of another kind.
+    The paths are named in the order of the definition. ValueError names what is wrong with bytes of another kind.
     """
 
     def __init__(self, message_type: Any, *paths: str) -> None:
