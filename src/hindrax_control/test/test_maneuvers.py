@@ -543,9 +543,13 @@ def test_an_excitation_of_heave_says_which_way_it_goes(rig: Rig) -> None:
         (Goal(("yaw",), levels=(float("nan"),)), "level nan, wanted 0 .* to 1"),
     ],
 )
-def test_goals_that_nobody_can_fly_are_refused(goal: Goal, reason: str) -> None:
+def test_goals_that_nobody_can_fly_are_refused(rig: Rig, goal: Goal, reason: str) -> None:
     with pytest.raises(UsageError, match=reason):
         check_goal(goal)
+    rig.arm()
+    with pytest.raises(UsageError, match=reason):
+        rig.pilot.fly(goal)
+    assert not rig.pilot.flying
 
 
 def test_plans_are_for_the_thrusters_that_work(hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]) -> None:
