@@ -42,6 +42,7 @@ def holding_depth(stack: Stack) -> Iterator[Operator]:
 
     with Operator(mock=True, tick=stack.supervisor.check) as operator:
         operator.wait(lambda: operator.navigation is not None, UP_S, lambda: "navigation")
+        operator.wait(lambda: operator.thrusters is not None, UP_S, lambda: "the thrusters")
         operator.arm(seconds=UP_S)
         hold(operator, ["depth"], DEPTH_m, engaged=True)
         yield operator
