@@ -23,7 +23,8 @@ def checked(kind: type[NumberT], wanted: str, fits: Callable[[NumberT], bool]) -
     def read(text: str) -> NumberT:
         number = kind(text)
         if not fits(number):
-            raise argparse.ArgumentTypeError(f"found {text}, wanted {wanted}")
+            bound = "" if math.isfinite(number) else ", and finite"
+            raise argparse.ArgumentTypeError(f"found {text}, wanted {wanted}{bound}")
         return number
 
     read.__name__ = kind.__name__  # by which the parser says what it wanted of a text that is no number

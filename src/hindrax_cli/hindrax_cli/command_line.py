@@ -17,7 +17,7 @@ from typing import NoReturn
 
 from hindrax_bag import software_version
 from hindrax_cli.command import GROUPS, MODULES, Command, example_text, help_text
-from hindrax_cli.interrupt import interruptible
+from hindrax_cli.interrupt import interruptible, sentence
 from hindrax_core.errors import INTERRUPTED, HindraxError, UsageError, cause
 from hindrax_core.text.screen_text import fitted, fitted_description, print_fitted, print_whole, screen_width
 
@@ -67,7 +67,8 @@ class Parser(argparse.ArgumentParser):
         unread = re.fullmatch(r"argument (.*): invalid (\w+) value: (.*)", message)
         if unread:
             wanted = "a whole number" if unread[2] == "int" else "a number"
-            message = f"argument {unread[1]}: found {unread[3]}, wanted {wanted}"
+            point = " with a decimal point" if "," in unread[3] else ""
+            message = f"argument {unread[1]}: found {unread[3]}, wanted {wanted}{point}"
         print_fitted(f"{self.prog}: {message}; ./{self.prog} --help shows how", sys.stderr)
         self.exit(UsageError.exit_code)
 
@@ -90,7 +91,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         code = _main(list(sys.argv[1:] if argv is None else argv))
         sys.stdout.flush()
     except KeyboardInterrupt:  # a command stops by itself; this is for what it imports
-        print_fitted("hindrax: stopped by Ctrl-C", sys.stderr)
+        print_fitted(sentence(), sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:  # the reader closed the pipe
         _mute_stdout()
@@ -150,7 +151,7 @@ def run_command(command: Command, words: list[str]) -> int:
         print_fitted(f"hindrax {command.name}: {why}", sys.stderr)
         return error.exit_code
     except KeyboardInterrupt:
-        print_fitted(f"hindrax {command.name}: stopped by Ctrl-C", sys.stderr)
+        print_fitted(sentence(f"hindrax {command.name}"), sys.stderr)
         return INTERRUPTED
 
 

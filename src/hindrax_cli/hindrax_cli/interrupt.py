@@ -14,9 +14,14 @@ from hindrax_core.errors import INTERRUPTED, HindraxError
 STDERR = 2
 
 
+def sentence(who: str = "hindrax") -> str:
+    """What is said of a Ctrl-C; a terminal has echoed ^C, and it stands below."""
+    return f"{chr(10) if os.isatty(STDERR) else ''}{who}: stopped by Ctrl-C"
+
+
 def end_now(_number: int, _frame: Any) -> None:
     """End where nothing is begun yet, or all is done; an exception within an import would come out as another."""
-    os.write(STDERR, b"hindrax: stopped by Ctrl-C\n")
+    os.write(STDERR, f"{sentence()}\n".encode())
     os._exit(INTERRUPTED)
 
 

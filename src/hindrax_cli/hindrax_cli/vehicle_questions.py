@@ -53,6 +53,7 @@ class Question:
             found = ()
         if len(found) != self.count or not all(self.low <= one <= self.high for one in found):
             wanted = f"{self.count} number{'s' if self.count > 1 else ''} from {self.low:g} to {self.high:g}"
+            wanted += ", with decimal points" if "," in line else ""
             raise UsageError(f"{self.text}: found {line.strip() or 'nothing'!r}, wanted {wanted}")
         if self.key == "layout" and found[0] not in LAYOUTS:
             raise UsageError(f"{self.text}: found {line.strip()!r}, wanted one of {', '.join(map(str, LAYOUTS))}")
@@ -61,7 +62,7 @@ class Question:
     def prompt(self, answers: Answers) -> str:
         """The question with its usual answer."""
         usual = " ".join(f"{one:g}" for one in self._usual(answers))
-        return f"{self.text} [{usual}]: " if usual else f"{self.text}: "
+        return f"{self.text} [{usual}]:" if usual else f"{self.text}:"
 
 
 def _across(answers: Answers) -> tuple[float, float]:
@@ -82,16 +83,16 @@ APART = "front to rear and port to starboard"
 ORIGIN = "the center of the envelope: forward, starboard, down"
 ROWS = "; ".join(f"{n}: {text}" for n, text in LAYOUTS.items())
 QUESTIONS = (
-    Question("mass", 1, 0.1, 1e5, "1. mass, dry, trimmed as it flies [kg]"),
-    Question("buoyancy", 1, -1e4, 1e4, "2. pull on a scale when held under water, floating is positive [N]", (1.0,)),
-    Question("size", 3, 0.01, 50.0, "3. length, width, height [m]"),
+    Question("mass", 1, 0.1, 1e5, "1. mass in kg, dry, trimmed as it flies"),
+    Question("buoyancy", 1, -1e4, 1e4, "2. pull in N on a scale when held under water, floating is positive", (1.0,)),
+    Question("size", 3, 0.01, 50.0, "3. length, width, height in m"),
     Question("layout", 1, 0, 8, f"4. thrusters ({ROWS})", (6,)),
-    Question("angle", 1, 1.0, 89.0, "5. angle of the vectored thrusters off the x axis [deg]", (45.0,)),
-    Question("vectored", 2, 0.0, 50.0, f"6. distance of the vectored thrusters, {APART} [m]", _across),
-    Question("vertical", 2, 0.0, 50.0, f"7. distance of the vertical thrusters, {APART} [m]", _upright),
-    Question("thrust", 1, 0.1, 1e4, "8. thrust of one thruster at full command [N]", (30.0,)),
-    Question("dvl", 3, -50.0, 50.0, f"9. position of the DVL from {ORIGIN} [m]", _below),
-    Question("pool", 3, 0.5, 1e4, "10. pool: length, width, depth [m]", (10.0, 6.0, 1.8)),
+    Question("angle", 1, 1.0, 89.0, "5. angle in degrees of the vectored thrusters off the x axis", (45.0,)),
+    Question("vectored", 2, 0.0, 50.0, f"6. distance in m of the vectored thrusters, {APART}", _across),
+    Question("vertical", 2, 0.0, 50.0, f"7. distance in m of the vertical thrusters, {APART}", _upright),
+    Question("thrust", 1, 0.1, 1e4, "8. thrust in N of one thruster at full command", (30.0,)),
+    Question("dvl", 3, -50.0, 50.0, f"9. position in m of the DVL from {ORIGIN}", _below),
+    Question("pool", 3, 0.5, 1e4, "10. pool: length, width, depth in m", (10.0, 6.0, 1.8)),
 )
 
 
@@ -106,11 +107,13 @@ def ask(line_of: Callable[[str], str], on_wrong: Callable[[UsageError], None]) -
             continue
         while question.key not in answers:
             line = line_of(question.prompt(answers))
+            if not line:
+                raise UsageError(
+                    f"{question.text}: found 'nothing', the input has ended; wanted an answer to each question"
+                )
             try:
                 answers[question.key] = question.read(line, answers)
             except UsageError as error:
-                if not line:
-                    raise
                 on_wrong(error)
     return answers
 
@@ -145,7 +148,7 @@ def file_text(name: str, answers: Answers) -> str:
     body = Dimensions(length, width, height, mass_kg, front, side, top, density, RIGHTING_ARM_m)
     belief = block_text(hydrodynamics_of(empirical(body)))
     assumed = {"projected_areas_m2": [front, side, top], "center_of_buoyancy_m": [0.0, 0.0, -RIGHTING_ARM_m]}
-    parts = [HEAD.format(name=name), _dump(known), ASSUMED, _dump(assumed), BELIEVED, belief]
+    parts = [HEAD.format(name=name), _dump(known), ASSUMED, _dump(assumed), BELIEVED, belief.rstrip()]
     upright_mps = upright_speed_mps(vehicle_from_text("\n".join(parts), name)) if "thrusters" in known else math.inf
     if MARGIN * upright_mps < Limits().speed_mps:
         limit = _dump({"limits": {"speed_mps": float(f"{MARGIN * upright_mps:.2g}")}})

@@ -1,5 +1,6 @@
 """Ctrl-C at every stage of the tool's own process: 130, one sentence, no traceback."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -33,6 +34,16 @@ def ring_blocked() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     signal.raise_signal(signal.SIGINT)
+
+
+def test_on_a_terminal_the_sentence_stands_below_the_echo_of_the_key() -> None:
+    master, slave = os.openpty()
+    script = f"{BEFORE}def arm(_words):\n    ring()\n{RUN}sys.exit(code)"
+    assert subprocess.run([sys.executable, "-c", script], stderr=slave, timeout=60, check=False).returncode == 130
+    os.close(slave)
+    said = os.read(master, 1000)
+    os.close(master)
+    assert said == b"\r\n" + SAID_OF_COMMAND.replace("\n", "\r\n").encode()
 
 
 def test_one_that_waits_since_python_started_ends_the_tool() -> None:

@@ -63,6 +63,7 @@ def test_ten_answers_make_a_vehicle_that_passes_its_check_and_is_found_by_name(
     [
         ({"mass": ""}, "found 'nothing', wanted 1 number from 0.1 to 100000"),
         ({"size": "1 2"}, "found '1 2', wanted 3 numbers"),
+        ({"mass": "11,5"}, "found '11,5', wanted 1 number from 0.1 to 100000, with decimal points"),
         ({"layout": "7"}, "wanted one of 0, 6, 8"),
         ({"thrust": "nan"}, "found 'nan'"),
         ({"buoyancy": "-9000"}, "displaces nothing"),
@@ -74,6 +75,21 @@ def test_an_answer_that_makes_no_sense_is_refused(
     assert answer(monkeypatch, **given) == 2
     assert wanted in capsys.readouterr().err
     assert not home.exists()
+
+
+def test_an_input_that_ends_is_no_consent_to_what_is_in_brackets(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], home: Path
+) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO("11.5\n\n0.4 0.3 0.2\n"))
+    assert main(["vehicle", "new", "myrov"]) == 2
+    assert "4. thrusters" in capsys.readouterr().err
+    assert not home.exists()
+
+
+def test_a_bracket_in_a_question_is_an_answer() -> None:
+    answers = {"size": (1.0, 1.0, 1.0), "layout": (6.0,)}
+    for one in QUESTIONS:
+        assert ("[" in one.prompt(answers)) == (one.key not in MUST), one.text
 
 
 def test_nobody_answers_ten_questions_for_a_file_that_cannot_be_written(

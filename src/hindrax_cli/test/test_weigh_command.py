@@ -1,6 +1,9 @@
 """`hindrax weigh` as an operator uses it: in mock, from a record, into the vehicle file."""
 
 import json
+import os
+import select
+import sys
 from pathlib import Path
 
 import pytest
@@ -9,6 +12,7 @@ from vehicle_files import hindrax_file
 from hindrax_analysis.experiments.known_weight import Weighing
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.experiment import weigh
+from hindrax_core.errors import HindraxError
 from hindrax_core.vehicle import AxisGain, load_vehicle
 from hindrax_sim.flights import weighing_flight
 
@@ -37,6 +41,27 @@ def test_in_mock_it_finds_what_the_thrusters_lack_and_keeps_it(
     assert kept.of(-10.0) == pytest.approx(gain["negative"], rel=1e-4)
     assert kept.of(10.0) == 1.0
     assert COMMENT in vehicle_file.read_text(encoding="utf-8")
+
+
+def test_only_an_enter_after_the_question_says_that_a_load_hangs(monkeypatch: pytest.MonkeyPatch) -> None:
+    keyboard, terminal = os.openpty()
+    with os.fdopen(terminal, encoding="utf-8") as typed:
+        monkeypatch.setattr(sys, "stdin", typed)
+        os.write(keyboard, b"\n\n")
+        select.select([typed], [], [], 10.0)
+        weigh._forget_what_was_typed()
+        assert not weigh._entered()
+        os.write(keyboard, b"\n")
+        select.select([typed], [], [], 10.0)
+        assert weigh._entered()
+    os.close(keyboard)
+
+
+def test_an_input_that_has_ended_is_not_an_operator(monkeypatch: pytest.MonkeyPatch) -> None:
+    with Path("/dev/null").open(encoding="utf-8") as nobody:
+        monkeypatch.setattr(sys, "stdin", nobody)
+        with pytest.raises(HindraxError, match="the input has ended, wanted Enter for each load"):
+            weigh._entered()
 
 
 def test_each_axis_is_kept_beside_the_others_and_a_second_weighing_takes_the_place_of_the_first(

@@ -70,6 +70,8 @@ NEITHER = (
         (["dvl", "setup", "--declination", "nan"], "wanted -360 to 360"),
         (["dvl", "setup", "--orientation", "0", "0", "400"], "wanted -360 to 360"),
         (["identify", "bag", "--to", "there"], "--to: found 'there', wanted a number; "),
+        (["weigh", "surge", "--load", "15,0"], "--load: found '15,0', wanted a number with a decimal point; "),
+        (["weigh", "surge", "--load", "inf"], "--load: found inf, wanted more than 0, and finite; "),
         (["pool-test", "--until", "5"], "--until: found 5, wanted more than 0, at most 1 or 100%; "),
         (["pool-test", "--mock", "--out", "/proc/nowhere"], "/proc/nowhere: cannot be written"),
         (["bag", "inof"], "invalid choice: 'inof'"),

@@ -91,7 +91,7 @@ def _show_curve(curve: BollardCurve, block: str) -> None:
     for name, direction in (("negative", curve.negative), ("positive", curve.positive)):
         print_values(f"{name}: {direction.from_us:.0f} to {direction.to_us:.0f} us", _direction_rows(direction))
     print_fitted(f"gain deviation at full thrust: {100.0 * curve.gain_sigma:.2f} %")
-    print_fitted(block, end="")  # a list that goes on below is YAML still
+    print_whole(block, end="")  # a list that goes on below is YAML still
 
 
 def _direction_rows(direction: Direction) -> list[tuple[str, object, str]]:
@@ -165,4 +165,4 @@ def _show_estimate(model: EmpiricalModel) -> None:
         f"scale from two to three dimensions: added mass {model.scale_added_mass:.3f}, drag {model.scale_drag:.3f}"
     )
     print_fitted("\nfor the vehicle file (prior of plans, truth of the mock):\n")
-    print_whole(block_text(hydrodynamics_of(model)))
+    print_whole(block_text(hydrodynamics_of(model)), end="")

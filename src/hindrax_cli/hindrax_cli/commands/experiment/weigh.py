@@ -4,6 +4,7 @@ import argparse
 import math
 import select
 import sys
+import termios
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -20,7 +21,7 @@ from hindrax_cli.command import command, option
 from hindrax_cli.vehicle_edit import kept, require_editable, set_key
 from hindrax_control.maneuver.goal import largest_wrench
 from hindrax_control.prior_dynamics import prior_dynamics
-from hindrax_core.errors import UsageError
+from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import after
 from hindrax_core.text.digits import Value
 from hindrax_core.text.screen_text import print_fitted
@@ -121,6 +122,7 @@ def _guided(arguments: argparse.Namespace, vehicle: Vehicle, axis: int, loads: S
     from hindrax_operator.weighing import weigh_on  # noqa: PLC0415
 
     def ask(load: float) -> None:
+        _forget_what_was_typed()
         what = "nothing but its tether" if load == 0.0 else f"{arguments.load:g} N: {ACTS[arguments.axis][load < 0.0]}"
         report(f"on the vehicle: {what}. Let it go gently, then press Enter")
 
@@ -129,9 +131,19 @@ def _guided(arguments: argparse.Namespace, vehicle: Vehicle, axis: int, loads: S
         return weigh_on(operator, vehicle, axis, loads, ready=_entered, ask=ask, report=report)
 
 
+def _forget_what_was_typed() -> None:
+    """An Enter from before the question is no answer: the load does not hang yet."""
+    if sys.stdin.isatty():
+        termios.tcflush(sys.stdin, termios.TCIFLUSH)
+
+
 def _entered() -> bool:
     """Whether a line was entered; it does not wait, because the heartbeat of the operator must go on."""
-    return bool(select.select([sys.stdin], [], [], 0.0)[0]) and bool(sys.stdin.readline() or True)
+    if not select.select([sys.stdin], [], [], 0.0)[0]:
+        return False
+    if not sys.stdin.readline():
+        raise HindraxError("the input has ended, wanted Enter for each load; a record is evaluated by --bag and --hold")
+    return True
 
 
 def _from_bag(arguments: argparse.Namespace, vehicle: Vehicle, axis: int) -> list[Hold]:

@@ -33,10 +33,10 @@ The PCA9685 must run from 3.3 V: 5 V destroys the GPIO."""
 FULL_us, LEAST_us = 1900.0, 1100.0
 SUPPLIED_V = 3.0
 BATTERY_SENSORS = ("ina226", "ads1115")
-OFF = "Switch the supply of the speed controllers OFF, then type off: "
-ON = "Full throttle is on {names}. Switch their supply ON; 3 s later they beep that it is stored: press Enter then. "
+OFF = "Switch the supply of the speed controllers OFF, then type off:"
+ON = "Full throttle is on {names}. Switch their supply ON; 3 s later they beep that it is stored: press Enter then."
 STORED = (
-    "Least throttle is on them. After the beeps that follow 3 s of it, switch the supply OFF again and press Enter: "
+    "Least throttle is on them. After the beeps that follow 3 s of it, switch the supply OFF again and press Enter:"
 )
 
 
@@ -195,7 +195,7 @@ def _calibrate(bench: _Bench) -> None:
 
 
 def _ask(question: str) -> str:
-    print_fitted(question, sys.stderr, end="")
+    print_fitted(question, sys.stderr, end=" ")
     line = sys.stdin.readline()
     if not line:
         raise HindraxError("the input ended, wanted an answer at each step; the pulses are neutral")

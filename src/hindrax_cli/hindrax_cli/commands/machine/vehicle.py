@@ -43,9 +43,9 @@ def new(arguments: argparse.Namespace) -> int:
 
 
 def _line(prompt: str) -> str:
-    print_fitted(prompt, sys.stderr, end="")
+    print_fitted(prompt, sys.stderr, end=" ")
     line = sys.stdin.readline()
-    if not sys.stdin.isatty():
+    if not (line and sys.stdin.isatty()):  # a terminal has echoed the line and its end
         print_fitted(line.strip(), sys.stderr)
     return line
 
