@@ -86,6 +86,8 @@ class Snapshot:
     plans: Mapping[str, str] = field(default_factory=dict)
     """What the pilot would fly of each motion, or why it cannot."""
     place: PlaceView | None = None
+    stoppable: bool = True
+    """Whether anybody is there who would take an order to disarm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +115,7 @@ def snapshot(operator: Any, stops_us: tuple[float, ...] = ()) -> Snapshot:
         estimates={motion: one.reading for motion, one in operator.estimates.items()},
         plans=dict(zip(operator.plans.motions, operator.plans.plans, strict=False)) if operator.plans else {},
         place=place_view(operator.place),
+        stoppable=operator.stoppable,
     )
 
 

@@ -292,6 +292,7 @@ def test_a_picture_is_copied_out_of_messages() -> None:
         holds=Message(axes=["depth"], engaged=[True], setpoints=[1.0], errors=[0.1], notes=[""]),
         maneuver=None,
         place=None,
+        stoppable=False,
         plans=Message(motions=["yaw"], plans=["yaw: 1.20 rad/s, each out and back; 24 s"]),
         diagnostics={
             "hindrax: dvl75": Message(level=b"\x01", message="slow", values=[Message(key="rate [Hz]", value="7.5")])
@@ -299,6 +300,7 @@ def test_a_picture_is_copied_out_of_messages() -> None:
         estimates={"surge": Stamped(Stamp(0), ESTIMATE)},
     )
     found = snapshot(operator)
+    assert not found.stoppable
     assert found.time_s == 5.0
     assert (found.thrusters.names, found.thrusters.forces_N) == (("L", "R"), (0.0, 3.0))
     assert found.thrusters.disabled == ("L",)

@@ -24,6 +24,18 @@ SHOWN = (
 )
 """What the page must show; what a node says is text, not markup."""
 STOP_RED = "rgb(179, 38, 30)"
+COLOR_OF_STOP = "getComputedStyle(document.getElementById('stop')).backgroundColor"
+BAND_OF_NOW = """(() => {
+  const canvas = document.createElement('canvas'), now = heard_ms;
+  Object.assign(canvas.style, {width: '300px', height: '120px', display: 'block'});
+  document.body.append(canvas);
+  const points = [...Array(40).keys()].map(i => ({at: now - 40000 + 1000 * i, value: 70, band: i < 30 ? 900 : 6}));
+  plot(canvas, [points], now - 40000, 1);
+  const {data} = canvas.getContext('2d').getImageData(280, 0, 1, 100);
+  canvas.remove();
+  return [...Array(100).keys()].filter(i => data[4 * i + 3] > 30).length;
+})()"""
+"""Rows of 100 that the band of a settled estimate covers, after one that was a hundred times as wide."""
 PICTURE = base64.b64decode(
     "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAAAAAA6fptVAAAACklEQVR4nGNoAAAAggCBd81ytgAAAABJRU5ErkJggg=="
 )
@@ -49,7 +61,7 @@ def test_the_page_in_a_browser(tmp_path: Path) -> None:
         seen.look(1400, 900)
         seen.open(f"{page.url}#{TOKEN}")
         seen.wait(f"{text('armed')} === 'ARMED'")
-        assert seen.run("getComputedStyle(document.getElementById('stop')).backgroundColor") == STOP_RED
+        assert seen.run(COLOR_OF_STOP) == STOP_RED
         # The token is not left in the address.
         assert seen.run("location.href") == page.url
         shown = seen.run("document.body.innerText")
@@ -79,6 +91,10 @@ def test_the_page_in_a_browser(tmp_path: Path) -> None:
         # A vehicle that falls silent is not shown as armed.
         page.vehicle.shown = replace(ARMED, silent_s=7.0)
         seen.wait(f"{text('armed')} === 'vehicle silent'")
+        assert seen.run(COLOR_OF_STOP) == STOP_RED, "who is silent may still listen"
+        page.vehicle.shown = replace(ARMED, silent_s=7.0, stoppable=False)
+        seen.wait(f"{text('reason')}.includes('cut the power')")
+        assert seen.run(COLOR_OF_STOP) != STOP_RED, "it would be refused"
         page.vehicle.shown = replace(ARMED, flight=ManeuverView("surge", "plateau", "", 0.42, 93.0, 2.1, 14.2, 0.312))
         seen.wait(f"{text('flight')}.includes('42 %')")
 
@@ -127,6 +143,7 @@ def test_a_camera_the_estimate_over_time_and_banners_that_go(tmp_path: Path) -> 
         page.vehicle.shown = replace(page.vehicle.shown, estimates={"surge": replace(ESTIMATE, samples=900)})
         seen.wait("document.querySelector('#courses canvas').ariaLabel.startsWith('surge k_q over time, now 66.1')")
         assert seen.run("[...document.querySelectorAll('canvas,svg,#frame')].every(one => one.ariaLabel || one.alt)")
+        assert seen.run(BAND_OF_NOW) > 40
 
         # What a banner says goes with what it says: a refusal when the vehicle is armed after all.
         page.vehicle.shown = replace(page.vehicle.shown, thrusters=DISARMED.thrusters)
@@ -145,7 +162,7 @@ def test_without_the_token_the_page_asks_for_it_and_a_page_that_watches_has_no_b
         seen.open(f"{page.url}#wrong")
         seen.wait(f"document.title === 'hindrax' && {text('armed')} === 'no token'")
         # Nothing red where nothing would happen.
-        assert seen.run("getComputedStyle(document.getElementById('stop')).backgroundColor") != STOP_RED
+        assert seen.run(COLOR_OF_STOP) != STOP_RED
         seen.run(f"document.getElementById('token').value = '{page.url}#{TOKEN}'")
         seen.run("document.querySelector('#ask button').click()")
         seen.wait(f"{text('armed')} === 'ARMED'")

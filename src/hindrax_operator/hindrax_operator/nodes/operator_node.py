@@ -160,6 +160,11 @@ class Operator:
         age_s = seconds_between(stamp_from_msg(seen.header.stamp), self.now())
         return str(seen.motion) if age_s < FLOWN_s else ""
 
+    @property
+    def stoppable(self) -> bool:
+        """Whether a thrusters node is there that could be asked to disarm."""
+        return bool(self._arm.service_is_ready())
+
     def wait_for_time(self, seconds: float = ANSWER_S) -> None:
         """Wait for the clock: system time is known at once, a mock's when /clock arrives."""
         self.wait(lambda: self.now() > 0, seconds, lambda: "the clock of the mock; is its stack still up?")

@@ -2,6 +2,8 @@
 "use strict";
 const at = id => document.getElementById(id);
 const SVG = "http://www.w3.org/2000/svg", KEPT_ms = 120000, BEAT_ms = 500, SILENT_s = 2, PATIENCE_ms = 3000;
+/* A band this many times as wide as the present one leaves the plot. */
+const WIDEST = 5;
 const past = [], trace = [], courses = {};
 let token = "", last = null, heard_ms = 0, beaten_ms = 0, notified = null, readOnly = null, locked = false, watching = false;
 
@@ -149,14 +151,15 @@ const isCut = () => Date.now() - heard_ms > PATIENCE_ms;
 function headline() {
   if (locked) return;
   const cut = isCut();
-  document.body.classList.toggle("cut", cut);
-  const silent = last && (last.silent === null || last.silent > SILENT_s);
+  const silent = last && (last.silent === null || last.silent > SILENT_s), gone = silent && !last.stoppable;
+  document.body.classList.toggle("cut", cut || gone);
   at("view").classList.toggle("old", Boolean(cut || silent));
   const pill = at("armed");
   if (cut || silent) {
     pill.className = "pill warn";
     pill.textContent = cut ? (last ? "page cut off" : "connecting") : "vehicle silent";
-    at("reason").textContent = cut ? "the page gets no updates" : "no message from the thrusters";
+    at("reason").textContent = cut ? "the page gets no updates" :
+      "no message from the thrusters" + (gone ? ", and nobody is there to stop them: if they turn, cut the power" : "");
     return;
   }
   pill.className = "pill " + (last.armed ? "armed" : last.state === "disarmed" ? "safe" : "warn");
@@ -294,7 +297,8 @@ function estimates(found) {
 
 /* ---- plots */
 
-/* Draws lines of points {at, value, band} over the time since `from_ms`; the axis fits what is newer than half of it. */
+/* Draws lines of points {at, value, band} over the time since `from_ms`; the axis fits what is newer than half of it,
+   but for bands beside which the present one would look like a line. */
 function plot(canvas, lines, from_ms, least) {
   const width = canvas.clientWidth, height = canvas.clientHeight, scale = window.devicePixelRatio || 1;
   if (canvas.width !== Math.round(width * scale) || canvas.height !== Math.round(height * scale)) {
@@ -306,8 +310,9 @@ function plot(canvas, lines, from_ms, least) {
   const left = 52, bottom = height - 16;
   pen.setTransform(scale, 0, 0, scale, 0, 0);
   pen.clearRect(0, 0, width, height);
-  const counted = lines.flatMap(points => points.slice(points[0] && "band" in points[0] ? points.length >> 1 : 0))
-    .filter(one => one.value !== null);
+  const widest = points => WIDEST * (points.at(-1).band || Infinity);
+  const counted = lines.flatMap(points => points[0] && "band" in points[0]
+    ? points.slice(points.length >> 1).filter(one => one.band <= widest(points)) : points).filter(one => one.value !== null);
   if (!counted.length) return;
   let low = Math.min(...counted.map(one => one.value - (one.band || 0)));
   let high = Math.max(...counted.map(one => one.value + (one.band || 0)));

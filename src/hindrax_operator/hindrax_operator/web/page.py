@@ -65,6 +65,7 @@ def summary(view: Snapshot) -> Json:
     return {
         "time": view.time_s,
         "silent": view.silent_s,
+        "stoppable": view.stoppable,
         "armed": found.armed,
         "state": found.state,
         "reason": found.reason,
