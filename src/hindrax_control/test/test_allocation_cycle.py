@@ -146,7 +146,7 @@ def test_an_axis_that_a_vehicle_never_served_is_not_lost(hindrax: Vehicle) -> No
 
 
 def test_a_supply_may_be_measured_before_the_first_command(cycle: AllocationCycle) -> None:
-    assert cycle.battery(14.0) == ""
+    assert cycle.supply.update(14.0, cycle.now) == ""
 
 
 def test_other_knobs_count_from_then_on(cycle: AllocationCycle) -> None:
@@ -161,9 +161,9 @@ def test_a_weaker_supply_wants_longer_pulses_and_tells_the_same_forces(hindrax: 
     cycle.command(WRENCH, FSD, START, START)
     for index in range(200):
         cycle.command((20.0, 0.0, 0.0, 0.0, 0.0, 0.0), FSD, after(START, 0.1 * index), after(START, 0.1 * index))
-        assert cycle.battery(12.0) == ""
+        assert cycle.supply.update(12.0, cycle.now) == ""
     assert cycle.supply_V == pytest.approx(12.0, abs=0.5)
     low = commanded(cycle, (20.0, 0.0, 0.0, 0.0, 0.0, 0.0), 20.0)
     assert max(low.pulses_us) > max(full.pulses_us)
     assert cycle.achieved(low.sequence, low.pulses_us).achieved[0] == pytest.approx(20.0, abs=0.3)
-    assert "wanted" in cycle.battery(math.nan)
+    assert "wanted" in cycle.supply.update(math.nan, cycle.now)

@@ -93,7 +93,7 @@ class AllocationStage:
         elif message.topic == HEALTH_NAME:
             self._cycle.disable(frozenset(message.decoded().disabled))
         else:
-            self._cycle.battery(float(message.decoded().voltage))
+            self._cycle.supply.update(float(message.decoded().voltage), self._cycle.now)
         self._command_all()
         self._achieve_all()
 

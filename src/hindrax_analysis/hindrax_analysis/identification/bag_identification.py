@@ -11,10 +11,11 @@ import numpy as np
 from rich.markup import escape
 
 from hindrax_analysis.coefficients_file import Conditions, SavedCoefficients, as_yaml, conditions_of, read_coefficients
-from hindrax_analysis.published import CITATION, PAPER
+from hindrax_analysis.published import CITATION, PAPER, published_of
 from hindrax_analysis.records.own_bag import bag_events, date_of, maneuver_record, truth_in
-from hindrax_analysis.report import RunReport, Trace, published_of, run_page
 from hindrax_analysis.report.comparison import RunScatter
+from hindrax_analysis.report.figures import Trace
+from hindrax_analysis.report.run_page import RunReport, run_page
 from hindrax_analysis.terminal import make_table, print_table
 from hindrax_bag import software_version
 from hindrax_bag.read.bag_reader import bag_files, messages

@@ -25,8 +25,8 @@ from hindrax_analysis.records.recording import (
     tuned,
 )
 from hindrax_analysis.records.third_party_bag import TopicSelection, is_ours, read_bag, topics_of
-from hindrax_analysis.report import Trace
 from hindrax_analysis.report.comparison import RunScatter, pool_runs
+from hindrax_analysis.report.figures import Trace
 from hindrax_bag.read.bag_reader import VEHICLE_FILE, attached_vehicle, attachments
 from hindrax_core.errors import UsageError, cause
 from hindrax_core.events import Stamp, Stamped, after, seconds_between

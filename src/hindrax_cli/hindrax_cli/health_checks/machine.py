@@ -128,9 +128,9 @@ class Running:
     place: str = ""
 
 
-def running(proc: Path = Path("/proc")) -> Iterator[Running]:
+def running() -> Iterator[Running]:
     """Every process that can be seen."""
-    for folder in proc.iterdir():
+    for folder in Path("/proc").iterdir():
         if not folder.name.isdigit():
             continue
         try:

@@ -26,7 +26,7 @@ def stack(operator: Operator, vehicle: Vehicle, title: str) -> list[Check]:
     return judged(operator.diagnostics, (*vehicle.sensors, *NODES), title)
 
 
-def far_clock(operator: Operator, seconds: float = LISTEN_S) -> Check:
+def far_clock(operator: Operator) -> Check:
     """Compare the vehicle's stamps, received over the link, with the clock of this machine."""
     from hindrax_core.events import seconds_between  # noqa: PLC0415  # with the next one, which needs ROS
     from hindrax_ros.graph import subscription  # noqa: PLC0415  # as above
@@ -38,7 +38,7 @@ def far_clock(operator: Operator, seconds: float = LISTEN_S) -> Check:
         ages_s.append(seconds_between(stamp_from_msg(message.header.stamp), operator.now()))
 
     subscription(operator.node, THRUSTER_STATE, on_state)
-    operator.pause(seconds)
+    operator.pause(LISTEN_S)
     return clocks(ages_s)
 
 

@@ -175,7 +175,3 @@ class AllocationCycle:
         # A vehicle that never had a thruster for an axis has not lost it, and is well.
         never = self._allocator.lost_axes(frozenset())
         self.lost_axes = tuple(axis for axis in self._allocator.lost_axes(self.disabled) if axis not in never)
-
-    def battery(self, voltage_V: float) -> str:
-        """Set the measured supply voltage; returns the reason if it is refused."""
-        return self.supply.update(voltage_V, self.now)

@@ -101,7 +101,7 @@ class AllocatorNode(BatchedNode):
         self._cycle.disable(frozenset(message.disabled))
 
     def _on_battery(self, message: Any) -> None:
-        unfit = self._cycle.battery(float(message.voltage))
+        unfit = self._cycle.supply.update(float(message.voltage), self._cycle.now)
         if unfit:
             self._reporter.refusals.add(BATTERY.name, unfit)
 

@@ -112,9 +112,9 @@ def rigid_mass(vehicle: Vehicle, axis: int) -> float:
     return vehicle.mass_kg if axis < 3 else vehicle.inertia[axis - 3]
 
 
-def model_of(vehicle: Vehicle, axis: int, *, split: bool | None = None) -> Model:
-    """Model of an axis: heave is split unless `split` says otherwise, roll and pitch restore."""
-    return Model(axis, rigid_mass(vehicle, axis), axis == 2 if split is None else split, axis in (3, 4))
+def model_of(vehicle: Vehicle, axis: int) -> Model:
+    """Model of an axis: heave is split, roll and pitch restore."""
+    return Model(axis, rigid_mass(vehicle, axis), axis == 2, axis in (3, 4))
 
 
 def restoring(vehicle: Vehicle) -> float:

@@ -86,19 +86,16 @@ class StampSorter(Generic[ReadingT]):
 class Feed:
     """Converts measurements in the order of arrival to identification events in the order of stamps."""
 
-    def __init__(
-        self, vehicle: Vehicle, tuning: Tuning | None = None, *, dvl: str = "dvl75", depth: str = "ms5837"
-    ) -> None:
-        """`dvl` and `depth`: names of their sensors in the vehicle file."""
+    def __init__(self, vehicle: Vehicle, tuning: Tuning | None = None) -> None:
         tuning = tuning or Tuning()
         self._latency_s = tuning.velocity_latency_s
         self._sorter: StampSorter[Measurement] = StampSorter(tuning.reorder_s + abs(self._latency_s), tuning.lagging_s)
-        mount = vehicle.sensors.get(dvl, Mount(dvl))
+        mount = vehicle.sensors.get("dvl75", Mount("dvl75"))
         roll, pitch, yaw = (math.radians(angle) for angle in mount.rotation_deg)
         self._rotation = matrix((roll, pitch, yaw))
         self._center_m = vehicle.center_of_mass_m
         self._dvl_lever_m = _difference(mount.position_m, self._center_m)
-        self._below_sensor_m = _difference(self._center_m, vehicle.sensors.get(depth, Mount(depth)).position_m)
+        self._below_sensor_m = _difference(self._center_m, vehicle.sensors.get("ms5837", Mount("ms5837")).position_m)
         self._rate_radps: Vec3 = (0.0, 0.0, 0.0)
         self._down: Vec3 = (0.0, 0.0, 1.0)
         self._water = vehicle.water

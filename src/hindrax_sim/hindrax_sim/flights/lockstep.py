@@ -93,7 +93,7 @@ class Onboard:
         if isinstance(reading.reading, BottomVelocity | Pressure):
             self._learn(Stamped(reading.stamp, reading.reading), events)
         if isinstance(reading.reading, Battery):
-            self.cycle.battery(reading.reading.voltage_V)
+            self.cycle.supply.update(reading.reading.voltage_V, self.cycle.now)
         navigation = self.navigator.step(reading, source)
         if navigation is None:
             return events

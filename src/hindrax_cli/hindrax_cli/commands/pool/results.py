@@ -13,7 +13,7 @@ from hindrax_analysis.exports.export_model import ExportModel, abort_notes, assu
 from hindrax_analysis.identification.bag_identification import identify_bag, recorded_conditions, write, write_report
 from hindrax_analysis.identification.record_identification import RecordSource, recorded_vehicle
 from hindrax_analysis.records.own_bag import is_mock
-from hindrax_analysis.report import comparison_page
+from hindrax_analysis.report.comparison import comparison_page
 from hindrax_analysis.terminal import working
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.share_files import default_vehicle
