@@ -1,4 +1,4 @@
-"""Start of the tool: hears Ctrl-C before it imports anything that takes time."""
+"""Start of the tool: catches Ctrl-C before it imports anything that takes time."""
 
 import sys
 

@@ -39,7 +39,7 @@ class Remote:
             remedy = "install it, or name another with --ssh"
             raise HindraxError(f"{self.command[0]}: cannot be run ({cause(error)}); {remedy}") from error
         if done.returncode != 0:
-            silent = f"{self.shell('')[0]} said nothing"
+            silent = f"{self.shell('')[0]} printed nothing"
             words = (done.stderr.strip().splitlines() or [silent])[-1]
             remedy = "--remote names the folder"
             if self.command and done.returncode == SSH_FAILED:

@@ -90,7 +90,7 @@ def _files(folder: str) -> tuple[Step, ...]:
             "the files of the last commit",
             f"cd {folder}\ntar -x -f - --warning=no-timestamp\nmv .hindrax/deployed.new .hindrax/deployed",
             feed=("git", "archive", "--format=tar", "HEAD"),
-            remedy="is its disk full? `df -h` there tells",
+            remedy="is its disk full? `df -h` there shows",
         ),
     )
 
@@ -125,12 +125,12 @@ def _made(target: Target) -> Step:
 
 
 def _until(ask: str, tail: str) -> str:
-    """Ask for HEALTHY_S of the clock that nobody sets, however long one answer takes."""
+    """Ask for HEALTHY_S of the monotonic clock, however long one answer takes."""
     return f"""uptime() {{ cut -d. -f1 /proc/uptime; }}
 end=$(($(uptime) + {HEALTHY_S}))
-while said=$({ask} 2>&1) && echo "$said" && exit; [ "$(uptime)" -lt $end ]; do
+while text=$({ask} 2>&1) && echo "$text" && exit; [ "$(uptime)" -lt $end ]; do
   sleep 1
 done
 {tail}
-echo "$said" >&2
+echo "$text" >&2
 exit 1"""

@@ -53,9 +53,9 @@ def predicted_of(arguments: argparse.Namespace, aim: Aim) -> Mapping[str, float]
     with working("rehearsing"):
         found = rehearse(motions, arguments.seed, vehicle=vehicle, aim=aim)
     bands = {motion: band.calibrated for motion, band in found.bands.items() if math.isfinite(band.calibrated)}
-    told = ", ".join(f"{motion} {share:.1%}" for motion, share in bands.items())
+    each = ", ".join(f"{motion} {share:.1%}" for motion, share in bands.items())
     ended = f"aborted by {found.aborted}" if found.aborted else found.ended
-    text = f"predicted: {found.seconds:.0f} s in the water; deviation of the drag at the highest speed: {told}; {ended}"
+    text = f"predicted: {found.seconds:.0f} s in the water; deviation of the drag at the highest speed: {each}; {ended}"
     print_fitted(text, sys.stderr)
     return bands
 

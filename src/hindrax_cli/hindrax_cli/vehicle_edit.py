@@ -31,7 +31,7 @@ add_write = option("--write", action="store_true", help="put the result into the
 
 
 def require_editable(arguments: argparse.Namespace) -> None:
-    """UsageError where `set_key` would not be able to write what --write asks for, told before anything is measured."""
+    """UsageError where `set_key` cannot write what --write asks for, raised before anything is measured."""
     if arguments.write:
         require_place(Path(arguments.vehicle), "--write: ")
 

@@ -24,7 +24,7 @@ HEAD = """# {name}: made by `hindrax vehicle new`. SI units; body axes x forward
 # Positions from the center of the envelope. docs/reference/vehicle-file.md lists every key."""
 PORTS = {"dvl75": "/dev/hindrax/dvl", "ping1d": "/dev/hindrax/ping", "icm20948": "/dev/i2c-1", "ms5837": "/dev/i2c-1"}
 ASSUMED = "# Assumed: an open frame fills 0.8 of its box; center of buoyancy 50 mm above the center of mass."
-BELIEVED = "# Estimated from the dimensions: prior of plans, truth of the mock; never told to the estimator."
+ESTIMATED = "# Estimated from the dimensions: prior of plans, truth of the mock; never given to the estimator."
 Answers = Mapping[str, tuple[float, ...]]
 
 
@@ -148,7 +148,7 @@ def file_text(name: str, answers: Answers) -> str:
     body = Dimensions(length, width, height, mass_kg, front, side, top, density, RIGHTING_ARM_m)
     belief = block_text(hydrodynamics_of(empirical(body)))
     assumed = {"projected_areas_m2": [front, side, top], "center_of_buoyancy_m": [0.0, 0.0, -RIGHTING_ARM_m]}
-    parts = [HEAD.format(name=name), _dump(known), ASSUMED, _dump(assumed), BELIEVED, belief.rstrip()]
+    parts = [HEAD.format(name=name), _dump(known), ASSUMED, _dump(assumed), ESTIMATED, belief.rstrip()]
     upright_mps = upright_speed_mps(vehicle_from_text("\n".join(parts), name)) if "thrusters" in known else math.inf
     if MARGIN * upright_mps < Limits().speed_mps:
         limit = _dump({"limits": {"speed_mps": float(f"{MARGIN * upright_mps:.2g}")}})

@@ -39,11 +39,11 @@ def upright_speed_mps(vehicle: Vehicle) -> float:
 
 def _body(vehicle: Vehicle) -> list[Check]:
     net_N, weight_N = vehicle.net_buoyancy_N, vehicle.weight_N
-    doubt = "" if abs(net_N) <= FLOATS_AT_MOST * weight_N else "weigh it again, dry and under water"
+    remedy = "" if abs(net_N) <= FLOATS_AT_MOST * weight_N else "weigh it again, dry and under water"
     arm_m = vehicle.center_of_mass_m[2] - vehicle.center_of_buoyancy_m[2]
     upright = "" if arm_m > 0.0 else "put center_of_buoyancy_m above center_of_mass_m: z is down"
     return [
-        Check("net buoyancy", f"{net_N:+.2f} N, {'floats' if net_N > 0.0 else 'sinks'}", doubt),
+        Check("net buoyancy", f"{net_N:+.2f} N, {'floats' if net_N > 0.0 else 'sinks'}", remedy),
         Check("righting arm", f"{1e3 * arm_m:.0f} mm", upright),
     ]
 

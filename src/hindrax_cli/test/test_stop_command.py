@@ -40,7 +40,7 @@ def test_the_heartbeat_of_the_dead_man_tells(
 def test_without_a_heartbeat_nothing_is_promised(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(FOLDER, str(tmp_path))
     for stack in (None, STACK):
-        assert on_the_wire(stack) == "nothing here tells whether its thrusters turn; if they do, cut the power"
+        assert on_the_wire(stack) == "whether its thrusters turn is unknown here; if they do, cut the power"
 
 
 def test_nobody_else_writes_to_an_output_that_a_stack_has_in_hand(

@@ -49,7 +49,7 @@ def clocks(ages_s: Sequence[float]) -> Check:
     """Judge two clocks by how old stamps are on arrival [s]: the youngest is the offset and the least delay."""
     if not ages_s:
         remedy = "see `tether`, then `./hindrax doctor` on the vehicle"
-        return Check("clocks", "nothing is heard of the vehicle", remedy)
+        return Check("clocks", "no message from the vehicle", remedy)
     least, most = min(ages_s), max(ages_s)
     if abs(least) > OFFSET_s:
         which = "behind" if least > 0.0 else "ahead of"
@@ -62,7 +62,7 @@ def clocks(ages_s: Sequence[float]) -> Check:
 def judged(diagnostics: Mapping[str, Any], wanted: Iterable[str], title: str) -> list[Check]:
     """One check for the stack, one for each node."""
     if not diagnostics:
-        return [Check("stack", f"{title}, but nobody reports", "end it and start it again; its logs tell why")]
+        return [Check("stack", f"{title}, but no node reports", "end it and start it again; its logs say why")]
     by_name = {name.removeprefix("hindrax: "): one for name, one in diagnostics.items()}
     return [Check("stack", title), *(_node(name, by_name.get(name)) for name in wanted)]
 

@@ -56,7 +56,7 @@ def _of_kind(path: str) -> Callable[[str], Check]:
 
 
 def require_ports(vehicle: Vehicle, file: str) -> None:
-    """HindraxError when a port of the vehicle file does not exist: nobody waits for a vehicle that is not here."""
+    """HindraxError when a port of the vehicle file does not exist: there is no use in waiting for it."""
     checks = ports(vehicle, {})
     missing = [one.name for one in checks if one.found == ABSENT]
     if missing:
@@ -68,7 +68,7 @@ def require_ports(vehicle: Vehicle, file: str) -> None:
 
 def address(path: str) -> Check:
     """An address of the network, which is there or not when it is listened at."""
-    return Check(path, "an address to listen at; whether anybody speaks is seen below")
+    return Check(path, "an address to listen at; whether a device sends is seen below")
 
 
 def chip(path: str) -> Check:
@@ -142,41 +142,41 @@ def _sensor(where: str, mount: Mount, vehicle: Vehicle, clock_port: str) -> str:
     row = DEVICES[mount.device]
     device = row.make(replace(row.knobs(), **QUIET.get(mount.device, {})), mount, vehicle)
     if not row.serial:
-        heard = capture(where, device, RATE_S, lambda _part: None)
-        rate = f"{len({one.stamp for one in heard.readings}) / RATE_S:.0f} Hz"
-        return "; ".join([f"{heard.identity}, {rate}", *heard.rejected])
+        captured = capture(where, device, RATE_S, lambda _part: None)
+        rate = f"{len({one.stamp for one in captured.readings}) / RATE_S:.0f} Hz"
+        return "; ".join([f"{captured.identity}, {rate}", *captured.rejected])
     with contextlib.closing(open_clock(clock_port, "doctor")) as clock:
         return _serial(where, device, clock)
 
 
 def _serial(path: str, device: SerialDevice, clock: Clock) -> str:
-    """Hear a device out until it says who it is, then count its readings; what it wants to send is sent."""
-    heard: dict[type, Any] = {}  # the last output, or reading, of each kind
-    begun, readings, count = clock.now(), 0, 0
-    end, outputs = after(begun, ANSWER_S), list(device.start(begun))
+    """Read from a device until it identifies itself, then count its readings; what it wants to send is sent."""
+    last: dict[type, Any] = {}  # the last output, or reading, of each kind
+    started, readings, count = clock.now(), 0, 0
+    end, outputs = after(started, ANSWER_S), list(device.start(started))
     with contextlib.closing(open_line(path, device.baud, clock)) as line:
         while True:
             for output in outputs:
                 if isinstance(output, Send):
                     line.send(output)
-                elif isinstance(output, Identity) and Identity not in heard:
-                    begun, readings = clock.now(), 0
-                    end = after(begun, RATE_S)
+                elif isinstance(output, Identity) and Identity not in last:
+                    started, readings = clock.now(), 0
+                    end = after(started, RATE_S)
                 readings += isinstance(output, Stamped)
-                heard[type(output.reading if isinstance(output, Stamped) else output)] = output
+                last[type(output.reading if isinstance(output, Stamped) else output)] = output
             if (now := clock.now()) >= end:
                 break
             line.wait(min(after(now, TURN_S), end))
             data, stamp = line.read()
             count += len(data)
             outputs = [*(device.feed(data, stamp) if data else ()), *device.tick(clock.now())]
-    trouble = heard[Trouble].text if Trouble in heard else ""
-    if Identity not in heard:
+    trouble = last[Trouble].text if Trouble in last else ""
+    if Identity not in last:
         foreign = trouble or f"{count} bytes that make no sense at {device.baud} baud"
         raise DeviceError(f"{path}: {foreign if count else f'silence at {device.baud} baud'}")
-    rate = readings / max(TURN_S, seconds_between(begun, clock.now()))
-    supply = f", supply {heard[SonarHealth].reading.supply_V:.2f} V" if SonarHealth in heard else ""
-    return "; ".join(filter(None, (f"{heard[Identity].text}, {rate:.0f} readings/s{supply}", trouble)))
+    rate = readings / max(TURN_S, seconds_between(started, clock.now()))
+    supply = f", supply {last[SonarHealth].reading.supply_V:.2f} V" if SonarHealth in last else ""
+    return "; ".join(filter(None, (f"{last[Identity].text}, {rate:.0f} readings/s{supply}", trouble)))
 
 
 def _output(settings: Settings, where: str, clock: str) -> str:

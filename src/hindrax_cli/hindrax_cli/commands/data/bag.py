@@ -33,8 +33,8 @@ TOPICS = option("--topics", nargs="+", metavar="TOPIC", help="only these; defaul
 @command("./hindrax bag info runs/2026-01-31_14-00-00/bag", BAG, add_json)
 def info(arguments: argparse.Namespace) -> int:
     """Topics, counts, rates and times of a bag."""
-    with working("messages read") as tell:
-        found = survey(arguments.bag, tell)
+    with working("messages read") as progress:
+        found = survey(arguments.bag, progress)
     return print_answer(found.document(), lambda: show_info(found), as_json=arguments.json)
 
 
@@ -81,8 +81,8 @@ def show_list(found: Sequence[ListedBag], folder: Path) -> None:
 def recovered(arguments: argparse.Namespace) -> int:
     """A whole, indexed bag out of one that was cut off or damaged."""
     bag: Path = arguments.bag
-    with working("messages recovered") as tell:
-        made = recover(bag, arguments.out or bag.with_name(f"{bag.stem}_recovered"), tell)
+    with working("messages recovered") as progress:
+        made = recover(bag, arguments.out or bag.with_name(f"{bag.stem}_recovered"), progress)
     document = {"recovered_messages": made.messages, "lost_seconds": made.lost_s, "output": str(made.output)}
     outcome = f"{made.output}: {made.messages} messages recovered, {made.lost_s:.2f} s known to be lost"
     return print_answer(document, "\n".join([*made.notes, outcome]), as_json=arguments.json)
@@ -159,12 +159,12 @@ def exported(arguments: argparse.Namespace) -> int:
         return (not wanted or topic in wanted) and begin <= after_s <= end
 
     out = arguments.out or bag.with_name(f"{bag.stem}_export")
-    with working("messages written") as tell, nothing_left(out):
-        made = recover(bag, out, tell, keep)
+    with working("messages written") as progress, nothing_left(out):
+        made = recover(bag, out, progress, keep)
         if not made.messages:
             shutil.rmtree(out)
             raise UsageError(
-                f"{bag}: none of its messages was wanted; `hindrax bag info {bag}` tells topics and length"
+                f"{bag}: none of its messages was wanted; `hindrax bag info {bag}` shows topics and length"
             )
     document = {"messages": made.messages, "output": str(made.output)}
     return print_answer(document, f"{made.output}: {made.messages} messages", as_json=arguments.json)
@@ -187,8 +187,8 @@ def fetched(arguments: argparse.Namespace) -> int:
         files = fetch(remote, out, bars)
     copied = sum(one.copied for one in files)
     document = {"files": [str(one.path) for one in files], "copied_bytes": copied, "output": str(out)}
-    said = f"{out}: {len(files)} files here and verified, {_mb(copied)} copied"
-    return print_answer(document, said, as_json=arguments.json)
+    text = f"{out}: {len(files)} files here and verified, {_mb(copied)} copied"
+    return print_answer(document, text, as_json=arguments.json)
 
 
 class Bars:

@@ -57,7 +57,7 @@ Logs of ArduPilot (.bin, .tlog) and PX4 (.ulg) give velocities and attitude of i
 outputs, at the logged voltage.
 Several records of one vehicle are pooled, and the spread between them is shown. CSV files one after the other that
 hold different columns of the same time (one file per topic, as `rostopic echo -p` or PlotJuggler write them) are one
-record. What is no measurement is left out and told: zeros of a DVL without lock, values of a frozen or saturated
+record. What is no measurement is left out and reported: zeros of a DVL without lock, values of a frozen or saturated
 sensor, outliers; velocities that came in bursts are spread evenly.
 
 columns of a CSV record (SNAME axes or --frame flu; SI units, or others in the header line such as "u [cm/s]" or t_ms;
@@ -116,17 +116,17 @@ def identify(arguments: argparse.Namespace) -> int:
         require_place(file)
     named = load_vehicle(arguments.vehicle) if arguments.vehicle else None
     sources = open_sources(arguments.records, wanted, named)
-    vehicle, said = _vehicle(named, sources[0])
+    vehicle, notes = _vehicle(named, sources[0])
     began = time.monotonic()
-    gain_sigma = _gain_sigma(arguments.gain_sigma, vehicle, sources[0], said)
+    gain_sigma = _gain_sigma(arguments.gain_sigma, vehicle, sources[0], notes)
     tuning = Tuning(wrench_gain_sigma=gain_sigma)
-    task = IdentificationTask(axes, span, mass_known=NO_VEHICLE not in said, tuning=tuning)
+    task = IdentificationTask(axes, span, mass_known=NO_VEHICLE not in notes, tuning=tuning)
     with working(f"identifying over {', '.join(str(path) for path in arguments.records)}"):
         found = identify_sources(sources, vehicle, task, lambda text: print_fitted(text, sys.stderr))
     took_s = time.monotonic() - began
     ours = [source.path for source in sources if source.recording is None]
     files = [file for source in sources for file in source.files]
-    assumed = dict.fromkeys([*said, *(one for source in sources for one in source.assumptions)])
+    assumed = dict.fromkeys([*notes, *(one for source in sources for one in source.assumptions)])
     conditions = recorded_conditions(found, files, ours, tuple(assumed))
     if arguments.report:
         runs = [_saved(source, results, conditions) for source, results in zip(sources, found.runs, strict=False)]
@@ -148,13 +148,13 @@ def _vehicle(named: Vehicle | None, source: RecordSource) -> tuple[Vehicle, list
     return Vehicle(ours.name, ours.mass_kg, ours.volume_m3, ours.envelope_m), [NO_VEHICLE]
 
 
-def _gain_sigma(given: float | None, vehicle: Vehicle, source: RecordSource, said: list[str]) -> float:
+def _gain_sigma(given: float | None, vehicle: Vehicle, source: RecordSource, notes: list[str]) -> float:
     """Standard deviation of the wrench's gain, beyond the curves of the vehicle file."""
     if given is None and (source.recording is None or vehicle.thrusters):
         return 0.0
-    believed = GAIN_SIGMA if given is None else given
-    said.append(f"the gain of the wrench is believed to within {believed:.0%} (--gain-sigma): see the calibrated band")
-    return believed
+    sigma = GAIN_SIGMA if given is None else given
+    notes.append(f"the gain of the wrench is assumed within {sigma:.0%} (--gain-sigma): see the calibrated band")
+    return sigma
 
 
 def _saved(source: RecordSource, results: Results, conditions: Conditions) -> SavedCoefficients:
@@ -207,7 +207,7 @@ def _show(arguments: argparse.Namespace, found: Identified, conditions: Conditio
         print_fitted(f"aborted by {conditions.aborted}; the results are of what was flown until then", sys.stderr)
     show(found)
     if not found.results.motions:
-        print_fitted("no motion was flown in this record; `./hindrax bag info` tells what it holds", sys.stderr)
+        print_fitted("no motion was flown in this record; `./hindrax bag info` shows what it holds", sys.stderr)
     foreign = not conditions.mock and found.origin is None
     for motion, result in found.results.motions.items() if foreign else ():
         if result.quality:

@@ -116,8 +116,8 @@ def print_forced(motion: str, found: list[Coefficient]) -> None:
     headings = ("Fourier", "std", "direct fit", "std", "apart %", "dimensionless")
     table = make_table(f"Forced {motion}: force = derivative x motion", ["coefficient"], headings, ["unit"])
     for item in found:
-        told = [text for one in (item.fourier, item.direct) for text in cells_of(one)]
-        numbers = (*told, f"{item.difference_percent:.2f}", f"{item.dimensionless:.5f}")
+        cells = [text for one in (item.fourier, item.direct) for text in cells_of(one)]
+        numbers = (*cells, f"{item.difference_percent:.2f}", f"{item.dimensionless:.5f}")
         table.add_row(item.name, *numbers, item.unit)
     print_table(table)
 

@@ -50,13 +50,13 @@ def test(arguments: argparse.Namespace) -> int:
     if words:
         return 0 if good("tests", [*PYTEST, *words], root) else 1
     passed = [good(name, command, root) for name, command in QUICK]
-    with tempfile.TemporaryFile("w+") as said:
+    with tempfile.TemporaryFile("w+") as output:
         print_fitted("== types: checked beside the tests")
-        types = subprocess.Popen(TYPES, cwd=root, stdin=subprocess.DEVNULL, stdout=said, stderr=said)  # noqa: S603  # our own command
+        types = subprocess.Popen(TYPES, cwd=root, stdin=subprocess.DEVNULL, stdout=output, stderr=output)  # noqa: S603  # our own command
         passed.append(good("tests", ALL, root))
         passed.append(code_of(types) == 0)
-        said.seek(0)
-        print_whole(f"{said.read()}== types: {'good' if passed[-1] else 'FAILED'}")
+        output.seek(0)
+        print_whole(f"{output.read()}== types: {'good' if passed[-1] else 'FAILED'}")
     return 0 if all(passed) else 1
 
 

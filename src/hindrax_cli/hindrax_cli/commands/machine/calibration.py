@@ -65,18 +65,18 @@ def imu(arguments: argparse.Namespace) -> int:
 
 
 def live(port: str, mount: Mount, seconds: float) -> tuple[list[Vec3], list[Vec3]]:
-    """Raw forces while turning slowly, and raw fields, heard from the sensor itself."""
+    """Raw forces while turning slowly, and raw fields, captured from the sensor itself."""
     task = f"turn the vehicle slowly about each axis, all the way round: {seconds:g} s"
-    told = partial(print_fitted, task, sys.stderr)
+    prompt = partial(print_fitted, task, sys.stderr)
     sensor = Icm20948(Icm20948Knobs(), mount.address)
-    with working("heard") as tell:
-        heard = capture(port, sensor, seconds, lambda share: tell(f"{share:.0%}"), told)
-    slow = [one for one in heard.of(Inertial) if max(abs(rate) for rate in one.rate_radps) < SLOW_radps]
-    return [one.specific_force_mps2 for one in slow], [one.field_T for one in heard.of(Magnetic)]
+    with working("captured") as progress:
+        captured = capture(port, sensor, seconds, lambda share: progress(f"{share:.0%}"), prompt)
+    slow = [one for one in captured.of(Inertial) if max(abs(rate) for rate in one.rate_radps) < SLOW_radps]
+    return [one.specific_force_mps2 for one in slow], [one.field_T for one in captured.of(Magnetic)]
 
 
 def from_bag(bag: str) -> tuple[list[Vec3], list[Vec3]]:
-    """Forces while turning slowly, and fields, as they were recorded: corrected as the vehicle file then said."""
+    """Forces while turning slowly, and fields, as they were recorded: corrected by the vehicle file of that time."""
     inertial, magnetic = topics.resolved(topics.IMU), topics.resolved(topics.MAGNETIC)
     forces: list[Vec3] = []
     fields: list[Vec3] = []
@@ -139,20 +139,20 @@ def depth(arguments: argparse.Namespace) -> int:
     vehicle = load_vehicle(arguments.vehicle)
     _, mount = mount_of(vehicle, "ms5837")
     sensor = Ms5837(address=mount.address)
-    told = partial(print_fitted, f"measuring the air pressure for {arguments.seconds:g} s", sys.stderr)
-    heard = capture(arguments.port or mount.port, sensor, arguments.seconds, lambda _: None, told)
-    mean, spread = judged([one.pressure_Pa for one in heard.of(Pressure)])
+    prompt = partial(print_fitted, f"measuring the air pressure for {arguments.seconds:g} s", sys.stderr)
+    captured = capture(arguments.port or mount.port, sensor, arguments.seconds, lambda _: None, prompt)
+    mean, spread = judged([one.pressure_Pa for one in captured.of(Pressure)])
     if arguments.write:
         set_key(Path(arguments.vehicle), ("water", "surface_pressure_Pa"), round(mean, 1))
     report = {
-        "sensor": heard.identity,
+        "sensor": captured.identity,
         "surface_pressure_Pa": round(mean, 1),
         "spread_Pa": round(spread, 1),
         "before_Pa": vehicle.water.surface_pressure_Pa,
         "written": arguments.write,
     }
-    said = f"surface pressure {mean:.1f} Pa (+/- {spread:.1f} Pa), {kept(arguments)}"
-    return print_answer(report, said, as_json=arguments.json)
+    text = f"surface pressure {mean:.1f} Pa (+/- {spread:.1f} Pa), {kept(arguments)}"
+    return print_answer(report, text, as_json=arguments.json)
 
 
 def judged(pressures_Pa: list[float]) -> tuple[float, float]:

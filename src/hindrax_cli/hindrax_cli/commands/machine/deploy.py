@@ -25,7 +25,7 @@ NO_CONNECTION = 255
 @command(
     "./hindrax deploy pi@192.168.2.2 --tether eth0:192.168.2.1 --dry-run",
     option("host", metavar="HOST", help="as ssh takes it: pi@192.168.2.2, or a name of ~/.ssh/config"),
-    option("--dry-run", action="store_true", help="print each step, reach nobody"),
+    option("--dry-run", action="store_true", help="print each step, connect to nothing"),
     option(
         "--with",
         dest="kind",
@@ -63,7 +63,7 @@ def deploy(arguments: argparse.Namespace) -> int:
 
 
 def chosen_kind(arguments: argparse.Namespace) -> DeploymentKind:
-    """Ask the machine; a dry run reaches nobody and shows the usual way."""
+    """Ask the machine; a dry run connects to nothing and shows the usual way."""
     if arguments.dry_run:
         return DeploymentKind.NATIVE
     return kind_of(arguments.host, looked(Target(arguments.host).host))

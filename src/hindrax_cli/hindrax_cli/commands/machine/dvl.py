@@ -120,7 +120,7 @@ class DvlConversation:
         self._port.close()
 
     def show(self) -> dict[str, Any]:
-        """Identity and settings, as far as the device tells them."""
+        """Identity and settings, as far as the device reports them."""
         settings = self._ask()
         return {"port": self._path, "identity": self._identity, "settings": settings}
 
@@ -142,12 +142,12 @@ class DvlConversation:
         for order in first:
             self._send(order)
         settings = self._ask()
-        told = {key: value for key, value in wanted.items() if key in settings}
-        if left := flash.commands(settings, told):
+        reported = {key: value for key, value in wanted.items() if key in settings}
+        if left := flash.commands(settings, reported):
             raise HindraxError(f"{self._path}: DVL did not take {', '.join(_texts(left))}; check its firmware")
         for order in last:
             self._send(order)
-        unverified = [key for key in wanted if key not in told]
+        unverified = [key for key in wanted if key not in reported]
         return report | {"sent": True, "verified": not unverified, "unverified": unverified, "settings": settings}
 
     def _send(self, order: bytes) -> None:
@@ -166,9 +166,9 @@ class DvlConversation:
         for output in self._device.start(self._clock.now()):
             if isinstance(output, Send):
                 self._port.send(output)
-        heard = self._listen(ANSWER_S, until_configured=True)
+        received = self._listen(ANSWER_S, until_configured=True)
         if not self._identity:
-            found = "other bytes" if heard else "silence"
+            found = "other bytes" if received else "silence"
             raise HindraxError(
                 f"{self._path}: found {found}, wanted a DVL at {self._device.baud} baud; check power, cable and speed"
             )
@@ -192,7 +192,7 @@ def _texts(orders: Iterable[bytes]) -> list[str]:
 
 
 def lines(report: Mapping[str, Any]) -> list[str]:
-    """Return the report as lines for a person."""
+    """Return the report as lines of text."""
     found = [f"{report['identity']} on {report['port']}"]
     if "settings" in report:
         found += [f"  {key}: {value}" for key, value in report["settings"].items()] or ["  settings: not reported"]

@@ -25,7 +25,7 @@ from hindrax_sim.mock_vehicle import MockVehicle
 from hindrax_sim.world import Conditions
 
 UDP_PORT = f"{UDP_PREFIX}0.0.0.0:{TO_HOST}"
-"""Port of a DVL that speaks by UDP, as a vehicle file has it."""
+"""Port of a DVL on UDP, as a vehicle file has it."""
 
 
 @command(
@@ -38,7 +38,7 @@ UDP_PORT = f"{UDP_PREFIX}0.0.0.0:{TO_HOST}"
     option(
         "--dvl-udp",
         action="store_true",
-        help="the DVL speaks by UDP to port 27000 of this machine and listens at 50000",
+        help="the DVL sends by UDP to port 27000 of this machine and listens at 50000",
     ),
     add_mock_options,
 )
@@ -46,26 +46,26 @@ def mock(arguments: argparse.Namespace) -> int:
     """The mock vehicle's devices alone (serial ports, I2C bus), until Ctrl-C."""
     words = document if arguments.json else plain if arguments.print_paths else table
 
-    def tell(ports: Mapping[str, str]) -> None:
+    def announce(ports: Mapping[str, str]) -> None:
         print_fitted(words(ports))
 
     faces = {"place": arguments.folder, "i2c_device": arguments.i2c_device, "dvl_udp": arguments.dvl_udp}
     with asked_to_end() as over:
-        serve(Path(arguments.vehicle), mock_options(arguments), tell, over, **faces)
+        serve(Path(arguments.vehicle), mock_options(arguments), announce, over, **faces)
     return 0
 
 
 def serve(
     vehicle_file: Path,
     options: MockOptions,
-    tell: Callable[[Mapping[str, str]], None],
+    announce: Callable[[Mapping[str, str]], None],
     over: Callable[[], bool],
     *,
     place: Path | None = None,
     i2c_device: str | None = None,
     dvl_udp: bool = False,
 ) -> None:
-    """Serve until `over`; `tell` is called with every port by name once all are up.
+    """Serve until `over`; `announce` is called with every port by name once all are up.
 
     `place`: folder of the ports; `i2c_device`: a file to mount as the bus too; `dvl_udp`: the DVL is on the network.
     """
@@ -82,7 +82,7 @@ def serve(
         contextlib.closing(UdpLine(mock.ports[dvl])) if dvl_udp else contextlib.nullcontext() as network,
     ):
         ports = mock.ports | {"clock": mock.clock} | ({"i2c-device": i2c_device} if i2c_device else {})
-        tell(ports | ({dvl: UDP_PORT} if dvl_udp else {}))
+        announce(ports | ({dvl: UDP_PORT} if dvl_udp else {}))
         while not over():
             mock.step()
             if network is not None:
@@ -106,7 +106,7 @@ def _own(folder: Path) -> Iterator[Path]:
 
 
 def table(found: Mapping[str, str]) -> str:
-    """Return the ports for a person."""
+    """Return the ports as text."""
     width = max(len(name) for name in found)
     lines = [f"  {name:{width}}  {path}" for name, path in found.items()]
     note = "mock:SOCKET is for hindrax (--port); the other paths open as they are"

@@ -83,8 +83,8 @@ def oscillator(arguments: argparse.Namespace) -> int:
         "edges": edges[-1][0] - edges[0][0],
         "written": arguments.write,
     }
-    said = f"oscillator {found_Hz / 1e6:.4f} MHz, {percent:+.2f} % of what the vehicle file has, {kept(arguments)}"
-    return print_answer(report, said, as_json=arguments.json)
+    text = f"oscillator {found_Hz / 1e6:.4f} MHz, {percent:+.2f} % of what the vehicle file has, {kept(arguments)}"
+    return print_answer(report, text, as_json=arguments.json)
 
 
 def _gpio(name: str) -> tuple[str, int]:
@@ -133,8 +133,8 @@ class _Bench:
                 continue
             row = DEVICES[mount.device]
             port = self.port if self.port.startswith(MOCK_PREFIX) else mount.port
-            heard = capture(port, row.make(row.knobs(), mount, self.vehicle), 0.5, lambda _part: None)
-            found_V = max((one.voltage_V for one in heard.of(Battery)), default=0.0)
+            captured = capture(port, row.make(row.knobs(), mount, self.vehicle), 0.5, lambda _part: None)
+            found_V = max((one.voltage_V for one in captured.of(Battery)), default=0.0)
             if found_V > SUPPLIED_V:
                 raise HindraxError(
                     f"{name}: found {found_V:.1f} V, wanted the speed controllers without supply; switch it off. Feed "

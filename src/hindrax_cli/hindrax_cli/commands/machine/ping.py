@@ -1,4 +1,4 @@
-"""`hindrax ping`: what the echo sounder hears, asked over its own port, with the stack down."""
+"""`hindrax ping`: what the echo sounder measures, asked over its own port, with the stack down."""
 
 import argparse
 from collections.abc import Mapping
@@ -98,7 +98,7 @@ def document(port: str, identity: str, echo: EchoProfile, round_trip_s: float) -
 
 
 def drawn(found: Mapping[str, Any]) -> list[str]:
-    """Return the document for a person: one row per part of the scan, as long as its loudest echo."""
+    """Return the document as text: one row per part of the scan, as long as its loudest echo."""
     (start_m, end_m), strength, count = found["scan_m"], found["strength"], len(found["strength"])
     parts = [strength[count * row // ROWS : count * (row + 1) // ROWS] for row in range(ROWS)]
     return [

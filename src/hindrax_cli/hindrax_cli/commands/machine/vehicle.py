@@ -32,7 +32,7 @@ def new(arguments: argparse.Namespace) -> int:
     if out.exists():
         raise UsageError(f"{out}: is there already; take another name, or remove it")
     require_place(next(folder for folder in out.absolute().parents if folder.exists()) / out.name)
-    text = file_text(name, ask(_line, _say_or_end))
+    text = file_text(name, ask(_line, _print_or_raise))
     vehicle = vehicle_from_text(text, str(out))
     with writing(out, "name another place with --out", UsageError):
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -50,8 +50,8 @@ def _line(prompt: str) -> str:
     return line
 
 
-def _say_or_end(error: UsageError) -> None:
-    """Tell a person, who is asked again; a script that answers wrongly ends."""
+def _print_or_raise(error: UsageError) -> None:
+    """Print the error at a terminal and ask again; a script that answers wrongly ends."""
     if not sys.stdin.isatty():
         raise error
     print_fitted(error, sys.stderr)

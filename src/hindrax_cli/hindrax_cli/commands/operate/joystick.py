@@ -44,7 +44,7 @@ def joystick(arguments: argparse.Namespace) -> int:
         from hindrax_control.nodes.teleop_node import make_nodes  # noqa: PLC0415  # rclpy reads the environment first
         from hindrax_ros.process import StopSignal, spin  # noqa: PLC0415  # as above
 
-        ready = "hold the dead-man button and steer" if found else "a vehicle that is heard there can be steered"
+        ready = "hold the dead-man button and steer" if found else "a vehicle that publishes there can be steered"
         print_fitted(f"{ready}; Ctrl-C ends it")
         stop = StopSignal()
         code = spin(make_nodes, words, stop)

@@ -92,7 +92,7 @@ def held(axis: str, text: str | None) -> tuple[tuple[str, ...], float, bool]:
 
 
 def shown(axis: str, value: float) -> str:
-    """Setpoint for a person; headings from 0 to 360."""
+    """Setpoint as text; headings from 0 to 360."""
     if axis == STATION:
         return "this place"
     if axis not in ANGLES:
@@ -118,7 +118,7 @@ def recentre(arguments: argparse.Namespace) -> int:
 
 
 def place_text(x_m: float, y_m: float) -> str:
-    """The place for a person."""
+    """The place as text."""
     return "at its start" if math.isnan(x_m) else f"{x_m:.2f} m from the south wall, {y_m:.2f} m from the west wall"
 
 
@@ -194,7 +194,7 @@ def outcome_text(allocation: Any) -> str:
     add_stack,
 )
 def lights(arguments: argparse.Namespace) -> int:
-    """Set the brightness of the lamps, from 0 to 1; they go out when nobody commands the vehicle any more."""
+    """Set the brightness of the lamps, from 0 to 1; they go out when the vehicle gets no commands any more."""
     found = chosen_stack(arguments)
     lamps = len(load_vehicle(found.vehicle if found else vehicle_file(usual_vehicle())).output.light_channels)
     levels = brightness(arguments.levels, lamps)

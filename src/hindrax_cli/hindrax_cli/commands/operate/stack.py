@@ -91,7 +91,7 @@ def stop(arguments: argparse.Namespace) -> int:
         return neutral_on_output(arguments)
     from hindrax_operator.nodes.orders import stop as stop_all  # noqa: PLC0415  # rclpy is loaded only where it is needed
 
-    # All of them by default, because nobody should have to look up a number first; on with the next when one fails.
+    # All of them by default, so that no number has to be looked up first; on with the next when one fails.
     found = stacks()
     wanted = [find_stack(arguments)] if arguments.stack is not None or not found else found
     failed = []
@@ -121,10 +121,10 @@ def neutral_on_output(arguments: argparse.Namespace) -> int:
 
 
 def on_the_wire(stack: StackLock | None) -> str:
-    """Return what can be said of the pulses of a stack that did not obey."""
+    """Return what is known of the pulses of a stack that did not obey."""
     found = {} if stack is None else beats(runtime_folder(), stack.pid, time.monotonic())
     if THRUSTERS.name not in found:
-        return "nothing here tells whether its thrusters turn; if they do, cut the power"
+        return "whether its thrusters turn is unknown here; if they do, cut the power"
     if found[THRUSTERS.name] > 2.0 * PERIOD_S:
         return "its dead man does not beat, so its thrusters may go on with their last pulses; cut the power"
     return "its dead man lives: half a second after the last command they are neutral; if they turn, cut the power"

@@ -47,12 +47,12 @@ def status(arguments: argparse.Namespace) -> int:
 
 
 def _status(stack: StackLock, alive: tuple[str, str] | None, now_s: float) -> StackStatus:
-    """What the lock file, the alive and, where nobody else knows it, the graph of a stack say."""
+    """What the lock file, the liveness file and, for what only it knows, the graph of a stack report."""
     doing, wrong = alive or ("", "")
     what, _, thrusters = doing.rpartition(": ")
     age_s = round(now_s - stack.started_s, 1)
-    told = _vehicle(stack), stack.domain, thrusters if what else "", age_s, wrong or WELL, stack.bag
-    made = StackStatus(stack.pid, what or stack.purpose, *told)
+    fields = _vehicle(stack), stack.domain, thrusters if what else "", age_s, wrong or WELL, stack.bag
+    made = StackStatus(stack.pid, what or stack.purpose, *fields)
     if stack.waits_for_operator:
         _ask(stack, made)
     return made
@@ -67,7 +67,7 @@ def _vehicle(stack: StackLock) -> str:
 
 
 def _ask(stack: StackLock, made: StackStatus) -> None:
-    """Fill in what only the graph of a stack tells, without a heartbeat: no person is there who could act."""
+    """Fill in what only the graph of a stack knows, without a heartbeat: no operator is there who could act."""
     from hindrax_operator.connection import joined  # noqa: PLC0415  # rclpy is loaded only where it is needed
     from hindrax_operator.snapshot import node_problems  # noqa: PLC0415  # as above
 

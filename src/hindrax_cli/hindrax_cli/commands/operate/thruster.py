@@ -83,5 +83,5 @@ def _set_health(arguments: argparse.Namespace) -> int:
     with operator_of(arguments) as operator:
         left_out = set_health(operator, names, arguments.reason, usable=arguments.what == "enable")
         lost = list(operator.allocation.lost_axes)
-    said = f"out of use: {', '.join(left_out) or 'none'}" + (f"; lost axes: {', '.join(lost)}" if lost else "")
-    return print_answer({"disabled": left_out, "lost_axes": lost}, said, as_json=arguments.json)
+    text = f"out of use: {', '.join(left_out) or 'none'}" + (f"; lost axes: {', '.join(lost)}" if lost else "")
+    return print_answer({"disabled": left_out, "lost_axes": lost}, text, as_json=arguments.json)

@@ -33,7 +33,7 @@ TOKEN_bytes = 24
 @command("./hindrax monitor", add_stack)
 def monitor(arguments: argparse.Namespace) -> int:
     """Live view in the terminal (also over ssh); keys to stop and disarm."""
-    if not (sys.stdin.isatty() and sys.stderr.isatty()):  # where textual hears keys, and where it draws
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):  # where textual reads keys, and where it draws
         raise UsageError("found no terminal to draw on, wanted one; over ssh use `ssh -t`")
     from hindrax_operator.monitor.app import Monitor  # noqa: PLC0415  # textual takes long to load
     from hindrax_operator.monitor.graph_link import GraphLink  # noqa: PLC0415  # as above
@@ -124,7 +124,7 @@ def _wait_for_vehicle(link: GraphLink, over: Callable[[], bool]) -> None:
     while link.snapshot().silent_s > VEHICLE_S and not over():
         if time.monotonic() > deadline:
             raise HindraxError(
-                f"no vehicle is heard ({link.title}); start one with `./hindrax up`, or name the tether with --tether"
+                f"no vehicle is there ({link.title}); start one with `./hindrax up`, or name the tether with --tether"
             )
         time.sleep(TURN_S)
 
