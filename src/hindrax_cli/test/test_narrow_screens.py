@@ -1,22 +1,43 @@
-"""The tables of every command on narrow screens: what a wide screen shows is there too, and whole."""
+"""The tables of every command on narrow screens: what a wide screen shows is there too, and whole, with its unit."""
 
 import re
 import shlex
 import subprocess
 import sys
+from collections import defaultdict
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
 
+import numpy as np
 import pytest
+import yaml
 from rich.console import Console
+from rich.table import Table
+from rich.text import Text
 
 from hindrax_analysis import terminal
+from hindrax_analysis.experiments import pendulum
+from hindrax_analysis.experiments.known_weight import Weighing
+from hindrax_analysis.identification.montecarlo import CoefficientError, DragError, Trial, summary
 from hindrax_bringup.clone import clone_root
-from hindrax_cli import command_line
+from hindrax_cli import command_line, pool_plan
 from hindrax_cli.command import MODULES
 from hindrax_cli.command_line import load, main, parser_of, print_overview
+from hindrax_cli.commands.experiment import weigh
+from hindrax_cli.commands.explain import trials
 from hindrax_cli.commands.machine import doctor
+from hindrax_cli.commands.operate import status
+from hindrax_cli.commands.operate.status import StackStatus
 from hindrax_cli.health_checks import Check
 from hindrax_core.text import screen_text
 from hindrax_core.text.screen_text import COMMAND, UNBOUNDED
+from hindrax_core.vehicle import AxisGain
+from hindrax_ident.arrays import array
+from hindrax_ident.assess.assessment import METHOD
+from hindrax_sim.flights.rehearsal import Band, Flown, Rehearsal
+from hindrax_tools.faults import table as fault_table
+from hindrax_tools.faults.cells import MODES, Cell
 from hindrax_tools.reference.commands import words_of
 
 BAGS = clone_root() / "test" / "replay" / "bags"
@@ -30,33 +51,127 @@ COMMANDS = {
     "identify": f"identify {BAGS / 'surge'}",
 }
 """One that prints a table and needs neither a vehicle nor minutes, by its name, or name and word."""
-ELSEWHERE = {
-    "bench",
-    "faults",
-    "montecarlo",
-    "predict",
-    "status",
-    "step",
-    "towing",
-    "forced",
-    "free-decay",
-    "bollard",
-    "pendulum",
-    "weigh",
+RECORDS = {
+    "free-decay": "free-decay {}/decay.csv --mass 0.39 --volume 0.00056 --stiffness 1127.7",
+    "forced": "forced {}/forced.csv --motion heave --mass 78 --length 0.875",
+    "pendulum": "pendulum {}/pendulum.csv --mass 3.739 --arm 0.4 --buoyancy-kgf 2.24",
+    "step": "step --mass 3.739 --added-mass 1.66 --k-l 61.89 --k-q 0.398",
+    "towing": "towing {}/towing.csv",
+    "bollard": "bollard {}/bollard.csv --supply 14.8",
+    "predict": f"predict {{}}/coefficients.yaml {BAGS / 'surge'} --window 3",
 }
-"""They print with the same two functions, but need minutes, a stack or a record that their own tests make."""
-HEADINGS = ("\u250f", "\u2503", "\u2521")
+"""Commands that read a record."""
+
+
+def show_stacks() -> None:
+    status._show([StackStatus(4348, "pool-test surge in mock", "lbv (mock)", "2", "armed", 16.0, bag="runs/a/bag")])
+
+
+def show_trials() -> None:
+    error = CoefficientError("surge", "k_q", METHOD, 1.5, 0.5, 0.5, 66.48, 0.9)
+    trials.print_montecarlo(summary([Trial(seed, (error,), (DragError("surge", 1.0, 0.01, 0.1),)) for seed in (1, 2)]))
+
+
+def show_faults() -> None:
+    found = [Cell("control", "died", mode, 1, 0.5, 0.0, 2.0, "too late: 1 s") for mode in MODES]
+    trials.print_faults("Time to neutral, the longest of 3 seeds", fault_table, found, [])
+
+
+def show_bench() -> None:
+    rows = {"name": "allocation, 8 thrusters", "ours_us": 5.7, "peer_us": 25.8, "ratio": 4.5, "peer": "quadprog"}
+    trials.print_bench([rows])
+
+
+def show_weighing() -> None:
+    gain = AxisGain(load=15.0, sigma=0.0061192, sigma_difference=0.01294, positive=0.92169, negative=None)
+    weigh.show(Weighing("surge", gain, {"alignment": 0.0006}, 0.0, 0.5), "not kept")
+
+
+def show_plan() -> None:
+    band = Band(0.45, 0.023, 0.21, 0.26, ("the DVL loses the bottom",))
+    flown = Flown("surge", 0.0, 115.0, 1.54, 0.66, 0.17)
+    pool_plan.show(Rehearsal("hindrax", "pool", (), (flown,), {"surge": band}, "", ""))
+
+
+PRINTERS: dict[str, Callable[[], None]] = {
+    "status": show_stacks,
+    "montecarlo": show_trials,
+    "faults": show_faults,
+    "bench": show_bench,
+    "weigh": show_weighing,
+    "pool-test": show_plan,
+}
+"""What the others print; they need minutes, a stack or a person. Results of a pool test are those of `identify`."""
+WITHOUT_UNIT = {
+    "messages",
+    "bytes each",
+    "Hz",
+    "MB",
+    "s",
+    "windows",
+    "ratio",
+    "RMSE / bound",
+    "RMSE / band",
+    "ROS domain",
+}
+"""Headings of numbers that count something, are a ratio, or are a unit themselves."""
 FRAME = re.compile("[\u2500-\u257f;]")
 
 
-def printed(words: str, width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> set[str]:
-    """Words that are printed, without headings: names stand there without theirs where a row has lines of its own."""
+@pytest.fixture(scope="module")
+def records(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a record for each bench experiment."""
+    folder = tmp_path_factory.mktemp("records")
+    clock = array(np.arange(0.0, 20.0, 0.01))
+    swing = np.exp(-0.06 * clock) * np.cos(6.0 * clock)
+    pulse = np.concatenate((np.arange(1100.0, 1470.0, 20.0), np.arange(1540.0, 1901.0, 20.0)))
+    angle = pendulum.simulate(clock, np.array([-6.7, 0.4, 0.5]), 1.0)
+    columns = {
+        "decay": {"time_s": clock, "acceleration_mps2": -0.7 * swing},
+        "forced": {"time_s": clock, "displacement_m": 0.02 * np.sin(2.0 * clock), "Z_N": 13.0 * np.sin(2.0 * clock)},
+        "pendulum": {"time_s": clock, "theta_rad": angle},
+        "towing": {
+            "speed_mps": np.arange(0.1, 1.01, 0.1),
+            "drag_N": 3.0 * np.arange(0.1, 1.01, 0.1) + 0.01 * pulse[:10],
+        },
+        "bollard": {"pulse_us": pulse, "load_N": (pulse - 1500.0) / 26.0},
+    }
+    for name, one in columns.items():
+        rows = [",".join(one), *(",".join(map(repr, map(float, row))) for row in zip(*one.values(), strict=True))]
+        (folder / f"{name}.csv").write_text("\n".join(rows), encoding="utf-8")
+    numbers = {"k_q": 66.5, "k_l": 1.25, "b": 0.0, "added_mass": 12.1}
+    surge = {name: {"value": value, "std": 0.1} for name, value in numbers.items()}
+    (folder / "coefficients.yaml").write_text(yaml.safe_dump({"motions": {"surge": surge}}), encoding="utf-8")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def tables(records: Path) -> Mapping[str, list[Table]]:
+    """The tables that each command prints."""
+    found: dict[str, list[Table]] = defaultdict(list)
+    least_width = terminal._least_width
+
+    def kept(name: str, table: Table) -> int:
+        found[name].append(table)
+        return least_width(table)
+
+    with pytest.MonkeyPatch.context() as patch:
+        for name in (*COMMANDS, *RECORDS, *PRINTERS):
+            patch.setattr(terminal, "_least_width", partial(kept, name))
+            if name in PRINTERS:
+                PRINTERS[name]()
+            else:
+                assert main({**COMMANDS, **RECORDS}[name].replace("{}", str(records)).split()) == 0, name
+    return found
+
+
+def words_on(width: int, table: Table, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> set[str]:
+    """Words that are printed, with the units of headings."""
     monkeypatch.setattr(terminal, "console", lambda: Console(width=width, file=sys.stdout))
-    main(words.split())
+    terminal.print_table(table)
     said = capsys.readouterr().out
     assert "\u2026" not in said
-    lines = [line for line in said.splitlines() if not line.startswith(HEADINGS)]
-    return {word for line in lines for word in FRAME.sub(" ", line).split()}
+    return set(FRAME.sub(" ", said).split())
 
 
 def test_every_command_that_prints_tables_is_here() -> None:
@@ -64,7 +179,8 @@ def test_every_command_that_prints_tables_is_here() -> None:
     root = clone_root() / "src" / "hindrax_cli"
     paths = {dotted: root / f"{dotted.replace('.', '/')}.py" for dotted in MODULES.values()}
     found = {dotted for dotted, path in paths.items() if prints.search(path.read_text(encoding="utf-8"))}
-    assert found == {MODULES[name.partition(" ")[0]] for name in (*COMMANDS, *ELSEWHERE)}
+    here = {MODULES[name.partition(" ")[0]] for name in (*COMMANDS, *RECORDS, *PRINTERS)}
+    assert found == here - {MODULES["pool-test"]}
 
 
 @pytest.mark.parametrize("name", MODULES)
@@ -109,12 +225,35 @@ def test_the_overview_breaks_between_words(monkeypatch: pytest.MonkeyPatch, caps
     assert not [line for line in lines if len(line) > 60]
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_nothing_is_cut(command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    wide = printed(COMMANDS[command], UNBOUNDED, monkeypatch, capsys)
-    assert len(wide) > 10
-    for width in (80, 60):
-        assert not wide - printed(COMMANDS[command], width, monkeypatch, capsys), f"{width} columns"
+@pytest.mark.parametrize("command", [*COMMANDS, *RECORDS, *PRINTERS])
+def test_nothing_is_cut(
+    command: str,
+    tables: Mapping[str, list[Table]],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert tables[command]
+    for table in tables[command]:
+        wide = words_on(UNBOUNDED, table, monkeypatch, capsys)
+        # A name stands without its heading where a row has lines of its own, so that has no unit.
+        headings = " ".join(str(one.header) for one in table.columns if one.no_wrap and one.justify == "left")
+        assert "[" not in headings
+        for width in (80, 60):
+            narrow = {word.rstrip(":") for word in words_on(width, table, monkeypatch, capsys)}
+            assert not {word.rstrip(":") for word in wide} - narrow - set(headings.split()), f"{width} columns"
+
+
+@pytest.mark.parametrize("command", [*COMMANDS, *RECORDS, *PRINTERS])
+def test_every_number_has_its_unit(command: str, tables: Mapping[str, list[Table]]) -> None:
+    """In the heading, in a column of units, in the name of the row, or beside the number."""
+    for table in tables[command]:
+        headings = [Text.from_markup(str(one.header)).plain for one in table.columns]
+        named = [one for one in table.columns if one.no_wrap and one.justify == "left"]
+        in_names = bool(named) and all("[" in str(cell) for cell in named[-1].cells)
+        for heading, one in zip(headings, table.columns, strict=True):
+            beside = all(re.search(r"[A-Za-z%]", str(cell)) for cell in one.cells if cell)
+            if one.justify == "right" and heading and not (in_names or "unit" in headings or beside):
+                assert "[" in heading or heading in WITHOUT_UNIT, f"{table.title}: {heading}"
 
 
 def test_a_title_that_is_longer_than_the_screen_breaks_too(

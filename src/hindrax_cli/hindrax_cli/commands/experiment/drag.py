@@ -88,7 +88,7 @@ def _response(plant: Plant, thrust_N: float, duration_s: float) -> dict[str, flo
 
 def print_steps(rows: list[dict[str, float]]) -> None:
     """Print one line per step."""
-    headings = ("thrust [N]", "terminal [m/s]", "63 % after [s]", "acceleration at start [m/s^2]", "at the end")
+    headings = ("thrust [N]", "terminal [m/s]", "63 % after [s]", "acceleration at start [m/s^2]", "at the end [m/s^2]")
     table = make_table("Steps of thrust from rest", (), headings)
     for row in rows:
         table.add_row(*(f"{value:.4g}" if abs(value) > 1e-9 else "0" for value in row.values()))

@@ -113,7 +113,7 @@ def forced(arguments: argparse.Namespace) -> int:
 
 def print_forced(motion: str, found: list[Coefficient]) -> None:
     """Print both ways side by side."""
-    headings = ("Fourier", "std", "direct fit", "std", "apart %", "dimensionless")
+    headings = ("Fourier", "std", "direct fit", "std", "apart [%]", "dimensionless")
     table = make_table(f"Forced {motion}: force = derivative x motion", ["coefficient"], headings, ["unit"])
     for item in found:
         cells = [text for one in (item.fourier, item.direct) for text in cells_of(one)]

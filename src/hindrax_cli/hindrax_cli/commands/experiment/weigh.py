@@ -183,7 +183,7 @@ def show(found: Weighing, where: str) -> None:
         ("weighed to", gain.load, unit),
     ]
     print_values(f"Thrust of {found.axis} over that of its curves, losses included", rows)
-    budget = make_table("Its uncertainty", ["influence"], ["percent"])
+    budget = make_table("Its uncertainty", ["influence"], ["std [%]"])
     for name, part in sorted(found.contributions.items(), key=lambda one: -one[1]):
         budget.add_row(name, f"{100.0 * part:.2f}")
     print_table(budget)

@@ -4,6 +4,8 @@ import argparse
 import re
 from typing import Any
 
+from rich.markup import escape
+
 from hindrax_analysis.plain import print_answer
 from hindrax_analysis.terminal import make_table, print_table
 from hindrax_cli.argument_types import add_json, add_vehicle
@@ -12,7 +14,7 @@ from hindrax_control.allocation.allocator import Allocator
 from hindrax_core.errors import UsageError
 from hindrax_core.signals import Allocation
 from hindrax_core.text.screen_text import print_fitted
-from hindrax_core.vehicle import AXES, WRENCH_SYMBOLS, load_vehicle
+from hindrax_core.vehicle import AXES, WRENCH_SYMBOLS, WRENCH_UNITS, load_vehicle
 
 
 def _negative_numbers(parser: argparse.ArgumentParser) -> None:
@@ -65,11 +67,11 @@ def show_allocation(names: tuple[str, ...], allocation: Allocation) -> None:
         note = "disabled" if name in allocation.disabled else "at its limit" if at_limit else ""
         thrusters.add_row(name, f"{force:z.2f}", str(pulse), note)
     print_table(thrusters)
-    axes = make_table("Wrench [N, Nm]", ("axis",), ("wanted", "achieved", "shortfall", ""))
-    rows = zip(AXES, WRENCH_SYMBOLS, allocation.wanted, allocation.achieved, allocation.shortfall, strict=True)
-    for axis, symbol, wanted, achieved, missing in rows:
+    axes = make_table("Wrench", ("axis",), ("wanted", "achieved", "shortfall", ""))
+    wrenches = allocation.wanted, allocation.achieved, allocation.shortfall
+    for axis, symbol, unit, *values in zip(AXES, WRENCH_SYMBOLS, WRENCH_UNITS, *wrenches, strict=True):
         lost = "lost" if axis in allocation.lost_axes else ""
-        axes.add_row(f"{axis} {symbol}", *(f"{value:z.3f}" for value in (wanted, achieved, missing)), lost)
+        axes.add_row(escape(f"{axis} {symbol} [{unit}]"), *(f"{value:z.3f}" for value in values), lost)
     print_table(axes)
     for refusal in allocation.refused:
         print_fitted(f"refused: {refusal}")

@@ -9,6 +9,8 @@ from functools import partial
 from operator import call
 from typing import Any
 
+from rich.markup import escape
+
 from hindrax_analysis.identification.executor import run_all
 from hindrax_analysis.identification.montecarlo import Trial, summary, trial_of
 from hindrax_analysis.plain import print_answer
@@ -21,6 +23,7 @@ from hindrax_control.maneuver.plan import MOTIONS
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import load_vehicle
+from hindrax_ident.model import motion_model
 from hindrax_sim.conditions.world_table import FORM, IDEAL, sizes_of
 from hindrax_sim.flights.pool_flight import fly
 
@@ -76,12 +79,13 @@ def print_montecarlo(document: dict[str, Any]) -> None:
         (*numbers, *(f"RMSE / bound, {method}" for method in methods)),
     )
     for cell in document["cells"]:
-        table.add_row(*_row(cell), *(_ratio(document["methods"][method], cell) for method in methods))
+        table.add_row(*map(escape, _row(cell)), *(_ratio(document["methods"][method], cell) for method in methods))
     print_table(table)
     low, high = document["ratio_by_chance"]
     print_fitted(f"{document['runs']} runs at the bound give {low:.2f} to {high:.2f} by chance, 95 times in 100")
-    title = "Drag force at shares of the tested speed: relative error, percent"
-    drag = make_table(title, ("motion",), ("share", "bias", "RMSE", "in the calibrated 95 % band", "RMSE / band"))
+    title = "Drag force at shares of the tested speed: relative error"
+    shares = ("share", "bias [%]", "RMSE [%]", "in the calibrated 95 % band", "RMSE / band")
+    drag = make_table(title, ("motion",), shares)
     for row in document["drag"]:
         percents = (f"{100 * row[key]:.2f}" for key in ("bias", "rmse"))
         held = "" if row["coverage95_calibrated"] is None else f"{row['coverage95_calibrated']:.0%}"
@@ -95,7 +99,9 @@ def print_montecarlo(document: dict[str, Any]) -> None:
 def _row(cell: dict[str, Any]) -> tuple[str, ...]:
     numbers = tuple(f"{cell[key]:.4g}" for key in ("truth", "bias", "rmse", "crlb"))
     held = (f"{cell[key]:.0%}" for key in ("coverage95", "coverage95_calibrated"))
-    return (cell["motion"], cell["coefficient"], *numbers, f"{cell['ratio']:.2f}", *held)
+    axis = motion_model.MOTIONS[cell["motion"]].axis
+    unit = motion_model.coefficient_units(axis)[cell["coefficient"]]
+    return (cell["motion"], f"{cell['coefficient']} [{unit}]", *numbers, f"{cell['ratio']:.2f}", *held)
 
 
 def _ratio(cells: list[dict[str, Any]], wanted: dict[str, Any]) -> str:
@@ -126,7 +132,7 @@ def faults(arguments: argparse.Namespace) -> int:
 
 def print_faults(title: str, table: Any, cells: Sequence[Any], violated: Sequence[str]) -> None:
     """Print the table, and what must never be and was."""
-    shown = make_table(title, ("who", "what", *table.MODES), (), ("said",))
+    shown = make_table(title, ("who", "what"), table.MODES, ("said",))
     for row in table.rows(cells):
         shown.add_row(*row)
     print_table(shown)

@@ -84,7 +84,7 @@ def show(arguments: argparse.Namespace) -> int:
         print_json(_document(vehicle, reach, reasons))
         return 0
     print_whole(picture(vehicle))
-    table = make_table("Thrusters", ["name", "forward, starboard, down [m]"], ["points to [deg]", "force [N]"])
+    table = make_table("Thrusters", ["name"], ["forward, starboard, down [m]", "points to [deg]", "force [N]"])
     for one, curve in zip(vehicle.thrusters, thrust_curves(vehicle), strict=True):
         low, high = curve.range_N
         position = "  ".join(f"{at:+.3f}" for at in one.position_m)
