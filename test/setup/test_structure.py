@@ -36,6 +36,22 @@ def test_a_folder_fits_on_a_screen(folder: Path) -> None:
     assert FOLDERS[folder] <= MOST_MODULES, f"{folder}: {FOLDERS[folder]} modules; which theme wants its own folder?"
 
 
+def said(source: Path) -> Iterator[str]:
+    """Texts of a file that may be shown: all but its docstrings."""
+    tree = ast.parse(source.read_text(encoding="utf-8"))
+    unshown = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in unshown:
+            yield node.value
+
+
+def test_a_command_in_a_sentence_can_be_pasted() -> None:
+    found = [
+        f"{source.relative_to(ROOT)}: {text}" for source in SOURCES for text in said(source) if "`hindrax " in text
+    ]
+    assert not found, "wanted ./hindrax, as the help has it"
+
+
 def test_no_package_imports_private_names_of_another() -> None:
     found = [
         f"{source.relative_to(ROOT)}: {name}"

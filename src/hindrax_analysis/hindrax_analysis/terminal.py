@@ -68,11 +68,14 @@ def print_table(table: Table) -> None:
 
 
 def _stacked(columns: Sequence[Column], cells: Sequence[str], width: int) -> list[str]:
-    """One row on lines of its own: its columns of words are its name, then each value behind its heading."""
+    """One row on lines of its own: its columns of words are its name, then each value behind its heading.
+
+    A heading with a unit is never left out.
+    """
     words, pairs = [], []
     for column, cell in zip(columns, cells, strict=True):
         heading = _plain(column.header)
-        if column.no_wrap and column.justify == "left":
+        if column.no_wrap and column.justify == "left" and "[" not in heading:
             words.append(cell)
         elif cell:
             pairs.append(f"{heading}: {cell}" if heading else cell)

@@ -53,6 +53,18 @@ def test_a_narrow_screen_gets_every_value_behind_its_heading(
     assert re.search(r"^  value \[N\]: 66.4801234;  \+-: 10.2012345;", said, re.MULTILINE)
 
 
+def test_a_narrow_screen_keeps_the_unit_of_a_column_of_words(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(terminal, "console", lambda: Console(width=40, file=sys.stdout))
+    table = make_table("Thrusters", ("name", "forward, starboard, down [m]"), ("force [N]",))
+    table.add_row("T1", "+0.183  -0.135  +0.000", "-30.0 to +30.0")
+    print_table(table)
+    said = capsys.readouterr().out.splitlines()
+    assert said[1] == "T1"
+    assert "forward, starboard, down [m]:" in said[2]
+
+
 def test_a_column_of_remarks_is_there_when_there_are_remarks(capsys: pytest.CaptureFixture[str]) -> None:
     for remark in ("", "disabled"):
         table = make_table("Thrusters", ("name",), ("force [N]", ""))

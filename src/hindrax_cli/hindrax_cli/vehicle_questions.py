@@ -20,7 +20,7 @@ GAIN_SIGMA = 0.1
 LAYOUTS = {0: "none yet", 6: "four vectored, two vertical", 8: "four vectored, four vertical"}
 FILLED = 0.8
 """Projected area of an open frame over that of its box."""
-HEAD = """# {name}: made by `hindrax vehicle new`. SI units; body axes x forward, y starboard, z down.
+HEAD = """# {name}: made by `./hindrax vehicle new`. SI units; body axes x forward, y starboard, z down.
 # Positions from the center of the envelope. docs/reference/vehicle-file.md lists every key."""
 PORTS = {"dvl75": "/dev/hindrax/dvl", "ping1d": "/dev/hindrax/ping", "icm20948": "/dev/i2c-1", "ms5837": "/dev/i2c-1"}
 ASSUMED = "# Assumed: an open frame fills 0.8 of its box; center of buoyancy 50 mm above the center of mass."

@@ -100,6 +100,15 @@ def test_a_silent_port_is_an_error_with_its_remedy(tmp_path: Path, capsys: pytes
     assert "found silence, wanted a DVL at 115200 baud; check power" in err
 
 
+def test_ethernet_has_no_speed_of_a_line(capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        number = free.getsockname()[1]
+    code, _, err = hindrax(capsys, "show", "--port", f"udp://127.0.0.1:{number}")
+    assert code == 1
+    assert "found silence, wanted a DVL; check power, cable and where the DVL sends to" in err
+
+
 def test_a_port_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, _, err = hindrax(capsys, "show", "--port", os.fspath(tmp_path / "none"))
     assert code == 1

@@ -684,6 +684,8 @@ def test_velocities_come_late_or_early(latency_s: float, said: str) -> None:
 def test_without_a_vehicle_file_the_assumption_is_said(desk: Desk) -> None:
     document = desk.identified(desk.csv())
     assert any("--vehicle" in one for one in document["assumptions"])
+    assert main(["identify", str(desk.csv())]) == 0
+    assert "COB-2023" not in desk.capsys.readouterr().out, "the paper stands beside its own vehicle only"
     assert "added_mass" not in document["motions"]["surge"]
     assert math.isclose(document["motions"]["surge"]["k_q"]["value"], TRUTH["k_q"], rel_tol=0.05)
 

@@ -197,7 +197,7 @@ class Vehicle:
     envelope_m: Vec3 = fact(0.01, 50.0, "length, width, height [m]")
     thrusters: tuple[Thruster, ...] = knob((), meaning="poses, curves and channels, see below")
     curves: Mapping[str, Curve] = block(dict, "thrust curves by name, see below")
-    thrust_gain: Mapping[str, AxisGain] = block(dict, "gain of the thrust by axis, as `hindrax weigh` writes it")
+    thrust_gain: Mapping[str, AxisGain] = block(dict, "gain of the thrust by axis, as `./hindrax weigh` writes it")
     hydrodynamics: Hydrodynamics | None = knob(None, meaning="estimate: prior for plans, truth for the mock")
     inertia_kgm2: Vec3 | None = knob(None, meaning="moments of inertia; none: of a homogeneous prism [kg m^2]")
     center_of_mass_m: Vec3 = knob((0.0, 0.0, 0.0), -10.0, 10.0, "center of mass from the body origin [m]")

@@ -502,5 +502,5 @@ def test_each_model_has_its_own_word_for_the_pool(model: str, on: bytes, off: by
 def test_a_device_that_reckons_with_another_speed_of_sound_is_told_with_the_remedy() -> None:
     driver = started(Dvl75Knobs(speed_of_sound_mps=1500.0))
     outputs = driver.feed(sentence("DVNVM,Model=DVL-75,Speed of sound=1484.0,Firmware=Jan 1 2022,"), Stamp(0))
-    assert troubles(outputs) == ["DVL speed of sound: found 1484.0, wanted 1500.0; run hindrax dvl setup"]
+    assert troubles(outputs) == ["DVL speed of sound: found 1484.0, wanted 1500.0; run ./hindrax dvl setup"]
     assert outputs[0] == Identity("Cerulean DVL-75, firmware Jan 1 2022")

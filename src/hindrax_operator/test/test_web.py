@@ -581,7 +581,7 @@ def test_no_vehicle_is_named_with_the_remedy(
     assert main(["web", "--port", "0"]) == 1
     said = capsys.readouterr().err
     assert said.startswith("no `./hindrax up` runs here; looking in the ROS graph of this terminal\n")
-    assert "can fly" not in said, "there is no vehicle"
+    assert "flies" not in said, "there is no vehicle"
     assert "start one with `./hindrax up`" in said
 
 

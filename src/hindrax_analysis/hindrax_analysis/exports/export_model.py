@@ -143,7 +143,7 @@ def _axis_drag(
         if prior is None:
             lacking = f"motion {axis} is not identifiable ({reason})" if reason else f"no motion {axis} in the results"
             raise HindraxError(
-                f"{lacking}; name a --vehicle FILE that has hydrodynamics for it (`hindrax estimate` gives some)"
+                f"{lacking}; name a --vehicle FILE that has hydrodynamics for it (`./hindrax estimate` gives some)"
             )
         why = f"not identifiable in the results ({reason})" if reason else "not in the results"
         notes.append(f"{axis}: {why}; drag and added mass are from the vehicle file")

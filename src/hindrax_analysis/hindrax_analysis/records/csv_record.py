@@ -110,7 +110,7 @@ def _meanings(header: list[str], source: str, *, part: bool) -> dict[int, Meanin
 def _hint(names: set[str], header: list[str]) -> str:
     """Remedy for the missing part of a record."""
     if "t" not in names:
-        return "; speeds and forces without times are for `hindrax towing`"
+        return "; speeds and forces without times are for `./hindrax towing`"
     misses = [miss for cell in header if not meaning_of(cell) and (miss := near_miss(cell))]
     if misses:
         return f"; {'; '.join(misses)}"

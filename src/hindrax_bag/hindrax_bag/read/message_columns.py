@@ -57,7 +57,7 @@ def _extract(bag: Path, folder: Path, topics: Collection[str] | None) -> dict[st
         missing = sorted(set(topics or ()) - tables.keys())
         if missing or not tables:
             lacking = f"no message on {missing[0]}" if missing else "holds no message"
-            raise UsageError(f"{bag}: {lacking}; `hindrax bag info {bag}` lists the topics")
+            raise UsageError(f"{bag}: {lacking}; `./hindrax bag info {bag}` lists the topics")
     return {topic: (table.path, table.rows) for topic, table in tables.items()}
 
 
@@ -106,7 +106,7 @@ def series(bag: Path, wanted: Sequence[str]) -> list[Series]:
                 one.values.append(_number(row, name, topic))
     for one, (topic, _) in zip(made, places, strict=True):
         if not one.values:
-            raise UsageError(f"{bag}: no message on {topic}; `hindrax bag info {bag}` lists the topics")
+            raise UsageError(f"{bag}: no message on {topic}; `./hindrax bag info {bag}` lists the topics")
     return made
 
 

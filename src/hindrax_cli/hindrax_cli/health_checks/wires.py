@@ -20,7 +20,7 @@ from hindrax_core.vehicle import Mount, Vehicle, chip_and_line
 from hindrax_drivers.bus_capture import capture
 from hindrax_drivers.buses.clock import MOCK_PREFIX, Clock
 from hindrax_drivers.buses.gpio import GPIO_PREFIX, find_chip
-from hindrax_drivers.buses.line import UDP_PREFIX, open_line
+from hindrax_drivers.buses.line import UDP_PREFIX, at_baud, open_line
 from hindrax_drivers.buses.ports import open_clock
 from hindrax_drivers.driver_registry import DEVICES
 from hindrax_drivers.nodes.thruster_settings import Settings
@@ -172,8 +172,9 @@ def _serial(path: str, device: SerialDevice, clock: Clock) -> str:
             outputs = [*(device.feed(data, stamp) if data else ()), *device.tick(clock.now())]
     trouble = last[Trouble].text if Trouble in last else ""
     if Identity not in last:
-        foreign = trouble or f"{count} bytes that make no sense at {device.baud} baud"
-        raise DeviceError(f"{path}: {foreign if count else f'silence at {device.baud} baud'}")
+        speed = at_baud(path, device.baud)
+        foreign = trouble or f"{count} bytes that make no sense{speed}"
+        raise DeviceError(f"{path}: {foreign if count else f'silence{speed}'}")
     rate = readings / max(TURN_S, seconds_between(started, clock.now()))
     supply = f", supply {last[SonarHealth].reading.supply_V:.2f} V" if SonarHealth in last else ""
     return "; ".join(filter(None, (f"{last[Identity].text}, {rate:.0f} readings/s{supply}", trouble)))

@@ -101,9 +101,9 @@ class ServableMotions:
 
     def __str__(self) -> str:
         """One line: what is flown, what not, and why."""
-        flown = f"can fly {', '.join(self.flown) or 'nothing'}"
+        flown = f"flies {', '.join(self.flown) or 'nothing'}"
         reasons = "; ".join(f"{motion}: {reason}" for motion, reason in self.left_out)
-        return f"{flown}; cannot fly {reasons}" if reasons else flown
+        return f"{flown}; does not fly {reasons}" if reasons else flown
 
 
 def servable_motions(

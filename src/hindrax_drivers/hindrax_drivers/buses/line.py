@@ -92,6 +92,11 @@ class Line(ABC):
             raise DeviceError(f"{self._path}: lost ({error}); check {self._check}") from error
 
 
+def at_baud(path: str, baud: int) -> str:
+    """How fast a line is, for a sentence about it; Ethernet has no such speed."""
+    return "" if path.startswith(UDP_PREFIX) else f" at {baud} baud"
+
+
 def open_line(path: str, baud: int, clock: Clock) -> Line:
     """Open a serial port, or `udp://ADDRESS:PORT` to listen there. DeviceError says why it cannot be."""
     return UdpPort(path, clock) if path.startswith(UDP_PREFIX) else SerialPort(path, baud, clock)

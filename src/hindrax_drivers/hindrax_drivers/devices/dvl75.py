@@ -177,7 +177,7 @@ class Dvl75:
         for key in ("Speed of sound", "Velocity adjustment"):
             found = self.configuration.get(key)
             if found is not None and commands({key: found}, {key: wanted[key]}):
-                sentence = f"DVL {key.lower()}: found {found}, wanted {wanted[key]}; run hindrax dvl setup"
+                sentence = f"DVL {key.lower()}: found {found}, wanted {wanted[key]}; run ./hindrax dvl setup"
                 outputs.append(Trouble(stamp, sentence))
         return outputs
 

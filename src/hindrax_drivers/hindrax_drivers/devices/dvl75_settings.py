@@ -39,7 +39,7 @@ REBOOT = b"REBOOT\n"
 
 @dataclass(frozen=True, slots=True)
 class Dvl75Knobs:
-    """How the DVL is read and, by `hindrax dvl setup` only, set up."""
+    """How the DVL is read and, by `./hindrax dvl setup` only, set up."""
 
     baud: int = knob(115200, 9600, 921600, "line speed [bit/s]")
     speed_of_sound_mps: float = knob(1484.0, 1100.0, 1950.0, "speed of sound the device shall reckon with [m/s]")

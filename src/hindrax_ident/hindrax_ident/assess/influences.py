@@ -411,7 +411,7 @@ def _coriolis(case: Case) -> Array:
 def tilt_sigma_rad(vehicle: Vehicle, tuning: Tuning) -> float:
     """Standard deviation of roll and pitch from the accelerometer; TDK DS-000189 table 2.
 
-    Uncalibrated: its typical offset of 25 mg as two standard deviations. After `hindrax imu calibrate`: 3 mg, the
+    Uncalibrated: its typical offset of 25 mg as two standard deviations. After `./hindrax imu calibrate`: 3 mg, the
     drift over a few degrees of warming.
     """
     known = any(key.startswith("accel") for mount in vehicle.sensors.values() for key in mount.calibration)
@@ -444,7 +444,7 @@ def _always(sigma: float) -> Callable[[Case], float]:
     return lambda _case: sigma
 
 
-MEASURED_THRUST = "measure the thrust with `hindrax weigh`, for roll and pitch by a bollard pull"
+MEASURED_THRUST = "measure the thrust with `./hindrax weigh`, for roll and pitch by a bollard pull"
 
 INFLUENCES: tuple[Influence, ...] = (
     Influence(
@@ -509,7 +509,7 @@ INFLUENCES: tuple[Influence, ...] = (
     ),
     Influence(
         LAG, "s", RUN, lambda case: case.delay_sigma_s, _lag,
-        "measure the thrust lag with `hindrax step`",
+        "measure the thrust lag with `./hindrax step`",
     ),
     Influence(
         LATENCY, "s", RUN, lambda case: case.delay_sigma_s,
@@ -574,7 +574,7 @@ INFLUENCES: tuple[Influence, ...] = (
     Influence(
         "tilt of the accelerometer", "rad", RUN,
         lambda case: tilt_sigma_rad(case.vehicle, case.tuning) if _tilts(case) else 0.0, _tilt,
-        "`hindrax imu calibrate`", considered=True,
+        "`./hindrax imu calibrate`", considered=True,
     ),
     Influence(
         "tilt of the mount", "rad", MODEL,

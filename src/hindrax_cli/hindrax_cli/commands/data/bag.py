@@ -164,7 +164,7 @@ def exported(arguments: argparse.Namespace) -> int:
         if not made.messages:
             shutil.rmtree(out)
             raise UsageError(
-                f"{bag}: none of its messages was wanted; `hindrax bag info {bag}` shows topics and length"
+                f"{bag}: none of its messages was wanted; `./hindrax bag info {bag}` shows topics and length"
             )
     document = {"messages": made.messages, "output": str(made.output)}
     return print_answer(document, f"{made.output}: {made.messages} messages", as_json=arguments.json)

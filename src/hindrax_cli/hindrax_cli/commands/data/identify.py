@@ -44,6 +44,8 @@ NO_VEHICLE = (
     "no --vehicle was named: dimensionless numbers are for the size of the Hindrax, and the added mass is left out; "
     "a file with name, mass_kg, volume_m3 and envelope_m is enough"
 )
+UNNAMED = "unnamed vehicle"
+"""Not by the name of the Hindrax: what the paper has of that would stand beside it."""
 GAIN_SIGMA = 0.1
 """Relative uncertainty of a wrench without a thrust curve in the vehicle file [-]."""
 CHOICES = (*AXES, *(name for name in MOTIONS if name not in AXES))
@@ -145,7 +147,7 @@ def _vehicle(named: Vehicle | None, source: RecordSource) -> tuple[Vehicle, list
     if recorded is not None:
         return recorded, []
     ours = load_vehicle(default_vehicle())
-    return Vehicle(ours.name, ours.mass_kg, ours.volume_m3, ours.envelope_m), [NO_VEHICLE]
+    return Vehicle(UNNAMED, ours.mass_kg, ours.volume_m3, ours.envelope_m), [NO_VEHICLE]
 
 
 def _gain_sigma(given: float | None, vehicle: Vehicle, source: RecordSource, notes: list[str]) -> float:

@@ -86,7 +86,7 @@ def _one(bag: Path, arguments: argparse.Namespace) -> Replayed:
     if not replayed.ledger.messages and not replayed.ledger.differences():
         raise UsageError(
             f"{bag}: holds nothing that can be compared, neither wire frames with readings nor inertial samples with"
-            f" navigation; `hindrax bag info {bag}` lists its topics"
+            f" navigation; `./hindrax bag info {bag}` lists its topics"
         )
     if arguments.all:
         file = reference_file(bag, references())

@@ -99,7 +99,7 @@ def _direction_rows(direction: Direction) -> list[tuple[str, object, str]]:
     rows: list[tuple[str, object, str]] = list(zip(COEFFICIENTS, direction.c, units, strict=True))
     rows.append((f"thrust at {direction.from_us:.0f} us", direction.force_N(direction.from_us), "N"))
     rows.append((f"thrust at {direction.to_us:.0f} us", direction.force_N(direction.to_us), "N"))
-    rows.append(("residual", direction.residual_std_N, "N"))
+    rows.append(("residual", f"{direction.residual_std_N:.2g}", "N"))
     rows.append(("rises with the pulse everywhere", direction.monotone, ""))
     return rows
 

@@ -37,7 +37,7 @@ def towing(arguments: argparse.Namespace) -> int:
     rows: list[tuple[str, object, str]] = [
         ("K_Q (k_q)", found.k_q, "N s^2/m^2"),
         ("K_L (k_l)", found.k_l, "N s/m"),
-        ("residual", found.residual_std_N, "N"),
+        ("residual", f"{found.residual_std_N:.2g}", "N"),
     ]
     rows += [("offset b", found.b, "N")] if found.b is not None else []
     rows += [("C_D of the quadratic part", found.drag_coefficient, "")] if found.drag_coefficient is not None else []
@@ -108,7 +108,7 @@ def _fit(arguments: argparse.Namespace) -> int:
         ("total mass", found.total_mass_kg, "kg"),
         ("K_L", found.k_l, "N s/m"),
         ("K_Q", found.k_q, "N s^2/m^2"),
-        ("residual", found.residual_std_mps, "m/s"),
+        ("residual", f"{found.residual_std_mps:.2g}", "m/s"),
     ]
     title = f"Fit of {len(tests)} steps, {found.samples} samples"
     return print_answer(found, lambda: print_values(title, rows), as_json=arguments.json)

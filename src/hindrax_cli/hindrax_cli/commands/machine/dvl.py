@@ -18,7 +18,7 @@ from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.bus_capture import mount_of
 from hindrax_drivers.buses.clock import Clock, SystemClock
-from hindrax_drivers.buses.line import open_line
+from hindrax_drivers.buses.line import at_baud, open_line
 from hindrax_drivers.devices import dvl75_settings as flash
 from hindrax_drivers.devices.dvl75 import Dvl75
 
@@ -168,10 +168,9 @@ class DvlConversation:
                 self._port.send(output)
         received = self._listen(ANSWER_S, until_configured=True)
         if not self._identity:
-            found = "other bytes" if received else "silence"
-            raise HindraxError(
-                f"{self._path}: found {found}, wanted a DVL at {self._device.baud} baud; check power, cable and speed"
-            )
+            found, speed = "other bytes" if received else "silence", at_baud(self._path, self._device.baud)
+            remedy = "check power, cable and speed" if speed else "check power, cable and where the DVL sends to"
+            raise HindraxError(f"{self._path}: found {found}, wanted a DVL{speed}; {remedy}")
         return {"Model": "DVL-75" if "DVL-75" in self._identity else ""} | dict(self._device.configuration)
 
     def _listen(self, seconds: float, *, until_configured: bool = False) -> int:

@@ -5,7 +5,7 @@ import time
 from dataclasses import asdict, dataclass
 
 from hindrax_analysis.plain import print_answer
-from hindrax_analysis.terminal import make_table, print_table
+from hindrax_analysis.terminal import make_table, print_table, working
 from hindrax_bringup.liveness import NOBODY, liveness_of_stacks
 from hindrax_bringup.stack_lock import StackLock, runtime_place, stacks
 from hindrax_cli.argument_types import add_json
@@ -39,7 +39,8 @@ def status(arguments: argparse.Namespace) -> int:
     """Every stack on this machine: what it does, domain, armed or not, age, health, bag."""
     now_s = time.monotonic()
     alive, found = liveness_of_stacks(runtime_place(), now_s), stacks()
-    rows = [_status(one, alive.get(one.pid), now_s) for one in found]
+    with working("asking the stacks"):
+        rows = [_status(one, alive.get(one.pid), now_s) for one in found]
     known = {one.pid for one in found}
     rows += [StackStatus(pid, what, health=wrong or WELL) for pid, (what, wrong) in alive.items() if pid not in known]
     document = {"stacks": [asdict(one) for one in rows]}
