@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import pytest
 
-from hindrax_control.allocation.allocation_cycle import KEPT, AllocationCycle, PulseCommand
+from hindrax_control.allocation.allocation_cycle import KEPT, AllocationCycle
 from hindrax_control.allocation.allocator import AllocationKnobs, Allocator
 from hindrax_core.events import Stamp, after, stamp_from_s
 from hindrax_core.readings import Vec6
 from hindrax_core.rotation import FSD
-from hindrax_core.signals import ZERO6, Allocation
+from hindrax_core.signals import ZERO6, Allocation, Command
 from hindrax_core.vehicle import Vehicle
 
 NOW = Stamp(10**9)
@@ -51,7 +51,7 @@ def cycle(hindrax: Vehicle) -> AllocationCycle:
     return AllocationCycle(hindrax)
 
 
-def commanded(cycle: AllocationCycle, wrench: Vec6 = WRENCH, at_s: float = 0.0) -> PulseCommand:
+def commanded(cycle: AllocationCycle, wrench: Vec6 = WRENCH, at_s: float = 0.0) -> Command:
     now = after(START, at_s)
     command = cycle.command(wrench, FSD, now, now)
     assert command is not None
@@ -109,7 +109,7 @@ def test_it_knows_the_plans_of_its_last_commands(cycle: AllocationCycle) -> None
 
 
 def test_numbers_go_on_after_a_command_that_was_sent_before(cycle: AllocationCycle) -> None:
-    cycle.resume(PulseCommand(41, (1500,) * 8))
+    cycle.resume(Command((1500,) * 8, (), Stamp(0), 41))
     assert commanded(cycle).sequence == 42
 
 

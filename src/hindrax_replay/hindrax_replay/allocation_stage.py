@@ -10,11 +10,11 @@ from typing import Any
 
 from hindrax_bag.message_comparison import ComparisonReport
 from hindrax_bag.read.bag_reader import BagMessage, stamp_of
-from hindrax_control.allocation.allocation_cycle import NO_PLAN, AllocationCycle, PulseCommand, SupplyKnobs
+from hindrax_control.allocation.allocation_cycle import NO_COMMAND, NO_PLAN, AllocationCycle, SupplyKnobs
 from hindrax_control.allocation.allocator import AllocationKnobs
 from hindrax_control.allocation.wrench_guard import WrenchGuardKnobs
 from hindrax_core.events import NS_PER_S, Stamp
-from hindrax_core.signals import Allocation, AppliedOutput
+from hindrax_core.signals import Allocation, AppliedOutput, Command
 from hindrax_core.topics import ALLOCATION, BATTERY, THRUSTER_COMMAND, THRUSTER_HEALTH, THRUSTER_STATE, WRENCH, resolved
 from hindrax_core.vehicle import Vehicle
 from hindrax_replay.recorded_devices import Parameters, knobs_of
@@ -56,7 +56,7 @@ class AllocationStage:
         self._delayed: deque[BagMessage] = deque()
         self._changes: deque[int] = deque(maxlen=16)
         """Times at which thrusters in use or supply changed."""
-        self._last: PulseCommand | None = None
+        self._last: Command | None = None
         self._commanded = self._finishing = False
 
     def feed(self, message: BagMessage) -> None:
@@ -120,7 +120,7 @@ class AllocationStage:
             return
         if self._cycle.supply_V != supply_V:
             self._changes.append(recorded.received)
-        self._last = PulseCommand(recorded_command.sequence, tuple(map(int, recorded_command.pulses_us)))
+        self._last = recorded_command._replace(pulses_us=tuple(map(int, recorded_command.pulses_us)))
         if made is None:
             self._ledger.unmatched(COMMAND_NAME, stamp, "recorded, not replayed", "a message", "none")
         elif known and self._settled(recorded):
@@ -132,9 +132,9 @@ class AllocationStage:
     def _resume(self, sequence: int) -> bool:
         """Continue after the recorded command before this one; False if it is not known."""
         if sequence == 1:
-            self._last = PulseCommand(0, ())
+            self._last = NO_COMMAND
         known = self._last is not None and self._last.sequence == sequence - 1
-        self._cycle.resume(self._last if known and self._last else PulseCommand(sequence - 1, ()))
+        self._cycle.resume(self._last if known and self._last else NO_COMMAND._replace(sequence=sequence - 1))
         return known
 
     # ---- applied pulses to achieved wrenches

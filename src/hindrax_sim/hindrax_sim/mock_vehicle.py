@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, Self
+from typing import TYPE_CHECKING, Self
 
 from hindrax_core.bus_operations import Transaction
 from hindrax_core.events import Stamp, seconds_between, to_s
@@ -15,6 +15,9 @@ from hindrax_sim.buses.serial_ends import Pty
 from hindrax_sim.faults.fault_registry import FaultSpec
 from hindrax_sim.hardware import THRUSTERS, Hardware, STEP_ns, STEP_s
 from hindrax_sim.world import Conditions
+
+if TYPE_CHECKING:
+    from hindrax_sim.recorded_hardware import RecordedHardware
 
 FREE_LAG_s, DEAD_LAG_s, SLOW = 0.035, 1.0, 8.0
 MADE_UP_S = 0.1
@@ -71,26 +74,10 @@ class WallTime:
         return Stamp(self._at)
 
 
-class HardwareBehindPorts(Protocol):
-    """Hardware behind the ports: serial devices by name, a bus, and a time that can be advanced."""
-
-    vehicle: Vehicle
-    i2c: Any
-    serial: Any
-    registers: Any
-
-    @property
-    def stamp(self) -> Stamp:
-        """Current time of the hardware."""
-
-    def advance(self, stamp: Stamp) -> dict[str, bytes]:
-        """Advance time; return the bytes of each serial device."""
-
-
 class Ports:
     """Hardware behind ports in a folder; `step` advances at most 5 ms. Use it as a context manager."""
 
-    def __init__(self, hardware: HardwareBehindPorts, folder: Path, *, rate: float) -> None:
+    def __init__(self, hardware: "Hardware | RecordedHardware", folder: Path, *, rate: float) -> None:
         self.hardware = hardware
         self.governor = Governor(rate)
         self._socket = folder / "i2c"

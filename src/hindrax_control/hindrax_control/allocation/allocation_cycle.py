@@ -16,10 +16,11 @@ from hindrax_control.allocation.wrench_guard import WrenchGuard, WrenchGuardKnob
 from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Vec6
-from hindrax_core.signals import ZERO6, Allocation
+from hindrax_core.signals import ZERO6, Allocation, Command
 from hindrax_core.vehicle import Vehicle
 
 KEPT = 32
+NO_COMMAND = Command((), (), Stamp(0), 0)
 NO_PLAN = Allocation(ZERO6, ZERO6, ZERO6, (), (), ())
 PLAUSIBLE = (0.25, 2.0)
 """Plausible measurements, as fractions of the nominal voltage."""
@@ -78,14 +79,6 @@ class SupplyVoltage:
         return f"{self._nominal_V:.1f} (assumed, {why})"
 
 
-@dataclass(frozen=True, slots=True)
-class PulseCommand:
-    """Pulses for all thrusters [us], in the order of the vehicle file, and the sequence number of the command."""
-
-    sequence: int
-    pulses_us: tuple[int, ...]
-
-
 class AllocationCycle:
     """Allocates the wrenches of one vehicle and stores the plans of its last commands.
 
@@ -112,14 +105,14 @@ class AllocationCycle:
         self._unserved: tuple[str, ...] = ()
         self.disabled: frozenset[str] = frozenset()
         self.lost_axes: tuple[str, ...] = ()
-        self._last = PulseCommand(0, ())
+        self._last = NO_COMMAND
         self._plans: OrderedDict[int, Allocation] = OrderedDict()
 
     def tune(self, knobs: AllocationKnobs) -> None:
         """Use other knobs from now on."""
         self._allocator = Allocator(self._vehicle, knobs)
 
-    def command(self, wrench: Vec6, frame: str, stamp: Stamp, now: Stamp) -> PulseCommand | None:
+    def command(self, wrench: Vec6, frame: str, stamp: Stamp, now: Stamp) -> Command | None:
         """Guard and allocate a wrench [N, Nm], made at `stamp` in the axes of `frame`; None when it is refused."""
         self.now = now
         supply_V = self.supply.measured_V(now)
@@ -135,7 +128,7 @@ class AllocationCycle:
             missing = difference(accepted.asked, plan.achieved)
             plan = replace(plan, wanted=accepted.asked, shortfall=missing, refused=accepted.refused + plan.refused)
         self.inexact += not plan.exact
-        self._last = PulseCommand(self._last.sequence + 1, plan.pulses_us)
+        self._last = Command(plan.pulses_us, (), stamp, self._last.sequence + 1)
         self.remember(self._last.sequence, plan)
         return self._last
 
@@ -155,7 +148,7 @@ class AllocationCycle:
             refused=(*self._unserved, *plan.refused),
         )
 
-    def resume(self, command: PulseCommand) -> None:
+    def resume(self, command: Command) -> None:
         """Continue after a command that was sent before."""
         self._last = command
 

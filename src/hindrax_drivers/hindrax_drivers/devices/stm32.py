@@ -14,21 +14,7 @@ from hindrax_core.events import Rejected, Stamp, Stamped, seconds_between
 from hindrax_core.knobs import knob
 from hindrax_core.readings import AppliedPulses, Battery, DeviceText
 from hindrax_drivers.driver import SilenceMonitor
-from hindrax_drivers.protocols.mavlink import (
-    ARM_DISARM,
-    UNKNOWN,
-    BatteryStatus,
-    ChannelsOverride,
-    CommandAck,
-    CommandLong,
-    Decoder,
-    Heartbeat,
-    MavlinkFrame,
-    Message,
-    ServoOutput,
-    StatusText,
-    encode,
-)
+from hindrax_drivers.protocols import mavlink
 
 ONBOARD_CONTROLLER, INVALID_AUTOPILOT, STATE_ACTIVE = 18, 8, 4
 SYSTEM, AUTOPILOT, ONBOARD_COMPUTER = 1, 1, 191
@@ -100,12 +86,12 @@ class Stm32:
 
     def override(self, pulses_us: Sequence[float], stamp: Stamp) -> Send:
         """Send the wanted pulses [us] now; `tick` repeats them for a short while."""
-        channels = [UNKNOWN] * 8 + [0] * 8
+        channels = [mavlink.UNKNOWN] * 8 + [0] * 8
         for channel, pulse in zip(self._channels, pulses_us, strict=True):
             channels[channel] = round(pulse)
         self._wanted = tuple(channels)
         self._wanted_at = self._sent_at = stamp
-        return self._send(ChannelsOverride(self._wanted))
+        return self._send(mavlink.ChannelsOverride(self._wanted))
 
     def arm(self, stamp: Stamp) -> Send:
         """Ask the controller to arm; the answer shows in `armed` and `refusal`."""
@@ -136,33 +122,33 @@ class Stm32:
         due = seconds_between(self._sent_at, stamp) >= self._knobs.override_s
         if self._wanted and due and seconds_between(self._wanted_at, stamp) < self._knobs.hold_s:
             self._sent_at = stamp
-            outputs.append(self._send(ChannelsOverride(self._wanted)))
+            outputs.append(self._send(mavlink.ChannelsOverride(self._wanted)))
         return outputs + self._retry(stamp)
 
     def _reset(self) -> None:
-        self._decoder = Decoder()
+        self._decoder = mavlink.Decoder()
         self.identity, self.refusal, self._complaint, self.armed = "", "", "", False
         self._pending: _PendingCommand | None = None
         self._wanted = ()
         self._wanted_at = self._sent_at = self._heartbeat_at = Stamp(0)
 
-    def _on_frame(self, frame: MavlinkFrame, stamp: Stamp) -> list[Output]:
+    def _on_frame(self, frame: mavlink.MavlinkFrame, stamp: Stamp) -> list[Output]:
         message = frame.message
-        if isinstance(message, Heartbeat):
+        if isinstance(message, mavlink.Heartbeat):
             return self._on_heartbeat(frame, message, stamp)
-        if isinstance(message, ServoOutput):
+        if isinstance(message, mavlink.ServoOutput):
             pulses = tuple(float(message.pulses_us[channel]) for channel in self._channels)
             return [Stamped(stamp, AppliedPulses(pulses))]
-        if isinstance(message, CommandAck):
+        if isinstance(message, mavlink.CommandAck):
             return self._on_ack(message, stamp)
-        if isinstance(message, BatteryStatus):
+        if isinstance(message, mavlink.BatteryStatus):
             current = float("nan") if message.current_A is None else message.current_A
             return [Stamped(stamp, Battery(message.voltage_V, current))]
-        if isinstance(message, StatusText):
+        if isinstance(message, mavlink.StatusText):
             return [self._on_text(message, stamp)]
         return []
 
-    def _on_heartbeat(self, frame: MavlinkFrame, beat: Heartbeat, stamp: Stamp) -> list[Output]:
+    def _on_heartbeat(self, frame: mavlink.MavlinkFrame, beat: mavlink.Heartbeat, stamp: Stamp) -> list[Output]:
         outputs: list[Output] = []
         identity = f"MAVLink system {frame.system} component {frame.component}, type {beat.type}"
         if identity != self.identity:
@@ -173,15 +159,15 @@ class Stm32:
         self.armed = beat.armed
         return outputs
 
-    def _on_text(self, message: StatusText, stamp: Stamp) -> Output:
+    def _on_text(self, message: mavlink.StatusText, stamp: Stamp) -> Output:
         if message.severity <= SEVERITY_WARNING:
             self._complaint = message.text
             return Trouble(stamp, f"stm32: {message.text}")
         return Stamped(stamp, DeviceText(message.text))
 
-    def _on_ack(self, answer: CommandAck, stamp: Stamp) -> list[Output]:
+    def _on_ack(self, answer: mavlink.CommandAck, stamp: Stamp) -> list[Output]:
         ours = answer.target_system in (0, SYSTEM) and answer.target_component in (0, ONBOARD_COMPUTER)
-        if answer.command != ARM_DISARM or self._pending is None or not ours:
+        if answer.command != mavlink.ARM_DISARM or self._pending is None or not ours:
             return []
         if answer.result == IN_PROGRESS:
             self._pending = replace(self._pending, at=stamp)
@@ -207,12 +193,12 @@ class Stm32:
 
     def _ask(self, pending: _PendingCommand) -> Send:
         self._pending, self.refusal, self._complaint = pending, "", ""
-        return self._send(CommandLong(ARM_DISARM, 1.0 if pending.arm else 0.0, pending.attempt - 1))
+        return self._send(mavlink.CommandLong(mavlink.ARM_DISARM, 1.0 if pending.arm else 0.0, pending.attempt - 1))
 
     def _heartbeat(self) -> Send:
-        return self._send(Heartbeat(ONBOARD_CONTROLLER, INVALID_AUTOPILOT, 0, STATE_ACTIVE))
+        return self._send(mavlink.Heartbeat(ONBOARD_CONTROLLER, INVALID_AUTOPILOT, 0, STATE_ACTIVE))
 
-    def _send(self, message: Message) -> Send:
-        data = encode(message, self._sequence, SYSTEM, ONBOARD_COMPUTER)
+    def _send(self, message: mavlink.Message) -> Send:
+        data = mavlink.encode(message, self._sequence, SYSTEM, ONBOARD_COMPUTER)
         self._sequence = (self._sequence + 1) & 0xFF
         return Send(data)

@@ -19,7 +19,7 @@ from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, Stamped, after, seconds_between
 from hindrax_core.readings import Battery, BottomVelocity, Pressure, Reading, Vec6
 from hindrax_core.rotation import FSD
-from hindrax_core.signals import ZERO6, Allocation, Command, Estimate, Navigation, Phase, Thrust
+from hindrax_core.signals import ZERO6, Allocation, Estimate, Navigation, Phase, Thrust
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.output.output_guard import Refusal, Request, guard_of
 from hindrax_ident.online.session import Session
@@ -131,7 +131,7 @@ class Onboard:
         planned = self.cycle.command(wanted, FSD, stamp, now)
         if planned is None:
             return
-        command = Command(tuple(map(float, planned.pulses_us)), (), now, planned.sequence)
+        command = planned._replace(pulses_us=tuple(map(float, planned.pulses_us)), stamp=now)
         self._state, answer = self._guard.command(self._state, command, now)
         if isinstance(answer, Refusal):
             return
