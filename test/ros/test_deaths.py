@@ -60,7 +60,7 @@ def test_what_systemd_runs_after_it_has_killed_everything_puts_neutral_on_the_wi
     flying: FaultyStack, tmp_path: Path
 ) -> None:
     supervisor, operator = flying.supervisor, flying.operator
-    flying.take_off(HOLD)
+    flying.prepare(HOLD)
     hold(operator, ["depth"], 0.8, engaged=True)
     flying.wait(lambda: not flying.neutral, "thrust")
     vehicle = [one.handle.pid for name, one in supervisor.children.items() if name != "mock"]

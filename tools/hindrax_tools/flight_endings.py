@@ -60,7 +60,7 @@ class Ending:
 
     @property
     def unsafe(self) -> bool:
-        """Whether a wall was touched and no guard said so."""
+        """Whether a wall was touched without a report of a guard."""
         return self.wall_hits > 0 and self.how in (DONE, REFUSED)
 
 
@@ -102,9 +102,9 @@ def table(endings: Sequence[Ending]) -> str:
     for name in dict.fromkeys(one.fault.name for one in endings):
         mine = [one for one in endings if one.fault.name == name]
         guards = Counter(one.how.partition(":")[0] for one in mine if one.how != DONE)
-        said = ", ".join(f"{guard} {count}" for guard, count in guards.most_common())
+        counts = ", ".join(f"{guard} {count}" for guard, count in guards.most_common())
         touched = sum(one.wall_hits > 0 for one in mine)
-        lines.append(f"| {name} | {len(mine)} | {len(mine) - sum(guards.values())} | {said} | {touched} |")
+        lines.append(f"| {name} | {len(mine)} | {len(mine) - sum(guards.values())} | {counts} | {touched} |")
     return "\n".join(lines)
 
 

@@ -77,8 +77,8 @@ class Law:
     """One thing that is not as the model has it; each as a function of where the axis is."""
 
     name: str
-    thrust: Callable[[float, Axis], float] = lambda told, _axis: told
-    """True steady thrust of what the record tells."""
+    thrust: Callable[[float, Axis], float] = lambda u, _axis: u
+    """True steady thrust at a recorded one."""
     drag: Callable[[Axis, float], float] = Axis.drag
     """True drag of the hull at a speed."""
     force: Callable[[Now], float] = lambda _now: 0.0
@@ -112,8 +112,8 @@ LAWS = (
     Law("cubic drag", drag=_cubic),
     Law("drag crisis", drag=_crisis),
     Law("rope on the floor", force=lambda now: -0.04 * now.axis.pull * math.tanh(now.v / (0.02 * now.axis.speed))),
-    Law("thrust of another power", lambda told, axis: math.copysign(axis.pull * abs(told / axis.pull) ** 1.2, told)),
-    Law("weak reverse", lambda told, _axis: told if told > 0.0 else 0.85 * told),
+    Law("thrust of another power", lambda u, axis: math.copysign(axis.pull * abs(u / axis.pull) ** 1.2, u)),
+    Law("weak reverse", lambda u, _axis: u if u > 0.0 else 0.85 * u),
     Law("thrust that ramps", slew=True),
     Law("vortices", force=_vortices),
     Law("weed caught at half time", force=lambda now: -0.2 * now.axis.drag(now.v) * (now.t > 16.0)),
@@ -159,7 +159,7 @@ VEHICLES = (
 
 
 def fly(axis: Axis, law: Law, rng: np.random.Generator, seconds: float = 32.0) -> tuple[Array, Array, Array]:
-    """Times (n,) [s], measured velocities (n,), and thrust as told (n,), of one axis.
+    """Times (n,) [s], measured velocities (n,), and thrust as recorded (n,), of one axis.
 
     Level after level, both ways, as a helmsman holds it.
     """
@@ -168,11 +168,11 @@ def fly(axis: Axis, law: Law, rng: np.random.Generator, seconds: float = 32.0) -
     noise = 0.015 * axis.speed
     for step in range(round(seconds / STEP_S)):
         now.t = step * STEP_S
-        told = legs[int(now.t / LEG_S) % len(legs)] + axis.held
+        command = legs[int(now.t / LEG_S) % len(legs)] + axis.held
         if step % EVERY == 0:
             shown = seen if law.filtered_s else now.v
-            rows.append((now.t, shown + float(rng.normal(0.0, noise)), told))
-        wanted = law.thrust(told - axis.held, axis) + axis.held
+            rows.append((now.t, shown + float(rng.normal(0.0, noise)), command))
+        wanted = law.thrust(command - axis.held, axis) + axis.held
         most = axis.pull * STEP_S / 1.0
         thrust += max(-most, min(most, wanted - thrust)) if law.slew else STEP_S / axis.lag_s * (wanted - thrust)
         force = thrust - axis.held - law.drag(axis, now.v) + law.force(now)
@@ -181,8 +181,8 @@ def fly(axis: Axis, law: Law, rng: np.random.Generator, seconds: float = 32.0) -
         now.past += STEP_S / 0.3 * (now.v - now.past)
         now.older += STEP_S / 8.0 * (now.v - now.older)
         seen += STEP_S / law.filtered_s * (now.v - seen) if law.filtered_s else 0.0
-    t, v, told_N = np.array(rows).T
-    return array(t), array(v), array(told_N)
+    t, v, command_N = np.array(rows).T
+    return array(t), array(v), array(command_N)
 
 
 def recorded(axes: dict[str, Axis], law: Law, seed: int) -> Recording:
@@ -190,11 +190,11 @@ def recorded(axes: dict[str, Axis], law: Law, seed: int) -> Recording:
     rng = np.random.default_rng(seed)
     times, velocities, wrenches, begin_s = [], [], [], 0.0
     for name, axis in axes.items():
-        t, v, told = fly(axis, law, rng)
+        t, v, command = fly(axis, law, rng)
         velocity = np.stack([rng.normal(0.0, 0.015 * one.speed, len(t)) for one in axes.values()], axis=1)
         table, wrench = np.full((len(t), 6), np.nan), np.zeros((len(t), 6))
         table[:, list(AXES.values())] = velocity
-        table[:, AXES[name]], wrench[:, 2], wrench[:, AXES[name]] = v, axes["heave"].held, told
+        table[:, AXES[name]], wrench[:, 2], wrench[:, AXES[name]] = v, axes["heave"].held, command
         times.append(t + begin_s)
         velocities.append(table)
         wrenches.append(wrench)
@@ -206,7 +206,7 @@ def recorded(axes: dict[str, Axis], law: Law, seed: int) -> Recording:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What was made of one motion: distances from the truth in calibrated standard deviations, and what was told."""
+    """Result of one motion: distances from the truth in calibrated standard deviations, and what was reported."""
 
     motion: str
     drag: tuple[float, ...]
@@ -218,7 +218,7 @@ class Verdict:
 
     @property
     def confidently_wrong(self) -> bool:
-        """More than three deviations off, identified, and nothing said."""
+        """More than three deviations off, identified, and without a warning."""
         off = max(abs(z) for z in (*self.drag, self.added_mass) if math.isfinite(z))
         return self.identified and not self.named and off > MOST_SIGMAS
 
@@ -247,14 +247,14 @@ def _verdict(result: MotionResult, axes: dict[str, Axis], law: Law) -> Verdict:
 def _cell(found: Verdict) -> str:
     shown = " ".join(f"{z:+.1f}" if math.isfinite(z) else "-" for z in (*found.drag, found.added_mass))
     wrong = "**" if found.confidently_wrong else ""
-    told = "" if found.identified else " n"
-    return f"{wrong}{shown}{told}{' w' if found.named else ''}{wrong}"
+    mark = "" if found.identified else " n"
+    return f"{wrong}{shown}{mark}{' w' if found.named else ''}{wrong}"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table row by row; 1 where a motion is confidently wrong."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--gain-sigma", type=float, default=0.02, help="what is believed of the wrench (default 0.02)")
+    parser.add_argument("--gain-sigma", type=float, default=0.02, help="sigma of the wrench's gain (default 0.02)")
     parser.add_argument("--vehicles", type=int, nargs="+", default=range(len(VEHICLES)), help="by number, from 0")
     chosen = parser.parse_args(arguments)
     heads = ["vehicle", "law", *MOTIONS, "named"]

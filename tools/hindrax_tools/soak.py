@@ -2,7 +2,7 @@
 
     PYTHONPATH=tools python -m hindrax_tools.soak --minutes 120
 
-A vehicle holds its depth and is recorded; the table tells the memory of each process (resident set) ten minutes after
+A vehicle holds its depth and is recorded; the table shows the memory of each process (resident set) ten minutes after
 the start and at the end, and the last line the longest pause between two commands to the thrusters.
 """
 

@@ -12,7 +12,7 @@ from hindrax_core.signals import Navigation
 from hindrax_sim.devices.dvl75_sentences import DvlTruth
 from hindrax_sim.devices.imu.imu_signal import ImuTruth
 from hindrax_sim.devices.ping1d import PingTruth
-from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, liar
+from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, altered_truth
 from hindrax_sim.hardware import TrueState
 from hindrax_tools.faults import table
 from hindrax_tools.faults.cells import DISARMED, HAND, HOLD, MANEUVER, MODES, Cell, Judge, is_wrong
@@ -136,16 +136,16 @@ LIES = {
 @pytest.mark.parametrize("fault", LIES)
 def test_a_lie_begins_and_ends_and_is_what_it_says(fault: str) -> None:
     truth, as_said = LIES[fault]
-    lies = liar(FAULTS[fault].devices[0], [FaultSpec(fault, FAULTS[fault].devices, 1.0, 1.0)])
+    lies = altered_truth(FAULTS[fault].devices[0], [FaultSpec(fault, FAULTS[fault].devices, 1.0, 1.0)])
     assert lies(truth, 0.9) is truth
     assert as_said(lies(truth, 1.0))
     assert lies(truth, 2.0) is truth
-    assert liar("thrusters", [FaultSpec(fault, FAULTS[fault].devices)])(truth, 12.0) is truth
+    assert altered_truth("thrusters", [FaultSpec(fault, FAULTS[fault].devices)])(truth, 12.0) is truth
 
 
 def test_a_stuck_sensor_keeps_what_it_had_and_a_false_velocity_covers_ground() -> None:
     stuck, biased = (
-        liar(device, [FaultSpec(fault, (device,), 0.0)])
+        altered_truth(device, [FaultSpec(fault, (device,), 0.0)])
         for device, fault in (("ms5837", "depth_stuck"), ("dvl75", "velocity_bias"))
     )
     assert stuck(Pressure(1.1e5, 20.0), 1.0) == stuck(Pressure(1.2e5, 20.0), 2.0) == Pressure(1.1e5, 20.0)

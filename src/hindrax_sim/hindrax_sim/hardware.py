@@ -60,7 +60,7 @@ class TrueState:
 
     @property
     def neutral(self) -> bool:
-        """Whether no thruster is told to turn."""
+        """Whether no thruster is commanded to turn."""
         return all(abs(pulse - NEUTRAL_us) < TOLERANCE_us or pulse == 0.0 for pulse in self.pulses_us)
 
     @property
@@ -87,7 +87,7 @@ class Hardware:
         self.registers: dict[str, Any] = {}
         self.output: Pca9685 | Stm32
         self._channels = tuple(thruster.channel for thruster in vehicle.thrusters)
-        self._tellers: list[Callable[[float], None]] = []
+        self._truth_setters: list[Callable[[float], None]] = []
         self._faults, self._inject = faults, fault_registry.fault_injector(self.world, faults, to_s(START))
         self._attach_output(seed)
         for number, (name, mount) in enumerate(vehicle.sensors.items()):
@@ -124,8 +124,8 @@ class Hardware:
 
     def _set_truths(self) -> float:
         now_s = to_s(self.world.stamp)
-        for tell in self._tellers:
-            tell(now_s)
+        for set_truth in self._truth_setters:
+            set_truth(now_s)
         return now_s
 
     def _attach_output(self, seed: int) -> None:
@@ -149,8 +149,8 @@ class Hardware:
         row = EMULATORS[mount.device]
         device = row.make(seed)
         at = self.world.mounting(mount)
-        told = fault_registry.liar(name, self._faults, to_s(START))
-        self._tellers.append(lambda now_s: device.set_truth(told(row.truth(self.world, at), now_s), now_s))
+        observed = fault_registry.altered_truth(name, self._faults, to_s(START))
+        self._truth_setters.append(lambda now_s: device.set_truth(observed(row.truth(self.world, at), now_s), now_s))
         if mount.device in fault_registry.SERIAL:
             self.serial[name] = fault_registry.with_faults(name, device, self._faults, seed, to_s(START))
             return

@@ -126,10 +126,10 @@ class Ports:
     def step(self) -> None:
         """Advance one step, then serve the clients; wait as the governor requires."""
         now = self._next_stamp()
-        said = self.hardware.advance(now)
+        sent = self.hardware.advance(now)
         # Set the time before the bytes arrive: readers stamp them with it.
         self._server.serve(now)
-        for name, data in said.items():
+        for name, data in sent.items():
             self._exchange(name, data, to_s(now))
         self._wait_for_clients(now)
         self._wait(now)

@@ -85,7 +85,7 @@ class RecordedPart:
         return self.answers[at]
 
     def _nearest(self, asked: Transaction, now: int) -> int:
-        # Reads of all results have the same bytes: the request before tells them apart.
+        # Reads of all results have the same bytes: the request before shows which.
         places = self._where.get((self._last, asked)) or self._where.get((None, asked))
         if places is None:
             raise NackError

@@ -16,8 +16,8 @@ SEED = 7
 
 def rows() -> list[dict[str, Any]]:
     """One row: wall time [us] of a second of the vehicle, from arming to disarming."""
-    said = io.StringIO()
-    with tempfile.TemporaryDirectory() as place, contextlib.redirect_stdout(said):
+    output = io.StringIO()
+    with tempfile.TemporaryDirectory() as place, contextlib.redirect_stdout(output):
         run_pool_test(
             PoolOptions(
                 motions=("surge",),
@@ -32,5 +32,5 @@ def rows() -> list[dict[str, Any]]:
                 json=True,
             )
         )
-    factor = float(json.loads(said.getvalue())["real_time_factor"])
+    factor = float(json.loads(output.getvalue())["real_time_factor"])
     return [row("surge run in mock: wall time of a second of the vehicle", 1e6 / factor, "real time", 1e6)]

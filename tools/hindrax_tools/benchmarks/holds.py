@@ -53,15 +53,15 @@ class StepPilot:
     def __init__(self, vehicle: Vehicle, step: Step) -> None:
         self._holds, self._station, self._box = Holds(vehicle), StationKeeping(vehicle), PoolBounds(vehicle, 0.0)
         self._step = step
-        self._begun: Stamped[Navigation] | None = None
+        self._first: Stamped[Navigation] | None = None
         self._last_s = 0.0
         self._stepped = False
         self.errors: list[tuple[float, float]] = []
 
     def step(self, navigation: Stamped[Navigation], became: Allocation | None, *, armed: bool) -> LockstepCommand:
         """Hold; the setpoints change once."""
-        self._begun = self._begun or navigation
-        time_s, state = seconds_between(self._begun.stamp, navigation.stamp), navigation.reading
+        self._first = self._first or navigation
+        time_s, state = seconds_between(self._first.stamp, navigation.stamp), navigation.reading
         place = self._box.place(state)
         if not armed:
             self._station.start(place)
@@ -100,23 +100,23 @@ def rows() -> list[dict[str, Any]]:
 def _row(vehicle: Vehicle, step: Step) -> dict[str, Any]:
     known, unknown = measured(vehicle, vehicle, step), measured(vehicle, replace(vehicle, hydrodynamics=None), step)
     return {
-        "name": f"{vehicle.name}, {step.name}: {_said(known, step)}",
-        "peer": f"without the model: {_said(unknown, step)}",
+        "name": f"{vehicle.name}, {step.name}: {_text(known, step)}",
+        "peer": f"without the model: {_text(unknown, step)}",
         "ratio": unknown["settled_s"] / known["settled_s"],
         "with": known,
         "without": unknown,
     }
 
 
-def _said(found: Mapping[str, float], step: Step) -> str:
+def _text(found: Mapping[str, float], step: Step) -> str:
     reached = found["settled_s"] < EACH_S - REST_S
     settled = f"settled in {found['settled_s']:.1f} s" if reached else f"not settled in {EACH_S:.0f} s"
     return f"{settled}, hold error {found['error'] * step.scale:.3f} {step.unit}"
 
 
-def measured(vehicle: Vehicle, believed: Vehicle, step: Step) -> dict[str, float]:
+def measured(vehicle: Vehicle, model: Vehicle, step: Step) -> dict[str, float]:
     """Time after which the error stays within the band [s], and its root mean square in the end [m, rad]."""
-    pilot = StepPilot(believed, step)
+    pilot = StepPilot(model, step)
     for _ in Lockstep(vehicle, pilot, SEED).run(READY_S + STEP_S + EACH_S):
         pass
     outside = [time_s for time_s, error in pilot.errors if abs(error) > step.band]

@@ -1,6 +1,6 @@
 """Speed of the inertial sensor's driver: decoding alone, and with its bus transactions through smbus2.
 
-The peers of the decoder do less: they neither stamp nor doubt anything. The peer with the bus polls sample by sample,
+The peers of the decoder do less: they neither stamp nor check anything. The peer with the bus polls sample by sample,
 as drivers without a FIFO do; both talk to the same chip in memory, behind the kernel's binary interface.
 """
 

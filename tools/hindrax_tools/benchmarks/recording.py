@@ -98,11 +98,11 @@ def _recorder(folder: Path, peer: str, theirs: Span) -> dict[str, Any]:
         publisher = children.start(load, ["load", str(RATE_Hz), str(BYTES), str(SECONDS)], pipe=True)
         first_line(publisher, 2 * SECONDS, logs / "peers.log")
         before_s = cpu_s(recorder.handle.pid)
-        told = first_line(publisher, 2 * SECONDS, logs / "peers.log")
+        report = first_line(publisher, 2 * SECONDS, logs / "peers.log")
         used_s = cpu_s(recorder.handle.pid) - before_s
         publisher.handle.wait()
         children.stop("recorder")
-    sent, seconds = told["sent"], told["seconds"]
+    sent, seconds = report["sent"], report["seconds"]
     lost = sent - sum(1 for message in messages(bag) if "/raw/" in message.topic)
     (peer_us,) = interleaved_us((theirs,), SPANS, time.process_time)
     share = f"{used_s / seconds:.0%} of a core, {SHARE_WANTED:.0%} allowed"

@@ -35,14 +35,14 @@ class Cell:
     tilt_deg: float
     """The largest true tilt after the fault."""
     reason: str
-    """What the vehicle said."""
+    """What the vehicle reported."""
     violated: tuple[str, ...] = ()
     wall: bool = False
     """Whether the hull met a wall after the fault."""
 
 
 class Judge:
-    """Sees every step of the hardware after a fault, with the state that was believed last, and makes the cell."""
+    """Sees every step of the hardware after a fault, with the state that was estimated last, and makes the cell."""
 
     def __init__(self, begin: TrueState) -> None:
         """`begin`: the true state when the fault came."""
@@ -50,13 +50,13 @@ class Judge:
         self._thrust_s = self._right_s = begin.now_s
         self._wrong_s = self._tilt_deg = 0.0
 
-    def step(self, true: TrueState, believed: Navigation | None) -> None:
+    def step(self, true: TrueState, estimated: Navigation | None) -> None:
         """Take notice of one step."""
         self._last = true
         self._tilt_deg = max(self._tilt_deg, true.tilt_deg)
         if not true.neutral:
             self._thrust_s = true.now_s
-        if true.neutral or believed is None or not is_wrong(believed, true):
+        if true.neutral or estimated is None or not is_wrong(estimated, true):
             self._right_s = true.now_s
         self._wrong_s = max(self._wrong_s, true.now_s - self._right_s)
 
@@ -92,11 +92,11 @@ class Judge:
         return Cell(who, what, mode, seed, neutral_s, self._wrong_s, self._tilt_deg, reason, violated, wall)
 
 
-def is_wrong(believed: Navigation, true: TrueState) -> bool:
+def is_wrong(estimated: Navigation, true: TrueState) -> bool:
     """Whether a state is so far from the truth that thrust on it does harm."""
-    roll, pitch, _ = (found - wanted for found, wanted in zip(believed.attitude_rad, true.attitude_rad, strict=True))
-    speeds = zip(believed.velocity_mps, true.velocity_mps, strict=True)
+    roll, pitch, _ = (found - wanted for found, wanted in zip(estimated.attitude_rad, true.attitude_rad, strict=True))
+    speeds = zip(estimated.velocity_mps, true.velocity_mps, strict=True)
     # Without a lock the state says itself that it does not know the velocity; what is NaN is not claimed to be known.
-    too_fast = believed.dvl_locked and any(abs(found - wanted) > WRONG_SPEED_mps for found, wanted in speeds)
-    too_deep = abs(believed.depth_m - true.depth_m) > WRONG_DEPTH_m
+    too_fast = estimated.dvl_locked and any(abs(found - wanted) > WRONG_SPEED_mps for found, wanted in speeds)
+    too_deep = abs(estimated.depth_m - true.depth_m) > WRONG_DEPTH_m
     return math.degrees(math.hypot(roll, pitch)) > WRONG_TILT_deg or too_fast or too_deep

@@ -61,14 +61,14 @@ class ModePilot:
         self.pilot = Pilot(self.vehicle)
         self.mode, self.goal = mode, Goal(("surge",), seed=seed)
         self.maneuver: ManeuverOutput | None = None
-        self.believed: Navigation | None = None
+        self.estimated: Navigation | None = None
         self._was_armed = self._ended = False
-        self._begun: Stamp | None = None
+        self._started_at: Stamp | None = None
 
     def step(self, navigation: Stamped[Navigation], became: Allocation | None, *, armed: bool) -> LockstepCommand:
         """Arm, begin, and go on."""
-        stamp, self.believed = navigation.stamp, navigation.reading
-        self._begun = self._begun or stamp
+        stamp, self.estimated = navigation.stamp, navigation.reading
+        self._started_at = self._started_at or stamp
         if armed and self.mode == HAND:
             self.pilot.set_operator_wrench(WRENCH, "base_link_fsd", stamp, stamp)
         flight = self.pilot.step(navigation.reading, stamp, became, armed=armed)
@@ -77,7 +77,7 @@ class ModePilot:
             self._begin()
         self._ended = self._ended or (self._was_armed and not armed)
         self._was_armed = self._was_armed or armed
-        ready = seconds_between(self._begun, stamp) >= READY_S
+        ready = seconds_between(self._started_at, stamp) >= READY_S
         return LockstepCommand(flight.wrench, armed=ready and self.mode != DISARMED and not self._ended)
 
     def _begin(self) -> None:
@@ -105,7 +105,7 @@ def fly(row: DeviceFault, mode: str, seed: int) -> Iterator[Cell]:
             judge = Judge(true)
             lost = "no thrust before the fault: nothing is shown" if true.neutral and mode != DISARMED else ""
         else:
-            judge.step(true, pilot.believed)
+            judge.step(true, pilot.estimated)
             unhealthy = unhealthy or next(iter(onboard.unhealthy), "")
         return data
 

@@ -37,7 +37,7 @@ OUTPUT = "pca9685"
 DIED, FROZEN, LYING, RESTARTED = "died", "frozen", "lying", "restarted"
 SIGNALS = {DIED: signal.SIGKILL, FROZEN: signal.SIGSTOP}
 LIES = {CONTROL.name: THRUSTER_COMMAND, THRUSTERS.name: THRUSTER_STATE}
-"""What another publisher says in a process's name: full thrust that nobody ordered, and thrusters that are at rest."""
+"""What another publisher says in a process's name: full thrust without an order, and thrusters that are at rest."""
 LIE_PERIOD_s = 0.02
 RESET = Write(0x00, b"\x06")
 """Software reset of every chip on the bus (NXP PCA9685 rev. 4, section 7.6): what a brown-out does."""
@@ -76,7 +76,7 @@ ROWS = (
     ProcessFault(CONTROL.name, LYING, 0.5),
     ProcessFault(THRUSTERS.name, LYING),
     ProcessFault(OUTPUT, RESTARTED),
-    # Without hardware that helps, a chip that nobody reaches repeats its last pulses until it is there again.
+    # Without hardware that helps, a chip out of reach repeats its last pulses until it is there again.
     ProcessFault(OUTPUT, DIED, ABSENT_S + 1.5, by_mock=True),
 )
 
@@ -95,7 +95,7 @@ class FaultyStack:
         self._log, self._cut = truth.open(encoding="ascii"), ""
         self.last: TrueState | None = None
         self._start_s = math.nan
-        self.believed: dict[float, Navigation] = {}
+        self.estimates: dict[float, Navigation] = {}
         """Every state of the vehicle since the cell began, by its time: a busy tool may be late, its judgement not."""
         self._tick: Callable[[Sequence[TrueState]], None] = lambda _: None
 
@@ -109,7 +109,7 @@ class FaultyStack:
         from hindrax_ros.messages.fast_serialization import navigation_from_bytes  # noqa: PLC0415  # as the operator's
 
         state = navigation_from_bytes(message)
-        self.believed[to_s(state.stamp)] = state.reading
+        self.estimates[to_s(state.stamp)] = state.reading
 
     def _read(self) -> list[TrueState]:
         *lines, self._cut = (self._cut + self._log.read()).split("\n")
@@ -190,7 +190,7 @@ class FaultyStack:
         """Spin until it is so."""
         self.operator.wait(done, PATIENT_S, lambda: what)
 
-    def take_off(self, mode: str) -> None:
+    def prepare(self, mode: str) -> None:
         """Arm, or disarm, when the state is there again; HindraxError when it cannot be armed."""
         operator, since = self.operator, self.operator.now()
         self.wait(lambda: operator.navigation is not None and operator.navigation.stamp > since, "navigation")
@@ -198,7 +198,7 @@ class FaultyStack:
             operator.arm(arm=False, seconds=PATIENT_S)
         deadline_s = time.monotonic() + PATIENT_S
         while mode != DISARMED and not operator.thrusters.armed:
-            with contextlib.suppress(HindraxError):  # the state is not believed for a second after it began anew
+            with contextlib.suppress(HindraxError):  # the state is not accepted for a second after it began anew
                 operator.arm(seconds=5.0)
             if time.monotonic() > deadline_s:
                 raise HindraxError(f"could not be armed: {operator.thrusters.reason}")
@@ -223,7 +223,7 @@ class FaultyStack:
 
         operator = self.operator
         if mode == MANEUVER and self.last is not None:
-            # What a person does before the first flight of a state that began anew.
+            # What an operator does before the first flight of a state that began anew.
             recentre(operator, *self.last.place_m, self.last.attitude_rad[2])
             operator.fly(Goal(("surge",), seed=seed, on_cancel="neutral"), PATIENT_S)
         elif mode == HOLD:
@@ -238,14 +238,14 @@ class FaultyStack:
 
     def cell(self, row: ProcessFault, mode: str, seed: int) -> Cell:
         """Fly, harm, and judge. A cell that does not end well by its own deadline says what never came."""
-        self.believed.clear()
+        self.estimates.clear()
         self.wait(lambda: bool(self._read()), "the mock")
         if row.by_mock:  # what it does now must not come before there is thrust
             self.wait(lambda: CLEAR_S < self.since_absence_s(self._now_s) < CLEAR_S + ABSENT_S, "the mock's fault")
         assert self.last is not None
         seen = _Seen(self, row, mode, random.Random(f"{row} {mode} {seed}").uniform(0.0, SOON_S))  # noqa: S311  # no secret
         try:
-            self.take_off(mode)
+            self.prepare(mode)
             with seen.harm:
                 self.fly(mode, seed, seen.tick)
         except HindraxError as error:
@@ -264,14 +264,14 @@ class _Seen:
         self._whole: Callable[[], bool] = lambda: False
         self._true: list[TrueState] = []
         self.harm = contextlib.ExitStack()
-        self.lost = self._said = ""
+        self.lost = self._reason = ""
 
     def tick(self, lines: Sequence[TrueState]) -> None:
         """Take notice of the mock's new lines."""
         operator = self._stack.operator
         if self._harmed_s < math.inf:
             self._true += lines
-            self._said = "" if operator.thrusters.armed else str(operator.thrusters.reason)
+            self._reason = "" if operator.thrusters.armed else str(operator.thrusters.reason)
             if self._true and self._true[-1].now_s - self._harmed_s > AFTER_S and self._ended():
                 raise _SeenError
         elif any(map(self._flew_long_enough, lines)):
@@ -298,15 +298,15 @@ class _Seen:
         return self._whole() and (self._row.within_s == math.inf or not self._stack.operator.thrusters.armed)
 
     def cell(self, seed: int, last: TrueState) -> Cell:
-        """The judgement: each true state beside the state that was believed then."""
-        judge, believed = Judge(self._true[0] if self._true else last), self._stack.believed
-        stamps = sorted(believed)
+        """The judgement: each true state beside the state that was estimated then."""
+        judge, estimates = Judge(self._true[0] if self._true else last), self._stack.estimates
+        stamps = sorted(estimates)
         for true in self._true[1:]:
             at = bisect_right(stamps, true.now_s)
-            judge.step(true, believed[stamps[at - 1]] if at else None)
-        row, said = self._row, "" if self._mode == DISARMED else self._said
-        armed = row.who in GOING_ON and self._mode != DISARMED and not said
-        return judge.cell(row.who, row.what, self._mode, seed, said, within_s=row.within_s, lost=self.lost, armed=armed)
+            judge.step(true, estimates[stamps[at - 1]] if at else None)
+        row, why = self._row, "" if self._mode == DISARMED else self._reason
+        armed = row.who in GOING_ON and self._mode != DISARMED and not why
+        return judge.cell(row.who, row.what, self._mode, seed, why, within_s=row.within_s, lost=self.lost, armed=armed)
 
 
 TRUTH = "truth.log"

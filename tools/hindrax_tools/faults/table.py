@@ -35,7 +35,7 @@ def _fly(job: Callable[[], Iterator[Cell]]) -> list[Cell]:
 
 
 def rows(cells: Sequence[Cell]) -> Iterator[tuple[str, ...]]:
-    """Who, what, an entry for each mode, and what the vehicle said: the worst of all seeds."""
+    """Who, what, an entry for each mode, and what the vehicle reported: the worst of all seeds."""
     for who, what in dict.fromkeys((one.who, one.what) for one in cells):
         same = [one for one in cells if (one.who, one.what) == (who, what)]
         reasons = dict.fromkeys(one.reason.partition(": ")[0] for one in same if one.mode != DISARMED and one.reason)

@@ -51,7 +51,7 @@ def identities(vehicle: Vehicle) -> dict[str, str]:
     end = after(rig.world.stamp, LISTEN_S)
     while rig.world.stamp < end:
         rig.advance()
-    return {name: said.text for name, said in rig.log if isinstance(said, Identity)}
+    return {name: identity.text for name, identity in rig.log if isinstance(identity, Identity)}
 
 
 def _sensor(sensor: Sensor, identity: str) -> str:
@@ -80,14 +80,14 @@ def offers() -> Mapping[str, list[tuple[str, str, bool, str]]]:
     # As text: section 8.30 is no number.
     found = yaml.load(text, yaml.BaseLoader)  # noqa: S506  # our own file, and the loader makes only text
     return {
-        name: [(what, page, served == "true", said) for what, page, served, said in rows]
+        name: [(what, page, served == "true", note) for what, page, served, note in rows]
         for name, rows in found.items()
     }
 
 
 def _offers(name: str) -> str:
-    """Table of what the manual offers; nothing for a device that nobody has gone through."""
-    rows = [(what, page, "yes" if served else "no", said) for what, page, served, said in offers().get(name, [])]
+    """Table of what the manual offers; nothing for a device without a list."""
+    rows = [(what, page, "yes" if served else "no", note) for what, page, served, note in offers().get(name, [])]
     if not rows:
         return ""
     return f"\nThe manual and what is served of it:\n\n{table(('offers', 'page', 'served', 'how, or why not'), rows)}"

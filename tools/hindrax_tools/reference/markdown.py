@@ -20,7 +20,7 @@ def code(text: str) -> str:
 
 
 def number(value: float) -> str:
-    """A number as a person writes it."""
+    """A number without trailing zeros."""
     return f"{value:.10g}"
 
 

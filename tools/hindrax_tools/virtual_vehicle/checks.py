@@ -53,7 +53,7 @@ class Finding:
     figure: str
 
     def line(self) -> str:
-        """Return it for a person."""
+        """Return it as text."""
         return f"{'good' if self.good else 'BAD '}  {self.check:44}  {self.figure}"
 
 
@@ -102,11 +102,11 @@ class DeployedVehicle:
         """Size of the bag of a run."""
         return int(self.machine.asked(f"sudo sh -c 'cat {RUNS}/{run}/bag/*.mcap 2>/dev/null | wc -c'"))
 
-    def says(self, wanted: Callable[[bool, str], bool] = lambda well, _: well) -> str:
-        """Wait until health says what is wanted; returns its sentence."""
+    def health(self, wanted: Callable[[bool, str], bool] = lambda well, _: well) -> str:
+        """Wait until `health` reports what is wanted; returns its sentence."""
         sentence = ""
 
-        def heard() -> bool:
+        def matches() -> bool:
             nonlocal sentence
             done = self.machine.run(f"{HINDRAX} health")
             sentence = (done.stdout + done.stderr).strip()
@@ -115,7 +115,7 @@ class DeployedVehicle:
                 self.wait(PAUSE_S)
             return so
 
-        self.machine.until("health to say so", heard)
+        self.machine.until("health to say so", matches)
         return sentence
 
     def thrust(self) -> None:
@@ -185,7 +185,7 @@ def kills(vehicle: DeployedVehicle) -> Iterator[Finding]:
         killed_s = vehicle.at(script)
         yield vehicle.neutral(check, killed_s)
         vehicle.recording(before)
-        sentence = vehicle.says()
+        sentence = vehicle.health()
         again = thrust_after_s(vehicle.seen(), killed_s)
         yield Finding(f"{check}: up again", again is not None and again < NEUTRAL_S, sentence)
 
@@ -203,7 +203,7 @@ def clock_steps(vehicle: DeployedVehicle) -> Iterator[Finding]:
         up_s = vehicle.seen()[-1].monotonic_s
         sentence = vehicle.machine.asked("sudo journalctl -u hindrax -n 200 -o cat | grep 'clock: the' | tail -1")
         yield Finding(f"{check}: a new run", f"set {way}" in sentence, f"after {up_s - stepped_s:.0f} s: {sentence}")
-        vehicle.says()
+        vehicle.health()
 
 
 def full_disk(vehicle: DeployedVehicle) -> Iterator[Finding]:
@@ -212,17 +212,17 @@ def full_disk(vehicle: DeployedVehicle) -> Iterator[Finding]:
     pid = machine.asked("sudo systemctl show -P MainPID hindrax")
     room = f"$(( $(df --output=avail -B1 / | tail -1) - {LEFT_BYTES} ))"
     machine.asked(f"sudo fallocate -l {room} /var/fill")
-    sentence = vehicle.says(wanted=lambda _, said: "recorder" in said)
+    sentence = vehicle.health(wanted=lambda _, text: "recorder" in text)
     same = machine.asked("sudo systemctl show -P MainPID hindrax") == pid
     yield Finding("disk full while recording: goes on, says so", same, sentence)
     before = vehicle.runs()
     machine.asked("sudo systemctl restart hindrax")
-    sentence = vehicle.says(wanted=lambda _, said: "recorder" in said and "heartbeat" not in said)
+    sentence = vehicle.health(wanted=lambda _, text: "recorder" in text and "heartbeat" not in text)
     restarts = machine.asked("sudo systemctl show -P NRestarts hindrax")
     yield Finding("start on a full disk: up, says so", restarts == "0", f"{restarts} restarts; {sentence}")
     machine.asked("sudo rm /var/fill")
     run = vehicle.recording(before)
-    figure = f"{run}: {vehicle.recorded_bytes(run)} bytes; {vehicle.says()}"
+    figure = f"{run}: {vehicle.recorded_bytes(run)} bytes; {vehicle.health()}"
     yield Finding("room again: it records", good=True, figure=figure)
 
 

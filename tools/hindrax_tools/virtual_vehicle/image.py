@@ -37,7 +37,7 @@ FILES = {
     "etc/fstab": "/dev/ubda / ext4 errors=remount-ro 0 1\n",
     "etc/systemd/network/ether.network": f"[Match]\nName=vec*\n[Network]\nAddress={ADDRESS}/24\n",
     "etc/sudoers.d/pilot": f"{USER} ALL=(ALL) NOPASSWD: ALL\n",
-    # Names of addresses are asked for at every login, and nobody answers here.
+    # Names of addresses are asked for at every login, and nothing answers here.
     "etc/ssh/sshd_config.d/vehicle.conf": "UseDNS no\nUsePAM no\n",
     # No battery clock: every boot begins at the same time, long ago.
     NO_CLOCK[1:]: f"#!/bin/sh\ndate --set {FIRST_DATE} >/dev/null\nexec /sbin/init\n",

@@ -21,7 +21,7 @@ from hindrax_tools.virtual_vehicle.image import ADDRESS, NO_CLOCK, USER, Image
 HOST = "vehicle"
 DISK, WITNESS, CONSOLE, MESSAGES, PID = "disk.ext4", "witness.log", "console.log", "kernel.log", "pid"
 STARTED = "started.log"
-"""What was said by scripts that nobody waits for."""
+"""Output of scripts that run in the background."""
 BOOT_S, LONGEST_S = 90.0, 240.0
 """Longest wait for a login, and longest script."""
 KERNEL_WORDS = (

@@ -85,7 +85,7 @@ def _join(messages: Sequence[Message]) -> tuple[Transaction, int]:
 def smbus(address: int, reads: bool, command: int, size: int, data: bytes) -> Transaction:
     """Return the transaction of an SMBus request. `data` is the caller's union (34 bytes).
 
-    OSError EOPNOTSUPP for block reads whose length the device tells: a plain I2C adapter cannot do them.
+    OSError EOPNOTSUPP for block reads whose length the device sends: a plain I2C adapter cannot do them.
     """
     head = bytes([command])
     if size == QUICK:

@@ -16,7 +16,7 @@ LONGEST_LINE, READ_AT_MOST = 4096, 65536
 
 
 class Pty:
-    """A pty whose far end is linked at `path`. Bytes that nobody reads are lost, as on a wire."""
+    """A pty whose far end is linked at `path`. Bytes without a reader are lost, as on a wire."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

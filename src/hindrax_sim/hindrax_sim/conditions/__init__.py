@@ -1,1 +1,1 @@
-"""What a believable world does that the model does not know: one row of a table each."""
+"""What a realistic world does that the model does not know: one row of a table each."""

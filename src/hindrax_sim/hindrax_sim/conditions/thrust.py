@@ -136,7 +136,7 @@ def hull_wash(world: Realization, size: float, _draws: NormalDraws) -> None:
 
 
 def battery_sag(world: Realization, size: float, _draws: NormalDraws) -> None:
-    """The supply loses a share of its voltage in 15 min, evenly; only a battery sensor tells.
+    """The supply loses a share of its voltage in 15 min, evenly; only a battery sensor shows it.
 
     Size: A lithium cell from 4.0 to 3.6 V.
     """

@@ -36,15 +36,15 @@ class Condition:
     @property
     def meaning(self) -> str:
         """How it acts."""
-        return self._said[0]
+        return self._description[0]
 
     @property
     def source(self) -> str:
         """Where the size comes from."""
-        return self._said[2].strip()
+        return self._description[2].strip()
 
     @property
-    def _said(self) -> tuple[str, str, str]:
+    def _description(self) -> tuple[str, str, str]:
         return " ".join((self.add.__doc__ or "").split()).partition(" Size: ")
 
     @property

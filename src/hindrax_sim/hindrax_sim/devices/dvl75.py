@@ -118,14 +118,14 @@ class Dvl75(Part[DvlTruth]):
         self._span_us = SEARCH_INTERVAL_us
         self._next_s = now_s + self._end_us / self._us_per_s
         self._skips = 0
-        self._heard_since_s: float | None = None
+        self._in_range_since_s: float | None = None
         self._seen_s = now_s
         self._velocity_mps = self._truth.velocity_mps
         self._travel_m = self._reported_m = self._truth.travel_m or NOWHERE
         self._reported_rad = self._truth.turned_rad
         self._line = b""
         self._paused = False
-        self._place_deg, self._told = (0.0, 0.0), False
+        self._place_deg, self._fix = (0.0, 0.0), False
         self._sequence = 0
         self._gps_s = now_s
 
@@ -185,10 +185,10 @@ class Dvl75(Part[DvlTruth]):
         """Update the lock: whether the bottom has been in range for half a second."""
         altitude = self._truth.altitude_m
         if altitude is None or not ALTITUDES_m[0] <= altitude <= ALTITUDES_m[1]:
-            self._heard_since_s = None
-        elif self._heard_since_s is None:
-            self._heard_since_s = self._next_s
-        locked = self._heard_since_s is not None and self._next_s - self._heard_since_s >= LOCK_AFTER_S
+            self._in_range_since_s = None
+        elif self._in_range_since_s is None:
+            self._in_range_since_s = self._next_s
+        locked = self._in_range_since_s is not None and self._next_s - self._in_range_since_s >= LOCK_AFTER_S
         self._skips = 0 if locked else self._skips - 1
         return locked
 
@@ -228,7 +228,7 @@ class Dvl75(Part[DvlTruth]):
             yield sentences.kalman(self._sequence, self._span_us)
             self._sequence += 1
         if settings.minimum:
-            yield sentences.minimum((self._end_us + self._jumped_us) * 1e-6, self._place_deg, self._told)
+            yield sentences.minimum((self._end_us + self._jumped_us) * 1e-6, self._place_deg, self._fix)
         if settings.retweet_gps and self._next_s >= self._gps_s:
             self._gps_s = self._next_s + GPS_EVERY_S
             yield b"GPS:" + FOREIGN
@@ -260,7 +260,7 @@ class Dvl75(Part[DvlTruth]):
         """Change a setting or the place, if the command does so and its argument is valid."""
         if word == "SET-POSITION":
             place = _numbers(argument, 2)
-            self._place_deg, self._told = (place[0], place[1]) if place else self._place_deg, bool(place) or self._told
+            self._place_deg, self._fix = (place[0], place[1]) if place else self._place_deg, bool(place) or self._fix
             return bool(place)
         changed = SETTERS[word](argument) if word in SETTERS else None
         if changed is None:

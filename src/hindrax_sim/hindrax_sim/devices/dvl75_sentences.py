@@ -22,7 +22,7 @@ class DvlTruth:
 
     `travel_m` and `turned_rad`, where given, are sums since some start; the deltas are then their differences.
     Otherwise the velocity is integrated from one `step` to the next. `altitude_m` is the distance along the sensor's
-    axis, None when there is nothing to hear. `frozen`: the instrument measures no more and repeats its last delta.
+    axis, None when there is no echo. `frozen`: the instrument measures no more and repeats its last delta.
     """
 
     velocity_mps: Vec3 = (0.0, 0.0, 0.0)
@@ -94,14 +94,14 @@ def kalman(sequence: int, span_us: int) -> bytes:
     return sentence(f"DVKFA,15,{sequence},{span_us * 1e-6:.6f}")
 
 
-def minimum(seconds: float, place_deg: tuple[float, float], told: bool) -> bytes:
-    """$GPRMC of the place by dead reckoning, valid once a position was told. NMEA 0183, RMC."""
+def minimum(seconds: float, place_deg: tuple[float, float], fix: bool) -> bytes:
+    """$GPRMC of the place by dead reckoning, valid once a position was given. NMEA 0183, RMC."""
     hours, minutes = divmod(int(seconds) // 60, 60)
     latitude, longitude = place_deg
     north = f"{_degrees_minutes(latitude, 2)},{'S' if latitude < 0.0 else 'N'}"
     east = f"{_degrees_minutes(longitude, 3)},{'W' if longitude < 0.0 else 'E'}"
     time = f"{hours % 24:02d}{minutes:02d}{seconds % 60.0:05.2f}"
-    return sentence(f"GPRMC,{time},{'A' if told else 'V'},{north},{east},0.0,0.0,010100,,")
+    return sentence(f"GPRMC,{time},{'A' if fix else 'V'},{north},{east},0.0,0.0,010100,,")
 
 
 def _degrees_minutes(degrees: float, digits: int) -> str:

@@ -20,7 +20,7 @@ class Emulator:
     """`make(seed)` gives the part, `truth(world, mounting)` what is true at its place in the mock world.
 
     The contract sweep uses the other two: `example(seconds)` is a truth that moves as a vehicle might, and
-    `agrees(truth, reading)` says whether a reading may be said of a truth, by the accuracy of the data sheet.
+    `agrees(truth, reading)` says whether a reading is one of a truth, by the accuracy of the data sheet.
     """
 
     make: Callable[[int], Any]

@@ -254,7 +254,7 @@ def _truth(world: World, at: Mounting) -> ImuTruth:
 
 
 def _agrees(truth: ImuTruth, reading: Any) -> bool:
-    """Offsets (25 mg an axis) and noise are small; the rest is damage that looks like motion, which no check tells.
+    """Offsets (25 mg an axis) and noise are small; the rest is damage that looks like motion, which no check finds.
 
     One flipped bit of half a g is such damage: a contact of the vehicle gives as much.
     """

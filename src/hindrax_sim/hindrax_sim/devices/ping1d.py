@@ -104,7 +104,7 @@ class Ping1d(Part[PingTruth]):
     def _begin(self, now_s: float) -> None:
         """Send a ping: the scan ends when the echo of its end would arrive."""
         settings = self._settings
-        self._begun_s = now_s
+        self._started_s = now_s
         scan_s = 2.0 * (settings.start_mm + settings.length_mm) / settings.speed_mmps
         self._done_s = now_s + scan_s + PROCESSING_S if settings.enabled else math.inf
 
@@ -120,7 +120,7 @@ class Ping1d(Part[PingTruth]):
             if self._settings.stream:
                 self._wire.send(self._message(self._settings.stream), done_s)
             self._adapt_range()
-            self._begin(max(self._begun_s + self._settings.interval_ms * 0.001, done_s))
+            self._begin(max(self._started_s + self._settings.interval_ms * 0.001, done_s))
         return self._wire.receive_complete(now_s) if self._wire.next_s <= now_s else b""
 
     def _finish_ping(self) -> _Ping:
@@ -132,11 +132,11 @@ class Ping1d(Part[PingTruth]):
             return _Ping(number, SATURATED_mm, 100, *span)
         reach_mm = settings.start_mm + settings.length_mm
         if truth.distance_m is not None and SHORTEST_m <= truth.distance_m <= FARTHEST_m:
-            heard = truth.distance_m * (1.0 + self._noise * float(self._random.standard_normal()))
-            heard_mm = round(heard * settings.speed_mmps / truth.speed_of_sound_mps)
-            if settings.start_mm <= heard_mm <= reach_mm:
+            measured_m = truth.distance_m * (1.0 + self._noise * float(self._random.standard_normal()))
+            measured_mm = round(measured_m * settings.speed_mmps / truth.speed_of_sound_mps)
+            if settings.start_mm <= measured_mm <= reach_mm:
                 confidence = round(100.0 * truth.confidence)
-                return _Ping(number, heard_mm, confidence, *span, self._echo(heard_mm, confidence))
+                return _Ping(number, measured_mm, confidence, *span, self._echo(measured_mm, confidence))
         nonsense_mm = int(self._random.integers(settings.start_mm, reach_mm))
         return _Ping(number, nonsense_mm, 0, *span, self._echo(nonsense_mm, 0))
 

@@ -42,9 +42,9 @@ class Stm32(Part[Battery]):
         """Run the firmware; return its output on the wire."""
         full_scale_mV = 65534
         self._controller.millivolts = full_scale_mV if self._saturated else round(self._truth.voltage_V * 1e3)
-        told = self._controller.step(self._ms(now_s))
-        if told:
-            self._wire.send(self._garble(told), now_s)
+        output = self._controller.step(self._ms(now_s))
+        if output:
+            self._wire.send(self._garble(output), now_s)
         return self._wire.receive_complete(now_s)
 
     def receive(self, data: bytes, now_s: float) -> bytes:
@@ -64,8 +64,8 @@ class Stm32(Part[Battery]):
         """Fault: the board's millisecond counter jumps; it never decreases."""
         self._boot_s -= max(0.0, seconds)
 
-    def _garble(self, told: bytes) -> bytes:
-        return b"$GPTXT," + told.hex().encode() + b"\r\n" if self._disguised else told
+    def _garble(self, output: bytes) -> bytes:
+        return b"$GPTXT," + output.hex().encode() + b"\r\n" if self._disguised else output
 
     def _ms(self, now_s: float) -> int:
         return math.floor((now_s - self._boot_s) * 1e3)

@@ -65,7 +65,7 @@ _KINDS = (
     FaultKind("merged", SERIAL, "messages arrive a quarter of a second at a time", line.Merged),
     FaultKind("garbage", SERIAL, "bursts of random bytes among the messages", line.Garbage),
     FaultKind("bit_flips", SERIAL + I2C, "one bit in a thousand is wrong", line.BitFlips, bus.BitFlips),
-    FaultKind("baud_mismatch", SERIAL, "both ends speak at different speeds", line.BaudMismatch),
+    FaultKind("baud_mismatch", SERIAL, "both ends use different baud rates", line.BaudMismatch),
     FaultKind("unplug_replug", SERIAL, "the port vanishes and comes back", line.UnplugReplug),
     FaultKind("reset", SERIAL + I2C + GPIO, "the device restarts in mid-stream", line.Reset, bus.Reset),
     FaultKind("clock_jump", ("dvl75",), "the device's clock leaps ahead, and back at the end", line.ClockJump),
@@ -153,27 +153,27 @@ def fault_injector(world: World, specs: Sequence[FaultSpec], start_s: float = 0.
     return inject
 
 
-def liar(name: str, specs: Sequence[FaultSpec], start_s: float = 0.0) -> Callable[[Any, float], Any]:
+def altered_truth(name: str, specs: Sequence[FaultSpec], start_s: float = 0.0) -> Callable[[Any, float], Any]:
     """Return what the device `name` takes for the truth, from what is true and when. Times count from `start_s`."""
     schedule = FaultSchedule(_schedule(name, specs, start_s, lambda kind, _at: kind.on_truth))
     before: dict[truth.SensorFault, tuple[Any, float]] = {}
 
-    def told(true: Any, now_s: float) -> Any:
-        for lie, _ in schedule.advance(now_s):
-            before.pop(lie, None)
-        for lie in schedule.active:
-            was, was_s = before.get(lie, (true, now_s))
-            true = lie(true, was, now_s - was_s)
-            before[lie] = true, now_s
+    def observed(true: Any, now_s: float) -> Any:
+        for fault, _ in schedule.advance(now_s):
+            before.pop(fault, None)
+        for fault in schedule.active:
+            was, was_s = before.get(fault, (true, now_s))
+            true = fault(true, was, now_s - was_s)
+            before[fault] = true, now_s
         return true
 
-    return told
+    return observed
 
 
 def _schedule(
     name: str, specs: Sequence[FaultSpec], start_s: float, make: Callable[[FaultKind, int], FaultT | None]
 ) -> list[Scheduled[FaultT]]:
-    """Those faults that fall on the device `name`; `make` is told the place of each in the list."""
+    """Those faults that fall on the device `name`; `make` gets the index of each in the list."""
     made = [(make(FAULTS[spec.name], at), spec) for at, spec in enumerate(specs) if name in spec.devices]
     return [_scheduled(fault, spec, start_s) for fault, spec in made if fault is not None]
 

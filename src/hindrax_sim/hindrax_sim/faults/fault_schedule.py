@@ -32,9 +32,9 @@ class FaultSchedule(Generic[FaultT]):
 
     def advance(self, now_s: float) -> list[tuple[FaultT, bool]]:
         """Advance to now; return the faults that start (true), then those that end (false)."""
-        begun = [one for one in self._waiting if one.start_s <= now_s]
-        del self._waiting[: len(begun)]
-        self._lasting += begun
+        started = [one for one in self._waiting if one.start_s <= now_s]
+        del self._waiting[: len(started)]
+        self._lasting += started
         ended = [one for one in self._lasting if one.end_s <= now_s]
         self._lasting = [one for one in self._lasting if one.end_s > now_s]
-        return [*((one.fault, True) for one in begun), *((one.fault, False) for one in ended)]
+        return [*((one.fault, True) for one in started), *((one.fault, False) for one in ended)]

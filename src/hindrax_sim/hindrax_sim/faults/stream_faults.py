@@ -30,23 +30,23 @@ class StreamFault:
         seed: int = 0,
         *,
         switch: Switch = lambda _device, _on, _now_s: None,
-        says: Callable[[Random, bytes], list[bytes]] = lambda _random, data: [data],
-        hears: Callable[[Random, bytes], bytes] = lambda _random, data: data,
+        transmit: Callable[[Random, bytes], list[bytes]] = lambda _random, data: [data],
+        receive: Callable[[Random, bytes], bytes] = lambda _random, data: data,
         connected: bool = True,
     ) -> None:
         self._random, self.switch, self.connected = np.random.default_rng(seed), switch, connected
-        self._says, self._hears = says, hears
+        self._transmit, self._receive = transmit, receive
 
     def outgoing(self, data: bytes, _now_s: float) -> list[bytes]:
         """Return the chunks of the device's bytes that reach the host.
 
         Called without data as time passes, and once with infinite time at the end, to return held bytes.
         """
-        return self._says(self._random, data) if data else []
+        return self._transmit(self._random, data) if data else []
 
     def incoming(self, data: bytes) -> bytes:
         """Return the bytes of the host that reach the device."""
-        return self._hears(self._random, data)
+        return self._receive(self._random, data)
 
 
 def _noise(random: Random, count: int) -> bytes:
@@ -75,15 +75,15 @@ Reset = partial(StreamFault, switch=lambda device, on, now_s: on and device.powe
 """The device restarts in mid-stream; its current message is cut."""
 ClockJump = partial(StreamFault, switch=lambda device, on, _now_s: device.jump_clock(LEAP_S if on else -LEAP_S))
 """The device's clock jumps ahead, and back at the end."""
-Absent = partial(StreamFault, says=lambda _random, _data: [], hears=lambda _random, _data: b"")
+Absent = partial(StreamFault, transmit=lambda _random, _data: [], receive=lambda _random, _data: b"")
 """No device at the port: no byte passes in either direction."""
 UnplugReplug = partial(Absent, connected=False, switch=lambda device, on, now_s: on or device.power_cycle(now_s))
 """The port disappears and returns; the device loses its power meanwhile."""
-CutFrames = partial(StreamFault, says=_cut)
+CutFrames = partial(StreamFault, transmit=_cut)
 """A piece of random place and length is missing from every second message."""
-Bytewise = partial(StreamFault, says=lambda _random, data: [data[at : at + 1] for at in range(len(data))])
-BitFlips = partial(StreamFault, says=_flipped)
-BaudMismatch = partial(StreamFault, says=lambda random, data: [_garbled(random, data)], hears=_garbled)
+Bytewise = partial(StreamFault, transmit=lambda _random, data: [data[at : at + 1] for at in range(len(data))])
+BitFlips = partial(StreamFault, transmit=_flipped)
+BaudMismatch = partial(StreamFault, transmit=lambda random, data: [_garbled(random, data)], receive=_garbled)
 """The two ends use different baud rates: fewer bytes arrive, all of them wrong."""
 
 

@@ -76,6 +76,6 @@ def force_offset(truth: ImuTruth, _was: ImuTruth, _dt_s: float) -> ImuTruth:
 
 
 def range_short(truth: PingTruth, _was: PingTruth, _dt_s: float) -> PingTruth:
-    """The echo sounder hears something above the floor."""
+    """The echo sounder measures something above the floor."""
     found_m = truth.distance_m
     return replace(truth, distance_m=None if found_m is None else max(NEAR_m, found_m - SHORT_m))

@@ -43,14 +43,14 @@ class GoalPilot:
         self.refused = ""
         self._first: Stamp | None = None
         self._ready_since: Stamp | None = None
-        self._begun: Stamp | None = None
+        self._started_at: Stamp | None = None
         self.suspected: tuple[str, ...] = ()
         self._disabled: frozenset[str] = frozenset()
 
     def step(self, navigation: Stamped[Navigation], became: Allocation | None, *, armed: bool) -> LockstepCommand:
         """Decide on the next order."""
         stamp = navigation.stamp
-        if self._begun is not None and seconds_between(self._begun, stamp) >= self._cancel_at_s:
+        if self._started_at is not None and seconds_between(self._started_at, stamp) >= self._cancel_at_s:
             self.pilot.cancel()
         flight = self.pilot.step(navigation.reading, stamp, became, armed=armed)
         self.output = flight.maneuver
@@ -65,7 +65,7 @@ class GoalPilot:
                 return LockstepCommand(phase=IDLE if self.output is None else self.output.phase, finished=True)
             self.maneuver = self.pilot.fly(goal)
             self.plans += self.maneuver.plans
-            self._begun = stamp if self._begun is None else self._begun
+            self._started_at = stamp if self._started_at is None else self._started_at
         phase = self.output.phase if self.output is not None else IDLE
         self._first = stamp if self._first is None else self._first
         if self.maneuver is None and flight.guards and seconds_between(self._first, stamp) > PATIENCE_S:

@@ -71,7 +71,7 @@ class Onboard:
         self._state = self._guard.start(Stamp(0))
         self._health = EstimatorHealth(vehicle)
         self.unhealthy: tuple[str, ...] = ()
-        """Why the state is not believed; empty when it is."""
+        """Why the state is not plausible; empty when it is."""
         self._feed = Feed(vehicle, session.tuning)
         self._became: Allocation | None = None
         self._phase = IDLE
@@ -196,9 +196,9 @@ class Lockstep:
         """Run until the pilot has finished or the time is over; yields the events."""
         end = after(self.world.stamp, seconds)
         while self.world.stamp < end and not self.onboard.order.finished:
-            heard = self.rig.advance()
+            readings = self.rig.advance()
             self.onboard.tick(self.world.stamp)
-            for source, reading in heard:
+            for source, reading in readings:
                 yield from self.onboard.on_reading(source, reading, self.world.stamp)
                 if self.onboard.order.finished:
                     break

@@ -53,23 +53,23 @@ class ReadingsRig:
         for sensor in sensors(self.world, noise or Noise(), seed):
             self._push(START + sensor.period_ns, sensor, ())
 
-    def _push(self, when: int, sensor: SensorModel, said: Sequence[Stamped[Reading]]) -> None:
+    def _push(self, when: int, sensor: SensorModel, readings: Sequence[Stamped[Reading]]) -> None:
         self._count += 1
-        heapq.heappush(self._queue, (when, self._count, sensor, said))
+        heapq.heappush(self._queue, (when, self._count, sensor, readings))
 
     def advance(self) -> Sequence[SensorReading]:
         """Advance time to the next reading of a sensor."""
         world, queue = self.world, self._queue
         while True:
-            when, _, sensor, said = heapq.heappop(queue)
+            when, _, sensor, readings = heapq.heappop(queue)
             world.advance(Stamp(when))
-            if said:
+            if readings:
                 self._inject(to_s(world.stamp))
-                return [(sensor.source, one) for one in said]
-            said = sensor.sample()
+                return [(sensor.source, one) for one in readings]
+            readings = sensor.sample()
             self._push(when + sensor.period_ns, sensor, ())
-            if said:
-                self._push(when + sensor.latency_ns, sensor, said)
+            if readings:
+                self._push(when + sensor.latency_ns, sensor, readings)
 
     def drive(self, pulses_us: Sequence[float]) -> tuple[float, ...]:
         """Apply thruster pulses, unrounded."""
@@ -110,42 +110,42 @@ class BytesRig:
 
     def advance(self) -> Sequence[SensorReading]:
         """Advance time until a driver has a reading, at most one control period."""
-        heard: list[SensorReading] = []
+        readings: list[SensorReading] = []
         end = after(self.world.stamp, 0.02)
-        while not heard and self.world.stamp < end:
-            heard += self._step()
-        return heard
+        while not readings and self.world.stamp < end:
+            readings += self._step()
+        return readings
 
     def _step(self) -> list[SensorReading]:
         hardware = self.hardware
         last = hardware.stamp
         due = min(Stamp(last + STEP_ns), max(self._schedule.next_due(last), Stamp(last + 1)))
-        heard: list[SensorReading] = []
+        readings: list[SensorReading] = []
         for name, data in hardware.advance(due).items():
             arrived = self._answers.pop(name, b"") + data
             if arrived:
-                heard += self._handle(name, self._serial[name].feed(arrived, due))
+                readings += self._handle(name, self._serial[name].feed(arrived, due))
         if due >= self._tick:
             self._tick = after(due, TICK_S)
             for name, device in self._serial.items():
-                heard += self._handle(name, device.tick(due))
+                readings += self._handle(name, device.tick(due))
         for name, outputs in self._schedule.step(due, partial(self._transfer, due)):
-            heard += self._handle(name, outputs)
-        return heard
+            readings += self._handle(name, outputs)
+        return readings
 
     def _handle(self, name: str, outputs: Any) -> list[SensorReading]:
         """Handle driver outputs: readings to the stack, bytes to the device, the rest into the log."""
-        heard: list[SensorReading] = []
+        readings: list[SensorReading] = []
         for output in outputs:
             if isinstance(output, Stamped):
-                heard.append((name, output))
+                readings.append((name, output))
             elif isinstance(output, Send):
                 now_s = to_s(self.hardware.stamp)
                 answer = self.hardware.serial[name].receive(output.data, now_s)
                 self._answers[name] = self._answers.get(name, b"") + answer
             else:
                 self.log.append((name, output))
-        return heard
+        return readings
 
     def _transfer(self, now: Stamp, transaction: Transaction) -> bytes:
         try:

@@ -31,7 +31,7 @@ Watch: TypeAlias = Callable[[World, ManeuverOutput], None]
 
 @dataclass(frozen=True, slots=True)
 class PoolFlight:
-    """One flight: the vehicle as it is believed, the world, what identified it, how it ended."""
+    """One flight: the vehicle as modeled, the world, what identified it, how it ended."""
 
     vehicle: Vehicle
     world: World
@@ -66,7 +66,7 @@ def fly(
     watch: Watch = lambda _world, _output: None,
     aim: Aim | None = None,
 ) -> PoolFlight:
-    """Fly a goal with the believed vehicle; `world` as for `--world`, its random sizes are drawn by the same seed.
+    """Fly a goal with the modeled vehicle; `world` as for `--world`, its random sizes are drawn by the same seed.
 
     With an aim, the identification chooses what is flown.
     """

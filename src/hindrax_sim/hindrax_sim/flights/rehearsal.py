@@ -1,4 +1,4 @@
-"""A dress rehearsal: a pool test flown in lock-step, told as a timetable with clearances, charge and bands."""
+"""A dress rehearsal: a pool test flown in lock-step, reported as a timetable with clearances, charge and bands."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -94,20 +94,20 @@ def rehearse(
     excitation: str = PLATEAUS,
     aim: Aim | None = None,
 ) -> Rehearsal:
-    """Fly motions in lock-step with the truth that the vehicle file believes; UsageError when they cannot be flown.
+    """Fly motions in lock-step with the vehicle file as the truth; UsageError when they cannot be flown.
 
     A vehicle without hydrodynamics is given those that its plans suppose.
     """
     if vehicle.hydrodynamics is None:
         vehicle = replace(vehicle, hydrodynamics=guessed(vehicle))
     rows: list[Flown] = []
-    begun: Stamp | None = None
+    started: Stamp | None = None
 
     def watch(truth: World, output: ManeuverOutput) -> None:
         """Keep a row for every motion, in the order in which they are flown."""
-        nonlocal begun
-        begun = truth.stamp if begun is None else begun
-        now_s = seconds_between(begun, truth.stamp)
+        nonlocal started
+        started = truth.stamp if started is None else started
+        now_s = seconds_between(started, truth.stamp)
         motion = output.phase.motion.partition("_")[0]
         if motion and (not rows or rows[-1].motion != motion):
             rows.append(Flown(motion, now_s, now_s))

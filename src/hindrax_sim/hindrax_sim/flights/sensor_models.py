@@ -144,8 +144,8 @@ def _dvl(world: World, at: Mounting, noise: Noise, draws: NormalDraws) -> Sample
         if span_s <= 0.0:
             return ()
         range_m = world.range_m(at)
-        heard = not world.dvl_silenced and range_m is not None and range_m > LEAST_RANGE_m
-        locked = heard and world.tilt_rad(at) < MOST_TILT_rad
+        in_range = not world.dvl_silenced and range_m is not None and range_m > LEAST_RANGE_m
+        locked = in_range and world.tilt_rad(at) < MOST_TILT_rad
         velocity = Stamped(Stamp((world.stamp + start) // 2), over_ground(now, before, span_s, locked))
         turn ^= 1
         return (velocity,) if turn else (velocity, Stamped(world.stamp, track(locked, range_m)))
@@ -178,7 +178,7 @@ MODELS: tuple[tuple[str, Model, float, float, str], ...] = (
     ("ina226", _battery, 10.0, 0.0, ""),
     ("ads1115", _battery, 10.0, 0.0, ""),
 )
-"""Kind of sensor, its model, rate [Hz], latency [s]; what tells the draws of a second model of one sensor apart."""
+"""Kind of sensor, its model, rate [Hz], latency [s]; what separates the draws of a second model of one sensor."""
 
 
 def sensors(world: World, noise: Noise, seed: int) -> list[SensorModel]:

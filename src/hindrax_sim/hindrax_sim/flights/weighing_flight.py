@@ -27,7 +27,7 @@ class WeighingPilot:
     def __init__(self, vehicle: Vehicle, shares: Sequence[float]) -> None:
         self.pilot = Pilot(vehicle)
         self.load: KnownLoad | None = None
-        self._shares, self._begun, self._first = shares, Stamp(0), Stamp(0)
+        self._shares, self._started_at, self._first = shares, Stamp(0), Stamp(0)
         self._last = Stamp(0)
         self.spans: list[tuple[Stamp, Stamp, float]] = []
         """When a measurement begins and ends, and the share of the load that hangs."""
@@ -37,13 +37,13 @@ class WeighingPilot:
         stamp = navigation.stamp
         self._first = self._first or stamp
         flight = self.pilot.step(navigation.reading, stamp, became, armed=armed)
-        if armed and not self._begun:
-            self._begun = stamp
+        if armed and not self._started_at:
+            self._started_at = stamp
             for axis in HOLDS:
                 if axis != "altitude":
                     level = {"roll": 0.0, "pitch": 0.0, "depth": DEPTH_m}
                     self.pilot.set(Setpoint(axis, value=level.get(axis, math.nan)))
-        elapsed_s = seconds_between(self._begun, stamp) if self._begun else 0.0
+        elapsed_s = seconds_between(self._started_at, stamp) if self._started_at else 0.0
         at, within_s = divmod(elapsed_s, SETTLE_S + HOLD_S)
         finished = at >= len(self._shares)
         if self.load is not None and not finished:

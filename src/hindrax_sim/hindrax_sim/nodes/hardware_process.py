@@ -53,7 +53,7 @@ def graph(namespace: str) -> Iterator[None]:
 
 
 def outlast_output(ports: Ports, farewell_s: float = FAREWELL_S) -> None:
-    """Step on until nobody writes to the thruster output: a Ctrl-C reaches hardware and nodes at once."""
+    """Step on until the thruster output has no writer: a Ctrl-C reaches hardware and nodes at once."""
     end_s = time.monotonic() + farewell_s
     while any(name.startswith(OUTPUT) for name in ports.serve_clients(0.0)) and time.monotonic() < end_s:
         ports.step()

@@ -79,8 +79,8 @@ class Player(BatchedNode):
     @property
     def complete(self) -> bool:
         """Whether navigator, identifier and subscribers of the thruster topics are on the graph."""
-        heard = self.count_subscribers(topics.THRUSTER_STATE.name) > 0
-        return heard and all(self.count_publishers(one.name) for one in (topics.NAVIGATION, topics.ESTIMATE))
+        subscribed = self.count_subscribers(topics.THRUSTER_STATE.name) > 0
+        return subscribed and all(self.count_publishers(one.name) for one in (topics.NAVIGATION, topics.ESTIMATE))
 
     def play(self, now: Stamp) -> None:
         """Publish the messages that are due."""

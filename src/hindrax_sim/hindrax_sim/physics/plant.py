@@ -34,7 +34,7 @@ class Plant:
     State: `x y z` [m] center of mass, `qw qx qy qz` body to north-east-down, `u v w p q r` [m/s, rad/s] through the
     water. `du .. dr` are the accelerations of the last step. `sx sy sz` [m] and `ax ay az` [rad] are the ground covered
     and the angle turned in body axes since the start: what a DVL reports are their differences. `pulses_us` and
-    `targets_N` are what each thruster is told and its steady force; electric currents follow that without lag.
+    `targets_N` are the command of each thruster and its steady force; electric currents follow that without lag.
     """
 
     __slots__ = (
@@ -93,8 +93,8 @@ class Plant:
     def drive(self, pulses_us: Sequence[float]) -> None:
         """Apply one pulse per thruster, in the order of the vehicle file, until the next call; 0 is no signal."""
         self.pulses_us = tuple(pulses_us)
-        told = zip(self.pulses_us, self._gains, strict=True)
-        forces = [self._steady_N(index, pulse, self._supply_V) * gain for index, (pulse, gain) in enumerate(told)]
+        commanded = zip(self.pulses_us, self._gains, strict=True)
+        forces = [self._steady_N(index, pulse, self._supply_V) * gain for index, (pulse, gain) in enumerate(commanded)]
         for loss in self._losses:
             forces = loss(forces)
         self.targets_N = tuple(forces)

@@ -34,7 +34,7 @@ GYRO_LSB_PER_DPS = (131.0, 65.5, 32.8, 16.4)
 ACCEL_LSB_PER_G = (16384.0, 8192.0, 4096.0, 2048.0)
 SELF_TEST_CODES = bytes((98, 103, 95))
 LOOK_BACK = 64
-"""Samples that are made up for when nobody has looked for long: more than the FIFO holds."""
+"""Samples that are made up for when nothing was read for long: more than the FIFO holds."""
 
 SAMPLE = struct.Struct(">6h")
 SATURATED = SAMPLE.pack(32767, -32768, 32767, -32768, 32767, -32768)
