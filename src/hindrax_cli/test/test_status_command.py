@@ -54,6 +54,15 @@ def test_nothing_that_runs_is_said_in_one_line(capsys: pytest.CaptureFixture[str
     assert listed(capsys) == []
 
 
+def test_at_the_other_end_of_a_tether_nobody_is_told_to_start_a_stack(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HINDRAX_TETHER", "eth0:192.168.2.2")
+    assert main(["status"]) == 0
+    said = "no stack is up here; `./hindrax monitor` shows the vehicle over the tether eth0\n"
+    assert capsys.readouterr().out == said
+
+
 def test_a_folder_that_is_away_while_the_service_restarts_holds_no_stack(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from hindrax_analysis.plain import print_answer
 from hindrax_analysis.terminal import make_table, print_table, working
 from hindrax_bringup.liveness import NOBODY, liveness_of_stacks
+from hindrax_bringup.network.tether import tether_setting
 from hindrax_bringup.stack_lock import StackLock, runtime_place, stacks
 from hindrax_cli.argument_types import add_json
 from hindrax_cli.command import command
@@ -44,7 +45,15 @@ def status(arguments: argparse.Namespace) -> int:
     known = {one.pid for one in found}
     rows += [StackStatus(pid, what, health=wrong or WELL) for pid, (what, wrong) in alive.items() if pid not in known]
     document = {"stacks": [asdict(one) for one in rows]}
-    return print_answer(document, lambda: _show(rows) if rows else print_fitted(NOBODY), as_json=arguments.json)
+    return print_answer(document, lambda: _show(rows) if rows else print_fitted(_nobody()), as_json=arguments.json)
+
+
+def _nobody() -> str:
+    """That no stack is here, which need not be one's end of the tether."""
+    tether = tether_setting()
+    if tether is None:
+        return NOBODY
+    return f"no stack is up here; `./hindrax monitor` shows the vehicle over the tether {tether.interface}"
 
 
 def _status(stack: StackLock, alive: tuple[str, str] | None, now_s: float) -> StackStatus:
