@@ -204,5 +204,5 @@ class OutputHost:
         """Report the last pulses that were written: after a failed write they are most likely still active."""
         state, last = self._state, self._last
         made, now = self._output.applied(last), self._output.now()
-        said = AppliedOutput(now, state.armed, made, last.sequence, state.armings, state.phase, state.reason)
-        self._listener.applied(said)
+        applied = AppliedOutput(now, state.armed, made, last.sequence, state.armings, state.phase, state.reason)
+        self._listener.applied(applied)
