@@ -89,15 +89,17 @@ class BusStuckError(OSError):
         super().__init__(errno.ETIMEDOUT, os.strerror(errno.ETIMEDOUT))
 
 
-class WriteOnly:
-    """A further address of a part that is only written to."""
+def refuse(_count: int, _now_s: float) -> bytes:
+    """Refuse a read: no device answers."""
+    raise NackError
 
-    def __init__(self, write: Callable[[bytes, float], None]) -> None:
-        self.write = write
 
-    def read(self, _count: int, _now_s: float) -> bytes:
-        """Refuse the read: no device answers."""
-        raise NackError
+@dataclass(slots=True)
+class FurtherAddress:
+    """A further address of a part, by default one that is only written to."""
+
+    write: Callable[[bytes, float], None]
+    read: Callable[[int, float], bytes] = refuse
 
 
 class SerialEmulator(Protocol):

@@ -10,9 +10,9 @@ from typing import Any
 from hindrax_core.bus_operations import EDGES
 from hindrax_core.readings import DeviceText, Inertial, Magnetic
 from hindrax_core.vehicle import Mount, chip_and_line
-from hindrax_sim.devices.emulator import Emulator, NackError, Part
+from hindrax_sim.devices.emulator import Emulator, FurtherAddress, NackError, Part
 from hindrax_sim.devices.imu import imu_signal
-from hindrax_sim.devices.imu.ak09916 import Ak09916, Bypass
+from hindrax_sim.devices.imu.ak09916 import Ak09916
 from hindrax_sim.devices.imu.icm20948_fifo_master import MAG_ADDRESS, Fifo, InnerMaster
 from hindrax_sim.devices.imu.imu_signal import Converters, ImuSignal, ImuTruth, SensorErrors
 from hindrax_sim.world import Mounting, World
@@ -47,7 +47,10 @@ class Icm20948(Part[ImuTruth]):
         super().__init__(ImuTruth())
         self.signal = ImuSignal(imu_signal.typical(seed) if imperfections is None else imperfections, seed)
         self.compass = Ak09916(self.signal)
-        self.magnetometer = Bypass(self._bypassed)
+        self.magnetometer = FurtherAddress(
+            lambda data, now_s: self._bypassed().write(data, now_s),
+            lambda count, now_s: self._bypassed().read(count, now_s),
+        )
         self._converters = Converters(self.signal)
         self._master = InnerMaster(self.compass)
         self.data_ready = DataReadyLine(self)

@@ -8,7 +8,7 @@ import struct
 from collections import deque
 from dataclasses import dataclass
 
-from hindrax_sim.devices.emulator import NackError, WriteOnly
+from hindrax_sim.devices.emulator import FurtherAddress, NackError
 
 CHANNELS = 16
 STEPS = 4096
@@ -39,7 +39,7 @@ class Pca9685:
         self._external_Hz = external_Hz
         self._pulses_us: tuple[float | None, ...] = (None,) * CHANNELS
         self._noted: tuple[bytes, int, bool] | None = None
-        self.all_call, self.general_call = WriteOnly(self._on_all_call), WriteOnly(self._on_general_call)
+        self.all_call, self.general_call = FurtherAddress(self._on_all_call), FurtherAddress(self._on_general_call)
         self.power_cycle(0.0)
 
     def power_cycle(self, now_s: float) -> None:

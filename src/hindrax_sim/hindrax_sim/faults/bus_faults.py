@@ -5,6 +5,7 @@ the device. Random faults draw from their seed. Faults compose, in the order giv
 """
 
 import random
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -22,22 +23,34 @@ class BusFault:
         switch: Switch = lambda _device, _on, _now_s: None,
         refuses: float = 0.0,
         error: type[OSError] = NackError,
+        reads: Callable[[random.Random, bytes], bytes] = lambda _random, data: data,
     ) -> None:
         self._random, self.switch = random.Random(seed), switch  # noqa: S311  # noise, not secrets
-        self._refuses, self._error = refuses, error
+        self._refuses, self._error, self._reads = refuses, error, reads
 
     def write(self, data: bytes) -> bytes:
         """Return the bytes that reach the device; raises OSError as a bus does."""
-        if self._refuses and self._chance(self._refuses):
+        if self._refuses and self._random.random() < self._refuses:
             raise self._error
         return data
 
     def read(self, data: bytes) -> bytes:
         """Return the bytes that reach the host; raises OSError as a bus does."""
-        return BusFault.write(self, data)
+        return self._reads(self._random, self.write(data))
 
-    def _chance(self, probability: float) -> bool:
-        return self._random.random() < probability
+
+def _short(draw: random.Random, data: bytes) -> bytes:
+    return data[: draw.randrange(len(data))] if data and draw.random() < 0.1 else data
+
+
+def _flipped(draw: random.Random, data: bytes) -> bytes:
+    bits = 8 * len(data)
+    if not bits or draw.random() >= 1.0 - (1.0 - 1e-3) ** bits:
+        return data
+    place = draw.randrange(bits)
+    wrong = bytearray(data)
+    wrong[place >> 3] ^= 1 << (place & 7)
+    return bytes(wrong)
 
 
 WrongIdentity = partial(BusFault, switch=lambda device, on, now_s: (device.power_cycle(now_s), device.disguise(on)))
@@ -52,28 +65,10 @@ Nack = partial(BusFault, refuses=0.1)
 """One transaction in ten is not acknowledged (Errno 121)."""
 BusStuck = partial(BusFault, refuses=1.0, error=BusStuckError)
 """A line is held low: every transaction times out (Errno 110)."""
-
-
-class ShortRead(BusFault):
-    """One read in ten ends before its last byte."""
-
-    def read(self, data: bytes) -> bytes:
-        """Cut at random."""
-        return data[: self._random.randrange(len(data))] if data and self._chance(0.1) else data
-
-
-class BitFlips(BusFault):
-    """One bit in a thousand is read wrongly."""
-
-    def read(self, data: bytes) -> bytes:
-        """Flip bits at random."""
-        bits = 8 * len(data)
-        if not bits or not self._chance(1.0 - (1.0 - 1e-3) ** bits):
-            return data
-        place = self._random.randrange(bits)
-        wrong = bytearray(data)
-        wrong[place >> 3] ^= 1 << (place & 7)
-        return bytes(wrong)
+ShortRead = partial(BusFault, reads=_short)
+"""One read in ten ends before its last byte."""
+BitFlips = partial(BusFault, reads=_flipped)
+"""One bit in a thousand is read wrongly."""
 
 
 class FaultyPort:

@@ -240,7 +240,7 @@ class Plant:
         if coupled is None:
             du, dv, dw, dp, dq, dr = X / mx, Y / my, Z / mz, K / Ix, M / Iy, N / Iz
         else:
-            du, dv, dw, dp, dq, dr = coupled.accelerations((X, Y, Z, K, M, N), (u, v, w, p, q, r))
+            du, dv, dw, dp, dq, dr = coupled((X, Y, Z, K, M, N), (u, v, w, p, q, r))
         self.du, self.dv, self.dw, self.dp, self.dq, self.dr = du, dv, dw, dp, dq, dr
         self.u = u_was + du * dt
         self.v = v_was + dv * dt

@@ -1,7 +1,6 @@
 """AK09916 magnetometer as a register model: modes, data ready and overrun, locking by ST2. TDK DS-000189 section 13."""
 
 import struct
-from collections.abc import Callable
 
 from hindrax_core.readings import Vec3
 from hindrax_sim.devices.imu.imu_signal import ImuSignal
@@ -113,18 +112,3 @@ class Ak09916:
         own: Vec3 = (x, -y, -z)
         a, b, c = (round(one / T_PER_LSB + noise * self._signal.normal()) for one in own)
         return (a, b, c)
-
-
-class Bypass:
-    """The magnetometer on the host's bus; `connected` refuses where it is not."""
-
-    def __init__(self, connected: Callable[[], Ak09916]) -> None:
-        self._connected = connected
-
-    def write(self, data: bytes, now_s: float) -> None:
-        """Forward a write."""
-        self._connected().write(data, now_s)
-
-    def read(self, count: int, now_s: float) -> bytes:
-        """Forward a read."""
-        return self._connected().read(count, now_s)
