@@ -293,8 +293,12 @@ def test_no_table_is_wider_than_its_page_and_no_number_than_its_box(report: RunR
     pages = {
         "run": run_page(report),
         "swings": run_page(replace(report, results=swings, assessments={})),
-        "comparison": comparison_page([a_run("2026-01-31_13-00-00", 66.0), cut]),
+        "two runs": comparison_page([a_run("2026-01-31_13-00-00", 66.0), a_run("second", 67.0)]),
+        "comparison": comparison_page([a_run("2026-01-31_13-00-00", 66.0), cut, a_run("a name " * 9, 67.0)]),
     }
+    cut_off = """[...document.querySelectorAll('figure text')].filter(one => {
+        const text = one.getBoundingClientRect(), card = one.closest('figure').getBoundingClientRect()
+        return text.left < card.left || text.right > card.right}).length"""
     boxes = "[...document.querySelectorAll('.scroll, .headline div')]"
     outside = f"{boxes}.filter(one => one.scrollWidth > one.clientWidth).length"
     with browser(str(browser_at_hand()), tmp_path / "profile") as seen:
@@ -306,6 +310,7 @@ def test_no_table_is_wider_than_its_page_and_no_number_than_its_box(report: RunR
                 seen.wait("document.readyState === 'complete'")
                 assert seen.run("document.querySelectorAll('.scroll').length") > 1
                 assert seen.run(outside) == 0, (name, width)
+                assert seen.run(cut_off) == 0, (name, width)
 
 
 def test_the_paper_is_cited_once_and_in_full(report: RunReport) -> None:

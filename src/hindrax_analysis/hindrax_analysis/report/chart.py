@@ -14,7 +14,7 @@ from hindrax_analysis.report.scale import Scale, data_range, evenly_chosen, thin
 from hindrax_ident.arrays import Array
 
 WIDTH, HEIGHT = 480.0, 300.0
-LEFT, RIGHT, TOP, BOTTOM = 66.0, 10.0, 10.0, 44.0
+LEFT, RIGHT, TOP, BOTTOM = 78.0, 18.0, 10.0, 44.0
 MOST_POINTS = 700
 
 Role: TypeAlias = Literal["measured", "model", "online", "plateau", "truth", "paper", "prior", "earlier", "limit"]

@@ -12,7 +12,7 @@ from hindrax_analysis.published import CITATION, PAPER, Published, published_of
 from hindrax_analysis.report.chart import Role
 from hindrax_analysis.report.figures import LABELS, pretty_unit
 from hindrax_analysis.report.forest import Entry, forest
-from hindrax_analysis.report.page import chips, page, plus_minus, prose, table
+from hindrax_analysis.report.page import chips, page, plus_minus, prose, table, two_digits
 from hindrax_analysis.report.report_tables import HEADINGS, title_of
 from hindrax_ident.assess.results import Number
 from hindrax_ident.model.motion_model import MOTIONS, coefficient_units
@@ -126,7 +126,9 @@ def _table(motion: str, own: Sequence[tuple[str, SavedMotion]], pooled: Mapping[
         means, spread = [], []
         for one in pooled.values():
             means.append("" if one is None else plus_minus(one.mean, one.std, one.std_calibrated))
-            spread.append("" if one is None else f"{one.scatter:.2g} <small>({one.ratio:.1f} \u00d7 as stated)</small>")
+            spread.append(
+                "" if one is None else f"{two_digits(one.scatter)} <small>({one.ratio:.1f} \u00d7 as stated)</small>"
+            )
         rows.append(["all, weighted", *means, ""])
         rows.append(["scatter of the runs", *spread, ""])
     return table(["run", *heads, "verdict"], rows, marked)

@@ -13,7 +13,10 @@ from hindrax_core.text.digits import TWO_SIDED_95
 from hindrax_ident.assess.results import Number
 
 ROW = 26.0
-LEFT, RIGHT, TOP = 148.0, 14.0, 6.0
+LEFT, RIGHT, TOP = 148.0, 18.0, 6.0
+MOST_LEFT = 0.55 * WIDTH
+CHARACTER = 8.6
+"""Width of a character of a name on a phone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +49,7 @@ def forest(title: str, unit: str, entries: Sequence[Entry], caption: str, refere
 
 def _scale(entries: Sequence[Entry], reference: float | None) -> Scale:
     """Scale that includes every identifiable value; much wider bands are clipped at the frame."""
+    longest = max((len(entry.label) for entry in entries), default=0)
     entries = [entry for entry in entries if not entry.excluded] or entries
     values = np.array([entry.number.value for entry in entries] + ([reference] if reference is not None else []))
     known = [
@@ -54,22 +58,27 @@ def _scale(entries: Sequence[Entry], reference: float | None) -> Scale:
     reach = np.array([TWO_SIDED_95 * max(stds, default=0.0) for stds in known])
     room = 1.2 * float(np.ptp(values)) + 4.0 * float(np.median(reach)) if len(reach) else 1.0
     shown, own = np.minimum(reach, room), np.array([entry.number.value for entry in entries])
-    return Scale(*data_range([values, own - shown, own + shown]), LEFT, WIDTH - RIGHT)
+    left = min(MOST_LEFT, max(LEFT, 10.0 + CHARACTER * longest))
+    return Scale(*data_range([values, own - shown, own + shown]), left, WIDTH - RIGHT)
 
 
 def _row(entry: Entry, y: float, scale: Scale) -> str:
-    parts = [f'<text class="name" x="{LEFT - 10:.0f}" y="{y + 4:.1f}" text-anchor="end">{escape(entry.label)}</text>']
+    left, room = scale.start, scale.start - 10.0
+    # A name that is too long even so is condensed.
+    fit = f' textLength="{room:.0f}" lengthAdjust="spacingAndGlyphs"' if CHARACTER * len(entry.label) > room else ""
+    name = f'<text class="name" x="{room:.0f}" y="{y + 4:.1f}" text-anchor="end"{fit}>{escape(entry.label)}</text>'
+    parts = [name]
     for std, kind in ((entry.number.std_calibrated, "outer"), (entry.number.std, "inner")):
         if math.isfinite(std) and std > 0.0:
             ends = scale(np.array([entry.number.value - TWO_SIDED_95 * std, entry.number.value + TWO_SIDED_95 * std]))
-            a, b = (min(WIDTH - RIGHT, max(LEFT, end)) for end in ends.tolist())
+            a, b = (min(WIDTH - RIGHT, max(left, end)) for end in ends.tolist())
             parts.append(f'<path class="whisker {kind} {entry.role}" d="M{a:.1f} {y:.1f}H{b:.1f}"/>')
     x = float(scale(entry.number.value))
-    if LEFT <= x <= WIDTH - RIGHT:
+    if left <= x <= WIDTH - RIGHT:
         parts.append(f'<path class="dots {entry.role}" stroke-width="9" d="M{x:.1f} {y:.1f}h0"/>')
     else:
         # An arrow on the side of a value outside the frame.
-        tip, back = (WIDTH - RIGHT, -9.0) if x > LEFT else (LEFT, 9.0)
+        tip, back = (WIDTH - RIGHT, -9.0) if x > left else (left, 9.0)
         parts.append(
             f'<path class="stem {entry.role}" d="M{tip + back:.1f} {y - 6:.1f}L{tip:.1f} {y:.1f}l{back:g} 6"/>'
         )

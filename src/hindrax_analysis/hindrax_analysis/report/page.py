@@ -79,6 +79,11 @@ def decimals(value: float, std: float) -> int:
     return min(6, max(0, 1 - math.floor(math.log10(scale)))) if scale > 0.0 else 2
 
 
+def two_digits(value: float) -> str:
+    """A number by itself that is no more certain than that, such as a deviation."""
+    return number(value, decimals(math.nan, value))
+
+
 def number(value: float, digits: int) -> str:
     """A number with a true minus sign, never a negative zero."""
     text = f"{value:.{digits}f}"

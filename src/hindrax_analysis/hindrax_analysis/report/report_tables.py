@@ -9,7 +9,7 @@ import numpy as np
 from hindrax_analysis.coefficients_file import TABULATED
 from hindrax_analysis.published import PAPER, published_of
 from hindrax_analysis.report.figures import METHODS, PREDICTORS, comparable_methods, has_restoring_moment, pretty_unit
-from hindrax_analysis.report.page import decimals, number, plus_minus, prose, table
+from hindrax_analysis.report.page import decimals, number, plus_minus, prose, table, two_digits
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.assessment import Assessment
@@ -218,14 +218,10 @@ def table_budget(result: MotionResult) -> str:
     for influence, remedy in remedies.items():
         stds = [(shares[name].get(influence, 0.0), wide.get(name)) for name in columns]
         # Empty where it is below a twentieth of the band.
-        cells = [_digits(std) if band is None or std >= 0.05 * band else "" for std, band in stds]
+        cells = [two_digits(std) if band is None or std >= 0.05 * band else "" for std, band in stds]
         rows += [[influence, *cells, prose(remedy)]] if any(cells) else []
     heads = headings_of(result.motion)
-    total = ["calibrated band", *(_digits(wide[name]) if name in wide else "" for name in columns), ""]
+    total = ["calibrated band", *(two_digits(wide[name]) if name in wide else "" for name in columns), ""]
     heading = ["influence", *(heads[name] for name in columns), "what would shrink it"]
     shown = table(heading, [total, *rows], own=(0,), words=(0, len(heading) - 1))
     return f'{shown}<p class="soft">{CONTRIBUTIONS}</p>'
-
-
-def _digits(std: float) -> str:
-    return number(std, decimals(math.nan, std))
