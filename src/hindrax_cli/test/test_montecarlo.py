@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -106,15 +107,15 @@ from hindrax_analysis.identification.executor import run_all
 if __name__ == "__main__":
     try:
         print("starting", flush=True)
-        for _ in run_all(time.sleep, [0.0, 60.0, 60.0], workers=2):
+        for _ in run_all(time.sleep, [0.0, *[60.0] * 40], workers=2):
             print("working", flush=True)
     except KeyboardInterrupt:
         print("interrupted")
 """
 
 
-@pytest.mark.parametrize("moment", ["starting", "working"])
-def test_ctrl_c_ends_the_workers_without_a_word_of_their_own(moment: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("moment", "later_s"), [*(("starting", 0.05 * later) for later in range(8)), ("working", 0.0)])
+def test_ctrl_c_ends_the_workers_without_a_word_of_their_own(moment: str, later_s: float, tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(INTERRUPTED, encoding="utf-8")
     with subprocess.Popen(
@@ -127,6 +128,7 @@ def test_ctrl_c_ends_the_workers_without_a_word_of_their_own(moment: str, tmp_pa
         assert child.stdout is not None
         while child.stdout.readline() != f"{moment}\n":
             pass
+        time.sleep(later_s)  # they are being started, begin, or wait for work
         os.killpg(child.pid, signal.SIGINT)
         said, complaints = child.communicate(timeout=50.0)
     assert said.endswith("interrupted\n")

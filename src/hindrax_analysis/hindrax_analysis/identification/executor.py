@@ -29,16 +29,19 @@ def run_all(
 
 def in_processes(work: Callable[[ItemT], ResultT], items: Sequence[ItemT], workers: int) -> Iterator[ResultT]:
     """Processes of this machine, each with single-threaded linear algebra."""
-    context = multiprocessing.get_context("spawn")
+    context, others = multiprocessing.get_context("spawn"), multiprocessing.active_children()
     with ProcessPoolExecutor(min(workers, max(1, len(items))), context, _begin) as pool:
-        with _interrupts_deferred():
-            futures = [pool.submit(work, item) for item in items]
         try:
+            with _interrupts_deferred():
+                futures = [pool.submit(work, item) for item in items]
             for future in futures:
                 yield future.result()
-        finally:
-            for future in futures:
-                future.cancel()
+        except BaseException:
+            # Nobody wants the rest. The pool settles the futures itself: it trips over those that others cancel.
+            for one in multiprocessing.active_children():
+                if one not in others:
+                    one.kill()
+            raise
 
 
 @contextlib.contextmanager
@@ -54,8 +57,8 @@ def _interrupts_deferred() -> Iterator[None]:
 def _begin() -> None:
     # Workers use all cores already; threads of a linear algebra library would only compete for them.
     os.environ["OPENBLAS_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = "1"
-    # A terminal sends Ctrl-C to every process; only the one that was started by hand has something to say about it.
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    # A terminal sends Ctrl-C to every process; the one that was started by hand ends the others.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 
 
