@@ -60,7 +60,7 @@ def parameters_of(model: Model, coefficients: Mapping[str, Mapping[str, float]])
         found |= {model.names[row]: known[name] for row, name in rows if name in known}
     lacking = [name for name in model.names if name not in found]
     if lacking:
-        *others, last = (name.replace("mass", "added_mass") for name in lacking)
+        *others, last = (name.replace("mass", "mass (added_mass)") for name in lacking)
         names = f"{', '.join(others)} or {last}" if others else last
         raise UsageError(f"{AXES[model.axis]}: found no {names} in the coefficients")
     found["mass"] += model.rigid
