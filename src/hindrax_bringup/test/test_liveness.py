@@ -2,7 +2,10 @@
 
 import json
 import os
+import signal
 import socket
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -75,6 +78,24 @@ def test_the_pulse_is_felt_while_it_beats(tmp_path: Path) -> None:
         beating.beat("up", {"pilot": "", "dvl75": "silence"})
         assert stacks_well(path.parent, at_s + 1.0) == (False, "dvl75: silence")
     assert list(path.parent.glob("*.pulse")) == []
+
+
+def test_a_tool_that_ctrl_z_has_stopped_is_told_at_once(tmp_path: Path) -> None:
+    words = "import sys, time; from hindrax_bringup.liveness import tool_liveness"
+    beat = "tool = tool_liveness(); tool.beat('up', {}); print(flush=True); time.sleep(60)"
+    child = subprocess.Popen([sys.executable, "-c", f"{words}; {beat}"], stdout=subprocess.PIPE)
+    assert child.stdout is not None
+    child.stdout.readline()
+    try:
+        assert stacks_well(tmp_path / "runtime", time.monotonic())[0]
+        child.send_signal(signal.SIGSTOP)
+        os.waitid(os.P_PID, child.pid, os.WSTOPPED)
+        well, told = stacks_well(tmp_path / "runtime", time.monotonic())
+    finally:
+        child.kill()
+        child.communicate()
+    assert not well
+    assert told.startswith(f"process {child.pid}: stopped, as by Ctrl-Z; ")
 
 
 def test_what_is_wrong_with_its_nodes_is_told_of_a_stack_and_of_one_that_launch_started(tmp_path: Path) -> None:
