@@ -9,7 +9,7 @@ from pathlib import Path
 from hindrax_core.bus_operations import Transaction
 from hindrax_core.events import Stamp
 from hindrax_sim.buses.mock_server import BusServer
-from hindrax_sim.buses.serial_ends import Pty
+from hindrax_sim.buses.serial_ends import Pty, UdpEnd
 from hindrax_sim.devices.dvl75 import Dvl75
 from hindrax_sim.devices.ping1d import Ping1d
 
@@ -34,9 +34,9 @@ def repeated(turn: Callable[[], object], pause_s: float = 0.0) -> Iterator[None]
 
 
 @contextlib.contextmanager
-def serial_device(path: Path, device: Dvl75 | Ping1d) -> Iterator[None]:
-    """Let a device answer on a pty."""
-    begun, port = time.monotonic(), Pty(path)
+def serial_device(end: Path | UdpEnd, device: Dvl75 | Ping1d) -> Iterator[None]:
+    """Let a device answer on a pty, or on the network."""
+    begun, port = time.monotonic(), end if isinstance(end, UdpEnd) else Pty(end)
 
     def turn() -> None:
         now_s = time.monotonic() - begun

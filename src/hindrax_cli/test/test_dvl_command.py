@@ -8,10 +8,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from mock_wires import repeated, serial_device
+from mock_wires import serial_device
 
 from hindrax_cli.command_line import main
-from hindrax_sim.buses.serial_ends import Pty, UdpLine
+from hindrax_sim.buses.serial_ends import Pty, UdpEnd
 from hindrax_sim.devices.dvl75 import Dvl75, DvlSettings, DvlTruth
 
 
@@ -20,15 +20,9 @@ def dvl(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[str, D
     """Yield a path and the emulator that answers on it."""
     path, device = tmp_path / "dvl", Dvl75(settings=DvlSettings(speed_of_sound_mps=1500.0))
     device.set_truth(DvlTruth(), 0.0)
-    with contextlib.ExitStack() as stack:
-        stack.enter_context(serial_device(path, device))
-        port = str(path)
-        if request.param == "network":
-            here, there = free_ports(2)
-            network = stack.enter_context(contextlib.closing(UdpLine(str(path), here, there)))
-            stack.enter_context(repeated(network.turn, 0.005))
-            port = f"udp://127.0.0.1:{here}"
-        yield port, device
+    end: Path | UdpEnd = UdpEnd(*free_ports(2)) if request.param == "network" else path
+    with serial_device(end, device):
+        yield str(end.path if isinstance(end, UdpEnd) else path), device
 
 
 def free_ports(count: int) -> list[int]:

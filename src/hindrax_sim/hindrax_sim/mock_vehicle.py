@@ -11,7 +11,7 @@ from hindrax_core.events import Stamp, seconds_between, to_s
 from hindrax_core.vehicle import Vehicle
 from hindrax_sim.buses.fuse_i2c import FuseI2c
 from hindrax_sim.buses.mock_server import BusServer
-from hindrax_sim.buses.serial_ends import Pty
+from hindrax_sim.buses.serial_ends import Pty, UdpEnd
 from hindrax_sim.faults.fault_registry import FaultSpec
 from hindrax_sim.hardware import THRUSTERS, Hardware, STEP_ns, STEP_s
 from hindrax_sim.world import Conditions
@@ -81,13 +81,13 @@ class Ports:
         self.hardware = hardware
         self.governor = Governor(rate)
         self._socket = folder / "i2c"
-        self._ptys: dict[str, Pty] = {}
+        self._ends: dict[str, Pty | UdpEnd] = {}
         try:
             for name in self.hardware.serial:
-                self._ptys[name] = Pty(folder / name)
+                self._ends[name] = Pty(folder / name)
             self._server = BusServer(str(self._socket), self._transfer, self.hardware.stamp)
         except BaseException:
-            self._close_ptys()
+            self._close_ends()
             raise
         self.last_write: Stamp | None = None
         """Time of the mock at the last write of a control loop that uses this clock."""
@@ -101,16 +101,16 @@ class Ports:
 
     def __exit__(self, *_: object) -> None:
         self._server.close()
-        self._close_ptys()
+        self._close_ends()
 
-    def _close_ptys(self) -> None:
-        for one in self._ptys.values():
+    def _close_ends(self) -> None:
+        for one in self._ends.values():
             one.close()
 
     @property
     def ports(self) -> dict[str, str]:
         """Port of every device, and of the thruster output, by name."""
-        found = {name: str(one.path) for name, one in self._ptys.items()}
+        found = {name: str(one.path) for name, one in self._ends.items()}
         return dict.fromkeys((THRUSTERS, *self.hardware.registers), self.clock) | found
 
     @property
@@ -153,9 +153,15 @@ class Ports:
         self._server.register(file.fileno(), file.serve)
         return file
 
+    def put_on_network(self, name: str) -> None:
+        """Put a DVL on the network, in place of its pty."""
+        end = UdpEnd()
+        self._ends[name].close()
+        self._ends[name] = end
+
     def _exchange(self, name: str, data: bytes, now_s: float) -> None:
-        """Write bytes of a device to its pty, and pass bytes of the host to the device."""
-        port = self._ptys[name]
+        """Write bytes of a device to its port, and pass bytes of the host to the device."""
+        port = self._ends[name]
         port.plug(in_place=getattr(self.hardware.serial[name], "connected", True))
         sent = port.read()
         if sent and name == THRUSTERS and self._server.clients():

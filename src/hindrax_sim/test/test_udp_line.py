@@ -2,20 +2,19 @@
 
 import socket
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
 from hindrax_core.errors import HindraxError
-from hindrax_sim.buses.serial_ends import HERE, Pty, UdpLine
+from hindrax_sim.buses.serial_ends import HERE, UdpEnd
 from hindrax_sim.devices.dvl75 import Dvl75
 
 
 class Wired:
-    """A DVL behind a port, the line in front of it, and a program at the other end of the network."""
+    """A DVL on the network, and a program at the other end of it."""
 
-    def __init__(self, folder: Path) -> None:
-        self.device, self.port = Dvl75(), Pty(folder / "dvl75")
+    def __init__(self) -> None:
+        self.device = Dvl75()
         self.program = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.program.bind((HERE, 0))
         self.program.setblocking(False)
@@ -23,7 +22,7 @@ class Wired:
         spare.bind((HERE, 0))
         self.at = spare.getsockname()
         spare.close()
-        self.line = UdpLine(str(folder / "dvl75"), self.program.getsockname()[1], self.at[1])
+        self.port = UdpEnd(self.program.getsockname()[1], self.at[1])
         self.now_s = 0.0
 
     def run(self, seconds: float) -> list[bytes]:
@@ -32,7 +31,6 @@ class Wired:
         for _ in range(round(seconds / 0.01)):
             self.now_s += 0.01
             self.port.write(self.device.step(self.now_s) + self.device.receive(self.port.read(), self.now_s))
-            self.line.turn()
             while True:
                 try:
                     heard.append(self.program.recv(2048))
@@ -41,14 +39,13 @@ class Wired:
         return heard
 
     def close(self) -> None:
-        self.line.close()
         self.program.close()
         self.port.close()
 
 
 @pytest.fixture
-def wired(tmp_path: Path) -> Iterator[Wired]:
-    one = Wired(tmp_path)
+def wired() -> Iterator[Wired]:
+    one = Wired()
     yield one
     one.close()
 
@@ -78,6 +75,6 @@ def test_it_comes_back_with_a_port_that_was_unplugged(wired: Wired) -> None:
     assert wired.run(1.0)
 
 
-def test_a_port_that_is_taken_is_named(wired: Wired, tmp_path: Path) -> None:
+def test_a_port_that_is_taken_is_named(wired: Wired) -> None:
     with pytest.raises(HindraxError, match=f"udp {wired.at[1]} for .*in use; another mock may have it"):
-        UdpLine(str(tmp_path / "dvl75"), 27000, wired.at[1])
+        UdpEnd(27000, wired.at[1])

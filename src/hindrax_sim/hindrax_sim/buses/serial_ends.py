@@ -9,6 +9,7 @@ import tty
 from pathlib import Path
 
 from hindrax_core.errors import HindraxError, cause
+from hindrax_drivers.buses.line import UDP_PREFIX
 
 HERE = "127.0.0.1"
 TO_HOST, OF_DEVICE = 27000, 50000
@@ -65,60 +66,44 @@ class Pty:
         self.plug(in_place=False)
 
 
-class UdpLine:
-    """A DVL on the network: every sentence of the serial port at `path` as a datagram, and commands back.
+class UdpEnd:
+    """A DVL on the network, in place of a pty: each of its sentences is a datagram, and commands come back.
 
-    Call `turn` often. Defaults of the device: it sends from port 50000 to port 27000 and takes commands at 50000. Here
-    both ends are this machine. Source: docs.ceruleansonar.com, DVL-75, "The Ethernet Interface". No discovery.
+    Defaults of the device: it sends from port 50000 to port 27000 and takes commands at 50000. Here both ends are this
+    machine. Source: docs.ceruleansonar.com, DVL-75, "The Ethernet Interface". No discovery.
     """
 
-    def __init__(self, path: str, to_port: int = TO_HOST, own_port: int = OF_DEVICE) -> None:
-        self._path, self._to = path, (HERE, to_port)
-        self._rest = b""
+    def __init__(self, to_port: int = TO_HOST, own_port: int = OF_DEVICE) -> None:
+        self.path, self._to = f"{UDP_PREFIX}0.0.0.0:{to_port}", (HERE, to_port)
+        self._rest, self._in_place = b"", True
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         try:
             self._socket.bind((HERE, own_port))
-            self._port = _opened(path)
         except OSError as error:
             self._socket.close()
-            raise HindraxError(f"udp {own_port} for {path}: {cause(error)}; another mock may have it") from error
+            raise HindraxError(f"udp {own_port} for a DVL: {cause(error)}; another mock may have it") from error
 
-    def turn(self) -> None:
-        """Forward received data in both directions."""
-        for line in self._lines():
+    def plug(self, *, in_place: bool) -> None:
+        """Plug in, or unplug: nothing passes then."""
+        self._in_place = in_place
+
+    def write(self, data: bytes) -> None:
+        """Send whole lines, with their ends."""
+        *lines, rest = (self._rest + data).split(b"\n")
+        self._rest = rest[-LONGEST_LINE:]
+        for line in lines if self._in_place else ():
             with contextlib.suppress(OSError):  # no listener
-                self._socket.sendto(line, self._to)
-        with contextlib.suppress(OSError):  # no more data, or unplugged by a fault
+                self._socket.sendto(line + b"\n", self._to)
+
+    def read(self) -> bytes:
+        """Return the commands that have arrived."""
+        found = b""
+        with contextlib.suppress(OSError):  # no more data
             while True:
-                os.write(self._port, self._socket.recv(LONGEST_LINE))
+                found += self._socket.recv(LONGEST_LINE)
+        return found if self._in_place else b""
 
     def close(self) -> None:
-        """Close port and socket."""
-        with contextlib.suppress(OSError):
-            os.close(self._port)
+        """Close the socket."""
         self._socket.close()
-
-    def _lines(self) -> list[bytes]:
-        """Whole lines, with their ends."""
-        *lines, rest = (self._rest + self._read()).split(b"\n")
-        self._rest = rest[-LONGEST_LINE:]
-        return [line + b"\n" for line in lines]
-
-    def _read(self) -> bytes:
-        try:
-            data = os.read(self._port, LONGEST_LINE)
-        except BlockingIOError:
-            return b""
-        except OSError:
-            data = b""
-        if not data:  # unplugged by a fault: a new pty appears at the same path
-            with contextlib.suppress(OSError):
-                fresh = _opened(self._path)
-                os.close(self._port)
-                self._port = fresh
-        return data
-
-
-def _opened(path: str) -> int:
-    return os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)

@@ -18,7 +18,7 @@ from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.bus_capture import mount_of
 from hindrax_drivers.buses.line import UDP_PREFIX
-from hindrax_sim.buses.serial_ends import OF_DEVICE, TO_HOST, UdpLine
+from hindrax_sim.buses.serial_ends import OF_DEVICE, TO_HOST
 from hindrax_sim.conditions.world_table import sizes_of
 from hindrax_sim.faults.fault_registry import parse_fault
 from hindrax_sim.mock_vehicle import MockVehicle
@@ -71,7 +71,6 @@ def serve(
     """
     vehicle = load_vehicle(vehicle_file)
     faults = [parse_fault(fault) for fault in options.faults]
-    dvl = mount_of(vehicle, "dvl75")[0] if dvl_udp else ""
     conditions = Conditions(sizes=sizes_of(options.world, options.seed))
     with (
         _own(place or runtime_folder() / "mock") as folder,
@@ -79,14 +78,12 @@ def serve(
             vehicle, folder, seed=options.seed, rate=options.rate, conditions=conditions, faults=faults
         ) as mock,
         contextlib.closing(mock.offer_file(i2c_device)) if i2c_device else contextlib.nullcontext(),
-        contextlib.closing(UdpLine(mock.ports[dvl])) if dvl_udp else contextlib.nullcontext() as network,
     ):
-        ports = mock.ports | {"clock": mock.clock} | ({"i2c-device": i2c_device} if i2c_device else {})
-        announce(ports | ({dvl: UDP_PORT} if dvl_udp else {}))
+        if dvl_udp:
+            mock.put_on_network(mount_of(vehicle, "dvl75")[0])
+        announce(mock.ports | {"clock": mock.clock} | ({"i2c-device": i2c_device} if i2c_device else {}))
         while not over():
             mock.step()
-            if network is not None:
-                network.turn()
 
 
 @contextlib.contextmanager
