@@ -140,7 +140,7 @@ class ForkServer:
             answer = gate.recv(LONGEST)
             if not answer:
                 raise OSError("it could not fork")
-            gate.send(b"!")  # it waits for this, so that nothing runs of which nobody knows
+            gate.send(b"!")  # it waits for this, so that no unknown process runs
         self._forked.add(module)
         return int(answer)
 

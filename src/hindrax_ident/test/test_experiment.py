@@ -1,4 +1,4 @@
-"""The experiment: every motion once, then what tells most per second, until enough is known or the time is over."""
+"""The experiment: every motion once, then what informs most per second, until enough is known or the time is over."""
 
 import itertools
 from collections.abc import Mapping, Sequence
@@ -126,7 +126,7 @@ def test_nothing_is_known_of_an_axis_that_was_not_flown(vehicle: Vehicle) -> Non
 
 def test_the_plan_says_what_comes_first_and_when_it_ends() -> None:
     assert plan_text(("surge", "yaw"), Aim(0.02, 5.0)) == (
-        "surge: fastest, slowest, fastest; yaw: fastest, slowest, fastest, each out and back; then what tells most, "
+        "surge: fastest, slowest, fastest; yaw: fastest, slowest, fastest, each out and back; then what informs most, "
         "until the noise of the drag is below 2 %, at most 5 minutes"
     )
     assert "below a third of what calibration leaves, at most 50 minutes" in plan_text(("yaw",), Aim())

@@ -40,7 +40,7 @@ PICTURE = base64.b64decode(
     "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAAAAAA6fptVAAAACklEQVR4nGNoAAAAggCBd81ytgAAAABJRU5ErkJggg=="
 )
 """A PNG of one pixel."""
-EXPERIMENT = "what tells most"
+EXPERIMENT = "most informative legs"
 TOO_SMALL = """[...document.querySelectorAll('button,select,#seed,.pick,#reports a')].filter(one => one.offsetParent)
 .map(one => [one.textContent, one.getBoundingClientRect()])
 .filter(([_, size]) => size.width < 44 || size.height < 44)"""

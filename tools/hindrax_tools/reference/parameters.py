@@ -115,7 +115,7 @@ def _default(declared: Field[Any]) -> str:
         return _plain(declared.default)
     if declared.default_factory is not MISSING:
         return _plain(declared.default_factory())
-    return "must be said"
+    return "required"
 
 
 def _plain(value: Any) -> str:

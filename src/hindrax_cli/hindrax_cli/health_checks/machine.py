@@ -182,7 +182,7 @@ def tether(named: Tether | None) -> list[Check]:
     except HindraxError as error:
         found, _, remedy = str(error).partition("; ")
         return [Check("tether", found, remedy)]
-    return [Check("tether", f"{named.interface} is {address}; at its other end {', '.join(named.peers) or 'anybody'}")]
+    return [Check("tether", f"{named.interface} is {address}; at its other end {', '.join(named.peers) or 'any peer'}")]
 
 
 def vehicle_machine() -> list[Check]:

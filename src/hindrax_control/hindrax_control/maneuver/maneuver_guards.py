@@ -35,7 +35,7 @@ REMEDIES: Mapping[str, str] = {
     "time_out": "look for what held it back (a current, a cable, a weak thruster) and fly it again",
     "thrusters": "mend them and `./hindrax thruster enable` them, or fly other motions",
     "attitude": "bring it upright (`./hindrax hold roll 0`, `hold pitch 0`) and look at its trim",
-    "speed": "let it come to rest, and see whether the DVL tells the truth (`./hindrax monitor`)",
+    "speed": "let it come to rest, and see whether the DVL is right (`./hindrax monitor`)",
     "sensor_age": "see what is wrong with the sensor (`./hindrax doctor`), then fly again",
     "blocked": "look for a wall, a cable or a rope, bring it to the middle of the pool and `./hindrax recentre` it",
     "dvl_lock": "give the DVL more water above a flat floor, or see what is wrong with it (`./hindrax doctor`)",

@@ -35,7 +35,7 @@ BETWEEN_RUNS_S = 300.0
 MOVED = 2.0
 """Speed, in the noise of one measurement, above which a record holds a motion."""
 
-OTHER_LAW = "other forces than drag act, or the thrust obeys another law than the record tells"
+OTHER_LAW = "other forces than drag act, or the thrust obeys another law than recorded"
 
 
 @dataclass(frozen=True, slots=True)

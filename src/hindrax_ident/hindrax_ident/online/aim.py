@@ -56,7 +56,7 @@ class Choice:
 
 def plan_text(motions: Sequence[str], aim: Aim) -> str:
     """What will be flown, in words."""
-    return f"{'; '.join(str(Choice(motion)) for motion in motions)}, each out and back; then what tells most, {aim}"
+    return f"{'; '.join(str(Choice(motion)) for motion in motions)}, each out and back; then what informs most, {aim}"
 
 
 def check_experiment(motions: Sequence[str], aim: Aim, on_cancel: str = "hold") -> None:

@@ -515,7 +515,7 @@ function begin(found) {
 }
 const choices = JSON.parse(at("choices").textContent);
 /* The identification node chooses the legs, instead of the pilot's plan. */
-const EXPERIMENT = "what tells most";
+const EXPERIMENT = "most informative legs";
 function experimenting() { return at("excitation").value === EXPERIMENT; }
 at("motions").append(...choices.motions.map(name => {
   const label = make("label", undefined, "pick"), box = make("input");

@@ -132,7 +132,7 @@ def faults(arguments: argparse.Namespace) -> int:
 
 def print_faults(title: str, table: Any, cells: Sequence[Any], violated: Sequence[str]) -> None:
     """Print the table, and what must never be and was."""
-    shown = make_table(title, ("who", "what"), table.MODES, ("said",))
+    shown = make_table(title, ("who", "what"), table.MODES, ("reported",))
     for row in table.rows(cells):
         shown.add_row(*row)
     print_table(shown)
