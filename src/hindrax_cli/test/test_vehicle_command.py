@@ -145,6 +145,17 @@ def test_a_name_is_looked_for_here_then_among_ones_own_then_in_the_clone(
         main(["allocate", "--wrench", *"100000", "--vehicle", ""])
 
 
+@pytest.mark.parametrize(("usual", "name"), [("", "hindrax"), ("lbv", "lbv")])
+def test_without_a_name_the_usual_vehicle_is_checked_and_shown(
+    usual: str, name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv(VEHICLE, usual)
+    main(["vehicle", "check"])
+    assert capsys.readouterr().out.split()[0] == name
+    assert main(["vehicle", "show", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["vehicle"] == name
+
+
 def test_what_looks_wrong_is_named_with_a_remedy() -> None:
     data = yaml.safe_load(default_vehicle().read_text())
     thrusters = [one | {"channel": 0} for one in data["thrusters"]]

@@ -8,7 +8,7 @@ from typing import Any
 
 from hindrax_analysis.plain import print_answer, print_json
 from hindrax_analysis.terminal import make_table, print_table
-from hindrax_bringup.share_files import own_vehicles, vehicle_file
+from hindrax_bringup.share_files import VEHICLE, own_vehicles, usual_vehicle, vehicle_file
 from hindrax_cli.argument_types import add_json
 from hindrax_cli.command import add_words, command, option
 from hindrax_cli.vehicle_questions import ask, file_text
@@ -111,15 +111,20 @@ def _document(vehicle: Vehicle, reach: dict[str, float], reasons: dict[str, str]
     return {"vehicle": vehicle.name, "thrusters": thrusters, "largest_wrench": reach, "not_served": reasons}
 
 
-NAMED = option("vehicle", metavar="NAME", help="its name, or its file")
+def _usual(parser: argparse.ArgumentParser) -> None:
+    """Name that may be left out; the environment is read when the command runs."""
+    which = f"its name, or its file; default: {VEHICLE}, or hindrax"
+    parser.add_argument("vehicle", nargs="?", default=usual_vehicle(), metavar="NAME", help=which)
+
+
 WORDS = {
     "new": command(
         "./hindrax vehicle new myrov",
-        NAMED,
+        option("vehicle", metavar="NAME", help="its name, or its file"),
         option("--out", type=Path, metavar="FILE", help="default: NAME.yaml in ~/.config/hindrax"),
     )(new),
-    "check": command("./hindrax vehicle check myrov", NAMED, add_json)(check),
-    "show": command("./hindrax vehicle show myrov", NAMED, add_json)(show),
+    "check": command("./hindrax vehicle check myrov", _usual, add_json)(check),
+    "show": command("./hindrax vehicle show myrov", _usual, add_json)(show),
 }
 
 
