@@ -9,7 +9,7 @@ import threading
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import SimpleNamespace as Message
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import pytest
@@ -148,6 +148,23 @@ def test_a_thruster_at_a_desk_is_not_waited_for_in_silence(
     with pytest.raises(HindraxError, match=r"no thrusters on the graph and no .*/i2c on this machine.* --mock"):
         one_thruster.run_one("T1", 3.0, 1.0, file, mock=False)
     assert "looking for thrusters in the ROS graph of this terminal" in " ".join(capsys.readouterr().err.split())
+
+
+def test_one_thruster_of_two_stacks_is_that_of_the_one_that_was_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = [StackLock(pid, True, str(default_vehicle()), "runs", {}) for pid in (7, 8)]
+    joined: list[StackLock] = []
+
+    def join(stack: StackLock) -> NoReturn:
+        joined.append(stack)
+        raise HindraxError("joined")
+
+    monkeypatch.setattr(one_thruster, "joined", join)
+    monkeypatch.setattr(one_thruster, "stacks", lambda: found)
+    with pytest.raises(UsageError, match=r"found 2 stacks, wanted to know which: say --stack PID; 7 .*; 8 "):
+        one_thruster.run_one("T1", 3.0, 1.0, default_vehicle(), mock=True)
+    with pytest.raises(HindraxError, match="joined"):
+        one_thruster.run_one("T1", 3.0, 1.0, default_vehicle(), mock=False, pid=8)
+    assert joined == [found[1]]
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.liveness import tool_liveness
 from hindrax_bringup.processes import THRUSTERS
 from hindrax_bringup.stack import MockOptions, Stack, own_domain, stack_environment
-from hindrax_bringup.stack_lock import StackLock, graph_settings, stacks
+from hindrax_bringup.stack_lock import StackLock, choose, graph_settings, stacks
 from hindrax_bringup.stack_runner import report
 from hindrax_bringup.supervisor import Supervisor
 from hindrax_control.allocation.thrust_curve import thrust_curves
@@ -35,15 +35,20 @@ LOOK_S = 2.0
 ARMING_S = 60.0
 
 
-def run_one(thruster: str, force_N: float, seconds: float, vehicle_file: Path, *, mock: bool) -> str:
-    """Arm, run one thruster for some seconds, disarm; returns what was done in one sentence."""
+def run_one(
+    thruster: str, force_N: float, seconds: float, vehicle_file: Path, *, mock: bool, pid: int | None = None
+) -> str:
+    """Arm, run one thruster for some seconds, disarm; returns what was done in one sentence.
+
+    It is one of the stack with this `pid`, without one of the only stack that is a mock or is none.
+    """
     vehicle = load_vehicle(vehicle_file)
     vehicle.output_channels()
     index, pulses = pulses_of(vehicle, thruster, force_N)
     name = vehicle.thrusters[index].name
     from hindrax_operator.nodes.orders import require_sole, run_alone  # noqa: PLC0415  # invalid arguments end before rclpy loads
 
-    with _thrusters(vehicle_file, mock=mock) as operator:
+    with _thrusters(vehicle_file, mock=mock, pid=pid) as operator:
         require_sole(operator)
         operator.wait_for_thrusters()
         report(f"arming; {name} will turn, keep clear")
@@ -88,16 +93,18 @@ def _numbered(text: str, names: list[str]) -> int:
 
 
 @contextlib.contextmanager
-def _thrusters(vehicle_file: Path, *, mock: bool) -> Iterator[Operator]:
+def _thrusters(vehicle_file: Path, *, mock: bool, pid: int | None) -> Iterator[Operator]:
     """Yield an operator beside a thrusters process: one that runs already, or one of our own."""
-    running = [one for one in stacks() if one.mock is mock]
-    if running:
-        with joined(running[0]) as operator:
+    found = stacks()
+    running = choose(found if pid is not None else [one for one in found if one.mock is mock], pid)
+    if running is not None:
+        with joined(running) as operator:
             yield operator
         return
     if not mock:
         # A stack that was started by a service or by `ros2 launch` announces nothing here; its topics tell.
-        report("no stack is announced here; looking for thrusters in the ROS graph of this terminal")
+        what = "only a mock vehicle, whose thrusters run with --mock," if found else "no stack"
+        report(f"{what} is announced here; looking for thrusters in the ROS graph of this terminal")
         with joined(None) as operator:
             operator.pause(LOOK_S)
             if operator.thrusters is not None:

@@ -55,7 +55,7 @@ def thruster(arguments: argparse.Namespace) -> int:
     from hindrax_operator.one_thruster import run_one  # noqa: PLC0415  # fitting does without the stack
 
     vehicle, how = Path(arguments.vehicle), (arguments.what, arguments.force, arguments.seconds)
-    print_fitted(run_one(*how, vehicle, mock=arguments.mock))
+    print_fitted(run_one(*how, vehicle, mock=arguments.mock, pid=arguments.stack))
     return 0
 
 
