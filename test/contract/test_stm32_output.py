@@ -284,7 +284,7 @@ def test_it_is_asked_to_disarm_until_it_is_disarmed(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize(
-    ("board", "wish", "complaint"),
+    ("board", "wish", "fault"),
     [
         (Board(), False, ""),
         (Board(refusal="hot"), False, ""),
@@ -295,6 +295,6 @@ def test_it_is_asked_to_disarm_until_it_is_disarmed(bench: Bench) -> None:
     ],
 )
 def test_it_complains_of_a_board_that_is_not_armed_although_it_was_asked_to(
-    bench: Bench, board: Board, wish: bool, complaint: str
+    bench: Bench, board: Board, wish: bool, fault: str
 ) -> None:
-    assert written(board, bench, wish).complaint() == complaint
+    assert written(board, bench, wish).fault() == fault

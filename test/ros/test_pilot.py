@@ -125,7 +125,7 @@ def test_the_operator_says_where_the_vehicle_is_and_the_navigator_hears_of_it(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     known: list[bool] = []
-    bench.pilot.know_position = lambda: known.append(True)
+    bench.pilot.confirm_position = lambda: known.append(True)
     bench.until(lambda: bench.pilot._pilot.pool is not None)
     recentre(bench.operator, 4.0, 2.0, math.nan)
     bench.until(lambda: bench.operator.place and bench.operator.place.along == 4.0)

@@ -93,7 +93,7 @@ def stack(
             wires=wires,
             more=remaps or {},
         )
-        for sentence in options.strange_blocks():
+        for sentence in options.unknown_blocks():
             print_fitted(sentence, sys.stderr)
         file = runtime_folder() / f"{os.getpid()}.parameters.yaml"
         write_parameters(file, options.parameters())

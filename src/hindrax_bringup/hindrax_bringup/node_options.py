@@ -82,7 +82,7 @@ class NodeOptions:
             *self.more.get(process.name, ()),
         ]
 
-    def strange_blocks(self) -> list[str]:
+    def unknown_blocks(self) -> list[str]:
         """Return a sentence for each block of the user's file that names no node of the stack."""
         names = [f"{self.tuning.namespace}/{node}" for node in NODES]
         return [

@@ -81,7 +81,7 @@ class Stack:
             without_operator,
             self.mock_facts if mock is not None else None,
         )
-        for sentence in options.strange_blocks():
+        for sentence in options.unknown_blocks():
             print_fitted(sentence, sys.stderr)
         words = write_parameters(self.folder.parameters, options.parameters())
         for process in options.processes if onboard is None else onboard:

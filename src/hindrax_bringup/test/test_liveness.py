@@ -223,7 +223,7 @@ def test_where_the_lines_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         assert reported_armed(tmp_path, 7) is armed
     (tmp_path / "7-stack.beats").mkdir()
     (tmp_path / "7-stack.beats/control").write_text("97.0")
-    Memory({VARIABLE: str(tmp_path / "7-stack.beats/control")}).remember((1.0,))
+    Memory({VARIABLE: str(tmp_path / "7-stack.beats/control")}).write((1.0,))
     assert beats(tmp_path, 7, 100.0) == {"control": 3.0}
     assert silent(beats(tmp_path, 7, 100.0)) == []
     assert silent(beats(tmp_path, 7, 100.1)) == ["control: no heartbeat for 3 s"]

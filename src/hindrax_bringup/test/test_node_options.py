@@ -36,9 +36,9 @@ def test_the_file_wins_over_what_the_stack_says_itself(tmp_path: Path) -> None:
 
 
 def test_a_block_for_nobody_is_told(tmp_path: Path) -> None:
-    (sentence,) = tuned(tmp_path).strange_blocks()
+    (sentence,) = tuned(tmp_path).unknown_blocks()
     assert "'/**/piloot' names no node of this stack, ignored" in sentence
-    assert any("'/rov1/pilot'" in one for one in tuned(tmp_path, namespace="/rov2").strange_blocks())
+    assert any("'/rov1/pilot'" in one for one in tuned(tmp_path, namespace="/rov2").unknown_blocks())
 
 
 @pytest.mark.parametrize(

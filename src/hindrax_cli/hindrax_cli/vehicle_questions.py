@@ -146,9 +146,9 @@ def file_text(name: str, answers: Answers) -> str:
         known |= {"thrusters": _thrusters(answers), "curves": {"main": _curve(*answers["thrust"])}}
     front, side, top = (float(f"{FILLED * one:.3g}") for one in (height * width, length * height, length * width))
     body = Dimensions(length, width, height, mass_kg, front, side, top, density, RIGHTING_ARM_m)
-    belief = block_text(hydrodynamics_of(empirical(body)))
+    prior = block_text(hydrodynamics_of(empirical(body)))
     assumed = {"projected_areas_m2": [front, side, top], "center_of_buoyancy_m": [0.0, 0.0, -RIGHTING_ARM_m]}
-    parts = [HEAD.format(name=name), _dump(known), ASSUMED, _dump(assumed), ESTIMATED, belief.rstrip()]
+    parts = [HEAD.format(name=name), _dump(known), ASSUMED, _dump(assumed), ESTIMATED, prior.rstrip()]
     upright_mps = upright_speed_mps(vehicle_from_text("\n".join(parts), name)) if "thrusters" in known else math.inf
     if MARGIN * upright_mps < Limits().speed_mps:
         limit = _dump({"limits": {"speed_mps": float(f"{MARGIN * upright_mps:.2g}")}})

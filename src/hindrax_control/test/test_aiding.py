@@ -157,7 +157,7 @@ def test_pressure_and_sonar_are_taken_at_their_lever(hindrax: Vehicle, attitude_
 def test_no_pressure_is_deeper_than_twice_the_rating(hindrax: Vehicle) -> None:
     rig = Rig(hindrax)
     assert not rig.pressure(2.01 * hindrax.depth_rating_m)
-    assert not rig.vertical.knows_depth
+    assert not rig.vertical.has_depth
     assert rig.pressure(1.99 * hindrax.depth_rating_m)
 
 
@@ -177,7 +177,7 @@ def test_a_sonar_that_looks_aside_tells_no_altitude_and_one_that_is_mounted_asla
     for roll_deg, used in ((0.0, True), (-20.0, True), (4.0, True), (6.0, False), (-46.0, False)):
         rig = Rig(hindrax, (math.radians(roll_deg), 0.0, 0.0), sonar_tilt_deg=25.0)
         assert rig.aiding.echo(Echo(2.0, 1.0), aslant, 0.0) is used
-        assert rig.vertical.knows_floor is used
+        assert rig.vertical.has_floor is used
 
 
 @pytest.mark.parametrize("looks_deg", [0.0, 180.0])

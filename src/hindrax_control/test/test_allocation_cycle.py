@@ -103,9 +103,9 @@ def test_plans_that_are_not_exact_are_counted(cycle: AllocationCycle, monkeypatc
 
 def test_it_knows_the_plans_of_its_last_commands(cycle: AllocationCycle) -> None:
     sent = [commanded(cycle, at_s=0.02 * index).sequence for index in range(KEPT + 3)]
-    assert [cycle.knows(sequence) for sequence in sent] == [False] * 3 + [True] * KEPT
-    assert cycle.knows(0)
-    assert not cycle.knows(sent[-1] + 1)
+    assert [cycle.has_plan(sequence) for sequence in sent] == [False] * 3 + [True] * KEPT
+    assert cycle.has_plan(0)
+    assert not cycle.has_plan(sent[-1] + 1)
 
 
 def test_numbers_go_on_after_a_command_that_was_sent_before(cycle: AllocationCycle) -> None:

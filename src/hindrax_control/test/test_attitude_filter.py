@@ -116,7 +116,7 @@ def test_it_agrees_with_a_kalman_filter_in_matrices_over_a_wild_ride() -> None:
     knobs, rng = AttitudeKnobs(gravity_gate_mps2=10.0), np.random.default_rng(7)
     start: Vec3 = (0.3, -0.2, 0.5)
     ours, theirs = aligned(start, knobs), Reference(knobs, start, (0.02, -0.01, 0.03), 0.05)
-    ours.know_bias((0.02, -0.01, 0.03), 0.05)
+    ours.set_bias((0.02, -0.01, 0.03), 0.05)
     for tick in range(1500):
         dt = 0.02 if tick % 5 else 0.03
         rates = np.array([0.5 * math.sin(0.02 * tick), 0.4 * math.cos(0.013 * tick), 0.8])
@@ -160,7 +160,7 @@ def test_an_offset_across_the_vertical_is_found_and_one_about_it_is_not(axis: in
     offset = [0.0, 0.0, 0.02]
     offset[axis] = 0.01
     ours = aligned()
-    ours.know_bias((0.0, 0.0, 0.0), 0.05)
+    ours.set_bias((0.0, 0.0, 0.0), 0.05)
     rest(ours, 60.0, offset_radps=vector(offset))
     assert ours.bias_radps[axis] == pytest.approx(0.01, abs=5e-4)
     assert ours.bias_radps[1 - axis] == pytest.approx(0.0, abs=5e-4)
@@ -173,7 +173,7 @@ def test_its_uncertainty_after_alignment_is_that_of_gravity_over_the_span() -> N
     ours.align(LEVEL, 4.0)
     assert ours.tilt_sigma_rad == pytest.approx(0.3 / GRAVITY_mps2 / 2.0)
     assert ours.heading_rad == 0.0, "north, when nobody tells it"
-    ours.know_bias((0.0, 0.0, 0.1), 0.02)
+    ours.set_bias((0.0, 0.0, 0.1), 0.02)
     assert (ours.bias_radps, ours.bias_sigma_radps) == ((0.0, 0.0, 0.1), 0.02)
 
 

@@ -149,7 +149,7 @@ def test_a_navigator_that_is_told_the_gyroscope_of_the_one_before_needs_no_rest(
         ride = Ride(attitude=turned_away, gyro_bias=offset, knobs=NO_COMPASS)
         assert ride.navigator.gyroscope_offset is None
         if told:
-            ride.navigator.know_gyroscope(told)
+            ride.navigator.set_gyroscope_offset(told)
         for number in range(1600, 3200):
             t = number * 0.005
             ride.tell(t, ride.inertial(t, ride.vehicle.sensors["icm20948"]), "icm20948")

@@ -79,7 +79,7 @@ def test_the_navigator_says_how_far_off_it_may_be_and_begins_anew_when_it_is_tol
     known = [one for one in said if not math.isnan(one)]
     assert all(after > before for before, after in pairwise(known))
     assert PRIOR.dvl_bias_mps * 16.0 < known[-1] < 1.2 * PRIOR.dvl_bias_mps * 18.0
-    navigator.know_position()
+    navigator.confirm_position()
     inertial = Inertial((0.0, 0.0, -GRAVITY_mps2), (0.0, 0.0, 1e-7), 20.0)
     found = [navigator.step(Stamped(stamp_from_s(20.0 + 0.01 * k), inertial), "icm20948") for k in range(3)]
     assert next(one.reading.position_sigma_m for one in found if one is not None) < 0.001

@@ -63,7 +63,7 @@ def test_it_agrees_with_filterpy_over_a_dive() -> None:
             theirs.depth(depth)
         if tick % 20 == 10:
             altitude = 1.3 - 0.1 * np.sin(0.01 * tick) + ALTITUDE_SIGMA_m * rng.standard_normal()
-            if not ours.knows_floor:
+            if not ours.has_floor:
                 theirs.kalman.x[3] = altitude + theirs.kalman.x[0]
             assert ours.altitude(altitude, ALTITUDE_SIGMA_m, ALTITUDE_DELAY_S)
             theirs.altitude(altitude)

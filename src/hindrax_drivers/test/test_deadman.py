@@ -74,9 +74,9 @@ class Child(WatchedProcess):
     """A child that ends with a code, at once or when it is killed."""
 
     def __init__(self, code: int, lived_s: float = 0.0, *, ends: bool = True) -> None:
-        super().__init__(self, 0, 0, born_s=time.monotonic() - lived_s)  # type: ignore[arg-type]  # its own process
+        super().__init__(self, 0, 0, started_s=time.monotonic() - lived_s)  # type: ignore[arg-type]  # its own process
         self.code, self.ends = code, ends
-        self.killed = self.asked = self.reassured = 0
+        self.killed = self.asked = self.keepalives = 0
         self.turns_left = 5
 
     def kill(self) -> None:
@@ -92,7 +92,7 @@ class Child(WatchedProcess):
         return not self.ends and self.turns_left > 0
 
     def send_keepalive(self, now_s: float) -> None:
-        self.reassured += now_s > 0.0
+        self.keepalives += now_s > 0.0
 
     def reap(self) -> int:
         return self.code
@@ -526,7 +526,7 @@ def test_a_silent_child_has_neutral_written_in_its_place_and_a_beating_one_has_n
     man._watch(child)
     assert neutral.writes == 1, "only at its end"
     assert waited == [SILENT_S] * 3
-    assert child.reassured == 3, "it knows in every turn that somebody watches"
+    assert child.keepalives == 3, "it knows in every turn that somebody watches"
     silent = Child(0, ends=False)
     silent.asked, silent.turns_left = 1, 4
     man._watch(silent)

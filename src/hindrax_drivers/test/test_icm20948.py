@@ -16,7 +16,7 @@ from hindrax_core.knobs import build
 from hindrax_core.readings import Inertial, Magnetic, Reading
 from hindrax_core.testing import rehearse
 from hindrax_core.vehicle import Vehicle
-from hindrax_drivers.devices.icm20948 import CROOKED, DRIVER, NO_DATA_S, SILENT_LINE, Icm20948
+from hindrax_drivers.devices.icm20948 import DRIVER, MISALIGNED, NO_DATA_S, SILENT_LINE, Icm20948
 from hindrax_drivers.devices.imu.ak09916 import REPEATS as MAG_REPEATS
 from hindrax_drivers.devices.imu.ak09916 import SET_UP_EVERY_S, Ak09916
 from hindrax_drivers.devices.imu.icm20948_samples import HUNG_AFTER, REPEATS, EdgeClock, Icm20948Knobs
@@ -157,12 +157,12 @@ def test_a_half_written_sample_is_waited_for(sensor: Icm20948, chip: Chip) -> No
 def test_a_fifo_out_of_step_is_emptied(chip: Chip) -> None:
     sensor = Icm20948(Icm20948Knobs(magnetometer=False))
     play(sensor.configure(), chip)
-    for begin in (0, CROOKED):
+    for begin in (0, MISALIGNED):
         chip.still(3)
         chip.fifo = chip.fifo[:-5]
         before = chip.resets
-        refused = [reasons(cycle(sensor, chip, begin + turn)) for turn in range(CROOKED)]
-        assert [len(one) for one in refused] == [0] * (CROOKED - 1) + [1]
+        refused = [reasons(cycle(sensor, chip, begin + turn)) for turn in range(MISALIGNED)]
+        assert [len(one) for one in refused] == [0] * (MISALIGNED - 1) + [1]
         assert "out of step" in refused[-1][0]
         assert chip.resets == before + 1
 

@@ -60,15 +60,15 @@ def record_of(vehicle: Vehicle, axis: int, theta: Array, levels: tuple[float, ..
 @pytest.fixture(scope="module")
 def surge(vehicle: Vehicle) -> DraftFit:
     model = model_of(vehicle, 0)
-    record, belief = record_of(vehicle, 0, SURGE, (4.0, 13.0)), wide_prior(vehicle, model)
-    return DraftFit(record, refine(model, record, SURGE, belief), belief, ONLINE, moved=False)
+    record, prior = record_of(vehicle, 0, SURGE, (4.0, 13.0)), wide_prior(vehicle, model)
+    return DraftFit(record, refine(model, record, SURGE, prior), prior, ONLINE, moved=False)
 
 
 @pytest.fixture(scope="module")
 def heave(vehicle: Vehicle) -> DraftFit:
     model = model_of(vehicle, 2)
-    record, belief = record_of(vehicle, 2, HEAVE, (8.0, 25.0)), wide_prior(vehicle, model)
-    return DraftFit(record, refine(model, record, HEAVE, belief), belief, {}, moved=False)
+    record, prior = record_of(vehicle, 2, HEAVE, (8.0, 25.0)), wide_prior(vehicle, model)
+    return DraftFit(record, refine(model, record, HEAVE, prior), prior, {}, moved=False)
 
 
 @pytest.fixture(scope="module")
@@ -116,7 +116,7 @@ def patch() -> Iterator[pytest.MonkeyPatch]:
 
 
 def drafted(vehicle: Vehicle, one: DraftFit, online: Any = ONLINE, tuning: Tuning = PLAIN) -> DraftFit:
-    return draft(vehicle, one.fit.model, one.record, one.belief, online, tuning=tuning)
+    return draft(vehicle, one.fit.model, one.record, one.prior, online, tuning=tuning)
 
 
 def test_a_draft_starts_from_the_last_online_estimate_or_from_the_prior(
@@ -125,10 +125,10 @@ def test_a_draft_starts_from_the_last_online_estimate_or_from_the_prior(
     stand = Stand(patch, surge.fit)
     online = {"first": ONLINE["rls"], **ONLINE}
     found = drafted(vehicle, surge, online)
-    assert (found.record, found.belief, found.online, found.moved) == (surge.record, surge.belief, online, False)
+    assert (found.record, found.prior, found.online, found.moved) == (surge.record, surge.prior, online, False)
     assert found.fit.theta.tolist() == (surge.fit.theta + 1.0).tolist()
     drafted(vehicle, surge, {})
-    assert stand.starts == [(SURGE * 1.1).tolist(), surge.belief.values.tolist()]
+    assert stand.starts == [(SURGE * 1.1).tolist(), surge.prior.values.tolist()]
     assert stand.moved == [False, False]
 
 
@@ -192,12 +192,12 @@ def test_drafts_of_motions_that_know_their_thrusters_share_their_noise(
         return {0: Noise(2.0, 3.0, 4.0, 5.0)} if fits else {}
 
     patch.setattr(module, "common_noise", common)
-    patch.setattr(module, "reweighted", lambda fit, noise, belief: (fit, noise, belief))
+    patch.setattr(module, "reweighted", lambda fit, noise, prior: (fit, noise, prior))
     told = replace(surge, record=replace(surge.record, effort=surge.record.thrust))
     found = combine_drafts({0: told, 2: heave})
     assert asked == [[0]]
     again: Any = found[0].fit
-    assert again == (surge.fit, Noise(2.0, 3.0, 4.0, 5.0), surge.belief)
+    assert again == (surge.fit, Noise(2.0, 3.0, 4.0, 5.0), surge.prior)
     assert replace(found[0], fit=surge.fit) == told
     assert found[2] is not None
     assert found[2].fit is heave.fit

@@ -26,8 +26,8 @@ Heard = tuple[str, float, float]
 class Estimator(AxisEstimator):
     """Keeps what it hears, and learns of it all the same."""
 
-    def __init__(self, model: Model, belief: Prior) -> None:
-        super().__init__(model, 0.15, belief, Tuning())
+    def __init__(self, model: Model, prior: Prior) -> None:
+        super().__init__(model, 0.15, prior, Tuning())
         self.heard: list[Heard] = []
         self.efforts: list[float | None] = []
         self.refusals: list[tuple[str, bool]] = []
@@ -57,7 +57,7 @@ class Estimator(AxisEstimator):
 def begun(vehicle: Vehicle, axis: int, tuning: Tuning | None = None) -> tuple[AxisSession, Estimator]:
     model = model_of(vehicle, axis)
     session = AxisSession(vehicle, model, wide_prior(vehicle, model), tuning or Tuning())
-    session.estimator = estimator = Estimator(model, session.belief)
+    session.estimator = estimator = Estimator(model, session.prior)
     return session, estimator
 
 
@@ -317,7 +317,7 @@ def test_an_estimate_is_that_of_its_direction_and_without_the_mass_of_the_body(
     session, estimator = begun(vehicle, 2)
     estimator.regression.rate = 1.7
     told = session.estimate(MOTIONS[motion], Verdict(learned=False, reason="outlier", innovation=0.02))
-    values, sigmas = session.belief.values, session.belief.sigmas
+    values, sigmas = session.prior.values, session.prior.sigmas
     assert told.motion == motion
     assert told.names == ("k_q", "k_l", "b", "added_mass")
     assert told.units == ("N s^2/m^2", "N s/m", "N", "kg")
@@ -332,8 +332,8 @@ def test_an_estimate_is_that_of_its_direction_and_without_the_mass_of_the_body(
 
 def test_a_reported_value_is_within_its_bounds(vehicle: Vehicle) -> None:
     model = model_of(vehicle, 0)
-    belief = Prior(np.array([-4.0, 3.0, 0.0, 14.0]), np.array([2.0, 1.0, 1.0, 5.0]))
-    session = AxisSession(vehicle, model, belief, Tuning())
+    prior = Prior(np.array([-4.0, 3.0, 0.0, 14.0]), np.array([2.0, 1.0, 1.0, 5.0]))
+    session = AxisSession(vehicle, model, prior, Tuning())
     told = session.estimate(MOTIONS["surge"], Verdict(learned=True))
     assert told.values[0] == 0.0
     assert told.values[3] == pytest.approx(0.0, abs=1e-9)

@@ -35,8 +35,8 @@ def record_of(model: Model, theta: Array, lag_s: float = 0.15, sigma: float = 0.
 
 def fitted(vehicle: Vehicle, record: Record, model: Model | None = None) -> OutputErrorFit:
     model = model or model_of(vehicle, 0)
-    belief = wide_prior(vehicle, model)
-    return refine(model, record, belief.values, belief)
+    prior = wide_prior(vehicle, model)
+    return refine(model, record, prior.values, prior)
 
 
 def budget(vehicle: Vehicle, record: Record, fit: OutputErrorFit, *names: str, tuning: Tuning | None = None) -> Budget:

@@ -34,7 +34,7 @@ from hindrax_ident.model.simulation import Grid
 from hindrax_ident.records.axis_record import Record, Series, Stretch
 
 SURGE, THETA = Model(0, 15.22), array(np.array([66.48, 1.25, 0.0, 27.3]))
-BELIEF = Prior(array(np.array([60.0, 2.0, 0.0, 25.0])), array(np.array([60.0, 30.0, 5.0, 30.0])))
+PRIOR = Prior(array(np.array([60.0, 2.0, 0.0, 25.0])), array(np.array([60.0, 30.0, 5.0, 30.0])))
 LAG_S, LATENCY_S = 0.25, 0.08
 FORCE_N = 6.0
 
@@ -96,8 +96,8 @@ def late() -> Record:
     return Record(Series(array(t + LATENCY_S), array(v + noise)), thrust, (Stretch(0.5, 15.9),))
 
 
-def search_of(record: Record, belief: Prior = BELIEF, sigma_s: float = 0.3) -> _Search:
-    return _Search(build_problem(SURGE, record), record, belief, sigma_s)
+def search_of(record: Record, prior: Prior = PRIOR, sigma_s: float = 0.3) -> _Search:
+    return _Search(build_problem(SURGE, record), record, prior, sigma_s)
 
 
 AT = array(np.array([60.0, 3.0, 0.2, 30.0, 0.2, 0.06]))
@@ -149,8 +149,8 @@ def test_delays_of_the_unknowns_are_those_of_the_record(late: Record) -> None:
 def test_a_step_without_damping_solves_the_normal_equations(late: Record) -> None:
     search = search_of(late)
     linear = linear_at(search, AT)
-    mean = np.array([*BELIEF.values, 0.15, 0.05])
-    weight = np.array([*BELIEF.sigmas**-2.0, 0.3**-2.0, 0.3**-2.0])
+    mean = np.array([*PRIOR.values, 0.15, 0.05])
+    weight = np.array([*PRIOR.sigmas**-2.0, 0.3**-2.0, 0.3**-2.0])
     normal = linear.J.T @ linear.J + np.diag(weight)
     wanted = AT + np.linalg.solve(normal, linear.J.T @ linear.r + weight * (mean - AT))
     assert 0.0 < wanted[-2] < 1.0
@@ -180,7 +180,7 @@ def test_what_is_far_off_weighs_less_but_never_nothing(late: Record) -> None:
     table = array(np.ones((n, 2)))
 
     def weighed(channels: Index, values: Array) -> Array:
-        own = _Search(replace(search._problem, channel=channels), late, BELIEF, 0.3)
+        own = _Search(replace(search._problem, channel=channels), late, PRIOR, 0.3)
         found = own._weights(replace(linear_at(search, AT), raw=values))(table)
         assert np.array_equal(found[:, 0], found[:, 1])
         return found[:, 0]
@@ -204,12 +204,12 @@ def test_a_search_begins_at_the_prior_where_its_start_diverges(late: Record) -> 
     diverging, unknown = array(np.array([-1e9, 0.0, 0.0, 1e-9])), array(np.full(4, math.nan))
     for start in (diverging, unknown):
         x, found = search._begin(start, delays)
-        assert x.tolist() == [*BELIEF.values, 0.1, 0.2]
+        assert x.tolist() == [*PRIOR.values, 0.1, 0.2]
         assert found is not None
     x, found = search._begin(THETA, delays)
     assert x.tolist() == [*THETA, 0.1, 0.2]
     assert found is not None
-    hopeless = search_of(late, Prior(diverging, BELIEF.sigmas))
+    hopeless = search_of(late, Prior(diverging, PRIOR.sigmas))
     assert hopeless._begin(unknown, delays)[1] is None
     nothing = hopeless.run(unknown, delays)
     assert nothing.error == math.inf
@@ -245,7 +245,7 @@ class Trials(_Search):
 
 
 def trials_of(record: Record) -> Trials:
-    return Trials(build_problem(SURGE, record), record, BELIEF, 0.3)
+    return Trials(build_problem(SURGE, record), record, PRIOR, 0.3)
 
 
 @pytest.mark.parametrize("bad", [None, False])
@@ -269,15 +269,15 @@ def test_a_search_ends_when_the_delays_move_by_less_than_a_millisecond(
 
 def test_the_mass_has_to_be_positive_and_nothing_else(late: Record) -> None:
     model = Model(2, 15.22, split=True)
-    belief = Prior(array(np.ones(6)), array(np.ones(6)))
-    search = _Search(build_problem(model, late), late, belief, 0.3)
+    prior = Prior(array(np.ones(6)), array(np.ones(6)))
+    search = _Search(build_problem(model, late), late, prior, 0.3)
     light = array(np.array([1.0, 0.1, 1.0, -0.1, 0.0, 0.5, 0.2, 0.1]))
     assert search._at(light, search._problem.guess, lambda table: table) is not None
 
 
 @pytest.mark.parametrize("start", STARTS)
 def test_lag_and_latency_are_found_from_every_start(late: Record, start: tuple[float, float]) -> None:
-    found = search_of(late).run(BELIEF.values, array(np.array(start)))
+    found = search_of(late).run(PRIOR.values, array(np.array(start)))
     assert found.lag_s == pytest.approx(LAG_S, abs=0.02)
     assert found.latency_s == pytest.approx(LATENCY_S, abs=0.02)
     assert found.theta == pytest.approx(THETA, rel=0.06, abs=0.6)
@@ -286,20 +286,20 @@ def test_lag_and_latency_are_found_from_every_start(late: Record, start: tuple[f
 
 
 def test_the_best_of_the_starts_counts(late: Record) -> None:
-    found = search_delay(SURGE, late, BELIEF.values, BELIEF, 0.3)
-    runs = [search_of(late).run(BELIEF.values, array(np.array(start))) for start in STARTS]
+    found = search_delay(SURGE, late, PRIOR.values, PRIOR, 0.3)
+    runs = [search_of(late).run(PRIOR.values, array(np.array(start))) for start in STARTS]
     assert found.error == min(one.error for one in runs)
     assert STARTS == ((0.1, 0.0), (0.3, 0.0), (0.0, 0.2))
 
 
 def test_delays_that_are_believed_stay(late: Record) -> None:
-    found = search_delay(SURGE, replace(late, lag_s=0.4, latency_s=-0.1), BELIEF.values, BELIEF, 1e-6)
+    found = search_delay(SURGE, replace(late, lag_s=0.4, latency_s=-0.1), PRIOR.values, PRIOR, 1e-6)
     assert (found.lag_s, found.latency_s) == pytest.approx((0.4, -0.1), abs=1e-3)
 
 
 @pytest.mark.parametrize("sigma_s", [0.3, 0.01, 1e-5])
 def test_the_delays_of_a_fit_are_between_what_it_tells_and_what_is_believed(late: Record, sigma_s: float) -> None:
-    record, fit = fit_with_delays(late, BELIEF.values, SURGE, BELIEF, sigma_s)
+    record, fit = fit_with_delays(late, PRIOR.values, SURGE, PRIOR, sigma_s)
     delays = np.array([record.lag_s, record.latency_s])
     told = score(fit, delay_impulses(record, fit.problem.grid))
     # Where the slope of both together is nothing, nothing more is to be gained.
@@ -356,7 +356,7 @@ def test_delays_are_weighed_until_they_stay_but_four_times_at_most(
 ) -> None:
     with pytest.MonkeyPatch.context() as patch:
         one = Rounds(patch, (0.5, -0.2), *told, *told[-1:] * 5)
-        record, _ = fit_with_delays(late, THETA, SURGE, BELIEF, 0.1)
+        record, _ = fit_with_delays(late, THETA, SURGE, PRIOR, 0.1)
     assert one.fitted[0] == (0.5, -0.2)
     assert np.array(one.fitted[1:]) == pytest.approx(np.array(rounds), abs=1e-6)
     assert (record.lag_s, record.latency_s) == one.fitted[-1]

@@ -41,7 +41,7 @@ class Pool:
 
     def __init__(self, vehicle: Vehicle, known: Mapping[str, Drag | None], aim: Aim) -> None:
         self.known, self.count = known, dict.fromkeys(known, 0)
-        self.experiment = Experiment(tuple(known), aim, self.know)
+        self.experiment = Experiment(tuple(known), aim, self.estimate_drag)
         session = Session(vehicle)
         self.chosen: list[Choice] = []
         for index in itertools.count():
@@ -52,7 +52,7 @@ class Pool:
             self.count[choice.motion] += 1
             assert index < 200
 
-    def know(self, _session: Session, axis: int, _until: float) -> Drag | None:
+    def estimate_drag(self, _session: Session, axis: int, _until: float) -> Drag | None:
         one, flown = self.known[AXES[axis]], self.count[AXES[axis]]
         return replace(one, covariance=array(one.covariance / flown)) if one and flown else None
 

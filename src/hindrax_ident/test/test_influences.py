@@ -41,8 +41,8 @@ def flight_of(vehicle: Vehicle, axis: int, theta: Array) -> Case:
     thrust = Series(flight.times_s, flight.commands)
     idling = Series(thrust.t, thrust.y**2 + 8.0)
     record = Record(measured, thrust, (Stretch(0.0, 63.9),), effort=idling, lag_s=0.15)
-    belief = wide_prior(vehicle, model)
-    return Case(vehicle, record, refine(model, record, belief.values, belief), TUNING)
+    prior = wide_prior(vehicle, model)
+    return Case(vehicle, record, refine(model, record, prior.values, prior), TUNING)
 
 
 def with_influence(case: Case, row: Influence, size: float) -> Case:

@@ -36,7 +36,7 @@ from hindrax_ident.model.prior import Prior
 from hindrax_ident.records.axis_record import Record, Series, Stretch
 
 SURGE, THETA = Model(0, 15.22), array(np.array([66.48, 1.25, 0.3, 27.3]))
-BELIEF = Prior(array(np.array([50.0, 5.0, 0.0, 30.0])), array(np.array([30.0, 20.0, 2.0, 20.0])))
+PRIOR = Prior(array(np.array([50.0, 5.0, 0.0, 30.0])), array(np.array([30.0, 20.0, 2.0, 20.0])))
 NOTHING = Series(array(np.zeros(0)), array(np.zeros(0)))
 SIGMA_mps = 0.005
 END_s = 20.0
@@ -54,13 +54,13 @@ def record() -> Record:
 
 @pytest.fixture(scope="module")
 def fit(record: Record) -> OutputErrorFit:
-    return refine(SURGE, record, BELIEF.values, BELIEF)
+    return refine(SURGE, record, PRIOR.values, PRIOR)
 
 
-def steepness(fit: OutputErrorFit, belief: Prior = BELIEF) -> float:
+def steepness(fit: OutputErrorFit, prior: Prior = PRIOR) -> float:
     """Largest slope of the cost, in units of the deviations: zero at the most likely parameters."""
-    slope = fit.linear.gradient + (belief.values - fit.theta) / belief.sigmas**2
-    return float(np.abs(slope * np.sqrt(np.diag(np.linalg.inv(fit.linear.information + belief.information)))).max())
+    slope = fit.linear.gradient + (prior.values - fit.theta) / prior.sigmas**2
+    return float(np.abs(slope * np.sqrt(np.diag(np.linalg.inv(fit.linear.information + prior.information)))).max())
 
 
 def test_the_solution_has_the_least_residuals_and_distance_from_the_prior(fit: OutputErrorFit) -> None:
@@ -73,7 +73,7 @@ def test_the_solution_has_the_least_residuals_and_distance_from_the_prior(fit: O
     assert fit.samples == len(fit.problem.t) == 200
     assert fit.effective_samples == pytest.approx(200.0, rel=0.3)
     assert fit.inflation.tolist() == [1.0] * 4
-    assert fit.prior_information == pytest.approx(np.diag(1.0 / BELIEF.sigmas**2))
+    assert fit.prior_information == pytest.approx(np.diag(1.0 / PRIOR.sigmas**2))
     assert fit.whitener.noise == fit.noise
     assert fit.model is SURGE
     # Of the residuals in their own noise, one degree of freedom each is 1.
@@ -88,12 +88,12 @@ def test_a_narrow_prior_keeps_its_values(record: Record) -> None:
 
 
 def test_a_fit_may_be_repeated_with_another_noise(fit: OutputErrorFit) -> None:
-    same = reweighted(fit, fit.noise, BELIEF)
+    same = reweighted(fit, fit.noise, PRIOR)
     assert same.theta == pytest.approx(fit.theta, rel=1e-6)
     assert same.covariance == pytest.approx(fit.covariance, rel=1e-6)
     assert same.converged
     other = Noise(1e-4, 1.0, 0.0, 1e-5)
-    again = reweighted(fit, other, BELIEF)
+    again = reweighted(fit, other, PRIOR)
     assert again.noise == again.whitener.noise == other
     assert steepness(again) < 1e-3
     assert again.problem is fit.problem
@@ -102,13 +102,13 @@ def test_a_fit_may_be_repeated_with_another_noise(fit: OutputErrorFit) -> None:
 def test_another_record_is_fitted_with_the_noise_of_the_first_and_without_its_outliers(
     record: Record, fit: OutputErrorFit
 ) -> None:
-    theta, sigmas = retrained(fit, record, BELIEF)
+    theta, sigmas = retrained(fit, record, PRIOR)
     assert theta == pytest.approx(fit.theta, rel=1e-3, abs=1e-3)
     assert sigmas[0] == pytest.approx(fit.sigmas[0], rel=1e-3)
     assert math.isnan(sigmas[1])
     v = record.velocity.y.copy()
     v[[20, 90, 150]] += np.array([0.2, -0.2, 0.3])
-    spoiled, deviations = retrained(fit, replace(record, velocity=Series(record.velocity.t, array(v))), BELIEF)
+    spoiled, deviations = retrained(fit, replace(record, velocity=Series(record.velocity.t, array(v))), PRIOR)
     assert np.all(np.abs(spoiled - theta) < 0.5 * np.sqrt(np.diag(fit.covariance)))
     assert deviations[0] == pytest.approx(sigmas[0], rel=0.05)
 
@@ -118,13 +118,13 @@ def test_positions_have_deviations_of_their_own(record: Record, recwarn: pytest.
     t, s = flight.grid.times_s[::40], flight.path.s[::40]
     placed = Series(t, array(s + 0.02 * np.random.default_rng(7).standard_normal(len(t))))
     both = replace(record, position=placed)
-    found = refine(SURGE, both, BELIEF.values, BELIEF)
+    found = refine(SURGE, both, PRIOR.values, PRIOR)
     assert found.sigmas == pytest.approx((SIGMA_mps, 0.02), rel=0.15)
     assert found.noise.position == pytest.approx(4e-4, rel=0.5)
-    _, sigmas = retrained(found, both, BELIEF)
+    _, sigmas = retrained(found, both, PRIOR)
     assert sigmas == pytest.approx(found.sigmas, rel=1e-3)
     alone = replace(record, velocity=NOTHING, position=placed)
-    deviations = refine(SURGE, alone, BELIEF.values, BELIEF).sigmas
+    deviations = refine(SURGE, alone, PRIOR.values, PRIOR).sigmas
     assert math.isnan(deviations[0])
     assert deviations[1] == pytest.approx(0.02, rel=0.15)
     # Means of nothing are not taken.
@@ -140,7 +140,7 @@ def test_a_slow_error_is_an_unknown_force(record: Record) -> None:
     )  # fmt: skip
     t, v = pushed.grid.times_s[::20], pushed.path.v[::20]
     noise = 0.001 * np.random.default_rng(2).standard_normal(len(t))
-    found = refine(SURGE, replace(record, velocity=Series(t, array(v + noise))), BELIEF.values, BELIEF)
+    found = refine(SURGE, replace(record, velocity=Series(t, array(v + noise))), PRIOR.values, PRIOR)
     assert found.noise.velocity == pytest.approx(1e-6, rel=0.6)
     density = found.whitener.noise.force + found.noise.thrust * 60.0 / THETA[3] ** 2
     assert 0.2 < density / (0.4**2 * 0.2 / THETA[3] ** 2) < 5.0
@@ -154,18 +154,18 @@ def test_a_start_that_diverges_is_replaced_by_the_prior(fit: OutputErrorFit) -> 
     problem, path = fit.problem, fit.linear.path
     white = whitener_of(problem, THETA, path, Noise(1e-4, 1.0))
     diverging, unknown = array(np.array([-1e9, 0.0, 0.0, 1e-9])), array(np.full(4, math.nan))
-    assert _feasible_start(problem, THETA, path, white, BELIEF)[0] is THETA
+    assert _feasible_start(problem, THETA, path, white, PRIOR)[0] is THETA
     for start in (diverging, unknown):
-        theta, linear = _feasible_start(problem, start, path, white, BELIEF)
-        assert theta is BELIEF.values
+        theta, linear = _feasible_start(problem, start, path, white, PRIOR)
+        assert theta is PRIOR.values
         # Its initial conditions are fitted as well.
         assert np.abs(linear.start[:, :, 0]).max() < 1e-3
     with pytest.raises(ValueError, match="the simulation diverges from both the start and the prior"):
-        _feasible_start(problem, unknown, path, white, Prior(diverging, BELIEF.sigmas))
+        _feasible_start(problem, unknown, path, white, Prior(diverging, PRIOR.sigmas))
 
 
 def test_a_search_ends_where_it_began_when_it_began_at_the_end(fit: OutputErrorFit) -> None:
-    linear, theta, converged = _descend(fit.problem, fit.theta, fit.linear.path, fit.whitener, BELIEF)
+    linear, theta, converged = _descend(fit.problem, fit.theta, fit.linear.path, fit.whitener, PRIOR)
     assert converged
     assert theta == pytest.approx(fit.theta, rel=1e-7)
     assert linear.cost == pytest.approx(fit.linear.cost, rel=1e-9)
@@ -173,8 +173,8 @@ def test_a_search_ends_where_it_began_when_it_began_at_the_end(fit: OutputErrorF
 
 def test_a_rough_search_is_nearly_as_good(fit: OutputErrorFit) -> None:
     far = array(np.array([20.0, 20.0, 1.0, 60.0]))
-    rough = _descend(fit.problem, far, fit.problem.guess, fit.whitener, BELIEF, tolerance=1e-3)
-    fine = _descend(fit.problem, far, fit.problem.guess, fit.whitener, BELIEF)
+    rough = _descend(fit.problem, far, fit.problem.guess, fit.whitener, PRIOR, tolerance=1e-3)
+    fine = _descend(fit.problem, far, fit.problem.guess, fit.whitener, PRIOR)
     sigmas = np.sqrt(np.diag(fit.covariance))
     off = [float(np.abs((theta - fit.theta) / sigmas).max()) for _, theta, _ in (rough, fine)]
     assert off[1] < 1e-3
@@ -370,9 +370,9 @@ def test_the_covariance_of_white_residuals_is_that_of_least_squares(fit: OutputE
     problem, J, r = blank(fit, (50, 40)), array(rng.standard_normal((90, 4))), drawn(90, rng)
     channel = (np.arange(90) % 3 == 0).astype(np.intp)
     problem = replace(problem, channel=channel, counts=np.arange(90) != 7)
-    found = _fit_of(problem, linear_of(r, J), THETA, fit.whitener, BELIEF, converged=False)
+    found = _fit_of(problem, linear_of(r, J), THETA, fit.whitener, PRIOR, converged=False)
     # 89 measurements that count, two initial conditions of each stretch and four parameters.
-    inverse = np.linalg.inv(J.T @ J + np.diag(1.0 / BELIEF.sigmas**2))
+    inverse = np.linalg.inv(J.T @ J + np.diag(1.0 / PRIOR.sigmas**2))
     assert found.covariance == pytest.approx(inverse * float(r @ r) / (89 - 4 - 4))
     assert not found.converged
     assert found.samples == 89
@@ -380,7 +380,7 @@ def test_the_covariance_of_white_residuals_is_that_of_least_squares(fit: OutputE
     own[0][7] = own[1][7] = False
     assert found.sigmas == pytest.approx([0.1 * math.sqrt(float(np.mean(r[one] ** 2))) for one in own])
     few = replace(problem, counts=np.arange(90) < 5)
-    found = _fit_of(few, linear_of(r, J), THETA, fit.whitener, BELIEF, converged=True)
+    found = _fit_of(few, linear_of(r, J), THETA, fit.whitener, PRIOR, converged=True)
     assert found.covariance == pytest.approx(inverse * float(r @ r))
 
 
@@ -390,7 +390,7 @@ def test_the_covariance_of_colored_residuals_is_the_sandwich(fit: OutputErrorFit
     problem, J = blank(fit, (300, 360)), array(rng.standard_normal((660, 4)))
     channel = (np.arange(660) % 3 == 0).astype(np.intp)
     problem, r = replace(problem, channel=channel), array(np.zeros(660))
-    wanted = np.diag(1.0 / BELIEF.sigmas**2)
+    wanted = np.diag(1.0 / PRIOR.sigmas**2)
     for one, a in ((0, 0.7), (1, -0.4)):
         rows = [np.flatnonzero(channel[span] == one) + span.start for span in problem.spans]
         for own in rows:
@@ -406,15 +406,15 @@ def test_the_covariance_of_colored_residuals_is_the_sandwich(fit: OutputErrorFit
             past = np.eye(len(own)) - sum(c * np.eye(len(own), k=-lag) for lag, c in enumerate(color, 1))
             L = np.linalg.inv(past)
             wanted = wanted + size * J[own].T @ L @ L.T @ J[own]
-    inverse = array(np.linalg.inv(J.T @ J + np.diag(1.0 / BELIEF.sigmas**2)))
+    inverse = array(np.linalg.inv(J.T @ J + np.diag(1.0 / PRIOR.sigmas**2)))
     plain = array(np.eye(4))
-    assert _with_color(problem, linear_of(r, J), BELIEF, inverse, plain) == pytest.approx(inverse @ wanted @ inverse)
+    assert _with_color(problem, linear_of(r, J), PRIOR, inverse, plain) == pytest.approx(inverse @ wanted @ inverse)
     # One channel with color is enough.
     for white in (0, 1):
         bare = array(np.where(channel == white, drawn(660, rng), r))
-        assert _with_color(problem, linear_of(bare, J), BELIEF, inverse, plain)[0, 0] < 0.1
+        assert _with_color(problem, linear_of(bare, J), PRIOR, inverse, plain)[0, 0] < 0.1
     white_r = drawn(660, np.random.default_rng(8))
-    assert _with_color(problem, linear_of(white_r, J), BELIEF, inverse, plain) is plain
+    assert _with_color(problem, linear_of(white_r, J), PRIOR, inverse, plain) is plain
 
 
 def test_a_stretch_too_short_for_its_color_has_no_innovations(fit: OutputErrorFit) -> None:
@@ -425,15 +425,15 @@ def test_a_stretch_too_short_for_its_color_has_no_innovations(fit: OutputErrorFi
     (a, *_) = fit_autoregression([r[:300]])
     size = float(np.mean((r[1:300] - a * r[:299]) ** 2))
     L = np.linalg.inv(np.eye(300) - a * np.eye(300, k=-1))
-    middle = size * (J[:300].T @ L @ L.T @ J[:300] + np.outer(J[300], J[300])) + np.diag(1.0 / BELIEF.sigmas**2)
+    middle = size * (J[:300].T @ L @ L.T @ J[:300] + np.outer(J[300], J[300])) + np.diag(1.0 / PRIOR.sigmas**2)
     assert len(fit_autoregression([r[:300]])) == 1
-    assert _with_color(problem, linear_of(r, J), BELIEF, inverse, plain) == pytest.approx(middle)
+    assert _with_color(problem, linear_of(r, J), PRIOR, inverse, plain) == pytest.approx(middle)
 
 
 def test_effective_samples_are_those_of_the_main_channel_that_count(fit: OutputErrorFit) -> None:
     rng = np.random.default_rng(5)
     problem, J, r = blank(fit, (300, 300)), array(rng.standard_normal((600, 4))), drawn(600, rng, 0.8)
-    plain = _fit_of(problem, linear_of(r, J), THETA, fit.whitener, BELIEF, converged=True).effective_samples
+    plain = _fit_of(problem, linear_of(r, J), THETA, fit.whitener, PRIOR, converged=True).effective_samples
     assert plain == pytest.approx(600.0 * 0.2 / 1.8, rel=0.4)
     # The same again, with positions and with what does not count in between.
     twice = array(np.repeat(r, 3))
@@ -443,7 +443,7 @@ def test_effective_samples_are_those_of_the_main_channel_that_count(fit: OutputE
         channel=np.tile([0, 1, 0], 600).astype(np.intp), counts=np.tile([True, True, False], 600),
     )  # fmt: skip
     found = _fit_of(
-        between, linear_of(twice, array(np.repeat(J, 3, axis=0))), THETA, fit.whitener, BELIEF, converged=True
+        between, linear_of(twice, array(np.repeat(J, 3, axis=0))), THETA, fit.whitener, PRIOR, converged=True
     )
     assert found.effective_samples == pytest.approx(plain)
 
@@ -514,8 +514,8 @@ def test_a_band_is_widened_by_its_inflation(fit: OutputErrorFit) -> None:
     rng = np.random.default_rng(3)
     J = array(rng.standard_normal((600, 4)))
     r = array(rng.standard_normal(600) + np.repeat([1.0, -1.0, 1.0, -1.0, 1.0, -1.0], 100) * J[:, 0])
-    found = _fit_of(problem, linear_of(r, J), THETA, fit.whitener, BELIEF, converged=True)
+    found = _fit_of(problem, linear_of(r, J), THETA, fit.whitener, PRIOR, converged=True)
     assert found.inflation[0] > 2.0
     narrow = found.covariance / np.outer(found.inflation, found.inflation)
-    inverse = np.linalg.inv(J.T @ J + np.diag(1.0 / BELIEF.sigmas**2))
+    inverse = np.linalg.inv(J.T @ J + np.diag(1.0 / PRIOR.sigmas**2))
     assert narrow == pytest.approx(inverse * float(r @ r) / (600 - 6 - 4))

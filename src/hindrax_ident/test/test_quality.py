@@ -233,8 +233,8 @@ def fitted(
         v[index] += noise
     thrust = Series(flight.times_s, flight.commands)
     record = Record(Series(t, v), thrust, (Stretch(0.0, end_s - 0.1),), lag_s=0.15)
-    belief = wide_prior(vehicle, model)
-    return record, refine(model, record, belief.values, belief), belief
+    prior = wide_prior(vehicle, model)
+    return record, refine(model, record, prior.values, prior), prior
 
 
 def test_excitation_is_that_of_the_motion_and_of_each_direction(vehicle: Vehicle) -> None:
@@ -264,18 +264,18 @@ def test_white_residuals_pass_for_white_and_colored_ones_do_not(vehicle: Vehicle
 
 
 def test_a_record_of_the_model_is_predicted_and_one_that_changes_its_ways_is_not(vehicle: Vehicle) -> None:
-    record, fit, belief = fitted(vehicle)
-    found = validation(record, fit, belief)
+    record, fit, prior = fitted(vehicle)
+    found = validation(record, fit, prior)
     assert found is not None
     assert found.fit > 0.95
     assert found.excess == pytest.approx(1.0, abs=0.2)
     thrust = Series(record.thrust.t, array(np.where(record.thrust.t > 60.0, 1.6, 1.0) * record.thrust.y))
-    changed = validation(replace(record, thrust=thrust), fit, belief)
+    changed = validation(replace(record, thrust=thrust), fit, prior)
     assert changed is not None
     assert changed.fit < 0.8
     assert changed.excess > 3.0
-    assert validation(record.with_stretches((Stretch(0.0, 0.2),)), fit, belief) is None
-    short = validation(record.with_stretches((Stretch(0.0, 30.0),)), fit, belief)
+    assert validation(record.with_stretches((Stretch(0.0, 0.2),)), fit, prior) is None
+    short = validation(record.with_stretches((Stretch(0.0, 30.0),)), fit, prior)
     assert short is not None
     assert short.prediction.t[-1] - short.prediction.t[0] == pytest.approx(7.5, abs=0.2)
 
@@ -393,8 +393,8 @@ def test_depths_are_predicted_in_the_noise_of_depths(vehicle: Vehicle) -> None:
     depth = Series(t, array(s + 0.002 * rng.standard_normal(len(t))))
     nothing, thrust = Series(array(np.zeros(0)), array(np.zeros(0))), Series(flight.times_s, flight.commands)
     record = Record(nothing, thrust, (Stretch(0.0, 59.0),), position=depth, lag_s=0.15)
-    belief = wide_prior(vehicle, model)
-    found = validation(record, refine(model, record, theta, belief), belief)
+    prior = wide_prior(vehicle, model)
+    found = validation(record, refine(model, record, theta, prior), prior)
     assert found is not None
     assert found.excess == pytest.approx(1.0, abs=0.3)
     assert found.fit > 0.95

@@ -53,9 +53,9 @@ def test_bands_cover_and_the_bound_is_reached(vehicle: Vehicle, flight: Flight) 
 
 def test_the_start_does_not_matter(vehicle: Vehicle, flight: Flight) -> None:
     model, record = model_of(vehicle, 0), record_of(flight, 3)
-    belief = wide_prior(vehicle, model)
+    prior = wide_prior(vehicle, model)
     near, far = (
-        refine(model, record, np.array(start), belief) for start in ([66.0, 1.0, 0.0, 27.0], [20.0, 20.0, 2.0, 60.0])
+        refine(model, record, np.array(start), prior) for start in ([66.0, 1.0, 0.0, 27.0], [20.0, 20.0, 2.0, 60.0])
     )
     sigma = np.sqrt(np.diag(near.covariance))
     assert np.abs((near.theta - far.theta) / sigma).max() < 1e-2
@@ -93,9 +93,9 @@ def test_what_is_told_beforehand_has_an_error_too(vehicle: Vehicle, flight: Flig
     record = record_of(
         flight, 5, velocity=lambda t, v: v + np.convolve(white.standard_normal(len(t)), [0.01] * 4, "same")
     )
-    belief = wide_prior(vehicle, model)
-    belief.values[0], belief.sigmas[0] = SURGE[0], 0.02
-    told = refine(model, record, SURGE, belief)
+    prior = wide_prior(vehicle, model)
+    prior.values[0], prior.sigmas[0] = SURGE[0], 0.02
+    told = refine(model, record, SURGE, prior)
     assert told.covariance[0, 0] ** 0.5 == pytest.approx(0.02, rel=0.05)
 
 

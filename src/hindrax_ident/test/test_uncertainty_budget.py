@@ -60,8 +60,8 @@ def case(vehicle: Vehicle) -> Case:
     t = flight.grid.times_s[::10]
     v = flight.path.v[::10] + 0.004 * np.random.default_rng(4).standard_normal(len(t))
     record = Record(Series(t, v), Series(flight.times_s, flight.commands), (Stretch(0.0, 31.9),), lag_s=0.15)
-    belief = wide_prior(vehicle, model)
-    return Case(vehicle, record, refine(model, record, belief.values, belief), Tuning())
+    prior = wide_prior(vehicle, model)
+    return Case(vehicle, record, refine(model, record, prior.values, prior), Tuning())
 
 
 @pytest.fixture

@@ -145,14 +145,14 @@ class AllocationStage:
             message, status = self._statuses[0]
             stamp = stamp_of(message.data)
             states = self._states.get((stamp, status.sequence), [])
-            planned = self._cycle.knows(status.sequence) or not self._commanded
+            planned = self._cycle.has_plan(status.sequence) or not self._commanded
             if not (states and planned) and not self._overdue(stamp):
                 return
             self._statuses.popleft()
             if states:
                 state = states.pop(0)
-                if not self._cycle.knows(state.sequence):
-                    self._cycle.remember(state.sequence, _plan_of(status))
+                if not self._cycle.has_plan(state.sequence):
+                    self._cycle.keep_plan(state.sequence, _plan_of(status))
                 achieved = self._cycle.achieved(state.sequence, state.pulses_us)
                 if self._settled(message):
                     made = self._status_bytes(state, achieved, self._cycle.supply_V)

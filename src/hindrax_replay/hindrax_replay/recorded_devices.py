@@ -45,7 +45,7 @@ class SerialWire:
 
     device: SerialDevice
     stamp: Stamp = UNHEARD
-    strange: list[str] = field(default_factory=list)
+    mismatches: list[str] = field(default_factory=list)
     opened: list[Stamp] = field(default_factory=list)
     """When its port was opened."""
 
@@ -71,7 +71,7 @@ class RegisterWire:
     name: str
     device: RegisterDevice
     stamp: Stamp = UNHEARD
-    strange: list[str] = field(default_factory=list)
+    mismatches: list[str] = field(default_factory=list)
     """Transactions of the record that the device did not ask for."""
     opened: list[Stamp] = field(default_factory=list)
     _asked: Transaction | None = None
@@ -98,7 +98,7 @@ class RegisterWire:
                 return self._resume(data)
             wanted = wanted or self._operation
             self._resume(DeviceError(f"{self.name}: this transaction is not in the record"))
-        self.strange.append(f"{self.name}: asks for {wanted}, the record has {recorded}")
+        self.mismatches.append(f"{self.name}: asks for {wanted}, the record has {recorded}")
         return ()
 
     def _resume(self, answer: bytes | DeviceError | None) -> Sequence[Output]:

@@ -114,8 +114,8 @@ class WireStage:
                 if stream.first < stamp < stream.last and not stream.activating(stamp):
                     self._ledger.unmatched(stream.topic, stamp, "replayed, not recorded", "none", "a message")
         for device in self._devices.values():
-            for sentence in device.wire.strange[:1]:
-                count = len(device.wire.strange)
+            for sentence in device.wire.mismatches[:1]:
+                count = len(device.wire.mismatches)
                 self._ledger.unmatched(f"raw/{device.name}", device.wire.stamp, sentence, f"{count} times", "")
 
     def _process_window(self) -> None:

@@ -51,7 +51,7 @@ def test_programs_run_in_step_with_the_record() -> None:
     said = _run(wire, [(1, SETUP, b""), (2, CONVERT, b""), (2, FETCH, b"\x07"), (3, CONVERT, b""), (3, FETCH, b"\x08")])
     assert said[0] == Identity("gauge")
     assert _pressures(said) == [(2, 7.0), (3, 8.0)]
-    assert wire.strange == []
+    assert wire.mismatches == []
 
 
 def test_a_transaction_that_is_not_recorded_had_failed() -> None:
@@ -65,7 +65,7 @@ def test_a_transaction_that_is_not_recorded_had_failed() -> None:
         (5, FETCH, b"\x09"),
     ]
     assert _pressures(_run(wire, script)) == [(5, 9.0)]
-    assert wire.strange == []
+    assert wire.mismatches == []
 
 
 def test_a_program_that_refuses_an_answer_is_begun_anew() -> None:
@@ -79,14 +79,14 @@ def test_a_program_that_refuses_an_answer_is_begun_anew() -> None:
     ]
     said = _run(wire, [*script, (4, FETCH, b"\x05")])
     assert _pressures(said) == [(4, 5.0)]
-    assert wire.strange == []
+    assert wire.mismatches == []
 
 
 def test_a_record_of_another_driver_is_strange() -> None:
     wire = RegisterWire("gauge", Gauge())
     assert _run(wire, [(1, Write(0x10, b"\x55"), b"")]) == []
-    assert len(wire.strange) == 1
-    assert "the record has Write(address=16, data=b'U')" in wire.strange[0]
+    assert len(wire.mismatches) == 1
+    assert "the record has Write(address=16, data=b'U')" in wire.mismatches[0]
 
 
 class Echoing:

@@ -63,7 +63,7 @@ class Memory:
             return None
         return found if len(found) == count and all(map(math.isfinite, found)) else None
 
-    def remember(self, numbers: Sequence[float]) -> None:
+    def write(self, numbers: Sequence[float]) -> None:
         """Leave these instead of what was left before; a process that is killed meanwhile has left the ones before."""
         if self._path is None:
             return

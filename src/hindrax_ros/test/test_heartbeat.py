@@ -35,9 +35,9 @@ def test_without_a_file_or_its_folder_it_does_nothing(tmp_path: Path) -> None:
 def test_a_process_leaves_numbers_to_its_successor(tmp_path: Path) -> None:
     named = {VARIABLE: str(tmp_path / "control")}
     assert Memory(named).recall(2) is None
-    Memory(named).remember((0.1, -2e-9))
+    Memory(named).write((0.1, -2e-9))
     assert Memory(named).recall(2) == (0.1, -2e-9)
-    Memory(named).remember((0.3, 0.4))
+    Memory(named).write((0.3, 0.4))
     assert Memory(named).recall(2) == (0.3, 0.4)
     assert Memory(named).recall(3) is None, "another version of the process left it"
     assert Memory({VARIABLE: str(tmp_path / "sensors")}).recall(2) is None
@@ -50,7 +50,7 @@ def test_what_cannot_be_meant_is_not_recalled(left: str, tmp_path: Path) -> None
 
 
 def test_without_a_supervisor_nothing_is_left(tmp_path: Path) -> None:
-    Memory({}).remember((1.0,))
+    Memory({}).write((1.0,))
     assert Memory({}).recall(1) is None
-    Memory({VARIABLE: str(tmp_path / "gone/control")}).remember((1.0,))
+    Memory({VARIABLE: str(tmp_path / "gone/control")}).write((1.0,))
     assert list(tmp_path.iterdir()) == []

@@ -148,7 +148,7 @@ class FaultyStack:
         if what == LYING:
             with (
                 operator.sender(LIES[who], who) as send,
-                operator.repeating(LIE_PERIOD_s, lambda: send(self._lie(who))),
+                operator.repeating(LIE_PERIOD_s, lambda: send(self._false_message(who))),
             ):
                 yield lambda: True
             with contextlib.suppress(HindraxError):  # a new sole commander is accepted once it was disarmed
@@ -174,7 +174,7 @@ class FaultyStack:
 
         yield whole
 
-    def _lie(self, who: str) -> Any:
+    def _false_message(self, who: str) -> Any:
         from hindrax_msgs.msg import ThrusterCommand, ThrusterState  # noqa: PLC0415  # as the operator's
         from hindrax_ros.messages.convert import stamp_to_msg  # noqa: PLC0415
 

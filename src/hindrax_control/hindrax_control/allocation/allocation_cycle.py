@@ -129,7 +129,7 @@ class AllocationCycle:
             plan = replace(plan, wanted=accepted.asked, shortfall=missing, refused=accepted.refused + plan.refused)
         self.inexact += not plan.exact
         self._last = Command(plan.pulses_us, (), stamp, self._last.sequence + 1)
-        self.remember(self._last.sequence, plan)
+        self.keep_plan(self._last.sequence, plan)
         return self._last
 
     def achieved(self, sequence: int, pulses_us: Sequence[float]) -> Allocation:
@@ -152,13 +152,13 @@ class AllocationCycle:
         """Continue after a command that was sent before."""
         self._last = command
 
-    def remember(self, sequence: int, plan: Allocation) -> None:
+    def keep_plan(self, sequence: int, plan: Allocation) -> None:
         """Store the plan of a command until its applied pulses are known."""
         self._plans[sequence] = plan
         if len(self._plans) > KEPT:
             self._plans.popitem(last=False)
 
-    def knows(self, sequence: int) -> bool:
+    def has_plan(self, sequence: int) -> bool:
         """Whether the plan of this command is stored."""
         return sequence == 0 or sequence in self._plans
 

@@ -80,7 +80,7 @@ class AttitudeFilter:
         self._set((cy * w - sy * z, cy * x - sy * y, cy * y + sy * x, cy * z + sy * w))
         self._p_tilt, self._p_cross = self._gravity / span_s, 0j
 
-    def know_bias(self, bias_radps: Vec3, sigma_radps: float) -> None:
+    def set_bias(self, bias_radps: Vec3, sigma_radps: float) -> None:
         """Start with what is known of the gyroscope's offset."""
         self.bias_radps, self._p_cross, self._p_bias = bias_radps, 0j, sigma_radps * sigma_radps
 

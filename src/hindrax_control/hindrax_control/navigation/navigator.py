@@ -97,11 +97,11 @@ class Navigator:
         """Tell what each thruster does: their currents disturb the compass."""
         self._forces_N = self._aiding.forces_N = tuple(forces_N)
 
-    def know_position(self) -> None:
+    def confirm_position(self) -> None:
         """Take the present position for known: its uncertainty begins anew."""
         self._reckoning.known()
 
-    def know_gyroscope(self, offset: Offset) -> None:
+    def set_gyroscope_offset(self, offset: Offset) -> None:
         """Begin with what an earlier navigator knew of the same gyroscope: the vehicle need not rest then."""
         self._offset = offset
 
@@ -139,7 +139,7 @@ class Navigator:
         if self._sample != before:
             self._changed = stamp
         if dt > self._knobs.longest_gap_s:
-            self._remember()
+            self._keep_state()
             self._begin(stamp)
             return None
         self._imu = self._received[source] = stamp
@@ -202,12 +202,12 @@ class Navigator:
         # Swinging, gravity is where it was last, not where it was on the average.
         gravity, span_s = (mean(force for _, force in spans), knobs.align_s) if resting else (force, self._span_s)
         self._attitude.align(gravity, span_s, self._heading_rad)
-        self._attitude.know_bias(offset.rate_radps, offset.sigma_radps)
+        self._attitude.set_bias(offset.rate_radps, offset.sigma_radps)
         self._heading.widen_bias(offset.sigma_radps)
         self._aligned = True
         return True
 
-    def _remember(self) -> None:
+    def _keep_state(self) -> None:
         """Keep what outlasts a gap: the gyroscope is the same and may not rest when it is back; the place is near."""
         self._heading_rad = self._attitude.heading_rad
         self._offset = self.gyroscope_offset or self._offset
@@ -228,7 +228,7 @@ class Navigator:
         dx, dy, dz = 0.5 * (before[0] + now[0]), 0.5 * (before[1] + now[1]), 0.5 * (before[2] + now[2])
         self._vertical.predict(force[0] * dx + force[1] * dy + force[2] * dz + GRAVITY_mps2, round(dt, 4))
         u, v = horizontal.u_mps, horizontal.v_mps
-        w = self._heave(now) if self._vertical.knows_depth and now[2] > LEAST_UPRIGHT else 0.0
+        w = self._heave(now) if self._vertical.has_depth and now[2] > LEAST_UPRIGHT else 0.0
         acceleration = (force[0] + GRAVITY_mps2 * dx - q * w + r * v, force[1] + GRAVITY_mps2 * dy - r * u + p * w)
         horizontal.predict(acceleration, angle, (self._imu - self._began) / NS_PER_S, dt)
         self._rate_radps = rate
@@ -302,7 +302,7 @@ class Navigator:
         u = v = sigma = w = heave_sigma = NAN
         if horizontal.known:
             u, v, sigma = horizontal.u_mps, horizontal.v_mps, horizontal.sigma_mps
-        if down[2] > LEAST_UPRIGHT and vertical.knows_depth:
+        if down[2] > LEAST_UPRIGHT and vertical.has_depth:
             w = self._heave(down)
             slope = (1.0 - down[2] * down[2]) * horizontal.sigma_mps**2
             heave_sigma = math.sqrt(vertical.rate_variance + slope) / down[2]

@@ -56,8 +56,8 @@ class VerticalFilter:
         self._refused = {"depth": 0, "altitude": 0}
         self.refused_depths = 0
         """How many more depths were refused than accepted lately."""
-        self.knows_depth = False
-        self.knows_floor = False
+        self.has_depth = False
+        self.has_floor = False
 
     def predict(self, acceleration_mps2: float, dt_s: float) -> None:
         """Advance by a mean acceleration (down is positive, gravity taken off)."""
@@ -78,8 +78,8 @@ class VerticalFilter:
 
     def depth(self, depth_m: float, sigma_m: float, delay_s: float) -> bool:
         """Fuse a depth that was valid `delay_s` ago; False when it is refused."""
-        if not self.knows_depth:
-            self.knows_depth = True
+        if not self.has_depth:
+            self.has_depth = True
             self._x[0, 0] = depth_m
         p = self._P.tolist()
         variance = p[0][0] - 2.0 * delay_s * p[0][1] + delay_s * delay_s * p[1][1] + sigma_m * sigma_m
@@ -90,8 +90,8 @@ class VerticalFilter:
 
     def altitude(self, altitude_m: float, sigma_m: float, delay_s: float) -> bool:
         """Fuse a height above the floor that was valid `delay_s` ago; False when it is refused."""
-        if not self.knows_floor:
-            self.knows_floor = True
+        if not self.has_floor:
+            self.has_floor = True
             self._x[3, 0] = altitude_m + self._x[0, 0]
         p = self._P.tolist()
         variance = p[0][0] - 2.0 * delay_s * p[0][1] + delay_s * delay_s * p[1][1] + sigma_m * sigma_m
@@ -132,7 +132,7 @@ class VerticalFilter:
     @property
     def depth_m(self) -> float:
         """Depth; NaN before the first pressure."""
-        return float(self._x[0, 0]) if self.knows_depth else math.nan
+        return float(self._x[0, 0]) if self.has_depth else math.nan
 
     @property
     def rate_mps(self) -> float:
@@ -147,4 +147,4 @@ class VerticalFilter:
     @property
     def altitude_m(self) -> float:
         """Height above the floor; NaN before the first echo."""
-        return float(self._x[3, 0] - self._x[0, 0]) if self.knows_floor else math.nan
+        return float(self._x[3, 0] - self._x[0, 0]) if self.has_floor else math.nan

@@ -110,12 +110,12 @@ class AllocatorNode(BatchedNode):
         wrong = [f"axes lost: {', '.join(cycle.lost_axes)}"] if cycle.lost_axes else list(cycle.refused)
         if cycle.inexact:
             wrong.append(f"{cycle.inexact} wrenches without forces within limits; check the thrust curves")
-        wrong += filter(None, [self._uninvited(), cycle.supply.silence_warning(now)])
+        wrong += filter(None, [self._ignored_publishers(), cycle.supply.silence_warning(now)])
         values = {"supply [V]": cycle.supply.status_text(now), "disabled": ", ".join(sorted(cycle.disabled))}
         values["commander"] = self.pilot or self._commander.name or "none yet"
         self._reporter.report(now, wrong, "allocating", values)
 
-    def _uninvited(self) -> str:
+    def _ignored_publishers(self) -> str:
         """Who publishes wrenches that the pilot of this process leaves no room for."""
         others = publishers_of(self, WRENCH) - {self.pilot} if self.pilot else ()
         return f"not obeyed: {', '.join(sorted(others))}, because {self.pilot} commands" if others else ""

@@ -42,7 +42,7 @@ def make_nodes(wanted: Collection[str] = EVERY) -> Sequence[Node]:
         pilot.send_wrench, allocator.pilot = allocator.on_wrench, pilot.get_fully_qualified_name()
     if navigator and pilot and pilot.bypass(navigator, ODOMETRY, shown=True):
         navigator.on_state, pilot.navigator = pilot.on_navigation, navigator.get_fully_qualified_name()
-        pilot.know_position = navigator.know_position
+        pilot.confirm_position = navigator.confirm_position
     for listener in (pilot, navigator):
         if allocator and listener and listener.bypass(allocator, ALLOCATION, shown=False):
             allocator.allocation_listeners.append(listener.on_allocation)

@@ -59,10 +59,10 @@ class NavigatorNode(BatchedNode):
         self.on_state = on_state
         self._thrusters = len(vehicle.thrusters)
         self._navigator = Navigator(vehicle, knobs(self, NavigatorKnobs, fixed={"": "the state would start anew"}))
-        self.know_position = self._navigator.know_position
+        self.confirm_position = self._navigator.confirm_position
         self._memory = Memory(os.environ)
         if known := self._memory.recall(REMEMBERED):
-            self._navigator.know_gyroscope(Offset((known[0], known[1], known[2]), known[3]))
+            self._navigator.set_gyroscope_offset(Offset((known[0], known[1], known[2]), known[3]))
         self._status = publisher(self, NAVIGATION)
         self._odometry = publisher(self, ODOMETRY)
         self._status_bytes, self._odometry_bytes = navigation_writer(), odometry_writer()
@@ -114,7 +114,7 @@ class NavigatorNode(BatchedNode):
 
     def _report(self, found: Stamped[Navigation]) -> None:
         if offset := self._navigator.gyroscope_offset:
-            self._memory.remember((*offset.rate_radps, offset.sigma_radps))
+            self._memory.write((*offset.rate_radps, offset.sigma_radps))
         values = {f"age of {source} [s]": f"{age:.3f}" for source, age in found.reading.ages_s.items()}
         locked = found.reading.dvl_locked
         wrong = [] if locked else ["DVL has no bottom lock: position is dead reckoned without it"]

@@ -103,7 +103,7 @@ class PilotNode(BatchedNode):
     """Serves the action `maneuver/fly`, `maneuver/recentre` and the topics of the operator; commands `control/wrench`.
 
     It flies on the one publisher of `navigation/odometry`. A navigator of the same process calls `on_navigation`
-    instead and is `navigator`, `know_position` says when its position is known; an allocator calls `on_allocation`, and
+    instead and is `navigator`; `confirm_position` says that its position is known. An allocator calls `on_allocation`,
     each cycle calls `send_wrench`. `health` checks every state before it is used.
     """
 
@@ -112,7 +112,7 @@ class PilotNode(BatchedNode):
         self.send_wrench = send_wrench
         self.health: EstimatorHealthNode | None = None
         self.navigator = ""
-        self.know_position: Callable[[], None] = lambda: None
+        self.confirm_position: Callable[[], None] = lambda: None
         self._odometry, self._source = ExternalOdometry(vehicle), SinglePublisher()
         self._altimeter: Subscription | None = None
         fixed = dict.fromkeys(SAFETY_GROUPS, SAFETY)
@@ -263,10 +263,10 @@ class PilotNode(BatchedNode):
 
     def _known(self, reasons: dict[str, str]) -> dict[str, str]:
         """Drop and refuse names that are no thruster of this vehicle."""
-        strange = sorted(reasons.keys() - self._names)
-        if strange:
+        unknown = sorted(reasons.keys() - self._names)
+        if unknown:
             wanted = ", ".join(sorted(self._names))
-            self._refuse(THRUSTER_HEALTH_ORDER, f"found no thruster {strange[0][:40]!r}, wanted some of {wanted}")
+            self._refuse(THRUSTER_HEALTH_ORDER, f"found no thruster {unknown[0][:40]!r}, wanted some of {wanted}")
         return {name: reason for name, reason in reasons.items() if name in self._names}
 
     def _publish_disabled(self, reasons: dict[str, str], stamp: Stamp) -> None:
@@ -335,7 +335,7 @@ class PilotNode(BatchedNode):
         if refused:
             self._reporter.refusals.add(RECENTRE, refused)
         else:
-            self.know_position()
+            self.confirm_position()
         response.accepted, response.reason = not refused, refused
         return response
 

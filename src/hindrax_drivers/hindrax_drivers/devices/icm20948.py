@@ -20,7 +20,7 @@ from hindrax_drivers.driver import Driver, RegisterPart
 from hindrax_drivers.imu_calibration import correction
 
 NO_DATA_S = 0.25
-CROOKED = 5
+MISALIGNED = 5
 """Counts in a row that are no whole number of samples: a sample may be half written, but not every time."""
 LATE = 1.1
 """Samples may come faster than nominal by the drift of the clock; more than this, and the count itself is wrong."""
@@ -47,7 +47,7 @@ class Icm20948(RegisterPart):
         self.period_s = knobs.period_s if knobs.mode == "fifo" else 1.0 / knobs.rate_Hz
         self._samples = Samples(knobs, correction(calibration or {}, "accel", "mps2"))
         self._mag = Ak09916(correction(calibration or {}, "mag", "T"))
-        self._turn = self._crooked = 0
+        self._turn = self._misaligned = 0
         self._fetched = self._timed = Stamp(0)
         timed = knobs.data_ready if knobs.mode == "fifo" else ""
         self._chip, self._line = chip_and_line(timed, "data_ready") if timed else ("", 0)
@@ -67,7 +67,7 @@ class Icm20948(RegisterPart):
         if self._chip:
             yield Write(EDGES + self._line, self._chip.encode())
             yield self.set(r.INT_ENABLE_1, r.RAW_DATA_READY)
-        self._turn, self._crooked, self._fetched, self._timed = 0, 0, Stamp(0), Stamp(0)
+        self._turn, self._misaligned, self._fetched, self._timed = 0, 0, Stamp(0), Stamp(0)
         self._samples.restart()
         knobs = self._knobs
         timed = f", timed by line {self._line} of {self._chip}" if self._chip else ""
@@ -153,9 +153,9 @@ class Icm20948(RegisterPart):
         if wrong:
             yield from self._empty_fifo()
             self._samples.restart()
-            self._crooked, self._fetched = 0, stamp
+            self._misaligned, self._fetched = 0, stamp
             return [Rejected(stamp, wrong, raw)]
-        if count == 0 or self._crooked:
+        if count == 0 or self._misaligned:
             return self._on_empty_fifo(stamp)
         self._fetched = stamp
         data = yield self.get(r.FIFO_R_W, count)
@@ -185,8 +185,8 @@ class Icm20948(RegisterPart):
             return f"FIFO overflow: {count} bytes waiting, samples are lost"
         elapsed_s = seconds_between(self._fetched, stamp)
         most = 4 + LATE * elapsed_s * self._knobs.rate_Hz
-        self._crooked = self._crooked + 1 if count % r.SAMPLE_BYTES else 0
-        if self._crooked >= CROOKED:
+        self._misaligned = self._misaligned + 1 if count % r.SAMPLE_BYTES else 0
+        if self._misaligned >= MISALIGNED:
             return f"FIFO out of step: {count} bytes are no whole number of samples"
         if self._fetched and elapsed_s >= 0.0 and count > most * r.SAMPLE_BYTES:
             return f"FIFO count {count} is more than {elapsed_s:.3f} s can have brought"

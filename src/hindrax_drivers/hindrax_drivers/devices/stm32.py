@@ -127,7 +127,7 @@ class Stm32:
 
     def _reset(self) -> None:
         self._decoder = mavlink.Decoder()
-        self.identity, self.refusal, self._complaint, self.armed = "", "", "", False
+        self.identity, self.refusal, self._last_text, self.armed = "", "", "", False
         self._pending: _PendingCommand | None = None
         self._wanted = ()
         self._wanted_at = self._sent_at = self._heartbeat_at = Stamp(0)
@@ -161,7 +161,7 @@ class Stm32:
 
     def _on_text(self, message: mavlink.StatusText, stamp: Stamp) -> Output:
         if message.severity <= SEVERITY_WARNING:
-            self._complaint = message.text
+            self._last_text = message.text
             return Trouble(stamp, f"stm32: {message.text}")
         return Stamped(stamp, DeviceText(message.text))
 
@@ -176,7 +176,7 @@ class Stm32:
         if answer.result == ACCEPTED:
             self.armed, self.refusal = pending.arm, ""
             return []
-        self.refusal = self._complaint or f"answered with result {answer.result}"
+        self.refusal = self._last_text or f"answered with result {answer.result}"
         request = "arm" if pending.arm else "disarm"
         return [Trouble(stamp, f"stm32: does not {request}: {self.refusal}")]
 
@@ -192,7 +192,7 @@ class Stm32:
         return [Trouble(stamp, f"stm32: {self.refusal}; check line and firmware")]
 
     def _ask(self, pending: _PendingCommand) -> Send:
-        self._pending, self.refusal, self._complaint = pending, "", ""
+        self._pending, self.refusal, self._last_text = pending, "", ""
         return self._send(mavlink.CommandLong(mavlink.ARM_DISARM, 1.0 if pending.arm else 0.0, pending.attempt - 1))
 
     def _heartbeat(self) -> Send:

@@ -94,7 +94,7 @@ class WatchedProcess:
     handle: subprocess.Popen[bytes]
     beats: int
     life: int
-    born_s: float = field(default_factory=time.monotonic)
+    started_s: float = field(default_factory=time.monotonic)
     beaten_at: Stamp | None = None
     beaten_s: float = field(default_factory=time.monotonic)
     keepalive_s: float = 0.0
@@ -171,7 +171,7 @@ class DeadMan:
             self._neutral.write()
             if self._asked_s is not None or code in (0, UsageError.exit_code):
                 break
-            failures = 0 if time.monotonic() - child.born_s > WELL_AFTER_S else failures + 1
+            failures = 0 if time.monotonic() - child.started_s > WELL_AFTER_S else failures + 1
             wait_s = BACK_OFF_S[min(failures, len(BACK_OFF_S) - 1)]
             report(f"the node ended with {code}; neutral is on the wire, it is started again in {wait_s:g} s")
             if not self._wait(wait_s):

@@ -161,9 +161,9 @@ class OutputHost:
             return
         if outputs:
             self._listener.deliver(outputs)
-        complaint = self._output.complaint() if self._state.armed else ""
-        if complaint:
-            self.drop(complaint)
+        fault = self._output.fault() if self._state.armed else ""
+        if fault:
+            self.drop(fault)
 
     def _write(self) -> None:
         """Write what a command or the clock requires. A change to neutral overrides an earlier command."""

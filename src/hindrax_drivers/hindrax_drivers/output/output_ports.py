@@ -62,8 +62,8 @@ class RegisterOutput:
         """Verify the registers that a supply loss changes, and the channels."""
         self._run(self._chip.check(pulses.all_us))
 
-    def complaint(self) -> str:
-        """Return no complaint: a register chip has no state of its own."""
+    def fault(self) -> str:
+        """Return no fault: a register chip has no state of its own."""
         return ""
 
     def shut_off(self) -> None:
@@ -157,7 +157,7 @@ class SerialOutput:
         if not self._device.ready:
             raise DeviceError(f"{self._path}: the board has fallen silent; check power and line")
 
-    def complaint(self) -> str:
+    def fault(self) -> str:
         """Whether the board refused to arm, or has disarmed itself."""
         if not self._asked or self._device.armed or self._device.asking:
             return ""

@@ -82,27 +82,27 @@ class DraftFit:
 
     record: Record
     fit: OutputErrorFit
-    belief: Prior
+    prior: Prior
     online: OnlineEstimates
     moved: bool
 
 
 def draft(
-    vehicle: Vehicle, model: Model, record: Record, belief: Prior, online: OnlineEstimates, *, tuning: Tuning
+    vehicle: Vehicle, model: Model, record: Record, prior: Prior, online: OnlineEstimates, *, tuning: Tuning
 ) -> DraftFit:
     """Refine a record from the last online estimate. ValueError when it holds too few samples."""
-    start = list(online.values())[-1][0] if online else belief.values
+    start = list(online.values())[-1][0] if online else prior.values
     if tuning.lag_doubt_s > 0.0:
-        record, fit = fit_with_delays(record, start, model, belief, tuning.lag_doubt_s)
-        return DraftFit(record, fit, belief, online, moved=False)
-    first = DraftFit(record, refine(model, record, start, belief), belief, online, moved=False)
+        record, fit = fit_with_delays(record, start, model, prior, tuning.lag_doubt_s)
+        return DraftFit(record, fit, prior, online, moved=False)
+    first = DraftFit(record, refine(model, record, start, prior), prior, online, moved=False)
     return _with_delays(vehicle, first, tuning)
 
 
 def combine_drafts(drafts: Mapping[int, DraftFit]) -> dict[int, DraftFit]:
     """Drafts of all axes of a run, refitted with a common thruster noise."""
     known = {axis: one.fit for axis, one in drafts.items() if len(one.record.effort)}
-    better = {axis: reweighted(known[axis], noise, drafts[axis].belief) for axis, noise in common_noise(known).items()}
+    better = {axis: reweighted(known[axis], noise, drafts[axis].prior) for axis, noise in common_noise(known).items()}
     return {axis: replace(one, fit=better.get(axis, one.fit)) for axis, one in drafts.items()}
 
 
@@ -138,7 +138,7 @@ def _case(vehicle: Vehicle, drafted: DraftFit, tuning: Tuning) -> Case:
 
 
 def _assess(drafted: DraftFit, budget: Budget) -> Assessment:
-    record, fit, belief, online = drafted.record, budget.case.fit, drafted.belief, drafted.online
+    record, fit, prior, online = drafted.record, budget.case.fit, drafted.prior, drafted.online
     own = budget.band_of_run()
     return Assessment(
         record=record,
@@ -149,7 +149,7 @@ def _assess(drafted: DraftFit, budget: Budget) -> Assessment:
         noise=fit.covariance,
         plateaus=measure(record),
         whiteness=whiteness(fit),
-        validation=validation(record, fit, belief),
+        validation=validation(record, fit, prior),
         online={name: (theta, array(covariance + own)) for name, (theta, covariance) in online.items()},
     )
 
@@ -173,7 +173,7 @@ def _with_delays(vehicle: Vehicle, drafted: DraftFit, tuning: Tuning) -> DraftFi
         if (later.lag_s, later.latency_s) == (record.lag_s, record.latency_s):
             break
         # Estimate the noise again: delays appeared as unknown forces.
-        drafted = replace(drafted, record=later, fit=refine(fit.model, later, fit.theta, drafted.belief), moved=True)
+        drafted = replace(drafted, record=later, fit=refine(fit.model, later, fit.theta, drafted.prior), moved=True)
     return drafted
 
 

@@ -121,11 +121,11 @@ class Validation:
     excess: float
 
 
-def validation(record: Record, fit: OutputErrorFit, belief: Prior) -> Validation | None:
+def validation(record: Record, fit: OutputErrorFit, prior: Prior) -> Validation | None:
     """Hold out the last run of several, or the last quarter of one; None when either part is too short."""
     first, last = held_out(record.stretches)
     try:
-        theta, sigmas = retrained(fit, record.with_stretches(first), belief)
+        theta, sigmas = retrained(fit, record.with_stretches(first), prior)
         whole = predict(fit.model, theta, record.with_stretches(last))
         windows = windows_of(last, WINDOW_S)
         shown = predict(fit.model, theta, record.with_stretches(windows)) if windows else whole

@@ -84,19 +84,19 @@ class DelayEstimate(NamedTuple):
     theta: Array
 
 
-def search_delay(model: Model, record: Record, start: Array, belief: Prior, sigma_s: float) -> DelayEstimate:
+def search_delay(model: Model, record: Record, start: Array, prior: Prior, sigma_s: float) -> DelayEstimate:
     """Lag, latency and parameters of the best unwhitened fit; `sigma_s`: prior standard deviation of both delays."""
-    search = _Search(build_problem(model, record), record, belief, sigma_s)
+    search = _Search(build_problem(model, record), record, prior, sigma_s)
     return min((search.run(start, np.array(begin)) for begin in STARTS), key=lambda found: found.error)
 
 
 class _Search:
     """Levenberg-Marquardt over parameters, lag and latency."""
 
-    def __init__(self, problem: OutputErrorProblem, record: Record, belief: Prior, sigma_s: float) -> None:
-        self._problem, self._record, self._size = problem, record, len(belief.values)
-        self._mean = np.concatenate([belief.values, prior_delays(record)])
-        self._information = np.concatenate([1.0 / belief.sigmas**2, np.full(2, 1.0 / sigma_s**2)])
+    def __init__(self, problem: OutputErrorProblem, record: Record, prior: Prior, sigma_s: float) -> None:
+        self._problem, self._record, self._size = problem, record, len(prior.values)
+        self._mean = np.concatenate([prior.values, prior_delays(record)])
+        self._information = np.concatenate([1.0 / prior.sigmas**2, np.full(2, 1.0 / sigma_s**2)])
 
     def run(self, theta: Array, delays: Array) -> DelayEstimate:
         """Search from there, or from the prior where the simulation diverges; infinite error where both do."""
@@ -169,21 +169,21 @@ class _Search:
 
 
 def fit_with_delays(
-    record: Record, start: Array, model: Model, belief: Prior, sigma_s: float
+    record: Record, start: Array, model: Model, prior: Prior, sigma_s: float
 ) -> tuple[Record, OutputErrorFit]:
     """Record and fit once lag and latency agree with the whitened residuals and with their prior."""
-    prior_mean, prior = prior_delays(record), np.eye(2) / sigma_s**2
-    first = search_delay(model, record, start, belief, sigma_s)
+    usual, information = prior_delays(record), np.eye(2) / sigma_s**2
+    first = search_delay(model, record, start, prior, sigma_s)
     record = replace(record, lag_s=first.lag_s, latency_s=first.latency_s)
-    fit = refine(model, record, first.theta, belief)
+    fit = refine(model, record, first.theta, prior)
     for _ in range(ROUNDS):
         found = score(fit, delay_impulses(record, fit.problem.grid))
         before = np.array([record.lag_s, record.latency_s])
         known = found.information
-        after = np.linalg.solve(known + prior, known @ (before + found.values) + prior @ prior_mean)
+        after = np.linalg.solve(known + information, known @ (before + found.values) + information @ usual)
         after = np.clip(after, [0.0, -LONGEST_S], LONGEST_S)
         if float(np.abs(after - before).max()) < SETTLED_S:
             break
         record = replace(record, lag_s=float(after[0]), latency_s=float(after[1]))
-        fit = refine(fit.model, record, fit.theta, belief)
+        fit = refine(fit.model, record, fit.theta, prior)
     return record, fit

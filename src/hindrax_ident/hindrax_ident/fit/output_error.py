@@ -75,46 +75,46 @@ class OutputErrorFit:
     prior_information: Array
 
 
-def refine(model: Model, record: Record, start: Array, belief: Prior) -> OutputErrorFit:
+def refine(model: Model, record: Record, start: Array, prior: Prior) -> OutputErrorFit:
     """Fit a record; ValueError when it has too few samples.
 
     Deterministic: equal records give equal results, from any start within the basin of the solution.
     """
     problem = build_problem(model, record)
     noise = _first_noise(problem)
-    white = whitener_of(problem, belief.values, problem.guess, noise)
-    linear, theta, _ = _descend(problem, start, problem.guess, white, belief, tolerance=ROUGH)
+    white = whitener_of(problem, prior.values, problem.guess, noise)
+    linear, theta, _ = _descend(problem, start, problem.guess, white, prior, tolerance=ROUGH)
     # Outliers first: their effect on the motion would be attributed to unknown forces.
     for _ in range(TRIMMINGS):
         problem = _without_outliers(problem, linear)
         white = whitener_of(problem, theta, linear.path, noise)
-        linear, theta, _ = _descend(problem, theta, linear.path, white, belief, tolerance=ROUGH)
+        linear, theta, _ = _descend(problem, theta, linear.path, white, prior, tolerance=ROUGH)
     for _ in range(REWEIGHTINGS):
         chain = error_dynamics_of(problem, theta, linear.path)
         fresh = fit_noise(chain, linear.raw, noise, given_position=model.restores)
         settled, noise = _similar(fresh, noise), fresh
         white = Whitener(chain, noise)
-        linear, theta, converged = _descend(problem, theta, linear.path, white, belief)
+        linear, theta, converged = _descend(problem, theta, linear.path, white, prior)
         if settled:
             break
-    return _fit_of(problem, linear, theta, white, belief, converged=converged)
+    return _fit_of(problem, linear, theta, white, prior, converged=converged)
 
 
-def reweighted(fit: OutputErrorFit, noise: Noise, belief: Prior) -> OutputErrorFit:
+def reweighted(fit: OutputErrorFit, noise: Noise, prior: Prior) -> OutputErrorFit:
     """Fit the same measurements again with another noise."""
     problem = fit.problem
     white = whitener_of(problem, fit.theta, fit.linear.path, noise)
-    linear, theta, converged = _descend(problem, fit.theta, fit.linear.path, white, belief)
-    return _fit_of(problem, linear, theta, white, belief, converged=converged)
+    linear, theta, converged = _descend(problem, fit.theta, fit.linear.path, white, prior)
+    return _fit_of(problem, linear, theta, white, prior, converged=converged)
 
 
-def retrained(fit: OutputErrorFit, record: Record, belief: Prior) -> tuple[Array, tuple[float, float]]:
+def retrained(fit: OutputErrorFit, record: Record, prior: Prior) -> tuple[Array, tuple[float, float]]:
     """Parameters, (p,), of another record with the noise of this fit, and the deviations of its residuals."""
     problem = build_problem(fit.model, record)
     theta, path = fit.theta, problem.guess
     for _ in range(TRIMMINGS):
         white = whitener_of(problem, theta, path, fit.noise)
-        linear, theta, _ = _descend(problem, theta, path, white, belief, tolerance=ROUGH)
+        linear, theta, _ = _descend(problem, theta, path, white, prior, tolerance=ROUGH)
         kept, problem, path = problem.samples, _without_outliers(problem, linear), linear.path
         if problem.samples == kept:
             break
@@ -142,7 +142,7 @@ def _descend(
     start: Array,
     path: Trajectory,
     white: Whitener,
-    belief: Prior,
+    prior: Prior,
     *,
     tolerance: float = TOLERANCE,
 ) -> tuple[LinearizedProblem, Array, bool]:
@@ -150,11 +150,11 @@ def _descend(
 
     What ends it is the step without damping: a damped one is small wherever nothing lower is found.
     """
-    theta, linear = _feasible_start(problem, start, path, white, belief)
+    theta, linear = _feasible_start(problem, start, path, white, prior)
     damping = 1e-3
     for _ in range(STEPS):
-        information = linear.information + belief.information
-        gradient = linear.gradient + belief.information @ (belief.values - theta)
+        information = linear.information + prior.information
+        gradient = linear.gradient + prior.information @ (prior.values - theta)
         scale = array(np.sqrt(np.diag(information)))
         normal = array(information / np.outer(scale, scale))
         wanted = float(np.abs(np.linalg.solve(normal, gradient / scale)).max())
@@ -162,7 +162,7 @@ def _descend(
             return linear, theta, True
         step = np.linalg.solve(normal + damping * np.eye(len(theta)), gradient / scale) / scale
         tried = linearize(problem, theta + step, restarted(problem, linear, step), white)
-        if tried is not None and _total(tried, theta + step, belief) < _total(linear, theta, belief):
+        if tried is not None and _total(tried, theta + step, prior) < _total(linear, theta, prior):
             theta, linear, damping = theta + step, tried, damping * 0.02
         elif wanted < NEGLIGIBLE or damping > 1e8:
             return linear, theta, wanted < LEFT
@@ -171,15 +171,15 @@ def _descend(
     return linear, theta, False
 
 
-def _total(linear: LinearizedProblem, theta: Array, belief: Prior) -> float:
-    return linear.cost + float(np.sum(((theta - belief.values) / belief.sigmas) ** 2))
+def _total(linear: LinearizedProblem, theta: Array, prior: Prior) -> float:
+    return linear.cost + float(np.sum(((theta - prior.values) / prior.sigmas) ** 2))
 
 
 def _feasible_start(
-    problem: OutputErrorProblem, start: Array, path: Trajectory, white: Whitener, belief: Prior
+    problem: OutputErrorProblem, start: Array, path: Trajectory, white: Whitener, prior: Prior
 ) -> tuple[Array, LinearizedProblem]:
     """Start, (p,), or the prior where the simulation diverges; with fitted initial conditions."""
-    for theta in (start, belief.values):
+    for theta in (start, prior.values):
         linear = linearize(problem, theta, path, white)
         if linear is not None:
             again = linearize(problem, theta, restarted(problem, linear, np.zeros(len(theta))), white)
@@ -212,14 +212,14 @@ def _fit_of(
     linear: LinearizedProblem,
     theta: Array,
     white: Whitener,
-    belief: Prior,
+    prior: Prior,
     *,
     converged: bool,
 ) -> OutputErrorFit:
-    inverse = array(np.linalg.inv(linear.information + belief.information))
+    inverse = array(np.linalg.inv(linear.information + prior.information))
     freedom = max(1, problem.samples - problem.nuisances - len(theta))
     plain = array(inverse * (linear.cost / freedom))
-    covariance = _with_color(problem, linear, belief, inverse, plain)
+    covariance = _with_color(problem, linear, prior, inverse, plain)
     inflation = _inflation(linear, problem, inverse, covariance)
     return OutputErrorFit(
         model=problem.model,
@@ -234,7 +234,7 @@ def _fit_of(
         noise=white.noise,
         whitener=white,
         converged=converged,
-        prior_information=belief.information,
+        prior_information=prior.information,
     )
 
 
@@ -245,13 +245,13 @@ def _effective_samples(problem: OutputErrorProblem, linear: LinearizedProblem) -
 
 
 def _with_color(
-    problem: OutputErrorProblem, linear: LinearizedProblem, belief: Prior, inverse: Array, plain: Array
+    problem: OutputErrorProblem, linear: LinearizedProblem, prior: Prior, inverse: Array, plain: Array
 ) -> Array:
     """Covariance, (p, p), with remaining color: H^-1 (J' Omega J + B) H^-1; `plain` where residuals are white.
 
     B is the information of the prior, which has an error too.
     """
-    middle, colored = belief.information, False
+    middle, colored = prior.information, False
     channels = (problem.channel == 0, problem.channel == 1)
     for measured in (one for one in channels if one.any()):
         rows = [np.flatnonzero(measured[span]) + span.start for span in problem.spans]

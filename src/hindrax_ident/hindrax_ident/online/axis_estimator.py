@@ -49,18 +49,18 @@ class Verdict:
 class AxisEstimator:
     """Inputs in time order. Times in seconds, forces in N or N m, velocities in m/s or rad/s."""
 
-    def __init__(self, model: Model, lag_s: float, belief: Prior, tuning: Tuning) -> None:
+    def __init__(self, model: Model, lag_s: float, prior: Prior, tuning: Tuning) -> None:
         """With `tuning.plateaus_only` the mass stays at its prior, and three coefficients are estimated."""
         self.model, self._tuning = model, tuning
         self.regression = FilteredRegression(model, lag_s, tuning.filter_rate)
         # Without any, the noise of the first samples would choose the direction: heave begins at rest.
         self.regression.noise_variance = NOISE**2
-        self._fixed_mass = float(belief.values[-1]) if tuning.plateaus_only else 0.0
-        values, covariance = scaled(belief.values.tolist(), np.diag(belief.sigmas**2))
+        self._fixed_mass = float(prior.values[-1]) if tuning.plateaus_only else 0.0
+        values, covariance = scaled(prior.values.tolist(), np.diag(prior.sigmas**2))
         known = len(values) - bool(self._fixed_mass)
         sigmas = np.sqrt(np.diag(covariance))[:known] / NOISE
         self._rls = Rls(values[:known].tolist(), sigmas.tolist(), tuning.forgetting)
-        self._whitener = RowWhitener(known + 1, lag_s, float(belief.values[-1]))
+        self._whitener = RowWhitener(known + 1, lag_s, float(prior.values[-1]))
         self.correlator = Correlator()
         self._filter = JointFilter(model, lag_s) if tuning.estimator == "ekf" and not self._fixed_mass else None
         self._inputs: deque[tuple[float, str, float]] = deque()

@@ -27,12 +27,12 @@ DEEPEST_m = 12e3
 class AxisSession:
     """One axis. Times in seconds from the start of the session."""
 
-    def __init__(self, vehicle: Vehicle, model: Model, belief: Prior, tuning: Tuning) -> None:
+    def __init__(self, vehicle: Vehicle, model: Model, prior: Prior, tuning: Tuning) -> None:
         """An axis without samples."""
-        self.model, self.belief = model, belief
+        self.model, self.prior = model, prior
         self._vehicle, self._tuning = vehicle, tuning
         self.lag_s = lag_s(vehicle, model.axis)
-        self.estimator = AxisEstimator(model, self.lag_s, belief, tuning)
+        self.estimator = AxisEstimator(model, self.lag_s, prior, tuning)
         self._speed_source, self._depth_source = SourceSelector(), SourceSelector()
         self._speed_bin = Bin(tuning.bin_s)
         self._position_s = ANGLE_S if model.restores else 0.0

@@ -120,12 +120,12 @@ def _columns(model: Model, v: Array) -> Array:
 class Experiment:
     """One experiment. `ended`: why nothing more is chosen; `known`: the drag of the motions of which enough was flown.
 
-    `know` finds out what is known of the drag along an axis.
+    `estimate_drag` returns the drag along an axis as known by now.
     """
 
     motions: Sequence[str]
     aim: Aim = field(default_factory=Aim)
-    know: Callable[[Session, int, float], Drag | None] = drag_of
+    estimate_drag: Callable[[Session, int, float], Drag | None] = drag_of
     ended: str = ""
     known: dict[str, Drag] = field(default_factory=dict)
     _flown_s: dict[str, float] = field(default_factory=dict)
@@ -167,7 +167,7 @@ class Experiment:
         return chosen
 
     def _learn(self, session: Session, motion: str) -> None:
-        found = self.know(session, AXES.index(motion), self.aim.until)
+        found = self.estimate_drag(session, AXES.index(motion), self.aim.until)
         if found is not None:
             self.known[motion] = found
 

@@ -233,11 +233,11 @@ class Session:
     def _draft(self, axis: int, masses: Masses) -> DraftFit:
         axis_session = self._axes[axis]
         record = self.record(axis, masses)
-        model, belief = axis_session.model, axis_session.belief
+        model, prior = axis_session.model, axis_session.prior
         online: OnlineEstimates = (
             {self.tuning.estimator: axis_session.estimator.estimate()} if axis_session.estimator.samples else {}
         )
         side = side_of(record) if model.split else 0
         if side:
-            model, belief, online = one_sided(model, belief, online, side)
-        return draft(self.vehicle, model, record, belief, online, tuning=self.tuning)
+            model, prior, online = one_sided(model, prior, online, side)
+        return draft(self.vehicle, model, record, prior, online, tuning=self.tuning)

@@ -164,10 +164,10 @@ def until(operator: Operator, over: Callable[[], bool], seconds: float, what: st
 def set_health(operator: Operator, names: set[str], reason: str, *, usable: bool) -> list[str]:
     """Take thrusters into use or out of it; returns all that are out, as the allocator has it, with their reasons."""
     listed = _list_in_force(operator)
-    strange = sorted(names - set(operator.allocation.thrusters))
-    if strange:
+    unknown = sorted(names - set(operator.allocation.thrusters))
+    if unknown:
         known = ", ".join(operator.allocation.thrusters)
-        raise HindraxError(f"found no thruster {', '.join(strange)}; the vehicle has {known}")
+        raise HindraxError(f"found no thruster {', '.join(unknown)}; the vehicle has {known}")
     wanted = sorted(set(listed.disabled) - names if usable else names.union(listed.disabled))
     kept: Mapping[str, str] = dict(zip(listed.disabled, listed.reasons, strict=False))
     message = ThrusterHealth(disabled=wanted, reasons=[kept.get(name, reason) for name in wanted])

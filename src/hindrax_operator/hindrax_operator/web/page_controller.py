@@ -116,9 +116,9 @@ def goal_of(words: Mapping[str, Any]) -> Goal | ExperimentGoal:
     """Read a goal from a request, of an experiment where it has `until` or `minutes`; Refused names a wrong word."""
     experiment = "until" in words or "minutes" in words
     known = ("motions", *(("until", "minutes") if experiment else ("excitation", "seed")), "on_cancel")
-    strange = sorted(set(words) - set(known))
-    if strange:
-        raise _wrong(f"found {', '.join(strange)}, wanted {', '.join(known)}")
+    unknown = sorted(set(words) - set(known))
+    if unknown:
+        raise _wrong(f"found {', '.join(unknown)}, wanted {', '.join(known)}")
     motions, seed = words.get("motions"), words.get("seed", 1)
     if not isinstance(motions, list) or not all(isinstance(one, str) for one in motions):
         raise _wrong("motions: wanted a list of names")

@@ -26,7 +26,7 @@ PROM_30BA = (0x9340, 0x88A6, 0x8E00, 0x4F68, 0x5752, 0x6816, 0x6622)
 """Calibration of the datasheet's example (C1 34982 ... C6 26146), product number 30BA26, with its checksum."""
 PROM_02BA = (0x52A0, 0xB524, 0xABCD, 0x7183, 0x6CC2, 0x7B41, 0x6E05)
 """Calibration of the datasheet's example (C1 46372 ... C6 28165), product number 02BA21."""
-STRANGER = (0x1234, 0x5678, 0x9ABC, 0xDEF0, 0x1357, 0x9BDF, 0x2468, 0xACE0)
+OTHER_PROM = (0x1234, 0x5678, 0x9ABC, 0xDEF0, 0x1357, 0x9BDF, 0x2468, 0xACE0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,7 @@ class Ms5837(Part[Pressure]):
             value = conversion.value if conversion is not None and now_s >= conversion.end_s else 0
             return value.to_bytes(3, "big")[:count].ljust(count, b"\0")
         if PROM_FIRST <= self._command <= PROM_LAST and now_s >= self._loaded_s:
-            words = STRANGER if self._disguised else (*self.prom, 0)
+            words = OTHER_PROM if self._disguised else (*self.prom, 0)
             word = words[(self._command - PROM_FIRST) // 2]
             return word.to_bytes(2, "big")[:count].ljust(count, b"\0")
         return bytes(count)

@@ -70,8 +70,8 @@ def weigh(arguments: argparse.Namespace) -> int:
     """Gain of the thrust on an axis from a known weight or a line over a pulley, without a load cell."""
     require_editable(arguments)
     vehicle, axis = load_vehicle(arguments.vehicle), AXES.index(arguments.axis)
-    holds, belief = _holds(arguments, vehicle, axis), prior_dynamics(vehicle)[arguments.axis]
-    found = weighed(holds, axis, belief, load_sigma=_sigma(arguments))
+    holds, prior = _holds(arguments, vehicle, axis), prior_dynamics(vehicle)[arguments.axis]
+    found = weighed(holds, axis, prior, load_sigma=_sigma(arguments))
     if arguments.write:
         write(Path(arguments.vehicle), vehicle, found)
     where = kept(arguments, f"thrust_gain.{arguments.axis} of {arguments.vehicle}")
