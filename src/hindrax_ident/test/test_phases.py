@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 
 from hindrax_ident.arrays import Array
-from hindrax_ident.records.axis_record import Series, Stretch
-from hindrax_ident.records.phases import PhaseLog, usable
+from hindrax_ident.records.axis_record import PhaseLog, Series, Stretch, usable
 from hindrax_ident.tuning import Tuning
 
 LIMITS = Tuning(gap_s=1.0, thrust_age_s=2.0, stretch_s=60.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hindrax_ident.arrays import Array
-from hindrax_ident.online.row_whitening import UNKNOWN, RATE_NOISE_radps, RowWhitener, THRUST_NOISE_s
+from hindrax_ident.online.filtered_regression import UNKNOWN, RATE_NOISE_radps, RowWhitener, THRUST_NOISE_s
 
 STEP_s, POLE, LAG_s, MASS, MOMENT_Nm = 0.015, 1.3, 0.15, 0.7, 2.0
 

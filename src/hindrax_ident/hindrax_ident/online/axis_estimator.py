@@ -10,10 +10,9 @@ from hindrax_ident.arrays import Array, array
 from hindrax_ident.fit.autoregression import Correlator
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.model.prior import Prior
-from hindrax_ident.online.filtered_regression import FilteredRegression, Sample, physical, scaled
+from hindrax_ident.online.filtered_regression import FilteredRegression, RowWhitener, Sample, physical, scaled
 from hindrax_ident.online.joint_ekf import JointFilter
 from hindrax_ident.online.rls import Rls
-from hindrax_ident.online.row_whitening import RowWhitener
 from hindrax_ident.records.binning import DEPTH_S
 from hindrax_ident.tuning import Tuning
 

@@ -32,8 +32,7 @@ from hindrax_ident.model.motion_model import MOTIONS, Motion, model_of, motions_
 from hindrax_ident.model.prior import OnlineEstimates, one_sided, wide_prior
 from hindrax_ident.online.axis_estimator import Verdict
 from hindrax_ident.online.axis_session import AxisSession
-from hindrax_ident.records.axis_record import Record, side_of
-from hindrax_ident.records.phases import PhaseLog, usable
+from hindrax_ident.records.axis_record import PhaseLog, Record, side_of, usable
 from hindrax_ident.tuning import Tuning
 
 JOIN_S = 1.0
