@@ -18,9 +18,8 @@ from hindrax_control.maneuver.goal import PLATEAUS, Goal, motions_to_fly
 from hindrax_core.vehicle import load_vehicle
 from hindrax_sim.conditions.world_table import POOL, sizes_of
 from hindrax_sim.faults.fault_registry import FaultSpec
-from hindrax_sim.flights.goal_pilot import GoalPilot
 from hindrax_sim.flights.lockstep import Lockstep
-from hindrax_sim.flights.pool_flight import calibrated
+from hindrax_sim.flights.pool_flight import GoalPilot, calibrated
 from hindrax_sim.world import Conditions, World
 
 LONGEST_s = 1800.0

@@ -16,14 +16,27 @@ from synthetic_runs import DVL, back_and_forth, events, fly
 from hindrax_analysis.coefficients_file import Conditions, SavedCoefficients, SavedMotion, conditions_of
 from hindrax_analysis.identification.bag_identification import shared_warnings
 from hindrax_analysis.published import CITATION, PUBLISHED, published_of
-from hindrax_analysis.report.chart import Band, Bars, Chart, Line, Points, Stems, drawing, figure
+from hindrax_analysis.report.chart import (
+    Band,
+    Bars,
+    Chart,
+    Line,
+    Points,
+    Scale,
+    Stems,
+    data_range,
+    drawing,
+    figure,
+    thinned,
+    tick_text,
+    ticks,
+)
 from hindrax_analysis.report.comparison import comparison_page, pool_runs
 from hindrax_analysis.report.figures import MotionFigures, Trace, charts_of, comparable_methods
 from hindrax_analysis.report.forest import Entry, forest
 from hindrax_analysis.report.page import plus_minus, table
 from hindrax_analysis.report.report_tables import dimensionless, reynolds_text, table_3, table_budget, table_methods
 from hindrax_analysis.report.run_page import RunReport, _facts, _how_to_read, run_page
-from hindrax_analysis.report.scale import Scale, data_range, thinned, tick_text, ticks
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import array
 from hindrax_ident.assess.results import Contribution, DragBand, MotionResult, Number, Results, truth_of, with_truth

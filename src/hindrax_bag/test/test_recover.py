@@ -19,7 +19,7 @@ from hindrax_bag.read import mcap_records, recovery
 from hindrax_bag.read.bag_reader import messages
 from hindrax_bag.read.mcap_records import Damage, records
 from hindrax_bag.read.recovery import recover
-from hindrax_bag.write.bag_file import BagFile
+from hindrax_bag.write.bag_writer import BagFile
 from hindrax_bag.write.limits import BagLimits
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import NS_PER_S

@@ -9,7 +9,7 @@ import pytest
 
 from hindrax_ident.arrays import Array, Index, array
 from hindrax_ident.model.motion_model import Model
-from hindrax_ident.model.prior import Prior
+from hindrax_ident.model.parameters import Prior
 from hindrax_ident.online.axis_estimator import AxisEstimator, Verdict
 from hindrax_ident.online.filtered_regression import FilteredRegression, Sample, physical
 from hindrax_ident.online.rls import Rls

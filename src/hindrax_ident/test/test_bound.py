@@ -10,8 +10,7 @@ from hindrax_ident.assess.results import truth_of
 from hindrax_ident.fit.cramer_rao import bound_of
 from hindrax_ident.fit.output_error import refine
 from hindrax_ident.model.motion_model import model_of
-from hindrax_ident.model.prior import wide_prior
-from hindrax_ident.model.reported_parameters import parameters_of
+from hindrax_ident.model.parameters import parameters_of, wide_prior
 from hindrax_ident.online.session import Session
 from hindrax_ident.records.axis_record import Record, Series, Stretch
 

@@ -22,8 +22,8 @@ from hindrax_core.events import after
 from hindrax_core.signals import ZERO6, Navigation, Phase
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_sim.faults.fault_registry import parse_fault
-from hindrax_sim.flights.goal_pilot import GoalPilot
 from hindrax_sim.flights.lockstep import Lockstep
+from hindrax_sim.flights.pool_flight import GoalPilot
 from hindrax_sim.world import World
 
 pytestmark = pytest.mark.long

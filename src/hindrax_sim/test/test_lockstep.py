@@ -17,9 +17,9 @@ from hindrax_core.signals import ZERO6, Allocation, Estimate, Navigation, Phase
 from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
 from hindrax_ident.assess.results import MotionResult as Result
 from hindrax_sim.faults.fault_registry import parse_fault
-from hindrax_sim.flights.goal_pilot import GoalPilot
 from hindrax_sim.flights.lockstep import Lockstep, LockstepCommand
 from hindrax_sim.flights.lockstep_rigs import BytesRig, ReadingsRig
+from hindrax_sim.flights.pool_flight import GoalPilot
 from hindrax_sim.flights.sensor_models import Noise
 from hindrax_sim.world import Conditions
 

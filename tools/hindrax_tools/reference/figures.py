@@ -17,8 +17,8 @@ from hindrax_core.events import Stamped
 from hindrax_core.signals import Estimate
 from hindrax_core.vehicle import Hydrodynamics, load_vehicle
 from hindrax_ident.online.session import Session
-from hindrax_sim.flights.goal_pilot import GoalPilot
 from hindrax_sim.flights.lockstep import Lockstep
+from hindrax_sim.flights.pool_flight import GoalPilot
 from hindrax_sim.world import Conditions
 
 FLIGHTS_FILE = "flights.json"

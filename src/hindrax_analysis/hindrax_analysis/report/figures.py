@@ -10,8 +10,7 @@ import numpy as np
 
 from hindrax_analysis.coefficients_file import TABULATED
 from hindrax_analysis.published import PAPER, published_of
-from hindrax_analysis.report.chart import Band, Bars, Chart, Layer, Line, Points, Role, Stems, xs, ys
-from hindrax_analysis.report.scale import data_range
+from hindrax_analysis.report.chart import Band, Bars, Chart, Layer, Line, Points, Role, Stems, data_range, xs, ys
 from hindrax_core.text.digits import TWO_SIDED_95
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
@@ -19,7 +18,7 @@ from hindrax_ident.assess.assessment import Assessment
 from hindrax_ident.assess.prediction import Prediction
 from hindrax_ident.assess.results import MotionResult, Number
 from hindrax_ident.model.motion_model import MOTIONS, Motion
-from hindrax_ident.model.reported_parameters import reported_parameters
+from hindrax_ident.model.parameters import reported_parameters
 
 CURVE_POINTS = 81
 BINS = 24

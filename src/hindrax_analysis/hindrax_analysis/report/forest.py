@@ -7,8 +7,7 @@ from html import escape
 
 import numpy as np
 
-from hindrax_analysis.report.chart import BOTTOM, WIDTH, Role, x_axis
-from hindrax_analysis.report.scale import Scale, data_range
+from hindrax_analysis.report.chart import BOTTOM, WIDTH, Role, Scale, data_range, x_axis
 from hindrax_core.text.digits import TWO_SIDED_95
 from hindrax_ident.assess.results import Number
 

@@ -31,7 +31,7 @@ from hindrax_bag.metadata import (
 )
 from hindrax_bag.read.bag_reader import EVERY, bag_files, messages
 from hindrax_bag.read.mcap_records import Damage, records
-from hindrax_bag.write.bag_file import BagFile
+from hindrax_bag.write.bag_writer import BagFile
 from hindrax_bag.write.limits import free_bytes
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import NS_PER_S

@@ -33,8 +33,13 @@ from hindrax_ident.fit.plateaus import Plateaus, measure
 from hindrax_ident.fit.plateaus import fit as fit_plateaus
 from hindrax_ident.fit.score_test import slow_force_ratio
 from hindrax_ident.model.motion_model import HORIZONTAL, Model, Motion, coefficient_units
-from hindrax_ident.model.prior import OnlineEstimates, Prior
-from hindrax_ident.model.reported_parameters import ReportedParameters, bounded, reported_parameters
+from hindrax_ident.model.parameters import (
+    OnlineEstimates,
+    Prior,
+    ReportedParameters,
+    bounded,
+    reported_parameters,
+)
 from hindrax_ident.records.axis_record import Record
 from hindrax_ident.tuning import Tuning
 

@@ -23,7 +23,7 @@ from hindrax_ident.fit.output_error_problem import (
 )
 from hindrax_ident.fit.score_test import score
 from hindrax_ident.model.motion_model import Model
-from hindrax_ident.model.prior import Prior
+from hindrax_ident.model.parameters import Prior
 from hindrax_ident.model.simulation import Grid, Trajectory
 from hindrax_ident.model.thrust_lag import LaggedThrust
 from hindrax_ident.records.axis_record import Record

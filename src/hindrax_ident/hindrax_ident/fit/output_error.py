@@ -26,7 +26,7 @@ from hindrax_ident.fit.output_error_problem import (
 )
 from hindrax_ident.fit.whitening import Noise, Whitener
 from hindrax_ident.model.motion_model import Model
-from hindrax_ident.model.prior import Prior
+from hindrax_ident.model.parameters import Prior
 from hindrax_ident.model.simulation import Trajectory
 from hindrax_ident.records.axis_record import Record
 

@@ -1,6 +1,6 @@
-"""What a motion reports: which parameters of a model, under which names, and their most likely values within bounds.
+"""The parameters of a model: what a motion reports of them, within bounds, and what is believed of them before a run.
 
-And back: the parameters of a model from the coefficients that its motions report.
+Reported are coefficients by name; the parameters of a model also follow from the coefficients that its motions report.
 """
 
 import math
@@ -10,11 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from hindrax_core.errors import UsageError
-from hindrax_core.vehicle import AXES
+from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array, Index, array
-from hindrax_ident.model.motion_model import Model, Motion, coefficient_units, motions_of
+from hindrax_ident.model.motion_model import Model, Motion, coefficient_units, motions_of, restoring
 
 NOT_NEGATIVE = ("k_q", "added_mass")
+WIDE = 30.0
+OnlineEstimates = Mapping[str, tuple[Array, Array]]
+"""Parameters and their covariance, by the name of the method: (p,), (p, p)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,3 +92,42 @@ def bounded(values: Array, covariance: Array, low: Sequence[float]) -> Array:
         C = C - np.outer(gain, C[worst])
         C[worst, :] = C[:, worst] = 0.0
     return array(np.maximum(theta, low))
+
+
+@dataclass(frozen=True, slots=True)
+class Prior:
+    """Values and standard deviations of a model's parameters, (p,) each, in the model's order."""
+
+    values: Array
+    sigmas: Array
+
+    @property
+    def information(self) -> Array:
+        """Inverse covariance: (p, p)."""
+        return np.diag(1.0 / self.sigmas**2)
+
+
+def wide_prior(vehicle: Vehicle, model: Model) -> Prior:
+    """Prior from the size alone: drag coefficient 2 +- 30, total mass 1.8 +- 3 body masses.
+
+    It keeps a poor record solvable; the first seconds of any run outweigh it.
+    """
+    length = vehicle.characteristic_length_m
+    rotational = model.axis >= 3
+    unit = 0.5 * vehicle.water.density_kgpm3 * length ** (5 if rotational else 2)
+    drag = [2.0 * unit, 0.0] * (model.drags // 2)
+    rest = [restoring(vehicle)] if model.restores else []
+    values = [*drag, 0.0, *rest, 1.8 * model.rigid]
+    sigmas = [WIDE * unit] * (len(values) - 1) + [3.0 * model.rigid]
+    if model.restores:
+        sigmas[-2] += abs(values[-2])
+    return Prior(np.array(values), np.array(sigmas))
+
+
+def one_sided(model: Model, belief: Prior, online: OnlineEstimates, side: int) -> tuple[Model, Prior, OnlineEstimates]:
+    """Model, prior and estimates of one direction of a split model: for a heave record that has no other."""
+    drag = [0, 1] if side > 0 else [2, 3]
+    rows = [*drag, *range(4, len(model.names))]
+    narrowed = {name: (theta[rows], C[np.ix_(rows, rows)]) for name, (theta, C) in online.items()}
+    plain = Model(model.axis, model.rigid, split=False, restores=model.restores)
+    return plain, Prior(belief.values[rows], belief.sigmas[rows]), narrowed
