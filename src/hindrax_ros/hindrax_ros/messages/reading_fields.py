@@ -283,7 +283,7 @@ def reader(topic: Topic) -> Callable[[bytes], Stamped[Any]]:
     read, back = CdrReader(message_class(topic.type), *STAMP, *row.paths).read, row.reading
 
     def reading(data: bytes) -> Stamped[Any]:
-        seconds, nanoseconds, *numbers = read(data)
-        return Stamped(Stamp(seconds * NS_PER_S + nanoseconds), back(*numbers))
+        found = read(data)
+        return Stamped(Stamp(found[0] * NS_PER_S + found[1]), back(*found[2:]))
 
     return reading
