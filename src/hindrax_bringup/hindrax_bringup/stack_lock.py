@@ -106,14 +106,21 @@ def announced(lock: StackLock) -> Iterator[Path]:
 
 
 def locked(path: Path, document: Mapping[str, object]) -> IO[str]:
-    """Write a document and lock it until the file is closed, at the latest by the end of this process."""
+    """Write a document and lock it until the file is closed, at the latest by the end of this process.
+
+    OSError names the file, and leaves nothing.
+    """
     draft = path.with_suffix(".draft")
-    file = draft.open("w", encoding="utf-8")
-    # Locked and complete before it gets the name by which others look for it.
-    fcntl.flock(file, fcntl.LOCK_EX)
-    json.dump(document, file)
-    file.flush()
-    draft.rename(path)
+    try:
+        file = draft.open("w", encoding="utf-8")
+        # Locked and complete before it gets the name by which others look for it.
+        fcntl.flock(file, fcntl.LOCK_EX)
+        json.dump(document, file)
+        file.flush()
+        draft.rename(path)
+    except OSError as error:
+        draft.unlink(missing_ok=True)
+        raise OSError(error.errno, error.strerror, str(path)) from error
     return file
 
 

@@ -21,7 +21,7 @@ from hindrax_cli.interrupt import interruptible, sentence
 from hindrax_core.errors import INTERRUPTED, HindraxError, UsageError, cause
 from hindrax_core.text.screen_text import fitted, fitted_description, print_fitted, print_whole, screen_width
 
-NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS}
+NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 LONGEST_WORD = 24
 """Of what there is to choose from, in the usage of a command."""
 

@@ -1,6 +1,7 @@
 """`hindrax status` lists what is announced on this machine, whatever started it."""
 
 import contextlib
+import errno
 import json
 import os
 import time
@@ -8,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NoReturn
 
 import pytest
 
@@ -16,6 +17,7 @@ from hindrax_bringup.liveness import tool_liveness
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack_lock import FOLDER, LAUNCHED, StackLock, announced
 from hindrax_cli.command_line import main
+from hindrax_cli.commands.operate import view
 from hindrax_cli.commands.operate.view import kept_token
 from hindrax_core.errors import HindraxError
 from hindrax_operator import connection
@@ -40,6 +42,22 @@ def test_the_token_of_the_page_is_this_users_alone_and_survives_a_restart(runtim
     assert (runtime / "web.token").stat().st_mode & 0o077 == 0
     assert kept_token(read_only=True) != token, "who may only watch must not be let in when the page flies again"
     assert kept_token(read_only=False, new=True) != token
+
+
+def test_on_a_full_disk_a_token_that_is_known_still_opens_the_page(
+    runtime: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    token = kept_token(read_only=False)
+
+    def full(*_: object, **__: object) -> NoReturn:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", full)
+    monkeypatch.setattr(view, "replace_text", full)
+    assert kept_token(read_only=False) == token
+    with pytest.raises(HindraxError, match=r"web\.token: cannot be written \(No space left on device\); make room"):
+        kept_token(read_only=False, new=True)
+    assert (runtime / "web.token").read_text() == token
 
 
 def listed(capsys: pytest.CaptureFixture[str]) -> list[dict[str, Any]]:

@@ -17,6 +17,7 @@ from hindrax_cli.argument_types import within
 from hindrax_cli.command import command, option
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_fitted, print_whole
+from hindrax_core.text.text_file import replace_text, writing
 from hindrax_core.vehicle import AXES, load_vehicle
 from hindrax_operator.connection import add_stack, chosen_stack, find_stack
 from hindrax_operator.web.access import Access, hosts_of
@@ -112,8 +113,12 @@ def kept_token(*, read_only: bool, new: bool = False) -> str:
     """
     file = runtime_folder() / ("web.watch.token" if read_only else "web.token")
     file.touch(mode=0o600)
-    token = ("" if new else file.read_text(encoding="ascii")) or secrets.token_urlsafe(TOKEN_bytes)
-    file.write_text(token, encoding="ascii")
+    kept = "" if new else file.read_text(encoding="ascii")
+    if kept:
+        return kept
+    token = secrets.token_urlsafe(TOKEN_bytes)
+    with writing(file, "make room there and run again"):
+        replace_text(file, token)
     return token
 
 
