@@ -36,11 +36,11 @@ class SerialLine(Bench[SerialDevice]):
         self, driver: SerialDevice, emulator: Any, truth: Truth, faults: Sequence[FaultSpec], seed: int
     ) -> None:
         super().__init__(driver, emulator, truth, faults=list(faults), seed=seed)
-        self.heard: list[bytes] = []
+        self.received: list[bytes] = []
         self.said: list[tuple[float, Any]] = []
 
     def _feed(self, data: bytes, stamp: Stamp) -> None:
-        self.heard.append(data)
+        self.received.append(data)
         super()._feed(data, stamp)
 
     def _handle(self, outputs: Iterable[Output]) -> None:
@@ -116,9 +116,9 @@ class Plugged:
     def troubles(self) -> list[str]:
         return [one.text for one in self._said(Trouble, 0.0, 1e9)]
 
-    def heard(self) -> bytes:
+    def received(self) -> bytes:
         """Everything that a serial driver was fed."""
-        return b"".join(self._wire.heard)
+        return b"".join(self._wire.received)
 
     def identities(self) -> list[str]:
         return [one.text for one in self._said(Identity, 0.0, 1e9)]

@@ -67,7 +67,7 @@ def recorded(name: str) -> bytes:
     """What a serial sensor says in some seconds, once its driver has set it up."""
     plugged = Plugged(name)
     plugged.run(4.0)
-    return plugged.heard()
+    return plugged.received()
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -54,8 +54,8 @@ class Bench:
 
     def exchange(self, now_s: float) -> bool:
         """Let the board run; whether it has said something."""
-        heard = b"" if self.pty is None else self.pty.read()
-        data = self.board.receive(heard, now_s) + self.board.step(now_s)
+        received = b"" if self.pty is None else self.pty.read()
+        data = self.board.receive(received, now_s) + self.board.step(now_s)
         if self.pty is not None and not self.mute:
             self.pty.write(data)
         return bool(data)

@@ -12,16 +12,16 @@ from hindrax_ros.graph import publisher, subscription
 
 rclpy.init()
 node = rclpy.create_node("stranger", namespace="/hindrax")
-heard: list[object] = []
-subscription(node, THRUSTER_STATE, heard.append)
+received: list[object] = []
+subscription(node, THRUSTER_STATE, received.append)
 push = publisher(node, OPERATOR_WRENCH)
 arm = node.create_client(Arm, "thrusters/arm")
 deadline = time.monotonic() + float(sys.argv[1])
-while time.monotonic() < deadline and not (heard and push.get_subscription_count() and arm.service_is_ready()):
+while time.monotonic() < deadline and not (received and push.get_subscription_count() and arm.service_is_ready()):
     rclpy.spin_once(node, timeout_sec=0.1)
 found = {
     "nodes": sorted(set(node.get_node_names()) - {"stranger"}),
-    "heard": len(heard),
+    "heard": len(received),
     "readers": push.get_subscription_count(),
     "arm": arm.service_is_ready(),
 }

@@ -102,7 +102,7 @@ def test_a_word_that_is_no_device_is_told() -> None:
 @pytest.mark.ros
 @pytest.mark.usefixtures("stand_in")
 def test_a_device_alone_publishes_under_the_names_that_it_is_given(tmp_path: Path) -> None:
-    heard: list[FluidPressure] = []
+    received: list[FluidPressure] = []
     with (
         MockVehicle(load_vehicle(default_vehicle()), tmp_path, seed=1, rate=1.0) as mock,
         own_domain(mock=True) as domain,
@@ -112,11 +112,11 @@ def test_a_device_alone_publishes_under_the_names_that_it_is_given(tmp_path: Pat
         with adopted(graph):
             rclpy.init()
             node = rclpy.create_node("listener")
-            node.create_subscription(FluidPressure, "/rov1/ms5837/pressure", heard.append, 10)
+            node.create_subscription(FluidPressure, "/rov1/ms5837/pressure", received.append, 10)
             child = subprocess.Popen([sys.executable, "-m", "hindrax_drivers.nodes.device", *words], env=graph)
             try:
                 end = time.monotonic() + PATIENT_S
-                while not heard and time.monotonic() < end:
+                while not received and time.monotonic() < end:
                     mock.step()
                     rclpy.spin_once(node, timeout_sec=0.0)
             finally:
@@ -125,8 +125,8 @@ def test_a_device_alone_publishes_under_the_names_that_it_is_given(tmp_path: Pat
                     mock.step()
                 node.destroy_node()
                 rclpy.shutdown()
-    assert heard, "no pressure from a device without a vehicle file"
-    assert heard[0].header.frame_id == "bar30"
+    assert received, "no pressure from a device without a vehicle file"
+    assert received[0].header.frame_id == "bar30"
     assert child.returncode == 0
 
 

@@ -18,7 +18,7 @@ def tell(event: str, **facts: object) -> None:
     sys.stdout.flush()
 
 
-class Heard:
+class Received:
     """How long ago the vehicle was heard, on the clock of the wall: the mock's own time stops with the tether."""
 
     def __init__(self, operator: Operator) -> None:
@@ -77,12 +77,12 @@ def main() -> None:
         operator.wait(lambda: depth_m(operator) > 0.5, PATIENT_S, lambda: "the depth")
         fly(operator)
         tell("flying", graph=graph(operator.node))
-        heard = Heard(operator)
-        operator.wait(lambda: heard.silent_s() > SILENT_S, PATIENT_S, lambda: "the cut")
+        received = Received(operator)
+        operator.wait(lambda: received.silent_s() > SILENT_S, PATIENT_S, lambda: "the cut")
         tell("cut")
         operator.diagnostics.clear()
         begin = time.monotonic()
-        operator.wait(lambda: heard.silent_s() < SILENT_S, PATIENT_S, lambda: "the vehicle to come back")
+        operator.wait(lambda: received.silent_s() < SILENT_S, PATIENT_S, lambda: "the vehicle to come back")
         tell("back", cut_s=time.monotonic() - begin + SILENT_S)
         before = operator.holds
         operator.wait(lambda: operator.holds is not before, PATIENT_S, lambda: "the holds")

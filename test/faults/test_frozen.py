@@ -76,7 +76,7 @@ def supervised(tmp_path: Path) -> Iterator[SupervisedFlight]:
 def test_whoever_is_frozen_the_wire_is_neutral_in_time_and_it_comes_back_disarmed(supervised: SupervisedFlight) -> None:
     flight = supervised.flight
 
-    def heard(states: int) -> bool:
+    def received(states: int) -> bool:
         return len(flight.pilot.states) > states
 
     for who in ("node", "dead man", "both"):
@@ -87,7 +87,7 @@ def test_whoever_is_frozen_the_wire_is_neutral_in_time_and_it_comes_back_disarme
         assert flight.neutral_after(begin) <= PROMISED_S
         flight.pilot.until(partial(ended, frozen[0]), "the old node to end")
         states = len(flight.pilot.states)
-        flight.pilot.until(partial(heard, states + 5), "the node to come back")
+        flight.pilot.until(partial(received, states + 5), "the node to come back")
         assert not any(state.armed for state in flight.pilot.states[states:])
         assert flight.is_neutral()
         told = " ".join(supervised.told[seen:])

@@ -46,7 +46,7 @@ class Sensors:
         self._node = node
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(node)
-        self.heard: Counter[str] = Counter()
+        self.received: Counter[str] = Counter()
         for topic in TOPICS:
             device = topic.name.removeprefix("raw/").partition("/")[0]
             if device in NAMES:
@@ -54,12 +54,12 @@ class Sensors:
         self.nodes = {name: LifecycleClient(node, name, self.until) for name in NAMES}
 
     def _hear(self, name: str, _message: Any) -> None:
-        self.heard[name] += 1
+        self.received[name] += 1
 
     def until(self, done: Callable[[], Any], what: str) -> None:
         deadline = time.monotonic() + PATIENT_S
         while not done():
-            assert time.monotonic() < deadline, f"waited for {what}; heard {self.heard}"
+            assert time.monotonic() < deadline, f"waited for {what}; heard {self.received}"
             assert self._process.poll() is None, f"it ended, while waiting for {what}"
             self._mock.step()
             self._executor.spin_once(timeout_sec=0.0)
@@ -67,11 +67,11 @@ class Sensors:
 
     def heard_of(self, name: str) -> int:
         """Readings of one device since the last `listen`."""
-        return sum(count for topic, count in self.heard.items() if topic.startswith(f"{name}/"))
+        return sum(count for topic, count in self.received.items() if topic.startswith(f"{name}/"))
 
     def listen(self, *names: str) -> None:
         """Hear anew of each of these, and for a while."""
-        self.heard.clear()
+        self.received.clear()
         end = time.monotonic() + LISTEN_S
         self.until(lambda: all(self.heard_of(name) for name in names) and time.monotonic() > end, f"of {names}")
 
@@ -80,7 +80,7 @@ class Sensors:
 
         def silent() -> bool:
             self.listen(*others)
-            return self.heard_of(name) == 0 and (raw or self.heard[f"raw/{name}"] == 0)
+            return self.heard_of(name) == 0 and (raw or self.received[f"raw/{name}"] == 0)
 
         self.until(silent, f"silence of {name}")
 

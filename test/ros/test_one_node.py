@@ -254,20 +254,20 @@ def test_pulses_of_anybody_become_the_wrench_that_they_achieve(around: Surroundi
     )
     vehicle = load_vehicle(default_vehicle())
     pulses = [1500 + 40 * index for index in range(8)]
-    heard: list[WrenchStamped] = []
-    around.node.create_subscription(WrenchStamped, "/myrov/wrench", heard.append, 10)
+    received: list[WrenchStamped] = []
+    around.node.create_subscription(WrenchStamped, "/myrov/wrench", received.append, 10)
     out = around.node.create_publisher(UInt16MultiArray, "/mavros/rc/out", 10)
 
     def answered() -> bool:
         out.publish(UInt16MultiArray(data=pulses))
-        return bool(heard)
+        return bool(received)
 
     around.until(answered)
     applied = AppliedWrench(vehicle)
     wanted = applied.wrench(applied.forces_N(pulses_of_channels(vehicle, pulses)))
-    assert wrench_from_msg(heard[0]) == pytest.approx(wanted)
-    assert heard[0].header.frame_id == "base_link_fsd"
-    assert stamp_from_msg(heard[0].header.stamp) > 0
+    assert wrench_from_msg(received[0]) == pytest.approx(wanted)
+    assert received[0].header.frame_id == "base_link_fsd"
+    assert stamp_from_msg(received[0].header.stamp) > 0
 
 
 @pytest.fixture(scope="module")

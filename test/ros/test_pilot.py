@@ -195,32 +195,32 @@ def estimate(stamp: Stamp, motion: str = "surge", values: tuple[float, float] = 
 
 def test_feedback_tells_what_is_known_of_the_motion_flown(bench: Bench) -> None:
     bench.say_armed(armed=True)
-    heard = []
+    received = []
     client = ActionClient(bench.operator.node, FlyManeuver, "maneuver/fly")
     bench.until(client.server_is_ready)
     goal = FlyManeuver.Goal(motions=["surge"], excitation="plateaus", on_cancel="neutral")
     goal.stamp = stamp_to_msg(bench.operator.now())
-    client.send_goal_async(goal, feedback_callback=lambda message: heard.append(message.feedback))
-    bench.until(lambda: heard)
-    assert (heard[-1].motion, heard[-1].phase) == ("surge", "settle")
-    assert not heard[-1].coefficients
-    assert not heard[-1].learning
+    client.send_goal_async(goal, feedback_callback=lambda message: received.append(message.feedback))
+    bench.until(lambda: received)
+    assert (received[-1].motion, received[-1].phase) == ("surge", "settle")
+    assert not received[-1].coefficients
+    assert not received[-1].learning
 
     def told(done: Callable[[Any], Any]) -> None:
         deadline = time.monotonic() + PATIENT_S
-        while not done(heard[-1]):
-            assert time.monotonic() < deadline, heard[-1]
+        while not done(received[-1]):
+            assert time.monotonic() < deadline, received[-1]
             bench.operator.spin()
 
     bench.estimates.publish(estimate_to_msg(estimate(bench.operator.now(), motion="sway", values=(1.0, 2.0))))
     bench.estimates.publish(estimate_to_msg(estimate(bench.operator.now())))
     told(lambda last: last.learning)
-    assert heard[-1].coefficients == ["k_q", "k_l"]
-    assert heard[-1].units == ["N s^2/m^2", "N s/m"]
-    assert list(heard[-1].estimates) == [66.1, 1.3]
-    assert list(heard[-1].sigmas) == pytest.approx([0.4, 0.5])
+    assert received[-1].coefficients == ["k_q", "k_l"]
+    assert received[-1].units == ["N s^2/m^2", "N s/m"]
+    assert list(received[-1].estimates) == [66.1, 1.3]
+    assert list(received[-1].sigmas) == pytest.approx([0.4, 0.5])
     told(lambda last: not last.learning)  # nothing is heard of the identifier any more
-    assert list(heard[-1].estimates) == [66.1, 1.3]
+    assert list(received[-1].estimates) == [66.1, 1.3]
     client.destroy()
 
 

@@ -144,23 +144,23 @@ def test_a_wall_clock_that_is_set_disarms_and_is_told_and_shown(watched: Vehicle
     thrusters = publisher(watched.node, THRUSTER_STATE)
     state = ThrusterState(armed=True, state="armed", pulses=[1500.0] * 8)
 
-    def heard() -> bool:
+    def received() -> bool:
         thrusters.publish(state)
         return watched.monitor.armed
 
-    watched.until(lambda: heard() and watched.clock == {"as the wall clock": DiagnosticStatus.OK}, beating=False)
+    watched.until(lambda: received() and watched.clock == {"as the wall clock": DiagnosticStatus.OK}, beating=False)
     assert watched.armed == []
     watched.monitor.stack_time = StackTime(epoch_ns() - round(step_s * 1e9))
-    watched.until(lambda: heard() and len(watched.armed) > 2, beating=False)
+    watched.until(lambda: received() and len(watched.armed) > 2, beating=False)
     assert not any(watched.armed)
     assert set(watched.reasons) == {why}, "a request may be lost: it is repeated"
     watched.until(lambda: any(one.startswith(f"clock: {why}") for one in watched.said), beating=False)
     assert [level for text, level in watched.clock.items() if text.startswith(why)] == [DiagnosticStatus.WARN]
     state.armed = False
-    watched.until(lambda: not heard(), beating=False)
+    watched.until(lambda: not received(), beating=False)
     watched.monitor.repeat_disarm()
     state.armed = True
-    watched.until(heard, beating=False)
+    watched.until(received, beating=False)
     asked = len(watched.armed)
     watched.monitor.repeat_disarm()
     assert len(watched.armed) == asked, "who arms anew after the step is not disarmed for it"

@@ -43,7 +43,7 @@ class Bench:
     """The node with its callbacks by topic and its timers, called by hand, and all that others get from it."""
 
     def __init__(self, patch: pytest.MonkeyPatch, *words: str) -> None:
-        self.heard: dict[str, Callable[[Any], None]] = {}
+        self.received: dict[str, Callable[[Any], None]] = {}
         self.timers: list[tuple[float, Callable[[], None]]] = []
         self.kept: list[str] = []
         self.asked: list[tuple[str, Any]] = []
@@ -67,7 +67,7 @@ class Bench:
 
     def _subscription(self, _node: object, topic: Topic, act: Callable[[Any], None], *, raw: bool = False) -> None:
         assert raw == (topic is THRUSTER_STATE), "read as bytes"
-        self.heard[topic.name] = act
+        self.received[topic.name] = act
 
     def _publisher(self, _node: object, topic: Topic) -> Any:
         assert topic is THRUSTER_HEALTH_ORDER
@@ -104,7 +104,7 @@ class Bench:
         """A heartbeat at a time, stamped so long ago [s]."""
         self.now_s, message = now_s, Heartbeat(source="test")
         message.header.stamp = stamp_to_msg(max(0, self.stamp - round(age_s * NS_PER_S)))
-        self.heard[HEARTBEAT.name](message)
+        self.received[HEARTBEAT.name](message)
 
     def steady(self) -> None:
         """An operator whose link is steady; the last heartbeat at 101.5 s."""
@@ -113,13 +113,13 @@ class Bench:
 
     def thrusters(self, *, armed: bool) -> None:
         state = ThrusterState(armed=armed, state="armed" if armed else "disarmed", pulses=[1500.0] * 8)
-        self.heard[THRUSTER_STATE.name](bytes(serialize_message(state)))
+        self.received[THRUSTER_STATE.name](bytes(serialize_message(state)))
 
     def listed(self, name: str, stamp: int) -> None:
         """The pilot lists one thruster."""
         message = ThrusterHealth(disabled=[name], reasons=["a test"])
         message.header.stamp = stamp_to_msg(Stamp(stamp))
-        self.heard[THRUSTER_HEALTH.name](message)
+        self.received[THRUSTER_HEALTH.name](message)
 
     def clock(self, step_s: float) -> DiagnosticStatus:
         """Set the wall clock ahead of the time of the stack, and return what is said of it."""
@@ -129,7 +129,7 @@ class Bench:
 
     def diagnosed(self, name: str, level: bytes, message: str) -> None:
         status = DiagnosticStatus(name=name, level=level, message=message)
-        self.heard[DIAGNOSTICS.name](DiagnosticArray(status=[status]))
+        self.received[DIAGNOSTICS.name](DiagnosticArray(status=[status]))
 
     def reasons(self) -> list[str]:
         """Why it was asked to disarm, since the last time; nothing else may have been asked."""
@@ -179,7 +179,7 @@ def test_the_link_is_watched_where_an_operator_is_wanted(
 ) -> None:
     bench = make(without_operator)
     assert sorted(seconds for seconds, _ in bench.timers) == periods_s
-    assert (HEARTBEAT.name in bench.heard) is (without_operator != STAY)
+    assert (HEARTBEAT.name in bench.received) is (without_operator != STAY)
 
 
 @pytest.mark.usefixtures("real")
@@ -259,7 +259,7 @@ def test_before_the_time_is_known_a_heartbeat_is_neither_counted_nor_refused(mak
     bench.stamp = Stamp(0)
     message = Heartbeat(source="test")
     message.header.stamp = stamp_to_msg(NOW)
-    bench.heard[HEARTBEAT.name](message)
+    bench.received[HEARTBEAT.name](message)
     (found,) = bench.look(1.0)
     assert (found.level, found.message, bench.said) == (DiagnosticStatus.OK, "no operator yet", [])
 
@@ -294,7 +294,7 @@ def test_bytes_that_are_no_state_of_the_thrusters_are_refused_and_change_nothing
     assert not bench.monitor.armed
     bench.thrusters(armed=True)
     for data in (b"", bytes(7)):
-        bench.heard[THRUSTER_STATE.name](data)
+        bench.received[THRUSTER_STATE.name](data)
     assert bench.monitor.armed
     assert [one.partition(": ")[2].partition(":")[0] for one in bench.said] == ["thrusters/state"]
     (found,) = bench.look(1.0)

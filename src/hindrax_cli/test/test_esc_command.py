@@ -94,9 +94,9 @@ def supplied(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
     """A vehicle with a battery sensor that reads a given voltage."""
 
     def reads(volts: float) -> None:
-        heard = CapturedReadings("INA226", (Stamped(Stamp(0), Battery(volts)),))
+        received = CapturedReadings("INA226", (Stamped(Stamp(0), Battery(volts)),))
         monkeypatch.setattr(command, "output_settings", lambda _: Settings(hindrax_with("ina226"), "/dev/i2c-1"))
-        monkeypatch.setattr(command, "capture", lambda *_: heard)
+        monkeypatch.setattr(command, "capture", lambda *_: received)
 
     return reads
 

@@ -134,13 +134,13 @@ def test_a_range_that_is_stamped_after_the_state_is_not_older_than_it() -> None:
     assert found.reading.ages_s["ping1d"] == 0.0
 
 
-@pytest.mark.parametrize(("range_m", "heard"), [(0.2, True), (0.0, False), (-1.0, False), (math.inf, False)])
-def test_a_range_is_a_positive_number(range_m: float, heard: bool) -> None:
+@pytest.mark.parametrize(("range_m", "received"), [(0.2, True), (0.0, False), (-1.0, False), (math.inf, False)])
+def test_a_range_is_a_positive_number(range_m: float, received: bool) -> None:
     odometry = ExternalOdometry(VEHICLE)
     odometry.range(NOW, range_m)
     found, _ = odometry.step(Stamped(NOW, LEVEL), MINE, NOW)
     assert found is not None
-    assert math.isfinite(found.reading.altitude_m) is heard
+    assert math.isfinite(found.reading.altitude_m) is received
 
 
 def test_without_an_altimeter_there_is_no_height_above_the_bottom() -> None:

@@ -219,20 +219,20 @@ class Filter:
     """In the place of the joint filter: what it heard."""
 
     def __init__(self) -> None:
-        self.heard, self.started = list[tuple[Any, ...]](), False
+        self.received, self.started = list[tuple[Any, ...]](), False
         self.begun: tuple[float, list[float], Array, float] | None = None
 
     def thrust(self, t_s: float, value: float) -> None:
-        self.heard.append(("thrust", t_s, value))
+        self.received.append(("thrust", t_s, value))
 
     def known(self, t_s: float, value: float) -> None:
-        self.heard.append(("known", t_s, value))
+        self.received.append(("known", t_s, value))
 
     def position(self, t_s: float, value: float) -> None:
-        self.heard.append(("position", t_s, value))
+        self.received.append(("position", t_s, value))
 
     def velocity(self, t_s: float, value: float) -> None:
-        self.heard.append(("velocity", t_s, value))
+        self.received.append(("velocity", t_s, value))
 
     def start(self, t_s: float, theta: Array, covariance: Array, variance: float) -> None:
         self.started, self.begun = True, (t_s, theta.tolist(), covariance, variance)
@@ -256,7 +256,7 @@ def test_the_joint_filter_hears_everything_in_time_but_derived_velocities() -> N
     estimator.velocity(0.25, 0.5)
     estimator.velocity(0.3, 0.6, derived=True)
     estimator.velocity(0.4, 0.7)
-    assert joint.heard == [
+    assert joint.received == [
         ("thrust", 0.1, 1.0),
         ("known", 0.2, 2.0),
         ("velocity", 0.25, 0.5),

@@ -20,7 +20,7 @@ from hindrax_ident.tuning import Tuning
 LEVEL = (0.0, 0.0, 0.0)
 MASSES = Masses((27.3, 34.65, 37.7, 0.7, 0.9, 0.8), (0.2, 10.0, 12.0, 0.3, 0.3, 0.3))
 UNSAID = (NAN, NAN, NAN)
-Heard = tuple[str, float, float]
+Received = tuple[str, float, float]
 
 
 class Estimator(AxisEstimator):
@@ -28,30 +28,30 @@ class Estimator(AxisEstimator):
 
     def __init__(self, model: Model, prior: Prior) -> None:
         super().__init__(model, 0.15, prior, Tuning())
-        self.heard: list[Heard] = []
+        self.received: list[Received] = []
         self.efforts: list[float | None] = []
         self.refusals: list[tuple[str, bool]] = []
 
     def thrust(self, t_s: float, force: float, effort: float | None = None) -> None:
-        self.heard.append(("thrust", t_s, force))
+        self.received.append(("thrust", t_s, force))
         self.efforts.append(effort)
         super().thrust(t_s, force, effort)
 
     def known(self, t_s: float, force: float) -> None:
-        self.heard.append(("known", t_s, force))
+        self.received.append(("known", t_s, force))
         super().known(t_s, force)
 
     def position(self, t_s: float, position: float) -> None:
-        self.heard.append(("position", t_s, position))
+        self.received.append(("position", t_s, position))
         super().position(t_s, position)
 
     def velocity(self, t_s: float, v: float, refusal: str = "", *, derived: bool = False) -> Verdict:
-        self.heard.append(("velocity", t_s, v))
+        self.received.append(("velocity", t_s, v))
         self.refusals.append((refusal, derived))
         return super().velocity(t_s, v, refusal, derived=derived)
 
     def of(self, kind: str) -> list[tuple[float, float]]:
-        return [(t_s, value) for one, t_s, value in self.heard if one == kind]
+        return [(t_s, value) for one, t_s, value in self.received if one == kind]
 
 
 def begun(vehicle: Vehicle, axis: int, tuning: Tuning | None = None) -> tuple[AxisSession, Estimator]:
@@ -235,7 +235,7 @@ def test_angles_restore_roll_and_pitch_and_are_kept_twice_a_second(vehicle: Vehi
 def test_yaw_has_no_position(vehicle: Vehicle) -> None:
     session, estimator = begun(vehicle, 5)
     assert session.attitude(1.0, (0.1, 0.2, 0.3), 1.5, "") == []
-    assert estimator.heard == []
+    assert estimator.received == []
 
 
 def depths(
@@ -253,7 +253,7 @@ def test_depths_give_the_velocity_of_heave_where_no_instrument_does(vehicle: Veh
     session, estimator = begun(vehicle, 2)
     assert [len(session.velocity(t_s, 5.0, "navigation", "")) for t_s in (0.8, 0.9)] == [0, 1]
     assert len(kept(session)) == 1
-    estimator.heard.clear()
+    estimator.received.clear()
     estimator.refusals.clear()
     at_s = depths(session, 1.0, 9)
     # Means of two depths each, over 0.1 s: at 1.025, 1.125 and so on; their differences lie between them.
@@ -304,7 +304,7 @@ def test_depths_of_a_sensor_count_before_those_of_a_navigator(vehicle: Vehicle) 
 def test_depths_are_nothing_to_the_other_axes(vehicle: Vehicle, axis: int) -> None:
     session, estimator = begun(vehicle, axis)
     depths(session, 1.0, 9)
-    assert [one for one in estimator.heard if one[0] in ("position", "velocity")] == []
+    assert [one for one in estimator.received if one[0] in ("position", "velocity")] == []
     assert session.velocity(2.0, 0.1, "navigation", "") == []
     assert len(session.velocity(2.1, 0.1, "navigation", "")) == 1
     assert len(kept(session)) == 1

@@ -28,7 +28,7 @@ def test_a_mean_has_the_mean_time() -> None:
 
 
 @pytest.mark.parametrize(
-    ("heard", "accepted"),
+    ("names", "accepted"),
     [
         (["dvl75", "dvl75"], [True, True]),
         (["dvl75", "other_log", "dvl75"], [True, False, True]),
@@ -38,7 +38,7 @@ def test_a_mean_has_the_mean_time() -> None:
         (["navigator", "other_log", "dvl75"], [True, True, False]),
     ],
 )
-def test_the_first_source_stays_but_an_instrument_replaces_a_navigator(heard: list[str], accepted: list[bool]) -> None:
+def test_the_first_source_stays_but_an_instrument_replaces_a_navigator(names: list[str], accepted: list[bool]) -> None:
     selector = SourceSelector()
     assert selector.name == ""
-    assert [selector.accepts(name) for name in heard] == accepted
+    assert [selector.accepts(name) for name in names] == accepted

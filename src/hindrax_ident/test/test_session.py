@@ -33,7 +33,7 @@ def theta_of(vehicle: Vehicle, axis: int) -> tuple[Model, Array]:
     return model, np.array([*drag, first["b"], *flush, model.rigid + first["added_mass"]])
 
 
-def heard(vehicle: Vehicle, axis: int, seed: int = 1, end_s: float = 80.0, **options: Any) -> list[Any]:
+def received(vehicle: Vehicle, axis: int, seed: int = 1, end_s: float = 80.0, **options: Any) -> list[Any]:
     model, theta = theta_of(vehicle, axis)
     flight = fly(model, theta, back_and_forth(LEVELS[axis], SPANS_S[axis], end_s), 0.15)
     motion = motions_of(axis)[0].name
@@ -54,7 +54,7 @@ def run(
 
 @pytest.fixture(scope="module")
 def surge(vehicle: Vehicle) -> list[Any]:
-    return heard(vehicle, 0, plateau_s=6.0)
+    return received(vehicle, 0, plateau_s=6.0)
 
 
 def test_a_record_knows_what_each_thruster_did_unless_one_thrust_does_not_tell(
@@ -77,7 +77,7 @@ def test_a_record_knows_what_each_thruster_did_unless_one_thrust_does_not_tell(
 
 @pytest.mark.parametrize("axis", range(6), ids=NAMES)
 def test_truth_lies_within_three_standard_deviations(vehicle: Vehicle, axis: int) -> None:
-    session, _ = run(vehicle, heard(vehicle, axis, plateau_s=3.0))
+    session, _ = run(vehicle, received(vehicle, axis, plateau_s=3.0))
     results = with_truth(session.finalize().results, truth_of(vehicle))
     assert set(results.motions) == {motion.name for motion in motions_of(axis)}
     for result in results.motions.values():
@@ -208,7 +208,7 @@ def test_values_that_no_vehicle_has_do_no_harm(vehicle: Vehicle, surge: list[Any
 
 @pytest.mark.parametrize("depth_m", [math.nan, math.inf, 1e200, -2e4])
 def test_depths_that_no_vehicle_has_do_no_harm(vehicle: Vehicle, depth_m: float) -> None:
-    heave = heard(vehicle, 2, end_s=40.0)
+    heave = received(vehicle, 2, end_s=40.0)
     depth = Stamped(stamp_from_s(20.005), Attitude((math.nan,) * 3, depth_m))
     dirty = sorted([*heave, depth], key=lambda event: event.stamp)
     assert run(vehicle, dirty)[0].finalize().results.to_json() == run(vehicle, heave)[0].finalize().results.to_json()
@@ -253,7 +253,7 @@ def test_a_wrong_lag_in_the_vehicle_file_is_found_and_felt(vehicle: Vehicle) -> 
 
 
 def test_late_stamps_are_not_taken_for_a_longer_lag(vehicle: Vehicle) -> None:
-    said = heard(vehicle, 0, end_s=160.0)
+    said = received(vehicle, 0, end_s=160.0)
     late = [Stamped(after(one.stamp, 0.08), one.reading) if isinstance(one.reading, Velocity) else one for one in said]
     result = run(vehicle, sorted(late, key=lambda one: one.stamp))[0].finalize().results.motions["surge"]
     assert result.quality["latency_s"] == pytest.approx(0.08, abs=0.02)

@@ -96,18 +96,18 @@ class Echoing:
     ready = True
 
     def __init__(self) -> None:
-        self.heard: list[tuple[str, float, bytes]] = []
+        self.received: list[tuple[str, float, bytes]] = []
 
     def start(self, stamp: Stamp) -> tuple[()]:
-        self.heard.append(("start", stamp / NS_PER_S, b""))
+        self.received.append(("start", stamp / NS_PER_S, b""))
         return ()
 
     def feed(self, data: bytes, stamp: Stamp) -> tuple[()]:
-        self.heard.append(("feed", stamp / NS_PER_S, data))
+        self.received.append(("feed", stamp / NS_PER_S, data))
         return ()
 
     def tick(self, stamp: Stamp) -> tuple[()]:
-        self.heard.append(("tick", stamp / NS_PER_S, b""))
+        self.received.append(("tick", stamp / NS_PER_S, b""))
         return ()
 
 
@@ -116,10 +116,10 @@ def test_serial_device_hears_bytes_and_the_passing_of_time() -> None:
     wire = SerialWire(device)
     for stamp, direction, data in [(1.0, 1, b"order"), (1.02, 0, b"ab"), (1.14, 0, b"cd")]:
         list(wire.frame(Stamp(round(stamp * NS_PER_S)), direction, data))
-    assert [one for one in device.heard if one[0] != "tick"] == [
+    assert [one for one in device.received if one[0] != "tick"] == [
         ("start", 1.0, b""),
         ("feed", 1.02, b"ab"),
         ("feed", 1.14, b"cd"),
     ]
-    ticks = [at for word, at, _ in device.heard if word == "tick"]
+    ticks = [at for word, at, _ in device.received if word == "tick"]
     assert max(later - earlier for earlier, later in pairwise(ticks)) <= 0.0501

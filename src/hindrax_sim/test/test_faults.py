@@ -62,7 +62,7 @@ class Clockwork:
     def __init__(self, message: bytes = b"0123456789") -> None:
         self.message = message
         self.done: list[str] = []
-        self.heard = b""
+        self.received = b""
         self._due_s = 0.1
 
     def step(self, now_s: float) -> bytes:
@@ -74,7 +74,7 @@ class Clockwork:
 
     def receive(self, data: bytes, now_s: float) -> bytes:
         del now_s
-        self.heard += data
+        self.received += data
         return data.upper()
 
     def power_cycle(self, now_s: float) -> None:
@@ -127,7 +127,7 @@ def test_absent_is_silent_and_deaf() -> None:
     faulty = line("absent")
     assert during(chunks(faulty, 1.5)) == []
     assert faulty.receive(b"hello", 1.6) == b""
-    assert clockwork(faulty).heard == b""
+    assert clockwork(faulty).received == b""
     assert faulty.connected
 
 
@@ -192,8 +192,8 @@ def test_a_baud_mismatch_works_both_ways() -> None:
     found = during(chunks(faulty, 1.5))
     assert all(b"0123456789" not in chunk for chunk in found)
     faulty.receive(b"0123456789", 1.6)
-    assert clockwork(faulty).heard
-    assert b"0123456789" not in clockwork(faulty).heard
+    assert clockwork(faulty).received
+    assert b"0123456789" not in clockwork(faulty).received
 
 
 def test_repeated_says_its_first_words_again() -> None:
@@ -219,8 +219,8 @@ def test_only_the_faults_of_a_device_fall_on_it() -> None:
 
 def test_a_leak_reaches_the_probe_and_goes_with_the_water() -> None:
     rig = BytesRig(hindrax_with("sos_leak"), seed=1, faults=[FaultSpec("leak", ("hull",), 1.0, 1.0)])
-    end, heard = after(rig.world.stamp, 3.5), []
+    end, received = after(rig.world.stamp, 3.5), []
     while rig.world.stamp < end:
-        heard += [one for name, one in rig.advance() if name == "sos_leak"]
-    told = [key for key, _ in groupby(one.reading.wet for one in heard if isinstance(one.reading, Leak))]
+        received += [one for name, one in rig.advance() if name == "sos_leak"]
+    told = [key for key, _ in groupby(one.reading.wet for one in received if isinstance(one.reading, Leak))]
     assert told == [False, True, False]

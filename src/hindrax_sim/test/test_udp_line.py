@@ -27,16 +27,16 @@ class Wired:
 
     def run(self, seconds: float) -> list[bytes]:
         """Datagrams of a time."""
-        heard = []
+        received = []
         for _ in range(round(seconds / 0.01)):
             self.now_s += 0.01
             self.port.write(self.device.step(self.now_s) + self.device.receive(self.port.read(), self.now_s))
             while True:
                 try:
-                    heard.append(self.program.recv(2048))
+                    received.append(self.program.recv(2048))
                 except BlockingIOError:
                     break
-        return heard
+        return received
 
     def close(self) -> None:
         self.program.close()

@@ -28,8 +28,8 @@ def headline(view: Snapshot, title: str) -> Text:
     thrusters = view.thrusters
     if view.silent_s > SILENT_s:
         silent = "no message yet" if math.isinf(view.silent_s) else f"no message for {view.silent_s:.0f} s"
-        told = "" if view.stoppable else "  nobody there to stop it: if it thrusts, cut the power"
-        return Text.assemble((f" {silent} ", "bold white on red"), told, "  ", (title, DIM))
+        hint = "" if view.stoppable else "  nobody there to stop it: if it thrusts, cut the power"
+        return Text.assemble((f" {silent} ", "bold white on red"), hint, "  ", (title, DIM))
     color = "bold white on red" if thrusters.armed else "bold black on green"
     word = thrusters.state.upper() if thrusters.armed or thrusters.state == "disarmed" else thrusters.state
     style = color if thrusters.armed or thrusters.state == "disarmed" else "bold black on yellow"
