@@ -7,6 +7,7 @@ import pytest
 from hindrax_bringup import clone
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.explain.trials import print_bench
+from hindrax_tools.benchmarks.stack import TICK_us, row
 
 
 def test_a_vehicle_without_the_peers_gets_a_sentence(
@@ -30,3 +31,12 @@ def test_a_long_time_is_a_number_and_not_an_exponent(capsys: pytest.CaptureFixtu
     for words in ("369000", "1000000", "2.71", "0.0965", "without the model"):
         assert words in said
     assert "e+" not in said
+
+
+def test_a_process_that_took_no_time_is_not_so_many_times_faster(capsys: pytest.CaptureFixture[str]) -> None:
+    found = [row(name, us, 20.0, "a node", 3e5) for name, us in (("fork server", 0.0), ("sensors", 100.0 * TICK_us))]
+    assert found[0]["ratio"] is None
+    assert found[1]["ratio"] == pytest.approx(3e3 / TICK_us)
+    print_bench(found)
+    line = next(one for one in capsys.readouterr().out.splitlines() if "fork server" in one)
+    assert [cell.strip() for cell in line.split("\u2502")[2:5]] == ["0", "300000", ""]

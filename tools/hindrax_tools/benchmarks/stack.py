@@ -26,17 +26,19 @@ def rows() -> list[dict[str, Any]]:
     peer_us, peer_MB = spans.pop("listener")
     spans["all nodes"] = sum(us for us, _ in spans.values()), sum(size for _, size in spans.values())
     peer = f"one rclpy node that listens to all topics, {peer_MB:.0f} MB"
-    return [
-        {
-            "name": f"CPU of 1 s at vehicle rates: {name}, {size_MB:.0f} MB",
-            "ours_us": us,
-            "pss_MB": size_MB,
-            "peer": peer,
-            "peer_us": peer_us,
-            "ratio": peer_us / max(us, TICK_us),
-        }
-        for name, (us, size_MB) in spans.items()
-    ]
+    return [row(name, us, size_MB, peer, peer_us) for name, (us, size_MB) in spans.items()]
+
+
+def row(name: str, us: float, size_MB: float, peer: str, peer_us: float) -> dict[str, Any]:
+    """One row of the table; a process that took less than the clock can tell has no ratio."""
+    return {
+        "name": f"CPU of 1 s at vehicle rates: {name}, {size_MB:.0f} MB",
+        "ours_us": us,
+        "pss_MB": size_MB,
+        "peer": peer,
+        "peer_us": peer_us,
+        "ratio": peer_us / us if us >= TICK_us else None,
+    }
 
 
 def _measure(stack: Stack) -> dict[str, tuple[float, float]]:
