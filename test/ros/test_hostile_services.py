@@ -50,7 +50,7 @@ from hindrax_msgs.srv import Arm, Recentre
 from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.messages.convert import stamp_to_msg
 from hindrax_ros.messages.serialization import message_class
-from hindrax_tools.reference.nodes import edges
+from hindrax_tools.reference.graph import edges
 
 pytestmark = pytest.mark.ros
 

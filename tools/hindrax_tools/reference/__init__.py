@@ -3,15 +3,15 @@
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from hindrax_tools.reference import commands, devices, interfaces, nodes, parameters
+from hindrax_tools.reference import commands, devices, graph, parameters
 
 PAGES: Mapping[str, Callable[[], str]] = {
     "commands.md": commands.page,
     "devices.md": devices.page,
-    "messages.md": interfaces.messages_page,
-    "nodes.md": nodes.page,
+    "messages.md": graph.messages_page,
+    "nodes.md": graph.nodes_page,
     "parameters.md": parameters.page,
-    "topics.md": interfaces.topics_page,
+    "topics.md": graph.topics_page,
     "vehicle-file.md": parameters.vehicle_page,
     "worlds.md": devices.worlds_page,
 }

@@ -1,16 +1,21 @@
-"""Page of the nodes, from their roles: what each takes, gives and serves, and its states."""
+"""Pages of the graph: nodes from their roles; topics from their table; our own messages, services and actions.
+
+The page of the nodes has what each takes, gives and serves, and its states.
+"""
 
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 
+from hindrax_bringup.clone import clone_root
 from hindrax_bringup.network.security import ARM, ASSESS, CANCEL, FLY, RECENTRE, ROLES, RUN, Role
 from hindrax_bringup.processes import EVERY
 from hindrax_core.sensor_table import SENSORS
-from hindrax_core.topics import NAMESPACE, Topic, resolved
+from hindrax_core.topics import NAMESPACE, TOPICS, Quality, Topic, resolved
 from hindrax_drivers.lifecycle import State
 from hindrax_drivers.output.output_guard import ArmingPhase
-from hindrax_tools.reference.markdown import code, head, table
+from hindrax_tools.reference.markdown import code, head, number, table
 
-ABOUT = f"""What every node takes and gives, in the default namespace `{NAMESPACE}`. The access policies of SROS2 are
+NODES = f"""What every node takes and gives, in the default namespace `{NAMESPACE}`. The access policies of SROS2 are
 made of the same table and allow nothing else. [How to use one node](../how-to/use-one-node.md) without the others.
 
 Besides, every node takes `/clock` in mock, gives `/rosout`, has the services of its [parameters](parameters.md), and
@@ -59,12 +64,17 @@ STATES: Mapping[str, str] = {
 ALONE = {name: f"ros2 run hindrax_control {name}" for name in ("teleop", "thrust")}
 """Nodes that no process of the stack hosts."""
 LIFECYCLE = f"lifecycle: {', '.join(state.name.lower() for state in State)}"
+TOPICS_ABOUT = """Every topic of the stack. Only the vehicle's own machine sees them unless a tether is named. Recorded
+ones are in every bag. A rate of 0 means: on change."""
+MESSAGES = """Interfaces of `hindrax_msgs`. Where a standard message serves, it is used instead (see
+[topics](topics.md)). Every field says its unit; `-` has none."""
+FOLDERS = {"msg": ("",), "srv": ("request", "response"), "action": ("goal", "result", "feedback")}
 
 
-def page() -> str:
-    """Return the page."""
+def nodes_page() -> str:
+    """Page of the nodes."""
     nodes = (role for role in ROLES if role.enclave != "bench")
-    return head("Nodes", ABOUT) + "".join(map(_node, nodes))
+    return head("Nodes", NODES) + "".join(map(_node, nodes))
 
 
 def _node(role: Role) -> str:
@@ -96,3 +106,62 @@ def _type(name: str) -> str:
 
 def _name(topic: Topic | str) -> str:
     return topic if isinstance(topic, str) else resolved(topic)
+
+
+def messages_page() -> str:
+    """Page of the messages."""
+    root = clone_root() / "src" / "hindrax_msgs"
+    files = [file for folder in FOLDERS for file in sorted((root / folder).iterdir())]
+    return head("Messages, services, actions", MESSAGES) + "".join(map(_interface, files))
+
+
+def _interface(file: Path) -> str:
+    about, parts = _read(file)
+    tables = [
+        (f"\n{title}:\n" if title else "") + "\n" + table(("type", "field", "unit", "meaning"), part)
+        for title, part in zip(FOLDERS[file.parent.name], parts, strict=True)
+    ]
+    return f"\n## hindrax_msgs/{file.parent.name}/{file.stem}\n\n{about}\n" + "".join(tables)
+
+
+def _read(file: Path) -> tuple[str, list[list[tuple[str, ...]]]]:
+    """Comment at the top of a definition, and the fields of each of its parts."""
+    about: list[str] = []
+    parts: list[list[tuple[str, ...]]] = [[]]
+    for line in file.read_text(encoding="utf-8").splitlines():
+        if line.startswith("#"):
+            about.append(line.removeprefix("#").strip())
+        elif line.startswith("---"):
+            parts.append([])
+        elif line.strip():
+            parts[-1].append(_field(line))
+    return " ".join(about), parts
+
+
+def _field(line: str) -> tuple[str, ...]:
+    """Type, name, unit and meaning of one line; constants have no unit."""
+    declaration, _, comment = line.partition("#")
+    kind, _, name = declaration.strip().partition(" ")
+    meaning, unit = comment.strip(), ""
+    if meaning.endswith("]"):
+        meaning, _, unit = meaning[:-1].rpartition("[")
+    return code(kind), code(name.strip()), unit, meaning.strip()
+
+
+def topics_page() -> str:
+    """Page of the topics."""
+    columns = ("topic", "type", "rate [Hz]", "quality", "recorded", "meaning")
+    return f"{head('Topics', TOPICS_ABOUT)}\n{table(columns, map(_topic, TOPICS))}"
+
+
+def _topic(topic: Topic) -> tuple[str, ...]:
+    name, kind, quality = code(resolved(topic)), code(topic.type), _quality(topic.quality)
+    return name, kind, number(topic.rate_Hz), quality, "yes" if topic.recorded else "no", topic.meaning
+
+
+def _quality(quality: Quality) -> str:
+    words = ["reliable" if quality.reliable else "best effort", f"depth {quality.depth}"]
+    words += ["latched"] if quality.latched else []
+    words += [f"deadline {quality.deadline_s:g} s"] if quality.deadline_s else []
+    words += [f"lifespan {quality.lifespan_s:g} s"] if quality.lifespan_s else []
+    return ", ".join(words)
