@@ -1,4 +1,4 @@
-"""What the kernel says of processes on this machine: which ones are stopped, and which one is a child of which."""
+"""Processes on this machine as the kernel sees them: which ones are stopped, and which one is a child of which."""
 
 import contextlib
 import os

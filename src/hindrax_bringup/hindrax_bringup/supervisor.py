@@ -110,7 +110,7 @@ class Supervisor:
             heartbeat.write_bytes(b"")
         variables, reports = {VARIABLE: str(heartbeat)}, process.reports and self.show_reports
         with (self.logs / f"{process.name}.log").open("ab") as log:
-            if self.fork_server is not None and not process.last_resort:  # the dead man depends on nobody
+            if self.fork_server is not None and not process.last_resort:  # the dead man depends on no other process
                 outputs = log.fileno(), 2 if reports else log.fileno()
                 try:
                     return self.fork_server.start(process.module, arguments, variables, outputs, pipe=pipe)
@@ -211,7 +211,7 @@ class Supervisor:
     def close(self) -> None:
         """End all processes, the vehicle's before the mock's, and leave none behind, however often Ctrl-C is pressed.
 
-        HindraxError when a process that drives an output has not left it safe, and nobody could in its place.
+        HindraxError when a process that drives an output has not left it safe, and no other could in its place.
         """
         with stop_signals(lambda _number, _frame: None):
             self._close()

@@ -15,7 +15,7 @@ STDERR = 2
 
 
 def sentence(who: str = "hindrax") -> str:
-    """What is said of a Ctrl-C; a terminal has echoed ^C, and it stands below."""
+    """Message at a Ctrl-C; a terminal has echoed ^C, and it stands below."""
     return f"{chr(10) if os.isatty(STDERR) else ''}{who}: stopped by Ctrl-C"
 
 

@@ -104,7 +104,7 @@ def _places(seconds: float) -> int:
 
 @dataclass(slots=True)
 class SinglePublisher:
-    """Who is obeyed on a topic that anybody may publish: wrenches, the state of the vehicle.
+    """The one accepted publisher of a topic that any node may publish: wrenches, the state of the vehicle.
 
     `name` is empty until there is one. It changes only while the thrusters are disarmed.
     """

@@ -311,7 +311,7 @@ def missing_solution(operator: Any) -> str:
 
 
 def report_devices(operator: Any, reported: dict[str, str], progress: Progress) -> None:
-    """One line when a device or node is up, and one for what it still waits for; `reported`: what they said before."""
+    """One line when a device or node is up, and one for what it still waits for; `reported`: their last reports."""
     now = troubles(operator)
     for name, trouble in now.items():
         if change := health_change(name, reported.get(name), trouble):

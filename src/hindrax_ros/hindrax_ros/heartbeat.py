@@ -1,6 +1,6 @@
 """The heartbeat of a process: once a second the time, in a file that its supervisor named.
 
-The supervisor reads it, and so does whoever asks for the health of a stack. It needs no ROS and no port, so it tells of
+The supervisor reads it, and so does whoever asks for the health of a stack. It needs no ROS and no port, so it reveals
 a process that hangs in either. Time is that of the monotonic clock [s], which all processes of a machine share.
 """
 
@@ -22,7 +22,7 @@ class Heartbeat:
 
     def __init__(self, path: str) -> None:
         self._file, self._due_s = -1, 0.0
-        with contextlib.suppress(OSError):  # nobody named a file, or the supervisor has gone and its folder with it
+        with contextlib.suppress(OSError):  # no file is named, or the supervisor has gone and its folder with it
             self._file = os.open(path, os.O_WRONLY | os.O_CREAT, 0o600)
 
     @classmethod

@@ -16,7 +16,7 @@ READER_WAIT_S = 10.0
 class FrameTap:
     """Collects the frames of one source and publishes them as one message every `period_s`.
 
-    The first message waits until somebody has subscribed, or for `READER_WAIT_S`: on a busy machine the recorder may be
+    The first message waits until there is a subscriber, or for `READER_WAIT_S`: on a busy machine the recorder may be
     discovered later than the first frames are there.
     """
 

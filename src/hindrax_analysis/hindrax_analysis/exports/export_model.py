@@ -50,7 +50,7 @@ def mean_of_directions(drag: Drag) -> tuple[float, float]:
 
 
 def _joined(notes: Sequence[str]) -> list[str]:
-    """What is said of several axes is said once: `sway, heave: not in the results`."""
+    """One note for several axes: `sway, heave: not in the results`."""
     axes: dict[str, list[str]] = {}
     for note in notes:
         axis, _, text = note.partition(": ")

@@ -86,7 +86,7 @@ def date_of(bag: Path) -> str:
 
 
 def _description(bag: Path) -> Mapping[str, str]:
-    """What the recorder says of a bag of this stack; empty for third-party bags."""
+    """Description that the recorder put into a bag of this stack; empty for third-party bags."""
     for file in bag_files(bag):
         if file.suffix == ".db3":
             return {}

@@ -26,7 +26,7 @@ from hindrax_core.vehicle import AXES, Vehicle
 LONGEST_STEP_S = 0.2
 HYDROSTATIC = np.array([axis in ("heave", "roll", "pitch") for axis in AXES])
 AT_WORK_N = 0.1
-"""Force below which all thrusters stand: nothing is learned of a vehicle that somebody holds."""
+"""Force below which all thrusters stand: nothing is learned of a vehicle that is held by hand."""
 FIRST_S = 5.0
 """Time under thrust for which ballast and trim are the mean of all that was seen."""
 JUDGED_S = 0.09
@@ -35,7 +35,7 @@ JUDGED_S = 0.09
 
 @dataclass(frozen=True, slots=True)
 class FaultDetectorKnobs:
-    """Thresholds of suspicion."""
+    """Detection thresholds."""
 
     trim_s: float = knob(30.0, 1.0, 600.0, "time over which ballast and trim are learned [s]")
     filter_s: float = knob(0.6, 0.1, 10.0, "time constant of the filter of the momentum balance [s]")

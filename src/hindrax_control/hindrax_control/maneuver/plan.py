@@ -237,7 +237,7 @@ class Planner:
     def _levels(self, motion: str) -> list[float]:
         """Levels by the knobs.
 
-        The fastest and the slowest come first: they tell most of the drag, so an early end already knows it.
+        The fastest and the slowest come first: they show most of the drag, so an early end already knows it.
         """
         count = self.knobs.turning_levels if motion in TURNING else self.knobs.levels
         rising = [index / (count - 1) for index in range(count - 1)]

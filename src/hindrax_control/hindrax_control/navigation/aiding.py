@@ -42,7 +42,7 @@ class AidingKnobs(AttitudeKnobs, HeadingKnobs, VerticalKnobs, HorizontalKnobs):
     dvl_altitude_after_s: float = knob(0.5, 0.0, 60.0, "silence of the sonar after which the DVL's altitude serves [s]")
     dvl_altitude_sigma_m: float = knob(0.05, 1e-4, 1.0, "standard deviation of the DVL's altitude [m]")
     fastest_mps: float = knob(3.0, 0.1, 20.0, "velocity above which a DVL sample is rejected [m/s]")
-    repeated_s: float = knob(1.0, 0.1, 60.0, "longest time for which a DVL may say the very same, but for rest [s]")
+    repeated_s: float = knob(1.0, 0.1, 60.0, "longest time for which a DVL may repeat one velocity, but for rest [s]")
 
 
 class Aiding:
@@ -83,7 +83,7 @@ class Aiding:
         return self.horizontal.fuse(u, v, reading.sigma_mps, way, repeated=repeated_s > 0.0)
 
     def _repeated_s(self, velocity_mps: Vec3, valid_s: float) -> float:
-        """Time for which a DVL says the very same: in motion its noise shows in the last digits, at rest it may not."""
+        """Time for which a DVL repeats a velocity: in motion its noise shows in the last digits, at rest it may not."""
         if velocity_mps != self._last_velocity or not any(velocity_mps):
             self._last_velocity, self._last_velocity_s = velocity_mps, valid_s
         return valid_s - self._last_velocity_s

@@ -137,7 +137,7 @@ class EstimatorHealth:
         silent_s = min((navigation.ages_s.get(name, 0.0) for name in self._depth_sensors), default=0.0)
         yield "floor", above(words, -navigation.altitude_m, knobs.below_floor_m, 2) if silent_s > SILENT_S else ""
         found, most = evidence.frozen_s, knobs.frozen_s
-        words = "the inertial sensor has said the very same for"
+        words = "the inertial sensor has repeated one sample for"
         yield "frozen", f"{words} {found:.1f} s, wanted noise" if found > most else ""
         found, most = math.degrees(math.hypot(*navigation.rate_radps)), knobs.rate_dps
         yield "rate", above("{} deg/s, wanted at most {} deg/s", found, most, 0)

@@ -155,7 +155,7 @@ class Stm32:
             self.identity = identity
             outputs.append(Identity(identity))
         if self.armed and not beat.armed and self._pending is None:
-            outputs.append(Trouble(stamp, "stm32: has disarmed itself; see what it said before, then arm again"))
+            outputs.append(Trouble(stamp, "stm32: has disarmed itself; see its messages before, then arm again"))
         self.armed = beat.armed
         return outputs
 

@@ -238,7 +238,7 @@ def write_neutral(settings: Settings) -> int:
 
 def report(text: str) -> None:
     """One line to the operator, in the log of the process."""
-    with contextlib.suppress(OSError):  # nobody may be left to read it
+    with contextlib.suppress(OSError):  # its reader may be gone
         sys.stderr.write(f"thrusters: {text}\n")
         sys.stderr.flush()
 

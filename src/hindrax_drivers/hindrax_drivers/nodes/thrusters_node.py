@@ -3,7 +3,7 @@
 The output is served by a thread from the start, with neutral first. Commands are judged on that thread, on the clock of
 the output. The lifecycle shows whether the output is there; once an operator has asked for any state but active, the
 output stays neutral and disarmed until `activate`. A finalized node goes on repeating neutral and says so: an output
-that nobody serves keeps its last pulses.
+that no process serves keeps its last pulses.
 """
 
 import contextlib

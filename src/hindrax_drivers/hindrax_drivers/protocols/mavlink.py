@@ -68,7 +68,7 @@ class CommandLong:
 
 @dataclass(frozen=True, slots=True)
 class CommandAck:
-    """COMMAND_ACK: a command, its MAV_RESULT (0 for accepted), and who gave the command (0: not said)."""
+    """COMMAND_ACK: a command, its MAV_RESULT (0 for accepted), and who gave the command (0: unknown)."""
 
     command: int
     result: int

@@ -178,7 +178,7 @@ class FrameSplitter:
         return True
 
     def _covers_a_frame(self, end: int) -> bool:
-        """Whether a whole frame lies behind the mark of one that is said to end there."""
+        """Whether a whole frame lies behind the mark of one that would end there."""
         at = self._bytes.find(MARK, len(MARK), end)
         while at >= 0:
             inside = self._bytes[at:end]

@@ -30,7 +30,7 @@ PLATEAUS, LATE = "plateaus", "late"
 ASKED_AT_MOST = 5
 WATCH_S = 0.05
 SILENT_S = 10.0
-"""Wall time without a word of the pilot after which it counts as gone; it reports several times a second."""
+"""Wall time without a message of the pilot after which it counts as gone; it reports several times a second."""
 BUSY = "start: an experiment is being run; `./hindrax stop` ends it"
 CANCELLED = "cancelled: by the operator"
 GONE = "pilot: does not offer maneuver/fly; start it"

@@ -69,7 +69,7 @@ class AxisEstimator:
         self._blocks: list[Array] = []
         self._length = SHORTEST_BLOCK
         self._widening: Array | None = None
-        """None after a block was added, until somebody asks for the covariance."""
+        """None after a block was added, until the covariance is asked for."""
 
     @property
     def samples(self) -> int:
