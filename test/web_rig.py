@@ -19,9 +19,9 @@ from hindrax_ident.online.aim import ExperimentGoal
 from hindrax_operator.monitor.graph_link import GraphLink
 from hindrax_operator.snapshot import Frame, ManeuverView, NodeHealth, PlaceView, Snapshot, Thrusters
 from hindrax_operator.web.access import Access, hosts_of
+from hindrax_operator.web.http_server import Server
 from hindrax_operator.web.page_controller import PageController
 from hindrax_operator.web.reports import Reports
-from hindrax_operator.web.server import Server
 
 TOKEN = "a-token-of-the-tests"
 ADDRESS = "127.0.0.1"

@@ -35,8 +35,8 @@ from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.online.aim import Aim, ExperimentGoal
 from hindrax_operator.monitor.graph_link import GraphLink
 from hindrax_operator.snapshot import Frame, Snapshot, place_view
+from hindrax_operator.web import http_server, page_controller
 from hindrax_operator.web import page as page_text
-from hindrax_operator.web import page_controller, server
 from hindrax_operator.web.access import hosts_of
 from hindrax_operator.web.page import PAGE, pool, summary
 from hindrax_operator.web.reports import Reports
@@ -291,7 +291,7 @@ def test_the_events_carry_the_outcomes_of_orders(page: Page) -> None:
 
 
 def test_pages_are_bounded_and_make_room_when_they_close(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(server, "STREAMS", 2)
+    monkeypatch.setattr(http_server, "STREAMS", 2)
     with served(tmp_path) as page:
         with listening(page) as first, listening(page) as second:
             assert first.readline()
@@ -307,7 +307,7 @@ def test_pages_are_bounded_and_make_room_when_they_close(tmp_path: Path, monkeyp
 
 
 def test_a_frame_of_a_camera_on_the_graph_is_sent_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hindrax_operator.web.request.FRAME_TURNS", 2)
+    monkeypatch.setattr("hindrax_operator.web.http_server.FRAME_TURNS", 2)
     with served(tmp_path, replace(ARMED, cameras=("/front/image",))) as page:
         path = "/camera/%2Ffront%2Fimage"
         assert page.ask("GET", path)[0] == 304, "no frame yet"
@@ -395,7 +395,7 @@ def insist_on_stop(page: Page) -> int:
 
 
 def test_stop_gets_through_when_every_connection_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(server, "CONNECTIONS", 16)
+    monkeypatch.setattr(http_server, "CONNECTIONS", 16)
     with served(tmp_path) as page, listening(page) as answer, dripping(page, 40):
         assert [insist_on_stop(page) for _ in range(20)] == [202] * 20
         for _ in range(20):
@@ -405,7 +405,7 @@ def test_stop_gets_through_when_every_connection_is_taken(tmp_path: Path, monkey
 def test_the_connection_that_waits_longest_makes_room_for_a_new_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(server, "CONNECTIONS", 2)
+    monkeypatch.setattr(http_server, "CONNECTIONS", 2)
     with served(tmp_path) as page, contextlib.ExitStack() as held:
         idle = [held.enter_context(socket.create_connection((ADDRESS, page.server.port), 20)) for _ in range(3)]
         assert idle[0].recv(1) == b"", "the first is closed at once"
@@ -417,7 +417,7 @@ def test_the_connection_that_waits_longest_makes_room_for_a_new_one(
 def test_a_request_has_a_deadline_however_it_drips(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, begin: bytes
 ) -> None:
-    monkeypatch.setattr(server, "PATIENCE_S", 0.3)
+    monkeypatch.setattr(http_server, "PATIENCE_S", 0.3)
     with served(tmp_path) as page, socket.create_connection((ADDRESS, page.server.port), 20) as client:
         client.sendall(begin)
         assert any(refuses(client) for _ in range(200)), "dripped for ten seconds, and was still listened to"
@@ -425,8 +425,8 @@ def test_a_request_has_a_deadline_however_it_drips(
 
 
 def test_a_page_that_does_not_take_its_news_makes_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(server, "STREAMS", 1)
-    monkeypatch.setattr(server, "PATIENCE_S", 0.3)
+    monkeypatch.setattr(http_server, "STREAMS", 1)
+    monkeypatch.setattr(http_server, "PATIENCE_S", 0.3)
     with served(tmp_path) as page:
         page.vehicle.title = "x" * 20_000_000  # more than the kernel takes for a client that does not read
         with listening(page) as idle:
@@ -612,7 +612,7 @@ def test_a_server_that_ends_by_itself_ends_the_command(
     monkeypatch.setattr(GraphLink, "run", lambda _link: over.wait(20.0))
     monkeypatch.setattr(GraphLink, "snapshot", lambda _link: ARMED)
     monkeypatch.setattr(GraphLink, "close", lambda _link: over.set())
-    monkeypatch.setattr(server.Server, "run", lambda _server: None)
+    monkeypatch.setattr(http_server.Server, "run", lambda _server: None)
     assert main(["web", "--port", "0"]) == 1
     assert "start `./hindrax web` again" in capsys.readouterr().err
 

@@ -74,9 +74,9 @@ def web(arguments: argparse.Namespace) -> int:
     access = Access(hosts_of(arguments.address), kept_token(read_only=read_only, new=arguments.new_token))
     from hindrax_control.maneuver.goal import servable_motions  # noqa: PLC0415  # help must not wait for numpy
     from hindrax_operator.monitor.graph_link import GraphLink  # noqa: PLC0415  # as above
+    from hindrax_operator.web.http_server import Server  # noqa: PLC0415  # as above
     from hindrax_operator.web.page_controller import PageController  # noqa: PLC0415  # as above
     from hindrax_operator.web.reports import Reports  # noqa: PLC0415  # as above
-    from hindrax_operator.web.server import Server  # noqa: PLC0415  # as above
 
     found = find_stack(arguments)
     vehicle = load_vehicle(Path(found.vehicle) if found else vehicle_file(usual_vehicle()))
