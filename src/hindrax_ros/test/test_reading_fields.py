@@ -105,7 +105,7 @@ MESSAGES: dict[str, Callable[[Any], Any]] = {
 }
 
 
-@pytest.mark.parametrize("quantity", FIELDS.keys() - {"detail"})
+@pytest.mark.parametrize("quantity", sorted(FIELDS.keys() - {"detail"}))
 @settings(max_examples=30)
 @given(st.data())
 def test_every_quantity_in_place_says_what_its_message_says(quantity: str, data: st.DataObject) -> None:
