@@ -124,10 +124,10 @@ def wide_prior(vehicle: Vehicle, model: Model) -> Prior:
     return Prior(np.array(values), np.array(sigmas))
 
 
-def one_sided(model: Model, belief: Prior, online: OnlineEstimates, side: int) -> tuple[Model, Prior, OnlineEstimates]:
+def one_sided(model: Model, prior: Prior, online: OnlineEstimates, side: int) -> tuple[Model, Prior, OnlineEstimates]:
     """Model, prior and estimates of one direction of a split model: for a heave record that has no other."""
     drag = [0, 1] if side > 0 else [2, 3]
     rows = [*drag, *range(4, len(model.names))]
     narrowed = {name: (theta[rows], C[np.ix_(rows, rows)]) for name, (theta, C) in online.items()}
     plain = Model(model.axis, model.rigid, split=False, restores=model.restores)
-    return plain, Prior(belief.values[rows], belief.sigmas[rows]), narrowed
+    return plain, Prior(prior.values[rows], prior.sigmas[rows]), narrowed
