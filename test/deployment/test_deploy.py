@@ -79,12 +79,12 @@ def sent(folder: Path) -> set[str]:
 
 def test_a_dry_run_reaches_nobody_and_shows_every_step(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["deploy", "pi@rov", "--dry-run", "--tether", "eth0:192.168.2.1"]) == 0
-    said = capsys.readouterr().out
+    printed = capsys.readouterr().out
     assert calls(place) == []
-    assert said.count("ssh pi@rov") == len(plan(Target("pi@rov"))) == 7
-    assert "git archive --format=tar HEAD | ssh pi@rov cd /opt/hindrax" in said
-    assert "sudo /opt/hindrax/docker/pi/set-up.sh --tether eth0:192.168.2.1" in said
-    assert "[7/7] wait until it is well" in said
+    assert printed.count("ssh pi@rov") == len(plan(Target("pi@rov"))) == 7
+    assert "git archive --format=tar HEAD | ssh pi@rov cd /opt/hindrax" in printed
+    assert "sudo /opt/hindrax/docker/pi/set-up.sh --tether eth0:192.168.2.1" in printed
+    assert "[7/7] wait until it is well" in printed
 
 
 def test_the_last_commit_arrives_and_is_started(place: Path, capsys: pytest.CaptureFixture[str]) -> None:

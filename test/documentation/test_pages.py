@@ -90,8 +90,8 @@ def test_the_sweep_of_the_how_to_gives_a_curve(
     Path("sweep.csv").write_text(block_of(HOW_TO / "calibrate-thrusters.md", "sweep.csv"), encoding="utf-8")
     fit = next(one for one in commands_of(HOW_TO / "calibrate-thrusters.md") if "fit" in one.words)
     assert main(fit.words) == 0
-    said = capsys.readouterr().out
-    assert re.search(r"negative:\n +c: \[", said)
+    printed = capsys.readouterr().out
+    assert re.search(r"negative:\n +c: \[", printed)
     assert Path("curve.png").stat().st_size > 10_000
 
 

@@ -252,9 +252,9 @@ def test_estimates_that_lack_late_measurements_are_explained_in_one_line(
     copy.close()
     monkeypatch.setattr(state_stage, "estimate_to_msg", _surer(estimate_to_msg))
     assert command_line.main(["replay", str(copy.folder)]) == (0 if late else 1)
-    said = capsys.readouterr().out
-    assert ("fields differ, for 3 measurements came too late" in said) is bool(late)
-    assert ("worst: recorded" in said) is not bool(late)
+    printed = capsys.readouterr().out
+    assert ("fields differ, for 3 measurements came too late" in printed) is bool(late)
+    assert ("worst: recorded" in printed) is not bool(late)
 
 
 def _surer(real: Callable[..., Any]) -> Callable[..., Any]:

@@ -104,51 +104,51 @@ def up(terminal: Terminal) -> Iterator[psutil.Process]:
 
 @pytest.mark.usefixtures("up")
 def test_nothing_moves_before_it_is_armed(terminal: Terminal) -> None:
-    code, _, said = terminal.run("hold", "heading", "90")
+    code, _, printed = terminal.run("hold", "heading", "90")
     assert code == 1
-    assert "wanted armed; `./hindrax arm` first" in said
+    assert "wanted armed; `./hindrax arm` first" in printed
     assert terminal.run("wrench", "5", "0", "0", "0", "0", "0")[:2] == (1, "")
 
 
 @pytest.mark.usefixtures("up")
 def test_armed_it_holds_pushes_and_stops(terminal: Terminal) -> None:
-    code, said, wrong = terminal.run("arm")
+    code, printed, wrong = terminal.run("arm")
     assert code == 0, wrong
-    assert "armed (pca9685)" in said
-    code, said, wrong = terminal.run("hold", "depth", "0.6")
-    assert (code, said) == (0, "holding depth at 0.60 m\n"), wrong
-    code, said, wrong = terminal.run("hold", "heading")
+    assert "armed (pca9685)" in printed
+    code, printed, wrong = terminal.run("hold", "depth", "0.6")
+    assert (code, printed) == (0, "holding depth at 0.60 m\n"), wrong
+    code, printed, wrong = terminal.run("hold", "heading")
     assert code == 0, wrong
-    assert said.startswith("holding heading at ")
-    code, said, wrong = terminal.run("hold", "roll", "90")
+    assert printed.startswith("holding heading at ")
+    code, printed, wrong = terminal.run("hold", "roll", "90")
     assert code == 1
     assert "hindrax hold: hold roll: found 90 deg, wanted -55 to 55 deg" in wrong
-    code, said, wrong = terminal.run("wrench", "1000", "0", "0", "0", "0", "0")
-    assert (code, said) == (2, "")
+    code, printed, wrong = terminal.run("wrench", "1000", "0", "0", "0", "0", "0")
+    assert (code, printed) == (2, "")
     assert "wrench X: found 1000, wanted -60 to 60 (limits of the vehicle file)" in wrong
-    code, said, wrong = terminal.run("wrench", "10", "0", "0", "0", "0", "0", "--for", "1")
+    code, printed, wrong = terminal.run("wrench", "10", "0", "0", "0", "0", "0", "--for", "1")
     assert code == 0, wrong
-    achieved = float(said.partition("it was X ")[2].split()[0])
+    achieved = float(printed.partition("it was X ")[2].split()[0])
     assert achieved == pytest.approx(10.0, abs=2.0)
-    code, said, wrong = terminal.run("recentre", "5", "2")
-    assert (code, said) == (0, "the vehicle is 5.00 m from the south wall, 2.00 m from the west wall\n"), wrong
-    code, said, wrong = terminal.run("recentre", "5", "60")
-    assert (code, said) == (1, "")
+    code, printed, wrong = terminal.run("recentre", "5", "2")
+    assert (code, printed) == (0, "the vehicle is 5.00 m from the south wall, 2.00 m from the west wall\n"), wrong
+    code, printed, wrong = terminal.run("recentre", "5", "60")
+    assert (code, printed) == (1, "")
     assert "recentre: y: found 60 m, wanted 0." in wrong
-    code, said, wrong = terminal.run("hold", "all", "off")
+    code, printed, wrong = terminal.run("hold", "all", "off")
     assert code == 0, wrong
-    code, said, wrong = terminal.run("stop")
+    code, printed, wrong = terminal.run("stop")
     assert code == 0, wrong
-    assert said.startswith("stopped and disarmed: mock vehicle")
+    assert printed.startswith("stopped and disarmed: mock vehicle")
     assert "the thrusters are disarmed (disarmed by request)" in terminal.run("hold", "depth")[2]
 
 
 @pytest.mark.usefixtures("up")
 def test_a_thruster_stays_out_of_use_though_its_command_has_ended(terminal: Terminal) -> None:
-    code, said, wrong = terminal.run("thruster", "disable", "T3", "T4", "--reason", "blade lost")
-    assert (code, said) == (0, "out of use: T3, T4; lost axes: sway\n"), wrong
-    code, said, wrong = terminal.run("thruster", "enable", "T4", "--json")
-    assert json.loads(said) == {"disabled": ["T3"], "lost_axes": []}, wrong
+    code, printed, wrong = terminal.run("thruster", "disable", "T3", "T4", "--reason", "blade lost")
+    assert (code, printed) == (0, "out of use: T3, T4; lost axes: sway\n"), wrong
+    code, printed, wrong = terminal.run("thruster", "enable", "T4", "--json")
+    assert json.loads(printed) == {"disabled": ["T3"], "lost_axes": []}, wrong
     for what in ("disable", "enable"):
         code, _, wrong = terminal.run("thruster", what, "T3", "T12")
         assert code == 1
@@ -162,11 +162,11 @@ def test_a_control_process_that_comes_back_is_told_what_is_out_of_use(terminal: 
     control.kill()
     wait_for(lambda: "control was killed by signal 9; started again" in terminal.errors("up"), terminal)
     for _ in range(10):  # a process that starts on a busy machine takes longer than the command waits
-        code, said, wrong = terminal.run("thruster", "enable", "T4", "--json")
+        code, printed, wrong = terminal.run("thruster", "enable", "T4", "--json")
         if code == 0:
             break
     assert code == 0, wrong
-    assert json.loads(said)["disabled"] == ["T3"]
+    assert json.loads(printed)["disabled"] == ["T3"]
     assert terminal.run("thruster", "enable", "T3", "T4")[1] == "out of use: none\n"
     # Where it is in the pool only a person knows now.
     wait_for(
@@ -189,10 +189,10 @@ def test_a_thruster_alone_is_refused_beside_control(terminal: Terminal) -> None:
 @pytest.mark.usefixtures("up")
 def test_the_doctor_asks_the_nodes_of_a_stack_that_is_up(terminal: Terminal) -> None:
     for _ in range(15):  # a node may just be looking for its lock, or reports late while a busy mock goes slowly
-        code, said, _ = terminal.run("doctor", "--mock", "--json")
+        code, printed, _ = terminal.run("doctor", "--mock", "--json")
         if code == 0:
             break
-    checks = {one["name"]: one for one in json.loads(said)["checks"]}
+    checks = {one["name"]: one for one in json.loads(printed)["checks"]}
     assert checks["stack"]["found"].startswith("mock vehicle")
     assert {"dvl75", "ping1d", "icm20948", "ms5837", "thrusters", "pilot"} <= set(checks)
     assert code == 0, [one for one in checks.values() if not one["ok"]]
@@ -239,9 +239,9 @@ def test_the_page_flies_an_armed_vehicle_and_stops_it_in_mid_maneuver(terminal: 
 
 def test_without_a_stack_commands_say_what_is_missing(tmp_path: Path, terminal: Terminal, ros_domain: int) -> None:
     alone = Terminal(terminal.environment | {FOLDER: str(tmp_path), "ROS_DOMAIN_ID": str(ros_domain)}, tmp_path)
-    code, _, said = alone.run("disarm")
+    code, _, printed = alone.run("disarm")
     assert code == 1
-    assert "the thrusters node to offer thrusters/arm; `./hindrax up` starts the stack" in said
-    code, _, said = alone.run("stop")
+    assert "the thrusters node to offer thrusters/arm; `./hindrax up` starts the stack" in printed
+    code, _, printed = alone.run("stop")
     assert code == 1
-    assert "cut the power" in said
+    assert "cut the power" in printed

@@ -22,24 +22,24 @@ def refuse(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str]:
 def test_a_wrong_vehicle_file(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     file = tmp_path / "bad.yaml"
     file.write_text("name: x\nmass_kg: -3\n")
-    code, said = refuse(capsys, "--mock", "--vehicle", str(file))
+    code, printed = refuse(capsys, "--mock", "--vehicle", str(file))
     assert code == 2
-    assert said.strip().endswith("bad.yaml: mass_kg: found -3, wanted 0.1 to 100000 (mass [kg])")
-    assert len(said.splitlines()) == 1
+    assert printed.strip().endswith("bad.yaml: mass_kg: found -3, wanted 0.1 to 100000 (mass [kg])")
+    assert len(printed.splitlines()) == 1
 
 
 def test_an_occupied_folder(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     (tmp_path / "something").touch()
-    code, said = refuse(capsys, "--mock", "--out", str(tmp_path))
+    code, printed = refuse(capsys, "--mock", "--out", str(tmp_path))
     assert code == 2
-    assert "is occupied; name an empty or new folder with --out" in said
-    assert len(said.splitlines()) == 1
+    assert "is occupied; name an empty or new folder with --out" in printed
+    assert len(printed.splitlines()) == 1
 
 
 def test_a_fault_that_nobody_knows(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    code, said = refuse(capsys, "--mock", "--fault", "gnats:dvl75", "--out", str(tmp_path / "run"))
+    code, printed = refuse(capsys, "--mock", "--fault", "gnats:dvl75", "--out", str(tmp_path / "run"))
     assert code == 2
-    assert "found 'gnats', wanted one of absent, " in said
+    assert "found 'gnats', wanted one of absent, " in printed
 
 
 @pytest.mark.root
@@ -49,29 +49,29 @@ def test_a_full_disk(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None
     disk.mkdir()
     subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1M", "tmpfs", str(disk)], check=True)
     try:
-        code, said = refuse(capsys, "--mock", "--out", str(disk / "run"))
+        code, printed = refuse(capsys, "--mock", "--out", str(disk / "run"))
     finally:
         subprocess.run(["umount", str(disk)], check=True)
     assert code == 1
-    assert "is full: 1 MB are free" in said
-    assert len(said.splitlines()) == 1
+    assert "is full: 1 MB are free" in printed
+    assert len(printed.splitlines()) == 1
 
 
 def test_missing_ports(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    code, said = refuse(capsys, "--out", str(tmp_path / "run"))
+    code, printed = refuse(capsys, "--out", str(tmp_path / "run"))
     assert code == 1
-    assert "found no /dev/hindrax/dvl, " in said
-    assert "check cable and power" in said
-    assert len(said.splitlines()) == 1
+    assert "found no /dev/hindrax/dvl, " in printed
+    assert "check cable and power" in printed
+    assert len(printed.splitlines()) == 1
     assert not (tmp_path / "run").exists()
 
 
 def test_a_port_that_delivers_garbage(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    code, said = refuse(capsys, "--mock", "--fault", "baud_mismatch:dvl75@0+900", "--out", str(tmp_path / "run"))
+    code, printed = refuse(capsys, "--mock", "--fault", "baud_mismatch:dvl75@0+900", "--out", str(tmp_path / "run"))
     assert code == 1
-    assert "aborted by start: dvl_lock: no bottom lock" in said
-    assert "dvl75: " in said.split("aborted by")[1]
-    assert "nothing was flown" in said
+    assert "aborted by start: dvl_lock: no bottom lock" in printed
+    assert "dvl75: " in printed.split("aborted by")[1]
+    assert "nothing was flown" in printed
     says_so(tmp_path / "run")
     (tmp_path / "run/report.html").unlink()
     assert command_line.main(["report", str(tmp_path / "run")]) == 0
@@ -87,6 +87,6 @@ def says_so(run: Path) -> None:
 
 
 def test_options_that_contradict(capsys: pytest.CaptureFixture[str]) -> None:
-    code, said = refuse(capsys, "--rate", "2")
+    code, printed = refuse(capsys, "--rate", "2")
     assert code == 2
-    assert "--fault, --world and --rate are for --mock only" in said
+    assert "--fault, --world and --rate are for --mock only" in printed

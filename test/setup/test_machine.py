@@ -193,8 +193,8 @@ def test_new_sources_on_a_vehicle_are_compiled_though_nothing_has_to_be_made(clo
 @pytest.mark.parametrize("name", ["wheels.lock", "native.lock"])
 def test_what_a_vehicle_needs_is_whole_and_without_tools(name: str) -> None:
     script: list[str | Path] = [sys.executable, ROOT / "setup/vehicle_lock.py", ROOT / "setup" / name]
-    said = subprocess.run(script, capture_output=True, text=True, check=True).stdout
-    kept = dict(re.findall(r"^([a-z][\w.-]*)(?:\[\w,]+)?==(\S+)", said, re.MULTILINE))
+    printed = subprocess.run(script, capture_output=True, text=True, check=True).stdout
+    kept = dict(re.findall(r"^([a-z][\w.-]*)(?:\[\w,]+)?==(\S+)", printed, re.MULTILINE))
     asked = re.findall(r"^([a-z][\w-]*)", (ROOT / "setup/runtime.in").read_text(encoding="utf-8"), re.MULTILINE)
     assert set(asked) - {"numpy"} <= kept.keys()
     assert not kept.keys() & {"mypy", "ruff", "pandas", "xarray", "hypothesis", "rosbags", "quadprog", "distributed"}
@@ -202,7 +202,7 @@ def test_what_a_vehicle_needs_is_whole_and_without_tools(name: str) -> None:
     for package in kept:
         for line in _needs(package):
             assert line in kept or (name == "native.lock" and line == "numpy"), f"{package} needs {line}"
-    assert said.count("--hash=sha256:") > len(kept)
+    assert printed.count("--hash=sha256:") > len(kept)
     whole = re.findall(
         r"^[a-z][\w.-]*(?:\[[\w,]+\])?==", (ROOT / "setup" / name).read_text(encoding="utf-8"), re.MULTILINE
     )
@@ -332,14 +332,14 @@ def test_the_links_of_this_clone_are_those_that_are_looked_after() -> None:
 def test_everything_missing_is_named_at_once(clone: Clone) -> None:
     clone.tool("df", "#!/bin/sh\necho header\necho '/dev/vda 9000 8900 100 99% /'\n")
     clone.tool("uname", "#!/bin/sh\necho Linux aarch64\n")
-    said = clone.run("setup", "--check", HEADERS="false", ENSUREPIP="false").stdout
-    assert [line.split()[1] for line in said.splitlines() if "MISSING" in line] == [
+    printed = clone.run("setup", "--check", HEADERS="false", ENSUREPIP="false").stdout
+    assert [line.split()[1] for line in printed.splitlines() if "MISSING" in line] == [
         "machine",
         "headers",
         "venv",
         "disk",
     ]
-    assert "sudo apt install python3.11-dev python3.11-venv" in said
+    assert "sudo apt install python3.11-dev python3.11-venv" in printed
 
 
 @pytest.mark.parametrize(

@@ -42,9 +42,9 @@ def test_it_tells_the_mutant_that_no_test_holds(
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
     assert mutation.main(["doubling", str(tests), "--grep", "x * 2"]) == 0
     assert mutation.main(["doubling", str(tests), "--grep", "x / 2"]) == 1
-    said = capsys.readouterr().out
-    assert "2 of 2 mutants killed" in said
-    assert "x / 2  ->  x * 2" in said
+    printed = capsys.readouterr().out
+    assert "2 of 2 mutants killed" in printed
+    assert "x / 2  ->  x * 2" in printed
 
 
 def test_a_table_counts_what_changes_something_and_names_what_is_listed_in_vain(
@@ -60,10 +60,10 @@ def test_a_table_counts_what_changes_something_and_names_what_is_listed_in_vain(
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
     monkeypatch.setattr(mutation_table, "LIST", listed)
     assert mutation_table.main(["--json", str(tmp_path / "rows.json")]) == 1
-    said = capsys.readouterr()
-    assert "| halving | 7 | 7 | 5 | 3 | 60 % |" in said.out
-    assert "halving.py:1: x / 2  ->  x * 2: def half(x): return x * 2" in said.out
-    assert "no mutant reads: return x * 9" in said.err
+    captured = capsys.readouterr()
+    assert "| halving | 7 | 7 | 5 | 3 | 60 % |" in captured.out
+    assert "halving.py:1: x / 2  ->  x * 2: def half(x): return x * 2" in captured.out
+    assert "no mutant reads: return x * 9" in captured.err
 
 
 def test_every_module_of_the_list_has_tests_that_are_there() -> None:

@@ -99,9 +99,9 @@ def test_every_option_says_what_it_does(parser: argparse.ArgumentParser) -> None
 
 def test_the_overview_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--help"]) == 0
-    said = capsys.readouterr().out
+    printed = capsys.readouterr().out
     for name in MODULES:
-        assert re.search(rf"^  {name} +\w", said, re.MULTILINE)
+        assert re.search(rf"^  {name} +\w", printed, re.MULTILINE)
 
 
 def test_every_page_is_linked_from_the_overview_of_the_documentation() -> None:

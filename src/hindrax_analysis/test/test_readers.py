@@ -96,7 +96,7 @@ def test_a_cut_keeps_the_force_in_force() -> None:
 
 
 @pytest.mark.parametrize(
-    ("row", "said"),
+    ("row", "reason"),
     [
         (lambda i: (0.1 * i, 0.3, 0.0), "thrust on surge never changes"),
         (lambda i: (0.1 * i, 0.0, i % 3), "velocity of surge never changes"),
@@ -105,9 +105,9 @@ def test_a_cut_keeps_the_force_in_force() -> None:
         (lambda i: (0.1 * i, i if i < 25 else "", "" if i < 30 else i), "after the last velocity"),
     ],
 )
-def test_why_nothing_can_be_learned_is_said(row: Callable[[int], tuple[object, ...]], said: str) -> None:
+def test_why_nothing_can_be_learned_is_said(row: Callable[[int], tuple[object, ...]], reason: str) -> None:
     text = "t,u,X\n" + "\n".join(",".join(map(str, row(i))) for i in range(40))
-    assert said in reason_to_skip(read_csv(text, "x.csv"), 0)
+    assert reason in reason_to_skip(read_csv(text, "x.csv"), 0)
 
 
 def test_axes_that_do_not_meet_are_named() -> None:

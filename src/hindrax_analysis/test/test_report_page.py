@@ -244,9 +244,9 @@ def test_a_reynolds_number_has_one_digit_before_the_point(reynolds: float, print
     assert reynolds_text(reynolds) == printed
 
 
-@pytest.mark.parametrize(("count", "said"), [(1.0, "1 plateau<"), (10.0, "10 plateaus<")])
-def test_one_plateau_is_no_plateaus(count: float, said: str) -> None:
-    assert said in _facts(replace(a_motion("surge", None), quality={"plateaus": count}))
+@pytest.mark.parametrize(("count", "text"), [(1.0, "1 plateau<"), (10.0, "10 plateaus<")])
+def test_one_plateau_is_no_plateaus(count: float, text: str) -> None:
+    assert text in _facts(replace(a_motion("surge", None), quality={"plateaus": count}))
 
 
 def test_a_warning_about_many_motions_is_said_once() -> None:

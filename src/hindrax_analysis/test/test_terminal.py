@@ -37,20 +37,20 @@ def shown(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, w
 def test_nothing_is_cut_at_any_width(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, width: int | None
 ) -> None:
-    said = shown(capsys, monkeypatch, width)
+    printed = shown(capsys, monkeypatch, width)
     for text in (TOPIC, "k_q", "66.4801234", "10.2012345", "/short", "1.25", "[m/s]", "[N]"):
-        assert text in said
-    assert "…" not in said
-    assert all(word in said for word in NOTE.split())
+        assert text in printed
+    assert "…" not in printed
+    assert all(word in printed for word in NOTE.split())
 
 
 @pytest.mark.parametrize("width", [80, 60])
 def test_a_narrow_screen_gets_every_value_behind_its_heading(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, width: int
 ) -> None:
-    said = shown(capsys, monkeypatch, width)
-    assert re.search(rf"^{TOPIC}  k_q$", said, re.MULTILINE)
-    assert re.search(r"^  value \[N\]: 66.4801234;  \+-: 10.2012345;", said, re.MULTILINE)
+    printed = shown(capsys, monkeypatch, width)
+    assert re.search(rf"^{TOPIC}  k_q$", printed, re.MULTILINE)
+    assert re.search(r"^  value \[N\]: 66.4801234;  \+-: 10.2012345;", printed, re.MULTILINE)
 
 
 def test_a_narrow_screen_keeps_the_unit_of_a_column_of_words(
@@ -60,9 +60,9 @@ def test_a_narrow_screen_keeps_the_unit_of_a_column_of_words(
     table = make_table("Thrusters", ("name", "forward, starboard, down [m]"), ("force [N]",))
     table.add_row("T1", "+0.183  -0.135  +0.000", "-30.0 to +30.0")
     print_table(table)
-    said = capsys.readouterr().out.splitlines()
-    assert said[1] == "T1"
-    assert "forward, starboard, down [m]:" in said[2]
+    printed = capsys.readouterr().out.splitlines()
+    assert printed[1] == "T1"
+    assert "forward, starboard, down [m]:" in printed[2]
 
 
 def test_a_column_of_remarks_is_there_when_there_are_remarks(capsys: pytest.CaptureFixture[str]) -> None:

@@ -178,9 +178,9 @@ def test_fetch_starts_over_when_what_was_there_is_of_another_file(
 
 def test_fetch_says_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert command_line.main(["bag", "fetch", f"{tmp_path}/none", "--remote", "", "--out", str(tmp_path / "x")]) == 1
-    said = capsys.readouterr().err
-    assert "cannot be read" in said
-    assert said.count("\n") == 1
+    printed = capsys.readouterr().err
+    assert "cannot be read" in printed
+    assert printed.count("\n") == 1
     assert (
         command_line.main(["bag", "fetch", "rov", "--ssh", str(tmp_path / "no-ssh"), "--out", str(tmp_path / "x")]) == 1
     )

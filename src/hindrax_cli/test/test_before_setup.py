@@ -48,9 +48,9 @@ def completed(*words: str) -> list[str]:
 
 
 def test_the_overview_lists_every_command() -> None:
-    said = asked("--help")
-    assert said.returncode == 0, said.stderr
-    assert all(f"  {name} " in said.stdout for name in MODULES)
+    done = asked("--help")
+    assert done.returncode == 0, done.stderr
+    assert all(f"  {name} " in done.stdout for name in MODULES)
 
 
 def test_the_version_is_said() -> None:
@@ -65,11 +65,11 @@ def test_every_command_has_its_help_on_the_page(name: str) -> None:
 
 
 def test_help_of_a_command_and_of_a_word_of_one() -> None:
-    said = asked("pool-test", "--help")
-    assert said.returncode == 0, said.stderr
-    assert "\n  --mock                    fly the mock vehicle instead of the one on this machine\n" in said.stdout
-    assert "surge|sway|heave" in said.stdout
-    assert "such as 2%: " in said.stdout
+    done = asked("pool-test", "--help")
+    assert done.returncode == 0, done.stderr
+    assert "\n  --mock                    fly the mock vehicle instead of the one on this machine\n" in done.stdout
+    assert "surge|sway|heave" in done.stdout
+    assert "such as 2%: " in done.stdout
     assert "usage: ./hindrax bag info [OPTIONS]\n" in asked("bag", "info", "-h").stdout
 
 
@@ -88,9 +88,9 @@ def test_help_may_stand_before_the_command_too(words: list[str]) -> None:
 
 
 def test_an_unknown_command_is_wrong_use() -> None:
-    said = asked("pol-test", "--help")
-    assert said.returncode == 2
-    assert "no command 'pol-test' (did you mean pool-test?)" in said.stderr
+    done = asked("pol-test", "--help")
+    assert done.returncode == 2
+    assert "no command 'pol-test' (did you mean pool-test?)" in done.stderr
 
 
 def test_bash_completes_commands_their_words_options_and_choices() -> None:
@@ -103,10 +103,10 @@ def test_bash_completes_commands_their_words_options_and_choices() -> None:
 
 
 def test_the_options_of_the_set_up_are_completed_as_its_help_names_them() -> None:
-    said = subprocess.run(
+    done = subprocess.run(
         [str(clone_root() / "hindrax"), "setup", "--help"], capture_output=True, text=True, check=True
     )
-    assert set(completed("setup", "--")) == {*re.findall(r"^  (--\S+)", said.stdout, re.MULTILINE), "--help"}
+    assert set(completed("setup", "--")) == {*re.findall(r"^  (--\S+)", done.stdout, re.MULTILINE), "--help"}
 
 
 @pytest.mark.skipif(shutil.which("fish") is None, reason="no fish on this machine")
@@ -153,11 +153,11 @@ def test_a_zsh_without_completion_of_its_own_gets_it_and_keeps_its_home_clean(tm
 
 @pytest.mark.parametrize("shell", command_page.SHELLS)
 def test_every_shell_gets_its_script_before_a_set_up(shell: str) -> None:
-    said = asked("completion", shell)
-    assert said.returncode == 0, said.stderr
-    assert said.stdout == command_page.completion(PAGE, shell)
-    assert said.stdout.startswith(f"# Completion of hindrax for {shell}")
-    assert all(f"--{option}" in said.stdout for option in ("mock", "dof", "json"))
+    done = asked("completion", shell)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == command_page.completion(PAGE, shell)
+    assert done.stdout.startswith(f"# Completion of hindrax for {shell}")
+    assert all(f"--{option}" in done.stdout for option in ("mock", "dof", "json"))
 
 
 @pytest.mark.parametrize("words", [("--help",), ("bag", "--help"), ("--version",), ("completion", "bash")])

@@ -17,8 +17,8 @@ def test_a_vehicle_without_the_peers_gets_a_sentence(
     monkeypatch.setitem(sys.modules, "padasip", None)  # importing it then raises ModuleNotFoundError
     monkeypatch.delitem(sys.modules, "hindrax_tools.benchmarks.rls", raising=False)
     assert main(["bench", "rls"]) == 1
-    said = capsys.readouterr().err.splitlines()
-    assert said[-1] == "hindrax bench: this set-up is a vehicle's, without padasip; `./hindrax setup --all` brings it"
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[-1] == "hindrax bench: this set-up is a vehicle's, without padasip; `./hindrax setup --all` brings it"
     monkeypatch.setattr(clone, "is_vehicle_setup", lambda: False)
     with pytest.raises(ModuleNotFoundError):
         main(["bench", "rls"])
@@ -27,10 +27,10 @@ def test_a_vehicle_without_the_peers_gets_a_sentence(
 def test_a_long_time_is_a_number_and_not_an_exponent(capsys: pytest.CaptureFixture[str]) -> None:
     print_bench([{"name": "surge run", "ours_us": 368_912.4, "peer_us": 1e6, "ratio": 2.7106, "peer": "real time"}])
     print_bench([{"name": "settled in 5.3 s", "ratio": 0.0965, "peer": "without the model"}])
-    said = capsys.readouterr().out
+    printed = capsys.readouterr().out
     for words in ("369000", "1000000", "2.71", "0.0965", "without the model"):
-        assert words in said
-    assert "e+" not in said
+        assert words in printed
+    assert "e+" not in printed
 
 
 def test_a_process_that_took_no_time_is_not_so_many_times_faster(capsys: pytest.CaptureFixture[str]) -> None:

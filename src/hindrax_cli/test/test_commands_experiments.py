@@ -176,10 +176,10 @@ def test_a_table_of_one_motion_wants_no_other(kind: str, tmp_path: Path, capsys:
     document = {"conditions": {"vehicle": "other"}, "motions": {"surge": body}}
     (tmp_path / "coefficients.yaml").write_text(yaml.safe_dump(document))
     assert command_line.main(["export", str(tmp_path), "--to", kind]) == 0
-    said = capsys.readouterr()
-    assert "surge" in said.out
-    assert "sway" not in said.out
-    assert said.err == ""
+    captured = capsys.readouterr()
+    assert "surge" in captured.out
+    assert "sway" not in captured.out
+    assert captured.err == ""
     assert command_line.main(["export", str(tmp_path), "--to", "gz"]) == 2
 
 

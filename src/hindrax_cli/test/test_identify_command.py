@@ -119,10 +119,10 @@ class Desk:
 
     def refused(self, *words: object, code: int = 2) -> str:
         assert main(["identify", *map(str, words)]) == code
-        said = self.capsys.readouterr().err.strip()
-        assert said.startswith("hindrax identify: ")
-        assert "\n" not in said
-        return said
+        printed = self.capsys.readouterr().err.strip()
+        assert printed.startswith("hindrax identify: ")
+        assert "\n" not in printed
+        return printed
 
 
 @pytest.fixture
@@ -164,11 +164,11 @@ def test_a_report_and_a_file_are_left_where_asked(desk: Desk) -> None:
 def test_the_table_says_what_is_known_and_what_is_not(desk: Desk) -> None:
     record = desk.csv(levels=(0.3, 0.5), noise=0.003)
     assert main(["identify", str(record), "--vehicle", str(desk.small)]) == 0
-    said = desk.capsys.readouterr().out
-    assert "surge: not identifiable" in said
-    assert re.search(r"drag: 0\.\d+ \+- 0\.\d+ N at 0\.\d+ m/s, 0\.\d+ \+- 0\.\d+ N at 0\.\d+ m/s", said)
-    assert re.search(r"surge: thrust lags by 0\.\d\d s, velocities come 0\.\d\d s (late|early)", said)
-    assert "COB-2023" not in said
+    printed = desk.capsys.readouterr().out
+    assert "surge: not identifiable" in printed
+    assert re.search(r"drag: 0\.\d+ \+- 0\.\d+ N at 0\.\d+ m/s, 0\.\d+ \+- 0\.\d+ N at 0\.\d+ m/s", printed)
+    assert re.search(r"surge: thrust lags by 0\.\d\d s, velocities come 0\.\d\d s (late|early)", printed)
+    assert "COB-2023" not in printed
 
 
 def test_a_part_of_a_record_is_taken(desk: Desk) -> None:
@@ -332,9 +332,9 @@ def test_stamps_of_others_leave_the_added_mass_in_doubt(desk: Desk) -> None:
 def test_several_records_are_pooled_and_their_spread_is_shown(desk: Desk) -> None:
     records = [as_csv(desk.folder / f"{seed}.csv", *flown(seed=seed)) for seed in range(3)]
     assert main(["identify", *map(str, records), "--vehicle", str(desk.small), "--json"]) == 0
-    said = desk.capsys.readouterr()
-    assert "2.csv alone, 3 of 3" in said.err
-    document = json.loads(said.out)
+    captured = desk.capsys.readouterr()
+    assert "2.csv alone, 3 of 3" in captured.err
+    document = json.loads(captured.out)
     pooled, runs = document["motions"]["surge"], [run["motions"]["surge"] for run in document["runs"]]
     assert is_true(pooled)
     assert len(runs) == 3
@@ -473,8 +473,8 @@ def test_mixed_frames_agree_after_turning(desk: Desk) -> None:
 def test_a_frame_can_be_told(desk: Desk) -> None:
     world = ("geometry_msgs/msg/TwistStamped", "/velocity", "odom")
     bag = as_bag(desk.folder / "a.mcap", world)
-    said = desk.refused(bag, "--vehicle", desk.small)
-    assert "--frame" in said
+    printed = desk.refused(bag, "--vehicle", desk.small)
+    assert "--frame" in printed
     assert is_true(desk.surge(bag, "--frame", "flu"))
 
 
@@ -489,10 +489,10 @@ def test_several_topics_are_ambiguous_until_one_is_named(desk: Desk) -> None:
     still = (np.zeros(1), np.zeros(1))
     other = told(velocity_message, ("geometry_msgs/msg/TwistStamped", "/cmd_vel", "base_link"), still)
     bag = as_bag(desk.folder / "a.mcap", extra=[other])
-    said = desk.refused(bag, "--vehicle", desk.small)
-    assert "/cmd_vel" in said
-    assert "/odom" in said
-    assert "--odometry" in said
+    printed = desk.refused(bag, "--vehicle", desk.small)
+    assert "/cmd_vel" in printed
+    assert "/odom" in printed
+    assert "--odometry" in printed
     assert is_true(desk.surge(bag, "--odometry", "/odom"))
 
 
@@ -502,16 +502,16 @@ def test_several_topics_are_ambiguous_until_one_is_named(desk: Desk) -> None:
 )
 def test_a_topic_that_does_not_serve_is_refused_with_what_is_there(desk: Desk, words: list[str], wanted: str) -> None:
     bag = as_bag(desk.folder / "a.mcap", end_s=5.0)
-    said = desk.refused(bag, *words)
-    assert wanted in said
-    assert "/thrust" in said
+    printed = desk.refused(bag, *words)
+    assert wanted in printed
+    assert "/thrust" in printed
 
 
 def test_a_bag_without_forces_lists_what_it_holds(desk: Desk) -> None:
     still = told(velocity_message, ODOMETRY, (np.zeros(1), np.array([0.1])))
-    said = desk.refused(bag_of(desk.folder / "a.mcap", [still]))
-    assert "no topic holds the force" in said
-    assert "/odom (nav_msgs/msg/Odometry)" in said
+    printed = desk.refused(bag_of(desk.folder / "a.mcap", [still]))
+    assert "no topic holds the force" in printed
+    assert "/odom (nav_msgs/msg/Odometry)" in printed
 
 
 def test_sqlite_bags_open_too(desk: Desk) -> None:
@@ -671,9 +671,9 @@ def test_a_span_of_our_own_bag_in_which_nothing_was_flown(desk: Desk) -> None:
 def test_our_own_bag_without_a_maneuver_is_called_so(desk: Desk) -> None:
     flown = clone_root() / "test" / "replay" / "bags" / "surge"
     bag = recover(flown, desk.folder / "bag", keep=lambda topic, _: topic != resolved(MANEUVER)).output
-    said = desk.refused(bag)
-    assert "is a bag of this stack, and no maneuver was flown in it" in said
-    assert "--odometry /hindrax/navigation/odometry" in said
+    printed = desk.refused(bag)
+    assert "is a bag of this stack, and no maneuver was flown in it" in printed
+    assert "--odometry /hindrax/navigation/odometry" in printed
 
 
 @pytest.mark.parametrize(("latency_s", "said"), [(0.07, "0.07 s late"), (-0.07, "0.07 s early")])
@@ -702,6 +702,6 @@ def test_without_a_vehicle_file_the_assumption_is_said(desk: Desk) -> None:
 def test_a_place_that_cannot_be_written_is_told_before_the_work(desk: Desk, words: list[str], code: int) -> None:
     place = {"RECORD": "no-record", words[-1]: str(desk.folder / words[-1])}
     assert main([place.get(word, word) for word in words]) == code
-    said = desk.capsys.readouterr().err
-    assert f"{words[-1]}: cannot be written (No such file or directory)" in said
-    assert "no-record" not in said
+    printed = desk.capsys.readouterr().err
+    assert f"{words[-1]}: cannot be written (No such file or directory)" in printed
+    assert "no-record" not in printed

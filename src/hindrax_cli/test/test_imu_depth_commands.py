@@ -120,9 +120,9 @@ def test_the_tare_is_the_air_pressure_and_is_kept(
 @pytest.mark.parametrize("bench", [(turning, 150_000.0)], indirect=True)
 def test_a_tare_under_water_is_refused(bench: Bench, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["depth", "tare", "--port", bench.port]) == 1
-    said = capsys.readouterr().err
-    assert "wanted air pressure" in said
-    assert "surface first" in said
+    printed = capsys.readouterr().err
+    assert "wanted air pressure" in printed
+    assert "surface first" in printed
 
 
 def test_nobody_there_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -29,10 +29,10 @@ def empty_bus(tmp_path: Path) -> Iterator[str]:
 @pytest.mark.parametrize("words", BY_HAND, ids=lambda words: words[0])
 def test_without_the_bus_there_is_one_sentence(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*words, "--port", "/dev/i2c-nowhere"]) == 1
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert said.err.count("\n") == 1
-    assert "/dev/i2c-nowhere" in said.err
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+    assert "/dev/i2c-nowhere" in captured.err
 
 
 @pytest.mark.parametrize("words", [one for one in BY_HAND if one[0] != "esc"], ids=lambda words: words[0])
@@ -48,10 +48,10 @@ def test_a_vehicle_file_that_cannot_be_changed_is_told_before_anything_is_measur
 
     monkeypatch.setattr(Path, "open", read_only)
     assert main([*words, "--write", "--port", "/dev/i2c-nowhere"]) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
-    assert "--write: " in said
-    assert "cannot be written (Read-only file system)" in said
+    printed = capsys.readouterr().err
+    assert printed.count("\n") == 1
+    assert "--write: " in printed
+    assert "cannot be written (Read-only file system)" in printed
 
 
 @pytest.mark.parametrize("words", BY_HAND, ids=lambda words: words[0])
@@ -59,7 +59,7 @@ def test_without_the_device_there_is_one_sentence(
     words: list[str], empty_bus: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main([*words, "--port", empty_bus]) == 1
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert said.err.count("\n") == 1
-    assert "no acknowledge: not wired, not powered, or another address" in said.err
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+    assert "no acknowledge: not wired, not powered, or another address" in captured.err

@@ -169,9 +169,9 @@ def words_on(width: int, table: Table, monkeypatch: pytest.MonkeyPatch, capsys: 
     """Words that are printed, with the units of headings."""
     monkeypatch.setattr(terminal, "console", lambda: Console(width=width, file=sys.stdout))
     terminal.print_table(table)
-    said = capsys.readouterr().out
-    assert "\u2026" not in said
-    return set(FRAME.sub(" ", said).split())
+    printed = capsys.readouterr().out
+    assert "\u2026" not in printed
+    return set(FRAME.sub(" ", printed).split())
 
 
 def test_every_command_that_prints_tables_is_here() -> None:
@@ -279,9 +279,9 @@ def test_the_doctor_cuts_nothing(
     doctor.show(
         [Check("ros", "ROS 2 jazzy"), Check(port, "socket"), Check("dvl75", f"none at {port}", sentence.strip())]
     )
-    said = capsys.readouterr().out
-    assert "\u2026" not in said
-    bare = "".join(said.split())
+    printed = capsys.readouterr().out
+    assert "\u2026" not in printed
+    bare = "".join(printed.split())
     for words in (port, f"noneat{port}", "".join(f"-> {sentence}".split())):
         assert words in bare
-    assert all(len(line) <= width for line in said.splitlines()[:-1])
+    assert all(len(line) <= width for line in printed.splitlines()[:-1])

@@ -51,9 +51,9 @@ def test_with_nothing_attached_every_problem_has_a_remedy(tmp_path: Path, capsys
 def test_people_get_the_same_as_lines(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = hindrax_file(tmp_path, ("/dev/", f"{tmp_path}/"))
     assert main(["doctor", "--vehicle", str(file)]) == 1
-    said = capsys.readouterr().out
-    assert "-> check cable and power" in said
-    assert "checks found a problem" in said
+    printed = capsys.readouterr().out
+    assert "-> check cable and power" in printed
+    assert "checks found a problem" in printed
 
 
 def test_the_clock() -> None:

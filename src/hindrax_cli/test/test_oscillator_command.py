@@ -72,9 +72,9 @@ def test_it_measures_keeps_and_switches_the_channel_off(
 ) -> None:
     code, file = say("--write", "--json")
     assert code == 0
-    said = capsys.readouterr()
-    assert json.loads(said.out)["clock_Hz"] == pytest.approx(TRUE_Hz, rel=1e-5)
-    assert "the thrusters get their neutral pulse" in said.err
+    captured = capsys.readouterr()
+    assert json.loads(captured.out)["clock_Hz"] == pytest.approx(TRUE_Hz, rel=1e-5)
+    assert "the thrusters get their neutral pulse" in captured.err
     assert load_vehicle(file).output.clock_Hz == pytest.approx(TRUE_Hz, rel=1e-5)
     assert chip.pulse_us(15) is None
     assert not chip.violations

@@ -47,9 +47,9 @@ def test_what_is_not_there_is_named(
 def test_a_page_that_cannot_be_written_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     runs = [run_folder(tmp_path / "a", 66.0), run_folder(tmp_path / "b", 67.0)]
     assert main(["report", *runs, "--out", str(tmp_path / "none" / "page.html")]) == 1
-    said = capsys.readouterr().err.strip()
-    assert "cannot be written" in said
-    assert "\n" not in said
+    printed = capsys.readouterr().err.strip()
+    assert "cannot be written" in printed
+    assert "\n" not in printed
 
 
 def test_one_run_is_not_identified_again_for_a_page_that_cannot_be_written(
@@ -60,5 +60,5 @@ def test_one_run_is_not_identified_again_for_a_page_that_cannot_be_written(
     assert main(["report", str(tmp_path / "run"), "--out", str(tmp_path / "none" / "page.html")]) == 1
     (tmp_path / "run" / "report.html").mkdir()
     assert main(["report", str(tmp_path / "run")]) == 1
-    said = capsys.readouterr().err.splitlines()
-    assert ["cannot be written (No such" in said[0], "cannot be written (Is a dir" in said[1]] == [True, True]
+    printed = capsys.readouterr().err.splitlines()
+    assert ["cannot be written (No such" in printed[0], "cannot be written (Is a dir" in printed[1]] == [True, True]

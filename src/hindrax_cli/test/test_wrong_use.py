@@ -27,11 +27,11 @@ def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
         code: object = command_line.main(words)
     except SystemExit as end:
         code = end.code
-    said = capsys.readouterr()
+    captured = capsys.readouterr()
     assert code == 2
-    assert said.out == ""
-    assert len(said.err.splitlines()) == 1
-    return said.err
+    assert captured.out == ""
+    assert len(captured.err.splitlines()) == 1
+    return captured.err
 
 
 BRIGHTNESS = "wanted one or 2 numbers from 0 to 1, or `off`"
@@ -153,9 +153,9 @@ def test_a_motion_that_the_vehicle_cannot_serve_is_refused_before_anything_start
 ) -> None:
     six, out = hindrax_file(tmp_path, (r".*name: T[78].*\n", "")), tmp_path / "run"
     words = ["pool-test", "--mock", "--vehicle", str(six), "--out", str(out), "--dof"]
-    said = refused(capsys, *words, "surge", "pitch")
-    assert "pitch: no thruster serves it independently of " in said
-    assert "wanted some of surge, sway, heave, roll, yaw" in said
+    printed = refused(capsys, *words, "surge", "pitch")
+    assert "pitch: no thruster serves it independently of " in printed
+    assert "wanted some of surge, sway, heave, roll, yaw" in printed
     assert not out.exists()
 
 
@@ -169,8 +169,8 @@ def test_every_command_has_help_with_an_example(words: list[str], capsys: pytest
 
 def test_no_word_at_all_shows_every_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert command_line.main([]) == 2
-    said = capsys.readouterr().out
-    assert all(f"  {name} " in said for name in MODULES)
+    printed = capsys.readouterr().out
+    assert all(f"  {name} " in printed for name in MODULES)
 
 
 @pytest.mark.parametrize("words", [["-k", "dvl75"], ["test/golden", "-k", "dvl75"], ["-x", "--", "-q"]])
@@ -250,13 +250,13 @@ def test_a_pool_test_without_its_ports_ends_at_once_and_names_the_mock(
 ) -> None:
     monkeypatch.setattr(pool_test, "run_pool_test", lambda options: pytest.fail(f"flown: {options}"))
     assert command_line.main(["pool-test", "--vehicle", str(at_a_desk)]) == 1
-    said = capsys.readouterr().err
-    assert len(said.splitlines()) == 1
+    printed = capsys.readouterr().err
+    assert len(printed.splitlines()) == 1
     sensors = load_vehicle(at_a_desk).sensors
-    assert all(mount.port in said for mount in sensors.values())
-    assert str(at_a_desk.parent / "i2c") not in said
-    assert f"wanted all {len(sensors) + 1} ports" in said
-    assert said.strip().endswith("or fly without a vehicle: --mock")
+    assert all(mount.port in printed for mount in sensors.values())
+    assert str(at_a_desk.parent / "i2c") not in printed
+    assert f"wanted all {len(sensors) + 1} ports" in printed
+    assert printed.strip().endswith("or fly without a vehicle: --mock")
 
 
 def test_ports_that_are_there_but_silent_get_their_time(monkeypatch: pytest.MonkeyPatch, at_a_desk: Path) -> None:

@@ -80,16 +80,16 @@ def test_applied_pulses_are_held_against_the_plan_of_their_command(cycle: Alloca
 @pytest.mark.parametrize("sequence", [0, 99])
 def test_pulses_of_no_command_were_wanted_by_nobody(cycle: AllocationCycle, sequence: int) -> None:
     pulses_us = commanded(cycle).pulses_us
-    told = cycle.achieved(sequence, pulses_us)
-    assert told.wanted == ZERO6
-    assert told.achieved == pytest.approx(WRENCH, abs=0.3)
-    assert told.saturated == (False,) * 8
+    allocation = cycle.achieved(sequence, pulses_us)
+    assert allocation.wanted == ZERO6
+    assert allocation.achieved == pytest.approx(WRENCH, abs=0.3)
+    assert allocation.saturated == (False,) * 8
 
 
 def test_saturation_of_the_plan_is_kept(cycle: AllocationCycle) -> None:
     command = commanded(cycle, (0.0, 0.0, 0.0, 0.0, 0.0, 30.0))
-    told = cycle.achieved(command.sequence, command.pulses_us)
-    assert any(told.saturated)
+    allocation = cycle.achieved(command.sequence, command.pulses_us)
+    assert any(allocation.saturated)
     assert cycle.inexact == 0
 
 
@@ -119,8 +119,8 @@ def test_what_was_refused_is_told_until_something_is_served(cycle: AllocationCyc
     assert "found frame 'map'" in cycle.refused[0]
     assert cycle.achieved(before.sequence, before.pulses_us).refused == cycle.refused
     partly = commanded(cycle, (math.nan, *WRENCH[1:]), 0.04)
-    told = cycle.achieved(partly.sequence, partly.pulses_us).refused
-    assert told == cycle.refused == ("X: found nan, wanted a finite number",)
+    refused = cycle.achieved(partly.sequence, partly.pulses_us).refused
+    assert refused == cycle.refused == ("X: found nan, wanted a finite number",)
     assert cycle.achieved(before.sequence, before.pulses_us).refused == ()
 
 
@@ -128,8 +128,8 @@ def test_thrusters_out_of_use_stand_still_and_are_told_with_what_is_lost(cycle: 
     cycle.disable(frozenset({"T8", "T7", "nobody"}))
     command = commanded(cycle)
     assert command.pulses_us[6:] == (1500, 1500)
-    told = cycle.achieved(command.sequence, command.pulses_us)
-    assert (told.disabled, told.lost_axes) == (("T7", "T8"), ("pitch",))
+    allocation = cycle.achieved(command.sequence, command.pulses_us)
+    assert (allocation.disabled, allocation.lost_axes) == (("T7", "T8"), ("pitch",))
     cycle.disable(frozenset())
     assert (cycle.disabled, cycle.lost_axes) == (frozenset(), ())
 

@@ -62,10 +62,10 @@ WRONG = {
 
 @pytest.mark.parametrize("name", WRONG)
 def test_what_is_wrong_is_named_with_limit_and_remedy(name: str) -> None:
-    (said,) = Watch().see(WRONG[name], 0.2)
-    assert said.startswith(f"{name}: ")
-    assert "wanted" in said
-    assert "; " in said
+    (failed,) = Watch().see(WRONG[name], 0.2)
+    assert failed.startswith(f"{name}: ")
+    assert "wanted" in failed
+    assert "; " in failed
 
 
 @pytest.mark.parametrize("name", sorted(WRONG.keys() - {"gravity"}))
@@ -108,8 +108,8 @@ def test_a_state_that_began_anew_in_flight_is_not_trusted_and_one_that_began_on_
     anew = wrong(began=Stamp(WELL.consistency.began + 1))
     watch = Watch()
     assert not watch.see(WELL, 1.0)
-    (said,) = watch.see(anew, 0.02)
-    assert said.startswith("restart: ")
+    (failed,) = watch.see(anew, 0.02)
+    assert failed.startswith("restart: ")
     assert watch.see(anew, 5.0)
     grounded = Watch()
     assert not grounded.see(WELL, 1.0, armed=False)
@@ -138,8 +138,8 @@ def test_where_the_lines_are_drawn() -> None:
         watch = Watch()
         watch.health = EstimatorHealth(fast)
         assert watch.see(inside, 0.2) == ()
-        (said,) = watch.see(beyond, 0.2)
-        assert said.startswith(f"{name}: ")
+        (failed,) = watch.see(beyond, 0.2)
+        assert failed.startswith(f"{name}: ")
 
 
 def test_a_gyroscope_that_jumps_is_told_within_half_a_second_of_a_tilt_that_is_wrong() -> None:

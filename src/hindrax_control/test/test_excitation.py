@@ -158,9 +158,9 @@ def test_an_excitation_lasts_as_long_as_asked_from_its_first_step_and_names_its_
     driver = Excite(lambda t: t / 60.0, BOUNDS, 60.0)
     assert driver.ends == pytest.approx((BOUNDS.middle - BOUNDS.room, BOUNDS.middle + BOUNDS.room))
     for elapsed_s in (0.0, 30.0, 60.0):
-        told = driver.step(BOUNDS.middle, 0.0, 100.0 + elapsed_s)
-        assert told.force == pytest.approx(BOUNDS.force * elapsed_s / 60.0)
-        assert told.finished is (elapsed_s == 60.0)
+        output = driver.step(BOUNDS.middle, 0.0, 100.0 + elapsed_s)
+        assert output.force == pytest.approx(BOUNDS.force * elapsed_s / 60.0)
+        assert output.finished is (elapsed_s == 60.0)
 
 
 @pytest.mark.parametrize("kind", EXCITATIONS)

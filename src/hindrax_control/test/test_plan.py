@@ -126,9 +126,9 @@ def flown_s(leg: Leg, freedom: PriorDynamics) -> tuple[float, float]:
     """Time that a leg takes on the vehicle of the prior, and time at its force [s]."""
     driver, step_s = LegController(leg), 0.02
     at, rate, thrust, time_s, plateau_s = leg.start, 0.0, 0.0, 0.0, 0.0
-    while not (told := driver.step(at, rate, time_s)).finished:
-        plateau_s += step_s if told.force == leg.level else 0.0
-        thrust += (told.force - thrust) * (1.0 - math.exp(-step_s / 0.15))
+    while not (output := driver.step(at, rate, time_s)).finished:
+        plateau_s += step_s if output.force == leg.level else 0.0
+        thrust += (output.force - thrust) * (1.0 - math.exp(-step_s / 0.15))
         rate += (thrust - freedom.drag_force(rate)) / freedom.inertia * step_s
         at += rate * step_s
         time_s += step_s

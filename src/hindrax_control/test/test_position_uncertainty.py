@@ -22,7 +22,7 @@ def test_errors_of_the_believed_size_are_as_large_as_it_says() -> None:
     for _ in range(400):
         bias = [draws.gauss(0.0, PRIOR.dvl_bias_mps) for _ in range(2)]
         scale, turn = (draws.gauss(0.0, PRIOR.dvl_share) for _ in range(2))
-        doubt, error = PositionUncertainty(PRIOR), [0.0, 0.0]
+        uncertainty, error = PositionUncertainty(PRIOR), [0.0, 0.0]
         for second in range(200):
             heading_rad = 0.0 if second < 60 else 1.5 if second < 120 else 3.0
             cos, sin = math.cos(heading_rad), math.sin(heading_rad)
@@ -30,20 +30,20 @@ def test_errors_of_the_believed_size_are_as_large_as_it_says() -> None:
             u_off, v_off = (value + draws.gauss(0.0, 0.01) for value in (bias[0] + scale * u, bias[1] + scale * v))
             u_off, v_off = u_off - turn * v, v_off + turn * u
             error = [error[0] + cos * u_off - sin * v_off, error[1] + sin * u_off + cos * v_off]
-            doubt.move(heading_rad, cos * u - sin * v, sin * u + cos * v, 1.0)
-            doubt.measured(0.01, 1.0)
-        ratios += [one * one / doubt.sigma_m**2 for one in error]
+            uncertainty.move(heading_rad, cos * u - sin * v, sin * u + cos * v, 1.0)
+            uncertainty.measured(0.01, 1.0)
+        ratios += [one * one / uncertainty.sigma_m**2 for one in error]
     assert sum(ratios) / len(ratios) == pytest.approx(1.0, abs=0.15)
 
 
 @pytest.mark.parametrize("heading_rad", [0.0, 1.5, -2.0])
 def test_turning_around_takes_a_bias_back_and_coming_back_an_error_of_scale(heading_rad: float) -> None:
     bias, scale = PositionUncertainty(PositionKnobs(0.01, 0.0)), PositionUncertainty(PositionKnobs(0.0, 0.02))
-    for doubt in (bias, scale):
-        doubt.move(heading_rad, 3.0, 4.0, 100.0)
+    for uncertainty in (bias, scale):
+        uncertainty.move(heading_rad, 3.0, 4.0, 100.0)
     assert (bias.sigma_m, scale.sigma_m) == pytest.approx((1.0, 0.1))
-    for doubt in (bias, scale):
-        doubt.move(heading_rad + math.pi, -3.0, -4.0, 100.0)
+    for uncertainty in (bias, scale):
+        uncertainty.move(heading_rad + math.pi, -3.0, -4.0, 100.0)
     assert (bias.sigma_m, scale.sigma_m) == pytest.approx((0.0, 0.0), abs=1e-9)
 
 
@@ -57,7 +57,7 @@ def test_noise_adds_up_by_its_square_and_an_unmeasured_velocity_by_itself() -> N
 
 def flown(navigator: Navigator, dvl: tuple[tuple[float, float], ...], until_s: float) -> list[float]:
     """What it says of its position at every tick, at rest, with a DVL that speaks in these spans [s]."""
-    said: list[float] = []
+    sigmas_m: list[float] = []
     for number in range(1, round(100 * until_s)):
         time_s = 0.01 * number
         found: Stamped[Navigation] | None = None
@@ -68,15 +68,15 @@ def flown(navigator: Navigator, dvl: tuple[tuple[float, float], ...], until_s: f
             still = BottomVelocity((0.0, 0.0, 0.0), 0.01, 1.0, 0.1, 0)
             navigator.step(Stamped(stamp_from_s(time_s), still), "dvl75")
         if found is not None:
-            said.append(found.reading.position_sigma_m)
-    return said
+            sigmas_m.append(found.reading.position_sigma_m)
+    return sigmas_m
 
 
 def test_the_navigator_says_how_far_off_it_may_be_and_begins_anew_when_it_is_told(hindrax: Vehicle) -> None:
     navigator = Navigator(hindrax)
-    said = flown(navigator, ((3.0, 99.0),), 20.0)
-    assert math.isnan(said[0])  # no velocity yet
-    known = [one for one in said if not math.isnan(one)]
+    sigmas_m = flown(navigator, ((3.0, 99.0),), 20.0)
+    assert math.isnan(sigmas_m[0])  # no velocity yet
+    known = [one for one in sigmas_m if not math.isnan(one)]
     assert all(after > before for before, after in pairwise(known))
     assert PRIOR.dvl_bias_mps * 16.0 < known[-1] < 1.2 * PRIOR.dvl_bias_mps * 18.0
     navigator.confirm_position()

@@ -102,12 +102,12 @@ def test_settling_holds_the_pose_upright_by_depth_where_the_sonar_is_silent(
 def test_what_has_come_to_rest_is_settled_a_little_later(station: StationKeeping) -> None:
     stage = SettleAtPose("surge", station, POSE, seconds=3.0)
     stage.begin(moment(0.0))
-    told = [stage.step(moment(0.1 * index - 0.05)) for index in range(20)]
-    assert [one.finished for one in told] == [False] * 9 + [True] * 11, "after 0.8 s"
-    assert (told[0].force, told[0].velocity, told[0].trouble) == (0.0, 0.0, "")
+    output = [stage.step(moment(0.1 * index - 0.05)) for index in range(20)]
+    assert [one.finished for one in output] == [False] * 9 + [True] * 11, "after 0.8 s"
+    assert (output[0].force, output[0].velocity, output[0].trouble) == (0.0, 0.0, "")
     assert StageInput(AT_REST, HERE, 0.0, 0.05, 0.0).altitude_measured
-    assert told[-1] == StageOutput(told[-1].wrench, "settle", finished=True)
-    assert told[-1].wrench == pytest.approx((0.0,) * 6)
+    assert output[-1] == StageOutput(output[-1].wrench, "settle", finished=True)
+    assert output[-1].wrench == pytest.approx((0.0,) * 6)
 
 
 FAR = replace(HERE, x_m=4.7, y_m=3.4)
@@ -131,11 +131,11 @@ def test_what_does_not_come_to_rest_is_given_up_with_the_reason(
     stage = SettleAtPose("surge", station, POSE, seconds=3.0)
     stage.begin(moment(0.0, place, **changes))
     for time_s in (0.0, 5.0, 60.0, 75.0):
-        told = stage.step(moment(time_s, place, **changes))
-        assert (told.finished, told.trouble) == (False, "")
+        output = stage.step(moment(time_s, place, **changes))
+        assert (output.finished, output.trouble) == (False, "")
     assert stage.step(moment(75.1, place, **changes)).trouble
-    told = stage.step(moment(120.0, place, **changes))
-    assert told.trouble.startswith(f"settle: {words} after 120 s; look for a current")
+    output = stage.step(moment(120.0, place, **changes))
+    assert output.trouble.startswith(f"settle: {words} after 120 s; look for a current")
     assert not stage.step(moment(120.1)).finished
     late = stage.step(moment(125.0))
     assert (late.finished, late.trouble) == (True, "")
@@ -154,8 +154,8 @@ def test_where_rest_ends(station: StationKeeping, what: str, part: float) -> Non
     }
     stage = SettleAtPose("surge", station, POSE, seconds=3.0)
     stage.begin(moment(0.0))
-    told = [stage.step(moment(0.1 * index, place, **changes.get(what, {}))) for index in range(20)]
-    assert told[-1].finished is (abs(part) < 1.0)
+    output = [stage.step(moment(0.1 * index, place, **changes.get(what, {}))) for index in range(20)]
+    assert output[-1].finished is (abs(part) < 1.0)
 
 
 def test_a_sonar_that_falls_silent_does_not_keep_it_from_settling(station: StationKeeping) -> None:
@@ -207,11 +207,11 @@ def test_driving_an_axis_releases_its_holds_and_no_others(
     assert stage.motion == motion_name(axis, 0.0)
     assert stage.begin(moment(0.0)) == tuple(Setpoint(name, engaged=False) for name in released)
     moving = moment(0.0, velocity_mps=(0.3, 0.0, 0.2), rate_radps=(0.0, 0.0, 0.1))
-    told = stage.step(moving)
-    assert (told.phase, told.force, told.trouble) == ("excite", 2.0, "")
-    assert told.velocity == pytest.approx(rate)
+    output = stage.step(moving)
+    assert (output.phase, output.force, output.trouble) == ("excite", 2.0, "")
+    assert output.velocity == pytest.approx(rate)
     assert stage.motion == motion_name(axis, rate)
-    assert not told.finished
+    assert not output.finished
     assert stage.step(replace(moving, time_s=BEGIN_s + 60.0)).finished
     ends_m = [end.x_m for end in stage.ends]
     assert ends_m == (pytest.approx([-6.9, 9.1]) if axis == "surge" else [])
@@ -243,9 +243,9 @@ def test_station_is_kept_across_the_pool_but_not_along_it_while_that_is_driven(s
 
 def test_an_axis_that_is_not_measured_is_not_driven(station: StationKeeping) -> None:
     for changes in ({"velocity_mps": (0.0, 0.0, math.nan)}, {"depth_m": math.nan}):
-        told = excited("heave", HEAVE, station).step(moment(0.0, **changes))
-        assert told.wrench == (0.0,) * 6
-        assert told.trouble.startswith("navigation: heave unknown; see which sensor is silent")
+        output = excited("heave", HEAVE, station).step(moment(0.0, **changes))
+        assert output.wrench == (0.0,) * 6
+        assert output.trouble.startswith("navigation: heave unknown; see which sensor is silent")
 
 
 def leg_of(axis: str) -> Leg:

@@ -63,7 +63,7 @@ def test_what_is_no_voltage_says_nothing(supply: SupplyVoltage, voltage: float) 
 
 
 @pytest.mark.parametrize(
-    ("voltage", "said"),
+    ("voltage", "text"),
     [
         (3.7, ""),
         (29.6, ""),
@@ -73,5 +73,5 @@ def test_what_is_no_voltage_says_nothing(supply: SupplyVoltage, voltage: float) 
         (1.0, "found 1 V, wanted 3.7 to 29.6 V"),
     ],
 )
-def test_what_cannot_be_the_supply_is_refused_with_what_could(supply: SupplyVoltage, voltage: float, said: str) -> None:
-    assert supply.update(voltage, at(0.0)) == said
+def test_what_cannot_be_the_supply_is_refused_with_what_could(supply: SupplyVoltage, voltage: float, text: str) -> None:
+    assert supply.update(voltage, at(0.0)) == text

@@ -103,11 +103,11 @@ def flown(
 
 @pytest.mark.parametrize("weak", [0, 3, 5, 6])
 def test_the_missing_share_is_told_as_it_is(hindrax: Vehicle, weak: int) -> None:
-    said = [found for t, found in flown(hindrax, weak, 0.3, seconds=20.0) if t > 5.0]
-    assert said
-    assert {one.name for one in said} == {hindrax.thrusters[weak].name}
-    assert [one.missing for one in said] == pytest.approx([0.7] * len(said), abs=0.02)
-    assert said[-1].sentence == f"{said[-1].name}: {100 * said[-1].missing:.0f} % of its thrust is missing"
+    faults = [found for t, found in flown(hindrax, weak, 0.3, seconds=20.0) if t > 5.0]
+    assert faults
+    assert {one.name for one in faults} == {hindrax.thrusters[weak].name}
+    assert [one.missing for one in faults] == pytest.approx([0.7] * len(faults), abs=0.02)
+    assert faults[-1].sentence == f"{faults[-1].name}: {100 * faults[-1].missing:.0f} % of its thrust is missing"
 
 
 def test_one_that_pushes_the_wrong_way_misses_all_of_its_thrust(hindrax: Vehicle) -> None:
@@ -145,15 +145,15 @@ def unknown(t: float, state: Navigation) -> Navigation | None:
 def test_after_a_moment_without_a_velocity_it_begins_anew(
     hindrax: Vehicle, disturb: Callable[[float, Navigation], Navigation | None]
 ) -> None:
-    told_s = [t for t, _ in flown(hindrax, 0, 0.0, disturb=disturb)]
-    assert any(t < 4.0 for t in told_s)
-    assert not any(4.0 < t < 4.0 + SHARP.patience_s for t in told_s)
-    assert any(t > 4.0 + SHARP.patience_s for t in told_s)
+    found_s = [t for t, _ in flown(hindrax, 0, 0.0, disturb=disturb)]
+    assert any(t < 4.0 for t in found_s)
+    assert not any(4.0 < t < 4.0 + SHARP.patience_s for t in found_s)
+    assert any(t > 4.0 + SHARP.patience_s for t in found_s)
 
 
 def test_a_short_gap_is_bridged(hindrax: Vehicle) -> None:
-    told_s = [t for t, _ in flown(hindrax, 0, 0.0, disturb=lambda t, one: None if 4.0 < t < 4.15 else one)]
-    assert any(4.2 < t < 4.5 for t in told_s)
+    found_s = [t for t, _ in flown(hindrax, 0, 0.0, disturb=lambda t, one: None if 4.0 < t < 4.15 else one)]
+    assert any(4.2 < t < 4.5 for t in found_s)
 
 
 def test_of_a_vehicle_that_stands_no_trim_is_learned(hindrax: Vehicle) -> None:

@@ -28,8 +28,8 @@ def found_elsewhere() -> list[int]:
         "import json; from hindrax_bringup.stack_lock import stacks; print(json.dumps([one.pid for one in stacks()]))"
     )
     environment = dict(os.environ) | {"PYTHONPATH": os.pathsep.join(sys.path)}
-    said = subprocess.run([sys.executable, "-c", words], env=environment, capture_output=True, check=True)
-    found: list[int] = json.loads(said.stdout)
+    done = subprocess.run([sys.executable, "-c", words], env=environment, capture_output=True, check=True)
+    found: list[int] = json.loads(done.stdout)
     return found
 
 

@@ -579,10 +579,10 @@ def test_no_vehicle_is_named_with_the_remedy(
     monkeypatch.setattr("hindrax_cli.commands.operate.view.VEHICLE_S", 0.1)
     monkeypatch.setattr(GraphLink, "run", lambda _link: None)
     assert main(["web", "--port", "0"]) == 1
-    said = capsys.readouterr().err
-    assert said.startswith("no `./hindrax up` runs here; looking in the ROS graph of this terminal\n")
-    assert "flies" not in said, "there is no vehicle"
-    assert "start one with `./hindrax up`" in said
+    printed = capsys.readouterr().err
+    assert printed.startswith("no `./hindrax up` runs here; looking in the ROS graph of this terminal\n")
+    assert "flies" not in printed, "there is no vehicle"
+    assert "start one with `./hindrax up`" in printed
 
 
 def test_the_cameras_are_never_gone_between_two_pictures_of_the_vehicle(monkeypatch: pytest.MonkeyPatch) -> None:

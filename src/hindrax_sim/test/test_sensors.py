@@ -28,47 +28,47 @@ def moving(
     world = World(VEHICLE, seed, CALM)
     world.plant.place((0.0, 0.0, 0.9), attitude)
     world.plant.u, world.plant.v, world.plant.r = 0.3, -0.1, 0.2
-    said, due = [], {one: one.period_ns for one in sensors(world, noise, seed)}
+    seen, due = [], {one: one.period_ns for one in sensors(world, noise, seed)}
     while world.stamp < stamp_from_s(0.5):
         sensor = min(due, key=due.__getitem__)
         world.advance(Stamp(due[sensor]))
         due[sensor] += sensor.period_ns
-        said += [(sensor.source, one) for one in sensor.sample()]
-    return world, said
+        seen += [(sensor.source, one) for one in sensor.sample()]
+    return world, seen
 
 
-def of(kind: type[Reading], said: list[tuple[str, Stamped[Reading]]]) -> list[Any]:
-    return [one for _, one in said if isinstance(one.reading, kind)]
+def of(kind: type[Reading], seen: list[tuple[str, Stamped[Reading]]]) -> list[Any]:
+    return [one for _, one in seen if isinstance(one.reading, kind)]
 
 
 def test_every_sensor_of_the_vehicle_speaks_at_its_rate() -> None:
-    _, said = moving()
-    counts = {kind: len(of(kind, said)) for kind in (Inertial, Magnetic, Pressure, Echo, BottomVelocity, BottomTrack)}
+    _, seen = moving()
+    counts = {kind: len(of(kind, seen)) for kind in (Inertial, Magnetic, Pressure, Echo, BottomVelocity, BottomTrack)}
     assert counts[Inertial] == pytest.approx(0.5 * 225, abs=6)
     assert counts[Magnetic] == pytest.approx(0.5 * 25, abs=1)
     assert counts[Pressure] == pytest.approx(0.5 * 50, abs=1)
     assert counts[Echo] == pytest.approx(0.5 * 20, abs=1)
     assert counts[BottomVelocity] == pytest.approx(0.5 * 20, abs=1)
     assert counts[BottomTrack] == pytest.approx(0.5 * 10, abs=1)
-    assert {source for source, _ in said} == set(VEHICLE.sensors)
+    assert {source for source, _ in seen} == set(VEHICLE.sensors)
 
 
 def test_without_noise_they_say_the_truth_to_their_last_digit() -> None:
-    world, said = moving()
-    last = of(Inertial, said)[-1]
+    world, seen = moving()
+    last = of(Inertial, seen)[-1]
     assert last.reading.rate_radps[2] == pytest.approx(world.plant.r, abs=0.01)
     assert last.reading.specific_force_mps2[2] == pytest.approx(-GRAVITY_mps2, abs=0.05)
-    pressure = of(Pressure, said)[-1].reading.pressure_Pa
+    pressure = of(Pressure, seen)[-1].reading.pressure_Pa
     assert pressure == pytest.approx(world.pressure_Pa(world.mounting(Mount("x"))), abs=11.0)
-    echo = of(Echo, said)[-1].reading.range_m
+    echo = of(Echo, seen)[-1].reading.range_m
     assert echo == pytest.approx(world.height_m(world.mounting(VEHICLE.sensors["ping1d"])), abs=2e-3)
-    x, y, _ = of(Magnetic, said)[-1].reading.field_T
+    x, y, _ = of(Magnetic, seen)[-1].reading.field_T
     assert math.atan2(-y, x) == pytest.approx(world.attitude_rad[2], abs=0.02)
 
 
 def test_the_dvl_tells_the_mean_over_its_interval_stamped_in_the_middle() -> None:
-    world, said = moving()
-    velocity = of(BottomVelocity, said)[-1]
+    world, seen = moving()
+    velocity = of(BottomVelocity, seen)[-1]
     assert velocity.reading.interval_s == pytest.approx(0.05)
     assert velocity.stamp == pytest.approx(world.stamp - 25_000_000, abs=30_000_000)
     truth = world.velocity_mps(world.mounting(VEHICLE.sensors["dvl75"]))
