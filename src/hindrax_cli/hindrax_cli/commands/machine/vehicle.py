@@ -37,7 +37,7 @@ def new(arguments: argparse.Namespace) -> int:
     with writing(out, "name another place with --out", UsageError):
         out.parent.mkdir(parents=True, exist_ok=True)
         replace_text(out, text)
-    _show_checks(vehicle)
+    _show_checks(vehicle, out)
     print_fitted(f"written: {out}\n  ./hindrax vehicle show {name}\n  ./hindrax pool-test --mock --vehicle {name}")
     return 0
 
@@ -59,31 +59,38 @@ def _print_or_raise(error: UsageError) -> None:
 
 def check(arguments: argparse.Namespace) -> int:
     """Whether a vehicle file can fly, and what looks wrong in it; exit 1 when something is to be done."""
-    vehicle = load_vehicle(vehicle_file(arguments.vehicle))
+    file = vehicle_file(arguments.vehicle)
+    vehicle = load_vehicle(file)
     found = findings(vehicle)
     document = {"checks": [one.document() for one in found]}
-    print_answer(document, lambda: _show_checks(vehicle), as_json=arguments.json)
+    print_answer(document, lambda: _show_checks(vehicle, file), as_json=arguments.json)
     return 0 if all(one.ok for one in found) else 1
 
 
-def _show_checks(vehicle: Vehicle) -> None:
+def _show_checks(vehicle: Vehicle, file: Path) -> None:
     found = findings(vehicle)
     remedies = ["to do"] if not all(one.ok for one in found) else []
-    table = make_table(vehicle.name, ["check"], [], ["found", *remedies])
+    table = make_table("", ["check"], [], ["found", *remedies])
     for one in found:
         table.add_row(one.name, one.found, *([one.remedy] if remedies else []))
+    print_fitted(f"{vehicle.name} (by {file})")
     print_table(table)
 
 
 def show(arguments: argparse.Namespace) -> int:
     """The thrusters seen from above, their poses and forces, and the largest wrench of each axis."""
-    vehicle = load_vehicle(vehicle_file(arguments.vehicle))
+    file = vehicle_file(arguments.vehicle)
+    vehicle = load_vehicle(file)
     reach = largest_wrench(vehicle)
     reasons = dict(servable_motions(AXES, vehicle).left_out) if vehicle.thrusters else {}
     if arguments.json:
         print_json(_document(vehicle, reach, reasons))
         return 0
+    print_fitted(f"{vehicle.name} (by {file})")
     print_whole(picture(vehicle))
+    if not vehicle.thrusters:
+        print_fitted("no thrusters: enough to identify from a record, not to fly")
+        return 0
     table = make_table("Thrusters", ["name"], ["forward, starboard, down [m]", "points to [deg]", "force [N]"])
     for one, curve in zip(vehicle.thrusters, thrust_curves(vehicle), strict=True):
         low, high = curve.range_N
