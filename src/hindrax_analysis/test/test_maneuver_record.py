@@ -26,6 +26,13 @@ def test_an_abort_is_told_with_what_was_flown_until_then() -> None:
     assert found.flown_s == {"surge": pytest.approx(20.0)}
 
 
+def test_a_record_that_ends_in_flight_is_that_of_an_aborted_run() -> None:
+    """The tool was killed, or the power went: no pilot told of the end."""
+    found = record_of([status(0.0, "done", ""), status(1.0, "settle"), *flight(5.0, 20.0)])
+    assert found.aborted == "record: it ends within the maneuver (surge, plateau)"
+    assert found.flown_s == {"surge": pytest.approx(19.9)}
+
+
 def test_thrust_without_motion_is_counted_apart() -> None:
     wall = [status(3.0 + 0.1 * step, "blocked") for step in range(20)]
     found = record_of([*flight(0.0, 3.0), *wall, status(5.0, "settle"), *flight(6.0, 1.0, "sway")])

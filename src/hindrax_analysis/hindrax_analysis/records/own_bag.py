@@ -28,6 +28,7 @@ LATEST_S = 30.0
 seconds late; its thruster commands must not be dropped."""
 FLOWN = ("transient", "plateau", "coast", "excite")
 """Phases that excite a motion; the others only lead there."""
+ENDED = ("done", "aborted")
 JOINED_S = 1.0
 """Longest time between two messages of one flight; the pilot publishes at 10 Hz."""
 FIRST_YEAR = 2000
@@ -71,7 +72,9 @@ def record_of(statuses: Iterable[Any]) -> ManeuverRecord:
             times_s[motion] = times_s.get(motion, 0.0) + at_s - before_s
         counts = blocked_s if status.phase == BLOCKED else flown_s if status.phase in FLOWN else None
         before, before_s = (None if counts is None else (counts, str(status.motion))), at_s
-        aborted = str(status.aborted)
+        # Nobody tells of an end that nobody has seen: the tool was killed, the power went, the disk was full.
+        cut = "" if status.phase in ENDED else f"record: it ends within the maneuver ({status.motion}, {status.phase})"
+        aborted = str(status.aborted) or cut
     return ManeuverRecord(aborted, flown_s, blocked_s)
 
 
