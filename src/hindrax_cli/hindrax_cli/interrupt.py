@@ -15,12 +15,19 @@ STDERR = 2
 
 
 def sentence(who: str = "hindrax") -> str:
-    """Message at a Ctrl-C; a terminal has echoed ^C, and it stands below."""
-    return f"{chr(10) if os.isatty(STDERR) else ''}{who}: stopped by Ctrl-C"
+    """Message at a Ctrl-C."""
+    return f"{who}: stopped by Ctrl-C"
+
+
+def _go_below_the_key() -> None:
+    """A terminal has echoed ^C; what follows stands below."""
+    if os.isatty(STDERR):
+        os.write(STDERR, b"\n")
 
 
 def end_now(_number: int, _frame: Any) -> None:
     """End where nothing is begun yet, or all is done; an exception within an import would come out as another."""
+    _go_below_the_key()
     os.write(STDERR, f"{sentence()}\n".encode())
     os._exit(INTERRUPTED)
 
@@ -45,6 +52,7 @@ def interruptible() -> Iterator[None]:
     def interrupt(number: int, frame: Any) -> None:
         nonlocal interrupted
         interrupted = True
+        _go_below_the_key()
         signal.default_int_handler(number, frame)
 
     try:
