@@ -131,5 +131,5 @@ def test_ctrl_c_ends_the_workers_without_a_word_of_their_own(moment: str, later_
         time.sleep(later_s)  # they are being started, begin, or wait for work
         os.killpg(child.pid, signal.SIGINT)
         said, complaints = child.communicate(timeout=50.0)
-    assert said.endswith("interrupted\n")
     assert complaints == ""
+    assert said.endswith("interrupted\n")
