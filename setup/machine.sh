@@ -1,5 +1,5 @@
 # shellcheck shell=bash
-# shellcheck disable=SC2154 # until_heard is that of ./hindrax: Ctrl-C waits for a short Python, and then ends the set-up
+# shellcheck disable=SC2154 # until_caught is that of ./hindrax: Ctrl-C waits for a short Python, and then ends the set-up
 # shellcheck disable=SC2016 # single quotes hold text that another shell expands
 #
 # What ./hindrax knows about setting a machine up. Sourced with `root` set to the repository; only defines functions.
@@ -84,7 +84,7 @@ answer_before_setup() { # WORD...
   local candidate
   for candidate in "${HINDRAX_PYTHON-}" python3 python3.12 python3.11; do
     "$candidate" -I -c 'import sys; sys.exit(sys.version_info < (3, 9))' 2>/dev/null || continue
-    "${until_heard[@]}" "$candidate" -I -B - "$root" "$@" <<'END'
+    "${until_caught[@]}" "$candidate" -I -B - "$root" "$@" <<'END'
 import sys
 from pathlib import Path
 
@@ -230,7 +230,7 @@ make_bootstrap() {
 # uv does not read pip's settings, and where an index is mirrored they are the ones that people have made.
 adopt_pip_settings() {
   local settings name
-  settings=$("${until_heard[@]}" "$state/bootstrap/bin/python" -I -m pip config list)
+  settings=$("${until_caught[@]}" "$state/bootstrap/bin/python" -I -m pip config list)
   setting() { sed -n "s/^[^=]*\.$1='\(.*\)'\$/\1/p" <<<"$settings" | head -n 1; }
   export UV_DEFAULT_INDEX=${UV_DEFAULT_INDEX:-${UV_INDEX_URL:-$(setting index-url)}}
   export UV_INSECURE_HOST=${UV_INSECURE_HOST:-$(setting trusted-host)}
@@ -247,7 +247,7 @@ make_environment() {
   local uv=$state/bootstrap/bin/uv lock=$root/setup/wheels.lock options=() identity
   ! has_ros || lock=$root/setup/native.lock options=(--system-site-packages)
   if [ -e "$state/vehicle" ]; then
-    "${until_heard[@]}" "$python" -I "$root/setup/vehicle_lock.py" "$lock" >"$state/vehicle.lock"
+    "${until_caught[@]}" "$python" -I "$root/setup/vehicle_lock.py" "$lock" >"$state/vehicle.lock"
     lock=$state/vehicle.lock
   fi
   identity="$root $ros $python $(sha256sum <"$lock")"

@@ -1,4 +1,4 @@
-"""The parameters of a model: what a motion reports of them, within bounds, and what is believed of them before a run.
+"""The parameters of a model: what a motion reports of them, within bounds, and their prior before a run.
 
 Reported are coefficients by name; the parameters of a model also follow from the coefficients that its motions report.
 """

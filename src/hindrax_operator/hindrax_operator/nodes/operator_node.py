@@ -29,7 +29,6 @@ from hindrax_ros.batched_node import BatchedNode, events_executor
 from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.messages.convert import estimate_from_msg, stamp_from_msg, stamp_to_msg
 from hindrax_ros.messages.fast_serialization import navigation_from_bytes
-from hindrax_ros.messages.serialization import serialized
 
 UP = "`./hindrax up` starts the stack"
 ANSWER_S = 5.0
@@ -102,7 +101,7 @@ class Operator:
         }
         for topic, name in latest.items():
             subscription(self.node, topic, partial(setattr, self, name), queue=1)
-        subscription(self.node, topics.NAVIGATION, self._on_navigation, queue=1)
+        subscription(self.node, topics.NAVIGATION, self._on_navigation, raw=True, queue=1)
         subscription(self.node, topics.ESTIMATE, self._on_estimate)
         subscription(self.node, topics.DIAGNOSTICS, self._on_diagnostics)
         self._heartbeats = publisher(self.node, topics.HEARTBEAT, held=False)
@@ -125,8 +124,8 @@ class Operator:
         message.header.stamp = stamp_to_msg(now)
         self._heartbeats.publish(message)
 
-    def _on_navigation(self, message: Any) -> None:
-        self.navigation = navigation_from_bytes(serialized(message))
+    def _on_navigation(self, data: bytes) -> None:
+        self.navigation = navigation_from_bytes(data)
 
     def _on_estimate(self, message: Any) -> None:
         self.estimates[message.motion] = estimate_from_msg(message)

@@ -181,7 +181,9 @@ def _battery(_frame: str) -> BatteryState:
 _BEAM = ("range", "range_covar", "quality", "velocity", "velocity_covar", "locked")
 FIELDS: Mapping[str, Fields] = {
     "data_raw": Fields(
-        *((Inertial,), _inertial, (*parts("angular_velocity"), *parts("linear_acceleration"))),
+        (Inertial,),
+        _inertial,
+        (*parts("angular_velocity"), *parts("linear_acceleration")),
         values=lambda found: (*found.rate_radps, *found.specific_force_mps2),
         reading=lambda p, q, r, x, y, z: Inertial((x, y, z), (p, q, r), math.nan),
     ),
@@ -200,7 +202,9 @@ FIELDS: Mapping[str, Fields] = {
         reading=lambda pressure_Pa: Pressure(pressure_Pa, math.nan),
     ),
     "range": Fields(  # only confident echoes travel
-        *((Echo,), lambda frame: _range(frame, PING_LIMITS_m, PING_VIEW_rad), ("range",)),
+        (Echo,),
+        lambda frame: _range(frame, PING_LIMITS_m, PING_VIEW_rad),
+        ("range",),
         values=lambda found: (found.range_m,),
         reading=lambda range_m: Echo(range_m, 1.0),
     ),
@@ -208,7 +212,9 @@ FIELDS: Mapping[str, Fields] = {
         (BottomTrack, Echo), lambda frame: _range(frame, DVL_LIMITS_m, DVL_VIEW_rad), ("range",), _altitude
     ),
     "attitude": Fields(
-        *((BottomTrack,), _attitude, parts("orientation", "xyzw")),
+        (BottomTrack,),
+        _attitude,
+        parts("orientation", "xyzw"),
         values=lambda found: xyzw_from_sname(found.roll_rad, found.pitch_rad, found.heading_rad),
         reading=lambda *xyzw: BottomTrack(True, *sname_from_xyzw(*xyzw), None, (math.nan, math.nan), (), "", 0),
     ),
@@ -231,7 +237,9 @@ FIELDS: Mapping[str, Fields] = {
         reading=_bottom_velocity,
     ),
     "position": Fields(
-        *((Position,), _place, ("status.status", "latitude", "longitude")),
+        (Position,),
+        _place,
+        ("status.status", "latitude", "longitude"),
         values=lambda found: (
             NavSatStatus.STATUS_FIX if found.fixed else NavSatStatus.STATUS_NO_FIX,
             found.latitude_deg,
@@ -249,7 +257,9 @@ FIELDS: Mapping[str, Fields] = {
     "processor_temperature": _temperature("processor_C", SonarHealth),
     "board_temperature": _temperature("board_C", SonarHealth),
     "battery": Fields(
-        *((Battery,), _battery, ("voltage", "current")),
+        (Battery,),
+        _battery,
+        ("voltage", "current"),
         values=lambda found: (found.voltage_V, -found.current_A),
     ),
     "supply": Fields((SonarHealth,), _battery, ("voltage",), lambda found: (found.supply_V,)),

@@ -18,14 +18,11 @@ from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.bus_capture import mount_of
 from hindrax_drivers.buses.line import UDP_PREFIX
-from hindrax_sim.buses.serial_ends import OF_DEVICE, TO_HOST
+from hindrax_sim.buses.serial_ends import OF_DEVICE
 from hindrax_sim.conditions.world_table import sizes_of
 from hindrax_sim.faults.fault_registry import parse_fault
 from hindrax_sim.mock_vehicle import MockVehicle
 from hindrax_sim.world import Conditions
-
-UDP_PORT = f"{UDP_PREFIX}0.0.0.0:{TO_HOST}"
-"""Port of a DVL on UDP, as a vehicle file has it."""
 
 
 @command(
@@ -107,8 +104,8 @@ def table(found: Mapping[str, str]) -> str:
     width = max(len(name) for name in found)
     lines = [f"  {name:{width}}  {path}" for name, path in found.items()]
     note = "mock:SOCKET is for hindrax (--port); the other paths open as they are"
-    if UDP_PORT in found.values():
-        note += f"; {UDP_PORT} is to be listened at, and takes commands at port {OF_DEVICE}"
+    for address in (path for path in found.values() if path.startswith(UDP_PREFIX)):
+        note += f"; {address} is to be listened at, and takes commands at port {OF_DEVICE}"
     return "\n".join(["the mock vehicle's devices are up:", *lines, f"  ({note})", "  Ctrl-C ends them"])
 
 
