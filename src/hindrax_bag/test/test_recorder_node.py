@@ -345,6 +345,8 @@ def test_a_bag_that_a_killed_recorder_left_is_resumed_and_in_the_end_whole(
     made = bench()
     inertial = made.voice(IMU)
     inertial.publish(imu(3))
+    # The log is found in the graph like any other topic, which may take longer than the reports that are waited for.
+    made.until(lambda: (part := made.recorder._bag._part) and part.contents.counts[resolved(ROSOUT)])
     assert any("recording goes on in bag_1.mcap" in text for text in logged_by(made))
     assert [is_whole(file) for file in sorted(made.bag.glob("*.mcap"))] == [True, True]
     with Reader(made.bag) as reader:
