@@ -68,7 +68,7 @@ def uses(source: Path, verbs: set[str]) -> set[Topic]:
     found = set()
     for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Call) and getattr(node.func, "attr", getattr(node.func, "id", "")) in verbs:
-            names = {one.id for one in node.args if isinstance(one, ast.Name)}
+            names = {getattr(one, "attr", getattr(one, "id", "")) for one in node.args}
             found |= {value for name in names if isinstance(value := getattr(topics, name, None), Topic)}
     return found
 

@@ -6,37 +6,21 @@ from typing import Any
 
 from hindrax_control.navigation.attitude_filter import Offset
 from hindrax_control.navigation.navigator import Navigator, NavigatorKnobs
+from hindrax_core import topics
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.signals import Allocation, Navigation
-from hindrax_core.topics import (
-    ALLOCATION,
-    ALTITUDE,
-    DVL_ATTITUDE,
-    DVL_DETAIL,
-    IMU,
-    MAGNETIC,
-    NAVIGATION,
-    ODOMETRY,
-    PRESSURE,
-    Topic,
-)
 from hindrax_core.vehicle import Vehicle
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.diagnostics import DiagnosticsPublisher
 from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.heartbeat import Memory
-from hindrax_ros.messages.fast_serialization import (
-    navigation_writer,
-    odometry_writer,
-    thrust_from_bytes,
-)
+from hindrax_ros.messages.fast_serialization import navigation_writer, odometry_writer, thrust_from_bytes
 from hindrax_ros.messages.reading_fields import reader
 from hindrax_ros.parameters import knobs
 from hindrax_ros.transforms import Transforms
 
-SOURCES: dict[Topic, Callable[[bytes], Stamped[Any]]] = {
-    topic: reader(topic) for topic in (MAGNETIC, PRESSURE, ALTITUDE, DVL_DETAIL, DVL_ATTITUDE, IMU)
-}
+AIDING = (topics.MAGNETIC, topics.PRESSURE, topics.ALTITUDE, topics.DVL_DETAIL, topics.DVL_ATTITUDE)
+SOURCES: dict[topics.Topic, Callable[[bytes], Stamped[Any]]] = {topic: reader(topic) for topic in (*AIDING, topics.IMU)}
 """In the order of subscription: the inertial samples, which complete a tick, come last."""
 REPORT_EVERY = 50
 REMEMBERED = 4
@@ -63,13 +47,13 @@ class NavigatorNode(BatchedNode):
         self._memory = Memory(os.environ)
         if known := self._memory.recall(REMEMBERED):
             self._navigator.set_gyroscope_offset(Offset((known[0], known[1], known[2]), known[3]))
-        self._status = publisher(self, NAVIGATION)
-        self._odometry = publisher(self, ODOMETRY)
+        self._status = publisher(self, topics.NAVIGATION)
+        self._odometry = publisher(self, topics.ODOMETRY)
         self._status_bytes, self._odometry_bytes = navigation_writer(), odometry_writer()
         self._transforms = Transforms(self, vehicle)
         self._reporter = DiagnosticsPublisher(self, self._navigator.refusals)
         self._turn = 0
-        subscription(self, ALLOCATION, self._on_allocation_message, raw=True)
+        subscription(self, topics.ALLOCATION, self._on_allocation_message, raw=True)
         for topic, read in SOURCES.items():
             callback = self._callback(topic.name.partition("/")[0], read)
             self.lead = subscription(self, topic, callback, raw=True)
@@ -97,7 +81,7 @@ class NavigatorNode(BatchedNode):
         try:
             thrust = thrust_from_bytes(data)
         except ValueError as error:
-            self._navigator.refusals.add(ALLOCATION.name, str(error))
+            self._navigator.refusals.add(topics.ALLOCATION.name, str(error))
             return
         if len(thrust.reading.forces_N) == self._thrusters:
             self._navigator.thrust(thrust.reading.forces_N)

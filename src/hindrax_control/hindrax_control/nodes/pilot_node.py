@@ -15,42 +15,16 @@ from hindrax_control.hold.holds import HOLDS, Setpoint
 from hindrax_control.maneuver.goal import BUSY, LATE, SENSELESS, Goal
 from hindrax_control.maneuver.maneuver import Maneuver, ManeuverOutput, abandoned
 from hindrax_control.navigation.estimator_health import ExternalOdometry
+from hindrax_control.nodes import pilot_messages
 from hindrax_control.nodes.estimator_health_node import EstimatorHealthNode
-from hindrax_control.nodes.pilot_messages import (
-    allocation_from_msg,
-    feedback_to_msg,
-    goal_from_msg,
-    holds_to_msg,
-    maneuver_to_msg,
-    place_to_msg,
-    plans_to_msg,
-    result_of,
-    unfit_estimate,
-)
 from hindrax_control.pilot import SAFETY_GROUPS, Pilot, PilotKnobs, PilotOutput
+from hindrax_core import topics
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.input_checks import EXPIRED, SinglePublisher, order_window
 from hindrax_core.readings import Vec6
 from hindrax_core.rotation import FSD
 from hindrax_core.signals import NAN, Allocation, Estimate, Navigation
-from hindrax_core.topics import (
-    ALLOCATION,
-    ALTITUDE,
-    ESTIMATE,
-    HOLD_SETPOINT,
-    HOLD_STATUS,
-    LEAK,
-    MANEUVER,
-    ODOMETRY,
-    OPERATOR_WRENCH,
-    PLACE,
-    PLANS,
-    THRUSTER_HEALTH,
-    THRUSTER_HEALTH_ORDER,
-    THRUSTER_STATE,
-    WRENCH,
-)
 from hindrax_core.vehicle import Vehicle
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import ThrusterHealth, ThrusterState
@@ -58,19 +32,13 @@ from hindrax_msgs.srv import Recentre
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.diagnostics import DiagnosticsPublisher
 from hindrax_ros.graph import publisher, publishers_of, subscription
-from hindrax_ros.messages.convert import (
-    estimate_from_msg,
-    header,
-    odometry_from_msg,
-    stamp_from_msg,
-    wrench_from_msg,
-)
+from hindrax_ros.messages.convert import estimate_from_msg, header, odometry_from_msg, stamp_from_msg, wrench_from_msg
 from hindrax_ros.messages.fast_serialization import applied_from_bytes, wrench_writer
 from hindrax_ros.messages.reading_fields import reader
 from hindrax_ros.messages.serialization import deserialized
 from hindrax_ros.parameters import SAFETY, knobs
 
-_range = reader(ALTITUDE)
+_range = reader(topics.ALTITUDE)
 SendWrench: TypeAlias = Callable[[Vec6, str, Stamp, Stamp], object]
 """Called with a wrench, its frame, its stamp and the time."""
 
@@ -129,30 +97,30 @@ class PilotNode(BatchedNode):
         self._phase = ("", "")
         self._estimates: dict[str, Stamped[Estimate]] = {}
         self._turn = 0
-        self._wrench = publisher(self, WRENCH)
-        self._holds = publisher(self, HOLD_STATUS)
-        self._maneuver = publisher(self, MANEUVER)
-        self._place = publisher(self, PLACE)
-        self._plans, self._planned = publisher(self, PLANS), False
+        self._wrench = publisher(self, topics.WRENCH)
+        self._holds = publisher(self, topics.HOLD_STATUS)
+        self._maneuver = publisher(self, topics.MANEUVER)
+        self._place = publisher(self, topics.PLACE)
+        self._plans, self._planned = publisher(self, topics.PLANS), False
         self._reporter = DiagnosticsPublisher(self)
         self._refuse = self._reporter.refuse
         self._wrench_bytes = wrench_writer()
-        subscription(self, THRUSTER_STATE, self._on_thrusters, raw=True)
-        self._health = publisher(self, THRUSTER_HEALTH)
+        subscription(self, topics.THRUSTER_STATE, self._on_thrusters, raw=True)
+        self._health = publisher(self, topics.THRUSTER_HEALTH)
         self._publish_disabled({}, Stamp(0))
-        subscription(self, THRUSTER_HEALTH_ORDER, self._on_health_order)
-        subscription(self, HOLD_SETPOINT, self._on_setpoint)
-        subscription(self, OPERATOR_WRENCH, self._on_operator_wrench)
-        subscription(self, ESTIMATE, self._on_estimate)
-        subscription(self, ALLOCATION, self._on_allocation_message)
-        subscription(self, LEAK, lambda message: setattr(self._pilot, "water_in_hull", bool(message.data)))
-        self.lead = subscription(self, ODOMETRY, self._on_odometry, queue=ODOMETRY.quality.depth)
+        subscription(self, topics.THRUSTER_HEALTH_ORDER, self._on_health_order)
+        subscription(self, topics.HOLD_SETPOINT, self._on_setpoint)
+        subscription(self, topics.OPERATOR_WRENCH, self._on_operator_wrench)
+        subscription(self, topics.ESTIMATE, self._on_estimate)
+        subscription(self, topics.ALLOCATION, self._on_allocation_message)
+        subscription(self, topics.LEAK, lambda message: setattr(self._pilot, "water_in_hull", bool(message.data)))
+        self.lead = subscription(self, topics.ODOMETRY, self._on_odometry, queue=topics.ODOMETRY.quality.depth)
         self.create_service(Recentre, RECENTRE, self._on_recentre)
         self._server = ActionServer(
             self,
             FlyManeuver,
             GOAL,
-            lambda handle: result_of("", handle),
+            lambda handle: pilot_messages.result_of("", handle),
             handle_accepted_callback=self._accept,
             cancel_callback=lambda _goal: CancelResponse.ACCEPT,
         )
@@ -182,7 +150,7 @@ class PilotNode(BatchedNode):
             applied = applied_from_bytes(data)
             check_pulses(applied.pulses_us, len(self._names))
         except ValueError as error:
-            self._refuse(THRUSTER_STATE, str(error))
+            self._refuse(topics.THRUSTER_STATE, str(error))
             return
         if not self._thrusters_known and applied.armings:
             self._pilot.lose_place(RESTARTED)
@@ -195,9 +163,9 @@ class PilotNode(BatchedNode):
 
     def _on_estimate(self, message: Any) -> None:
         """Keep the estimate of a motion, for the feedback of its maneuver."""
-        unfit = unfit_estimate(message)
+        unfit = pilot_messages.unfit_estimate(message)
         if unfit:
-            self._refuse(ESTIMATE, unfit)
+            self._refuse(topics.ESTIMATE, unfit)
         else:
             self._estimates[message.motion] = estimate_from_msg(message)
 
@@ -208,9 +176,9 @@ class PilotNode(BatchedNode):
     def _on_allocation_message(self, message: Any) -> None:
         """Keep what an allocator elsewhere reports of the last wrench, and the supply that it measured."""
         try:
-            self._allocation = allocation_from_msg(message, len(self._names))
+            self._allocation = pilot_messages.allocation_from_msg(message, len(self._names))
         except ValueError as error:
-            self._refuse(ALLOCATION, str(error))
+            self._refuse(topics.ALLOCATION, str(error))
             return
         if message.supply_measured:
             self._supply.update(message.supply_voltage, self.now())
@@ -220,15 +188,15 @@ class PilotNode(BatchedNode):
         try:
             echo = _range(data)
         except ValueError as error:
-            self._refuse(ALTITUDE, str(error))
+            self._refuse(topics.ALTITUDE, str(error))
             return
         self._odometry.range(echo.stamp, echo.reading.range_m)
 
     def _on_odometry(self, message: Any) -> None:
         """Fly one cycle on the odometry of the one who publishes it."""
         if self._altimeter is None:
-            self._altimeter = subscription(self, ALTITUDE, self._on_range, raw=True)
-        unfit = self._source.judge(publishers_of(self, ODOMETRY), armed=self._armed)
+            self._altimeter = subscription(self, topics.ALTITUDE, self._on_range, raw=True)
+        unfit = self._source.judge(publishers_of(self, topics.ODOMETRY), armed=self._armed)
         state: Stamped[Navigation] | None = None
         breaks = self._odometry.breaks
         if not unfit:
@@ -237,7 +205,7 @@ class PilotNode(BatchedNode):
             except ValueError as error:
                 unfit = str(error)
         if unfit:
-            self._refuse(ODOMETRY, unfit)
+            self._refuse(topics.ODOMETRY, unfit)
         if self._odometry.breaks != breaks:
             self._pilot.begin_anew()
         if state is not None:
@@ -256,7 +224,7 @@ class PilotNode(BatchedNode):
         # A list may be stamped right behind the one in force, whatever the clock did since that one was made.
         untimely = self._window.of_lists.judge(stamp, Stamp(max(now, self._listed_at)))
         if untimely is not None:
-            self._refuse(THRUSTER_HEALTH_ORDER, f"the list is {untimely.sentence}")
+            self._refuse(topics.THRUSTER_HEALTH_ORDER, f"the list is {untimely.sentence}")
         elif stamp > self._listed_at:
             reasons = dict.fromkeys(message.disabled, "") | dict(zip(message.disabled, message.reasons, strict=False))
             self._publish_disabled(self._known(reasons), stamp)
@@ -266,7 +234,9 @@ class PilotNode(BatchedNode):
         unknown = sorted(reasons.keys() - self._names)
         if unknown:
             wanted = ", ".join(sorted(self._names))
-            self._refuse(THRUSTER_HEALTH_ORDER, f"found no thruster {unknown[0][:40]!r}, wanted some of {wanted}")
+            self._refuse(
+                topics.THRUSTER_HEALTH_ORDER, f"found no thruster {unknown[0][:40]!r}, wanted some of {wanted}"
+            )
         return {name: reason for name, reason in reasons.items() if name in self._names}
 
     def _publish_disabled(self, reasons: dict[str, str], stamp: Stamp) -> None:
@@ -308,9 +278,9 @@ class PilotNode(BatchedNode):
         """Keep a setpoint for the next cycle, which knows whether the thrusters are armed by now."""
         untimely = self._window.judge(stamp_from_msg(message.header.stamp), self.now())
         if message.axis not in HOLDS:
-            self._refuse(HOLD_SETPOINT, f"hold {message.axis[:40]!r}: unknown, wanted one of {', '.join(HOLDS)}")
+            self._refuse(topics.HOLD_SETPOINT, f"hold {message.axis[:40]!r}: unknown, wanted one of {', '.join(HOLDS)}")
         elif untimely is not None:
-            self._refuse(HOLD_SETPOINT, f"hold {message.axis}: {untimely.sentence}")
+            self._refuse(topics.HOLD_SETPOINT, f"hold {message.axis}: {untimely.sentence}")
             self._pilot.refuse(message.axis, f"hold {message.axis}: {untimely.sentence}")
         else:
             self._setpoints.append(Setpoint(message.axis, message.engaged, message.value))
@@ -319,14 +289,14 @@ class PilotNode(BatchedNode):
         for setpoint in self._setpoints:
             refused = self._pilot.set(setpoint)
             if refused:
-                self._refuse(HOLD_SETPOINT, refused)
+                self._refuse(topics.HOLD_SETPOINT, refused)
         self._setpoints.clear()
 
     def _on_operator_wrench(self, message: Any) -> None:
         stamp = stamp_from_msg(message.header.stamp)
         wrench, frame = wrench_from_msg(message), message.header.frame_id
         for refused in self._pilot.set_operator_wrench(wrench, frame, stamp, self.now()):
-            self._refuse(OPERATOR_WRENCH, refused)
+            self._refuse(topics.OPERATOR_WRENCH, refused)
 
     def _on_recentre(self, request: Any, response: Any) -> Any:
         """Begin dead reckoning anew where the operator says that the vehicle is."""
@@ -341,7 +311,10 @@ class PilotNode(BatchedNode):
 
     def _accept(self, handle: Any) -> None:
         """Keep a goal until the vehicle can begin it, or finish it at once: a rejection cannot carry a reason."""
-        goal, refused = ActiveGoal(handle, goal_from_msg(handle.request)), self._unflyable(handle.request)
+        goal, refused = (
+            ActiveGoal(handle, pilot_messages.goal_from_msg(handle.request)),
+            self._unflyable(handle.request),
+        )
         if refused:
             self._reporter.refusals.add(GOAL, refused)
             self._finish_goal(goal, refused)
@@ -356,7 +329,7 @@ class PilotNode(BatchedNode):
         if self._goal is not None:
             return f"start: {BUSY}"
         try:
-            self._pilot.check(goal_from_msg(request))
+            self._pilot.check(pilot_messages.goal_from_msg(request))
         except HindraxError as error:
             return str(error)
         return ""
@@ -371,7 +344,7 @@ class PilotNode(BatchedNode):
         elif (last := goal.maneuver.last) is not None and last.done:
             self._finish_goal(goal, last.aborted)
         elif last is not None and self._turn % FEEDBACK_EVERY == 0:
-            goal.handle.publish_feedback(feedback_to_msg(last, self._estimates, stamp))
+            goal.handle.publish_feedback(pilot_messages.feedback_to_msg(last, self._estimates, stamp))
 
     def _begin(self, goal: ActiveGoal) -> None:
         if goal.handle.is_cancel_requested:
@@ -396,7 +369,7 @@ class PilotNode(BatchedNode):
         if goal is self._goal:
             self._goal = None
         self.get_logger().info(f"maneuver aborted by {aborted}" if aborted else "maneuver done")
-        goal.handle.execute(partial(result_of, aborted))
+        goal.handle.execute(partial(pilot_messages.result_of, aborted))
 
     def _check_navigator(self) -> None:
         """Abort a waiting or flown goal when the navigator is silent: no cycle would do it."""
@@ -406,7 +379,7 @@ class PilotNode(BatchedNode):
         since = f"for {silent_s:.0f} s" if self._last_state else "yet"
         reason = f"navigation: no state of the vehicle {since}, so the thrusters are neutral; {SENSELESS}"
         self._pilot.abandon()
-        self._maneuver.publish(maneuver_to_msg(abandoned(reason), self.now()))
+        self._maneuver.publish(pilot_messages.maneuver_to_msg(abandoned(reason), self.now()))
         self._finish_goal(self._goal, reason)
 
     # ---- published
@@ -416,15 +389,15 @@ class PilotNode(BatchedNode):
         if self._planned or self._goal is not None:
             return
         self._planned = True
-        self._plans.publish(plans_to_msg(self._pilot.plans(), self.now()))
+        self._plans.publish(pilot_messages.plans_to_msg(self._pilot.plans(), self.now()))
 
     def _publish_status(self, output: PilotOutput, stamp: Stamp) -> None:
         self._turn += 1
         self._publish_maneuver(output.maneuver, stamp)
         if self._turn % STATUS_EVERY == 0:
-            self._holds.publish(holds_to_msg(output.holds, stamp))
+            self._holds.publish(pilot_messages.holds_to_msg(output.holds, stamp))
         if self._turn % PLACE_EVERY == 0 and (found := self._pilot.whereabouts()) is not None:
-            self._place.publish(place_to_msg(found, stamp))
+            self._place.publish(pilot_messages.place_to_msg(found, stamp))
         if self._turn % REPORT_EVERY == 0:
             self._report(output, stamp)
 
@@ -435,12 +408,12 @@ class PilotNode(BatchedNode):
         phase = (output.phase.motion, output.phase.phase)
         if phase != self._phase or (self._turn % STATUS_EVERY == 0 and not output.done):
             self._phase = phase
-            self._maneuver.publish(maneuver_to_msg(output, stamp))
+            self._maneuver.publish(pilot_messages.maneuver_to_msg(output, stamp))
 
     def _report(self, output: PilotOutput, stamp: Stamp) -> None:
         notes = (f"{state.axis} hold: {state.note}" for state in output.holds if state.note)
         refused = [f"by hand: {output.refused}"] if output.refused else []
-        others = publishers_of(self, ODOMETRY) - {self.navigator} if self.navigator else ()
+        others = publishers_of(self, topics.ODOMETRY) - {self.navigator} if self.navigator else ()
         ignored = [f"ignored: {', '.join(sorted(others))}, because {self.navigator} navigates"] if others else []
         wrong = (*output.guards, *notes, *refused, *ignored)
         held = ", ".join(state.axis for state in output.holds if state.engaged)
