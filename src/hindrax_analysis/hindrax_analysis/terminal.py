@@ -2,11 +2,11 @@
 
 import math
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from textwrap import TextWrapper
 
-from rich.console import Console, RenderableType
+from rich.console import Console
 from rich.markup import escape
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Column, Table
@@ -41,29 +41,40 @@ def working(sentence: str) -> Iterator[Callable[[object], None]]:
         yield lambda reached: progress.update(task, description=f"{sentence}: {reached}")
 
 
-def make_table(title: str, words: Sequence[str], numbers: Sequence[str], prose: Sequence[str] = ()) -> Table:
-    """Table with columns for words (left), numbers (right) and prose, which may wrap; brackets in headings are text."""
+def print_table(
+    title: str,
+    words: Sequence[str],
+    numbers: Sequence[str],
+    rows: Iterable[Sequence[object]],
+    prose: Sequence[str] = (),
+) -> None:
+    """Print rows below the headings of words (left), numbers (right) and prose, which may wrap.
+
+    Brackets are text, also in a cell; a Text keeps its style, a float has five digits, None and NaN are empty.
+    """
     table = Table(title=escape(title), title_justify="left")
     for heading in words:
-        table.add_column(escape(heading), no_wrap=True)
+        table.add_column(Text(heading), no_wrap=True)
     for heading in numbers:
-        table.add_column(escape(heading), justify="right", no_wrap=True)
+        table.add_column(Text(heading), justify="right", no_wrap=True)
     for heading in prose:
-        table.add_column(escape(heading))
-    return table
+        table.add_column(Text(heading))
+    for row in rows:
+        table.add_row(*(cell if isinstance(cell, Text) else Text(_text(cell)) for cell in row))
+    _print_whole_or_stacked(table, title)
 
 
-def print_table(table: Table) -> None:
-    """Print a table of `make_table`; on a screen that is too narrow row by row, so that nothing is ever cut."""
+def _print_whole_or_stacked(table: Table, title: str) -> None:
+    """Print a table; on a screen that is too narrow row by row, so that nothing is ever cut."""
     screen = console()
     # A column without remarks would be a stripe of nothing.
     table.columns = [column for column in table.columns if any(column.cells) or (column.header and column.no_wrap)]
     if _least_width(table) <= screen.width:
         screen.print(table)
         return
-    lines = [fitted(_plain(table.title), screen.width)] if table.title else []
+    lines = [fitted(title, screen.width)] if title else []
     for cells in zip(*(column.cells for column in table.columns), strict=True):
-        lines += _stacked(table.columns, [_plain(cell) for cell in cells], screen.width)
+        lines += _stacked(table.columns, [str(cell) for cell in cells], screen.width)
     print_whole("\n".join(lines))
 
 
@@ -74,7 +85,7 @@ def _stacked(columns: Sequence[Column], cells: Sequence[str], width: int) -> lis
     """
     words, pairs = [], []
     for column, cell in zip(columns, cells, strict=True):
-        heading = _plain(column.header)
+        heading = str(column.header)
         if column.no_wrap and column.justify == "left" and "[" not in heading:
             words.append(cell)
         elif cell:
@@ -87,11 +98,6 @@ def _stacked(columns: Sequence[Column], cells: Sequence[str], width: int) -> lis
     # Names that are too long side by side stand below each other.
     name = ["  ".join(words)] if len("  ".join(words)) <= width else words
     return [*(one for one in name if one), *(line.replace(NO_BREAK, " ") for line in wrap.wrap(";  ".join(glued)))]
-
-
-def _plain(cell: RenderableType | None) -> str:
-    """Text of a cell without its markup."""
-    return Text.from_markup(str(cell)).plain
 
 
 def _least_width(table: Table) -> int:
@@ -111,10 +117,10 @@ def cells_of(value: Value) -> tuple[str, str]:
 
 def print_values(title: str, rows: Sequence[tuple[str, object, str]]) -> None:
     """Print a table of name, value (with its standard deviation, if any) and unit."""
-    table = make_table(title, ["what"], ["value", "std"], ["unit"])
-    for name, value, unit in rows:
-        table.add_row(name, *(cells_of(value) if isinstance(value, Value) else (_text(value), "")), unit)
-    print_table(table)
+    cells = [
+        (name, *(cells_of(value) if isinstance(value, Value) else (value, "")), unit) for name, value, unit in rows
+    ]
+    print_table(title, ["what"], ["value", "std"], cells, ["unit"])
 
 
 def _text(value: object) -> str:

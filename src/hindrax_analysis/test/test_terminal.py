@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from hindrax_analysis import terminal
-from hindrax_analysis.terminal import make_table, print_table, print_values, working
+from hindrax_analysis.terminal import print_table, print_values, working
 from hindrax_core.text.digits import Value
 from hindrax_core.text.screen_text import UNBOUNDED, print_fitted
 
@@ -26,10 +26,8 @@ class Screen(io.StringIO):
 
 def shown(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, width: int | None) -> str:
     monkeypatch.setattr(terminal, "console", lambda: Console(width=width or UNBOUNDED, file=sys.stdout))
-    table = make_table("Title [m/s]", ("topic", "quantity"), ("value [N]", "+-"), ("note",))
-    table.add_row(TOPIC, "k_q", "66.4801234", "10.2012345", NOTE)
-    table.add_row("/short", "k_l", "1.25", "4.97", "")
-    print_table(table)
+    rows = [(TOPIC, "k_q", "66.4801234", "10.2012345", NOTE), ("/short", "k_l", "1.25", "4.97", "")]
+    print_table("Title [m/s]", ("topic", "quantity"), ("value [N]", "+-"), rows, ("note",))
     return capsys.readouterr().out
 
 
@@ -57,9 +55,8 @@ def test_a_narrow_screen_keeps_the_unit_of_a_column_of_words(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(terminal, "console", lambda: Console(width=40, file=sys.stdout))
-    table = make_table("Thrusters", ("name", "forward, starboard, down [m]"), ("force [N]",))
-    table.add_row("T1", "+0.183  -0.135  +0.000", "-30.0 to +30.0")
-    print_table(table)
+    row = ("T1", "+0.183  -0.135  +0.000", "-30.0 to +30.0")
+    print_table("Thrusters", ("name", "forward, starboard, down [m]"), ("force [N]",), [row])
     printed = capsys.readouterr().out.splitlines()
     assert printed[1] == "T1"
     assert "forward, starboard, down [m]:" in printed[2]
@@ -67,19 +64,14 @@ def test_a_narrow_screen_keeps_the_unit_of_a_column_of_words(
 
 def test_a_column_of_remarks_is_there_when_there_are_remarks(capsys: pytest.CaptureFixture[str]) -> None:
     for remark in ("", "disabled"):
-        table = make_table("Thrusters", ("name",), ("force [N]", ""))
-        table.add_row("T1", "1.00", "")
-        table.add_row("T2", "2.00", remark)
-        print_table(table)
+        print_table("Thrusters", ("name",), ("force [N]", ""), [("T1", "1.00", ""), ("T2", "2.00", remark)])
         row = next(line for line in capsys.readouterr().out.splitlines() if "T2" in line)
         assert row.split("\u2502")[3:] == ([f" {remark} ", ""] if remark else [""])
 
 
 def test_a_column_of_sentences_is_there_when_there_are_sentences(capsys: pytest.CaptureFixture[str]) -> None:
     for remark in ("", "slow"):
-        table = make_table("Plan", ("motion",), ("time [s]",), ("remarks",))
-        table.add_row("surge", "94", remark)
-        print_table(table)
+        print_table("Plan", ("motion",), ("time [s]",), [("surge", "94", remark)], ("remarks",))
         assert ("remarks" in capsys.readouterr().out) == bool(remark)
 
 
@@ -87,11 +79,21 @@ def test_names_that_are_too_long_side_by_side_stand_below_each_other(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(terminal, "console", lambda: Console(width=60, file=sys.stdout))
-    table = make_table("", ("topic", "type"), ("messages",))
-    table.add_row(TOPIC, "hindrax_msgs/msg/NavigationStatus", "605")
-    print_table(table)
+    print_table("", ("topic", "type"), ("messages",), [(TOPIC, "hindrax_msgs/msg/NavigationStatus", "605")])
     lines = capsys.readouterr().out.splitlines()
     assert lines[:2] == [TOPIC, "hindrax_msgs/msg/NavigationStatus"]
+
+
+@pytest.mark.parametrize("width", [120, 40])
+def test_brackets_in_a_cell_are_text(
+    width: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(terminal, "console", lambda: Console(width=width, file=sys.stdout))
+    bag = "runs[pool]/monday[red]/:camera:/bag"
+    print_table("bags below runs[pool]", ("bag",), ("MB",), [(bag, "1.2")], ("",))
+    printed = capsys.readouterr().out
+    assert "bags below runs[pool]" in printed
+    assert bag in printed
 
 
 def test_a_pipe_gets_whole_lines(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:

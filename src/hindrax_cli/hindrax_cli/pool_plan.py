@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from hindrax_analysis.plain import print_answer
-from hindrax_analysis.terminal import make_table, print_table, working
+from hindrax_analysis.terminal import print_table, working
 from hindrax_control.maneuver.goal import motions_to_fly
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted
@@ -65,23 +65,20 @@ def show(found: Rehearsal) -> None:
     for plan in found.plans:
         print_fitted(plan)
     numbers = ("from [s]", "to [s]", "wall [m]", "floor [m]", "charge [Ah]")
-    table = make_table(f"Timetable of {found.vehicle} in the world {found.world}", ("motion",), numbers)
+    rows = []
     for one in found.flown:
         cells = (one.wall_m, one.floor_m, one.charge_Ah)
-        table.add_row(one.motion, f"{one.begin_s:.0f}", f"{one.end_s:.0f}", *(f"{cell:.2f}" for cell in cells))
-    print_table(table)
+        rows.append((one.motion, f"{one.begin_s:.0f}", f"{one.end_s:.0f}", *(f"{cell:.2f}" for cell in cells)))
+    print_table(f"Timetable of {found.vehicle} in the world {found.world}", ("motion",), numbers, rows)
     print_fitted(
         f"{found.seconds:.0f} s in the water; the thrusters draw {found.charge_Ah:.2f} Ah (by momentum theory)"
     )
-    bands = make_table(
-        "Standard deviations to be expected: of the drag at the highest speed, and of the added mass",
-        ("motion",),
-        ("highest speed", "noise [%]", "calibrated [%]", "added mass [%]"),
-        ("remarks",),
-    )
+    rows = []
     for motion, band in found.bands.items():
         shares = (band.noise, band.calibrated, band.added_mass)
         percents = ("" if math.isnan(share) else f"{100 * share:.1f}" for share in shares)
         unit = "rad/s" if MOTIONS[motion].axis >= 3 else "m/s"
-        bands.add_row(motion, f"{band.speed:.2f} {unit}", *percents, "; ".join(band.reasons))
-    print_table(bands)
+        rows.append((motion, f"{band.speed:.2f} {unit}", *percents, "; ".join(band.reasons)))
+    title = "Standard deviations to be expected: of the drag at the highest speed, and of the added mass"
+    headings = ("highest speed", "noise [%]", "calibrated [%]", "added mass [%]")
+    print_table(title, ("motion",), headings, rows, ("remarks",))

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.markup import escape
 
 from hindrax_analysis.coefficients_file import Conditions, SavedCoefficients, as_yaml, conditions_of, read_coefficients
 from hindrax_analysis.published import CITATION, PAPER, published_of
@@ -16,7 +15,7 @@ from hindrax_analysis.records.own_bag import bag_events, date_of, maneuver_recor
 from hindrax_analysis.report.comparison import RunScatter
 from hindrax_analysis.report.figures import Trace
 from hindrax_analysis.report.run_page import RunReport, run_page
-from hindrax_analysis.terminal import make_table, print_table
+from hindrax_analysis.terminal import print_table
 from hindrax_bag import software_version
 from hindrax_bag.read.bag_reader import bag_files, messages
 from hindrax_bag.run_folder import RunFolder
@@ -80,18 +79,18 @@ def show(identified: Identified) -> None:
     name = identified.results.vehicle.name
     papers = (PAPER,) if any(published_of(name, motion) for motion in motions) else ()
     numbers = ("value +- std", *(("truth",) if identified.mock else ()), *papers)
-    table = make_table("Identified coefficients, SNAME axes", ("motion", "coefficient"), numbers)
+    rows = []
     for motion, result in motions.items():
         published = published_of(name, motion)
         paper = published.in_our_axes if published else {}
         for key, number in result.coefficients.items():
             truth = () if not identified.mock else ("" if number.truth is None else f"{number.truth:.4g}",)
             printed = f"{paper[key][0]:.2f} +- {paper[key][1]:.2f}" if key in paper else ""
-            row = (motion, f"{key} [{number.unit}]", measured(number.value, number.std_calibrated))
-            table.add_row(*(escape(cell) for cell in row), *truth, *((printed,) if papers else ()))
-    if table.row_count:
-        print_table(table)
-    if table.row_count and papers:
+            found = measured(number.value, number.std_calibrated)
+            rows.append((motion, f"{key} [{number.unit}]", found, *truth, *((printed,) if papers else ())))
+    if rows:
+        print_table("Identified coefficients, SNAME axes", ("motion", "coefficient"), numbers, rows)
+    if rows and papers:
         print_fitted(f"{PAPER}: {CITATION}")
     _show_budgets(motions, identified.predicted)
     for names, warning in shared_warnings(motions):
@@ -123,18 +122,18 @@ def _show_budgets(motions: Mapping[str, MotionResult], predicted: Mapping[str, f
     """Print the largest contributions to the uncertainty of each motion's drag, and what would shrink it most."""
     prose = ("largest contributions", "what would shrink it most, and to what")
     numbers = ("predicted", "calibrated") if predicted else ("calibrated",)
-    table = make_table("Uncertainty of the drag at the highest speed", ("motion",), numbers, prose)
+    rows = []
     for motion, result in motions.items():
-        rows = result.budget.get("drag")
+        budget = result.budget.get("drag")
         step = result.next_step
-        if rows and step and result.drag is not None and result.drag.force[-1] > 0.0:
+        if budget and step and result.drag is not None and result.drag.force[-1] > 0.0:
             force = float(result.drag.force[-1])
-            largest = ", ".join(f"{row.influence} {row.std / force:.1%}" for row in rows[:LARGEST])
+            largest = ", ".join(f"{row.influence} {row.std / force:.1%}" for row in budget[:LARGEST])
             before = (f"{predicted[motion]:.1%}" if motion in predicted else "",) if predicted else ()
             calibrated = f"{result.drag.std_calibrated[-1] / force:.1%}"
-            table.add_row(motion, *before, calibrated, largest, f"{step.remedy}: {step.std / force:.1%}")
-    if table.row_count:
-        print_table(table)
+            rows.append((motion, *before, calibrated, largest, f"{step.remedy}: {step.std / force:.1%}"))
+    if rows:
+        print_table("Uncertainty of the drag at the highest speed", ("motion",), numbers, rows, prose)
 
 
 def identify_run(

@@ -13,7 +13,7 @@ from rich import progress
 from rich.console import Console
 
 from hindrax_analysis.plain import print_answer
-from hindrax_analysis.terminal import make_table, print_table, working
+from hindrax_analysis.terminal import print_table, working
 from hindrax_bag.read.message_columns import Series, extract, series
 from hindrax_bag.read.recovery import recover
 from hindrax_bag.read.survey import ListedBag, Survey, find_bags, survey
@@ -41,11 +41,11 @@ def info(arguments: argparse.Namespace) -> int:
 def show_info(found: Survey) -> None:
     """Print a survey."""
     title = f"{found.bag}: {found.seconds:.1f} s, {found.messages} messages, {_mb(found.size_bytes)}"
-    table = make_table(title, ("topic", "type"), ("messages", "Hz", "bytes each"))
-    for name, one in sorted(found.topics.items()):
-        row = (str(one.count), f"{found.rate_Hz(one):g}", str(one.bytes // max(1, one.count)))
-        table.add_row(name, one.type, *row)
-    print_table(table)
+    rows = [
+        (name, one.type, one.count, f"{found.rate_Hz(one):g}", one.bytes // max(1, one.count))
+        for name, one in sorted(found.topics.items())
+    ]
+    print_table(title, ("topic", "type"), ("messages", "Hz", "bytes each"), rows)
     print_fitted(f"inside: {', '.join(found.inside) or 'no files'}")
     for note in found.damage.notes:
         print_fitted(note)
@@ -67,12 +67,12 @@ def listed(arguments: argparse.Namespace) -> int:
 
 def show_list(found: Sequence[ListedBag], folder: Path) -> None:
     """Print the bags below a folder."""
-    table = make_table(f"bags below {folder}", ["bag"], ["MB", "s", "messages"], [""])
+    rows = []
     for one in found:
-        numbers = ("", "", one.note) if one.note else (f"{one.seconds:.1f}", str(one.messages), "")
-        table.add_row(str(one.bag), f"{one.bytes / 1e6:.1f}", *numbers)
-    if found:
-        print_table(table)
+        numbers = ("", "", one.note) if one.note else (f"{one.seconds:.1f}", one.messages, "")
+        rows.append((one.bag, f"{one.bytes / 1e6:.1f}", *numbers))
+    if rows:
+        print_table(f"bags below {folder}", ["bag"], ["MB", "s", "messages"], rows, [""])
     else:
         print_fitted(f"no bags below {folder}")
 

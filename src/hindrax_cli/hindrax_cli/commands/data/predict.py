@@ -13,7 +13,7 @@ from hindrax_analysis.identification.record_identification import (
     recorded_vehicle,
 )
 from hindrax_analysis.plain import print_answer
-from hindrax_analysis.terminal import make_table, print_table, working
+from hindrax_analysis.terminal import print_table, working
 from hindrax_cli.argument_types import add_vehicle, positive
 from hindrax_cli.command import command, option
 from hindrax_cli.commands.data.identify import add_selection, selected
@@ -91,9 +91,9 @@ def _predictions(
 
 def _show(found: list[Prediction], reasons: list[str], window_s: float) -> None:
     title = f"RMS error of the prediction over {window_s:g} s"
-    table = make_table(title, ("motion",), ("windows", "model", "stays still", "keeps its speed", "unit"))
-    for one in found:
-        table.add_row(AXES[one.axis], str(one.windows), *(f"{error:.3g}" for error in one.errors.values()), one.unit)
-    print_table(table)
+    rows = [
+        (AXES[one.axis], one.windows, *(f"{error:.3g}" for error in one.errors.values()), one.unit) for one in found
+    ]
+    print_table(title, ("motion",), ("windows", "model", "stays still", "keeps its speed", "unit"), rows)
     for reason in reasons:
         print_fitted(f"left out: {reason}")

@@ -11,7 +11,7 @@ from hindrax_analysis.experiments.bollard import COEFFICIENTS, COLUMNS, BollardC
 from hindrax_analysis.experiments.estimate import Dimensions, EmpiricalModel, empirical, hydrodynamics_of
 from hindrax_analysis.exports.vehicle_block import block_text
 from hindrax_analysis.plain import print_answer
-from hindrax_analysis.terminal import make_table, print_table, print_values
+from hindrax_analysis.terminal import print_table, print_values
 from hindrax_cli.argument_types import add_vehicle, positive
 from hindrax_cli.command import command, option
 from hindrax_cli.experiment_command import add_output, read_record, record, save_plot
@@ -155,12 +155,12 @@ def _show_estimate(model: EmpiricalModel) -> None:
         quantities = zip(("added mass", "quadratic drag", "linear drag"), units, strict=True)
         headings = [f"{quantity} {unit}" for quantity, unit in quantities]
         headings += ["inertia [kg m^2]"] if title == "rotation" else []
-        table = make_table(f"Estimate from dimensions, {title}", ["axis"], headings)
+        rows = []
         for index in axes:
             values = [model.added_mass[index], model.quadratic_drag[index], model.linear_drag[index]]
             values += [model.inertia_kgm2[index - 3]] if title == "rotation" else []
-            table.add_row(AXES[index], *(f"{value:.3g}" for value in values))
-        print_table(table)
+            rows.append((AXES[index], *(f"{value:.3g}" for value in values)))
+        print_table(f"Estimate from dimensions, {title}", ["axis"], headings, rows)
     print_fitted(
         f"scale from two to three dimensions: added mass {model.scale_added_mass:.3f}, drag {model.scale_drag:.3f}"
     )

@@ -13,7 +13,7 @@ from hindrax_analysis.experiments.step import fit as fit_steps
 from hindrax_analysis.experiments.towing import COLUMNS as TOWING_COLUMNS
 from hindrax_analysis.experiments.towing import fit as fit_towing
 from hindrax_analysis.plain import print_answer
-from hindrax_analysis.terminal import make_table, print_table, print_values
+from hindrax_analysis.terminal import print_table, print_values
 from hindrax_cli.argument_types import positive
 from hindrax_cli.command import command, option
 from hindrax_cli.experiment_command import DENSITY, add_output, read_record, record, save_plot
@@ -89,10 +89,8 @@ def _response(plant: Plant, thrust_N: float, duration_s: float) -> dict[str, flo
 def print_steps(rows: list[dict[str, float]]) -> None:
     """Print one line per step."""
     headings = ("thrust [N]", "terminal [m/s]", "63 % after [s]", "acceleration at start [m/s^2]", "at the end [m/s^2]")
-    table = make_table("Steps of thrust from rest", (), headings)
-    for row in rows:
-        table.add_row(*(f"{value:.4g}" if abs(value) > 1e-9 else "0" for value in row.values()))
-    print_table(table)
+    cells = ([f"{value:.4g}" if abs(value) > 1e-9 else "0" for value in row.values()] for row in rows)
+    print_table("Steps of thrust from rest", (), headings, cells)
 
 
 def _fit(arguments: argparse.Namespace) -> int:

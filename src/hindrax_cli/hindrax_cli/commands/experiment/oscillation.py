@@ -15,7 +15,7 @@ from hindrax_analysis.experiments.pendulum import COLUMNS as PENDULUM_COLUMNS
 from hindrax_analysis.experiments.pendulum import Pendulum, PendulumFit
 from hindrax_analysis.experiments.pendulum import analyze as analyze_pendulum
 from hindrax_analysis.plain import print_answer
-from hindrax_analysis.terminal import cells_of, make_table, print_table, print_values
+from hindrax_analysis.terminal import cells_of, print_table, print_values
 from hindrax_cli.argument_types import positive
 from hindrax_cli.command import command, option
 from hindrax_cli.experiment_command import DENSITY, add_output, read_record, record, save_plot
@@ -114,12 +114,12 @@ def forced(arguments: argparse.Namespace) -> int:
 def print_forced(motion: str, found: list[Coefficient]) -> None:
     """Print both ways side by side."""
     headings = ("Fourier", "std", "direct fit", "std", "apart [%]", "dimensionless")
-    table = make_table(f"Forced {motion}: force = derivative x motion", ["coefficient"], headings, ["unit"])
+    rows = []
     for item in found:
         cells = [text for one in (item.fourier, item.direct) for text in cells_of(one)]
         numbers = (*cells, f"{item.difference_percent:.2f}", f"{item.dimensionless:.5f}")
-        table.add_row(item.name, *numbers, item.unit)
-    print_table(table)
+        rows.append((item.name, *numbers, item.unit))
+    print_table(f"Forced {motion}: force = derivative x motion", ["coefficient"], headings, rows, ["unit"])
 
 
 def _buoyancy(parser: argparse.ArgumentParser) -> None:

@@ -13,7 +13,7 @@ from hindrax_analysis.experiments.known_weight import Hold, LoadSpan, Weighing, 
 from hindrax_analysis.experiments.known_weight import weigh as weighed
 from hindrax_analysis.plain import print_answer
 from hindrax_analysis.records.own_bag import bag_events
-from hindrax_analysis.terminal import make_table, print_table, print_values, working
+from hindrax_analysis.terminal import print_table, print_values, working
 from hindrax_bringup.stack import WORLD_HELP
 from hindrax_bringup.stack_runner import report
 from hindrax_cli.argument_types import add_json, add_vehicle, positive, seed
@@ -183,10 +183,8 @@ def show(found: Weighing, where: str) -> None:
         ("weighed to", gain.load, unit),
     ]
     print_values(f"Thrust of {found.axis} over that of its curves, losses included", rows)
-    budget = make_table("Its uncertainty", ["influence"], ["std [%]"])
-    for name, part in sorted(found.contributions.items(), key=lambda one: -one[1]):
-        budget.add_row(name, f"{100.0 * part:.2f}")
-    print_table(budget)
+    budget = sorted(found.contributions.items(), key=lambda one: -one[1])
+    print_table("Its uncertainty", ["influence"], ["std [%]"], [(name, f"{100.0 * part:.2f}") for name, part in budget])
     if found.misfit > 3.0:
         print_fitted(
             f"warning: the holds contradict each other by {found.misfit:.1f} deviations; look at line and pulley",

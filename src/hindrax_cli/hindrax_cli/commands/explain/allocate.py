@@ -4,10 +4,8 @@ import argparse
 import re
 from typing import Any
 
-from rich.markup import escape
-
 from hindrax_analysis.plain import print_answer
-from hindrax_analysis.terminal import make_table, print_table
+from hindrax_analysis.terminal import print_table
 from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_cli.command import command, option
 from hindrax_control.allocation.allocator import Allocator
@@ -60,18 +58,16 @@ def allocation_document(names: tuple[str, ...], allocation: Allocation) -> dict[
 
 def show_allocation(names: tuple[str, ...], allocation: Allocation) -> None:
     """Print one table of thrusters and one of axes."""
-    thrusters = make_table("Thrusters", ("name",), ("force [N]", "pulse [us]", ""))
-    for name, force, pulse, at_limit in zip(
-        names, allocation.forces_N, allocation.pulses_us, allocation.saturated, strict=True
-    ):
+    thrusters, axes = [], []
+    outputs = allocation.forces_N, allocation.pulses_us, allocation.saturated
+    for name, force, pulse, at_limit in zip(names, *outputs, strict=True):
         note = "disabled" if name in allocation.disabled else "at its limit" if at_limit else ""
-        thrusters.add_row(name, f"{force:z.2f}", str(pulse), note)
-    print_table(thrusters)
-    axes = make_table("Wrench", ("axis",), ("wanted", "achieved", "shortfall", ""))
+        thrusters.append((name, f"{force:z.2f}", str(pulse), note))
+    print_table("Thrusters", ("name",), ("force [N]", "pulse [us]", ""), thrusters)
     wrenches = allocation.wanted, allocation.achieved, allocation.shortfall
     for axis, symbol, unit, *values in zip(AXES, WRENCH_SYMBOLS, WRENCH_UNITS, *wrenches, strict=True):
         lost = "lost" if axis in allocation.lost_axes else ""
-        axes.add_row(escape(f"{axis} {symbol} [{unit}]"), *(f"{value:z.3f}" for value in values), lost)
-    print_table(axes)
+        axes.append((f"{axis} {symbol} [{unit}]", *(f"{value:z.3f}" for value in values), lost))
+    print_table("Wrench", ("axis",), ("wanted", "achieved", "shortfall", ""), axes)
     for refusal in allocation.refused:
         print_fitted(f"refused: {refusal}")

@@ -3,12 +3,12 @@
 import argparse
 from collections.abc import Sequence
 
-from rich.markup import escape
+from rich.text import Text
 
 from hindrax_analysis.papers import recompute
 from hindrax_analysis.papers.cells import Cell
 from hindrax_analysis.plain import print_answer
-from hindrax_analysis.terminal import console, make_table, print_table
+from hindrax_analysis.terminal import console, print_table
 from hindrax_cli.argument_types import add_json
 from hindrax_cli.command import command, option
 
@@ -43,11 +43,10 @@ def show_papers(cells: Sequence[Cell]) -> None:
 
 def show_paper(title: str, cells: Sequence[Cell]) -> None:
     """Print one paper as a table."""
-    numbers = ("printed", "recomputed", "difference")
-    table = make_table(title, ("table", "row", "quantity"), numbers, ("unit", "verdict", "note"))
+    numbers, rows = ("printed", "recomputed", "difference"), []
     for cell in cells:
         difference = f"{cell.difference:+.2g}" if abs(cell.difference) > 1e-6 * cell.tolerance else "0"
         values = (f"{cell.printed:.6g}", f"{cell.recomputed:.6g}", difference, cell.unit)
-        verdict = f"[{COLORS[cell.verdict]}]{cell.verdict}[/]"
-        table.add_row(cell.table, cell.row, cell.quantity, *values, verdict, escape(cell.note))
-    print_table(table)
+        verdict = Text(cell.verdict, style=COLORS[cell.verdict])
+        rows.append((cell.table, cell.row, cell.quantity, *values, verdict, cell.note))
+    print_table(title, ("table", "row", "quantity"), numbers, rows, ("unit", "verdict", "note"))

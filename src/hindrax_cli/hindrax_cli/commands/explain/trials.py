@@ -9,12 +9,10 @@ from functools import partial
 from operator import call
 from typing import Any
 
-from rich.markup import escape
-
 from hindrax_analysis.identification.executor import run_all
 from hindrax_analysis.identification.montecarlo import Trial, summary, trial_of
 from hindrax_analysis.plain import print_answer
-from hindrax_analysis.terminal import make_table, print_table
+from hindrax_analysis.terminal import print_table
 from hindrax_bringup.clone import developer_module
 from hindrax_cli.argument_types import add_json, add_vehicle, at_least
 from hindrax_cli.command import command, option
@@ -71,27 +69,23 @@ def trial(seed: int, motions: tuple[str, ...], excitation: str, vehicle_file: st
 
 def print_montecarlo(document: dict[str, Any]) -> None:
     """Print the tables: refined result and the other methods, then the drag force."""
-    methods = list(document["methods"])
+    methods = document["methods"]
     numbers = ("truth", "bias", "RMSE", "bound", "RMSE / bound", "in the 95 % band", "in the calibrated")
-    table = make_table(
-        f"{document['runs']} runs; RMSE / bound: 1 is the limit of what can be known",
-        ("motion", "coefficient"),
-        (*numbers, *(f"RMSE / bound, {method}" for method in methods)),
-    )
-    for cell in document["cells"]:
-        table.add_row(*map(escape, _row(cell)), *(_ratio(document["methods"][method], cell) for method in methods))
-    print_table(table)
+    headings = (*numbers, *(f"RMSE / bound, {method}" for method in methods))
+    rows = [(*_row(cell), *(_ratio(cells, cell) for cells in methods.values())) for cell in document["cells"]]
+    title = f"{document['runs']} runs; RMSE / bound: 1 is the limit of what can be known"
+    print_table(title, ("motion", "coefficient"), headings, rows)
     low, high = document["ratio_by_chance"]
     print_fitted(f"{document['runs']} runs at the bound give {low:.2f} to {high:.2f} by chance, 95 times in 100")
     title = "Drag force at shares of the tested speed: relative error"
     shares = ("share", "bias [%]", "RMSE [%]", "in the calibrated 95 % band", "RMSE / band")
-    drag = make_table(title, ("motion",), shares)
+    drag = []
     for row in document["drag"]:
         percents = (f"{100 * row[key]:.2f}" for key in ("bias", "rmse"))
         held = "" if row["coverage95_calibrated"] is None else f"{row['coverage95_calibrated']:.0%}"
         per_band = "" if row["rmse_per_band"] is None else f"{row['rmse_per_band']:.2f}"
-        drag.add_row(row["motion"], f"{row['share_of_speed']:.0%}", *percents, held, per_band)
-    print_table(drag)
+        drag.append((row["motion"], f"{row['share_of_speed']:.0%}", *percents, held, per_band))
+    print_table(title, ("motion",), shares, drag)
     for seed, trouble in document["troubles"].items():
         print_fitted(f"seed {seed}: {trouble}")
 
@@ -132,10 +126,7 @@ def faults(arguments: argparse.Namespace) -> int:
 
 def print_faults(title: str, table: Any, cells: Sequence[Any], violated: Sequence[str]) -> None:
     """Print the table, and what must never be and was."""
-    shown = make_table(title, ("who", "what"), table.MODES, ("reported",))
-    for row in table.rows(cells):
-        shown.add_row(*row)
-    print_table(shown)
+    print_table(title, ("who", "what"), table.MODES, table.rows(cells), ("reported",))
     for sentence in violated:
         print_fitted(f"violated: {sentence}")
 
@@ -162,10 +153,9 @@ def bench(arguments: argparse.Namespace) -> int:
 
 def print_bench(rows: list[dict[str, Any]]) -> None:
     """Print a table."""
-    table = make_table("Medians; the ratio is peer / ours", ("what",), ("ours [us]", "peer [us]", "ratio"), ("peer",))
-    for row in rows:
-        table.add_row(row["name"], *(_cell(row.get(key)) for key in ("ours_us", "peer_us", "ratio", "peer")))
-    print_table(table)
+    cells = [(row["name"], *(_cell(row.get(key)) for key in ("ours_us", "peer_us", "ratio", "peer"))) for row in rows]
+    numbers = ("ours [us]", "peer [us]", "ratio")
+    print_table("Medians; the ratio is peer / ours", ("what",), numbers, cells, ("peer",))
 
 
 def _cell(value: object) -> str:

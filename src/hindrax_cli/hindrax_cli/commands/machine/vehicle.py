@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from hindrax_analysis.plain import print_answer, print_json
-from hindrax_analysis.terminal import make_table, print_table
+from hindrax_analysis.terminal import print_table
 from hindrax_bringup.share_files import VEHICLE, own_vehicles, usual_vehicle, vehicle_file
 from hindrax_cli.argument_types import add_json
 from hindrax_cli.command import add_words, command, option
@@ -68,13 +68,9 @@ def check(arguments: argparse.Namespace) -> int:
 
 
 def _show_checks(vehicle: Vehicle, file: Path) -> None:
-    found = findings(vehicle)
-    remedies = ["to do"] if not all(one.ok for one in found) else []
-    table = make_table("", ["check"], [], ["found", *remedies])
-    for one in found:
-        table.add_row(one.name, one.found, *([one.remedy] if remedies else []))
     print_fitted(f"{vehicle.name} (by {file})")
-    print_table(table)
+    rows = [(one.name, one.found, one.remedy) for one in findings(vehicle)]
+    print_table("", ["check"], [], rows, ["found", "to do"])
 
 
 def show(arguments: argparse.Namespace) -> int:
@@ -91,17 +87,17 @@ def show(arguments: argparse.Namespace) -> int:
     if not vehicle.thrusters:
         print_fitted("no thrusters: enough to identify from a record, not to fly")
         return 0
-    table = make_table("Thrusters", ["name"], ["forward, starboard, down [m]", "points to [deg]", "force [N]"])
+    rows: list[tuple[str, ...]] = []
     for one, curve in zip(vehicle.thrusters, thrust_curves(vehicle), strict=True):
         low, high = curve.range_N
         position = "  ".join(f"{at:+.3f}" for at in one.position_m)
-        table.add_row(one.name, position, _pointing(one), f"{low:.1f} to {high:+.1f}")
-    print_table(table)
-    axes = make_table("Each axis alone", ["axis"], ["largest"], ["why not"] if reasons else [])
+        rows.append((one.name, position, _pointing(one), f"{low:.1f} to {high:+.1f}"))
+    print_table("Thrusters", ["name"], ["forward, starboard, down [m]", "points to [deg]", "force [N]"], rows)
+    rows = []
     for axis, most in reach.items():
         unit = "N" if axis in AXES[:3] else "Nm"
-        axes.add_row(axis, f"{most:.1f} {unit}" if most else "none", *([reasons.get(axis, "")] if reasons else []))
-    print_table(axes)
+        rows.append((axis, f"{most:.1f} {unit}" if most else "none", reasons.get(axis, "")))
+    print_table("Each axis alone", ["axis"], ["largest"], rows, ["why not"])
     return 0
 
 

@@ -5,7 +5,7 @@ import time
 from dataclasses import asdict, dataclass
 
 from hindrax_analysis.plain import print_answer
-from hindrax_analysis.terminal import make_table, print_table, working
+from hindrax_analysis.terminal import print_table, working
 from hindrax_bringup.liveness import NOBODY, liveness_of_stacks
 from hindrax_bringup.network.tether import tether_setting
 from hindrax_bringup.stack_lock import StackLock, runtime_place, stacks
@@ -95,8 +95,6 @@ def _ask(stack: StackLock, made: StackStatus) -> None:
 
 def _show(rows: list[StackStatus]) -> None:
     headings = ["stack", "what", "vehicle", "ROS domain", "thrusters", "age [s]"]
-    table = make_table("", headings[:3], headings[3:], ["health", "bag"])
-    for one in rows:
-        age = "" if one.age_s is None else f"{one.age_s:.0f}"
-        table.add_row(*(age if name == "age_s" else str(cell) for name, cell in asdict(one).items()))
-    print_table(table)
+    ages = ["" if one.age_s is None else f"{one.age_s:.0f}" for one in rows]
+    cells = [list((asdict(one) | {"age_s": age}).values()) for one, age in zip(rows, ages, strict=True)]
+    print_table("", headings[:3], headings[3:], cells, ["health", "bag"])
