@@ -4,6 +4,7 @@ import io
 import signal
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import pytest
 from lock_step import run_at_once
@@ -13,6 +14,7 @@ from hindrax_cli.command_line import main
 from hindrax_cli.commands.machine import output as command
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import Battery
+from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.bus_capture import CapturedReadings
 from hindrax_drivers.nodes.thruster_settings import Settings
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
@@ -80,6 +82,17 @@ def test_what_it_refuses_moves_nothing(
     assert say(*arguments, answers=answers) in (1, 2)
     assert sentence in capsys.readouterr().err
     assert put_out(chip) in ([], [NEUTRAL])
+
+
+def test_an_enable_line_that_is_not_there_is_one_sentence(
+    chip: Pca9685, say: Say, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    vehicle = load_vehicle(default_vehicle())
+    lined = replace(vehicle, output=replace(vehicle.output, enable_line="nowhere:4"))
+    monkeypatch.setattr(command, "output_settings", lambda _: Settings(lined, "/dev/i2c-1"))
+    assert say("--propellers-off") == 1
+    assert capsys.readouterr().err.startswith("hindrax esc: GPIO: ")
+    assert put_out(chip) == []
 
 
 @pytest.mark.parametrize("answers", ["off\n", "off\n\n"])

@@ -11,6 +11,7 @@ from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from typing import Any, TypeAlias, TypeVar
 
+from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp
 
 
@@ -71,8 +72,8 @@ _MEANING = {
 }
 
 
-class DeviceError(Exception):
-    """A bus or device that violates its datasheet. The host retries; the operator reads the text."""
+class DeviceError(HindraxError):
+    """A bus or device that violates its datasheet. A host retries, a command ends; the operator reads the text."""
 
 
 def wire_error(port: str, address: int, code: int) -> DeviceError:

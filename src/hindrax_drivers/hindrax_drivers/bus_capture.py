@@ -1,12 +1,12 @@
 """Capture the readings of one I2C device for a while, without ROS: for calibration, with the stack down."""
 
-from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeVar
 
-from hindrax_core.bus_operations import DeviceError, Program
+from hindrax_core.bus_operations import Program
 from hindrax_core.bus_operations import run as run_program
 from hindrax_core.driver_interface import Identity, Output, RegisterDevice, Trouble
 from hindrax_core.errors import HindraxError, UsageError
@@ -14,7 +14,7 @@ from hindrax_core.events import Rejected, Stamp, Stamped, after
 from hindrax_core.readings import Reading
 from hindrax_core.vehicle import Mount, Vehicle
 from hindrax_drivers.buses.bus_schedule import BusSchedule
-from hindrax_drivers.buses.clock import RegisterBus, pause
+from hindrax_drivers.buses.clock import pause
 from hindrax_drivers.buses.ports import open_bus
 
 ResultT = TypeVar("ResultT")
@@ -55,7 +55,7 @@ def capture(
     `answered` is called in between, to show the operator what to do once a device answers.
     """
     received: list[Output] = []
-    with _opened(port) as bus:
+    with closing(open_bus(port, "tool")) as bus:
         schedule = BusSchedule()
         begin = bus.now()
         schedule.add("sensor", device, begin)
@@ -80,15 +80,5 @@ def capture(
 
 def run_once(port: str, program: Program[ResultT]) -> ResultT:
     """Run one program to its end."""
-    with _opened(port) as bus:
+    with closing(open_bus(port, "tool")) as bus:
         return run_program(program, bus.transfer, partial(pause, bus))
-
-
-@contextmanager
-def _opened(port: str) -> Iterator[RegisterBus]:
-    """A bus for a while; HindraxError for what goes wrong on it."""
-    try:
-        with closing(open_bus(port, "tool")) as bus:
-            yield bus
-    except DeviceError as error:
-        raise HindraxError(str(error)) from error

@@ -134,7 +134,7 @@ def _asked(name: str, where: str, ask: Callable[[], str]) -> Check:
         return Check(name, f"not asked: {where} is not there", f"see {where}")
     try:
         return Check(name, f"{ask()} at {where}")
-    except (DeviceError, HindraxError) as error:
+    except HindraxError as error:
         return Check(name, str(error), "check power, wiring, and port and address in the vehicle file")
 
 

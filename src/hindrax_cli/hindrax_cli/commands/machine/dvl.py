@@ -10,7 +10,6 @@ from typing import Any
 from hindrax_analysis.plain import print_answer
 from hindrax_cli.argument_types import add_json, add_vehicle, within
 from hindrax_cli.command import command, option
-from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Identity, Send
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import after
@@ -74,18 +73,11 @@ def dvl(arguments: argparse.Namespace) -> int:
     )
     calibrate = [flash.IMU_CALIBRATION[arguments.imu_calibration]] if arguments.imu_calibration else []
     named, last = asked(arguments), [flash.REBOOT] if arguments.reboot else []
-    clock = SystemClock()
-    try:
-        with closing(DvlConversation(port, knobs, clock)) as talk:
-            if arguments.action == "show":
-                report = talk.show()
-            else:
-                always, dry_run = arguments.always, arguments.dry_run
-                report = talk.set_up(calibrate, named, last, always=always, dry_run=dry_run)
-    except DeviceError as error:
-        raise HindraxError(str(error)) from error
-    finally:
-        clock.close()
+    with closing(SystemClock()) as clock, closing(DvlConversation(port, knobs, clock)) as talk:
+        if arguments.action == "show":
+            report = talk.show()
+        else:
+            report = talk.set_up(calibrate, named, last, always=arguments.always, dry_run=arguments.dry_run)
     return print_answer(report, "\n".join(lines(report)), as_json=arguments.json)
 
 

@@ -15,7 +15,6 @@ from hindrax_bringup.stack_lock import vehicle_stack
 from hindrax_cli.argument_types import add_i2c_port, add_json, add_tuning, add_vehicle, output_settings
 from hindrax_cli.command import command, option
 from hindrax_cli.vehicle_edit import add_write, kept, require_editable, set_key
-from hindrax_core.bus_operations import DeviceError
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.readings import Battery
 from hindrax_core.text.screen_text import print_fitted
@@ -69,8 +68,6 @@ def oscillator(arguments: argparse.Namespace) -> int:
             print_fitted(f"measuring for {arguments.seconds:g} s", sys.stderr)
             edges = run_once(port, measurement.edges(chip, line, arguments.seconds))
             found_Hz = measurement.clock_Hz(edges, prescale)
-        except DeviceError as error:
-            raise HindraxError(str(error)) from error
         finally:
             run_once(port, measurement.end(output.address, arguments.channel))
     if arguments.write:

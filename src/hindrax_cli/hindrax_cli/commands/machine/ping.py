@@ -9,7 +9,6 @@ from typing import Any, TypeVar
 from hindrax_analysis.plain import plain, print_answer
 from hindrax_cli.argument_types import add_json, add_vehicle, within
 from hindrax_cli.command import command, option
-from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Identity, Send, Trouble
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamped, after
@@ -60,26 +59,23 @@ def ping(arguments: argparse.Namespace) -> int:
 def ask(path: str, sonar: Ping1d, wanted: type[ReadingT], order: bytes = b"") -> tuple[str, ReadingT]:
     """Wake the sonar, give it the order, set it up; who it is, and its reading. HindraxError when none comes."""
     identity, trouble = "", "silence"
-    try:
-        with closing(SystemClock()) as clock, closing(SerialPort(path, sonar.baud, clock)) as port:
-            outputs: list[Any] = list(sonar.start(clock.now()))
-            end = after(clock.now(), PATIENCE_S)
-            while clock.now() < end:
-                for one in outputs:
-                    if isinstance(one, Send):
-                        port.send(one)
-                    elif isinstance(one, Identity):
-                        identity = one.text
-                        port.send(Send(order))
-                    elif isinstance(one, Trouble):
-                        trouble = one.text
-                    elif isinstance(one, Stamped) and isinstance(one.reading, wanted):
-                        return identity, one.reading
-                port.wait(after(clock.now(), TICK_S))
-                data, stamp = port.read()
-                outputs = [*sonar.feed(data, stamp), *sonar.tick(stamp)]
-    except DeviceError as error:
-        raise HindraxError(str(error)) from error
+    with closing(SystemClock()) as clock, closing(SerialPort(path, sonar.baud, clock)) as port:
+        outputs: list[Any] = list(sonar.start(clock.now()))
+        end = after(clock.now(), PATIENCE_S)
+        while clock.now() < end:
+            for one in outputs:
+                if isinstance(one, Send):
+                    port.send(one)
+                elif isinstance(one, Identity):
+                    identity = one.text
+                    port.send(Send(order))
+                elif isinstance(one, Trouble):
+                    trouble = one.text
+                elif isinstance(one, Stamped) and isinstance(one.reading, wanted):
+                    return identity, one.reading
+            port.wait(after(clock.now(), TICK_S))
+            data, stamp = port.read()
+            outputs = [*sonar.feed(data, stamp), *sonar.tick(stamp)]
     raise HindraxError(f"{path}: no answer in {PATIENCE_S:g} s ({trouble}); check power, cable and speed")
 
 
