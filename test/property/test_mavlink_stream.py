@@ -9,19 +9,7 @@ from pymavlink.generator.mavcrc import x25crc
 
 from hindrax_core.events import Stamp
 from hindrax_drivers.devices.stm32 import Stm32
-from hindrax_drivers.protocols.mavlink import (
-    BatteryStatus,
-    ChannelsOverride,
-    CommandAck,
-    CommandLong,
-    Decoder,
-    Heartbeat,
-    MavlinkFrame,
-    Message,
-    ServoOutput,
-    StatusText,
-    encode,
-)
+from hindrax_drivers.protocols.mavlink import Decoder, MavlinkFrame
 from hindrax_sim.firmware.controller import Controller
 from hindrax_sim.firmware.mavlink import HEARD
 
@@ -35,17 +23,24 @@ LONGEST = {number: struct.calcsize(common.mavlink_map[number].unpacker.format) f
 
 def frame(dice: random.Random) -> bytes:
     """A good frame of a random kind, from either end."""
-    pulses = tuple(dice.choice([1500, 1100, 1900, 0, 65535, dice.randrange(65536)]) for _ in range(16))
-    messages: list[Message] = [
-        Heartbeat(12, 0, dice.choice([0, 128]), dice.randrange(9)),
-        ServoOutput(dice.randrange(2**32), pulses),
-        ChannelsOverride(pulses),
-        CommandLong(dice.choice([400, 400, 246]), dice.choice([0.0, 1.0, float("nan")])),
-        CommandAck(400, dice.randrange(6)),
-        BatteryStatus(dice.uniform(0.0, 60.0), dice.choice([None, 3.0])),
-        StatusText(dice.randrange(8), "text \ufffd"),
-    ]
-    return encode(dice.choice(messages), dice.randrange(256), component=dice.choice([1, 191]))
+    pulses = [dice.choice([1500, 1100, 1900, 0, 65535, dice.randrange(65536)]) for _ in range(16)]
+    cells = [dice.randrange(60_000), *[65535] * 9]
+    end = common.MAVLink(None, srcSystem=1, srcComponent=dice.choice([1, 191]))
+    end.seq = dice.randrange(256)
+    message = dice.choice(
+        [
+            end.heartbeat_encode(12, 0, dice.choice([0, 128]), 0, dice.randrange(9)),
+            end.servo_output_raw_encode(dice.randrange(2**32), 0, *pulses),
+            end.rc_channels_override_encode(1, 1, *pulses),
+            end.command_long_encode(
+                *(1, 1, dice.choice([400, 400, 246]), 0, dice.choice([0.0, 1.0, float("nan")])), *(0.0,) * 6
+            ),
+            end.command_ack_encode(400, dice.randrange(6)),
+            end.battery_status_encode(0, 0, 0, 0x7FFF, cells, dice.choice([-1, 300]), -1, -1, -1),
+            end.statustext_encode(dice.randrange(8), "text \ufffd".encode()),
+        ]
+    )
+    return bytes(message.pack(end))
 
 
 def true_frames(data: bytes) -> int:

@@ -15,10 +15,9 @@ from hindrax_core.knobs import knob
 from hindrax_core.readings import AppliedPulses, Battery, DeviceText
 from hindrax_drivers.driver import SilenceMonitor
 from hindrax_drivers.protocols import mavlink
+from hindrax_drivers.protocols.mavlink import AUTOPILOT, ONBOARD_COMPUTER, SYSTEM
 
 ONBOARD_CONTROLLER, INVALID_AUTOPILOT, STATE_ACTIVE = 18, 8, 4
-SYSTEM, AUTOPILOT, ONBOARD_COMPUTER = 1, 1, 191
-"""Our MAVLink system, the controller's component in it (MAV_COMP_ID_AUTOPILOT1) and ours (.._ONBOARD_COMPUTER)."""
 ACCEPTED, IN_PROGRESS = 0, 5
 SEVERITY_WARNING = 4
 CHANNELS = 16
@@ -91,7 +90,7 @@ class Stm32:
             channels[channel] = round(pulse)
         self._wanted = tuple(channels)
         self._wanted_at = self._sent_at = stamp
-        return self._send(mavlink.ChannelsOverride(self._wanted))
+        return self._send(mavlink.channels_override(self._wanted))
 
     def arm(self, stamp: Stamp) -> Send:
         """Ask the controller to arm; the answer shows in `armed` and `refusal`."""
@@ -122,7 +121,7 @@ class Stm32:
         due = seconds_between(self._sent_at, stamp) >= self._knobs.override_s
         if self._wanted and due and seconds_between(self._wanted_at, stamp) < self._knobs.hold_s:
             self._sent_at = stamp
-            outputs.append(self._send(mavlink.ChannelsOverride(self._wanted)))
+            outputs.append(self._send(mavlink.channels_override(self._wanted)))
         return outputs + self._retry(stamp)
 
     def _reset(self) -> None:
@@ -136,14 +135,12 @@ class Stm32:
         message = frame.message
         if isinstance(message, mavlink.Heartbeat):
             return self._on_heartbeat(frame, message, stamp)
-        if isinstance(message, mavlink.ServoOutput):
-            pulses = tuple(float(message.pulses_us[channel]) for channel in self._channels)
-            return [Stamped(stamp, AppliedPulses(pulses))]
+        if isinstance(message, AppliedPulses):
+            return [Stamped(stamp, AppliedPulses(tuple(message.pulses_us[channel] for channel in self._channels)))]
         if isinstance(message, mavlink.CommandAck):
             return self._on_ack(message, stamp)
-        if isinstance(message, mavlink.BatteryStatus):
-            current = float("nan") if message.current_A is None else message.current_A
-            return [Stamped(stamp, Battery(message.voltage_V, current))]
+        if isinstance(message, Battery):
+            return [Stamped(stamp, message)]
         if isinstance(message, mavlink.StatusText):
             return [self._on_text(message, stamp)]
         return []
@@ -193,12 +190,12 @@ class Stm32:
 
     def _ask(self, pending: _PendingCommand) -> Send:
         self._pending, self.refusal, self._last_text = pending, "", ""
-        return self._send(mavlink.CommandLong(mavlink.ARM_DISARM, 1.0 if pending.arm else 0.0, pending.attempt - 1))
+        return self._send(mavlink.command_long(mavlink.ARM_DISARM, float(pending.arm), pending.attempt - 1))
 
     def _heartbeat(self) -> Send:
-        return self._send(mavlink.Heartbeat(ONBOARD_CONTROLLER, INVALID_AUTOPILOT, 0, STATE_ACTIVE))
+        return self._send(mavlink.heartbeat(ONBOARD_CONTROLLER, INVALID_AUTOPILOT, STATE_ACTIVE))
 
-    def _send(self, message: mavlink.Message) -> Send:
-        data = mavlink.encode(message, self._sequence, SYSTEM, ONBOARD_COMPUTER)
+    def _send(self, message: mavlink.Sent) -> Send:
+        data = mavlink.encode(message, self._sequence)
         self._sequence = (self._sequence + 1) & 0xFF
         return Send(data)

@@ -4,12 +4,14 @@ Frames: https://mavlink.io/en/guide/serialization.html. Messages and the bytes t
 (CRC_EXTRA): message set common. Signed frames are refused, as the guide asks of an end that cannot check them.
 """
 
+import math
 import struct
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 from hindrax_core.events import Rejected, Stamp
+from hindrax_core.readings import AppliedPulses, Battery
 
 STX = 0xFD
 HEAD, CHECKSUM = 10, 2
@@ -17,53 +19,16 @@ REFUSED_AT_ONCE = 64
 ARM_DISARM = 400
 ARMED_FLAG = 0x80
 UNKNOWN = 0xFFFF
+SYSTEM, AUTOPILOT, ONBOARD_COMPUTER = 1, 1, 191
+"""Our MAVLink system, the controller's component in it (MAV_COMP_ID_AUTOPILOT1) and ours (.._ONBOARD_COMPUTER)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Heartbeat:
-    """HEARTBEAT: type of the sender and whether it is armed; custom_mode is not used."""
+    """HEARTBEAT: type of the sender, and whether it is armed (MAV_MODE_FLAG_SAFETY_ARMED)."""
 
     type: int
-    autopilot: int
-    base_mode: int
-    system_status: int
-    version: int = 3
-
-    @property
-    def armed(self) -> bool:
-        """MAV_MODE_FLAG_SAFETY_ARMED."""
-        return bool(self.base_mode & ARMED_FLAG)
-
-
-@dataclass(frozen=True, slots=True)
-class ServoOutput:
-    """SERVO_OUTPUT_RAW: output pulses of the controller, sixteen channels [us], 0 for none."""
-
-    time_us: int
-    pulses_us: tuple[int, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class ChannelsOverride:
-    """RC_CHANNELS_OVERRIDE: pulses wanted, up to eighteen channels [us].
-
-    Channels that are not given: "ignore" for the first eight, nothing at all for the extensions.
-    """
-
-    pulses_us: tuple[int, ...]
-    target_system: int = 1
-    target_component: int = 1
-
-
-@dataclass(frozen=True, slots=True)
-class CommandLong:
-    """COMMAND_LONG: a command with its first parameter; the other six are zero."""
-
-    command: int
-    parameter: float
-    confirmation: int = 0
-    target_system: int = 1
-    target_component: int = 1
+    armed: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,19 +37,8 @@ class CommandAck:
 
     command: int
     result: int
-    target_system: int = 0
-    target_component: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class BatteryStatus:
-    """BATTERY_STATUS: sum of the cells that are known [V], current [A] or None.
-
-    On the wire: millivolts, cells that do not exist say 65535; hundredths of an ampere, -1 where not measured.
-    """
-
-    voltage_V: float
-    current_A: float | None
+    target_system: int
+    target_component: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,70 +49,28 @@ class StatusText:
     text: str
 
 
-Message: TypeAlias = Heartbeat | ServoOutput | ChannelsOverride | CommandLong | CommandAck | BatteryStatus | StatusText
+Message: TypeAlias = Heartbeat | AppliedPulses | CommandAck | Battery | StatusText
+"""What is read: SERVO_OUTPUT_RAW as the pulses of sixteen channels (0 for none), BATTERY_STATUS as a battery."""
+Sent: TypeAlias = tuple[int, bytes]
+"""What is sent: number of a message, and its payload."""
 
 
-class _Layout(NamedTuple):
-    """Number, CRC_EXTRA and fields of a message, by size and extensions last; their values, and the way back."""
-
-    number: int
-    crc_extra: int
-    fields: struct.Struct
-    values: Callable[[Any], tuple[Any, ...]]
-    of: Callable[[tuple[Any, ...]], Message]
+def _battery(values: tuple[Any, ...]) -> Battery:
+    """Sum of the cells [mV] that exist: others say 65535. The current is in hundredths of an ampere, -1 for unknown."""
+    voltage_V = sum(cell for cell in values[3:13] if cell != UNKNOWN) / 1e3
+    return Battery(voltage_V, math.nan if values[13] < 0 else values[13] / 100.0)
 
 
-_MESSAGES: Mapping[type[Message], _Layout] = {
-    Heartbeat: _Layout(
-        *(0, 50, struct.Struct("<IBBBBB")),
-        values=lambda m: (0, m.type, m.autopilot, m.base_mode, m.system_status, m.version),
-        of=lambda v: Heartbeat(*v[1:]),
-    ),
-    ServoOutput: _Layout(  # the port, between the first and the second eight channels, is always 0
-        *(36, 222, struct.Struct("<I8HB8H")),
-        values=lambda m: (m.time_us, *_filled(m.pulses_us[:8], 8), 0, *_filled(m.pulses_us[8:], 8)),
-        of=lambda v: ServoOutput(v[0], (*v[1:9], *v[10:])),
-    ),
-    ChannelsOverride: _Layout(
-        *(70, 124, struct.Struct("<8HBB10H")),
-        values=lambda m: (
-            *_filled(m.pulses_us[:8], 8, UNKNOWN),
-            *(m.target_system, m.target_component),
-            *_filled(m.pulses_us[8:], 10),
-        ),
-        of=lambda v: ChannelsOverride((*v[:8], *v[10:]), v[8], v[9]),
-    ),
-    CommandLong: _Layout(
-        *(76, 152, struct.Struct("<7fHBBB")),
-        values=lambda m: (
-            *_filled((m.parameter,), 7),
-            *(m.command, m.target_system, m.target_component, m.confirmation),
-        ),
-        of=lambda v: CommandLong(v[7], v[0], v[10], v[8], v[9]),
-    ),
-    CommandAck: _Layout(
-        *(77, 143, struct.Struct("<HBBiBB")),
-        values=lambda m: (m.command, m.result, 0, 0, m.target_system, m.target_component),
-        of=lambda v: CommandAck(*v[:2], *v[4:]),
-    ),
-    BatteryStatus: _Layout(
-        *(147, 154, struct.Struct("<iih10HhBBBbiB4HBI")),
-        values=lambda m: (
-            *(-1, -1, 0x7FFF, *_filled((round(m.voltage_V * 1e3),), 10, UNKNOWN)),
-            *(-1 if m.current_A is None else round(m.current_A * 100.0), 0, 0, 0, -1, *(0,) * 8),
-        ),
-        of=lambda v: BatteryStatus(
-            sum(cell for cell in v[3:13] if cell != UNKNOWN) / 1e3, None if v[13] < 0 else v[13] / 100.0
-        ),
-    ),
-    StatusText: _Layout(
-        *(253, 83, struct.Struct("<B50sHB")),
-        values=lambda m: (m.severity, m.text.encode(), 0, 0),
-        of=lambda v: StatusText(v[0], v[1].partition(b"\x00")[0].decode(errors="replace")),
-    ),
+_READ: Mapping[int, tuple[struct.Struct, Callable[[tuple[Any, ...]], Message]]] = {
+    0: (struct.Struct("<IBBBBB"), lambda v: Heartbeat(v[1], armed=bool(v[3] & ARMED_FLAG))),
+    36: (struct.Struct("<I8HB8H"), lambda v: AppliedPulses(tuple(map(float, (*v[1:9], *v[10:]))))),
+    77: (struct.Struct("<HBBiBB"), lambda v: CommandAck(*v[:2], *v[4:])),
+    147: (struct.Struct("<iih10HhBBBbiB4HBI"), _battery),
+    253: (struct.Struct("<B50sHB"), lambda v: StatusText(v[0], v[1].partition(b"\x00")[0].decode(errors="replace"))),
 }
-_BY_NUMBER = {layout.number: layout for layout in _MESSAGES.values()}
-_OTHERS = """
+"""Fields of a message by its number, by size and extensions last, and what they say."""
+_DEFINITIONS = """
+0:50:9 36:222:37 70:124:38 76:152:33 77:143:10 147:154:54 253:83:54
 1:124:43 2:137:12 4:237:14 20:214:20 21:159:2 22:220:25 23:168:23 24:24:52 26:170:24 27:144:29 29:115:16
 30:39:28 31:246:48 32:185:28 33:104:28 35:244:22 39:254:38 40:230:5 42:28:6 43:132:3 44:221:5 45:232:3
 46:11:2 47:153:4 51:196:5 62:183:26 65:118:42 66:148:6 69:243:30 73:38:38 74:20:20 75:158:35 83:22:37
@@ -166,11 +78,11 @@ _OTHERS = """
 136:1:22 137:195:16 141:47:32 143:131:16 148:178:78 152:208:8 163:127:28 165:21:3 173:83:8 178:47:24
 181:174:4 193:71:26 230:163:42 241:90:32 242:104:60 244:95:6 245:130:2 251:170:18 252:44:18
 """
-_LAYOUTS = {layout.number: (layout.crc_extra, layout.fields.size) for layout in _MESSAGES.values()} | {
-    number: (extra, longest) for number, extra, longest in (map(int, one.split(":")) for one in _OTHERS.split())
+_LAYOUTS = {
+    number: (extra, longest) for number, extra, longest in (map(int, one.split(":")) for one in _DEFINITIONS.split())
 }
-"""CRC_EXTRA and longest payload by number: of the messages above, and of messages that ground stations and autopilots
-send (message sets common and ardupilotmega), so that those verify and are no rejects."""
+"""CRC_EXTRA and longest payload by number: in the first line of the messages that are read or sent here, then of what
+ground stations and autopilots send (message sets common and ardupilotmega), so that those verify and are no rejects."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,13 +95,28 @@ class MavlinkFrame:
     message: Message | None
 
 
-def encode(message: Message, sequence: int, system: int = 1, component: int = 191) -> bytes:
-    """One frame. Zeros at the end of the payload are left out, but for its first byte."""
-    layout = _MESSAGES[type(message)]
-    payload = layout.fields.pack(*layout.values(message)).rstrip(b"\x00") or b"\x00"
-    head = struct.pack("<BBBBBB", len(payload), 0, 0, sequence & 0xFF, system, component)
-    body = head + layout.number.to_bytes(3, "little") + payload
-    return bytes([STX]) + body + checksum(body, layout.crc_extra).to_bytes(2, "little")
+def heartbeat(kind: int, autopilot: int, status: int) -> Sent:
+    """HEARTBEAT without a mode: MAV_TYPE, MAV_AUTOPILOT, MAV_STATE."""
+    return 0, struct.pack("<IBBBBB", 0, kind, autopilot, 0, status, 3)
+
+
+def channels_override(pulses_us: Sequence[int]) -> Sent:
+    """RC_CHANNELS_OVERRIDE: pulses wanted of sixteen channels [us], and of two more that are left as they are."""
+    return 70, struct.pack("<8HBB10H", *pulses_us[:8], SYSTEM, AUTOPILOT, *pulses_us[8:], 0, 0)
+
+
+def command_long(command: int, parameter: float, confirmation: int) -> Sent:
+    """COMMAND_LONG: a command with its first parameter; the other six are zero."""
+    return 76, struct.pack("<7fHBBB", parameter, *(0.0,) * 6, command, SYSTEM, AUTOPILOT, confirmation)
+
+
+def encode(message: Sent, sequence: int) -> bytes:
+    """One frame of ours. Zeros at the end of the payload are left out, but for its first byte."""
+    number, fields = message
+    payload = fields.rstrip(b"\x00") or b"\x00"
+    head = struct.pack("<BBBBBB", len(payload), 0, 0, sequence & 0xFF, SYSTEM, ONBOARD_COMPUTER)
+    body = head + number.to_bytes(3, "little") + payload
+    return bytes([STX]) + body + checksum(body, _LAYOUTS[number][0]).to_bytes(2, "little")
 
 
 def checksum(body: bytes, crc_extra: int) -> int:
@@ -198,10 +125,6 @@ def checksum(body: bytes, crc_extra: int) -> int:
     for byte in body:
         crc = crc >> 8 ^ _TABLE[(crc ^ byte) & 0xFF]
     return crc >> 8 ^ _TABLE[(crc ^ crc_extra) & 0xFF]
-
-
-def _filled(values: tuple[float, ...], count: int, rest: int = 0) -> tuple[float, ...]:
-    return (values + (rest,) * count)[:count]
 
 
 class Decoder:
@@ -252,13 +175,13 @@ class Decoder:
 
     def _pop_frame(self, size: int) -> MavlinkFrame:
         _, length, _, _, sequence, system, component = self._buffer[:7]
-        layout = _BY_NUMBER.get(self._number())
-        payload = bytes(self._buffer[HEAD : HEAD + length])
+        number, payload = self._number(), bytes(self._buffer[HEAD : HEAD + length])
         del self._buffer[:size]
-        if layout is None:
-            return MavlinkFrame(system, component, sequence, None)
-        values = layout.fields.unpack(payload.ljust(layout.fields.size, b"\x00"))
-        return MavlinkFrame(system, component, sequence, layout.of(values))
+        message = None
+        if number in _READ:
+            fields, of = _READ[number]
+            message = of(fields.unpack(payload.ljust(fields.size, b"\x00")))
+        return MavlinkFrame(system, component, sequence, message)
 
     def _refuse(self, count: int, why: str, stamp: Stamp) -> Iterator[Rejected]:
         # The first reason that names a frame is more specific than its absence.
