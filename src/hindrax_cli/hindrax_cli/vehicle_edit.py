@@ -31,18 +31,17 @@ add_write = option("--write", action="store_true", help="put the result into the
 
 
 def require_editable(arguments: argparse.Namespace) -> None:
-    """UsageError where `set_key` cannot write what --write asks for, raised before anything is measured."""
+    """UsageError where `keep` cannot write what --write asks for, raised before anything is measured."""
     if arguments.write:
         require_place(Path(arguments.vehicle), "--write: ")
 
 
-def kept(arguments: argparse.Namespace, where: str = "") -> str:
-    """Where the result is, or how to keep it."""
-    return (
-        f"written to {where or arguments.vehicle}"
-        if arguments.write
-        else f"not kept; --write puts it into {where or 'the vehicle file'}"
-    )
+def keep(arguments: argparse.Namespace, keys: Sequence[str], value: object, where: str = "") -> str:
+    """Set a value in the vehicle file if --write asks for it; returns where it is now, or how to keep it."""
+    if not arguments.write:
+        return f"not kept; --write puts it into {where or 'the vehicle file'}"
+    set_key(Path(arguments.vehicle), keys, value)
+    return f"written to {where or arguments.vehicle}"
 
 
 def edited(text: str, keys: Sequence[str], value: object, source: str) -> str:

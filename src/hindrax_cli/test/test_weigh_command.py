@@ -1,5 +1,6 @@
 """`hindrax weigh` as an operator uses it: in mock, from a record, into the vehicle file."""
 
+import argparse
 import json
 import os
 import select
@@ -68,9 +69,11 @@ def test_each_axis_is_kept_beside_the_others_and_a_second_weighing_takes_the_pla
     vehicle_file: Path,
 ) -> None:
     before = vehicle_file.read_text(encoding="utf-8")
+    words = argparse.Namespace(vehicle=str(vehicle_file), write=True)
     for axis, value in (("surge", 0.93), ("heave", 0.97), ("surge", 0.94)):
         gain = AxisGain(load=15.0, sigma=0.004, sigma_difference=0.01, positive=value, negative=value)
-        weigh.write(vehicle_file, load_vehicle(vehicle_file), Weighing(axis, gain, {}, 0.0, 1.0))
+        kept = weigh._keep(words, load_vehicle(vehicle_file), Weighing(axis, gain, {}, 0.0, 1.0))
+        assert kept == f"written to thrust_gain.{axis} of {vehicle_file}"
     found = load_vehicle(vehicle_file).thrust_gain
     assert {axis: gain.positive for axis, gain in found.items()} == {"surge": 0.94, "heave": 0.97}
     after = vehicle_file.read_text(encoding="utf-8").splitlines()

@@ -18,7 +18,7 @@ from hindrax_bringup.stack import WORLD_HELP
 from hindrax_bringup.stack_runner import report
 from hindrax_cli.argument_types import add_json, add_vehicle, positive, seed
 from hindrax_cli.command import command, option
-from hindrax_cli.vehicle_edit import kept, require_editable, set_key
+from hindrax_cli.vehicle_edit import keep, require_editable
 from hindrax_control.maneuver.goal import largest_wrench
 from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.errors import HindraxError, UsageError
@@ -72,11 +72,9 @@ def weigh(arguments: argparse.Namespace) -> int:
     vehicle, axis = load_vehicle(arguments.vehicle), AXES.index(arguments.axis)
     holds, prior = _holds(arguments, vehicle, axis), prior_dynamics(vehicle)[arguments.axis]
     found = weighed(holds, axis, prior, load_sigma=_sigma(arguments))
-    if arguments.write:
-        write(Path(arguments.vehicle), vehicle, found)
-    where = kept(arguments, f"thrust_gain.{arguments.axis} of {arguments.vehicle}")
+    kept = _keep(arguments, vehicle, found)
     document = {"weighing": found, "written": arguments.write}
-    return print_answer(document, lambda: show(found, where), as_json=arguments.json)
+    return print_answer(document, lambda: show(found, kept), as_json=arguments.json)
 
 
 def _sigma(arguments: argparse.Namespace) -> float:
@@ -163,16 +161,15 @@ def _from_bag(arguments: argparse.Namespace, vehicle: Vehicle, axis: int) -> lis
     return holds_of(events, axis, spans)
 
 
-def write(file: Path, vehicle: Vehicle, found: Weighing) -> None:
-    """Put the gain into the vehicle file."""
+def _keep(arguments: argparse.Namespace, vehicle: Vehicle, found: Weighing) -> str:
     gains = {key: float(f"{value:.5g}") for key, value in asdict(found.gain).items() if value is not None}
+    where = f"thrust_gain.{found.axis} of {arguments.vehicle}"
     if vehicle.thrust_gain:
-        set_key(file, ("thrust_gain", found.axis), gains)
-    else:
-        set_key(file, ("thrust_gain",), {found.axis: gains})
+        return keep(arguments, ("thrust_gain", found.axis), gains, where)
+    return keep(arguments, ("thrust_gain",), {found.axis: gains}, where)
 
 
-def show(found: Weighing, where: str) -> None:
+def show(found: Weighing, kept: str) -> None:
     """Print the gain each way, what its deviation is made of, and where it is kept."""
     gain = found.gain
     ways = (("positive", gain.positive), ("negative", gain.negative))
@@ -190,4 +187,4 @@ def show(found: Weighing, where: str) -> None:
             f"warning: the holds contradict each other by {found.misfit:.1f} deviations; look at line and pulley",
             sys.stderr,
         )
-    print_fitted(where)
+    print_fitted(kept)

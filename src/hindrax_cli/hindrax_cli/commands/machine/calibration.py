@@ -6,7 +6,6 @@ import sys
 from collections.abc import Mapping
 from dataclasses import asdict
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from hindrax_analysis.plain import print_answer
@@ -14,7 +13,7 @@ from hindrax_analysis.terminal import working
 from hindrax_bag.read.bag_reader import messages
 from hindrax_cli.argument_types import add_i2c_port, add_json, add_vehicle
 from hindrax_cli.command import command, option
-from hindrax_cli.vehicle_edit import add_write, kept, require_editable, set_key
+from hindrax_cli.vehicle_edit import add_write, keep, require_editable
 from hindrax_core import topics
 from hindrax_core.errors import HindraxError
 from hindrax_core.readings import Inertial, Magnetic, Pressure, Vec3
@@ -54,10 +53,10 @@ def imu(arguments: argparse.Namespace) -> int:
         return _self_test(port, mount, as_json=arguments.json)
     forces, fields = from_bag(arguments.bag) if arguments.bag else live(port, mount, arguments.seconds)
     found, remarks = calibration(forces, fields, mount.calibration if arguments.bag else {})
-    if arguments.write and found:
+    if found:
         block = {key: values for key, values in mount.calibration.items() if not key.endswith("_scale")} | found
         rounded = {key: [float(f"{one:.6g}") for one in values] for key, values in block.items()}
-        set_key(Path(arguments.vehicle), ("sensors", name, "calibration"), rounded)
+        keep(arguments, ("sensors", name, "calibration"), rounded)
     document = {"calibration": found, "remarks": remarks, "written": arguments.write and bool(found)}
     lines = [*remarks, *(f"{key}: {[float(f'{v:.6g}') for v in one]}" for key, one in found.items())]
     print_answer(document, "\n".join(lines), as_json=arguments.json)
@@ -142,8 +141,7 @@ def depth(arguments: argparse.Namespace) -> int:
     prompt = partial(print_fitted, f"measuring the air pressure for {arguments.seconds:g} s", sys.stderr)
     captured = capture(arguments.port or mount.port, sensor, arguments.seconds, lambda _: None, prompt)
     mean, spread = judged([one.pressure_Pa for one in captured.of(Pressure)])
-    if arguments.write:
-        set_key(Path(arguments.vehicle), ("water", "surface_pressure_Pa"), round(mean, 1))
+    kept = keep(arguments, ("water", "surface_pressure_Pa"), round(mean, 1))
     report = {
         "sensor": captured.identity,
         "surface_pressure_Pa": round(mean, 1),
@@ -151,7 +149,7 @@ def depth(arguments: argparse.Namespace) -> int:
         "before_Pa": vehicle.water.surface_pressure_Pa,
         "written": arguments.write,
     }
-    text = f"surface pressure {mean:.1f} Pa (+/- {spread:.1f} Pa), {kept(arguments)}"
+    text = f"surface pressure {mean:.1f} Pa (+/- {spread:.1f} Pa), {kept}"
     return print_answer(report, text, as_json=arguments.json)
 
 

@@ -8,13 +8,12 @@ import argparse
 import signal
 import sys
 from dataclasses import dataclass
-from pathlib import Path
 
 from hindrax_analysis.plain import print_answer
 from hindrax_bringup.stack_lock import vehicle_stack
 from hindrax_cli.argument_types import add_i2c_port, add_json, add_tuning, add_vehicle, output_settings
 from hindrax_cli.command import command, option
-from hindrax_cli.vehicle_edit import add_write, kept, require_editable, set_key
+from hindrax_cli.vehicle_edit import add_write, keep, require_editable
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.readings import Battery
 from hindrax_core.text.screen_text import print_fitted
@@ -70,8 +69,7 @@ def oscillator(arguments: argparse.Namespace) -> int:
             found_Hz = measurement.clock_Hz(edges, prescale)
         finally:
             run_once(port, measurement.end(output.address, arguments.channel))
-    if arguments.write:
-        set_key(Path(arguments.vehicle), ("output", "clock_Hz"), round(found_Hz))
+    kept = keep(arguments, ("output", "clock_Hz"), round(found_Hz))
     percent = 100.0 * (found_Hz / output.clock_Hz - 1.0)
     report = {
         "output": identity,
@@ -80,7 +78,7 @@ def oscillator(arguments: argparse.Namespace) -> int:
         "edges": edges[-1][0] - edges[0][0],
         "written": arguments.write,
     }
-    text = f"oscillator {found_Hz / 1e6:.4f} MHz, {percent:+.2f} % of what the vehicle file has, {kept(arguments)}"
+    text = f"oscillator {found_Hz / 1e6:.4f} MHz, {percent:+.2f} % of what the vehicle file has, {kept}"
     return print_answer(report, text, as_json=arguments.json)
 
 

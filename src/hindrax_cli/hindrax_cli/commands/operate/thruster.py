@@ -9,7 +9,7 @@ from hindrax_analysis.plain import print_answer
 from hindrax_cli.argument_types import add_json, add_vehicle, positive
 from hindrax_cli.command import command, option
 from hindrax_cli.commands.experiment import blocks
-from hindrax_cli.vehicle_edit import kept, require_editable, set_key
+from hindrax_cli.vehicle_edit import keep, require_editable
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_operator.connection import add_stack, operator_of
@@ -65,12 +65,11 @@ def _fit(arguments: argparse.Namespace) -> int:
     arguments.record = Path(arguments.which[0])
     require_editable(arguments)
     curve, block = blocks.fitted(arguments)
-    if arguments.write:
-        fresh = yaml.safe_load(block)["curves"][arguments.name]
-        set_key(Path(arguments.vehicle), ("curves", arguments.name), fresh)
+    name, fresh = arguments.name, yaml.safe_load(block)["curves"][arguments.name]
+    kept = keep(arguments, ("curves", name), fresh, f"curves.{name} of {arguments.vehicle}")
     blocks.print_curve(arguments, curve, block)
     if not arguments.json:
-        print_fitted(kept(arguments, f"curves.{arguments.name} of {arguments.vehicle}"))
+        print_fitted(kept)
     return 0
 
 
