@@ -7,7 +7,7 @@ from dataclasses import fields, is_dataclass
 
 import numpy as np
 
-from hindrax_core.text.screen_text import print_fitted, print_whole
+from hindrax_core.text.screen_text import print_whole
 
 
 def plain(value: object) -> object:
@@ -28,14 +28,3 @@ def plain(value: object) -> object:
 def print_json(document: Mapping[str, object] | object) -> None:
     """Print one JSON document; non-finite numbers are null."""
     print_whole(json.dumps(plain(document), indent=2, allow_nan=False))
-
-
-def print_answer(document: Mapping[str, object] | object, text: object, *, as_json: bool) -> int:
-    """Print one JSON document, or a text for people: a sentence, or what a function prints. Exit code of success."""
-    if as_json:
-        print_json(document)
-    elif callable(text):
-        text()
-    else:
-        print_fitted(text)
-    return 0

@@ -1,8 +1,8 @@
-"""Results on the terminal: tables, values with their units."""
+"""Results on the terminal: tables, values with their units, or one JSON document."""
 
 import math
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from textwrap import TextWrapper
 
@@ -12,8 +12,9 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Column, Table
 from rich.text import Text
 
+from hindrax_analysis.plain import print_json
 from hindrax_core.text.digits import Value, rounded
-from hindrax_core.text.screen_text import UNBOUNDED, fitted, print_whole
+from hindrax_core.text.screen_text import UNBOUNDED, fitted, print_fitted, print_whole
 
 NO_BREAK = "\0"
 PROSE_WIDTH = 24
@@ -23,6 +24,17 @@ PROSE_WIDTH = 24
 def console() -> Console:
     """Console of stdout; off a terminal as wide as what is printed, so that a pipe or a file gets whole lines."""
     return Console(width=None if sys.stdout.isatty() else UNBOUNDED)
+
+
+def print_answer(document: Mapping[str, object] | object, text: object, *, as_json: bool) -> int:
+    """Print one JSON document, or a text for people: a sentence, or what a function prints. Exit code of success."""
+    if as_json:
+        print_json(document)
+    elif callable(text):
+        text()
+    else:
+        print_fitted(text)
+    return 0
 
 
 @contextmanager

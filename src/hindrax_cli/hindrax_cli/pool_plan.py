@@ -6,8 +6,7 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from hindrax_analysis.plain import print_answer
-from hindrax_analysis.terminal import print_table, working
+from hindrax_analysis.terminal import print_answer, print_table, working
 from hindrax_control.maneuver.goal import motions_to_fly
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted

@@ -12,8 +12,7 @@ from typing import Self
 from rich import progress
 from rich.console import Console
 
-from hindrax_analysis.plain import print_answer
-from hindrax_analysis.terminal import print_table, working
+from hindrax_analysis.terminal import print_answer, print_table, working
 from hindrax_bag.read.message_columns import Series, extract, series
 from hindrax_bag.read.recovery import recover
 from hindrax_bag.read.survey import ListedBag, Survey, find_bags, survey

@@ -25,10 +25,9 @@ from hindrax_analysis.identification.record_identification import (
     open_sources,
     recorded_vehicle,
 )
-from hindrax_analysis.plain import print_answer
 from hindrax_analysis.records.csv_columns import COLUMNS
 from hindrax_analysis.records.third_party_bag import FRAMES, TopicSelection
-from hindrax_analysis.terminal import working
+from hindrax_analysis.terminal import print_answer, working
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.argument_types import add_json, add_vehicle, within
 from hindrax_cli.command import command, option

@@ -12,8 +12,7 @@ from hindrax_analysis.identification.record_identification import (
     open_sources,
     recorded_vehicle,
 )
-from hindrax_analysis.plain import print_answer
-from hindrax_analysis.terminal import print_table, working
+from hindrax_analysis.terminal import print_answer, print_table, working
 from hindrax_cli.argument_types import add_vehicle, positive
 from hindrax_cli.command import command, option
 from hindrax_cli.commands.data.identify import add_selection, selected

@@ -5,8 +5,7 @@ import sys
 from functools import partial
 from pathlib import Path
 
-from hindrax_analysis.plain import print_answer
-from hindrax_analysis.terminal import working
+from hindrax_analysis.terminal import print_answer, working
 from hindrax_bag.message_comparison import TOLERANCES, ComparisonReport, load_rules
 from hindrax_bringup.clone import clone_root
 from hindrax_cli.argument_types import add_json, add_vehicle

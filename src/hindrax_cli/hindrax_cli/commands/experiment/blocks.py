@@ -10,8 +10,7 @@ import yaml
 from hindrax_analysis.experiments.bollard import COEFFICIENTS, COLUMNS, BollardCurve, Direction, fit, vehicle_block
 from hindrax_analysis.experiments.estimate import Dimensions, EmpiricalModel, empirical, hydrodynamics_of
 from hindrax_analysis.exports.vehicle_block import block_text
-from hindrax_analysis.plain import print_answer
-from hindrax_analysis.terminal import print_table, print_values
+from hindrax_analysis.terminal import print_answer, print_table, print_values
 from hindrax_cli.argument_types import add_vehicle, positive
 from hindrax_cli.command import command, option
 from hindrax_cli.experiment_command import add_output, read_record, record, save_plot

@@ -12,8 +12,7 @@ from hindrax_analysis.experiments.step import PAPER_THRUSTS_N, Plant, tests_from
 from hindrax_analysis.experiments.step import fit as fit_steps
 from hindrax_analysis.experiments.towing import COLUMNS as TOWING_COLUMNS
 from hindrax_analysis.experiments.towing import fit as fit_towing
-from hindrax_analysis.plain import print_answer
-from hindrax_analysis.terminal import print_table, print_values
+from hindrax_analysis.terminal import print_answer, print_table, print_values
 from hindrax_cli.argument_types import positive
 from hindrax_cli.command import command, option
 from hindrax_cli.experiment_command import DENSITY, add_output, read_record, record, save_plot

@@ -14,8 +14,7 @@ from hindrax_analysis.experiments.free_decay import analyze as analyze_free_deca
 from hindrax_analysis.experiments.pendulum import COLUMNS as PENDULUM_COLUMNS
 from hindrax_analysis.experiments.pendulum import Pendulum, PendulumFit
 from hindrax_analysis.experiments.pendulum import analyze as analyze_pendulum
-from hindrax_analysis.plain import print_answer
-from hindrax_analysis.terminal import cells_of, print_table, print_values
+from hindrax_analysis.terminal import cells_of, print_answer, print_table, print_values
 from hindrax_cli.argument_types import positive
 from hindrax_cli.command import command, option
 from hindrax_cli.experiment_command import DENSITY, add_output, read_record, record, save_plot

@@ -11,9 +11,8 @@ from pathlib import Path
 
 from hindrax_analysis.experiments.known_weight import Hold, LoadSpan, Weighing, holds_of
 from hindrax_analysis.experiments.known_weight import weigh as weighed
-from hindrax_analysis.plain import print_answer
 from hindrax_analysis.records.own_bag import bag_events
-from hindrax_analysis.terminal import print_table, print_values, working
+from hindrax_analysis.terminal import print_answer, print_table, print_values, working
 from hindrax_bringup.stack import WORLD_HELP
 from hindrax_bringup.stack_runner import report
 from hindrax_cli.argument_types import add_json, add_vehicle, positive, seed

@@ -4,8 +4,7 @@ import argparse
 import re
 from typing import Any
 
-from hindrax_analysis.plain import print_answer
-from hindrax_analysis.terminal import print_table
+from hindrax_analysis.terminal import print_answer, print_table
 from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_cli.command import command, option
 from hindrax_control.allocation.allocator import Allocator

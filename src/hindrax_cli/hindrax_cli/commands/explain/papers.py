@@ -7,8 +7,7 @@ from rich.text import Text
 
 from hindrax_analysis.papers import recompute
 from hindrax_analysis.papers.cells import Cell
-from hindrax_analysis.plain import print_answer
-from hindrax_analysis.terminal import console, print_table
+from hindrax_analysis.terminal import console, print_answer, print_table
 from hindrax_cli.argument_types import add_json
 from hindrax_cli.command import command, option
 

@@ -11,8 +11,7 @@ from typing import Any
 
 from hindrax_analysis.identification.executor import run_all
 from hindrax_analysis.identification.montecarlo import Trial, summary, trial_of
-from hindrax_analysis.plain import print_answer
-from hindrax_analysis.terminal import print_table
+from hindrax_analysis.terminal import print_answer, print_table
 from hindrax_bringup.clone import developer_module
 from hindrax_cli.argument_types import add_json, add_vehicle, at_least
 from hindrax_cli.command import command, option

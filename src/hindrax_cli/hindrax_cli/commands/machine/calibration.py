@@ -8,8 +8,7 @@ from dataclasses import asdict
 from functools import partial
 from typing import Any
 
-from hindrax_analysis.plain import print_answer
-from hindrax_analysis.terminal import working
+from hindrax_analysis.terminal import print_answer, working
 from hindrax_bag.read.bag_reader import messages
 from hindrax_cli.argument_types import add_i2c_port, add_json, add_vehicle
 from hindrax_cli.command import command, option

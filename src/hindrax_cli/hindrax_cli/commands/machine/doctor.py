@@ -11,8 +11,7 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from hindrax_analysis.plain import print_answer
-from hindrax_analysis.terminal import console
+from hindrax_analysis.terminal import console, print_answer
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.network.tether import add_tether, tether_setting
 from hindrax_bringup.stack import FAULT_HELP, MockOptions, Stack, environment

@@ -7,7 +7,7 @@ from contextlib import closing
 from dataclasses import replace
 from typing import Any
 
-from hindrax_analysis.plain import print_answer
+from hindrax_analysis.terminal import print_answer
 from hindrax_cli.argument_types import add_json, add_vehicle, within
 from hindrax_cli.command import command, option
 from hindrax_core.driver_interface import Identity, Send

@@ -9,7 +9,7 @@ import signal
 import sys
 from dataclasses import dataclass
 
-from hindrax_analysis.plain import print_answer
+from hindrax_analysis.terminal import print_answer
 from hindrax_bringup.stack_lock import vehicle_stack
 from hindrax_cli.argument_types import add_i2c_port, add_json, add_tuning, add_vehicle, output_settings
 from hindrax_cli.command import command, option

@@ -6,8 +6,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from hindrax_analysis.plain import print_answer, print_json
-from hindrax_analysis.terminal import print_table
+from hindrax_analysis.plain import print_json
+from hindrax_analysis.terminal import print_answer, print_table
 from hindrax_bringup.share_files import VEHICLE, own_vehicles, usual_vehicle, vehicle_file
 from hindrax_cli.argument_types import add_json
 from hindrax_cli.command import add_words, command, option

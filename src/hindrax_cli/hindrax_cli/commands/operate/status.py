@@ -4,8 +4,7 @@ import argparse
 import time
 from dataclasses import asdict, dataclass
 
-from hindrax_analysis.plain import print_answer
-from hindrax_analysis.terminal import print_table, working
+from hindrax_analysis.terminal import print_answer, print_table, working
 from hindrax_bringup.liveness import NOBODY, liveness_of_stacks
 from hindrax_bringup.network.tether import tether_setting
 from hindrax_bringup.stack_lock import StackLock, runtime_place, stacks

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import yaml
 
-from hindrax_analysis.plain import print_answer
+from hindrax_analysis.terminal import print_answer
 from hindrax_cli.argument_types import add_json, add_vehicle, positive
 from hindrax_cli.command import command, option
 from hindrax_cli.commands.experiment import blocks
