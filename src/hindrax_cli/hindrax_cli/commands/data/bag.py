@@ -1,13 +1,13 @@
 """`hindrax bag`: inspect, recover, extract, plot, export and fetch bags."""
 
 import argparse
+import contextlib
 import math
 import shlex
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Self
 
 from rich import progress
 from rich.console import Console
@@ -17,7 +17,7 @@ from hindrax_bag.read.message_columns import Series, extract, series
 from hindrax_bag.read.recovery import recover
 from hindrax_bag.read.survey import ListedBag, Survey, find_bags, survey
 from hindrax_cli.argument_types import add_json
-from hindrax_cli.bag_fetch import SSH, fetch, remote_of
+from hindrax_cli.bag_fetch import SSH, Progress, fetch, remote_of
 from hindrax_cli.command import add_words, command, option
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted
@@ -34,11 +34,10 @@ def info(arguments: argparse.Namespace) -> int:
     """Topics, counts, rates and times of a bag."""
     with working("messages read") as progress:
         found = survey(arguments.bag, progress)
-    return print_answer(found.document(), lambda: show_info(found), as_json=arguments.json)
+    return print_answer(found.document(), lambda: _show_info(found), as_json=arguments.json)
 
 
-def show_info(found: Survey) -> None:
-    """Print a survey."""
+def _show_info(found: Survey) -> None:
     title = f"{found.bag}: {found.seconds:.1f} s, {found.messages} messages, {_mb(found.size_bytes)}"
     rows = [
         (name, one.type, one.count, f"{found.rate_Hz(one):g}", one.bytes // max(1, one.count))
@@ -61,11 +60,10 @@ def listed(arguments: argparse.Namespace) -> int:
     """Bags below a folder."""
     found = find_bags(arguments.folder)
     document = {"bags": [one.document() for one in found]}
-    return print_answer(document, lambda: show_list(found, arguments.folder), as_json=arguments.json)
+    return print_answer(document, lambda: _show_list(found, arguments.folder), as_json=arguments.json)
 
 
-def show_list(found: Sequence[ListedBag], folder: Path) -> None:
-    """Print the bags below a folder."""
+def _show_list(found: Sequence[ListedBag], folder: Path) -> None:
     rows = []
     for one in found:
         numbers = ("", "", one.note) if one.note else (f"{one.seconds:.1f}", one.messages, "")
@@ -182,7 +180,7 @@ def fetched(arguments: argparse.Namespace) -> int:
     ssh = tuple(shlex.split(arguments.ssh)) if arguments.ssh else SSH
     out = arguments.out or Path("runs")
     remote = remote_of(arguments.host, arguments.remote, ssh)
-    with Bars() as bars:
+    with _bars() as bars:
         files = fetch(remote, out, bars)
     copied = sum(one.copied for one in files)
     document = {"files": [str(one.path) for one in files], "copied_bytes": copied, "output": str(out)}
@@ -190,30 +188,27 @@ def fetched(arguments: argparse.Namespace) -> int:
     return print_answer(document, text, as_json=arguments.json)
 
 
-class Bars:
+@contextlib.contextmanager
+def _bars() -> Iterator[Progress]:
     """A bar per file on stderr: how much of it is here, how fast it comes, how long it will take."""
+    name, bar = progress.TextColumn("{task.description}", markup=False), progress.BarColumn()
+    speed = progress.DownloadColumn(), progress.TransferSpeedColumn(), progress.TimeRemainingColumn()
+    bars = progress.Progress(name, bar, *speed, console=Console(stderr=True))
+    tasks: dict[str, progress.TaskID] = {}
 
-    def __init__(self) -> None:
-        name, bar = progress.TextColumn("{task.description}"), progress.BarColumn()
-        speed = progress.DownloadColumn(), progress.TransferSpeedColumn(), progress.TimeRemainingColumn()
-        self._bars = progress.Progress(name, bar, *speed, console=Console(stderr=True))
-        self._tasks: dict[str, progress.TaskID] = {}
-
-    def __call__(self, name: str, here: int, size: int) -> None:
-        """Show a file with so many bytes of its size."""
-        if not self._tasks:
-            self._bars.start()  # before there is a file there is nothing to draw, not even an empty line
-        if name not in self._tasks:
+    def show(name: str, here: int, size: int) -> None:
+        if not tasks:
+            bars.start()  # before there is a file there is nothing to draw, not even an empty line
+        if name not in tasks:
             # What was here before does not count for the speed.
-            self._tasks[name] = self._bars.add_task(name, total=size, completed=here)
-        self._bars.update(self._tasks[name], completed=here)
+            tasks[name] = bars.add_task(name, total=size, completed=here)
+        bars.update(tasks[name], completed=here)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._tasks:
-            self._bars.stop()
+    try:
+        yield show
+    finally:
+        if tasks:
+            bars.stop()
 
 
 def _mb(size: int) -> str:

@@ -68,7 +68,7 @@ def _simulate(arguments: argparse.Namespace) -> int:
     thrusts = arguments.thrust or list(PAPER_THRUSTS_N)
     save_plot(arguments.plot, "step", plant, thrusts, arguments.duration)
     rows = [_response(plant, thrust, arguments.duration) for thrust in thrusts]
-    return print_answer({"plant": plant, "steps": rows}, lambda: print_steps(rows), as_json=arguments.json)
+    return print_answer({"plant": plant, "steps": rows}, lambda: _show_steps(rows), as_json=arguments.json)
 
 
 def _response(plant: Plant, thrust_N: float, duration_s: float) -> dict[str, float]:
@@ -85,8 +85,7 @@ def _response(plant: Plant, thrust_N: float, duration_s: float) -> dict[str, flo
     }
 
 
-def print_steps(rows: list[dict[str, float]]) -> None:
-    """Print one line per step."""
+def _show_steps(rows: list[dict[str, float]]) -> None:
     headings = ("thrust [N]", "terminal [m/s]", "63 % after [s]", "acceleration at start [m/s^2]", "at the end [m/s^2]")
     cells = ([f"{value:.4g}" if abs(value) > 1e-9 else "0" for value in row.values()] for row in rows)
     print_table("Steps of thrust from rest", (), headings, cells)

@@ -59,11 +59,10 @@ def free_decay(arguments: argparse.Namespace) -> int:
     source, amplitude = str(arguments.record), arguments.amplitude
     result = analyze_free_decay(columns["time_s"], columns[column], bench, kind, source=source, amplitude_m=amplitude)
     save_plot(arguments.plot, "free_decay", result)
-    return print_answer(result, lambda: print_free_decay(result, kind), as_json=arguments.json)
+    return print_answer(result, lambda: _show_free_decay(result, kind), as_json=arguments.json)
 
 
-def print_free_decay(result: FreeDecay, kind: str) -> None:
-    """Print what COB-2023-2422 reports."""
+def _show_free_decay(result: FreeDecay, kind: str) -> None:
     rows: list[tuple[str, object, str]] = [
         ("damped frequency w_d", result.decay.frequency_radps, "rad/s"),
         ("logarithmic decrement (3)", result.decay.decrement, ""),
@@ -107,11 +106,10 @@ def forced(arguments: argparse.Namespace) -> int:
     found = derivatives([run_from_columns(columns, motion, str(path)) for path, columns in records], model)
     save_plot(arguments.plot, "forced", found)
     document = {"motion": motion.name, "runs": len(records), "coefficients": {item.name: item for item in found}}
-    return print_answer(document, lambda: print_forced(motion.name, found), as_json=arguments.json)
+    return print_answer(document, lambda: _show_forced(motion.name, found), as_json=arguments.json)
 
 
-def print_forced(motion: str, found: list[Coefficient]) -> None:
-    """Print both ways side by side."""
+def _show_forced(motion: str, found: list[Coefficient]) -> None:
     headings = ("Fourier", "std", "direct fit", "std", "apart [%]", "dimensionless")
     rows = []
     for item in found:
@@ -145,11 +143,10 @@ def pendulum(arguments: argparse.Namespace) -> int:
     save_plot(arguments.plot, "pendulum", fit)
     ways = {"output_error": fit.output_error, "regression": fit.regression}
     document = {**ways, "residual_rad": fit.residual_rad, "samples": fit.samples}
-    return print_answer(document, lambda: print_pendulum(fit), as_json=arguments.json)
+    return print_answer(document, lambda: _show_pendulum(fit), as_json=arguments.json)
 
 
-def print_pendulum(fit: PendulumFit) -> None:
-    """Print both ways, the better one first."""
+def _show_pendulum(fit: PendulumFit) -> None:
     for title, found in (
         ("Fit of the simulated angle", fit.output_error),
         ("Regression of the paper (17-18), on derivatives", fit.regression),

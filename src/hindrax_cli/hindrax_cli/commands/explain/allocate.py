@@ -37,12 +37,11 @@ def allocate(arguments: argparse.Namespace) -> int:
         raise UsageError(f"--disable: found {unknown[0]!r}, wanted some of {', '.join(allocator.names)}")
     X, Y, Z, K, M, N = arguments.wrench
     allocation = allocator.allocate((X, Y, Z, K, M, N), disabled, supply_V=arguments.supply)
-    found = allocation_document(allocator.names, allocation)
-    return print_answer(found, lambda: show_allocation(allocator.names, allocation), as_json=arguments.json)
+    found = _document(allocator.names, allocation)
+    return print_answer(found, lambda: _show(allocator.names, allocation), as_json=arguments.json)
 
 
-def allocation_document(names: tuple[str, ...], allocation: Allocation) -> dict[str, Any]:
-    """Return the allocation as the JSON document of this command."""
+def _document(names: tuple[str, ...], allocation: Allocation) -> dict[str, Any]:
     return {
         "forces": dict(zip(names, allocation.forces_N, strict=True)),
         "pulses": dict(zip(names, allocation.pulses_us, strict=True)),
@@ -55,8 +54,7 @@ def allocation_document(names: tuple[str, ...], allocation: Allocation) -> dict[
     }
 
 
-def show_allocation(names: tuple[str, ...], allocation: Allocation) -> None:
-    """Print one table of thrusters and one of axes."""
+def _show(names: tuple[str, ...], allocation: Allocation) -> None:
     thrusters, axes = [], []
     outputs = allocation.forces_N, allocation.pulses_us, allocation.saturated
     for name, force, pulse, at_limit in zip(names, *outputs, strict=True):

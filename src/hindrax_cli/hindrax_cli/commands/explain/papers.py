@@ -27,21 +27,20 @@ COLORS = {"agrees": "green", "misprint": "yellow", "does not follow": "red"}
 def papers(arguments: argparse.Namespace) -> int:
     """Every published table recomputed from its printed inputs, misprints named."""
     cells = [cell for cell in recompute() if arguments.paper in (None, cell.paper)]
-    return print_answer({"cells": cells}, lambda: show_papers(cells), as_json=arguments.json)
+    return print_answer({"cells": cells}, lambda: _show(cells), as_json=arguments.json)
 
 
-def show_papers(cells: Sequence[Cell]) -> None:
+def _show(cells: Sequence[Cell]) -> None:
     """Print a table for each paper; a cell that does not follow is a finding, not a failure."""
     for paper, title in TITLES.items():
         mine = [cell for cell in cells if cell.paper == paper]
         if mine:
-            show_paper(f"{paper}  {title}", mine)
+            _show_paper(f"{paper}  {title}", mine)
     counts = {verdict: sum(cell.verdict == verdict for cell in cells) for verdict in COLORS}
     console().print(f"{len(cells)} cells: " + ", ".join(f"{count} {verdict}" for verdict, count in counts.items()))
 
 
-def show_paper(title: str, cells: Sequence[Cell]) -> None:
-    """Print one paper as a table."""
+def _show_paper(title: str, cells: Sequence[Cell]) -> None:
     numbers, rows = ("printed", "recomputed", "difference"), []
     for cell in cells:
         difference = f"{cell.difference:+.2g}" if abs(cell.difference) > 1e-6 * cell.tolerance else "0"
