@@ -31,7 +31,7 @@ OUTPUT = """Output devices make the pulses of the thrusters, behind the output g
 WORLDS = f"""What the mock's world can do that the model does not know: `--world` of `pool-test --mock`, `up --mock`,
 `mock` and `montecarlo`. In *ideal* all are off; in *pool* the seed draws all of them. The form is
 {FORM}. A name alone has the size given here. Shares are fractions.
-[Worlds that are not the model](../explanation/worlds.md) explains them."""
+[Worlds outside the model](../explanation/worlds.md) explains them."""
 LISTEN_S = 4.0
 WIRES = {"serial": "serial line", "i2c": "I2C", "gpio": "GPIO line"}
 
