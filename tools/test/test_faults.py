@@ -15,7 +15,7 @@ from hindrax_sim.devices.ping1d import PingTruth
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, altered_truth
 from hindrax_sim.hardware import TrueState
 from hindrax_tools.faults import table
-from hindrax_tools.faults.cells import DISARMED, HAND, HOLD, MANEUVER, MODES, Cell, Judge, is_wrong
+from hindrax_tools.faults.cells import DISARMED, HOLD, MANEUVER, MODES, OPERATOR, Cell, Judge, is_wrong
 from hindrax_tools.faults.devices import ROWS, fly
 
 WELL = Cell("dvl75", "died", "hold", 1, 0.4, 0.0, 1.0, "no command for 5 s")
@@ -60,10 +60,10 @@ def test_neutral_counts_from_the_fault_for_good_and_thrust_to_the_end_is_flying_
 
 
 VIOLATIONS = {
-    "on a state that is wrong": judged(HAND, (0.1, FLYING, TILTED), (0.6, FLYING, TILTED), (0.7, FLYING, TILTED)),
+    "on a state that is wrong": judged(OPERATOR, (0.1, FLYING, TILTED), (0.6, FLYING, TILTED), (0.7, FLYING, TILTED)),
     "while disarmed": judged(DISARMED, (0.1, FLYING, BELIEVED), (1.0, NEUTRAL, BELIEVED)),
-    "wanted 0.5 s": judged(HAND, (0.6, FLYING, BELIEVED), (1.0, NEUTRAL, BELIEVED), within_s=0.5),
-    "tilted by 57 deg": judged(HAND, (0.1, replace(NEUTRAL, attitude_rad=(1.0, 0.0, 0.0)), None)),
+    "wanted 0.5 s": judged(OPERATOR, (0.6, FLYING, BELIEVED), (1.0, NEUTRAL, BELIEVED), within_s=0.5),
+    "tilted by 57 deg": judged(OPERATOR, (0.1, replace(NEUTRAL, attitude_rad=(1.0, 0.0, 0.0)), None)),
     "wall": judged(MANEUVER, (0.1, replace(NEUTRAL, wall_hits=1), None)),
 }
 
@@ -76,11 +76,11 @@ def test_what_must_never_be_is_named(why: str) -> None:
 
 def test_short_thrust_on_a_wrong_state_neutral_on_one_and_a_wall_by_hand_are_no_violations() -> None:
     brief = ((0.1, FLYING, TILTED), (0.5, FLYING, TILTED), (0.6, FLYING, BELIEVED), (0.9, FLYING, TILTED))
-    assert judged(HAND, *brief, (1.5, replace(NEUTRAL, wall_hits=1), TILTED)).violated == ()
+    assert judged(OPERATOR, *brief, (1.5, replace(NEUTRAL, wall_hits=1), TILTED)).violated == ()
 
 
 def test_a_row_shows_the_worst_of_all_seeds() -> None:
-    cells = [WELL, replace(WELL, seed=2, neutral_s=0.6), replace(WELL, mode=HAND, neutral_s=None)]
+    cells = [WELL, replace(WELL, seed=2, neutral_s=0.6), replace(WELL, mode=OPERATOR, neutral_s=None)]
     cells += [replace(WELL, mode=DISARMED, neutral_s=0.0, reason="not armed"), replace(WELL, mode="maneuver")]
     cells.append(replace(WELL, seed=2, mode="maneuver", neutral_s=None))
     (row,) = table.rows(cells)
@@ -109,8 +109,8 @@ def test_the_command_ends_with_1_when_a_cell_is_violated(
     ("who", "fault", "mode", "guard"),
     [
         ("icm20948", "gyro_offset", HOLD, "gravity"),
-        ("icm20948", "repeated", HAND, "frozen"),
-        ("ms5837", "depth_stuck", HAND, "sinking"),
+        ("icm20948", "repeated", OPERATOR, "frozen"),
+        ("ms5837", "depth_stuck", OPERATOR, "sinking"),
     ],
 )
 def test_a_lie_ends_thrust_before_it_does_harm(who: str, fault: str, mode: str, guard: str) -> None:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from hindrax_core.signals import Navigation
 from hindrax_sim.hardware import TrueState
 
-MANEUVER, HOLD, HAND, DISARMED = MODES = ("maneuver", "hold", "hand", "disarmed")
+MANEUVER, HOLD, OPERATOR, DISARMED = MODES = ("maneuver", "hold", "operator", "disarmed")
 WRENCH = (12.0, 0.0, 6.0, 0.0, 0.0, 1.0)
-"""What the operator's hand commands: forward, down, and round."""
+"""Wrench of the operator: forward, down, and turning."""
 HELD = (("depth", 0.8), ("heading", math.nan), ("roll", 0.0), ("pitch", 0.0))
 """What a hold holds: axes and setpoints."""
 WRONG_TILT_deg, WRONG_SPEED_mps, WRONG_DEPTH_m = 15.0, 0.5, 0.5

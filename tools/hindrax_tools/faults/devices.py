@@ -15,11 +15,11 @@ from hindrax_core.vehicle import load_vehicle
 from hindrax_sim.faults.fault_registry import FaultSpec
 from hindrax_sim.flights.lockstep import Lockstep, LockstepCommand
 from hindrax_sim.flights.lockstep_rigs import BytesRig
-from hindrax_tools.faults.cells import DISARMED, HAND, HELD, HOLD, MANEUVER, WRENCH, Cell, Judge
+from hindrax_tools.faults.cells import DISARMED, HELD, HOLD, MANEUVER, OPERATOR, WRENCH, Cell, Judge
 
 READY_S = 4.0
-FROM_S = {MANEUVER: 24.0, HOLD: 14.0, HAND: 14.0, DISARMED: 6.0}
-AFTER_S = {MANEUVER: 16.0, HOLD: 12.0, HAND: 12.0, DISARMED: 4.0}
+FROM_S = {MANEUVER: 24.0, HOLD: 14.0, OPERATOR: 14.0, DISARMED: 6.0}
+AFTER_S = {MANEUVER: 16.0, HOLD: 12.0, OPERATOR: 12.0, DISARMED: 4.0}
 """A maneuver that a guard ends holds for eight seconds before it says so."""
 WITHIN_S = 6.0
 """A fault comes when it flies: in a maneuver on the first plateau."""
@@ -42,14 +42,14 @@ ROWS = (
         for device in ("icm20948", "dvl75", "ms5837", "ping1d")
         for how in (("died", "absent"), ("frozen", "repeated"), ("restarted", "reset", 0.1))
     ),
-    DeviceFault("icm20948", "lying: gyroscope offset", "gyro_offset"),
-    DeviceFault("icm20948", "lying: accelerometer offset", "force_offset"),
-    DeviceFault("dvl75", "lying: velocity bias", "velocity_bias"),
-    DeviceFault("dvl75", "lying: frozen velocity", "velocity_frozen"),
-    DeviceFault("dvl75", "lying: false lock", "false_lock"),
-    DeviceFault("ms5837", "lying: depth stuck", "depth_stuck"),
-    DeviceFault("ping1d", "lying: short range", "range_short"),
-    DeviceFault("T3", "lying: turns without thrust", "thruster_fails"),
+    DeviceFault("icm20948", "gyroscope offset", "gyro_offset"),
+    DeviceFault("icm20948", "accelerometer offset", "force_offset"),
+    DeviceFault("dvl75", "velocity bias", "velocity_bias"),
+    DeviceFault("dvl75", "frozen velocity", "velocity_frozen"),
+    DeviceFault("dvl75", "false lock", "false_lock"),
+    DeviceFault("ms5837", "depth stuck", "depth_stuck"),
+    DeviceFault("ping1d", "short range", "range_short"),
+    DeviceFault("T3", "turns without thrust", "thruster_fails"),
 )
 
 
@@ -69,7 +69,7 @@ class ModePilot:
         """Arm, begin, and go on."""
         stamp, self.estimated = navigation.stamp, navigation.reading
         self._started_at = self._started_at or stamp
-        if armed and self.mode == HAND:
+        if armed and self.mode == OPERATOR:
             self.pilot.set_operator_wrench(WRENCH, "base_link_fsd", stamp, stamp)
         flight = self.pilot.step(navigation.reading, stamp, became, armed=armed)
         self.maneuver = flight.maneuver

@@ -1,4 +1,4 @@
-"""Faults of processes: a real stack on a mock vehicle, whose processes die, freeze and lie in every mode."""
+"""Faults of processes: a real stack on a mock vehicle, whose processes die, freeze and are impersonated in every mode."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from hindrax_core.signals import Navigation
 from hindrax_core.topics import NAVIGATION, OPERATOR_WRENCH, THRUSTER_COMMAND, THRUSTER_STATE
 from hindrax_drivers.buses.ports import open_bus
 from hindrax_sim.hardware import TrueState
-from hindrax_tools.faults.cells import DISARMED, HAND, HELD, HOLD, MANEUVER, MODES, WRENCH, Cell, Judge
+from hindrax_tools.faults.cells import DISARMED, HELD, HOLD, MANEUVER, MODES, OPERATOR, WRENCH, Cell, Judge
 from hindrax_tools.mock_stack import mock_stack
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 DEAD_MAN, BOTH = "dead man", "thrusters and dead man"
 OUTPUT = "pca9685"
-DIED, FROZEN, LYING, RESTARTED = "died", "frozen", "lying", "restarted"
+DIED, FROZEN, IMPERSONATED, RESTARTED = "died", "frozen", "impersonated", "restarted"
 SIGNALS = {DIED: signal.SIGKILL, FROZEN: signal.SIGSTOP}
 LIES = {CONTROL.name: THRUSTER_COMMAND, THRUSTERS.name: THRUSTER_STATE}
 """What another publisher says in a process's name: full thrust without an order, and thrusters that are at rest."""
@@ -73,8 +73,8 @@ ROWS = (
     # Nobody is left who could write neutral: a new process must start.
     *(ProcessFault(BOTH, what, NEW_PROCESS_S) for what in SIGNALS),
     # Of two commanders none is obeyed; what thrusters tell of themselves steers nothing.
-    ProcessFault(CONTROL.name, LYING, 0.5),
-    ProcessFault(THRUSTERS.name, LYING),
+    ProcessFault(CONTROL.name, IMPERSONATED, 0.5),
+    ProcessFault(THRUSTERS.name, IMPERSONATED),
     ProcessFault(OUTPUT, RESTARTED),
     # Without hardware that helps, a chip out of reach repeats its last pulses until it is there again.
     ProcessFault(OUTPUT, DIED, ABSENT_S + 1.5, by_mock=True),
@@ -145,7 +145,7 @@ class FaultyStack:
     def harmed(self, who: str, what: str) -> Iterator[Callable[[], bool]]:
         """Kill, freeze or lie until the end of the context; yields whether all are at work that should be."""
         operator = self.operator
-        if what == LYING:
+        if what == IMPERSONATED:
             with (
                 operator.sender(LIES[who], who) as send,
                 operator.repeating(LIE_PERIOD_s, lambda: send(self._false_message(who))),
@@ -229,7 +229,7 @@ class FaultyStack:
         elif mode == HOLD:
             for axis, value in HELD:
                 hold(operator, [axis], value, engaged=True)
-        elif mode == HAND:
+        elif mode == OPERATOR:
             with (
                 operator.sender(OPERATOR_WRENCH, "the pilot") as send,
                 operator.repeating(0.1, lambda: send(wrench_to_msg(operator.now(), WRENCH))),
