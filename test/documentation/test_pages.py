@@ -72,7 +72,7 @@ def test_the_vehicle_file_of_the_how_to_flies_in_mock_by_the_how_to(
     text = block_of(page, "myrov.yaml")
     file.write_text(text, encoding="utf-8")
     assert load_vehicle(file).net_buoyancy_N == pytest.approx(0.98, abs=0.01)
-    text += block_of(page, "what pushes and what measures")
+    text += block_of(page, "thrusters and sensors")
     file.write_text(text, encoding="utf-8")
     assert main(["estimate", "--vehicle", str(file)]) == 0
     _, key, block = capsys.readouterr().out.partition("hydrodynamics:")

@@ -1,4 +1,4 @@
-"""Faults of processes: a real stack on a mock vehicle, whose processes die, freeze and are impersonated in every mode."""
+"""Faults of processes: a real stack on a mock vehicle, whose processes die, freeze and are impersonated."""
 
 from __future__ import annotations
 
