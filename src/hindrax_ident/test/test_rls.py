@@ -1,5 +1,6 @@
 """Recursive least squares against the batch solution, and against everything that makes others wind up."""
 
+import copy
 import math
 import os
 
@@ -158,6 +159,17 @@ def test_information_of_a_sample_can_be_asked_without_learning() -> None:
     assert innovation == pytest.approx(3.0, abs=0.1)
     x = np.array(regressor(0.2))
     assert information == pytest.approx(x @ rls.unit_covariance @ x)
+
+
+def test_a_copy_learns_by_itself() -> None:
+    """The identifier judges a copy of its session, while the session learns on."""
+    rls, _ = learned(0.99)
+    before = (rls.values, rls.samples, rls.unit_covariance)
+    judged = copy.deepcopy(rls)
+    rls.update(regressor(0.3), force(0.3) + 5.0)
+    assert (judged.values, judged.samples) == before[:2]
+    assert np.array_equal(judged.unit_covariance, before[2])
+    assert rls.values != before[0]
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
