@@ -115,7 +115,7 @@ class FilteredRegression:
         ramp = self._advance_velocity(t_s - before, v, terms)
         x = (*(-total for total in self._sums), self._force_f + 0.5 * spread_s2 * self._force_curvature)
         return Sample(
-            x, v + self._z, self._slope(ramp, v, terms), self._z_input_filtered * self.rate, self._start < SETTLED
+            x, v + self._z, self._slope(ramp, v, terms), self._linear(self._sums) * self.rate, self._start < SETTLED
         )
 
     def _terms_at(self, t_s: float, v: float) -> tuple[float, ...]:
@@ -124,10 +124,13 @@ class FilteredRegression:
         # Near rest the sign is that of the noise; used as it is, each direction would take half of the noise for speed.
         ahead = v > 0.0 if square > CLEAR_SIGN * self.noise_variance else self._direction > 0.0
         square = square if ahead else -square
-        drag: tuple[float, ...] = (square, v)
-        if self._split:
-            drag = (square, v, 0.0, 0.0) if ahead else (0.0, 0.0, square, v)
-        return (*drag, 1.0, *self._restoring_at(t_s, v))
+        return (*self._drag_terms(square, v, ahead=ahead), 1.0, *self._restoring_at(t_s, v))
+
+    def _drag_terms(self, square: float, linear: float, *, ahead: bool) -> tuple[float, ...]:
+        """Columns of the drag; in the place of its direction where both have their own."""
+        if not self._split:
+            return (square, linear)
+        return (square, linear, 0.0, 0.0) if ahead else (0.0, 0.0, square, linear)
 
     def _restoring_at(self, t_s: float, v: float) -> tuple[float, ...]:
         if not self.model.restores:
@@ -138,11 +141,8 @@ class FilteredRegression:
         return (math.sin(angle + v * (t_s - since)),)
 
     def _slope(self, ramp: float, v: float, terms: tuple[float, ...]) -> tuple[float, ...]:
-        square, linear = -2.0 * ramp * abs(v), -ramp
         rest = (0.0,) * (len(terms) - self.model.drags + 1)
-        if not self._split:
-            return (square, linear, *rest)
-        return (square, linear, 0.0, 0.0, *rest) if terms[1] else (0.0, 0.0, square, linear, *rest)
+        return (*self._drag_terms(-2.0 * ramp * abs(v), -ramp, ahead=bool(terms[1])), *rest)
 
     def _advance_velocity(self, step: float, v: float, terms: tuple[float, ...]) -> float:
         """Advance the filters over one interval, exactly for inputs linear in it; return the weight of its end."""
@@ -151,7 +151,7 @@ class FilteredRegression:
         keep, constant = 1.0 - lost, lost / rate
         ramp = (step - constant) / (rate * step)
         first = constant - ramp
-        old = self._z_input
+        old = self._linear(self._terms)
         self._z = keep * self._z - rate * (first * old + ramp * v)
         self._sums = [
             keep * total + first * was + ramp * now
@@ -165,19 +165,15 @@ class FilteredRegression:
         self._terms = terms
         return ramp
 
-    @property
-    def _z_input(self) -> float:
-        return self._terms[1] + (self._terms[3] if self._split else 0.0)
+    def _linear(self, terms: Sequence[float]) -> float:
+        """What the terms have of the velocity, in whichever direction."""
+        return terms[1] + (terms[3] if self._split else 0.0)
 
     @property
     def _force_curvature(self) -> float:
         """Second derivative of the filtered thrust: corrects its mean over a span, like that of the velocity."""
         rise = (self._force - self._lagged) / self._lag_s if self._lag_s > 0.0 else 0.0
         return rise - self.rate * (self._lagged + self._known - self.rate * self._force_f)
-
-    @property
-    def _z_input_filtered(self) -> float:
-        return self._sums[1] + (self._sums[3] if self._split else 0.0)
 
     def _advance_thrust(self, t_s: float) -> None:
         """Advance lag and filter in cascade, exactly for a command constant since the last call."""
@@ -214,14 +210,8 @@ def physical(scaled_values: Sequence[float], covariance: Array) -> tuple[Array, 
     return theta, jacobian @ covariance @ jacobian.T
 
 
-def scaled(theta: Sequence[float], covariance: Array) -> tuple[Array, Array]:
-    """Inverse of `physical`: (p,), (p, p)."""
-    physical_values = np.asarray(theta, float)
-    w = 1.0 / physical_values[-1]
-    q = np.append(physical_values[:-1] * w, w)
-    jacobian = np.eye(len(q)) * w
-    jacobian[:, -1] = -q * w
-    return q, jacobian @ covariance @ jacobian.T
+scaled = physical
+"""The inverse of `physical`, which is its own."""
 
 
 class RowWhitener:
