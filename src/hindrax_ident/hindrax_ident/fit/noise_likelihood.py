@@ -143,23 +143,19 @@ class _Pieces:
         for k, (A, Q, q) in enumerate(zip(self._A[:, :, :, :, None], self._Q[:, :, :, :, None], density, strict=True)):
             if k:
                 A00, A01, A02, A10, A11, A12, A22 = (A[:, i, j] for i, j in NONZERO)
-                pv, ps, pa = (
-                    A00 * vv + A01 * vs + A02 * va,
-                    A00 * vs + A01 * ss + A02 * sa,
-                    A00 * va + A01 * sa + A02 * aa,
-                )
-                rv, rs, ra = (
-                    A10 * vv + A11 * vs + A12 * va,
-                    A10 * vs + A11 * ss + A12 * sa,
-                    A10 * va + A11 * sa + A12 * aa,
-                )
+                pv = A00 * vv + A01 * vs + A02 * va
+                ps = A00 * vs + A01 * ss + A02 * sa
+                pa = A00 * va + A01 * sa + A02 * aa
+                rv = A10 * vv + A11 * vs + A12 * va
+                rs = A10 * vs + A11 * ss + A12 * sa
+                ra = A10 * va + A11 * sa + A12 * aa
                 v, s, a = A00 * v + A01 * s + A02 * a, A10 * v + A11 * s + A12 * a, A22 * a
-                vv, vs = (
-                    pv * A00 + ps * A01 + pa * A02 + Q[:, 0, 0] * q,
-                    pv * A10 + ps * A11 + pa * A12 + Q[:, 0, 1] * q,
-                )
-                va, ss = pa * A22 + Q[:, 0, 2] * q, rv * A10 + rs * A11 + ra * A12 + Q[:, 1, 1] * q
-                sa, aa = ra * A22 + Q[:, 1, 2] * q, A22 * A22 * aa + Q[:, 2, 2] * q
+                vv = pv * A00 + ps * A01 + pa * A02 + Q[:, 0, 0] * q
+                vs = pv * A10 + ps * A11 + pa * A12 + Q[:, 0, 1] * q
+                va = pa * A22 + Q[:, 0, 2] * q
+                ss = rv * A10 + rs * A11 + ra * A12 + Q[:, 1, 1] * q
+                sa = ra * A22 + Q[:, 1, 2] * q
+                aa = A22 * A22 * aa + Q[:, 2, 2] * q
             is_position, counts = self._channel[k][:, None] == 1, self._counts[k][:, None]
             hv, hs, ha = np.where(is_position, vs, vv), np.where(is_position, ss, vs), np.where(is_position, sa, va)
             total = np.where(is_position, hs, hv) + variances[self._channel[k]]

@@ -161,7 +161,9 @@ def _predicted(chain: ErrorDynamics, A: Array, K: Array, table: Array) -> Array:
     """Predicted measurements for all columns, from one banded system: (n, m)."""
     n, m = table.shape
     inside = ~chain.starts[1:]
-    moved = (A[1:] @ _update(chain, K)[:-1]) * inside[:, None, None]
+    H = np.eye(3)[chain.channel]
+    corrected = np.eye(3) - K[:, :, None] * H[:, None, :]
+    moved = (A[1:] @ corrected[:-1]) * inside[:, None, None]
     drive = np.zeros((n, 3, m))
     drive[1:] = (A[1:] @ K[:-1, :, None]) @ table[:-1, None, :]
     drive[chain.starts] = 0.0
@@ -173,12 +175,3 @@ def _predicted(chain: ErrorDynamics, A: Array, K: Array, table: Array) -> Array:
             bands[3 + i - j, j : 3 * n - 3 : 3] = -moved[:, i, j]
     states = solve_banded((5, 0), bands, drive.reshape(3 * n, m), overwrite_b=True, check_finite=False)
     return array(states.reshape(n, 3, m)[np.arange(n), chain.channel])
-
-
-def _update(chain: ErrorDynamics, K: Array) -> Array:
-    """I - K H of each measurement: (n, 3, 3)."""
-    out = np.broadcast_to(np.eye(3), (len(K), 3, 3)).copy()
-    at = np.arange(len(K))
-    for state in range(3):
-        out[at, state, chain.channel] -= K[:, state]
-    return out
