@@ -108,9 +108,8 @@ def test_a_doubtful_positive_branch_widens_the_band_by_the_forces_ahead(
     exact = replace(vehicle, curves={"main": replace(curve, positive=mirrored)})
     loose = replace(mirrored, sigma=(137.82, 0.3212, 2.5e-4, 6.4e-8))
     doubtful = replace(vehicle, curves={"main": replace(curve, positive=loose)})
-    (added,) = {mode.name for mode in modes(doubtful, 0)} - {mode.name for mode in modes(exact, 0)}
-    assert added == "positive branch of curve main"
-    mode = next(mode for mode in modes(doubtful, 0) if mode.name == added)
+    *others, mode = modes(doubtful, 0)
+    assert len(others) == len(modes(exact, 0))
     assert np.any(mode.error(np.array([5.0])))
     narrow, wide = (calibration(one, *surge) for one in (exact, doubtful))
     assert wide[0, 0] > narrow[0, 0]

@@ -15,7 +15,7 @@ from hindrax_analysis.experiments.least_squares import Array, least_squares
 from hindrax_core.curves import Branch
 from hindrax_core.errors import HindraxError
 from hindrax_core.text.digits import Value
-from hindrax_ident.arrays import array
+from hindrax_ident.assess.thrust_calibration import powers_from_scaled
 
 COLUMNS = (
     Column("pulse_us", "pulse [us]"),
@@ -119,9 +119,7 @@ def _direction(pulse_us: Array, thrust_N: Array, name: str) -> Direction:
     middle = float(np.mean(pulse_us))
     x = (pulse_us - middle) / HALF_RANGE_us
     found = least_squares(np.column_stack((np.ones(x.size), x, x**2, x**3)), thrust_N, COEFFICIENTS)
-    # From coefficients of x^n, x being (P - middle) / half range, to those of P^n.
-    base = np.polynomial.Polynomial([-middle / HALF_RANGE_us, 1.0 / HALF_RANGE_us])
-    back = array(np.column_stack([np.pad((base**power).coef, (0, 3 - power)) for power in range(4)]))
+    back = powers_from_scaled(middle, HALF_RANGE_us)
     values = back @ found.values
     covariance = back @ found.covariance @ back.T
     spread = np.sqrt(np.clip(np.diag(covariance), 0.0, None))

@@ -23,7 +23,6 @@ class ThrustErrorMode:
     `error` maps thrust on the axis to its error per unit of each unknown: (n,) to (n, k).
     """
 
-    name: str
     error: Callable[[Array], Array]
     covariance: Array
 
@@ -33,19 +32,15 @@ def modes(vehicle: Vehicle, axis: int) -> list[ThrustErrorMode]:
     out: list[ThrustErrorMode] = []
     allocation = thrust_shares(vehicle, axis) if vehicle.thrusters else {}
     for name, curve in vehicle.curves.items():
-        own = {index: share for index, share in allocation.items() if vehicle.thrusters[index].curve == name}
-        part = sum(per_newton * share for per_newton, share in own.values())
-        if part == 0.0:
-            continue
-        out.append(_gain_mode(name, curve, part))
-        out += _branch_modes(name, curve, list(own.values()))
+        own = [pair for index, pair in allocation.items() if vehicle.thrusters[index].curve == name]
+        part = sum(per_newton * share for per_newton, share in own)
+        if part != 0.0:
+            out += [_gain_mode(curve, part), *_branch_modes(curve, own)]
     return out
 
 
-def _gain_mode(name: str, curve: Curve, part: float) -> ThrustErrorMode:
-    return ThrustErrorMode(
-        f"gain of curve {name}", lambda force: (part * force)[:, None], np.array([[curve.gain_sigma**2]])
-    )
+def _gain_mode(curve: Curve, part: float) -> ThrustErrorMode:
+    return ThrustErrorMode(lambda force: (part * force)[:, None], np.array([[curve.gain_sigma**2]]))
 
 
 def thrust_shares(vehicle: Vehicle, axis: int) -> dict[int, tuple[float, float]]:
@@ -61,18 +56,14 @@ def thrust_shares(vehicle: Vehicle, axis: int) -> dict[int, tuple[float, float]]
     return {i: (float(B[axis, i]), float(share[i])) for i in range(B.shape[1])}
 
 
-def _branch_modes(name: str, curve: Curve, allocation: list[tuple[float, float]]) -> list[ThrustErrorMode]:
+def _branch_modes(curve: Curve, allocation: list[tuple[float, float]]) -> list[ThrustErrorMode]:
     """One mode of four unknowns per direction whose coefficients have standard deviations."""
-    pairs = [(curve.negative, -1.0, "negative")]
-    if curve.positive is not None:
-        pairs.append((curve.positive, 1.0, "positive"))
-    out = []
-    for branch, sign, word in pairs:
-        if branch.sigma is not None:
-            mirrored = curve.positive is None
-            error = _branch_error(branch, sign, allocation, mirrored=mirrored)
-            out.append(ThrustErrorMode(f"{word} branch of curve {name}", error, branch_covariance(branch)))
-    return out
+    mirrored = curve.positive is None
+    return [
+        ThrustErrorMode(_branch_error(branch, sign, allocation, mirrored=mirrored), branch_covariance(branch))
+        for branch, sign in ((curve.negative, -1.0), (curve.positive, 1.0))
+        if branch is not None and branch.sigma is not None
+    ]
 
 
 def branch_covariance(branch: Branch) -> Array:
@@ -84,7 +75,7 @@ def branch_covariance(branch: Branch) -> Array:
     pulses = np.linspace(branch.from_us, branch.to_us, TABLE)
     center, half = pulses.mean(), 0.5 * (branch.to_us - branch.from_us)
     local = np.linalg.inv(_powers((pulses - center) / half).T @ _powers((pulses - center) / half))
-    T = _shift(float(center), half)
+    T = powers_from_scaled(float(center), half)
     C = T @ local @ T.T
     sigma = np.asarray(branch.sigma, float)
     spread = np.sqrt(np.diag(C))
@@ -96,7 +87,7 @@ def _powers(x: Array) -> Array:
     return np.stack([np.ones_like(x), x, x**2, x**3], axis=1)
 
 
-def _shift(center: float, half: float) -> Array:
+def powers_from_scaled(center: float, half: float) -> Array:
     """Coefficients of powers of P from those of powers of (P - center) / half: (4, 4)."""
     T = np.zeros((4, 4))
     for power in range(4):
