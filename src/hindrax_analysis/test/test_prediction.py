@@ -32,7 +32,7 @@ def flown(noise_mps: float = 0.0) -> Record:
     t, v = flight.grid.times_s[::20], flight.path.v[::20]
     v = array(v + noise_mps * np.random.default_rng(1).standard_normal(len(v)))
     thrust = Series(flight.times_s, flight.commands)
-    return Record(Series(t, v), thrust, (Stretch(0.0, END_s, "surge", "excite"),))
+    return Record(Series(t, v), thrust, (Stretch(0.0, END_s),))
 
 
 def test_the_motion_of_the_model_itself_is_predicted() -> None:
@@ -65,7 +65,7 @@ def test_depths_alone_are_predicted_as_depths() -> None:
 
 
 def test_of_several_runs_the_last_is_held_out_and_of_one_its_last_quarter() -> None:
-    legs = [Stretch(start, start + 20.0, "surge", "excite") for start in (0.0, 20.5, 1041.0, 1061.5)]
+    legs = [Stretch(start, start + 20.0) for start in (0.0, 20.5, 1041.0, 1061.5)]
     assert held_out(tuple(legs)) == (tuple(legs[:2]), tuple(legs[2:]))
     first, last = held_out((*legs[:1], legs[2], legs[3], replace(legs[3], start_s=1082.0, end_s=1102.0)))
     assert sum(one.end_s - one.start_s for one in last) == pytest.approx(20.0), "the last run is most of all: a quarter"

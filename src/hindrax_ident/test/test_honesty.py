@@ -48,7 +48,7 @@ def test_fewer_than_ten_samples_are_no_evidence() -> None:
         evidence = Evidence(
             k=SURGE[:2],
             covariance=0.01 * np.eye(2),
-            excitation=Excitation(0.1, 0.5, 20.0, 0.1),
+            excitation=Excitation(0.1, 0.5),
             effective_samples=samples,
             noise=0.01,
             added_mass_sigmas=5.0,

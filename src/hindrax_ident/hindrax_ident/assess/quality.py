@@ -42,14 +42,11 @@ OTHER_LAW = "other forces than drag act, or the thrust obeys another law than re
 class Excitation:
     """Excitation in one direction: 5th and 98th percentile of the speeds in motion [m/s, rad/s].
 
-    `moving_s`: time above a tenth of the highest speed; `share_at_one_speed`: share of it at nearly one speed;
-    `acceleration`: its root mean square.
+    `share_at_one_speed`: share of the time above a tenth of the highest speed that was at nearly one speed.
     """
 
     low: float
     high: float
-    moving_s: float
-    acceleration: float
     share_at_one_speed: float = 0.0
 
 
@@ -60,11 +57,7 @@ def excitation(fit: OutputErrorFit, side: int) -> Excitation:
     high = float(np.percentile(own, 98.0))
     moving = own > 0.1 * max(high, 1e-12)
     low = float(np.percentile(own[moving], 5.0)) if moving.any() else 0.0
-    rise = np.divide(np.diff(v, prepend=v[:1]), steps, out=np.zeros_like(v), where=steps > 0.0)
-    moving_s = float(steps[moving].sum())
-    return Excitation(
-        low, high, moving_s, float(np.sqrt(np.mean(rise**2))), _share_at_one_speed(own[moving], steps[moving])
-    )
+    return Excitation(low, high, _share_at_one_speed(own[moving], steps[moving]))
 
 
 def measured_speed(record: Record, side: int) -> float:

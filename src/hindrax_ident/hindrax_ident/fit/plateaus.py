@@ -41,7 +41,6 @@ class BatchFit:
 
     theta: Array
     covariance: Array
-    plateaus: int
 
 
 def measure(record: Record) -> Plateaus:
@@ -73,21 +72,19 @@ def detected(record: Record) -> tuple[Stretch, ...]:
     if not len(record.thrust):
         return ()
     limit = STEADY * float(np.abs(record.thrust.y).max())
-    found: list[Stretch] = []
-    for stretch in record.stretches:
-        found += _still(record.thrust.between(stretch.start_s, stretch.end_s), stretch, limit)
-    return tuple(found)
+    parts = [(record.thrust.between(one.start_s, one.end_s), one.end_s) for one in record.stretches]
+    return tuple(span for thrust, end_s in parts for span in _still(thrust, end_s, limit))
 
 
-def _still(thrust: Series, stretch: Stretch, limit: float) -> list[Stretch]:
-    edges = [*thrust.t.tolist(), stretch.end_s]
+def _still(thrust: Series, end_s: float, limit: float) -> list[Stretch]:
+    edges = [*thrust.t.tolist(), end_s]
     found, begin = [], 0
     for index in range(1, len(thrust) + 1):
         if index < len(thrust) and abs(float(thrust.y[index] - thrust.y[begin])) <= limit:
             continue
         start, end = edges[begin], edges[index]
         if end - start >= SHORTEST_S:
-            found.append(Stretch(start + TRANSIENT * (end - start), end, stretch.motion, "plateau"))
+            found.append(Stretch(start + TRANSIENT * (end - start), end))
         begin = index
     return found
 
@@ -104,4 +101,4 @@ def fit(plateaus: Plateaus) -> BatchFit | None:
         return None
     residual = plateaus.force - X @ theta
     variance = float(residual @ residual) / (n - 3)
-    return BatchFit(array(theta), array(np.linalg.inv(X.T @ X) * variance), n)
+    return BatchFit(array(theta), array(np.linalg.inv(X.T @ X) * variance))

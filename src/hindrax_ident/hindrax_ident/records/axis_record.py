@@ -56,8 +56,6 @@ class Stretch:
 
     start_s: float
     end_s: float
-    motion: str = ""
-    phase: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +141,6 @@ class PhaseLog:
     """Changes of motion and phase, with their times [s]."""
 
     changes: list[tuple[float, str, str]]
-    last_s: float = 0.0
 
     def add(self, t_s: float, motion: str, phase: str) -> None:
         """Add the motion and phase from this time on; a blocked one has begun before."""
@@ -151,7 +148,6 @@ class PhaseLog:
             t_s -= BEFORE_BLOCKED_S
             self.changes = [one for one in self.changes if one[0] < t_s]
         self.changes.append((t_s, motion, phase))
-        self.last_s = max(self.last_s, t_s)
 
     def stretches(
         self, motions: Sequence[str], phases: Sequence[str], end_s: float, join_s: float = 0.0
@@ -163,10 +159,8 @@ class PhaseLog:
         for (start, motion, phase), end in zip(ordered, ends, strict=True):
             if motion not in motions or phase not in phases or end <= start:
                 continue
-            if spans and start - spans[-1].end_s <= join_s:
-                spans[-1] = Stretch(spans[-1].start_s, end, motion, phase)
-            else:
-                spans.append(Stretch(start, end, motion, phase))
+            joined = bool(spans) and start - spans[-1].end_s <= join_s
+            spans.append(Stretch(spans.pop().start_s if joined else start, end))
         return spans
 
 
@@ -181,14 +175,14 @@ def usable(spans: Sequence[Stretch], measured: Array, thrust: Series, tuning: Tu
     for span in spans:
         inside = times[(times >= span.start_s) & (times <= span.end_s)]
         for run in np.split(inside, np.flatnonzero(np.diff(inside) > tuning.gap_s) + 1):
-            pieces += _cut(run, span, tuning.stretch_s)
+            pieces += _cut(run, tuning.stretch_s)
     return tuple(pieces)
 
 
-def _cut(times: Array, span: Stretch, longest_s: float) -> list[Stretch]:
+def _cut(times: Array, longest_s: float) -> list[Stretch]:
     """Pieces with equal numbers of samples, none longer than `longest_s` at regular sampling."""
     if len(times) < 2:
         return []
     count = max(1, math.ceil(float(times[-1] - times[0]) / longest_s))
     parts = [part for part in np.array_split(times, count) if len(part) > 1]
-    return [Stretch(float(part[0]), float(part[-1]), span.motion, span.phase) for part in parts]
+    return [Stretch(float(part[0]), float(part[-1])) for part in parts]
