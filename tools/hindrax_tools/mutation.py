@@ -199,7 +199,7 @@ def main(words: Sequence[str] | None = None) -> int:
     """Try the mutants, in random order, and print those that survive; 1 when any does."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("module", help="as it is imported")
-    parser.add_argument("tests", nargs="+", help="files or names of tests, as pytest takes them")
+    parser.add_argument("tests", nargs="+", help="files or names of tests, arguments of pytest")
     parser.add_argument("--seconds", type=float, default=600.0, help="time after which no further mutant is tried")
     parser.add_argument("--sample", type=int, metavar="N", help="try so many mutants; all without this option")
     parser.add_argument("--seed", type=int, default=1, help="of the random order")

@@ -28,12 +28,10 @@ from hindrax_ros import stack_time
 
 MOCK_READY_S = 60.0
 DOMAINS = range(1, 101)
-FAULT_HELP = (
-    "mock: what goes wrong, where, when [s] and for how long: garbage:dvl75@30+5; repeatable, any other word lists all"
-)
+FAULT_HELP = "mock: fault, device, start and duration [s]: garbage:dvl75@30+5; repeatable, any other name lists all"
 WORLD_HELP = (
-    "mock: what the model does not know: ideal, pool (all drawn by the seed), or NAME[=SIZE],... such as tether=1; "
-    "any other word lists all"
+    "mock: effects outside the model: ideal, pool (all drawn from the seed), or NAME[=SIZE],... such as tether=1; "
+    "any other name lists all"
 )
 PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 

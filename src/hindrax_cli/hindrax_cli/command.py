@@ -15,7 +15,7 @@ Declare = Callable[[argparse.ArgumentParser], object]
 """Adds options to a parser."""
 GROUPS = {
     "the main job": {"pool.pool_test": "pool-test", "pool.results": "report export"},
-    "run and drive the vehicle": {
+    "operate the vehicle": {
         "operate.stack": "up stop",
         "operate.health": "health",
         "operate.status": "status",
@@ -46,12 +46,12 @@ GROUPS = {
         "experiment.oscillation": "free-decay forced pendulum",
         "experiment.weigh": "weigh",
     },
-    "explained and proven": {
+    "analysis and verification": {
         "explain.allocate": "allocate",
         "explain.papers": "papers",
         "explain.trials": "montecarlo faults bench",
     },
-    "for the shell and the code": {"explain.clone": "completion test reference"},
+    "for shell and developers": {"explain.clone": "completion test reference"},
 }
 """Title in the overview -> module -> its commands, each a function of its name."""
 MODULES = {
@@ -92,7 +92,7 @@ def option(*names: str, **how: Any) -> Callable[[argparse._ActionsContainer], ob
 
 def add_words(parser: argparse.ArgumentParser, words: Mapping[str, Command]) -> None:
     """Words of which one follows the command, each with arguments of its own; they are `arguments.word`."""
-    below = parser.add_subparsers(dest="word", required=True, metavar="WORD")
+    below = parser.add_subparsers(dest="word", required=True, metavar="SUBCOMMAND")
     for name, one in words.items():
         about = one.run.__doc__
         style, epilog = parser.formatter_class, example_text(one)

@@ -47,7 +47,7 @@ def record(columns: Sequence[Column], nargs: str | None = None) -> Declare:
     def declare(parser: argparse.ArgumentParser) -> None:
         what = "CSV file with a header line, or a bag with --field"
         parser.add_argument("record", type=Path, nargs=nargs, metavar="CSV_OR_BAG", help=what)
-        where = "where a column is in a bag, e.g. load_N=/load_cell:wrench.force.x"
+        where = "field of a bag for a column, e.g. load_N=/load_cell:wrench.force.x"
         parser.add_argument("--field", action="append", default=[], metavar="COLUMN=TOPIC:PATH", help=where)
         parser.description = f"{parser.description}\n\ncolumns of the record:\n{describe(columns)}"
 

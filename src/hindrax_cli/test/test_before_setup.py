@@ -74,7 +74,7 @@ def test_help_of_a_command_and_of_a_word_of_one() -> None:
 
 
 def test_the_words_of_a_command_are_listed_with_what_they_do() -> None:
-    assert re.search(r"^  recover  +A whole, indexed bag out of one", asked("bag", "--help").stdout, re.MULTILINE)
+    assert re.search(r"^  recover  +Recover a truncated or damaged bag", asked("bag", "--help").stdout, re.MULTILINE)
 
 
 @pytest.mark.parametrize("words", [["bag", "info"], ["setup"]])

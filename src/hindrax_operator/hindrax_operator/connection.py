@@ -33,7 +33,9 @@ def add_stack(parser: argparse.ArgumentParser) -> None:
 
 def add_sim_time(parser: argparse.ArgumentParser) -> None:
     """Declare the option for the clock of a mock that is not announced on this machine."""
-    parser.add_argument("--sim-time", action="store_true", help="the stack was not started by `up` and lives in /clock")
+    parser.add_argument(
+        "--sim-time", action="store_true", help="use /clock; only for a stack that `up` did not start here"
+    )
 
 
 def chosen_stack(arguments: argparse.Namespace) -> StackLock | None:

@@ -9,9 +9,9 @@ from hindrax_tools.reference.markdown import code, head, table
 
 ABOUT = """`./hindrax COMMAND` from the root of the clone sets the machine up when needed and runs the tool; inside
 the environment the same tool is `hindrax`. Exit codes: 0 done; 1 the work failed, the reason is one sentence on
-stderr; 2 wrong use; 130 Ctrl-C, also where a command goes on until then. `--json` prints one JSON document on stdout
-and nothing else there; progress and logs go to stderr. Help, `--version` and completion answer before anything is
-set up.
+stderr; 2 invalid arguments; 130 Ctrl-C, also for commands that run until Ctrl-C. `--json` prints one JSON document
+on stdout and nothing else there; progress and logs go to stderr. Help, `--version` and completion answer before
+anything is set up.
 
 `./hindrax setup` only sets the machine up (`setup --check` lists what is missing); the other commands:"""
 

@@ -38,7 +38,7 @@ from hindrax_ident.model.motion_model import MOTIONS, coefficient_units
 SEPARATOR = " \u00b7 "
 PREDICTED = (
     '<p class="soft">RMS errors over windows of the last quarter of the run, of several the last run, by a model that '
-    "was fitted to the rest and moves freely with the recorded thrust. Beside it two predictors that know nothing. "
+    "was fitted to the rest and moves freely with the recorded thrust. Beside it two trivial predictors. "
     "<code>./hindrax predict</code> does the same for any other record.</p>"
 )
 

@@ -1,7 +1,7 @@
-"""Validation by prediction: the motion that coefficients predict for thrust that they were not fitted to.
+"""Validation by prediction of the motion for thrust that the coefficients were not fitted to.
 
-The model runs free over windows, from the velocity that fits the first second of each, with the measured thrust alone.
-Its errors stand beside those of two predictors that know nothing: the vehicle stays still, and it keeps its speed.
+The model runs freely over windows, from the velocity that fits the first second of each, with the measured thrust
+alone. Its errors stand beside those of two trivial predictors: the vehicle stays still, and it keeps its speed.
 Ljung 1999 section 16.4 (simulation over fresh data).
 """
 

@@ -11,7 +11,7 @@ from hindrax_sim.conditions.realization import Realization
 from hindrax_sim.physics.normal_draws import NormalDraws
 
 IDEAL, POOL = "ideal", "pool"
-FORM = "ideal, pool, or NAME[=SIZE],... such as tether=1,dvl_yaw=2; after pool, they replace what was drawn"
+FORM = "ideal, pool, or NAME[=SIZE],... such as tether=1,dvl_yaw=2; after pool, they replace drawn sizes"
 SIGNED, ONE_SIDED = "normal", "uniform"
 
 

@@ -76,7 +76,7 @@ def _show_list(found: Sequence[ListedBag], folder: Path) -> None:
 
 @command("./hindrax bag recover runs/2026-01-31_14-00-00/bag", BAG, OUT, add_json)
 def recovered(arguments: argparse.Namespace) -> int:
-    """A whole, indexed bag out of one that was cut off or damaged."""
+    """Recover a truncated or damaged bag."""
     bag: Path = arguments.bag
     with working("messages recovered") as progress:
         made = recover(bag, arguments.out or bag.with_name(f"{bag.stem}_recovered"), progress)

@@ -58,7 +58,7 @@ Logs of ArduPilot (.bin, .tlog) and PX4 (.ulg) give velocities and attitude of i
 outputs, at the logged voltage.
 Several records of one vehicle are pooled, and the spread between them is shown. CSV files one after the other that
 hold different columns of the same time (one file per topic, as `rostopic echo -p` or PlotJuggler write them) are one
-record. What is no measurement is left out and reported: zeros of a DVL without lock, values of a frozen or saturated
+record. Invalid samples are left out and reported: zeros of a DVL without lock, values of a frozen or saturated
 sensor, outliers; velocities that came in bursts are spread evenly.
 
 columns of a CSV record (SNAME axes or --frame flu; SI units, or others in the header line such as "u [cm/s]" or t_ms;
@@ -71,7 +71,7 @@ def add_selection(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--odometry", default="", metavar="TOPIC", help="velocities; default: found by type")
     add("--wrench", default="", metavar="TOPIC", help="forces; default: found by type")
-    axes = "axes, whatever they are called; world: velocities of an odometry"
+    axes = "axes, instead of those of the frame name; world: velocities of an odometry"
     add("--frame", choices=FRAMES, default="", help=axes)
     add("--dof", nargs="+", default=[], choices=CHOICES, metavar="MOTION", help="default: all that moved")
     add("--from", dest="from_s", type=float, default=0.0, metavar="S", help="begin here [s]")
@@ -111,7 +111,7 @@ def _about(parser: argparse.ArgumentParser) -> None:
     add_json,
 )
 def identify(arguments: argparse.Namespace) -> int:
-    """The identification over recorded data: our bags, third-party bags, CSV, logs of ArduPilot and PX4."""
+    """Identify from recorded data: our bags, third-party bags, CSV, logs of ArduPilot and PX4."""
     wanted, axes, span = selected(arguments)
     for file in filter(None, (arguments.report, arguments.coefficients)):
         require_place(file)

@@ -23,8 +23,8 @@ from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 from hindrax_ident.assess.prediction import WINDOW_S, Prediction, predict_record
 
 ABOUT = """
-The model runs free over windows of the record: from the velocity that fits the first second of each, with the measured
-thrust alone. The error of the model stands beside those of two predictors that know nothing: the vehicle stays still,
+The model runs freely over windows of the record, from the velocity that fits the first second of each, with the
+measured thrust alone. The error of the model stands beside those of two trivial predictors: the vehicle stays still,
 and it keeps its speed. Coefficients that were fitted to the same record prove little.
 """
 
@@ -44,7 +44,7 @@ def _about(parser: argparse.ArgumentParser) -> None:
     add_output,
 )
 def predict(arguments: argparse.Namespace) -> int:
-    """The motion that coefficients predict for records that they were not fitted to."""
+    """Predict the motion in records that the coefficients were not fitted to."""
     file = arguments.coefficients
     require_plot(arguments.plot)
     saved = read_coefficients(file / "coefficients.yaml" if file.is_dir() else file)

@@ -31,15 +31,15 @@ def _way(parser: argparse.ArgumentParser) -> None:
     option("bags", nargs="*", type=Path, metavar="BAG", help="folder of a bag, or one of its files"),
     _way,
     option("--all", action="store_true", help="every reference bag of this clone, against its reference"),
-    option("--update-refs", action="store_true", help="with --all: write the references, say what changed"),
-    option("--remap", action="append", default=[], metavar="THEIRS:=OURS", help="a topic under our name"),
+    option("--update-refs", action="store_true", help="with --all: write the references, print what changed"),
+    option("--remap", action="append", default=[], metavar="THEIRS:=OURS", help="read a topic under our name"),
     partial(add_vehicle, meaning="vehicle, for bags that have no file of it inside", default=False),
     option("--tolerances", type=Path, default=TOLERANCES, metavar="FILE", help="default: ours"),
-    option("--out", type=Path, metavar="DIR", help="with --ros and one bag: keep the bag that is made"),
+    option("--out", type=Path, metavar="DIR", help="with --ros and one bag: store the new bag"),
     add_json,
 )
 def replay(arguments: argparse.Namespace) -> int:
-    """Recorded wire frames through the real code again, compared with the record."""
+    """Run recorded wire frames through the real code, and compare with the record."""
     if arguments.update_refs and not arguments.all:
         raise UsageError("--update-refs is for --all only: references belong to the reference bags")
     if arguments.ros and arguments.update_refs:

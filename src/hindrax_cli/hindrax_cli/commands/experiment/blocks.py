@@ -29,10 +29,12 @@ AREAS = ("front", "side", "top")
 def add_rig(parser: argparse._ActionsContainer) -> None:
     """What the sweep was measured with, and the name of its curve."""
     parser.add_argument("--lever-ratio", type=positive, default=1.0, metavar="RATIO", help="thrust over load [-]")
-    parser.add_argument("--stop", type=positive, default=1500.0, metavar="US", help="pulse at rest [us]")
+    parser.add_argument("--stop", type=positive, default=1500.0, metavar="US", help="stop pulse [us]")
     parser.add_argument("--dead-band", type=positive, default=25.0, metavar="US", help="half width without thrust [us]")
     parser.add_argument("--supply", type=positive, metavar="V", help="supply voltage [V]; default: the column's mean")
-    parser.add_argument("--load-cell-std", type=float, default=0.0, metavar="PART", help="deviation of its gain [-]")
+    parser.add_argument(
+        "--load-cell-std", type=float, default=0.0, metavar="PART", help="deviation of the load cell's gain [-]"
+    )
     parser.add_argument("--name", default="main", help="name of the curve in the vehicle file")
 
 
@@ -106,7 +108,7 @@ def _direction_rows(direction: Direction) -> list[tuple[str, object, str]]:
 @command(
     "./hindrax estimate --length 0.404 --width 0.108 --height 0.214 --mass 8 "
     "--front 0.023112 --side 0.086456 --top 0.031663",
-    partial(add_vehicle, meaning="take what is not given from the file of this vehicle", default=False),
+    partial(add_vehicle, meaning="take missing values from this vehicle file", default=False),
     *(option(f"--{name}", type=positive, metavar=unit.upper(), help=f"{what} [{unit}]") for name, unit, what in SIZES),
     *(
         option(f"--{name}", type=positive, metavar="M2", help="projected area [m^2]; default the full box")

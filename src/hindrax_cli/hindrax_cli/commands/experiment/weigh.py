@@ -45,17 +45,17 @@ def _elsewhere(parser: argparse.ArgumentParser) -> None:
     mock.add_argument("--seed", type=seed, default=1, help="of the mock's noise; default 1")
     bag = parser.add_argument_group("after the fact")
     bag.add_argument("--bag", type=Path, metavar="BAG", help="a record of this stack")
-    when = "load with the axis [N, Nm] and when it hung, in seconds from the start of the bag; repeatable"
+    when = "load with the axis [N, Nm] and its interval, in seconds from the start of the bag; repeatable"
     bag.add_argument("--hold", action="append", default=[], metavar="LOAD:FROM:TO", help=when)
 
 
 @command(
-    "# beside an armed stack; it says what to do:\n"
+    "# beside an armed stack, guided:\n"
     "./hindrax weigh surge --load 15 --write\n"
     "./hindrax weigh heave --load 18 --mock --world pool --seed 3\n"
     "./hindrax weigh surge --bag runs/1/bag --hold 0:20:50 --hold 15:80:110 --hold=-15:140:170",
     option("axis", choices=tuple(ACTS), help="roll and pitch: their righting moment carries the load"),
-    option("--load", type=positive, metavar="N", help="force of the weight, in water where it hangs in it [N]"),
+    option("--load", type=positive, metavar="N", help="force of the weight, in water if it hangs in water [N]"),
     option("--load-std", type=positive, default=0.002, metavar="PART", help="its deviation; default 0.002 [-]"),
     option("--lever", type=positive, metavar="M", help="yaw: of the line from the center of mass [m]"),
     option("--one-way", action="store_true", help="only the first direction: no float, no second pulley"),

@@ -31,18 +31,18 @@ TYPES = [sys.executable, "-m", "mypy"]
 
 @command("./hindrax completion bash", option("shell", choices=command_page.SHELLS, help="which shell"))
 def completion(arguments: argparse.Namespace) -> int:
-    """Print the completion of commands and options for a shell; its first line says where to keep it."""
+    """Print the completion script for a shell; its first line says where to save it."""
     print_whole(command_page.completion(command_page.page_of(clone_root()), arguments.shell), end="")
     return 0
 
 
 @command(
     "./hindrax test test/golden -k dvl75",
-    option("arguments", nargs=argparse.REMAINDER, metavar="PYTEST ARGS", help="as pytest takes them"),
+    option("arguments", nargs=argparse.REMAINDER, metavar="PYTEST ARGS", help="arguments of pytest"),
     passes_on=True,
 )
 def test(arguments: argparse.Namespace) -> int:
-    """All checks and tests, on all cores; with arguments only pytest, with those."""
+    """All checks and tests, on all cores; with arguments, only pytest with these."""
     root = clone_root()
     if is_vehicle_setup():
         raise UsageError(f"{VEHICLE_SETUP}, without pytest; {WHOLE_SETUP}")
@@ -80,10 +80,10 @@ def code_of(process: subprocess.Popen[bytes]) -> int:
 
 def _what(parser: argparse.ArgumentParser) -> None:
     what = parser.add_mutually_exclusive_group()
-    what.add_argument("--check", action="store_true", help="only say what is stale (the default); exit code 1 if any")
+    what.add_argument("--check", action="store_true", help="only list stale pages (the default); exit code 1 if any")
     what.add_argument("--write", action="store_true", help="write the pages that are stale, and the access policies")
-    what.add_argument("--figures", action="store_true", help="draw the figures of the explanation again")
-    what.add_argument("--fly", action="store_true", help="fly the runs behind the figures again, then draw them")
+    what.add_argument("--figures", action="store_true", help="redraw the figures of the explanation")
+    what.add_argument("--fly", action="store_true", help="repeat the flights of the figures, then draw them")
 
 
 @command(

@@ -104,13 +104,13 @@ def _ratio(cells: list[dict[str, Any]], wanted: dict[str, Any]) -> str:
 
 @command(
     "./hindrax faults --only sensors --seeds 1",
-    option("--only", nargs="+", metavar="NAME", help="these processes and devices; any other word lists all"),
+    option("--only", nargs="+", metavar="NAME", help="these processes and devices; any other name lists all"),
     option("--seeds", type=at_least(1), default=3, metavar="N", help="flights of each fault; default 3"),
     option("--workers", type=at_least(0), default=0, metavar="N", help="processes; default: one per core"),
     add_json,
 )
 def faults(arguments: argparse.Namespace) -> int:
-    """Every process and device fails in mock: how long until neutral."""
+    """Make every process and device fail in mock: time until neutral."""
     table = developer_module("faults.table")
     only = tuple(arguments.only or table.WHO)
     if strange := [name for name in only if name not in table.WHO]:
@@ -136,7 +136,7 @@ def print_faults(title: str, table: Any, cells: Sequence[Any], violated: Sequenc
     add_json,
 )
 def bench(arguments: argparse.Namespace) -> int:
-    """Speed, each figure beside a peer in the same run."""
+    """Benchmarks, each beside a peer in the same run."""
     folder = developer_module("benchmarks").__path__
     known = sorted(module.name for module in pkgutil.iter_modules(folder) if not module.ispkg)
     wanted = arguments.names or known

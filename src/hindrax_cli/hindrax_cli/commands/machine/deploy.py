@@ -34,10 +34,10 @@ NO_CONNECTION = 255
     ),
     option("--tether", metavar="IFACE:TOPSIDE", default="", help="its interface to you, and your address"),
     option("--folder", default="/opt/hindrax", help="where on it; default /opt/hindrax"),
-    option("--no-system", action="store_true", help="only bring and build; leave its services alone"),
+    option("--no-system", action="store_true", help="only send and build; do not change its services"),
 )
 def deploy(arguments: argparse.Namespace) -> int:
-    """Bring the last commit of this clone to another machine over ssh, set it up and start it there."""
+    """Send the last commit of this clone to another machine over ssh, set it up and start it there."""
     parse_tether(arguments.tether)
     clone = clone_root()
     require_tools(clone)

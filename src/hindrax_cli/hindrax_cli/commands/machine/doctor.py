@@ -33,8 +33,8 @@ LEAST_FOUND = 30
 
 @command(
     "# asks the devices; while the stack is up, its nodes:\n./hindrax doctor",
-    option("--mock", action="store_true", help="look at the mock vehicle that is up, or at one for this"),
-    option("--topside", action="store_true", help="look at the vehicle from here, over the tether"),
+    option("--mock", action="store_true", help="check the mock vehicle that is up, or a temporary one"),
+    option("--topside", action="store_true", help="check the vehicle from here, over the tether"),
     add_sim_time,
     add_tether,
     add_vehicle,
@@ -43,7 +43,7 @@ LEAST_FOUND = 30
     add_tuning,
 )
 def doctor(arguments: argparse.Namespace) -> int:
-    """Look at buses, ports, devices, permissions, disk and time; name each problem and its remedy."""
+    """Check buses, ports, devices, permissions, disk and time; name each problem and its remedy."""
     settings = output_settings(arguments)
     vehicle = settings.vehicle
     if arguments.topside and tether_setting() is None:

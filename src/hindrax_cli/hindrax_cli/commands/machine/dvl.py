@@ -50,18 +50,18 @@ ANGLES = {"--heading-offset": flash.HEADING_OFFSET, "--declination": "Magnetic d
     ),
     *(option(name, type=ANGLE, metavar="DEG", help="added to the device's compass [deg, to 0.1]") for name in ANGLES),
     option("--pool-mode", choices=("on", "off"), help="for small tanks, whose walls echo"),
-    option("--retweet-gps", choices=("on", "off"), help="hand on what a GPS at the DVL says"),
-    option("--kalman", choices=("on", "off"), help="send $DVKFA, for a Kalman filter of one's own"),
-    option("--imu-calibration", choices=tuple(flash.IMU_CALIBRATION), help="keep or delete the one of now"),
-    option("--baud", type=BAUD, default=flash.Dvl75Knobs().baud, metavar="RATE", help="line speed of now [bit/s]"),
-    option("--baud-rate", type=BAUD, metavar="RATE", help="line speed wanted [bit/s]"),
-    option("--reboot", action="store_true", help="restart the device in the end"),
-    option("--always", action="store_true", help="send also what holds already; wears the flash"),
-    option("--dry-run", action="store_true", help="only say what would be sent"),
+    option("--retweet-gps", choices=("on", "off"), help="forward the sentences of a GPS at the DVL"),
+    option("--kalman", choices=("on", "off"), help="send $DVKFA, for your own Kalman filter"),
+    option("--imu-calibration", choices=tuple(flash.IMU_CALIBRATION), help="store or delete the current one"),
+    option("--baud", type=BAUD, default=flash.Dvl75Knobs().baud, metavar="RATE", help="current line speed [bit/s]"),
+    option("--baud-rate", type=BAUD, metavar="RATE", help="new line speed [bit/s]"),
+    option("--reboot", action="store_true", help="restart the device afterwards"),
+    option("--always", action="store_true", help="also send unchanged settings; wears the flash"),
+    option("--dry-run", action="store_true", help="only print what would be sent"),
     add_json,
 )
 def dvl(arguments: argparse.Namespace) -> int:
-    """Show or set what the DVL keeps in its flash."""
+    """Show or set the settings in the flash of the DVL."""
     vehicle = load_vehicle(arguments.vehicle)
     port = arguments.port or mount_of(vehicle, "dvl75")[1].port
     knobs = replace(

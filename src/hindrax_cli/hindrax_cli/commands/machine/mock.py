@@ -30,7 +30,7 @@ from hindrax_sim.world import Conditions
     option("--print-paths", action="store_true", help="only `NAME PATH` lines on stdout, for scripts"),
     add_json,
     add_vehicle,
-    option("--folder", type=Path, metavar="DIR", help="where ports and socket lie; default: stable, per user"),
+    option("--folder", type=Path, metavar="DIR", help="folder of ports and socket; default: stable, per user"),
     option("--i2c-device", metavar="PATH", help="also serve the I2C bus as this file (root, /dev/fuse)"),
     option(
         "--dvl-udp",

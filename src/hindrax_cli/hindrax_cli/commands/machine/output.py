@@ -42,7 +42,7 @@ STORED = (
     "./hindrax oscillator --channel 15 --gpio pinctrl-bcm2711:17 --write",
     add_vehicle,
     option("--channel", type=int, default=15, metavar="N", help="spare channel of the PCA9685, 0 to 15"),
-    option("--gpio", default="pinctrl-bcm2711:17", metavar="CHIP:LINE", help="where it is wired to"),
+    option("--gpio", default="pinctrl-bcm2711:17", metavar="CHIP:LINE", help="GPIO that it is wired to"),
     add_i2c_port,
     option("--seconds", type=float, default=10.0, metavar="S", help="how long to measure [s]"),
     add_write,
@@ -50,7 +50,7 @@ STORED = (
     add_tuning,
 )
 def oscillator(arguments: argparse.Namespace) -> int:
-    """Measure the oscillator of the PCA9685 by a spare channel that is wired back to a GPIO."""
+    """Measure the oscillator of the PCA9685 on a spare channel wired back to a GPIO."""
     require_editable(arguments)
     settings = output_settings(arguments)
     vehicle = settings.vehicle
@@ -139,15 +139,15 @@ class _Bench:
 
 @command(
     "./hindrax esc calibrate --thrusters T1 T2 --propellers-off",
-    option("action", choices=("calibrate",), help="teach full and least throttle"),
+    option("action", choices=("calibrate",), help="calibrate full and zero throttle"),
     add_vehicle,
     option("--thrusters", nargs="+", default=(), metavar="T1", help="default: all of the vehicle"),
-    option("--propellers-off", action="store_true", help="say that every propeller is off"),
+    option("--propellers-off", action="store_true", help="confirm that every propeller is off"),
     add_i2c_port,
     add_tuning,
 )
 def esc(arguments: argparse.Namespace) -> int:
-    """Teach the speed controllers their throttle range, the propellers off."""
+    """Calibrate the throttle range of the speed controllers, propellers off."""
     settings = output_settings(arguments)
     vehicle = settings.vehicle
     known = tuple(one.name for one in vehicle.thrusters)

@@ -41,7 +41,7 @@ ReadingT = TypeVar("ReadingT")
     add_json,
 )
 def ping(arguments: argparse.Namespace) -> int:
-    """The sonar asked by hand: one echo profile, or its number, supply and temperatures."""
+    """Query the sonar: one echo profile, or its number, supply and temperatures."""
     vehicle = load_vehicle(arguments.vehicle)
     port = arguments.port or mount_of(vehicle, "ping1d")[1].port
     knobs = in_water(Ping1dKnobs(continuous=False, profile=True, min_confidence=0.0), vehicle)

@@ -24,7 +24,7 @@ UPRIGHT_deg = 90.0
 
 
 def new(arguments: argparse.Namespace) -> int:
-    """Ask ten questions and write the vehicle file; an empty line takes the answer in brackets."""
+    """Ask ten questions and write the vehicle file; an empty line accepts the answer in brackets."""
     name = arguments.vehicle
     if not name.replace("-", "").replace("_", "").isalnum():
         raise UsageError(f"vehicle {name}: wanted letters, digits, - and _; --out names the file")
@@ -58,7 +58,7 @@ def _print_or_raise(error: UsageError) -> None:
 
 
 def check(arguments: argparse.Namespace) -> int:
-    """Whether a vehicle file can fly, and what looks wrong in it; exit 1 when something is to be done."""
+    """Check whether a vehicle file can fly, and what looks wrong in it; exit 1 if anything needs a change."""
     file = vehicle_file(arguments.vehicle)
     vehicle = load_vehicle(file)
     found = findings(vehicle)
@@ -133,5 +133,5 @@ WORDS = {
 
 @command("./hindrax vehicle new myrov", partial(add_words, words=WORDS))
 def vehicle(arguments: argparse.Namespace) -> int:
-    """Make a vehicle file by ten questions, check one, show its thrusters."""
+    """Create a vehicle file from ten questions, check one, show its thrusters."""
     return WORDS[arguments.word].run(arguments)

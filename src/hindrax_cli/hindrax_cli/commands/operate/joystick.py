@@ -32,7 +32,7 @@ from hindrax_operator.connection import add_stack, find_stack
     ),
 )
 def joystick(arguments: argparse.Namespace) -> int:
-    """Steer by hand: /hindrax/joy and /hindrax/cmd_vel become wrenches, until Ctrl-C."""
+    """Steer manually: /hindrax/joy and /hindrax/cmd_vel become wrenches, until Ctrl-C."""
     check(arguments.set)
     found = find_stack(arguments)
     file = arguments.vehicle or (found.vehicle if found else str(vehicle_file(usual_vehicle())))

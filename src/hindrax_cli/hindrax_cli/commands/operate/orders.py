@@ -18,7 +18,7 @@ from hindrax_operator.snapshot import ANGLES
 
 ARMING_S = 60.0
 OFF = "off"
-PLACE_HELP = "meters from the south and the west wall, degrees from the length; default: the start, turned as reckoned"
+PLACE_HELP = "meters from the south and the west wall, degrees from the length; default: start, estimated heading"
 MEANINGS = (
     "forward [N]",
     "to starboard [N]",
@@ -31,7 +31,7 @@ MEANINGS = (
 
 @command("./hindrax arm", add_stack)
 def arm(arguments: argparse.Namespace) -> int:
-    """Arm the thrusters: neutral for the ESCs' time first, then they obey."""
+    """Arm the thrusters, after the ESCs' time at neutral."""
     with operator_of(arguments) as operator:
         operator.wait_for_thrusters()
         print_fitted("arming; keep hands off the thrusters")
@@ -56,11 +56,11 @@ def disarm(arguments: argparse.Namespace) -> int:
         choices=(*HOLDS, "all"),
         help="depth and altitude replace each other; station: the place in the pool, by the DVL",
     ),
-    option("value", nargs="?", metavar="VALUE", help="degrees or meters; `off` lets go; default: where the vehicle is"),
+    option("value", nargs="?", metavar="VALUE", help="degrees or meters; `off` releases; default: the current value"),
     add_stack,
 )
 def hold(arguments: argparse.Namespace) -> int:
-    """Hold an axis where it is or at a value, or let go of it."""
+    """Hold an axis at its current or a given value, or release it."""
     axes, value, engaged = held(arguments.axis, arguments.value)
     from hindrax_operator.nodes import orders  # noqa: PLC0415  # invalid arguments are refused before rclpy is loaded
 
@@ -107,7 +107,7 @@ def shown(axis: str, value: float) -> str:
     add_stack,
 )
 def recentre(arguments: argparse.Namespace) -> int:
-    """Say where in the pool the vehicle is; dead reckoning goes on from there."""
+    """Set the position in the pool; dead reckoning continues from there."""
     x_m, y_m, turned_rad = place_of(arguments.place)
     from hindrax_operator.nodes import orders  # noqa: PLC0415  # invalid arguments are refused before rclpy is loaded
 
@@ -194,7 +194,7 @@ def outcome_text(allocation: Any) -> str:
     add_stack,
 )
 def lights(arguments: argparse.Namespace) -> int:
-    """Set the brightness of the lamps, from 0 to 1; they go out when the vehicle gets no commands any more."""
+    """Set the brightness of the lamps, from 0 to 1; they go out when commands stop."""
     found = chosen_stack(arguments)
     lamps = len(load_vehicle(found.vehicle if found else vehicle_file(usual_vehicle())).output.light_channels)
     levels = brightness(arguments.levels, lamps)

@@ -31,7 +31,7 @@ from hindrax_operator.connection import add_stack, find_stack, joined
 
 def add_mock_options(parser: argparse.ArgumentParser) -> None:
     """How the mock vehicle behaves."""
-    parser.add_argument("--seed", type=seed, help="mock: of its noise; default 1")
+    parser.add_argument("--seed", type=seed, help="mock: seed of its noise; default 1")
     parser.add_argument("--rate", type=pace, help="mock: times real time at most (0: no bound); default 1")
     parser.add_argument("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP)
     parser.add_argument("--world", default="", help=f"{WORLD_HELP}. Default: ideal")
@@ -50,7 +50,9 @@ def mock_options(arguments: argparse.Namespace) -> MockOptions:
     option("--record", action="store_true", help="write a bag"),
     add_vehicle,
     option("--out", metavar="DIR", help="new or empty folder for logs and bag; default runs/<time>"),
-    option("--keep", type=positive, metavar="GB", help="room for runs/: older ones are removed; default: all stay"),
+    option(
+        "--keep", type=positive, metavar="GB", help="size limit of runs/: the oldest are removed; default: keep all"
+    ),
     add_tether,
     option(
         "--without-operator",
@@ -86,7 +88,7 @@ def up(arguments: argparse.Namespace) -> int:
     add_parameters,
 )
 def stop(arguments: argparse.Namespace) -> int:
-    """Neutral, disarm, and cancel whatever flies, in every stack that runs here; or neutral where no stack is left."""
+    """Neutral, disarm and cancel the maneuver, in every stack on this machine; or write neutral without a stack."""
     if arguments.output:
         return neutral_on_output(arguments)
     from hindrax_operator.nodes.orders import stop as stop_all  # noqa: PLC0415  # rclpy is loaded only where it is needed

@@ -38,14 +38,14 @@ def _groups(parser: argparse.ArgumentParser) -> None:
     "./hindrax thruster fit sweep.csv --lever-ratio 2 --write\n"
     "./hindrax thruster disable T3 --reason 'blade lost'\n"
     "./hindrax thruster enable T3",
-    option("what", metavar="N|fit|disable|enable", help="a thruster (3 or T3), or what to do"),
+    option("what", metavar="N|fit|disable|enable", help="a thruster (3 or T3), or an action"),
     option("which", nargs="*", metavar="SWEEP.csv|T3", help="sweep to fit, thrusters to disable or enable"),
     add_vehicle,
     add_stack,
     _groups,
 )
 def thruster(arguments: argparse.Namespace) -> int:
-    """Run one thruster alone, fit its curve from a sweep, take it out of use or back."""
+    """Run one thruster, fit its curve from a sweep, disable or enable it."""
     if arguments.what == "fit":
         return _fit(arguments)
     if arguments.what in ACTIONS:

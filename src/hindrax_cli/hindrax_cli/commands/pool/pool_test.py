@@ -47,9 +47,9 @@ def aim_of(arguments: argparse.Namespace) -> Aim | None:
         type=share,
         default=0.0,
         metavar="SHARE",
-        help="noise of the drag at which it ends, such as 2%%: the identification chooses what to fly",
+        help="noise of the drag at which it ends, such as 2%%: the identification chooses the legs",
     ),
-    option("--minutes", type=float, default=0.0, help="after which it ends, and with what it knows then"),
+    option("--minutes", type=float, default=0.0, help="time limit, after which it ends with the result so far"),
     option("--seed", type=seed, default=1, help="of the mock's noise and of the excitation; default 1"),
     option(
         "--rate", type=pace, default=0.0, help="mock: times real time at most; default: as fast as the stack follows"

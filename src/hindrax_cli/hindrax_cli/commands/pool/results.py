@@ -33,7 +33,7 @@ from hindrax_ros.messages.frames import urdf_of
     option("--out", type=Path, metavar="FILE", help="default: report.html of the run, or comparison.html"),
 )
 def report(arguments: argparse.Namespace) -> int:
-    """The HTML report of a run again, or a comparison of many runs."""
+    """Regenerate the HTML report of a run, or compare many runs."""
     runs: list[Path] = arguments.runs
     if len(runs) == 1:
         _require_run(runs[0])
@@ -106,7 +106,9 @@ URDF = "urdf"
     ),
     option("--to", choices=[*FORMATS, *TABLES, URDF], required=True, help="format"),
     option("--out", type=Path, metavar="FILE", help="default: stdout"),
-    partial(add_vehicle, meaning="vehicle; also fills in what the results lack, and says so", default=False),
+    partial(
+        add_vehicle, meaning="vehicle; also fills in coefficients that the results lack, and marks them", default=False
+    ),
 )
 def export(arguments: argparse.Namespace) -> int:
     """Coefficients for gz-sim, Stonefish, uuv_simulator, Python, the vehicle file, CSV or LaTeX; a vehicle as URDF."""
