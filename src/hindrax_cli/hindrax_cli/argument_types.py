@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from hindrax_bringup.node_options import Tuning
 from hindrax_bringup.share_files import usual_vehicle, vehicle_file
-from hindrax_cli.command import option
+from hindrax_cli.command import Declare, option
 from hindrax_core.topics import NAMESPACE, namespace_arguments
 
 if TYPE_CHECKING:
@@ -63,10 +63,14 @@ def vehicle(name: str) -> str:
     return str(vehicle_file(name))
 
 
-def add_vehicle(parser: argparse.ArgumentParser, meaning: str = WHICH, *, default: bool = True) -> None:
-    """Which vehicle; `default`: the usual one where none is named, else None."""
-    usual = usual_vehicle() if default else None
-    parser.add_argument("--vehicle", type=vehicle, default=usual, metavar="NAME", help=meaning)
+def add_vehicle(parser: argparse.ArgumentParser, meaning: str = WHICH) -> None:
+    """Which vehicle; the usual one where none is named."""
+    parser.add_argument("--vehicle", type=vehicle, default=usual_vehicle(), metavar="NAME", help=meaning)
+
+
+def named_vehicle(meaning: str) -> Declare:
+    """A vehicle where one is named, else None."""
+    return option("--vehicle", type=vehicle, metavar="NAME", help=meaning)
 
 
 def add_tuning(parser: argparse.ArgumentParser) -> None:

@@ -36,8 +36,6 @@ def rehearse_and_show(arguments: argparse.Namespace, aim: Aim | None) -> int:
             servable.flown, arguments.seed, world, vehicle=vehicle, excitation=arguments.excitation, aim=aim
         )
     print_answer(found.document(), lambda: show(found), as_json=arguments.json)
-    if found.ended and not arguments.json:
-        print_fitted(f"ended: {found.ended}")
     if found.aborted:
         print_fitted(f"aborted by {found.aborted}", sys.stderr)
     return 1 if found.aborted else 0
@@ -60,7 +58,7 @@ def predicted_of(arguments: argparse.Namespace, aim: Aim) -> Mapping[str, float]
 
 
 def show(found: Rehearsal) -> None:
-    """Print plan, timetable and bands."""
+    """Print plan, timetable, bands and why it ended."""
     for plan in found.plans:
         print_fitted(plan)
     numbers = ("from [s]", "to [s]", "wall [m]", "floor [m]", "charge [Ah]")
@@ -81,3 +79,5 @@ def show(found: Rehearsal) -> None:
     title = "Standard deviations to be expected: of the drag at the highest speed, and of the added mass"
     headings = ("highest speed", "noise [%]", "calibrated [%]", "added mass [%]")
     print_table(title, ("motion",), headings, rows, ("remarks",))
+    if found.ended:
+        print_fitted(f"ended: {found.ended}")

@@ -47,12 +47,7 @@ def ports(vehicle: Vehicle, instead: Ports) -> list[Check]:
         for name, mount in vehicle.sensors.items()
         if mount.data_ready and name not in instead
     ]
-    return [_of_kind(path)(path) for path in dict.fromkeys(wanted)]
-
-
-def _of_kind(path: str) -> Callable[[str], Check]:
-    """Check of a port by its prefix."""
-    return address if path.startswith(UDP_PREFIX) else chip if path.startswith(GPIO_PREFIX) else port
+    return [port(path) for path in dict.fromkeys(wanted)]
 
 
 def require_ports(vehicle: Vehicle, file: str) -> None:
@@ -66,12 +61,14 @@ def require_ports(vehicle: Vehicle, file: str) -> None:
         )
 
 
-def address(path: str) -> Check:
-    """An address of the network, which is there or not when it is listened at."""
-    return Check(path, "an address to listen at; whether a device sends is seen below")
+def port(path: str) -> Check:
+    """Whether a port is there and can be opened."""
+    if path.startswith(UDP_PREFIX):
+        return Check(path, "an address to listen at; whether a device sends is seen below")
+    return _chip(path) if path.startswith(GPIO_PREFIX) else _file(path)
 
 
-def chip(path: str) -> Check:
+def _chip(path: str) -> Check:
     """A GPIO chip, found by label or name."""
     try:
         return Check(path, f"there, it is {find_chip(path.removeprefix(GPIO_PREFIX))}")
@@ -79,8 +76,8 @@ def chip(path: str) -> Check:
         return Check(path, ABSENT if "found the chips" in str(error) else str(error), f"{error}")
 
 
-def port(path: str) -> Check:
-    """Whether a port can be opened; a mock's socket, an I2C adapter or a serial port."""
+def _file(path: str) -> Check:
+    """A mock's socket, an I2C adapter or a serial port."""
     file = Path(path.removeprefix(MOCK_PREFIX))
     if not file.exists():
         return Check(path, ABSENT, _absent(path))

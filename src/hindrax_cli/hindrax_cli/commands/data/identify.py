@@ -4,7 +4,6 @@ import argparse
 import sys
 import time
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +28,7 @@ from hindrax_analysis.records.csv_columns import COLUMNS
 from hindrax_analysis.records.third_party_bag import FRAMES, TopicSelection
 from hindrax_analysis.terminal import print_answer, working
 from hindrax_bringup.share_files import default_vehicle
-from hindrax_cli.argument_types import add_json, add_vehicle, within
+from hindrax_cli.argument_types import add_json, named_vehicle, within
 from hindrax_cli.command import command, option
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted
@@ -98,7 +97,7 @@ def _about(parser: argparse.ArgumentParser) -> None:
     option(
         "records", nargs="+", type=Path, metavar="BAG_OR_CSV", help="bag, run folder, CSV file, .bin, .tlog or .ulg"
     ),
-    partial(add_vehicle, meaning="vehicle: its file, or its name; mass, volume and envelope are enough", default=False),
+    named_vehicle("vehicle: its file, or its name; mass, volume and envelope are enough"),
     add_selection,
     option(
         "--gain-sigma",

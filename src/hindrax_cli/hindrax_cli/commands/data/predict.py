@@ -1,7 +1,6 @@
 """`hindrax predict`: what coefficients predict for records that they were not fitted to."""
 
 import argparse
-from functools import partial
 from pathlib import Path
 
 from hindrax_analysis.coefficients_file import SavedCoefficients, read_coefficients
@@ -13,7 +12,7 @@ from hindrax_analysis.identification.record_identification import (
     recorded_vehicle,
 )
 from hindrax_analysis.terminal import print_answer, print_table, working
-from hindrax_cli.argument_types import add_vehicle, positive
+from hindrax_cli.argument_types import named_vehicle, positive
 from hindrax_cli.command import command, option
 from hindrax_cli.commands.data.identify import add_selection, selected
 from hindrax_cli.experiment_command import add_output, require_plot, save_plot
@@ -39,7 +38,7 @@ def _about(parser: argparse.ArgumentParser) -> None:
     option("coefficients", type=Path, metavar="COEFFICIENTS", help="coefficients.yaml, or a run folder"),
     option("records", nargs="+", type=Path, metavar="RECORD", help="bag, run folder or CSV, as `identify`"),
     option("--window", type=positive, default=WINDOW_S, metavar="S", help="length of a window (default 10 s)"),
-    partial(add_vehicle, meaning="vehicle: its file, or its name; default: the one in the bag", default=False),
+    named_vehicle("vehicle: its file, or its name; default: the one in the bag"),
     add_selection,
     add_output,
 )

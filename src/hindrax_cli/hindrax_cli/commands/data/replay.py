@@ -2,13 +2,12 @@
 
 import argparse
 import sys
-from functools import partial
 from pathlib import Path
 
 from hindrax_analysis.terminal import print_answer, working
 from hindrax_bag.message_comparison import TOLERANCES, ComparisonReport, load_rules
 from hindrax_bringup.clone import clone_root
-from hindrax_cli.argument_types import add_json, add_vehicle
+from hindrax_cli.argument_types import add_json, named_vehicle
 from hindrax_cli.command import command, option
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted
@@ -33,7 +32,7 @@ def _way(parser: argparse.ArgumentParser) -> None:
     option("--all", action="store_true", help="every reference bag of this clone, against its reference"),
     option("--update-refs", action="store_true", help="with --all: write the references, print what changed"),
     option("--remap", action="append", default=[], metavar="THEIRS:=OURS", help="read a topic under our name"),
-    partial(add_vehicle, meaning="vehicle, for bags that have no file of it inside", default=False),
+    named_vehicle("vehicle, for bags that have no file of it inside"),
     option("--tolerances", type=Path, default=TOLERANCES, metavar="FILE", help="default: ours"),
     option("--out", type=Path, metavar="DIR", help="with --ros and one bag: store the new bag"),
     add_json,

@@ -2,7 +2,6 @@
 
 import argparse
 import sys
-from functools import partial
 
 import numpy as np
 import yaml
@@ -11,7 +10,7 @@ from hindrax_analysis.experiments.bollard import COEFFICIENTS, COLUMNS, BollardC
 from hindrax_analysis.experiments.estimate import Dimensions, EmpiricalModel, empirical, hydrodynamics_of
 from hindrax_analysis.exports.vehicle_block import block_text
 from hindrax_analysis.terminal import print_answer, print_table, print_values
-from hindrax_cli.argument_types import add_vehicle, positive
+from hindrax_cli.argument_types import named_vehicle, positive
 from hindrax_cli.command import command, option
 from hindrax_cli.experiment_command import add_output, read_record, record, save_plot
 from hindrax_core.curves import Curve, problems_of
@@ -108,7 +107,7 @@ def _direction_rows(direction: Direction) -> list[tuple[str, object, str]]:
 @command(
     "./hindrax estimate --length 0.404 --width 0.108 --height 0.214 --mass 8 "
     "--front 0.023112 --side 0.086456 --top 0.031663",
-    partial(add_vehicle, meaning="take missing values from this vehicle file", default=False),
+    named_vehicle("take missing values from this vehicle file"),
     *(option(f"--{name}", type=positive, metavar=unit.upper(), help=f"{what} [{unit}]") for name, unit, what in SIZES),
     *(
         option(f"--{name}", type=positive, metavar="M2", help="projected area [m^2]; default the full box")

@@ -1,6 +1,7 @@
 """Sensors that a turn or calm air calibrates, with the stack down: `hindrax imu` and `hindrax depth`."""
 
 import argparse
+import math
 import statistics
 import sys
 from collections.abc import Mapping
@@ -91,7 +92,7 @@ def calibration(
     forces: list[Vec3], fields: list[Vec3], before: Mapping[str, tuple[float, ...]]
 ) -> tuple[dict[str, tuple[float, ...]], list[str]]:
     """Entries for the vehicle file, and one remark per sensor. `before` is what was applied to the data already."""
-    at_rest = [one for one in forces if abs(_length(one) / GRAVITY_mps2 - 1.0) < NEAR_GRAVITY]
+    at_rest = [one for one in forces if abs(math.hypot(*one) / GRAVITY_mps2 - 1.0) < NEAR_GRAVITY]
     found: dict[str, tuple[float, ...]] = {}
     remarks = []
     for prefix, unit, points, radius in (("mag", "T", fields, None), ("accel", "mps2", at_rest, GRAVITY_mps2)):
@@ -116,10 +117,6 @@ def _self_test(port: str, mount: Mount, *, as_json: bool) -> int:
 
 def _vector(message: Any) -> Vec3:
     return (message.x, message.y, message.z)
-
-
-def _length(vector: Vec3) -> float:
-    return float(sum(one * one for one in vector) ** 0.5)
 
 
 @command(

@@ -42,13 +42,9 @@ from hindrax_sim.world import Conditions
 def mock(arguments: argparse.Namespace) -> int:
     """The mock vehicle's devices alone (serial ports, I2C bus), until Ctrl-C."""
     words = document if arguments.json else plain if arguments.print_paths else table
-
-    def announce(ports: Mapping[str, str]) -> None:
-        print_fitted(words(ports))
-
     faces = {"place": arguments.folder, "i2c_device": arguments.i2c_device, "dvl_udp": arguments.dvl_udp}
     with asked_to_end() as over:
-        serve(Path(arguments.vehicle), mock_options(arguments), announce, over, **faces)
+        serve(Path(arguments.vehicle), mock_options(arguments), lambda ports: print_fitted(words(ports)), over, **faces)
     return 0
 
 

@@ -4,9 +4,7 @@ import argparse
 import sys
 from functools import partial
 from pathlib import Path
-from typing import Any
 
-from hindrax_analysis.plain import print_json
 from hindrax_analysis.terminal import print_answer, print_table
 from hindrax_bringup.share_files import VEHICLE, own_vehicles, usual_vehicle, vehicle_file
 from hindrax_cli.argument_types import add_json
@@ -79,14 +77,19 @@ def show(arguments: argparse.Namespace) -> int:
     vehicle = load_vehicle(file)
     reach = largest_wrench(vehicle)
     reasons = dict(servable_motions(AXES, vehicle).left_out) if vehicle.thrusters else {}
-    if arguments.json:
-        print_json(_document(vehicle, reach, reasons))
-        return 0
+    thrusters = [
+        {"name": one.name, "position_m": one.position_m, "direction": one.direction} for one in vehicle.thrusters
+    ]
+    document = {"vehicle": vehicle.name, "thrusters": thrusters, "largest_wrench": reach, "not_served": reasons}
+    return print_answer(document, lambda: _show(vehicle, file, reach, reasons), as_json=arguments.json)
+
+
+def _show(vehicle: Vehicle, file: Path, reach: dict[str, float], reasons: dict[str, str]) -> None:
     print_fitted(f"{vehicle.name} (by {file})")
     print_whole(picture(vehicle))
     if not vehicle.thrusters:
         print_fitted("no thrusters: enough to identify from a record, not to fly")
-        return 0
+        return
     rows: list[tuple[str, ...]] = []
     for one, curve in zip(vehicle.thrusters, thrust_curves(vehicle), strict=True):
         low, high = curve.range_N
@@ -98,20 +101,12 @@ def show(arguments: argparse.Namespace) -> int:
         unit = "N" if axis in AXES[:3] else "Nm"
         rows.append((axis, f"{most:.1f} {unit}" if most else "none", reasons.get(axis, "")))
     print_table("Each axis alone", ["axis"], ["largest"], rows, ["why not"])
-    return 0
 
 
 def _pointing(thruster: Thruster) -> str:
     if abs(thruster.elevation_deg) == UPRIGHT_deg:
         return "up" if thruster.elevation_deg > 0.0 else "down"
     return f"{thruster.azimuth_deg:g}" + (f", {thruster.elevation_deg:+g} up" if thruster.elevation_deg else "")
-
-
-def _document(vehicle: Vehicle, reach: dict[str, float], reasons: dict[str, str]) -> dict[str, Any]:
-    thrusters = [
-        {"name": one.name, "position_m": one.position_m, "direction": one.direction} for one in vehicle.thrusters
-    ]
-    return {"vehicle": vehicle.name, "thrusters": thrusters, "largest_wrench": reach, "not_served": reasons}
 
 
 def _usual(parser: argparse.ArgumentParser) -> None:

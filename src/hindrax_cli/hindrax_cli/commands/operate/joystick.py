@@ -3,14 +3,13 @@
 import argparse
 import signal
 from collections.abc import Sequence
-from functools import partial
 from typing import Any
 
 import yaml
 
 from hindrax_bringup.share_files import usual_vehicle, vehicle_file
 from hindrax_bringup.stack import adopted, environment, environment_beside
-from hindrax_cli.argument_types import add_vehicle
+from hindrax_cli.argument_types import named_vehicle
 from hindrax_cli.command import command, option
 from hindrax_control.teleop import TeleopKnobs
 from hindrax_core.errors import UsageError
@@ -26,7 +25,7 @@ from hindrax_operator.connection import add_stack, find_stack
     "ros2 run joy joy_node --ros-args -r joy:=/hindrax/joy\n"
     "ros2 run teleop_twist_keyboard teleop_twist_keyboard --ros-args -r cmd_vel:=/hindrax/cmd_vel",
     add_stack,
-    partial(add_vehicle, meaning="vehicle: its file, or its name; default: that of the stack", default=False),
+    named_vehicle("vehicle: its file, or its name; default: that of the stack"),
     option(
         "--set", action="append", default=[], metavar="NAME:=VALUE", help="parameter of the node, such as dead_man:=5"
     ),

@@ -4,7 +4,6 @@ import argparse
 import sys
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 from hindrax_analysis.coefficients_file import SavedCoefficients, read_coefficients
@@ -17,7 +16,7 @@ from hindrax_analysis.report.comparison import comparison_page
 from hindrax_analysis.terminal import working
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.share_files import default_vehicle
-from hindrax_cli.argument_types import add_vehicle
+from hindrax_cli.argument_types import named_vehicle
 from hindrax_cli.command import command, option
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted, print_whole
@@ -106,9 +105,7 @@ URDF = "urdf"
     ),
     option("--to", choices=[*FORMATS, *TABLES, URDF], required=True, help="format"),
     option("--out", type=Path, metavar="FILE", help="default: stdout"),
-    partial(
-        add_vehicle, meaning="vehicle; also fills in coefficients that the results lack, and marks them", default=False
-    ),
+    named_vehicle("vehicle; also fills in coefficients that the results lack, and marks them"),
 )
 def export(arguments: argparse.Namespace) -> int:
     """Coefficients for gz-sim, Stonefish, uuv_simulator, Python, the vehicle file, CSV or LaTeX; a vehicle as URDF."""
