@@ -72,7 +72,7 @@ ARMED = Snapshot(
     health={"dvl75": NodeHealth("ok", "measuring", 20.0), "ping1d": NodeHealth("error", "no reading for <b>3.2 s</b>")},
     estimates={"surge": ESTIMATE},
     plans=PLANS,
-    place=PlaceView(4.2, 2.9, math.radians(30.0), 0.2, {"south": 3.9, "north": 5.4, "west": 2.5, "east": 2.7}, 0.7, ""),
+    place=PlaceView(4.2, 2.9, 30.0, 0.2, {"south": 3.9, "north": 5.4, "west": 2.5, "east": 2.7}, 0.7, ""),
 )
 DISARMED = replace(ARMED, thrusters=replace(THRUSTERS, armed=False, state="disarmed", reason="at the start"))
 

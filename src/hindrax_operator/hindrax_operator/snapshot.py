@@ -54,7 +54,7 @@ class PlaceView:
 
     along_m: float
     across_m: float
-    heading_rad: float
+    heading_deg: float
     sigma_m: float = NAN
     walls_m: Mapping[str, float] = field(default_factory=dict)
     margin_m: float = NAN
@@ -166,7 +166,7 @@ def place_view(message: Any) -> PlaceView | None:
     if message is None:
         return None
     walls_m = dict(zip(message.walls, message.distances, strict=False))
-    where = message.along, message.across, message.heading, message.sigma
+    where = message.along, message.across, math.degrees(message.heading), message.sigma
     return PlaceView(*where, walls_m, message.margin, message.unplaced)
 
 

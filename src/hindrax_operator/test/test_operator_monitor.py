@@ -27,7 +27,6 @@ from hindrax_operator.monitor import draw
 from hindrax_operator.monitor.app import Monitor
 from hindrax_operator.monitor.graph_link import GraphLink
 from hindrax_operator.snapshot import ManeuverView, NodeHealth, Snapshot, _thrusters, snapshot
-from hindrax_operator.web.page import summary
 
 NAVIGATION = replace(
     web_rig.NAVIGATION,
@@ -273,7 +272,7 @@ def test_a_bar_begins_at_the_pulse_that_its_thruster_had_at_rest() -> None:
         console = Console(width=78)
         with console.capture() as drawn:
             console.print(draw.thrusters(view.thrusters))
-        assert [one["stop"] for one in summary(view)["thrusters"]] == list(stops)
+        assert view.thrusters.stops_us == stops
         assert tuple(line.count("█") + line.count("▌") for line in drawn.get().splitlines()) == bars
 
 

@@ -38,7 +38,7 @@ from hindrax_operator.snapshot import Frame, Snapshot, place_view
 from hindrax_operator.web import http_server, page_controller
 from hindrax_operator.web import page as page_text
 from hindrax_operator.web.access import hosts_of
-from hindrax_operator.web.page import PAGE, pool, summary
+from hindrax_operator.web.page import PAGE, summary
 from hindrax_operator.web.reports import Reports
 
 GETS = ("/events", "/reports", "/reports/one", "/camera/%2Fcamera", "/nowhere")
@@ -285,8 +285,13 @@ def test_the_events_carry_the_outcomes_of_orders(page: Page) -> None:
             assert kind == b"data"
             assert answer.readline() == b"\n"
     found = json.loads(text)
-    assert found["armed"] is True
+    assert found["thrusters"]["armed"] is True
     assert found["navigation"]["heave"] is None
+    vehicle = load_vehicle(default_vehicle())
+    assert found["pool"] == {
+        "size": [vehicle.pool.length_m, vehicle.pool.width_m],
+        "hull": [vehicle.envelope_m[0], vehicle.envelope_m[1]],
+    }
     assert found["outcomes"] == [{"number": 1, "sentence": "disarm: the thrusters refused to disarm", "well": False}]
 
 
@@ -440,7 +445,7 @@ def test_every_number_of_the_news_is_json() -> None:
     assert json.loads(text)["navigation"]["heading"] == pytest.approx(30.0)
     assert found["holds"][0]["setpoint"] == pytest.approx(270.0)
     silent: Any = plain(summary(Snapshot()))
-    assert silent["silent"] is None
+    assert silent["silent_s"] is None
     (value, _) = found["estimates"][0]["values"]
     assert value == {"name": "k_q", "unit": "N s2/m2", "value": 66.1, "band": pytest.approx(1.96 * 0.4)}
 
@@ -456,24 +461,23 @@ def test_the_pool_is_drawn_as_the_pilot_tells_it() -> None:
     from hindrax_control.nodes.pilot_messages import place_to_msg
 
     vehicle = load_vehicle(default_vehicle())
-    size = (vehicle.pool.length_m, vehicle.pool.width_m, vehicle.pool.depth_m)
-    nothing = pool(vehicle, None)
-    assert (nothing["size"], nothing["place"], nothing["walls"], nothing["margin"]) == (size, None, None, None)
+    assert summary(Snapshot())["place"] is None
     found = PoolBounds(vehicle, 0.0)
     navigation = replace(NAVIGATION, position_m=(1.0, 0.0), attitude_rad=(0.0, 0.0, math.radians(90.0)))
     found.recentre(navigation, 2.0, 4.0, math.radians(30.0))
     moved = replace(navigation, position_m=(1.0, 1.0), position_sigma_m=0.4)
     place, knobs = found.place(moved), ManeuverGuardKnobs()
     seen = ManeuverGuards(vehicle, knobs).guarded(place, found.walls_m(place), "restarted")
-    shown = pool(vehicle, place_view(place_to_msg(seen, Stamp(0))))
+    news: Any = plain(summary(Snapshot(place=place_view(place_to_msg(seen, Stamp(0))))))
+    shown = news["place"]
     # 30 deg off the length where the compass says 90: a meter to the east is 0.87 m along and half a meter across.
-    assert shown["place"]["x"] == pytest.approx(2.0 + math.sqrt(0.75))
-    assert shown["place"]["y"] == pytest.approx(4.0 + 0.5)
-    assert shown["place"]["heading"] == pytest.approx(30.0)
-    assert shown["sigma"] == pytest.approx(math.hypot(0.1, 0.4))
-    assert shown["margin"] == pytest.approx(knobs.wall_m + knobs.doubt * math.hypot(0.1, 0.4))
-    assert shown["walls"].keys() == {"south", "north", "west", "east"}
-    assert shown["walls"]["west"] < found.walls_m(place)["west"] + 1e-9
+    assert shown["along_m"] == pytest.approx(2.0 + math.sqrt(0.75))
+    assert shown["across_m"] == pytest.approx(4.0 + 0.5)
+    assert shown["heading_deg"] == pytest.approx(30.0)
+    assert shown["sigma_m"] == pytest.approx(math.hypot(0.1, 0.4))
+    assert shown["margin_m"] == pytest.approx(knobs.wall_m + knobs.doubt * math.hypot(0.1, 0.4))
+    assert shown["walls_m"].keys() == {"south", "north", "west", "east"}
+    assert shown["walls_m"]["west"] < found.walls_m(place)["west"] + 1e-9
     assert shown["unplaced"] == "restarted"
 
 

@@ -58,7 +58,7 @@ const order = async (name, words = {}) => {
 };
 
 /* What a refusal depends on: when it changes, the refusal is over. */
-const situation = () => last && [last.armed, last.ordered, last.silent > SILENT_s].join();
+const situation = () => last && [last.thrusters.armed, last.ordered, last.silent_s > SILENT_s].join();
 
 /* A banner goes when `over` says so, when the next word about the same order comes, by its button, or by itself. */
 function notify(sentence, well, over = () => false) {
@@ -108,8 +108,8 @@ function receive(update) {
   }
   if (update.navigation) past.push({at: heard_ms, ...update.navigation});
   while (past.length && heard_ms - past[0].at > KEPT_ms) past.shift();
-  const place = update.pool.place;
-  if (place && place.x !== null) trace.push([place.x, place.y]);
+  const place = update.place;
+  if (place && place.along_m !== null) trace.push([place.along_m, place.across_m]);
   if (trace.length > 3000) trace.splice(0, 600);
   const newest = Math.max(0, ...update.outcomes.map(one => one.number));
   for (const one of update.outcomes) if (notified !== null && one.number > notified) notify(one.sentence, one.well);
@@ -134,8 +134,8 @@ function show() {
   headline();
   if (!last) return;
   state(last.navigation);
-  pool(last.pool);
-  thrusters(last);
+  pool(last.pool, last.place);
+  thrusters(last.thrusters);
   flight(last);
   holds(last.holds);
   health(last.health);
@@ -151,7 +151,7 @@ const isCut = () => Date.now() - heard_ms > PATIENCE_ms;
 function headline() {
   if (locked) return;
   const cut = isCut();
-  const silent = last && (last.silent === null || last.silent > SILENT_s), gone = silent && !last.stoppable;
+  const silent = last && (last.silent_s === null || last.silent_s > SILENT_s), gone = silent && !last.stoppable;
   document.body.classList.toggle("cut", cut || gone);
   at("view").classList.toggle("old", Boolean(cut || silent));
   const pill = at("armed");
@@ -162,9 +162,10 @@ function headline() {
       "no message from the thrusters" + (gone ? ", and nobody is there to stop them: if they turn, cut the power" : "");
     return;
   }
-  pill.className = "pill " + (last.armed ? "armed" : last.state === "disarmed" ? "safe" : "warn");
-  pill.textContent = last.armed || last.state === "disarmed" ? last.state.toUpperCase() : last.state;
-  at("reason").textContent = last.state === "disarmed" ? "" : last.reason;
+  const {armed, state, reason} = last.thrusters;
+  pill.className = "pill " + (armed ? "armed" : state === "disarmed" ? "safe" : "warn");
+  pill.textContent = armed || state === "disarmed" ? state.toUpperCase() : state;
+  at("reason").textContent = state === "disarmed" ? "" : reason;
   at("title").textContent = last.title + (last.read_only ? ", only to watch" : "");
   if (readOnly !== last.read_only) {
     readOnly = last.read_only;
@@ -184,59 +185,61 @@ function state(found) {
 }
 
 /* Pool axes: x along the length (drawn to the right), y to the right of it (drawn downward). */
-function pool(found) {
-  const [length, width] = found.size, place = found.place, svg = at("pool");
+function pool({size, hull: sides}, place) {
+  const [length, width] = size, svg = at("pool");
   svg.setAttribute("viewBox", [-0.1, -0.1, length + 0.2, width + 0.2].join(" "));
   const parts = [draw("rect", {x: 0, y: 0, width: length, height: width, class: "water"})];
   for (let x = 1; x < length; x++) parts.push(draw("line", {x1: x, x2: x, y1: 0, y2: width, class: "meter"}));
   for (let y = 1; y < width; y++) parts.push(draw("line", {x1: 0, x2: length, y1: y, y2: y, class: "meter"}));
-  const edge = found.margin, room = [length, width].map(side => Math.max(0, side - 2 * edge));
+  const edge = place && place.margin_m, room = [length, width].map(side => Math.max(0, side - 2 * edge));
   if (edge !== null) parts.push(draw("rect", {x: (length - room[0]) / 2, y: (width - room[1]) / 2, width: room[0],
     height: room[1], class: "limit"}));
   if (trace.length > 1) parts.push(draw("polyline", {points: trace.map(one => one.map(v => v.toFixed(2))).join(" "),
     class: "trace"}));
-  if (place && place.x !== null && place.heading !== null) {
-    const [a, b] = found.hull.map(side => side / 2);
-    const move = `translate(${place.x.toFixed(3)} ${place.y.toFixed(3)}) rotate(${place.heading.toFixed(1)})`;
+  if (place && place.along_m !== null && place.heading_deg !== null) {
+    const [a, b] = sides.map(side => side / 2);
+    const middle = `${place.along_m.toFixed(3)} ${place.across_m.toFixed(3)}`;
+    const move = `translate(${middle}) rotate(${place.heading_deg.toFixed(1)})`;
     const hull = draw("g", {transform: move});
     hull.append(draw("rect", {x: -a, y: -b, width: 2 * a, height: 2 * b, rx: 0.08, class: "hull"}),
       draw("path", {d: `M${a + 0.22} 0L${a - 0.1} ${-b * 0.7}L${a - 0.1} ${b * 0.7}Z`, class: "bow"}));
     parts.push(hull);
   }
   svg.replaceChildren(...parts);
-  const [near, left] = Object.entries(found.walls || {}).filter(one => one[1] !== null)
+  const [near, left] = Object.entries(place ? place.walls_m : {}).filter(one => one[1] !== null)
     .sort((a, b) => a[1] - b[1])[0] || [];
-  const text = !place || place.x === null ? "no position yet" :
-    `${place.x.toFixed(2)} m along, ${place.y.toFixed(2)} m across, by dead reckoning` +
-    (found.sigma === null ? "" : `, give or take ${found.sigma.toFixed(2)} m`) +
+  const text = !place || place.along_m === null ? "no position yet" :
+    `${place.along_m.toFixed(2)} m along, ${place.across_m.toFixed(2)} m across, by dead reckoning` +
+    (place.sigma_m === null ? "" : `, give or take ${place.sigma_m.toFixed(2)} m`) +
     (near ? `; ${left.toFixed(2)} m to the ${near} wall after braking, the guard wants ${edge.toFixed(2)} m (dashed)` : "") +
-    (found.unplaced ? "; " + found.unplaced : "");
+    (place.unplaced ? "; " + place.unplaced : "");
   at("where").textContent = `${length} m by ${width} m, a square is 1 m; ${text}`;
   svg.setAttribute("aria-label", "the vehicle in the pool: " + text);
 }
 
 function thrusters(found) {
-  at("lost").textContent = found.lost.length ? "lost: " + found.lost.join(", ") : "";
-  at("thrusters").replaceChildren(...found.thrusters.map(one => {
-    const row = make("div", undefined, "thruster" + (one.saturated ? " full" : ""));
+  at("lost").textContent = found.lost_axes.length ? "lost: " + found.lost_axes.join(", ") : "";
+  at("thrusters").replaceChildren(...found.names.map((name, index) => {
+    const row = make("div", undefined, "thruster" + (found.saturated[index] ? " full" : ""));
     const track = make("span"), bar = make("i");
-    const part = Math.max(-1, Math.min(1, (one.pulse - one.stop) / 400)) * 50;
+    const pulse = found.pulses_us[index], disabled = found.disabled.includes(name);
+    const part = Math.max(-1, Math.min(1, (pulse - found.stops_us[index]) / 400)) * 50;
     bar.style.left = (part < 0 ? 50 + part : 50) + "%";
     bar.style.width = Math.abs(part) + "%";
     track.append(bar);
-    row.append(make("b", one.name), track, make("span", one.disabled ? "out" : one.pulse.toFixed(0) + " us",
-      one.disabled ? "bad" : "soft"), make("span", one.disabled ? "of use" : number(one.force, 1, "N", true),
-      one.disabled ? "bad" : ""));
+    row.append(make("b", name), track, make("span", disabled ? "out" : pulse.toFixed(0) + " us",
+      disabled ? "bad" : "soft"), make("span", disabled ? "of use" : number(found.forces_N[index], 1, "N", true),
+      disabled ? "bad" : ""));
     return row;
   }));
 }
 
 function flight(update) {
-  const found = update.flight, place = at("flight"), over = !found || ["done", "aborted"].includes(found.phase);
+  const found = update.flight, place = at("flight"), armed = update.thrusters.armed, over = !found || ["done", "aborted"].includes(found.phase);
   if (!found) place.replaceChildren(make("p", "none yet", "soft"));
   else if (found.aborted) place.replaceChildren(make("p", found.motion + " ended by " + found.aborted, "bad"));
   else if (over) place.replaceChildren(make("p", "done", "good"));
-  else if (!update.armed) place.replaceChildren(make("p", found.motion + " ended, the thrusters are at rest", "soft"));
+  else if (!armed) place.replaceChildren(make("p", found.motion + " ended, the thrusters are at rest", "soft"));
   else {
     const bar = make("div", undefined, "bar"), done = make("i");
     done.style.width = 100 * Math.max(0, Math.min(1, found.progress)) + "%";
@@ -250,9 +253,9 @@ function flight(update) {
   const picked = [...document.querySelectorAll("[name=motion]:checked")].map(one => update.plans[one.value]);
   at("planned").textContent = experimenting() ? "the fastest and the slowest legs of each, then those that tell most" :
     at("excitation").value === choices.excitations[0] ? picked.filter(Boolean).join("; ") : "";
-  const busy = update.ordered || update.armed && !over;
-  at("flying").disabled = !update.armed || busy;
-  at("why").textContent = readOnly ? "" : busy ? "" : update.armed ? "" :
+  const busy = update.ordered || armed && !over;
+  at("flying").disabled = !armed || busy;
+  at("why").textContent = readOnly ? "" : busy ? "" : armed ? "" :
     "the page cannot arm: `./hindrax arm` in a terminal";
 }
 
@@ -268,11 +271,11 @@ function holds(found) {
 }
 
 const KINDS = {ok: "good", warning: "warn"};
-const health = found => at("health").replaceChildren(...found
-  .sort((a, b) => (a.level === "ok") - (b.level === "ok"))
-  .map(one => {
+const health = found => at("health").replaceChildren(...Object.entries(found)
+  .sort(([, a], [, b]) => (a.level === "ok") - (b.level === "ok"))
+  .map(([name, one]) => {
     const line = make("li"), kind = KINDS[one.level] || "bad";
-    line.append(make("span", one.level === "ok" ? "\u2713 " : "\u2717 ", kind), make("b", one.name),
+    line.append(make("span", one.level === "ok" ? "\u2713 " : "\u2717 ", kind), make("b", name),
       make("span", (one.rate_Hz === null ? "" : " " + one.rate_Hz.toFixed(0) + " Hz") +
         (one.level === "ok" ? "" : " " + one.message), one.level === "ok" ? "soft" : kind));
     return line;

@@ -7,7 +7,7 @@ import base64
 import hashlib
 import json
 import math
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +16,8 @@ from hindrax_control.maneuver.goal import EXCITATIONS, PLATEAUS
 from hindrax_control.maneuver.plan import MOTIONS
 from hindrax_core.signals import Estimate, Navigation
 from hindrax_core.text.digits import TWO_SIDED_95
-from hindrax_core.vehicle import Vehicle
 from hindrax_operator.progress import units
-from hindrax_operator.snapshot import ANGLES, PlaceView, Snapshot, Thrusters
+from hindrax_operator.snapshot import ANGLES, Snapshot
 
 NO_CHOICES = '{"motions": [], "excitations": []}'
 STYLE_LINK, SCRIPT_LINK = '<link rel="stylesheet" href="page.css">', '<script src="page.js"></script>'
@@ -45,39 +44,14 @@ PAGE = (
 Json = dict[str, Any]
 
 
-def pool(vehicle: Vehicle, found: PlaceView | None) -> Json:
-    """Return the pool from above as the pilot sees it: walls, hull and place [m, deg]."""
-    size, hull = vehicle.pool, vehicle.envelope_m
-    return {
-        "size": (size.length_m, size.width_m, size.depth_m),
-        "hull": (hull[0], hull[1]),
-        "margin": found and found.margin_m,
-        "walls": found and found.walls_m,
-        "sigma": found and found.sigma_m,
-        "unplaced": found.unplaced if found else "",
-        "place": found and {"x": found.along_m, "y": found.across_m, "heading": math.degrees(found.heading_rad)},
-    }
-
-
 def summary(view: Snapshot) -> Json:
-    """Return everything in a snapshot except the pool."""
-    found = view.thrusters
+    """Return what a page shows of a snapshot: all as it is, but for angles in degrees and coefficients in rows."""
     return {
-        "time": view.time_s,
-        "silent": view.silent_s,
-        "stoppable": view.stoppable,
-        "armed": found.armed,
-        "state": found.state,
-        "reason": found.reason,
+        **{one.name: getattr(view, one.name) for one in fields(view)},
         "navigation": _navigation(view.navigation),
-        "thrusters": _thrusters(found),
-        "lost": found.lost_axes,
-        "plans": dict(view.plans),
         "holds": [_hold(one) for one in view.holds],
         "flight": view.flight and {**asdict(view.flight), "units": units(view.flight.motion)},
-        "health": [{"name": name, **asdict(one)} for name, one in view.health.items()],
         "estimates": [_estimate(motion, one) for motion, one in view.estimates.items()],
-        "cameras": view.cameras,
     }
 
 
@@ -88,15 +62,6 @@ def _navigation(found: Navigation | None) -> Json | None:
     velocity = dict(zip(("surge", "sway", "heave"), found.velocity_mps, strict=True))
     angles = {"roll": roll, "pitch": pitch, "heading": heading % 360.0}
     return {**angles, **velocity, "depth": found.depth_m, "altitude": found.altitude_m, "locked": found.dvl_locked}
-
-
-def _thrusters(found: Thrusters) -> list[Json]:
-    rows = zip(found.names, found.pulses_us, found.stops_us, found.forces_N, found.saturated, strict=True)
-    return [
-        {"name": name, "pulse": pulse, "stop": stop, "force": force, "saturated": bool(full)}
-        | {"disabled": name in found.disabled}
-        for name, pulse, stop, force, full in rows
-    ]
 
 
 def _hold(hold: HoldState) -> Json:

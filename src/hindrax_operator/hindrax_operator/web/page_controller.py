@@ -17,7 +17,7 @@ from hindrax_operator.monitor.draw import SILENT_s
 from hindrax_operator.monitor.graph_link import GraphLink
 from hindrax_operator.snapshot import Frame
 from hindrax_operator.web.access import RefusedRequest
-from hindrax_operator.web.page import pool, summary
+from hindrax_operator.web.page import summary
 from hindrax_operator.web.reports import Reports
 
 PERIOD_S = 0.2
@@ -36,7 +36,8 @@ class PageController:
         self, vehicle: GraphLink, of: Vehicle, reports: Reports, *, read_only: bool, log: Callable[[str], None]
     ) -> None:
         self.reports, self.read_only = reports, read_only
-        self._vehicle, self._of, self._log = vehicle, of, log
+        self._vehicle, self._log = vehicle, log
+        self._pool = {"size": (of.pool.length_m, of.pool.width_m), "hull": of.envelope_m[:2]}
         self._seen_s = float("-inf")
         vehicle.present = self.is_watched
         self._lock = threading.Lock()
@@ -54,7 +55,7 @@ class PageController:
                     "title": self._vehicle.title,
                     "read_only": self.read_only,
                     "ordered": self._flying,
-                    "pool": pool(self._of, view.place),
+                    "pool": self._pool,
                     "outcomes": list(self._outcomes),
                 }
                 self._update = json.dumps(plain(found), allow_nan=False, separators=(",", ":"))
