@@ -212,7 +212,7 @@ class World:
         plant = self.plant
         travel = (plant.ax, plant.ay, plant.az), (plant.sx, plant.sy, plant.sz)
         for error in self.truth.travel_errors:
-            travel = error(travel)
+            travel = error(plant, travel)
         (ax, ay, az), (sx, sy, sz) = travel
         lx, ly, lz = at.lever_m
         ground = (sx + ay * lz - az * ly, sy + az * lx - ax * lz, sz + ax * ly - ay * lx)

@@ -6,11 +6,11 @@ from typing import Any, TypeAlias
 
 from hindrax_core.readings import Vec3
 from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle
-from hindrax_sim.physics.plant import Influence, ThrustLoss, truth_of
+from hindrax_sim.physics.plant import Influence, Plant, ThrustLoss, truth_of
 
 Travel: TypeAlias = tuple[Vec3, Vec3]
 """Angle turned [rad] and ground covered [m] since the start, in body axes."""
-TravelError: TypeAlias = Callable[[Travel], Travel]
+TravelError: TypeAlias = Callable[[Plant, Travel], Travel]
 """What a velocity sensor takes for its travel."""
 DragChange: TypeAlias = Callable[[int, float], float]
 """Resistance of an axis (0 surge to 5 yaw) at a speed, beyond that of the hull's coefficients [N, Nm]."""

@@ -22,7 +22,7 @@ def dvl_scale(world: Realization, size: float, _draws: NormalDraws) -> None:
     Size: A50: 1 % long-term accuracy, 0.1 % in its better edition; 2 K of water are 0.3 %.
     """
 
-    def scaled(travel: Travel) -> Travel:
+    def scaled(_plant: Plant, travel: Travel) -> Travel:
         turned, (x, y, z) = travel
         return turned, ((1.0 + size) * x, (1.0 + size) * y, (1.0 + size) * z)
 
@@ -36,18 +36,12 @@ def dvl_bias(world: Realization, size: float, draws: NormalDraws) -> None:
     """
     x, y, _ = unit(draws.three(1.0))
     level = math.hypot(x, y)
-    u, v, time_s = size * x / level, size * y / level, 0.0
+    u, v = size * x / level, size * y / level
 
-    def pass_time(_plant: Plant, dt: float) -> Vec6:
-        nonlocal time_s
-        time_s += dt
-        return ZERO6
-
-    def biased(travel: Travel) -> Travel:
+    def biased(plant: Plant, travel: Travel) -> Travel:
         turned, (x, y, z) = travel
-        return turned, (x + u * time_s, y + v * time_s, z)
+        return turned, (x + u * plant.time_s, y + v * plant.time_s, z)
 
-    world.influences.append(pass_time)
     world.travel_errors.append(biased)
 
 
@@ -83,24 +77,21 @@ def dvl_latency(world: Realization, size: float, _draws: NormalDraws) -> None:
 
     Size: One interval at 20 Hz; a network brings more.
     """
-    time_s = 0.0
     kept: deque[tuple[float, Travel]] = deque()
 
     def remember(plant: Plant, dt: float) -> Vec6:
         """Remember where the vehicle is at the beginning of this step."""
-        nonlocal time_s
-        kept.append((time_s, ((plant.ax, plant.ay, plant.az), (plant.sx, plant.sy, plant.sz))))
-        time_s += dt
-        while len(kept) > 1 and kept[1][0] <= time_s - size:
+        kept.append((plant.time_s, ((plant.ax, plant.ay, plant.az), (plant.sx, plant.sy, plant.sz))))
+        while len(kept) > 1 and kept[1][0] <= plant.time_s + dt - size:
             kept.popleft()
         return ZERO6
 
-    def delayed(travel: Travel) -> Travel:
+    def delayed(plant: Plant, travel: Travel) -> Travel:
         """What was true a while ago, linear between the steps."""
         if not kept:
             return travel
-        (at_s, was), (next_s, following) = kept[0], kept[1] if len(kept) > 1 else (time_s, travel)
-        share = min(1.0, max(0.0, (time_s - size - at_s) / (next_s - at_s)))
+        (at_s, was), (next_s, following) = kept[0], kept[1] if len(kept) > 1 else (plant.time_s, travel)
+        share = min(1.0, max(0.0, (plant.time_s - size - at_s) / (next_s - at_s)))
         (ax, ay, az), (sx, sy, sz) = was
         (bx, by, bz), (tx, ty, tz) = following
         return (
@@ -133,4 +124,4 @@ def false_locks(world: Realization, size: float, draws: NormalDraws) -> None:
         return ZERO6
 
     world.influences.append(pass_time)
-    world.travel_errors.append(lambda travel: (travel[0], plus(travel[1], off_m)))
+    world.travel_errors.append(lambda _plant, travel: (travel[0], plus(travel[1], off_m)))

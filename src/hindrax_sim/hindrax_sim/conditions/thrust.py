@@ -154,11 +154,11 @@ def supply_resistance(world: Realization, size: float, _draws: NormalDraws) -> N
 
 def _drop_supply(world: Realization, drop_V: Callable[[float, Plant], float]) -> None:
     """Lower the supply below that of the vehicle file by a function of time [s] and plant, ten times a second."""
-    was_V, time_s, next_s = 0.0, 0.0, SUPPLY_EVERY_S
+    was_V, next_s = 0.0, SUPPLY_EVERY_S
 
     def lower(plant: Plant, dt: float) -> Vec6:
-        nonlocal was_V, time_s, next_s
-        time_s += dt
+        nonlocal was_V, next_s
+        time_s = plant.time_s + dt
         if time_s >= next_s:
             next_s += SUPPLY_EVERY_S
             now_V = drop_V(time_s, plant)

@@ -127,18 +127,17 @@ def _move_water(
     """
     displaced = world.vehicle.volume_m3 * world.vehicle.water.density_kgpm3
     masses = [displaced + mass for mass in world.hydrodynamics.added_mass[:3]]
-    time_s, was = 0.0, (0.0, 0.0, 0.0)
+    was = (0.0, 0.0, 0.0)
 
     def move(plant: Plant, dt: float) -> Vec6:
-        nonlocal time_s, was
-        time_s += dt
-        factor = math.cos(frequency_radps * time_s + phase) * math.cos(wave_number_radpm * plant.x)
+        nonlocal was
+        factor = math.cos(frequency_radps * (plant.time_s + dt) + phase) * math.cos(wave_number_radpm * plant.x)
         now = (factor * north_mps, factor * east_mps, 0.0)
         change, was = minus(now, was), now
         if not any(change):
             return ZERO6
         plant.current_mps = plus(plant.current_mps, change)
-        if time_s == dt:  # it moved already before the world began
+        if plant.time_s == 0.0:  # it moved already before the world began
             return ZERO6
         X, Y, Z = (mass * part / dt for mass, part in zip(masses, rotate_back(plant.quaternion, change), strict=True))
         return (X, Y, Z, 0.0, 0.0, 0.0)

@@ -37,15 +37,16 @@ class Plant:
 
     State: `x y z` [m] center of mass, `qw qx qy qz` body to north-east-down, `u v w p q r` [m/s, rad/s] through the
     water. `du .. dr` are the accelerations of the last step. `sx sy sz` [m] and `ax ay az` [rad] are the ground covered
-    and the angle turned in body axes since the start: what a DVL reports are their differences. `pulses_us` and
-    `targets_N` are the command of each thruster and its steady force; electric currents follow that without lag.
+    and the angle turned in body axes since the start: what a DVL reports are their differences. `time_s` is the sum of
+    all steps. `pulses_us` and `targets_N` are the command of each thruster and its steady force; electric currents
+    follow that without lag.
     """
 
     __slots__ = (
         "_coupling", "_current", "_differences", "_drag", "_gains", "_inertia", "_influences", "_lags", "_losses",
         "_statics", "_steady_N", "_supply_V", "_vehicle", "_wrenches", "ax", "ay", "az", "dp", "dq", "dr", "du", "dv",
-        "dw", "p", "pulses_us", "q", "qw", "qx", "qy", "qz", "r", "sx", "sy", "sz", "targets_N", "u", "v", "w", "x",
-        "y", "z",
+        "dw", "p", "pulses_us", "q", "qw", "qx", "qy", "qz", "r", "sx", "sy", "sz", "targets_N", "time_s", "u", "v",
+        "w", "x", "y", "z",
     )  # fmt: skip
 
     def __init__(
@@ -79,6 +80,7 @@ class Plant:
         self._gains = (1.0,) * len(vehicle.thrusters)
         self._supply_V = vehicle.supply_V
         self._current: Vec3 | None = None
+        self.time_s = 0.0
         self.drive([vehicle.curves[thruster.curve].stop_us for thruster in vehicle.thrusters])
         self.place((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
@@ -245,6 +247,7 @@ class Plant:
             du, dv, dw, dp, dq, dr = X / mx, Y / my, Z / mz, K / Ix, M / Iy, N / Iz
         else:
             du, dv, dw, dp, dq, dr = coupled((X, Y, Z, K, M, N), (u, v, w, p, q, r))
+        self.time_s += dt
         self.du, self.dv, self.dw, self.dp, self.dq, self.dr = du, dv, dw, dp, dq, dr
         self.u = u_was + du * dt
         self.v = v_was + dv * dt
