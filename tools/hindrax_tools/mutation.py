@@ -1,17 +1,12 @@
 """Single mutations of one module, each against named tests: what survives is a line that no test holds.
 
-    python -m hindrax_tools.mutation hindrax_core.input_checks src/hindrax_core/test/test_stamp_window.py
-
 No file is changed: a process of its own imports the mutant in the place of the module. So only tests that call the
-module in their own process can kill a mutant. One that survives may also change nothing: read it before you write a
-test. `hindrax_tools.mutation_table` does this for a list of modules.
+module in their own process can kill a mutant. `hindrax_tools.mutation_table` is the command.
 """
 
-import argparse
 import ast
 import contextlib
 import importlib.util
-import math
 import os
 import random
 import signal
@@ -136,6 +131,33 @@ class MutatedModule:
             raise LookupError(f"{module}: no such module")
         self.module, self.path, self._spec, self._tests = module, spec.origin, spec, tests
         self.source = Path(self.path).read_text(encoding="utf-8")
+        self.known = mutants(self.source)
+
+    def sampled(self, count: int | None, seed: int, grep: str = "") -> list[int]:
+        """Numbers of so many mutants, all for None, in random order; only of lines with this text."""
+        lines = self.source.splitlines()
+        chosen = [number for number, one in enumerate(self.known) if grep in lines[one.line - 1]]
+        random.Random(seed).shuffle(chosen)  # noqa: S311  # no secret
+        return chosen[:count]
+
+    def try_mutants(self, chosen: Sequence[int], seconds: float) -> tuple[int, list[Mutant]]:
+        """Try mutants in this order for so long, and print those that survive; returns how many were tried, and these.
+
+        AssertionError when the tests fail without a mutant.
+        """
+        left, tried, start_s = list[Mutant](), 0, time.monotonic()
+        if not self.survives(-1, 0.0):
+            raise AssertionError(f"{self.module}: the tests fail already without a mutant")
+        patience_s = max(LEAST_PATIENCE_S, PATIENCE * (time.monotonic() - start_s))
+        for number in chosen:
+            if time.monotonic() - start_s > seconds:
+                break
+            tried += 1
+            if self.survives(number, patience_s):
+                one = self.known[number]
+                left.append(one)
+                print(f"{Path(self.path).name}:{one.line}: {one.before}  ->  {one.after}: {one.reads}", flush=True)
+        return tried, left
 
     def survives(self, number: int, patience_s: float) -> bool:
         """Whether all tests pass in time (0: whenever) with the mutant of this number in the place of the module."""
@@ -158,34 +180,6 @@ class MutatedModule:
         return pytest.main(words) == pytest.ExitCode.OK
 
 
-def try_mutants(tested: MutatedModule, chosen: Sequence[int], seconds: float = math.inf) -> tuple[int, list[Mutant]]:
-    """Try mutants in this order for so long, and print those that survive; returns how many were tried, and these.
-
-    AssertionError when the tests fail without a mutant.
-    """
-    known, left, tried, start_s = mutants(tested.source), list[Mutant](), 0, time.monotonic()
-    if not tested.survives(-1, 0.0):
-        raise AssertionError(f"{tested.module}: the tests fail already without a mutant")
-    patience_s = max(LEAST_PATIENCE_S, PATIENCE * (time.monotonic() - start_s))
-    for number in chosen:
-        if time.monotonic() - start_s > seconds:
-            break
-        tried += 1
-        if tested.survives(number, patience_s):
-            one = known[number]
-            left.append(one)
-            print(f"{Path(tested.path).name}:{one.line}: {one.before}  ->  {one.after}: {one.reads}", flush=True)
-    return tried, left
-
-
-def sampled(source: str, count: int | None, seed: int, grep: str = "") -> list[int]:
-    """Numbers of so many mutants, all for None, in random order; only of lines with this text."""
-    lines = source.splitlines()
-    chosen = [number for number, one in enumerate(mutants(source)) if grep in lines[one.line - 1]]
-    random.Random(seed).shuffle(chosen)  # noqa: S311  # no secret
-    return chosen[:count]
-
-
 def prepare() -> None:
     """Load what is large before all forks; tell hypothesis that a property fails, not for which smallest example."""
     for name in ("numpy", "scipy.linalg", "rclpy"):
@@ -193,28 +187,3 @@ def prepare() -> None:
             importlib.import_module(name)
     phases = (hypothesis.Phase.explicit, hypothesis.Phase.generate)
     hypothesis.settings.register_profile(PROFILE, deadline=None, derandomize=True, phases=phases)
-
-
-def main(words: Sequence[str] | None = None) -> int:
-    """Try the mutants, in random order, and print those that survive; 1 when any does."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("module", help="as it is imported")
-    parser.add_argument("tests", nargs="+", help="files or names of tests, arguments of pytest")
-    parser.add_argument("--seconds", type=float, default=600.0, help="time after which no further mutant is tried")
-    parser.add_argument("--sample", type=int, metavar="N", help="try so many mutants; all without this option")
-    parser.add_argument("--seed", type=int, default=1, help="of the random order")
-    parser.add_argument("--grep", default="", help="only mutants of source lines with this text")
-    options = parser.parse_args(words)
-    prepare()
-    try:
-        tested = MutatedModule(options.module, options.tests)
-        chosen = sampled(tested.source, options.sample, options.seed, options.grep)
-        tried, left = try_mutants(tested, chosen, options.seconds)
-    except (LookupError, AssertionError) as error:
-        parser.error(str(error))
-    print(f"{options.module}: {tried - len(left)} of {tried} mutants killed; {len(chosen) - tried} not tried")
-    return int(bool(left))
-
-
-if __name__ == "__main__":
-    sys.exit(main())
