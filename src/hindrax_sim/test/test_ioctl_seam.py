@@ -119,8 +119,11 @@ def test_smbus_blocks_that_need_a_length_from_the_device_are_refused() -> None:
         abi.smbus(0x50, True, 7, 5, bytes(34))
 
 
-def test_too_many_messages_are_refused(wires: LoggedI2c) -> None:
+def test_too_many_and_too_long_messages_are_refused(wires: LoggedI2c) -> None:
+    for flags in (0, abi.I2C_M_RD):
+        with pytest.raises(OSError, match="Invalid argument"):
+            abi.message(0x50, flags, 8193, bytes)
     with pytest.raises(OSError, match="Invalid argument"):
-        abi.transact(wires.transfer, [abi.Message(0x50, 0, 0, b"")] * 43, Stamp(0))
+        abi.transact(wires.transfer, [Write(0x50, b"")] * 43, Stamp(0))
     with pytest.raises(OSError, match="Invalid argument"):
         abi.transact(wires.transfer, [], Stamp(0))

@@ -15,6 +15,7 @@ import select
 import stat
 import struct
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from hindrax_core.bus_operations import Read, Transaction, Write
@@ -180,10 +181,8 @@ class FuseI2c:
         if not 0 < count <= abi.MOST_MESSAGES:
             raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
         raw = list(abi.I2C_MSG.iter_unpack(abi.fetch(pid, pointer, count * abi.I2C_MSG.size)))
-        if any(length > abi.LONGEST_MESSAGE for _, _, length, _ in raw):
-            raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
         messages = [
-            abi.Message(address, flags, length, b"" if flags & abi.I2C_M_RD else abi.fetch(pid, at, length))
+            abi.message(address, flags, length, partial(abi.fetch, pid, at, length))
             for address, flags, length, at in raw
         ]
         answers = abi.transact(self._transfer, messages, self._now())

@@ -10,7 +10,6 @@ import errno
 import os
 import struct
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 from hindrax_core.bus_operations import Read, Transaction, Write, WriteRead
 from hindrax_core.events import Stamp
@@ -38,48 +37,34 @@ SMBUS_DATA = struct.Struct("=BB2xIQ")
 """struct i2c_smbus_ioctl_data: read_write, command, padding, size, pointer to data."""
 
 
-@dataclass(frozen=True, slots=True)
-class Message:
-    """One i2c_msg: `data` is what the caller's buffer holds."""
-
-    address: int
-    flags: int
-    length: int
-    data: bytes
-
-    @property
-    def reads(self) -> bool:
-        """Whether the message is a read."""
-        return bool(self.flags & I2C_M_RD)
+def message(address: int, flags: int, length: int, data: Callable[[], bytes]) -> Read | Write:
+    """Return what one i2c_msg asks for; `data` takes what a write sends from the caller's buffer."""
+    if length > LONGEST_MESSAGE:
+        raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
+    return Read(address, length) if flags & I2C_M_RD else Write(address, data())
 
 
 def transact(
-    transfer: Callable[[Transaction, Stamp], bytes], messages: Sequence[Message], now: Stamp
+    transfer: Callable[[Transaction, Stamp], bytes], messages: Sequence[Read | Write], now: Stamp
 ) -> list[bytes | None]:
     """Run the messages of one I2C_RDWR; returns per message the bytes read, or None for a write.
 
     A write that is followed by a read of the same address is one transaction with a repeated START.
     """
-    if not 0 < len(messages) <= MOST_MESSAGES or any(one.length > LONGEST_MESSAGE for one in messages):
+    if not 0 < len(messages) <= MOST_MESSAGES:
         raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
     answers: list[bytes | None] = []
-    index = 0
-    while index < len(messages):
-        transaction, used = _join(messages[index : index + 2])
-        answer = transfer(transaction, now)
-        answers += [None] * (used - 1)
-        answers.append(None if isinstance(transaction, Write) else answer)
-        index += used
+    left = list(messages)
+    while left:
+        one = left.pop(0)
+        then = left[0] if left else None
+        if isinstance(one, Write) and isinstance(then, Read) and then.address == one.address:
+            left.pop(0)
+            answers += [None, transfer(WriteRead(one.address, one.data, then.count), now)]
+        else:
+            answer = transfer(one, now)
+            answers.append(answer if isinstance(one, Read) else None)
     return answers
-
-
-def _join(messages: Sequence[Message]) -> tuple[Transaction, int]:
-    first = messages[0]
-    if first.reads:
-        return Read(first.address, first.length), 1
-    if len(messages) == 2 and messages[1].reads and messages[1].address == first.address:
-        return WriteRead(first.address, first.data[: first.length], messages[1].length), 2
-    return Write(first.address, first.data[: first.length]), 1
 
 
 def smbus(address: int, reads: bool, command: int, size: int, data: bytes) -> Transaction:

@@ -9,12 +9,13 @@ import ctypes
 import errno
 import os
 from collections.abc import Iterator
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 from unittest import mock
 
 from hindrax_core.events import Stamp
-from hindrax_sim.buses.i2cdev_abi import FUNCTIONS, I2C_FUNCS, I2C_RDWR, Message, transact
+from hindrax_sim.buses.i2cdev_abi import FUNCTIONS, I2C_FUNCS, I2C_RDWR, message, transact
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
 
 DESCRIPTOR = 4242
@@ -51,7 +52,7 @@ class IoctlSeam:
 
     def _rdwr(self, argument: Any) -> int:
         raw = [argument.msgs[index] for index in range(argument.nmsgs)]
-        messages = [Message(one.addr, one.flags, one.len, ctypes.string_at(one.buf, one.len)) for one in raw]
+        messages = [message(one.addr, one.flags, one.len, partial(ctypes.string_at, one.buf, one.len)) for one in raw]
         for one, answer in zip(raw, transact(self._bus.transfer, messages, self.now), strict=True):
             if answer is not None:
                 ctypes.memmove(one.buf, answer, len(answer))
