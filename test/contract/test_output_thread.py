@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from lock_step import LockStep
 
+from hindrax_core import vehicle
 from hindrax_core.bus_operations import DeviceError, Transaction
 from hindrax_core.driver_interface import Output
 from hindrax_core.events import Stamp, after, seconds_between, stamp_from_s
@@ -71,7 +72,7 @@ class Bench:
         self.chip, wires = Emulator(), VirtualI2c()
         wires.attach(0x40, self.chip)
         self.bus = SteppedBus(wires)
-        self.driver = Pca9685((*range(8), 8, 9), (1500.0,) * 8 + (1100.0,) * 2)
+        self.driver = Pca9685((*range(8), 8, 9), (1500.0,) * 8 + (1100.0,) * 2, vehicle.Output())
         self.there, self.beats, self.sequence = True, 0, 0
         self.told: list[AppliedOutput] = []
         self.troubles: list[str] = []

@@ -7,6 +7,7 @@ from lock_step import LockStep
 
 from hindrax_core.bus_operations import DeviceError, run
 from hindrax_core.events import Stamp, after
+from hindrax_core.vehicle import Output
 from hindrax_drivers.devices.pca9685 import Pca9685
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.devices.emulator import NackError
@@ -22,7 +23,7 @@ class Bench:
         wires = VirtualI2c()
         wires.attach(0x40, self.chip)
         self.bus = LockStep(wires, Stamp(1_000_000_000))
-        self.driver = Pca9685(CHANNELS, REST, rate_Hz=rate_Hz, clock_Hz=25e6 * (1.0 + known_error))
+        self.driver = Pca9685(CHANNELS, REST, Output(rate_Hz=rate_Hz, clock_Hz=25e6 * (1.0 + known_error)))
 
     def run(self, program: object) -> object:
         return run(program, self.bus.transfer, lambda seconds: self.bus.sleep_until(after(self.bus.now(), seconds)))  # type: ignore[arg-type]
@@ -113,7 +114,7 @@ def test_holding_neutral_mends_a_chip_that_lost_its_supply_and_does_not_disturb_
 def test_nothing_at_the_address() -> None:
     bus = LockStep(VirtualI2c())
     with pytest.raises(DeviceError, match="no acknowledge"):
-        run(Pca9685([0], [1500.0]).configure(), bus.transfer, lambda _seconds: None)
+        run(Pca9685([0], [1500.0], Output()).configure(), bus.transfer, lambda _seconds: None)
 
 
 def test_another_device_at_the_address() -> None:
@@ -128,4 +129,4 @@ def test_another_device_at_the_address() -> None:
     wires = VirtualI2c()
     wires.attach(0x40, Ina219())
     with pytest.raises(DeviceError, match="another device"):
-        run(Pca9685([0], [1500.0]).configure(), LockStep(wires).transfer, lambda _seconds: None)
+        run(Pca9685([0], [1500.0], Output()).configure(), LockStep(wires).transfer, lambda _seconds: None)

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from lock_step import LockStep
 
+from hindrax_core import vehicle
 from hindrax_core.bus_operations import Transaction, Write
 from hindrax_core.driver_interface import Output
 from hindrax_core.events import Stamp, after, seconds_between, stamp_from_s
@@ -72,7 +73,7 @@ class Flight:
         wires = VirtualI2c()
         wires.attach(0x40, afflicted(self.chip))
         self.bus = GarblingBus(wires, START)
-        self.driver = Pca9685((*range(8), 8, 9), REST)
+        self.driver = Pca9685((*range(8), 8, 9), REST, vehicle.Output())
         self.told: list[AppliedOutput] = []
         self.refusals: list[str] = []
         self.troubles: list[str] = []

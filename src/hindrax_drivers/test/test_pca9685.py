@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from hindrax_core.bus_operations import DeviceError, Operation, Write, WriteRead
 from hindrax_core.testing import rehearse
-from hindrax_core.vehicle import load_vehicle
+from hindrax_core.vehicle import Output, load_vehicle
 from hindrax_drivers.devices.pca9685 import Pca9685, pca9685_of
 
 VEHICLE = Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml"
@@ -19,7 +19,7 @@ PULSES = st.lists(st.floats(1100.0, 1900.0), min_size=3, max_size=3)
 
 
 def chip(channels: Sequence[int] = (0, 1, 2), *, rate_Hz: float = 200.0, clock_Hz: float = 25e6) -> Pca9685:
-    return Pca9685(channels, [1500.0] * len(channels), rate_Hz=rate_Hz, clock_Hz=clock_Hz)
+    return Pca9685(channels, [1500.0] * len(channels), Output(rate_Hz=rate_Hz, clock_Hz=clock_Hz))
 
 
 @given(CLOCKS, RATES, PULSES)
@@ -89,7 +89,7 @@ def test_the_vehicle_file_gives_thrusters_then_lights() -> None:
 
 
 def test_an_external_clock_is_chosen_while_asleep() -> None:
-    made = Pca9685([0], [1500.0], clock_Hz=24.576e6, external_clock=True)
+    made = Pca9685([0], [1500.0], Output(clock_Hz=24.576e6, external_clock=True))
     burst = b"\x06\x00\x00\xcd\x04"
     transcript: list[tuple[Operation, bytes | DeviceError]] = [
         (WriteRead(0x40, b"\x00", 1), b"\x11"),

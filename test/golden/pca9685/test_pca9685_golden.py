@@ -8,6 +8,7 @@ import yaml
 
 from hindrax_core.bus_operations import Operation, Pause, Write, WriteRead
 from hindrax_core.testing import rehearse
+from hindrax_core.vehicle import Output
 from hindrax_drivers.devices.pca9685 import Pca9685
 
 CASES = yaml.safe_load(Path(__file__).with_name("cases.yaml").read_text())
@@ -15,7 +16,7 @@ BURST = bytes.fromhex(CASES["burst"])
 
 
 def eight(rate_Hz: float = 50.0, clock_Hz: float = 25e6) -> Pca9685:
-    return Pca9685(range(8), [1500.0] * 8, rate_Hz=rate_Hz, clock_Hz=clock_Hz)
+    return Pca9685(range(8), [1500.0] * 8, Output(rate_Hz=rate_Hz, clock_Hz=clock_Hz))
 
 
 @pytest.mark.parametrize("row", CASES["prescale"], ids=lambda row: f"{row['rate_Hz']} Hz of {row['clock_Hz']}")

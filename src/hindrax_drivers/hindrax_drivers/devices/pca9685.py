@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 from hindrax_core.bus_operations import DeviceError, Pause, Program, Write
 from hindrax_core.driver_interface import Identity
-from hindrax_core.vehicle import Vehicle
+from hindrax_core.vehicle import Output, Vehicle
 from hindrax_drivers.driver import RegisterPart
 
 MODE1, MODE2, LED0, PRE_SCALE = 0x00, 0x01, 0x06, 0xFE
@@ -21,34 +21,24 @@ STEPS = 4096
 OFF = STEPS  # bit 12 of LEDn_OFF: full OFF
 WAKE_S = 0.0005
 LARGEST_RATE_Hz = 400.0  # Basic ESC: highest update rate
-ADDRESS = 0x40
 
 
 class Pca9685(RegisterPart):
     """Programs for one chip. `channels` in the order of the pulses to be written; `rest_us` is their pulse at rest."""
 
-    def __init__(
-        self,
-        channels: Sequence[int],
-        rest_us: Sequence[float],
-        *,
-        address: int = ADDRESS,
-        rate_Hz: float = 200.0,
-        clock_Hz: float = 25e6,
-        external_clock: bool = False,
-    ) -> None:
+    def __init__(self, channels: Sequence[int], rest_us: Sequence[float], output: Output) -> None:
         """ValueError for a rate that no speed controller follows and for channels that collide."""
-        if not 24.0 <= rate_Hz <= LARGEST_RATE_Hz:
-            raise ValueError(f"output.rate_Hz: found {rate_Hz:g}, wanted 24 to {LARGEST_RATE_Hz:g} Hz")
+        if not 24.0 <= output.rate_Hz <= LARGEST_RATE_Hz:
+            raise ValueError(f"output.rate_Hz: found {output.rate_Hz:g}, wanted 24 to {LARGEST_RATE_Hz:g} Hz")
         if len(set(channels)) != len(channels) or not all(0 <= one < 16 for one in channels) or not channels:
             raise ValueError(f"output channels: found {list(channels)}, wanted different ones from 0 to 15")
-        super().__init__(address)
+        super().__init__(output.address)
         self._channels, self.rest_us = tuple(channels), tuple(rest_us)
-        self._prescale = _prescale(rate_Hz, clock_Hz)
-        self._clock_Hz = clock_Hz
-        self.step_us = (self._prescale + 1) * 1e6 / clock_Hz
+        self._prescale = _prescale(output.rate_Hz, output.clock_Hz)
+        self._clock_Hz = output.clock_Hz
+        self.step_us = (self._prescale + 1) * 1e6 / output.clock_Hz
         """Length of one count."""
-        self._awake = AUTO_INCREMENT | (EXTCLK if external_clock else 0)
+        self._awake = AUTO_INCREMENT | (EXTCLK if output.external_clock else 0)
         self._first = min(channels)
         self._slots = max(channels) - self._first + 1
 
@@ -145,15 +135,7 @@ class Pca9685(RegisterPart):
 
 def pca9685_of(vehicle: Vehicle, rest_us: Sequence[float]) -> Pca9685:
     """Chip of a vehicle file: the channels of its thrusters, in order, then those of its lights, and their rest."""
-    output = vehicle.output
-    return Pca9685(
-        vehicle.output_channels(),
-        rest_us,
-        address=output.address,
-        rate_Hz=output.rate_Hz,
-        clock_Hz=output.clock_Hz,
-        external_clock=output.external_clock,
-    )
+    return Pca9685(vehicle.output_channels(), rest_us, vehicle.output)
 
 
 def _prescale(rate_Hz: float, clock_Hz: float) -> int:
