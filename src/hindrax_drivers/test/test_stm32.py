@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import common
 from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, stamp_from_s
 from hindrax_core.readings import AppliedPulses, Battery, DeviceText
-from hindrax_drivers.devices.stm32 import Stm32, Stm32Knobs
+from hindrax_drivers.devices.stm32 import Stm32
 
 CHANNELS = (*range(8), 8, 9)
 REST = (1500.0,) * 8 + (1100.0,) * 2
@@ -279,19 +279,6 @@ def test_a_reconnection_begins_anew() -> None:
     list(device.start(at(0.6)))
     assert (device.ready, device.armed) == (False, False)
     assert messages_of(device.tick(at(0.61))) == []
-
-
-def test_the_line_is_as_fast_and_as_patient_as_the_operator_set_it() -> None:
-    device = Stm32(CHANNELS, Stm32Knobs(baud=57_600, attempts=1, lost_s=10.0))
-    assert device.baud == 57_600
-    list(device.start(at(0.0)))
-    receive(device, heartbeat(), 0.0)
-    device.arm(at(0.0))
-    outputs = [output for turn in range(1, 100) for output in device.tick(at(turn * 0.05))]
-    assert [one.text for one in outputs if isinstance(one, Trouble)] == [
-        "stm32: no answer to 1 requests; check line and firmware"
-    ]
-    assert device.ready
 
 
 @pytest.mark.parametrize("channels", [(), (1, 1), (16,), (-1,)])

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, seconds_between
-from hindrax_core.knobs import knob
 from hindrax_core.readings import AppliedPulses, Battery, DeviceText
 from hindrax_drivers.driver import SilenceMonitor
 from hindrax_drivers.protocols import mavlink
@@ -24,18 +23,15 @@ CHANNELS = 16
 BOARD_NEUTRAL_us = 1500.0
 """Neutral of the firmware, and of an autopilot with its factory settings."""
 
-
-@dataclass(frozen=True, slots=True)
-class Stm32Knobs:
-    """Rhythm and patience on the line to the controller."""
-
-    baud: int = knob(115200, 9600, 4_000_000, "line speed [Bd]")
-    heartbeat_s: float = knob(1.0, 0.1, 5.0, "time between our heartbeats [s]")
-    override_s: float = knob(0.02, 0.005, 0.1, "time between two overrides [s]")
-    hold_s: float = knob(0.2, 0.05, 0.3, "time for which a wish is repeated without being renewed [s]")
-    lost_s: float = knob(2.5, 0.5, 10.0, "silence after which the controller counts as lost [s]")
-    answer_s: float = knob(0.2, 0.02, 2.0, "wait for the answer to a command [s]")
-    attempts: int = knob(3, 1, 20, "times a command is sent before it counts as unanswered [-]")
+BAUD = 115200
+HEARTBEAT_S, OVERRIDE_S = 1.0, 0.02
+"""Time between two of ours."""
+HOLD_S = 0.2
+"""Time for which a wish is repeated without being renewed."""
+LOST_S = 2.5
+"""Silence after which the controller counts as lost."""
+ANSWER_S, ATTEMPTS = 0.2, 3
+"""Wait for the answer to a command, and how often it is sent before it counts as unanswered."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,15 +50,15 @@ class Stm32:
     it or has not answered yet; `armed` is what the controller says.
     """
 
-    def __init__(self, channels: Sequence[int], knobs: Stm32Knobs | None = None) -> None:
+    baud = BAUD
+
+    def __init__(self, channels: Sequence[int]) -> None:
         """ValueError for channels that collide or that an override does not have."""
         if len(set(channels)) != len(channels) or not all(0 <= one < CHANNELS for one in channels) or not channels:
             raise ValueError(f"output channels: found {list(channels)}, wanted different ones from 0 to {CHANNELS - 1}")
         self._channels = tuple(channels)
-        self._knobs = Stm32Knobs() if knobs is None else knobs
-        self.baud = self._knobs.baud
-        wanted = f"MAVLink 2 of system {SYSTEM}, component {AUTOPILOT}, at {self._knobs.baud} Bd"
-        self._silence = SilenceMonitor("stm32", wanted, self._knobs.lost_s)
+        wanted = f"MAVLink 2 of system {SYSTEM}, component {AUTOPILOT}, at {BAUD} Bd"
+        self._silence = SilenceMonitor("stm32", wanted, LOST_S)
         self._sequence = 0
         self._reset()
 
@@ -115,11 +111,11 @@ class Stm32:
     def tick(self, stamp: Stamp) -> Iterable[Output]:
         """Send heartbeats, repeat overrides, retry unanswered commands."""
         outputs: list[Output] = list(self._silence.tick(stamp))
-        if seconds_between(self._heartbeat_at, stamp) >= self._knobs.heartbeat_s:
+        if seconds_between(self._heartbeat_at, stamp) >= HEARTBEAT_S:
             self._heartbeat_at = stamp
             outputs.append(self._heartbeat())
-        due = seconds_between(self._sent_at, stamp) >= self._knobs.override_s
-        if self._wanted and due and seconds_between(self._wanted_at, stamp) < self._knobs.hold_s:
+        due = seconds_between(self._sent_at, stamp) >= OVERRIDE_S
+        if self._wanted and due and seconds_between(self._wanted_at, stamp) < HOLD_S:
             self._sent_at = stamp
             outputs.append(self._send(mavlink.channels_override(self._wanted)))
         return outputs + self._retry(stamp)
@@ -180,9 +176,9 @@ class Stm32:
     def _retry(self, stamp: Stamp) -> list[Output]:
         """Repeat an unanswered command, and give up after the last attempt."""
         pending = self._pending
-        if pending is None or seconds_between(pending.at, stamp) < self._knobs.answer_s:
+        if pending is None or seconds_between(pending.at, stamp) < ANSWER_S:
             return []
-        if pending.attempt < self._knobs.attempts:
+        if pending.attempt < ATTEMPTS:
             return [self._ask(_PendingCommand(pending.arm, stamp, pending.attempt + 1))]
         self._pending = None
         self.refusal = f"no answer to {pending.attempt} requests"
