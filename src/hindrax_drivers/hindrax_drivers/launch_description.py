@@ -3,7 +3,9 @@
 Every setting is an argument: `ros2 launch hindrax_drivers dvl75.launch.py --show-args` lists the driver's knobs.
 """
 
+from collections.abc import Callable
 from dataclasses import fields
+from functools import partial
 from typing import Any
 
 from launch.actions import DeclareLaunchArgument
@@ -22,8 +24,8 @@ Argument = tuple[Any, str]
 """Default and meaning."""
 
 
-def device(kind: str) -> LaunchDescription:
-    """One sensor of the table."""
+def device(kind: str) -> Callable[[], LaunchDescription]:
+    """Return what describes one sensor of the table."""
     row = DEVICES[kind]
     arguments: dict[str, Argument] = {
         "port": (PORTS[row.wire], "where it is plugged in"),
@@ -31,7 +33,7 @@ def device(kind: str) -> LaunchDescription:
     }
     if not row.serial:
         arguments["address"] = (0, "I2C address, 0 for the device's own default; or line of a GPIO chip")
-    return _described("device", [kind], arguments | _knobs(row.knobs()))
+    return partial(_described, "device", [kind], arguments | _knobs(row.knobs()))
 
 
 def thrusters() -> LaunchDescription:

@@ -1,7 +1,5 @@
 """A Cerulean DVL-75 or Tracker 650 alone: ros2 launch hindrax_drivers dvl75.launch.py port:=/dev/ttyUSB0."""
 
-from functools import partial
-
 from hindrax_drivers.launch_description import device
 
-generate_launch_description = partial(device, "dvl75")
+generate_launch_description = device("dvl75")

@@ -1,7 +1,5 @@
 """A TI INA226 alone: ros2 launch hindrax_drivers ina226.launch.py port:=/dev/i2c-1."""
 
-from functools import partial
-
 from hindrax_drivers.launch_description import device
 
-generate_launch_description = partial(device, "ina226")
+generate_launch_description = device("ina226")

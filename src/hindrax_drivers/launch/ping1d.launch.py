@@ -1,7 +1,5 @@
 """A Blue Robotics Ping1D or Ping2 alone: ros2 launch hindrax_drivers ping1d.launch.py port:=/dev/ttyUSB0."""
 
-from functools import partial
-
 from hindrax_drivers.launch_description import device
 
-generate_launch_description = partial(device, "ping1d")
+generate_launch_description = device("ping1d")

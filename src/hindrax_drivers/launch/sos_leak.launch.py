@@ -1,7 +1,5 @@
 """A leak probe on a GPIO line alone: ros2 launch hindrax_drivers sos_leak.launch.py port:=gpio:pinctrl-bcm2711."""
 
-from functools import partial
-
 from hindrax_drivers.launch_description import device
 
-generate_launch_description = partial(device, "sos_leak")
+generate_launch_description = device("sos_leak")
