@@ -3,7 +3,6 @@
 import contextlib
 import json
 import os
-import select
 import signal
 import struct
 import subprocess
@@ -18,7 +17,7 @@ import pytest
 
 from hindrax_bringup.supervisor import PATIENCE_S
 from hindrax_core.bus_operations import DeviceError, Write, WriteRead
-from hindrax_core.events import Stamp, stamp_from_s
+from hindrax_core.events import Stamp, after, stamp_from_s
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.nodes import deadman
 from hindrax_drivers.nodes.deadman import (
@@ -52,6 +51,7 @@ class Neutral:
 
     def __init__(self, _settings: object) -> None:
         self.writes, self.trouble, self.waits, self.woken, self.closed = 0, "", 0, 0, False
+        self.clock = self
 
     def now(self) -> Stamp:
         return NOW
@@ -59,7 +59,7 @@ class Neutral:
     def write(self) -> None:
         self.writes += 1
 
-    def wait(self, _until: Stamp, _readable: int) -> None:
+    def sleep_until(self, _until: Stamp, _readable: int | None = None) -> None:
         self.waits += 1
         assert self.waits < 100, "nothing ends"
 
@@ -285,28 +285,32 @@ def test_what_cannot_be_written_is_told_once_and_tried_again(chip: Chip, capsys:
     assert abs(rest(chip) - COUNTS_AT_REST) <= 1
 
 
-def test_it_sleeps_by_the_clock_of_the_bus_as_soon_as_there_is_one(chip: Chip, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_sleeps_by_the_clock_of_the_bus_as_soon_as_there_is_one(chip: Chip) -> None:
     neutral, (readable, other) = NeutralWriter(Settings(VEHICLE, "/dev/i2c-1")), os.pipe()
-    looks: list[tuple[Any, ...]] = []
-    with monkeypatch.context() as patch:
-        patch.setattr(select, "select", lambda *words: looks.append(words))
-        patch.setattr(neutral, "now", lambda: NOW)
-        for seconds in (3600.0, 0.25, -5.0):
-            neutral.wait(Stamp(NOW + stamp_from_s(seconds)), readable)
-    assert looks == [([readable], (), (), wanted) for wanted in (1.0, 0.25, 0.0)]
-    neutral.wake()
-    neutral.close()
-    assert (chip.woken, chip.closed) == (0, 0)
-    assert abs(neutral.now() - time.time_ns()) < stamp_from_s(60.0)
+    assert abs(neutral.clock.now() - time.time_ns()) < stamp_from_s(60.0)
+    until = after(neutral.clock.now(), 60.0)
+    neutral.clock.wake()
+    neutral.clock.sleep_until(until, readable)
+    os.write(other, b"!")
+    neutral.clock.sleep_until(until, readable)
+    assert neutral.clock.now() < until, "neither an order to end nor a beat waits for the time"
+    assert (chip.woken, chip.sleeps) == (0, [])
     neutral.write()
-    assert neutral.now() == chip.time
-    neutral.wait(Stamp(chip.time + 5), readable)
+    assert neutral.clock.now() == chip.time
+    neutral.clock.sleep_until(Stamp(chip.time + 5), readable)
     assert chip.sleeps[-1] == (chip.time, readable)
-    neutral.wake()
+    neutral.clock.wake()
     neutral.close()
     assert (chip.woken, chip.closed) == (1, 1)
     os.close(readable)
     os.close(other)
+
+
+def test_both_descriptors_of_the_clock_are_given_back(chip: Chip) -> None:
+    open_files = len(list(Path("/proc/self/fd").iterdir()))
+    assert deadman.write_neutral(Settings(VEHICLE, "/dev/i2c-1")) == 0
+    assert len(list(Path("/proc/self/fd").iterdir())) == open_files
+    assert chip.closed == 1
 
 
 def test_an_stm32_goes_neutral_by_itself(chip: Chip, capsys: pytest.CaptureFixture[str]) -> None:
@@ -519,7 +523,7 @@ def test_a_silent_child_has_neutral_written_in_its_place_and_a_beating_one_has_n
 ) -> None:
     waited: list[float] = []
     neutral: Any = man._neutral
-    monkeypatch.setattr(neutral, "wait", lambda until, _readable: waited.append((until - NOW) / 1e9))
+    monkeypatch.setattr(neutral, "sleep_until", lambda until, _readable: waited.append((until - NOW) / 1e9))
     child = Child(0, ends=False)
     child.asked, child.turns_left = 1, 4
     child.beaten_at = NOW

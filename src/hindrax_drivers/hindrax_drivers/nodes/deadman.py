@@ -10,7 +10,6 @@ are frozen, the supervisor kills both: `--neutral`, or a new dead man, puts neut
 import contextlib
 import json
 import os
-import select
 import signal
 import subprocess
 import sys
@@ -23,13 +22,12 @@ from types import FrameType
 from hindrax_core.bus_operations import DeviceError, run
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import Stamp, after, seconds_between
-from hindrax_drivers.buses.clock import RegisterBus, pause
+from hindrax_drivers.buses.clock import Clock, RegisterBus, SystemClock, pause
 from hindrax_drivers.buses.ports import open_bus
 from hindrax_drivers.devices.pca9685 import Pca9685, pca9685_of
 from hindrax_drivers.nodes.thruster_settings import KEEPALIVE_S, Settings, read_settings
 from hindrax_drivers.nodes.thrusters import ARGUMENTS, NEUTRAL_WORD, NODE_WORD
 from hindrax_ros.heartbeat import VARIABLE, Heartbeat
-from hindrax_ros.stack_time import StackTime
 
 REPEAT_S = 0.09
 SILENT_S = 0.3
@@ -48,12 +46,14 @@ class NeutralWriter:
         vehicle, rest_us = settings.vehicle, settings.guard.neutral.all_us
         self._chip: Pca9685 | None = None if vehicle.output.device == "stm32" else pca9685_of(vehicle, rest_us)
         self._bus: RegisterBus | None = None
+        self._stack_clock = SystemClock()
         self.trouble = ""
         """Why neutral could not be written the last time; empty when it is on the wire."""
 
-    def now(self) -> Stamp:
-        """Time of the bus; without one, of the stack."""
-        return StackTime.of(os.environ).now() if self._bus is None else self._bus.now()
+    @property
+    def clock(self) -> Clock:
+        """Clock of the bus; without one, of the stack."""
+        return self._stack_clock if self._bus is None else self._bus
 
     def write(self) -> None:
         """Neutral first; then make sure that the chip is set up as it should be. What fails is tried again."""
@@ -69,22 +69,11 @@ class NeutralWriter:
                 report(f"cannot write neutral: {error}")
             self.trouble = str(error)
 
-    def wait(self, until: Stamp, readable: int) -> None:
-        """Sleep until then, until bytes have come, or until `wake`."""
-        if self._bus is None:
-            select.select([readable], (), (), min(1.0, max(0.0, seconds_between(self.now(), until))))
-        else:
-            self._bus.sleep_until(until, readable)
-
-    def wake(self) -> None:
-        """End the sleep, from a signal."""
-        if self._bus is not None:
-            self._bus.wake()
-
     def close(self) -> None:
-        """Close the bus."""
+        """Close the bus and the clock."""
         if self._bus is not None:
             self._bus.close()
+        self._stack_clock.close()
 
 
 @dataclass(slots=True)
@@ -183,40 +172,37 @@ class DeadMan:
     def _watch(self, child: WatchedProcess) -> int:
         """Return the exit code of the child when it has ended; neutral in its place whenever it is silent."""
         sent = False
-        while child.listen(self._neutral.now()):
+        while child.listen(self._neutral.clock.now()):
             child.send_keepalive(time.monotonic())
             self._heartbeat.beat(time.monotonic())
             if self._asked_s is not None and not sent:
                 child.handle.send_signal(signal.SIGTERM)
                 sent = True
             late = self._asked_s is not None and time.monotonic() - self._asked_s > FAREWELL_S
-            if late or child.hung(self._neutral.now()):
+            if late or child.hung(self._neutral.clock.now()):
                 child.handle.kill()
-            now = self._neutral.now()
+            now = self._neutral.clock.now()
             look_at = child.silent_from(now)
             if look_at <= now:
                 self._neutral.write()
                 look_at = after(now, REPEAT_S)
-            self._neutral.wait(look_at, child.beats)
+            self._neutral.clock.sleep_until(look_at, child.beats)
         self._neutral.write()
         return child.reap()
 
     def _wait(self, seconds: float) -> bool:
         """Repeat neutral for a while; False when asked to stop."""
-        never, closed = os.pipe()
         end_s = time.monotonic() + seconds
         while self._asked_s is None and time.monotonic() < end_s:
             self._heartbeat.beat(time.monotonic())
             self._neutral.write()
-            self._neutral.wait(after(self._neutral.now(), REPEAT_S), never)
-        os.close(never)
-        os.close(closed)
+            self._neutral.clock.sleep_until(after(self._neutral.clock.now(), REPEAT_S))
         return self._asked_s is None
 
     def _ask(self, _number: int, _frame: FrameType | None) -> None:
         if self._asked_s is None:
             self._asked_s = time.monotonic()
-        self._neutral.wake()
+        self._neutral.clock.wake()
 
 
 def _of_the_node(heartbeat: str) -> str:
