@@ -78,19 +78,15 @@ def _keep_tuned(node: Node, cls: type[T], names: Sequence[str], tune: Callable[[
         values = {name: node.get_parameter(name).value for name in names} | {one.name: one.value for one in changed}
         return build(cls, _nested({name: _plain(values[name]) for name in names}), node.get_name())
 
-    def concerned(changed: Iterable[Parameter]) -> bool:
-        return any(one.name in names for one in changed)
-
     def check(changed: list[Parameter]) -> SetParametersResult:
         try:
-            if concerned(changed):
-                built(changed)
+            built(changed)
         except UsageError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     def use(changed: list[Parameter]) -> None:
-        if concerned(changed):
+        if any(one.name in names for one in changed):
             tune(built(()))
 
     node.add_on_set_parameters_callback(check)

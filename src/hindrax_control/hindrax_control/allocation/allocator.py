@@ -76,8 +76,7 @@ class Allocator:
         self.names = tuple(thruster.name for thruster in vehicle.thrusters)
         self._none_us = (0.0,) * len(self.names)
         self._kept = lru_cache(KEPT_LAYOUTS)(self._worked_out)
-        self._asked = (frozenset[str](), math.nan)
-        self._latest = self._setup(frozenset(), vehicle.supply_V)
+        self._setup(frozenset(), vehicle.supply_V)  # not in the first cycle
 
     def allocate(
         self,
@@ -150,13 +149,9 @@ class Allocator:
         return everything, exact
 
     def _setup(self, disabled: frozenset[str], supply_V: float) -> _Setup:
-        asked = (disabled, supply_V)
-        if asked != self._asked:
-            if not (math.isfinite(supply_V) and supply_V > 0.0):
-                raise UsageError(f"supply voltage: found {supply_V:g} V, wanted more than zero")
-            self._latest = self._kept(disabled, round(supply_V, 1))
-            self._asked = asked
-        return self._latest
+        if not (math.isfinite(supply_V) and supply_V > 0.0):
+            raise UsageError(f"supply voltage: found {supply_V:g} V, wanted more than zero")
+        return self._kept(disabled, round(supply_V, 1))
 
     def _worked_out(self, disabled: frozenset[str], supply_V: float) -> _Setup:
         knobs = self.knobs

@@ -6,10 +6,7 @@ belongs behind this node, not before it. Whatever stops, the vehicle forgets the
 
 import sys
 import time
-from collections.abc import Sequence
 from typing import Any
-
-from rclpy.node import Node
 
 from hindrax_control.teleop import Teleop, TeleopKnobs
 from hindrax_core.events import to_s
@@ -51,14 +48,9 @@ class TeleopNode(CheckedNode):
             self._out.publish(wrench_to_msg(self.now(), wrench))
 
 
-def make_nodes() -> Sequence[Node]:
-    """Make the node."""
-    return [TeleopNode()]
-
-
 def main() -> int:
     """Run until a signal."""
-    return spin(make_nodes)
+    return spin(lambda: [TeleopNode()])
 
 
 if __name__ == "__main__":

@@ -40,13 +40,13 @@ def joystick(arguments: argparse.Namespace) -> int:
     remaps = namespace_arguments(found.namespace if found else arguments.namespace, own_clock=mock)
     words = ["teleop", "--ros-args", *remaps, *(word for one in given for word in ("-p", one))]
     with adopted(environment_beside(found) if found else environment(mock=False, domain=None)):
-        from hindrax_control.nodes.teleop_node import make_nodes  # noqa: PLC0415  # rclpy reads the environment first
+        from hindrax_control.nodes.teleop_node import TeleopNode  # noqa: PLC0415  # rclpy reads the environment first
         from hindrax_ros.process import StopSignal, spin  # noqa: PLC0415  # as above
 
         ready = "hold the dead-man button and steer" if found else "a vehicle that publishes there can be steered"
         print_fitted(f"{ready}; Ctrl-C ends it")
         stop = StopSignal()
-        code = spin(make_nodes, words, stop)
+        code = spin(lambda: [TeleopNode()], words, stop)
         if stop.number == signal.SIGINT:
             raise KeyboardInterrupt
         return code
