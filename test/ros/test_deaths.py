@@ -17,7 +17,7 @@ from hindrax_bringup.process_state import descendants
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack_lock import FOLDER
 from hindrax_operator.nodes.orders import hold
-from hindrax_tools.faults.cells import HAND, HOLD, MANEUVER
+from hindrax_tools.faults.cells import HOLD, MANEUVER, OPERATOR
 from hindrax_tools.faults.processes import BOTH, DEAD_MAN, DIED, FROZEN, ROWS, FaultyStack, faulty_stack
 
 pytestmark = pytest.mark.ros
@@ -39,7 +39,7 @@ def flying(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FaultyStack]:
     [
         ("identifier", DIED, HOLD),
         ("sensors", DIED, HOLD),
-        ("sensors", FROZEN, HAND),
+        ("sensors", FROZEN, OPERATOR),
         ("sensors", DIED, MANEUVER),
         ("control", DIED, HOLD),
         ("control", FROZEN, HOLD),
