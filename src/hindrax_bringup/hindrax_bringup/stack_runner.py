@@ -19,13 +19,13 @@ from hindrax_bringup.node_options import Tuning
 from hindrax_bringup.processes import MOCK, ONBOARD, SAFETY_MONITOR, THRUSTERS, modules
 from hindrax_bringup.stack import PROFILE, MockOptions, Stack, lock_of, own_domain, stack_environment
 from hindrax_bringup.stack_lock import StackLock, announced, runtime_folder, stacks
-from hindrax_bringup.supervisor import Supervisor, last_words, stop_signals
+from hindrax_bringup.supervisor import Supervisor, stop_signals
 from hindrax_core.errors import HindraxError
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ros.stack_time import STEP_S, StackTime
 
-VITAL = (MOCK.name, THRUSTERS.name, SAFETY_MONITOR.name)
+VITAL = {MOCK.name, THRUSTERS.name, SAFETY_MONITOR.name}
 """Without these nothing is left to operate; without another one the rest still serves."""
 SHOWN = ("ROS_DOMAIN_ID", "RMW_IMPLEMENTATION", "ROS_AUTOMATIC_DISCOVERY_RANGE", PROFILE)
 """Settings with which ROS 2 tools join the graph."""
@@ -142,10 +142,7 @@ def _look_after(
             report(sentence)
         _require_same(tether, address)
         beating.beat("up", {})
-        lost = [name for name in VITAL if name in supervisor.children and supervisor.children[name].ended]
-        if lost:
-            words = last_words(supervisor.logs / f"{lost[0]}.log")
-            raise HindraxError(f"{lost[0]}: the process is gone for good; {words}; look into {supervisor.logs}")
+        supervisor.require(*(supervisor.children.keys() - VITAL))
 
 
 def _require_same(tether: Tether | None, address: str) -> None:

@@ -303,7 +303,7 @@ def _end(children: Sequence[SupervisedProcess]) -> None:
     for number, patience in zip((signal.SIGINT, signal.SIGTERM, signal.SIGKILL), PATIENCE_S, strict=True):
         alive = [child for child in children if child.handle.poll() is None]
         for child in alive:
-            _signal(child, number)
+            child.handle.send_signal(number)
         deadline = time.monotonic() + patience
         for child in alive:
             with contextlib.suppress(subprocess.TimeoutExpired):
@@ -313,8 +313,3 @@ def _end(children: Sequence[SupervisedProcess]) -> None:
         with contextlib.suppress(ProcessLookupError):
             os.killpg(child.handle.pid, signal.SIGKILL)
     below.kill(LAST_WORDS_S)
-
-
-def _signal(child: SupervisedProcess, number: signal.Signals) -> None:
-    with contextlib.suppress(ProcessLookupError):
-        child.handle.send_signal(number)

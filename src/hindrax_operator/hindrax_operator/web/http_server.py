@@ -53,12 +53,10 @@ CLOSE_S = 5.0
 
 @dataclass(frozen=True, slots=True)
 class Site:
-    """What all requests share: the limits, and the connections that receive updates now."""
+    """What all requests share; the connections that receive updates now."""
 
     access: Access
     controller: PageController
-    most_streams: int
-    patience_s: float
     streams: set[IOStream] = field(default_factory=set)
 
 
@@ -135,8 +133,8 @@ class Request(HTTPMessageDelegate):
     async def _stream_updates(self) -> None:
         """Send updates until the page or the server closes, or the page stops reading."""
         site, stream = self._site, self._connection.stream
-        if len(site.streams) >= site.most_streams:
-            full = f"events: {site.most_streams} pages are open already; close one"
+        if len(site.streams) >= STREAMS:
+            full = f"events: {STREAMS} pages are open already; close one"
             raise RefusedRequest(HTTPStatus.SERVICE_UNAVAILABLE, full)
         site.streams.add(stream)
         try:
@@ -165,7 +163,7 @@ class Request(HTTPMessageDelegate):
         self._connection.finish()
 
     async def _write(self, content: bytes) -> None:
-        async with asyncio.timeout(self._site.patience_s):
+        async with asyncio.timeout(PATIENCE_S):
             await self._connection.write(content)
 
     def _answer(self, status: HTTPStatus, text: str) -> None:
@@ -230,7 +228,7 @@ class Server(threading.Thread):
             raise HindraxError(_unbound(address, port, error)) from error
         self._socket.setblocking(False)
         self.port = int(self._socket.getsockname()[1])
-        self._site = Site(access, controller, STREAMS, PATIENCE_S)
+        self._site = Site(access, controller)
         self._loop, self._over = asyncio.new_event_loop(), asyncio.Event()
 
     def run(self) -> None:
@@ -248,7 +246,7 @@ class Server(threading.Thread):
         self._socket.close()
 
     async def _serve(self) -> None:
-        listener = _Listener(
+        listener = HTTPServer(
             _Requests(self._site),
             no_keep_alive=True,
             max_header_size=HEAD_bytes,
@@ -273,25 +271,14 @@ class _Requests(HTTPServerConnectionDelegate):
         self._site = site
         self._waiting: list[IOStream] = []
 
-    def admit(self, stream: IOStream) -> None:
-        """Make room for a connection."""
+    def start_request(self, server_conn: object, request_conn: HTTPConnection) -> Request:  # noqa: ARG002  # Tornado's
+        """Make room for a new connection, and begin its request."""
+        connection = cast("HTTP1Connection", request_conn)
         self._waiting = [one for one in self._waiting if not one.closed() and one not in self._site.streams]
         if len(self._waiting) >= CONNECTIONS:
             self._waiting.pop(0).close()
-        self._waiting.append(stream)
-
-    def start_request(self, server_conn: object, request_conn: HTTPConnection) -> Request:  # noqa: ARG002  # Tornado's
-        """Begin a request."""
-        return Request(self._site, cast("HTTP1Connection", request_conn))
-
-
-class _Listener(HTTPServer):
-    """Tornado's server, which lets its requests bound the connections."""
-
-    def handle_stream(self, stream: IOStream, address: tuple[Any, ...]) -> None:
-        """Serve a connection."""
-        cast("_Requests", self.request_callback).admit(stream)
-        super().handle_stream(stream, address)
+        self._waiting.append(connection.stream)
+        return Request(self._site, connection)
 
 
 def _unbound(address: str, port: int, error: OSError) -> str:
