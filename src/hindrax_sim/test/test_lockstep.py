@@ -20,7 +20,6 @@ from hindrax_sim.faults.fault_registry import parse_fault
 from hindrax_sim.flights.lockstep import Lockstep, LockstepCommand
 from hindrax_sim.flights.lockstep_rigs import BytesRig, ReadingsRig
 from hindrax_sim.flights.pool_flight import GoalPilot
-from hindrax_sim.flights.sensor_models import Noise
 from hindrax_sim.world import Conditions
 
 VEHICLE = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml")
@@ -41,9 +40,9 @@ def events(step: Lockstep, seconds: float, kind: type[Navigation | Allocation]) 
     return [one for one in step.run(seconds) if isinstance(one.reading, kind)]
 
 
-@pytest.mark.parametrize("fidelity", ["readings", "bytes"])
-def test_the_navigator_knows_the_truth_in_both_fidelities(fidelity: str) -> None:
-    step = Lockstep(VEHICLE, Idle(armed=False), 5, fidelity=fidelity)
+@pytest.mark.parametrize("by_bytes", [False, True])
+def test_the_navigator_knows_the_truth_by_readings_and_by_bytes(by_bytes: bool) -> None:
+    step = Lockstep(VEHICLE, Idle(armed=False), 5, by_bytes=by_bytes)
     found = events(step, 8.0, Navigation)
     state, world = found[-1].reading, step.world
     assert state.depth_m == pytest.approx(world.depth_m, abs=0.01)
@@ -55,9 +54,9 @@ def test_the_navigator_knows_the_truth_in_both_fidelities(fidelity: str) -> None
     assert max(gaps) < 0.03
 
 
-@pytest.mark.parametrize("fidelity", ["readings", "bytes"])
-def test_nothing_turns_before_the_output_guard_is_armed(fidelity: str) -> None:
-    step = Lockstep(VEHICLE, Idle((10.0, 0.0, 0.0, 0.0, 0.0, 0.0)), 5, fidelity=fidelity)
+@pytest.mark.parametrize("by_bytes", [False, True])
+def test_nothing_turns_before_the_output_guard_is_armed(by_bytes: bool) -> None:
+    step = Lockstep(VEHICLE, Idle((10.0, 0.0, 0.0, 0.0, 0.0, 0.0)), 5, by_bytes=by_bytes)
     early = events(step, 6.0, Allocation)
     assert all(one.reading.achieved == ZERO6 for one in early)
     assert step.world.plant.targets_N == (0.0,) * 8
@@ -86,11 +85,7 @@ def test_the_same_seed_gives_the_same_run_to_the_last_bit() -> None:
     assert runs[0] != runs[2]
 
 
-def test_an_unknown_fidelity_and_impossible_combinations_are_refused() -> None:
-    with pytest.raises(UsageError, match=r"fidelity: found 'dream', wanted readings or bytes"):
-        Lockstep(VEHICLE, Idle(), fidelity="dream")
-    with pytest.raises(UsageError, match=r"noise: found with fidelity bytes"):
-        Lockstep(VEHICLE, Idle(), fidelity="bytes", noise=Noise())
+def test_faults_of_wires_are_refused_where_there_are_none() -> None:
     with pytest.raises(UsageError, match=r"fault garbage: is one of wires"):
         Lockstep(VEHICLE, Idle(), faults=[parse_fault("garbage:dvl75")])
 
@@ -104,7 +99,7 @@ def test_faults_of_the_world_come_and_go() -> None:
 
 
 def test_garbage_on_a_wire_is_survived() -> None:
-    step = Lockstep(VEHICLE, Idle(armed=False), 2, fidelity="bytes", faults=[parse_fault("garbage:ping1d@3+2")])
+    step = Lockstep(VEHICLE, Idle(armed=False), 2, by_bytes=True, faults=[parse_fault("garbage:ping1d@3+2")])
     state = events(step, 8.0, Navigation)[-1].reading
     assert state.altitude_m == pytest.approx(step.world.vehicle.pool.depth_m - step.world.depth_m, abs=0.03)
     assert state.ages_s["ping1d"] < 0.3
@@ -180,6 +175,6 @@ def test_a_failed_thruster_is_told_to_the_allocator() -> None:
 
 def test_a_vehicle_without_sensors_says_nothing_and_time_still_passes() -> None:
     bare = replace(VEHICLE, sensors={})
-    step = Lockstep(bare, Idle(), fidelity="bytes")
+    step = Lockstep(bare, Idle(), by_bytes=True)
     assert list(step.run(1.0)) == []
     assert step.elapsed_s == pytest.approx(1.0, abs=0.03)

@@ -93,7 +93,7 @@ def fly(row: DeviceFault, mode: str, seed: int) -> Iterator[Cell]:
     at_s = random.Random(f"{row} {mode} {seed}").uniform(0.0, WITHIN_S) + FROM_S[mode]  # noqa: S311  # no secret
     pilot = ModePilot(mode, seed)
     fault = FaultSpec(row.fault, (row.who,), at_s, row.lasts_s)
-    step = Lockstep(pilot.vehicle, pilot, seed, fidelity="bytes", faults=[fault])
+    step = Lockstep(pilot.vehicle, pilot, seed, by_bytes=True, faults=[fault])
     assert isinstance(step.rig, BytesRig)
     hardware, advance, onboard = step.rig.hardware, step.rig.hardware.advance, step.onboard
     judge, lost, unhealthy = Judge(hardware.true_state()), "", ""

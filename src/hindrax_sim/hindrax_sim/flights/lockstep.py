@@ -4,7 +4,7 @@
     for event in step.run(120.0): ...
     results = step.session.finalize().results
 
-The same objects that run on the vehicle are stepped here in simulated time: devices (with fidelity "bytes"), navigator,
+The same objects that run on the vehicle are stepped here in simulated time: devices (with `by_bytes`), navigator,
 pilot with its holds and maneuvers, command guard, allocator, output guard, identification.
 """
 
@@ -15,7 +15,6 @@ from typing import Protocol, TypeAlias
 from hindrax_control.allocation.allocation_cycle import AllocationCycle
 from hindrax_control.navigation.estimator_health import EstimatorHealth
 from hindrax_control.navigation.navigator import Navigator
-from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, Stamped, after, seconds_between
 from hindrax_core.readings import Battery, BottomVelocity, Pressure, Reading, Vec6
 from hindrax_core.rotation import FSD
@@ -26,7 +25,6 @@ from hindrax_ident.online.session import Session
 from hindrax_ident.records.feed import Feed, Measurement
 from hindrax_sim.faults.fault_registry import FaultSpec
 from hindrax_sim.flights.lockstep_rigs import BytesRig, LockstepRig, ReadingsRig
-from hindrax_sim.flights.sensor_models import Noise
 from hindrax_sim.world import Conditions, World
 
 Write: TypeAlias = Callable[[Sequence[float]], tuple[float, ...]]
@@ -158,7 +156,7 @@ class Onboard:
 
 
 class Lockstep:
-    """World, rig and stack, in step. `fidelity` is "readings" (fast) or "bytes" (every emulator and every driver)."""
+    """World, rig and stack, in step: by readings (fast), or by the bytes of every emulator and every driver."""
 
     def __init__(
         self,
@@ -166,21 +164,13 @@ class Lockstep:
         pilot: Pilot,
         seed: int = 0,
         *,
-        fidelity: str = "readings",
+        by_bytes: bool = False,
         conditions: Conditions | None = None,
-        noise: Noise | None = None,
         faults: Sequence[FaultSpec] = (),
         session: Session | None = None,
     ) -> None:
-        if fidelity not in {"readings", "bytes"}:
-            raise UsageError(f"fidelity: found {fidelity!r}, wanted readings or bytes")
-        if fidelity == "bytes" and noise is not None:
-            raise UsageError("noise: found with fidelity bytes, wanted readings: emulators bring their own")
-        self.rig: LockstepRig = (
-            BytesRig(vehicle, seed, conditions, faults)
-            if fidelity == "bytes"
-            else ReadingsRig(vehicle, seed, conditions, noise, faults)
-        )
+        rig = BytesRig if by_bytes else ReadingsRig
+        self.rig: LockstepRig = rig(vehicle, seed, conditions, faults)
         self.session = session or Session(vehicle)
         self.onboard = Onboard(vehicle, pilot, self.session, self.rig.drive)
         self.world: World = self.rig.world

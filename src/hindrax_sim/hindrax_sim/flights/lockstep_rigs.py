@@ -35,22 +35,17 @@ class ReadingsRig:
     """
 
     def __init__(
-        self,
-        vehicle: Vehicle,
-        seed: int,
-        conditions: Conditions | None = None,
-        noise: Noise | None = None,
-        faults: Sequence[FaultSpec] = (),
+        self, vehicle: Vehicle, seed: int, conditions: Conditions | None = None, faults: Sequence[FaultSpec] = ()
     ) -> None:
         for fault in faults:
             if FAULTS[fault.name].on_world is None:
-                raise UsageError(f"fault {fault.name}: is one of wires, which readings do not have; use fidelity bytes")
+                raise UsageError(f"fault {fault.name}: is one of wires, which readings do not have; fly by bytes")
         self.world = World(vehicle, seed, conditions)
         self.world.settle(START)
         self._inject = fault_injector(self.world, faults, to_s(START))
         self._queue: list[tuple[int, int, SensorModel, Sequence[Stamped[Reading]]]] = []
         self._count = 0
-        for sensor in sensors(self.world, noise or Noise(), seed):
+        for sensor in sensors(self.world, Noise(), seed):
             self._push(START + sensor.period_ns, sensor, ())
 
     def _push(self, when: int, sensor: SensorModel, readings: Sequence[Stamped[Reading]]) -> None:
