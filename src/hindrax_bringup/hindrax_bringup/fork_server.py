@@ -1,9 +1,8 @@
-"""The fork server: imports once what the processes of a stack need, and forks each of them from itself.
+"""The fork server: imports once what the processes of a stack need, and forks each of them from itself (ADR 34).
 
 A process that it made is a child of the supervisor: the process between the two ends at once, and the kernel hands its
-child to the supervisor (PR_SET_CHILD_SUBREAPER, prctl(2)). So death signal, exit code and group are those of a plain
-start, and the processes live on without the server. It makes no node, opens no port and starts no thread of ours; those
-of LTTng, which come with rclpy, sleep on a futex, and are missing in what is forked: trace nodes that `ros2` started.
+child to the supervisor (PR_SET_CHILD_SUBREAPER, prctl(2)). The server makes no node, opens no port and starts no thread
+of ours, which a fork would not copy.
 """
 
 import contextlib
@@ -240,7 +239,7 @@ def _set_command_line(words: Sequence[str]) -> None:
 
 def main() -> int:
     """Serve on the socket that the arguments name until it is closed, or become what was asked for."""
-    warnings.filterwarnings("ignore", "This process .* is multi-threaded")  # those of LTTng: see above
+    warnings.filterwarnings("ignore", "This process .* is multi-threaded")  # those of LTTng, which sleep
     gc.disable()
     forked = serve(socket.socket(fileno=int(sys.argv[1])))
     if forked is None:

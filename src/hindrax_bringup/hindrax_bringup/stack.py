@@ -5,7 +5,6 @@ import json
 import os
 import select
 import sys
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -126,16 +125,12 @@ def first_line(child: SupervisedProcess, seconds: float, log: Path) -> Mapping[s
     """Read the one line of JSON that the mock prints when its devices are up."""
     pipe: IO[bytes] | None = child.handle.stdout
     assert pipe is not None
-    deadline = time.monotonic() + seconds
-    while time.monotonic() < deadline:
-        if select.select([pipe], (), (), 0.1)[0]:
-            line = pipe.readline()
-            if not line and child.handle.wait(seconds) == UsageError.exit_code:
-                raise UsageError(f"the mock vehicle refused; {last_words(log)}")
-            if not line:
-                break
+    if select.select([pipe], (), (), seconds)[0]:
+        if line := pipe.readline():
             found: Mapping[str, Any] = json.loads(line)
             return found
+        if child.handle.wait(seconds) == UsageError.exit_code:
+            raise UsageError(f"the mock vehicle refused; {last_words(log)}")
     raise HindraxError(f"the mock vehicle did not come up; {last_words(log)}")
 
 

@@ -29,13 +29,11 @@ FROZEN_S = 2.0
 
 @dataclass(slots=True)
 class Governor:
-    """Computes the minimum wall time of a step of the mock.
+    """Computes the minimum wall time of a step of the mock, from the pulses written to the emulated outputs (ADR 9).
 
-    The pulses written to the emulated outputs show how far the control loop is behind. While it keeps up, time runs
-    free (or at `rate`, where that is not zero). When it falls behind by more than a period and a half, time nearly
-    stands still until it has caught up: so a loaded machine makes a run longer, not the vehicle's latency. A loop that
-    is dead for a second is waited for no more than in real time, and so is one while no thruster turns: the output of a
-    stack that starts, or whose control has died, repeats neutral by itself, more slowly than any loop.
+    While the control loop keeps up, time runs free (or at `rate`, where that is not zero). When it falls behind by more
+    than a period and a half, time nearly stands still until it has caught up. A loop that is dead for a second is
+    waited for no more than in real time, and so is one while no thruster turns (ADR 34).
     """
 
     rate: float = 0.0

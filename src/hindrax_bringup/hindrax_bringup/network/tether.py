@@ -2,11 +2,7 @@
 
 It is named by `--tether` or by HINDRAX_TETHER as `IFACE` or `IFACE:PEER,PEER`: `eth0:192.168.2.1`. A middleware that
 starts before the interface has carrier and address never discovers a peer there, so whoever starts one waits first.
-
-The middleware's profile allows loopback and the tether. Addresses alone do not keep strangers out: Linux delivers a
-datagram for any of its addresses, whichever interface it came in by, and the answer is routed wherever the stranger is.
-With the netmask filter a participant speaks only to those who are in the network of an allowed interface, so a stranger
-elsewhere is never answered and never matched.
+The profile of the middleware allows loopback and the tether, each restricted to its network by its netmask (ADR 13).
 """
 
 import argparse
