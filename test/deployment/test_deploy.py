@@ -84,7 +84,7 @@ def test_a_dry_run_reaches_nobody_and_shows_every_step(place: Path, capsys: pyte
     assert printed.count("ssh pi@rov") == len(plan(Target("pi@rov"))) == 7
     assert "git archive --format=tar HEAD | ssh pi@rov cd /opt/hindrax" in printed
     assert "sudo /opt/hindrax/docker/pi/set-up.sh --tether eth0:192.168.2.1" in printed
-    assert "[7/7] wait until it is well" in printed
+    assert "[7/7] wait until it is healthy" in printed
 
 
 def test_the_last_commit_arrives_and_is_started(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -161,7 +161,7 @@ def test_an_interrupted_one_is_made_good_by_the_next(place: Path, monkeypatch: p
 @pytest.mark.parametrize(
     ("step", "code", "wanted"),
     [
-        ("uname", "255", "look: ssh does not reach pi@rov; try `ssh pi@rov` by hand"),
+        ("uname", "255", "look: ssh does not reach pi@rov; try `ssh pi@rov` in a terminal"),
         ("tar -x", "2", "the files of the last commit: failed on pi@rov with code 2; is its disk full?"),
         ("hindrax setup", "1", "set up environment and workspace (the first time takes minutes): failed on pi@rov"),
     ],

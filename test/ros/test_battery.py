@@ -119,5 +119,5 @@ def test_a_battery_sensor_that_falls_silent_leaves_the_constant_and_a_complaint(
     assert bench.until_supplied(14.8, measured=False) == nominal
     level, sentence = bench.until_reported("14.8 (assumed, the battery sensor is silent)")
     assert level == DiagnosticStatus.WARN
-    assert re.fullmatch(r"battery sensor silent for 6\d s: reckoning with 14\.8 V", sentence)
+    assert re.fullmatch(r"battery sensor silent for 6\d s: using 14\.8 V", sentence)
     bench.until_supplied(12.0, measured=True)

@@ -184,7 +184,7 @@ def test_hostile_goals_are_refused_in_one_sentence_and_fly_nothing(bench: Bench)
 def test_a_plan_is_told_and_not_flown(bench: Bench) -> None:
     found = bench.ask(RunExperiment.Goal(motions=["surge"], until=0.02, plan=True))
     assert found.completed
-    assert found.ended.startswith("surge: fastest, slowest, fastest, each out and back; then what informs most, until ")
+    assert found.ended.startswith("surge: fastest, slowest, fastest, each out and back; then most informative, until ")
     assert bench.pilot.goals == []
 
 

@@ -30,7 +30,7 @@ from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.signals import Estimate, Navigation
 from hindrax_core.topics import ESTIMATE, PLANS, THRUSTER_STATE
 from hindrax_core.vehicle import load_vehicle
-from hindrax_drivers.output.output_guard import ASK_AGAIN
+from hindrax_drivers.output.output_guard import TRY_AGAIN
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import ManeuverStatus, ThrusterState
 from hindrax_msgs.srv import Arm
@@ -231,7 +231,7 @@ def test_an_arm_request_that_came_too_late_is_made_again_for_a_mock_alone(
 
     def answer(request: Any, response: Any) -> Any:
         response.accepted = len(answers) == patience
-        response.reason = "" if response.accepted else f"request is 1.2 s old, wanted at most 1 s; {ASK_AGAIN}"
+        response.reason = "" if response.accepted else f"request is 1.2 s old, wanted at most 1 s; {TRY_AGAIN}"
         answers.append(request.sequence)
         bench.state.armed = response.accepted
         return response
@@ -275,7 +275,7 @@ def test_a_goal_that_was_late_is_asked_again_and_told_its_age_in_the_end(
     monkeypatch.setattr(bench.operator, "now", now)
     monkeypatch.setattr(bench.pilot, "_unflyable", judge)
     patience = 99
-    wanted = r"late: the goal is 3\.\d s old, wanted at most 1\.0 s; ask again, .*set the clocks.*"
+    wanted = r"late: the goal is 3\.\d s old, wanted at most 1\.0 s; try again, .*set the clocks.*"
     assert re.fullmatch(wanted, bench.fly())
     assert len(asked) == 5
     asked.clear()

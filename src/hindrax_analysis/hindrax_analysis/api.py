@@ -84,7 +84,7 @@ def identify(
     selection = TopicSelection(odometry, wrench, frame)
     sources = open_sources([Path(record) for record in records], selection, vehicle)
     if not sources:
-        raise UsageError("found no record, wanted one at least")
+        raise UsageError("found no record, wanted at least one")
     of = vehicle or recorded_vehicle(sources[0])
     if of is None:
         raise UsageError(f"{records[0]}: holds no vehicle file; name one by vehicle=load_vehicle(...)")

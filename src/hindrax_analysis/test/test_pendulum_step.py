@@ -53,7 +53,7 @@ def test_a_pendulum_that_floats_is_refused() -> None:
     [
         ("degrees", "use radians"),
         ("noise", "pendulum"),
-        ("flat", "excitation|separate them"),
+        ("flat", "does not excite|separate them"),
         ("growing", "the swing grows|no pendulum motion fits"),
     ],
 )

@@ -82,7 +82,7 @@ def test_a_fit_that_cannot_tell_its_coefficients_apart_says_so() -> None:
     x = array(np.linspace(0.0, 1.0, 10))
     with pytest.raises(HindraxError, match="cannot separate them"):
         least_squares(np.column_stack((x, 2.0 * x)), x, ("a", "b"))
-    with pytest.raises(HindraxError, match="fit of b: the record holds no excitation"):
+    with pytest.raises(HindraxError, match="fit of b: the record does not excite it"):
         least_squares(np.column_stack((x, 0.0 * x)), x, ("a", "b"))
 
 

@@ -495,7 +495,10 @@ def test_an_aborted_run_says_by_what_and_what_was_flown_until_then(report: RunRe
 
 def test_a_wall_that_was_pushed_against_is_in_the_report(report: RunReport) -> None:
     text = run_page(replace(report, conditions=replace(report.conditions, blocked_s={"surge": 3.6})))
-    assert "Thrust moved nothing, as against a wall: Surge for 4 s. That and what led to it is not in the data." in text
+    assert (
+        "Thrust moved nothing, as against a wall: Surge for 4 s. That and the time before it are not in the data."
+        in text
+    )
     assert "as against a wall" not in run_page(report)
 
 

@@ -70,7 +70,7 @@ def test_a_file_that_is_written_is_left_alone(tmp_path: Path) -> None:
     bag = writer(tmp_path / "bag")
     record(bag, 3)
     bag.flush()
-    assert "still written" in complete(bag.path)
+    assert "still being written" in complete(bag.path)
     assert unfinished_files(tmp_path) == []
     record(bag, 3)
     bag.close()

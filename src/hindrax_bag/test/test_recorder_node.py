@@ -215,7 +215,7 @@ def test_it_says_that_it_records_and_how_much_fits(bench: Callable[..., Bench]) 
     made.recorder.drain()
     status = made.report()
     words = values_of(status)
-    assert not any("recording goes on" in text for text in logged_by(made))
+    assert not any("recording continues" in text for text in logged_by(made))
     assert (status.name, status.level, status.message) == ("hindrax: recorder", DiagnosticStatus.OK, "recording")
     assert int(words["messages"]) >= 300
     assert words["lost"] == "0"
@@ -347,7 +347,7 @@ def test_a_bag_that_a_killed_recorder_left_is_resumed_and_in_the_end_whole(
     inertial.publish(imu(3))
     # The log is found in the graph like any other topic, which may take longer than the reports that are waited for.
     made.until(lambda: (part := made.recorder._bag._part) and part.contents.counts[resolved(ROSOUT)])
-    assert any("recording goes on in bag_1.mcap" in text for text in logged_by(made))
+    assert any("recording continues in bag_1.mcap" in text for text in logged_by(made))
     assert [is_whole(file) for file in sorted(made.bag.glob("*.mcap"))] == [True, True]
     with Reader(made.bag) as reader:
         assert {"/demo/level", resolved(IMU)} <= {one.topic for one in reader.connections}

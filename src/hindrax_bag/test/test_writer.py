@@ -200,7 +200,7 @@ def test_split_by_time_leaves_files_that_each_open_alone(tmp_path: Path) -> None
     bag.close()
     files = bag_files(tmp_path / "bag")
     assert len(files) == 4
-    assert decisions == [f"bag_{n}.mcap is full; bag_{n + 1}.mcap goes on" for n in range(3)]
+    assert decisions == [f"bag_{n}.mcap is full; recording continues in bag_{n + 1}.mcap" for n in range(3)]
     assert [len(list(messages(file))) for file in files] == [200, 200, 200, 0]
     for file in files:
         with file.open("rb") as stream:
@@ -272,7 +272,7 @@ def test_recording_goes_on_in_the_next_file_when_there_is_room_again(tmp_path: P
         (50, [], False),
         (49, ["less than 50 MB are free on the disk; recording waits for room"], True),
         (74, [], True),
-        (75, ["there is room on the disk again; recording goes on in bag_1.mcap"], False),
+        (75, ["there is room on the disk again; recording continues in bag_1.mcap"], False),
         (49, ["less than 50 MB are free on the disk; recording waits for room"], True),
     ):
         bag.free = lambda _folder, free_MB=free_MB: free_MB * 1_000_000  # type: ignore[misc]
@@ -292,7 +292,7 @@ def test_a_disk_that_is_full_as_a_file_ends_leaves_no_file_unfinished(tmp_path: 
     stamp = 3 * NS_PER_S
     bag.write(WORD, word("late"), stamp, stamp)
     assert bag.flush() == [
-        "bag_0.mcap is full; bag_1.mcap goes on",
+        "bag_0.mcap is full; recording continues in bag_1.mcap",
         "less than 50 MB are free on the disk; recording waits for room",
     ]
     files = bag_files(tmp_path / "bag")
@@ -323,7 +323,7 @@ def test_a_bag_of_no_planned_length_begins_on_a_full_disk_and_waits(tmp_path: Pa
     assert bag.stopped == "less than 50 MB are free on the disk; recording waits for room"
     assert _record(bag, 1) == []
     bag.free = lambda _folder: 1_000_000_000
-    assert bag.flush() == ["there is room on the disk again; recording goes on in bag_0.mcap"]
+    assert bag.flush() == ["there is room on the disk again; recording continues in bag_0.mcap"]
     _record(bag, 1)
     bag.close()
     assert len(list(messages(tmp_path / "bag"))) == 100
@@ -335,7 +335,7 @@ def test_a_bag_that_has_used_its_budget_does_not_go_on_for_want_of_room_before(t
     _record(bag, 1)
     bag.free = lambda _folder: 1_000_000_000
     decisions = _record(bag, 10)
-    assert ["goes on" in sentence for sentence in decisions] == [True, False]
+    assert ["continues in" in sentence for sentence in decisions] == [True, False]
     assert decisions[-1] == bag.stopped == "the bag has used its 0.006 MB of the disk; recording stopped"
     bag.close()
 

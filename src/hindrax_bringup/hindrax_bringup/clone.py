@@ -8,7 +8,7 @@ from types import ModuleType
 
 from hindrax_core.errors import HindraxError
 
-VEHICLE_SETUP, WHOLE_SETUP = "this set-up is a vehicle's", "`./hindrax setup --all` brings it"
+VEHICLE_SETUP, WHOLE_SETUP = "this is the set-up of a vehicle", "`./hindrax setup --all` installs it"
 
 
 def clone_root() -> Path:

@@ -120,7 +120,7 @@ def _liveness_of(path: Path, now_s: float) -> tuple[str, list[str]] | None:
         return None
     age_s, pid, of_nodes = now_s - beat["at_s"], _stack_of(path), path.name.endswith(NODES)
     if not of_nodes and is_stopped(pid):
-        return "", [f"process {pid}: stopped, as by Ctrl-Z; nothing looks after it until `kill -CONT {pid}`"]
+        return "", [f"process {pid}: stopped, as by Ctrl-Z; nothing supervises it until `kill -CONT {pid}`"]
     if not 0.0 <= age_s <= DEAD_S:
         who = f"safety monitor of process {pid}" if of_nodes else f"process {pid}"
         return "", [f"{who}: no pulse for {abs(age_s):.0f} s; end it and start it again"]

@@ -108,7 +108,7 @@ class ClockStep:
             self._step_s, self._since_s = step_s, now_s
         if not step or now_s - self._since_s < SETTLED_S or self.armed():
             return False
-        report(f"clock: {step}; the stack starts anew, in a run of its own, to follow it")
+        report(f"clock: {step}; the stack restarts, in a new run, to follow it")
         return True
 
 

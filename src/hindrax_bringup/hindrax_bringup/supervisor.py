@@ -148,7 +148,7 @@ class Supervisor:
         if child.frozen:
             _kill(child)
             held = child.handle.poll() is None
-            return f"{child.process.name} is frozen ({child.frozen}); killed, it does not end" if held else ""
+            return f"{child.process.name} is frozen ({child.frozen}); killed, but it does not end" if held else ""
         before = child.stopped
         child.stopped = frozenset(pid for pid in descendants(child.handle.pid) if is_stopped(pid))
         frozen = [f"{child.process.name}: its process {pid} is frozen" for pid in sorted(child.stopped - before)]

@@ -236,7 +236,7 @@ def test_the_link_is_reported_once_a_second_and_its_loss_at_once(make: Make) -> 
 
 def test_a_heartbeat_that_is_not_of_now_is_no_operator_is_said_once_and_counted(make: Make) -> None:
     bench = make(HOLD)
-    why = "refused: operator/heartbeat: the heartbeat is {} s old, wanted at most 1.0 s; ask again, and set the clocks"
+    why = "refused: operator/heartbeat: the heartbeat is {} s old, wanted at most 1.0 s; try again, and set the clocks"
     bench.beat(1.0, age_s=1.5)
     (found,) = bench.look(1.0)
     assert found.level == DiagnosticStatus.WARN
@@ -311,7 +311,7 @@ def test_each_step_of_the_wall_clock_disarms_once(make: Make) -> None:
     assert bench.asked == []
     found, step = bench.clock(1.0625), "the wall clock was set forward by 1.1 s"
     assert (found.level, values(found)) == (DiagnosticStatus.WARN, {"wall clock ahead [s]": "1.062"})
-    assert found.message == f"{step}; stamps do not follow until the stack starts anew"
+    assert found.message == f"{step}; stamps do not follow until the stack restarts"
     assert bench.reasons() == [step]
     for step_s in (1.0625, 1.125):
         assert bench.clock(step_s).level == DiagnosticStatus.WARN

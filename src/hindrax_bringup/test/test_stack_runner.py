@@ -61,7 +61,7 @@ def test_a_stack_follows_the_wall_clock_once_it_is_disarmed_and_the_clock_stays(
     assert not clock.followed(), "the clock has just been set again"
     now_s += SETTLED_S
     assert clock.followed()
-    assert "set forward by 7.0 s; the stack starts anew" in capsys.readouterr().err
+    assert "set forward by 7.0 s; the stack restarts" in capsys.readouterr().err
 
 
 def test_whether_a_stack_is_armed_is_reported_by_its_safety_monitor(tmp_path: Path) -> None:

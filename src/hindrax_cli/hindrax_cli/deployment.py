@@ -110,7 +110,7 @@ def _of_the_system(target: Target) -> tuple[Step, ...]:
         Step("boot settings, device names, groups, time, service", shlex.join(words)),
         _made(target),
         Step("start", start),
-        Step("wait until it is well", _until(ask, tail), remedy="`./hindrax doctor` there finds out more"),
+        Step("wait until it is healthy", _until(ask, tail), remedy="`./hindrax doctor` there finds out more"),
     )
 
 

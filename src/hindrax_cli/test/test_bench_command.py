@@ -18,7 +18,10 @@ def test_a_vehicle_without_the_peers_gets_a_sentence(
     monkeypatch.delitem(sys.modules, "hindrax_tools.benchmarks.rls", raising=False)
     assert main(["bench", "rls"]) == 1
     lines = capsys.readouterr().err.splitlines()
-    assert lines[-1] == "hindrax bench: this set-up is a vehicle's, without padasip; `./hindrax setup --all` brings it"
+    assert (
+        lines[-1]
+        == "hindrax bench: this is the set-up of a vehicle, without padasip; `./hindrax setup --all` installs it"
+    )
     monkeypatch.setattr(clone, "is_vehicle_setup", lambda: False)
     with pytest.raises(ModuleNotFoundError):
         main(["bench", "rls"])

@@ -160,7 +160,7 @@ def test_a_stack_that_is_up_is_asked_instead_of_its_wires() -> None:
     assert up.ok
     assert (dvl.ok, dvl.found) == (True, "DVL-75, measuring, 20.0 Hz")
     assert (ping.ok, ping.remedy) == (False, "last trouble: Errno 5")
-    assert pilot.found == "its node says nothing"
+    assert pilot.found == "its node sends nothing"
 
 
 def test_a_stack_of_which_nobody_reports_is_a_problem() -> None:

@@ -25,7 +25,7 @@ from hindrax_core.vehicle import Vehicle
 
 REFUSAL_S = 5.0
 """Time for which a refused setpoint or wrench is shown."""
-JUMPED = "the odometry began anew after the vehicle was armed"
+JUMPED = "the odometry restarted after the vehicle was armed"
 OPERATOR = "operator"
 """Key of refused operator wrenches, beside the axes of the holds."""
 
@@ -196,7 +196,7 @@ class Pilot:
 
     def lose_place(self, why: str) -> None:
         """Mark the position in the pool as unknown: no maneuver begins until `recentre`."""
-        self._unplaced = f"{why}, wanted a known place in the pool"
+        self._unplaced = f"{why}, wanted a known position in the pool"
 
     def begin_anew(self) -> None:
         """Take it that positions have another origin from the next step on: that of the start, until it was armed."""

@@ -70,7 +70,7 @@ def test_a_jump_another_source_and_a_step_back_are_another_state() -> None:
     ):
         flight = Flight()
         flight.steps(LEVEL)
-        assert flight.step(state, source, later_s=later_s)[0].startswith("restart: the state of the vehicle began anew")
+        assert flight.step(state, source, later_s=later_s)[0].startswith("restart: the state of the vehicle restarted")
 
 
 def test_moving_on_is_no_jump_not_even_after_a_gap() -> None:

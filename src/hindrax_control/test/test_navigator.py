@@ -148,7 +148,7 @@ def sinking(t: float) -> Vec3:
 
 
 class Clogged(Ride):
-    """From the third second on the pressure stays as it is."""
+    """From the third second on the pressure freezes."""
 
     def tell(self, t: float, reading: Reading, source: str) -> None:
         if isinstance(reading, Pressure):

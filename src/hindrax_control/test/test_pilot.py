@@ -339,7 +339,7 @@ def place(hovering: Hovering) -> tuple[float, float]:
 
 def test_after_a_restart_no_maneuver_begins_until_somebody_says_where_the_vehicle_is(hovering: Hovering) -> None:
     hovering.pilot.lose_place("the vehicle was armed before")
-    assert hovering.fly().guards[0].startswith("pool_box: the vehicle was armed before, wanted a known place")
+    assert hovering.fly().guards[0].startswith("pool_box: the vehicle was armed before, wanted a known position")
     with pytest.raises(HindraxError, match=r"pool_box: .*hindrax recentre"):
         hovering.pilot.fly(Goal(("surge",)))
     assert hovering.pilot.set(Setpoint("depth", value=0.5)) == ""
@@ -412,7 +412,7 @@ def test_an_odometry_that_begins_anew_costs_the_place_once_it_was_armed(
     hovering.pilot.begin_anew()
     guards = hovering.fly(armed=armed).guards
     if armed:
-        assert guards[0].startswith("pool_box: the odometry began anew after the vehicle was armed")
+        assert guards[0].startswith("pool_box: the odometry restarted after the vehicle was armed")
     else:
         assert guards == ()
         assert place(hovering) == pytest.approx((0.5 * hindrax.pool.length_m, 0.5 * hindrax.pool.width_m))

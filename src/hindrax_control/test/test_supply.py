@@ -29,7 +29,7 @@ def test_a_measurement_counts_until_it_is_stale(supply: SupplyVoltage) -> None:
     assert supply.status_text(at(15.0)) == "13.3 (measured)"
     assert supply.measured_V(at(15.1)) is None
     assert supply.status_text(at(17.0)) == "14.8 (assumed, the battery sensor is silent)"
-    assert supply.silence_warning(at(17.0)) == "battery sensor silent for 12 s: reckoning with 14.8 V"
+    assert supply.silence_warning(at(17.0)) == "battery sensor silent for 12 s: using 14.8 V"
 
 
 def test_a_knob_that_is_set_in_flight_counts_at_once(supply: SupplyVoltage) -> None:

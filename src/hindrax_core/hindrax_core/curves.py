@@ -43,7 +43,7 @@ class Curve:
 
     negative: Branch
     positive: Branch | None = knob(None, meaning="positive branch; null: the mirror image of the negative one")
-    stop_us: float = knob(1500.0, 1000.0, 2000.0, "pulse at rest, with which the output begins and ends too [us]")
+    stop_us: float = knob(1500.0, 1000.0, 2000.0, "stop pulse, which the output also writes at start and end [us]")
     dead_band_us: float = knob(25.0, 0.0, 200.0, "half width of the band about the stop pulse without thrust [us]")
     supply_V: float = knob(14.8, 5.0, 60.0, "supply voltage at which the curve holds [V]")
     supply_exponent: float = knob(1.2, 0.0, 3.0, "power of the supply voltage with which thrust grows [-]")

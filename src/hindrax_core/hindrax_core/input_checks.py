@@ -16,12 +16,12 @@ from hindrax_core.text.digits import above
 
 EXPIRED, FUTURE, UNSTAMPED, TIMELESS = "expired", "from the future", "not stamped", "no clock"
 REMEDIES = {
-    EXPIRED: "ask again, and set the clocks of both machines if that does not help",
+    EXPIRED: "try again, and set the clocks of both machines if that does not help",
     FUTURE: "set the clocks of both machines",
     UNSTAMPED: "stamp it with the time of the clock in use",
-    TIMELESS: "wait for the clock (/clock in mock) and ask again",
+    TIMELESS: "wait for the clock (/clock in mock) and try again",
 }
-OTHER_CLOCK = "one of the two lives in the time of a mock: add --sim-time to a command, use_sim_time to a node"
+OTHER_CLOCK = "one of the two uses the clock of a mock: add --sim-time to a command, use_sim_time to a node"
 OTHER_CLOCK_s = 1e9
 """Clocks of two machines never differ by this; the time of a mock begins at zero."""
 LAST = Stamp((2**31 - 1) * 10**9)
@@ -117,7 +117,7 @@ class SinglePublisher:
         if len(publishers) != 1:
             return f"found {len(publishers)} publishers{listed and f' ({listed})'}, wanted one"
         if UNKNOWN in listed:
-            return "found a publisher without a node, wanted one whose name the graph knows"
+            return "found a publisher without a node, wanted one with a name in the graph"
         if armed and self.name and self.name != listed:
             return f"found {listed}, wanted {self.name}, as when the thrusters were armed; disarm first"
         self.name = listed

@@ -46,7 +46,7 @@ QUANTITIES: Mapping[str, tuple[str, str]] = {
     "attitude": ("sensor_msgs/msg/Imu", "attitude of the DVL's own IMU"),
     "detail": ("hindrax_msgs/msg/Dvl", "lock, beams, confidence, device time"),
     "altitude": ("sensor_msgs/msg/Range", "distance along the DVL axis"),
-    "position": ("sensor_msgs/msg/NavSatFix", "place by the DVL's own dead reckoning, and whether a GPS gives it"),
+    "position": ("sensor_msgs/msg/NavSatFix", "position by the DVL's own dead reckoning, and whether a GPS gives it"),
     "range": ("sensor_msgs/msg/Range", "distance to the bottom, sonar"),
     "profile": ("hindrax_msgs/msg/PingProfile", "echo profile, on request"),
     "die_temperature": ("sensor_msgs/msg/Temperature", "temperature of the die"),
@@ -100,10 +100,10 @@ NAVIGATION = _row(
 HOLD_SETPOINT = _row("holds/setpoint", "hindrax_msgs/msg/HoldSetpoint", COMMAND, 0, "setpoint of one hold")
 HOLD_STATUS = _row("holds/status", "hindrax_msgs/msg/HoldStatus", STATE, 10, "holds, their setpoints and errors")
 OPERATOR_WRENCH = _row(
-    "operator/wrench", "geometry_msgs/msg/WrenchStamped", COMMAND, 0, "wrench by hand, added to the holds"
+    "operator/wrench", "geometry_msgs/msg/WrenchStamped", COMMAND, 0, "wrench of the operator, added to the holds"
 )
 JOYSTICK = _row("joy", "sensor_msgs/msg/Joy", BY_HAND, 0, "joystick of the operator, as `joy_node` publishes it")
-TWIST = _row("cmd_vel", "geometry_msgs/msg/Twist", BY_HAND, 0, "velocity by hand: keyboard, web page")
+TWIST = _row("cmd_vel", "geometry_msgs/msg/Twist", BY_HAND, 0, "manual velocity: keyboard, web page")
 LIGHTS = _row("lights", "std_msgs/msg/Float32MultiArray", STATE, 0, "brightness of every lamp, 0 dark to 1")
 WRENCH = _row(
     "control/wrench", "geometry_msgs/msg/WrenchStamped", COMMAND, 50, "wrench wanted of the allocator; of one publisher"
@@ -112,7 +112,9 @@ ALLOCATION = _row(
     "control/allocation", "hindrax_msgs/msg/AllocationStatus", STATE, 50, "wanted, achieved, shortfall, forces"
 )
 MANEUVER = _row("maneuver/status", "hindrax_msgs/msg/ManeuverStatus", STATE, 10, "motion, phase, progress")
-PLACE = _row("maneuver/place", "hindrax_msgs/msg/PoolPlace", STATE, 5, "place in the pool, and the walls of the guard")
+PLACE = _row(
+    "maneuver/place", "hindrax_msgs/msg/PoolPlace", STATE, 5, "position in the pool, and the walls of the guard"
+)
 PLANS = _row("maneuver/plans", "hindrax_msgs/msg/MotionPlans", LATCHED, 0, "what each motion would fly now")
 THRUSTER_COMMAND = _row("thrusters/command", "hindrax_msgs/msg/ThrusterCommand", COMMAND, 50, "pulses wanted")
 THRUSTER_STATE = _row("thrusters/state", "hindrax_msgs/msg/ThrusterState", STATE, 50, "armed, pulses applied")

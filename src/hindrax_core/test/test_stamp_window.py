@@ -33,7 +33,7 @@ def refused(window: StampWindow, stamp: Stamp, now: Stamp = NOW) -> Untimely:
 @pytest.mark.parametrize(
     ("ahead_s", "kind", "wanted"),
     [
-        (-1.5, EXPIRED, r"1\.5 s old, wanted at most 1\.0 s; ask again, .*set the clocks.*"),
+        (-1.5, EXPIRED, r"1\.5 s old, wanted at most 1\.0 s; try again, .*set the clocks.*"),
         (0.25, FUTURE, r"stamped 0\.25 s in the future, wanted at most 0\.10 s ahead of the vehicle's clock; set .*"),
         (2e8, FUTURE, r"stamped 200000000\.00 s in the future, .*; set the clocks of both machines"),
         (1.1e9, FUTURE, r"stamped .* s in the future, .*; one of the two .*mock.*--sim-time.*"),

@@ -156,7 +156,7 @@ def test_a_disarm_by_a_monitor_does_not_outrank_a_later_request_of_the_operator(
     assert answer.accepted
     assert (state.phase, state.reason) == (ArmingPhase.DISARMED, "no operator for 2 s")
     _, answer = GUARD.arm(state, Request(at(0.1), operator + 1), at(0.2))
-    assert answer.reason == f"request {operator + 1} was made before the vehicle disarmed itself; ask again"
+    assert answer.reason == f"request {operator + 1} was made before the vehicle disarmed itself; try again"
     _, answer = GUARD.arm(state, Request(at(0.2), operator), at(0.2))
     assert "not newer" in answer.reason
     state, answer = GUARD.arm(state, Request(at(0.2), operator + 1), at(0.2))
@@ -254,7 +254,7 @@ def test_an_older_disarm_leaves_the_order_of_the_requests() -> None:
     state, _ = GUARD.arm(GUARD.start(at(0.0)), Request(at(0.0), 10), at(0.0))
     state, _ = GUARD.disarm(state, Request(at(0.1), 3), at(0.1))
     _, answer = GUARD.arm(state, Request(at(0.2), 5), at(0.2))
-    assert answer.reason == "request 5 is not newer than 10, the last one; ask again"
+    assert answer.reason == "request 5 is not newer than 10, the last one; try again"
 
 
 def test_numbers_have_six_digits() -> None:
@@ -369,7 +369,7 @@ def test_a_sender_that_starts_again_is_heard_once_the_old_one_is_silent_but_must
     state, pulses = accepted_command(state, command(8.45, 1), 8.45)
     assert pulses.thrusters == GUARD.neutral.thrusters
     assert state.phase is ArmingPhase.DISARMED
-    assert "started anew" in state.reason
+    assert "has restarted" in state.reason
     assert state.commanded_at == at(8.45)
 
 

@@ -60,7 +60,7 @@ class Pool:
 def test_every_motion_is_flown_once_at_its_extremes_and_no_more_where_that_is_enough(vehicle: Vehicle) -> None:
     pool = Pool(vehicle, {"yaw": drag(0.5), "surge": drag(0.8)}, Aim())
     assert pool.chosen == [Choice("yaw", FIRST), Choice("surge", FIRST)]
-    assert pool.experiment.ended == "every motion is known as well as wanted"
+    assert pool.experiment.ended == "every motion has reached the wanted uncertainty"
     found = {motion: one.noise for motion, one in pool.experiment.known.items()}
     assert found == pytest.approx({"yaw": 0.5, "surge": 0.8})
 
@@ -126,10 +126,10 @@ def test_nothing_is_known_of_an_axis_that_was_not_flown(vehicle: Vehicle) -> Non
 
 def test_the_plan_says_what_comes_first_and_when_it_ends() -> None:
     assert plan_text(("surge", "yaw"), Aim(0.02, 5.0)) == (
-        "surge: fastest, slowest, fastest; yaw: fastest, slowest, fastest, each out and back; then what informs most, "
+        "surge: fastest, slowest, fastest; yaw: fastest, slowest, fastest, each out and back; then most informative, "
         "until the noise of the drag is below 2 %, at most 5 minutes"
     )
-    assert "below a third of what calibration leaves, at most 50 minutes" in plan_text(("yaw",), Aim())
+    assert "below a third of the calibration uncertainty, at most 50 minutes" in plan_text(("yaw",), Aim())
 
 
 @pytest.mark.parametrize(

@@ -152,5 +152,5 @@ def _own_thrusters(vehicle_file: Path, *, mock: bool) -> Iterator[Operator]:
 
 def _missing(operator: Operator) -> str:
     """The thrusters, and why they say nothing, by /diagnostics."""
-    silent = "their process says nothing, `./hindrax doctor` looks at the wires"
+    silent = "their process sends nothing, `./hindrax doctor` checks the ports"
     return f"the thrusters; {'; '.join(node_problems(operator)) or silent}"

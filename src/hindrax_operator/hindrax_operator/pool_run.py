@@ -231,7 +231,7 @@ def _operate(
         until_the_end.enter_context(announced(lock_of(stack)))
         progress.report("waiting for the devices, the thrusters and a navigation solution")
         operator.wait(lambda: operator.navigation is not None, UP_S, lambda: missing_solution(operator))
-        operator.wait(lambda: operator.thrusters is not None, UP_S, lambda: "the thrusters to say anything")
+        operator.wait(lambda: operator.thrusters is not None, UP_S, lambda: "a message from the thrusters")
         progress.report(f"{state_before_arming(reported)}; arming, which holds neutral for the time that the ESCs need")
         if options.plan_is_the_pilots:
             operator.wait(lambda: operator.plans is not None, UP_S, lambda: "the pilot to tell its plans")
@@ -302,7 +302,9 @@ def interrupted_once() -> Iterator[None]:
 def state_before_arming(reported: Mapping[str, str]) -> str:
     """That all is up, or what is not well, by the last reports of the nodes."""
     troubled = sorted(name for name, trouble in reported.items() if trouble)
-    return f"the thrusters are up, but not well: {', '.join(troubled)}" if troubled else "sensors and thrusters are up"
+    return (
+        f"the thrusters are up, but not healthy: {', '.join(troubled)}" if troubled else "sensors and thrusters are up"
+    )
 
 
 def missing_solution(operator: Any) -> str:

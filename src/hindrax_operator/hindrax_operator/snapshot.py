@@ -21,7 +21,7 @@ class Thrusters:
 
     armed: bool = False
     state: str = "unknown"
-    reason: str = "no word from the thrusters yet"
+    reason: str = "no message from the thrusters yet"
     names: tuple[str, ...] = ()
     pulses_us: tuple[float, ...] = ()
     stops_us: tuple[float, ...] = ()

@@ -249,7 +249,7 @@ def test_a_vehicle_that_falls_silent_is_not_shown_as_armed() -> None:
     assert "ARMED" not in text
     assert "cut the power" not in text, "who is silent may still listen"
     text, _ = screen(replace(FULL, silent_s=7.4, stoppable=False))
-    assert "nobody there to stop it: if it thrusts, cut the power" in text
+    assert "no program left to stop it: if it thrusts, cut the power" in text
 
 
 @pytest.mark.parametrize(("part", "shown"), [(0.0, " " * 8 + "│" + " " * 8), (1.0, " " * 8 + "│" + "█" * 8)])

@@ -74,4 +74,4 @@ def test_what_is_not_well_is_not_called_up_before_the_arming() -> None:
     well = {"dvl75": "", "thrusters": ""}
     assert state_before_arming(well) == "sensors and thrusters are up"
     silent = well | {"dvl75": "no byte for 1 s", "ms5837": "absent"}
-    assert state_before_arming(silent) == "the thrusters are up, but not well: dvl75, ms5837"
+    assert state_before_arming(silent) == "the thrusters are up, but not healthy: dvl75, ms5837"

@@ -212,11 +212,11 @@ def _parameter(node: Node, message: Any) -> Parameter:
     if not node.has_parameter(name):  # rclpy checks too, but accepts an empty name
         raise ValueError(f"{name[:SHOWN]!r}: no such parameter; `ros2 param list` names them all")
     if name == CLOCK:
-        raise ValueError(f"{CLOCK}: fixed at start, since all stamps hang on the clock; start the node anew")
+        raise ValueError(f"{CLOCK}: fixed at start, since all stamps hang on the clock; restart the node")
     if kind not in SETTABLE:
         raise ValueError(f"{name}: found the type {kind}, wanted one of rcl_interfaces/msg/ParameterType, 1 to 9")
     if why := why_fixed(node.describe_parameter(name)):
-        raise ValueError(f"{name}: fixed at start, since {why}; start the node anew")
+        raise ValueError(f"{name}: fixed at start, since {why}; restart the node")
     return _as_declared(Parameter.from_parameter_msg(message), node.get_parameter(name).type_)
 
 

@@ -166,7 +166,7 @@ def test_a_wrong_parameter_costs_one_sentence(word: str, why: str) -> None:
 @pytest.mark.usefixtures("_alone")
 def test_what_cannot_change_or_does_not_fit_is_refused_with_the_reason_and_changes_nothing() -> None:
     with tuned_node() as (node, seen):
-        assert asked(node, inner__limit=3.0) == f"inner.limit: fixed at start, since {SAFETY}; start the node anew"
+        assert asked(node, inner__limit=3.0) == f"inner.limit: fixed at start, since {SAFETY}; restart the node"
         assert "wanted at most the limit" in asked(node, inner__gain=5.0)
         assert "range" in asked(node, inner__gain=11.0)
         assert "type" in asked(node, count="three").lower()

@@ -60,7 +60,7 @@ def least_squares(regressor: Array, measured: Array, names: Sequence[str]) -> Fi
     scale = np.linalg.norm(regressor, axis=0)
     if not np.all(scale > 0.0):
         silent = ", ".join(name for name, size in zip(names, scale, strict=True) if not size > 0.0)
-        raise HindraxError(f"fit of {silent}: the record holds no excitation of it; vary the input")
+        raise HindraxError(f"fit of {silent}: the record does not excite it; vary the input")
     left, singular, right = np.linalg.svd(regressor / scale, full_matrices=False)
     if singular[-1] < RANK_TOLERANCE * singular[0]:
         raise HindraxError(f"fit of {', '.join(names)}: the record cannot separate them; vary the input more")

@@ -38,7 +38,7 @@ def fit(
     """
     if np.unique(np.abs(np.round(speed_mps, 9))).size < 2:
         raise HindraxError(
-            "towing: all points have the same speed, wanted at least two; one speed cannot tell k_l from k_q"
+            "towing: all points have the same speed, wanted at least two; one speed cannot separate k_l from k_q"
         )
     columns = {"k_q": np.abs(speed_mps) * speed_mps, "k_l": speed_mps}
     columns |= {"b": np.ones(speed_mps.size)} if offset else {}

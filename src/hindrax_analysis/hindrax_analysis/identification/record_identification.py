@@ -122,7 +122,7 @@ def _read(path: Path, wanted: TopicSelection, vehicle: Vehicle | None, *, part: 
         return RecordSource(bag, mock=is_mock(bag))
     if resolved(ALLOCATION) in topics and wanted == TopicSelection():
         raise UsageError(
-            f"{path}: is a bag of this stack, and no maneuver was flown in it; what was flown by hand can be identified"
+            f"{path}: is a bag of this stack, and no maneuver was flown in it; manual flight can be identified"
             f" with --odometry {resolved(ODOMETRY)}"
         )
     return RecordSource(bag, read_bag(bag, wanted, topics, vehicle))

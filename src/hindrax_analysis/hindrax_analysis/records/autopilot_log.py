@@ -128,7 +128,7 @@ def _messages(path: Path) -> Iterator[Any]:
     try:
         from pymavlink import mavutil  # noqa: PLC0415  # a vehicle does without it
     except ImportError as error:
-        raise HindraxError(f"{path}: logs of ArduPilot need pymavlink, which a set-up for the desk brings") from error
+        raise HindraxError(f"{path}: logs of ArduPilot need pymavlink; `./hindrax setup --all` installs it") from error
     try:
         log = mavutil.mavlink_connection(str(path))
         while (message := log.recv_match(type=list(FIELDS))) is not None:
@@ -142,7 +142,7 @@ def _px4_tables(path: Path, channels: Sequence[int]) -> Tables:
     try:
         from pyulog import ULog  # noqa: PLC0415  # a vehicle does without it
     except ImportError as error:
-        raise HindraxError(f"{path}: logs of PX4 need pyulog, which a set-up for the desk brings") from error
+        raise HindraxError(f"{path}: logs of PX4 need pyulog; `./hindrax setup --all` installs it") from error
     try:
         datasets = ULog(str(path), list(PX4_FIELDS)).data_list
         found: dict[Quantity, list[tuple[Array, Array]]] = {}

@@ -18,7 +18,7 @@ from hindrax_ident.model.motion_model import MOTIONS, coefficient_units
 
 HEADINGS = ("k<sub>q</sub>", "k<sub>l</sub>", "b", "added mass")
 CONTRIBUTIONS = (
-    "A row is what the band would lose if its influence were known. Losses act one way and may all be large at once, "
+    "A row is the part of the band that vanishes if its influence is known. Losses have one sign and may all be large, "
     "so their rows do not add up in squares to the band."
 )
 SIGN_OF_B = (

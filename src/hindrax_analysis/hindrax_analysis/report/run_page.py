@@ -100,7 +100,9 @@ def _end(report: RunReport) -> str:
     if not report.results.motions:
         rows.append("Nothing was flown: there is no data, so there are no coefficients.")
     if blocked:
-        rows.append(f"Thrust moved nothing, as against a wall: {blocked}. That and what led to it is not in the data.")
+        rows.append(
+            f"Thrust moved nothing, as against a wall: {blocked}. That and the time before it are not in the data."
+        )
     return f'<div class="warning">{"".join(f"<p>{row}</p>" for row in rows)}</div>' if rows else ""
 
 
@@ -132,9 +134,9 @@ def _how_to_read(report: RunReport) -> str:
     righting = "; of roll and pitch also \u2212 k<sub>r</sub> sin of the angle: the restoring moment" if rights else ""
     words = (
         f"<p>Model of every motion: {mass}, in SI units and SNAME axes (x forward, y starboard, z down)"
-        f"{righting}. A value "
-        "stands with the standard deviation to quote for the vehicle, which holds all influences of the uncertainty "
-        "budget; below it is the part that is the noise of this run.</p>"
+        f"{righting}. Each value "
+        "has the standard deviation to quote for the vehicle, with all influences of the uncertainty budget; below it "
+        "is the noise of this run.</p>"
     )
     if report.conditions.assumptions:
         words += f"<p>Assumptions:</p>{bullets(report.conditions.assumptions)}"
@@ -256,7 +258,7 @@ def _conditions(of: Conditions) -> str:
     ]
     sources = (
         f'<p class="soft">Drag model, coefficients and drag coefficients as in {PAPER} ({CITATION}). Standard '
-        "deviations: its eq. 7 and 8, with the color of the residuals taken into account. The same numbers, with "
+        "deviations: its eq. 7 and 8, corrected for the autocorrelation of the residuals. The same numbers, with "
         "covariances, are in coefficients.yaml.</p>"
     )
     return f"<h2>Conditions</h2>{definitions(pairs)}{sources}"

@@ -76,16 +76,16 @@ class Recorder(BatchedNode):
     def __init__(self) -> None:
         super().__init__("recorder")
         folder = Path(text(self, "bag", "", "folder of the bag [-]"))
-        vehicle = text(self, "vehicle", "", "vehicle file, kept inside the bag [-]")
-        notes = text(self, "notes", "", "what this run is, kept inside the bag [-]")
-        truth = text(self, "truth", "", "true coefficients of a mock vehicle as JSON, kept inside the bag [-]")
+        vehicle = text(self, "vehicle", "", "vehicle file, stored in the bag [-]")
+        notes = text(self, "notes", "", "description of this run, stored in the bag [-]")
+        truth = text(self, "truth", "", "true coefficients of a mock vehicle as JSON, stored in the bag [-]")
         self._bag = BagWriter(folder)
         self._bag.limits = knobs(self, BagLimits, partial(setattr, self._bag, "limits"))
         unfinished = self._bag.open(resume=True)
         self._describe({"notes": notes, "truth": truth}, vehicle)
         self._completion = begin_completion(unfinished)
         if self._bag.path.stem != f"{folder.name}_0":
-            self.get_logger().warning(f"{folder} is there already; recording goes on in {self._bag.path.name}")
+            self.get_logger().warning(f"{folder} is there already; recording continues in {self._bag.path.name}")
         self._reporter = DiagnosticsPublisher(self)
         self._gaps: dict[str, PublicationGaps] = {}
         self._invalid_stamps: Counter[str] = Counter()

@@ -163,7 +163,9 @@ def _sqlite_messages(file: Path, topics: Collection[str] | None) -> Iterator[Bag
                     topic, form = forms[number]
                     yield BagMessage(topic, form.type, bytes(data), int(stamp), int(stamp), form)
     except sqlite3.DatabaseError as error:
-        raise UsageError(f"{file}: cannot be read as a sqlite3 bag ({error}); copy it anew, or name another") from error
+        raise UsageError(
+            f"{file}: cannot be read as a sqlite3 bag ({error}); copy it again, or name another"
+        ) from error
 
 
 def _definitions(database: sqlite3.Connection) -> dict[str, str]:

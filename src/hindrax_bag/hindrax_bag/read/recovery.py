@@ -180,7 +180,7 @@ def complete(file: Path) -> str:
     target = file.with_name(file.name + SUFFIX)
     with file.open("rb") as stream:
         if not try_lock(stream):
-            return f"{file}: is still written, left alone"
+            return f"{file}: is still being written, skipped"
         try:
             return f"{file}: was left unfinished; {_replaced(file, target)}"
         except (HindraxError, OSError) as error:

@@ -246,7 +246,7 @@ class BagWriter:
         if self.limits.split_due(part.size_bytes, (contents.last - contents.first) / NS_PER_S):
             self._finish()
             self._next_part()
-            decisions.append(f"{contents.name} is full; {self.path.name} goes on")
+            decisions.append(f"{contents.name} is full; recording continues in {self.path.name}")
         while self.limits.over_budget(self.size_bytes) and self.limits.when_full == "oldest" and self._others():
             oldest = self._others()[0]
             oldest.unlink()
@@ -272,7 +272,7 @@ class BagWriter:
     def _resume(self) -> list[str]:
         self._next_part()
         self._waits_for_room, self.stopped = False, ""
-        return [f"there is room on the disk again; recording goes on in {self.path.name}"]
+        return [f"there is room on the disk again; recording continues in {self.path.name}"]
 
     def _give_up(self, error: OSError) -> str:
         """Leave the file unfinished: `recover` completes it."""

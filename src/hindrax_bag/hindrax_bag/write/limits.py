@@ -23,9 +23,9 @@ class BagLimits:
 
     split_MB: float = knob(1000.0, 0.0, 1e6, "size at which a new file of the bag begins [MB]")
     split_s: float = knob(900.0, 0.0, 1e6, "time after which a new file of the bag begins [s]")
-    budget_MB: float = knob(0.0, 0.0, 1e7, "what the bag may take of the disk, all files together [MB]")
+    budget_MB: float = knob(0.0, 0.0, 1e7, "largest size of the bag, all files together [MB]")
     when_full: str = choice("stop", ("stop", "oldest"), "stop recording, or drop the oldest file of the bag")
-    keep_free_MB: float = knob(200.0, 0.0, 1e6, "what is left free on the disk [MB]")
+    keep_free_MB: float = knob(200.0, 0.0, 1e6, "space kept free on the disk [MB]")
     planned_s: float = knob(0.0, 0.0, 1e6, "length of the planned run, for the check of free space [s]")
 
     def check_space(self, folder: Path) -> None:

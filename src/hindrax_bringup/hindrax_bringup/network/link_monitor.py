@@ -18,7 +18,7 @@ class SafetyMonitorKnobs:
     """Reaction to the loss of the operator's link."""
 
     without_operator: str = choice(
-        STAY, (HOLD, NEUTRAL, STAY), "hold: end the maneuver; neutral: disarm as well; stay: no link is watched"
+        STAY, (HOLD, NEUTRAL, STAY), "hold: end the maneuver; neutral: disarm as well; stay: the link is not monitored"
     )
 
 

@@ -162,7 +162,7 @@ def settings(keystore: str, environment: Mapping[str, str]) -> dict[str, str]:
 
 def unenforced(keystore: str) -> str:
     """Note where a mock starts beside a keystore."""
-    return f"{KEYSTORE}: {keystore} is not enforced in mock; whoever reaches its graph may command the mock vehicle"
+    return f"{KEYSTORE}: {keystore} is not enforced in mock; anyone in its graph may command the mock vehicle"
 
 
 def with_enclave(environment: Mapping[str, str], process: str) -> dict[str, str]:

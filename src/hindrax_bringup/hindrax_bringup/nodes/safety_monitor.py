@@ -148,7 +148,7 @@ class SafetyMonitor(BatchedNode):
             if step and self.armed:
                 self._disarm(step)
         level = DiagnosticStatus.WARN if step else DiagnosticStatus.OK
-        text = f"{step}; stamps do not follow until the stack starts anew" if step else "as the wall clock"
+        text = f"{step}; stamps do not follow until the stack restarts" if step else "as the wall clock"
         values = {"wall clock ahead [s]": f"{step_s:.3f}"}
         self._reporter.publish(self.now(), status("hindrax: clock", level, text, values))
 

@@ -70,7 +70,7 @@ def judged(diagnostics: Mapping[str, Any], wanted: Iterable[str], title: str) ->
 def _node(name: str, status: Any) -> Check:
     if status is None:
         remedy = "its process is down; see logs/ of the run, or start the stack again"
-        return Check(name, "its node says nothing", remedy)
+        return Check(name, "its node sends nothing", remedy)
     values = {pair.key: pair.value for pair in status.values}
     rate = float(values.get("rate [Hz]", math.nan))
     parts = [values.get("identity", ""), status.message, "" if math.isnan(rate) else f"{rate:.1f} Hz"]

@@ -95,9 +95,9 @@ def power(root: Path) -> Check:
         return Check("power", "this kernel does not tell")
     flags = int(text, 16)
     if flags & UNDER_VOLTAGE:
-        return Check("power", "under-voltage now", "give it 5.1 V and 3 A; look at cable, plug and converter")
+        return Check("power", "under-voltage now", "give it 5.1 V and 3 A; check cable, plug and converter")
     if flags & UNDER_VOLTAGE_BEFORE:
-        remedy = "look at cable, plug and converter, then reboot"
+        remedy = "check cable, plug and converter, then reboot"
         return Check("power", "there was under-voltage since the start", remedy)
     return Check("power", "no under-voltage since the start")
 

@@ -68,7 +68,7 @@ class SupplyVoltage:
         if self._last is None or self.measured_V(now) is not None:
             return ""
         silent_s = seconds_between(self._last[0], now)
-        return f"battery sensor silent for {silent_s:.0f} s: reckoning with {self._nominal_V:.1f} V"
+        return f"battery sensor silent for {silent_s:.0f} s: using {self._nominal_V:.1f} V"
 
     def status_text(self, now: Stamp) -> str:
         """Voltage in use and its origin, for the operator."""

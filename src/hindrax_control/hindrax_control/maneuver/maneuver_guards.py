@@ -32,13 +32,13 @@ REMEDIES: Mapping[str, str] = {
     "altitude_band": "let it rise (`./hindrax hold altitude`)",
     "battery": "charge the battery",
     "leak": "surface, disarm and open the hull",
-    "time_out": "look for what held it back (a current, a cable, a weak thruster) and fly it again",
-    "thrusters": "mend them and `./hindrax thruster enable` them, or fly other motions",
-    "attitude": "bring it upright (`./hindrax hold roll 0`, `hold pitch 0`) and look at its trim",
-    "speed": "let it come to rest, and see whether the DVL is right (`./hindrax monitor`)",
-    "sensor_age": "see what is wrong with the sensor (`./hindrax doctor`), then fly again",
+    "time_out": "find what held it back (a current, a cable, a weak thruster) and fly it again",
+    "thrusters": "repair them and `./hindrax thruster enable` them, or fly other motions",
+    "attitude": "bring it upright (`./hindrax hold roll 0`, `hold pitch 0`) and check its trim",
+    "speed": "let it come to rest, and check the DVL (`./hindrax monitor`)",
+    "sensor_age": "check the sensor (`./hindrax doctor`), then fly again",
     "blocked": "look for a wall, a cable or a rope, bring it to the middle of the pool and `./hindrax recentre` it",
-    "dvl_lock": "give the DVL more water above a flat floor, or see what is wrong with it (`./hindrax doctor`)",
+    "dvl_lock": "give the DVL more water above a flat floor, or check it (`./hindrax doctor`)",
 }
 """What the operator can do about each guard."""
 
@@ -49,7 +49,7 @@ class ManeuverGuardKnobs:
 
     wall_m: float = knob(0.3, 0.0, 10.0, "least distance between hull and wall, after braking [m]")
     surface_m: float = knob(-0.3, -1.0, 10.0, "least depth of the hull's top; it floats before a dive [m]")
-    doubt: float = knob(2.0, 0.0, 5.0, "standard deviations of the position that walls are nearer by [-]")
+    doubt: float = knob(2.0, 0.0, 5.0, "standard deviations of the position added to the distance from walls [-]")
     floor_m: float = knob(0.15, 0.0, 10.0, "least distance between hull and floor [m]")
     unlocked_s: float = knob(5.0, 0.1, 60.0, "longest time without a bottom lock of the DVL [s]")
     inertial_age_s: float = knob(0.2, 0.01, 10.0, "oldest inertial sample [s]")

@@ -42,7 +42,7 @@ class AidingKnobs(AttitudeKnobs, HeadingKnobs, VerticalKnobs, HorizontalKnobs):
     dvl_altitude_after_s: float = knob(0.5, 0.0, 60.0, "silence of the sonar after which the DVL's altitude serves [s]")
     dvl_altitude_sigma_m: float = knob(0.05, 1e-4, 1.0, "standard deviation of the DVL's altitude [m]")
     fastest_mps: float = knob(3.0, 0.1, 20.0, "velocity above which a DVL sample is rejected [m/s]")
-    repeated_s: float = knob(1.0, 0.1, 60.0, "longest time for which a DVL may repeat one velocity, but for rest [s]")
+    repeated_s: float = knob(1.0, 0.1, 60.0, "longest time for which a DVL may repeat one velocity, except at rest [s]")
 
 
 class Aiding:

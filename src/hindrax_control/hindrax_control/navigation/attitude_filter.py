@@ -45,7 +45,7 @@ class AttitudeKnobs:
     bias_time_s: float = knob(80.0, 1.0, 10000.0, "time constant of the gyroscope bias across the vertical [s]")
     gravity_noise: float = knob(0.28, 0.001, 10.0, "accelerations of the vehicle as noise of gravity [m/s^2*sqrt(s)]")
     gravity_gate_mps2: float = knob(1.0, 0.05, 10.0, "specific force this far from one g is no gravity [m/s^2]")
-    offset_dps: float = knob(10.0, 0.1, 90.0, "largest believable gyroscope offset: two standard deviations [deg/s]")
+    offset_dps: float = knob(10.0, 0.1, 90.0, "largest plausible gyroscope offset: two standard deviations [deg/s]")
 
 
 class AttitudeFilter:

@@ -47,9 +47,9 @@ class EstimatorHealthKnobs:
     tilt_sigma_deg: float = knob(3.0, 0.1, 90.0, "largest standard deviation of the tilt [deg]")
     gravity_deg: float = knob(20.0, 1.0, 90.0, "largest angle between gravity as measured and as estimated [deg]")
     refused: int = knob(20, 2, 1000, "surplus of refused depths or velocities over accepted ones [-]")
-    rate_dps: float = knob(450.0, 10.0, 4000.0, "fastest believable turn; the gyroscope ends at 500 [deg/s]")
-    sunk_m: float = knob(0.2, 0.01, 5.0, "largest difference of the way down by DVL and by pressure, of 5 s [m]")
-    below_floor_m: float = knob(0.3, 0.01, 5.0, "way below the floor that is accepted while there is no pressure [m]")
+    rate_dps: float = knob(450.0, 10.0, 4000.0, "fastest plausible turn; the gyroscope ends at 500 [deg/s]")
+    sunk_m: float = knob(0.2, 0.01, 5.0, "largest difference of the descent by DVL and by pressure, over 5 s [m]")
+    below_floor_m: float = knob(0.3, 0.01, 5.0, "depth below the floor accepted without pressure [m]")
     frozen_s: float = knob(0.2, 0.05, 60.0, "longest time for which the inertial sensor may repeat one sample [s]")
     patience_s: float = knob(0.1, 0.0, 5.0, "time for which a check must fail [s]")
     recovery_s: float = knob(1.0, 0.0, 60.0, "time for which all checks must hold before arming [s]")
@@ -58,15 +58,15 @@ class EstimatorHealthKnobs:
 REMEDIES: Mapping[str, str] = {
     "finite": "restart the control process; see /diagnostics",
     "attitude": "let the vehicle float quietly for some seconds",
-    "gravity": "let the vehicle rest; look at the mount of the inertial sensor",
-    "depth": "let it rest at the surface; look at the pressure sensor (`./hindrax doctor`)",
-    "velocity": "let it rest; see whether the DVL is right (`./hindrax monitor`)",
-    "sinking": "see whether pressure sensor and DVL are right (`./hindrax monitor`)",
-    "floor": "bring it up; look at the pressure sensor (`./hindrax doctor`)",
-    "frozen": "look at the inertial sensor (`./hindrax doctor`)",
-    "rate": "look at the inertial sensor (`./hindrax doctor`)",
-    "speed": "let it come to rest; see what the sensors say (`./hindrax monitor`)",
-    "tilt": "bring it upright, and look at its trim",
+    "gravity": "let the vehicle rest; check the mount of the inertial sensor",
+    "depth": "let it rest at the surface; check the pressure sensor (`./hindrax doctor`)",
+    "velocity": "let it rest; check the DVL (`./hindrax monitor`)",
+    "sinking": "check pressure sensor and DVL (`./hindrax monitor`)",
+    "floor": "bring it up; check the pressure sensor (`./hindrax doctor`)",
+    "frozen": "check the inertial sensor (`./hindrax doctor`)",
+    "rate": "check the inertial sensor (`./hindrax doctor`)",
+    "speed": "let it come to rest; check the sensors (`./hindrax monitor`)",
+    "tilt": "bring it upright, and check its trim",
 }
 """What the operator can do about each check that fails."""
 
@@ -102,7 +102,7 @@ class EstimatorHealth:
         before, self._began = self._began, began
         if before is None or before == began or not armed:
             return ()
-        return ("restart: the state of the vehicle began anew in flight, wanted an unbroken one; disarm and arm again",)
+        return ("restart: the state of the vehicle restarted in flight, wanted a continuous one; disarm and arm again",)
 
     def _failing(self, navigation: Navigation, stamp: Stamp) -> tuple[str, ...]:
         found = []

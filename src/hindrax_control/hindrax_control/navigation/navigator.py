@@ -36,7 +36,7 @@ class NavigatorKnobs(AidingKnobs, PositionKnobs):
     align_patience_s: float = knob(6.0, 0.0, 600.0, "time for which alignment waits for rest [s]")
     still_dps: float = knob(0.5, 0.01, 90.0, "standard deviation of the offset from which on it rests [deg/s]")
     resumed_dps: float = knob(0.2, 0.001, 90.0, "uncertainty of a known offset after a gap in the samples [deg/s]")
-    longest_gap_s: float = knob(0.5, 0.01, 10.0, "gap in the IMU's samples after which alignment starts anew [s]")
+    longest_gap_s: float = knob(0.5, 0.01, 10.0, "gap in the IMU's samples after which alignment restarts [s]")
     lock_s: float = knob(0.5, 0.05, 10.0, "age of a DVL velocity up to which it counts as locked [s]")
 
 

@@ -32,7 +32,7 @@ class FilterKnobs:
 
     accelerometer_noise: float = knob(0.01, 1e-4, 10.0, "noise of the acceleration [m/s^2/sqrt(Hz)]")
     gate: float = knob(5.0, 1.0, 100.0, "innovation, in standard deviations, above which a measurement is refused [-]")
-    patience: int = knob(10, 1, 1000, "refusals in a row after which a filter lets go of its state [-]")
+    patience: int = knob(10, 1, 1000, "refusals in a row after which a filter resets its state [-]")
 
 
 @dataclass(frozen=True)

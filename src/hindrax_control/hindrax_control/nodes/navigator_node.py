@@ -42,7 +42,7 @@ class NavigatorNode(BatchedNode):
         self.settle_s = SETTLE_S
         self.on_state = on_state
         self._thrusters = len(vehicle.thrusters)
-        self._navigator = Navigator(vehicle, knobs(self, NavigatorKnobs, fixed={"": "the state would start anew"}))
+        self._navigator = Navigator(vehicle, knobs(self, NavigatorKnobs, fixed={"": "the state would restart"}))
         self.confirm_position = self._navigator.confirm_position
         self._memory = Memory(os.environ)
         if known := self._memory.recall(REMEMBERED):

@@ -44,7 +44,7 @@ def request_line(chip: str, line: int, **settings: Any) -> Any:
         return gpiod.request_lines(path, consumer=CONSUMER, config={line: gpiod.LineSettings(**settings)})
     except OSError as error:
         raise DeviceError(
-            f"GPIO {chip}:{line}: cannot be had ({cause(error)}); find who uses it with `gpioinfo`, and add "
+            f"GPIO {chip}:{line}: cannot be requested ({cause(error)}); find who uses it with `gpioinfo`, and add "
             "the user to the group gpio"
         ) from error
 

@@ -224,7 +224,7 @@ class Dvl75:
         self._last_stamp = Stamp(0) if one.kind == "host step" else self._last_stamp
         what = {"reset": "has restarted", "jump": "leapt", "host step": "goes on, but the host's was set back"}
         sentence = f"DVL clock {what[one.kind]} at {one.ticks} us (by {one.shift_s:.3f} s)"
-        self._troubles.append(Trouble(one.arrival, f"{sentence}; stamps start anew"))
+        self._troubles.append(Trouble(one.arrival, f"{sentence}; stamps restart"))
 
     def tick(self, stamp: Stamp) -> list[Output]:
         """Detect silence, foreign data and missing deltas; request deltas of a DVL and on a silent line."""

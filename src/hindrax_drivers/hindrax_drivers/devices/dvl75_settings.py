@@ -42,13 +42,13 @@ class Dvl75Knobs:
     """How the DVL is read and, by `./hindrax dvl setup` only, set up."""
 
     baud: int = knob(115200, 9600, 921600, "line speed [bit/s]")
-    speed_of_sound_mps: float = knob(1484.0, 1100.0, 1950.0, "speed of sound the device shall reckon with [m/s]")
-    velocity_adjustment: float = knob(1.0, 0.8, 1.25, "factor the device shall put on its velocities [-]")
+    speed_of_sound_mps: float = knob(1484.0, 1100.0, 1950.0, "speed of sound that the device uses [m/s]")
+    velocity_adjustment: float = knob(1.0, 0.8, 1.25, "factor that the device applies to its velocities [-]")
     min_confidence: float = knob(0.5, 0.01, 1.0, "confidence below which there is no velocity [-]")
     axis_sign: Vec3 = knob((1.0, 1.0, 1.0), -1.0, 1.0, "signs that turn the device's x, y, z into FRD [-]")
     attitude_sign: Vec3 = knob((1.0, 1.0, 1.0), -1.0, 1.0, "signs that turn roll, pitch, heading into SNAME [-]")
     sigma_floor_mps: float = knob(0.01, 0.0, 1.0, "standard deviation of a velocity without rounding [m/s]")
-    max_speed_mps: float = knob(5.0, 0.1, 20.0, "largest believable velocity along an axis [m/s]")
+    max_speed_mps: float = knob(5.0, 0.1, 20.0, "largest plausible velocity along an axis [m/s]")
     clock_drift_ppm: float = knob(200.0, 0.0, 1000.0, "largest accepted error of the device's clock rate [ppm]")
     latency_s: float = knob(0.0065, 0.0, 0.5, "end of interval to arrival: 75 characters at 115200 baud [s]")
     stall_s: float = knob(1.0, 0.3, 60.0, "silence that is reported [s]")

@@ -29,7 +29,7 @@ from hindrax_ros.raw_frames import FrameTap
 LIFECYCLE_PERIOD_S = 0.2
 REPORT_EVERY = 5
 STALE_S = 1.0
-WET = "water in the hull: surface, and open it; nothing is switched off by itself"
+WET = "water in the hull: surface, and open it; nothing is disabled automatically"
 WAS_WET = "there was water in the hull, and the probe is dry again: surface, and open it"
 TEMPERATURE_EVERY = 10
 """Every pressure comes with a temperature; one in this many temperatures is published."""

@@ -25,7 +25,7 @@ from hindrax_drivers.devices.stm32 import BOARD_NEUTRAL_us
 
 SERVO_LOW_us, SERVO_HIGH_us = 500.0, 2500.0
 """What is outside is not a servo pulse at all but a sign of garbage; what is inside is clipped to the limits."""
-ASK_AGAIN = "ask again"
+TRY_AGAIN = "try again"
 """Ends the refusal of a request that would be taken if it were made now."""
 LEAST_REST_us = 1000.0
 """No speed controller rests at a shorter pulse."""
@@ -45,7 +45,7 @@ class OutputGuardKnobs:
     future_s: float = knob(0.1, 0.0, 1.0, "how far ahead of the vehicle's clock a stamp may be [s]")
     repeat_s: float = knob(0.09, 0.01, 0.1, "longest time between two writes, neutral or not [s]")
     failing_s: float = knob(0.2, 0.0, 2.0, "time of failing writes after which the output is faulted [s]")
-    neutral_us: float = knob(0.0, 0.0, 2000.0, "pulse at rest; 0: the stop pulse of each thruster's curve [us]")
+    neutral_us: float = knob(0.0, 0.0, 2000.0, "neutral pulse; 0: the stop pulse of each thruster's curve [us]")
     low_us: float = knob(1100.0, 500.0, 1500.0, "shortest pulse [us]")
     high_us: float = knob(1900.0, 1500.0, 2500.0, "longest pulse [us]")
     slew_usps: float = knob(4000.0, 100.0, 1e6, "largest change of a pulse, but for going neutral [us/s]")
@@ -185,7 +185,7 @@ class OutputGuard:
         if refusal is not None:
             return replace(state, fresh_until=None), refusal
         if state.armed and state.last_command and not _newer(command.sequence, state.last_command.sequence):
-            state = self.drop(state, "the sender of commands has started anew: arm again", now)
+            state = self.drop(state, "the sender of commands has restarted: arm again", now)
         held = self._held(state, now)
         fresh_until = after(Stamp(min(command.stamp, now)), self.knobs.silence_s - self.knobs.margin_s)
         state = replace(state, commanded_at=now, fresh_until=fresh_until, last_command=command)
@@ -392,15 +392,15 @@ class OutputGuard:
         untimely = StampWindow(self.knobs.arm_lifespan_s, self.knobs.future_s).judge(request.stamp, now)
         if untimely is not None:
             clocks = untimely.remedy if untimely.other_clock else "set the clocks of both machines if this lasts"
-            return f"request is {untimely.text}; {clocks}, and {ASK_AGAIN}"
+            return f"request is {untimely.text}; {clocks}, and {TRY_AGAIN}"
         last = state.last_request
         if last is not None:
             # A restarted console counts from the beginning: accepted once no late request can still arrive.
             again = seconds_between(last.stamp, request.stamp) <= self.knobs.arm_lifespan_s
             if request.stamp <= last.stamp or (again and not _newer(request.sequence, last.sequence)):
-                return f"request {request.sequence} is not newer than {last.sequence}, the last one; {ASK_AGAIN}"
+                return f"request {request.sequence} is not newer than {last.sequence}, the last one; {TRY_AGAIN}"
         if state.monitor_disarmed_at is not None and request.stamp <= state.monitor_disarmed_at:
-            return f"request {request.sequence} was made before the vehicle disarmed itself; {ASK_AGAIN}"
+            return f"request {request.sequence} was made before the vehicle disarmed itself; {TRY_AGAIN}"
         if state.phase is ArmingPhase.FAULTED:
             return f"output is faulted: {state.reason}"
         return ""
@@ -421,7 +421,8 @@ def guard_of(vehicle: Vehicle, knobs: OutputGuardKnobs | None = None) -> OutputG
         if vehicle.output.device == "stm32" and abs(pulse_us - BOARD_NEUTRAL_us) > curve.dead_band_us:
             raise UsageError(
                 f"thrusters: {thruster.name} rests at {pulse_us:g} us, and the stm32 by itself at {BOARD_NEUTRAL_us:g}"
-                " us, which would turn it; teach the speed controller (`./hindrax esc calibrate`), then correct stop_us"
+                " us, which would turn it; calibrate the speed controller (`./hindrax esc calibrate`), then correct "
+                "stop_us"
             )
     return OutputGuard(rest_us, len(vehicle.output.light_channels), chosen)
 

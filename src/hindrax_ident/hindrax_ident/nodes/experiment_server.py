@@ -35,7 +35,7 @@ BUSY = "start: an experiment is being run; `./hindrax stop` ends it"
 CANCELLED = "cancelled: by the operator"
 GONE = "pilot: does not offer maneuver/fly; start it"
 MUTE = f"pilot: no feedback of the maneuver for {SILENT_S:.0f} s; see whether its process is up, and run again"
-VERSION = "pilot: rejected the maneuver without a reason; it is of another version: start it anew"
+VERSION = "pilot: rejected the maneuver without a reason; it is of another version: restart it"
 
 
 Judge: TypeAlias = Callable[[Callable[[Session], Choice | None]], Choice | None]

@@ -29,7 +29,7 @@ class Aim:
 
     def __str__(self) -> str:
         """In words."""
-        noise = f"{100.0 * self.until:g} %" if self.until else "a third of what calibration leaves"
+        noise = f"{100.0 * self.until:g} %" if self.until else "a third of the calibration uncertainty"
         return f"until the noise of the drag is below {noise}, at most {self.limit_s / 60.0:g} minutes"
 
 
@@ -56,7 +56,7 @@ class Choice:
 
 def plan_text(motions: Sequence[str], aim: Aim) -> str:
     """What will be flown, in words."""
-    return f"{'; '.join(str(Choice(motion)) for motion in motions)}, each out and back; then what informs most, {aim}"
+    return f"{'; '.join(str(Choice(motion)) for motion in motions)}, each out and back; then most informative, {aim}"
 
 
 def check_experiment(motions: Sequence[str], aim: Aim, on_cancel: str = "hold") -> None:
@@ -71,6 +71,8 @@ def check_experiment(motions: Sequence[str], aim: Aim, on_cancel: str = "hold") 
     if on_cancel not in ENDINGS:
         raise UsageError(f"goal: ending {on_cancel[:40]!r} unknown, wanted {' or '.join(ENDINGS)}")
     if aim.until != 0.0 and not LEAST_SHARE <= aim.until <= 1.0:
-        raise UsageError(f"goal: until {aim.until:g}, wanted {LEAST_SHARE:g} to 1, or 0 for what calibration leaves")
+        raise UsageError(
+            f"goal: until {aim.until:g}, wanted {LEAST_SHARE:g} to 1, or 0 for the calibration uncertainty"
+        )
     if not 0.0 <= aim.minutes <= LONGEST_MIN:
         raise UsageError(f"goal: minutes {aim.minutes:g}, wanted 0 to {LONGEST_MIN:g}; 0 asks for {LONGEST_MIN:g}")

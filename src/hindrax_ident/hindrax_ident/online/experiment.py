@@ -178,6 +178,6 @@ class Experiment:
         if unflown:
             return f"{time} are over before {', '.join(unflown)}"
         if not lacking:
-            return "every motion is known as well as wanted"
+            return "every motion has reached the wanted uncertainty"
         over = "are over" if left_s <= 0.0 else "leave no time for another leg"
         return f"{time} {over}; more was wanted of {', '.join(lacking)}"

@@ -28,7 +28,7 @@ def headline(view: Snapshot, title: str) -> Text:
     thrusters = view.thrusters
     if view.silent_s > SILENT_s:
         silent = "no message yet" if math.isinf(view.silent_s) else f"no message for {view.silent_s:.0f} s"
-        hint = "" if view.stoppable else "  nobody there to stop it: if it thrusts, cut the power"
+        hint = "" if view.stoppable else "  no program left to stop it: if it thrusts, cut the power"
         return Text.assemble((f" {silent} ", "bold white on red"), hint, "  ", (title, DIM))
     color = "bold white on red" if thrusters.armed else "bold black on green"
     word = thrusters.state.upper() if thrusters.armed or thrusters.state == "disarmed" else thrusters.state
@@ -62,7 +62,7 @@ def state(navigation: Navigation | None) -> RenderableType:
 def holds(found: tuple[HoldState, ...]) -> RenderableType:
     """Every hold with setpoint and error, or off."""
     if not found:
-        return Text("no word from the pilot yet", style=DIM)
+        return Text("no message from the pilot yet", style=DIM)
     table = _grid(8, 12, 0)
     for hold in found:
         place = Text(f"at {_amount(hold.axis, hold.setpoint)}", style=GOOD) if hold.engaged else Text("off", style=DIM)
@@ -75,7 +75,7 @@ def holds(found: tuple[HoldState, ...]) -> RenderableType:
 def thrusters(found: Thrusters) -> RenderableType:
     """One bar per thruster around neutral, with pulse and force."""
     if not found.names:
-        return Text("no word from the thrusters yet", style=DIM)
+        return Text("no message from the thrusters yet", style=DIM)
     table = _grid(2, 2 * BAR + 1, 7, 0)
     rows = zip(found.names, found.pulses_us, found.stops_us, found.forces_N, found.saturated, strict=True)
     for name, pulse, stop, force, saturated in rows:

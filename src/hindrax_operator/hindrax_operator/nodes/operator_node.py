@@ -20,7 +20,7 @@ from hindrax_core import topics
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.signals import Estimate, Navigation
-from hindrax_drivers.output.output_guard import ASK_AGAIN
+from hindrax_drivers.output.output_guard import TRY_AGAIN
 from hindrax_ident.online.aim import ExperimentGoal
 from hindrax_msgs.action import FlyManeuver, RunExperiment
 from hindrax_msgs.msg import Heartbeat
@@ -237,7 +237,7 @@ class Operator:
         # In mock, time runs so fast that a busy machine is late now and then. A real vehicle is never asked again: a
         # person may have disarmed it meanwhile.
         for _ in range(ASKED_AT_MOST - 1 if self._mock else 0):
-            if answer.accepted or not answer.reason.endswith(ASK_AGAIN):
+            if answer.accepted or not answer.reason.endswith(TRY_AGAIN):
                 break
             answer = self._request_arming(arm=arm)
         if not answer.accepted:
@@ -253,7 +253,7 @@ class Operator:
 
     def _thruster_state(self) -> str:
         if self.thrusters is None:
-            return "the thrusters to say anything"
+            return "a message from the thrusters"
         return f"the thrusters, which are {self.thrusters.state} ({self.thrusters.reason})"
 
     def fly(self, goal: Goal | ExperimentGoal, seconds: float) -> tuple[str, str]:
@@ -292,9 +292,7 @@ class Operator:
         self.wait(future.done, ANSWER_S, lambda: f"the vehicle to answer a goal; {AGAIN}")
         self._goal = future.result()
         if not self._goal.accepted:
-            raise HindraxError(
-                "the vehicle rejected the goal without a reason; it is of another version: start it anew"
-            )
+            raise HindraxError("the vehicle rejected the goal without a reason; it is of another version: restart it")
         result = self._goal.get_result_async()
         try:
             self.wait(lambda: result.done() or self._maneuver_lost(), seconds, self._not_ended)

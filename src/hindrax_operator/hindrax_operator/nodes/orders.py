@@ -64,7 +64,7 @@ def hold(operator: Operator, axes: Sequence[str], value: float, *, engaged: bool
     """Engage (NaN: where the vehicle is), move or release holds; returns the setpoints in force. Radians and meters."""
     if engaged:
         require_armed(operator)
-    with operator.sender(HOLD_SETPOINT, "the pilot, which keeps the holds") as send:
+    with operator.sender(HOLD_SETPOINT, "the pilot, which serves the holds") as send:
         for axis in axes:
             _send_until_held(operator, send, HoldSetpoint(axis=axis, engaged=engaged, value=value))
     found = dict(zip(operator.holds.axes, operator.holds.setpoints, strict=True))
@@ -117,9 +117,9 @@ def _holds_as(status: Any, wanted: HoldSetpoint) -> bool:
 
 def _note(status: Any, axis: str) -> str:
     if (found := _hold(status, axis)) is None:
-        return "; the pilot says nothing: it waits for a navigation solution (`./hindrax monitor`)"
+        return "; the pilot does not answer: it waits for a navigation solution (`./hindrax monitor`)"
     _, _, note = found
-    return f"; it says: {note}" if note else "; the pilot gives no reason: does another client set this hold? Ask again"
+    return f"; it says: {note}" if note else "; the pilot gives no reason: does another client set this hold? Try again"
 
 
 def recentre(operator: Operator, x_m: float, y_m: float, turned_rad: float) -> None:
@@ -158,7 +158,7 @@ def until(operator: Operator, over: Callable[[], bool], seconds: float, what: st
             raise HindraxError(f"{what} ended early: the thrusters are {operator.thrusters.state}")
         return over()
 
-    operator.wait(done, seconds / SLOWEST_PACE + SEEN_S, lambda: f"{what} to end; time stands still")
+    operator.wait(done, seconds / SLOWEST_PACE + SEEN_S, lambda: f"{what} to end; the clock has stopped")
 
 
 def set_health(operator: Operator, names: set[str], reason: str, *, usable: bool) -> list[str]:

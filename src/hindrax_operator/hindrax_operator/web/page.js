@@ -267,7 +267,7 @@ function holds(found) {
   };
   rows(at("holds"), found.length
     ? found.map(one => [one.axis, words(one), one.note ? "warn" : one.engaged ? "good" : "soft"])
-    : [["", "no word from the pilot yet", "soft"]]);
+    : [["", "no message from the pilot yet", "soft"]]);
 }
 
 const KINDS = {ok: "good", warning: "warn"};

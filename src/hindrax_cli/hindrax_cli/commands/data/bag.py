@@ -48,7 +48,7 @@ def _show_info(found: Survey) -> None:
     for note in found.damage.notes:
         print_fitted(note)
     if found.damage.unfinished:
-        print_fitted(f"the bag was not finished; ./hindrax bag recover {found.bag} makes a whole one")
+        print_fitted(f"the bag is unfinished; ./hindrax bag recover {found.bag} completes it")
 
 
 @command(

@@ -42,7 +42,7 @@ def replay(arguments: argparse.Namespace) -> int:
     if arguments.update_refs and not arguments.all:
         raise UsageError("--update-refs is for --all only: references belong to the reference bags")
     if arguments.ros and arguments.update_refs:
-        raise UsageError("--update-refs is for --pure: what processes do depends on the time")
+        raise UsageError("--update-refs is for --pure: processes depend on timing")
     if arguments.out and not (arguments.ros and len(arguments.bags) == 1):
         raise UsageError("--out is for --ros with one bag")
     if arguments.all == bool(arguments.bags):
@@ -83,7 +83,7 @@ def _one(bag: Path, arguments: argparse.Namespace) -> Replayed:
     replayed = replay_bag(bag, rules, vehicle, results=arguments.all, names=names)
     if not replayed.ledger.messages and not replayed.ledger.differences():
         raise UsageError(
-            f"{bag}: holds nothing that can be compared, neither wire frames with readings nor inertial samples with"
+            f"{bag}: contains nothing to compare, neither wire frames with readings nor inertial samples with"
             f" navigation; `./hindrax bag info {bag}` lists its topics"
         )
     if arguments.all:

@@ -183,7 +183,7 @@ def show(found: Weighing, kept: str) -> None:
     print_table("Its uncertainty", ["influence"], ["std [%]"], [(name, f"{100.0 * part:.2f}") for name, part in budget])
     if found.misfit > 3.0:
         print_fitted(
-            f"warning: the holds contradict each other by {found.misfit:.1f} deviations; look at line and pulley",
+            f"warning: the holds contradict each other by {found.misfit:.1f} deviations; check line and pulley",
             sys.stderr,
         )
     print_fitted(kept)

@@ -117,7 +117,7 @@ def run(host: str, step: Step, clone: Path) -> None:
 
 def _require(code: int, host: str, step: Step) -> None:
     if code == NO_CONNECTION:
-        raise HindraxError(f"{step.title}: ssh does not reach {host}; try `ssh {host}` by hand")
+        raise HindraxError(f"{step.title}: ssh does not reach {host}; try `ssh {host}` in a terminal")
     if code:
         raise HindraxError(f"{step.title}: failed on {host} with code {code}; {step.remedy}")
 

@@ -112,4 +112,4 @@ def show(checks: Sequence[Check]) -> None:
         table.add_row(mark, *([name, Group(*found)] if beside else [Group(name, *found)]))
     screen.print(table)
     wrong = sum(not check.ok for check in checks)
-    print_fitted(f"{wrong} of {len(checks)} checks found a problem" if wrong else f"all {len(checks)} checks are well")
+    print_fitted(f"{wrong} of {len(checks)} checks found a problem" if wrong else f"all {len(checks)} checks passed")

@@ -67,7 +67,7 @@ def hold(arguments: argparse.Namespace) -> int:
     with operator_of(arguments) as operator:
         found = orders.hold(operator, axes, value, engaged=engaged)
     for axis in axes:
-        print_fitted(f"holding {axis} at {shown(axis, found[axis])}" if engaged else f"let go of {axis}")
+        print_fitted(f"holding {axis} at {shown(axis, found[axis])}" if engaged else f"released {axis}")
     return 0
 
 
@@ -76,11 +76,11 @@ def held(axis: str, text: str | None) -> tuple[tuple[str, ...], float, bool]:
     if text == OFF:
         return (HOLDS if axis == "all" else (axis,)), math.nan, False
     if axis == "all":
-        raise UsageError("hold all: only `off` goes for all; name one axis to hold it")
+        raise UsageError("hold all: only `off` applies to all; name one axis to hold it")
     if text is None:
         return (axis,), math.nan, True
     if axis == STATION:
-        raise UsageError(f"hold station: found {text!r}, wanted `off` or nothing: it is kept where the vehicle is")
+        raise UsageError(f"hold station: found {text!r}, wanted `off` or nothing: it holds the current position")
     unit = "a number of degrees" if axis in ANGLES else "a number of meters"
     try:
         value = float(text)

@@ -151,7 +151,7 @@ def qr_code(text: str) -> str:
 
 def startup_text(address: str, port: int, token: str, *, read_only: bool) -> str:
     """Return where the page is. The token stands behind the #, which a browser never sends anywhere."""
-    lines = [f"web: {page_url(address, port, token)}", "  whoever has this address may watch"]
+    lines = [f"web: {page_url(address, port, token)}", "  anyone with this address may watch"]
     lines[1] += "" if read_only else ", fly while the vehicle is armed, and stop it"
     if "localhost" in hosts_of(address):
         lines.append(
