@@ -141,7 +141,7 @@ def test_on_a_small_screen_the_state_stays_and_all_else_is_scrolled_to() -> None
         text, _ = screen(FULL, size=(60, 20), scrolled=pages)
         lines = [line.rstrip() for line in text.splitlines()]
         assert "ARMED" in lines[0]
-        assert "quit (ROV goes on)" in lines[-1]
+        assert "quit (ROV stays up)" in lines[-1]
         assert "\u2026" not in text
         seen += "\n".join(lines)
     for words in (

@@ -27,7 +27,7 @@ class Monitor(App[int]):
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("s", "end('stop', 'stopping')", "STOP (disarm, cancel)", priority=True),
         Binding("d", "end('disarm', 'disarming')", "disarm"),
-        Binding("q", "quit", "quit (ROV keeps running)"),
+        Binding("q", "quit", "quit (ROV stays up)"),
         Binding("ctrl+c", "interrupt", show=False, priority=True),
         Binding("down,pagedown", "scroll(1)", show=False),
         Binding("up,pageup", "scroll(-1)", show=False),
