@@ -279,11 +279,8 @@ def _names(message: Any) -> Iterable[str]:
         return known
     if hasattr(message, "get_fields_and_field_types"):
         found = tuple(message.get_fields_and_field_types())
-    elif slots := getattr(kind, "__slots__", None):
-        # Fields that a migration added are beside the slots.
-        found = tuple(name for name in (*slots, *getattr(message, "__dict__", ())) if not name.startswith("_"))
-    else:
-        return [name for name in vars(message) if not name.startswith("_")]
+    else:  # of `mcap_ros2`; fields that a migration added are beside the slots
+        found = tuple(name for name in (*message.__slots__, *vars(message)) if not name.startswith("_"))
     _KNOWN_NAMES[kind] = found
     return found
 

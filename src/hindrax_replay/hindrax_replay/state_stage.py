@@ -4,7 +4,7 @@ from bisect import bisect_left
 from collections import deque
 from collections.abc import Iterable
 
-from hindrax_bag.message_comparison import ComparisonReport, flat
+from hindrax_bag.message_comparison import ComparisonReport
 from hindrax_bag.read.bag_reader import BagMessage, stamp_of
 from hindrax_control.navigation.navigator import Navigator, NavigatorKnobs
 from hindrax_control.nodes.navigator_node import SOURCES
@@ -17,10 +17,10 @@ from hindrax_ident.online.session import Session
 from hindrax_ident.records.feed import DROPPED, Feed, Measurement
 from hindrax_ident.tuning import Tuning
 from hindrax_replay.recorded_devices import Parameters, knobs_of
-from hindrax_replay.wire_stage import Samples
+from hindrax_replay.wire_stage import Samples, compare_lazily
 from hindrax_ros.messages.convert import estimate_to_msg
 from hindrax_ros.messages.fast_serialization import navigation_writer, odometry_writer
-from hindrax_ros.messages.serialization import current_bytes, deserialized, message_class, serialized
+from hindrax_ros.messages.serialization import current_bytes, deserialized, message_class
 
 NEAR_NS = NS_PER_S // 50
 """A recorded navigation state has a replayed one within a tick."""
@@ -89,8 +89,7 @@ class StateStage:
             if at == len(made) or made[at].stamp > stamp + SAME_NS:
                 self._ledger.unmatched(ESTIMATE_NAME, stamp, "recorded, not replayed", motion, "none")
                 continue
-            data = serialized(estimate_to_msg(made[at]))
-            self._ledger.compare_bytes(ESTIMATE_NAME, stamp, message.data, data, message.form.decode)
+            compare_lazily(self._ledger, message, stamp, estimate_to_msg(made[at]))
         if self._dropped > self._feed.dropped:
             why = f"{self._dropped} measurements came too late for the live identifier on a busy machine"
             self._ledger.explain(ESTIMATE_NAME, f"{why}; `identify` uses them")
@@ -118,7 +117,7 @@ class StateStage:
             self._ledger.unmatched(topic, stamp, "recorded, not replayed", "a message", "none")
             return
         made = deserialized(STATES[topic](states[0]), message_class(message.type))
-        self._ledger.compare_values(topic, stamp, dict(flat(message.decoded())), dict(flat(made)))
+        self._ledger.compare_messages(topic, stamp, message.decoded(), made)
         if self._samples.due(topic, stamp):
             self._samples.keep(topic, stamp, made)
 

@@ -18,21 +18,17 @@ PAGES: Mapping[str, Callable[[], str]] = {
 COMMAND = "./hindrax reference --write"
 
 
-def stale(folder: Path) -> list[str]:
-    """Names of the pages in a folder that are missing or differ from the code."""
-    return list(_stale(folder))
+def stale(folder: Path) -> dict[str, str]:
+    """Text by name of the pages in a folder that are missing or differ from the code."""
+    made = {name: page() for name, page in PAGES.items()}
+    there = {file.name: file.read_text(encoding="utf-8") for file in folder.glob("*.md")}
+    return {name: text for name, text in made.items() if there.get(name) != text}
 
 
 def write(folder: Path) -> list[str]:
     """Write the pages that are stale; returns their names."""
     folder.mkdir(parents=True, exist_ok=True)
-    changed = _stale(folder)
+    changed = stale(folder)
     for name, text in changed.items():
         (folder / name).write_text(text, encoding="utf-8")
     return list(changed)
-
-
-def _stale(folder: Path) -> dict[str, str]:
-    made = {name: page() for name, page in PAGES.items()}
-    there = {file.name: file.read_text(encoding="utf-8") for file in folder.glob("*.md")}
-    return {name: text for name, text in made.items() if there.get(name) != text}

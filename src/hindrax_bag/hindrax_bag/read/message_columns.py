@@ -3,7 +3,7 @@
 import contextlib
 import csv
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
@@ -25,19 +25,9 @@ def extract(bag: Path, folder: Path, topics: Collection[str] | None) -> dict[str
     Columns: seconds since the first message of the bag, the message's own stamp (that of receipt where it has none),
     then every field. The fields of a topic are those of its first message; longer lists of later ones are cut.
     """
-    with writing(folder, "name another"), nothing_left(folder):
-        return _extract(bag, folder, topics)
-
-
-def _extract(bag: Path, folder: Path, topics: Collection[str] | None) -> dict[str, tuple[Path, int]]:
     tables: dict[str, _Table] = {}
-    begin: int | None = None
-    with contextlib.ExitStack() as files:
-        for message in messages(bag):
-            begin = message.received if begin is None else begin
-            if topics is not None and message.topic not in topics:
-                continue
-            row = dict(flat(message.decoded()))
+    with writing(folder, "name another"), nothing_left(folder), contextlib.ExitStack() as files:
+        for message, time_s, stamp, row in _rows(bag, topics):
             if message.topic not in tables:
                 folder.mkdir(parents=True, exist_ok=True)
                 path = folder / f"{message.topic.strip('/').replace('/', '_')}.csv"
@@ -46,13 +36,7 @@ def _extract(bag: Path, folder: Path, topics: Collection[str] | None) -> dict[st
                 writer.writerow([*TIME, *row])
                 tables[message.topic] = _Table(path, list(row), writer.writerow)
             table = tables[message.topic]
-            table.write(
-                [
-                    (message.received - begin) / NS_PER_S,
-                    _stamp(message, row),
-                    *(row.get(name, "") for name in table.names),
-                ]
-            )
+            table.write([time_s, stamp, *(row.get(name, "") for name in table.names)])
             table.rows += 1
         missing = sorted(set(topics or ()) - tables.keys())
         if missing or not tables:
@@ -61,8 +45,15 @@ def _extract(bag: Path, folder: Path, topics: Collection[str] | None) -> dict[st
     return {topic: (table.path, table.rows) for topic, table in tables.items()}
 
 
-def _stamp(message: BagMessage, row: Mapping[str, Any]) -> int:
-    return stamp_of(message.data) if "header.stamp.sec" in row else message.received
+def _rows(bag: Path, topics: Collection[str] | None) -> Iterator[tuple[BagMessage, float, int, dict[str, Any]]]:
+    """Messages of these topics or of all: seconds since the first of the bag, own stamp or receipt [ns], fields."""
+    begin: int | None = None
+    for message in messages(bag):
+        begin = message.received if begin is None else begin
+        if topics is None or message.topic in topics:
+            row = dict(flat(message.decoded()))
+            stamp = stamp_of(message.data) if "header.stamp.sec" in row else message.received
+            yield message, (message.received - begin) / NS_PER_S, stamp, row
 
 
 @dataclass(slots=True)
@@ -92,17 +83,12 @@ def series(bag: Path, wanted: Sequence[str]) -> list[Series]:
     """Fields given as `TOPIC:FIELD` over time; UsageError names what is not there."""
     places = [_place(word) for word in wanted]
     made = [Series(word) for word in wanted]
-    begin: int | None = None
-    for message in messages(bag):
-        begin = message.received if begin is None else begin
-        if not any(topic == message.topic for topic, _ in places):
-            continue
-        row = dict(flat(message.decoded()))
+    for message, time_s, stamp, row in _rows(bag, {topic for topic, _ in places}):
         for one, (topic, name) in zip(made, places, strict=True):
             if topic == message.topic:
                 one.unit = one.unit or _unit(message.form.definition, name)
-                one.time_s.append((message.received - begin) / NS_PER_S)
-                one.stamps.append(_stamp(message, row))
+                one.time_s.append(time_s)
+                one.stamps.append(stamp)
                 one.values.append(_number(row, name, topic))
     for one, (topic, _) in zip(made, places, strict=True):
         if not one.values:
