@@ -8,13 +8,19 @@ vehicle is parked or repeats one motion. Quantities are in units of the noise: t
 `variance` is the ratio of the measured to the assumed variance (COB-2023-1394 eq. 8).
 """
 
+import functools
 import math
-from collections.abc import Sequence
-from operator import mul
+from collections.abc import Callable, Sequence
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 
 from hindrax_ident.arrays import Array
+
+State: TypeAlias = tuple[float, ...]
+"""Estimates, rows of the strict upper triangle of U, diagonal of D, weighted squares of the residuals, weight."""
+Update: TypeAlias = Callable[[State, Sequence[float], float, float], tuple[State, float]]
+Evaluate: TypeAlias = Callable[[State, Sequence[float], float], tuple[float, float]]
 
 
 class Rls:
@@ -23,10 +29,10 @@ class Rls:
     `values` and `sigmas` are the prior mean and its standard deviation, the latter in units of the noise's standard
     deviation. With `forgetting` 1 the result equals batch least squares.
 
-    `n`: number of parameters; `samples` used so far; `weight`: sum of their weights after forgetting.
+    `n`: number of parameters; `samples` used so far.
     """
 
-    __slots__ = ("_diagonal", "_forgetting", "_squares", "_theta", "_upper", "n", "samples", "weight")
+    __slots__ = ("_evaluate", "_forgetting", "_state", "_update", "n", "samples")
 
     def __init__(self, values: Sequence[float], sigmas: Sequence[float], forgetting: float = 1.0) -> None:
         """`forgetting` is the weight kept per sample, within (0, 1]."""
@@ -36,79 +42,98 @@ class Rls:
             raise ValueError(f"prior sigmas are {tuple(sigmas)}, wanted finite numbers above zero")
         if not 0.0 < forgetting <= 1.0:
             raise ValueError(f"forgetting is {forgetting:g}, wanted above 0 and at most 1")
-        self.n, self.samples = len(values), 0
-        self._forgetting, self._squares, self.weight = forgetting, 0.0, 0.0
-        self._theta, self._diagonal = list(values), [sigma * sigma for sigma in sigmas]
-        # Columns of U above its diagonal. Lists: for so few numbers they are faster than arrays.
-        self._upper = [[0.0] * j for j in range(self.n)]
-
-    @property
-    def values(self) -> tuple[float, ...]:
-        """Estimates, in the order of the regressor."""
-        return tuple(self._theta)
-
-    @property
-    def unit_covariance(self) -> Array:
-        """Covariance for noise of variance one: (n, n). COB-2023-1394 eq. 7 without s2."""
-        U = np.eye(self.n)
-        for j, column in enumerate(self._upper):
-            U[:j, j] = column
-        return np.asarray((U * self._diagonal) @ U.T)
-
-    @property
-    def variance(self) -> float:
-        """Residual variance, sum of squares over degrees of freedom (COB-2023-1394 eq. 8); NaN until there are any."""
-        # Forgetting shrinks both the sum and the weight, so the share of the parameters shrinks alike.
-        freedom = self.weight * (1.0 - self.n / self.samples) if self.samples > self.n else 0.0
-        return self._squares / freedom if freedom > 0.0 else math.nan
-
-    def evaluate(self, x: Sequence[float], y: float) -> tuple[float, float]:
-        """Innovation y - x . theta and information x' P x of a sample, without learning from it."""
-        innovation, information, *_ = self._projected(x, y)
-        return innovation, information
+        self.n, self.samples, self._forgetting = len(values), 0, forgetting
+        self._state: State = (*values, *[0.0] * (self.n * (self.n - 1) // 2), *(s * s for s in sigmas), 0.0, 0.0)
+        self._update, self._evaluate = _unrolled(self.n)
 
     def update(self, x: Sequence[float], y: float) -> float:
         """Learn from a sample unless it is not finite; return its innovation.
 
         Below the gate of information the estimate changes but not the covariance.
         """
-        innovation, information, f, v = self._projected(x, y)
-        if not (math.isfinite(innovation) and math.isfinite(information)):
-            return innovation
-        keep, share = self._forgetting, innovation / (1.0 + information)
-        self._squares = keep * self._squares + innovation * share
-        self.weight = keep * self.weight + 1.0
-        self.samples += 1
-        gain = self._shrink(f, v, information) if information > (1.0 - keep) / keep else self._times_upper(v)
-        self._theta = [value + part * share for value, part in zip(self._theta, gain, strict=True)]
+        state, innovation = self._update(self._state, x, y, self._forgetting)
+        if state is not self._state:
+            self._state = state
+            self.samples += 1
         return innovation
 
-    def _projected(self, x: Sequence[float], y: float) -> tuple[float, float, list[float], list[float]]:
-        """Innovation and information of a sample; U' x and D U' x, n numbers each."""
-        f = [sum(map(mul, column, x)) + own for column, own in zip(self._upper, x, strict=True)]
-        v = list(map(mul, self._diagonal, f))
-        return y - sum(map(mul, self._theta, x)), sum(map(mul, f, v)), f, v
+    def evaluate(self, x: Sequence[float], y: float) -> tuple[float, float]:
+        """Innovation y - x . theta and information x' P x of a sample, without learning from it."""
+        return self._evaluate(self._state, x, y)
 
-    def _shrink(self, f: list[float], v: list[float], information: float) -> list[float]:
-        """Bierman's update with the noise variance that makes the forgetting directional; return P x of before."""
-        keep, diagonal = self._forgetting, self._diagonal
-        gain: list[float] = []
-        total = 1.0 if keep == 1.0 else information / (keep * information - 1.0 + keep)
-        for j, column in enumerate(self._upper):
-            was, slope = total, -f[j] / total
-            total += f[j] * v[j]
-            diagonal[j] *= was / total
-            for i, old in enumerate(column):
-                column[i] = old + gain[i] * slope
-                gain[i] += old * v[j]
-            gain.append(v[j])
-        return gain
+    @property
+    def values(self) -> tuple[float, ...]:
+        """Estimates, in the order of the regressor."""
+        return self._state[: self.n]
 
-    def _times_upper(self, v: list[float]) -> list[float]:
-        """P x = U v: n numbers."""
-        gain: list[float] = []
-        for j, column in enumerate(self._upper):
-            for i, above in enumerate(column):
-                gain[i] += above * v[j]
-            gain.append(v[j])
-        return gain
+    @property
+    def unit_covariance(self) -> Array:
+        """Covariance for noise of variance one: (n, n). COB-2023-1394 eq. 7 without s2."""
+        U = np.eye(self.n)
+        U[np.triu_indices(self.n, 1)] = self._state[self.n : -self.n - 2]
+        return np.asarray((U * self._state[-self.n - 2 : -2]) @ U.T)
+
+    @property
+    def variance(self) -> float:
+        """Residual variance, sum of squares over degrees of freedom (COB-2023-1394 eq. 8); NaN until there are any."""
+        # Forgetting shrinks both the sum and the weight, so the share of the parameters shrinks alike.
+        freedom = self.weight * (1.0 - self.n / self.samples) if self.samples > self.n else 0.0
+        return self._state[-2] / freedom if freedom > 0.0 else math.nan
+
+    @property
+    def weight(self) -> float:
+        """Sum of the sample weights after forgetting; equals `samples` without forgetting."""
+        return self._state[-1]
+
+
+@functools.cache
+def _unrolled(n: int) -> tuple[Update, Evaluate]:
+    """Update and evaluation for n parameters, generated with every loop unrolled: five times faster than loops."""
+    names = [*(f"t{i}" for i in range(n)), *(f"u{i}_{j}" for i in range(n) for j in range(i + 1, n))]
+    state = ", ".join([*names, *(f"d{i}" for i in range(n)), "squares, weight"])
+    project, update = [f"{state} = state", *_project(n)], _update(n)
+    text = [
+        *_block("def evaluate(state, x, y):", [*project, "return e, r"]),
+        *_block("def update(state, x, y, mu):", [*project, *update, f"return ({state}), e"]),
+    ]
+    scope: dict[str, Any] = {}
+    exec(compile("\n".join(text), f"<rls of {n}>", "exec"), scope)  # noqa: S102  # our own text
+    return cast("tuple[Update, Evaluate]", (scope["update"], scope["evaluate"]))
+
+
+def _block(head: str, lines: Sequence[str]) -> list[str]:
+    return [head, *("    " + line for line in lines)]
+
+
+def _project(n: int) -> list[str]:
+    """Lines for f = U' x, v = D f, innovation e = y - x . theta, information r = x' P x."""
+    lines = ["".join(f"x{i}, " for i in range(n)) + "= x"]
+    lines += [f"f{j} = " + "".join(f"u{i}_{j} * x{i} + " for i in range(j)) + f"x{j}" for j in range(n)]
+    lines += [f"v{j} = d{j} * f{j}" for j in range(n)]
+    lines.append("e = y - (" + " + ".join(f"t{j} * x{j}" for j in range(n)) + ")")
+    lines.append("r = " + " + ".join(f"f{j} * v{j}" for j in range(n)))
+    return lines
+
+
+def _update(n: int) -> list[str]:
+    """Lines for one sample: rejected when not finite; below the gate the estimate changes but not the covariance."""
+    lines = ["if e - e != 0.0 or r - r != 0.0: return state, e"]
+    lines += ["share = e / (1.0 + r)", "squares = mu * squares + e * share", "weight = mu * weight + 1.0"]
+    lines += [*_block("if r > (1.0 - mu) / mu:", _shrink(n)), *_block("else:", _hold(n))]
+    return [*lines, *(f"t{i} += b{i} * share" for i in range(n))]
+
+
+def _shrink(n: int) -> list[str]:
+    """Bierman's update with the noise variance that makes the forgetting directional; leaves P x in b."""
+    lines = ["a = 1.0 if mu == 1.0 else r / (mu * r - 1.0 + mu)"]
+    for j in range(n):
+        if j:
+            lines.append(f"c = -f{j} / a")
+        lines += ["was = a", f"a += f{j} * v{j}", f"d{j} *= was / a", f"b{j} = v{j}"]
+        for i in range(j):
+            lines += [f"old = u{i}_{j}", f"u{i}_{j} = old + b{i} * c", f"b{i} += old * v{j}"]
+    return lines
+
+
+def _hold(n: int) -> list[str]:
+    return [f"b{i} = v{i}" + "".join(f" + u{i}_{j} * v{j}" for j in range(i + 1, n)) for i in range(n)]
