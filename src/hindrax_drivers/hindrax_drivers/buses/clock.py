@@ -58,31 +58,27 @@ def pause(clock: Clock, seconds: float) -> None:
 
 
 class Alarm:
-    """A pipe that turns `set()` in one thread into a readable descriptor in another; calls are not counted."""
+    """A counter of the kernel that turns `set()` in one thread into a readable descriptor in another."""
 
     def __init__(self) -> None:
-        self._read, self._write = os.pipe()
-        os.set_blocking(self._read, False)
-        os.set_blocking(self._write, False)
+        self._descriptor = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
 
     def fileno(self) -> int:
         """Descriptor that is readable after `set`."""
-        return self._read
+        return self._descriptor
 
     def set(self) -> None:
-        """Make the descriptor readable; a full pipe is readable already."""
-        with contextlib.suppress(BlockingIOError):
-            os.write(self._write, b"!")
+        """Make the descriptor readable."""
+        os.eventfd_write(self._descriptor, 1)
 
     def clear(self) -> None:
-        """Make the descriptor unreadable again."""
+        """Make the descriptor unreadable again, however often it was set."""
         with contextlib.suppress(BlockingIOError):
-            os.read(self._read, 4096)
+            os.eventfd_read(self._descriptor)
 
     def close(self) -> None:
-        """Close both ends."""
-        os.close(self._read)
-        os.close(self._write)
+        """Close the descriptor."""
+        os.close(self._descriptor)
 
 
 class SystemClock:
@@ -115,5 +111,5 @@ class SystemClock:
         self._alarm.set()
 
     def close(self) -> None:
-        """Close the alarm's pipe."""
+        """Close the alarm."""
         self._alarm.close()

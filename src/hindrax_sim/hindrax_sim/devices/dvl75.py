@@ -141,7 +141,7 @@ class Dvl75(Part[DvlTruth]):
             while self._next_s <= now_s:
                 past = (self._next_s - before_s) / (now_s - before_s) if now_s > before_s else 1.0
                 self._measure(plus(before_m, minus(self._travel_m, before_m), past))
-        return self._wire.receive_complete(now_s) if self._wire.next_s <= now_s else b""
+        return self._wire.receive_complete(now_s)
 
     def _start_at(self, now_s: float) -> None:
         """Set the start time with the first step: earlier output is lost."""

@@ -120,11 +120,6 @@ class BaudRateLine:
         self._queue: deque[tuple[float, bytes]] = deque()
         self._free_s = -math.inf
 
-    @property
-    def next_s(self) -> float:
-        """Time at which the next message is complete; infinity when there is none."""
-        return self._queue[0][0] if self._queue else math.inf
-
     def send(self, message: bytes, now_s: float) -> None:
         """Send a message at this time, or when the line is free."""
         self._free_s = max(now_s, self._free_s) + len(message) * self._s_per_byte

@@ -121,7 +121,7 @@ class Ping1d(Part[PingTruth]):
                 self._wire.send(self._message(self._settings.stream), done_s)
             self._adapt_range()
             self._begin(max(self._started_s + self._settings.interval_ms * 0.001, done_s))
-        return self._wire.receive_complete(now_s) if self._wire.next_s <= now_s else b""
+        return self._wire.receive_complete(now_s)
 
     def _finish_ping(self) -> _Ping:
         """Result of the ping: distance from the time of flight with the configured speed of sound."""
