@@ -211,10 +211,10 @@ def test_reversed_thruster_gets_the_mirrored_pulse_for_the_same_force() -> None:
 def test_limits_that_leave_nothing_are_told() -> None:
     """A fault of ours or of the curves: no force is above the lower and below this upper limit."""
     broken = Allocator(HINDRAX)
-    setup = replace(broken._setup(frozenset(), HINDRAX.supply_V), spreads=(), unchecked=((0, TOP, -TOP),))
-    setup.attainable._limits[1] = -2 * TOP
-    setup.attainable._stages.clear()
-    broken._setup = lambda *_: setup  # type: ignore[method-assign]
+    enabled = broken._enabled(frozenset(), HINDRAX.supply_V)
+    enabled.spreads, enabled.unchecked = [], ((0, TOP, -TOP),)
+    enabled.attainable._limits[1] = -2 * TOP
+    enabled.attainable._stages.clear()
     allocation = broken.allocate((100.0, 0.0, 10.0, 0.0, 0.0, 0.0))
     assert not allocation.exact
     assert "found no forces within limits" in allocation.refused[0]

@@ -8,14 +8,14 @@ is left. See `bounded_allocation.py` for how that part is found. A failed thrust
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
 from hindrax_control.allocation.bounded_allocation import AttainableSet
 from hindrax_control.allocation.deadband_bias import ROUNDING_N, DeadbandBias, Interval
-from hindrax_control.allocation.effectiveness import ThrusterLayout, checked_effectiveness, thruster_layout
-from hindrax_control.allocation.thrust_curve import ThrustCurve, thrust_curves
+from hindrax_control.allocation.effectiveness import Matrix, ThrusterLayout, checked_effectiveness, thruster_layout
+from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_control.allocation.wrench_guard import finite_axes
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.knobs import knob
@@ -43,24 +43,85 @@ class AllocationKnobs:
     dead_band_margin_us: float = knob(2.0, 0.0, 50.0, "distance kept from the dead band [us]")
 
 
-@dataclass(frozen=True, slots=True)
-class _Setup:
-    """What one set of thrusters at one supply voltage needs; lists are by thruster of the vehicle file."""
+class _ThrusterSet:
+    """The thrusters in use at one supply voltage, and the forces that they share a wrench into.
 
-    layout: ThrusterLayout
-    running: tuple[ThrustCurve, ...]
-    """Curves with the dead band widened by the margin: they choose the pulse."""
-    true: tuple[ThrustCurve, ...]
-    """Curves as they are: they say what a pulse gives."""
-    inside_N: tuple[Interval, ...]
-    """Between these a force stands at no limit."""
-    unchecked: tuple[tuple[int, float, float], ...]
-    """Thrusters in use, with their limits, that the spreads do not keep within them."""
-    spreads: tuple[DeadbandBias, ...]
-    attainable: AttainableSet
-    disabled: tuple[str, ...]
-    unknown: tuple[str, ...]
-    """A sentence for each disabled thruster that does not exist."""
+    Lists are by thruster of the vehicle file, and those of a pattern by thruster in use.
+    """
+
+    def __init__(
+        self, vehicle: Vehicle, B: Matrix, knobs: AllocationKnobs, disabled: frozenset[str], supply_V: float
+    ) -> None:
+        names = [thruster.name for thruster in vehicle.thrusters]
+        used = tuple(index for index, name in enumerate(names) if name not in disabled)
+        self.layout = layout = thruster_layout(B, used, knobs.priority)
+        self.true = thrust_curves(vehicle, supply_V)
+        """Curves as they are: they say what a pulse gives."""
+        self.running = thrust_curves(vehicle, supply_V, knobs.dead_band_margin_us)
+        """Curves with the dead band widened by the margin: they choose the pulse."""
+        limits = [curve.range_N for curve in self.true]
+        self.inside_N = [(least + ROUNDING_N, most - ROUNDING_N) for least, most in limits]
+        """Between these a force stands at no limit."""
+        mine = [limits[i] for i in used]
+        gaps = [self.running[i].gap_N if knobs.idle_bias_N else (0.0, 0.0) for i in used]
+        self.spreads = [DeadbandBias(one, mine, gaps, knobs.idle_bias_N, knobs.hop_N) for one in layout.patterns]
+        self.unchecked = _unchecked(layout, mine)
+        """Thrusters in use, with their limits, that the spreads do not keep within them."""
+        self.attainable = AttainableSet(layout, mine)
+        self.disabled = tuple(name for name in names if name in disabled)
+        self.unknown = tuple(f"{name}: no such thruster" for name in sorted(disabled - set(names)))
+        """A sentence for each disabled thruster that does not exist."""
+
+    def forces(self, wrench: Vec6, previous_us: Sequence[float]) -> tuple[list[float], bool]:
+        """Forces of all thrusters [N], and whether they give the largest part of the wrench that can be had."""
+        everything = [0.0] * len(self.true)
+        if wrench == ZERO6 or not self.layout.used:
+            return everything, True
+        forces, exact = self._used_forces(wrench, previous_us)
+        for index, force in zip(self.layout.used, forces, strict=True):
+            everything[index] = force
+        return everything, exact
+
+    def _used_forces(self, wrench: Vec6, previous_us: Sequence[float]) -> tuple[list[float], bool]:
+        """Forces of the thrusters in use: as the wrench has them, else its largest part; patterns that overlap last."""
+        forces: list[float] = self.layout.pseudo_inverse.dot(wrench).tolist()
+        if self._spread(forces, previous_us):
+            return forces, True
+        least = self.attainable.forces(wrench)
+        forces = least.copy()
+        if self._spread(forces, previous_us):
+            return forces, True
+        # One pattern may have taken the room that another one needs.
+        fitted, exact = self.attainable.fitted(least)
+        forces = fitted.copy()
+        return (forces, exact) if self._spread(forces, previous_us) else (fitted, exact)
+
+    def _spread(self, forces: list[float], previous_us: Sequence[float]) -> bool:
+        """Add patterns without wrench so that every force is within limits and, where possible, out of its gap."""
+        for spread in self.spreads:
+            if not spread.add_preferred(forces) and not spread.add_nearest(
+                forces, self._size_before(spread, previous_us)
+            ):
+                return False
+        for index, least, most in self.unchecked:  # noqa: SIM110  # a generator costs more than most sets have thrusters
+            if not least <= forces[index] <= most:
+                return False
+        return True
+
+    def _size_before(self, spread: DeadbandBias, previous_us: Sequence[float]) -> float:
+        if not previous_us:
+            return spread.preferred_N
+        return spread.pattern.size_in([self.true[i].force(previous_us[i]) for i in self.layout.used])
+
+
+def _unchecked(mine: ThrusterLayout, limits_N: Sequence[Interval]) -> tuple[tuple[int, float, float], ...]:
+    """Thrusters that are in no pattern, or in more than one: a later pattern may push them out again."""
+    turns = [index for pattern in mine.patterns for index, _ in pattern.shares]
+    return tuple(
+        (index, least - ROUNDING_N, most + ROUNDING_N)
+        for index, (least, most) in enumerate(limits_N)
+        if turns.count(index) != 1
+    )
 
 
 class Allocator:
@@ -75,8 +136,8 @@ class Allocator:
         self.B = checked_effectiveness(vehicle)
         self.names = tuple(thruster.name for thruster in vehicle.thrusters)
         self._none_us = (0.0,) * len(self.names)
-        self._kept = lru_cache(KEPT_LAYOUTS)(self._worked_out)
-        self._setup(frozenset(), vehicle.supply_V)  # not in the first cycle
+        self._kept = lru_cache(KEPT_LAYOUTS)(partial(_ThrusterSet, vehicle, self.B, self.knobs))
+        self._enabled(frozenset(), vehicle.supply_V)  # not in the first cycle
 
     def allocate(
         self,
@@ -92,15 +153,15 @@ class Allocator:
         thrusters near their dead band; `supply_V` is the measured voltage, None for the nominal one.
         """
         accepted, refused = bounded_axes(wrench)
-        setup = self._setup(disabled, self.vehicle.supply_V if supply_V is None else supply_V)
-        forces, exact = self._forces(setup, accepted, previous_us)
+        enabled = self._enabled(disabled, self.vehicle.supply_V if supply_V is None else supply_V)
+        forces, exact = enabled.forces(accepted, previous_us)
         pulses = tuple(
             [
                 round(curve.pulse(force, before))
-                for curve, force, before in zip(setup.running, forces, previous_us or self._none_us, strict=True)
+                for curve, force, before in zip(enabled.running, forces, previous_us or self._none_us, strict=True)
             ]
         )
-        applied = tuple([curve.force(pulse) for curve, pulse in zip(setup.true, pulses, strict=True)])
+        applied = tuple([curve.force(pulse) for curve, pulse in zip(enabled.true, pulses, strict=True)])
         achieved = vec6(self.B.dot(applied).tolist())
         return Allocation(
             wanted=accepted,
@@ -109,17 +170,17 @@ class Allocator:
             forces_N=applied,
             pulses_us=pulses,
             saturated=tuple(
-                [not least < force < most for force, (least, most) in zip(forces, setup.inside_N, strict=True)]
+                [not least < force < most for force, (least, most) in zip(forces, enabled.inside_N, strict=True)]
             ),
-            disabled=setup.disabled,
-            lost_axes=setup.layout.lost_axes,
-            refused=refused + setup.unknown + (() if exact else (NO_FORCES,)),
+            disabled=enabled.disabled,
+            lost_axes=enabled.layout.lost_axes,
+            refused=refused + enabled.unknown + (() if exact else (NO_FORCES,)),
             exact=exact,
         )
 
     def forces(self, wrench: Vec6, disabled: frozenset[str] = frozenset()) -> tuple[float, ...]:
         """Forces [N] for a finite wrench at the nominal supply, before pulses are rounded: for planning and tests."""
-        forces, exact = self._forces(self._setup(disabled, self.vehicle.supply_V), wrench, ())
+        forces, exact = self._enabled(disabled, self.vehicle.supply_V).forces(wrench, ())
         if not exact:
             raise HindraxError(f"{wrench}: {NO_FORCES}")
         return tuple(forces)
@@ -133,84 +194,12 @@ class Allocator:
 
     def lost_axes(self, disabled: frozenset[str]) -> tuple[str, ...]:
         """Axes that cannot be served without the disabled thrusters."""
-        return self._setup(disabled, self.vehicle.supply_V).layout.lost_axes
+        return self._enabled(disabled, self.vehicle.supply_V).layout.lost_axes
 
-    def _forces(self, setup: _Setup, wrench: Vec6, previous_us: Sequence[float]) -> tuple[list[float], bool]:
-        """Forces of all thrusters [N], and whether they give the largest part of the wrench that can be had."""
-        used = setup.layout.used
-        if wrench == ZERO6 or not used:
-            return [0.0] * len(self.names), True
-        forces, exact = _used_forces(setup, wrench, previous_us)
-        if len(used) == len(self.names):
-            return forces, exact
-        everything = [0.0] * len(self.names)
-        for index, force in zip(used, forces, strict=True):
-            everything[index] = force
-        return everything, exact
-
-    def _setup(self, disabled: frozenset[str], supply_V: float) -> _Setup:
+    def _enabled(self, disabled: frozenset[str], supply_V: float) -> _ThrusterSet:
         if not (math.isfinite(supply_V) and supply_V > 0.0):
             raise UsageError(f"supply voltage: found {supply_V:g} V, wanted more than zero")
         return self._kept(disabled, round(supply_V, 1))
-
-    def _worked_out(self, disabled: frozenset[str], supply_V: float) -> _Setup:
-        knobs = self.knobs
-        used = tuple(index for index, name in enumerate(self.names) if name not in disabled)
-        mine = thruster_layout(self.B, used, knobs.priority)
-        true, running = (thrust_curves(self.vehicle, supply_V, us) for us in (0.0, knobs.dead_band_margin_us))
-        limits = tuple(curve.range_N for curve in true)
-        avoided = [running[i].gap_N if knobs.idle_bias_N else (0.0, 0.0) for i in used]
-        own_limits = [limits[i] for i in used]
-        spreads = tuple(DeadbandBias(one, own_limits, avoided, knobs.idle_bias_N, knobs.hop_N) for one in mine.patterns)
-        attainable = AttainableSet(mine, own_limits)
-        inside = tuple((least + ROUNDING_N, most - ROUNDING_N) for least, most in limits)
-        out = tuple(name for name in self.names if name in disabled)
-        unknown = tuple(f"{name}: no such thruster" for name in sorted(disabled - set(self.names)))
-        return _Setup(mine, running, true, inside, _unchecked(mine, own_limits), spreads, attainable, out, unknown)
-
-
-def _unchecked(mine: ThrusterLayout, limits_N: Sequence[Interval]) -> tuple[tuple[int, float, float], ...]:
-    """Thrusters that are in no pattern, or in more than one: a later pattern may push them out again."""
-    turns = [index for pattern in mine.patterns for index, _ in pattern.shares]
-    return tuple(
-        (index, least - ROUNDING_N, most + ROUNDING_N)
-        for index, (least, most) in enumerate(limits_N)
-        if turns.count(index) != 1
-    )
-
-
-def _used_forces(setup: _Setup, wrench: Vec6, previous_us: Sequence[float]) -> tuple[list[float], bool]:
-    """Forces of the thrusters in use: as the wrench has them, else its largest part; patterns that overlap last."""
-    forces: list[float] = setup.layout.pseudo_inverse.dot(wrench).tolist()
-    if _spread(setup, forces, previous_us):
-        return forces, True
-    least = setup.attainable.forces(wrench)
-    forces = least.copy()
-    if _spread(setup, forces, previous_us):
-        return forces, True
-    # One pattern may have taken the room that another one needs.
-    fitted, exact = setup.attainable.fitted(least)
-    forces = fitted.copy()
-    return (forces, exact) if _spread(setup, forces, previous_us) else (fitted, exact)
-
-
-def _spread(setup: _Setup, forces: list[float], previous_us: Sequence[float]) -> bool:
-    """Add patterns without wrench so that every force is within limits and, where possible, out of its gap."""
-    for spread in setup.spreads:
-        if not spread.add_preferred(forces) and not spread.add_nearest(
-            forces, _size_before(setup, spread, previous_us)
-        ):
-            return False
-    for index, least, most in setup.unchecked:  # noqa: SIM110  # a generator costs more than most sets have thrusters
-        if not least <= forces[index] <= most:
-            return False
-    return True
-
-
-def _size_before(setup: _Setup, spread: DeadbandBias, previous_us: Sequence[float]) -> float:
-    if not previous_us:
-        return spread.preferred_N
-    return spread.pattern.size_in([setup.true[i].force(previous_us[i]) for i in setup.layout.used])
 
 
 def bounded_axes(wrench: Vec6) -> tuple[Vec6, tuple[str, ...]]:
