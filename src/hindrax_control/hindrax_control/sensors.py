@@ -2,13 +2,12 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 from hindrax_core.events import Stamped
 from hindrax_core.input_checks import impossible
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Reading, Vec3
-from hindrax_core.rotation import Matrix3, matrix, rotate
+from hindrax_core.rotation import matrix, rotate
 from hindrax_core.vehicle import Mount, Vehicle
 
 INERTIAL = ("icm20948",)
@@ -22,30 +21,22 @@ def sensors_of(vehicle: Vehicle, devices: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(name for name, mount in vehicle.sensors.items() if mount.device in devices)
 
 
-@dataclass(frozen=True, slots=True)
 class SensorMount:
-    """Rotation sensor to body (None: none), position from the body origin, the sensor's z axis in body axes."""
+    """A mount of the vehicle file, made ready: `axis` is the sensor's z axis in body axes."""
 
-    turn: Matrix3 | None
-    lever_m: Vec3
-    axis: Vec3
-    away: bool
-    """Whether it sits elsewhere than at the origin."""
+    def __init__(self, mount: Mount) -> None:
+        roll, pitch, yaw = (math.radians(angle) for angle in mount.rotation_deg)
+        self._turn = matrix((roll, pitch, yaw)) if any(mount.rotation_deg) else None
+        self.lever_m, self.axis = mount.position_m, self.body((0.0, 0.0, 1.0))
+        self.away = any(mount.position_m)
+        """Whether it sits elsewhere than at the origin of the body."""
 
     def body(self, vector: Vec3) -> Vec3:
         """Turn a vector of the sensor into body axes."""
-        return vector if self.turn is None else rotate(self.turn, vector)
+        return vector if self._turn is None else rotate(self._turn, vector)
 
 
-def sensor_mount(mount: Mount) -> SensorMount:
-    """Make a mount of the vehicle file ready."""
-    roll, pitch, yaw = (math.radians(angle) for angle in mount.rotation_deg)
-    turn = matrix((roll, pitch, yaw)) if any(mount.rotation_deg) else None
-    axis = (0.0, 0.0, 1.0) if turn is None else rotate(turn, (0.0, 0.0, 1.0))
-    return SensorMount(turn, mount.position_m, axis, any(mount.position_m))
-
-
-NOWHERE = sensor_mount(Mount(""))
+NOWHERE = SensorMount(Mount(""))
 """For a sensor that the vehicle file does not place: at the origin, not turned."""
 
 MOST_FORCE_mps2, MOST_RATE_radps = 1e3, 1e2

@@ -8,15 +8,15 @@ import pytest
 
 from hindrax_control.navigation.aiding import Aiding
 from hindrax_control.navigation.navigator import NavigatorKnobs
-from hindrax_control.sensors import SensorMount, sensor_mount
+from hindrax_control.sensors import SensorMount
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Magnetic, Pressure, Vec3
 from hindrax_core.rotation import Matrix3, matrix, rotate
 from hindrax_core.vehicle import GRAVITY_mps2, Mount, Vehicle
 
 LEVER: Vec3 = (0.2, -0.1, 0.3)
 TILT: Vec3 = (0.2, -0.25, 0.0)
-HERE = sensor_mount(Mount("here"))
-THERE = sensor_mount(Mount("there", position_m=LEVER))
+HERE = SensorMount(Mount("here"))
+THERE = SensorMount(Mount("there", position_m=LEVER))
 EARTH_T = 20e-6
 
 
@@ -173,7 +173,7 @@ def test_the_nearest_point_of_the_floor_in_its_beam_answers_a_sonar(
 
 
 def test_a_sonar_that_looks_aside_tells_no_altitude_and_one_that_is_mounted_aslant_may(hindrax: Vehicle) -> None:
-    aslant = sensor_mount(Mount("aslant", rotation_deg=(20.0, 0.0, 0.0)))
+    aslant = SensorMount(Mount("aslant", rotation_deg=(20.0, 0.0, 0.0)))
     for roll_deg, used in ((0.0, True), (-20.0, True), (4.0, True), (6.0, False), (-46.0, False)):
         rig = Rig(hindrax, (math.radians(roll_deg), 0.0, 0.0), sonar_tilt_deg=25.0)
         assert rig.aiding.echo(Echo(2.0, 1.0), aslant, 0.0) is used
@@ -183,7 +183,7 @@ def test_a_sonar_that_looks_aside_tells_no_altitude_and_one_that_is_mounted_asla
 @pytest.mark.parametrize("looks_deg", [0.0, 180.0])
 def test_a_sonar_that_looks_straight_down_or_up_is_at_no_impossible_angle(hindrax: Vehicle, looks_deg: float) -> None:
     for roll_deg in range(-90, 90):
-        at = sensor_mount(Mount("at", rotation_deg=(looks_deg - roll_deg, 0.0, 0.0)))
+        at = SensorMount(Mount("at", rotation_deg=(looks_deg - roll_deg, 0.0, 0.0)))
         rig = Rig(hindrax, (math.radians(roll_deg), 0.0, 0.0))
         assert rig.aiding.echo(Echo(2.0, 1.0), at, 0.0) is (looks_deg == 0.0)
 

@@ -18,7 +18,7 @@ from scipy.sparse import block_diag
 
 from hindrax_control.allocation.allocator import AllocationKnobs, Allocator
 from hindrax_control.allocation.bounded_allocation import AttainableSet, facets
-from hindrax_control.allocation.effectiveness import effectiveness, served_axes, thruster_layout
+from hindrax_control.allocation.effectiveness import ThrusterLayout, effectiveness, served_axes
 from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_core.readings import Vec3
 from hindrax_core.vehicle import Vehicle, load_vehicle
@@ -175,7 +175,7 @@ def test_limits_may_differ_and_be_zero(name: str) -> None:
         used = some_out(rng, B_all.shape[1])
         limits = rng.choice([0.5, 4.0, 20.0, TOP], (len(used), 2)) * [-1.0, 1.0]
         limits[rng.random(limits.shape) < 0.1] = 0.0
-        mine = thruster_layout(B_all, used, order)
+        mine = ThrusterLayout(B_all, used, order)
         attainable = AttainableSet(mine, limits.tolist())
         wrenches = structured(rng, B_all[:, used], limits, AT_ONCE)
         found = [attainable.fitted(attainable.forces(wrench)) for wrench in wrenches]
@@ -190,7 +190,7 @@ def test_forces_within_limits_stay_and_those_that_no_pattern_brings_there_are_to
     rng = np.random.default_rng(3)
     B_all = effectiveness(VEHICLES[name])
     limits = np.array([(-4.0, 5.0)] * B_all.shape[1])
-    attainable = AttainableSet(thruster_layout(B_all, range(len(limits)), ORDERS[0]), limits.tolist())
+    attainable = AttainableSet(ThrusterLayout(B_all, range(len(limits)), ORDERS[0]), limits.tolist())
     for _ in range(50):
         inside = rng.uniform(*limits.T)
         forces, exact = attainable.fitted(inside.tolist())

@@ -2,7 +2,7 @@
 
 import pytest
 
-from hindrax_control.sensors import NOWHERE, sensor_mount
+from hindrax_control.sensors import NOWHERE, SensorMount
 from hindrax_core.readings import Vec3
 from hindrax_core.vehicle import Mount
 
@@ -21,13 +21,13 @@ SENSED: Vec3 = (1.0, 2.0, 3.0)
     ],
 )
 def test_a_vector_of_the_sensor_in_body_axes(rotation_deg: Vec3, in_body: Vec3, axis: Vec3) -> None:
-    mount = sensor_mount(Mount("dvl75", rotation_deg=rotation_deg))
+    mount = SensorMount(Mount("dvl75", rotation_deg=rotation_deg))
     assert mount.body(SENSED) == pytest.approx(in_body)
     assert mount.axis == pytest.approx(axis)
     assert mount.body((0.0, 0.0, 1.0)) == pytest.approx(axis)
 
 
 def test_a_sensor_is_away_from_the_origin_when_any_coordinate_says_so() -> None:
-    assert [sensor_mount(Mount("dvl75", position_m=at)).away for at in ((0.0, 0.0, 0.0), Y)] == [False, True]
-    assert sensor_mount(Mount("dvl75", position_m=Y)).lever_m == Y
+    assert [SensorMount(Mount("dvl75", position_m=at)).away for at in ((0.0, 0.0, 0.0), Y)] == [False, True]
+    assert SensorMount(Mount("dvl75", position_m=Y)).lever_m == Y
     assert not NOWHERE.away

@@ -109,17 +109,13 @@ def unknown_parameters(
     """
     found = []
     for name in sorted({*given} - {*declared}):
-        new = _new_name(name)
+        new = next((new + name.removeprefix(old) for old, new in RENAMED.items() if name.startswith(old)), "")
         if name in elsewhere or (new in elsewhere and new not in declared):
             continue
         near = difflib.get_close_matches(name, declared, n=1)
         hint = f"; it is called {new} now" if new in declared else f"; the nearest is {near[0]}" if near else ""
         found.append(f"parameter {name!r} of {node}: unknown, ignored{hint}")
     return found
-
-
-def _new_name(name: str) -> str:
-    return next((new + name.removeprefix(old) for old, new in RENAMED.items() if name.startswith(old)), "")
 
 
 def warn_of_unknown_parameters(nodes: Sequence[Node]) -> None:

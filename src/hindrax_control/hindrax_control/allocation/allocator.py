@@ -14,7 +14,7 @@ import numpy as np
 
 from hindrax_control.allocation.bounded_allocation import AttainableSet
 from hindrax_control.allocation.deadband_bias import ROUNDING_N, DeadbandBias, Interval
-from hindrax_control.allocation.effectiveness import Matrix, ThrusterLayout, checked_effectiveness, thruster_layout
+from hindrax_control.allocation.effectiveness import Matrix, ThrusterLayout, checked_effectiveness
 from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_control.allocation.wrench_guard import finite_axes
 from hindrax_core.errors import HindraxError, UsageError
@@ -54,7 +54,7 @@ class _ThrusterSet:
     ) -> None:
         names = [thruster.name for thruster in vehicle.thrusters]
         used = tuple(index for index, name in enumerate(names) if name not in disabled)
-        self.layout = layout = thruster_layout(B, used, knobs.priority)
+        self.layout = layout = ThrusterLayout(B, used, knobs.priority)
         self.true = thrust_curves(vehicle, supply_V)
         """Curves as they are: they say what a pulse gives."""
         self.running = thrust_curves(vehicle, supply_V, knobs.dead_band_margin_us)

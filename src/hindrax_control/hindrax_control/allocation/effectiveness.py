@@ -121,7 +121,6 @@ def _reduced(rows: Matrix) -> Matrix:
     return rows
 
 
-@dataclass(frozen=True, slots=True)
 class ThrusterLayout:
     """The thrusters in use (m of n) and what they can do, as far as it does not depend on the wrench.
 
@@ -129,26 +128,14 @@ class ThrusterLayout:
     `groups`: axes of equal priority, highest first, without lost ones; `patterns`: sparse, all that has no wrench.
     """
 
-    used: tuple[int, ...]
-    pseudo_inverse: Matrix
-    groups: tuple[tuple[int, ...], ...]
-    patterns: tuple[NullPattern, ...]
-    lost_axes: tuple[str, ...]
-
-
-def thruster_layout(B: Matrix, used: Sequence[int], priority: Sequence[int]) -> ThrusterLayout:
-    """Work out the layout of the thrusters `used` out of the full B (6, n); lower priority numbers are served first."""
-    mine = B[:, list(used)]
-    served = served_axes(mine)
-    mine = np.where(np.isin(np.arange(6), served)[:, None], mine, 0.0)
-    groups = tuple(
-        tuple(axis for axis in served if priority[axis] == level)
-        for level in sorted({priority[axis] for axis in served})
-    )
-    return ThrusterLayout(
-        used=tuple(used),
-        pseudo_inverse=np.ascontiguousarray(np.linalg.pinv(mine)),
-        groups=groups,
-        patterns=patterns(mine),
-        lost_axes=tuple(name for index, name in enumerate(AXES) if index not in served),
-    )
+    def __init__(self, B: Matrix, used: Sequence[int], priority: Sequence[int]) -> None:
+        """`B` (6, n) is that of all thrusters; axes of lower priority numbers are served first."""
+        mine = B[:, list(used)]
+        served = served_axes(mine)
+        mine = np.where(np.isin(np.arange(6), served)[:, None], mine, 0.0)
+        levels = sorted({priority[axis] for axis in served})
+        self.used = tuple(used)
+        self.pseudo_inverse: Matrix = np.ascontiguousarray(np.linalg.pinv(mine))
+        self.groups = tuple(tuple(axis for axis in served if priority[axis] == level) for level in levels)
+        self.patterns = patterns(mine)
+        self.lost_axes = tuple(name for index, name in enumerate(AXES) if index not in served)

@@ -13,7 +13,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from hindrax_control.sensors import ALTITUDE, DEPTH, sensor_mount, sensors_of
+from hindrax_control.sensors import ALTITUDE, DEPTH, SensorMount, sensors_of
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.input_checks import StampWindow
 from hindrax_core.knobs import knob
@@ -154,7 +154,7 @@ class ExternalOdometry:
     def __init__(self, vehicle: Vehicle) -> None:
         self._fastest_mps = FASTEST * vehicle.limits.speed_mps
         self._altimeters = sensors_of(vehicle, ALTITUDE)
-        self._mount = sensor_mount(vehicle.sensors[self._altimeters[0]]) if self._altimeters else None
+        self._mount = SensorMount(vehicle.sensors[self._altimeters[0]]) if self._altimeters else None
         self._ages_s = {name: 0.0 for name in vehicle.sensors if name not in self._altimeters}
         self._range: Stamped[float] | None = None
         self._last: Stamped[Navigation] | None = None

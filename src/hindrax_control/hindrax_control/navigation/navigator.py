@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from hindrax_control.navigation.aiding import SHORTEST_SPAN_S, Aiding, AidingKnobs
 from hindrax_control.navigation.attitude_filter import SPANS, Offset, Span, mean, offset_at_rest
 from hindrax_control.navigation.horizontal_filter import PositionKnobs, PositionUncertainty
-from hindrax_control.sensors import NOWHERE, SensorMount, sensor_mount, unfit
+from hindrax_control.sensors import NOWHERE, SensorMount, unfit
 from hindrax_core.events import NS_PER_S, Stamp, Stamped, after
 from hindrax_core.input_checks import Refusals
 from hindrax_core.knobs import knob
@@ -59,7 +59,7 @@ class Navigator:
         self._knobs = knobs
         self._span_s = knobs.align_s / SPANS
         self._period_ns = round(NS_PER_S / knobs.rate_Hz)
-        self._mounts = {name: sensor_mount(mount) for name, mount in vehicle.sensors.items()}
+        self._mounts = {name: SensorMount(mount) for name, mount in vehicle.sensors.items()}
         self._forces_N: tuple[float, ...] = ()
         self.refused = 0
         self._position, self._heading_rad = (0.0, 0.0), 0.0

@@ -53,7 +53,7 @@ class AllocatorNode(BatchedNode):
         self._reporter = DiagnosticsPublisher(self)
         self.allocation_listeners: list[Callable[[Stamp, Allocation], None]] = []
         subscription(self, THRUSTER_STATE, self._on_state, raw=True)
-        subscription(self, THRUSTER_HEALTH, self._on_health)
+        subscription(self, THRUSTER_HEALTH, lambda message: self._cycle.disable(frozenset(message.disabled)))
         subscription(self, BATTERY, self._on_battery)
         self.lead = subscription(self, WRENCH, self._on_wrench_message)
         self.every(REPORT_S, self._report)
@@ -96,9 +96,6 @@ class AllocatorNode(BatchedNode):
         for listener in self.allocation_listeners:
             listener(applied.stamp, achieved)
         self._status.publish(self._status_bytes(applied, achieved, self._cycle.supply_V))
-
-    def _on_health(self, message: Any) -> None:
-        self._cycle.disable(frozenset(message.disabled))
 
     def _on_battery(self, message: Any) -> None:
         unfit = self._cycle.supply.update(float(message.voltage), self._cycle.now)
