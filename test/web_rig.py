@@ -80,7 +80,7 @@ DISARMED = replace(ARMED, thrusters=replace(THRUSTERS, armed=False, state="disar
 OUTCOMES = {
     "stop": ("stopped and disarmed", True),
     "disarm": ("the thrusters refused to disarm", False),
-    "cancel": ("nothing was being flown", True),
+    "cancel": ("no maneuver was running", True),
 }
 
 

@@ -64,7 +64,7 @@ def graph(node: BatchedNode) -> dict[str, dict[str, list[str]]]:
 def seen_by_vehicle(operator: Operator) -> bool:
     """A heartbeat takes up to half a second: who leaves before was never back."""
     link = operator.diagnostics.get("hindrax: link")
-    return link is not None and link.message.startswith("the operator is there")
+    return link is not None and link.message.startswith("an operator is connected")
 
 
 def main() -> None:

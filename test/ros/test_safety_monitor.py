@@ -123,7 +123,7 @@ def shown(watched: Vehicle) -> set[tuple[str, bytes]]:
 
 @pytest.mark.parametrize(("watched", "asked"), [(HOLD, []), (NEUTRAL, [False])], indirect=["watched"])
 def test_a_silent_operator_ends_what_flies_and_comes_back(watched: Vehicle, asked: list[bool]) -> None:
-    watched.until(lambda: "link: the operator is there" in watched.said, beating=True)
+    watched.until(lambda: "link: an operator is connected" in watched.said, beating=True)
     begin_s = watched.now_s
     watched.until(lambda: watched.now_s > begin_s + 5.0, beating=True)
     assert watched.cancelled == 0
@@ -183,7 +183,7 @@ def test_a_heartbeat_that_is_not_of_now_is_no_operator_and_is_shown(watched: Veh
 
         watched.until(refused, beating=False)
     assert [one.partition(": the")[0] for one in watched.said] == ["refused: operator/heartbeat"]
-    watched.until(lambda: "link: the operator is there" in watched.said, beating=True)
+    watched.until(lambda: "link: an operator is connected" in watched.said, beating=True)
 
 
 @pytest.mark.parametrize("watched", [STAY], indirect=True)

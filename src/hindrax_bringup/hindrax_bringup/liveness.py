@@ -123,7 +123,7 @@ def _liveness_of(path: Path, now_s: float) -> tuple[str, list[str]] | None:
         return "", [f"process {pid}: stopped, as by Ctrl-Z; nothing supervises it until `kill -CONT {pid}`"]
     if not 0.0 <= age_s <= DEAD_S:
         who = f"safety monitor of process {pid}" if of_nodes else f"process {pid}"
-        return "", [f"{who}: no pulse for {abs(age_s):.0f} s; end it and start it again"]
+        return "", [f"{who}: no heartbeat for {abs(age_s):.0f} s; restart it"]
     troubles = [f"{name}: {trouble}" for name, trouble in beat["troubles"].items() if trouble]
     return beat["status"], [*silent(beats(path.parent, pid, now_s)), *troubles]
 

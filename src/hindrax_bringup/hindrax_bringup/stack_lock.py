@@ -173,7 +173,7 @@ def choose(found: list[StackLock], pid: int | None) -> StackLock | None:
     if len(waiting) == 1:
         return waiting[0]
     if len(found) > 1:
-        raise UsageError(f"found {len(found)} stacks, wanted to know which: say --stack PID; {_listed(found)}")
+        raise UsageError(f"found {len(found)} stacks, wanted one: add --stack PID; {_listed(found)}")
     return found[0] if found else None
 
 

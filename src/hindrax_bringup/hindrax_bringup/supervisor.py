@@ -170,7 +170,7 @@ class Supervisor:
         child.restarts += 1
         child.handle = self._spawn(child.process, child.arguments, child.heartbeat)
         child.started_s, child.frozen = now_s, ""
-        return f"{child.process.name} {how}; started again (see {where})"
+        return f"{child.process.name} {how}; restarted (see {where})"
 
     def _secure(self, child: SupervisedProcess) -> str:
         """Leave the output of a process safe that has ended without doing so; returns what is on the wire, if anything.
@@ -292,7 +292,7 @@ def _kill(child: SupervisedProcess) -> None:
 def last_words(log: Path) -> str:
     """Last line that a process wrote to its log."""
     lines = log.read_text(encoding="utf-8", errors="replace").strip().splitlines() if log.is_file() else []
-    return f"its last words: {lines[-1]}" if lines else f"its log {log} is empty"
+    return f"end of its log: {lines[-1]}" if lines else f"its log {log} is empty"
 
 
 def _end(children: Sequence[SupervisedProcess]) -> None:

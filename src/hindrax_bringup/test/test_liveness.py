@@ -38,7 +38,7 @@ def test_an_operator_is_lost_once_and_comes_back() -> None:
     watch = LinkMonitor()
     assert not watch.step(100.0), "nobody is lost who was never there"
     assert watch.status_text(100.0) == "no operator yet"
-    assert watch.beat(100.0) == "link: the operator is there"
+    assert watch.beat(100.0) == "link: an operator is connected"
     assert [watch.beat(at_s) for at_s in (100.5, 101.0, 101.5)] == ["", "", ""]
     assert not watch.step(103.5)
     assert watch.step(103.6)
@@ -70,7 +70,7 @@ def test_the_pulse_is_felt_while_it_beats(tmp_path: Path) -> None:
         (path,) = (tmp_path / "runtime").glob("*.pulse")
         at_s = json.loads(path.read_text())["at_s"]
         assert stacks_well(path.parent, at_s + 1.0) == (True, "up")
-        dead = f"process {os.getpid()}: no pulse for 60 s; end it and start it again"
+        dead = f"process {os.getpid()}: no heartbeat for 60 s; restart it"
         assert stacks_well(path.parent, at_s + 60.0) == (False, dead)
         beating.beat("too soon", {})
         assert stacks_well(path.parent, at_s + 1.0) == (True, "up")
@@ -163,7 +163,7 @@ def test_a_link_is_there_until_it_is_lost() -> None:
     for at_s in (100.0, 100.5, 101.0, 101.5):
         watch.beat(at_s)
     assert not watch.step(103.5)
-    assert watch.status_text(103.5) == "the operator is there"
+    assert watch.status_text(103.5) == "an operator is connected"
     assert watch.silent_s(103.5) == 2.0
     assert watch.step(103.6)
     assert watch.status_text(103.6) == "no operator for 2 s"
@@ -210,7 +210,7 @@ def test_where_the_lines_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     tool, nodes = LivenessFile(tmp_path / "7.pulse"), LivenessFile(tmp_path / f"7{NODES}")
     tool.beat("up", {})
     nodes.beat("nodes", {})
-    dead = "process 7: no pulse for {} s; end it and start it again"
+    dead = "process 7: no heartbeat for {} s; restart it"
     for now_s, well in ((100.0, True), (105.0, True), (105.6, False), (99.0, False)):
         found = liveness_of_stacks(tmp_path, now_s)[7]
         age = f"{abs(now_s - 100.0):.0f}"

@@ -203,7 +203,7 @@ def test_a_link_that_is_lost_ends_what_flies_once(
     assert [name for name, _ in bench.asked] == asked
     assert bench.asked.pop(0)[1] == CancelGoal.Request(), "all goals"
     assert bench.reasons() == ["no operator for 2 s"] * (without_operator == NEUTRAL)
-    assert bench.said == ["link: the operator is there", f"link: no operator for 2 s; {what}"]
+    assert bench.said == ["link: an operator is connected", f"link: no operator for 2 s; {what}"]
     bench.beat(105.0)
     assert bench.said[2:] == ["link: the operator is back after 3.5 s"]
     bench.look(115.25)
@@ -221,7 +221,7 @@ def test_the_link_is_reported_once_a_second_and_its_loss_at_once(make: Make) -> 
     (there,) = bench.look(103.0)
     assert (there.level, there.message, values(there)) == (
         DiagnosticStatus.OK,
-        "the operator is there",
+        "an operator is connected",
         {"age [s]": "1.5"},
     )
     (lost,) = bench.look(103.75)
@@ -251,7 +251,7 @@ def test_a_heartbeat_that_is_not_of_now_is_no_operator_is_said_once_and_counted(
     (said,) = bench.said
     assert said.startswith(why.format(1.5))
     bench.beat(4.0, age_s=1.0)
-    assert bench.said[1:] == ["link: the operator is there"]
+    assert bench.said[1:] == ["link: an operator is connected"]
 
 
 def test_before_the_time_is_known_a_heartbeat_is_neither_counted_nor_refused(make: Make) -> None:
@@ -268,7 +268,7 @@ def test_before_the_time_is_known_a_heartbeat_is_neither_counted_nor_refused(mak
 def test_on_the_clock_of_a_mock_orders_may_be_older(make: Make, mock: str, there: bool) -> None:
     bench = make(HOLD, "-p", f"use_sim_time:={mock}")
     bench.beat(1.0, age_s=9.0)
-    assert (bench.said == ["link: the operator is there"]) is there
+    assert (bench.said == ["link: an operator is connected"]) is there
 
 
 def test_it_asks_again_until_the_thrusters_say_that_they_are_disarmed(make: Make) -> None:
@@ -399,5 +399,5 @@ def test_news_of_the_nodes_are_said_and_their_troubles_are_in_the_pulse(make: Ma
 
 
 def test_what_is_said_goes_to_stderr(make: Make, capsys: pytest.CaptureFixture[str]) -> None:
-    make().report("link: the operator is there")
-    assert capsys.readouterr().err == "link: the operator is there\n"
+    make().report("link: an operator is connected")
+    assert capsys.readouterr().err == "link: an operator is connected\n"

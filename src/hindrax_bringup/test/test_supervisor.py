@@ -89,7 +89,7 @@ def test_a_process_that_is_gone_for_good_is_told_with_its_last_words(supervisor:
     child.handle.wait(30.0)
     (said,) = supervisor.check()
     assert re.fullmatch(r"lamps ended with code 1 and stays down; its log is \S+/lamps\.log", said)
-    wanted = r"lamps: the process has ended for good; its last words: .*no_such_module'?\)?; look into .*, start again"
+    wanted = r"lamps: the process has ended for good; end of its log: .*no_such_module'?\)?; look into .*, start again"
     with pytest.raises(HindraxError, match=wanted):
         supervisor.require()
 
@@ -141,7 +141,7 @@ def test_without_its_fork_server_a_process_lives_on_and_starts_again(
     until(lambda: is_stopped(server.pid) if number == signal.SIGSTOP else server._handle.poll() is not None)
     assert forking.check() == []
     child.handle.kill()
-    assert told(forking)[0].startswith("lamps was killed by signal 9; started again (see ")
+    assert told(forking)[0].startswith("lamps was killed by signal 9; restarted (see ")
     assert capsys.readouterr().err == f"fork server: {why}; processes start without it\n"
     until(lambda: beaten_s(child.heartbeat) is not None)
 
@@ -154,7 +154,7 @@ def test_a_stopped_process_and_what_is_below_it_are_killed_and_it_starts_again(s
         os.kill(pid, signal.SIGSTOP)
     until(lambda: is_stopped(old))
     (said,) = told(supervisor)
-    assert said.startswith("lamps was frozen (stopped by a signal), and killed; started again (see ")
+    assert said.startswith("lamps was frozen (stopped by a signal), and killed; restarted (see ")
     assert child.handle.pid != old
     until(lambda: not held._at_work())
     held.kill(0.0)
@@ -178,7 +178,7 @@ def test_a_process_without_a_heartbeat_is_killed_and_one_that_has_not_begun_is_n
     monkeypatch.setattr(module, "HUNG_S", 0.0)
     supervisor._awake_s = 0.0
     (said,) = told(supervisor)
-    assert said.startswith("lamps was frozen (no heartbeat for 0 s), and killed; started again (see ")
+    assert said.startswith("lamps was frozen (no heartbeat for 0 s), and killed; restarted (see ")
     child.heartbeat.write_bytes(b"")
     assert supervisor.check() == []
 
@@ -202,7 +202,7 @@ def test_the_budget_of_restarts_refills_after_a_good_time(
     child = start(supervisor)
     for _ in range(3):
         child.handle.kill()
-        assert "started again" in told(supervisor)[0]
+        assert "restarted" in told(supervisor)[0]
     assert child.restarts == restarts
 
 
@@ -254,7 +254,7 @@ def test_a_process_starts_again_though_the_folder_of_heartbeats_has_gone(supervi
     child = start(supervisor)
     shutil.rmtree(child.heartbeat.parent)
     child.handle.kill()
-    assert "started again" in told(supervisor)[0]
+    assert "restarted" in told(supervisor)[0]
 
 
 def test_what_killed_tools_left_behind_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -123,7 +123,7 @@ def _copy(remote: Remote, name: str, size: int, partial: Path, progress: Progres
             here += len(block)
             progress(name, here, size)
     if process.returncode != 0:
-        raise HindraxError(f"{name}: the copy broke off after {here} of {size} bytes; run it again, it goes on there")
+        raise HindraxError(f"{name}: the copy stopped after {here} of {size} bytes; run it again to resume")
     return here - start
 
 

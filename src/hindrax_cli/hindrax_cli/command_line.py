@@ -163,8 +163,8 @@ def print_overview() -> None:
         print_fitted(f"\n{title}")
         for name in " ".join(group.values()).split():
             print_whole(fitted(f"  {name:12} {declared(name)}", width, hang=15))
-    print_fitted("\nWhich software this is: ./hindrax --version")
-    print_fitted("To set the machine up early, or to repair it: ./hindrax setup; other commands do so when they must")
+    print_fitted("\nVersion: ./hindrax --version")
+    print_fitted("To set the machine up early, or to repair it: ./hindrax setup; other commands do so when needed")
 
 
 def declared(name: str) -> str:

@@ -74,7 +74,7 @@ def help_of(page: str, words: list[str], width: int = UNBOUNDED) -> str | None:
     lines = [line for line in found[name].strip().splitlines() if not line.startswith(FURNITURE)]
     prose = itertools.takewhile(lambda line: not ROW.match(line), lines)
     text = [fitted_description(prose, width), *(_row(row, width) for row in map(ROW.match, lines) if row)]
-    more = [f"\nwords, each with --help of its own:\n{chr(10).join(below)}"] if below else []
+    more = [f"\nsubcommands, each with its own --help:\n{chr(10).join(below)}"] if below else []
     return "\n".join([f"usage: ./hindrax {name} {'SUBCOMMAND ' if below else ''}[OPTIONS]\n", *text, *more]) + "\n"
 
 

@@ -39,7 +39,7 @@ def require_editable(arguments: argparse.Namespace) -> None:
 def keep(arguments: argparse.Namespace, keys: Sequence[str], value: object, where: str = "") -> str:
     """Set a value in the vehicle file if --write asks for it; returns where it is now, or how to keep it."""
     if not arguments.write:
-        return f"not kept; --write puts it into {where or 'the vehicle file'}"
+        return f"not saved; --write saves it to {where or 'the vehicle file'}"
     set_key(Path(arguments.vehicle), keys, value)
     return f"written to {where or arguments.vehicle}"
 
@@ -50,7 +50,7 @@ def edited(text: str, keys: Sequence[str], value: object, source: str) -> str:
     for depth, key in enumerate(keys[:-1]):
         node = _child(node, key)
         if not isinstance(node, yaml.MappingNode):
-            raise UsageError(f"{source}: found no block {'.'.join(keys[: depth + 1])}, wanted it there to be changed")
+            raise UsageError(f"{source}: found no block {'.'.join(keys[: depth + 1])}, wanted one to change")
     found = _child(node, keys[-1])
     if found is not None:
         return text[: found.start_mark.index] + _in_the_style_of(found, value) + text[_end(text, found) :]

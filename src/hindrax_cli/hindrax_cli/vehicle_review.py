@@ -62,7 +62,7 @@ def _thrusters(vehicle: Vehicle) -> list[Check]:
     found.append(Check("thruster positions", where, "check unit and origin of position_m" if far else ""))
     reach = largest_wrench(vehicle)
     reach_N, need_N = reach["heave"], abs(vehicle.net_buoyancy_N)
-    weak = "" if reach_N > 2.0 * need_N else "trim it: the vertical thrusters have too little to spare"
+    weak = "" if reach_N > 2.0 * need_N else "trim it: the vertical thrusters have too little reserve"
     found.append(Check("heave", f"{reach_N:.1f} N against {need_N:.1f} N of net buoyancy", weak))
     limits = zip(AXES, vehicle.limits.wrench, WRENCH_UNITS, strict=True)
     capped = [f"{axis} {most:g} of {reach[axis]:.0f} {unit}" for axis, most, unit in limits if most < reach[axis]]

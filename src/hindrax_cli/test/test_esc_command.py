@@ -69,9 +69,9 @@ def test_the_others_and_the_end_rest_where_the_node_would(chip: Pca9685, say: Sa
 @pytest.mark.parametrize(
     ("arguments", "case"),
     [
-        ((), ("", "take every propeller off")),
+        ((), ("", "remove every propeller")),
         (("--thrusters", "T9", "--propellers-off"), ("", "found T9, wanted thrusters of T1")),
-        (("--propellers-off",), ("yes\n", "wanted the word off; nothing but neutral")),
+        (("--propellers-off",), ("yes\n", "wanted `off`; only neutral")),
         (("--propellers-off",), ("", "the input ended")),
     ],
 )

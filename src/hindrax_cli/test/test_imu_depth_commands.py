@@ -108,7 +108,7 @@ def test_the_tare_is_the_air_pressure_and_is_kept(
 ) -> None:
     words = ["--port", bench.port, "--vehicle", str(vehicle)]
     assert main(["depth", "tare", *words]) == 0
-    assert "not kept" in capsys.readouterr().out
+    assert "not saved" in capsys.readouterr().out
     assert load_vehicle(vehicle).water.surface_pressure_Pa == 101325.0
     assert main(["depth", "tare", *words, "--write", "--json"]) == 0
     report = json.loads(capsys.readouterr().out)

@@ -83,7 +83,7 @@ def show_bench() -> None:
 
 def show_weighing() -> None:
     gain = AxisGain(load=15.0, sigma=0.0061192, sigma_difference=0.01294, positive=0.92169, negative=None)
-    weigh.show(Weighing("surge", gain, {"alignment": 0.0006}, 0.0, 0.5), "not kept")
+    weigh.show(Weighing("surge", gain, {"alignment": 0.0006}, 0.0, 0.5), "not saved")
 
 
 def show_plan() -> None:

@@ -160,7 +160,7 @@ def test_one_thruster_of_two_stacks_is_that_of_the_one_that_was_named(monkeypatc
 
     monkeypatch.setattr(one_thruster, "joined", join)
     monkeypatch.setattr(one_thruster, "stacks", lambda: found)
-    with pytest.raises(UsageError, match=r"found 2 stacks, wanted to know which: say --stack PID; 7 .*; 8 "):
+    with pytest.raises(UsageError, match=r"found 2 stacks, wanted one: add --stack PID; 7 .*; 8 "):
         one_thruster.run_one("T1", 3.0, 1.0, default_vehicle(), mock=True)
     with pytest.raises(HindraxError, match="joined"):
         one_thruster.run_one("T1", 3.0, 1.0, default_vehicle(), mock=False, pid=8)
@@ -207,7 +207,7 @@ def test_a_sweep_becomes_the_curve_of_the_vehicle_file(tmp_path: Path, capsys: p
     file, sweep = hindrax_file(tmp_path), sweep_file(tmp_path, 0.0, 15.2, 4e-3)
     words = ["thruster", "fit", str(sweep), "--lever-ratio", "2", "--vehicle", str(file)]
     assert main(words) == 0
-    assert "--write puts it into" in capsys.readouterr().out
+    assert "--write saves it to" in capsys.readouterr().out
     assert load_vehicle(file).curves["main"].supply_V == 14.8
     assert main([*words, "--write"]) == 0
     curve = load_vehicle(file).curves["main"]
@@ -332,7 +332,7 @@ def test_a_port_that_the_network_has_is_not_told(tmp_path: Path) -> None:
     mock.serve(default_vehicle(), options, told.update, lambda: True, place=place, dvl_udp=True)
     assert told["dvl75"] == "udp://0.0.0.0:27000"
     assert told["ping1d"] == str(tmp_path / "ports" / "ping1d")
-    assert "udp://0.0.0.0:27000 is to be listened at, and takes commands at port 50000" in mock.table(told)
+    assert "udp://0.0.0.0:27000: listen there; it accepts commands at port 50000" in mock.table(told)
 
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

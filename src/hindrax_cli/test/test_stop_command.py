@@ -21,9 +21,9 @@ STACK = StackLock(4999999, mock=False, vehicle="v.yaml", folder="runs/a")
 @pytest.mark.parametrize(
     ("age_s", "said"),
     [
-        (0.5, "its dead man lives: half a second after the last command they are neutral"),
-        (30.0, "its dead man does not beat, so its thrusters may go on with their last pulses; cut the power"),
-        (math.inf, "its dead man does not beat, so its thrusters may go on with their last pulses; cut the power"),
+        (0.5, "its dead man is alive: the thrusters are neutral 0.5 s after the last command"),
+        (30.0, "its dead man sends no heartbeat, so its thrusters may keep their last pulses; cut the power"),
+        (math.inf, "its dead man sends no heartbeat, so its thrusters may keep their last pulses; cut the power"),
     ],
 )
 def test_the_heartbeat_of_the_dead_man_tells(

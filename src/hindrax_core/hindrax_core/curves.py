@@ -48,7 +48,7 @@ class Curve:
     supply_V: float = knob(14.8, 5.0, 60.0, "supply voltage at which the curve holds [V]")
     supply_exponent: float = knob(1.2, 0.0, 3.0, "power of the supply voltage with which thrust grows [-]")
     gain_sigma: float = knob(0.02, 0.0, 0.5, "standard deviation of the gain of the whole curve [-]")
-    source: str = knob("", meaning="where the curve comes from")
+    source: str = knob("", meaning="source of the curve")
 
 
 def scaled(branch: Branch, gain: float) -> Branch:

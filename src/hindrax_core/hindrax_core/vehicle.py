@@ -52,13 +52,13 @@ class Pool:
 class Thruster:
     """Pose, curve and output channel of one thruster. The direction is that of the force for a positive command."""
 
-    name: str = fact(meaning="as it is called everywhere, such as T1")
+    name: str = fact(meaning="name, such as T1")
     position_m: Vec3 = fact(-100.0, 100.0, "position from the body origin [m]")
     azimuth_deg: float = knob(0.0, -360.0, 360.0, "direction of positive thrust, from x towards y [deg]")
     elevation_deg: float = knob(0.0, -90.0, 90.0, "positive thrust above the x-y plane, +90 is up [deg]")
     curve: str = knob("main", meaning="name of its curve under curves")
     channel: int = knob(0, 0, 15, "output channel [-]")
-    reversed: bool = knob(False, meaning="a longer pulse pushes the other way")
+    reversed: bool = knob(False, meaning="a longer pulse pushes backwards")
     lag_s: float = knob(0.15, 0.0, 5.0, "time constant of the thrust [s]")
 
     @property
@@ -78,8 +78,10 @@ class Drag:
 
     k_q: float = knob(0.0, 0.0, 1e6, "quadratic [N s^2/m^2, Nm s^2]")
     k_l: float = knob(0.0, 0.0, 1e6, "linear [N s/m, Nm s]")
-    k_q_negative: float | None = knob(None, meaning="quadratic, for motion the other way [N s^2/m^2, Nm s^2]")
-    k_l_negative: float | None = knob(None, meaning="linear, for motion the other way [N s/m, Nm s]")
+    k_q_negative: float | None = knob(
+        None, meaning="quadratic, for motion in the opposite direction [N s^2/m^2, Nm s^2]"
+    )
+    k_l_negative: float | None = knob(None, meaning="linear, for motion in the opposite direction [N s/m, Nm s]")
 
     def of(self, *, backward: bool) -> tuple[float, float]:
         """k_q and k_l of motion ahead, or of motion the other way."""
@@ -126,13 +128,11 @@ class Mount:
     """Position, orientation (sensor to body: yaw, then pitch, then roll) and port of a sensor."""
 
     device: str = fact(meaning="kind of sensor, a name of the table of sensors")
-    port: str = knob(
-        "", meaning="where it is plugged in, such as /dev/i2c-1, udp://0.0.0.0:27000 (a DVL), gpio:pinctrl-bcm2711"
-    )
+    port: str = knob("", meaning="port, such as /dev/i2c-1, udp://0.0.0.0:27000 (a DVL), gpio:pinctrl-bcm2711")
     address: int = knob(0, 0, 127, "I2C address, 0 for the device's own default; or line of a GPIO chip [-]")
     position_m: Vec3 = knob((0.0, 0.0, 0.0), -100.0, 100.0, "position from the body origin [m]")
     rotation_deg: Vec3 = knob((0.0, 0.0, 0.0), -360.0, 360.0, "roll, pitch, yaw of the sensor in body axes [deg]")
-    calibration: Mapping[str, tuple[float, ...]] = block(dict, "as its calibration command writes it")
+    calibration: Mapping[str, tuple[float, ...]] = block(dict, "written by its calibration command")
     data_ready: str = knob("", meaning="GPIO that an ICM-20948's INT1 is wired to, CHIP:LINE; it times the samples")
 
     def __post_init__(self) -> None:
@@ -146,11 +146,11 @@ class Output:
     """Thruster output: a PCA9685 on an I2C bus or an STM32F407 on a serial port."""
 
     device: str = choice("pca9685", ("pca9685", "stm32"), "kind of output")
-    port: str = knob("/dev/i2c-1", meaning="where it is plugged in")
+    port: str = knob("/dev/i2c-1", meaning="port")
     address: int = knob(0x40, 0, 127, "I2C address [-]")
     rate_Hz: float = knob(200.0, 40.0, 400.0, "pulse rate [Hz]")
     clock_Hz: float = knob(25e6, 20e6, 50e6, "measured oscillator frequency of the PCA9685 [Hz]")
-    external_clock: bool = knob(False, meaning="the PCA9685 has a clock of its own at EXTCLK")
+    external_clock: bool = knob(False, meaning="the PCA9685 has an external clock at EXTCLK")
     enable_line: str = knob("", meaning="GPIO that enables the outputs when low, CHIP:LINE (label or name of the chip)")
     enable_timer: bool = knob(False, meaning="a retriggerable timer drives OE; the line pulses at every write")
     light_channels: tuple[int, ...] = knob((8, 9), 0, 15, "output channels of the lamps")
@@ -179,7 +179,7 @@ class AxisGain:
     sigma: float = fact(0.0, 1.0, "standard deviation of the gain, the same both ways [-]")
     sigma_difference: float = knob(0.0, 0.0, 1.0, "standard deviation of half the difference of both ways [-]")
     positive: float | None = knob(None, 0.2, 5.0, "gain ahead, to starboard, down, clockwise; none: not weighed [-]")
-    negative: float | None = knob(None, 0.2, 5.0, "gain the other way; none: not weighed [-]")
+    negative: float | None = knob(None, 0.2, 5.0, "gain in the opposite direction; none: not weighed [-]")
 
     def of(self, force: float) -> float:
         """Gain of a thrust of this sign [-]."""
@@ -191,7 +191,7 @@ class AxisGain:
 class Vehicle:
     """The whole file. Derived quantities (weight, buoyancy, inertia where none is given) are properties."""
 
-    name: str = fact(meaning="as it is called in reports and bags")
+    name: str = fact(meaning="name in reports and bags")
     mass_kg: float = fact(0.1, 1e5, "mass [kg]")
     volume_m3: float = fact(1e-5, 1e3, "displaced volume [m^3]")
     envelope_m: Vec3 = fact(0.01, 50.0, "length, width, height [m]")

@@ -28,7 +28,7 @@ def device(kind: str) -> Callable[[], LaunchDescription]:
     """Return what describes one sensor of the table."""
     row = DEVICES[kind]
     arguments: dict[str, Argument] = {
-        "port": (PORTS[row.wire], "where it is plugged in"),
+        "port": (PORTS[row.wire], "port"),
         "frame_id": (f"{kind}_link", "frame of its messages"),
     }
     if not row.serial:
@@ -40,7 +40,7 @@ def thrusters() -> LaunchDescription:
     """A PCA9685 behind the output guard and its dead man."""
     alone = OutputAlone()
     arguments: dict[str, Argument] = {
-        "port": (alone.output.port, "where it is plugged in"),
+        "port": (alone.output.port, "port"),
         "channels": (list(alone.channels), "output channels of the thrusters, in the order of the commands"),
     }
     chip = {f"output.{name}": one for name, one in _knobs(Output()).items() if name not in ("device", "port")}

@@ -126,7 +126,7 @@ def test_however_often_the_node_crashes_it_is_started_again_ever_later(
     man: DeadMan, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     code, waits = run(man, monkeypatch, *[Child(1) for _ in range(8)], Child(0))
-    first = "thrusters: the node ended with 1; neutral is on the wire, it is started again in 0.5 s"
+    first = "thrusters: the node ended with 1; neutral is on the wire, it restarts in 0.5 s"
     assert capsys.readouterr().err.splitlines()[0] == first
     assert (code, waits) == (0, [*BACK_OFF_S[1:], *[BACK_OFF_S[-1]] * 4])
 

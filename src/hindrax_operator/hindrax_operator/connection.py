@@ -57,7 +57,7 @@ def joined(
 ) -> Iterator[Operator]:
     """Yield an operator in the graph of a stack, with its time known; `tick` is called between its spins.
 
-    `beating`: whether its heartbeat says that the operator is there.
+    `beating`: whether its heartbeat says that an operator is connected.
     """
     here = _graph_of_this_terminal() if found is None else environment_beside(found)
     with adopted(here):

@@ -146,7 +146,7 @@ def test_an_end_is_always_passed_on(tmp_path: Path, shown: Snapshot) -> None:
         assert page.vehicle.orders == ["stop", "cancel", "disarm"]
         assert page.said == [
             "stop: stopped and disarmed",
-            "cancel: nothing was being flown",
+            "cancel: no maneuver was running",
             "disarm: the thrusters refused to disarm",
         ]
 
@@ -618,7 +618,7 @@ def test_a_server_that_ends_by_itself_ends_the_command(
     monkeypatch.setattr(GraphLink, "close", lambda _link: over.set())
     monkeypatch.setattr(http_server.Server, "run", lambda _server: None)
     assert main(["web", "--port", "0"]) == 1
-    assert "start `./hindrax web` again" in capsys.readouterr().err
+    assert "restart `./hindrax web`" in capsys.readouterr().err
 
 
 def test_a_qr_code_is_square_with_its_three_corners_and_a_quiet_edge_in_any_color() -> None:
@@ -696,7 +696,7 @@ def test_a_link_that_ends_gives_up_waiting_once(monkeypatch: pytest.MonkeyPatch)
     link, operator, _ = linked()
     link._waiting = True
     link._over.set()
-    with pytest.raises(HindraxError, match="not waited for"):
+    with pytest.raises(HindraxError, match="no longer waiting for"):
         operator.last(link)
     link._tick()
 

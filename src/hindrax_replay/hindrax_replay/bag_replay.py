@@ -133,7 +133,7 @@ def names_of(bag: Path, remaps: Sequence[str]) -> dict[str, str]:
             found[theirs] = ours
     if resolved(IMU) not in found.values():
         raise UsageError(
-            f"{bag}: found no topic of type {IMU.type}, which the navigator rests on; it holds {listed(topics)}"
+            f"{bag}: found no topic of type {IMU.type}, which the navigator requires; it holds {listed(topics)}"
         )
     return found
 

@@ -180,5 +180,5 @@ def test_a_mount_that_a_killed_process_left_is_replaced(tmp_path: Path) -> None:
 
 def test_a_real_bus_is_never_hidden(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "i2c-1")
-    with pytest.raises(HindraxError, match="no ordinary file; a real bus is never hidden"):
+    with pytest.raises(HindraxError, match="no regular file; a mock never hides a real bus"):
         FuseI2c(str(tmp_path / "i2c-1"), VirtualI2c().transfer, lambda: Stamp(0))

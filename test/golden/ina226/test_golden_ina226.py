@@ -61,7 +61,7 @@ def test_a_shunt_that_is_wired_the_other_way_round() -> None:
         ("8001", "2570", "", "end of the scale"),
         ("1f40", "7fff", "", "end of the scale"),
         ("1f40", "ffff", "", "end of the scale"),
-        ("1f40", "2570", "1f41", "not twice the same"),
+        ("1f40", "2570", "1f41", "two reads differ"),
     ],
 )
 def test_what_is_no_measurement_is_rejected(shunt: str, bus: str, again: str, reason: str) -> None:

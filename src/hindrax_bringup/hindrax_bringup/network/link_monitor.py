@@ -36,7 +36,7 @@ class LinkMonitor:
         silent_s = self.silent_s(now_s)
         message = ""
         if self.last_s is None:
-            message = "link: the operator is there"
+            message = "link: an operator is connected"
         elif self.lost:
             message = f"link: the operator is back after {silent_s:.1f} s"
         if self.regular < STEADY_BEATS:
@@ -66,4 +66,4 @@ class LinkMonitor:
         if self.last_s is None:
             return "no operator yet"
         silent_s = self.silent_s(now_s)
-        return f"no operator for {silent_s:.0f} s" if self.lost else "the operator is there"
+        return f"no operator for {silent_s:.0f} s" if self.lost else "an operator is connected"

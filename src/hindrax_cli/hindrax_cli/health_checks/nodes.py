@@ -42,7 +42,7 @@ def far_clock(operator: Operator) -> Check:
     return clocks(ages_s)
 
 
-MOCK_CLOCK = "if it is a mock vehicle, say --sim-time here and with each command: it has a clock of its own"
+MOCK_CLOCK = "if it is a mock vehicle, add --sim-time here and to each command: it has its own clock"
 
 
 def clocks(ages_s: Sequence[float]) -> Check:
@@ -54,7 +54,7 @@ def clocks(ages_s: Sequence[float]) -> Check:
     if abs(least) > OFFSET_s:
         which = "behind" if least > 0.0 else "ahead of"
         found = f"the vehicle's clock is {abs(least):.2f} s {which} this one"
-        remedy = "let the vehicle take its time from here: docs/how-to/two-machines.md"
+        remedy = "synchronize the vehicle to this machine: docs/how-to/two-machines.md"
         return Check("clocks", found, MOCK_CLOCK if abs(least) > OTHER_CLOCK_s else remedy)
     return Check("clocks", f"the vehicle's stamps arrive {1e3 * least:.0f} to {1e3 * most:.0f} ms old")
 
@@ -62,7 +62,7 @@ def clocks(ages_s: Sequence[float]) -> Check:
 def judged(diagnostics: Mapping[str, Any], wanted: Iterable[str], title: str) -> list[Check]:
     """One check for the stack, one for each node."""
     if not diagnostics:
-        return [Check("stack", f"{title}, but no node reports", "end it and start it again; its logs say why")]
+        return [Check("stack", f"{title}, but no node reports", "restart it; its logs say why")]
     by_name = {name.removeprefix("hindrax: "): one for name, one in diagnostics.items()}
     return [Check("stack", title), *(_node(name, by_name.get(name)) for name in wanted)]
 

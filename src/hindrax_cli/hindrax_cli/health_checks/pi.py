@@ -44,11 +44,11 @@ def i2c_speed(root: Path, settings: dict[str, list[str]]) -> Check:
         found = int.from_bytes((root / I2C_SPEED).read_bytes()[:4], "big")
         if found == I2C_Hz:
             return Check("i2c speed", f"{found // 1000} kHz")
-        booted = "" if wanted in asked else " and not asked for"
+        booted = "" if wanted in asked else " and not enabled"
         return Check("i2c speed", f"{found // 1000} kHz, wanted {I2C_Hz // 1000}{booted}", REBOOT)
     if "i2c_arm=on" not in asked:
         return Check("i2c speed", "I2C is switched off", REBOOT)
-    return Check("i2c speed", "there is no adapter i2c-1, though it is asked for", "sudo modprobe i2c-dev; sudo reboot")
+    return Check("i2c speed", "there is no adapter i2c-1, though it is enabled", "sudo modprobe i2c-dev; sudo reboot")
 
 
 def core_clock(settings: dict[str, list[str]]) -> Check:
@@ -72,7 +72,7 @@ def names(root: Path) -> Check:
     ours = Path(__file__).parents[4] / "docker/pi/60-hindrax.rules"
     found = _text(root / RULES)
     if not found:
-        return Check("device names", f"no /{RULES}: ports keep the names of the kernel, which move", SET_UP)
+        return Check("device names", f"no /{RULES}: ports keep the names of the kernel, which change", SET_UP)
     if ours.is_file() and found != _text(ours):
         return Check("device names", f"/{RULES} differs from that of this version", SET_UP)
     links = sorted(link.name for link in (root / "dev/hindrax").glob("*"))
@@ -92,7 +92,7 @@ def power(root: Path) -> Check:
     """Under-voltage: a Pi that browns out drops bytes before it drops out."""
     text = _text(root / THROTTLED).strip()
     if not text:
-        return Check("power", "this kernel does not tell")
+        return Check("power", "not reported by this kernel")
     flags = int(text, 16)
     if flags & UNDER_VOLTAGE:
         return Check("power", "under-voltage now", "give it 5.1 V and 3 A; check cable, plug and converter")

@@ -170,7 +170,7 @@ def _serial(path: str, device: SerialDevice, clock: Clock) -> str:
     trouble = last[Trouble].text if Trouble in last else ""
     if Identity not in last:
         speed = at_baud(path, device.baud)
-        foreign = trouble or f"{count} bytes that make no sense{speed}"
+        foreign = trouble or f"{count} invalid bytes{speed}"
         raise DeviceError(f"{path}: {foreign if count else f'silence{speed}'}")
     rate = readings / max(TURN_S, seconds_between(started, clock.now()))
     supply = f", supply {last[SonarHealth].reading.supply_V:.2f} V" if SonarHealth in last else ""

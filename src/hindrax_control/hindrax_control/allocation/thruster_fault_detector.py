@@ -46,7 +46,7 @@ class FaultDetectorKnobs:
     surprise: float = knob(9.0, 1.0, 1e4, "mean square of the residual, in variances of the model, from which on [-]")
     sigma: Vec6 = knob((0.8, 0.8, 1.0, 0.15, 0.2, 0.12), 1e-3, 1e3, "error of the model at rest [N, N m]")
     sigma_drag: float = knob(0.35, 0.0, 2.0, "error of the model as a share of the drag [-]")
-    sigma_thrust: float = knob(0.1, 0.0, 1.0, "loss of each thruster at work, as a share of its thrust [-]")
+    sigma_thrust: float = knob(0.1, 0.0, 1.0, "loss of each thruster under load, as a share of its thrust [-]")
 
 
 @dataclass(frozen=True, slots=True)

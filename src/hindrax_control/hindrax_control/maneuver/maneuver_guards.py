@@ -54,7 +54,7 @@ class ManeuverGuardKnobs:
     unlocked_s: float = knob(5.0, 0.1, 60.0, "longest time without a bottom lock of the DVL [s]")
     inertial_age_s: float = knob(0.2, 0.01, 10.0, "oldest inertial sample [s]")
     depth_age_s: float = knob(1.0, 0.05, 10.0, "oldest depth [s]")
-    braking_mps2: float = knob(0.35, 0.01, 10.0, "deceleration that can be counted on [m/s^2]")
+    braking_mps2: float = knob(0.35, 0.01, 10.0, "guaranteed deceleration [m/s^2]")
     blocked_s: float = knob(5.0, 0.5, 60.0, "longest time of thrust without motion [s]")
     patience_s: float = knob(0.3, 0.0, 10.0, "time for which tilt, speed and age must be wrong [s]")
 

@@ -63,7 +63,7 @@ class Ads1115(RegisterPart):
         voltage, voltage_again, current, current_again = struct.unpack(">4h", raw)
         valid = after(stamp, CONVERSION_S)
         if (voltage, current) != (voltage_again, current_again):
-            return [Rejected(valid, "not twice the same", raw)]
+            return [Rejected(valid, "two reads differ", raw)]
         if max(voltage, current) >= END_OF_SCALE:
             return [Rejected(valid, "end of the scale", raw)]
         volts, amperes = voltage * V_PER_COUNT, current * V_PER_COUNT

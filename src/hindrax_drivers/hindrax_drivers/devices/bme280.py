@@ -109,7 +109,7 @@ class Bme280(RegisterPart):
         yield Pause(START_UP_S)
         first, again = (yield from self._coefficients(found)), (yield from self._coefficients(found))
         if first != again or not any(first[0]) or set(first[0]) == {0xFF}:
-            raise self.error("its calibration is not twice the same, or empty: a disturbed bus, or a broken part")
+            raise self.error("two reads of its calibration differ, or are empty: a disturbed bus, or a broken part")
         self._calibration = calibration_of(*first)
         self._last: Air | None = None
         self._last_raw, self._repeats = b"", 0
@@ -130,7 +130,7 @@ class Bme280(RegisterPart):
         self._repeats = self._repeats + 1 if raw == self._last_raw else 0
         last, self._last, self._last_raw = self._last, air_of(self._calibration, raw), raw
         if self._repeats >= HUNG_AFTER:
-            raise self.error("gives the same measurement again and again")
+            raise self.error("repeats the same measurement")
         valid = after(stamp, 0.5 * MEASUREMENT_S)
         reason = (
             f"{self._repeats + 1} equal measurements" if self._repeats >= REPEATS else self._refusal(last, self._last)

@@ -81,7 +81,7 @@ class Icm20948(RegisterPart):
         knobs = self._knobs
         outputs = yield from self._fetch_fifo(stamp) if knobs.mode == "fifo" else self._fetch_newest(stamp)
         if self._samples.hung:
-            raise self.error("gives the same sample again and again")
+            raise self.error("repeats the same sample")
         self._turn += 1
         if knobs.magnetometer and self._turn % knobs.magnetometer_every == 0:
             outputs += yield from self._mag.read(stamp)

@@ -36,7 +36,7 @@ class Ina226Knobs:
 
     period_s: float = knob(0.1, 0.05, 10.0, "time between two readings [s]")
     shunt_ohm: float = knob(0.0005, 1e-5, 1.0, "resistance of the shunt [ohm]")
-    reversed: bool = knob(False, meaning="the shunt is wired the other way round")
+    reversed: bool = knob(False, meaning="the shunt is wired in reverse")
 
 
 class Ina226(RegisterPart):
@@ -71,7 +71,7 @@ class Ina226(RegisterPart):
             raw += yield self.get(register, 2)
         shunt, bus = struct.unpack_from(">2h", raw)
         if raw[:4] != raw[4:]:
-            return [Rejected(valid, "not twice the same", raw)]
+            return [Rejected(valid, "two reads differ", raw)]
         if abs(shunt) >= END_OF_SCALE or not 0 <= bus < END_OF_SCALE:
             return [Rejected(valid, "end of the scale", raw[:4])]
         return [Stamped(valid, Battery(bus * V_PER_COUNT, shunt * SHUNT_V_PER_COUNT / self._shunt_ohm))]

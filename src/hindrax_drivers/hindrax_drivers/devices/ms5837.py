@@ -166,7 +166,7 @@ class Ms5837(RegisterPart):
         d1 = yield from self._convert(self._command_d1, slack_s)
         self._turn += 1
         if self._repeats >= HUNG_AFTER:
-            raise self.error("gives the same conversion again and again")
+            raise self.error("repeats the same conversion")
         reading = reading_of(self._prom, d1, self._d2)
         valid = after(stamp, begin_s + 0.5 * self._wait_s)
         reason = self._implausible(d1, Stamped(valid, reading))

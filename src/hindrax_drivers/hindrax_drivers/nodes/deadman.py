@@ -162,7 +162,7 @@ class DeadMan:
                 break
             failures = 0 if time.monotonic() - child.started_s > WELL_AFTER_S else failures + 1
             wait_s = BACK_OFF_S[min(failures, len(BACK_OFF_S) - 1)]
-            report(f"the node ended with {code}; neutral is on the wire, it is started again in {wait_s:g} s")
+            report(f"the node ended with {code}; neutral is on the wire, it restarts in {wait_s:g} s")
             if not self._wait(wait_s):
                 break
         self._neutral.write()

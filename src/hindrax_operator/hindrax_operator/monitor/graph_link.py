@@ -118,7 +118,7 @@ class GraphLink(threading.Thread):
             self._urgent_running = False
         if self._waiting and (self._over.is_set() or time.monotonic() - self._received_s > LOST_S):
             self._waiting = False  # raised once: the maneuver still has to be cancelled
-            raise HindraxError("the end of the maneuver is not waited for any longer; `./hindrax stop` ends it")
+            raise HindraxError("no longer waiting for the end of the maneuver; `./hindrax stop` ends it")
 
     def _refresh(self, operator: Operator) -> None:
         # The thrusters publish at 50 Hz in every state: without their messages the vehicle is not reachable.
@@ -159,7 +159,7 @@ def _disarm(operator: Operator) -> str:
 
 
 def _cancel(operator: Operator) -> str:
-    return "the maneuver is cancelled" if operator.cancel_all() else "nothing was being flown"
+    return "the maneuver is cancelled" if operator.cancel_all() else "no maneuver was running"
 
 
 ENDS: Mapping[str, Order] = {"stop": _stop, "disarm": _disarm, "cancel": _cancel}

@@ -112,13 +112,13 @@ class Request(HTTPMessageDelegate):
         elif camera != path:
             await self._send_frame(unquote(camera), headers.get("If-None-Match", ""))
         else:
-            raise RefusedRequest(HTTPStatus.NOT_FOUND, "nothing is served under this path")
+            raise RefusedRequest(HTTPStatus.NOT_FOUND, "no such path")
 
     def _expect(self, path: str, headers: HTTPHeaders) -> None:
         self._site.access.check_token(headers.get("Authorization"))
         self._order = path.removeprefix("/")
         if self._order not in ("here", *ORDERS):
-            raise RefusedRequest(HTTPStatus.NOT_FOUND, "no such order")
+            raise RefusedRequest(HTTPStatus.NOT_FOUND, "no such command")
         check_body(headers)
 
     def _post(self, words: Mapping[str, Any]) -> None:

@@ -80,12 +80,14 @@ class PageController:
     def order(self, name: str, words: Mapping[str, Any]) -> None:
         """Pass an order on; Refused where it may not be, or makes no sense. Its outcome is part of a later update."""
         if self.read_only:
-            raise RefusedRequest(HTTPStatus.FORBIDDEN, f"{name}: this page only watches (`./hindrax web --read-only`)")
+            raise RefusedRequest(HTTPStatus.FORBIDDEN, f"{name}: this page is read-only (`./hindrax web --read-only`)")
         if name == "fly":
             self._fly(goal_of(words))
             return
         if words:
-            raise RefusedRequest(HTTPStatus.BAD_REQUEST, f"{name}: found {', '.join(sorted(words))}, wanted no words")
+            raise RefusedRequest(
+                HTTPStatus.BAD_REQUEST, f"{name}: found {', '.join(sorted(words))}, wanted no arguments"
+            )
         self._vehicle.end(name, lambda sentence, well: self._done(name, sentence, well))
 
     def _fly(self, goal: Goal | ExperimentGoal) -> None:

@@ -211,7 +211,7 @@ def _prepare(path: Path) -> bool:
             raise HindraxError(f"{path}: cannot be made ({cause(error)}); choose another place") from error
         return True
     if not path.is_file():
-        raise HindraxError(f"{path}: is there already and no ordinary file; a real bus is never hidden by a mock")
+        raise HindraxError(f"{path}: exists already and is no regular file; a mock never hides a real bus")
     return False
 
 
@@ -228,13 +228,13 @@ def _mount(path: Path) -> int:
     try:
         fd = os.open(DEVICE, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError as error:
-        raise HindraxError(f"{path}: cannot become a bus ({DEVICE}: {cause(error)}); {remedy}") from error
+        raise HindraxError(f"{path}: cannot be mounted as a bus ({DEVICE}: {cause(error)}); {remedy}") from error
     options = f"fd={fd},rootmode={stat.S_IFREG | 0o666:o},user_id=0,group_id=0,allow_other"
     arguments = (SOURCE.encode(), str(path).encode(), b"fuse", MS_NOSUID | MS_NODEV, options.encode())
     if _libc.mount(*arguments) != 0:
         code = ctypes.get_errno()
         os.close(fd)
-        raise HindraxError(f"{path}: cannot become a bus (mount: {os.strerror(code)}); {remedy}")
+        raise HindraxError(f"{path}: cannot be mounted as a bus (mount: {os.strerror(code)}); {remedy}")
     return fd
 
 

@@ -58,7 +58,7 @@ def deploy(arguments: argparse.Namespace) -> int:
         else:
             report(title)
             run(target.host, step, clone)
-    report("nothing was done: a dry run" if arguments.dry_run else f"done on {target.host}")
+    report("dry run: nothing was changed" if arguments.dry_run else f"done on {target.host}")
     return 0
 
 
@@ -75,7 +75,7 @@ def require_tools(clone: Path) -> None:
         if shutil.which(tool) is None:
             raise HindraxError(f"found no {tool} here; sudo apt install {tool.replace('ssh', 'openssh-client')}")
     if not (clone / ".git").exists():
-        raise HindraxError(f"{clone}: is no git clone, and what is sent is its last commit; deploy from a clone")
+        raise HindraxError(f"{clone}: is no git clone, and deploy sends the last commit; deploy from a clone")
 
 
 def left_behind(clone: Path) -> None:

@@ -80,7 +80,7 @@ def of_stack(lock: StackLock) -> list[Check]:
         with joined(lock) as operator:
             return nodes.stack(operator, load_vehicle(lock.vehicle), lock.title)
     except HindraxError as error:
-        return [Check("stack", str(error), "end it and start it again")]
+        return [Check("stack", str(error), "restart it")]
 
 
 def in_mock(settings: Settings, vehicle_file: Path, faults: tuple[str, ...]) -> list[Check]:

@@ -136,7 +136,7 @@ class DvlConversation:
         settings = self._ask()
         reported = {key: value for key, value in wanted.items() if key in settings}
         if left := flash.commands(settings, reported):
-            raise HindraxError(f"{self._path}: DVL did not take {', '.join(_texts(left))}; check its firmware")
+            raise HindraxError(f"{self._path}: DVL did not accept {', '.join(_texts(left))}; check its firmware")
         for order in last:
             self._send(order)
         unverified = [key for key in wanted if key not in reported]

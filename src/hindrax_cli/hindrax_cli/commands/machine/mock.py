@@ -101,7 +101,7 @@ def table(found: Mapping[str, str]) -> str:
     lines = [f"  {name:{width}}  {path}" for name, path in found.items()]
     note = "mock:SOCKET is for hindrax (--port); the other paths open as they are"
     for address in (path for path in found.values() if path.startswith(UDP_PREFIX)):
-        note += f"; {address} is to be listened at, and takes commands at port {OF_DEVICE}"
+        note += f"; {address}: listen there; it accepts commands at port {OF_DEVICE}"
     return "\n".join(["the mock vehicle's devices are up:", *lines, f"  ({note})", "  Ctrl-C ends them"])
 
 

@@ -33,9 +33,7 @@ SUPPLIED_V = 3.0
 BATTERY_SENSORS = ("ina226", "ads1115")
 OFF = "Switch the supply of the speed controllers OFF, then type off:"
 ON = "Full throttle is on {names}. Switch their supply ON; 3 s later they beep that it is stored: press Enter then."
-STORED = (
-    "Least throttle is on them. After the beeps that follow 3 s of it, switch the supply OFF again and press Enter:"
-)
+STORED = "Zero throttle is on them. After the beeps that follow 3 s of it, switch the supply OFF again and press Enter:"
 
 
 @command(
@@ -157,7 +155,7 @@ def esc(arguments: argparse.Namespace) -> int:
         raise UsageError(f"--thrusters: found {unknown[0]}, wanted thrusters of {', '.join(known)}")
     require_output_free(vehicle)
     if not arguments.propellers_off:
-        raise UsageError("take every propeller off, then say --propellers-off: this puts full throttle out")
+        raise UsageError("remove every propeller, then add --propellers-off: this command outputs full throttle")
     chip = pca9685_of(vehicle, settings.guard.neutral.all_us)
     bench = _Bench(vehicle, chip, arguments.port or settings.port, names)
     for number in (signal.SIGTERM, signal.SIGHUP):
@@ -165,7 +163,7 @@ def esc(arguments: argparse.Namespace) -> int:
     with outputs_enabled(vehicle.output, bench.port):
         _calibrate(bench)
     print_fitted(
-        f"calibrated to {LEAST_us:g} and {FULL_us:g} us: {', '.join(names)}; look at one with `./hindrax thruster`"
+        f"calibrated to {LEAST_us:g} and {FULL_us:g} us: {', '.join(names)}; check one with `./hindrax thruster`"
     )
     return 0
 
@@ -175,10 +173,10 @@ def _calibrate(bench: _Bench) -> None:
     output = bench.vehicle.output
     if output.clock_Hz == type(output)().clock_Hz and not output.external_clock:
         print_fitted(
-            "output.clock_Hz is the nominal one: `./hindrax oscillator` first, or the range is off as far as it is"
+            "output.clock_Hz is the nominal one: `./hindrax oscillator` first, or the range has the same error"
         )
     if _ask(OFF) != "off":
-        raise HindraxError("wanted the word off; nothing but neutral was put out")
+        raise HindraxError("wanted `off`; only neutral was written")
     bench.require_no_supply()
     try:
         bench.put(FULL_us)

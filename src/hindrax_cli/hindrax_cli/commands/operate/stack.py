@@ -128,5 +128,5 @@ def on_the_wire(stack: StackLock | None) -> str:
     if THRUSTERS.name not in found:
         return "whether its thrusters turn is unknown here; if they do, cut the power"
     if found[THRUSTERS.name] > 2.0 * PERIOD_S:
-        return "its dead man does not beat, so its thrusters may go on with their last pulses; cut the power"
-    return "its dead man lives: half a second after the last command they are neutral; if they turn, cut the power"
+        return "its dead man sends no heartbeat, so its thrusters may keep their last pulses; cut the power"
+    return "its dead man is alive: the thrusters are neutral 0.5 s after the last command; if they turn, cut the power"

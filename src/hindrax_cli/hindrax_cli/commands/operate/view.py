@@ -95,7 +95,7 @@ def web(arguments: argparse.Namespace) -> int:
             while not over() and link.is_alive():
                 if not server.is_alive():
                     raise HindraxError(
-                        "the server of the page has ended, by a mistake of ours; start `./hindrax web` again"
+                        "the server of the page has ended, by a software defect; restart `./hindrax web`"
                     )
                 time.sleep(TURN_S)
         finally:
@@ -129,7 +129,7 @@ def _wait_for_vehicle(link: GraphLink, over: Callable[[], bool]) -> None:
     while link.snapshot().silent_s > VEHICLE_S and not over():
         if time.monotonic() > deadline:
             raise HindraxError(
-                f"no vehicle is there ({link.title}); start one with `./hindrax up`, or name the tether with --tether"
+                f"no vehicle found ({link.title}); start one with `./hindrax up`, or name the tether with --tether"
             )
         time.sleep(TURN_S)
 
