@@ -500,6 +500,14 @@ def test_who_is_asked_to_end_between_two_nodes_ends_with_neutral(man: DeadMan, m
     assert neutral.closed
 
 
+def test_an_order_to_end_after_the_end_is_no_error(man: DeadMan, monkeypatch: pytest.MonkeyPatch) -> None:
+    writer = NeutralWriter(Settings(VEHICLE, "/dev/i2c-1"))
+    monkeypatch.setattr(man, "_neutral", writer)
+    writer.close()
+    man._ask(signal.SIGTERM, None)
+    assert man._asked_s is not None
+
+
 def test_its_own_heart_beats_while_it_watches(man: DeadMan, monkeypatch: pytest.MonkeyPatch) -> None:
     beats: list[float] = []
     monkeypatch.setattr(man, "_heartbeat", SimpleNamespace(beat=beats.append))
