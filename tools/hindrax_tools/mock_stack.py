@@ -36,7 +36,7 @@ def mock_stack(
 
 @contextlib.contextmanager
 def holding_depth(stack: Stack) -> Iterator[Operator]:
-    """The operator of a stack, armed, who holds a depth and looks after the processes."""
+    """The operator of a stack, armed, who holds a depth and supervises the processes."""
     from hindrax_operator.nodes.operator_node import Operator  # noqa: PLC0415  # rclpy reads the environment
     from hindrax_operator.nodes.orders import hold  # noqa: PLC0415  # the same
 

@@ -181,7 +181,7 @@ class MutatedModule:
 
 
 def prepare() -> None:
-    """Load what is large before all forks; tell hypothesis that a property fails, not for which smallest example."""
+    """Load what is large before all forks; hypothesis reports a failing property without shrinking."""
     for name in ("numpy", "scipy.linalg", "rclpy"):
         with contextlib.suppress(ImportError):
             importlib.import_module(name)

@@ -76,7 +76,7 @@ def identify(
     wrench: str = "",
     frame: str = "",
 ) -> Results:
-    """Identify over bags, run folders or CSV files; several are pooled. As `./hindrax identify`, word for word.
+    """Identify over bags, run folders or CSV files; several are pooled. Same as `./hindrax identify`.
 
     Without `vehicle`: the one in the bag. `motions`: names of axes or motions, all that moved by default. UsageError
     names what is missing.

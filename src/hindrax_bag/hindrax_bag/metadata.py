@@ -125,7 +125,7 @@ def qualities_of(text: str) -> tuple[Quality, ...]:
 
 
 def _quality(found: Mapping[str, Any]) -> Quality:
-    """Undo `qos_map`; versions before 9 wrote numbers for the words."""
+    """Undo `qos_map`; versions before 9 wrote numbers for the names."""
     return Quality(
         reliable=found["reliability"] not in {"best_effort", 2},
         depth=int(found["depth"]) or Quality().depth,

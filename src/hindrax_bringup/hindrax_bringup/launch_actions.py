@@ -103,7 +103,7 @@ def stack(
         nodes = [_node(one, file, options) for one in chosen]
         if mock is None:
             return [*started, *nodes]
-        # Its first word is that its devices are there; before that, each node would warn that they are not.
+        # Its first line reports that its devices exist; before, each node would warn of missing devices.
         to_start = iter([nodes])
         at_first_word = OnProcessIO(target_action=mock, on_stdout=lambda _: next(to_start, None))
         return [*started, RegisterEventHandler(at_first_word), mock]

@@ -1,4 +1,4 @@
-"""The pulse of the tool that looks after a stack, and the heartbeats of its processes: what `hindrax health` reads.
+"""Heartbeats of the tool that supervises a stack, and of its processes: what `hindrax health` reads.
 
 The pulse stops when the tool hangs, whatever its processes still do; the service manager learns of it too and starts
 the tool again (sd_notify(3)). The file is locked for as long as the tool lives, as that of `stack_lock` is.
@@ -54,7 +54,7 @@ class LivenessFile:
         self.close()
 
     def beat(self, status: str, troubles: Mapping[str, str], *, armed: bool = False) -> None:
-        """Say that the tool lives, what it does in a few words, which nodes are unwell, and whether it may thrust."""
+        """Write the heartbeat of the tool: its activity, unhealthy nodes, and whether it may thrust."""
         now_s = time.monotonic()
         if now_s < self._next_s:
             return
@@ -92,7 +92,7 @@ def stacks_well(folder: Path, now_s: float) -> tuple[bool, str]:
 
 
 def liveness_of_stacks(folder: Path, now_s: float) -> dict[int, tuple[str, str]]:
-    """What each tool does that looks after a stack, and what is wrong with it or its nodes, by its process."""
+    """Activity of each tool that supervises a stack, and problems of it or its nodes, by its process."""
     found: dict[int, tuple[str, list[str]]] = {}
     for path in sorted(folder.glob("*.pulse")):  # that of the nodes first: what the tool does counts
         if (one := _liveness_of(path, now_s)) is not None:

@@ -1,7 +1,7 @@
 """Which stacks run on this machine: each has a lock file by which commands in other terminals find it.
 
 The file is locked for as long as the tool that wrote it lives, so a file that can be locked was left by a tool that
-was killed, and is removed by whoever finds it.
+was killed; the next process that finds it removes it.
 """
 
 import contextlib

@@ -50,7 +50,7 @@ class UpOptions:
 
 
 def run_up(options: UpOptions) -> int:
-    """Start everything, say how to reach it, look after it; 0 when SIGTERM ended it."""
+    """Start everything, print how to reach it, supervise it; 0 when SIGTERM ended it."""
     load_vehicle(options.vehicle_file).output_channels()
     mock, namespace = options.mock is not None, options.tuning.namespace
     with asked_to_end() as over, own_domain(mock=mock, namespace=namespace) as domain, tool_liveness() as beating:
@@ -67,7 +67,7 @@ def _run(options: UpOptions, run: int, domain: int | None, over: Callable[[], bo
         in_use = [Path(one.folder).resolve() for one in stacks()]
         for sentence in remove_oldest(RUNS, options.keep_bytes, in_use):
             report(sentence)
-    # A vehicle with a full disk can be flown; its recorder says that it waits for room.
+    # A vehicle with a full disk can fly; its recorder reports that it waits for room.
     out = f"{options.out}_{run}" if options.out and run > 1 else options.out
     folder = make_run_folder(out, options.vehicle_file, wanted_bytes=0)
     address = awaited(options.tether, over, beating)
@@ -93,7 +93,7 @@ def _run(options: UpOptions, run: int, domain: int | None, over: Callable[[], bo
 
 @dataclass(slots=True)
 class ClockStep:
-    """Decides that a stack starts anew because the wall clock was set: disarmed, and not in the midst of more steps."""
+    """Decides to restart a stack after a step of the wall clock: disarmed, and no further steps follow."""
 
     of_stack: StackTime
     armed: Callable[[], bool] = lambda: reported_armed(runtime_folder(), os.getpid())
@@ -102,7 +102,7 @@ class ClockStep:
     _since_s: float = 0.0
 
     def followed(self) -> bool:
-        """Whether the stack is to end now; says so."""
+        """Whether the stack is to end now; prints it."""
         step, step_s, now_s = self.of_stack.step(), self.of_stack.step_s(), self.now_s()
         if abs(step_s - self._step_s) > STEP_S:
             self._step_s, self._since_s = step_s, now_s

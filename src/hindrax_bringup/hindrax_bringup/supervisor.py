@@ -1,4 +1,4 @@
-"""Starts processes in groups of their own, starts them again when they die or freeze, and ends every one of them.
+"""Starts processes in their own groups, restarts them when they die or freeze, and ends all of them.
 
 A process that a signal has stopped, or whose heartbeat has stopped, is killed and started again like one that died. One
 that drives an output and could not leave it safe itself is run once more for that alone (`Process.last_resort`).
@@ -127,7 +127,7 @@ class Supervisor:
             )
 
     def check(self) -> list[str]:
-        """Look after the processes: kill what is frozen, start again what died, and say so, one sentence each."""
+        """Supervise the processes: kill frozen ones, restart dead ones, one sentence for each."""
         now_s, children = time.monotonic(), self.children.values()
         sentences = [self._look(child, now_s) for child in children] if self._due(now_s) else []
         return [sentence for sentence in (*sentences, *[self._check(child, now_s) for child in children]) if sentence]
@@ -175,7 +175,7 @@ class Supervisor:
     def _secure(self, child: SupervisedProcess) -> str:
         """Leave the output of a process safe that has ended without doing so; returns what is on the wire, if anything.
 
-        A process that refused its words has never had the output in hand. HindraxError when the output is not safe.
+        A process that refused its arguments never controlled the output. HindraxError when the output is not safe.
         """
         code, name = child.handle.returncode, child.process.name
         if not child.process.last_resort or code in (0, UsageError.exit_code):
@@ -194,7 +194,7 @@ class Supervisor:
         return f"{name} {how}; {done.stdout.strip()}"
 
     def require(self, *but: str) -> None:
-        """Raise HindraxError, with its last words, if a process is down for good; `but` for these."""
+        """Raise HindraxError, with the end of its log, if a process stays down; except `but`."""
         for name, child in self.children.items():
             if child.ended and name not in but:
                 words = last_words(self.logs / f"{name}.log")

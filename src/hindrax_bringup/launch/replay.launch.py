@@ -1,7 +1,7 @@
 """A recorded run on the real nodes: `ros2 launch hindrax_bringup replay.launch.py bag:=runs/today/bag`.
 
 Its wire frames come to the ports of the devices again, in their own time. To compare the outcome with the record, use
-`./hindrax replay --ros`; this one is for looking, with any tool of ROS. The maneuver is the recorded one: nobody flies.
+`./hindrax replay --ros`; this one is for inspection with any ROS tool. The maneuver is the recorded one.
 """
 
 from hindrax_bringup.launch_actions import stack

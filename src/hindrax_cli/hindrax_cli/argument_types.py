@@ -92,7 +92,7 @@ def tuning_of(arguments: argparse.Namespace) -> Tuning:
 
 
 def output_settings(arguments: argparse.Namespace) -> "Settings":
-    """Vehicle, port and guard of the thruster output by the words of a command, read as its node reads them."""
+    """Vehicle, port and guard of the thruster output by the arguments of a command, as its node reads them."""
     from hindrax_drivers.nodes.thruster_settings import NODE, read_settings  # noqa: PLC0415  # few commands need it
 
     tuning, own = tuning_of(arguments), f"{NODE}."

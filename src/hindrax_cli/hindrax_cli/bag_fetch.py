@@ -32,7 +32,7 @@ class Remote:
         return [*self.command, line] if self.command else ["sh", "-c", line]
 
     def ask(self, line: str) -> str:
-        """Output of a shell line; HindraxError with its last words when it fails."""
+        """Output of a shell line; HindraxError with the end of its stderr when it fails."""
         try:
             done = subprocess.run(self.shell(line), capture_output=True, text=True, check=False)  # noqa: S603  # quoted
         except OSError as error:

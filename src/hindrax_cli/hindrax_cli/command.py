@@ -1,4 +1,4 @@
-"""The words of the tool: which module has which commands, and what a command is.
+"""The commands of the tool: their modules, and the declaration of a command.
 
 Exit codes: 0 done, 1 the work failed (HindraxError), 2 wrong use (UsageError), 130 ended by Ctrl-C.
 """
@@ -64,9 +64,9 @@ MODULES = {
 
 @dataclass(frozen=True)
 class Command:
-    """A command: what it does, what it takes, and an example; `passes_on`: all of its words go to another program.
+    """A command: function, options and example; `passes_on`: all its arguments go to another program.
 
-    Each line of the example can be pasted; a line that begins with # says when or what for.
+    Each line of the example can be pasted; a line that begins with # is a comment.
     """
 
     run: Run
@@ -91,7 +91,7 @@ def option(*names: str, **how: Any) -> Callable[[argparse._ActionsContainer], ob
 
 
 def add_words(parser: argparse.ArgumentParser, words: Mapping[str, Command]) -> None:
-    """Words of which one follows the command, each with arguments of its own; they are `arguments.word`."""
+    """Subcommands, each with its own arguments; the chosen one is `arguments.word`."""
     below = parser.add_subparsers(dest="word", required=True, metavar="SUBCOMMAND")
     for name, one in words.items():
         about = one.run.__doc__

@@ -27,7 +27,7 @@ LONGEST_WORD = 24
 
 
 def long_choices(action: argparse.Action) -> str:
-    """What there is to choose from where it would make a long word; empty where it does not."""
+    """Choices that are too long for the option's column; empty where they fit."""
     if action.metavar is not None or action.choices is None:
         return ""
     found = ", ".join(map(str, action.choices))
@@ -48,7 +48,7 @@ class HelpText(argparse.RawDescriptionHelpFormatter):
         return f"{super()._expand_help(action)}; one of {found}" if found else super()._expand_help(action)
 
     def _split_lines(self, text: str, width: int) -> list[str]:
-        """Between words only: a word that is to be typed stays whole."""
+        """Between words only: an option stays whole."""
         return fitted(" ".join(text.split()), width, 0).split("\n")
 
     def _fill_text(self, text: str, width: int, _indent: str) -> str:

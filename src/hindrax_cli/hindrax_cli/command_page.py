@@ -60,12 +60,12 @@ def page_of(root: Path) -> str:
 
 
 def sections(page: str) -> dict[str, str]:
-    """Text by command, and by command and word (`bag info`)."""
+    """Text by command, and by subcommand (`bag info`)."""
     return {name: text for name, _, text in (part.partition("\n") for part in SECTION.split(page)[1:])}
 
 
 def help_of(page: str, words: list[str], width: int = UNBOUNDED) -> str | None:
-    """Return the help of a command, or of a word of one, on a screen; None when there is no such command."""
+    """Return the help of a command or subcommand, for a screen; None when there is no such command."""
     found = sections(page)
     name = next((name for name in (" ".join(words[:2]), *words[:1]) if name in found), None)
     if name is None:
@@ -79,7 +79,7 @@ def help_of(page: str, words: list[str], width: int = UNBOUNDED) -> str | None:
 
 
 def _entry(name: str, text: str, width: int) -> str:
-    """One word of a command in the list of them, with the first line of its help."""
+    """A subcommand in the list of them, with the first line of its help."""
     return fitted(f"  {name.partition(' ')[2]:<{WIDTH}}  {text.strip().partition(chr(10))[0]}", width, WIDTH + 4)
 
 
@@ -94,7 +94,7 @@ def _plain(text: str) -> str:
 
 
 def words_of(page: str) -> Mapping[str, list[str]]:
-    """What may follow each command, or word of one: options, values to choose from, words."""
+    """What may follow each command or subcommand: options, choices, subcommands."""
     found = sections(page)
     known = {}
     for name, text in found.items():
@@ -111,13 +111,13 @@ def _offered(form: str) -> list[str]:
 
 
 def completion(page: str, shell: str) -> str:
-    """Return the script by which a shell completes commands, their words and their options."""
+    """Return the script by which a shell completes commands, subcommands and options."""
     known = dict(words_of(page), setup=["--check", "--vehicle", "--all", "--help"])
     commands = [*(name for name in known if " " not in name), "help", "--help", "--version"]
     if shell == "fish":
         lines = (_fish_command(name, known) for name in known)
         return "\n".join([FISH, _fish("__fish_use_subcommand", commands, files=False), *lines, ""])
-    # Patterns of two words come before those of one, which fit them too.
+    # Patterns of subcommands come before those of commands, which match them too.
     narrow_first = sorted(known.items(), key=lambda one: " " not in one[0])
     cases = "\n".join(starmap(_case, narrow_first))
     bash = BASH.replace("@COMMANDS@", " ".join(commands)).replace("@CASES@", cases)
@@ -130,7 +130,7 @@ def _case(name: str, words: list[str]) -> str:
 
 
 def _fish_command(name: str, known: Mapping[str, list[str]]) -> str:
-    """A command offers its words alone until one is there; after that, and without words, files as well."""
+    """A command offers only its subcommands until one is typed; otherwise files as well."""
     condition = "; and ".join(f"__fish_seen_subcommand_from {word}" for word in name.split())
     below = [one.partition(" ")[2] for one in known if one.startswith(f"{name} ")]
     alone = f"; and not __fish_seen_subcommand_from {' '.join(below)}" if below else ""

@@ -66,7 +66,7 @@ def kind_of(host: str, answer: str) -> DeploymentKind:
 
 
 def plan(target: Target) -> tuple[Step, ...]:
-    """All steps, in order. Each may be done again: what is there is kept where it is right."""
+    """All steps, in order. Each is idempotent."""
     system = _of_the_system(target) if target.system else (_made(target),)
     return (*_files(target.folder), *system)
 

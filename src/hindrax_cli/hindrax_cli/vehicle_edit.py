@@ -69,7 +69,7 @@ def _child(node: Any, key: str) -> Any:
 
 
 def _in_the_style_of(node: Any, value: object) -> str:
-    """The value as text: a block on lines of its own where it replaces a block, else on one line."""
+    """The value as text: a block on separate lines where it replaces a block, else on one line."""
     if not (isinstance(value, dict) and value and isinstance(node, yaml.MappingNode) and not node.flow_style):
         return on_one_line(value)
     lines = yaml.safe_dump(value, default_flow_style=None, sort_keys=False, width=10_000).splitlines()

@@ -99,7 +99,7 @@ QUESTIONS = (
 def ask(line_of: Callable[[str], str], on_wrong: Callable[[UsageError], None]) -> Answers:
     """Put the questions; `line_of` shows a prompt and returns the line that was typed.
 
-    After a wrong answer `on_wrong` raises, or says it, and the question is put again; the end of the input raises.
+    After an invalid answer `on_wrong` raises, or prints it and the question is repeated; the end of the input raises.
     """
     answers: dict[str, tuple[float, ...]] = {}
     for question in QUESTIONS:

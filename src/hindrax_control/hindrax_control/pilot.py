@@ -94,7 +94,7 @@ class Pilot:
         self._refused: dict[str, tuple[Stamp, str]] = {}
         self._stamp = Stamp(0)
         self.water_in_hull = False
-        """As a leak sensor has it: no maneuver begins or goes on. Holds do, and nothing disarms: it has to come up."""
+        """State of a leak sensor: no maneuver begins or continues. Holds do, and nothing disarms: it has to come up."""
 
     # ---- events
 
@@ -148,11 +148,11 @@ class Pilot:
         return refused
 
     def check(self, goal: Goal) -> None:
-        """UsageError that says why a goal cannot be flown by this vehicle with the thrusters that are enabled."""
+        """UsageError with the reason if this vehicle cannot fly a goal with the enabled thrusters."""
         require_flyable(goal, self._vehicle, self._disabled)
 
     def plans(self) -> dict[str, Plan | str]:
-        """What each motion would fly now, or a sentence that says why it cannot; first word: its name."""
+        """Plan of each motion, or the reason why it cannot be flown; first word: its name."""
         planner = self._planner()
         pool = PoolBounds(self._vehicle, 0.0, self._knobs.pool_bounds)
         found: dict[str, Plan | str] = {}
@@ -171,7 +171,7 @@ class Pilot:
         self._disabled = disabled
 
     def fly(self, goal: Goal) -> Maneuver:
-        """Begin a maneuver with the next step; HindraxError says why it cannot be flown now or at all."""
+        """Begin a maneuver with the next step; HindraxError with the reason if it cannot be flown now or at all."""
         pool, knobs = self.pool, self._knobs
         require_ready(
             flying=self.flying,
@@ -229,7 +229,7 @@ class Pilot:
         return ""
 
     def cancel(self, ending: str = "") -> None:
-        """Stop the maneuver, if there is one: accepted at any moment. `ending`: hold, neutral, or as the goal says."""
+        """Stop the maneuver, if there is one: accepted at any moment. `ending`: hold, neutral, or that of the goal."""
         if self._maneuver is not None:
             self._maneuver.cancel(ending=ending)
 
@@ -292,7 +292,7 @@ class Pilot:
     def _update(self, navigation: Navigation, stamp: Stamp, battery_V: float, *, armed: bool, unarmed: str) -> None:
         self._navigation = navigation
         if not (self._was_armed or self._recentred) and math.isfinite(navigation.attitude_rad[2]):
-            # Until it is armed for the first time, the vehicle lies in the pool as the knobs say.
+            # Until the first arming, the vehicle is assumed where the knobs place it.
             if self._origin_m is None and math.isfinite(sum(navigation.position_m)):
                 self._origin_m = navigation.position_m
             heading_rad, origin_m = navigation.attitude_rad[2], self._origin_m or (0.0, 0.0)

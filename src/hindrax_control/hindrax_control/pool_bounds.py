@@ -1,8 +1,8 @@
 """The pool as the maneuvers see it: where the vehicle is in it, by dead reckoning, and how far the walls are.
 
 Pool axes: x along the length, y to the right of it, from the corner; the walls are called south (x = 0), north, west
-(y = 0) and east, whatever the compass says. The vehicle starts at a known place, turned from the length by a known
-angle, or the operator says later where it is; from there on the position is that of the navigator, with its sigma.
+(y = 0) and east, independent of the compass. The vehicle starts at a known place, turned from the length by a known
+angle, or where the operator places it later; from there on the position is that of the navigator, with its sigma.
 """
 
 import math
@@ -54,7 +54,7 @@ class GuardedPlace:
 
 
 class PoolBounds:
-    """Pool geometry for one start, where the vehicle lay as the knobs say.
+    """Pool geometry for one start, with the vehicle where the knobs place it.
 
     `heading_rad` and `origin_m` (north, east) are those of the navigator there.
     """
@@ -79,7 +79,7 @@ class PoolBounds:
     def recentre(self, navigation: Navigation, x_m: float, y_m: float, turned_rad: float) -> None:
         """Take the vehicle to be at x, y now [m], turned from the length by this; NaN: as it was.
 
-        UsageError says what is no place in this pool; then nothing of it may be used.
+        UsageError for a position outside this pool; then nothing of it may be used.
         """
         if abs(turned_rad) > math.tau:
             found = f"{math.degrees(turned_rad):.0f} deg"

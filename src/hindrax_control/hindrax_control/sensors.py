@@ -67,7 +67,7 @@ BOUNDS: Mapping[type, tuple[Bound, ...]] = {
 
 
 def unfit(stamped: Stamped[Reading]) -> str:
-    """Why a reading cannot be a measurement; empty when it can. What is merely doubtful is left to the filters."""
+    """Reason why a reading is impossible; else empty. The filters judge implausible ones."""
     reading = stamped.reading
     for what, size_of, most in BOUNDS.get(type(reading), ()):
         size = size_of(reading)

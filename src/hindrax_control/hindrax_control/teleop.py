@@ -47,7 +47,7 @@ class Teleop:
     def joystick(self, axes: Sequence[float], buttons: Sequence[int], made_s: float, now_s: float) -> Vec6 | None:
         """Return the wrench, in base_link_fsd; None where nothing is to be sent.
 
-        A release of the button is sent once, as zero; after that, silence leaves the vehicle to whoever else steers.
+        A release of the button is sent once, as zero; after that, silence leaves the vehicle to other sources.
         """
         late = self._is_late(made_s, now_s)
         knobs = self._knobs
@@ -86,7 +86,7 @@ class Teleop:
         return math.copysign(max(0.0, min(1.0, abs(way)) - zone) / (1.0 - zone), way)
 
     def _is_late(self, made_s: float, now_s: float) -> bool:
-        """Whether a message took much longer than the fastest one did; a maker whose clock went back starts anew."""
+        """Whether a message took much longer than the fastest one; resets when the clock of its sender goes back."""
         delay_s = now_s - made_s
         if made_s < self._made_s:
             self._shortest_s = math.inf

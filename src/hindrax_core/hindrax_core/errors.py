@@ -13,7 +13,7 @@ class HindraxError(Exception):
 
 
 class UsageError(HindraxError):
-    """Invalid use of the tool: an unknown word, a missing file, contradictory options."""
+    """Invalid use of the tool: an unknown argument, a missing file, contradictory options."""
 
     exit_code = 2
 

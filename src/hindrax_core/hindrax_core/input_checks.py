@@ -1,9 +1,9 @@
 """Checks of what other programs send: its stamp, its publisher, and the count of what was refused.
 
 Stamps: one rule for everything that commands the vehicle. An order that is too old may have waited in a dead link; one
-from the future would outrank every order after it. Neither counts, and one without a stamp cannot be told from either.
+from the future would override every later request. Both are refused, and so is a request without a stamp.
 
-Publishers: a message does not say who sent it, but the graph says who publishes. Where two do, neither is obeyed.
+Publishers: a message does not name its sender, but the graph names the publishers. With two, neither is obeyed.
 """
 
 import math
@@ -124,7 +124,7 @@ class SinglePublisher:
         return ""
 
     def is_contested(self, publishers: Collection[str]) -> bool:
-        """Whether another one publishes whose name the graph knows: that does not end by itself."""
+        """Whether another publisher with a known name exists: that does not end by itself."""
         known = {one for one in publishers if UNKNOWN not in one}
         return bool(known - {self.name}) and (bool(self.name) or len(known) > 1)
 

@@ -21,7 +21,7 @@ _WORDS = {float: "a number", int: "a whole number", str: "a text", bool: "true o
 
 @dataclass(frozen=True, slots=True)
 class Knob:
-    """Range, meaning (with its unit in brackets) and choices of one declared number, vector or word."""
+    """Range, meaning (with its unit in brackets) and choices of one declared number, vector or text."""
 
     low: float = -math.inf
     high: float = math.inf
@@ -50,7 +50,7 @@ def block(factory: Callable[[], Any], meaning: str) -> Any:
 
 
 def choice(default: str | tuple[str, ...], choices: Sequence[str], meaning: str) -> Any:
-    """Declare a word out of a closed set, or a list of them."""
+    """Declare a choice from a closed set, or a list of them."""
     return field(default=default, metadata={META: Knob(meaning=meaning, choices=tuple(choices))})
 
 

@@ -85,7 +85,7 @@ class EchoProfile(Reading):
 
 @dataclass(frozen=True, slots=True)
 class SonarHealth(Reading):
-    """Number, supply and temperatures of an echo sounder; None or NaN where it does not tell one."""
+    """Number, supply and temperatures of an echo sounder; None or NaN where it is not reported."""
 
     device_id: int | None
     supply_V: float
@@ -151,7 +151,7 @@ class Position(Reading):
 class KalmanSupport(Reading):
     """Numbers that a DVL offers to a Kalman filter outside: `groups` in their order, NaN for what is no number.
 
-    `version` is the device's bit vector of the groups that are there.
+    `version` is the device's bit vector of the groups present.
     """
 
     version: int

@@ -94,7 +94,7 @@ class Command(NamedTuple):
 class AppliedOutput(NamedTuple):
     """Output from this time on: whether armed, actual pulses [us], sequence of their command, armings so far.
 
-    `phase` of the output guard and `reason`, where they are given in words.
+    `phase` of the output guard and `reason`, where they are known.
     """
 
     stamp: Stamp

@@ -19,7 +19,7 @@ from hindrax_drivers.buses.ports import open_bus
 
 ResultT = TypeVar("ResultT")
 ANSWER_S = 3.0
-"""Time in which a device says who it is, or is not there."""
+"""Time in which a device must identify itself."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,12 +15,12 @@ Condition: TypeAlias = Literal["well", "silent", "foreign"]
 
 @dataclass(frozen=True, slots=True)
 class Driver:
-    """`make(knobs, mount, vehicle)` gives a SerialDevice or a RegisterDevice, as the table of sensors says."""
+    """`make(knobs, mount, vehicle)` gives a SerialDevice or a RegisterDevice, by the table of sensors."""
 
     knobs: type[Any]
     make: Callable[[Any, Mount, Vehicle], Any]
     wire: Wire = "i2c"
-    """As the table says."""
+    """By the table."""
 
     @property
     def serial(self) -> bool:

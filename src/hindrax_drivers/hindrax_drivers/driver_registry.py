@@ -8,7 +8,7 @@ from hindrax_core.sensor_table import SENSORS, Wire
 from hindrax_drivers.driver import Driver
 
 PORTS: Mapping[Wire, str] = {"serial": "/dev/ttyUSB0", "i2c": "/dev/i2c-1", "gpio": "gpio:pinctrl-bcm2711"}
-"""Port of a device that stands alone, where nobody names one."""
+"""Default port of a single device."""
 
 
 DEVICES: dict[str, Driver] = {

@@ -21,7 +21,7 @@ FEWEST_POINTS = 50
 FLATTEST = 0.02
 """Least variance of the directions along any axis (1/3 when all directions are alike): below, a turn is missing."""
 LONGEST = 3.0
-"""Largest ratio of two axes of a believable ellipsoid: a small patch of a sphere fits a much flatter one."""
+"""Largest ratio of two axes of a plausible ellipsoid: a small patch of a sphere fits a much flatter one."""
 ROUGHEST = 0.1
 """Largest spread of the corrected lengths: above, the points lie on no ellipsoid at all."""
 TURN_MORE = "calibration: the directions do not go round all three axes; turn the vehicle about each axis in turn"

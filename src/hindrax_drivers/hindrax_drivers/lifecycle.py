@@ -63,7 +63,7 @@ def requested(state: State, number: int, label: str) -> Transition | None:
 
 
 def next_transition(state: State, wanted: State, *, found: bool) -> Transition | None:
-    """Next automatic transition towards the wanted state, as far as the device is there; None when done."""
+    """Next automatic transition towards the wanted state, as far as the device allows; None when done."""
     if State.FINALIZED in (state, wanted):
         return None
     goal = wanted if found else State.UNCONFIGURED

@@ -30,7 +30,7 @@ SLOPE_BLOCKS, HEIGHT_BLOCKS = 32, 12
 
 @dataclass(frozen=True, slots=True)
 class Break:
-    """The device's clock (or the host's) did not simply go on.
+    """The device's clock (or the host's) did not run steadily.
 
     `reset`: it went back; `jump`: it jumped, `shift_s` ahead of the expected time; `host step`: arrivals went back in
     time. Then the map restarts.

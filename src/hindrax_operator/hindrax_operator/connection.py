@@ -57,7 +57,7 @@ def joined(
 ) -> Iterator[Operator]:
     """Yield an operator in the graph of a stack, with its time known; `tick` is called between its spins.
 
-    `beating`: whether its heartbeat says that an operator is connected.
+    `beating`: whether it sends the heartbeat of an operator.
     """
     here = _graph_of_this_terminal() if found is None else environment_beside(found)
     with adopted(here):
@@ -66,7 +66,7 @@ def joined(
         due_s = 0.0
 
         def keep_time() -> None:
-            """Follow a stack that has started anew because the wall clock was set."""
+            """Follow a stack that has restarted because the wall clock was set."""
             nonlocal due_s
             if found is not None and time.monotonic() >= due_s:
                 due_s = time.monotonic() + FOLLOW_S
@@ -89,7 +89,7 @@ def _graph_of_this_terminal() -> dict[str, str]:
 
 
 def find_stack(arguments: argparse.Namespace) -> StackLock | None:
-    """Pick the stack that is meant; when none is announced, say where it is looked for."""
+    """Pick the stack; when none is announced, print where it is searched."""
     found = chosen_stack(arguments)
     if found is None:
         tether = tether_setting()
@@ -100,7 +100,7 @@ def find_stack(arguments: argparse.Namespace) -> StackLock | None:
 
 @contextlib.contextmanager
 def operator_of(arguments: argparse.Namespace) -> Iterator[Operator]:
-    """Yield an operator in the graph that the words of a command mean."""
+    """Yield an operator in the graph selected by the arguments of a command."""
     found = find_stack(arguments)
     with joined(found, sim_time=arguments.sim_time, namespace=arguments.namespace) as operator:
         yield operator

@@ -102,7 +102,7 @@ def _thrusters(vehicle_file: Path, *, mock: bool, pid: int | None) -> Iterator[O
             yield operator
         return
     if not mock:
-        # A stack that was started by a service or by `ros2 launch` announces nothing here; its topics tell.
+        # A stack that was started by a service or by `ros2 launch` announces nothing here; its topics show it.
         what = "only a mock vehicle, whose thrusters run with --mock," if found else "no stack"
         report(f"{what} is announced here; looking for thrusters in the ROS graph of this terminal")
         with joined(None) as operator:
@@ -151,6 +151,6 @@ def _own_thrusters(vehicle_file: Path, *, mock: bool) -> Iterator[Operator]:
 
 
 def _missing(operator: Operator) -> str:
-    """The thrusters, and why they say nothing, by /diagnostics."""
+    """The thrusters, and the reason of their silence, from /diagnostics."""
     silent = "their process sends nothing, `./hindrax doctor` checks the ports"
     return f"the thrusters; {'; '.join(node_problems(operator)) or silent}"

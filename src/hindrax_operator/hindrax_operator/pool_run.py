@@ -64,11 +64,11 @@ class PoolOptions:
     """Deviation of the drag of each motion as a share of it, by a rehearsal [-]."""
     tuning: Tuning = field(default_factory=Tuning)
     start: tuple[float, float, float] | None = None
-    """Where in the pool it is before it is armed, as `recentre` has it; none: as the pilot's parameters say."""
+    """Position in the pool before arming, as for `recentre`; none: by the pilot's parameters."""
 
     @property
     def plan_is_the_pilots(self) -> bool:
-        """Whether only the pilot knows what it will fly: it has parameters of its own."""
+        """Whether only the pilot knows the plan: its parameters were set."""
         own = self.tuning != Tuning(self.tuning.namespace)
         return own and self.aim is None and self.excitation == PLATEAUS
 

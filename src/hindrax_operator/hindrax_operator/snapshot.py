@@ -63,7 +63,7 @@ class PlaceView:
 
 @dataclass(frozen=True, slots=True)
 class NodeHealth:
-    """One node: how it is, in a word and a sentence, and its rate [Hz] where it reports one."""
+    """One node: its level and text, and its rate [Hz] where it reports one."""
 
     level: str
     message: str
@@ -87,7 +87,7 @@ class Snapshot:
     """What the pilot would fly of each motion, or why it cannot."""
     place: PlaceView | None = None
     stoppable: bool = True
-    """Whether anybody is there who would take an order to disarm."""
+    """Whether a receiver of a disarm request exists."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +162,7 @@ def _flight(status: Any) -> ManeuverView | None:
 
 
 def place_view(message: Any) -> PlaceView | None:
-    """What a PoolPlace says; None without one."""
+    """Content of a PoolPlace; None without one."""
     if message is None:
         return None
     walls_m = dict(zip(message.walls, message.distances, strict=False))

@@ -100,7 +100,7 @@ class AllocationStage:
     # ---- wrench to pulses
 
     def _command_all(self) -> None:
-        """Allocate wrenches in their order, as far as their commands are there."""
+        """Allocate wrenches in their order, as far as their commands exist."""
         while self._wrenches:
             stamp, wrench = self._wrenches[0]
             command = self._commands.pop(stamp, None)

@@ -2,7 +2,7 @@
 
 Waking a Python process costs far more than reading a message does. Most of what travels here comes in bursts (a FIFO
 of inertial samples, all outputs of one control cycle), and no reader has anything to do before the burst is complete.
-So a process sleeps until its leading topic says that there is something new, or for a while, and then takes all that
+So a process sleeps until its leading topic has a message, or for a while, and then takes all that
 waits. Services, actions and timers stay with the executor. What is published within one cycle is serialized at once and
 sent back to back at the end of it: its readers wake once and find all of it.
 """
@@ -160,7 +160,7 @@ class BatchedNode(CheckedNode):
 
 
 def events_executor(context: Context | None = None) -> Executor:
-    """Make the executor. It keeps the stderr of the process, for reports of its own crashes."""
+    """Make the executor. It keeps the stderr of the process for crash reports."""
     with contextlib.redirect_stderr(sys.__stderr__):
         return EventsExecutor(context=context)
 

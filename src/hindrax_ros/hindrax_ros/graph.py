@@ -75,7 +75,7 @@ def optional_class(type_name: str) -> Any:
 
 
 def end_goal(handle: Any, aborted: str) -> None:
-    """Bring the handle of an action's goal into its last state; `aborted` says why it ended, empty when it is done."""
+    """Bring the handle of an action's goal into its last state; `aborted`: the reason, empty when it succeeded."""
     if not aborted:
         handle.succeed()
     elif handle.is_cancel_requested:

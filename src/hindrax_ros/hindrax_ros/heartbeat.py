@@ -1,6 +1,6 @@
 """The heartbeat of a process: once a second the time, in a file that its supervisor named.
 
-The supervisor reads it, and so does whoever asks for the health of a stack. It needs no ROS and no port, so it reveals
+The supervisor and `health` read it. It needs no ROS and no port, so it reveals
 a process that hangs in either. Time is that of the monotonic clock [s], which all processes of a machine share.
 """
 

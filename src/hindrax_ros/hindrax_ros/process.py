@@ -54,7 +54,7 @@ def spin(
 
     A node that owns something (a port, a thread, a file) offers `close()`, called before it is destroyed. An exception
     in a callback is our own mistake: nothing catches it, the process ends and its supervisor starts it again. Nodes
-    that cannot be made with their arguments say so in one sentence.
+    that cannot be made with their arguments give a one-line error.
     """
     stop, heartbeat = stop or StopSignal(), Heartbeat.of(os.environ)
     rclpy.init(args=list(sys.argv if arguments is None else arguments), signal_handler_options=SignalHandlerOptions.NO)

@@ -17,7 +17,7 @@ class FrameTap:
     """Collects the frames of one source and publishes them as one message every `period_s`.
 
     The first message waits until there is a subscriber, or for `READER_WAIT_S`: on a busy machine the recorder may be
-    discovered later than the first frames are there.
+    discovered later than the first frames arrive.
     """
 
     def __init__(self, node: Node, source: str, period_s: float = 0.1) -> None:

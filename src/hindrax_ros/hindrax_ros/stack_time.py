@@ -26,7 +26,7 @@ def epoch_ns() -> int:
 
 
 def _look() -> tuple[int, int]:
-    """How long a look at the clocks took, and the wall time at which the monotonic clock was zero [ns]."""
+    """Duration of a reading of the clocks, and the wall time at which the monotonic clock was zero [ns]."""
     before, wall, after = time.monotonic_ns(), time.time_ns(), time.monotonic_ns()
     return after - before, wall - before
 

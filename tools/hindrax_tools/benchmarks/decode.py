@@ -66,7 +66,7 @@ def _decode(line: bytes) -> object:
 
 
 def _driver() -> Callable[[bytes], object]:
-    """A driver that receives a line every 50 ms; its clock starts anew when the lines do."""
+    """A driver that receives a line every 50 ms; its clock restarts with the lines."""
     driver = Dvl75()
     driver.start(Stamp(0))
     arrivals = (Stamp(arrival) for arrival in cycle(range(0, LINES * INTERVAL_us * 1000, INTERVAL_us * 1000)))

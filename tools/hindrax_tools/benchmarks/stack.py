@@ -30,7 +30,7 @@ def rows() -> list[dict[str, Any]]:
 
 
 def row(name: str, us: float, size_MB: float, peer: str, peer_us: float) -> dict[str, Any]:
-    """One row of the table; a process that took less than the clock can tell has no ratio."""
+    """One row of the table; a process below the resolution of the clock has no ratio."""
     return {
         "name": f"CPU of 1 s at vehicle rates: {name}, {size_MB:.0f} MB",
         "ours_us": us,

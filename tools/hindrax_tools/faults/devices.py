@@ -20,7 +20,7 @@ from hindrax_tools.faults.cells import DISARMED, HELD, HOLD, MANEUVER, OPERATOR,
 READY_S = 4.0
 FROM_S = {MANEUVER: 24.0, HOLD: 14.0, OPERATOR: 14.0, DISARMED: 6.0}
 AFTER_S = {MANEUVER: 16.0, HOLD: 12.0, OPERATOR: 12.0, DISARMED: 4.0}
-"""A maneuver that a guard ends holds for eight seconds before it says so."""
+"""A maneuver that a guard ends holds for eight seconds before it reports it."""
 WITHIN_S = 6.0
 """A fault comes when it flies: in a maneuver on the first plateau."""
 LASTS_S = 9999.0

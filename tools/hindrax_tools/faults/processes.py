@@ -37,7 +37,7 @@ OUTPUT = "pca9685"
 DIED, FROZEN, IMPERSONATED, RESTARTED = "died", "frozen", "impersonated", "restarted"
 SIGNALS = {DIED: signal.SIGKILL, FROZEN: signal.SIGSTOP}
 LIES = {CONTROL.name: THRUSTER_COMMAND, THRUSTERS.name: THRUSTER_STATE}
-"""What another publisher says in a process's name: full thrust without an order, and thrusters that are at rest."""
+"""Messages of an impersonator: full thrust without a request, and thrusters at rest."""
 LIE_PERIOD_s = 0.02
 RESET = Write(0x00, b"\x06")
 """Software reset of every chip on the bus (NXP PCA9685 rev. 4, section 7.6): what a brown-out does."""
@@ -72,7 +72,7 @@ ROWS = (
     *(ProcessFault(DEAD_MAN, what, 1.5) for what in SIGNALS),
     # Nobody is left who could write neutral: a new process must start.
     *(ProcessFault(BOTH, what, NEW_PROCESS_S) for what in SIGNALS),
-    # Of two commanders none is obeyed; what thrusters tell of themselves steers nothing.
+    # Of two commanders none is obeyed; no controller uses the state of the thrusters.
     ProcessFault(CONTROL.name, IMPERSONATED, 0.5),
     ProcessFault(THRUSTERS.name, IMPERSONATED),
     ProcessFault(OUTPUT, RESTARTED),
@@ -198,7 +198,7 @@ class FaultyStack:
             operator.arm(arm=False, seconds=PATIENT_S)
         deadline_s = time.monotonic() + PATIENT_S
         while mode != DISARMED and not operator.thrusters.armed:
-            with contextlib.suppress(HindraxError):  # the state is not accepted for a second after it began anew
+            with contextlib.suppress(HindraxError):  # the state is not accepted for a second after a restart
                 operator.arm(seconds=5.0)
             if time.monotonic() > deadline_s:
                 raise HindraxError(f"could not be armed: {operator.thrusters.reason}")
@@ -223,7 +223,7 @@ class FaultyStack:
 
         operator = self.operator
         if mode == MANEUVER and self.last is not None:
-            # What an operator does before the first flight of a state that began anew.
+            # What an operator does before the first flight after a restart of the state.
             recentre(operator, *self.last.place_m, self.last.attitude_rad[2])
             operator.fly(Goal(("surge",), seed=seed, on_cancel="neutral"), PATIENT_S)
         elif mode == HOLD:
@@ -237,7 +237,7 @@ class FaultyStack:
                 operator.pause(PATIENT_S)
 
     def cell(self, row: ProcessFault, mode: str, seed: int) -> Cell:
-        """Fly, harm, and judge. A cell that does not end well by its own deadline says what never came."""
+        """Fly, harm, and judge. A cell that misses its deadline reports what is missing."""
         self.estimates.clear()
         self.wait(lambda: bool(self._read()), "the mock")
         if row.by_mock:  # what it does now must not come before there is thrust

@@ -116,7 +116,7 @@ def learning(flights: Flights) -> Figure:
 
 
 def speeds(_flights: Flights) -> Figure:
-    """How well plateaus at some speeds tell quadratic from linear drag: least squares, one newton of noise each."""
+    """How well plateaus at some speeds separate quadratic from linear drag: least squares, one newton of noise each."""
     figure, (axis,) = _figure(1)
     ratios = np.linspace(0.05, 0.95, 91)
     shares = np.array([_shares(ratio) for ratio in ratios])

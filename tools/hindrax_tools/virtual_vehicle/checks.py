@@ -174,7 +174,7 @@ def deployment(vehicle: DeployedVehicle) -> Iterator[Finding]:
 def kills(vehicle: DeployedVehicle) -> Iterator[Finding]:
     """Kill all of the service, then the tool, with thrust on the wires; who judges is in another group.
 
-    Neutral, and a stack that is up again by itself, disarmed.
+    Neutral, and a stack that restarts, disarmed.
     """
     for what, script in (
         ("the whole service", f"echo 1 >{CGROUP}/cgroup.kill"),
@@ -191,7 +191,7 @@ def kills(vehicle: DeployedVehicle) -> Iterator[Finding]:
 
 
 def clock_steps(vehicle: DeployedVehicle) -> Iterator[Finding]:
-    """Set the wall clock back and forward, with thrust and disarmed: neutral, and a run of its own that says why."""
+    """Set the wall clock back and forward, with thrust and disarmed: neutral, and a new run with the reason."""
     for armed, way in ((True, "back"), (True, "forward"), (False, "back"), (False, "forward")):
         check, before = f"clock {way} by {STEP_S} s, {'armed' if armed else 'disarmed'}", vehicle.runs()
         if armed:
@@ -227,7 +227,7 @@ def full_disk(vehicle: DeployedVehicle) -> Iterator[Finding]:
 
 
 def power_cuts(vehicle: DeployedVehicle) -> Iterator[Finding]:
-    """Cut the power at random times while it records; the next boot completes the bag, and records by itself."""
+    """Cut the power at random times while it records; the next boot completes the bag, and records."""
     rng = random.Random(vehicle.seed)  # noqa: S311  # no secret
     machine = vehicle.machine
     known: set[str] = set()

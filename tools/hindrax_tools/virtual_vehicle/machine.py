@@ -75,7 +75,7 @@ class Machine:
         self.cut_power()
 
     def power_on(self) -> None:
-        """Start the machine; it boots by itself."""
+        """Start the machine; it boots."""
         line = (self.folder / WITNESS).open("wb")
         with line as witness, self._log(CONSOLE) as console, self._log(MESSAGES) as messages:
             wires = (console.fileno(), witness.fileno())
@@ -114,14 +114,14 @@ class Machine:
             return subprocess.CompletedProcess(script, 124, "", f"no end within {LONGEST_S:.0f} s")
 
     def asked(self, script: str) -> str:
-        """What a script says. HindraxError when it fails."""
+        """Output of a script. HindraxError when it fails."""
         done = self.run(script)
         if done.returncode:
             raise HindraxError(f"{script.splitlines()[0]}: code {done.returncode}; {done.stderr.strip()[-300:]}")
         return done.stdout.strip()
 
     def start(self, script: str) -> subprocess.Popen[bytes]:
-        """Start a script there; what it says goes to a log."""
+        """Start a script there; its output goes to a log."""
         return _started([str(self._ssh), HOST, script], self._log(STARTED))
 
     def put(self, name: str, text: str) -> None:

@@ -35,7 +35,7 @@ class Direction:
 
     c: tuple[Value, Value, Value, Value]
     covariance: Array
-    """(4, 4) of c1 to c4: the coefficients are strongly correlated, their deviations alone say little about a force."""
+    """(4, 4) of c1 to c4: strongly correlated, so their deviations alone do not give that of a force."""
     from_us: float
     to_us: float
     monotone_from_us: float

@@ -1,7 +1,7 @@
 """Added mass, drag and inertia of an open-frame vehicle from its dimensions. Eidsvik 2015, chapter 3 and appendix A.
 
 A prior for the estimators and a sanity check of their results. The projected areas matter most: added mass goes with
-about the fourth power of how full the box is, so without them the estimate is an upper bound and says so.
+about the fourth power of how full the box is, so without them the estimate is an upper bound, and is marked so.
 Axes are SNAME (x forward, y starboard, z down); six-vectors go surge, sway, heave, roll, pitch, yaw.
 """
 

@@ -18,7 +18,7 @@ from hindrax_core.signals import IdentEvent, Thrust, Velocity
 from hindrax_core.vehicle import AXES, AxisGain
 
 BLOCKS = 8
-"""Parts of a hold whose means tell how well the mean of all is known."""
+"""Parts of a hold whose means give the deviation of the mean of all."""
 LEAST_SAMPLES = 5 * BLOCKS
 LARGEST_DRIFT = 0.03
 """Mean velocity of a hold above which the vehicle does not keep its place [m/s, rad/s]."""

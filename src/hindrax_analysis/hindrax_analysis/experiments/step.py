@@ -89,8 +89,8 @@ def tests_from_columns(time_s: Array, velocity_mps: Array, thrust_N: Array) -> l
 def fit(tests: Sequence[StepTest], mass_kg: float) -> StepFit:
     """Output-error fit of total mass, K_L and K_Q to recorded velocities; nothing is differentiated.
 
-    `mass_kg` is the vehicle's own mass, which is subtracted to give the added mass. One step alone cannot tell K_L from
-    K_Q well; HindraxError when it cannot tell them at all.
+    `mass_kg` is the vehicle's own mass, which is subtracted to give the added mass. One step alone hardly separates K_L
+    from K_Q; HindraxError when it cannot separate them at all.
     """
     measured = np.concatenate([test.velocity_mps for test in tests])
     if measured.size <= 3:

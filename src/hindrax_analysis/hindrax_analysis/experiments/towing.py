@@ -34,7 +34,7 @@ def fit(
 ) -> Towing:
     """Least squares on [|v| v, v] or [|v| v, v, 1]. The sign-preserving square serves both directions.
 
-    HindraxError when every point has the same speed: one speed cannot tell linear from quadratic drag.
+    HindraxError when every point has the same speed: one speed cannot separate linear from quadratic drag.
     """
     if np.unique(np.abs(np.round(speed_mps, 9))).size < 2:
         raise HindraxError(

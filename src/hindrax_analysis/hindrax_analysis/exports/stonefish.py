@@ -4,8 +4,8 @@ Stonefish computes drag from the faces of the body, and takes three quadratic an
 positive. Along an axis of a box the force is 1/2 rho C_d A |u|^n u on the face that meets the water and rho C_f S u on
 the faces along it (A, S: their areas; C_f in m/s). The library's drag has n = 2, a cube of the speed in all, since
 February 2024 (version 1.4 and later); before, n = 1. With the cube no coefficient reproduces a quadratic drag at every
-speed: both are fitted to it over the tested speeds, and the comment says how well. Added mass and the drag of rotation
-follow from the geometry and cannot be given.
+speed: both are fitted to it over the tested speeds, and the comment states the error. Added mass and the drag of
+rotation follow from the geometry and cannot be given.
 """
 
 from typing import Literal, TypeAlias

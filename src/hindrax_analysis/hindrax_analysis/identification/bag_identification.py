@@ -141,7 +141,7 @@ def identify_run(
 ) -> Identified:
     """Identify over the bag of a run and write its coefficients and its report.
 
-    Both say by what it was `aborted`, and what was `predicted`.
+    Both contain why it was `aborted`, and what was `predicted`.
     """
     identified = replace(identify_bag(folder.bag, vehicle, mock=mock), predicted=predicted)
     conditions = recorded_conditions(identified, [folder.bag], [folder.bag], aborted=aborted)
@@ -176,7 +176,7 @@ def recorded_conditions(
 ) -> Conditions:
     """Conditions of a result over files, of which some are bags of this stack.
 
-    `aborted` is an end that neither a bag nor its run tells yet.
+    `aborted` is an end that neither a bag nor its run contains yet.
     """
     results, flown = identified.results, [maneuver_record(bag) for bag in ours]
     ends = [aborted or recorded_end(bag) or one.aborted for bag, one in zip(ours, flown, strict=True)]

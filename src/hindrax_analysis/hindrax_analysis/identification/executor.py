@@ -57,7 +57,7 @@ def _interrupts_deferred() -> Iterator[None]:
 def _begin() -> None:
     # Workers use all cores already; threads of a linear algebra library would only compete for them.
     os.environ["OPENBLAS_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = "1"
-    # A terminal sends Ctrl-C to every process; the one that was started by hand ends the others.
+    # A terminal sends Ctrl-C to every process; the parent process ends the others.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 

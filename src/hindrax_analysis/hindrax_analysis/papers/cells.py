@@ -46,7 +46,7 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Printed:
-    """A number with the digits it was printed with: they tell how far it was rounded."""
+    """A number with its printed digits, which show the rounding."""
 
     text: str
 

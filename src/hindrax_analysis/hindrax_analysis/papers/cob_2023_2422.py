@@ -93,7 +93,7 @@ def _row(test: Test) -> Row:
 
 
 def _judged(row: Row) -> list[Cell]:
-    """Cells of a row of Table 4; a note says where c follows from the added mass of (7) instead of that of (5)."""
+    """Cells of a row of Table 4; a note marks where c follows from the added mass of (7) instead of (5)."""
     cells = row.judge()
     if cells[3].verdict != "agrees":
         other = replace(row.claims[3], formula=lambda v: _damping(v, _undamped(v)))

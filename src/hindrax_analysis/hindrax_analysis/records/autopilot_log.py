@@ -166,7 +166,7 @@ def _px4_tables(path: Path, channels: Sequence[int]) -> Tables:
 
 def _px4_rows(data: Mapping[str, Any], fields: Sequence[str]) -> tuple[Array, Array]:
     """Times and valid rows; of a time that steps back nothing."""
-    # What an estimator says is true when its sample was taken, not when it was published.
+    # An estimate is valid when its sample was taken, not when it was published.
     sampled = data.get("timestamp_sample")
     t = data["timestamp"] if sampled is None or not np.all(sampled) else sampled
     t_s = array(np.asarray(t, dtype=np.float64) * 1e-6)

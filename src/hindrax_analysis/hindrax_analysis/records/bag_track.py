@@ -1,6 +1,6 @@
 """Data of one topic of a third-party bag: times, frame, and rows of velocities, forces, pulses or poses.
 
-Poses beside velocities tell the frame of the velocities; where there are none, velocities follow from poses.
+Poses beside velocities show the frame of the velocities; where there are none, velocities follow from poses.
 """
 
 from dataclasses import dataclass, field

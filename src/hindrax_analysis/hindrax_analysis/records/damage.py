@@ -150,7 +150,7 @@ def _with_even_times(recording: Recording) -> tuple[Recording, list[str]]:
     """Velocities that arrived in bursts, spread evenly from the end of one burst to that of the next."""
     t, known = recording.velocity_t, np.isfinite(recording.velocity)
     steps = np.diff(t)
-    # Rows of different axes are of different sensors: nothing says how their times should lie.
+    # Rows of different axes are of different sensors: their times are unrelated.
     if len(steps) < 2 * FEWEST or float(np.mean(steps)) <= 0.0 or (known != known[0]).any():
         return recording, []
     short = steps < SHORT_STEP * float(np.mean(steps))

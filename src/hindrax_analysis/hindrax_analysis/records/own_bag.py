@@ -72,7 +72,7 @@ def record_of(statuses: Iterable[Any]) -> ManeuverRecord:
             times_s[motion] = times_s.get(motion, 0.0) + at_s - before_s
         counts = blocked_s if status.phase == BLOCKED else flown_s if status.phase in FLOWN else None
         before, before_s = (None if counts is None else (counts, str(status.motion))), at_s
-        # Nobody tells of an end that nobody has seen: the tool was killed, the power went, the disk was full.
+        # Some ends are recorded by no process: the tool was killed, the power failed, the disk was full.
         cut = "" if status.phase in ENDED else f"record: it ends within the maneuver ({status.motion}, {status.phase})"
         aborted = str(status.aborted) or cut
     return ManeuverRecord(aborted, flown_s, blocked_s)

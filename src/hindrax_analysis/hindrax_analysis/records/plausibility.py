@@ -54,7 +54,7 @@ def _velocity_and_thrust(recording: Recording, axis: int) -> Array:
 
 
 def with_plausibility_check(result: MotionResult, vehicle: Vehicle, against: str = "") -> MotionResult:
-    """The result, with each implausibility, and what else speaks `against` it, as a reason."""
+    """The result, with each implausibility and other objections (`against`) as reasons."""
     found = _implausibilities(result, vehicle) if result.coefficients else []
     reasons = [*found, against] if against else found
     return replace(result, identifiable=False, reasons=(*result.reasons, *reasons)) if reasons else result

@@ -80,7 +80,7 @@ def decimals(value: float, std: float) -> int:
 
 
 def two_digits(value: float) -> str:
-    """A number by itself that is no more certain than that, such as a deviation."""
+    """A number without a deviation, such as a deviation itself."""
     return number(value, decimals(math.nan, value))
 
 

@@ -40,7 +40,7 @@ _READERS: dict[int, Callable[[ReadDataStream], Any]] = {
     Opcode.DATA_END: DataEnd.read,
     Opcode.FOOTER: Footer.read,
 }
-"""Records that are opened; indexes and statistics are passed over, for whoever reads in order needs none."""
+"""Records that are opened; indexes and statistics are skipped: a sequential reader needs none."""
 BROKEN = (McapError, ZstdError, EOFError, ValueError, LookupError, OverflowError, OSError, struct.error, RuntimeError)
 """What reading a damaged record may raise, by mcap, zstd, lz4 or the disk."""
 

@@ -1,6 +1,6 @@
 """A bag on disk: a folder of MCAP files with the ROS 2 profile and, beside them, the metadata.yaml of rosbag2.
 
-A recorder that starts again goes on in the next file of the bag; the files that are there stay as they are.
+A restarted recorder continues in the next file of the bag and leaves existing files unchanged.
 
 The caller flushes it at least every second of wall time, so that a power cut costs no more. Splitting, the budget of
 the disk and what is done when it is used up are decided at a flush; each decision is returned as a sentence.
@@ -35,7 +35,7 @@ from hindrax_core.events import NS_PER_S
 LIBRARY = "hindrax"
 CHUNK_BYTES = 262_144
 ROOM_AGAIN = 1.5
-"""Recording goes on when so many times the space that stays free is free again."""
+"""Recording continues when so many times the space kept free is available again."""
 
 
 class BagFile:

@@ -62,7 +62,7 @@ class LinkMonitor:
         return 0.0 if self.last_s is None else now_s - self.last_s
 
     def status_text(self, now_s: float) -> str:
-        """Return the state of the link in a few words."""
+        """Return the state of the link as text."""
         if self.last_s is None:
             return "no operator yet"
         silent_s = self.silent_s(now_s)

@@ -1,7 +1,7 @@
 """The tether: the one network interface, besides loopback, over which the ROS graph may reach another machine.
 
 It is named by `--tether` or by HINDRAX_TETHER as `IFACE` or `IFACE:PEER,PEER`: `eth0:192.168.2.1`. A middleware that
-starts before the interface has carrier and address never discovers a peer there, so whoever starts one waits first.
+starts before the interface has carrier and address never discovers a peer there, so its starter waits first.
 The profile of the middleware allows loopback and the tether, each restricted to its network by its netmask (ADR 13).
 """
 

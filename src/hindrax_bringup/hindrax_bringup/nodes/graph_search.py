@@ -1,4 +1,4 @@
-"""Who lives in a ROS domain of this machine: lock files tell only of stacks whose tool still runs.
+"""Find stacks in a ROS domain of this machine: lock files cover only stacks whose tool still runs.
 
 As a program, `python -m hindrax_bringup.nodes.graph_search NAMESPACE`, it prints the nodes of a stack in the domain
 of its environment.

@@ -123,7 +123,7 @@ class SafetyMonitor(BatchedNode):
         self.report(f"link: no operator for {silent_s:g} s; {what}")
 
     def _disarm(self, reason: str) -> None:
-        """Ask to disarm, until the thrusters say that they are; a reason says that no operator asks."""
+        """Request to disarm, until the thrusters report it; a reason marks it as no request of an operator."""
         self._disarming = reason
         self._arm.call_async(Arm.Request(arm=False, reason=reason, stamp=stamp_to_msg(self.now())))
 

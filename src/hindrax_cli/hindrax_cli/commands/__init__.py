@@ -1,1 +1,1 @@
-"""The words of the tool, by theme; `hindrax_cli/command.py` has the table of them and what a command is."""
+"""The commands by theme; `hindrax_cli/command.py` has their table and the declaration of a command."""

@@ -152,7 +152,7 @@ def _place(process: Path) -> str:
 
 
 def leftovers(found: list[Running], user: int, place: str = "") -> Check:
-    """Nodes of ours that lost whoever started them: they hold ports, and may answer in the wrong graph.
+    """Our nodes whose parent has died: they hold ports, and may answer in the wrong graph.
 
     A parent with number 1 is the system's, unless that is our own tool, as in a container. Whose stacks are announced
     elsewhere (another service, a test) is not ours to judge.

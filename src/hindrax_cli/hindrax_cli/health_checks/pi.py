@@ -1,4 +1,4 @@
-"""Checks of a Raspberry Pi 4: what its boot settings, its rules and its kernel say. Nothing is run, files are read.
+"""Checks of a Raspberry Pi 4: its boot settings, rules and kernel. Nothing is run, files are read.
 
 Sources: Raspberry Pi's boot/overlays/README (dtparam, uart overlays) and its documentation of config.txt and of
 `vcgencmd get_throttled`; raspberrypi/linux issue 4884 (SCL follows the core clock).

@@ -39,7 +39,7 @@ Ports = Mapping[str, str]
 
 
 def ports(vehicle: Vehicle, instead: Ports) -> list[Check]:
-    """Every port once: whether it is there, what it is, and whether this user may open it."""
+    """Every port once: whether it exists, its kind, and whether this user may open it."""
     wanted = [instead.get(name, mount.port) for name, mount in vehicle.sensors.items()]
     wanted.append(instead.get("thrusters", vehicle.output.port))
     wanted += [
@@ -62,7 +62,7 @@ def require_ports(vehicle: Vehicle, file: str) -> None:
 
 
 def port(path: str) -> Check:
-    """Whether a port is there and can be opened."""
+    """Whether a port exists and can be opened."""
     if path.startswith(UDP_PREFIX):
         return Check(path, "an address to listen at; whether a device sends is seen below")
     return _chip(path) if path.startswith(GPIO_PREFIX) else _file(path)

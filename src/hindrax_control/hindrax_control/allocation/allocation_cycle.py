@@ -36,7 +36,7 @@ class SupplyKnobs:
 class SupplyVoltage:
     """Supply voltage of one vehicle: measured while a battery sensor publishes, else `nominal_V`.
 
-    The age of a voltage counts from its arrival, whatever its sensor's clock says.
+    The age of a voltage counts from its arrival, not by the clock of its sensor.
     """
 
     def __init__(self, nominal_V: float, knobs: SupplyKnobs | None = None) -> None:

@@ -56,7 +56,7 @@ class _ThrusterSet:
         used = tuple(index for index, name in enumerate(names) if name not in disabled)
         self.layout = layout = ThrusterLayout(B, used, knobs.priority)
         self.true = thrust_curves(vehicle, supply_V)
-        """Curves as they are: they say what a pulse gives."""
+        """Curves without changes: force by pulse."""
         self.running = thrust_curves(vehicle, supply_V, knobs.dead_band_margin_us)
         """Curves with the dead band widened by the margin: they choose the pulse."""
         limits = [curve.range_N for curve in self.true]

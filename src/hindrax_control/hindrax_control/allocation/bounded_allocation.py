@@ -110,7 +110,7 @@ class AttainableSet:
 
 def _largest(first: float, rows: Sequence[Row]) -> tuple[float, float]:
     """Return the largest s_1 up to `first` that leaves room for an s_2 between 0 and 1, and the largest such s_2."""
-    for a, _, low, high in [row for row in rows if row[1] <= SLACK_N]:  # the second part has no say here
+    for a, _, low, high in [row for row in rows if row[1] <= SLACK_N]:  # the second part has no effect here
         if a * first > high:
             first = high / a
         elif a * first < low:

@@ -127,7 +127,7 @@ def pulses_of_channels(vehicle: Vehicle, channels: Sequence[float]) -> list[floa
 
 
 def check_pulses(pulses_us: Sequence[float], thrusters: int) -> None:
-    """ValueError that says why pulses cannot be those of a vehicle with so many thrusters."""
+    """ValueError unless the pulses are those of a vehicle with so many thrusters."""
     if len(pulses_us) != thrusters:
         raise ValueError(f"found {len(pulses_us)} pulses, wanted {thrusters}")
     low, high = SERVO_US

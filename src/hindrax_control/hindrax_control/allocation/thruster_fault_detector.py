@@ -26,7 +26,7 @@ from hindrax_core.vehicle import AXES, Vehicle
 LONGEST_STEP_S = 0.2
 HYDROSTATIC = np.array([axis in ("heave", "roll", "pitch") for axis in AXES])
 AT_WORK_N = 0.1
-"""Force below which all thrusters stand: nothing is learned of a vehicle that is held by hand."""
+"""Force below which all thrusters stand: nothing is learned while the vehicle is held."""
 FIRST_S = 5.0
 """Time under thrust for which ballast and trim are the mean of all that was seen."""
 JUDGED_S = 0.09

@@ -1,7 +1,7 @@
 """The wrench guard: which wrenches may reach the allocator, and what of them.
 
 A wrench that is stale, from the future, out of order or in a foreign frame is refused whole; an axis that is not finite
-is refused alone; an axis beyond the vehicle's limits is brought back to them. Every refusal says why.
+is refused alone; an axis beyond the vehicle's limits is brought back to them. Every refusal has a reason.
 """
 
 import math

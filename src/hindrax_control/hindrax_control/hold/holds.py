@@ -2,7 +2,7 @@
 
 Gains follow from the vehicle file (see `regulator.py`), so a second vehicle needs none. A hold begins where the vehicle
 is and moves its reference to the setpoint at a bounded rate; changing between depth and altitude keeps the effort. An
-altitude hold whose sonar falls silent holds the depth it has, says so, and returns when the sonar does.
+altitude hold without sonar holds the current depth, reports it, and returns when the sonar does.
 """
 
 import math

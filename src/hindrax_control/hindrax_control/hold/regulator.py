@@ -27,7 +27,7 @@ class LoopTuning:
     authority: float
     """Largest size of the integral part [N, Nm]."""
     shortfall: float = 0.0
-    """Shortfall of the allocator up to which the integral part goes on [N, Nm]."""
+    """Shortfall of the allocator up to which the integral part integrates [N, Nm]."""
 
 
 class Ramp:

@@ -42,7 +42,7 @@ class Goal:
 
 
 def require_flyable(goal: Goal, vehicle: Vehicle, disabled: frozenset[str] = frozenset()) -> None:
-    """UsageError that says why a goal can never be flown by this vehicle without the disabled thrusters."""
+    """UsageError with the reason if this vehicle, without the disabled thrusters, can never fly a goal."""
     check_goal(goal)
     require_servable(goal.motions, vehicle, disabled)
     require_lift(vehicle)
@@ -54,7 +54,7 @@ def not_armed(why: str) -> str:
 
 
 def require_ready(*, flying: bool, armed: bool, unarmed: str, guards: Sequence[str], heading_known: bool) -> None:
-    """HindraxError that says why no maneuver can begin now; `guards`: what is wrong, the first thing first."""
+    """HindraxError with the reason if no maneuver can begin now; `guards`: violations, the first first."""
     if flying:
         raise HindraxError(BUSY)
     if not armed:

@@ -1,6 +1,6 @@
 """Flying one leg: boost, constant force until its end comes near, coast or swing without thrust, brake.
 
-Whether its speed is steady says a statistical test on the slope of the last samples.
+A statistical test on the slope of the last samples decides whether the speed is steady.
 """
 
 import math
@@ -12,7 +12,7 @@ from hindrax_control.maneuver.plan import CHARACTERS, LAG_S, TURNING, Leg, stopp
 PATIENCE = 1.6
 """A stretch that takes this many times as long as planned is given up."""
 SAMPLE_S = 0.05
-"""Samples nearer to each other than this say nothing new: the navigator filters them."""
+"""Samples nearer to each other than this add no information: the navigator filters them."""
 SURE = 2.5
 """Standard deviations of the slope within which it passes for zero."""
 OVERSHOOT = 1.1

@@ -127,7 +127,7 @@ class Maneuver:
         return (X, Y, 0.0, 0.0, 0.0, 0.0)
 
     def cancel(self, reason: str = "cancelled: by the operator", ending: str = "") -> None:
-        """Stop now; ends in a hold or neutral as `ending` says (default: as the goal says)."""
+        """Stop now; ends in a hold or neutral by `ending` (default: that of the goal)."""
         if self._stopping or self.done:
             return
         self._neutral = (ending or self.goal.on_cancel) == "neutral"
@@ -203,7 +203,7 @@ class Maneuver:
         return self._stages[self._at].begin(moment)
 
     def _too_near(self, stage: Stage, place: PoolPosition) -> str:
-        """Why a stage is not flown from here, as its guard would say in the middle of it; empty when it is."""
+        """Reason why a stage is not flown from here, as its guard would give it in flight; else empty."""
         wanted_m, words = self._safety.margin(place)
         for end in stage.ends:
             wall, left_m = nearest(self._pool.walls_m(end))

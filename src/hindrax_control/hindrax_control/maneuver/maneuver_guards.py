@@ -1,6 +1,6 @@
 """The guards of a maneuver: from before arming to after disarming, each with a name and a sentence.
 
-A guard looks at one thing and says what it found and what it wanted, or nothing. Guards of things that flicker must
+A guard checks one quantity and returns the found and the wanted value, or nothing. Guards of things that flicker must
 find the same for a while before they count.
 """
 
@@ -22,7 +22,7 @@ MOVES_mps = 0.2
 BLOCKED_SHARE = 0.25
 """Share of the expected speed below which it does not move."""
 BLOCKED_PHASE_S = 1.5
-"""Time without motion after which the maneuver says so; a leg is up to speed before."""
+"""Time without motion after which the maneuver reports it; a leg is up to speed before."""
 LEAST_UNCERTAINTY_m = 0.01
 """Margin for an uncertain position that is worth mentioning."""
 
@@ -61,7 +61,7 @@ class ManeuverGuardKnobs:
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """What the guards look at, besides what they remember."""
+    """Input of the guards, besides their memory."""
 
     navigation: Navigation
     place: PoolPosition | None
@@ -148,7 +148,7 @@ class ManeuverGuards:
         return GuardedPlace(place, left_m, self.margin(place)[0], unplaced)
 
     def margin(self, place: PoolPosition) -> tuple[float, str]:
-        """Least distance to a wall where the vehicle is known as well as at this place [m], and the same in words."""
+        """Least distance to a wall with the position uncertainty of this place [m], and the same as text."""
         margin_m = self._knobs.doubt * place.sigma_m if place.sigma_m > 0.0 else 0.0
         text = f" and {margin_m:.2f} m uncertainty" if margin_m >= LEAST_UNCERTAINTY_m else ""
         return self._knobs.wall_m + margin_m, f"{self._knobs.wall_m:.2f} m{text}"

@@ -51,7 +51,7 @@ class StageOutput:
     velocity: float = 0.0
     finished: bool = False
     trouble: str = ""
-    """Why the maneuver cannot go on; empty while it can."""
+    """Reason why the maneuver cannot continue; empty while it can."""
     resting: bool = False
     """Whether all thrusters rest, whatever the holds want."""
 
@@ -158,7 +158,7 @@ class SettleAtPose(Stage):
         return StageOutput(wrench, "settle", finished=finished, trouble=trouble)
 
     def _off(self, moment: StageInput) -> str:
-        """What is not at rest yet, in words."""
+        """What is not at rest yet, as text."""
         navigation, place = moment.navigation, moment.place
         far_m = math.hypot(place.x_m - self._goal_m[0], place.y_m - self._goal_m[1])
         hold, high_m = self._pose.vertical[0], self._pose.off_m(navigation)

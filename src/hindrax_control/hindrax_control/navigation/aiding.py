@@ -48,7 +48,7 @@ class AidingKnobs(AttitudeKnobs, HeadingKnobs, VerticalKnobs, HorizontalKnobs):
 class Aiding:
     """The filters of one state. Compares measurements with what they expect, and lets them learn.
 
-    Each method says whether the measurement was used. `delay_s` is how long ago it was valid.
+    Each method returns whether the measurement was used. `delay_s` is how long ago it was valid.
     """
 
     def __init__(self, vehicle: Vehicle, knobs: AidingKnobs) -> None:

@@ -7,10 +7,10 @@ factor, and one covariance serves both axes.
 
     error of tilt:  d/dt e = -b - i r e + gyroscope noise      error of the offset:  d/dt b = walk
 
-Gravity says e, with the accelerations of the vehicle as noise. Once settled, the gains are those of the two time
+Gravity measures e, with the accelerations of the vehicle as noise. Once settled, the gains are those of the two time
 constants. Heading is corrected from outside, see `heading_filter.py`.
 
-Nobody says that the vehicle stands still at its start: it floats, rocks and is carried about. So the mean rate over a
+The vehicle need not stand still at its start: it floats, rocks and is carried about. So the mean rate over a
 window counts only as far as the rates are alike, the forces are alike, and gravity keeps its direction: a vehicle in
 the middle of its swing turns steadily, but gravity turns with it.
 """

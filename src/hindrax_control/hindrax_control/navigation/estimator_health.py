@@ -84,7 +84,7 @@ class EstimatorHealth:
         self._began: Stamp | None = None
 
     def step(self, navigation: Navigation, stamp: Stamp, *, armed: bool) -> tuple[str, ...]:
-        """Return "name: found, wanted; remedy" for all that speaks against thrust; nothing when all is well.
+        """Return "name: found, wanted; remedy" for every reason against thrust; nothing when all is well.
 
         `armed` are thrusters that may turn or are about to.
         """
@@ -160,7 +160,7 @@ class ExternalOdometry:
         self._last: Stamped[Navigation] | None = None
         self._source, self._began = "", NEVER
         self.breaks = 0
-        """How often a state began anew, so that its position does not go on from the one before."""
+        """How often a state restarted, so that its position does not continue the previous one."""
 
     def range(self, stamp: Stamp, range_m: float) -> None:
         """Keep the distance to the bottom along the axis of the altimeter [m]."""

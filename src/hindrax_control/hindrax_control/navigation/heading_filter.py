@@ -1,7 +1,7 @@
 """Heading from a compass that learns what the thrusters do to it.
 
 The current of every thruster makes a field of its own in the vehicle (COB-2023-1394 names it as the trouble of its yaw
-tests). A thruster that starts changes the field at once, the heading not: so the two can be told apart while flying. An
+tests). A thruster that starts changes the field at once, the heading not: so the two can be separated in flight. An
 extended Kalman filter holds the error of heading, the gyroscope's bias about the vertical, the strength of the earth's
 field, a field fixed in the vehicle, and for each thruster the field of its current, which follows its power:
 
@@ -69,7 +69,7 @@ class HeadingFilter:
         self._passed_s = 0.0
 
     def widen_bias(self, sigma_radps: float) -> None:
-        """Widen the prior of the gyroscope bias: alignment could not tell offset and motion apart."""
+        """Widen the prior of the gyroscope bias: alignment could not separate offset and motion."""
         self._P[BIAS, BIAS] = max(float(self._P[BIAS, BIAS]), sigma_radps * sigma_radps)
 
     def predict(self, dt_s: float) -> None:

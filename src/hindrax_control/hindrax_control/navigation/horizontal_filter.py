@@ -104,7 +104,7 @@ class HorizontalFilter:
     ) -> bool:
         """Fuse a velocity of the body origin that was the mean over a way; False when it is refused.
 
-        Many refused ones in a row say that the filter is wrong, unless they are one and the same, `repeated`.
+        Many refusals in a row mean that the filter is wrong, unless the value is `repeated`.
         """
         delay = way.delay_s
         p, cross, offset = self._p, self._p_cross, self._p_offset
@@ -165,7 +165,7 @@ class PositionUncertainty:
         self.known()
 
     def known(self) -> None:
-        """Begin anew: the position is known now."""
+        """Restart: the position is known now."""
         self._ahead_s = self._aside_s = self._north_m = self._east_m = 0.0
         self._noise_m2 = self._unmeasured_m = 0.0
 

@@ -23,13 +23,13 @@ from hindrax_core.vehicle import GRAVITY_mps2, Vehicle
 
 LONG_AGO = Stamp(-(2**62))
 LEAST_UPRIGHT = 0.3
-"""Cosine of tilt below which the downward velocity says too little about heave."""
+"""Cosine of tilt below which the downward velocity determines heave too poorly."""
 MOST_WAITING = 200
 
 
 @dataclass(frozen=True)
 class NavigatorKnobs(AidingKnobs, PositionKnobs):
-    """How the sensors are trusted; the vehicle file says where they sit."""
+    """Trust in the sensors; the vehicle file has their mounting."""
 
     rate_Hz: float = knob(50.0, 1.0, 500.0, "rate of the output [Hz]")
     align_s: float = knob(1.0, 0.1, 60.0, "span over which tilt and gyroscope offset are averaged at the start [s]")
@@ -51,7 +51,7 @@ class Navigator:
 
     `step` takes every reading of every sensor under the name the vehicle file gives it; kinds it has no use for are
     ignored. Measurements that could not be used (not finite, far off, too late, too tilted) are counted in `refused`;
-    `refusals` tells, by sensor, of those that cannot be measurements at all.
+    `refusals` counts, by sensor, impossible values.
     """
 
     def __init__(self, vehicle: Vehicle, knobs: NavigatorKnobs = DEFAULT_KNOBS) -> None:
@@ -72,7 +72,7 @@ class Navigator:
         self._sample = ZERO6
 
     def _begin(self, stamp: Stamp) -> None:
-        """Start anew: at the first sample, or after a gap in which anything may have happened."""
+        """Restart: at the first sample, or after a long gap."""
         self._aiding = aiding = Aiding(self._vehicle, self._knobs)
         self._attitude, self._heading = aiding.attitude, aiding.heading
         self._vertical, self._horizontal = aiding.vertical, aiding.horizontal
@@ -98,7 +98,7 @@ class Navigator:
         self._forces_N = self._aiding.forces_N = tuple(forces_N)
 
     def confirm_position(self) -> None:
-        """Take the present position for known: its uncertainty begins anew."""
+        """Take the present position as known: its uncertainty restarts."""
         self._reckoning.known()
 
     def set_gyroscope_offset(self, offset: Offset) -> None:
@@ -163,7 +163,7 @@ class Navigator:
     def _complete(self, stamp: Stamp, at: SensorMount) -> bool:
         """End a tick: the sums become angle and mean specific force, the filters predict, what waits is fused.
 
-        False while alignment goes on.
+        False during alignment.
         """
         dt = (stamp - self._since) / NS_PER_S
         turned = at.body((self._turned_x, self._turned_y, self._turned_z))
@@ -244,7 +244,7 @@ class Navigator:
         self._reckoning.move(self._attitude.heading_rad, north_m, east_m, dt)
         still_s = (self._imu - self._reckoned) / NS_PER_S - dt
         if self._reckoned != LONG_AGO and still_s > dt:
-            # The filters began anew; how fast it was meanwhile is unknown.
+            # The filters restarted; the velocity meanwhile is unknown.
             self._reckoning.unmeasured(self._vehicle.limits.speed_mps, still_s)
         elif not self._locked_at(self._imu):
             self._reckoning.unmeasured(self._horizontal.sigma_mps, dt)

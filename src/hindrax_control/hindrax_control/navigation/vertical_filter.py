@@ -118,7 +118,7 @@ class VerticalFilter:
         return True
 
     def _refuse(self, source: str, off: float) -> bool:
-        """Drop a measurement; after many in a row, let go of the state it speaks of instead."""
+        """Drop a measurement; after many in a row, reset its state instead."""
         self._refused[source] += 1
         if self._refused[source] >= self._knobs.patience:
             self._refused[source] = 0

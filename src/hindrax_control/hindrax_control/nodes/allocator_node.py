@@ -72,7 +72,7 @@ class AllocatorNode(BatchedNode):
         return command is not None
 
     def _on_wrench_message(self, message: Any) -> None:
-        """Obey the one publisher; what it says is judged as the pilot's wrenches are."""
+        """Obey the only publisher; its wrenches are judged like those of the pilot."""
         unfit = self._commander.judge(publishers_of(self, WRENCH), armed=self._armed)
         stamp, now = stamp_from_msg(message.header.stamp), self._now()
         if not unfit and not self.on_wrench(wrench_from_msg(message), message.header.frame_id, stamp, now):

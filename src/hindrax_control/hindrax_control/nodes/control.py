@@ -2,7 +2,7 @@
 
 What one of them publishes for another of the same process goes by call as well, if both have the same name for the
 topic; then the graph is not read for it. Remap one end (`-r pilot:control/wrench:=elsewhere`), or leave one of them
-out, and the other takes it from the graph, from whoever publishes it.
+out, and the other reads it from the graph.
 """
 
 import sys

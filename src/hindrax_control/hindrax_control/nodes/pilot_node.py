@@ -71,7 +71,7 @@ class PilotNode(BatchedNode):
     """Serves the action `maneuver/fly`, `maneuver/recentre` and the topics of the operator; commands `control/wrench`.
 
     It flies on the one publisher of `navigation/odometry`. A navigator of the same process calls `on_navigation`
-    instead and is `navigator`; `confirm_position` says that its position is known. An allocator calls `on_allocation`,
+    instead and is `navigator`; `confirm_position` resets its position uncertainty. An allocator calls `on_allocation`,
     each cycle calls `send_wrench`. `health` checks every state before it is used.
     """
 
@@ -212,7 +212,7 @@ class PilotNode(BatchedNode):
             self.on_navigation(state)
 
     def _on_health_order(self, message: Any) -> None:
-        """Take a list that was made later than the one in force; who keeps lists may say an old one again.
+        """Take a list that was made later than the one in force; a sender may repeat an old one.
 
         The safety monitor's list comes at the start, on a mock maybe before the first time: such a list is judged as
         soon as the time is known.
@@ -299,7 +299,7 @@ class PilotNode(BatchedNode):
             self._refuse(topics.OPERATOR_WRENCH, refused)
 
     def _on_recentre(self, request: Any, response: Any) -> Any:
-        """Begin dead reckoning anew where the operator says that the vehicle is."""
+        """Restart dead reckoning at the position given by the operator."""
         untimely = self._window.judge(stamp_from_msg(request.stamp), self.now())
         refused = untimely.sentence if untimely else self._pilot.recentre(request.x, request.y, request.turned)
         if refused:
@@ -335,7 +335,7 @@ class PilotNode(BatchedNode):
         return ""
 
     def _follow_goal(self, stamp: Stamp) -> None:
-        """Begin the goal that waits, or tell its client what became of it in this cycle."""
+        """Begin the goal that waits, or send its client the state of this cycle."""
         goal = self._goal
         if goal is None:
             return
@@ -385,7 +385,7 @@ class PilotNode(BatchedNode):
     # ---- published
 
     def _publish_plans(self) -> None:
-        """Plan anew what parameters and thrusters changed; not in flight, since it takes half a cycle."""
+        """Replan after a change of parameters or thrusters; not in flight, since it takes half a cycle."""
         if self._planned or self._goal is not None:
             return
         self._planned = True

@@ -1,4 +1,4 @@
-"""How many digits of a number mean something: its standard deviation says so, or the limit that it is beyond."""
+"""Significant digits of a number, by its standard deviation or by the limit that it exceeds."""
 
 import math
 from dataclasses import dataclass

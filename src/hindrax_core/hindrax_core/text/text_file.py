@@ -11,13 +11,13 @@ from pathlib import Path
 from hindrax_core.errors import HindraxError, UsageError, cause
 
 NOTHING_BESIDE = (errno.EACCES, errno.EPERM, errno.EROFS, errno.EBUSY)
-"""Of a folder that takes no new file, or of a file that is mounted there by itself."""
+"""Of a folder that accepts no new file, or of a file that is a mount point."""
 LEAST_ROOM_bytes = 1_000_000
 """More than any report, table or plot; the room that a place must have."""
 
 
 def replace_text(file: Path, text: str) -> None:
-    """Write a file in one step: a disk that is full, or a Ctrl-C, leaves what was there. OSError says why not."""
+    """Write a file atomically: a full disk, or a Ctrl-C, leaves the old content. OSError on failure."""
     target = file.resolve()
     if not target.exists() or target.is_file():  # a pipe or a terminal has nothing to keep
         try:
@@ -48,7 +48,7 @@ def _replace(target: Path, text: str) -> None:
 def require_place(file: Path, option: str = "") -> None:
     """HindraxError where a file cannot be written, raised before the work whose result it is to hold.
 
-    UsageError with the words of an option before the file, where that is what asked for it.
+    UsageError that starts with the option that named the file, if any.
     """
     fresh = not file.exists()
     if not fresh and not (file.is_file() or file.is_dir()):

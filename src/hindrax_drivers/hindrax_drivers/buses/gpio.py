@@ -38,7 +38,7 @@ def find_chip(chip: str) -> str:
 
 
 def request_line(chip: str, line: int, **settings: Any) -> Any:
-    """Request one line. DeviceError says what is wrong and the remedy."""
+    """Request one line. DeviceError with cause and remedy."""
     gpiod, path = library(), find_chip(chip)
     try:
         return gpiod.request_lines(path, consumer=CONSUMER, config={line: gpiod.LineSettings(**settings)})
@@ -53,7 +53,7 @@ class InputLines(dict[int, Any]):
     """Requested input lines, by number."""
 
     def request(self, chip: str, line: int, **settings: Any) -> None:
-        """Request a line, given back before where it is ours. DeviceError says what is wrong and the remedy."""
+        """Request a line, given back before where it is ours. DeviceError with cause and remedy."""
         if line in self:
             self.pop(line).release()
         self[line] = request_line(chip, line, direction=library().line.Direction.INPUT, **settings)
@@ -74,7 +74,7 @@ class EdgeLines:
         self.close = self._lines.close
 
     def transfer(self, transaction: Transaction) -> bytes:
-        """Watch a line, or tell count and time of its edges. DeviceError names what is wrong."""
+        """Watch a line, or return count and time of its edges. DeviceError with the cause."""
         line = transaction.address - EDGES
         if isinstance(transaction, Write):
             kind, chip = library().line, transaction.data.decode(errors="replace")

@@ -1,4 +1,4 @@
-"""Line to a device that sends by itself: a serial port, 8N1, or network datagrams with the same bytes."""
+"""Line to a device that sends unprompted: a serial port, 8N1, or network datagrams with the same bytes."""
 
 import contextlib
 import errno
@@ -40,7 +40,7 @@ MOST_KEPT = 8
 
 
 class Line(ABC):
-    """An open line, waited on with a clock. DeviceError when it is lost: then open it anew."""
+    """An open line, waited on with a clock. DeviceError when it is lost: then reopen it."""
 
     def __init__(self, path: str, clock: Clock, port: serial.Serial | socket.socket, check: str) -> None:
         self._path, self._clock, self._descriptor, self._check = path, clock, port, check
@@ -98,7 +98,7 @@ def at_baud(path: str, baud: int) -> str:
 
 
 def open_line(path: str, baud: int, clock: Clock) -> Line:
-    """Open a serial port, or `udp://ADDRESS:PORT` to listen there. DeviceError says why it cannot be."""
+    """Open a serial port, or `udp://ADDRESS:PORT` to listen there. DeviceError with the reason."""
     return UdpPort(path, clock) if path.startswith(UDP_PREFIX) else SerialPort(path, baud, clock)
 
 
@@ -125,7 +125,7 @@ class SerialPort(Line):
 class UdpPort(Line):
     """Listens at a local address and answers the last sender; until there is one, commands are queued.
 
-    A datagram ends a line of text, whether or not it says so. A DVL-75 sends to port 27000 from the port at which it
+    A datagram ends a line of text, even without a line end. A DVL-75 sends to port 27000 from the port at which it
     takes commands. Source: docs.ceruleansonar.com, DVL-75, "The Ethernet Interface".
     """
 

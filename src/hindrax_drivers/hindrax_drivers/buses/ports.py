@@ -9,7 +9,7 @@ from hindrax_drivers.buses.mock_bus import VirtualBus, VirtualClock
 def open_bus(port: str, name: str = "") -> RegisterBus:
     """Open "/dev/i2c-1" (Linux), "gpio:CHIP" or "mock:/path/to/socket" (mock hardware, always asked for by name).
 
-    DeviceError says what is missing and the remedy.
+    DeviceError with the missing part and the remedy.
     """
     if port.startswith(MOCK_PREFIX):
         return VirtualBus(port.removeprefix(MOCK_PREFIX), name)

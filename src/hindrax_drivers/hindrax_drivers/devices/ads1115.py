@@ -48,7 +48,7 @@ class Ads1115(RegisterPart):
         self._knobs, self.period_s = knobs, knobs.period_s
 
     def configure(self) -> Program[Identity]:
-        """Look at the thresholds, the only registers that tell the part from others."""
+        """Read the thresholds, the only registers that identify the part."""
         found = (yield from self.word(LOW_THRESHOLD)), (yield from self.word(LOW_THRESHOLD + 1))
         if found != THRESHOLDS_AT_RESET:
             raise self.error(f"found thresholds {found[0]:#06x} {found[1]:#06x}, wanted 0x8000 0x7fff (ADS1115)")

@@ -27,7 +27,7 @@ ENABLE_DELTAS = b"SEND-DVPDL ON\n"
 RETWEET = b"GPS:"
 """What the device puts before the sentences of a GPS. Page "Re-Tweeted GPS Messages"."""
 SHORTEST_us, LONGEST_us = 20_000, 1_000_000
-"""Believable intervals: the page says 5 to 20 Hz, which is 50 to 200 ms."""
+"""Plausible intervals: the page says 5 to 20 Hz, which is 50 to 200 ms."""
 ROUNDING_VARIANCE_m2 = protocol.POSITION_STEP_m**2 / 12.0
 
 

@@ -31,7 +31,7 @@ CONVERSION_S = (0.00064, 0.00128, 0.00256, 0.0051, 0.0102, 0.0205)
 """2.5 us per sample of oversampling, as the vendor's own library waits; the longest conversion is 2.2 us per sample."""
 
 C1_LOWEST, C1_BORDER, C1_HIGHEST = 26_000, 37_000, 49_000
-"""C1 tells the models apart where the product number does not: fielded 30BA parts carry zero there."""
+"""C1 distinguishes the models where the product number does not: fielded 30BA parts carry zero there."""
 
 LIMITS_Pa = {"30BA": (0.0, 3.1e6), "02BA": (1_000.0, 250_000.0)}
 """What the part can measure at all; 30 bar and 2 bar and a margin for the weather."""

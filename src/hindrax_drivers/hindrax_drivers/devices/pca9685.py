@@ -2,7 +2,7 @@
 
 Every channel of the vehicle goes out in one burst; the chip changes all of them together at its STOP (MODE2.OCH = 0).
 The oscillator has no tight specification: 1.7 % moves a 1500 us pulse out of the dead band of a Basic ESC, so the clock
-is a measured number of the vehicle file, and `applied` tells what the counts make with it.
+is a measured number of the vehicle file, and `applied` returns the pulses of the counts with it.
 """
 
 import math

@@ -47,7 +47,7 @@ class Stm32:
     """The serial line to one controller. `channels` in the order of the pulses, thrusters then lights.
 
     `identity` of the controller is empty before an answer, `refusal` (why it refused the last command) when it accepted
-    it or has not answered yet; `armed` is what the controller says.
+    it or has not answered yet; `armed` is the state that the controller reports.
     """
 
     baud = BAUD
@@ -64,7 +64,7 @@ class Stm32:
 
     @property
     def ready(self) -> bool:
-        """Whether the controller's heartbeat is there."""
+        """Whether the controller's heartbeat is current."""
         return self.identity != "" and self._silence.condition == "well"
 
     @property

@@ -39,7 +39,7 @@ WELL_AFTER_S = 10.0
 
 
 class NeutralWriter:
-    """Puts neutral on the wire by itself. An STM32 does that on its own: then there is nothing to do but wait."""
+    """Writes neutral without the node. An STM32 does that itself: then the dead man only waits."""
 
     def __init__(self, settings: Settings) -> None:
         self._port = settings.port
@@ -90,7 +90,7 @@ class WatchedProcess:
 
     @classmethod
     def start(cls, arguments: Sequence[str]) -> "WatchedProcess":
-        """Start the node in a session of its own."""
+        """Start the node in its own session."""
         beats, beat = os.pipe()
         life_end, life = os.pipe()
         words = [sys.executable, "-m", "hindrax_drivers.nodes.thrusters", NODE_WORD, str(beat), str(life_end)]
@@ -121,7 +121,7 @@ class WatchedProcess:
         """Tell the child periodically that we live."""
         if now_s - self.keepalive_s >= KEEPALIVE_S:
             self.keepalive_s = now_s
-            with contextlib.suppress(BlockingIOError, BrokenPipeError):  # it hangs or has died: `listen` tells
+            with contextlib.suppress(BlockingIOError, BrokenPipeError):  # it hangs or has died: see `listen`
                 os.write(self.life, b"!")
 
     def silent_from(self, now: Stamp) -> Stamp:
@@ -212,7 +212,7 @@ def _of_the_node(heartbeat: str) -> str:
 
 
 def write_neutral(settings: Settings) -> int:
-    """Put neutral on the wire, once; returns the exit code, 0 only when it is there."""
+    """Write neutral once; returns the exit code, 0 only when it is on the wire."""
     neutral = NeutralWriter(settings)
     neutral.write()
     neutral.close()
@@ -231,7 +231,7 @@ def report(text: str) -> None:
 
 
 def main() -> int:
-    """Run by the words that `thrusters` was started with."""
+    """Run with the arguments of `thrusters`."""
     arguments = json.loads(os.environ[ARGUMENTS])
     try:
         settings = read_settings(arguments)

@@ -36,7 +36,7 @@ TEMPERATURE_EVERY = 10
 
 
 class DeviceNode(BatchedNode, LifecycleNode):
-    """Publishes the readings of one device; `ready` says whether the wire has found the device it expects.
+    """Publishes the readings of one device; `ready`: whether the expected device was found.
 
     The nodes of a process may share a publish queue. The IMU node, which paces the navigation, flushes it with every
     batch of samples; without an IMU the loop of the process flushes it.

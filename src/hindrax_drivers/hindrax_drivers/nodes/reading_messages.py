@@ -119,7 +119,7 @@ def _profile(one: Stamped[EchoProfile], frame: str) -> PingProfile:
 
 
 def _first_of_second(write: Write) -> Write:
-    """Write one message a second, with its first sample: whoever began earlier or later writes the same."""
+    """Write one message a second, with its first sample: a process that started earlier or later writes the same."""
     second: int | None = None
 
     def sometimes(stamped: Stamped[Any]) -> Any:

@@ -1,7 +1,7 @@
 """The thrusters process: `python -m hindrax_drivers.nodes.thrusters --ros-args ...`.
 
-It turns into the dead man at once, which starts the node as its child by the same words and `--node BEAT LIFE`. With
-`--neutral` before the words the dead man only puts neutral on the wire: for a supervisor that killed another.
+It becomes the dead man at once, which starts the node as its child with the same arguments and `--node BEAT LIFE`. With
+`--neutral` before them the dead man only writes neutral: for a supervisor that killed another.
 """
 
 import json

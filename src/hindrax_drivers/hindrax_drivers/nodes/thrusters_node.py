@@ -2,7 +2,7 @@
 
 The output is served by a thread from the start, with neutral first. Commands are judged on that thread, on the clock of
 the output. The lifecycle shows whether the output is there; once an operator has asked for any state but active, the
-output stays neutral and disarmed until `activate`. A finalized node goes on repeating neutral and says so: an output
+output stays neutral and disarmed until `activate`. A finalized node keeps repeating neutral and reports it: an output
 that no process serves keeps its last pulses.
 """
 
@@ -49,7 +49,7 @@ SILENT_S, SILENT_WALL_S = 1.0, 0.8
 
 
 class ThrustersNode(DeviceNode):
-    """One output behind one guard. `beat` tells the dead man that this process is alive and controls the output."""
+    """One output behind one guard. `beat` shows the dead man that this process is alive and controls the output."""
 
     def __init__(self, settings: Settings, beat: int) -> None:
         super().__init__(NAME, settings.vehicle)
@@ -157,7 +157,7 @@ class ThrustersNode(DeviceNode):
         self._inhibit("commander", f"{THRUSTER_COMMAND.name}: {self._unfit}" if contested else "")
 
     def _on_arm(self, request: Any, response: Any) -> Any:
-        if request.arm:  # who disturbed may have gone, and nobody have commanded since
+        if request.arm:  # the disturber may have left, and no command arrived since
             self._look_for_commanders()
         asked = Request(stamp_from_msg(request.stamp), request.sequence, request.reason)
         future = self._thread.arm(asked) if request.arm else self._thread.disarm(asked)

@@ -78,7 +78,7 @@ def outputs_enabled(output: Output, port: str) -> Iterator[None]:
 
 
 def open_enable_line(output: Output, port: str) -> EnableLine:
-    """Open the line of an output; it has none in mock. DeviceError says what is wrong and the remedy."""
+    """Open the line of an output; it has none in mock. DeviceError with cause and remedy."""
     if not output.enable_line or port.startswith(MOCK_PREFIX):
         return EnableLine()
     try:

@@ -1,8 +1,8 @@
 """The output guard, the last safety layer: only neutral passes unless armed with a fresh command.
 
 Pure: a state goes in, a new state comes out, and time is an argument. All times are those of the output's bus. The
-host calls `command` for each command, `tick` no later than `due` says, and reports each write with `written` or
-`failed`. Whatever the host forgets, or whoever dies before it, the state of a new guard is disarmed.
+host calls `command` for each command, `tick` no later than `due`, and reports each write with `written` or
+`failed`. A new guard is always disarmed.
 
     disarmed --arm--> arming --neutral for the time of the ESCs--> armed, and neutral until a command comes
     armed --silence--> armed, but neutral --long silence--> disarmed
@@ -123,7 +123,7 @@ class Answer:
 
 @dataclass(frozen=True, slots=True)
 class OutputGuardState:
-    """State of the guard. `reason` says why it is not armed; `fresh_until` is the end of the last valid command.
+    """State of the guard. `reason`: why it is not armed; `fresh_until` is the end of the last valid command.
 
     `armings` counts how often it was armed since its start.
     """
@@ -153,7 +153,7 @@ class OutputGuardState:
 
 @dataclass(frozen=True, slots=True)
 class OutputGuard:
-    """The rules, for thrusters by their pulse at rest and a number of lights. Holds no state of its own."""
+    """The rules, for thrusters by their neutral pulse and a number of lights. Stateless."""
 
     rest_us: tuple[float, ...]
     lights: int = 0
@@ -231,7 +231,7 @@ class OutputGuard:
         return state.seen if state.fresh_until is None else min(due, state.fresh_until)
 
     def arm(self, state: OutputGuardState, request: Request, now: Stamp) -> tuple[OutputGuardState, Answer]:
-        """Start arming, unless the request is late or out of order, or the output is faulted; the answer says why."""
+        """Start arming, unless the request is late or out of order or the output is faulted; returns the reason."""
         state, now = self._observe(state, now)
         if request.stamp == 0:
             state, why = self._challenged(state, request, now)

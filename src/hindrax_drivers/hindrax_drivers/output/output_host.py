@@ -31,7 +31,7 @@ class OutputListener(Protocol):
     """Receiver of output events."""
 
     def applied(self, applied: AppliedOutput) -> None:
-        """Pulses were written, or could not be (then the phase says so)."""
+        """Pulses were written, or could not be (then the phase shows it)."""
 
     def refused(self, refusal: Refusal, stamp: Stamp) -> None:
         """A command was refused."""
@@ -86,7 +86,7 @@ class OutputHost:
             self._pending = decision
 
     def arm(self, request: Request) -> Answer:
-        """Start arming, or say why not."""
+        """Start arming, or return the reason of a refusal."""
         if self._inhibited_because:
             return Answer(accepted=False, reason=self._inhibited_because)
         self._state, answer = self._guard.arm(self._state, request, self._output.now())

@@ -55,7 +55,7 @@ class RegisterOutput:
         return self._chip.applied(pulses.thrusters)
 
     def serve(self) -> Sequence[Output]:
-        """Return nothing: a register chip sends nothing by itself."""
+        """Return nothing: a register chip sends nothing unprompted."""
         return ()
 
     def check(self, pulses: Pulses) -> None:
@@ -152,7 +152,7 @@ class SerialOutput:
         return outputs
 
     def check(self, pulses: Pulses) -> None:
-        """Require heartbeats; the board reports its pulses by itself."""
+        """Require heartbeats; the board reports its pulses unprompted."""
         del pulses
         if not self._device.ready:
             raise DeviceError(f"{self._path}: the board has fallen silent; check power and line")

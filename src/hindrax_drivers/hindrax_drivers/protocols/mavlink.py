@@ -56,7 +56,7 @@ Sent: TypeAlias = tuple[int, bytes]
 
 
 def _battery(values: tuple[Any, ...]) -> Battery:
-    """Sum of the cells [mV] that exist: others say 65535. The current is in hundredths of an ampere, -1 for unknown."""
+    """Sum of the cells [mV] that exist: others are 65535. The current is in hundredths of an ampere, -1 for unknown."""
     voltage_V = sum(cell for cell in values[3:13] if cell != UNKNOWN) / 1e3
     return Battery(voltage_V, math.nan if values[13] < 0 else values[13] / 100.0)
 
@@ -68,7 +68,7 @@ _READ: Mapping[int, tuple[struct.Struct, Callable[[tuple[Any, ...]], Message]]] 
     147: (struct.Struct("<iih10HhBBBbiB4HBI"), _battery),
     253: (struct.Struct("<B50sHB"), lambda v: StatusText(v[0], v[1].partition(b"\x00")[0].decode(errors="replace"))),
 }
-"""Fields of a message by its number, by size and extensions last, and what they say."""
+"""Fields of a message by its number, by size and extensions last, and their values."""
 _DEFINITIONS = """
 0:50:9 36:222:37 70:124:38 76:152:33 77:143:10 147:154:54 253:83:54
 1:124:43 2:137:12 4:237:14 20:214:20 21:159:2 22:220:25 23:168:23 24:24:52 26:170:24 27:144:29 29:115:16

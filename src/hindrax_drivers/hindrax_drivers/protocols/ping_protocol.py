@@ -83,7 +83,7 @@ Piece: TypeAlias = PingFrame | Refused
 
 @dataclass(frozen=True, slots=True)
 class EchoMessage:
-    """What 1212 and 1300 say; `strength` is empty for 1212. Lengths in mm as sent, confidence in percent."""
+    """Content of 1212 and 1300; `strength` is empty for 1212. Lengths in mm as sent, confidence in percent."""
 
     distance_mm: int
     confidence: int
@@ -95,7 +95,7 @@ class EchoMessage:
 
 
 def encode(message: int, payload: bytes = b"") -> bytes:
-    """Frame from the host: source and destination stay zero, as the protocol says they are not implemented."""
+    """Frame from the host: source and destination stay zero: the protocol does not implement them."""
     body = HEADER.pack(MARK, len(payload), message, 0, 0) + payload
     return body + CHECKSUM.pack(sum(body) & 0xFFFF)
 
@@ -128,7 +128,7 @@ def simple(frame: PingFrame) -> tuple[int, int]:
 class FrameSplitter:
     """Finds frames in a byte stream, the same ones however the stream is chunked.
 
-    A frame that turns out to be none costs its first two bytes; the search goes on inside it, so neither a false mark
+    A frame that turns out to be none costs its first two bytes; the search continues inside it, so neither a false mark
     nor a corrupt length can swallow the frames behind. Lengths are checked against the message's own limits before
     any waiting, and the wait ends with the first whole frame inside: what a corrupt length covers comes through when
     it arrives, and is stamped then. Bytes between frames come back as Refused, 64 at a time at most.

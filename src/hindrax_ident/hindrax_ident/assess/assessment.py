@@ -62,7 +62,7 @@ METHOD = "output-error"
 class Assessment:
     """Final assessment of one axis: for the report, beyond the results.
 
-    Covariances (p, p): `noise` of the fit alone; that of `fit` with the influences drawn anew in each run; `separable`
+    Covariances (p, p): `noise` of the fit alone; that of `fit` with the influences redrawn in each run; `separable`
     with all but those that scale every force alike; `calibrated` with all.
     """
 
@@ -160,7 +160,7 @@ def _assess(drafted: DraftFit, budget: Budget) -> Assessment:
 
 
 def _with_delays(vehicle: Vehicle, drafted: DraftFit, tuning: Tuning) -> DraftFit:
-    """Refit with lag and latency that the residuals tell, where they contradict the vehicle file."""
+    """Refit with lag and latency from the residuals, where they contradict the vehicle file."""
     for _ in range(DELAY_ROUNDS):
         record, fit = drafted.record, drafted.fit
         budget = budget_of(Case(vehicle, record, fit, tuning, drafted.moved))

@@ -289,7 +289,7 @@ def _coasts(case: Case) -> bool:
 
 
 def _drift(case: Case) -> Array:
-    """Thrust that falls evenly from the start of a run, by all in 15 min; records that are pooled each start anew."""
+    """Thrust that falls evenly from the start of a run, by all in 15 min; pooled records each restart."""
     t = case.fit.problem.grid.times_s
     begins = np.where(np.diff(t, prepend=t[:1]) > BETWEEN_RUNS_S, t, 0.0)
     return case.of_force(array(-case.thrust * (t - np.maximum.accumulate(begins)) / SAG_S))
@@ -343,7 +343,7 @@ def _wake(case: Case) -> Array:
 def _asymmetry_sigma(case: Case) -> float:
     """A hull is alike to port and starboard, so only ahead and astern differ, and in pitch what bow and top share.
 
-    Where the thrust is no more than a record's word, it may be weaker one way on any axis.
+    Where only the record gives the thrust, it may be weaker in one direction of any axis.
     """
     if case.fit.model.split:
         return 0.0

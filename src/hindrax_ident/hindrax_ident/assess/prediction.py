@@ -76,7 +76,7 @@ def windows_of(stretches: Iterable[Stretch], window_s: float) -> tuple[Stretch, 
 
 
 def predict(model: Model, theta: Array, record: Record) -> Prediction:
-    """Motion of each stretch of a record by itself, from the velocity and position that fit its first second.
+    """Motion of each stretch of a record separately, from the velocity and position that fit its first second.
 
     ValueError where a stretch holds too few samples, or where no motion follows from the parameters.
     """

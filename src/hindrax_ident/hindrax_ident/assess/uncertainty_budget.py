@@ -1,7 +1,7 @@
 """Uncertainty budget of one axis: bands, warnings and remedies from one table of influence quantities.
 
 GUM (JCGM 100) clause 5.2 for correlated quantities. What a record shows of an influence is estimated from the
-residuals with its prior; what it cannot tell keeps its prior and is considered (Schmidt 1966). The parameters stay
+residuals with its prior; what they cannot show keeps its prior and is considered (Schmidt 1966). The parameters stay
 those of the fit: what the record shows of an influence is an error that they probably have, so it counts in the band.
 """
 
@@ -209,7 +209,7 @@ class Budget:
 
 
 def budget_of(case: Case, influences: Sequence[Influence] = INFLUENCES) -> Budget:
-    """Budget of a case by itself: every row's effect, and what the residuals say about all rows together."""
+    """Budget of a single case: every row's effect, and the joint estimate of all rows from the residuals."""
     known = sorted(acting(case, influences), key=lambda pair: pair[0].of_readings)
     columns = [sigma * row.effect(case) for row, sigma in known]
     on_body = sum(not row.of_readings for row, _ in known)
@@ -287,7 +287,7 @@ class _Posterior(NamedTuple):
 def _posterior(data: _Likelihood, water: Array | None = None) -> _Posterior:
     """How near the water is to the model is unknown: a record that shows influences informs of those it cannot show.
 
-    Explanations that it cannot tell apart all count, by their evidence (global and local scales: Carvalho, Polson,
+    Explanations that it cannot distinguish all count, by their evidence (global and local scales: Carvalho, Polson,
     Scott 2010). `water`: evidence of all motions of the run; None: of this one alone.
     """
     found = [_explained(data.information, data.gradient, *one) for one in zip(*data.prior, strict=True)]
@@ -307,7 +307,7 @@ def _posterior(data: _Likelihood, water: Array | None = None) -> _Posterior:
 def _explained(information: Array, gradient: Array, usual: Array, sigma: Array, tails: Flags) -> _Posterior:
     """Explanations by unknowns with these means and deviations: Student priors where `tails`, otherwise normal.
 
-    Tails let a record tell of an influence far greater than usual, instead of spreading it over all. Expectation
+    Tails allow an influence far greater than usual, instead of spreading it over all. Expectation
     maximization over the scale of each (Tipping 2001, section 3), begun once for each as the great one.
     """
     m, known = len(gradient), float(gradient @ usual - 0.5 * usual @ information @ usual)

@@ -36,7 +36,7 @@ class ScoreTest:
 
     @property
     def covariance(self) -> Array:
-        """Covariance of the estimates: (m, m); zero where the residuals tell nothing."""
+        """Covariance of the estimates: (m, m); zero where the residuals have no information."""
         return array(np.linalg.pinv(self.information, rcond=1e-12, hermitian=True))
 
 

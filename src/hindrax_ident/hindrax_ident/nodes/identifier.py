@@ -127,10 +127,9 @@ class Identifier(BatchedNode):
         return response
 
     def _judged(self, judge: Callable[[Judged], Verdict], session: Judged) -> Verdict:
-        """Return what `judge` says of a session, which takes seconds to minutes.
+        """Return the verdict of `judge` on a session, which takes seconds to minutes.
 
-        A thread makes it on a copy, so that nothing is lost that comes meanwhile, and nobody takes the process for
-        frozen.
+        A thread computes it on a copy: no message is lost meanwhile, and the heartbeat continues.
         """
         with ThreadPoolExecutor(1) as worker:
             verdict = worker.submit(judge, copy.deepcopy(session))

@@ -50,7 +50,7 @@ ANY_WRENCH = Topic("wrench", "geometry_msgs/msg/WrenchStamped", ANY, 0, "wrench 
 LARGEST_LEAD_s = 60.0
 """A stamp farther ahead of the clock would make all that follow it late."""
 LARGEST_VARIANCE = 1e3
-"""Variances from here on, or below zero, say that a velocity is not measured."""
+"""Variances from here on, or below zero, mean that a velocity is not measured."""
 
 
 def velocities_from_odometry(message: Any, now: Stamp) -> tuple[Stamped[IdentEvent], ...]:

@@ -9,7 +9,7 @@ from hindrax_core.vehicle import AXES
 LEVELS = {1.0: "fastest", 0.5: "middle", 0.0: "slowest"}
 """Plateaus that may be chosen, in shares of the way from the slowest of the pilot's plan to the fastest."""
 FIRST = (1.0, 0.0, 1.0)
-"""Levels that a motion begins with: the extremes tell most of the drag, and a repeated leg shows drift."""
+"""Levels that a motion begins with: the extremes are most informative, and a repeated leg shows drift."""
 ENDINGS = ("hold", "neutral")
 LONGEST_MIN = 50.0
 LEAST_SHARE = 1e-4
@@ -50,12 +50,12 @@ class Choice:
     levels: tuple[float, ...] = FIRST
 
     def __str__(self) -> str:
-        """A word or two for people."""
+        """A short text."""
         return f"{self.motion}: {', '.join(LEVELS[level] for level in self.levels)}"
 
 
 def plan_text(motions: Sequence[str], aim: Aim) -> str:
-    """What will be flown, in words."""
+    """Text of the plan."""
     return f"{'; '.join(str(Choice(motion)) for motion in motions)}, each out and back; then most informative, {aim}"
 
 

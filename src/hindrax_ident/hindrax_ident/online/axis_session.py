@@ -58,14 +58,14 @@ class AxisSession:
         self.estimator.thrust(t_s, thrust.wrench[self.model.axis], effort)
 
     def _effort(self, thrust: Thrust) -> float | None:
-        """Effort of one thrust, also of thrusters that oppose each other; None where it does not tell all forces."""
+        """Effort of one thrust, also of thrusters that oppose each other; None where it lacks some forces."""
         if not self._per_newton or len(thrust.forces_N) != len(self._per_newton):
             return None
         parts = [share * force for share, force in zip(self._per_newton, thrust.forces_N, strict=True)]
         return sum(part * part for part in parts)  # a power of a huge number raises, a product does not
 
     def _of_forces(self) -> tuple[Series, Series]:
-        """Effort and inflow of a record, from the forces of all thrusters; empty where one thrust did not tell them."""
+        """Effort and inflow of a record, from the forces of all thrusters; empty where one thrust lacks them."""
         efforts = [one for one in self._efforts if one is not None]
         if not efforts or len(efforts) < len(self._thrusts):
             return series([]), series([])

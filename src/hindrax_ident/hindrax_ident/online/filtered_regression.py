@@ -35,7 +35,7 @@ RATE_NOISE_radps = 0.0025
 LEAST_MEMORY_s = 0.02
 """Shortest time constant of the thrust noise behind the lag of the thrusters."""
 MOST_EFFORT = 1e12
-"""Effort [N^2, N^2 m^2] beyond that of any vehicle: a message may say anything, and what is not a number."""
+"""Effort [N^2, N^2 m^2] beyond that of any vehicle: a message may contain anything, also NaN."""
 UNKNOWN = 1e6
 """Variance of a disturbance about which nothing is known."""
 

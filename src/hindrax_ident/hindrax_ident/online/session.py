@@ -124,7 +124,7 @@ class Session:
             axis_session.thrust(t_s, thrust)
 
     def _weighed(self, thrust: Thrust) -> Thrust:
-        """What a known weight says that a thrust of the curves is."""
+        """Thrust of the curves, corrected by the known weight."""
         gains = self.vehicle.thrust_gain
         if not gains:
             return thrust

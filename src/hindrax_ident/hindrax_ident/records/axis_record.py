@@ -22,7 +22,7 @@ SPAN_S = 0.5
 SHARE = 0.25
 """Share of the highest speed that the other direction must reach."""
 BEFORE_BLOCKED_S = 2.0
-"""What led to a thrust without motion is no free motion either; the pilot says it after a second and a half."""
+"""The time before a blocked phase is no free motion either; the pilot reports it after 1.5 s."""
 
 
 @dataclass(frozen=True, slots=True)

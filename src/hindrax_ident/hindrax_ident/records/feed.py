@@ -8,7 +8,7 @@ Only here measurements of different topics are sorted by their stamps.
 Events refer to the center of mass, like the equations of motion.
 
 Surge and sway come from the DVL as measured (moved to the center of mass), not from the navigator, whose filter would
-color their noise. Rates come from the gyroscope. Heave has no instrument of its own: its depth comes directly from the
+color their noise. Rates come from the gyroscope. Heave has no instrument: its depth comes directly from the
 pressure, for the same reason; the navigator's heave velocity is used where there is no pressure.
 """
 
@@ -67,7 +67,7 @@ class StampSorter(Generic[ReadingT]):
         heapq.heappush(self._heap, (stamp, *kind, self._count, one))
         self._newest = max(self._newest, stamp)
         self._newest_of[kind] = max(self._newest_of.get(kind, stamp), stamp)
-        # A kind that is silent for longer than that has nothing to say: a lost sensor must not stop the others.
+        # A kind that is silent for longer is ignored: a lost sensor must not stop the others.
         silent = after(self._newest, -self.lag_s)
         slowest = min((newest for newest in self._newest_of.values() if newest > silent), default=self._newest)
         yield from self._until(min(slowest, after(self._newest, -self.wait_s)))

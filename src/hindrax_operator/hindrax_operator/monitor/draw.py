@@ -98,7 +98,7 @@ def lost(found: Thrusters) -> str:
 
 
 def health(found: Mapping[str, NodeHealth]) -> RenderableType:
-    """Nodes that are ill first, with their words; those that are well in two columns, with their rates."""
+    """Unhealthy nodes first, with their text; healthy ones in two columns, with their rates."""
     if not found:
         return Text("no /diagnostics yet", style=DIM)
     ill = {name: one for name, one in found.items() if one.level != "ok"}

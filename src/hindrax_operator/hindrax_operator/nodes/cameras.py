@@ -14,7 +14,7 @@ from hindrax_ros.graph import profile
 
 TYPE = "sensor_msgs/msg/CompressedImage"
 LOOK_S = 2.0
-"""Time between two looks at the graph."""
+"""Time between two queries of the graph."""
 WANTED_S = 3.0
 """A camera without a viewer for this long is unsubscribed: video is most of a tether's traffic."""
 

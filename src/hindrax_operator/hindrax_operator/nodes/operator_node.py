@@ -45,7 +45,7 @@ class Operator:
     """One node that sends orders and subscribes to the state; use it as a context manager.
 
     The last message of every watched topic is kept; `tick` (where given) is called between spins, so that the caller
-    can look after its processes and show progress.
+    can supervise its processes and show progress.
     """
 
     def __init__(
@@ -161,7 +161,7 @@ class Operator:
 
     @property
     def stoppable(self) -> bool:
-        """Whether a thrusters node is there that could be asked to disarm."""
+        """Whether a thrusters node exists that can be asked to disarm."""
         return bool(self._arm.service_is_ready())
 
     def wait_for_time(self, seconds: float = ANSWER_S) -> None:
@@ -227,7 +227,7 @@ class Operator:
             self.spin()
 
     def wait_for_thrusters(self) -> None:
-        """Wait until the thrusters node can be asked to arm: before that, there is no stack to speak of."""
+        """Wait until the thrusters node can be asked to arm: before that, there is no stack."""
         self.wait(self._arm.service_is_ready, ANSWER_S, lambda: f"the thrusters node to offer thrusters/arm; {UP}")
 
     def arm(self, *, arm: bool = True, seconds: float = 30.0) -> None:
@@ -338,7 +338,7 @@ class Operator:
         self.wait(future.done, ANSWER_S, lambda: "the pilot to cancel")
 
     def cancel_all(self) -> int:
-        """Cancel every goal, whoever sent it; returns how many there were. Without a pilot there are none."""
+        """Cancel every goal of all clients; returns their number. Without a pilot there are none."""
         if not self._cancel.service_is_ready():
             return 0
         # A request without an id and without a stamp means all goals (action_msgs/srv/CancelGoal).

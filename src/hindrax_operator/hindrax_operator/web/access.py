@@ -1,4 +1,4 @@
-"""Who may ask: the right host, the right origin, the right token. Pure; the sentences are for whoever was refused."""
+"""Who may ask: the right host, the right origin, the right token. Pure; the sentences are for the refused client."""
 
 import hmac
 import ipaddress
@@ -38,7 +38,7 @@ class Access:
             raise RefusedRequest(HTTPStatus.FORBIDDEN, "Origin: found another page, wanted the one that is served here")
 
     def check_token(self, authorization: str | None) -> None:
-        """Refuse whoever does not have the token; the comparison takes as long whatever was given."""
+        """Refuse a request without the token, compared in constant time."""
         given = (authorization or "").removeprefix(BEARER)
         if not hmac.compare_digest(given.encode(), self.token.encode()):
             wrong = "token: missing or wrong; open the address that `./hindrax web` printed"

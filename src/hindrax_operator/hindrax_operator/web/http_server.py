@@ -1,4 +1,4 @@
-"""The HTTP server: Tornado in a thread of its own, with a bound on connections, sizes and patience.
+"""The HTTP server: Tornado in its own thread, with bounds on connections, sizes and times.
 
 A request is refused or accepted by its head alone, before a byte of its body is read; every write has a deadline.
 
@@ -45,7 +45,7 @@ IMAGES = {b"\xff\xd8\xff": "image/jpeg", b"\x89PNG\r\n\x1a\n": "image/png", b"RI
 """Beginning of a picture (ITU T.81 B.1.1.3, PNG 5.2, RFC 9649 2.4) and its type; a browser is sent nothing else."""
 LARGEST_FRAME_bytes = 8_000_000
 PATIENCE_S = 5.0
-"""How long a client may take for the head of a request, for its body, and for each piece of what it is sent."""
+"""Time limit for the head of a request, for its body, and for each piece of the answer."""
 CONNECTIONS, STREAMS = 256, 8
 HEAD_bytes, BUFFER_bytes = 1 << 14, 1 << 16
 CLOSE_S = 5.0
@@ -68,7 +68,7 @@ class Request(HTTPMessageDelegate):
         self._order, self._body = "", bytearray()
 
     async def headers_received(self, start_line: RequestStartLine | ResponseStartLine, headers: HTTPHeaders) -> None:
-        """Answer a GET; of a POST, say whether its body is wanted."""
+        """Answer a GET; of a POST, return whether its body is wanted."""
         line = cast("RequestStartLine", start_line)
         try:
             await self._begin(line, headers)
@@ -167,7 +167,7 @@ class Request(HTTPMessageDelegate):
             await self._connection.write(content)
 
     def _answer(self, status: HTTPStatus, text: str) -> None:
-        """Answer in a few words, which the kernel takes at once."""
+        """Send a short answer, which the kernel accepts at once."""
         content = text.encode()
         self._head(status, TEXT_TYPE, len(content))
         self._connection.write(content)

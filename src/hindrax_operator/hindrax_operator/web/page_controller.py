@@ -116,7 +116,7 @@ class PageController:
 
 
 def goal_of(words: Mapping[str, Any]) -> Goal | ExperimentGoal:
-    """Read a goal from a request, of an experiment where it has `until` or `minutes`; Refused names a wrong word."""
+    """Read a goal from a request, of an experiment where it has `until` or `minutes`; Refused names an invalid key."""
     experiment = "until" in words or "minutes" in words
     known = ("motions", *(("until", "minutes") if experiment else ("excitation", "seed")), "on_cancel")
     unknown = sorted(set(words) - set(known))

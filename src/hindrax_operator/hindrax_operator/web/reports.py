@@ -75,7 +75,7 @@ def _budget(file: Path) -> Sequence[str]:
             if (one := body.get(name)) is not None
         ]
     except (OSError, ValueError, LookupError, TypeError, AttributeError, HindraxError):
-        return []  # of another version, damaged, or being written: its report says more
+        return []  # of another version, damaged, or being written: its report shows more
 
 
 def _largest(rows: Mapping[str, float]) -> str:

@@ -110,7 +110,7 @@ def command_writer(thrusters: int) -> Callable[[Stamp, int, Sequence[float]], by
 
 
 def applied_writer(output: str) -> Callable[[AppliedOutput], bytes]:
-    """Make a writer of ThrusterState: its numbers, its state and its reason in words."""
+    """Make a writer of ThrusterState: its numbers, its state and its reason."""
     writer = CdrWriter(*STAMP, "armed", "pulses", "sequence", "armings")
 
     def write(applied: AppliedOutput) -> bytes:
@@ -162,7 +162,7 @@ def raw_frames_bytes(
     lengths: Sequence[int],
     data: bytes | bytearray,
 ) -> bytes:
-    """Bytes of RawFrames, whose every batch has a shape of its own; the last four arguments are as in its definition.
+    """Bytes of RawFrames, whose batches all differ in shape; the last four arguments are as in its definition.
 
     A C struct is aligned as CDR is: each number at a multiple of its size.
     """

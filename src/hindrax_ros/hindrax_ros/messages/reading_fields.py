@@ -122,7 +122,7 @@ def _velocity(found: BottomVelocity) -> Sequence[float] | None:
 
 
 def _place(frame: str) -> NavSatFix:
-    """Place that the DVL reckons; its status says whether a GPS gives it at the moment. Its height is unknown (NaN)."""
+    """Position by the DVL's dead reckoning; its status shows whether a GPS provides it. Its height is unknown (NaN)."""
     status = NavSatStatus(service=NavSatStatus.SERVICE_GPS)
     return NavSatFix(header=header(0, frame), status=status, altitude=math.nan)
 

@@ -79,7 +79,7 @@ class BusServer:
         return [client.name for client in self._clients if client.has_slept and client.until is None]
 
     def no_longer_wait(self) -> None:
-        """Let time go on without those that are busy, until they sleep again."""
+        """Let time advance without busy clients, until they sleep again."""
         for client in self._clients:
             client.has_slept = client.until is not None
 

@@ -11,7 +11,7 @@ from hindrax_sim.physics.plant import Influence, Plant, ThrustLoss, truth_of
 Travel: TypeAlias = tuple[Vec3, Vec3]
 """Angle turned [rad] and ground covered [m] since the start, in body axes."""
 TravelError: TypeAlias = Callable[[Plant, Travel], Travel]
-"""What a velocity sensor takes for its travel."""
+"""Travel as a velocity sensor measures it."""
 DragChange: TypeAlias = Callable[[int, float], float]
 """Resistance of an axis (0 surge to 5 yaw) at a speed, beyond that of the hull's coefficients [N, Nm]."""
 

@@ -17,7 +17,7 @@ FALSE_m = 0.015
 
 
 def dvl_scale(world: Realization, size: float, _draws: NormalDraws) -> None:
-    """The DVL says a share more than the velocity, as with a wrong speed of sound.
+    """The DVL overstates the velocity by a share, as with a wrong speed of sound.
 
     Size: A50: 1 % long-term accuracy, 0.1 % in its better edition; 2 K of water are 0.3 %.
     """
@@ -73,7 +73,7 @@ def _turn_mounts(world: Realization, quantity: str, turn_deg: Vec3) -> None:
 
 
 def dvl_latency(world: Realization, size: float, _draws: NormalDraws) -> None:
-    """What the DVL says was true this long before the time that it gives.
+    """DVL velocities are older than their stamp by this time.
 
     Size: One interval at 20 Hz; a network brings more.
     """

@@ -19,9 +19,8 @@ SIGNED, ONE_SIDED = "normal", "uniform"
 class Condition:
     """A row: name, unit, usual size, law, how pool draws it, where the size comes from.
 
-    `add` puts it into a world in the making; its docstring says how it acts and, behind "Size:", why so much. Pool
-    draws from a normal distribution of deviation `pool`, or evenly from 0 to `pool`. A size lies from `least` to
-    `most`.
+    `add` puts it into a world; its docstring states its effect and, behind "Size:", the source of its size. Pool draws
+    from a normal distribution of deviation `pool`, or evenly from 0 to `pool`. A size lies from `least` to `most`.
     """
 
     name: str

@@ -33,7 +33,7 @@ UP_S = 60.0
 """Time since its start when it is first looked at."""
 BOOT_TEXT = b"DVL-75 starting\r\n"
 FOREIGN = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n"
-"""The well-known example of NMEA 0183: what a GPS receiver on the wrong port says."""
+"""The well-known example of NMEA 0183: output of a GPS receiver on the wrong port."""
 SATURATED_m = (9.999, -9.999, 9.999)
 BEAM_NOISE_mps = 0.003
 NOWHERE: Vec3 = (0.0, 0.0, 0.0)
@@ -84,7 +84,7 @@ WITHOUT_EFFECT = frozenset(
         *("IP-ADDRESS", "HOST-ADDRESS"),
     )
 )
-"""Commands of the page that the device takes without a word and that are not played through here."""
+"""Commands of the page that the device accepts silently and that have no effect here."""
 
 
 class Dvl75(Part[DvlTruth]):

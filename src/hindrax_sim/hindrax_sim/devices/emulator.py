@@ -20,7 +20,7 @@ class Emulator:
     """`make(seed)` gives the part, `truth(world, mounting)` what is true at its place in the mock world.
 
     The contract sweep uses the other two: `example(seconds)` is a truth that moves as a vehicle might, and
-    `agrees(truth, reading)` says whether a reading is one of a truth, by the accuracy of the data sheet.
+    `agrees(truth, reading)`: whether a reading matches a truth within the accuracy of the data sheet.
     """
 
     make: Callable[[int], Any]
@@ -34,7 +34,7 @@ class Emulator:
 
 
 class Part(Generic[TruthT]):
-    """An emulated part: what is true at its place, its noise, and its faults: what they do, its class says."""
+    """An emulated part: the truth at its place, its noise, and its faults, described in its class."""
 
     def __init__(self, truth: TruthT, noise: str = "") -> None:
         self._truth = truth

@@ -141,7 +141,7 @@ def _clip(value: float) -> int:
 
 
 def _agrees(truth: Pressure, reading: Any) -> bool:
-    """Noise is some tens of pascals; the rest is damage that looks like a wave, and that no check can tell."""
+    """Noise is some tens of pascals; the rest is damage that looks like a wave, and that no check can detect."""
     near = abs(reading.pressure_Pa - truth.pressure_Pa) < 1_000.0
     return near and bool(abs(reading.temperature_C - truth.temperature_C) < 2.0)
 

@@ -78,7 +78,7 @@ class Pca9685:
         self._note(now_s)
 
     def _on_all_call(self, data: bytes, now_s: float) -> None:
-        """Address 0x70, where a write goes to every chip of the bus while its MODE1 says so."""
+        """Address 0x70, where a write goes to every chip of the bus while its MODE1 enables it."""
         if not self._registers[MODE1] & ALLCALL:
             raise NackError
         self.write(data, now_s)

@@ -152,7 +152,7 @@ def fault_injector(world: World, specs: Sequence[FaultSpec], start_s: float = 0.
 
 
 def altered_truth(name: str, specs: Sequence[FaultSpec], start_s: float = 0.0) -> Callable[[Any, float], Any]:
-    """Return what the device `name` takes for the truth, from what is true and when. Times count from `start_s`."""
+    """Return the truth as the device `name` senses it, from the truth and the time. Times count from `start_s`."""
     schedule = FaultSchedule(_schedule(name, specs, start_s, lambda kind, _at: kind.on_truth))
     before: dict[truth.SensorFault, tuple[Any, float]] = {}
 

@@ -22,7 +22,7 @@ Random: TypeAlias = np.random.Generator
 class StreamFault:
     """One fault of a serial device: what it makes of a message for the host, and of bytes for the device.
 
-    `connected`: whether the port is there at all while the fault lasts.
+    `connected`: whether the port exists while the fault lasts.
     """
 
     def __init__(

@@ -19,7 +19,7 @@ GYRO_OFFSET_radps: Vec3 = (math.radians(40.0), 0.0, 0.0)
 FORCE_OFFSET_mps2: Vec3 = (0.0, 3.0, 0.0)
 BIAS_mps, NOWHERE = (0.25, 0.0, 0.0), (0.0, 0.0, 0.0)
 SensorFault: TypeAlias = Callable[[Any, Any, float], Any]
-"""What a device takes for the truth, from what is true, what it took for it before, and the time since [s]."""
+"""Truth as a device senses it, from the truth, its previous output, and the time since [s]."""
 WorldFault: TypeAlias = Callable[[World, str, bool], None]
 """Starts a fault of the world, or ends it; the name is that of its target."""
 

@@ -37,7 +37,7 @@ class Flown:
 class Band:
     """Standard deviations to be expected, as shares of the drag at the highest speed, and of the added mass [-].
 
-    `noise`: of this record alone. NaN where the coefficient will not be found; `reasons` say why.
+    `noise`: of this record alone. NaN where the coefficient will not be identified, with `reasons`.
     """
 
     speed: float

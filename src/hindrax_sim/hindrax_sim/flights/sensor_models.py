@@ -49,7 +49,7 @@ Model: TypeAlias = Callable[[World, Mounting, Noise, NormalDraws], Sample]
 class SensorModel:
     """A sensor of the vehicle file: `sample` gives what it measured up to now, to be asked every period.
 
-    Its readings are there a latency after what a sample depends on.
+    Its readings arrive a latency after the state of the sample.
     """
 
     source: str
@@ -65,7 +65,7 @@ def _counted(true: Vec3, bias: Vec3, sigma: float, step: float, draws: NormalDra
 
 
 def _single(world: World, read: Callable[[], Reading | None]) -> Sample:
-    """Sample of a sensor that says one thing at a time."""
+    """Sample of a sensor with one quantity at a time."""
 
     def sample() -> Sequence[Stamped[Reading]]:
         reading = read()

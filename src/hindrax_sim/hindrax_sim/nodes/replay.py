@@ -32,7 +32,7 @@ CLOCK_NS = 4 * STEP_ns
 PATIENCE_S = 30.0
 """Wall time for which the beginning waits for everybody; then it begins without."""
 SETTLING_S = 1.0
-"""Wall time in which, once all are there, the last subscriptions find each other."""
+"""Wall time in which the last subscriptions match, once all nodes are up."""
 AFTER_NS = NS_PER_S
 """So long goes time on behind the end of the record, for what is still under way."""
 

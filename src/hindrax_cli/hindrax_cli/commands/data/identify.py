@@ -66,7 +66,7 @@ names like vx, surge_force or those of PlotJuggler serve too; empty cells where 
 
 
 def add_selection(parser: argparse.ArgumentParser) -> None:
-    """Options that say what is taken of the records, for `selected`."""
+    """Options that select from the records, for `selected`."""
     add = parser.add_argument
     add("--odometry", default="", metavar="TOPIC", help="velocities; default: found by type")
     add("--wrench", default="", metavar="TOPIC", help="forces; default: found by type")
@@ -174,7 +174,7 @@ def _document(
     conditions: Conditions,
     took_s: float,
 ) -> dict[str, Any]:
-    """The agreed shape; with several records also each by itself and the spread between them."""
+    """The JSON contract; with several records also each record and the spread between them."""
     recorded_s = sum(source.recording.duration_s for source in sources if source.recording)
     out: dict[str, Any] = {
         **found.results.to_json(),

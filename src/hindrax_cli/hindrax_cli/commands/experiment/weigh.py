@@ -135,7 +135,7 @@ def _forget_what_was_typed() -> None:
 
 
 def _entered() -> bool:
-    """Whether a line was entered; it does not wait, because the heartbeat of the operator must go on."""
+    """Whether a line was entered; it does not block, because the heartbeat of the operator must continue."""
     if not select.select([sys.stdin], [], [], 0.0)[0]:
         return False
     if not sys.stdin.readline():

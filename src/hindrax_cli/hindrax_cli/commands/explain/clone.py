@@ -61,7 +61,7 @@ def test(arguments: argparse.Namespace) -> int:
 
 
 def good(name: str, command: list[str], root: Path) -> bool:
-    """Run one check to its end, and say how it went."""
+    """Run one check to its end, and print its result."""
     begin = time.monotonic()
     print_fitted(f"== {name}")
     code = code_of(subprocess.Popen(command, cwd=root, stdin=subprocess.DEVNULL))  # noqa: S603  # our own commands
@@ -111,7 +111,7 @@ def reference(arguments: argparse.Namespace) -> int:
 
 
 def _write_policies() -> None:
-    """Write the access policies if they are stale, and tell it as of a page."""
+    """Write the access policies if they are stale, and report it as for a page."""
     from hindrax_bringup.network.security import policies  # noqa: PLC0415  # completion answers before YAML is installed
     from hindrax_bringup.share_files import share_folder  # noqa: PLC0415  # as above
 

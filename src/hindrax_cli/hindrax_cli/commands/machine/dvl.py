@@ -119,10 +119,10 @@ class DvlConversation:
     def set_up(
         self, before: Sequence[bytes], named: Mapping[str, str], last: Sequence[bytes], *, always: bool, dry_run: bool
     ) -> dict[str, Any]:
-        """Send what differs (or everything), then ask again and say what still differs.
+        """Send what differs (or everything), then query again and report what still differs.
 
         `named`: settings that were asked for; `before` and `last`: orders around them. What the device does not report
-        cannot be verified, and the report says so.
+        cannot be verified, and the report marks it.
         """
         current = self._ask()
         wanted = {**flash.wanted_settings(self._knobs, current["Model"]), **named}

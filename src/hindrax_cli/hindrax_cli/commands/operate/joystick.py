@@ -1,4 +1,4 @@
-"""`hindrax joystick`: steer by hand, with what any joystick or keyboard tool of ROS 2 sends."""
+"""`hindrax joystick`: manual control by the messages of any joystick or keyboard tool of ROS 2."""
 
 import argparse
 import signal

@@ -72,7 +72,7 @@ def hold(arguments: argparse.Namespace) -> int:
 
 
 def held(axis: str, text: str | None) -> tuple[tuple[str, ...], float, bool]:
-    """Axes, value [rad or m] (NaN: where the vehicle is) and whether to engage. UsageError says what was wanted."""
+    """Axes, value [rad or m] (NaN: where the vehicle is) and whether to engage. UsageError for anything else."""
     if text == OFF:
         return (HOLDS if axis == "all" else (axis,)), math.nan, False
     if axis == "all":
@@ -123,7 +123,7 @@ def place_text(x_m: float, y_m: float) -> str:
 
 
 def place_of(words: Sequence[str]) -> tuple[float, float, float]:
-    """x, y [m] and heading [rad], NaN where none is given. UsageError says what was wanted."""
+    """x, y [m] and heading [rad], NaN where none is given. UsageError for anything else."""
     wanted = "nothing, or X Y [DEG]: meters from the south and the west wall, and degrees from the pool's length"
     try:
         numbers = [float(word) for word in words]
@@ -207,7 +207,7 @@ def lights(arguments: argparse.Namespace) -> int:
 
 
 def brightness(words: list[str], lamps: int) -> list[float]:
-    """Brightness of every lamp. UsageError says what was wanted."""
+    """Brightness of every lamp. UsageError for anything else."""
     try:
         levels = [0.0] if words == [OFF] else [float(word) for word in words]
     except ValueError:

@@ -1,4 +1,4 @@
-"""`hindrax up` and `stop`: a stack is started, and ended whatever goes on."""
+"""`hindrax up` and `stop`: start a stack, and stop it in any state."""
 
 import argparse
 import math

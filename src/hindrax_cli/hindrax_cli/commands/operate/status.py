@@ -76,7 +76,7 @@ def _vehicle(stack: StackLock) -> str:
 
 
 def _ask(stack: StackLock, made: StackStatus) -> None:
-    """Fill in what only the graph of a stack knows, without a heartbeat: no operator is there who could act."""
+    """Fill in what only the graph of a stack shows, without an operator heartbeat."""
     from hindrax_operator.connection import joined  # noqa: PLC0415  # rclpy is loaded only where it is needed
     from hindrax_operator.snapshot import node_problems  # noqa: PLC0415  # as above
 

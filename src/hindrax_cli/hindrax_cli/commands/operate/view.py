@@ -107,7 +107,7 @@ def web(arguments: argparse.Namespace) -> int:
 
 
 def kept_token(*, read_only: bool, new: bool = False) -> str:
-    """Return this user's token: the same after a restart, so that open pages go on; one that only watches has its own.
+    """Return this user's token: the same after a restart, so that open pages stay valid; a read-only page has its own.
 
     `new` makes another one, so that addresses that were given away no longer open the page.
     """
@@ -123,7 +123,7 @@ def kept_token(*, read_only: bool, new: bool = False) -> str:
 
 
 def _wait_for_vehicle(link: GraphLink, over: Callable[[], bool]) -> None:
-    """Wait for the vehicle's first word; HindraxError when there is none."""
+    """Wait for the first message of the vehicle; HindraxError when there is none."""
     link.wait(JOIN_S)
     deadline = time.monotonic() + VEHICLE_S
     while link.snapshot().silent_s > VEHICLE_S and not over():

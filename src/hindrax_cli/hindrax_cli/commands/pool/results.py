@@ -53,7 +53,7 @@ def _saved(path: Path, label: str = "") -> SavedCoefficients:
 
 
 def _labelled(paths: list[Path]) -> list[SavedCoefficients]:
-    """Runs under the shortest names that tell them apart."""
+    """Runs under the shortest names that distinguish them."""
     folders = [(path if path.is_dir() else path.parent).resolve() for path in paths]
     names = [folder.name for folder in folders]
     if len(set(names)) < len(names):
@@ -72,7 +72,7 @@ def _again(path: Path, earlier: list[SavedCoefficients], out: Path | None) -> Pa
     folder = RunFolder(path)
     vehicle = recorded_vehicle(RecordSource(folder.bag)) or load_vehicle(default_vehicle())
     identified = identify_bag(folder.bag, vehicle, mock=is_mock(folder.bag))
-    if folder.coefficients.is_file():  # only they tell what was predicted
+    if folder.coefficients.is_file():  # only they contain the prediction
         identified = replace(identified, predicted=read_coefficients(folder.coefficients).conditions.predicted)
     conditions = recorded_conditions(identified, [folder.bag], [folder.bag])
     write_report(out or folder.report, identified, conditions, folder.bag, *earlier)
@@ -143,7 +143,7 @@ def _note(notes: Iterable[str]) -> None:
 
 
 def _model(saved: SavedCoefficients, file: Path, named: str | None) -> ExportModel:
-    """Results, completed by the vehicle file that is named or lies beside them; says what was assumed."""
+    """Results, completed by the vehicle file that is given or beside them; prints its assumptions."""
     vehicle = load_vehicle(named) if named else _vehicle_beside(file)
     of = saved.conditions.vehicle
     strange = of not in ("", vehicle.name)

@@ -86,7 +86,7 @@ class EdgeClock:
         self._anchor: tuple[int, int] | None = None
 
     def map(self, ticks: int, edge: tuple[int, int] | None) -> int | None:
-        """Time of a sample [ns], None where no edge tells it. `edge`: number and time of the newest one, if its own.
+        """Time of a sample [ns], None without an edge. `edge`: number and time of the newest one, if its own.
 
         An edge counts if as many are ahead of the samples as at the last one: a lost or foreign edge times nothing.
         """

@@ -2,7 +2,7 @@
 
 Procedure and limits as in TDK's embedded motion driver: full scales 250 dps and 2 g, 102 Hz, means of 200 readings
 10 ms apart without and with the stimulus. The vehicle must stand still. Not to be run while the device is in a
-schedule: take it out before, and configure it anew afterwards.
+schedule: remove it before, and configure it again afterwards.
 """
 
 import struct
