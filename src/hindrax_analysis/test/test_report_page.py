@@ -62,10 +62,11 @@ def outcome(vehicle: Vehicle) -> Outcome:
 def report(vehicle: Vehicle, outcome: Outcome) -> RunReport:
     t = array(np.linspace(0.0, 90.0, 50))
     names = ("k_q", "k_l", "b", "added_mass")
-    trace = Trace(t, {name: 10.0 + np.exp(-t) for name in names}, {name: np.exp(-t) for name in names})
+    falling = np.column_stack([np.exp(-t)] * len(names))
+    trace = Trace(names, t, 10.0 + falling, falling)
     told = conditions_of(vehicle, mock=True, motions=("surge",))
     results = with_truth(outcome.results, truth_of(vehicle))
-    return RunReport(vehicle, results, outcome.assessments, told, {"surge": trace}, [a_run("last week", 66.0)])
+    return RunReport(results, outcome.assessments, told, {"surge": trace}, [a_run("last week", 66.0)])
 
 
 def a_run(label: str, k_q: float, std: float = 0.5, *, identifiable: bool = True) -> SavedCoefficients:
@@ -135,8 +136,8 @@ def test_every_layer_makes_well_formed_svg_inside_the_frame() -> None:
     x = array(np.linspace(0.0, 1.0, 30))
     hole = np.where(x > 0.5, math.nan, x)
     layers = (
-        Band(x, hole - 1.0, hole + 1.0, "model", "band", faint=True),
-        Line(x, hole, "model", "line", dashed=True),
+        Band(x, np.stack([hole - 1.0, hole + 1.0]), "model", "band", "faint"),
+        Line(x, hole, "model", "line", "dashed"),
         Points(x, x, "measured", "dots"),
         Bars(array(np.linspace(0, 1, 4)), np.array([1.0, 2.0, 3.0]), "measured", "bars"),
         Stems(x, x, "measured", "stems"),
@@ -302,7 +303,7 @@ def test_no_table_is_wider_than_its_page_and_no_number_than_its_box(report: RunR
     cut = replace(a_run("2026-01-31_14-00-00", 66.0), conditions=replace(a_run("", 1.0).conditions, aborted=BOUNDS))
     turning = array([0.3, 0.69])
     drag = DragBand(turning, array([0.2, 0.7634]), array([0.02, 0.05]), array([0.1, 0.2123]))
-    swings = Results({motion: a_motion(motion, drag) for motion in ("roll", "pitch")}, report.vehicle)
+    swings = Results({motion: a_motion(motion, drag) for motion in ("roll", "pitch")}, report.results.vehicle)
     pages = {
         "run": run_page(report),
         "swings": run_page(replace(report, results=swings, assessments={})),
@@ -350,7 +351,7 @@ def test_the_first_estimates_do_not_flatten_what_the_online_estimate_converges_t
 ) -> None:
     t = array(np.linspace(0.0, 30.0, 100))
     std = np.where(t < 12.0, 14.0, 0.05)
-    trace = Trace(t, {"k_q": np.full(100, 66.0)}, {"k_q": std})
+    trace = Trace(("k_q",), t, np.full((100, 1), 66.0), std[:, None])
     figures = MotionFigures(vehicle, report.results.motions["surge"], report.assessments[0], trace)
     (chart,) = (one for one in charts_of(figures) if one.title == "Online estimate of k_q")
     assert chart.y_range is not None
@@ -438,8 +439,8 @@ def test_the_paper_stands_beside_its_own_vehicle_only(name: str, shown: bool) ->
 
 
 def test_the_tables_name_the_paper_only_where_its_rows_stand_beside_ours(report: RunReport) -> None:
-    other = replace(report.vehicle, name="lbv")
-    strange = run_page(replace(report, vehicle=other, results=replace(report.results, vehicle=other)))
+    other = replace(report.results.vehicle, name="lbv")
+    strange = run_page(replace(report, results=replace(report.results, vehicle=other)))
     assert "<h3>Coefficients, beside Table 3 of COB-2023-1394</h3>" in run_page(report)
     assert "<h3>Coefficients</h3>" in strange
     assert "of COB-2023-1394" not in strange
@@ -457,14 +458,14 @@ def test_the_restoring_moment_of_what_rights_itself_is_in_model_and_table(report
     numbers = {name: Number(1.2, 0.1) for name in ("k_q", "k_l", "b", "added_mass")}
     surge = replace(a_motion("surge", None), coefficients=numbers)
     roll = replace(a_motion("roll", None), coefficients=numbers | {"k_r": Number(3.5, 0.11, 1.3, truth=3.06)})
-    both = Results({"surge": surge, "roll": roll}, report.vehicle)
+    both = Results({"surge": surge, "roll": roll}, report.results.vehicle)
     table = table_3(both)
     assert ">k<sub>r</sub> [N\u00b7m]<" in table
     assert "3.5 \u00b1 1.3 <small>noise \u00b1 0.11</small>" in table
     assert "<small>3.06</small>" in table
     assert "not found" not in table
     assert "k<sub>r</sub>" in _how_to_read(replace(report, results=both))
-    straight = Results({"surge": surge}, report.vehicle)
+    straight = Results({"surge": surge}, report.results.vehicle)
     assert "k<sub>r</sub>" not in table_3(straight) + _how_to_read(replace(report, results=straight))
 
 

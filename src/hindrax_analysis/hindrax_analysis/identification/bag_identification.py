@@ -155,7 +155,7 @@ def write_report(
 ) -> None:
     """Write the report, with the online estimates in the `bag` where the record is one of this stack."""
     results, traces = identified.results, traces_of(bag, identified.origin) if bag else identified.traces
-    report = RunReport(results.vehicle, results, identified.outcome.assessments, conditions, traces, earlier)
+    report = RunReport(results, identified.outcome.assessments, conditions, traces, earlier)
     write(file, run_page(report))
 
 
@@ -231,5 +231,5 @@ def traces_of(bag: Path, origin: Stamp | None) -> dict[str, Trace]:
         values = np.array([one.values for _, one in same]).reshape(-1, len(names))
         squares = np.array([one.covariance for _, one in same]).reshape(-1, len(names), len(names))
         stds = np.sqrt(np.maximum(0.0, np.diagonal(squares, axis1=1, axis2=2)))
-        traces[motion] = Trace.of(names, np.array([t for t, _ in same]), values, stds)
+        traces[motion] = Trace(names, np.array([t for t, _ in same]), values, stds)
     return traces

@@ -325,7 +325,7 @@ def _axis(
             names[reading.motion] = reading.names
             at_s = seconds_between(first, estimate.stamp)
             seen.setdefault(reading.motion, []).append((at_s, reading.values, reading.sigmas))
-    traces = {motion: Trace.of(names[motion], *map(np.array, zip(*rows, strict=True))) for motion, rows in seen.items()}
+    traces = {motion: Trace(names[motion], *map(np.array, zip(*rows, strict=True))) for motion, rows in seen.items()}
     return session.finalize(), traces
 
 

@@ -94,56 +94,45 @@ def evenly_chosen(count: int, most: int) -> Index:
 
 
 @dataclass(frozen=True, slots=True)
-class Series:
-    """Numbers over a coordinate, (n,) each. Without a `label` it is not in the legend."""
+class Layer:
+    """Numbers y over x, (n,) each, in the color of a role; `variant` is a further CSS class, such as dashed or faint.
+
+    Without a `label` it is not in the legend.
+    """
 
     x: Array
     y: Array
     role: Role
     label: str = ""
+    variant: str = ""
+
+    @property
+    def css(self) -> str:
+        """CSS classes of the drawing and of its key in the legend."""
+        return f"{type(self).__name__.lower()} {self.role} {self.variant}".rstrip()
 
 
-@dataclass(frozen=True, slots=True)
-class Line(Series):
+class Line(Layer):
     """A line through points, interrupted at values that are not finite."""
 
-    dashed: bool = False
-
 
 @dataclass(frozen=True, slots=True)
-class Points(Series):
+class Points(Layer):
     """Dots; `small` ones for many samples."""
 
     small: bool = False
 
 
-class Stems(Series):
+class Stems(Layer):
     """Vertical strokes from zero, for an autocorrelation."""
 
 
-@dataclass(frozen=True, slots=True)
-class Band:
-    """The area between two lines; the outer of two bands is `faint`."""
-
-    x: Array
-    low: Array
-    high: Array
-    role: Role
-    label: str = ""
-    faint: bool = False
+class Band(Layer):
+    """The area between two lines, the rows of y: (2, n)."""
 
 
-@dataclass(frozen=True, slots=True)
-class Bars:
-    """A histogram: edges (n + 1,), heights (n,)."""
-
-    edges: Array
-    heights: Array
-    role: Role
-    label: str = ""
-
-
-Layer: TypeAlias = Line | Band | Points | Bars | Stems
+class Bars(Layer):
+    """A histogram: edges x (n + 1,), heights y (n,)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,8 +158,8 @@ def figure(chart: Chart) -> str:
 
 def drawing(chart: Chart) -> str:
     """SVG of a chart."""
-    x_range = data_range([xs(layer) for layer in chart.layers], margin=0.02)
-    y_range = chart.y_range or data_range([ys(layer) for layer in chart.layers])
+    x_range = data_range([layer.x for layer in chart.layers], margin=0.02)
+    y_range = chart.y_range or data_range([_with_base(layer) for layer in chart.layers])
     sx = Scale(*x_range, LEFT, WIDTH - RIGHT)
     sy = Scale(*y_range, HEIGHT - BOTTOM, TOP)
     body = "".join(_drawn(layer, sx, sy) for layer in chart.layers)
@@ -217,24 +206,14 @@ def x_axis(scale: Scale, label: str, span: tuple[float, float], wanted: int, *, 
     return "".join(parts)
 
 
-def xs(layer: Layer) -> Array:
-    """Coordinates along x: (n,), in the unit of the axis."""
-    return layer.edges if isinstance(layer, Bars) else layer.x
-
-
-def ys(layer: Layer) -> Array:
-    """Coordinates along y that the range includes: (n,), in the unit of the axis."""
-    if isinstance(layer, Band):
-        return np.concatenate([layer.low, layer.high])
-    if isinstance(layer, Bars):
-        return np.append(layer.heights, 0.0)
-    return np.append(layer.y, 0.0) if isinstance(layer, Stems) else layer.y
+def _with_base(layer: Layer) -> Array:
+    """Values that the range along y includes, in the unit of the axis: bars and stems stand on zero."""
+    return np.append(layer.y, 0.0) if isinstance(layer, Bars | Stems) else layer.y
 
 
 def _drawn(layer: Layer, sx: Scale, sy: Scale) -> str:
     if isinstance(layer, Line):
-        dash = " dashed" if layer.dashed else ""
-        return f'<path class="line {layer.role}{dash}" d="{_path(*thinned(layer.x, layer.y), sx, sy)}"/>'
+        return f'<path class="{layer.css}" d="{_path(*thinned(layer.x, layer.y), sx, sy)}"/>'
     if isinstance(layer, Band):
         return _band(layer, sx, sy)
     if isinstance(layer, Points):
@@ -263,30 +242,26 @@ def _path(x: Array, y: Array, sx: Scale, sy: Scale) -> str:
 
 
 def _band(layer: Band, sx: Scale, sy: Scale) -> str:
-    known = np.isfinite(layer.low) & np.isfinite(layer.high)
-    index = np.flatnonzero(known)[evenly_chosen(int(known.sum()), MOST_POINTS)] if known.any() else np.zeros(0, int)
-    if not len(index):
+    known = np.flatnonzero(np.isfinite(layer.y).all(axis=0))
+    if not len(known):
         return ""
-    x = np.concatenate([layer.x[index], layer.x[index][::-1]])
-    y = np.concatenate([layer.high[index], layer.low[index][::-1]])
-    return f'<path class="band {layer.role}{" faint" if layer.faint else ""}" d="{_path(x, y, sx, sy)}Z"/>'
+    index = known[evenly_chosen(len(known), MOST_POINTS)]
+    low, high = layer.y[:, index]
+    x, y = np.concatenate([layer.x[index], layer.x[index][::-1]]), np.concatenate([high, low[::-1]])
+    return f'<path class="{layer.css}" d="{_path(x, y, sx, sy)}Z"/>'
 
 
 def _bars(layer: Bars, sx: Scale, sy: Scale) -> str:
-    base, edges = float(sy(0.0)), sx(layer.edges).tolist()
+    base, edges = float(sy(0.0)), sx(layer.x).tolist()
     rects = []
-    for a, b, top in zip(edges[:-1], edges[1:], sy(layer.heights).tolist(), strict=True):
+    for a, b, top in zip(edges[:-1], edges[1:], sy(layer.y).tolist(), strict=True):
         rects.append(
             f'<rect x="{a + 0.5:.1f}" y="{top:.1f}" width="{max(0.5, b - a - 1):.1f}" height="{base - top:.1f}"/>'
         )
-    return f'<g class="bars {layer.role}">{"".join(rects)}</g>'
+    return f'<g class="{layer.css}">{"".join(rects)}</g>'
 
 
 def _legend(chart: Chart) -> str:
-    rows = []
-    for layer in chart.layers:
-        kind = f"{type(layer).__name__.lower()} {layer.role}"
-        kind += " faint" if isinstance(layer, Band) and layer.faint else ""
-        kind += " dashed" if isinstance(layer, Line) and layer.dashed else ""
-        rows += [f'<span><i class="key {kind}"></i>{escape(layer.label)}</span>'] if layer.label else []
+    keys = [(layer.css, escape(layer.label)) for layer in chart.layers if layer.label]
+    rows = [f'<span><i class="key {css}"></i>{label}</span>' for css, label in keys]
     return f'<p class="legend">{"".join(rows)}</p>' if len(rows) > 1 else ""

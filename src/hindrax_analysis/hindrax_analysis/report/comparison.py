@@ -10,12 +10,12 @@ import numpy as np
 from hindrax_analysis.coefficients_file import TABULATED, SavedCoefficients, SavedMotion
 from hindrax_analysis.published import CITATION, PAPER, Published, published_of
 from hindrax_analysis.report.chart import Role
-from hindrax_analysis.report.figures import LABELS, pretty_unit
+from hindrax_analysis.report.figures import LABELS
 from hindrax_analysis.report.forest import Entry, forest
 from hindrax_analysis.report.page import chips, page, plus_minus, prose, table, two_digits
-from hindrax_analysis.report.report_tables import HEADINGS, title_of
+from hindrax_analysis.report.report_tables import cell, headings_of, title_of, units_of
 from hindrax_ident.assess.results import Number
-from hindrax_ident.model.motion_model import MOTIONS, coefficient_units
+from hindrax_ident.model.motion_model import MOTIONS
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,11 +114,9 @@ def _motion(motion: str, runs: Sequence[SavedCoefficients]) -> str:
 
 
 def _table(motion: str, own: Sequence[tuple[str, SavedMotion]], pooled: Mapping[str, RunScatter | None]) -> str:
-    units = coefficient_units(MOTIONS[motion].axis)
-    heads = [f"{head} [{pretty_unit(units[name])}]" for name, head in zip(TABULATED, HEADINGS, strict=True)]
-    rows = []
+    heads, rows = headings_of(motion), []
     for label, found in own:
-        cells = [_cell(found.numbers.get(name)) for name in TABULATED]
+        cells = [cell(found.numbers.get(name)) for name in TABULATED]
         rows.append([escape(label), *cells, "identified" if found.identifiable else "not identifiable"])
     marked = []
     if len(own) > 1:
@@ -131,11 +129,7 @@ def _table(motion: str, own: Sequence[tuple[str, SavedMotion]], pooled: Mapping[
             )
         rows.append(["all, weighted", *means, ""])
         rows.append(["scatter of the runs", *spread, ""])
-    return table(["run", *heads, "verdict"], rows, marked)
-
-
-def _cell(found: Number | None) -> str:
-    return "" if found is None else plus_minus(found.value, found.std, found.std_calibrated)
+    return table(["run", *(heads[name] for name in TABULATED), "verdict"], rows, marked)
 
 
 def _forest(
@@ -160,5 +154,4 @@ def _forest(
     if not all(found.identifiable for _, found in own):
         words.append("gray: not identifiable, not in the mean, an arrow if outside the frame")
     words += ["dashed: the truth of the mock"] if truth is not None else []
-    unit = coefficient_units(MOTIONS[motion].axis)[name]
-    return forest(LABELS[name], pretty_unit(unit), entries, f"{'; '.join(words)}.", truth)
+    return forest(LABELS[name], units_of(motion)[name], entries, f"{'; '.join(words)}.", truth)

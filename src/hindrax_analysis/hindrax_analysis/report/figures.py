@@ -4,13 +4,12 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Self
 
 import numpy as np
 
 from hindrax_analysis.coefficients_file import TABULATED
 from hindrax_analysis.published import PAPER, published_of
-from hindrax_analysis.report.chart import Band, Bars, Chart, Layer, Line, Points, Role, Stems, data_range, xs, ys
+from hindrax_analysis.report.chart import Band, Bars, Chart, Layer, Line, Points, Role, Stems, data_range
 from hindrax_core.text.digits import TWO_SIDED_95
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
@@ -30,17 +29,12 @@ PAUSE_S, SHORTENED_S = 300.0, 5.0
 
 @dataclass(frozen=True, slots=True)
 class Trace:
-    """The online estimate of one motion, sample by sample: times (n,) [s], and per coefficient value and deviation."""
+    """The online estimate of one motion: times (n,) [s], values and deviations (n, k) of the coefficients `names`."""
 
+    names: Sequence[str]
     t_s: Array
-    values: Mapping[str, Array]
-    stds: Mapping[str, Array]
-
-    @classmethod
-    def of(cls, names: Sequence[str], t_s: Array, values: Array, stds: Array) -> Self:
-        """Take the columns of arrays (n, k) of the coefficients `names`."""
-        columns = list(enumerate(names))
-        return cls(t_s, {name: values[:, i] for i, name in columns}, {name: stds[:, i] for i, name in columns})
+    values: Array
+    stds: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +66,7 @@ def charts_of(figures: MotionFigures) -> list[Chart]:
     """All charts of a motion, in the order of reading."""
     checked, trace = figures.assessment.validation, figures.trace
     held_out = [_held_out(figures, checked.prediction)] if checked else []
-    names = [name for name in TABULATED if trace and len(trace.t_s) >= 3 and name in trace.values]
+    names = [name for name in TABULATED if trace and len(trace.t_s) >= 3 and name in trace.names]
     online = [_convergence(figures, trace, name) for name in names if trace]
     first = [_force_velocity(figures), _distance_from_fit(figures), _motion_over_time(figures)]
     last = [_residuals(figures), _whiteness(figures), _excitation(figures)]
@@ -91,11 +85,11 @@ def _force_velocity(figures: MotionFigures) -> Chart:
     truth = {name: number.truth for name, number in result.coefficients.items() if number.truth is not None}
     if {"k_q", "k_l", "b"} <= set(truth):
         layers.append(
-            Line(v, _curve(truth["k_q"], truth["k_l"], truth["b"], v), "truth", "truth of the mock", dashed=True)
+            Line(v, _curve(truth["k_q"], truth["k_l"], truth["b"], v), "truth", "truth of the mock", "dashed")
         )
     if paper := published_of(figures.vehicle.name, result.motion):
         k = {name: pair[0] for name, pair in paper.in_our_axes.items()}
-        layers.append(Line(v, _curve(k["k_q"], k["k_l"], k["b"], v), "paper", PAPER, dashed=True))
+        layers.append(Line(v, _curve(k["k_q"], k["k_l"], k["b"], v), "paper", PAPER, "dashed"))
     if len(plateaus.v) and not has_restoring_moment(result):
         layers.append(Points(plateaus.v, plateaus.force, "plateau", "plateaus (means)"))
     return Chart(
@@ -104,21 +98,15 @@ def _force_velocity(figures: MotionFigures) -> Chart:
         y_label=f"steady {force} [{force_unit}]",
         caption=f"The fitted drag curve k_q|x|x + k_l x + b over the tested range of {speed}, with its 95 % bands.",
         layers=tuple(layers),
-        y_range=data_range([ys(layer) for layer in layers if not isinstance(layer, Band)]),
+        y_range=data_range([layer.y for layer in layers if not isinstance(layer, Band)]),
     )
 
 
 def _distance_from_fit(figures: MotionFigures) -> Chart:
     """The first chart minus the fitted curve: shows the bands of a good fit."""
     whole, numbers = _force_velocity(figures), figures.result.coefficients
-    layers: list[Layer] = []
-    for layer in whole.layers:
-        fitted = _steady(numbers, xs(layer))
-        if isinstance(layer, Band):
-            layers.append(replace(layer, low=array(layer.low - fitted), high=array(layer.high - fitted)))
-        elif isinstance(layer, Line | Points):
-            layers.append(replace(layer, y=array(layer.y - fitted)))
-    close = [ys(layer) for layer in layers if layer.role != "paper"]
+    layers = [replace(layer, y=array(layer.y - _steady(numbers, layer.x))) for layer in whole.layers]
+    close = [layer.y for layer in layers if layer.role != "paper"]
     return replace(
         whole,
         title="Distance from the fitted curve",
@@ -149,13 +137,13 @@ def _bands(figures: MotionFigures, v: Array) -> list[Band]:
     # A result over several runs may be wider than its fit; what the calibration adds is the same.
     calibrated = result.covariance + assessment.calibrated[square] - assessment.fit.covariance[square]
     out = []
-    for covariance, label, faint in (
-        (calibrated, "95 %, with calibration", True),
-        (result.covariance, "95 %, noise of this run", False),
+    for covariance, label, variant in (
+        (calibrated, "95 %, with calibration", "faint"),
+        (result.covariance, "95 %, noise of this run", ""),
     ):
         block = covariance[np.ix_(rows, rows)]
         half_width = TWO_SIDED_95 * np.sqrt(np.maximum(0.0, np.sum(gradient @ block * gradient, axis=1)))
-        out.append(Band(v, array(middle - half_width), array(middle + half_width), "model", label, faint=faint))
+        out.append(Band(v, np.stack([middle - half_width, middle + half_width]), "model", label, variant))
     return out
 
 
@@ -246,18 +234,19 @@ def _held_out(figures: MotionFigures, found: Prediction) -> Chart:
 
 
 def _convergence(figures: MotionFigures, trace: Trace, name: str) -> Chart:
-    value, half_width = trace.values[name], TWO_SIDED_95 * trace.stds[name]
+    column = trace.names.index(name)
+    value, half_width = trace.values[:, column], TWO_SIDED_95 * trace.stds[:, column]
     t = _clock(figures, trace.t_s)
     number = figures.result.coefficients.get(name)
     layers: list[Layer] = [
-        Band(t, array(value - half_width), array(value + half_width), "online", "95 % band"),
+        Band(t, np.stack([value - half_width, value + half_width]), "online", "95 % band"),
         Line(t, _broken(t, value), "online", "online estimate"),
     ]
     ends = array(np.array([t[0], t[-1]]))
     if number is not None:
         layers.append(Line(ends, np.full(2, number.value), "model", "refined after the run"))
     if number is not None and number.truth is not None:
-        layers.append(Line(ends, np.full(2, number.truth), "truth", "truth of the mock", dashed=True))
+        layers.append(Line(ends, np.full(2, number.truth), "truth", "truth of the mock", "dashed"))
     unit = number.unit if number else ("kg m^2" if figures.motion.axis >= 3 else "kg")
     # The later half is shown in full; the first estimates may leave the frame.
     late = slice(len(value) // 2, None)
@@ -305,8 +294,8 @@ def _whiteness(figures: MotionFigures) -> Chart:
         ),
         layers=(
             Stems(lags, rho, "measured"),
-            Line(ends, np.full(2, limit), "limit", dashed=True),
-            Line(ends, np.full(2, -limit), "limit", dashed=True),
+            Line(ends, np.full(2, limit), "limit", variant="dashed"),
+            Line(ends, np.full(2, -limit), "limit", variant="dashed"),
         ),
         y_range=data_range([rho, np.array([-2.0 * limit, 2.0 * limit])]),
     )

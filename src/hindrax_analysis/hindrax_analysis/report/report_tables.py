@@ -46,7 +46,7 @@ def table_3(results: Results) -> str:
         own += [len(rows)] if result.identifiable else []
         verdict = "identified" if result.identifiable else "not identifiable"
         wanted = [name for name in titles if name != "k_r" or motion in righted]
-        cells = {name: _cell(result.coefficients.get(name)) for name in wanted}
+        cells = {name: cell(result.coefficients.get(name), "<small>not found</small>") for name in wanted}
         rows.append([title_of(motion), *(cells.get(name, "") for name in titles), verdict])
         if any(one.truth is not None for one in result.coefficients.values()):
             known = [result.coefficients.get(name) for name in titles]
@@ -89,8 +89,9 @@ def _small(cell: str) -> str:
     return f"<small>{cell}</small>" if cell else ""
 
 
-def _cell(found: Number | None) -> str:
-    return "<small>not found</small>" if found is None else plus_minus(found.value, found.std, found.std_calibrated)
+def cell(found: Number | None, missing: str = "") -> str:
+    """A coefficient with its deviations."""
+    return missing if found is None else plus_minus(found.value, found.std, found.std_calibrated)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,25 +127,20 @@ def dimensionless(vehicle: Vehicle, result: MotionResult) -> Dimensionless | Non
     return Dimensionless(*map(array, parts))
 
 
-def table_4(vehicle: Vehicle, results: Results) -> str:
+def table_4(results: Results) -> str:
     """Drag coefficient and Reynolds number beside the paper's."""
     rows: list[list[str]] = []
     own: list[int] = []
     for motion, result in results.motions.items():
-        found = dimensionless(vehicle, result)
+        found = dimensionless(results.vehicle, result)
         if found is not None:
             own += [len(rows)] if result.identifiable else []
             between = _between(float(found.reynolds[0]), float(found.reynolds[-1]))
             top = plus_minus(*(float(part[-1]) for part in (found.drag_coefficient, found.std, found.std_calibrated)))
             rows.append([title_of(motion), plus_minus(*found.mean), top, between])
-            paper = published_of(vehicle.name, motion)
+            paper = published_of(results.vehicle.name, motion)
             if paper is not None:
-                cells = [
-                    PAPER,
-                    as_printed(*paper.drag_coefficient),
-                    "",
-                    _between(*paper.reynolds),
-                ]
+                cells = (PAPER, as_printed(*paper.drag_coefficient), "", _between(*paper.reynolds))
                 rows.append([*map(_small, cells)])
     heads = ["motion", "C<sub>D</sub>, mean over the speeds", "C<sub>D</sub> at the highest speed", "Re"]
     return _titled(TITLE_4, 4, results) + table(heads, rows, own) if rows else ""

@@ -18,7 +18,6 @@ from hindrax_analysis.report.figures import (
     charts_of,
     comparable_methods,
     has_restoring_moment,
-    pretty_unit,
 )
 from hindrax_analysis.report.forest import Entry, forest
 from hindrax_analysis.report.page import bullets, chips, definitions, page, plus_minus, prose
@@ -29,11 +28,11 @@ from hindrax_analysis.report.report_tables import (
     table_methods,
     table_predictions,
     title_of,
+    units_of,
 )
-from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.assessment import Assessment
 from hindrax_ident.assess.results import MotionResult, Number, Results, truth_of
-from hindrax_ident.model.motion_model import MOTIONS, coefficient_units
+from hindrax_ident.model.motion_model import MOTIONS
 
 SEPARATOR = " \u00b7 "
 PREDICTED = (
@@ -47,7 +46,6 @@ PREDICTED = (
 class RunReport:
     """Data of a report. `assessments` by axis; `traces` (online estimates) by motion."""
 
-    vehicle: Vehicle
     results: Results
     assessments: Mapping[int, Assessment]
     conditions: Conditions
@@ -62,11 +60,11 @@ def run_page(report: RunReport) -> str:
         parts += [_headline(report.results, report.conditions.predicted), _how_to_read(report), _tables(report)]
     parts += [_motion(report, result) for result in report.results.motions.values()]
     parts.append(_conditions(report.conditions))
-    return page(f"{report.vehicle.name}: hydrodynamic identification", "\n".join(parts))
+    return page(f"{report.results.vehicle.name}: hydrodynamic identification", "\n".join(parts))
 
 
 def _header(report: RunReport) -> str:
-    conditions = report.conditions
+    conditions, vehicle = report.conditions, report.results.vehicle
     labels = [("mock vehicle: simulated data", "mock")] if conditions.mock else []
     labels += [(f"aborted: {_guard(conditions.aborted)}", "bad")] if conditions.aborted else []
     for motion, result in report.results.motions.items():
@@ -76,8 +74,8 @@ def _header(report: RunReport) -> str:
         )
     when = f" \u00b7 {escape(conditions.date.replace('T', ' ')[:16])} UTC" if conditions.date else ""
     return (
-        f"<header><h1>Hydrodynamic identification of {escape(report.vehicle.name)}</h1>"
-        f'<div class="soft">{report.vehicle.mass_kg:g} kg, {report.vehicle.volume_m3:g} m\u00b3{when}</div>'
+        f"<header><h1>Hydrodynamic identification of {escape(vehicle.name)}</h1>"
+        f'<div class="soft">{vehicle.mass_kg:g} kg, {vehicle.volume_m3:g} m\u00b3{when}</div>'
         f"{chips(labels)}</header>"
     )
 
@@ -144,14 +142,13 @@ def _how_to_read(report: RunReport) -> str:
 
 
 def _tables(report: RunReport) -> str:
-    third, fourth = table_3(report.results), table_4(report.vehicle, report.results)
-    text = third
+    text, fourth, vehicle = table_3(report.results), table_4(report.results), report.results.vehicle
     if fourth:
         straight = "C<sub>D</sub> = F / (\u00bd \u03c1 V<sup>2/3</sup> U\u00b2) and Re = U V<sup>1/3</sup> / \u03bd"
         turning = "M / (\u00bd \u03c1 L\u2075 \u03c9\u00b2) and \u03c9 L\u00b2 / \u03bd"
         text += (
-            f'{fourth}<p class="soft">{straight} with V<sup>1/3</sup> = {report.vehicle.characteristic_length_m:.4f} '
-            f"m; for turns {turning} with L = {report.vehicle.envelope_m[0]:g} m.</p>"
+            f'{fourth}<p class="soft">{straight} with V<sup>1/3</sup> = {vehicle.characteristic_length_m:.4f} '
+            f"m; for turns {turning} with L = {vehicle.envelope_m[0]:g} m.</p>"
         )
     predictions = table_predictions(report.assessments)
     if predictions:
@@ -168,8 +165,7 @@ def _motion(report: RunReport, result: MotionResult) -> str:
     if assessment is None or not result.coefficients:
         return "".join(parts)
     parts.append(_facts(result))
-    trace = report.traces.get(result.motion)
-    figures = MotionFigures(report.vehicle, result, assessment, trace)
+    figures = MotionFigures(report.results.vehicle, result, assessment, report.traces.get(result.motion))
     parts.append(f'<div class="plots">{"".join(figure(chart) for chart in charts_of(figures))}</div>')
     parts.append(f"<h3>Uncertainty budget: one standard deviation each</h3>{table_budget(result)}{_next(result)}")
     parts.append(f"<h3>Methods side by side</h3>{table_methods(result)}")
@@ -212,11 +208,10 @@ def _forests(report: RunReport, result: MotionResult) -> list[str]:
         entries = _entries(report, result, name)
         if len(entries) < 2:
             continue
-        unit = coefficient_units(MOTIONS[result.motion].axis)[name]
         truth = result.coefficients[name].truth if name in result.coefficients else None
         caption = f"{LABELS[name]} by every method and source: thick 95 % from noise, thin 95 % with calibration"
         caption += ", dashed the truth of the mock." if truth is not None else "."
-        out.append(forest(LABELS[name], pretty_unit(unit), entries, caption, truth))
+        out.append(forest(LABELS[name], units_of(result.motion)[name], entries, caption, truth))
     return out
 
 
@@ -227,10 +222,10 @@ def _entries(report: RunReport, result: MotionResult, name: str) -> list[Entry]:
         if name in numbers:
             role = ROLES.get(method, "model" if method == result.method else "online")
             entries.append(Entry(METHODS.get(method, method).partition(" (")[0], numbers[name], role))
-    prior = truth_of(report.vehicle).get(result.motion, {})
+    prior = truth_of(report.results.vehicle).get(result.motion, {})
     if name in prior and not report.conditions.mock:
         entries.append(Entry("vehicle file", Number(prior[name], math.nan), "prior"))
-    paper = published_of(report.vehicle.name, result.motion)
+    paper = published_of(report.results.vehicle.name, result.motion)
     if paper is not None and name in paper.coefficients:
         entries.append(Entry(PAPER, Number(*paper.in_our_axes[name]), "paper"))
     for saved in report.earlier:
