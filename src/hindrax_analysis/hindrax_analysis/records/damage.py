@@ -5,9 +5,10 @@ for seconds, flat tops of a saturated sensor and outliers are no measurements. T
 each kind is an assumption of the record, with its number and place.
 """
 
+import itertools
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -32,15 +33,6 @@ GAP_STEPS, GAP_S = 5.0, 1.0
 """Steps (of the median) and time without any velocity that are a gap."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Stretch:
-    """Samples `first` to `last` of one axis that hold the same value."""
-
-    first: int
-    last: int
-    value: float
-
-
 def without_damage(recording: Recording) -> Recording:
     """The record without what is no measurement; what was found is added to its assumptions."""
     spread, notes = _with_even_times(recording)
@@ -53,73 +45,67 @@ def without_damage(recording: Recording) -> Recording:
         t, v = spread.velocity_t[known], spread.velocity[known, axis]
         if len(known) <= 2 * FEWEST or np.ptp(v) == 0.0:  # never measured, which is reported where it is asked for
             continue
-        for sentence, damaged in _damage(t, v, thrust[known, axis]):
+        for what, damaged in _damage(t, v, thrust[known, axis]):
             gone = known[damaged]
             velocity[gone, axis] = np.nan
             if axis < 3:  # without lock a DVL has no velocity at all
                 rows = spread.velocity[gone, :3]
                 velocity[gone, :3] = np.where((rows == 0.0) & (v[damaged] == 0.0)[:, None], np.nan, velocity[gone, :3])
-            notes.append(f"{name}: {sentence}")
+            notes.append(f"{name}: {damaged.sum()} velocities {what}")
     return replace(spread, velocity=array(velocity), assumptions=(*recording.assumptions, *notes, *_gaps(spread)))
 
 
-def _damage(t: Array, v: Array, force: Array) -> Iterator[tuple[str, Flags]]:
-    """The note of each kind of damage, and its samples (n,) of velocities (n,) under forces (n,)."""
+def _damage(t: Array, v: Array, force: Array) -> list[tuple[str, Flags]]:
+    """What each kind of damage is, and its samples (n,) of velocities (n,) under forces (n,)."""
     stretches = list(_equal_values(t, v))
     size, most = float(np.quantile(np.abs(v), 0.95)), float(np.nanmax(np.abs(force), initial=0.0))
-    zeros = [one for one in stretches if one.value == 0.0 and _is_lost(one, v, force, size, most)]
-    gone = np.zeros(len(v), dtype=bool)
+    found: list[tuple[str, Flags]] = []
+    zeros = [one for one in stretches if v[one.start] == 0.0 and _is_lost(one, v, force, size, most)]
     if zeros:
-        found = _samples(zeros, len(v))
-        gone |= found
-        yield f"{found.sum()} velocities of exactly 0 in motion are of a sensor without lock: {_left(zeros, t)}", found
+        where = _left(zeros, t)
+        found.append((f"of exactly 0 in motion are of a sensor without lock: {where}", _samples(zeros, len(v))))
     coincidence = _longest_by_chance(v)
-    held = [one for one in stretches if one.value != 0.0 and one.last - one.first + 1 > coincidence]
+    held = [one for one in stretches if v[one.start] != 0.0 and one.stop - one.start > coincidence]
     for extreme in (float(v.min()), float(v.max())):
-        tops = [one for one in held if one.value == extreme]
+        tops = [one for one in held if v[one.start] == extreme]
         if len(tops) > 1:
-            found = v == extreme
-            gone |= found
-            yield f"{found.sum()} velocities of exactly {extreme:g}, where it is saturated: {_left(tops, t)}", found
-            held = [one for one in held if one.value != extreme]
+            found.append((f"of exactly {extreme:g}, where it is saturated: {_left(tops, t)}", v == extreme))
+            held = [one for one in held if v[one.start] != extreme]
     if held:
-        found = _samples(held, len(v))
-        gone |= found
-        yield f"{found.sum()} velocities that repeat the one before are of a frozen sensor: {_left(held, t)}", found
-    kept = np.flatnonzero(~gone)
+        where = _left(held, t)
+        found.append((f"that repeat the one before are of a frozen sensor: {where}", _samples(held, len(v))))
+    kept = np.flatnonzero(~np.any([np.zeros(len(v), dtype=bool), *(gone for _, gone in found)], axis=0))
     wild = kept[_outliers(v[kept])]
     if len(wild):
-        found = np.zeros(len(v), dtype=bool)
-        found[wild] = True
-        yield f"{len(wild)} velocities far from their neighbors are outliers: left out", found
-
-
-def _left(stretches: list[_Stretch], t: Array) -> str:
-    """What is done, and where the stretches are; they are in the order of time."""
-    many = f"{len(stretches)} stretches, the first" if len(stretches) > 1 else "one stretch,"
-    return f"left out ({many} after {t[stretches[0].first]:.4g} s)"
-
-
-def _samples(stretches: list[_Stretch], count: int) -> Flags:
-    found = np.zeros(count, dtype=bool)
-    for one in stretches:
-        found[one.first : one.last + 1] = True
+        found.append(("far from their neighbors are outliers: left out", np.isin(np.arange(len(v)), wild)))
     return found
 
 
-def _equal_values(t: Array, v: Array) -> Iterator[_Stretch]:
+def _left(stretches: list[slice], t: Array) -> str:
+    """What is done, and where the stretches are; they are in the order of time."""
+    many = f"{len(stretches)} stretches, the first" if len(stretches) > 1 else "one stretch,"
+    return f"left out ({many} after {t[stretches[0].start]:.4g} s)"
+
+
+def _samples(stretches: list[slice], count: int) -> Flags:
+    found = np.zeros(count, dtype=bool)
+    for one in stretches:
+        found[one] = True
+    return found
+
+
+def _equal_values(t: Array, v: Array) -> Iterator[slice]:
     """Stretches of equal values, long enough to be looked at, in the order of time."""
-    ends = np.concatenate((np.flatnonzero(np.diff(v) != 0.0), [len(v) - 1]))
-    firsts = np.concatenate(([0], ends[:-1] + 1))
-    for first, last in zip(firsts.tolist(), ends.tolist(), strict=True):
-        if last - first + 1 >= FEWEST and t[last] - t[first] >= SHORTEST_S:
-            yield _Stretch(first, last, float(v[first]))
+    edges = [0, *(np.flatnonzero(np.diff(v) != 0.0) + 1).tolist(), len(v)]
+    for first, end in itertools.pairwise(edges):
+        if end - first >= FEWEST and t[end - 1] - t[first] >= SHORTEST_S:
+            yield slice(first, end)
 
 
-def _is_lost(stretch: _Stretch, v: Array, force: Array, size: float, most: float) -> bool:
+def _is_lost(stretch: slice, v: Array, force: Array, size: float, most: float) -> bool:
     """Whether zeros begin or end with a jump, or last under thrust: a vehicle in water does neither."""
-    beside = [v[i] for i in (stretch.first - 1, stretch.last + 1) if 0 <= i < len(v)]
-    pushed = np.nanmedian(np.abs(np.append(force[stretch.first : stretch.last + 1], 0.0))) if most > 0.0 else 0.0
+    beside = [v[i] for i in (stretch.start - 1, stretch.stop) if 0 <= i < len(v)]
+    pushed = np.nanmedian(np.abs(np.append(force[stretch], 0.0))) if most > 0.0 else 0.0
     return any(abs(value) > JUMP * size for value in beside) or float(pushed) > JUMP * most
 
 
