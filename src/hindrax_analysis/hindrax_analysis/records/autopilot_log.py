@@ -8,7 +8,6 @@ VehicleLocalPosition, VehicleAttitude (w, x, y, z from front, right, down to nor
 ActuatorOutputs, BatteryStatus.
 """
 
-import functools
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,8 +19,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from hindrax_analysis.records.bag_track import tilts_of
-from hindrax_analysis.records.recording import Recording
-from hindrax_control.allocation.thrust_curve import AppliedWrench, pulses_of_channels
+from hindrax_analysis.records.recording import Recording, wrenches_of_pulses
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
@@ -187,12 +185,6 @@ def _wrenches(path: Path, tables: Tables, vehicle: Vehicle) -> tuple[Array, Arra
         logged = supply[connected, 0]
         volts = np.interp(t, supply_t[connected], logged)
         note = f"thrust is that of the curves at the logged {logged.min():.1f} to {logged.max():.1f} V"
-    applied = functools.cache(lambda steps: AppliedWrench(vehicle, steps * STEP_V))
-    wrenches = []
-    try:
-        for row, steps in zip(channels.tolist(), np.round(volts / STEP_V).astype(int).tolist(), strict=True):
-            at_supply = applied(steps)
-            wrenches.append(at_supply.wrench(at_supply.forces_N(pulses_of_channels(vehicle, row))))
-    except ValueError as error:
-        raise UsageError(f"{path}: {error}") from error
-    return t, array(np.array(wrenches)), f"pulses of the outputs are converted by the vehicle file; {note}"
+    supplies_V = (STEP_V * np.round(volts / STEP_V)).tolist()
+    wrenches = wrenches_of_pulses(str(path), channels.tolist(), supplies_V, vehicle)
+    return t, wrenches, f"pulses of the outputs are converted by the vehicle file; {note}"

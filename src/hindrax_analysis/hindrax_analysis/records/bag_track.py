@@ -9,9 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hindrax_bag.read.bag_reader import BagMessage
-from hindrax_control.allocation.thrust_curve import PULSE_FIELDS, AppliedWrench, pulses_of_channels
-from hindrax_core.errors import UsageError
-from hindrax_core.vehicle import Vehicle
+from hindrax_control.allocation.thrust_curve import PULSE_FIELDS
 from hindrax_ident.arrays import Array, array
 
 VELOCITY_TYPES = (
@@ -105,20 +103,6 @@ def tilts_of(quaternions: Array) -> Array:
     x, y, z, w = quaternions.T
     roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     return array(np.column_stack([roll, np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))]))
-
-
-def wrenches_of(track: Track, vehicle: Vehicle | None) -> Array:
-    """Wrench (n, 6) [N, N m] in SNAME axes from pulses by the thrust curves of a vehicle; pulse 0 means stop."""
-    if vehicle is None or not vehicle.thrusters:
-        raise UsageError(
-            f"{track.topic}: holds pulses, wanted newtons; name a vehicle file with thrusters and curves by --vehicle"
-        )
-    applied = AppliedWrench(vehicle)
-    try:
-        pulses = [pulses_of_channels(vehicle, row) for row in track.rows]
-    except ValueError as error:
-        raise UsageError(f"{track.topic}: {error}") from error
-    return np.array([applied.wrench(applied.forces_N(row)) for row in pulses])
 
 
 # ---- poses

@@ -4,15 +4,18 @@ Such a record has no phases. Each axis is identified separately, with the whole 
 it into stretches. The session's verdict covers what the record cannot show.
 """
 
+import functools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hindrax_control.allocation.thrust_curve import AppliedWrench, pulses_of_channels
+from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamped, stamp_from_s
 from hindrax_core.signals import NAN, Attitude, IdentEvent, Phase, Thrust, Velocity
-from hindrax_core.vehicle import AXES
+from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array, Flags, array
 from hindrax_ident.model.motion_model import motions_of
 from hindrax_ident.online.record_session import SOURCE, on_axis_only
@@ -121,6 +124,22 @@ def joined(one: Recording, other: Recording) -> Recording:
     note = f"{one.source} and {other.source} count time from one origin"
     assumptions = tuple(dict.fromkeys((*one.assumptions, *other.assumptions, note)))
     return Recording(one.source, *tables[0], *tables[1], *tables[2], origin, assumptions)
+
+
+def wrenches_of_pulses(
+    source: str, channels: Sequence[Sequence[float]], supplies_V: Sequence[float], vehicle: Vehicle
+) -> Array:
+    """Wrenches (n, 6) [N, N m] in SNAME axes of pulses [us] of all channels, by the thrust curves at each supply.
+
+    UsageError for pulses that cannot be those of the vehicle.
+    """
+    applied = functools.cache(lambda supply_V: AppliedWrench(vehicle, supply_V))
+    try:
+        pulses = [pulses_of_channels(vehicle, row) for row in channels]
+    except ValueError as error:
+        raise UsageError(f"{source}: {error}") from error
+    pairs = zip(pulses, map(applied, supplies_V), strict=True)
+    return np.array([at_supply.wrench(at_supply.forces_N(row)) for row, at_supply in pairs])
 
 
 # ---- usable axes

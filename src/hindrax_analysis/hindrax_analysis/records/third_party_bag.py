@@ -19,9 +19,8 @@ from hindrax_analysis.records.bag_track import (
     tilts_of,
     to_body,
     velocities_from_poses,
-    wrenches_of,
 )
-from hindrax_analysis.records.recording import HALF_TURN, Recording
+from hindrax_analysis.records.recording import HALF_TURN, Recording, wrenches_of_pulses
 from hindrax_bag.read.bag_reader import messages
 from hindrax_control.allocation.thrust_curve import PULSE_FIELDS
 from hindrax_core.errors import UsageError
@@ -151,7 +150,10 @@ def _forces(wrench: Track, velocity: Track, signs: Array, axes: _FrameChoice, ve
     if wrench.kind in PULSE_FIELDS:
         note = "holds pulses of the channels, converted to newtons by the curves of the vehicle file"
         axes.notes.append(f"{wrench.topic} {note}")
-        return wrenches_of(wrench, vehicle)
+        if vehicle is None or not vehicle.thrusters:
+            remedy = "name a vehicle file with thrusters and curves by --vehicle"
+            raise UsageError(f"{wrench.topic}: holds pulses, wanted newtons; {remedy}")
+        return wrenches_of_pulses(wrench.topic, wrench.rows, [vehicle.supply_V] * len(wrench.rows), vehicle)
     if wrench.frame or axes.is_given:
         signs = _signs_to_sname(wrench, axes)
     else:
