@@ -21,11 +21,9 @@ from hindrax_analysis.identification.record_identification import (
     recorded_vehicle,
 )
 from hindrax_analysis.records.third_party_bag import TopicSelection, topics_of
-from hindrax_bag.message_comparison import flat
-from hindrax_bag.read.bag_reader import messages
+from hindrax_bag.read.message_columns import message_rows
 from hindrax_control.allocation.allocator import Allocator
 from hindrax_core.errors import UsageError
-from hindrax_core.events import NS_PER_S
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import Allocation
 from hindrax_core.text.digits import TWO_SIDED_95
@@ -55,17 +53,10 @@ def read(bag: str | Path, topic: str) -> Table:
     Fields of fields have dots in their names, elements of lists numbers. The fields are those of the first message; a
     number that a later one lacks is NaN. SI units, axes as in the message. UsageError for a topic without messages.
     """
-    times: list[float] = []
-    rows: list[dict[str, Any]] = []
-    begin: int | None = None
-    for message in messages(Path(bag)):
-        begin = message.received if begin is None else begin
-        if message.topic == topic:
-            times.append((message.received - begin) / NS_PER_S)
-            rows.append(dict(flat(message.decoded())))
+    rows = [{"time_s": time_s} | fields for _, time_s, _, fields in message_rows(Path(bag), {topic})]
     if not rows:
         raise UsageError(f"{bag}: no message on {topic}; there are {', '.join(sorted(topics(bag)))}")
-    return {"time_s": np.array(times)} | {name: np.array([row.get(name, np.nan) for row in rows]) for name in rows[0]}
+    return {name: np.array([row.get(name, np.nan) for row in rows]) for name in rows[0]}
 
 
 def identify(

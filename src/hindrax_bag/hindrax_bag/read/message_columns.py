@@ -27,7 +27,7 @@ def extract(bag: Path, folder: Path, topics: Collection[str] | None) -> dict[str
     """
     tables: dict[str, _Table] = {}
     with writing(folder, "name another"), nothing_left(folder), contextlib.ExitStack() as files:
-        for message, time_s, stamp, row in _rows(bag, topics):
+        for message, time_s, stamp, row in message_rows(bag, topics):
             if message.topic not in tables:
                 folder.mkdir(parents=True, exist_ok=True)
                 path = folder / f"{message.topic.strip('/').replace('/', '_')}.csv"
@@ -45,7 +45,7 @@ def extract(bag: Path, folder: Path, topics: Collection[str] | None) -> dict[str
     return {topic: (table.path, table.rows) for topic, table in tables.items()}
 
 
-def _rows(bag: Path, topics: Collection[str] | None) -> Iterator[tuple[BagMessage, float, int, dict[str, Any]]]:
+def message_rows(bag: Path, topics: Collection[str] | None) -> Iterator[tuple[BagMessage, float, int, dict[str, Any]]]:
     """Messages of these topics or of all: seconds since the first of the bag, own stamp or receipt [ns], fields."""
     begin: int | None = None
     for message in messages(bag):
@@ -83,7 +83,7 @@ def series(bag: Path, wanted: Sequence[str]) -> list[Series]:
     """Fields given as `TOPIC:FIELD` over time; UsageError names what is not there."""
     places = [_place(word) for word in wanted]
     made = [Series(word) for word in wanted]
-    for message, time_s, stamp, row in _rows(bag, {topic for topic, _ in places}):
+    for message, time_s, stamp, row in message_rows(bag, {topic for topic, _ in places}):
         for one, (topic, name) in zip(made, places, strict=True):
             if topic == message.topic:
                 one.unit = one.unit or _unit(message.form.definition, name)
