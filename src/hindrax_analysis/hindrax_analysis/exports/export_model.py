@@ -207,9 +207,9 @@ def buoyancy_box_m(vehicle: Vehicle) -> tuple[float, float, float]:
 # ---- the little XML that three formats share
 
 
-def number(value: float) -> str:
-    """Shortest text with nine significant digits, and never -0."""
-    return f"{value + 0.0:.9g}"
+def numbers(*values: float) -> str:
+    """Shortest texts with nine significant digits, side by side, and never -0."""
+    return " ".join(f"{value + 0.0:.9g}" for value in values)
 
 
 def add(parent: ET.Element, name: str, text: str) -> ET.Element:
@@ -219,9 +219,9 @@ def add(parent: ET.Element, name: str, text: str) -> ET.Element:
     return child
 
 
-def commented(root: ET.Element, lines: Sequence[str]) -> str:
-    """XML text with its declaration, and the lines as a comment in front."""
+def commented(root: ET.Element, model: ExportModel, conventions: tuple[str, ...]) -> str:
+    """XML text with its declaration, and the header lines as a comment in front."""
     ET.indent(root)
     # Two hyphens would end the comment early.
-    body = "\n".join(f"  {line.replace('--', '- -')}" for line in lines)
+    body = "\n".join(f"  {line.replace('--', '- -')}" for line in header(model, conventions))
     return f'<?xml version="1.0"?>\n<!--\n{body}\n-->\n{ET.tostring(root, encoding="unicode")}\n'

@@ -22,15 +22,15 @@ from hindrax_analysis.exports.export_model import (
     add,
     buoyancy_box_m,
     commented,
-    header,
     mean_of_directions,
-    number,
+    numbers,
 )
 from hindrax_core.vehicle import AXES
 
 TURN = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
 """SNAME to Gazebo body axes, for velocities, forces, rates and moments alike."""
 
+LINK = "base_link"
 FORCES, VELOCITIES, MASS_LETTERS = "xyzkmn", "UVWPQR", "xyzpqr"
 
 CONVENTIONS = (
@@ -40,30 +40,30 @@ CONVENTIONS = (
 )
 
 
-def write(model: ExportModel, added_mass: Literal["inertial", "plugin"] = "inertial", link: str = "base_link") -> str:
+def write(model: ExportModel, added_mass: Literal["inertial", "plugin"] = "inertial") -> str:
     """SDF text of a model that loads as it is."""
     sdf = ET.Element("sdf", version="1.10")
     body = ET.SubElement(sdf, "model", name=model.vehicle.name)
-    base = ET.SubElement(body, "link", name=link)
+    base = ET.SubElement(body, "link", name=LINK)
     _inertial(base, model, with_fluid=added_mass == "inertial")
     collision = ET.SubElement(base, "collision", name="displaced_volume")
     add(collision, "pose", _pose(model.vehicle.center_of_buoyancy_m))
     box = ET.SubElement(ET.SubElement(collision, "geometry"), "box")
-    add(box, "size", " ".join(number(edge) for edge in buoyancy_box_m(model.vehicle)))
+    add(box, "size", numbers(*buoyancy_box_m(model.vehicle)))
     plugin = ET.SubElement(
         body, "plugin", filename="gz-sim-hydrodynamics-system", name="gz::sim::systems::Hydrodynamics"
     )
-    add(plugin, "link_name", link)
-    add(plugin, "water_density", number(model.vehicle.water.density_kgpm3))
+    add(plugin, "link_name", LINK)
+    add(plugin, "water_density", numbers(model.vehicle.water.density_kgpm3))
     _damping(plugin, model)
     lost: tuple[str, ...] = ()
     if added_mass == "plugin":
         matrix = to_gazebo_axes(model.added_mass)
         for row, column in zip(*np.nonzero(matrix), strict=True):
-            add(plugin, f"{FORCES[row]}Dot{VELOCITIES[column]}", number(-float(matrix[row, column])))
+            add(plugin, f"{FORCES[row]}Dot{VELOCITIES[column]}", numbers(-matrix[row, column]))
     elif not np.allclose(model.added_mass, model.added_mass.T):
         lost = ("fluid_added_mass is symmetric by definition: the mean of each pair of cross terms is written.",)
-    return commented(sdf, header(model, CONVENTIONS + lost))
+    return commented(sdf, model, CONVENTIONS + lost)
 
 
 def _damping(plugin: ET.Element, model: ExportModel) -> None:
@@ -71,12 +71,12 @@ def _damping(plugin: ET.Element, model: ExportModel) -> None:
         drag = model.hydrodynamics.drag(axis)
         k_q, k_l = mean_of_directions(drag)
         force, velocity = FORCES[index], VELOCITIES[index]
-        add(plugin, f"{force}{velocity}", number(-k_l))
-        add(plugin, f"{force}{velocity}abs{velocity}", number(-k_q))
+        add(plugin, f"{force}{velocity}", numbers(-k_l))
+        add(plugin, f"{force}{velocity}abs{velocity}", numbers(-k_q))
         forward, backward = drag.of(backward=False)[0], drag.of(backward=True)[0]
         if forward != backward:
             # Gazebo's forward is SNAME's forward or backward: the half difference takes the sign of the turn.
-            add(plugin, f"{force}{velocity}{velocity}", number(-0.5 * (forward - backward) * TURN[index]))
+            add(plugin, f"{force}{velocity}{velocity}", numbers(-0.5 * (forward - backward) * TURN[index]))
 
 
 def to_gazebo_axes(matrix: Array) -> Array:
@@ -95,19 +95,19 @@ def _moved_to(matrix: Array, point_m: tuple[float, float, float]) -> Array:
 def _inertial(link: ET.Element, model: ExportModel, *, with_fluid: bool) -> None:
     inertial = ET.SubElement(link, "inertial")
     add(inertial, "pose", _pose(model.vehicle.center_of_mass_m))
-    add(inertial, "mass", number(model.vehicle.mass_kg))
+    add(inertial, "mass", numbers(model.vehicle.mass_kg))
     inertia = ET.SubElement(inertial, "inertia")
     for name, moment in zip(("ixx", "iyy", "izz"), model.vehicle.inertia, strict=True):
-        add(inertia, name, number(moment))
+        add(inertia, name, numbers(moment))
     for name in ("ixy", "ixz", "iyz"):
         add(inertia, name, "0")
     if with_fluid:
         fluid = ET.SubElement(inertial, "fluid_added_mass")
         matrix = to_gazebo_axes(_moved_to(model.added_mass, model.vehicle.center_of_mass_m))
         for row, column in zip(*np.triu_indices(6), strict=True):
-            add(fluid, f"{MASS_LETTERS[row]}{MASS_LETTERS[column]}", number(float(matrix[row, column])))
+            add(fluid, f"{MASS_LETTERS[row]}{MASS_LETTERS[column]}", numbers(matrix[row, column]))
 
 
 def _pose(position_m: tuple[float, float, float]) -> str:
     x, y, z = position_m
-    return " ".join(number(value) for value in (x, 0.0 - y, 0.0 - z, 0.0, 0.0, 0.0))
+    return numbers(x, -y, -z, 0.0, 0.0, 0.0)

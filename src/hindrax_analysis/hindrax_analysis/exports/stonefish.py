@@ -14,14 +14,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from scipy.optimize import nnls
 
-from hindrax_analysis.exports.export_model import (
-    ExportModel,
-    buoyancy_box_m,
-    commented,
-    header,
-    mean_of_directions,
-    number,
-)
+from hindrax_analysis.exports.export_model import ExportModel, buoyancy_box_m, commented, mean_of_directions, numbers
 from hindrax_analysis.exports.uuv import one_sided_notes
 from hindrax_core.vehicle import AXES
 
@@ -38,22 +31,22 @@ def write(model: ExportModel, law: Law = "cubic") -> str:
     """XML text of the dynamic element."""
     vehicle = model.vehicle
     body = ET.Element("dynamic", name=vehicle.name, type="box", physics="submerged", buoyant="true")
-    ET.SubElement(body, "dimensions", xyz=_triple(buoyancy_box_m(vehicle)))
-    ET.SubElement(body, "origin", xyz=_triple(vehicle.center_of_buoyancy_m), rpy="0 0 0")
+    ET.SubElement(body, "dimensions", xyz=numbers(*buoyancy_box_m(vehicle)))
+    ET.SubElement(body, "origin", xyz=numbers(*vehicle.center_of_buoyancy_m), rpy="0 0 0")
     ET.SubElement(body, "material", name="Hull")
     ET.SubElement(body, "look", name="Hull")
-    ET.SubElement(body, "mass", value=number(vehicle.mass_kg))
-    ET.SubElement(body, "inertia", xyz=_triple(vehicle.inertia))
-    ET.SubElement(body, "cg", xyz=_triple(vehicle.center_of_mass_m), rpy="0 0 0")
+    ET.SubElement(body, "mass", value=numbers(vehicle.mass_kg))
+    ET.SubElement(body, "inertia", xyz=numbers(*vehicle.inertia))
+    ET.SubElement(body, "cg", xyz=numbers(*vehicle.center_of_mass_m), rpy="0 0 0")
     fits = [coefficients(model, axis, law) for axis in range(3)]
     c_d, c_f, misfits = zip(*fits, strict=True)
-    ET.SubElement(body, "hydrodynamics", viscous_drag=_triple(c_f), quadratic_drag=_triple(c_d))
+    ET.SubElement(body, "hydrodynamics", viscous_drag=numbers(*c_f), quadratic_drag=numbers(*c_d))
     ET.SubElement(body, "world_transform", xyz="0 0 1", rpy="0 0 0")
     quality = tuple(
         f"{axis}: within {100.0 * misfit:.1f} % of the force at {top:.3g} m/s from 0 to there ({law} law)."
         for axis, misfit, top in zip(AXES, misfits, model.top_speed, strict=False)
     )
-    return commented(body, header(model, CONVENTIONS + one_sided_notes(model) + quality))
+    return commented(body, model, CONVENTIONS + one_sided_notes(model) + quality)
 
 
 def coefficients(model: ExportModel, axis: int, law: Law) -> tuple[float, float, float]:
@@ -73,7 +66,3 @@ def coefficients(model: ExportModel, axis: int, law: Law) -> tuple[float, float,
     c_d, c_f = (float(value) for value in scaled / scale)
     misfit = float(np.max(np.abs(columns @ np.array([c_d, c_f]) - wanted))) / float(wanted[-1] or 1.0)
     return c_d, c_f, misfit
-
-
-def _triple(values: tuple[float, ...]) -> str:
-    return " ".join(number(value) for value in values)

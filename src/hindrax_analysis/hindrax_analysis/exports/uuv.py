@@ -7,7 +7,7 @@ uses either, so matrices are written in SNAME axes; positions are in Gazebo's ax
 
 from xml.etree import ElementTree as ET
 
-from hindrax_analysis.exports.export_model import ExportModel, add, commented, header, mean_of_directions, number
+from hindrax_analysis.exports.export_model import ExportModel, add, commented, mean_of_directions, numbers
 from hindrax_core.vehicle import AXES
 
 CONVENTIONS = (
@@ -19,27 +19,27 @@ CONVENTIONS = (
 ONE_SIDED = "has one coefficient for both directions here: the mean"
 
 
-def write(model: ExportModel, link: str = "base_link") -> str:
+def write(model: ExportModel) -> str:
     """XML text of the plugin element."""
     vehicle = model.vehicle
     plugin = ET.Element("plugin", name="uuv_plugin", filename="libuuv_underwater_object_ros_plugin.so")
-    add(plugin, "fluid_density", number(vehicle.water.density_kgpm3))
+    add(plugin, "fluid_density", numbers(vehicle.water.density_kgpm3))
     add(plugin, "flow_velocity_topic", "hydrodynamics/current_velocity")
-    body = ET.SubElement(plugin, "link", name=link)
+    body = ET.SubElement(plugin, "link", name="base_link")
     add(body, "neutrally_buoyant", "0")
-    add(body, "volume", number(vehicle.volume_m3))
+    add(body, "volume", numbers(vehicle.volume_m3))
     box = ET.SubElement(body, "box")
     for name, edge in zip(("length", "width", "height"), vehicle.envelope_m, strict=True):
-        add(box, name, number(edge))
+        add(box, name, numbers(edge))
     x, y, z = vehicle.center_of_buoyancy_m
-    add(body, "center_of_buoyancy", " ".join(map(number, (x, -y, -z))))
+    add(body, "center_of_buoyancy", numbers(x, -y, -z))
     hydrodynamics = ET.SubElement(body, "hydrodynamic_model")
     add(hydrodynamics, "type", "fossen")
-    add(hydrodynamics, "added_mass", " ".join(number(float(value)) for value in model.added_mass.ravel()))
+    add(hydrodynamics, "added_mass", numbers(*model.added_mass.ravel()))
     pairs = [mean_of_directions(model.hydrodynamics.drag(axis)) for axis in AXES]
-    add(hydrodynamics, "linear_damping", " ".join(number(-k_l) for _, k_l in pairs))
-    add(hydrodynamics, "quadratic_damping", " ".join(number(-k_q) for k_q, _ in pairs))
-    return commented(plugin, header(model, CONVENTIONS + one_sided_notes(model)))
+    add(hydrodynamics, "linear_damping", numbers(*(-k_l for _, k_l in pairs)))
+    add(hydrodynamics, "quadratic_damping", numbers(*(-k_q for k_q, _ in pairs)))
+    return commented(plugin, model, CONVENTIONS + one_sided_notes(model))
 
 
 def one_sided_notes(model: ExportModel) -> tuple[str, ...]:
