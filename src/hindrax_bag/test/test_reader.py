@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from bag_samples import LEVEL, level, lookup, small_bag, writer
-from mcap.records import Schema
+from mcap.records import Channel, Schema
 
 from hindrax_bag.definitions import definition
 from hindrax_bag.read.bag_reader import MessageDecoder, attachments, bag_files, messages
@@ -145,9 +145,13 @@ def test_files_inside_a_bag_are_found_by_name_the_first_of_each(tmp_path: Path) 
     assert attachments(sqlite_bag(tmp_path / "other", with_definitions=True)) == {}
 
 
+def _channel(encoding: str) -> Channel:
+    return Channel(1, "/demo", encoding, {}, 1)
+
+
 def test_a_message_of_an_earlier_version_is_brought_to_today_s_form_and_one_of_today_stays() -> None:
     for text, old, armings in ((b"bool armed\n", True, 0), (b"bool armed\nuint8 armings\n", False, 7)):
-        form = MessageDecoder("/state", "cdr", Schema(1, text, "ros2msg", "hindrax_msgs/msg/ThrusterState"))
+        form = MessageDecoder(_channel("cdr"), Schema(1, text, "ros2msg", "hindrax_msgs/msg/ThrusterState"))
         assert (form.old, form.definition) == (old, text.decode())
         for _ in range(2):
             message = form.decode(b"\x00\x01\x00\x00\x01\x07")
@@ -155,12 +159,12 @@ def test_a_message_of_an_earlier_version_is_brought_to_today_s_form_and_one_of_t
 
 
 def test_a_channel_without_a_schema_has_no_type() -> None:
-    form = MessageDecoder("/demo", "cdr", None)
+    form = MessageDecoder(_channel("cdr"), None)
     assert (form.type, form.definition, form.old) == ("", "", False)
 
 
 def test_an_encoding_that_nobody_knows_is_named() -> None:
-    form = MessageDecoder("/demo", "json", Schema(1, b"", "jsonschema", "Demo"))
+    form = MessageDecoder(_channel("json"), Schema(1, b"", "jsonschema", "Demo"))
     assert (form.type, form.definition, form.old) == ("Demo", "", False)
     with pytest.raises(UsageError, match="topic /demo: encoding 'json' cannot be decoded, wanted cdr"):
         form.decode(b"{}")
@@ -195,7 +199,7 @@ def test_lengths_that_no_file_has_cost_no_memory_and_no_more_than_their_record(t
 
 def test_elements_that_no_message_has_cost_no_memory() -> None:
     text = b"string[] names\nfloat64[] values\nInner[] inners\n" + b"=" * 80 + b"\nMSG: demo_msgs/Inner\nuint8 one\n"
-    form = MessageDecoder("/demo", "cdr", Schema(1, text, "ros2msg", "demo_msgs/msg/Many"))
+    form = MessageDecoder(_channel("cdr"), Schema(1, text, "ros2msg", "demo_msgs/msg/Many"))
     for count in range(3):
         tracemalloc.start()
         with pytest.raises((ValueError, struct.error)):

@@ -4,6 +4,7 @@ import os
 import random
 import struct
 import tracemalloc
+from dataclasses import replace
 from pathlib import Path
 
 import lz4.frame
@@ -163,6 +164,20 @@ def test_messages_are_kept_by_topic_and_by_seconds_since_the_first(tmp_path: Pat
     made = recover(path, tmp_path / "out", keep=lambda topic, after_s: topic == LEVEL.topic and after_s < 1.0)
     found = list(messages(made.output))
     assert [one.data for one in found] == [level(NS_PER_S + i * 10_000_000, i * 0.5) for i in range(100)]
+
+
+def test_messages_of_another_namespace_are_chosen_by_the_name_that_is_shown_and_keep_their_own(tmp_path: Path) -> None:
+    bag = writer(tmp_path / "bag")
+    bag.describe("hindrax", {"namespace": "/rov1"})
+    for topic in ("/rov1/level", "/rov1/other"):
+        bag.write(replace(LEVEL, topic=topic), level(1, 2.0), 1, 1)
+    bag.close()
+    shown = [one.topic for one in messages(tmp_path / "bag")]
+    assert shown == ["/hindrax/level", "/hindrax/other"]
+    made = recover(tmp_path / "bag", tmp_path / "out", keep=lambda topic, _: topic == shown[0])
+    with Reader(made.output) as reader:
+        assert [one.topic for one in reader.connections] == ["/rov1/level"]
+    assert [one.topic for one in messages(made.output)] == shown[:1]
 
 
 def test_a_long_recovery_says_now_and_then_how_far_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -38,8 +38,8 @@ CDR_HEAD, LITTLE_ENDIAN = 4, b"\x00\x01"
 class MessageDecoder:
     """Decoder of the bytes of a channel, made on first use: many callers need only bytes."""
 
-    def __init__(self, topic: str, encoding: str, schema: Schema | None) -> None:
-        self._topic, self._encoding, self.schema = topic, encoding, schema
+    def __init__(self, channel: Channel, schema: Schema | None) -> None:
+        self.channel, self.schema = channel, schema
         self.type = schema.name if schema else ""
         self.definition = schema.data.decode("utf-8", "replace") if schema else ""
         self._steps = steps_of(self.type, self.definition)
@@ -49,9 +49,10 @@ class MessageDecoder:
 
     def _first_decode(self, data: bytes) -> Any:
         """Decode by the schema of the bag and migrate the message to the current form."""
-        made: Decode | None = DecoderFactory().decoder_for(self._encoding, self.schema)
+        encoding = self.channel.message_encoding
+        made: Decode | None = DecoderFactory().decoder_for(encoding, self.schema)
         if made is None:
-            raise UsageError(f"topic {self._topic}: encoding {self._encoding!r} cannot be decoded, wanted cdr")
+            raise UsageError(f"topic {self.channel.topic}: encoding {encoding!r} cannot be decoded, wanted cdr")
 
         def decode(data: bytes) -> Any:
             message = made(data)
@@ -141,8 +142,7 @@ def _mcap_messages(file: Path, topics: Collection[str] | None, damage: Damage | 
         elif isinstance(record, Channel):
             topic = in_default_namespace(record.topic, namespace)
             wanted = topics is None or topic in topics
-            form = MessageDecoder(topic, record.message_encoding, schemas.get(record.schema_id))
-            channels[record.id] = (topic, form) if wanted else None
+            channels[record.id] = (topic, MessageDecoder(record, schemas.get(record.schema_id))) if wanted else None
 
 
 def _sqlite_messages(file: Path, topics: Collection[str] | None) -> Iterator[BagMessage]:
@@ -156,7 +156,7 @@ def _sqlite_messages(file: Path, topics: Collection[str] | None) -> Iterator[Bag
                 if topics is None or topic in topics:
                     text = texts[kind] if kind in texts else _installed_definition(file, kind)
                     schema = Schema(id=number, name=kind, encoding="ros2msg", data=text.encode())
-                    forms[number] = (topic, MessageDecoder(topic, encoding, schema))
+                    forms[number] = (topic, MessageDecoder(Channel(number, topic, encoding, {}, number), schema))
             query = "SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id"
             for number, stamp, data in database.execute(query):
                 if number in forms:

@@ -15,12 +15,10 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from mcap.records import Attachment, Message, Metadata, Schema
-from mcap.records import Channel as ChannelRecord
+from mcap.records import Attachment, Metadata
 
 from hindrax_bag.metadata import (
     NAME,
-    Channel,
     Contents,
     channel_of,
     is_whole,
@@ -29,7 +27,7 @@ from hindrax_bag.metadata import (
     try_lock,
     write_metadata,
 )
-from hindrax_bag.read.bag_reader import EVERY, bag_files, messages
+from hindrax_bag.read.bag_reader import EVERY, BagMessage, bag_files, messages
 from hindrax_bag.read.mcap_records import Damage, records
 from hindrax_bag.write.bag_writer import BagFile
 from hindrax_bag.write.limits import free_bytes
@@ -64,7 +62,7 @@ def recover(
 ) -> Recovered:
     """Copy every readable record of a bag into a new one; `progress` gets the number of messages from time to time.
 
-    `keep` chooses messages by topic and seconds since the first message of the bag.
+    `keep` chooses messages by topic, named as `messages` names it, and seconds since the first message of the bag.
 
     UsageError when the output exists or the bag is none; HindraxError when it cannot be written.
     """
@@ -102,50 +100,31 @@ class _Copy:
         self.total, self.damage = 0, Damage()
         self._begin: int | None = None
         self._progress, self._keep = progress, keep
-        self._noted: dict[str, tuple[Channel, str, str]] = {}
 
     def file(self, source: Path, target: Path) -> Contents:
         """Copy the readable part of one file; a file of an sqlite3 bag becomes MCAP."""
         part = BagFile(target)
-        if source.suffix == ".db3":
-            for message in messages(source):
-                if message.topic not in self._noted:
-                    self._note(ChannelRecord(0, message.topic, "cdr", {}, 0), message.form.schema)
-                self._message(part, message.topic, message.data, message.received, message.sent)
-        else:
-            self._records(source, part)
-        part.close()
-        return part.contents
-
-    def _records(self, source: Path, part: BagFile) -> None:
-        schemas: dict[int, Schema] = {}
-        topics: dict[int, str] = {}
-        for record in records(source, self.damage):
-            if isinstance(record, Message):
-                self._message(part, topics.get(record.channel_id), record.data, record.log_time, record.publish_time)
-            elif isinstance(record, Schema):
-                schemas[record.id] = record
-            elif isinstance(record, ChannelRecord):
-                topics[record.id] = record.topic
-                self._note(record, schemas.get(record.schema_id))
-            elif isinstance(record, Attachment):
+        for record in () if source.suffix == ".db3" else records(source, chunks=False):
+            if isinstance(record, Attachment):
                 part.attach(record.name, record.media_type, record.data, record.create_time)
             elif isinstance(record, Metadata):
                 part.describe(record.name, record.metadata)
+        for message in messages(source, damage=self.damage):
+            self._message(part, message)
+        part.close()
+        return part.contents
 
-    def _note(self, record: ChannelRecord, schema: Schema | None) -> None:
-        """Note a channel; it is opened with the first of its messages that is kept."""
-        text = schema.data.decode("utf-8", "replace") if schema else ""
-        self._noted[record.topic] = (channel_of(record, schema), text, schema.encoding if schema else "")
-
-    def _message(self, part: BagFile, topic: str | None, data: bytes, received: int, sent: int) -> None:
+    def _message(self, part: BagFile, message: BagMessage) -> None:
         if self._begin is None:
-            self._begin = received
-        if topic is None or not self._keep(topic, (received - self._begin) / NS_PER_S):
+            self._begin = message.received
+        if not self._keep(message.topic, (message.received - self._begin) / NS_PER_S):
             return
+        form = message.form
+        topic = form.channel.topic
         if not part.has(topic):
-            part.open_channel(*self._noted[topic])
-        part.write(topic, data, received, sent)
+            encoding = form.schema.encoding if form.schema else ""
+            part.open_channel(channel_of(form.channel, form.schema), form.definition, encoding)
+        part.write(topic, message.data, message.received, message.sent)
         self.total += 1
         if self.total % EVERY == 0:
             self._progress(self.total)
