@@ -36,10 +36,6 @@ ROOM = 2048
 _prctl = ctypes.CDLL(None).prctl
 
 
-class NoAnswerError(Exception):
-    """The fork server has died, is frozen, or could not fork."""
-
-
 class ForkedProcess:
     """What `subprocess.Popen` offers, for a child that this process did not start itself."""
 
@@ -111,7 +107,7 @@ class ForkServer:
     ) -> ForkedProcess:
         """Run `main` of a module in a process with these descriptors as stdout, or a pipe instead, and stderr.
 
-        NoAnswerError when there will be no such process, also not later.
+        OSError when it has died, is frozen, or could not fork: there will be no such process, also not later.
         """
         stdout, stderr = outputs
         read_end, write_end = os.pipe() if pipe else (None, stdout)
@@ -119,9 +115,9 @@ class ForkServer:
         request = json.dumps([module, list(arguments), dict(variables)])
         try:
             return ForkedProcess(self._ask(module, request, write_end, stderr), made)
-        except OSError as error:
+        except OSError:
             self.close()
-            raise NoAnswerError(str(error)) from error
+            raise
         finally:
             if pipe:
                 os.close(write_end)

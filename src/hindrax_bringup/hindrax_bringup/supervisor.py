@@ -22,7 +22,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
-from hindrax_bringup.fork_server import ForkedProcess, ForkServer, NoAnswerError, in_a_group_of_its_own
+from hindrax_bringup.fork_server import ForkedProcess, ForkServer, in_a_group_of_its_own
 from hindrax_bringup.process_state import HeldProcesses, descendants, is_stopped
 from hindrax_bringup.processes import Process
 from hindrax_bringup.stack_lock import HEARTBEATS, runtime_folder
@@ -114,7 +114,7 @@ class Supervisor:
                 outputs = log.fileno(), 2 if reports else log.fileno()
                 try:
                     return self.fork_server.start(process.module, arguments, variables, outputs, pipe=pipe)
-                except NoAnswerError as error:
+                except OSError as error:
                     self.fork_server = None
                     print_fitted(f"fork server: {error}; processes start without it", sys.stderr)
             return subprocess.Popen(  # noqa: S603  # our own interpreter and our own modules

@@ -109,7 +109,7 @@ def snapshot(operator: Any, stops_us: tuple[float, ...] = ()) -> Snapshot:
         time_s=operator.now() / 1e9,
         navigation=stamped.reading if stamped else None,
         thrusters=_thrusters(operator.thrusters, operator.allocation, stops_us),
-        holds=_holds(operator.holds),
+        holds=holds_of(operator.holds),
         flight=_flight(operator.maneuver),
         health={name.removeprefix("hindrax: "): _health(one) for name, one in sorted(operator.diagnostics.items())},
         estimates={motion: one.reading for motion, one in operator.estimates.items()},
@@ -147,7 +147,8 @@ def _thrusters(state: Any, allocation: Any, stops_us: tuple[float, ...]) -> Thru
     return Thrusters(*arming, tuple(allocation.thrusters), pulses, stops_us, *map(tuple, rows))
 
 
-def _holds(status: Any) -> tuple[HoldState, ...]:
+def holds_of(status: Any) -> tuple[HoldState, ...]:
+    """What a HoldStatus says; empty without one."""
     if status is None:
         return ()
     rows = zip(status.axes, status.engaged, status.setpoints, status.errors, status.notes, strict=True)

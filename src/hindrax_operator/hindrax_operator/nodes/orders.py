@@ -10,6 +10,7 @@ from typing import Any
 
 from std_msgs.msg import Float32MultiArray
 
+from hindrax_control.hold.holds import HoldState
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import after
 from hindrax_core.readings import Vec6
@@ -19,7 +20,7 @@ from hindrax_core.topics import HOLD_SETPOINT, LIGHTS, OPERATOR_WRENCH, THRUSTER
 from hindrax_msgs.msg import HoldSetpoint, ThrusterCommand, ThrusterHealth
 from hindrax_msgs.srv import Recentre
 from hindrax_operator.nodes.operator_node import UP, Operator
-from hindrax_operator.snapshot import ANGLES
+from hindrax_operator.snapshot import ANGLES, holds_of
 from hindrax_ros.messages.convert import stamp_from_msg, stamp_to_msg, wrench_to_msg
 
 SEEN_S = 5.0
@@ -86,7 +87,7 @@ def _send_until_held(operator: Operator, send: Callable[[Any], None], wanted: Ho
             started, ANSWERED_S
         )
         found = _hold(operator.holds, wanted.axis)
-        if answered and found and (refused := found[2].partition(REFUSED)[2]):
+        if answered and found and (refused := found.note.partition(REFUSED)[2]):
             raise HindraxError(refused)
         return _holds_as(operator.holds, wanted)
 
@@ -95,31 +96,28 @@ def _send_until_held(operator: Operator, send: Callable[[Any], None], wanted: Ho
         operator.wait(held, SEEN_S, lambda: f"the {wanted.axis} hold to {verb}{_note(operator.holds, wanted.axis)}")
 
 
-def _hold(status: Any, axis: str) -> tuple[bool, float, str] | None:
-    """Whether a hold is engaged, its setpoint and its note, where the pilot reports it."""
-    if status is None or axis not in status.axes:
-        return None
-    index = list(status.axes).index(axis)
-    return bool(status.engaged[index]), float(status.setpoints[index]), str(status.notes[index])
+def _hold(status: Any, axis: str) -> HoldState | None:
+    """State of a hold, where the pilot reports it."""
+    return next((one for one in holds_of(status) if one.axis == axis), None)
 
 
 def _holds_as(status: Any, wanted: HoldSetpoint) -> bool:
     if (found := _hold(status, wanted.axis)) is None:
         return False
-    engaged, setpoint, _ = found
-    if not (engaged and wanted.engaged):
-        return engaged is wanted.engaged
+    if not (found.engaged and wanted.engaged):
+        return found.engaged == wanted.engaged
     if math.isnan(wanted.value):
-        return math.isfinite(setpoint)
-    off = setpoint - wanted.value
+        return math.isfinite(found.setpoint)
+    off = found.setpoint - wanted.value
     return abs(wrapped(off) if wanted.axis in ANGLES else off) < NEAR
 
 
 def _note(status: Any, axis: str) -> str:
     if (found := _hold(status, axis)) is None:
         return "; the pilot does not answer: it waits for a navigation solution (`./hindrax monitor`)"
-    _, _, note = found
-    return f"; it says: {note}" if note else "; the pilot gives no reason: does another client set this hold? Try again"
+    if found.note:
+        return f"; it says: {found.note}"
+    return "; the pilot gives no reason: does another client set this hold? Try again"
 
 
 def recentre(operator: Operator, x_m: float, y_m: float, turned_rad: float) -> None:
