@@ -231,7 +231,7 @@ def test_the_page_flies_an_armed_vehicle_and_stops_it_in_mid_maneuver(terminal: 
         ((flown, well),) = said.items()
         assert flown.startswith("fly: the maneuver ended early, by ")
         assert not well
-        wait_for(lambda: state()["state"] == "disarmed", terminal)
+        wait_for(lambda: state()["thrusters"]["state"] == "disarmed", terminal)
     finally:
         child.send_signal(signal.SIGINT)
         assert child.wait(PATIENT_S) == 130, terminal.errors("web")
