@@ -17,7 +17,7 @@ from hindrax_core.signals import NAN, Estimate, Navigation
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.online.aim import ExperimentGoal
 from hindrax_operator.monitor.graph_link import GraphLink
-from hindrax_operator.snapshot import Frame, ManeuverView, NodeHealth, PlaceView, Snapshot, Thrusters
+from hindrax_operator.snapshot import CameraFrame, ManeuverView, NodeHealth, PlaceView, Snapshot, Thrusters
 from hindrax_operator.web.access import Access, hosts_of
 from hindrax_operator.web.http_server import Server
 from hindrax_operator.web.page_controller import PageController
@@ -91,14 +91,14 @@ class FakeVehicle:
     shown: Snapshot = ARMED
     orders: list[object] = field(default_factory=list)
     landed: Callable[[str, bool], None] | None = None
-    frames: dict[str, Frame] = field(default_factory=dict)
+    frames: dict[str, CameraFrame] = field(default_factory=dict)
     title: str = "mock vehicle, ROS domain 3, process 4711"
     present: Callable[[], bool] = lambda: True
 
     def snapshot(self) -> Snapshot:
         return self.shown
 
-    def frame(self, camera: str) -> Frame | None:
+    def frame(self, camera: str) -> CameraFrame | None:
         return self.frames.get(camera)
 
     def end(self, how: str, on_done: Callable[[str, bool], None]) -> None:

@@ -25,7 +25,7 @@ pytest.importorskip("rclpy", reason="the mock's own words are read from its proc
 from ament_index_python import get_package_prefix
 
 from hindrax_bag.run_folder import make_run_folder
-from hindrax_bringup.node_options import Tuning
+from hindrax_bringup.node_options import ParameterOverrides
 from hindrax_bringup.processes import MOCK, ONBOARD, RECORDER, SENSORS, Process
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import PROFILE, MockOptions, Stack, own_domain
@@ -180,7 +180,7 @@ def test_both_ways_start_the_same_stack(mock: bool, tmp_path: Path, monkeypatch:
 
     supervisor = Started(facts)
     monkeypatch.setattr(Stack, "start_mock", lambda self, *_: setattr(self, "mock_facts", facts))
-    Stack(folder, supervisor, "ros2 launch", Tuning("/rov1", str(mine))).start(
+    Stack(folder, supervisor, "ros2 launch", ParameterOverrides("/rov1", str(mine))).start(
         MockOptions() if mock else None, record=True, without_operator="neutral"
     )
     assert processes(launched) == pairs((*ONBOARD, RECORDER))

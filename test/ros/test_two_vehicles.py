@@ -15,7 +15,7 @@ from mcap.records import Channel
 from hindrax_bag.read.bag_reader import bag_files, messages
 from hindrax_bag.read.mcap_records import records
 from hindrax_bag.run_folder import RunFolder, make_run_folder
-from hindrax_bringup.node_options import Tuning
+from hindrax_bringup.node_options import ParameterOverrides
 from hindrax_bringup.processes import CONTROL, RECORDER, SENSORS, THRUSTERS
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import MockOptions, Stack, adopted, environment, own_domain
@@ -35,7 +35,7 @@ RATE = 3.0
 @contextlib.contextmanager
 def flying(namespace: str, folder: RunFolder, made: dict[str, str]) -> Iterator[Supervisor]:
     with Supervisor(folder.logs, made) as supervisor:
-        stack = Stack(folder, supervisor, "two vehicles", Tuning(namespace))
+        stack = Stack(folder, supervisor, "two vehicles", ParameterOverrides(namespace))
         stack.start(MockOptions(rate=RATE), record=True, onboard=(RECORDER, SENSORS, THRUSTERS, CONTROL))
         yield supervisor
 

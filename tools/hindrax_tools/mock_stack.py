@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hindrax_bag.run_folder import make_run_folder
-from hindrax_bringup.node_options import Tuning
+from hindrax_bringup.node_options import ParameterOverrides
 from hindrax_bringup.processes import modules
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import MockOptions, Stack, adopted, environment, own_domain
@@ -29,7 +29,7 @@ def mock_stack(
     with own_domain(mock=True) as domain:
         made = environment(mock=True, domain=domain)
         with Supervisor(run.logs, made, preload=modules(mock=True)) as supervisor, adopted(made):
-            stack = Stack(run, supervisor, tuning=Tuning(settings=settings))
+            stack = Stack(run, supervisor, tuning=ParameterOverrides(settings=settings))
             stack.start(mock, record=record)
             yield stack
 

@@ -205,7 +205,7 @@ def recorded(axes: dict[str, Axis], law: Law, seed: int) -> Recording:
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class MotionVerdict:
     """Result of one motion: distances from the truth in calibrated standard deviations, and what was reported."""
 
     motion: str
@@ -223,7 +223,7 @@ class Verdict:
         return self.identified and not self.named and off > MOST_SIGMAS
 
 
-def judged(vehicle: int, law: int, gain_sigma: float) -> list[Verdict]:
+def judged(vehicle: int, law: int, gain_sigma: float) -> list[MotionVerdict]:
     """Verdicts on the motions of one record, identified as `hindrax identify` does."""
     (known, axes), obeyed = VEHICLES[vehicle], LAWS[law]
     recording = without_damage(recorded(axes, obeyed, 100 * vehicle + law))
@@ -232,7 +232,7 @@ def judged(vehicle: int, law: int, gain_sigma: float) -> list[Verdict]:
     return [_verdict(result, axes, obeyed) for result in found.motions.values() if result.drag]
 
 
-def _verdict(result: MotionResult, axes: dict[str, Axis], law: Law) -> Verdict:
+def _verdict(result: MotionResult, axes: dict[str, Axis], law: Law) -> MotionVerdict:
     drag, name = result.drag, result.motion.partition("_")[0]
     assert drag is not None
     axis, added = axes[name], result.coefficients.get("added_mass")
@@ -241,10 +241,10 @@ def _verdict(result: MotionResult, axes: dict[str, Axis], law: Law) -> Verdict:
     off = tuple(((drag.force[at] - true) / drag.std_calibrated[at]).tolist())
     mass = math.nan if added is None else (added.value - axis.added) / added.std_calibrated
     named = tuple(words.group(1) for one in result.warnings if (words := re.search(r"shows ([^(]+) \(", one)))
-    return Verdict(result.motion, off, mass, result.identifiable, named)
+    return MotionVerdict(result.motion, off, mass, result.identifiable, named)
 
 
-def _cell(found: Verdict) -> str:
+def _cell(found: MotionVerdict) -> str:
     shown = " ".join(f"{z:+.1f}" if math.isfinite(z) else "-" for z in (*found.drag, found.added_mass))
     wrong = "**" if found.confidently_wrong else ""
     mark = "" if found.identified else " n"

@@ -26,7 +26,7 @@ WANTED, SAMPLE = 0.95, 20
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class ListedModule:
     """A module of the list: its tests, and the reason why a mutant changes nothing, by how its line reads then."""
 
     area: str
@@ -36,7 +36,7 @@ class Entry:
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class MutationRow:
     """A line of the table: counts of mutants; `known`: all there are; `changing`: those tried that change something."""
 
     name: str
@@ -54,17 +54,17 @@ class Row:
         return f"| {' | '.join(map(str, astuple(self)))} | {100 * self.share:.0f} % |"
 
 
-def listed() -> list[Entry]:
+def listed() -> list[ListedModule]:
     """The list, in its order."""
     areas: Mapping[str, Mapping[str, Mapping[str, Any]]] = yaml.safe_load(LIST.read_text(encoding="utf-8"))
     return [
-        Entry(area, module, tuple(entry["tests"]), entry.get("same", {}))
+        ListedModule(area, module, tuple(entry["tests"]), entry.get("same", {}))
         for area, modules in areas.items()
         for module, entry in modules.items()
     ]
 
 
-def measure(entry: Entry, options: argparse.Namespace) -> Row:
+def measure(entry: ListedModule, options: argparse.Namespace) -> MutationRow:
     """Try a sample of the mutants of a module, as far as the time goes."""
     tested = MutatedModule(entry.module, entry.tests)
     # The code has changed since these were read.
@@ -73,12 +73,12 @@ def measure(entry: Entry, options: argparse.Namespace) -> Row:
     chosen = tested.sampled(options.sample, options.seed, options.grep)
     tried, left = tested.try_mutants(chosen, options.seconds)
     same = [one for one in left if one.reads in entry.same]
-    return Row(entry.module, len(tested.known), tried, tried - len(same), tried - len(left))
+    return MutationRow(entry.module, len(tested.known), tried, tried - len(same), tried - len(left))
 
 
-def total(name: str, rows: Sequence[Row]) -> Row:
+def total(name: str, rows: Sequence[MutationRow]) -> MutationRow:
     """The sum of rows."""
-    return Row(name, *(sum(column) for column in zip(*(astuple(row)[1:] for row in rows), strict=True)))
+    return MutationRow(name, *(sum(column) for column in zip(*(astuple(row)[1:] for row in rows), strict=True)))
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -97,13 +97,13 @@ def main(words: Sequence[str] | None = None) -> int:
     options = parser.parse_args(words)
     prepare()
     if options.module:
-        entries, wanted = [Entry("named", options.module, tuple(options.tests), {})], 1.0
+        entries, wanted = [ListedModule("named", options.module, tuple(options.tests), {})], 1.0
     else:
         options.sample, wanted = options.sample or SAMPLE, WANTED
         entries = [one for one in listed() if not options.only or {one.area, one.module} & set(options.only)]
     if not entries:
         parser.error(f"--only: no such area or module; there are {', '.join(sorted({one.area for one in listed()}))}")
-    rows: dict[str, list[Row]] = {}
+    rows: dict[str, list[MutationRow]] = {}
     for entry in entries:
         try:
             rows.setdefault(entry.area, []).append(measure(entry, options))

@@ -15,10 +15,10 @@ from hindrax_sim.devices.ping1d import PingTruth
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, altered_truth
 from hindrax_sim.hardware import TrueState
 from hindrax_tools.faults import table
-from hindrax_tools.faults.cells import DISARMED, HOLD, MANEUVER, MODES, OPERATOR, Cell, Judge, is_wrong
+from hindrax_tools.faults.cells import DISARMED, HOLD, MANEUVER, MODES, OPERATOR, FaultOutcome, Judge, is_wrong
 from hindrax_tools.faults.devices import ROWS, fly
 
-WELL = Cell("dvl75", "died", "hold", 1, 0.4, 0.0, 1.0, "no command for 5 s")
+WELL = FaultOutcome("dvl75", "died", "hold", 1, 0.4, 0.0, 1.0, "no command for 5 s")
 FLYING = TrueState(10.0, (0.1, 0.0, 2.0), (0.2, 0.0, 0.0), 0.8, 0, (3.0, 1.5), (1600.0, 1500.0))
 BELIEVED = Navigation(FLYING.attitude_rad, (0.0,) * 3, FLYING.velocity_mps, 0.8, 1.0, (0.0, 0.0), dvl_locked=True)
 
@@ -41,7 +41,7 @@ def test_a_state_is_wrong_by_tilt_depth_or_a_velocity_that_it_claims_to_know() -
     assert not is_wrong(replace(fast, dvl_locked=False), FLYING)
 
 
-def judged(mode: str, *steps: tuple[float, TrueState, Navigation | None], within_s: float = math.inf) -> Cell:
+def judged(mode: str, *steps: tuple[float, TrueState, Navigation | None], within_s: float = math.inf) -> FaultOutcome:
     judge = Judge(FLYING)
     for seconds, true, believed in steps:
         judge.step(replace(true, now_s=FLYING.now_s + seconds), believed)

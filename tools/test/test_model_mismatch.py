@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hindrax_tools.model_mismatch import AXES, LAWS, VEHICLES, Verdict, fly, judged
+from hindrax_tools.model_mismatch import AXES, LAWS, VEHICLES, MotionVerdict, fly, judged
 
 
 def test_the_truth_of_a_record_without_another_law_is_its_steady_speed() -> None:
@@ -24,8 +24,8 @@ def test_a_rope_on_the_floor_is_not_taken_for_drag_with_confidence() -> None:
 
 
 def test_wrong_is_more_than_three_deviations_without_a_word() -> None:
-    off = Verdict("surge", (0.0, 1.0, -3.1), 0.0, identified=True, named=())
+    off = MotionVerdict("surge", (0.0, 1.0, -3.1), 0.0, identified=True, named=())
     assert off.confidently_wrong
-    assert not Verdict("surge", (0.0, 1.0, -3.1), 0.0, identified=True, named=("tether",)).confidently_wrong
-    assert not Verdict("surge", (0.0, 1.0, -2.9), np.nan, identified=True, named=()).confidently_wrong
-    assert Verdict("surge", (0.0, 1.0, 0.0), 3.2, identified=True, named=()).confidently_wrong
+    assert not MotionVerdict("surge", (0.0, 1.0, -3.1), 0.0, identified=True, named=("tether",)).confidently_wrong
+    assert not MotionVerdict("surge", (0.0, 1.0, -2.9), np.nan, identified=True, named=()).confidently_wrong
+    assert MotionVerdict("surge", (0.0, 1.0, 0.0), 3.2, identified=True, named=()).confidently_wrong

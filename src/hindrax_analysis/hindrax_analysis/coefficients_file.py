@@ -26,7 +26,7 @@ TABULATED = ("k_q", "k_l", "b", "added_mass")
 
 
 @dataclass(frozen=True, slots=True)
-class Conditions:
+class ResultConditions:
     """Conditions of a result: vehicle, water, record and software.
 
     `date` is that of the record (ISO 8601), not of the evaluation; `bag_sha256` is over the files of the bag. `aborted`
@@ -54,17 +54,17 @@ class Conditions:
     predicted: Mapping[str, float] = field(default_factory=dict)
 
 
-def conditions_of(vehicle: Vehicle, *, mock: bool, motions: tuple[str, ...] = ()) -> Conditions:
+def conditions_of(vehicle: Vehicle, *, mock: bool, motions: tuple[str, ...] = ()) -> ResultConditions:
     """Conditions from the vehicle file; use `dataclasses.replace` for the rest."""
     hull = vehicle.mass_kg, vehicle.volume_m3, vehicle.envelope_m[0]
     water = vehicle.water.density_kgpm3, vehicle.water.kinematic_viscosity_m2ps
-    return Conditions(vehicle.name, *hull, *water, mock=mock, motions=motions)
+    return ResultConditions(vehicle.name, *hull, *water, mock=mock, motions=motions)
 
 
 # ---- writing
 
 
-def document(results: Results, conditions: Conditions) -> dict[str, Any]:
+def document(results: Results, conditions: ResultConditions) -> dict[str, Any]:
     """Plain data of the file: the abort where there was one, conditions, then motions."""
     block = asdict(conditions)
     block |= {"motions": list(conditions.motions), "assumptions": list(conditions.assumptions)}
@@ -75,7 +75,7 @@ def document(results: Results, conditions: Conditions) -> dict[str, Any]:
     return {**ended, "conditions": block, **results.to_json()}
 
 
-def as_yaml(results: Results, conditions: Conditions) -> str:
+def as_yaml(results: Results, conditions: ResultConditions) -> str:
     """Text of the file, with comments."""
     data = document(results, conditions)
     parts = [_head(conditions), _dump({key: data[key] for key in data if key != "motions"}), "\nmotions:\n"]
@@ -87,7 +87,7 @@ def as_yaml(results: Results, conditions: Conditions) -> str:
     return "".join(parts)
 
 
-def _head(conditions: Conditions) -> str:
+def _head(conditions: ResultConditions) -> str:
     flown = "of the mock vehicle (simulated)" if conditions.mock else "of a real record"
     lines = (
         f"Hydrodynamic coefficients of {conditions.vehicle}, {flown}.",
@@ -133,7 +133,7 @@ class SavedCoefficients:
     """A file read back; `label` is its name in a comparison."""
 
     label: str
-    conditions: Conditions
+    conditions: ResultConditions
     motions: Mapping[str, SavedMotion] = field(default_factory=dict)
 
 
@@ -155,16 +155,16 @@ def coefficients_of(data: object, source: str, label: str = "") -> SavedCoeffici
     return SavedCoefficients(label, _conditions(data), motions)
 
 
-def _conditions(data: Mapping[str, Any]) -> Conditions:
+def _conditions(data: Mapping[str, Any]) -> ResultConditions:
     """Conditions of a file; older files have gaps."""
     block = data.get("conditions")
     block = block if isinstance(block, Mapping) else {}
-    empty = Conditions("", math.nan, math.nan, math.nan, math.nan, math.nan, mock=False)
+    empty = ResultConditions("", math.nan, math.nan, math.nan, math.nan, math.nan, mock=False)
     known = {name: block[name] for name in asdict(empty) if block.get(name) is not None}
     for name in ("motions", "assumptions"):
         known[name] = tuple(str(one) for one in known.get(name, ()))
     known["aborted"] = str(data.get("aborted") or "")
-    return Conditions(**{**asdict(empty), **known})
+    return ResultConditions(**{**asdict(empty), **known})
 
 
 def _motion(body: object, path: str) -> SavedMotion:

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from hindrax_analysis.experiments.forced import (
     MOTIONS,
-    Model,
     OscillationRun,
+    TowedModel,
     derivatives,
     frequency_of,
     harmonics,
@@ -19,7 +19,7 @@ from hindrax_analysis.experiments.forced import (
 from hindrax_core.errors import HindraxError
 from hindrax_ident.arrays import array
 
-MODEL = Model(78.0, 0.875, {"pitch": 6.0, "yaw": 5.5}, restoring_Nm=25.0)
+MODEL = TowedModel(78.0, 0.875, {"pitch": 6.0, "yaw": 5.5}, restoring_Nm=25.0)
 PUBLISHED = {
     "heave": {"Z_N": -86.7, "M_Nm": -7.98},
     "sway": {"Y_N": -41.9, "K_Nm": -6.08, "N_Nm": -6.69},

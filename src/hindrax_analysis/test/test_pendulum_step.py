@@ -87,7 +87,7 @@ def test_a_step_without_motion_is_refused(top_mps: float) -> None:
 def test_the_exact_step_is_the_solution_of_the_equation_of_motion(
     mass: float, k_l: float, k_q: float, thrust: float
 ) -> None:
-    plant = step.Plant(mass, k_l, k_q)
+    plant = step.StepPlant(mass, k_l, k_q)
     time = array(np.linspace(0.0, 5.0, 21))
     solved = solve_ivp(
         lambda _, v: (thrust - k_l * v - k_q * v * np.abs(v)) / mass,
@@ -105,7 +105,7 @@ def test_the_exact_step_is_the_solution_of_the_equation_of_motion(
 def test_velocity_rises_to_where_drag_holds_the_thrust_and_acceleration_falls(
     k_l: float, k_q: float, thrust: float
 ) -> None:
-    plant = step.Plant(5.0, k_l, k_q)
+    plant = step.StepPlant(5.0, k_l, k_q)
     top = plant.terminal_mps(thrust)
     assert k_l * top + k_q * top**2 == pytest.approx(thrust)
     time = array(np.linspace(0.0, 10.0, 50))
@@ -115,7 +115,7 @@ def test_velocity_rises_to_where_drag_holds_the_thrust_and_acceleration_falls(
 
 
 def test_purely_quadratic_drag_is_a_hyperbolic_tangent() -> None:
-    plant = step.Plant(27.3, 0.0, 66.48)
+    plant = step.StepPlant(27.3, 0.0, 66.48)
     time = array(np.linspace(0.0, 5.0, 30))
     assert plant.velocity_mps(time, 20.0) == pytest.approx(
         np.sqrt(20 / 66.48) * np.tanh(np.sqrt(20 * 66.48) / 27.3 * time)
@@ -123,7 +123,7 @@ def test_purely_quadratic_drag_is_a_hyperbolic_tangent() -> None:
 
 
 def test_mass_and_drag_come_back_from_steps_in_both_directions() -> None:
-    plant, generator = step.Plant(27.3, 1.25, 66.48), np.random.default_rng(0)
+    plant, generator = step.StepPlant(27.3, 1.25, 66.48), np.random.default_rng(0)
     time = array(np.arange(0.0, 10.0, 0.05))
     tests = [
         step.StepTest(t, time, plant.velocity_mps(time, t) + generator.normal(0.0, 0.01, time.size))
@@ -151,6 +151,6 @@ def test_an_arm_that_makes_the_added_mass_negative_is_refused() -> None:
 
 def test_a_mass_above_the_total_is_refused() -> None:
     time = array(np.arange(0.0, 5.0, 0.05))
-    moved = [step.StepTest(T, time, step.Plant(17.0, 10.0, 20.0).velocity_mps(time, T)) for T in (5.0, 20.0)]
+    moved = [step.StepTest(T, time, step.StepPlant(17.0, 10.0, 20.0).velocity_mps(time, T)) for T in (5.0, 20.0)]
     with pytest.raises(HindraxError, match="check mass"):
         step.fit(moved, 40.0)

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from synthetic_runs import DVL, back_and_forth, events, fly
 
-from hindrax_analysis.coefficients_file import Conditions, SavedCoefficients, SavedMotion, conditions_of
+from hindrax_analysis.coefficients_file import ResultConditions, SavedCoefficients, SavedMotion, conditions_of
 from hindrax_analysis.identification.bag_identification import shared_warnings
 from hindrax_analysis.published import CITATION, PUBLISHED, published_of
 from hindrax_analysis.report.chart import (
@@ -71,7 +71,7 @@ def report(vehicle: Vehicle, outcome: Outcome) -> RunReport:
 
 def a_run(label: str, k_q: float, std: float = 0.5, *, identifiable: bool = True) -> SavedCoefficients:
     numbers = {"k_q": Number(k_q, std, 2.0 * std, unit="N s^2/m^2"), "k_l": Number(1.0, 0.1, unit="N s/m")}
-    blank = Conditions("hindrax", 15.0, 0.015, 0.6, 1000.0, 1e-6, mock=False)
+    blank = ResultConditions("hindrax", 15.0, 0.015, 0.6, 1000.0, 1e-6, mock=False)
     return SavedCoefficients(label, blank, {"surge": SavedMotion(numbers, identifiable, (), (0.1, 0.4))})
 
 

@@ -62,7 +62,7 @@ def field_kinds(text: str) -> dict[str, str]:
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class SchemaChange:
     """Change of one message type in one version of the interfaces."""
 
     version: int
@@ -94,19 +94,19 @@ _SIGMAS_AND_RATES = (
     *(f"{turn}_rate" for turn in ("roll", "pitch", "yaw")),
 )
 _FRACTIONS = {"pulses": ("uint16", _floats)}
-STEPS: tuple[Step, ...] = (
-    Step(2, "hindrax_msgs/msg/NavigationStatus", added=dict.fromkeys(_SIGMAS_AND_RATES, math.nan)),
-    Step(3, "hindrax_msgs/msg/AllocationStatus", turned=_FRACTIONS),
-    Step(3, "hindrax_msgs/msg/ThrusterState", turned=_FRACTIONS),
-    Step(3, "hindrax_msgs/msg/ThrusterCommand", turned=_FRACTIONS | {"lights": ("uint16", _floats)}),
-    Step(4, "hindrax_msgs/msg/ThrusterState", added={"armings": 0}),
+STEPS: tuple[SchemaChange, ...] = (
+    SchemaChange(2, "hindrax_msgs/msg/NavigationStatus", added=dict.fromkeys(_SIGMAS_AND_RATES, math.nan)),
+    SchemaChange(3, "hindrax_msgs/msg/AllocationStatus", turned=_FRACTIONS),
+    SchemaChange(3, "hindrax_msgs/msg/ThrusterState", turned=_FRACTIONS),
+    SchemaChange(3, "hindrax_msgs/msg/ThrusterCommand", turned=_FRACTIONS | {"lights": ("uint16", _floats)}),
+    SchemaChange(4, "hindrax_msgs/msg/ThrusterState", added={"armings": 0}),
 )
 """In the order of their versions."""
 VERSION = max(step.version for step in STEPS)
 """Of the interfaces of today."""
 
 
-def steps_of(type_name: str, text: str) -> tuple[Step, ...]:
+def steps_of(type_name: str, text: str) -> tuple[SchemaChange, ...]:
     """Steps from an embedded definition to the current one, in their order; none for foreign types."""
     steps = [step for step in STEPS if step.type == type_name]
     if not steps:

@@ -25,7 +25,7 @@ from launch_ros.substitutions import ExecutableInPackage
 
 from hindrax_bag.run_folder import write_parameters
 from hindrax_bringup.network.tether import tether_setting
-from hindrax_bringup.node_options import NodeOptions, Tuning
+from hindrax_bringup.node_options import NodeOptions, ParameterOverrides
 from hindrax_bringup.processes import ONBOARD, Process
 from hindrax_bringup.share_files import usual_vehicle, vehicle_file
 from hindrax_bringup.stack import stack_environment
@@ -64,7 +64,7 @@ def stack(
             return str(context.launch_configurations[name])
 
         vehicle = str(vehicle_file(argument("vehicle")))
-        tuning = Tuning(argument("namespace"), argument("params_file"))
+        tuning = ParameterOverrides(argument("namespace"), argument("params_file"))
         wires: dict[str, Any] | None = None
         tether = None if hardware else tether_setting()
         made = stack_environment(mock=hardware is not None, domain=None, tether=tether)

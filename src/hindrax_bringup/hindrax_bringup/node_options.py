@@ -21,7 +21,7 @@ NODES = tuple(dict.fromkeys(node for process in EVERY for node in process.nodes)
 
 
 @dataclass(frozen=True, slots=True)
-class Tuning:
+class ParameterOverrides:
     """What a user changes: namespace of the vehicle, a ROS parameter file, single parameters `node.name:=value`."""
 
     namespace: str = NAMESPACE
@@ -42,7 +42,7 @@ class NodeOptions:
     """All options of the nodes of one stack."""
 
     vehicle: str
-    tuning: Tuning = field(default_factory=Tuning)
+    tuning: ParameterOverrides = field(default_factory=ParameterOverrides)
     bag: str = ""
     notes: str = ""
     without_operator: str = ""

@@ -15,7 +15,7 @@ from hindrax_bag.run_folder import RunFolder, write_parameters
 from hindrax_bringup.liveness import NOTIFY
 from hindrax_bringup.network import security
 from hindrax_bringup.network.tether import Tether, profile_file
-from hindrax_bringup.node_options import NodeOptions, Tuning
+from hindrax_bringup.node_options import NodeOptions, ParameterOverrides
 from hindrax_bringup.nodes.graph_search import occupied_domains, require_no_stack
 from hindrax_bringup.processes import MOCK, RECORDER, Process
 from hindrax_bringup.stack_lock import StackLock, graph_settings
@@ -56,7 +56,7 @@ class Stack:
     folder: RunFolder
     supervisor: Supervisor
     notes: str = ""
-    tuning: Tuning = field(default_factory=Tuning)
+    tuning: ParameterOverrides = field(default_factory=ParameterOverrides)
     mock_facts: Mapping[str, Any] = field(default_factory=dict)
 
     def start(

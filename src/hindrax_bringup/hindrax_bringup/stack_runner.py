@@ -15,7 +15,7 @@ from hindrax_bag.read.recovery import begin_completion, unfinished_files
 from hindrax_bag.run_folder import RUNS, RunFolder, make_run_folder, remove_oldest
 from hindrax_bringup.liveness import STARTING, LivenessFile, reported_armed, tool_liveness
 from hindrax_bringup.network.tether import FOREVER_S, Tether, address_of, wait_for_address
-from hindrax_bringup.node_options import Tuning
+from hindrax_bringup.node_options import ParameterOverrides
 from hindrax_bringup.processes import MOCK, ONBOARD, SAFETY_MONITOR, THRUSTERS, modules
 from hindrax_bringup.stack import PROFILE, MockOptions, Stack, lock_of, own_domain, stack_environment
 from hindrax_bringup.stack_lock import StackLock, announced, runtime_folder, stacks
@@ -44,7 +44,7 @@ class UpOptions:
     out: str | None
     tether: Tether | None = None
     without_operator: str = ""
-    tuning: Tuning = field(default_factory=Tuning)
+    tuning: ParameterOverrides = field(default_factory=ParameterOverrides)
     keep_bytes: float = math.inf
     """Room for the runs in `RUNS`: the oldest ones are removed before a start; infinite: none is."""
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_bringup.node_options import NodeOptions, Tuning
+from hindrax_bringup.node_options import NodeOptions, ParameterOverrides
 from hindrax_bringup.processes import CONTROL, ONBOARD, RECORDER
 from hindrax_core.errors import UsageError
 from hindrax_core.topics import DIAGNOSTICS, NAVIGATION, in_default_namespace, resolved
@@ -19,7 +19,7 @@ FILE = """
 def tuned(folder: Path, *settings: str, text: str = FILE, namespace: str = "/rov1") -> NodeOptions:
     file = folder / "mine.yaml"
     file.write_text(text, encoding="utf-8")
-    return NodeOptions("vehicle.yaml", Tuning(namespace, str(file), settings))
+    return NodeOptions("vehicle.yaml", ParameterOverrides(namespace, str(file), settings))
 
 
 def test_what_is_set_wins_over_the_file_in_every_block_that_names_the_node(tmp_path: Path) -> None:
@@ -52,7 +52,7 @@ def test_a_block_for_nobody_is_told(tmp_path: Path) -> None:
 )
 def test_a_setting_that_is_none_costs_one_sentence(setting: str, why: str) -> None:
     with pytest.raises(UsageError, match=why.replace(".", r"\.")):
-        NodeOptions("vehicle.yaml", Tuning(settings=(setting,))).parameters()
+        NodeOptions("vehicle.yaml", ParameterOverrides(settings=(setting,))).parameters()
 
 
 @pytest.mark.parametrize("text", ["[]", "pilot: 1", "{", "pilot: {ros__parameters: 3}"])
@@ -64,14 +64,16 @@ def test_a_file_that_is_none_costs_one_sentence(tmp_path: Path, text: str) -> No
 @pytest.mark.parametrize("namespace", ["rov1", "/", "/rov1/", "/1rov", "/rov 1", "/rov__1", ""])
 def test_a_namespace_that_is_none_costs_one_sentence(namespace: str) -> None:
     with pytest.raises(UsageError, match="wanted words of letters"):
-        Tuning(namespace)
+        ParameterOverrides(namespace)
 
 
 def test_a_vehicle_of_another_name_has_the_shared_topics_inside() -> None:
-    own = NodeOptions("v", Tuning("/rov1"), wires={"ports": {}, "clock": ""}).arguments(CONTROL)
+    own = NodeOptions("v", ParameterOverrides("/rov1"), wires={"ports": {}, "clock": ""}).arguments(CONTROL)
     assert own[:2] == ["-r", "__ns:=/rov1"]
     assert {"/clock:=clock", "/tf:=tf", "/diagnostics:=diagnostics"} <= set(own)
-    assert "/clock:=clock" not in NodeOptions("v", Tuning("/rov1")).arguments(CONTROL), "a real one has no own clock"
+    assert "/clock:=clock" not in NodeOptions("v", ParameterOverrides("/rov1")).arguments(CONTROL), (
+        "a real one has no own clock"
+    )
     assert NodeOptions("v").arguments(CONTROL) == ["--enclave", "/hindrax/control"]
     for topic in (NAVIGATION, DIAGNOSTICS):
         inside = f"/rov1/{topic.name.lstrip('/')}"

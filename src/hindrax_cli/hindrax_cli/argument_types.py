@@ -5,7 +5,7 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
-from hindrax_bringup.node_options import Tuning
+from hindrax_bringup.node_options import ParameterOverrides
 from hindrax_bringup.share_files import usual_vehicle, vehicle_file
 from hindrax_cli.command import Declare, option
 from hindrax_core.topics import NAMESPACE, namespace_arguments
@@ -86,9 +86,9 @@ def add_parameters(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--set", action="append", default=[], metavar="NODE.NAME:=VALUE", help=one)
 
 
-def tuning_of(arguments: argparse.Namespace) -> Tuning:
+def tuning_of(arguments: argparse.Namespace) -> ParameterOverrides:
     """Read them back."""
-    return Tuning(arguments.namespace, arguments.params, tuple(arguments.set))
+    return ParameterOverrides(arguments.namespace, arguments.params, tuple(arguments.set))
 
 
 def output_settings(arguments: argparse.Namespace) -> "Settings":

@@ -63,7 +63,7 @@ MODULES = {
 
 
 @dataclass(frozen=True)
-class Command:
+class ToolCommand:
     """A command: function, options and example; `passes_on`: all its arguments go to another program.
 
     Each line of the example can be pasted; a line that begins with # is a comment.
@@ -80,9 +80,9 @@ class Command:
         return self.run.__name__.replace("_", "-")
 
 
-def command(example: str, *arguments: Declare, passes_on: bool = False) -> Callable[[Run], Command]:
+def command(example: str, *arguments: Declare, passes_on: bool = False) -> Callable[[Run], ToolCommand]:
     """Make a function a command: its docstring is the help, `arguments` declare its options in this order."""
-    return lambda run: Command(run, example, arguments, passes_on)
+    return lambda run: ToolCommand(run, example, arguments, passes_on)
 
 
 def option(*names: str, **how: Any) -> Callable[[argparse._ActionsContainer], object]:
@@ -90,7 +90,7 @@ def option(*names: str, **how: Any) -> Callable[[argparse._ActionsContainer], ob
     return lambda parser: parser.add_argument(*names, **how)
 
 
-def add_words(parser: argparse.ArgumentParser, words: Mapping[str, Command]) -> None:
+def add_words(parser: argparse.ArgumentParser, words: Mapping[str, ToolCommand]) -> None:
     """Subcommands, each with its own arguments; the chosen one is `arguments.word`."""
     below = parser.add_subparsers(dest="word", required=True, metavar="SUBCOMMAND")
     for name, one in words.items():
@@ -101,7 +101,7 @@ def add_words(parser: argparse.ArgumentParser, words: Mapping[str, Command]) -> 
             declare(made)
 
 
-def example_text(command: Command) -> str:
+def example_text(command: ToolCommand) -> str:
     """End of the help of a command."""
     return "\n".join(["example:", *(f"  {line}" for line in command.example.splitlines())])
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from hindrax_bag import software_version
-from hindrax_cli.command import GROUPS, MODULES, Command, example_text, help_text
+from hindrax_cli.command import GROUPS, MODULES, ToolCommand, example_text, help_text
 from hindrax_cli.interrupt import interruptible, sentence
 from hindrax_core.errors import INTERRUPTED, HindraxError, UsageError, cause
 from hindrax_core.text.screen_text import fitted, fitted_description, print_fitted, print_whole, screen_width
@@ -79,9 +79,9 @@ def meant(word: str, known: Iterable[str]) -> str:
     return f" (did you mean {near[0]}?)" if near else ""
 
 
-def load(name: str) -> Command:
+def load(name: str) -> ToolCommand:
     """Import one command; only the one that is wanted pays for its imports."""
-    found: Command = getattr(importlib.import_module(MODULES[name]), name.replace("-", "_"))
+    found: ToolCommand = getattr(importlib.import_module(MODULES[name]), name.replace("-", "_"))
     return found
 
 
@@ -125,7 +125,7 @@ def _main(words: list[str]) -> int:
     return run_command(load(words[0]), words[1:])
 
 
-def parser_of(command: Command) -> argparse.ArgumentParser:
+def parser_of(command: ToolCommand) -> argparse.ArgumentParser:
     """Make the parser of one command, with its help and its example."""
     parser = Parser(
         prog=f"hindrax {command.name}",
@@ -138,7 +138,7 @@ def parser_of(command: Command) -> argparse.ArgumentParser:
     return parser
 
 
-def run_command(command: Command, words: list[str]) -> int:
+def run_command(command: ToolCommand, words: list[str]) -> int:
     """Parse the arguments of one command and run it; a HindraxError becomes one line and its exit code."""
     parser = parser_of(command)
     if command.passes_on and words[:1] not in (["-h"], ["--help"]):

@@ -37,7 +37,7 @@ class Target:
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class DeploymentStep:
     """One command on the other machine, a shell script of one or more lines, and the command here that feeds it."""
 
     title: str
@@ -65,28 +65,28 @@ def kind_of(host: str, answer: str) -> DeploymentKind:
     )
 
 
-def plan(target: Target) -> tuple[Step, ...]:
+def plan(target: Target) -> tuple[DeploymentStep, ...]:
     """All steps, in order. Each is idempotent."""
     system = _of_the_system(target) if target.system else (_made(target),)
     return (*_files(target.folder), *system)
 
 
-def _files(folder: str) -> tuple[Step, ...]:
+def _files(folder: str) -> tuple[DeploymentStep, ...]:
     """The files of the last commit, and none of an earlier one; what was made there (.hindrax, runs) stays."""
     return (
-        Step(
+        DeploymentStep(
             f"a folder of our own: {folder}",
             f"mkdir -p {folder} 2>&- || true\n"
             f"test -w {folder} || sudo install -d -o $(id -u) -g $(id -g) {folder}\n"
             f"mkdir -p {folder}/.hindrax",
         ),
-        Step(
+        DeploymentStep(
             "files that are no longer there",
             f"cd {folder}\nLC_ALL=C sort >.hindrax/deployed.new\ntouch .hindrax/deployed\n"
             "LC_ALL=C comm -23 .hindrax/deployed .hindrax/deployed.new | tr '\\n' '\\0' | xargs -0 -r rm -f --",
             feed=("git", "-c", "core.quotepath=off", "ls-tree", "-r", "--name-only", "HEAD"),
         ),
-        Step(
+        DeploymentStep(
             "the files of the last commit",
             f"cd {folder}\ntar -x -f - --warning=no-timestamp\nmv .hindrax/deployed.new .hindrax/deployed",
             feed=("git", "archive", "--format=tar", "HEAD"),
@@ -95,7 +95,7 @@ def _files(folder: str) -> tuple[Step, ...]:
     )
 
 
-def _of_the_system(target: Target) -> tuple[Step, ...]:
+def _of_the_system(target: Target) -> tuple[DeploymentStep, ...]:
     words = ["sudo", f"{target.folder}/docker/pi/set-up.sh"]
     words += ["--container"] if target.kind is DeploymentKind.CONTAINER else []
     words += ["--tether", target.tether] if target.tether else []
@@ -107,19 +107,19 @@ def _of_the_system(target: Target) -> tuple[Step, ...]:
         ask = f"sudo -u hindrax HINDRAX_RUNTIME_DIR=/run/hindrax {target.folder}/hindrax health"
         tail = "sudo journalctl -u hindrax -n 20 --no-pager"
     return (
-        Step("boot settings, device names, groups, time, service", shlex.join(words)),
+        DeploymentStep("boot settings, device names, groups, time, service", shlex.join(words)),
         _made(target),
-        Step("start", start),
-        Step("wait until it is healthy", _until(ask, tail), remedy="`./hindrax doctor` there finds out more"),
+        DeploymentStep("start", start),
+        DeploymentStep("wait until it is healthy", _until(ask, tail), remedy="`./hindrax doctor` there finds out more"),
     )
 
 
-def _made(target: Target) -> Step:
+def _made(target: Target) -> DeploymentStep:
     """Make what the clone needs there: environment and workspace, or the image."""
     if target.kind is DeploymentKind.CONTAINER:
         script = f"docker compose -f {target.folder}/docker/compose.yaml build"
-        return Step("build the image (the first time takes a quarter of an hour)", script)
-    return Step(
+        return DeploymentStep("build the image (the first time takes a quarter of an hour)", script)
+    return DeploymentStep(
         "set up environment and workspace (the first time takes minutes)", f"{target.folder}/hindrax setup --vehicle"
     )
 

@@ -115,7 +115,7 @@ def test_forced_pendulum_and_step(tmp_path: Path, capsys: pytest.CaptureFixture[
     found = run_json(capsys, "pendulum", file, *words)
     assert found["output_error"]["gamma"]["value"] == pytest.approx(0.5, rel=1e-3)
 
-    plant, ticks = step.Plant(27.3, 1.25, 66.48), array(np.arange(0.0, 8.0, 0.05))
+    plant, ticks = step.StepPlant(27.3, 1.25, 66.48), array(np.arange(0.0, 8.0, 0.05))
     columns = [
         np.concatenate([part(t) for t in (5.0, 20.0)])
         for part in (lambda _: ticks, lambda t: plant.velocity_mps(ticks, t), lambda t: np.full(ticks.size, t))

@@ -34,9 +34,9 @@ from hindrax_core.text.screen_text import COMMAND, UNBOUNDED
 from hindrax_core.vehicle import AxisGain
 from hindrax_ident.arrays import array
 from hindrax_ident.assess.assessment import METHOD
-from hindrax_sim.flights.rehearsal import Band, Flown, Rehearsal
+from hindrax_sim.flights.rehearsal import ExpectedBand, Flown, Rehearsal
 from hindrax_tools.faults import table as fault_table
-from hindrax_tools.faults.cells import MODES, Cell
+from hindrax_tools.faults.cells import MODES, FaultOutcome
 from hindrax_tools.reference.commands import words_of
 
 BAGS = clone_root() / "test" / "replay" / "bags"
@@ -72,7 +72,7 @@ def show_trials() -> None:
 
 
 def show_faults() -> None:
-    found = [Cell("control", "died", mode, 1, 0.5, 0.0, 2.0, "too late: 1 s") for mode in MODES]
+    found = [FaultOutcome("control", "died", mode, 1, 0.5, 0.0, 2.0, "too late: 1 s") for mode in MODES]
     trials.print_faults("Time to neutral, the longest of 3 seeds", fault_table, found, [])
 
 
@@ -87,7 +87,7 @@ def show_weighing() -> None:
 
 
 def show_plan() -> None:
-    band = Band(0.45, 0.023, 0.21, 0.26, ("the DVL loses the bottom",))
+    band = ExpectedBand(0.45, 0.023, 0.21, 0.26, ("the DVL loses the bottom",))
     flown = Flown("surge", 0.0, 115.0, 1.54, 0.66, 0.17)
     pool_plan.show(Rehearsal("hindrax", "pool", (), (flown,), {"surge": band}, "", ""))
 

@@ -9,7 +9,7 @@ from synthetic_runs import STEP_S, Plan, back_and_forth, fly
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.model.parameters import Prior
-from hindrax_ident.online.axis_estimator import AxisEstimator, Verdict
+from hindrax_ident.online.axis_estimator import AxisEstimator, SampleVerdict
 from hindrax_ident.records.binning import DEPTH_S
 from hindrax_ident.tuning import Tuning
 
@@ -50,7 +50,7 @@ PRIOR = Prior(np.array([60.0, 2.0, 0.0, 30.0]), np.array([60.0, 60.0, 5.0, 30.0]
 NOISE_mps = 0.01
 
 
-def taught(tuning: Tuning, seconds: float = 60.0, color: float = 0.0) -> tuple[AxisEstimator, list[Verdict]]:
+def taught(tuning: Tuning, seconds: float = 60.0, color: float = 0.0) -> tuple[AxisEstimator, list[SampleVerdict]]:
     """Estimator after a flight that it was told of at 10 Hz, and its verdicts; `color`: correlation of the noise."""
     rng, estimator = np.random.default_rng(4), AxisEstimator(MODEL, LAG_S, PRIOR, tuning)
     flight = fly(MODEL, THETA, back_and_forth((14.0, 0.8, 5.4), 10.0, seconds), LAG_S)
@@ -58,7 +58,7 @@ def taught(tuning: Tuning, seconds: float = 60.0, color: float = 0.0) -> tuple[A
         estimator.thrust(at_s, force)
     step = round(0.1 / float(flight.grid.times_s[1]))
     moments = zip(flight.grid.times_s[::step].tolist(), flight.path.v[::step].tolist(), strict=True)
-    verdicts, noise_mps = list[Verdict](), 0.0
+    verdicts, noise_mps = list[SampleVerdict](), 0.0
     for t_s, v in moments:
         noise_mps = color * noise_mps + math.sqrt(1.0 - color**2) * NOISE_mps * float(rng.standard_normal())
         verdicts.append(estimator.velocity(t_s, v + noise_mps))
@@ -67,7 +67,7 @@ def taught(tuning: Tuning, seconds: float = 60.0, color: float = 0.0) -> tuple[A
 
 def still(
     estimator: AxisEstimator, begin_s: float, seconds: float, v: float = 0.0, every_s: float = 0.1
-) -> list[Verdict]:
+) -> list[SampleVerdict]:
     """Verdicts of velocities without thrust."""
     out = []
     for index in range(round(seconds / every_s)):

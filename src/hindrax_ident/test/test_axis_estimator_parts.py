@@ -10,7 +10,7 @@ import pytest
 from hindrax_ident.arrays import Array, Index, array
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.model.parameters import Prior
-from hindrax_ident.online.axis_estimator import AxisEstimator, Verdict
+from hindrax_ident.online.axis_estimator import AxisEstimator, SampleVerdict
 from hindrax_ident.online.filtered_regression import FilteredRegression, Sample, physical
 from hindrax_ident.online.rls import Rls
 from hindrax_ident.tuning import Tuning
@@ -61,7 +61,7 @@ def test_what_is_unexpected_of_a_velocity_is_taken_off_its_row_once_it_is_known(
 ) -> None:
     estimator = begun()
     stand = standing(estimator, Stand(samples))
-    assert estimator._learn(ROW, 1.0, derived=derived) == Verdict(learned=True, innovation=INNOVATION_mps)
+    assert estimator._learn(ROW, 1.0, derived=derived) == SampleVerdict(learned=True, innovation=INNOVATION_mps)
     assert stand.asked == [(ROW.x, ROW.y)]
     ((x, y),) = stand.taught
     share = INNOVATION_mps if cleaned else 0.0
@@ -134,7 +134,7 @@ def test_an_outlier_is_beyond_five_deviations_of_what_was_expected(
 
     estimator.regression = Regression(SURGE, 0.15, 1.0)
     told = estimator._learn(ROW, 1.0, derived=False)
-    assert told == Verdict(learned=not outlier, reason="outlier" if outlier else "", innovation=stand.innovation)
+    assert told == SampleVerdict(learned=not outlier, reason="outlier" if outlier else "", innovation=stand.innovation)
     assert len(stand.taught) == (not outlier)
     assert len(undone) == outlier
 

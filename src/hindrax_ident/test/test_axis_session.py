@@ -12,7 +12,7 @@ from hindrax_ident.arrays import Array, array
 from hindrax_ident.model.coriolis import Masses
 from hindrax_ident.model.motion_model import MOTIONS, Model, model_of, unit_wrench
 from hindrax_ident.model.parameters import Prior, wide_prior
-from hindrax_ident.online.axis_estimator import AxisEstimator, Verdict
+from hindrax_ident.online.axis_estimator import AxisEstimator, SampleVerdict
 from hindrax_ident.online.axis_session import AxisSession
 from hindrax_ident.records.axis_record import Series, Stretch
 from hindrax_ident.tuning import Tuning
@@ -45,7 +45,7 @@ class Estimator(AxisEstimator):
         self.received.append(("position", t_s, position))
         super().position(t_s, position)
 
-    def velocity(self, t_s: float, v: float, refusal: str = "", *, derived: bool = False) -> Verdict:
+    def velocity(self, t_s: float, v: float, refusal: str = "", *, derived: bool = False) -> SampleVerdict:
         self.received.append(("velocity", t_s, v))
         self.refusals.append((refusal, derived))
         return super().velocity(t_s, v, refusal, derived=derived)
@@ -316,7 +316,7 @@ def test_an_estimate_is_that_of_its_direction_and_without_the_mass_of_the_body(
 ) -> None:
     session, estimator = begun(vehicle, 2)
     estimator.regression.rate = 1.7
-    told = session.estimate(MOTIONS[motion], Verdict(learned=False, reason="outlier", innovation=0.02))
+    told = session.estimate(MOTIONS[motion], SampleVerdict(learned=False, reason="outlier", innovation=0.02))
     values, sigmas = session.prior.values, session.prior.sigmas
     assert told.motion == motion
     assert told.names == ("k_q", "k_l", "b", "added_mass")
@@ -334,7 +334,7 @@ def test_a_reported_value_is_within_its_bounds(vehicle: Vehicle) -> None:
     model = model_of(vehicle, 0)
     prior = Prior(np.array([-4.0, 3.0, 0.0, 14.0]), np.array([2.0, 1.0, 1.0, 5.0]))
     session = AxisSession(vehicle, model, prior, Tuning())
-    told = session.estimate(MOTIONS["surge"], Verdict(learned=True))
+    told = session.estimate(MOTIONS["surge"], SampleVerdict(learned=True))
     assert told.values[0] == 0.0
     assert told.values[3] == pytest.approx(0.0, abs=1e-9)
     assert told.learning

@@ -13,7 +13,7 @@ from hindrax_ident.arrays import Array, array
 from hindrax_ident.fit.plateaus import Plateaus
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.online.aim import FIRST, Aim, Choice, check_experiment, plan_text
-from hindrax_ident.online.experiment import MARGIN, Drag, Experiment, drag_of
+from hindrax_ident.online.experiment import MARGIN, DragEstimate, Experiment, drag_of
 from hindrax_ident.online.session import Session
 
 MODEL = Model(0, 20.0)
@@ -26,20 +26,20 @@ def rows(speeds: Sequence[float]) -> Array:
     return np.stack([np.abs(v) * v, v, np.ones_like(v)], axis=1)
 
 
-def drag(noise: float, speeds: Sequence[float] = (0.45, 0.1), seconds: float = 10.0) -> Drag:
+def drag(noise: float, speeds: Sequence[float] = (0.45, 0.1), seconds: float = 10.0) -> DragEstimate:
     """Plateaus of equal length; `noise` of the drag where it is largest, in units of what is wanted."""
     x, top = rows(speeds), max(speeds)
     gradient = array([[share**2 * top**2, share * top, 0.0] for share in (0.5, 1.0)])
     unit = np.linalg.inv(seconds * x.T @ x)
     largest = float(np.sum(gradient @ unit * gradient, axis=1).max())
     plateaus = Plateaus(x[:, 1], x[:, 0], np.full(len(x), seconds))
-    return Drag(MODEL, plateaus, array(unit / largest * noise**2), gradient, np.ones(2), wanted=1.0)
+    return DragEstimate(MODEL, plateaus, array(unit / largest * noise**2), gradient, np.ones(2), wanted=1.0)
 
 
 class Pool:
     """Flies what is chosen, `PACE_S` each; what is known of a motion grows with every time that it is flown."""
 
-    def __init__(self, vehicle: Vehicle, known: Mapping[str, Drag | None], aim: Aim) -> None:
+    def __init__(self, vehicle: Vehicle, known: Mapping[str, DragEstimate | None], aim: Aim) -> None:
         self.known, self.count = known, dict.fromkeys(known, 0)
         self.experiment = Experiment(tuple(known), aim, self.estimate_drag)
         session = Session(vehicle)
@@ -52,7 +52,7 @@ class Pool:
             self.count[choice.motion] += 1
             assert index < 200
 
-    def estimate_drag(self, _session: Session, axis: int, _until: float) -> Drag | None:
+    def estimate_drag(self, _session: Session, axis: int, _until: float) -> DragEstimate | None:
         one, flown = self.known[AXES[axis]], self.count[AXES[axis]]
         return replace(one, covariance=array(one.covariance / flown)) if one and flown else None
 

@@ -17,7 +17,7 @@ from hindrax_bag.run_folder import RunFolder, make_run_folder
 from hindrax_bag.write.limits import BagLimits
 from hindrax_bringup.liveness import STARTING, LivenessFile, health_change, tool_liveness
 from hindrax_bringup.network.tether import available_tether
-from hindrax_bringup.node_options import Tuning
+from hindrax_bringup.node_options import ParameterOverrides
 from hindrax_bringup.processes import RECORDER, modules
 from hindrax_bringup.stack import MockOptions, Stack, adopted, lock_of, own_domain, stack_environment
 from hindrax_bringup.stack_lock import announced
@@ -62,14 +62,14 @@ class PoolOptions:
     """When the identification node ends the experiment that it runs; without one the pilot flies its plan."""
     predicted: Mapping[str, float] = field(default_factory=dict)
     """Deviation of the drag of each motion as a share of it, by a rehearsal [-]."""
-    tuning: Tuning = field(default_factory=Tuning)
+    tuning: ParameterOverrides = field(default_factory=ParameterOverrides)
     start: tuple[float, float, float] | None = None
     """Position in the pool before arming, as for `recentre`; none: by the pilot's parameters."""
 
     @property
     def plan_is_the_pilots(self) -> bool:
         """Whether only the pilot knows the plan: its parameters were set."""
-        own = self.tuning != Tuning(self.tuning.namespace)
+        own = self.tuning != ParameterOverrides(self.tuning.namespace)
         return own and self.aim is None and self.excitation == PLATEAUS
 
 

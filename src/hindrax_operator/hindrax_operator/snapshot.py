@@ -91,7 +91,7 @@ class Snapshot:
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class CameraFrame:
     """One picture of a camera as it was sent, and a number that no other has."""
 
     number: int

@@ -10,7 +10,7 @@ from vehicle_files import hindrax_file
 
 from hindrax_analysis import terminal
 from hindrax_analysis.identification import bag_identification
-from hindrax_bringup.node_options import Tuning
+from hindrax_bringup.node_options import ParameterOverrides
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.maneuver.plan import plans_of
 from hindrax_core.errors import HindraxError, UsageError
@@ -28,7 +28,7 @@ def test_the_plan_is_told_as_the_pilot_has_it() -> None:
 
 def test_before_the_start_no_plan_is_told_that_only_the_pilot_knows_nor_of_signals() -> None:
     vehicle = load_vehicle(default_vehicle())
-    tuned = replace(OPTIONS, tuning=Tuning(settings=("pilot.plan.levels:=6",)))
+    tuned = replace(OPTIONS, tuning=ParameterOverrides(settings=("pilot.plan.levels:=6",)))
     assert tuned.plan_is_the_pilots
     assert planned(vehicle, tuned) == []
     assert planned(vehicle, replace(OPTIONS, excitation="chirp")) == []

@@ -34,7 +34,7 @@ from hindrax_core.events import Stamp
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.online.aim import Aim, ExperimentGoal
 from hindrax_operator.monitor.graph_link import GraphLink
-from hindrax_operator.snapshot import Frame, Snapshot, place_view
+from hindrax_operator.snapshot import CameraFrame, Snapshot, place_view
 from hindrax_operator.web import http_server, page_controller
 from hindrax_operator.web import page as page_text
 from hindrax_operator.web.access import hosts_of
@@ -316,7 +316,7 @@ def test_a_frame_of_a_camera_on_the_graph_is_sent_once(tmp_path: Path, monkeypat
     with served(tmp_path, replace(ARMED, cameras=("/front/image",))) as page:
         path = "/camera/%2Ffront%2Fimage"
         assert page.ask("GET", path)[0] == 304, "no frame yet"
-        page.vehicle.frames["/front/image"] = Frame(7, b"\xff\xd8\xff and so on".replace(b" ", b""))
+        page.vehicle.frames["/front/image"] = CameraFrame(7, b"\xff\xd8\xff and so on".replace(b" ", b""))
         page.vehicle.frames["/back/image"] = page.vehicle.frames["/front/image"]
         connection = http.client.HTTPConnection(ADDRESS, page.server.port, timeout=20)
         connection.request("GET", path, headers={"Authorization": f"Bearer {TOKEN}"})
@@ -328,7 +328,7 @@ def test_a_frame_of_a_camera_on_the_graph_is_sent_once(tmp_path: Path, monkeypat
         assert page.ask("GET", path, headers={"If-None-Match": seen})[0] == 304
         for strange in ("/camera/%2Fback%2Fimage", "/camera/", "/camera/..%2F..%2Fetc%2Fpasswd"):
             assert page.ask("GET", strange)[0] == 404
-        page.vehicle.frames["/front/image"] = Frame(8, b"<svg onload=alert(1)>")
+        page.vehicle.frames["/front/image"] = CameraFrame(8, b"<svg onload=alert(1)>")
         status, _, text = page.ask("GET", path)
         assert status == 415
         assert "wanted JPEG, PNG or WebP" in text

@@ -11,7 +11,7 @@ from web_rig import ARMED, DISARMED, ESTIMATE, PLANS, TOKEN, served
 
 from hindrax_control.maneuver.goal import Goal
 from hindrax_ident.online.aim import Aim, ExperimentGoal
-from hindrax_operator.snapshot import Frame, ManeuverView
+from hindrax_operator.snapshot import CameraFrame, ManeuverView
 
 PROGRAM = browser_at_hand()
 
@@ -135,7 +135,7 @@ def test_a_camera_the_estimate_over_time_and_banners_that_go(tmp_path: Path) -> 
         seen.wait(f"{text('armed')} === 'ARMED'")
 
         # A camera of the graph is shown as soon as it is there.
-        page.vehicle.frames["/front/image"] = Frame(1, PICTURE)
+        page.vehicle.frames["/front/image"] = CameraFrame(1, PICTURE)
         page.vehicle.shown = replace(page.vehicle.shown, cameras=("/front/image",))
         seen.wait("document.getElementById('frame').naturalWidth === 1 && !document.getElementById('frame').hidden")
 

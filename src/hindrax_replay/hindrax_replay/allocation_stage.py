@@ -18,7 +18,7 @@ from hindrax_core.signals import Allocation, AppliedOutput, Command
 from hindrax_core.topics import ALLOCATION, BATTERY, THRUSTER_COMMAND, THRUSTER_HEALTH, THRUSTER_STATE, WRENCH, resolved
 from hindrax_core.vehicle import Vehicle
 from hindrax_replay.recorded_devices import Parameters, knobs_of
-from hindrax_replay.wire_stage import Samples, compare_lazily
+from hindrax_replay.wire_stage import ReferenceSamples, compare_lazily
 from hindrax_ros.messages.convert import stamp_from_msg, wrench_from_msg
 from hindrax_ros.messages.fast_serialization import (
     allocation_writer,
@@ -41,7 +41,9 @@ SETTLING_NS = NS_PER_S // 4
 class AllocationStage:
     """Guard and allocation of one vehicle, compared with the record."""
 
-    def __init__(self, vehicle: Vehicle, parameters: Parameters, ledger: ComparisonReport, samples: Samples) -> None:
+    def __init__(
+        self, vehicle: Vehicle, parameters: Parameters, ledger: ComparisonReport, samples: ReferenceSamples
+    ) -> None:
         self._ledger, self._samples = ledger, samples
         knobs = (knobs_of(kind, parameters, "allocator") for kind in (AllocationKnobs, WrenchGuardKnobs, SupplyKnobs))
         self._cycle = AllocationCycle(vehicle, *knobs)

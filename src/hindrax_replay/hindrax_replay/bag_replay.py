@@ -27,7 +27,7 @@ from hindrax_replay import allocation_stage, state_stage
 from hindrax_replay.allocation_stage import AllocationStage
 from hindrax_replay.recorded_devices import parameters_of
 from hindrax_replay.state_stage import StateStage
-from hindrax_replay.wire_stage import Samples, WireStage
+from hindrax_replay.wire_stage import ReferenceSamples, WireStage
 
 FOLLOWED = frozenset(state_stage.INPUTS | allocation_stage.INPUTS)
 """Topics that the first stage forwards to the others."""
@@ -54,7 +54,7 @@ class Replayed:
     begin: int = 0
     vehicle_s: float = 0.0
     wall_s: float = 0.0
-    samples: Samples = field(default_factory=Samples)
+    samples: ReferenceSamples = field(default_factory=ReferenceSamples)
 
     def document(self) -> dict[str, Any]:
         """As it appears in JSON."""
@@ -87,8 +87,8 @@ def replay(
     def record() -> Iterator[BagMessage]:
         return (one._replace(topic=ours[one.topic]) if one.topic in ours else one for one in messages(bag))
 
-    def follow(settled: Iterator[SettledMessage]) -> tuple[ComparisonReport, Samples]:
-        samples = Samples()
+    def follow(settled: Iterator[SettledMessage]) -> tuple[ComparisonReport, ReferenceSamples]:
+        samples = ReferenceSamples()
         state = StateStage(vehicle, parameters, done.ledger, samples)
         allocation = AllocationStage(vehicle, parameters, done.ledger, samples)
         for message, replaced in settled:

@@ -17,7 +17,7 @@ from hindrax_ident.online.session import Session
 from hindrax_ident.records.feed import DROPPED, Feed, Measurement
 from hindrax_ident.tuning import Tuning
 from hindrax_replay.recorded_devices import Parameters, knobs_of
-from hindrax_replay.wire_stage import Samples, compare_lazily
+from hindrax_replay.wire_stage import ReferenceSamples, compare_lazily
 from hindrax_ros.messages.convert import estimate_to_msg
 from hindrax_ros.messages.fast_serialization import navigation_writer, odometry_writer
 from hindrax_ros.messages.serialization import current_bytes, deserialized, message_class
@@ -43,7 +43,9 @@ INPUTS = SENSORS.keys() | MEASUREMENTS.keys() | STATES.keys() | {ESTIMATE_NAME, 
 class StateStage:
     """Navigator and identification, fed with the recorded messages or their replacements from the first stage."""
 
-    def __init__(self, vehicle: Vehicle, parameters: Parameters, ledger: ComparisonReport, samples: Samples) -> None:
+    def __init__(
+        self, vehicle: Vehicle, parameters: Parameters, ledger: ComparisonReport, samples: ReferenceSamples
+    ) -> None:
         self._ledger, self._samples = ledger, samples
         self._navigator = Navigator(vehicle, knobs_of(NavigatorKnobs, parameters, "navigator"))
         tuning = knobs_of(Tuning, parameters, "identifier")

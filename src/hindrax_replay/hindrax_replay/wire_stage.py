@@ -28,7 +28,7 @@ RAW_NAMES = {resolved(topic): source for source, topic in RAW_FRAMES.items()}
 AS_RECORDED, NOT_YET = b"", None
 
 
-class Samples(dict[str, dict[str, Any]]):
+class ReferenceSamples(dict[str, dict[str, Any]]):
     """Values that a reference keeps, by topic and time: a message of each topic a second."""
 
     def __init__(self) -> None:
@@ -81,7 +81,7 @@ class WireStage:
         vehicle: Vehicle,
         parameters: Parameters,
         ledger: ComparisonReport,
-        samples: Samples,
+        samples: ReferenceSamples,
         forward: Callable[[bytes | None], None],
         *,
         followed: frozenset[str],

@@ -17,7 +17,7 @@ MEMORY = ".memory"
 """End of the name of the file beside the heartbeat."""
 
 
-class Heartbeat:
+class HeartbeatFile:
     """Beats at most once a second, however often it is asked to."""
 
     def __init__(self, path: str) -> None:
@@ -26,7 +26,7 @@ class Heartbeat:
             self._file = os.open(path, os.O_WRONLY | os.O_CREAT, 0o600)
 
     @classmethod
-    def of(cls, environment: Mapping[str, str]) -> "Heartbeat":
+    def of(cls, environment: Mapping[str, str]) -> "HeartbeatFile":
         """Make the heartbeat of a process with this environment."""
         return cls(environment.get(VARIABLE, ""))
 

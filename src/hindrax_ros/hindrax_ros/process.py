@@ -19,7 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from hindrax_core.errors import HindraxError
 from hindrax_ros.batched_node import BatchedNode, SpinLoop, events_executor
-from hindrax_ros.heartbeat import Heartbeat
+from hindrax_ros.heartbeat import HeartbeatFile
 from hindrax_ros.parameters import warn_of_unknown_parameters
 
 LONGEST_END_S = 60
@@ -56,7 +56,7 @@ def spin(
     in a callback is our own mistake: nothing catches it, the process ends and its supervisor starts it again. Nodes
     that cannot be made with their arguments give a one-line error.
     """
-    stop, heartbeat = stop or StopSignal(), Heartbeat.of(os.environ)
+    stop, heartbeat = stop or StopSignal(), HeartbeatFile.of(os.environ)
     rclpy.init(args=list(sys.argv if arguments is None else arguments), signal_handler_options=SignalHandlerOptions.NO)
     nodes: Sequence[Node] = ()
     executor = events_executor()

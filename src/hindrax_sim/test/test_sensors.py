@@ -10,11 +10,11 @@ import pytest
 from hindrax_core.events import Stamp, Stamped, stamp_from_s
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Reading, Vec3
 from hindrax_core.vehicle import GRAVITY_mps2, Mount, load_vehicle
-from hindrax_sim.flights.sensor_models import Noise, sensors
+from hindrax_sim.flights.sensor_models import SensorNoise, sensors
 from hindrax_sim.physics.normal_draws import NormalDraws
 from hindrax_sim.world import Conditions, World
 
-QUIET = Noise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+QUIET = SensorNoise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 """Sensors without noise and bias: what is left is their rounding."""
 
 VEHICLE = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml")
@@ -22,7 +22,7 @@ CALM = Conditions(thrust_noise=0.0)
 
 
 def moving(
-    noise: Noise = QUIET, attitude: Vec3 = (0.0, 0.0, 0.3), seed: int = 1
+    noise: SensorNoise = QUIET, attitude: Vec3 = (0.0, 0.0, 0.3), seed: int = 1
 ) -> tuple[World, list[tuple[str, Stamped[Reading]]]]:
     """A world in motion and its sensors, half a second in, each asked at its period."""
     world = World(VEHICLE, seed, CALM)
@@ -108,7 +108,7 @@ def test_noise_has_the_spread_that_is_asked_for() -> None:
 
 
 def test_one_seed_one_story() -> None:
-    stories = [[one for _, one in moving(Noise(), seed=seed)[1]] for seed in (3, 3, 4)]
+    stories = [[one for _, one in moving(SensorNoise(), seed=seed)[1]] for seed in (3, 3, 4)]
     assert stories[0] == stories[1]
     assert stories[0] != stories[2]
 

@@ -28,7 +28,7 @@ ALWAYS = (Setpoint("roll", value=0.0), Setpoint("pitch", value=0.0))
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class SetpointStep:
     """What is asked for: a way along the pool [m], a depth [m], a heading [rad]; and when it counts as reached."""
 
     name: str
@@ -41,16 +41,16 @@ class Step:
 
 
 STEPS = (
-    Step("1 m along", way_m=1.0),
-    Step("0.4 m down", depth_m=1.1, band=0.03),
-    Step("90 deg", heading_rad=math.pi / 2.0, band=math.radians(2.0), unit="deg", scale=math.degrees(1.0)),
+    SetpointStep("1 m along", way_m=1.0),
+    SetpointStep("0.4 m down", depth_m=1.1, band=0.03),
+    SetpointStep("90 deg", heading_rad=math.pi / 2.0, band=math.radians(2.0), unit="deg", scale=math.degrees(1.0)),
 )
 
 
 class StepPilot:
     """Comes to rest, then steps; keeps the errors after the step with their times [s]."""
 
-    def __init__(self, vehicle: Vehicle, step: Step) -> None:
+    def __init__(self, vehicle: Vehicle, step: SetpointStep) -> None:
         self._holds, self._station, self._box = Holds(vehicle), StationKeeping(vehicle), PoolBounds(vehicle, 0.0)
         self._step = step
         self._first: Stamped[Navigation] | None = None
@@ -79,7 +79,7 @@ class StepPilot:
         _, _, Z, K, M, N = held.wrench
         return LockstepCommand((X, Y, Z, K, M, N), armed=time_s >= READY_S)
 
-    def _set(self, step: Step) -> None:
+    def _set(self, step: SetpointStep) -> None:
         for setpoint in (Setpoint("depth", value=step.depth_m), Setpoint("heading", value=step.heading_rad), *ALWAYS):
             self._holds.set(setpoint)
 
@@ -97,7 +97,7 @@ def rows() -> list[dict[str, Any]]:
     return [_row(vehicle, step) for vehicle in vehicles for step in STEPS]
 
 
-def _row(vehicle: Vehicle, step: Step) -> dict[str, Any]:
+def _row(vehicle: Vehicle, step: SetpointStep) -> dict[str, Any]:
     known, unknown = measured(vehicle, vehicle, step), measured(vehicle, replace(vehicle, hydrodynamics=None), step)
     return {
         "name": f"{vehicle.name}, {step.name}: {_text(known, step)}",
@@ -108,13 +108,13 @@ def _row(vehicle: Vehicle, step: Step) -> dict[str, Any]:
     }
 
 
-def _text(found: Mapping[str, float], step: Step) -> str:
+def _text(found: Mapping[str, float], step: SetpointStep) -> str:
     reached = found["settled_s"] < EACH_S - REST_S
     settled = f"settled in {found['settled_s']:.1f} s" if reached else f"not settled in {EACH_S:.0f} s"
     return f"{settled}, hold error {found['error'] * step.scale:.3f} {step.unit}"
 
 
-def measured(vehicle: Vehicle, model: Vehicle, step: Step) -> dict[str, float]:
+def measured(vehicle: Vehicle, model: Vehicle, step: SetpointStep) -> dict[str, float]:
     """Time after which the error stays within the band [s], and its root mean square in the end [m, rad]."""
     pilot = StepPilot(model, step)
     for _ in Lockstep(vehicle, pilot, SEED).run(READY_S + STEP_S + EACH_S):

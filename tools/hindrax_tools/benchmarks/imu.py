@@ -20,7 +20,7 @@ from hindrax_core.events import after, stamp_from_s
 from hindrax_drivers.buses.i2cdev import Smbus2Bus
 from hindrax_drivers.devices.icm20948 import Icm20948
 from hindrax_drivers.devices.imu import icm20948_registers as registers
-from hindrax_drivers.devices.imu.icm20948_samples import SAMPLE, Icm20948Knobs, Samples
+from hindrax_drivers.devices.imu.icm20948_samples import SAMPLE, Icm20948Knobs, SampleDecoder
 from hindrax_drivers.imu_calibration import Correction
 from hindrax_sim.buses.ioctl_seam import seam
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
@@ -65,7 +65,7 @@ def _noise() -> list[bytes]:
 
 
 def _decode(batches: Sequence[bytes]) -> None:
-    samples = Samples(Icm20948Knobs(), Correction())
+    samples = SampleDecoder(Icm20948Knobs(), Correction())
     for turn, data in enumerate(batches):
         samples.decode(data, after(START, turn * BATCH / RATE_Hz))
 

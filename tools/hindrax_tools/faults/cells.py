@@ -21,7 +21,7 @@ AT_END_S = 0.2
 
 
 @dataclass(frozen=True, slots=True)
-class Cell:
+class FaultOutcome:
     """One fault in one mode with one seed. Times are those of the mock."""
 
     who: str
@@ -76,7 +76,7 @@ class Judge:
         within_s: float = math.inf,
         lost: str = "",
         armed: bool = False,
-    ) -> Cell:
+    ) -> FaultOutcome:
         """The judgement. `within_s`: until neutral; `lost`: what never came; `armed`: it flies on though at rest."""
         took_s, wall = self._thrust_s - self._begin.now_s, self._last.wall_hits > self._begin.wall_hits
         found = {
@@ -89,7 +89,7 @@ class Judge:
         }
         violated = tuple(sentence for sentence, so in found.items() if so)
         neutral_s = None if self.flies_on or armed else took_s
-        return Cell(who, what, mode, seed, neutral_s, self._wrong_s, self._tilt_deg, reason, violated, wall)
+        return FaultOutcome(who, what, mode, seed, neutral_s, self._wrong_s, self._tilt_deg, reason, violated, wall)
 
 
 def is_wrong(estimated: Navigation, true: TrueState) -> bool:

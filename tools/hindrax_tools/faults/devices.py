@@ -15,7 +15,7 @@ from hindrax_core.vehicle import load_vehicle
 from hindrax_sim.faults.fault_registry import FaultSpec
 from hindrax_sim.flights.lockstep import Lockstep, LockstepCommand
 from hindrax_sim.flights.lockstep_rigs import BytesRig
-from hindrax_tools.faults.cells import DISARMED, HELD, HOLD, MANEUVER, OPERATOR, WRENCH, Cell, Judge
+from hindrax_tools.faults.cells import DISARMED, HELD, HOLD, MANEUVER, OPERATOR, WRENCH, FaultOutcome, Judge
 
 READY_S = 4.0
 FROM_S = {MANEUVER: 24.0, HOLD: 14.0, OPERATOR: 14.0, DISARMED: 6.0}
@@ -88,7 +88,7 @@ class ModePilot:
                 self.pilot.set(Setpoint(axis, value=value))
 
 
-def fly(row: DeviceFault, mode: str, seed: int) -> Iterator[Cell]:
+def fly(row: DeviceFault, mode: str, seed: int) -> Iterator[FaultOutcome]:
     """Fly, break, and judge every step of the hardware."""
     at_s = random.Random(f"{row} {mode} {seed}").uniform(0.0, WITHIN_S) + FROM_S[mode]  # noqa: S311  # no secret
     pilot = ModePilot(mode, seed)

@@ -26,7 +26,7 @@ from hindrax_core.signals import Navigation
 from hindrax_core.topics import NAVIGATION, OPERATOR_WRENCH, THRUSTER_COMMAND, THRUSTER_STATE
 from hindrax_drivers.buses.ports import open_bus
 from hindrax_sim.hardware import TrueState
-from hindrax_tools.faults.cells import DISARMED, HELD, HOLD, MANEUVER, MODES, OPERATOR, WRENCH, Cell, Judge
+from hindrax_tools.faults.cells import DISARMED, HELD, HOLD, MANEUVER, MODES, OPERATOR, WRENCH, FaultOutcome, Judge
 from hindrax_tools.mock_stack import mock_stack
 
 if TYPE_CHECKING:
@@ -236,7 +236,7 @@ class FaultyStack:
             ):
                 operator.pause(PATIENT_S)
 
-    def cell(self, row: ProcessFault, mode: str, seed: int) -> Cell:
+    def cell(self, row: ProcessFault, mode: str, seed: int) -> FaultOutcome:
         """Fly, harm, and judge. A cell that misses its deadline reports what is missing."""
         self.estimates.clear()
         self.wait(lambda: bool(self._read()), "the mock")
@@ -297,7 +297,7 @@ class _Seen:
         """Whether all is at work again, and disarmed where that is wanted."""
         return self._whole() and (self._row.within_s == math.inf or not self._stack.operator.thrusters.armed)
 
-    def cell(self, seed: int, last: TrueState) -> Cell:
+    def cell(self, seed: int, last: TrueState) -> FaultOutcome:
         """The judgement: each true state beside the state that was estimated then."""
         judge, estimates = Judge(self._true[0] if self._true else last), self._stack.estimates
         stamps = sorted(estimates)
@@ -330,7 +330,7 @@ def faulty_stack(
             yield faulty
 
 
-def fly(rows: Sequence[ProcessFault], seed: int) -> Iterator[Cell]:
+def fly(rows: Sequence[ProcessFault], seed: int) -> Iterator[FaultOutcome]:
     """Fly all cells of some rows, all `by_mock` or none, with one seed, mode by mode.
 
     A stack serves them until one loses it. Rows without which it flies on come first: one flight serves them all.

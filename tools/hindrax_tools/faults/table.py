@@ -6,26 +6,26 @@ from functools import partial
 
 from hindrax_analysis.identification.executor import run_all
 from hindrax_tools.faults import devices, processes
-from hindrax_tools.faults.cells import DISARMED, MODES, Cell
+from hindrax_tools.faults.cells import DISARMED, MODES, FaultOutcome
 
 WHO = tuple(dict.fromkeys([row.who for row in processes.ROWS] + [row.who for row in devices.ROWS]))
 
 
-def fly(only: Sequence[str], seeds: Sequence[int], workers: int = 0) -> list[Cell]:
+def fly(only: Sequence[str], seeds: Sequence[int], workers: int = 0) -> list[FaultOutcome]:
     """Fly all cells, or those of some processes and devices; reports progress on stderr."""
     harmed = tuple(row for row in processes.ROWS if row.who in only)
     together = [tuple(row for row in harmed if row.by_mock is by_mock) for by_mock in (False, True)]
     jobs = [partial(processes.fly, some, seed) for some in together if some for seed in seeds]
     broken = [row for row in devices.ROWS if row.who in only]
     jobs += [partial(devices.fly, row, mode, seed) for row in broken for mode in MODES for seed in seeds]
-    found: list[Cell] = []
+    found: list[FaultOutcome] = []
     for number, cells in enumerate(run_all(_fly, jobs, workers=workers), start=1):
         found += cells
         print(f"{number} of {len(jobs)} flights", file=sys.stderr, flush=True)
     return found
 
 
-def _fly(job: Callable[[], Iterator[Cell]]) -> list[Cell]:
+def _fly(job: Callable[[], Iterator[FaultOutcome]]) -> list[FaultOutcome]:
     cells = []
     for one in job():
         cells.append(one)
@@ -34,7 +34,7 @@ def _fly(job: Callable[[], Iterator[Cell]]) -> list[Cell]:
     return cells
 
 
-def rows(cells: Sequence[Cell]) -> Iterator[tuple[str, ...]]:
+def rows(cells: Sequence[FaultOutcome]) -> Iterator[tuple[str, ...]]:
     """Who, what, an entry for each mode, and what the vehicle reported: the worst of all seeds."""
     for who, what in dict.fromkeys((one.who, one.what) for one in cells):
         same = [one for one in cells if (one.who, one.what) == (who, what)]
@@ -42,7 +42,7 @@ def rows(cells: Sequence[Cell]) -> Iterator[tuple[str, ...]]:
         yield who, what, *(entry([one for one in same if one.mode == mode]) for mode in MODES), "; ".join(reasons)
 
 
-def entry(cells: Sequence[Cell]) -> str:
+def entry(cells: Sequence[FaultOutcome]) -> str:
     """What came of one fault in one mode: neutral within so many seconds, or the flight went on."""
     if any(one.violated for one in cells):
         return "VIOLATED"

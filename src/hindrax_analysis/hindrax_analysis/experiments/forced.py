@@ -31,7 +31,7 @@ NOT_A_SINE = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class ForcedMotion:
     """One kind of oscillation: symbol of its acceleration, loads it excites, load to which the model's inertia adds."""
 
     name: str
@@ -42,16 +42,16 @@ class Motion:
 
 
 MOTIONS = {
-    "heave": Motion("heave", "wdot", ("X_N", "Z_N", "M_Nm"), "Z_N", angular=False),
-    "sway": Motion("sway", "vdot", ("Y_N", "K_Nm", "N_Nm"), "Y_N", angular=False),
-    "pitch": Motion("pitch", "qdot", ("Z_N", "M_Nm"), "M_Nm", angular=True),
-    "yaw": Motion("yaw", "rdot", ("Y_N", "N_Nm"), "N_Nm", angular=True),
+    "heave": ForcedMotion("heave", "wdot", ("X_N", "Z_N", "M_Nm"), "Z_N", angular=False),
+    "sway": ForcedMotion("sway", "vdot", ("Y_N", "K_Nm", "N_Nm"), "Y_N", angular=False),
+    "pitch": ForcedMotion("pitch", "qdot", ("Z_N", "M_Nm"), "M_Nm", angular=True),
+    "yaw": ForcedMotion("yaw", "rdot", ("Y_N", "N_Nm"), "N_Nm", angular=True),
 }
 """Equations 20 (heave), 21 (sway), 22 (pitch) and 23 (yaw)."""
 
 
 @dataclass(frozen=True, slots=True)
-class Model:
+class TowedModel:
     """The towed model: mass, inertia by motion, righting moment m g z_B, length for the dimensionless form."""
 
     mass_kg: float
@@ -60,7 +60,7 @@ class Model:
     restoring_Nm: float = 0.0
     density_kgpm3: float = 1000.0
 
-    def own_inertia(self, motion: Motion) -> float:
+    def own_inertia(self, motion: ForcedMotion) -> float:
         """Mass [kg] for a translation, moment of inertia [kg m^2] for a rotation."""
         if not motion.angular:
             return self.mass_kg
@@ -84,7 +84,7 @@ class Harmonics:
 class OscillationRun:
     """One test at one frequency: time from zero and, on an even time base, the motion and the loads."""
 
-    motion: Motion
+    motion: ForcedMotion
     rate_Hz: float
     moved: Array
     loads: Mapping[str, Array]
@@ -115,7 +115,7 @@ def harmonics(force: Array, periods: int) -> Harmonics:
     return Harmonics(sine, cosine, -float(np.mean(force)))
 
 
-def run_from_columns(columns: Mapping[str, Array], motion: Motion, source: str) -> OscillationRun:
+def run_from_columns(columns: Mapping[str, Array], motion: ForcedMotion, source: str) -> OscillationRun:
     """Columns of a record needed for the motion. HindraxError names a missing column."""
     moved = "angle_rad" if motion.angular else "displacement_m"
     present = [name for name in motion.loads if name in columns]
@@ -181,7 +181,7 @@ def amplitudes(run: OscillationRun) -> Analyzed:
     return frequency, motion * frequency**2, {name: harmonics(load, count) for name, load in even.items()}
 
 
-def derivatives(runs: Sequence[OscillationRun], model: Model) -> list[Coefficient]:
+def derivatives(runs: Sequence[OscillationRun], model: TowedModel) -> list[Coefficient]:
     """Acceleration derivatives of one motion, from runs at several frequencies, by both methods of the paper."""
     motion = runs[0].motion
     if any(run.motion != motion for run in runs):
@@ -191,7 +191,9 @@ def derivatives(runs: Sequence[OscillationRun], model: Model) -> list[Coefficien
     return [_coefficient(name, runs, analyzed, model) for name in names]
 
 
-def _coefficient(load: str, runs: Sequence[OscillationRun], analyzed: Sequence[Analyzed], model: Model) -> Coefficient:
+def _coefficient(
+    load: str, runs: Sequence[OscillationRun], analyzed: Sequence[Analyzed], model: TowedModel
+) -> Coefficient:
     motion = runs[0].motion
     own = model.own_inertia(motion) if load == motion.own else 0.0
     restoring = model.restoring_Nm if load == motion.own == "M_Nm" else 0.0

@@ -17,7 +17,7 @@ from hindrax_analysis.experiments.forced import Coefficient
 from hindrax_analysis.experiments.free_decay import FreeDecay
 from hindrax_analysis.experiments.least_squares import Array
 from hindrax_analysis.experiments.pendulum import PendulumFit
-from hindrax_analysis.experiments.step import Plant, StepTest
+from hindrax_analysis.experiments.step import StepPlant, StepTest
 from hindrax_analysis.experiments.towing import Towing
 from hindrax_core.vehicle import AXES
 from hindrax_ident.arrays import array
@@ -146,7 +146,7 @@ def towing(speed_mps: Array, drag_N: Array, fit: Towing) -> Figure:
     return figure
 
 
-def step(plant: Plant, thrusts_N: Sequence[float], duration_s: float, tests: Sequence[StepTest] = ()) -> Figure:
+def step(plant: StepPlant, thrusts_N: Sequence[float], duration_s: float, tests: Sequence[StepTest] = ()) -> Figure:
     """Velocity and acceleration after steps of thrust; recorded velocities as points. Badawy 2012, figures 14 to 17."""
     figure, (left, right) = _figure(1, 2, 10.0, 4.2)
     time = array(np.linspace(0.0, duration_s, 400))

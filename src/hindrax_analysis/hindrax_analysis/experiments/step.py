@@ -29,7 +29,7 @@ PAPER_THRUSTS_N = (5.0, 10.0, 15.0, 20.0, 25.0, 30.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Plant:
+class StepPlant:
     """One degree of freedom: total mass (with added mass) [kg], linear [N s/m] and quadratic [N s^2/m^2] drag."""
 
     mass_kg: float
@@ -98,7 +98,7 @@ def fit(tests: Sequence[StepTest], mass_kg: float) -> StepFit:
 
     def residual(shape: Array) -> Array:
         """Model minus measurement of all tests: (n,) [m/s]."""
-        plant = Plant(*map(float, np.exp(shape)))
+        plant = StepPlant(*map(float, np.exp(shape)))
         model = [plant.velocity_mps(test.time_s, test.thrust_N) for test in tests]
         return np.asarray(np.concatenate(model) - measured)
 

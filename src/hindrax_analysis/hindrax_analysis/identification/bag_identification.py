@@ -9,7 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from hindrax_analysis.coefficients_file import Conditions, SavedCoefficients, as_yaml, conditions_of, read_coefficients
+from hindrax_analysis.coefficients_file import (
+    ResultConditions,
+    SavedCoefficients,
+    as_yaml,
+    conditions_of,
+    read_coefficients,
+)
 from hindrax_analysis.published import CITATION, PAPER, published_of
 from hindrax_analysis.records.own_bag import bag_events, date_of, maneuver_record, truth_in
 from hindrax_analysis.report.comparison import RunScatter
@@ -151,7 +157,7 @@ def identify_run(
 
 
 def write_report(
-    file: Path, identified: Identified, conditions: Conditions, bag: Path | None, *earlier: SavedCoefficients
+    file: Path, identified: Identified, conditions: ResultConditions, bag: Path | None, *earlier: SavedCoefficients
 ) -> None:
     """Write the report, with the online estimates in the `bag` where the record is one of this stack."""
     results, traces = identified.results, traces_of(bag, identified.origin) if bag else identified.traces
@@ -173,7 +179,7 @@ def bag_hash(bag: Path) -> str:
 
 def recorded_conditions(
     identified: Identified, files: Sequence[Path], ours: Sequence[Path], assumed: Sequence[str] = (), aborted: str = ""
-) -> Conditions:
+) -> ResultConditions:
     """Conditions of a result over files, of which some are bags of this stack.
 
     `aborted` is an end that neither a bag nor its run contains yet.

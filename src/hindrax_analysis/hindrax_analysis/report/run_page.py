@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
 
-from hindrax_analysis.coefficients_file import TABULATED, Conditions, SavedCoefficients
+from hindrax_analysis.coefficients_file import TABULATED, ResultConditions, SavedCoefficients
 from hindrax_analysis.published import CITATION, PAPER, published_of
 from hindrax_analysis.report.chart import figure
 from hindrax_analysis.report.figures import (
@@ -48,7 +48,7 @@ class RunReport:
 
     results: Results
     assessments: Mapping[int, Assessment]
-    conditions: Conditions
+    conditions: ResultConditions
     traces: Mapping[str, Trace] = field(default_factory=dict)
     earlier: Sequence[SavedCoefficients] = ()
 
@@ -239,7 +239,7 @@ def _entries(report: RunReport, result: MotionResult, name: str) -> list[Entry]:
 # ---- the end
 
 
-def _conditions(of: Conditions) -> str:
+def _conditions(of: ResultConditions) -> str:
     pairs = [
         ("vehicle", of.vehicle),
         ("mass, volume", f"{of.mass_kg:g} kg, {of.volume_m3:g} m\u00b3"),

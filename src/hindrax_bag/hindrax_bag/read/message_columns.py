@@ -67,7 +67,7 @@ class _Table:
 
 
 @dataclass(slots=True)
-class Series:
+class FieldSeries:
     """One field over time [s since the first message of the bag]."""
 
     name: str
@@ -79,10 +79,10 @@ class Series:
     """As the definition of the message names it; empty where it does not."""
 
 
-def series(bag: Path, wanted: Sequence[str]) -> list[Series]:
+def series(bag: Path, wanted: Sequence[str]) -> list[FieldSeries]:
     """Fields given as `TOPIC:FIELD` over time; UsageError names what is not there."""
     places = [_place(word) for word in wanted]
-    made = [Series(word) for word in wanted]
+    made = [FieldSeries(word) for word in wanted]
     for message, time_s, stamp, row in message_rows(bag, {topic for topic, _ in places}):
         for one, (topic, name) in zip(made, places, strict=True):
             if topic == message.topic:

@@ -15,7 +15,7 @@ from hindrax_core.readings import Reading
 from hindrax_core.vehicle import Mount, chip_and_line
 from hindrax_drivers.devices.imu import icm20948_registers as r
 from hindrax_drivers.devices.imu.ak09916 import Ak09916
-from hindrax_drivers.devices.imu.icm20948_samples import Icm20948Knobs, Samples
+from hindrax_drivers.devices.imu.icm20948_samples import Icm20948Knobs, SampleDecoder
 from hindrax_drivers.driver import Driver, RegisterPart
 from hindrax_drivers.imu_calibration import correction
 
@@ -45,7 +45,7 @@ class Icm20948(RegisterPart):
         super().__init__(address or r.ADDRESS)
         self._knobs = knobs
         self.period_s = knobs.period_s if knobs.mode == "fifo" else 1.0 / knobs.rate_Hz
-        self._samples = Samples(knobs, correction(calibration or {}, "accel", "mps2"))
+        self._samples = SampleDecoder(knobs, correction(calibration or {}, "accel", "mps2"))
         self._mag = Ak09916(correction(calibration or {}, "mag", "T"))
         self._turn = self._misaligned = 0
         self._fetched = self._timed = Stamp(0)

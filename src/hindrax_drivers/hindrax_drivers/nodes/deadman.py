@@ -27,7 +27,7 @@ from hindrax_drivers.buses.ports import open_bus
 from hindrax_drivers.devices.pca9685 import Pca9685, pca9685_of
 from hindrax_drivers.nodes.thruster_settings import KEEPALIVE_S, Settings, read_settings
 from hindrax_drivers.nodes.thrusters import ARGUMENTS, NEUTRAL_WORD, NODE_WORD
-from hindrax_ros.heartbeat import VARIABLE, Heartbeat
+from hindrax_ros.heartbeat import VARIABLE, HeartbeatFile
 
 REPEAT_S = 0.09
 SILENT_S = 0.3
@@ -146,7 +146,7 @@ class DeadMan:
     def __init__(self, settings: Settings, arguments: Sequence[str]) -> None:
         self._neutral, self._arguments = NeutralWriter(settings), arguments
         self._asked_s: float | None = None
-        self._heartbeat = Heartbeat.of(os.environ)
+        self._heartbeat = HeartbeatFile.of(os.environ)
         signal.signal(signal.SIGINT, self._ask)
         signal.signal(signal.SIGTERM, self._ask)
 

@@ -17,7 +17,7 @@ from hindrax_core.errors import UsageError
 from hindrax_core.events import to_s
 from hindrax_core.input_checks import EXPIRED, order_window
 from hindrax_ident.online.aim import Aim, Choice, check_experiment, plan_text
-from hindrax_ident.online.experiment import Drag, Experiment
+from hindrax_ident.online.experiment import DragEstimate, Experiment
 from hindrax_ident.online.session import Session
 from hindrax_msgs.action import FlyManeuver, RunExperiment
 from hindrax_ros.batched_node import BatchedNode
@@ -179,7 +179,7 @@ class _Run:
         self.received_s = 0.0
 
 
-def _result(handle: Any, aborted: str, ended: str, known: Mapping[str, Drag]) -> Any:
+def _result(handle: Any, aborted: str, ended: str, known: Mapping[str, DragEstimate]) -> Any:
     """Bring the handle of a goal into its last state and return the result."""
     end_goal(handle, aborted)
     found = RunExperiment.Result(completed=not aborted, aborted=aborted, ended=ended, known=list(known))

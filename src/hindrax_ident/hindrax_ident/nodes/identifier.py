@@ -36,7 +36,7 @@ from hindrax_ident.tuning import Tuning
 from hindrax_ros.batched_node import TURN_S, BatchedNode
 from hindrax_ros.diagnostics import DiagnosticsPublisher, status
 from hindrax_ros.graph import publisher, subscription
-from hindrax_ros.heartbeat import Heartbeat
+from hindrax_ros.heartbeat import HeartbeatFile
 from hindrax_ros.messages.convert import estimate_to_msg
 from hindrax_ros.parameters import knobs, text
 from hindrax_ros.process import spin
@@ -69,7 +69,7 @@ class Identifier(BatchedNode):
             subscription(self, topic, self._listener(topic, read), raw=True)
         for topic, events_of in ((ANY_ODOMETRY, velocities_from_odometry), (ANY_WRENCH, thrust_from_wrench)):
             subscription(self, topic, self._any_listener(topic, events_of))
-        self._heartbeat = Heartbeat.of(os.environ)
+        self._heartbeat = HeartbeatFile.of(os.environ)
         self.create_service(Trigger, ASSESS, self._on_assess)
         self._experiments = ExperimentServer(self, lambda choose: self._judged(choose, self._session))
         self.every(REPORT_S, self._report)

@@ -37,7 +37,7 @@ MOST_OUTLIERS_IN_A_ROW = 20
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class SampleVerdict:
     """Outcome of a sample: whether it was used, the reason if not, and its innovation [m/s, rad/s]."""
 
     learned: bool
@@ -111,7 +111,7 @@ class AxisEstimator:
             if self._filter and kind != "effort":
                 getattr(self._filter, kind)(at_s, value)
 
-    def velocity(self, t_s: float, v: float, refusal: str = "", *, derived: bool = False) -> Verdict:
+    def velocity(self, t_s: float, v: float, refusal: str = "", *, derived: bool = False) -> SampleVerdict:
         """Add one velocity; with a `refusal` it updates the filters but not the estimate.
 
         `derived`: computed from positions, which the joint filter has used already.
@@ -120,7 +120,7 @@ class AxisEstimator:
         self._apply_inputs_until(t_s)
         pause = t_s - regression.velocity_time_s
         if pause <= 0.0:
-            return Verdict(learned=False, reason="its stamp is not later than the previous one")
+            return SampleVerdict(learned=False, reason="its stamp is not later than the previous one")
         if pause > tuning.gap_s:
             regression.restart()
             self._whitener.restart()
@@ -136,7 +136,7 @@ class AxisEstimator:
         refusal = refusal or self._refusal(sample, pause, age)
         if refusal or sample is None:
             self.correlator.restart()
-            return Verdict(learned=False, reason=refusal)
+            return SampleVerdict(learned=False, reason=refusal)
         return self._learn(sample, t_s, derived=derived)
 
     def _summed(self, sample: Sample, pause: float) -> Sample:
@@ -156,7 +156,7 @@ class AxisEstimator:
             return "first velocity" if math.isnan(pause) else f"no velocity for {pause:.1f} s"
         return "" if sample.settled else "the filters are settling"
 
-    def _learn(self, sample: Sample, t_s: float, *, derived: bool) -> Verdict:
+    def _learn(self, sample: Sample, t_s: float, *, derived: bool) -> SampleVerdict:
         x, y = sample.x, sample.y
         if self._fixed_mass:
             x, y = x[:-1], y - x[-1] / self._fixed_mass
@@ -169,7 +169,7 @@ class AxisEstimator:
         self._outliers = self._outliers + 1 if self._is_outlier(innovation, information) else 0
         if 0 < self._outliers <= MOST_OUTLIERS_IN_A_ROW:
             self.regression.undo_last()
-            return Verdict(learned=False, reason="outlier", innovation=innovation / scale)
+            return SampleVerdict(learned=False, reason="outlier", innovation=innovation / scale)
         if self.samples > KNOWN_AFTER * self._rls.n and not derived:
             # The noise of a velocity is in x as well as in y: subtract the unexpected part from x.
             x = tuple(value - scale**2 * slope * innovation for value, slope in zip(x, sample.slope, strict=False))
@@ -186,7 +186,7 @@ class AxisEstimator:
         if self._filter and not self._filter.started and self.samples > START_FILTER_AFTER * self._rls.n:
             theta, covariance = self.estimate()
             self._filter.start(t_s, theta, covariance, self._rls.variance)
-        return Verdict(learned=True, innovation=innovation / scale)
+        return SampleVerdict(learned=True, innovation=innovation / scale)
 
     def _is_outlier(self, innovation: float, information: float) -> bool:
         if self.samples <= KNOWN_AFTER * self._rls.n:

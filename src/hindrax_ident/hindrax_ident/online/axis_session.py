@@ -10,7 +10,7 @@ from hindrax_core.vehicle import Vehicle
 from hindrax_ident.model.coriolis import Masses, coriolis, coriolis_errors
 from hindrax_ident.model.motion_model import Model, Motion, known_force, lag_s, motions_of, unit_wrench
 from hindrax_ident.model.parameters import Prior, bounded, reported_parameters
-from hindrax_ident.online.axis_estimator import AxisEstimator, Verdict
+from hindrax_ident.online.axis_estimator import AxisEstimator, SampleVerdict
 from hindrax_ident.records.axis_record import Record, Series, Stretch, series
 from hindrax_ident.records.binning import DEPTH_S, NAVIGATORS, Bin, SourceSelector, mean
 from hindrax_ident.tuning import Tuning
@@ -87,7 +87,7 @@ class AxisSession:
         self._coriolis = coriolis(axis, masses.values, nu)
         self.estimator.known(t_s, self._hydrostatic + self._coriolis)
 
-    def velocity(self, t_s: float, v: float, source: str, refusal: str) -> list[tuple[float, Verdict]]:
+    def velocity(self, t_s: float, v: float, source: str, refusal: str) -> list[tuple[float, SampleVerdict]]:
         """Add one velocity of one source; return the verdicts on the means that it completes."""
         if not math.isfinite(v) or not self._speed_source.accepts(source) or self._is_derived:
             return []
@@ -105,7 +105,7 @@ class AxisSession:
 
     def attitude(
         self, t_s: float, attitude_rad: tuple[float, float, float], depth_m: float, refusal: str
-    ) -> list[tuple[float, Verdict]]:
+    ) -> list[tuple[float, SampleVerdict]]:
         """Add attitude and depth: known forces, angles, and in heave the velocity derived from depth."""
         axis = self.model.axis
         roll, pitch, _ = attitude_rad
@@ -125,7 +125,7 @@ class AxisSession:
         if not kept or t_s - kept[-1][0] >= self._position_s:
             kept.append((t_s, position))
 
-    def _add_depth(self, t_s: float, depth_m: float, source: str, refusal: str) -> list[tuple[float, Verdict]]:
+    def _add_depth(self, t_s: float, depth_m: float, source: str, refusal: str) -> list[tuple[float, SampleVerdict]]:
         if not self._depth_source.accepts(source):
             return []
         self._add_position(t_s, depth_m, source)
@@ -143,7 +143,7 @@ class AxisSession:
 
     # ---- outputs
 
-    def estimate(self, motion: Motion, verdict: Verdict) -> Estimate:
+    def estimate(self, motion: Motion, verdict: SampleVerdict) -> Estimate:
         """Estimate of one motion after a sample; bounds apply to the report, not to the estimator."""
         theta, covariance = self.estimator.estimate()
         reported = self._reported[motion.side]

@@ -32,7 +32,7 @@ UNKNOWN_CALIBRATION = 0.03
 
 
 @dataclass(frozen=True, slots=True)
-class Drag:
+class DragEstimate:
     """What is known of the drag along an axis; d parameters: drag and offset.
 
     `covariance` (d, d) of them; `gradient` (q, d) of the drag at the speeds that count, `force` (q,) the drag there
@@ -82,7 +82,7 @@ class Drag:
         return array(np.maximum(np.sum(self.gradient @ covariance * self.gradient, axis=1), 1e-18) / self.force**2)
 
 
-def drag_of(session: Session, axis: int, until: float) -> Drag | None:
+def drag_of(session: Session, axis: int, until: float) -> DragEstimate | None:
     """What is known of the drag along an axis now; None before two speeds were flown."""
     if axis not in session.axes:
         return None
@@ -100,7 +100,7 @@ def drag_of(session: Session, axis: int, until: float) -> Drag | None:
     gradient[:, -1] = 0.0
     force = array(np.maximum(np.abs(gradient @ theta[:d]), 1e-9))
     wanted = until or OF_CALIBRATION * calibration_of(session, axis, float(force.max()))
-    return Drag(model, plateaus, array(covariance[:d, :d]), gradient, force, wanted)
+    return DragEstimate(model, plateaus, array(covariance[:d, :d]), gradient, force, wanted)
 
 
 def calibration_of(session: Session, axis: int, force: float) -> float:
@@ -125,9 +125,9 @@ class Experiment:
 
     motions: Sequence[str]
     aim: Aim = field(default_factory=Aim)
-    estimate_drag: Callable[[Session, int, float], Drag | None] = drag_of
+    estimate_drag: Callable[[Session, int, float], DragEstimate | None] = drag_of
     ended: str = ""
-    known: dict[str, Drag] = field(default_factory=dict)
+    known: dict[str, DragEstimate] = field(default_factory=dict)
     _flown_s: dict[str, float] = field(default_factory=dict)
     _started_s: float = math.nan
     _last: tuple[str, float] | None = None

@@ -30,7 +30,7 @@ from hindrax_ident.assess.results import MotionResult, Results
 from hindrax_ident.model.coriolis import USUAL_MASS_RATIO, USUAL_MASS_RATIO_SIGMA, Masses, VelocityHistory
 from hindrax_ident.model.motion_model import MOTIONS, Motion, model_of, motions_of, rigid_mass
 from hindrax_ident.model.parameters import OnlineEstimates, one_sided, wide_prior
-from hindrax_ident.online.axis_estimator import Verdict
+from hindrax_ident.online.axis_estimator import SampleVerdict
 from hindrax_ident.online.axis_session import AxisSession
 from hindrax_ident.records.axis_record import PhaseLog, Record, side_of, usable
 from hindrax_ident.tuning import Tuning
@@ -154,7 +154,7 @@ class Session:
             axis_session.motion(t_s, self._velocities.at(t_s), self._masses)
         return self._estimates(axis_session.velocity(t_s, nu[motion.axis], velocity.source, self._refusal()))
 
-    def _estimates(self, verdicts: list[tuple[float, Verdict]]) -> Sequence[Stamped[Estimate]]:
+    def _estimates(self, verdicts: list[tuple[float, SampleVerdict]]) -> Sequence[Stamped[Estimate]]:
         axis_session, motion, origin = self._active(), self._motion, self._origin
         if self._silent or not axis_session or not motion or origin is None:
             return ()

@@ -16,7 +16,7 @@ from hindrax_core.errors import HindraxError
 from hindrax_core.topics import NAMESPACE
 from hindrax_ident.online.aim import ExperimentGoal
 from hindrax_operator.connection import joined
-from hindrax_operator.snapshot import Frame, OnDone, Snapshot, snapshot
+from hindrax_operator.snapshot import CameraFrame, OnDone, Snapshot, snapshot
 
 if TYPE_CHECKING:
     from hindrax_operator.nodes.cameras import Cameras
@@ -78,7 +78,7 @@ class GraphLink(threading.Thread):
         """Order a maneuver or an experiment; `on_done` is called when it has ended."""
         self._orders.put((lambda operator: _fly(operator, goal), on_done))
 
-    def frame(self, camera: str) -> Frame | None:
+    def frame(self, camera: str) -> CameraFrame | None:
         """Return the last frame of a camera of the snapshot; None before its first."""
         return self._cameras.frame(camera) if self._cameras else None
 

@@ -9,7 +9,7 @@ from rclpy.subscription import Subscription
 from sensor_msgs.msg import CompressedImage
 
 from hindrax_core.topics import BY_HAND
-from hindrax_operator.snapshot import Frame
+from hindrax_operator.snapshot import CameraFrame
 from hindrax_ros.graph import profile
 
 TYPE = "sensor_msgs/msg/CompressedImage"
@@ -27,9 +27,9 @@ class Cameras:
         self._node, self._looked_s = node, float("-inf")
         self._wanted_s: dict[str, float] = {}
         self._subscribed: dict[str, Subscription] = {}
-        self._frames: dict[str, Frame] = {}
+        self._frames: dict[str, CameraFrame] = {}
 
-    def frame(self, name: str) -> Frame | None:
+    def frame(self, name: str) -> CameraFrame | None:
         """Return the last frame of a camera, None before the first; from now on it is wanted."""
         self._wanted_s[name] = time.monotonic()
         return self._frames.get(name)
@@ -50,4 +50,4 @@ class Cameras:
             self._frames.pop(name, None)
 
     def _on_frame(self, name: str, message: Any) -> None:
-        self._frames[name] = Frame(time.monotonic_ns(), bytes(message.data))
+        self._frames[name] = CameraFrame(time.monotonic_ns(), bytes(message.data))

@@ -60,7 +60,7 @@ class Site:
     streams: set[IOStream] = field(default_factory=set)
 
 
-class Request(HTTPMessageDelegate):
+class RequestHandler(HTTPMessageDelegate):
     """Answers one request; the connection ends with it."""
 
     def __init__(self, site: Site, connection: HTTP1Connection) -> None:
@@ -271,14 +271,14 @@ class _Requests(HTTPServerConnectionDelegate):
         self._site = site
         self._waiting: list[IOStream] = []
 
-    def start_request(self, server_conn: object, request_conn: HTTPConnection) -> Request:  # noqa: ARG002  # Tornado's
+    def start_request(self, server_conn: object, request_conn: HTTPConnection) -> RequestHandler:  # noqa: ARG002  # Tornado's
         """Make room for a new connection, and begin its request."""
         connection = cast("HTTP1Connection", request_conn)
         self._waiting = [one for one in self._waiting if not one.closed() and one not in self._site.streams]
         if len(self._waiting) >= CONNECTIONS:
             self._waiting.pop(0).close()
         self._waiting.append(connection.stream)
-        return Request(self._site, connection)
+        return RequestHandler(self._site, connection)
 
 
 def _unbound(address: str, port: int, error: OSError) -> str:

@@ -15,7 +15,7 @@ from hindrax_core.vehicle import Vehicle
 from hindrax_ident.online.aim import Aim, ExperimentGoal, check_experiment
 from hindrax_operator.monitor.draw import SILENT_s
 from hindrax_operator.monitor.graph_link import GraphLink
-from hindrax_operator.snapshot import Frame
+from hindrax_operator.snapshot import CameraFrame
 from hindrax_operator.web.access import RefusedRequest
 from hindrax_operator.web.page import summary
 from hindrax_operator.web.reports import Reports
@@ -62,7 +62,7 @@ class PageController:
                 self._updated_s = time.monotonic()
             return self._update
 
-    def frame(self, camera: str) -> Frame | None:
+    def frame(self, camera: str) -> CameraFrame | None:
         """Return the last frame of a camera, None before its first; Refused for one that is not on the graph."""
         if camera not in self._vehicle.snapshot().cameras:
             raise RefusedRequest(HTTPStatus.NOT_FOUND, "camera: none of that name on the graph")

@@ -46,7 +46,7 @@ class LockstepCommand:
     disabled: frozenset[str] = frozenset()
 
 
-class Pilot(Protocol):
+class LockstepPilot(Protocol):
     """Flies the vehicle: one command per Navigation."""
 
     def step(self, navigation: Stamped[Navigation], became: Allocation | None, *, armed: bool) -> LockstepCommand:
@@ -59,7 +59,7 @@ class Onboard:
     `write` applies thruster pulses and returns the actual ones [us].
     """
 
-    def __init__(self, vehicle: Vehicle, pilot: Pilot, session: Session, write: Write) -> None:
+    def __init__(self, vehicle: Vehicle, pilot: LockstepPilot, session: Session, write: Write) -> None:
         self.navigator = Navigator(vehicle)
         self.session = session
         self.order = LockstepCommand()
@@ -161,7 +161,7 @@ class Lockstep:
     def __init__(
         self,
         vehicle: Vehicle,
-        pilot: Pilot,
+        pilot: LockstepPilot,
         seed: int = 0,
         *,
         by_bytes: bool = False,

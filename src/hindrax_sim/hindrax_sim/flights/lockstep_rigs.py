@@ -20,7 +20,7 @@ from hindrax_drivers.devices.pca9685 import pca9685_of
 from hindrax_drivers.driver_registry import DEVICES
 from hindrax_drivers.output.output_guard import guard_of
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, fault_injector
-from hindrax_sim.flights.sensor_models import Noise, SensorModel, sensors
+from hindrax_sim.flights.sensor_models import SensorModel, SensorNoise, sensors
 from hindrax_sim.hardware import START, Hardware, STEP_ns
 from hindrax_sim.world import Conditions, World
 
@@ -45,7 +45,7 @@ class ReadingsRig:
         self._inject = fault_injector(self.world, faults, to_s(START))
         self._queue: list[tuple[int, int, SensorModel, Sequence[Stamped[Reading]]]] = []
         self._count = 0
-        for sensor in sensors(self.world, Noise(), seed):
+        for sensor in sensors(self.world, SensorNoise(), seed):
             self._push(START + sensor.period_ns, sensor, ())
 
     def _push(self, when: int, sensor: SensorModel, readings: Sequence[Stamped[Reading]]) -> None:

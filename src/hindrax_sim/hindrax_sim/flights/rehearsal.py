@@ -34,7 +34,7 @@ class Flown:
 
 
 @dataclass(frozen=True, slots=True)
-class Band:
+class ExpectedBand:
     """Standard deviations to be expected, as shares of the drag at the highest speed, and of the added mass [-].
 
     `noise`: of this record alone. NaN where the coefficient will not be identified, with `reasons`.
@@ -55,7 +55,7 @@ class Rehearsal:
     world: str
     plans: tuple[Plan, ...]
     flown: tuple[Flown, ...]
-    bands: Mapping[str, Band]
+    bands: Mapping[str, ExpectedBand]
     ended: str
     """Why an experiment chose nothing more."""
     aborted: str
@@ -123,9 +123,9 @@ def rehearse(
     return Rehearsal(vehicle.name, world, flight.plans, tuple(rows), bands, ended, flight.aborted)
 
 
-def _band(result: MotionResult) -> Band:
+def _band(result: MotionResult) -> ExpectedBand:
     drag, mass = result.drag, result.coefficients.get("added_mass")
-    return Band(
+    return ExpectedBand(
         speed=result.speeds[1],
         noise=float(drag.std[-1] / drag.force[-1]) if drag else math.nan,
         calibrated=float(drag.std_calibrated[-1] / drag.force[-1]) if drag else math.nan,

@@ -22,7 +22,7 @@ HALF_BEAM_rad, MOST_TILT_rad, LEAST_RANGE_m = math.radians(12.5), math.radians(4
 
 
 @dataclass(frozen=True, slots=True)
-class Noise:
+class SensorNoise:
     """Imperfections of the sensors; standard deviations unless stated otherwise."""
 
     # ICM-20948 (TDK DS-000189 table 1 and 2): noise density times the noise bandwidth of the 51 Hz filter.
@@ -42,7 +42,7 @@ class Noise:
 
 
 Sample: TypeAlias = Callable[[], Sequence[Stamped[Reading]]]
-Model: TypeAlias = Callable[[World, Mounting, Noise, NormalDraws], Sample]
+Model: TypeAlias = Callable[[World, Mounting, SensorNoise, NormalDraws], Sample]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +74,7 @@ def _single(world: World, read: Callable[[], Reading | None]) -> Sample:
     return sample
 
 
-def _imu(world: World, at: Mounting, noise: Noise, draws: NormalDraws) -> Sample:
+def _imu(world: World, at: Mounting, noise: SensorNoise, draws: NormalDraws) -> Sample:
     """Specific force and rate, 500 deg/s and 4 g full scale; fetched from the FIFO about fifty times a second."""
     rate_bias, force_bias = draws.three(noise.gyro_bias_radps), draws.three(noise.accelerometer_bias_mps2)
     fifo: list[Stamped[Reading]] = []
@@ -95,13 +95,13 @@ def _imu(world: World, at: Mounting, noise: Noise, draws: NormalDraws) -> Sample
     return sample
 
 
-def _magnetometer(world: World, at: Mounting, noise: Noise, draws: NormalDraws) -> Sample:
+def _magnetometer(world: World, at: Mounting, noise: SensorNoise, draws: NormalDraws) -> Sample:
     """The magnetometer in the same package; its own rate."""
     iron, sigma = draws.three(noise.hard_iron_T), noise.magnetometer_T
     return _single(world, lambda: readings.Magnetic(_counted(world.magnetic_T(at), iron, sigma, FIELD_STEP_T, draws)))
 
 
-def _barometer(world: World, at: Mounting, noise: Noise, draws: NormalDraws) -> Sample:
+def _barometer(world: World, at: Mounting, noise: SensorNoise, draws: NormalDraws) -> Sample:
     """Absolute pressure, available after the conversion of its temperature."""
 
     def read() -> Reading:
@@ -111,7 +111,7 @@ def _barometer(world: World, at: Mounting, noise: Noise, draws: NormalDraws) -> 
     return _single(world, read)
 
 
-def _sonar(world: World, at: Mounting, noise: Noise, draws: NormalDraws) -> Sample:
+def _sonar(world: World, at: Mounting, noise: SensorNoise, draws: NormalDraws) -> Sample:
     """Distance to the nearest point of the floor within the beam; nothing outside the floor."""
 
     def read() -> Reading | None:
@@ -124,12 +124,12 @@ def _sonar(world: World, at: Mounting, noise: Noise, draws: NormalDraws) -> Samp
     return _single(world, read)
 
 
-def _battery(world: World, _at: Mounting, _noise: Noise, _draws: NormalDraws) -> Sample:
+def _battery(world: World, _at: Mounting, _noise: SensorNoise, _draws: NormalDraws) -> Sample:
     """Supply voltage at the speed controllers, in steps of an INA226; its error is that of 16 bits, so none here."""
     return _single(world, lambda: readings.Battery(round(world.plant.supply_V / STEP_V) * STEP_V, world.supply_A))
 
 
-def _dvl(world: World, at: Mounting, noise: Noise, draws: NormalDraws) -> Sample:
+def _dvl(world: World, at: Mounting, noise: SensorNoise, draws: NormalDraws) -> Sample:
     """Mean velocity over each interval, every delta rounded to 1 mm on its own; lock, attitude and altitude.
 
     Every second time the bottom track comes with the velocity over the interval that ends now.
@@ -181,7 +181,7 @@ MODELS: tuple[tuple[str, Model, float, float, str], ...] = (
 """Kind of sensor, its model, rate [Hz], latency [s]; what separates the draws of a second model of one sensor."""
 
 
-def sensors(world: World, noise: Noise, seed: int) -> list[SensorModel]:
+def sensors(world: World, noise: SensorNoise, seed: int) -> list[SensorModel]:
     """Models of all sensors of the vehicle file whose kind has one."""
     return [
         SensorModel(

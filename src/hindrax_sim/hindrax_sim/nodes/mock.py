@@ -17,7 +17,7 @@ from hindrax_core.events import Stamp, to_s
 from hindrax_core.topics import CLOCK, NAMESPACE
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.assess.results import truth_of
-from hindrax_ros.heartbeat import Heartbeat
+from hindrax_ros.heartbeat import HeartbeatFile
 from hindrax_ros.messages.convert import stamp_to_msg
 from hindrax_ros.process import StopSignal
 from hindrax_sim.conditions.world_table import CONDITIONS, IDEAL, sizes_of
@@ -65,7 +65,7 @@ def clock_publisher(mock: MockVehicle, namespace: str) -> Iterator[None]:
 
 def run(words: argparse.Namespace, folder: Path) -> int:
     """Serve until a signal."""
-    stop, heartbeat = StopSignal(), Heartbeat.of(os.environ)
+    stop, heartbeat = StopSignal(), HeartbeatFile.of(os.environ)
     faults = [parse_fault(fault) for fault in words.fault]
     conditions = Conditions(sizes=sizes_of(words.world, words.seed))
     vehicle = load_vehicle(words.vehicle)

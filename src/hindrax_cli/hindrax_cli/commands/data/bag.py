@@ -13,7 +13,7 @@ from rich import progress
 from rich.console import Console
 
 from hindrax_analysis.terminal import print_answer, print_table, working
-from hindrax_bag.read.message_columns import Series, extract, series
+from hindrax_bag.read.message_columns import FieldSeries, extract, series
 from hindrax_bag.read.recovery import recover
 from hindrax_bag.read.survey import ListedBag, Survey, find_bags, survey
 from hindrax_cli.argument_types import add_json
@@ -121,7 +121,7 @@ def plotted(arguments: argparse.Namespace) -> int:
     return print_answer(document, out, as_json=arguments.json)
 
 
-def draw(lines: Sequence[Series], out: Path, title: str) -> None:
+def draw(lines: Sequence[FieldSeries], out: Path, title: str) -> None:
     """Save one panel per series over a common time axis."""
     from matplotlib.figure import Figure  # noqa: PLC0415  # slow to import, and only needed here
 

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from hindrax_analysis.coefficients_file import Conditions, SavedCoefficients, SavedMotion, as_yaml
+from hindrax_analysis.coefficients_file import ResultConditions, SavedCoefficients, SavedMotion, as_yaml
 from hindrax_analysis.identification.bag_identification import (
     Identified,
     recorded_conditions,
@@ -157,7 +157,7 @@ def _gain_sigma(given: float | None, vehicle: Vehicle, source: RecordSource, not
     return sigma
 
 
-def _saved(source: RecordSource, results: Results, conditions: Conditions) -> SavedCoefficients:
+def _saved(source: RecordSource, results: Results, conditions: ResultConditions) -> SavedCoefficients:
     """One of several records, as the report shows earlier runs."""
     motions = {
         name: SavedMotion(one.coefficients, one.identifiable, one.reasons, one.speeds)
@@ -171,7 +171,7 @@ def _document(
     arguments: argparse.Namespace,
     sources: list[RecordSource],
     found: Identified,
-    conditions: Conditions,
+    conditions: ResultConditions,
     took_s: float,
 ) -> dict[str, Any]:
     """The JSON contract; with several records also each record and the spread between them."""
@@ -200,7 +200,7 @@ def _delays(lag_s: float, latency_s: float) -> str:
     return f"thrust lags by {lag_s:.2f} s, velocities come {abs(latency_s):.2f} s {late}"
 
 
-def _show(arguments: argparse.Namespace, found: Identified, conditions: Conditions) -> None:
+def _show(arguments: argparse.Namespace, found: Identified, conditions: ResultConditions) -> None:
     for assumption in conditions.assumptions:
         print_fitted(f"assumed: {assumption}", sys.stderr)
     if conditions.aborted:

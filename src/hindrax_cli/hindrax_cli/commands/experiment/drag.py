@@ -8,7 +8,7 @@ import numpy as np
 
 from hindrax_analysis.experiments.least_squares import Array
 from hindrax_analysis.experiments.step import COLUMNS as STEP_COLUMNS
-from hindrax_analysis.experiments.step import PAPER_THRUSTS_N, Plant, tests_from_columns
+from hindrax_analysis.experiments.step import PAPER_THRUSTS_N, StepPlant, tests_from_columns
 from hindrax_analysis.experiments.step import fit as fit_steps
 from hindrax_analysis.experiments.towing import COLUMNS as TOWING_COLUMNS
 from hindrax_analysis.experiments.towing import fit as fit_towing
@@ -64,14 +64,14 @@ def _simulate(arguments: argparse.Namespace) -> int:
         raise UsageError("no record to fit and no plant to simulate; give a CSV, or --k-l and --k-q")
     if min(arguments.k_l, arguments.k_q) < 0.0 or max(arguments.k_l, arguments.k_q) == 0.0:
         raise UsageError(f"--k-l {arguments.k_l} --k-q {arguments.k_q}: wanted none below 0 and one above")
-    plant = Plant(arguments.mass + arguments.added_mass, arguments.k_l, arguments.k_q)
+    plant = StepPlant(arguments.mass + arguments.added_mass, arguments.k_l, arguments.k_q)
     thrusts = arguments.thrust or list(PAPER_THRUSTS_N)
     save_plot(arguments.plot, "step", plant, thrusts, arguments.duration)
     rows = [_response(plant, thrust, arguments.duration) for thrust in thrusts]
     return print_answer({"plant": plant, "steps": rows}, lambda: _show_steps(rows), as_json=arguments.json)
 
 
-def _response(plant: Plant, thrust_N: float, duration_s: float) -> dict[str, float]:
+def _response(plant: StepPlant, thrust_N: float, duration_s: float) -> dict[str, float]:
     """Figures of one step: where it ends, how fast it gets there, and how it starts."""
     time = np.asarray(np.linspace(0.0, duration_s, 2001), dtype=np.float64)
     top, velocity = plant.terminal_mps(thrust_N), plant.velocity_mps(time, thrust_N)
@@ -95,7 +95,7 @@ def _fit(arguments: argparse.Namespace) -> int:
     columns = read_record(arguments.record, STEP_COLUMNS, arguments.field)
     tests = tests_from_columns(columns["time_s"], columns["velocity_mps"], _thrust(columns, arguments))
     found = fit_steps(tests, arguments.mass)
-    plant = Plant(found.total_mass_kg.value, found.k_l.value, found.k_q.value)
+    plant = StepPlant(found.total_mass_kg.value, found.k_l.value, found.k_q.value)
     longest = max(float(test.time_s[-1]) for test in tests)
     thrusts = sorted({test.thrust_N for test in tests})
     save_plot(arguments.plot, "step", plant, thrusts, longest, tests)

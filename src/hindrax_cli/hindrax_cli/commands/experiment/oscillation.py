@@ -7,7 +7,7 @@ import argparse
 from typing import Literal
 
 from hindrax_analysis.experiments.forced import COLUMNS as FORCED_COLUMNS
-from hindrax_analysis.experiments.forced import MOTIONS, Coefficient, Model, derivatives, run_from_columns
+from hindrax_analysis.experiments.forced import MOTIONS, Coefficient, TowedModel, derivatives, run_from_columns
 from hindrax_analysis.experiments.free_decay import COLUMNS as FREE_DECAY_COLUMNS
 from hindrax_analysis.experiments.free_decay import Bench, FreeDecay
 from hindrax_analysis.experiments.free_decay import analyze as analyze_free_decay
@@ -101,7 +101,7 @@ def forced(arguments: argparse.Namespace) -> int:
     """Acceleration derivatives from forced oscillation (planar motion mechanism), Fourier and direct fit."""
     motion = MOTIONS[arguments.motion]
     inertia = {motion.name: arguments.inertia} if arguments.inertia is not None else {}
-    model = Model(arguments.mass, arguments.length, inertia, arguments.restoring, arguments.density)
+    model = TowedModel(arguments.mass, arguments.length, inertia, arguments.restoring, arguments.density)
     records = [(path, read_record(path, FORCED_COLUMNS, arguments.field)) for path in arguments.record]
     found = derivatives([run_from_columns(columns, motion, str(path)) for path, columns in records], model)
     save_plot(arguments.plot, "forced", found)

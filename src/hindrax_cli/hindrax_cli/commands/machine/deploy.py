@@ -14,7 +14,7 @@ from hindrax_bringup.network.tether import parse_tether
 from hindrax_bringup.stack_lock import runtime_folder
 from hindrax_bringup.stack_runner import report
 from hindrax_cli.command import command, option
-from hindrax_cli.deployment import LOOK, DeploymentKind, Step, Target, kind_of, plan
+from hindrax_cli.deployment import LOOK, DeploymentKind, DeploymentStep, Target, kind_of, plan
 from hindrax_core.errors import HindraxError
 from hindrax_core.text.screen_text import print_fitted, print_whole
 
@@ -97,11 +97,11 @@ def ssh(host: str, script: str) -> list[str]:
 def looked(host: str) -> str:
     """Answer of a machine to LOOK. HindraxError when it does not answer."""
     done = subprocess.run(ssh(host, LOOK), stdout=subprocess.PIPE, text=True, check=False)  # noqa: S603  # the user's own host
-    _require(done.returncode, host, Step("look", LOOK))
+    _require(done.returncode, host, DeploymentStep("look", LOOK))
     return done.stdout.strip()
 
 
-def run(host: str, step: Step, clone: Path) -> None:
+def run(host: str, step: DeploymentStep, clone: Path) -> None:
     """Run one step to its end; HindraxError says which failed and what to do."""
     feeder = subprocess.Popen(step.feed, cwd=clone, stdout=subprocess.PIPE) if step.feed else None  # noqa: S603  # our own words
     try:
@@ -115,14 +115,14 @@ def run(host: str, step: Step, clone: Path) -> None:
     _require(code, host, step)
 
 
-def _require(code: int, host: str, step: Step) -> None:
+def _require(code: int, host: str, step: DeploymentStep) -> None:
     if code == NO_CONNECTION:
         raise HindraxError(f"{step.title}: ssh does not reach {host}; try `ssh {host}` in a terminal")
     if code:
         raise HindraxError(f"{step.title}: failed on {host} with code {code}; {step.remedy}")
 
 
-def outline(step: Step, host: str) -> None:
+def outline(step: DeploymentStep, host: str) -> None:
     """Describe what a step would run, without the options of the connection."""
     lines = step.script.splitlines()
     feed = f"{' '.join(step.feed)} | " if step.feed else ""

@@ -107,7 +107,7 @@ class EdgeClock:
         self._anchor = (ticks, time_ns)
 
 
-class Samples:
+class SampleDecoder:
     """Decodes samples of 12 bytes in the order in which they were taken; the n-th is tick n of the sample clock."""
 
     def __init__(self, knobs: Icm20948Knobs, correction: Correction) -> None:
