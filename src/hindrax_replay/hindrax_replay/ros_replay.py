@@ -17,6 +17,7 @@ from typing import Any
 
 from hindrax_bag.message_comparison import ComparisonReport, Rule, Rules, flat
 from hindrax_bag.read.bag_reader import VEHICLE_FILE, attached_vehicle, attachments, messages
+from hindrax_bag.read.survey import survey
 from hindrax_bag.run_folder import RunFolder, write_parameters
 from hindrax_bringup.node_options import wire_parameters
 from hindrax_bringup.processes import CONTROL, IDENTIFIER, RECORDER, REPLAY, SENSORS, UNHEARD
@@ -58,10 +59,8 @@ def replay_ros(bag: Path, rules: Rules, vehicle_file: str | None = None, out: Pa
     UsageError when the bag holds no wire frames or no vehicle file; HindraxError when a process ends on the way.
     """
     begin = time.perf_counter()
-    done = Replayed(bag, ComparisonReport(rules))
-    for message in messages(bag):
-        done.begin = done.begin or message.received
-        done.vehicle_s = max(done.vehicle_s, (message.received - done.begin) / NS_PER_S)
+    found = survey(bag)
+    done = Replayed(bag, ComparisonReport(rules), found.first, found.seconds)
     with _folder(out) as folder:
         _run(bag, folder, vehicle_file, done.vehicle_s)
         compare_bags(bag, folder.bag, done.ledger)

@@ -9,6 +9,7 @@ from typing import Any, cast
 import pytest
 
 from hindrax_bag.message_comparison import TOLERANCES, load_rules
+from hindrax_bag.read.survey import Survey
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.processes import REPLAY
 from hindrax_bringup.supervisor import SupervisedProcess, Supervisor
@@ -50,7 +51,7 @@ def test_a_record_at_its_end_is_no_process_that_is_missing(tmp_path: Path, code:
 def test_a_folder_that_cannot_be_made_is_told_before_anything_starts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ros_replay, "messages", lambda _: iter(()))
+    monkeypatch.setattr(ros_replay, "survey", Survey)
     monkeypatch.setattr(ros_replay, "_run", lambda *_: pytest.fail("it started"))
     (tmp_path / "file").write_text("")
     with pytest.raises(UsageError, match=r"file/out: cannot be written \(Not a directory\); name another folder"):
@@ -58,7 +59,7 @@ def test_a_folder_that_cannot_be_made_is_told_before_anything_starts(
 
 
 def test_a_disk_without_room_keeps_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ros_replay, "messages", lambda _: iter(()))
+    monkeypatch.setattr(ros_replay, "survey", Survey)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(total=1, free=0))
     with pytest.raises(HindraxError, match="No space left on device"):
         replay_ros(tmp_path / "bag", load_rules(TOLERANCES, "ros"), out=tmp_path / "day" / "out")

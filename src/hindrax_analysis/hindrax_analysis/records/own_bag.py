@@ -4,15 +4,13 @@ import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
-from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
-from mcap.records import Message, Metadata
+from mcap.records import Metadata
 
 from hindrax_bag.metadata import DESCRIPTION
-from hindrax_bag.read.bag_reader import bag_files, messages
-from hindrax_bag.read.mcap_records import records
+from hindrax_bag.read.bag_reader import bag_files, beside_messages, messages
 from hindrax_core.events import Stamped
 from hindrax_core.signals import BLOCKED, IdentEvent
 from hindrax_core.topics import MANEUVER, resolved
@@ -90,13 +88,8 @@ def date_of(bag: Path) -> str:
 
 def _description(bag: Path) -> Mapping[str, str]:
     """Description that the recorder put into a bag of this stack; empty for third-party bags."""
-    for file in bag_files(bag):
-        if file.suffix == ".db3":
-            return {}
-        for record in takewhile(lambda one: not isinstance(one, Message), records(file)):
-            if isinstance(record, Metadata) and record.name == DESCRIPTION:
-                return dict(record.metadata)
-    return {}
+    found = (one for one in beside_messages(bag) if isinstance(one, Metadata) and one.name == DESCRIPTION)
+    return next((one.metadata for one in found), {})
 
 
 def is_mock(bag: Path) -> bool:

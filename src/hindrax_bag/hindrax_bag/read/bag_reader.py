@@ -188,12 +188,17 @@ def _installed_definition(file: Path, kind: str) -> str:
 def attachments(path: str | Path) -> dict[str, bytes]:
     """Files inside a bag by name, the first of each name; unfinished bags and sqlite3 bags (which have none) too."""
     found: dict[str, bytes] = {}
+    for record in beside_messages(path):
+        if isinstance(record, Attachment):
+            found.setdefault(record.name, record.data)
+    return found
+
+
+def beside_messages(path: str | Path) -> Iterator[Any]:
+    """Records of a bag that are not in its chunks: attachments, metadata. None of an sqlite3 bag."""
     for file in bag_files(path):
         if file.suffix != ".db3":
-            for record in records(file, chunks=False):
-                if isinstance(record, Attachment):
-                    found.setdefault(record.name, record.data)
-    return found
+            yield from records(file, chunks=False)
 
 
 def attached_vehicle(bag: str | Path, inside: Mapping[str, bytes]) -> Vehicle:

@@ -27,8 +27,8 @@ from hindrax_bag.metadata import (
     try_lock,
     write_metadata,
 )
-from hindrax_bag.read.bag_reader import EVERY, BagMessage, bag_files, messages
-from hindrax_bag.read.mcap_records import Damage, records
+from hindrax_bag.read.bag_reader import EVERY, BagMessage, bag_files, beside_messages, messages
+from hindrax_bag.read.mcap_records import Damage
 from hindrax_bag.write.bag_writer import BagFile
 from hindrax_bag.write.limits import free_bytes
 from hindrax_core.errors import HindraxError, UsageError
@@ -104,7 +104,7 @@ class _Copy:
     def file(self, source: Path, target: Path) -> Contents:
         """Copy the readable part of one file; a file of an sqlite3 bag becomes MCAP."""
         part = BagFile(target)
-        for record in () if source.suffix == ".db3" else records(source, chunks=False):
+        for record in beside_messages(source):
             if isinstance(record, Attachment):
                 part.attach(record.name, record.media_type, record.data, record.create_time)
             elif isinstance(record, Metadata):
