@@ -174,7 +174,6 @@ class Stm32:
         return [Trouble(stamp, f"stm32: does not {request}: {self.refusal}")]
 
     def _retry(self, stamp: Stamp) -> list[Output]:
-        """Repeat an unanswered command, and give up after the last attempt."""
         pending = self._pending
         if pending is None or seconds_between(pending.at, stamp) < ANSWER_S:
             return []

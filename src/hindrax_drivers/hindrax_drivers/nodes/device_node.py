@@ -152,7 +152,6 @@ class DeviceNode(BatchedNode, LifecycleNode):
         return response
 
     def _trigger(self, transition: Transition) -> bool:
-        """Perform a transition; False when it failed."""
         trigger = getattr(self, f"trigger_{transition.label}")
         made: bool = trigger() == TransitionCallbackReturn.SUCCESS
         self._active = self.lifecycle_state is State.ACTIVE

@@ -56,7 +56,6 @@ class Ads1115(Part[Battery]):
             self._begin(now_s, self._asked)
 
     def _begin(self, now_s: float, asked: int) -> None:
-        """Start the conversion that a configuration asks for."""
         self._asked = asked
         self._done_s = now_s + 1.0 / RATE_Hz[asked >> 5 & 7]
 

@@ -162,7 +162,6 @@ class Dvl75(Part[DvlTruth]):
         self._seen_s = now_s
 
     def _measure(self, travel_m: Vec3) -> None:
-        """End an interval, send its sentences, start the next."""
         locked = self._update_lock()
         if locked:  # dead reckoning
             north, east, _ = sentences.over_ground(self._truth)
@@ -216,7 +215,6 @@ class Dvl75(Part[DvlTruth]):
                 self._wire.send(line, self._next_s)
 
     def _sentences(self, delta: bytes, locked: bool) -> Iterator[bytes]:
-        """Yield the sentences of an interval that are switched on."""
         settings = self.settings
         if settings.deltas:
             yield delta
@@ -294,7 +292,6 @@ def _numbers(text: str, count: int) -> tuple[float, ...]:
 
 
 def _truth(world: World, at: Mounting) -> DvlTruth:
-    """Velocity, way, attitude and altitude at a DVL."""
     turned, travel = world.travel(at)
     return DvlTruth(
         velocity_mps=world.velocity_mps(at),

@@ -117,7 +117,6 @@ class Icm20948(Part[ImuTruth]):
     # ---- time
 
     def _advance(self, now_s: float) -> None:
-        """Advance the converters, then the inner master."""
         bank = self._banks[0]
         filling = bank[USER_CTRL] & FIFO_EN and not bank[FIFO_RST] & FIFO_HOLD
         pulsing = bank[INT_ENABLE_1] & 0x01 and not bank[INT_PIN_CFG] & NO_PULSE
@@ -251,7 +250,6 @@ def _also_at(part: Icm20948, mount: Mount) -> dict[int, Any]:
 
 
 def _truth(world: World, at: Mounting) -> ImuTruth:
-    """Specific force, rate and magnetic field at an inertial sensor."""
     force, rate = world.inertial(at)
     return ImuTruth(force, rate, world.magnetic_T(at), 24.0)
 

@@ -55,7 +55,6 @@ class Ina226(Part[Battery]):
         self._begin(now_s)
 
     def _begin(self, now_s: float) -> None:
-        """Start a conversion of what the mode asks for."""
         word = self._words[CONFIGURATION]
         kinds = (word & 2) // 2 * CONVERSION_S[word >> 6 & 7] + (word & 1) * CONVERSION_S[word >> 3 & 7]
         self._done_s = now_s + AVERAGES[word >> 9 & 7] * kinds if kinds else math.inf

@@ -164,7 +164,6 @@ class FaultyLine:
         return b"".join(self._out(answer, now_s)) if answer else b""
 
     def _change(self, now_s: float) -> None:
-        """Start and end faults."""
         for fault, on in self._schedule.advance(now_s):
             if not on:
                 self._late += fault.outgoing(b"", math.inf)

@@ -98,7 +98,6 @@ def _stimulate(address: int, gyro: int, accel: int) -> Program[None]:
 
 
 def _mean(address: int) -> Program[Sequence[float]]:
-    """Mean counts of the six axes."""
     sums = [0] * 6
     for _ in range(READINGS):
         raw = yield WriteRead(address, bytes([r.ACCEL_XOUT_H]), _SAMPLE.size)
