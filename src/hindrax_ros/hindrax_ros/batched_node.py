@@ -1,8 +1,6 @@
-"""Nodes that read their subscriptions in batches, instead of waking for every message.
+"""Nodes that read their subscriptions in batches, instead of waking for every message: ADR 15.
 
-Waking a Python process costs far more than reading a message does. Most of what travels here comes in bursts (a FIFO
-of inertial samples, all outputs of one control cycle), and no reader has anything to do before the burst is complete.
-So a process sleeps until its leading topic has a message, or for a while, and then takes all that
+A process sleeps until its leading topic has a message, or for a while, and then takes all that
 waits. Services, actions and timers stay with the executor. What is published within one cycle is serialized at once and
 sent back to back at the end of it: its readers wake once and find all of it.
 """

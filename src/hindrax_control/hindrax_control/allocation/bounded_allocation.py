@@ -59,7 +59,10 @@ class AttainableSet:
 
     def __init__(self, layout: ThrusterLayout, limits_N: Sequence[Interval]) -> None:
         self._limits = np.array(limits_N, dtype=float).reshape(-1, 2).T
-        patterns = _columns(layout)
+        patterns = np.zeros((len(layout.used), len(layout.patterns)))
+        for j, pattern in enumerate(layout.patterns):
+            for index, share in pattern.shares:
+                patterns[index, j] = share
         rows = facets(patterns)
         low, high = _ranges(rows, self._limits)
         low, high = low - SLACK_N, high + SLACK_N
@@ -72,7 +75,7 @@ class AttainableSet:
         self._gains = np.ascontiguousarray(np.vstack(parts))
         self._ranges = list(zip(low[shared].tolist(), high[shared].tolist(), strict=True))
         self._stages = [
-            _stage(pattern, facets(patterns[:, j + 1 :]), self._limits) for j, pattern in enumerate(patterns.T)
+            _stage(column, facets(patterns[:, j + 1 :]), self._limits) for j, column in enumerate(patterns.T)
         ]
 
     def forces(self, wrench: Sequence[float]) -> list[float]:
@@ -145,15 +148,6 @@ def _newton(first: float, steep: Sequence[Row]) -> tuple[float, float]:
             break
         first = meeting
     return first, max(0.0, most)
-
-
-def _columns(layout: ThrusterLayout) -> Matrix:
-    """Patterns without wrench as columns: (m, k) [-]."""
-    columns = np.zeros((len(layout.used), len(layout.patterns)))
-    for j, pattern in enumerate(layout.patterns):
-        for index, share in pattern.shares:
-            columns[index, j] = share
-    return columns
 
 
 def _of_group(layout: ThrusterLayout, group: Sequence[int]) -> Matrix:

@@ -33,8 +33,6 @@ class LoopTuning:
 class Ramp:
     """A reference that follows its goal at a bounded rate and can always stop at it."""
 
-    __slots__ = ("_bandwidth", "_most", "rate", "speed", "value")
-
     def __init__(self, bandwidth_radps: float, speed: float) -> None:
         self._bandwidth, self.speed = bandwidth_radps, speed
         self._most = 1.5 * bandwidth_radps * speed

@@ -51,11 +51,6 @@ class AttitudeKnobs:
 class AttitudeFilter:
     """Quaternion and gyroscope bias; angles in radians, body in SNAME axes."""
 
-    __slots__ = (
-        "_bias_walk", "_gravity", "_gyro_noise", "_knobs", "_p_bias", "_p_cross", "_p_tilt", "bias_radps",
-        "gravity_off_rad", "q", "rotation",
-    )  # fmt: skip
-
     def __init__(self, knobs: AttitudeKnobs) -> None:
         self._knobs = knobs
         # Noise densities for which the gains settle at 1 / tilt_time and 1 / (tilt_time * bias_time).

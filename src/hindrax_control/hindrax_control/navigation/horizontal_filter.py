@@ -154,10 +154,7 @@ class PositionUncertainty:
 
         sigma^2 = bias^2 |integral of R(heading) dt|^2 + share^2 distance^2 + sum of (sigma_v interval)^2 + unmeasured^2
 
-    The priors are knobs. Bias: the maker of the DVL-75 promises a drift of less than 1 m per minute, 17 mm/s, over
-    ground with plants and with the vehicle's control in it (Tracker 650, page "Expectations"); over the hard floor of a
-    pool we take 3 mm/s, three times the resolution. Share: 1 % of scale (Water Linked A50, long-term accuracy of its
-    standard edition), 1 degree of mount by eye, and 1 degree of heading, in squares.
+    ADR 37 says where the priors of bias and share come from.
     """
 
     def __init__(self, knobs: PositionKnobs) -> None:

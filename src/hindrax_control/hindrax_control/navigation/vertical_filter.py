@@ -81,10 +81,8 @@ class VerticalFilter:
         if not self.has_depth:
             self.has_depth = True
             self._x[0, 0] = depth_m
-        p = self._P.tolist()
-        variance = p[0][0] - 2.0 * delay_s * p[0][1] + delay_s * delay_s * p[1][1] + sigma_m * sigma_m
         H = np.array([[1.0, -delay_s, 0.0, 0.0]])
-        used = self._fuse("depth", depth_m - self._depth_then_m(delay_s), sigma_m, variance, H)
+        used = self._fuse("depth", depth_m - self._depth_then_m(delay_s), sigma_m, H)
         self.refused_depths = max(0, self.refused_depths - 1) if used else self.refused_depths + 1
         return used
 
@@ -93,25 +91,23 @@ class VerticalFilter:
         if not self.has_floor:
             self.has_floor = True
             self._x[3, 0] = altitude_m + self._x[0, 0]
-        p = self._P.tolist()
-        variance = p[0][0] - 2.0 * delay_s * p[0][1] + delay_s * delay_s * p[1][1] + sigma_m * sigma_m
-        variance += p[3][3] - 2.0 * p[0][3] + 2.0 * delay_s * p[1][3]
         H = np.array([[-1.0, delay_s, 0.0, 1.0]])
         expected_m = float(self._x[3, 0]) - self._depth_then_m(delay_s)
-        return self._fuse("altitude", altitude_m - expected_m, sigma_m, variance, H)
+        return self._fuse("altitude", altitude_m - expected_m, sigma_m, H)
 
     def _depth_then_m(self, delay_s: float) -> float:
         """Depth some time ago: back along the path, which the known acceleration bends."""
         (z,), (rate,), _, _ = self._x.tolist()
         return float(z - delay_s * rate + 0.5 * delay_s * delay_s * self._acceleration_mps2)
 
-    def _fuse(self, source: str, off: float, sigma: float, variance: float, H: Matrix) -> bool:
+    def _fuse(self, source: str, off: float, sigma: float, H: Matrix) -> bool:
+        # One measurement at a time: its innovation covariance is a number. The covariance in Joseph's form stays one.
+        cross, R = self._P @ H.T, sigma * sigma
+        variance = (H @ cross).item() + R
         if not off * off <= self._knobs.gate**2 * variance:
             return self._refuse(source, off)
         self._refused[source] = 0
-        # One measurement at a time: its innovation covariance is a number. The covariance in Joseph's form stays one.
-        cross, R = self._P @ H.T, sigma * sigma
-        gain = cross / (H @ cross + R)
+        gain = cross / variance
         self._x = self._x + gain * off
         kept = IDENTITY - gain @ H
         self._P = kept @ self._P @ kept.T + R * (gain @ gain.T)

@@ -1,8 +1,7 @@
 """The topics of every control cycle as CDR bytes, without message objects; those of the sensors see `reading_fields`.
 
-Writing the numbers into the bytes of the previous message (see `serialization`) takes 3 us. Filling and serializing a
-message object takes 10 to 50 in a loop, and three times that in a process that has just woken (ADR 40). Each writer is
-tested against a message object that is filled field by field, each reader against it or against what was written.
+Numbers are written into the bytes of the previous message (see `serialization`); ADR 40 has what this saves. Each
+writer is tested against a message object that is filled field by field, each reader against it or what was written.
 """
 
 import math
