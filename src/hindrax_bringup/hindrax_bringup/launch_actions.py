@@ -31,7 +31,7 @@ from hindrax_bringup.share_files import usual_vehicle, vehicle_file
 from hindrax_bringup.stack import stack_environment
 from hindrax_bringup.stack_lock import LAUNCHED, StackLock, announced, graph_settings, runtime_folder
 from hindrax_core.errors import UsageError
-from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_stderr
 from hindrax_core.topics import NAMESPACE
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.driver_registry import DEVICES
@@ -94,7 +94,7 @@ def stack(
             more=remaps or {},
         )
         for sentence in options.unknown_blocks():
-            print_fitted(sentence, sys.stderr)
+            print_stderr(sentence)
         file = runtime_folder() / f"{os.getpid()}.parameters.yaml"
         write_parameters(file, options.parameters())
         atexit.register(file.unlink, missing_ok=True)

@@ -4,7 +4,6 @@ import contextlib
 import json
 import os
 import select
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,7 +20,7 @@ from hindrax_bringup.processes import MOCK, RECORDER, Process
 from hindrax_bringup.stack_lock import StackLock, graph_settings
 from hindrax_bringup.supervisor import SupervisedProcess, Supervisor, last_words
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_stderr
 from hindrax_core.topics import NAMESPACE
 from hindrax_ros import stack_time
 
@@ -79,7 +78,7 @@ class Stack:
             self.mock_facts if mock is not None else None,
         )
         for sentence in options.unknown_blocks():
-            print_fitted(sentence, sys.stderr)
+            print_stderr(sentence)
         words = write_parameters(self.folder.parameters, options.parameters())
         for process in options.processes if onboard is None else onboard:
             self.supervisor.start(process, [*words, *options.arguments(process)])
@@ -97,7 +96,7 @@ class Stack:
     def start_mock(self, options: MockOptions, *more: str) -> None:
         """Start the mock alone, with more words of its own; `mock_facts` then names its ports."""
         if keystore := self.supervisor.environment.get(security.KEYSTORE, ""):
-            print_fitted(security.unenforced(keystore), sys.stderr)
+            print_stderr(security.unenforced(keystore))
         words = [*more, "--vehicle", str(self.folder.vehicle), "--seed", str(options.seed), "--rate", str(options.rate)]
         words += [word for fault in options.faults for word in ("--fault", fault)]
         words += ["--world", options.world, *(["--truth", options.truth] if options.truth else [])]

@@ -5,7 +5,6 @@ import math
 import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -21,7 +20,7 @@ from hindrax_bringup.stack import PROFILE, MockOptions, Stack, lock_of, own_doma
 from hindrax_bringup.stack_lock import StackLock, announced, runtime_folder, stacks
 from hindrax_bringup.supervisor import Supervisor, stop_signals
 from hindrax_core.errors import HindraxError
-from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ros.stack_time import STEP_S, StackTime
 
@@ -66,7 +65,7 @@ def _run(options: UpOptions, run: int, domain: int | None, over: Callable[[], bo
     if options.keep_bytes < math.inf:
         in_use = [Path(one.folder).resolve() for one in stacks()]
         for sentence in remove_oldest(RUNS, options.keep_bytes, in_use):
-            report(sentence)
+            print_stderr(sentence)
     # A vehicle with a full disk can fly; its recorder reports that it waits for room.
     out = f"{options.out}_{run}" if options.out and run > 1 else options.out
     folder = make_run_folder(out, options.vehicle_file, wanted_bytes=0)
@@ -87,8 +86,8 @@ def _run(options: UpOptions, run: int, domain: int | None, over: Callable[[], bo
                 print_fitted(startup_text(lock, folder, record=options.record))
             clock = ClockStep(StackTime.of(made))
             _look_after(supervisor, lambda: over() or clock.followed(), options.tether, address, beating)
-        report("ending; the thrusters go neutral and disarm")
-    report("ended; neutral is on the wire")
+        print_stderr("ending; the thrusters go neutral and disarm")
+    print_stderr("ended; neutral is on the wire")
 
 
 @dataclass(slots=True)
@@ -108,7 +107,7 @@ class ClockStep:
             self._step_s, self._since_s = step_s, now_s
         if not step or now_s - self._since_s < SETTLED_S or self.armed():
             return False
-        report(f"clock: {step}; the stack restarts, in a new run, to follow it")
+        print_stderr(f"clock: {step}; the stack restarts, in a new run, to follow it")
         return True
 
 
@@ -116,7 +115,7 @@ def complete_earlier(runs: Path) -> subprocess.Popen[bytes] | None:
     """Complete in the background what a power cut or a kill left unfinished in the bags of earlier runs."""
     files = unfinished_files(runs)
     for bag in sorted({file.parent for file in files}):
-        report(f"{bag}: was left unfinished; it is completed in the background")
+        print_stderr(f"{bag}: was left unfinished; it is completed in the background")
     return begin_completion(files)
 
 
@@ -130,7 +129,7 @@ def awaited(tether: Tether | None, over: Callable[[], bool], beating: LivenessFi
         beating.beat(waiting, {"tether": waiting})
         return over()
 
-    return wait_for_address(tether, FOREVER_S, beat_until_over, report)
+    return wait_for_address(tether, FOREVER_S, beat_until_over, print_stderr)
 
 
 def _look_after(
@@ -139,7 +138,7 @@ def _look_after(
     while not over():
         time.sleep(TURN_S)
         for sentence in supervisor.check():
-            report(sentence)
+            print_stderr(sentence)
         _require_same(tether, address)
         beating.beat("up", {})
         supervisor.require(*(supervisor.children.keys() - VITAL))
@@ -168,11 +167,6 @@ def asked_to_end() -> Iterator[Callable[[], bool]]:
         yield lambda: bool(came)
     if signal.SIGINT in came:
         raise KeyboardInterrupt
-
-
-def report(sentence: str) -> None:
-    """One line to the operator; stdout is for what scripts may want."""
-    print_fitted(sentence, sys.stderr)
 
 
 def startup_text(lock: StackLock, folder: RunFolder, *, record: bool) -> str:

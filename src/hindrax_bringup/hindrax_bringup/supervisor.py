@@ -27,7 +27,7 @@ from hindrax_bringup.process_state import HeldProcesses, descendants, is_stopped
 from hindrax_bringup.processes import Process
 from hindrax_bringup.stack_lock import HEARTBEATS, runtime_folder
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_stderr
 from hindrax_ros.heartbeat import VARIABLE, beaten_s
 
 PATIENCE_S = (5.0, 2.0, 2.0)
@@ -116,7 +116,7 @@ class Supervisor:
                     return self.fork_server.start(process.module, arguments, variables, outputs, pipe=pipe)
                 except OSError as error:
                     self.fork_server = None
-                    print_fitted(f"fork server: {error}; processes start without it", sys.stderr)
+                    print_stderr(f"fork server: {error}; processes start without it")
             return subprocess.Popen(  # noqa: S603  # our own interpreter and our own modules
                 [sys.executable, "-m", process.module, *arguments],
                 stdin=subprocess.DEVNULL,
@@ -225,7 +225,7 @@ class Supervisor:
         try:
             if all(one.handle.poll() is None for one in hardware):  # without a mock there is no wire either
                 for sentence in filter(None, map(self._secure, vehicle)):
-                    print_fitted(sentence, sys.stderr)
+                    print_stderr(sentence)
         finally:
             _end(hardware)
             if self.fork_server is not None:

@@ -19,7 +19,14 @@ from hindrax_bag import software_version
 from hindrax_cli.command import GROUPS, MODULES, ToolCommand, example_text, help_text
 from hindrax_cli.interrupt import interruptible, sentence
 from hindrax_core.errors import INTERRUPTED, HindraxError, UsageError, cause
-from hindrax_core.text.screen_text import fitted, fitted_description, print_fitted, print_whole, screen_width
+from hindrax_core.text.screen_text import (
+    fitted,
+    fitted_description,
+    print_fitted,
+    print_stderr,
+    print_whole,
+    screen_width,
+)
 
 NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 LONGEST_WORD = 24
@@ -69,7 +76,7 @@ class Parser(argparse.ArgumentParser):
             wanted = "a whole number" if unread[2] == "int" else "a number"
             point = " with a decimal point" if "," in unread[3] else ""
             message = f"argument {unread[1]}: found {unread[3]}, wanted {wanted}{point}"
-        print_fitted(f"{self.prog}: {message}; ./{self.prog} --help shows how", sys.stderr)
+        print_stderr(f"{self.prog}: {message}; ./{self.prog} --help shows how")
         self.exit(UsageError.exit_code)
 
 
@@ -91,7 +98,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         code = _main(list(sys.argv[1:] if argv is None else argv))
         sys.stdout.flush()
     except KeyboardInterrupt:  # a command stops by itself; this is for what it imports
-        print_fitted(sentence(), sys.stderr)
+        print_stderr(sentence())
         return INTERRUPTED
     except BrokenPipeError:  # the reader closed the pipe
         _mute_stdout()
@@ -101,7 +108,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             raise
         _mute_stdout()
         where = error.filename or "output"
-        print_fitted(f"hindrax: {where}: cannot be written ({cause(error)}); make room and run again", sys.stderr)
+        print_stderr(f"hindrax: {where}: cannot be written ({cause(error)}); make room and run again")
         return HindraxError.exit_code
     return code
 
@@ -120,7 +127,7 @@ def _main(words: list[str]) -> int:
         return 0
     if words[0] not in MODULES:
         known = meant(words[0], MODULES)
-        print_fitted(f"hindrax: no command {words[0]!r}{known}; ./hindrax --help lists all", sys.stderr)
+        print_stderr(f"hindrax: no command {words[0]!r}{known}; ./hindrax --help lists all")
         return UsageError.exit_code
     return run_command(load(words[0]), words[1:])
 
@@ -148,10 +155,10 @@ def run_command(command: ToolCommand, words: list[str]) -> int:
             return command.run(parser.parse_args(words))
     except HindraxError as error:
         why = str(error).removeprefix(f"{command.name}: ")
-        print_fitted(f"hindrax {command.name}: {why}", sys.stderr)
+        print_stderr(f"hindrax {command.name}: {why}")
         return error.exit_code
     except KeyboardInterrupt:
-        print_fitted(sentence(f"hindrax {command.name}"), sys.stderr)
+        print_stderr(sentence(f"hindrax {command.name}"))
         return INTERRUPTED
 
 

@@ -3,7 +3,6 @@
 import argparse
 import importlib
 import re
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from hindrax_cli.argument_types import add_json, positive
 from hindrax_cli.command import Declare, option
 from hindrax_core.errors import UsageError, cause
 from hindrax_core.events import NS_PER_S
-from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_stderr
 from hindrax_core.text.text_file import nothing_left, require_place, writing
 
 PLOT_KINDS = (".png", ".svg", ".pdf")
@@ -99,4 +98,4 @@ def save_plot(path: Path | None, name: str, *data: Any) -> None:
     figure = getattr(importlib.import_module("hindrax_analysis.experiments.plots"), name)(*data)
     with writing(f"--plot {path}", "name another place", UsageError), nothing_left(path):
         figure.savefig(path)
-    print_fitted(f"plot: {path}", sys.stderr)
+    print_stderr(f"plot: {path}")

@@ -2,14 +2,13 @@
 
 import argparse
 import math
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 
 from hindrax_analysis.terminal import print_answer, print_table, working
 from hindrax_control.maneuver.goal import motions_to_fly
 from hindrax_core.errors import UsageError
-from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.model.motion_model import MOTIONS
 from hindrax_ident.online.aim import Aim, check_experiment
@@ -28,7 +27,7 @@ def rehearse_and_show(arguments: argparse.Namespace, aim: Aim | None) -> int:
     vehicle, world = load_vehicle(Path(arguments.vehicle)), arguments.world or POOL
     sizes_of(world, arguments.seed)
     servable = motions_to_fly(arguments.dof, vehicle)
-    print_fitted(f"{vehicle.name} {servable}", sys.stderr)
+    print_stderr(f"{vehicle.name} {servable}")
     if aim is not None:
         check_experiment(servable.flown, aim)
     with working("rehearsing in lock-step"):
@@ -37,7 +36,7 @@ def rehearse_and_show(arguments: argparse.Namespace, aim: Aim | None) -> int:
         )
     print_answer(found.document(), lambda: show(found), as_json=arguments.json)
     if found.aborted:
-        print_fitted(f"aborted by {found.aborted}", sys.stderr)
+        print_stderr(f"aborted by {found.aborted}")
     return 1 if found.aborted else 0
 
 
@@ -46,14 +45,14 @@ def predicted_of(arguments: argparse.Namespace, aim: Aim) -> Mapping[str, float]
     vehicle = load_vehicle(Path(arguments.vehicle))
     motions = motions_to_fly(arguments.dof, vehicle).flown
     check_experiment(motions, aim)
-    print_fitted("rehearsing in lock-step what to expect", sys.stderr)
+    print_stderr("rehearsing in lock-step what to expect")
     with working("rehearsing"):
         found = rehearse(motions, arguments.seed, vehicle=vehicle, aim=aim)
     bands = {motion: band.calibrated for motion, band in found.bands.items() if math.isfinite(band.calibrated)}
     each = ", ".join(f"{motion} {share:.1%}" for motion, share in bands.items())
     ended = f"aborted by {found.aborted}" if found.aborted else found.ended
     text = f"predicted: {found.seconds:.0f} s in the water; deviation of the drag at the highest speed: {each}; {ended}"
-    print_fitted(text, sys.stderr)
+    print_stderr(text)
     return bands
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import sys
 import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING
 from hindrax_bringup.network.tether import add_tether, tether_setting, wait_for_address
 from hindrax_bringup.stack import adopted, environment, environment_beside
 from hindrax_bringup.stack_lock import StackLock, choose, stacks
-from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_stderr
 from hindrax_core.topics import NAMESPACE
 from hindrax_ros.stack_time import StackTime
 
@@ -84,7 +83,7 @@ def joined(
 def _graph_of_this_terminal() -> dict[str, str]:
     tether = tether_setting()
     if tether is not None:
-        wait_for_address(tether, TETHER_S, lambda: False, lambda sentence: print_fitted(sentence, sys.stderr))
+        wait_for_address(tether, TETHER_S, lambda: False, print_stderr)
     return environment(mock=False, domain=None, tether=tether)
 
 
@@ -94,7 +93,7 @@ def find_stack(arguments: argparse.Namespace) -> StackLock | None:
     if found is None:
         tether = tether_setting()
         where = f"over the tether {tether.interface}" if tether else "in the ROS graph of this terminal"
-        print_fitted(f"no `./hindrax up` runs here; looking {where}", sys.stderr)
+        print_stderr(f"no `./hindrax up` runs here; looking {where}")
     return found
 
 

@@ -19,10 +19,10 @@ from hindrax_bringup.liveness import tool_liveness
 from hindrax_bringup.processes import THRUSTERS
 from hindrax_bringup.stack import MockOptions, Stack, own_domain, stack_environment
 from hindrax_bringup.stack_lock import StackLock, choose, graph_settings, stacks
-from hindrax_bringup.stack_runner import report
 from hindrax_bringup.supervisor import Supervisor
 from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.text.screen_text import print_stderr
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_operator.connection import joined
 from hindrax_operator.snapshot import node_problems
@@ -51,10 +51,10 @@ def run_one(
     with _thrusters(vehicle_file, mock=mock, pid=pid) as operator:
         require_sole(operator)
         operator.wait_for_thrusters()
-        report(f"arming; {name} will turn, keep clear")
+        print_stderr(f"arming; {name} will turn, keep clear")
         try:
             operator.arm(seconds=ARMING_S)
-            report(f"{name}: {force_N:+.1f} N, {pulses[index]:.0f} us, for {seconds:g} s; Ctrl-C ends it")
+            print_stderr(f"{name}: {force_N:+.1f} N, {pulses[index]:.0f} us, for {seconds:g} s; Ctrl-C ends it")
             applied = list(run_alone(operator, pulses, seconds).pulses)
         finally:
             with contextlib.suppress(HindraxError):
@@ -104,7 +104,7 @@ def _thrusters(vehicle_file: Path, *, mock: bool, pid: int | None) -> Iterator[O
     if not mock:
         # A stack that was started by a service or by `ros2 launch` announces nothing here; its topics show it.
         what = "only a mock vehicle, whose thrusters run with --mock," if found else "no stack"
-        report(f"{what} is announced here; looking for thrusters in the ROS graph of this terminal")
+        print_stderr(f"{what} is announced here; looking for thrusters in the ROS graph of this terminal")
         with joined(None) as operator:
             operator.pause(LOOK_S)
             if operator.thrusters is not None:
@@ -141,7 +141,7 @@ def _own_thrusters(vehicle_file: Path, *, mock: bool) -> Iterator[Operator]:
 
             def look_after() -> None:
                 for sentence in supervisor.check():
-                    report(sentence)
+                    print_stderr(sentence)
                 supervisor.require()
                 beat.beat("one thruster alone", {})
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import shutil
 import signal
-import sys
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -25,7 +24,7 @@ from hindrax_bringup.supervisor import Supervisor, stop_signals
 from hindrax_control.maneuver.goal import PLATEAUS, Goal, motions_to_fly
 from hindrax_control.maneuver.plan import plans_of
 from hindrax_core.errors import INTERRUPTED, HindraxError
-from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ident.online.aim import Aim, ExperimentGoal, check_experiment, plan_text
 from hindrax_operator.progress import Progress
@@ -148,18 +147,18 @@ def planned(vehicle: Vehicle, options: PoolOptions) -> list[str]:
 def finish(identified: Identified, folder: RunFolder, flight: FlownManeuver) -> None:
     """Print how a run went, below its results."""
     if flight.aborted:
-        print_fitted(f"aborted by {flight.aborted}", sys.stderr)
+        print_stderr(f"aborted by {flight.aborted}")
         for line in flight.node_problems:
-            print_fitted(f"  {line}", sys.stderr)
+            print_stderr(f"  {line}")
         if not identified.results.motions:
-            print_fitted("nothing was flown: there is no data, so there are no coefficients", sys.stderr)
+            print_stderr("nothing was flown: there is no data, so there are no coefficients")
     if world := flight.facts.get("world"):
         units = flight.facts["world_units"]
         sizes = (f"{name} {size:.3g} {units[name]}".removesuffix(" -") for name, size in world.items())
         print_fitted(f"the mock's world: {', '.join(sizes)}")
     if flight.facts.get("wall_hits"):
         hits = flight.facts["wall_hits"]
-        print_fitted(f"the mock vehicle ran into a wall of its pool (contacts: {hits})", sys.stderr)
+        print_stderr(f"the mock vehicle ran into a wall of its pool (contacts: {hits})")
     print_fitted(f"flown at {flight.real_time_factor:.1f} times real time ({flight.vehicle_s:.0f} s of vehicle time)")
     for path in (folder.report, folder.coefficients, folder.bag):
         print_fitted(f"  {path}")

@@ -24,7 +24,7 @@ from pathlib import Path
 from hindrax_bringup.share_files import share_folder
 from hindrax_bringup.stack_lock import runtime_folder
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_stderr
 
 SETTING = "HINDRAX_TETHER"
 INTERFACES = Path("/sys/class/net")
@@ -192,7 +192,7 @@ def main() -> int:
     """Wait for the tether that this terminal names, for launch files."""
     tether = tether_setting()
     if tether is not None:
-        wait_for_address(tether, FOREVER_S, lambda: False, lambda sentence: print_fitted(sentence, sys.stderr))
+        wait_for_address(tether, FOREVER_S, lambda: False, print_stderr)
     return 0
 
 

@@ -20,7 +20,7 @@ from hindrax_bringup.liveness import LivenessFile, health_change, nodes_liveness
 from hindrax_bringup.network.link_monitor import NEUTRAL, STAY, LinkMonitor, SafetyMonitorKnobs
 from hindrax_core.events import Stamp
 from hindrax_core.input_checks import TIMELESS, Refusals, order_window
-from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_stderr
 from hindrax_core.topics import DIAGNOSTICS, HEARTBEAT, THRUSTER_HEALTH, THRUSTER_HEALTH_ORDER, THRUSTER_STATE, Topic
 from hindrax_msgs.srv import Arm
 from hindrax_ros.batched_node import BatchedNode
@@ -74,7 +74,7 @@ class SafetyMonitor(BatchedNode):
 
     def report(self, sentence: str) -> None:
         """Write a sentence for the operator."""
-        print_fitted(sentence, sys.stderr)
+        print_stderr(sentence)
 
     def drain(self) -> None:
         """Read what waits; then the list that came before the time was known."""

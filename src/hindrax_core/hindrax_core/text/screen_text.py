@@ -95,6 +95,11 @@ def print_fitted(text: object, stream: TextIO | None = None, end: str = "\n") ->
     print_whole(fitted(str(text), screen_width(to)), to, end)
 
 
+def print_stderr(sentence: object) -> None:
+    """Print a sentence for the operator on stderr; stdout is for what scripts may want."""
+    print_fitted(sentence, sys.stderr)
+
+
 def print_whole(text: str, stream: TextIO | None = None, end: str = "\n") -> None:
     """Print what is no prose, as it is: a document, a block to copy, a picture; default: to stdout.
 

@@ -1,7 +1,6 @@
 """`hindrax identify`: the identification over recorded data, of this stack or third-party."""
 
 import argparse
-import sys
 import time
 from dataclasses import asdict
 from pathlib import Path
@@ -31,7 +30,7 @@ from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.argument_types import add_json, named_vehicle, within
 from hindrax_cli.command import command, option
 from hindrax_core.errors import UsageError
-from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.text.text_file import require_place
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 from hindrax_ident.assess.results import Results
@@ -122,7 +121,7 @@ def identify(arguments: argparse.Namespace) -> int:
     tuning = Tuning(wrench_gain_sigma=gain_sigma)
     task = IdentificationTask(axes, span, mass_known=NO_VEHICLE not in notes, tuning=tuning)
     with working(f"identifying over {', '.join(str(path) for path in arguments.records)}"):
-        found = identify_sources(sources, vehicle, task, lambda text: print_fitted(text, sys.stderr))
+        found = identify_sources(sources, vehicle, task, print_stderr)
     took_s = time.monotonic() - began
     ours = [source.path for source in sources if source.recording is None]
     files = [file for source in sources for file in source.files]
@@ -202,12 +201,12 @@ def _delays(lag_s: float, latency_s: float) -> str:
 
 def _show(arguments: argparse.Namespace, found: Identified, conditions: ResultConditions) -> None:
     for assumption in conditions.assumptions:
-        print_fitted(f"assumed: {assumption}", sys.stderr)
+        print_stderr(f"assumed: {assumption}")
     if conditions.aborted:
-        print_fitted(f"aborted by {conditions.aborted}; the results are of what was flown until then", sys.stderr)
+        print_stderr(f"aborted by {conditions.aborted}; the results are of what was flown until then")
     show(found)
     if not found.results.motions:
-        print_fitted("no motion was flown in this record; `./hindrax bag info` shows what it holds", sys.stderr)
+        print_stderr("no motion was flown in this record; `./hindrax bag info` shows what it holds")
     foreign = not conditions.mock and found.origin is None
     for motion, result in found.results.motions.items() if foreign else ():
         if result.quality:

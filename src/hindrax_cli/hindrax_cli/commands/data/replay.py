@@ -1,7 +1,6 @@
 """`hindrax replay`: a recorded run through the real code, compared field by field with the record."""
 
 import argparse
-import sys
 from pathlib import Path
 
 from hindrax_analysis.terminal import print_answer, working
@@ -10,7 +9,7 @@ from hindrax_bringup.clone import clone_root
 from hindrax_cli.argument_types import add_json, named_vehicle
 from hindrax_cli.command import command, option
 from hindrax_core.errors import UsageError
-from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.vehicle import load_vehicle
 from hindrax_replay.bag_replay import Replayed, check_reference, names_of, reference_file, write_reference
 from hindrax_replay.bag_replay import replay as replay_bag
@@ -49,7 +48,7 @@ def replay(arguments: argparse.Namespace) -> int:
         raise UsageError("name one or more bags, or --all for the reference bags")
     done = []
     for bag in _reference_bags() if arguments.all else arguments.bags:
-        print_fitted(f"replaying {bag} ...", sys.stderr)
+        print_stderr(f"replaying {bag} ...")
         with working("comparing with the record"):
             done.append(_one(bag, arguments))
     vehicle_s, wall_s = sum(one.vehicle_s for one in done), sum(one.wall_s for one in done)
@@ -102,9 +101,9 @@ def _update(replayed: Replayed, file: Path) -> None:
         changes = Replayed(replayed.bag, ledger, replayed.begin, samples=replayed.samples)
         check_reference(changes, file)
         found = changes.ledger.differences()
-        print_fitted(f"{file.name}: {len(found)} fields changed", sys.stderr)
+        print_stderr(f"{file.name}: {len(found)} fields changed")
         for one in found:
-            print_fitted(f"  {one.sentence(replayed.begin)}", sys.stderr)
+            print_stderr(f"  {one.sentence(replayed.begin)}")
         if not found:
             return
     write_reference(replayed, file)

@@ -1,7 +1,6 @@
 """What goes into a vehicle file: `hindrax bollard` (thrust curve, COB-2023-1394) and `estimate` (Eidsvik 2015)."""
 
 import argparse
-import sys
 
 import numpy as np
 import yaml
@@ -16,7 +15,7 @@ from hindrax_cli.experiment_command import add_output, read_record, record, save
 from hindrax_core.curves import Curve, problems_of
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.knobs import build
-from hindrax_core.text.screen_text import print_fitted, print_whole
+from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whole
 from hindrax_core.vehicle import AXES, load_vehicle
 
 OUTLIERS = "remove outliers (--plot shows them)"
@@ -83,7 +82,7 @@ def print_curve(arguments: argparse.Namespace, curve: BollardCurve, block: str) 
     for direction, name in ((curve.negative, "negative"), (curve.positive, "positive")):
         if not direction.monotone:
             low, high = direction.monotone_from_us, direction.monotone_to_us
-            print_fitted(f"warning: the {name} cubic rises only from {low:.0f} to {high:.0f} us", sys.stderr)
+            print_stderr(f"warning: the {name} cubic rises only from {low:.0f} to {high:.0f} us")
     print_answer({"curve": curve, "block": block}, lambda: _show_curve(curve, block), as_json=arguments.json)
 
 
@@ -121,7 +120,7 @@ def estimate(arguments: argparse.Namespace) -> int:
     """Added mass, drag and inertia from dimensions and projected areas."""
     model = empirical(_dimensions(arguments))
     for note in model.notes:
-        print_fitted(f"note: {note}", sys.stderr)
+        print_stderr(f"note: {note}")
     save_plot(arguments.plot, "estimate", model)
     return print_answer(model, lambda: _show_estimate(model), as_json=arguments.json)
 

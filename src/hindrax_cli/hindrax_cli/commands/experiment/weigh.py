@@ -14,7 +14,6 @@ from hindrax_analysis.experiments.known_weight import weigh as weighed
 from hindrax_analysis.records.own_bag import bag_events
 from hindrax_analysis.terminal import print_answer, print_table, print_values, working
 from hindrax_bringup.stack import WORLD_HELP
-from hindrax_bringup.stack_runner import report
 from hindrax_cli.argument_types import add_json, add_vehicle, positive, seed
 from hindrax_cli.command import command, option
 from hindrax_cli.vehicle_edit import keep, require_editable
@@ -23,7 +22,7 @@ from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import after
 from hindrax_core.text.digits import Value
-from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 from hindrax_operator.connection import add_stack, operator_of
 
@@ -121,11 +120,11 @@ def _guided(arguments: argparse.Namespace, vehicle: Vehicle, axis: int, loads: S
     def ask(load: float) -> None:
         _forget_what_was_typed()
         what = "nothing but its tether" if load == 0.0 else f"{arguments.load:g} N: {ACTS[arguments.axis][load < 0.0]}"
-        report(f"on the vehicle: {what}. Let it go gently, then press Enter")
+        print_stderr(f"on the vehicle: {what}. Let it go gently, then press Enter")
 
     with operator_of(arguments) as operator:
         require_armed(operator)
-        return weigh_on(operator, vehicle, axis, loads, ready=_entered, ask=ask, report=report)
+        return weigh_on(operator, vehicle, axis, loads, ready=_entered, ask=ask, report=print_stderr)
 
 
 def _forget_what_was_typed() -> None:
@@ -182,8 +181,7 @@ def show(found: Weighing, kept: str) -> None:
     budget = sorted(found.contributions.items(), key=lambda one: -one[1])
     print_table("Its uncertainty", ["influence"], ["std [%]"], [(name, f"{100.0 * part:.2f}") for name, part in budget])
     if found.misfit > 3.0:
-        print_fitted(
-            f"warning: the holds contradict each other by {found.misfit:.1f} deviations; check line and pulley",
-            sys.stderr,
+        print_stderr(
+            f"warning: the holds contradict each other by {found.misfit:.1f} deviations; check line and pulley"
         )
     print_fitted(kept)

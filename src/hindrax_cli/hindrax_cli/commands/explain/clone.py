@@ -15,7 +15,7 @@ from hindrax_bringup.clone import VEHICLE_SETUP, WHOLE_SETUP, clone_root, develo
 from hindrax_cli import command_page
 from hindrax_cli.command import command, option
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.text.screen_text import print_fitted, print_whole
+from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whole
 
 PYTEST = [sys.executable, "-m", "pytest"]
 WORKERS = len(os.sched_getaffinity(0)) + 1
@@ -106,7 +106,7 @@ def reference(arguments: argparse.Namespace) -> int:
     stale = pages.stale(folder)
     if stale:
         raise HindraxError(f"{folder}: stale are {', '.join(stale)}; `{pages.COMMAND}` writes them")
-    print_fitted(f"{folder}: up to date", sys.stderr)
+    print_stderr(f"{folder}: up to date")
     return 0
 
 
@@ -127,7 +127,7 @@ def _draw(folder: Path, *, again: bool) -> int:
     if again:
         flown = []
         for flight in figures.FLIGHTS:
-            print_fitted("flying with seed {}, true thrust over that of the curve {}".format(*flight), sys.stderr)
+            print_stderr("flying with seed {}, true thrust over that of the curve {}".format(*flight))
             flown.append(figures.flown(*flight))
         kept = [flown[0], *({key: one[key] for key in one if key != "online"} for one in flown[1:])]
         (folder / figures.FLIGHTS_FILE).write_text(json.dumps(kept) + "\n", encoding="utf-8")

@@ -2,7 +2,6 @@
 
 import argparse
 import pkgutil
-import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from functools import partial
@@ -18,7 +17,7 @@ from hindrax_cli.command import command, option
 from hindrax_control.maneuver.goal import EXCITATIONS, PLATEAUS, motions_to_fly
 from hindrax_control.maneuver.plan import MOTIONS
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.model import motion_model
 from hindrax_sim.conditions.world_table import FORM, IDEAL, sizes_of
@@ -44,14 +43,14 @@ def montecarlo(arguments: argparse.Namespace) -> int:
     if vehicle.hydrodynamics is None:
         raise UsageError(f"{arguments.vehicle}: has no block `hydrodynamics`, wanted the truth to compare with")
     servable = motions_to_fly(arguments.dof, vehicle)
-    print_fitted(f"{vehicle.name} {servable}", sys.stderr)
+    print_stderr(f"{vehicle.name} {servable}")
     seeds = range(arguments.seed, arguments.seed + arguments.runs)
     how = servable.flown, arguments.excitation, arguments.vehicle, arguments.world
     jobs = [partial(trial, seed, *how) for seed in seeds]
     trials: list[Trial] = []
     for one in run_all(call, jobs, cluster=arguments.cluster, workers=arguments.workers):
         trials.append(one)
-        print_fitted(f"run {len(trials)} of {len(jobs)}: seed {one.seed} {one.trouble}", sys.stderr)
+        print_stderr(f"run {len(trials)} of {len(jobs)}: seed {one.seed} {one.trouble}")
     document = summary(trials)
     if not document["cells"]:
         raise HindraxError(f"none of {len(trials)} runs gave a result: {trials[0].trouble}")
@@ -145,7 +144,7 @@ def bench(arguments: argparse.Namespace) -> int:
         raise UsageError(f"no benchmark {unknown[0]!r}; there are {', '.join(known)}")
     rows: list[dict[str, Any]] = []
     for name in wanted:
-        print_fitted(f"measuring {name} ...", sys.stderr)
+        print_stderr(f"measuring {name} ...")
         rows += developer_module(f"benchmarks.{name}").rows()
     return print_answer({"rows": rows}, lambda: print_bench(rows), as_json=arguments.json)
 

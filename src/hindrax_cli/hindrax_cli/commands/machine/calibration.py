@@ -3,7 +3,6 @@
 import argparse
 import math
 import statistics
-import sys
 from collections.abc import Mapping
 from dataclasses import asdict
 from functools import partial
@@ -17,7 +16,7 @@ from hindrax_cli.vehicle_edit import add_write, keep, require_editable
 from hindrax_core import topics
 from hindrax_core.errors import HindraxError
 from hindrax_core.readings import Inertial, Magnetic, Pressure, Vec3
-from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_stderr
 from hindrax_core.vehicle import GRAVITY_mps2, Mount, load_vehicle
 from hindrax_drivers.bus_capture import capture, mount_of, run_once
 from hindrax_drivers.devices.icm20948 import Icm20948
@@ -66,7 +65,7 @@ def imu(arguments: argparse.Namespace) -> int:
 def live(port: str, mount: Mount, seconds: float) -> tuple[list[Vec3], list[Vec3]]:
     """Raw forces while turning slowly, and raw fields, captured from the sensor itself."""
     task = f"turn the vehicle slowly about each axis, all the way round: {seconds:g} s"
-    prompt = partial(print_fitted, task, sys.stderr)
+    prompt = partial(print_stderr, task)
     sensor = Icm20948(Icm20948Knobs(), mount.address)
     with working("captured") as progress:
         captured = capture(port, sensor, seconds, lambda share: progress(f"{share:.0%}"), prompt)
@@ -109,7 +108,7 @@ def calibration(
 
 def _self_test(port: str, mount: Mount, *, as_json: bool) -> int:
     sensor = Icm20948(Icm20948Knobs(magnetometer=False), mount.address)
-    print_fitted(run_once(port, sensor.configure()).text, sys.stderr)
+    print_stderr(run_once(port, sensor.configure()).text)
     result = run_once(port, self_test(mount.address or 0x68))
     print_answer(asdict(result) | {"passed": result.passed}, result, as_json=as_json)
     return 0 if result.passed else 1
@@ -134,7 +133,7 @@ def depth(arguments: argparse.Namespace) -> int:
     vehicle = load_vehicle(arguments.vehicle)
     _, mount = mount_of(vehicle, "ms5837")
     sensor = Ms5837(address=mount.address)
-    prompt = partial(print_fitted, f"measuring the air pressure for {arguments.seconds:g} s", sys.stderr)
+    prompt = partial(print_stderr, f"measuring the air pressure for {arguments.seconds:g} s")
     captured = capture(arguments.port or mount.port, sensor, arguments.seconds, lambda _: None, prompt)
     mean, spread = judged([one.pressure_Pa for one in captured.of(Pressure)])
     kept = keep(arguments, ("water", "surface_pressure_Pa"), round(mean, 1))

@@ -12,11 +12,10 @@ from pathlib import Path
 from hindrax_bringup.clone import clone_root
 from hindrax_bringup.network.tether import parse_tether
 from hindrax_bringup.stack_lock import runtime_folder
-from hindrax_bringup.stack_runner import report
 from hindrax_cli.command import command, option
 from hindrax_cli.deployment import LOOK, DeploymentKind, DeploymentStep, Target, kind_of, plan
 from hindrax_core.errors import HindraxError
-from hindrax_core.text.screen_text import print_fitted, print_whole
+from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whole
 
 NO_CONNECTION = 255
 """Exit code of ssh's own errors (ssh(1))."""
@@ -56,9 +55,9 @@ def deploy(arguments: argparse.Namespace) -> int:
             print_fitted(title)
             outline(step, target.host)
         else:
-            report(title)
+            print_stderr(title)
             run(target.host, step, clone)
-    report("dry run: nothing was changed" if arguments.dry_run else f"done on {target.host}")
+    print_stderr("dry run: nothing was changed" if arguments.dry_run else f"done on {target.host}")
     return 0
 
 
@@ -83,7 +82,7 @@ def left_behind(clone: Path) -> None:
     words = ["git", "status", "--porcelain", "--untracked-files=no"]
     changed = subprocess.run(words, cwd=clone, capture_output=True, text=True, check=True).stdout.splitlines()  # noqa: S603  # our own words
     if changed:
-        report(f"{len(changed)} changed files are not committed, so they are not sent")
+        print_stderr(f"{len(changed)} changed files are not committed, so they are not sent")
 
 
 def ssh(host: str, script: str) -> list[str]:

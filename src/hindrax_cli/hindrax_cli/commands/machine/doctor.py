@@ -2,7 +2,6 @@
 
 import argparse
 import shutil
-import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -22,7 +21,7 @@ from hindrax_cli.command import command, option
 from hindrax_cli.health_checks import Check, machine, nodes, wires
 from hindrax_cli.health_checks.pi import board
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_drivers.nodes.thruster_settings import Settings
 from hindrax_operator.connection import add_sim_time, joined
@@ -85,7 +84,7 @@ def of_stack(lock: StackLock) -> list[Check]:
 
 def in_mock(settings: Settings, vehicle_file: Path, faults: tuple[str, ...]) -> list[Check]:
     """Start the mock's devices without a stack, and ask them as real ones are asked."""
-    print_fitted("asking the devices of a mock vehicle", sys.stderr)
+    print_stderr("asking the devices of a mock vehicle")
     with tempfile.TemporaryDirectory(prefix="hindrax-") as place:
         folder = RunFolder(Path(place))
         shutil.copyfile(vehicle_file, folder.vehicle)

@@ -1,7 +1,6 @@
 """`hindrax dvl`: what the DVL keeps in its flash, shown and set. Nothing else in the stack changes these settings."""
 
 import argparse
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
@@ -13,7 +12,7 @@ from hindrax_cli.command import command, option
 from hindrax_core.driver_interface import Identity, Send
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import after
-from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_stderr
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.bus_capture import mount_of
 from hindrax_drivers.buses.clock import Clock, SystemClock
@@ -143,7 +142,7 @@ class DvlConversation:
         return report | {"sent": True, "verified": not unverified, "unverified": unverified, "settings": settings}
 
     def _send(self, order: bytes) -> None:
-        print_fitted(f"sending {order.decode().strip()}", sys.stderr)
+        print_stderr(f"sending {order.decode().strip()}")
         self._port.send(Send(order))
         self._listen(FLASH_S)
         word, _, speed = order.decode().strip().partition(" ")

@@ -16,7 +16,7 @@ from hindrax_cli.command import command, option
 from hindrax_cli.vehicle_edit import add_write, keep, require_editable
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.readings import Battery
-from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.vehicle import Vehicle, chip_and_line
 from hindrax_drivers.bus_capture import capture, run_once
 from hindrax_drivers.buses.clock import MOCK_PREFIX
@@ -57,12 +57,12 @@ def oscillator(arguments: argparse.Namespace) -> int:
     require_output_free(vehicle)
     output, port = vehicle.output, arguments.port or settings.port
     run_once(port, measurement.look(output.address, chip, line))
-    print_fitted(GUIDE.format(channel=arguments.channel, gpio=arguments.gpio), sys.stderr)
+    print_stderr(GUIDE.format(channel=arguments.channel, gpio=arguments.gpio))
     with outputs_enabled(output, port):
         identity = run_once(port, pca9685_of(vehicle, settings.guard.neutral.all_us).configure()).text
         prescale = run_once(port, measurement.begin(output.address, arguments.channel))
         try:
-            print_fitted(f"measuring for {arguments.seconds:g} s", sys.stderr)
+            print_stderr(f"measuring for {arguments.seconds:g} s")
             edges = run_once(port, measurement.edges(chip, line, arguments.seconds))
             found_Hz = measurement.clock_Hz(edges, prescale)
         finally:

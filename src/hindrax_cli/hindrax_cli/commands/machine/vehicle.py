@@ -14,7 +14,7 @@ from hindrax_cli.vehicle_review import findings, picture
 from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_control.maneuver.goal import largest_wrench, servable_motions
 from hindrax_core.errors import UsageError
-from hindrax_core.text.screen_text import print_fitted, print_whole
+from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whole
 from hindrax_core.text.text_file import replace_text, require_place, writing
 from hindrax_core.vehicle import AXES, Thruster, Vehicle, load_vehicle, vehicle_from_text
 
@@ -44,7 +44,7 @@ def _line(prompt: str) -> str:
     print_fitted(prompt, sys.stderr, end=" ")
     line = sys.stdin.readline()
     if not (line and sys.stdin.isatty()):  # a terminal has echoed the line and its end
-        print_fitted(line.strip(), sys.stderr)
+        print_stderr(line.strip())
     return line
 
 
@@ -52,7 +52,7 @@ def _print_or_raise(error: UsageError) -> None:
     """Print the error at a terminal and ask again; a script that answers wrongly ends."""
     if not sys.stdin.isatty():
         raise error
-    print_fitted(error, sys.stderr)
+    print_stderr(error)
 
 
 def check(arguments: argparse.Namespace) -> int:

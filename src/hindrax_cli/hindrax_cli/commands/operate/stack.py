@@ -2,7 +2,6 @@
 
 import argparse
 import math
-import sys
 import time
 from pathlib import Path
 
@@ -24,7 +23,7 @@ from hindrax_cli.argument_types import (
 )
 from hindrax_cli.command import command, option
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_drivers.nodes.deadman import write_neutral
 from hindrax_operator.connection import add_stack, find_stack, joined
 
@@ -108,7 +107,7 @@ def stop(arguments: argparse.Namespace) -> int:
         if not wrong:
             print_fitted(f"stopped and disarmed: {title}")
     for sentence in failed:
-        print_fitted(f"hindrax stop: {sentence}", sys.stderr)
+        print_stderr(f"hindrax stop: {sentence}")
     return 1 if failed else 0
 
 

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 
 from hindrax_bringup.share_files import usual_vehicle, vehicle_file
 from hindrax_bringup.stack_lock import runtime_folder
-from hindrax_bringup.stack_runner import asked_to_end, report
+from hindrax_bringup.stack_runner import asked_to_end
 from hindrax_cli.argument_types import within
 from hindrax_cli.command import command, option
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.text.screen_text import print_fitted, print_whole
+from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whole
 from hindrax_core.text.text_file import replace_text, writing
 from hindrax_core.vehicle import AXES, load_vehicle
 from hindrax_operator.connection import add_stack, chosen_stack, find_stack
@@ -81,14 +81,14 @@ def web(arguments: argparse.Namespace) -> int:
     found = find_stack(arguments)
     vehicle = load_vehicle(Path(found.vehicle) if found else vehicle_file(usual_vehicle()))
     link = GraphLink(found, sim_time=arguments.sim_time, namespace=arguments.namespace)
-    controller = PageController(link, vehicle, Reports(arguments.runs), read_only=read_only, log=report)
+    controller = PageController(link, vehicle, Reports(arguments.runs), read_only=read_only, log=print_stderr)
     with asked_to_end() as over:
         server = Server(arguments.address, arguments.port, access, controller)
         link.start()
         try:
             _wait_for_vehicle(link, over)
             server.start()
-            report(f"{vehicle.name} {servable_motions(AXES, vehicle)}")
+            print_stderr(f"{vehicle.name} {servable_motions(AXES, vehicle)}")
             print_fitted(startup_text(arguments.address, server.port, access.token, read_only=read_only))
             if sys.stdout.isatty() and "localhost" not in access.hosts:
                 print_whole(qr_code(page_url(arguments.address, server.port, access.token)))

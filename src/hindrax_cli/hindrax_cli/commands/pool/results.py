@@ -1,7 +1,6 @@
 """What follows a run: `hindrax report` and `export`, for simulators, controllers, tables and our vehicle file."""
 
 import argparse
-import sys
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +18,7 @@ from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.argument_types import named_vehicle
 from hindrax_cli.command import command, option
 from hindrax_core.errors import UsageError
-from hindrax_core.text.screen_text import print_fitted, print_whole
+from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whole
 from hindrax_core.text.text_file import require_place, writing
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ros.messages.frames import urdf_of
@@ -115,7 +114,7 @@ def export(arguments: argparse.Namespace) -> int:
         return 0
     with writing(f"--out {arguments.out}", "name another place", UsageError):
         arguments.out.write_text(text, encoding="utf-8")
-    print_fitted(f"written: {arguments.out}", sys.stderr)
+    print_stderr(f"written: {arguments.out}")
     return 0
 
 
@@ -139,7 +138,7 @@ def _text(path: Path | None, to: str, named: str | None) -> str:
 
 def _note(notes: Iterable[str]) -> None:
     for note in notes:
-        print_fitted(f"note: {note}", sys.stderr)
+        print_stderr(f"note: {note}")
 
 
 def _model(saved: SavedCoefficients, file: Path, named: str | None) -> ExportModel:
