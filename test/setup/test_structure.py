@@ -36,7 +36,23 @@ def test_a_folder_fits_on_a_screen(folder: Path) -> None:
     assert FOLDERS[folder] <= MOST_MODULES, f"{folder}: {FOLDERS[folder]} modules; which theme wants its own folder?"
 
 
-def said(source: Path) -> Iterator[str]:
+ARRAY = re.compile(r"\b(Array|Matrix|NDArray|ndarray)\b")
+SHAPE = re.compile(r"\((\w|\.\.\.)[^()]*,[^()]*\)")
+
+
+def test_a_function_that_returns_arrays_names_their_shapes_first() -> None:
+    found = [
+        f"{source.relative_to(ROOT)}: {node.name}"
+        for source in SOURCES
+        for node in ast.walk(ast.parse(source.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_") and node.returns is not None
+        if ARRAY.search(ast.unparse(node.returns))
+        if not SHAPE.search((ast.get_docstring(node) or "").partition("\n")[0])
+    ]
+    assert not found
+
+
+def shown_texts(source: Path) -> Iterator[str]:
     """Texts of a file that may be shown: all but its docstrings."""
     tree = ast.parse(source.read_text(encoding="utf-8"))
     unshown = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
@@ -47,7 +63,10 @@ def said(source: Path) -> Iterator[str]:
 
 def test_a_command_in_a_sentence_can_be_pasted() -> None:
     found = [
-        f"{source.relative_to(ROOT)}: {text}" for source in SOURCES for text in said(source) if "`hindrax " in text
+        f"{source.relative_to(ROOT)}: {text}"
+        for source in SOURCES
+        for text in shown_texts(source)
+        if "`hindrax " in text
     ]
     assert not found, "wanted ./hindrax, as the help has it"
 
