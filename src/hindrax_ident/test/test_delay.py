@@ -22,7 +22,6 @@ from hindrax_ident.fit.delay import (
     fit_with_delays,
     lag_impulse,
     latency_impulse,
-    per_step,
     prior_delays,
     search_delay,
 )
@@ -30,7 +29,7 @@ from hindrax_ident.fit.output_error_problem import LinearizedProblem, build_prob
 from hindrax_ident.fit.score_test import score
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.model.parameters import Prior
-from hindrax_ident.model.simulation import Grid
+from hindrax_ident.model.simulation import Grid, per_step
 from hindrax_ident.records.axis_record import Record, Series, Stretch
 
 SURGE, THETA = Model(0, 15.22), array(np.array([66.48, 1.25, 0.0, 27.3]))
@@ -52,7 +51,7 @@ def stepped(lag_s: float, latency_s: float = 0.0) -> Record:
 
 def test_what_is_up_to_each_time_becomes_what_is_over_each_step() -> None:
     totals = array(np.array([[5.0, 1.0], [6.0, 3.0], [9.0, 2.0], [7.0, 4.0]]))
-    found = per_step(totals, grid_of(array(np.arange(4.0)), 2))
+    found = per_step(totals, grid_of(array(np.arange(4.0)), 2).starts)
     assert found.tolist() == [[0.0, 0.0], [1.0, 2.0], [0.0, 0.0], [-2.0, 2.0]]
 
 

@@ -117,7 +117,7 @@ def test_thrusters_that_oppose_each_other_damp_by_inflow_however_little_they_pus
 
     def shift(case: Case) -> Array:
         budget = budget_of(case)
-        at = budget.rows[[row.name for row in budget.influences].index("inflow loss")].start
+        (at,) = (columns.start for columns, row, _ in budget.rows if row.name == "inflow loss")
         return np.abs(budget.shifts[:, at])
 
     times = flown.record.thrust.t
@@ -130,8 +130,7 @@ def test_thrusters_that_oppose_each_other_damp_by_inflow_however_little_they_pus
 
 def test_what_is_far_beyond_any_pool_is_no_explanation(flown: Case) -> None:
     budget = budget_of(flown)
-    names = [one.name for one in budget.influences]
-    at = budget.rows[names.index("sag over the run")].start
+    (at,) = (columns.start for columns, row, _ in budget.rows if row.name == "sag over the run")
     for times, words in ((-5.0, "the record shows sag over the run (-0.5"), (-59.0, "what no influence explains")):
         mean = np.zeros(len(budget.mean))
         mean[at] = times
@@ -147,7 +146,7 @@ def test_a_loss_that_a_record_hardly_tells_is_never_greater_than_the_thrust() ->
     for name, is_loss in (("sag over the run", True), ("tether", False)):
         (row,) = (one for one in INFLUENCES if one.name == name)
         information = np.full((1, 1), spread**-2)
-        found = _posterior(_Likelihood(information, far * information[0], _prior([(row, 1.0)], [slice(0, 1)])))
+        found = _posterior(_Likelihood(information, far * information[0], _prior([(slice(0, 1), row, 1.0)])))
         assert bool(found.mean[0] > -1.0) is is_loss
         assert bool(found.covariance[0, 0] < 1.0) is is_loss
 
@@ -157,7 +156,7 @@ def test_inflow_that_one_motion_shows_counts_for_those_that_cannot_show_it(shown
     """It is a number of the thrusters; the rest of the water stays near the model all the same."""
     rows = [one for one in INFLUENCES if one.name in ("inflow loss", "sag under load")]
     at = {row.name: index for index, row in enumerate(rows)}
-    prior = _prior([(row, 1.0) for row in rows], [slice(0, 1), slice(1, 2)])
+    prior = _prior([(slice(index, index + 1), row, 1.0) for index, row in enumerate(rows)])
     informative, silent, seen = 25.0 * np.eye(2), np.zeros((2, 2)), np.zeros(2)
     seen[at["inflow loss"]] = shown
     by_other_rows = array([0.0, -5.0, 0.0, -10.0])
@@ -231,4 +230,4 @@ def test_contributions_of_some_scopes_leave_the_others_out(flown: Case) -> None:
     every, some = (
         {row.influence for row in budget.contributions(sensitivity[0], scopes)} for scopes in (ALL, (RUN, MODEL))
     )
-    assert every - some == {row.name for row in budget.influences if row.scope == GAIN} != set()
+    assert every - some == {row.name for _, row, _ in budget.rows if row.scope == GAIN} != set()

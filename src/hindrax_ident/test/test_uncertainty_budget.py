@@ -14,6 +14,7 @@ from hindrax_ident.assess.uncertainty_budget import (
     ALL,
     NEAR_ODDS,
     Budget,
+    BudgetRow,
     _explained,
     _Likelihood,
     _posterior,
@@ -64,13 +65,16 @@ def case(vehicle: Vehicle) -> Case:
     return Case(vehicle, record, refine(model, record, prior.values, prior), Tuning())
 
 
+def rows_with(gains: Influence) -> tuple[BudgetRow, ...]:
+    """Rows of the budget, of which this is the second."""
+    return ((slice(0, 2), CURRENT, 0.5), (slice(2, 3), gains, 2.0), (slice(3, 4), LAW, 0.1))
+
+
 @pytest.fixture
 def budget(case: Case) -> Budget:
     return Budget(
         case=case,
-        influences=(CURRENT, GAINS, LAW),
-        sigmas=(0.5, 2.0, 0.1),
-        rows=(slice(0, 2), slice(2, 3), slice(3, 4)),
+        rows=rows_with(GAINS),
         shifts=SHIFTS,
         mean=MEAN,
         covariance=COVARIANCE,
@@ -169,7 +173,7 @@ def test_warnings_name_what_the_record_shows_clearest_first(budget: Budget) -> N
 
 def test_what_no_record_shows_is_named_where_it_makes_most_of_a_band(budget: Budget) -> None:
     own, sensitivity = array(np.array([0.0, 0.0, 1.0, 0.0])), SHIFTS[0]
-    hidden = replace(budget, influences=(CURRENT, replace(GAINS, considered=True), LAW))
+    hidden = replace(budget, rows=rows_with(replace(GAINS, considered=True)))
     rest, total = budget.variance_without(own)["weigh"], float(budget.variance(own[None])[0])
     assert rest < 1e-9 * total
     said = ("most of the band of the drag comes from what this record does not show (gain): weigh",)
@@ -186,7 +190,7 @@ def test_what_no_record_shows_is_named_where_it_makes_most_of_a_band(budget: Bud
         replace(GAINS, considered=True, shown=lambda _case: True),
         replace(GAINS, considered=True, measured=True),
     ):
-        assert replace(budget, influences=(CURRENT, plain, LAW)).unseen({"the drag": (own, 0.0)}) == ()
+        assert replace(budget, rows=rows_with(plain)).unseen({"the drag": (own, 0.0)}) == ()
     assert hidden.unseen({"the drag": (sensitivity, 1e9)}) == ()
 
 
@@ -253,7 +257,8 @@ def test_a_record_that_shows_an_influence_tells_that_the_water_is_usual(case: Ca
 
 
 def test_an_influence_that_cannot_act_is_no_row(case: Case) -> None:
-    assert budget_of(case, (replace(LAW, sigma=lambda _case: 0.0), GAINS)).influences == (GAINS,)
+    ((_, only, _),) = budget_of(case, (replace(LAW, sigma=lambda _case: 0.0), GAINS)).rows
+    assert only is GAINS
     nothing = budget_of(case, ())
     assert not nothing.band().any()
     assert nothing.warnings() == ()
@@ -358,7 +363,7 @@ def test_the_prior_of_each_water_is_that_of_its_row() -> None:
         replace(CURRENT, near=0.2),
     ]
     slices = [*(slice(at, at + 1) for at in range(6)), slice(6, 8)]
-    prior = _prior([(row, 1.0) for row in rows], slices)
+    prior = _prior([(columns, row, 1.0) for columns, row in zip(slices, rows, strict=True)])
     near = np.array([1.0, 0.03, 0.2, 0.03, 0.03, 0.03, 0.2, 0.2])
     losses = np.array([1.0, 0.03, 0.2, 0.03, 0.03, 1.0, 0.2, 0.2])
     inflow = np.array([1.0, 0.03, 0.2, 1.0, 0.03, 0.03, 0.2, 0.2])
@@ -369,7 +374,7 @@ def test_the_prior_of_each_water_is_that_of_its_row() -> None:
         assert prior.sigma[at] == pytest.approx(np.where(loss > 0.0, 0.5, 1.0) * size)
     both_ways = loss == 0.0
     assert prior.tails.tolist() == [(both_ways & (near > 0.03)).tolist()] * 3 + [both_ways.tolist()]
-    assert _prior([], []).mean.shape == (4, 0)
+    assert _prior([]).mean.shape == (4, 0)
 
 
 def heave(case: Case, sigma_N: float) -> Case:

@@ -17,9 +17,10 @@ import numpy as np
 from hindrax_core.vehicle import AXES, AxisGain, GRAVITY_mps2, Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.thrust_calibration import ThrustErrorMode, modes, thrust_shares
-from hindrax_ident.fit.delay import lag_impulse, latency_impulse, per_step
+from hindrax_ident.fit.delay import lag_impulse, latency_impulse
 from hindrax_ident.fit.output_error import OutputErrorFit
 from hindrax_ident.model.motion_model import HORIZONTAL
+from hindrax_ident.model.simulation import per_step
 from hindrax_ident.model.thrust_lag import LaggedThrust
 from hindrax_ident.records.axis_record import Record
 from hindrax_ident.tuning import Tuning
@@ -164,7 +165,7 @@ class Case:
         """
         times_s = self.record.thrust.t if times_s is None else times_s
         totals = [LaggedThrust(times_s, one, self.record.lag_s) for one in commands.T]
-        return per_step(np.stack([one.impulse(self._thrust_s) for one in totals], axis=1), self.fit.problem.grid)
+        return per_step(np.stack([one.impulse(self._thrust_s) for one in totals], axis=1), self.fit.problem.grid.starts)
 
     def delayed(self, time_s: float) -> Array:
         """Velocity through a first-order lag, from rest at the start of each stretch: (n,) [m/s, rad/s]."""
@@ -402,7 +403,7 @@ def _seiche(case: Case) -> Array:
 def _coriolis(case: Case) -> Array:
     grid = case.fit.problem.grid
     totals = [LaggedThrust(error.t, error.y, 0.0).impulse(grid.times_s) for error in case.record.coriolis_errors]
-    return per_step(np.stack(totals, axis=1), grid)
+    return per_step(np.stack(totals, axis=1), grid.starts)
 
 
 # ---- sensors

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -21,6 +21,8 @@ from hindrax_ident.assess.influences import GAIN, HEAVE, INFLUENCES, MODEL, NEAR
 from hindrax_ident.assess.results import Contribution
 from hindrax_ident.fit.score_test import score
 
+BudgetRow: TypeAlias = tuple[slice, Influence, float]
+"""Columns of an influence, itself, and its prior standard deviation in its unit."""
 ALL = (GAIN, RUN, MODEL)
 FREEDOM = 1.0
 """Degrees of freedom of the priors."""
@@ -43,7 +45,7 @@ SURPRISE = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """Influences in units of their prior deviations: m columns, of which `rows[k]` of influence k.
+    """Influences in units of their prior deviations, m columns: see `BudgetRow`.
 
     `shifts` (p, m): error of the parameters per unit; `mean` (m,) and `covariance` (m, m): what is known of them
     after the record. `evidence` (k,): log evidence of this record for each nearness of the water to the model.
@@ -51,9 +53,7 @@ class Budget:
     """
 
     case: Case
-    influences: tuple[Influence, ...]
-    sigmas: tuple[float, ...]
-    rows: tuple[slice, ...]
+    rows: tuple[BudgetRow, ...]
     shifts: Array
     mean: Array
     covariance: Array
@@ -67,7 +67,7 @@ class Budget:
 
     def prior(self, name: str) -> float:
         """Prior standard deviation of an influence in its unit; 0 where it cannot act."""
-        return dict(zip((one.name for one in self.influences), self.sigmas, strict=True)).get(name, 0.0)
+        return next((sigma for _, influence, sigma in self.rows if influence.name == name), 0.0)
 
     def band(self, scopes: Collection[str] = ALL) -> Array:
         """Second moment of the parameters' errors due to influences of these scopes: (p, p)."""
@@ -82,7 +82,7 @@ class Budget:
     def prior_band(self, name: str) -> Array:
         """Covariance of the parameters due to one influence, before the record: (p, p)."""
         out = np.zeros((len(self.shifts),) * 2)
-        for row, influence, _ in self._table():
+        for row, influence, _ in self.rows:
             if influence.name == name:
                 out += self.shifts[:, row] @ self.shifts[:, row].T
         return out
@@ -90,7 +90,7 @@ class Budget:
     def drag_sensitivity(self, gradient: Array, v: Array) -> Array:
         """Error of the drag at velocities v (n,) per unit of each influence: (n, m); `gradient` (n, p) of the drag."""
         out = array(gradient @ self.shifts)
-        for row, influence, sigma in self._table():
+        for row, influence, sigma in self.rows:
             if influence.drag is not None:
                 out[:, row] -= sigma * np.sign(v)[:, None] * influence.drag(self.case, v)
         return out
@@ -103,7 +103,7 @@ class Budget:
     def variance_without(self, sensitivity: Array) -> dict[str, float]:
         """By remedy: what is left of the variance of a quantity with this sensitivity (m,) if its rows were known."""
         columns: dict[str, list[int]] = {}
-        for row, influence, _ in self._table():
+        for row, influence, _ in self.rows:
             columns.setdefault(influence.remedy, []).extend(range(row.start, row.stop))
         known = float(sensitivity @ self.covariance @ sensitivity)
         out = {}
@@ -121,7 +121,7 @@ class Budget:
         """
         out = []
         sensitivity = sensitivity * self._within(scopes)
-        for row, influence, _ in self._table():
+        for row, influence, _ in self.rows:
             if influence.scope not in scopes:
                 continue
             lost = self._lost(range(row.start, row.stop), sensitivity)
@@ -136,7 +136,7 @@ class Budget:
 
     def found(self, name: str) -> tuple[float, float]:
         """Value of an influence with one unknown, in its unit, and its deviation after the record; NaN for no such."""
-        for row, influence, sigma in self._table():
+        for row, influence, sigma in self.rows:
             if influence.name == name:
                 at = row.start
                 return sigma * float(self.mean[at]), sigma * math.sqrt(self.covariance[at, at])
@@ -145,7 +145,7 @@ class Budget:
     def warnings(self) -> tuple[str, ...]:
         """One sentence for each influence that the record shows beyond chance, the clearest first."""
         out = []
-        for row, influence, sigma in self._table():
+        for row, influence, sigma in self.rows:
             at = row.start + int(np.argmax(self._surprise[row]))
             surprise = float(self._surprise[at])
             if surprise > SURPRISE and abs(self.mean[at]) > 1.0:
@@ -166,16 +166,16 @@ class Budget:
 
         By their names: sensitivity (m,), and variance by the noise of the record.
         """
-        rows: dict[str, list[str]] = {}
-        for influence in self.influences:
+        hidden: dict[str, list[str]] = {}
+        for _, influence, _ in self.rows:
             if influence.considered and not influence.measured and not influence.shown(self.case):
-                rows.setdefault(influence.remedy, []).append(influence.name)
+                hidden.setdefault(influence.remedy, []).append(influence.name)
         left = {
             name: (self.variance_without(along), noise, noise + float(self.variance(along[None])[0]))
             for name, (along, noise) in quantities.items()
         }
         out = []
-        for remedy, names in rows.items():
+        for remedy, names in hidden.items():
             wide = [name for name, (rest, noise, total) in left.items() if noise + rest[remedy] < (1.0 - MOST) * total]
             if wide:
                 causes, widened = " and ".join(names), " and ".join(wide)
@@ -193,13 +193,10 @@ class Budget:
     def _moment(self) -> Array:
         return array(self.covariance + np.outer(self.mean, self.mean))
 
-    def _table(self) -> Iterator[tuple[slice, Influence, float]]:
-        return zip(self.rows, self.influences, self.sigmas, strict=True)
-
     def _within(self, scopes: Collection[str]) -> Array:
         """1 for the columns of influences of these scopes, otherwise 0: (m,)."""
         out = np.zeros(len(self.mean))
-        for row, influence, _ in self._table():
+        for row, influence, _ in self.rows:
             out[row] = influence.scope in scopes
         return out
 
@@ -217,21 +214,19 @@ def budget_of(case: Case, influences: Sequence[Influence] = INFLUENCES) -> Budge
     readings = np.hstack([np.zeros((len(case.fit.problem.t), 0)), *columns[on_body:]])
     found = score(case.fit, impulses, readings)
     ends = np.cumsum([0, *(column.shape[1] for column in columns)]).tolist()
-    rows = tuple(slice(a, b) for a, b in itertools.pairwise(ends))
+    rows = tuple((slice(a, b), *one) for (a, b), one in zip(itertools.pairwise(ends), known, strict=True))
     judged = np.ones(ends[-1])
-    for row, (influence, _) in zip(rows, known, strict=True):
+    for row, influence, _ in rows:
         judged[row] = not influence.considered or influence.shown(case)
     weighed = _weighed(case, found.shifts)
     likelihood = _Likelihood(
         array(found.information * np.outer(judged, judged) + weighed[0]),
         array(found.gradient * judged + weighed[1]),
-        _prior(known, rows),
+        _prior(rows),
     )
     mean, covariance, evidence = _posterior(likelihood)
     return Budget(
         case=case,
-        influences=tuple(row for row, _ in known),
-        sigmas=tuple(sigma for _, sigma in known),
         rows=rows,
         shifts=found.shifts,
         mean=mean,
@@ -241,11 +236,11 @@ def budget_of(case: Case, influences: Sequence[Influence] = INFLUENCES) -> Budge
     )
 
 
-def _prior(known: Sequence[tuple[Influence, float]], rows: Sequence[slice]) -> _Prior:
+def _prior(rows: Sequence[BudgetRow]) -> _Prior:
     """Prior of the influences in each water: near the model, near it but for one cause each, usual."""
-    m = rows[-1].stop if rows else 0
+    m = rows[-1][0].stop if rows else 0
     near, cause, loss = np.ones(m), np.zeros(m, object), np.zeros(m)
-    for row, (influence, _) in zip(rows, known, strict=True):
+    for row, influence, _ in rows:
         near[row], cause[row], loss[row] = influence.near, influence.alone, influence.loss
     # The waters of all motions are the same, whichever rows act on one.
     causes = dict.fromkeys(one.alone for one in INFLUENCES if one.alone)

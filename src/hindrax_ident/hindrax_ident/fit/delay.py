@@ -24,7 +24,7 @@ from hindrax_ident.fit.output_error_problem import (
 from hindrax_ident.fit.score_test import score
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.model.parameters import Prior
-from hindrax_ident.model.simulation import Grid, Trajectory
+from hindrax_ident.model.simulation import Grid, Trajectory, per_step
 from hindrax_ident.model.thrust_lag import LaggedThrust
 from hindrax_ident.records.axis_record import Record
 
@@ -44,25 +44,18 @@ STARTS = ((0.1, 0.0), (0.3, 0.0), (0.0, 0.2))
 """Initial lags and latencies of the search [s]."""
 
 
-def per_step(totals: Array, grid: Grid) -> Array:
-    """Impulses over each step from impulses up to each time: (n, m) [N s, N m s]; zero at the start of a stretch."""
-    steps = np.diff(totals, axis=0, prepend=totals[:1])
-    steps[grid.starts] = 0.0
-    return array(steps)
-
-
 def lag_impulse(record: Record, grid: Grid) -> Array:
     """Change of the impulse over each step per second of lag: (n, 1) [N, N m]."""
     times = grid.times_s - record.latency_s
     slower = LaggedThrust(record.thrust.t, record.thrust.y, record.lag_s + SMALL_S).impulse(times)
     as_is = LaggedThrust(record.thrust.t, record.thrust.y, record.lag_s).impulse(times)
-    return per_step(((slower - as_is) / SMALL_S)[:, None], grid)
+    return per_step(((slower - as_is) / SMALL_S)[:, None], grid.starts)
 
 
 def latency_impulse(record: Record, grid: Grid) -> Array:
     """Change of the impulse over each step per second of latency: (n, 1) [N, N m]."""
     thrust = LaggedThrust(record.thrust.t, record.thrust.y, record.lag_s).force(grid.times_s - record.latency_s)
-    return per_step(-thrust[:, None], grid)
+    return per_step(-thrust[:, None], grid.starts)
 
 
 def delay_impulses(record: Record, grid: Grid) -> Array:
@@ -138,7 +131,7 @@ class _Search:
     def _at(self, x: Array, path: Trajectory, weigh: Callable[[Array], Array]) -> LinearizedProblem | None:
         record = replace(self._record, lag_s=float(x[-2]), latency_s=float(x[-1]))
         grid = self._problem.grid
-        moved = Grid(grid.times_s, grid.starts, per_step(record.impulse(grid.times_s)[:, None], grid)[:, 0])
+        moved = Grid(grid.times_s, grid.starts, per_step(record.impulse(grid.times_s), grid.starts))
         problem = replace(self._problem, grid=moved)
         return linearize(problem, x[: self._size], path, weigh, delay_impulses(record, grid)) if x[-3] > 0.0 else None
 

@@ -14,8 +14,8 @@ import numpy as np
 from hindrax_ident.arrays import Array, Flags, Index, array
 from hindrax_ident.fit.whitening import ErrorDynamics, Noise, Whitener
 from hindrax_ident.model.motion_model import Model
-from hindrax_ident.model.simulation import Grid, Trajectory, sensitivities, trajectory
-from hindrax_ident.records.axis_record import Record, Series, Stretch
+from hindrax_ident.model.simulation import Grid, Trajectory, per_step, sensitivities, trajectory
+from hindrax_ident.records.axis_record import Record, Series
 
 LONGEST_STEP_S = 0.05
 FEWEST_SAMPLES = 8
@@ -72,7 +72,7 @@ class OutputErrorProblem:
 
 def build_problem(model: Model, record: Record) -> OutputErrorProblem:
     """Build grid and measurements of all stretches; ValueError when no stretch has enough samples."""
-    cut = [_measured(record, stretch) for stretch in record.stretches]
+    cut = [record.within(stretch) for stretch in record.stretches]
     cut = [(v, s) for v, s in cut if len(v) + len(s) >= FEWEST_SAMPLES]
     if not cut:
         raise ValueError(f"no stretch of the record has enough samples, wanted {FEWEST_SAMPLES}")
@@ -81,14 +81,12 @@ def build_problem(model: Model, record: Record) -> OutputErrorProblem:
     offsets = np.cumsum([0, *(len(grid) for grid in grids)])
     starts = np.zeros(len(times), bool)
     starts[offsets[:-1]] = True
-    total = record.impulse(times)
-    impulse = np.where(starts, 0.0, np.diff(total, prepend=total[:1]))
     chains = [_interleaved(v, s, grid, int(at)) for (v, s), grid, at in zip(cut, grids, offsets, strict=False)]
     t, y, index, channel = (np.concatenate(parts) for parts in zip(*chains, strict=True))
     edges = np.cumsum([0, *(len(v) + len(s) for v, s in cut)]).tolist()
     return OutputErrorProblem(
         model=model,
-        grid=Grid(times, starts, impulse),
+        grid=Grid(times, starts, per_step(record.impulse(times), starts)),
         t=t,
         y=y,
         index=index.astype(np.intp),
@@ -98,13 +96,6 @@ def build_problem(model: Model, record: Record) -> OutputErrorProblem:
         guess=_initial_guess(cut, grids),
         lag_s=record.lag_s,
         efforts=record.efforts(t),
-    )
-
-
-def _measured(record: Record, stretch: Stretch) -> tuple[Series, Series]:
-    return (
-        record.velocity.between(stretch.start_s, stretch.end_s),
-        record.position.between(stretch.start_s, stretch.end_s),
     )
 
 
@@ -206,7 +197,7 @@ def error_dynamics_of(problem: OutputErrorProblem, theta: Array, path: Trajector
     model, index, starts = problem.model, problem.index, problem.starts()
     v, s = path.v[index], path.s[index]
     stiffness = theta[-2] * np.cos(s) / theta[-1] if model.restores else np.zeros(len(s))
-    steps = np.where(starts, 0.0, np.diff(problem.t, prepend=problem.t[:1]))
+    steps = per_step(problem.t, starts)
     damping, thrust_density = model.slope(theta, v) / theta[-1], _effort(problem, steps) / theta[-1] ** 2
     return ErrorDynamics(
         problem.channel, starts, steps, damping, stiffness, problem.counts, thrust_density, problem.lag_s

@@ -58,8 +58,7 @@ def measure(record: Record) -> Plateaus:
 
 def _speed(record: Record, span: Stretch) -> float:
     """Mean of the velocities within a span, or slope of the positions; NaN with too few samples."""
-    measured = record.velocity.between(span.start_s, span.end_s)
-    placed = record.position.between(span.start_s, span.end_s)
+    measured, placed = record.within(span)
     if len(measured) >= 3:
         return float(measured.y.mean())
     if len(placed) >= 3:

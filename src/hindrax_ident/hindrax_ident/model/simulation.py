@@ -37,8 +37,7 @@ class Grid:
     @property
     def steps_s(self) -> Array:
         """Length of the step that ends at each time: (n,) [s]; zero at a start."""
-        steps = np.diff(self.times_s, prepend=self.times_s[:1])
-        return np.where(self.starts, 0.0, steps)
+        return per_step(self.times_s, self.starts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +46,13 @@ class Trajectory:
 
     v: Array
     s: Array
+
+
+def per_step(totals: Array, starts: Flags) -> Array:
+    """Increase of totals, (n,) or (n, m), over the step that ends at each time; zero at the start of a stretch."""
+    steps = np.diff(totals, axis=0, prepend=totals[:1])
+    steps[starts] = 0.0
+    return array(steps)
 
 
 def trajectory(model: Model, theta: Array, grid: Grid, start: Trajectory) -> Trajectory | None:

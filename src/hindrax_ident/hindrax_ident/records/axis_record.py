@@ -85,6 +85,10 @@ class Record:
     supply_measured: bool = False
     """Whether the supply voltage behind the thrust was measured all the time; else it was assumed."""
 
+    def within(self, span: Stretch) -> tuple[Series, Series]:
+        """Velocities and positions measured within a span."""
+        return self.velocity.between(span.start_s, span.end_s), self.position.between(span.start_s, span.end_s)
+
     def impulse(self, at_s: Array) -> Array:
         """Impulse of thrust after its lag and of known forces, up to each time: (n,) [N s, N m s]."""
         thrust = LaggedThrust(self.thrust.t, self.thrust.y, self.lag_s).impulse(at_s - self.latency_s)
