@@ -115,26 +115,12 @@ def _in_words(result: MotionResult) -> list[str]:
 
 
 @dataclass(frozen=True, slots=True)
-class SavedMotion:
-    """One motion of a file: coefficients, verdict, tested speeds."""
-
-    numbers: Mapping[str, Number]
-    identifiable: bool
-    reasons: tuple[str, ...]
-    speeds: tuple[float, float]
-
-    def value(self, name: str) -> float:
-        """Value of a coefficient; NaN where missing."""
-        return self.numbers[name].value if name in self.numbers else math.nan
-
-
-@dataclass(frozen=True, slots=True)
 class SavedCoefficients:
-    """A file read back; `label` is its name in a comparison."""
+    """A file read back: of each motion coefficients, verdict, tested speeds; `label` is its name in a comparison."""
 
     label: str
     conditions: ResultConditions
-    motions: Mapping[str, SavedMotion] = field(default_factory=dict)
+    motions: Mapping[str, MotionResult]
 
 
 def read_coefficients(file: Path, label: str = "") -> SavedCoefficients:
@@ -151,7 +137,7 @@ def coefficients_of(data: object, source: str, label: str = "") -> SavedCoeffici
     """Check the plain data of a file."""
     if not isinstance(data, Mapping) or not isinstance(data.get("motions"), Mapping):
         raise HindraxError(f"{source}: no mapping 'motions', wanted a coefficients.yaml of a pool test or of identify")
-    motions = {str(name): _motion(body, f"{source}: motions.{name}") for name, body in data["motions"].items()}
+    motions = {str(name): _motion(str(name), body, source) for name, body in data["motions"].items()}
     return SavedCoefficients(label, _conditions(data), motions)
 
 
@@ -167,16 +153,17 @@ def _conditions(data: Mapping[str, Any]) -> ResultConditions:
     return ResultConditions(**{**asdict(empty), **known})
 
 
-def _motion(body: object, path: str) -> SavedMotion:
+def _motion(name: str, body: object, source: str) -> MotionResult:
+    path = f"{source}: motions.{name}"
     if not isinstance(body, Mapping):
         raise HindraxError(f"{path}: found {body!r}, wanted a mapping of coefficients")
-    numbers = {name: _number(body[name], f"{path}.{name}") for name in KNOWN if body.get(name) is not None}
+    numbers = {key: _number(body[key], f"{path}.{key}") for key in KNOWN if body.get(key) is not None}
     speeds = body.get("speeds") or (0.0, 0.0)
     if not isinstance(speeds, list | tuple) or len(speeds) != 2:
         raise HindraxError(f"{path}.speeds: found {speeds!r}, wanted the lowest and the highest speed")
     low, high = (_finite(speed, f"{path}.speeds") for speed in speeds)
     reasons = tuple(str(one) for one in body.get("reasons", ()))
-    return SavedMotion(numbers, bool(body.get("identifiable", True)), reasons, (low, high))
+    return MotionResult(name, "", numbers, bool(body.get("identifiable", True)), reasons, (low, high))
 
 
 def _number(body: object, path: str) -> Number:

@@ -51,8 +51,8 @@ def saved(tmp_path: Path, vehicle: Vehicle) -> Path:
 def test_numbers_come_back_to_the_last_digit(saved: Path) -> None:
     found = read_coefficients(saved)
     surge = found.motions["surge"]
-    assert surge.numbers["k_q"] == Number(66.4812345678901, 0.21, 1.35, 66.48, "N s^2/m^2")
-    assert math.isnan(surge.numbers["k_l"].std_calibrated)
+    assert surge.coefficients["k_q"] == Number(66.4812345678901, 0.21, 1.35, 66.48, "N s^2/m^2")
+    assert math.isnan(surge.coefficients["k_l"].std_calibrated)
     assert surge.speeds == (0.1, 0.4)
     assert not found.motions["yaw"].identifiable
     assert found.motions["yaw"].reasons == ("it hardly moved: 0.01 # at most",)

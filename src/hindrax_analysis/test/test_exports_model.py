@@ -145,13 +145,13 @@ def test_a_results_file_of_the_session_is_understood() -> None:
         "quality": {},
     }
     motion = coefficients_of({"motions": {"surge": surge}}, "c.yaml").motions["surge"]
-    k_q = motion.numbers["k_q"]
+    k_q = motion.coefficients["k_q"]
     assert (motion.value("k_q"), k_q.std, k_q.std_calibrated) == (66.4, 0.3, 1.3)
     assert exported(results(surge=surge)).top_speed[0] == 0.45
     unknown = {**surge, "k_q": {"value": 66.4, "std": float("nan")}, "speeds": []}
     motion = coefficients_of({"motions": {"surge": unknown}}, "c.yaml").motions["surge"]
     assert exported(results(surge=unknown)).top_speed[0] == VEHICLE.limits.speed_mps
-    assert math.isnan(motion.numbers["k_q"].std_calibrated)
+    assert math.isnan(motion.coefficients["k_q"].std_calibrated)
 
 
 def test_tables_carry_values_deviations_and_units() -> None:

@@ -15,8 +15,9 @@ FOUND = Number(0.8, 0.01, 0.02, unit="kg m^2")
 
 def turned(motion: str) -> MotionResult:
     return MotionResult(
-        motion, "output-error", {"added_mass": FOUND}, ("added_mass",), np.eye(1), 100, 90.0, identifiable=True,
-        reasons=(), speeds=(0.1, 1.0), drag=None, budget={"added_mass": [Contribution("noise", 0.01, "")]},
+        motion, "output-error", {"added_mass": FOUND}, identifiable=True, speeds=(0.1, 1.0), names=("added_mass",),
+        covariance=np.eye(1), samples=100, effective_samples=90.0,
+        budget={"added_mass": [Contribution("noise", 0.01, "")]},
     )  # fmt: skip
 
 

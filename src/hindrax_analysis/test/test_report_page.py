@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from synthetic_runs import DVL, back_and_forth, events, fly
 
-from hindrax_analysis.coefficients_file import ResultConditions, SavedCoefficients, SavedMotion, conditions_of
+from hindrax_analysis.coefficients_file import ResultConditions, SavedCoefficients, conditions_of
 from hindrax_analysis.identification.bag_identification import shared_warnings
 from hindrax_analysis.published import CITATION, PUBLISHED, published_of
 from hindrax_analysis.report.chart import (
@@ -72,7 +72,7 @@ def report(vehicle: Vehicle, outcome: Outcome) -> RunReport:
 def a_run(label: str, k_q: float, std: float = 0.5, *, identifiable: bool = True) -> SavedCoefficients:
     numbers = {"k_q": Number(k_q, std, 2.0 * std, unit="N s^2/m^2"), "k_l": Number(1.0, 0.1, unit="N s/m")}
     blank = ResultConditions("hindrax", 15.0, 0.015, 0.6, 1000.0, 1e-6, mock=False)
-    return SavedCoefficients(label, blank, {"surge": SavedMotion(numbers, identifiable, (), (0.1, 0.4))})
+    return SavedCoefficients(label, blank, {"surge": MotionResult("surge", "", numbers, identifiable, (), (0.1, 0.4))})
 
 
 def main_of(page: str) -> str:
@@ -222,19 +222,7 @@ def test_the_drag_coefficients_of_table_3_are_those_of_table_4(vehicle: Vehicle)
 
 
 def a_motion(motion: str, band: DragBand | None) -> MotionResult:
-    return MotionResult(
-        motion=motion,
-        method="",
-        coefficients={},
-        names=(),
-        covariance=np.zeros((0, 0)),
-        samples=0,
-        effective_samples=0.0,
-        identifiable=True,
-        reasons=(),
-        speeds=(0.0, 0.0),
-        drag=band,
-    )
+    return MotionResult(motion, "", {}, identifiable=True, drag=band)
 
 
 @pytest.mark.parametrize(

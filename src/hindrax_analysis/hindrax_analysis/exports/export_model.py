@@ -8,12 +8,13 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from hindrax_analysis.coefficients_file import TABULATED, SavedCoefficients, SavedMotion
+from hindrax_analysis.coefficients_file import TABULATED, SavedCoefficients
 from hindrax_analysis.experiments.least_squares import Array
 from hindrax_core.errors import HindraxError
 from hindrax_core.readings import Vec6
 from hindrax_core.text.digits import measured
 from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle
+from hindrax_ident.assess.results import MotionResult
 from hindrax_ident.model.motion_model import MOTIONS, coefficient_units
 
 
@@ -61,10 +62,10 @@ def _joined(notes: Sequence[str]) -> list[str]:
     return [": ".join(filter(None, (", ".join(names), text))) for text, names in axes.items()]
 
 
-def _uncertainty_notes(motions: Mapping[str, SavedMotion]) -> Iterator[str]:
+def _uncertainty_notes(motions: Mapping[str, MotionResult]) -> Iterator[str]:
     """Uncertainty of each motion including calibration; the formats have no field for it."""
     for name, motion in motions.items():
-        known = {key: motion.numbers[key] for key in TABULATED if key in motion.numbers and key != "b"}
+        known = {key: motion.coefficients[key] for key in TABULATED if key in motion.coefficients and key != "b"}
         words = ", ".join(
             f"{key} {measured(number.value, number.std_calibrated)} {unit_of(name, key)}"
             for key, number in known.items()
@@ -74,7 +75,7 @@ def _uncertainty_notes(motions: Mapping[str, SavedMotion]) -> Iterator[str]:
             yield f"{name}: {words} (one deviation, with calibration)"
 
 
-def identified(saved: SavedCoefficients) -> dict[str, SavedMotion]:
+def identified(saved: SavedCoefficients) -> dict[str, MotionResult]:
     """Results of the motions that were identified."""
     return {name: motion for name, motion in saved.motions.items() if motion.identifiable}
 
@@ -118,10 +119,10 @@ def export_model(saved: SavedCoefficients, vehicle: Vehicle, source: str, *, com
     return ExportModel(vehicle, hydrodynamics, cast("Vec6", tuple(tops)), source, tuple(notes))
 
 
-Sides: TypeAlias = tuple[SavedMotion | None, SavedMotion | None]
+Sides: TypeAlias = tuple[MotionResult | None, MotionResult | None]
 
 
-def _sides(axis: str, motions: Mapping[str, SavedMotion]) -> Sides:
+def _sides(axis: str, motions: Mapping[str, MotionResult]) -> Sides:
     """Results for motion in the positive and in the negative direction of an axis; heave is positive down."""
     if axis == "heave" and ("heave_down" in motions or "heave_up" in motions):
         return motions.get("heave_down"), motions.get("heave_up")
@@ -158,7 +159,7 @@ def _axis_drag(
     return Drag(k_q=k_q, k_l=k_l, k_q_negative=k_q_negative, k_l_negative=k_l_negative)
 
 
-def _passive(motion: SavedMotion | None, axis: str, top: float, notes: list[str]) -> tuple[float, float]:
+def _passive(motion: MotionResult | None, axis: str, top: float, notes: list[str]) -> tuple[float, float]:
     k_q, k_l = (motion.value("k_q"), motion.value("k_l")) if motion else (math.nan, math.nan)
     if math.isnan(k_q) or math.isnan(k_l):
         raise HindraxError(f"motion {axis}: k_q or k_l is missing; identify it again, or leave the motion out")
@@ -177,7 +178,9 @@ def _passive(motion: SavedMotion | None, axis: str, top: float, notes: list[str]
 
 
 def _axis_added_mass(axis: str, sides: Sides, prior: Hydrodynamics | None, notes: list[str]) -> float:
-    found = [side.numbers["added_mass"] for side in sides if side is not None and "added_mass" in side.numbers]
+    found = [
+        side.coefficients["added_mass"] for side in sides if side is not None and "added_mass" in side.coefficients
+    ]
     if not found:
         if prior is None:
             raise HindraxError(f"motion {axis}: no added mass in the results; add --vehicle FILE to take it from there")

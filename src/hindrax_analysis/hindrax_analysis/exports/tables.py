@@ -31,7 +31,7 @@ def write_csv(table: SavedCoefficients) -> str:
     for motion, result in table.motions.items():
         row = [motion]
         for name in TABULATED:
-            found = result.numbers.get(name, Number(math.nan, math.nan))
+            found = result.coefficients.get(name, Number(math.nan, math.nan))
             numbers = (found.value, found.std, found.std_calibrated)
             row += [*("" if math.isnan(number) else f"{number:.9g}" for number in numbers), unit_of(motion, name)]
         writer.writerow(row)
@@ -42,7 +42,8 @@ def write_latex(table: SavedCoefficients) -> str:
     """A tabular that needs no package: values with one standard deviation, rounded to its second digit."""
     head = " & ".join(["motion", *SYMBOLS.values()])
     rows = [
-        " & ".join([motion.replace("_", " "), *(_latex_cell(result.numbers.get(name)) for name in TABULATED)]) + r" \\"
+        " & ".join([motion.replace("_", " "), *(_latex_cell(result.coefficients.get(name)) for name in TABULATED)])
+        + r" \\"
         for motion, result in table.motions.items()
     ]
     caption = f"% {table.conditions.vehicle}, from {table.label}; N, Nm, kg, SI; one standard deviation"

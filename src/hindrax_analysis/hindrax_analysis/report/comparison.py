@@ -7,14 +7,14 @@ from html import escape
 
 import numpy as np
 
-from hindrax_analysis.coefficients_file import TABULATED, SavedCoefficients, SavedMotion
+from hindrax_analysis.coefficients_file import TABULATED, SavedCoefficients
 from hindrax_analysis.published import CITATION, PAPER, Published, published_of
 from hindrax_analysis.report.chart import Role
 from hindrax_analysis.report.figures import LABELS
 from hindrax_analysis.report.forest import Entry, forest
 from hindrax_analysis.report.page import chips, page, plus_minus, prose, table, two_digits
 from hindrax_analysis.report.report_tables import cell, headings_of, title_of, units_of
-from hindrax_ident.assess.results import Number
+from hindrax_ident.assess.results import MotionResult, Number
 from hindrax_ident.model.motion_model import MOTIONS
 
 
@@ -106,17 +106,17 @@ def _motion(motion: str, runs: Sequence[SavedCoefficients]) -> str:
     paper = _published(motion, runs)
     pooled = {}
     for name in TABULATED:
-        identified = [found.numbers[name] for _, found in own if name in found.numbers and found.identifiable]
+        identified = [found.coefficients[name] for _, found in own if name in found.coefficients and found.identifiable]
         pooled[name] = pool_runs(identified)
     plots = [_forest(motion, paper, name, own, pooled[name]) for name in TABULATED]
     drawn = f'<div class="plots">{"".join(plots)}</div>'
     return f'<h2 id="{motion}">{title_of(motion)}</h2>{_table(motion, own, pooled)}{drawn}'
 
 
-def _table(motion: str, own: Sequence[tuple[str, SavedMotion]], pooled: Mapping[str, RunScatter | None]) -> str:
+def _table(motion: str, own: Sequence[tuple[str, MotionResult]], pooled: Mapping[str, RunScatter | None]) -> str:
     heads, rows = headings_of(motion), []
     for label, found in own:
-        cells = [cell(found.numbers.get(name)) for name in TABULATED]
+        cells = [cell(found.coefficients.get(name)) for name in TABULATED]
         rows.append([escape(label), *cells, "identified" if found.identifiable else "not identifiable"])
     marked = []
     if len(own) > 1:
@@ -133,13 +133,13 @@ def _table(motion: str, own: Sequence[tuple[str, SavedMotion]], pooled: Mapping[
 
 
 def _forest(
-    motion: str, paper: Published | None, name: str, own: Sequence[tuple[str, SavedMotion]], pooled: RunScatter | None
+    motion: str, paper: Published | None, name: str, own: Sequence[tuple[str, MotionResult]], pooled: RunScatter | None
 ) -> str:
     """Plot of a coefficient of every run; empty where none has it."""
     entries, truths = [], set()
     for label, found in own:
-        if name in found.numbers:
-            number, identifiable = found.numbers[name], found.identifiable
+        if name in found.coefficients:
+            number, identifiable = found.coefficients[name], found.identifiable
             role: Role = "model" if identifiable else "earlier"
             entries.append(Entry(label, number, role, not identifiable))
             truths |= {number.truth} - {None}

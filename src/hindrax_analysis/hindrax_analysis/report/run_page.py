@@ -230,9 +230,9 @@ def _entries(report: RunReport, result: MotionResult, name: str) -> list[Entry]:
         entries.append(Entry(PAPER, Number(*paper.in_our_axes[name]), "paper"))
     for saved in report.earlier:
         motion = saved.motions.get(result.motion)
-        if motion is not None and name in motion.numbers:
+        if motion is not None and name in motion.coefficients:
             label = f"{saved.label} (aborted)" if saved.conditions.aborted else saved.label
-            entries.append(Entry(label, motion.numbers[name], "earlier"))
+            entries.append(Entry(label, motion.coefficients[name], "earlier"))
     return entries
 
 

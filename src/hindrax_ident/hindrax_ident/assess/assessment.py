@@ -367,16 +367,4 @@ def _quality(assessment: Assessment) -> dict[str, float]:
 
 def unidentified(motion: Motion, reason: str) -> MotionResult:
     """Result of a motion without usable data."""
-    return MotionResult(
-        motion=motion.name,
-        method="none",
-        coefficients={},
-        names=(),
-        covariance=np.zeros((0, 0)),
-        samples=0,
-        effective_samples=0.0,
-        identifiable=False,
-        reasons=(reason,),
-        speeds=(0.0, 0.0),
-        drag=None,
-    )
+    return MotionResult(motion.name, "none", {}, identifiable=False, reasons=(reason,))

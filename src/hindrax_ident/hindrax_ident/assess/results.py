@@ -69,14 +69,14 @@ class MotionResult:
     motion: str
     method: str
     coefficients: Mapping[str, Number]
-    names: tuple[str, ...]
-    covariance: Array
-    samples: int
-    effective_samples: float
     identifiable: bool
-    reasons: tuple[str, ...]
-    speeds: tuple[float, float]
-    drag: DragBand | None
+    reasons: tuple[str, ...] = ()
+    speeds: tuple[float, float] = (0.0, 0.0)
+    names: tuple[str, ...] = ()
+    covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    samples: int = 0
+    effective_samples: float = 0.0
+    drag: DragBand | None = None
     methods: Mapping[str, Mapping[str, Number]] = field(default_factory=dict)
     quality: Mapping[str, float] = field(default_factory=dict)
     budget: Mapping[str, Sequence[Contribution]] = field(default_factory=dict)
@@ -85,6 +85,10 @@ class MotionResult:
     """For the drag at the highest speed."""
     warnings: tuple[str, ...] = ()
     """What the record shows beside the model, one sentence each."""
+
+    def value(self, name: str) -> float:
+        """Value of a coefficient; NaN where missing."""
+        return self.coefficients[name].value if name in self.coefficients else math.nan
 
     def drag_force(self, speed: float) -> tuple[float, float]:
         """Drag and its standard deviation at a speed of this motion's direction [N, N m]."""

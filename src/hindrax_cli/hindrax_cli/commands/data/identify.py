@@ -6,7 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from hindrax_analysis.coefficients_file import ResultConditions, SavedCoefficients, SavedMotion, as_yaml
+from hindrax_analysis.coefficients_file import ResultConditions, SavedCoefficients, as_yaml
 from hindrax_analysis.identification.bag_identification import (
     Identified,
     recorded_conditions,
@@ -158,12 +158,8 @@ def _gain_sigma(given: float | None, vehicle: Vehicle, source: RecordSource, not
 
 def _saved(source: RecordSource, results: Results, conditions: ResultConditions) -> SavedCoefficients:
     """One of several records, as the report shows earlier runs."""
-    motions = {
-        name: SavedMotion(one.coefficients, one.identifiable, one.reasons, one.speeds)
-        for name, one in results.motions.items()
-    }
     label = source.path.parent.name if source.path.name == "bag" else source.path.stem
-    return SavedCoefficients(label, conditions, motions)
+    return SavedCoefficients(label, conditions, results.motions)
 
 
 def _document(

@@ -77,7 +77,7 @@ def _predictions(
     task: IdentificationTask,
 ) -> tuple[list[Prediction], list[str]]:
     """Predictions, and the reason of each axis of the records that has none."""
-    numbers = {name: motion.numbers for name, motion in saved.motions.items() if motion.identifiable}
+    numbers = {name: motion.coefficients for name, motion in saved.motions.items() if motion.identifiable}
     found, reasons = [], []
     for axis, record in axis_records(sources, vehicle, task).items():
         try:
