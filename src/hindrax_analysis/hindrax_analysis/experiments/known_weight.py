@@ -75,21 +75,12 @@ class Weighing:
 
 def holds_of(events: Iterable[Stamped[IdentEvent]], axis: int, spans: Sequence[LoadSpan]) -> list[Hold]:
     """Cut the spans out of a record. HindraxError names a span in which too little was recorded."""
-    if not spans:
-        return []
-    thrusts: list[list[float]] = [[] for _ in spans]
-    velocities: list[list[float]] = [[] for _ in spans]
-    for event in events:
-        for index, span in enumerate(spans):
-            if not span.begin <= event.stamp < span.end:
-                continue
-            if isinstance(event.reading, Thrust):
-                thrusts[index].append(event.reading.wrench[axis])
-            elif isinstance(event.reading, Velocity) and math.isfinite(event.reading.nu[axis]):
-                velocities[index].append(event.reading.nu[axis])
-    first = min(span.begin for span in spans)
+    recorded, first = list(events), min((span.begin for span in spans), default=Stamp(0))
     out = []
-    for span, thrust, velocity in zip(spans, thrusts, velocities, strict=True):
+    for span in spans:
+        readings = [event.reading for event in recorded if span.begin <= event.stamp < span.end]
+        thrust = [one.wrench[axis] for one in readings if isinstance(one, Thrust)]
+        velocity = [one.nu[axis] for one in readings if isinstance(one, Velocity) and math.isfinite(one.nu[axis])]
         if len(thrust) < LEAST_SAMPLES or len(velocity) < 2:
             raise HindraxError(
                 f"hold with {span.load:+.3g}: found {len(thrust)} wrenches and {len(velocity)} velocities in "

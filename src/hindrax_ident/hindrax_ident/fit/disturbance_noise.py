@@ -30,7 +30,8 @@ def common_noise(fits: Mapping[int, OutputErrorFit]) -> dict[int, Noise]:
     if len(fits) < 2 or not found:
         return {}
     tried = array(np.geomspace(min(found) / BEYOND, max(found) * BEYOND, POINTS))
-    profiles = {axis: _profile(fit, tried) for axis, fit in fits.items()}
+    chains = {axis: error_dynamics_of(fit.problem, fit.theta, fit.linear.path) for axis, fit in fits.items()}
+    profiles = {axis: disturbance_profile(chains[axis], fit.linear.raw, fit.noise, tried) for axis, fit in fits.items()}
     limit = float(chdtri(1, CHANCE))
     while len(profiles) > 1:
         total = np.sum([cost for cost, _ in profiles.values()], axis=0)
@@ -45,11 +46,6 @@ def common_noise(fits: Mapping[int, OutputErrorFit]) -> dict[int, Noise]:
             }
         del profiles[worst]
     return {}
-
-
-def _profile(fit: OutputErrorFit, tried: Array) -> tuple[Array, Array]:
-    chain = error_dynamics_of(fit.problem, fit.theta, fit.linear.path)
-    return disturbance_profile(chain, fit.linear.raw, fit.noise, tried)
 
 
 def _parabola_minimum(x: Array, y: Array, at: int) -> float:
