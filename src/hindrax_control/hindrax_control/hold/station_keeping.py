@@ -46,12 +46,12 @@ class StationKeeping:
         self.goal_m = (place.x_m, place.y_m)
 
     def step(
-        self, place: PoolPosition, dt: float, *, left_free: str = "", held_back: bool = False
+        self, place: PoolPosition, dt: float, *, length_free: bool = False, held_back: bool = False
     ) -> tuple[float, float]:
         """Surge and sway force [N]; zero while the place or the velocity is unknown.
 
-        `left_free` ("x" or "y") names the pool axis along which someone else drives: the goal follows the vehicle
-        there. With `held_back` the allocator cannot give what was asked: the integral part stands still.
+        `length_free`: someone else drives along the pool's length, and the goal follows the vehicle there. With
+        `held_back` the allocator cannot give what was asked: the integral part stands still.
         """
         if not all(map(math.isfinite, (place.x_m, place.y_m, place.vx_mps, place.vy_mps))):
             self.goal_m = None
@@ -59,17 +59,13 @@ class StationKeeping:
         if self.goal_m is None:
             self.start(place)
         goal_x, goal_y = self.goal_m or (place.x_m, place.y_m)
-        if left_free == "x":
+        if length_free:
             goal_x = place.x_m
             self._x.start(place.x_m, place.vx_mps)
-        elif left_free == "y":
-            goal_y = place.y_m
-            self._y.start(place.y_m, place.vy_mps)
         self.goal_m = (goal_x, goal_y)
         dt = min(max(dt, 0.0), LONGEST_STEP_S)
-        faster = (self._x.step(goal_x - self._x.value, dt), self._y.step(goal_y - self._y.value, dt))
-        faster_x, faster_y = (0.0 if name == left_free else one for name, one in zip("xy", faster, strict=True))
-        return self._force(place, (faster_x, faster_y), dt, held_back=held_back)
+        faster_x, faster_y = self._x.step(goal_x - self._x.value, dt), self._y.step(goal_y - self._y.value, dt)
+        return self._force(place, (0.0 if length_free else faster_x, faster_y), dt, held_back=held_back)
 
     def _force(
         self, place: PoolPosition, faster_mps2: tuple[float, float], dt: float, *, held_back: bool

@@ -74,8 +74,8 @@ class Stage:
         """Act on one moment."""
         raise NotImplementedError
 
-    def _keep_station(self, moment: StageInput, left_free: str = "") -> Vec6:
-        X, Y = self._station.step(moment.place, moment.dt, left_free=left_free, held_back=moment.held_back)
+    def _keep_station(self, moment: StageInput, *, length_free: bool = False) -> Vec6:
+        X, Y = self._station.step(moment.place, moment.dt, length_free=length_free, held_back=moment.held_back)
         return (X, Y, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -216,7 +216,7 @@ class ExciteMotion(Stage):
         drive = self._driver.step(coordinate, rate, moment.time_s, trusted=trusted)
         if not isinstance(self._driver, LegController):
             self.motion = motion_name(self._axis, rate)
-        wrench = [*self._keep_station(moment, left_free="x" if self._axis in ALONG else "")]
+        wrench = [*self._keep_station(moment, length_free=self._axis in ALONG)]
         # The thrust that is asked for now comes a lag later, when the vehicle has turned on.
         righting = self._freedom.restoring * math.sin(coordinate + rate * THRUST_LAG_S)
         wrench[AXES.index(self._axis)] = drive.force + self._freedom.bias + righting

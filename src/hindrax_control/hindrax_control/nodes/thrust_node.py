@@ -1,6 +1,5 @@
 """The thrust node: pulses of anybody's output channels in, the wrench that they achieve by the thrust curves out."""
 
-import sys
 from dataclasses import replace
 from typing import Any
 
@@ -60,7 +59,3 @@ class ThrustNode(BatchedNode):
 def main() -> int:
     """Run it until a signal."""
     return spin(lambda: [ThrustNode()])
-
-
-if __name__ == "__main__":
-    sys.exit(main())
