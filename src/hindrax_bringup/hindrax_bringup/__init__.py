@@ -1,1 +1,1 @@
-"""Brings the stack up: launch files, vehicle files, processes, supervisor, access rights."""
+"""Starts the stack: launch files, vehicle files, processes, supervisor, access rights."""

@@ -1,1 +1,1 @@
-"""The operator's end of the ROS graph: arm, fly, watch, disarm; pool test, live view, web page."""
+"""The operator's end of the ROS graph: arm, fly, monitor, disarm; pool test, live view, web page."""

@@ -1,1 +1,1 @@
-"""Recorded wire frames through the real code again, compared field by field with what was recorded."""
+"""Replays recorded wire frames through the real code and compares field by field."""

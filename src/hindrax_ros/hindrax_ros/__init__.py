@@ -1,4 +1,4 @@
-"""What every node shares: messages, qualities, parameters, health, process loop."""
+"""Shared by all nodes: messages, qualities, parameters, health, process loop."""
 
 import sys
 
