@@ -121,7 +121,8 @@ def run_pool_test(options: PoolOptions) -> int:
                 end = f"aborted by {flight.aborted}" if flight.aborted else "flown"
                 later = f"the record is kept; after that `./hindrax identify {folder.bag}` gives the results"
                 raise HindraxError(f"{end}; but {error}; {later}") from error
-    document = identified.document(folder, round(flight.real_time_factor, 2), flight.aborted or None)
+    factor = round(flight.real_time_factor, 2)
+    document = identified.document(folder.bag, folder.report, factor, flight.aborted)
     document |= {"mock": flight.facts} if mock else {}
     document |= {"predicted": dict(options.predicted)} if options.predicted else {}
     if options.json:

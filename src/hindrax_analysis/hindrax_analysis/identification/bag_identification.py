@@ -61,10 +61,10 @@ class Identified:
         motions = self.results.motions
         return bool(motions) and all(one.identifiable for one in motions.values())
 
-    def document(self, folder: RunFolder, factor: float, aborted: str | None) -> dict[str, Any]:
-        """The JSON document of `pool-test`."""
-        ends = {"bag": str(folder.bag), "report": str(folder.report), "real_time_factor": factor, "aborted": aborted}
-        return {**self.results.to_json(), **ends}
+    def document(self, bag: Path, report: Path | None, factor: float | None, aborted: str) -> dict[str, Any]:
+        """The JSON document of `pool-test` and `identify`."""
+        ends = {"bag": str(bag), "report": str(report) if report else None}
+        return {**self.results.to_json(), **ends, "real_time_factor": factor, "aborted": aborted or None}
 
 
 def identify_bag(bag: Path, vehicle: Vehicle, *, mock: bool = False, tuning: Tuning | None = None) -> Identified:

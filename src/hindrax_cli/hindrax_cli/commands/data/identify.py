@@ -2,7 +2,6 @@
 
 import argparse
 import time
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -132,7 +131,10 @@ def identify(arguments: argparse.Namespace) -> int:
         write_report(arguments.report, found, conditions, ours[0] if ours and len(sources) == 1 else None, *runs)
     if arguments.coefficients:
         write(arguments.coefficients, as_yaml(found.results, conditions))
-    document = _document(arguments, sources, found, conditions, took_s)
+    recorded_s = sum(source.recording.duration_s for source in sources if source.recording)
+    factor = round(recorded_s / took_s, 2) if recorded_s and took_s > 0.0 else None
+    document = found.document(sources[0].path, arguments.report, factor, conditions.aborted)
+    document |= {"assumptions": conditions.assumptions, **_runs(sources, found)}
     return print_answer(document, lambda: _show(arguments, found, conditions), as_json=arguments.json)
 
 
@@ -162,31 +164,12 @@ def _saved(source: RecordSource, results: Results, conditions: ResultConditions)
     return SavedCoefficients(label, conditions, results.motions)
 
 
-def _document(
-    arguments: argparse.Namespace,
-    sources: list[RecordSource],
-    found: Identified,
-    conditions: ResultConditions,
-    took_s: float,
-) -> dict[str, Any]:
-    """The JSON contract; with several records also each record and the spread between them."""
-    recorded_s = sum(source.recording.duration_s for source in sources if source.recording)
-    out: dict[str, Any] = {
-        **found.results.to_json(),
-        "bag": str(sources[0].path),
-        "report": str(arguments.report) if arguments.report else None,
-        "real_time_factor": round(recorded_s / took_s, 2) if recorded_s and took_s > 0.0 else None,
-        "aborted": conditions.aborted or None,
-        "assumptions": list(conditions.assumptions),
-    }
-    if found.runs:
-        out["runs"] = [
-            {"bag": str(source.path), **results.to_json()} for source, results in zip(sources, found.runs, strict=True)
-        ]
-        out["spread"] = {
-            motion: {key: asdict(one) for key, one in spreads.items()} for motion, spreads in found.spreads.items()
-        }
-    return out
+def _runs(sources: list[RecordSource], found: Identified) -> dict[str, Any]:
+    """With several records, each by itself and the spread between them."""
+    if not found.runs:
+        return {}
+    runs = [{"bag": str(source.path), **results.to_json()} for source, results in zip(sources, found.runs, strict=True)]
+    return {"runs": runs, "spread": found.spreads}
 
 
 def _delays(lag_s: float, latency_s: float) -> str:

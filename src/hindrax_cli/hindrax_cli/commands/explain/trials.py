@@ -3,7 +3,6 @@
 import argparse
 import pkgutil
 from collections.abc import Sequence
-from dataclasses import asdict
 from functools import partial
 from operator import call
 from typing import Any
@@ -116,7 +115,7 @@ def faults(arguments: argparse.Namespace) -> int:
         raise UsageError(f"--only: found {strange[0]!r}, wanted {', '.join(table.WHO)}")
     cells = table.fly(only, range(1, arguments.seeds + 1), arguments.workers)
     violated = [f"{one.who} {one.what}, {one.mode}, seed {one.seed}: {why}" for one in cells for why in one.violated]
-    document = {"cells": [asdict(one) for one in cells], "violated": violated}
+    document = {"cells": cells, "violated": violated}
     title = f"Time to neutral, the longest of {arguments.seeds} seeds"
     print_answer(document, lambda: print_faults(title, table, cells, violated), as_json=arguments.json)
     return int(bool(violated))

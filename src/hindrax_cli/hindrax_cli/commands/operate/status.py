@@ -43,8 +43,9 @@ def status(arguments: argparse.Namespace) -> int:
         rows = [_status(one, alive.get(one.pid), now_s) for one in found]
     known = {one.pid for one in found}
     rows += [StackStatus(pid, what, health=wrong or WELL) for pid, (what, wrong) in alive.items() if pid not in known]
-    document = {"stacks": [asdict(one) for one in rows]}
-    return print_answer(document, lambda: _show(rows) if rows else print_fitted(_nobody()), as_json=arguments.json)
+    return print_answer(
+        {"stacks": rows}, lambda: _show(rows) if rows else print_fitted(_nobody()), as_json=arguments.json
+    )
 
 
 def _nobody() -> str:
