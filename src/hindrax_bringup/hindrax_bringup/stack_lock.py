@@ -126,20 +126,13 @@ def locked(path: Path, document: Mapping[str, object]) -> IO[str]:
 
 def stacks() -> list[StackLock]:
     """Every stack of this user that runs now, the oldest first."""
-    files = sorted(runtime_place().glob("*.json"), key=_written_s)
-    return [found for path in files if (found := _read(path)) is not None]
+    found = filter(None, map(_read, runtime_place().glob("*.json")))
+    return sorted(found, key=lambda one: one.started_s)
 
 
 def vehicle_stack() -> StackLock | None:
     """Return the stack of this user that has the real output in hand; a mock has none."""
     return next((one for one in stacks() if not one.mock), None)
-
-
-def _written_s(path: Path) -> float:
-    """When a file was written; long ago if its stack has just taken it away."""
-    with contextlib.suppress(FileNotFoundError):
-        return path.stat().st_mtime
-    return 0.0
 
 
 def _read(path: Path) -> StackLock | None:

@@ -35,7 +35,7 @@ def found_elsewhere() -> list[int]:
 
 def test_a_stack_is_found_while_it_runs_and_not_after() -> None:
     with announced(ONE), announced(OTHER):
-        assert sorted(found_elsewhere()) == [11, 12]
+        assert found_elsewhere() == [11, 12], "the oldest first"
     assert found_elsewhere() == []
 
 

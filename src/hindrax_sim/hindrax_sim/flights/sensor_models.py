@@ -141,8 +141,6 @@ def _dvl(world: World, at: Mounting, noise: SensorNoise, draws: NormalDraws) -> 
         now, before, start = world.travel(at)[1], was, began
         was, began = now, world.stamp
         span_s = to_s(world.stamp - start)
-        if span_s <= 0.0:
-            return ()
         range_m = world.range_m(at)
         in_range = not world.dvl_silenced and range_m is not None and range_m > LEAST_RANGE_m
         locked = in_range and world.tilt_rad(at) < MOST_TILT_rad
