@@ -13,7 +13,6 @@ import json
 import socket
 import threading
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from http import HTTPStatus
 from typing import Any, cast
 from urllib.parse import unquote
@@ -51,19 +50,10 @@ HEAD_bytes, BUFFER_bytes = 1 << 14, 1 << 16
 CLOSE_S = 5.0
 
 
-@dataclass(frozen=True, slots=True)
-class Site:
-    """What all requests share; the connections that receive updates now."""
-
-    access: Access
-    controller: PageController
-    streams: set[IOStream] = field(default_factory=set)
-
-
 class RequestHandler(HTTPMessageDelegate):
     """Answers one request; the connection ends with it."""
 
-    def __init__(self, site: Site, connection: HTTP1Connection) -> None:
+    def __init__(self, site: "Site", connection: HTTP1Connection) -> None:
         self._site, self._connection = site, connection
         self._order, self._body = "", bytearray()
 
@@ -247,7 +237,7 @@ class Server(threading.Thread):
 
     async def _serve(self) -> None:
         listener = HTTPServer(
-            _Requests(self._site),
+            self._site,
             no_keep_alive=True,
             max_header_size=HEAD_bytes,
             max_body_size=BODY_bytes,
@@ -261,24 +251,26 @@ class Server(threading.Thread):
         await listener.close_all_connections()
 
 
-class _Requests(HTTPServerConnectionDelegate):
-    """Bounds the connections: a new one is always let in, and the one that has waited longest makes room for it.
+class Site(HTTPServerConnectionDelegate):
+    """What all requests share. A new connection is always let in; the one that has waited longest makes room for it.
 
     So slow connections cannot keep an order out. Pages that receive updates have their own limit and never make room.
     """
 
-    def __init__(self, site: Site) -> None:
-        self._site = site
+    def __init__(self, access: Access, controller: PageController) -> None:
+        self.access, self.controller = access, controller
+        self.streams: set[IOStream] = set()
+        """Connections that receive updates now."""
         self._waiting: list[IOStream] = []
 
     def start_request(self, server_conn: object, request_conn: HTTPConnection) -> RequestHandler:  # noqa: ARG002  # Tornado's
         """Make room for a new connection, and begin its request."""
         connection = cast("HTTP1Connection", request_conn)
-        self._waiting = [one for one in self._waiting if not one.closed() and one not in self._site.streams]
+        self._waiting = [one for one in self._waiting if not one.closed() and one not in self.streams]
         if len(self._waiting) >= CONNECTIONS:
             self._waiting.pop(0).close()
         self._waiting.append(connection.stream)
-        return RequestHandler(self._site, connection)
+        return RequestHandler(self, connection)
 
 
 def _unbound(address: str, port: int, error: OSError) -> str:
