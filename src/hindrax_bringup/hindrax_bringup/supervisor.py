@@ -78,7 +78,6 @@ class Supervisor:
     _awake_s: float = 0.0
 
     def __enter__(self) -> Self:
-        """Make the folders of logs and heartbeats."""
         self.logs.mkdir(parents=True, exist_ok=True)
         self._heartbeats = _heartbeat_folder()
         if self.preload and self.fork_server is None:
@@ -87,7 +86,6 @@ class Supervisor:
         return self
 
     def __exit__(self, _kind: object, error: BaseException | None, _trace: object) -> None:
-        """End everything."""
         try:
             self.close()
         except HindraxError as unsafe:

@@ -31,13 +31,11 @@ class Progress:
         self._phase = ("", "")
 
     def __enter__(self) -> Self:
-        """Start the live view."""
         if self._live is not None:
             self._live.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End the live view."""
         self.end_view()
 
     def end_view(self) -> None:

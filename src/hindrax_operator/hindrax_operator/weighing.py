@@ -59,7 +59,6 @@ def weigh_on(
 
 
 def _now(operator: Operator) -> Iterator[Stamped[IdentEvent]]:
-    """The latest wrench and velocity."""
     if operator.allocation is not None:
         X, Y, Z, K, M, N = (float(one) for one in operator.allocation.achieved)
         yield Stamped(stamp_from_msg(operator.allocation.header.stamp), Thrust((X, Y, Z, K, M, N)))

@@ -79,11 +79,9 @@ class Operator:
         self._goal: Any = None
 
     def __enter__(self) -> Self:
-        """Nothing to open: the node is up when it is made."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Leave the graph."""
         self._fly.destroy()
         self._run.destroy()
         self._executor.shutdown()
@@ -313,7 +311,6 @@ class Operator:
         return f"the maneuver to end{at}; it is cancelled"
 
     def _lost_outcome(self) -> str:
-        """Reason of the end of a maneuver whose result was lost."""
         if self.maneuver.phase in ("done", "aborted"):
             return str(self.maneuver.aborted)
         now, found = "the thrusters are silent", self.thrusters

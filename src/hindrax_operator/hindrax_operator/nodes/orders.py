@@ -97,7 +97,6 @@ def _send_until_held(operator: Operator, send: Callable[[Any], None], wanted: Ho
 
 
 def _hold(status: Any, axis: str) -> HoldState | None:
-    """State of a hold, where the pilot reports it."""
     return next((one for one in holds_of(status) if one.axis == axis), None)
 
 

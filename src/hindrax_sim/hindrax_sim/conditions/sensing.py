@@ -63,7 +63,6 @@ def imu_misalignment(world: Realization, size: float, draws: NormalDraws) -> Non
 
 
 def _turn_mounts(world: Realization, quantity: str, turn_deg: Vec3) -> None:
-    """Turn every sensor that publishes a quantity."""
     kinds = {sensor.name for sensor in SENSORS if quantity in sensor.publishes}
     sensors = dict(world.vehicle.sensors)
     for name, mount in sensors.items():

@@ -48,7 +48,6 @@ def dead_bands(world: Realization, size: float, draws: NormalDraws) -> None:
 
 
 def _change_curves(world: Realization, change: Callable[[int, Curve], Curve]) -> None:
-    """Give every thruster its own curve."""
     thrusters = world.vehicle.thrusters
     curves = {one.name: change(index, world.vehicle.curves[one.curve]) for index, one in enumerate(thrusters)}
     world.change_vehicle(

@@ -96,7 +96,6 @@ def _imu(world: World, at: Mounting, noise: SensorNoise, draws: NormalDraws) -> 
 
 
 def _magnetometer(world: World, at: Mounting, noise: SensorNoise, draws: NormalDraws) -> Sample:
-    """The magnetometer in the same package; its own rate."""
     iron, sigma = draws.three(noise.hard_iron_T), noise.magnetometer_T
     return _single(world, lambda: readings.Magnetic(_counted(world.magnetic_T(at), iron, sigma, FIELD_STEP_T, draws)))
 
