@@ -8,7 +8,7 @@ from hindrax_core.readings import Vec3, Vec6
 from hindrax_core.sensor_table import SENSORS
 from hindrax_core.signals import ZERO6
 from hindrax_sim.conditions.realization import Realization, Travel
-from hindrax_sim.physics.geometry import plus, unit
+from hindrax_sim.physics.geometry import minus, plus, unit
 from hindrax_sim.physics.normal_draws import NormalDraws
 from hindrax_sim.physics.plant import Plant
 
@@ -91,12 +91,8 @@ def dvl_latency(world: Realization, size: float, _draws: NormalDraws) -> None:
             return travel
         (at_s, was), (next_s, following) = kept[0], kept[1] if len(kept) > 1 else (plant.time_s, travel)
         share = min(1.0, max(0.0, (plant.time_s - size - at_s) / (next_s - at_s)))
-        (ax, ay, az), (sx, sy, sz) = was
-        (bx, by, bz), (tx, ty, tz) = following
-        return (
-            (ax + share * (bx - ax), ay + share * (by - ay), az + share * (bz - az)),
-            (sx + share * (tx - sx), sy + share * (ty - sy), sz + share * (tz - sz)),
-        )
+        turned, ground = (plus(a, minus(b, a), share) for a, b in zip(was, following, strict=True))
+        return turned, ground
 
     world.influences.append(remember)
     world.travel_errors.append(delayed)
