@@ -6,7 +6,8 @@ from pathlib import Path
 import yaml
 
 from hindrax_core.errors import UsageError
-from hindrax_core.vehicle import Vehicle, parse_vehicle
+from hindrax_core.knobs import build
+from hindrax_core.vehicle import Vehicle
 
 VEHICLE = "HINDRAX_VEHICLE"
 """Environment variable with the vehicle, by name or file, that is meant where none is named."""
@@ -38,7 +39,7 @@ def hindrax_with(*names: str) -> Vehicle:
     """The Hindrax with some of the optional sensors on board."""
     data, optional = yaml.safe_load(default_vehicle().read_text(encoding="utf-8")), optional_sensors()
     data["sensors"] |= {name: optional[name] for name in names}
-    return parse_vehicle(data, f"{default_vehicle()} with {', '.join(names)}")
+    return build(Vehicle, data, f"{default_vehicle()} with {', '.join(names)}:")
 
 
 def own_vehicles() -> Path:

@@ -16,7 +16,8 @@ from hindrax_cli.vehicle_review import DOWN, UP, findings, picture
 from hindrax_control.allocation.allocator import Allocator
 from hindrax_control.maneuver.goal import largest_wrench
 from hindrax_core.errors import UsageError
-from hindrax_core.vehicle import AXES, Vehicle, load_vehicle, parse_vehicle
+from hindrax_core.knobs import build
+from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 
 MUST = {"mass": "11.5", "size": "0.457, 0.338 0.254"}
 
@@ -36,7 +37,7 @@ def answer(monkeypatch: pytest.MonkeyPatch, **answers: str) -> int:
 
 
 def changed(**keys: object) -> Vehicle:
-    return parse_vehicle(yaml.safe_load(default_vehicle().read_text()) | keys, "test")
+    return build(Vehicle, yaml.safe_load(default_vehicle().read_text()) | keys, "test:")
 
 
 @pytest.mark.parametrize(("layout", "flown"), [("6", 5), ("8", 6)])

@@ -302,11 +302,6 @@ def _cos_sin(degrees: float) -> tuple[float, float]:
     return quarter.get(angle) or (math.cos(math.radians(angle)), math.sin(math.radians(angle)))
 
 
-def parse_vehicle(data: object, source: str) -> Vehicle:
-    """Check plain data (as YAML gives it) and make a Vehicle; errors name `source` and the key path."""
-    return build(Vehicle, data, f"{source}:")
-
-
 def load_vehicle(path: str | Path) -> Vehicle:
     """Read and check a vehicle file. UsageError names the file, the key path, what was found and what was wanted."""
     if not str(path):
@@ -323,4 +318,4 @@ def load_vehicle(path: str | Path) -> Vehicle:
 
 def vehicle_from_text(text: str, source: str) -> Vehicle:
     """Check the text of a vehicle file; errors name `source`."""
-    return parse_vehicle(read_yaml(text, f"vehicle file {source}"), source)
+    return build(Vehicle, read_yaml(text, f"vehicle file {source}"), f"{source}:")

@@ -8,7 +8,8 @@ import pytest
 import yaml
 
 from hindrax_core.errors import UsageError
-from hindrax_core.vehicle import Water, load_vehicle, parse_vehicle
+from hindrax_core.knobs import build
+from hindrax_core.vehicle import Vehicle, Water, load_vehicle
 
 FILE = Path(__file__).resolve().parents[2] / "hindrax_bringup" / "vehicles" / "hindrax.yaml"
 
@@ -86,7 +87,7 @@ def test_mistakes_are_named(path: tuple[str | int, ...], value: object, sentence
         target = target[key]
     target[path[-1]] = value
     with pytest.raises(UsageError, match=sentence):
-        parse_vehicle(changed, "here")
+        build(Vehicle, changed, "here:")
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
@@ -124,8 +125,8 @@ def test_one_bar_is_ten_meters_of_water() -> None:
 def test_one_sensor_measures_the_battery() -> None:
     both = {name: {"device": name, "port": "/dev/i2c-1"} for name in ("ina226", "ads1115")}
     with pytest.raises(UsageError, match="sensors: ina226 and ads1115 both measure the battery, wanted one of them"):
-        parse_vehicle(data() | {"sensors": both}, "here")
-    assert parse_vehicle(data() | {"sensors": {"ina226": both["ina226"]}}, "here").sources_of("battery") == ["ina226"]
+        build(Vehicle, data() | {"sensors": both}, "here:")
+    assert build(Vehicle, data() | {"sensors": {"ina226": both["ina226"]}}, "here:").sources_of("battery") == ["ina226"]
 
 
 def test_an_output_channel_drives_one_thing() -> None:
@@ -134,9 +135,9 @@ def test_an_output_channel_drives_one_thing() -> None:
     nine = data()
     nine["thrusters"].append({"name": "T9", "channel": 8, "position_m": [0.0, 0.0, 0.0]})
     with pytest.raises(UsageError, match=r"hindrax: output channel 8 drives T9 and a lamp, wanted one of them"):
-        parse_vehicle(nine, "mine").output_channels()
+        build(Vehicle, nine, "mine:").output_channels()
     nine["output"]["light_channels"] = []
-    assert parse_vehicle(nine, "mine").output_channels() == tuple(range(9))
+    assert build(Vehicle, nine, "mine:").output_channels() == tuple(range(9))
     nine["thrusters"][-1]["channel"] = 3
     with pytest.raises(UsageError, match=r"output channel 3 drives T4 and T9"):
-        parse_vehicle(nine, "mine").output_channels()
+        build(Vehicle, nine, "mine:").output_channels()

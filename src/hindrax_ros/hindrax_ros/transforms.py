@@ -1,5 +1,7 @@
 """The frames of the vehicle on /tf and /tf_static: odom -> base_link -> everything that is fixed to it."""
 
+from collections.abc import Callable
+
 from geometry_msgs.msg import Quaternion, Transform, TransformStamped
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
@@ -30,16 +32,9 @@ def fixed(frame: Frame) -> TransformStamped:
     return TransformStamped(header=header(0, FLU), child_frame_id=frame.name, transform=pose)
 
 
-class Transforms:
-    """Publishes the transforms and the description of a vehicle."""
-
-    def __init__(self, node: BatchedNode, vehicle: Vehicle) -> None:
-        self._moving = publisher(node, TF)
-        self._fixed = publisher(node, TF_STATIC)
-        self._fixed.publish(TFMessage(transforms=[fixed(frame) for frame in frames_of(vehicle)]))
-        self._description = publisher(node, ROBOT_DESCRIPTION)
-        self._description.publish(String(data=urdf_of(vehicle)))
-
-    def publish(self, found: Stamped[Navigation]) -> None:
-        """Publish the pose of base_link."""
-        self._moving.publish(TFMessage(transforms=[base_of(found)]))
+def transform_publisher(node: BatchedNode, vehicle: Vehicle) -> Callable[[Stamped[Navigation]], None]:
+    """Publish the description of a vehicle and its fixed frames; the publisher is for the pose of base_link."""
+    publisher(node, ROBOT_DESCRIPTION).publish(String(data=urdf_of(vehicle)))
+    publisher(node, TF_STATIC).publish(TFMessage(transforms=[fixed(frame) for frame in frames_of(vehicle)]))
+    moving = publisher(node, TF)
+    return lambda found: moving.publish(TFMessage(transforms=[base_of(found)]))

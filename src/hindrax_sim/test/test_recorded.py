@@ -9,8 +9,9 @@ from hindrax_bag.read.bag_reader import attachments, messages
 from hindrax_core.bus_operations import Read, Transaction, Write, WriteRead, pack_transaction, wire_error
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, Stamped
+from hindrax_core.knobs import build
 from hindrax_core.readings import Pressure
-from hindrax_core.vehicle import Vehicle, parse_vehicle
+from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.buses.bus_schedule import BusSchedule
 from hindrax_drivers.driver_registry import DEVICES
 from hindrax_sim.devices.emulator import NackError
@@ -24,7 +25,7 @@ OTHER = Write(0x76, b"\x58")
 
 @pytest.fixture(scope="module")
 def vehicle() -> Vehicle:
-    return parse_vehicle(yaml.safe_load(attachments(BAG)["vehicle.yaml"]), "vehicle.yaml")
+    return build(Vehicle, yaml.safe_load(attachments(BAG)["vehicle.yaml"]), "vehicle.yaml:")
 
 
 def part(cycles: int = 50) -> RecordedPart:

@@ -17,7 +17,7 @@ from hindrax_ros.heartbeat import Memory
 from hindrax_ros.messages.fast_serialization import navigation_writer, odometry_writer, thrust_from_bytes
 from hindrax_ros.messages.reading_fields import reader
 from hindrax_ros.parameters import knobs
-from hindrax_ros.transforms import Transforms
+from hindrax_ros.transforms import transform_publisher
 
 AIDING = (topics.MAGNETIC, topics.PRESSURE, topics.ALTITUDE, topics.DVL_DETAIL, topics.DVL_ATTITUDE)
 SOURCES: dict[topics.Topic, Callable[[bytes], Stamped[Any]]] = {topic: reader(topic) for topic in (*AIDING, topics.IMU)}
@@ -50,7 +50,7 @@ class NavigatorNode(BatchedNode):
         self._status = publisher(self, topics.NAVIGATION)
         self._odometry = publisher(self, topics.ODOMETRY)
         self._status_bytes, self._odometry_bytes = navigation_writer(), odometry_writer()
-        self._transforms = Transforms(self, vehicle)
+        self._publish_transform = transform_publisher(self, vehicle)
         self._reporter = DiagnosticsPublisher(self, self._navigator.refusals)
         self._turn = 0
         subscription(self, topics.ALLOCATION, self._on_allocation_message, raw=True)
@@ -92,7 +92,7 @@ class NavigatorNode(BatchedNode):
         self._odometry.publish(self._odometry_bytes(found))
         self._turn = (self._turn + 1) % REPORT_EVERY
         if self._turn % TRANSFORM_EVERY == 0:
-            self._transforms.publish(found)
+            self._publish_transform(found)
         if self._turn == 0:
             self._report(found)
 
