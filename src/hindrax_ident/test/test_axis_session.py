@@ -1,5 +1,6 @@
 """One axis of a session: what its estimator hears of each event, what is reported, and what is kept for the fit."""
 
+import copy
 import math
 
 import numpy as np
@@ -69,6 +70,28 @@ def kept(session: AxisSession) -> Array:
     """Velocities of the record, (n, 2)."""
     velocity = session.record((), (), MASSES).velocity
     return array(np.stack([velocity.t, velocity.y], axis=1))
+
+
+def test_a_copy_of_a_session_shares_what_it_recorded_and_records_apart(vehicle: Vehicle) -> None:
+    """The identifier copies a session of hours in one turn, and every part of a sample would cost time."""
+    session, _ = begun(vehicle, 0)
+    for k in range(30):
+        session.thrust(0.1 * k, Thrust((10.0, 0.0, 0.0, 0.0, 0.0, 0.0), (1.0,) * len(vehicle.thrusters)))
+        session.attitude(0.1 * k, LEVEL, NAN, "")
+        session.velocity(0.1 * k, 0.01 * k, "dvl", "")
+        session.motion(0.1 * k, (0.0, 0.01 * k, 0.0, 0.0, 0.0, 0.0), MASSES)
+    judged = copy.deepcopy(session)
+    for name in ("_thrusts", "_hydrostatics", "_other_velocities"):
+        own, copied = (getattr(one, name) for one in (session, judged))
+        assert len(own) >= 29
+        assert all(a is b for a, b in zip(own, copied, strict=True))
+    assert judged._velocities["dvl"][0] is session._velocities["dvl"][0]
+    before = session.record((), (), MASSES)
+    session.thrust(3.0, Thrust((20.0, 0.0, 0.0, 0.0, 0.0, 0.0), (1.0,) * len(vehicle.thrusters)))
+    session.velocity(3.0, 0.3, "dvl", "")
+    found, now = judged.record((), (), MASSES), session.record((), (), MASSES)
+    assert points(found.thrust) == points(before.thrust) != points(now.thrust)
+    assert points(found.velocity) == points(before.velocity) != points(now.velocity)
 
 
 @pytest.mark.parametrize("axis", range(6))

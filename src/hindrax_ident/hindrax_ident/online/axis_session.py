@@ -1,6 +1,7 @@
 """One axis of a running session: its estimator, its choice of sources, and its record for the final fit."""
 
 import math
+from typing import TypeVar
 
 import numpy as np
 
@@ -21,6 +22,14 @@ LONGEST_DIFFERENCE_S = 0.5
 """Longest time between depths that give a velocity."""
 DEEPEST_m = 12e3
 """Depths beyond this are no measurements: the oceans end before."""
+SampleT = TypeVar("SampleT")
+
+
+class Samples(list[SampleT]):
+    """Samples in time order, none of which changes: a deep copy shares them, so that one of hours takes no time."""
+
+    def __deepcopy__(self, _memo: object) -> "Samples[SampleT]":
+        return Samples(self)
 
 
 class AxisSession:
@@ -37,13 +46,13 @@ class AxisSession:
         self._position_s = ANGLE_S if model.restores else 0.0
         self._depth_bin = Bin(DEPTH_S)
         self._depth_before: tuple[float, float] | None = None
-        self._velocities: dict[str, list[tuple[float, float]]] = {}
-        self._positions: dict[str, list[tuple[float, float]]] = {}
+        self._velocities: dict[str, Samples[tuple[float, float]]] = {}
+        self._positions: dict[str, Samples[tuple[float, float]]] = {}
         self._per_newton = tuple(unit_wrench(vehicle, thruster)[model.axis] for thruster in vehicle.thrusters)
-        self._thrusts: list[tuple[float, Thrust]] = []
-        self._efforts: list[float | None] = []
-        self._hydrostatics: list[tuple[float, float]] = []
-        self._other_velocities: list[tuple[float, ...]] = []
+        self._thrusts: Samples[tuple[float, Thrust]] = Samples()
+        self._efforts: Samples[float | None] = Samples()
+        self._hydrostatics: Samples[tuple[float, float]] = Samples()
+        self._other_velocities: Samples[tuple[float, ...]] = Samples()
         self._others: tuple[float, ...] = ZERO6
         self._hydrostatic = self._coriolis = 0.0
         self._reported = {motion.side: reported_parameters(model, motion) for motion in motions_of(model.axis)}
@@ -95,7 +104,7 @@ class AxisSession:
         if not points:
             return []
         mean_s, mean_v = mean(points)
-        self._velocities.setdefault(source, []).append((mean_s, mean_v))
+        self._velocities.setdefault(source, Samples()).append((mean_s, mean_v))
         return [(mean_s, self.estimator.velocity(mean_s, mean_v, refusal))]
 
     @property
@@ -121,7 +130,7 @@ class AxisSession:
 
     def _add_position(self, t_s: float, position: float, source: str) -> None:
         self.estimator.position(t_s, position)
-        kept = self._positions.setdefault(source, [])
+        kept = self._positions.setdefault(source, Samples())
         if not kept or t_s - kept[-1][0] >= self._position_s:
             kept.append((t_s, position))
 
@@ -165,7 +174,7 @@ class AxisSession:
 
     def record(self, stretches: tuple[Stretch, ...], plateaus: tuple[Stretch, ...], masses: Masses) -> Record:
         """Record of the axis, with the stretches of time in which it may be used."""
-        velocities = [] if self._is_derived else self._velocities.get(self._speed_source.name, [])
+        velocities = Samples() if self._is_derived else self._velocities.get(self._speed_source.name, Samples())
         moved_s, *nu = np.array(self._other_velocities or [(0.0, *ZERO6)]).T
         effort, inflow = self._of_forces()
         return Record(
