@@ -7,7 +7,7 @@ readers ignore them.
 import math
 import textwrap
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -35,13 +35,13 @@ class ResultConditions:
     deviation of its drag at the highest speed, as a share of it [-], where a rehearsal predicted it before the flight.
     """
 
-    vehicle: str
-    mass_kg: float
-    volume_m3: float
-    length_m: float
-    density_kgpm3: float
-    kinematic_viscosity_m2ps: float
-    mock: bool
+    vehicle: str = ""
+    mass_kg: float = math.nan
+    volume_m3: float = math.nan
+    length_m: float = math.nan
+    density_kgpm3: float = math.nan
+    kinematic_viscosity_m2ps: float = math.nan
+    mock: bool = False
     motions: tuple[str, ...] = ()
     date: str = ""
     bag: str = ""
@@ -138,19 +138,18 @@ def coefficients_of(data: object, source: str, label: str = "") -> SavedCoeffici
     if not isinstance(data, Mapping) or not isinstance(data.get("motions"), Mapping):
         raise HindraxError(f"{source}: no mapping 'motions', wanted a coefficients.yaml of a pool test or of identify")
     motions = {str(name): _motion(str(name), body, source) for name, body in data["motions"].items()}
-    return SavedCoefficients(label, _conditions(data), motions)
+    return SavedCoefficients(label, _conditions(data, source), motions)
 
 
-def _conditions(data: Mapping[str, Any]) -> ResultConditions:
+def _conditions(data: Mapping[str, Any], source: str) -> ResultConditions:
     """Conditions of a file; older files have gaps."""
     block = data.get("conditions")
     block = block if isinstance(block, Mapping) else {}
-    empty = ResultConditions("", math.nan, math.nan, math.nan, math.nan, math.nan, mock=False)
-    known = {name: block[name] for name in asdict(empty) if block.get(name) is not None}
+    known = {one.name: block[one.name] for one in fields(ResultConditions) if block.get(one.name) is not None}
     for name in ("motions", "assumptions"):
-        known[name] = tuple(str(one) for one in known.get(name, ()))
+        known[name] = _words(block.get(name), f"{source}: conditions.{name}")
     known["aborted"] = str(data.get("aborted") or "")
-    return ResultConditions(**{**asdict(empty), **known})
+    return ResultConditions(**known)
 
 
 def _motion(name: str, body: object, source: str) -> MotionResult:
@@ -162,8 +161,15 @@ def _motion(name: str, body: object, source: str) -> MotionResult:
     if not isinstance(speeds, list | tuple) or len(speeds) != 2:
         raise HindraxError(f"{path}.speeds: found {speeds!r}, wanted the lowest and the highest speed")
     low, high = (_finite(speed, f"{path}.speeds") for speed in speeds)
-    reasons = tuple(str(one) for one in body.get("reasons", ()))
+    reasons = _words(body.get("reasons"), f"{path}.reasons")
     return MotionResult(name, "", numbers, bool(body.get("identifiable", True)), reasons, (low, high))
+
+
+def _words(found: object, path: str) -> tuple[str, ...]:
+    """Names or sentences of a list, which may be missing or empty."""
+    if not isinstance(found, list | tuple | None):
+        raise HindraxError(f"{path}: found {found!r}, wanted a list")
+    return tuple(map(str, found or ()))
 
 
 def _number(body: object, path: str) -> Number:

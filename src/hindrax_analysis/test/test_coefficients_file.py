@@ -98,6 +98,9 @@ def test_a_run_without_motions_is_a_file_too(tmp_path: Path, vehicle: Vehicle) -
         ("motions: {surge: {k_q: {value: .inf, std: 1}}}", "motions.surge.k_q.value"),
         ("motions: {surge: {speeds: [1]}}", "motions.surge.speeds"),
         ("motions: {surge: 3}", "motions.surge"),
+        ("motions: {surge: {reasons: 3}}", "motions.surge.reasons: found 3, wanted a list"),
+        ("motions: {surge: {reasons: it hardly moved}}", "motions.surge.reasons: found 'it hardly moved'"),
+        ("{motions: {}, conditions: {assumptions: 7}}", "conditions.assumptions: found 7, wanted a list"),
     ],
 )
 def test_a_broken_file_is_named(tmp_path: Path, text: str, named: str) -> None:
@@ -106,6 +109,13 @@ def test_a_broken_file_is_named(tmp_path: Path, text: str, named: str) -> None:
     with pytest.raises(HindraxError, match=r"coefficients\.yaml") as caught:
         read_coefficients(file)
     assert named in str(caught.value)
+
+
+def test_a_list_that_a_person_left_empty_is_empty(tmp_path: Path) -> None:
+    file = tmp_path / "coefficients.yaml"
+    file.write_text("conditions: {motions: }\nmotions: {surge: {identifiable: false, reasons: }}\n")
+    found = read_coefficients(file)
+    assert (found.motions["surge"].reasons, found.conditions.motions) == ((), ())
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
