@@ -92,7 +92,7 @@ def coefficients(results: Results) -> Table:
         for name, one in result.coefficients.items()
     ]  # fmt: skip
     names = ("motion", "coefficient", "value", "std", "unit", "identifiable", "truth")
-    return {name: np.array(column) for name, column in zip(names, zip(*rows, strict=True), strict=False)}
+    return {name: np.array([row[at] for row in rows]) for at, name in enumerate(names)}
 
 
 def predict(results: Results, axis: str, time_s: ArrayLike, force: ArrayLike, start: float = 0.0) -> Array:

@@ -47,6 +47,12 @@ def results(**motions: dict[str, float]) -> Results:
 SURGE = {"k_q": 66.5, "k_l": 1.3, "b": 0.4, "added_mass": 12.0}
 
 
+def test_a_table_without_coefficients_has_its_columns() -> None:
+    """Of a record that shows nothing: who filters by motion finds no row."""
+    columns = {name: len(column) for name, column in api.coefficients(results(surge={})).items()}
+    assert columns == dict.fromkeys(api.coefficients(results(surge=SURGE)), 0)
+
+
 @pytest.mark.parametrize("force", [14.0, 3.0, -14.0])
 def test_a_constant_force_ends_in_the_balance_of_the_model(force: float) -> None:
     t = np.linspace(0.0, 120.0, 1201)
