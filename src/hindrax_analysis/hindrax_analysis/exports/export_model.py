@@ -109,7 +109,7 @@ def export_model(saved: SavedCoefficients, vehicle: Vehicle, source: str, *, com
     tops, drags = [vehicle.limits.speed_mps] * 3 + [1.0] * 3, {}
     sides = {axis: _sides(axis, motions) for axis in AXES}
     for index, axis in enumerate(AXES):
-        tested = [abs(speed) for side in sides[axis] if side is not None for speed in side.speeds]
+        tested = [abs(speed) for side in sides[axis] if side for speed in side.speeds]
         tops[index] = max(tested, default=0.0) or tops[index]
         drags[axis] = _axis_drag(axis, sides[axis], prior, tops[index], notes, unidentified=unidentified)
     masses = [_axis_added_mass(axis, sides[axis], prior, notes) for axis in AXES]
@@ -119,14 +119,13 @@ def export_model(saved: SavedCoefficients, vehicle: Vehicle, source: str, *, com
     return ExportModel(vehicle, hydrodynamics, cast("Vec6", tuple(tops)), source, tuple(notes))
 
 
-Sides: TypeAlias = tuple[MotionResult | None, MotionResult | None]
+Sides: TypeAlias = Sequence[MotionResult | None]
 
 
 def _sides(axis: str, motions: Mapping[str, MotionResult]) -> Sides:
-    """Results for motion in the positive and in the negative direction of an axis; heave is positive down."""
-    if axis == "heave" and ("heave_down" in motions or "heave_up" in motions):
-        return motions.get("heave_down"), motions.get("heave_up")
-    return motions.get(axis), motions.get(axis)
+    """Results of an axis: one for both directions, or one for each, in heave that of the positive one, down, first."""
+    one_each = [motions.get("heave_down"), motions.get("heave_up")]
+    return one_each if axis == "heave" and any(one_each) else [motions.get(axis)]
 
 
 def _axis_drag(
@@ -138,9 +137,9 @@ def _axis_drag(
     *,
     unidentified: Mapping[str, str],
 ) -> Drag:
-    forward, backward = sides
+    flown = [side for side in sides if side]
     reason = next((why for name, why in unidentified.items() if name.startswith(axis)), "")
-    if forward is None and backward is None:
+    if not flown:
         if prior is None:
             lacking = f"motion {axis} is not identifiable ({reason})" if reason else f"no motion {axis} in the results"
             raise HindraxError(
@@ -149,18 +148,14 @@ def _axis_drag(
         why = f"not identifiable in the results ({reason})" if reason else "not in the results"
         notes.append(f"{axis}: {why}; drag and added mass are from the vehicle file")
         return prior.drag(axis)
-    if forward is None or backward is None:
+    if len(flown) < len(sides):
         one_way = f"only one direction is identifiable ({reason})" if reason else "only one direction was tested"
         notes.append(f"{axis}: {one_way}, the other is taken to be the same")
-    k_q, k_l = _passive(forward or backward, axis, top, notes)
-    if forward is backward or forward is None or backward is None:
-        return Drag(k_q=k_q, k_l=k_l)
-    k_q_negative, k_l_negative = _passive(backward, axis, top, notes)
-    return Drag(k_q=k_q, k_l=k_l, k_q_negative=k_q_negative, k_l_negative=k_l_negative)
+    return Drag(*(k for side in flown for k in _passive(side, axis, top, notes)))
 
 
-def _passive(motion: MotionResult | None, axis: str, top: float, notes: list[str]) -> tuple[float, float]:
-    k_q, k_l = (motion.value("k_q"), motion.value("k_l")) if motion else (math.nan, math.nan)
+def _passive(motion: MotionResult, axis: str, top: float, notes: list[str]) -> tuple[float, float]:
+    k_q, k_l = motion.value("k_q"), motion.value("k_l")
     if math.isnan(k_q) or math.isnan(k_l):
         raise HindraxError(f"motion {axis}: k_q or k_l is missing; identify it again, or leave the motion out")
     if k_q < 0.0 and k_l < 0.0:
@@ -178,9 +173,7 @@ def _passive(motion: MotionResult | None, axis: str, top: float, notes: list[str
 
 
 def _axis_added_mass(axis: str, sides: Sides, prior: Hydrodynamics | None, notes: list[str]) -> float:
-    found = [
-        side.coefficients["added_mass"] for side in sides if side is not None and "added_mass" in side.coefficients
-    ]
+    found = [side.coefficients["added_mass"] for side in sides if side and "added_mass" in side.coefficients]
     if not found:
         if prior is None:
             raise HindraxError(f"motion {axis}: no added mass in the results; add --vehicle FILE to take it from there")

@@ -48,18 +48,13 @@ def table_3(results: Results) -> str:
         wanted = [name for name in titles if name != "k_r" or motion in righted]
         cells = {name: cell(result.coefficients.get(name), "<small>not found</small>") for name in wanted}
         rows.append([title_of(motion), *(cells.get(name, "") for name in titles), verdict])
-        if any(one.truth is not None for one in result.coefficients.values()):
-            known = [result.coefficients.get(name) for name in titles]
-            truths = [
-                number(one.truth, decimals(one.value, one.std)) if one and one.truth is not None else ""
-                for one in known
-            ]
-            rows.append([*map(_small, ("truth of the mock", *truths)), ""])
+        known = [(name, one, one.truth) for name, one in result.coefficients.items()]
+        truths = {name: number(true, decimals(one.value, one.std)) for name, one, true in known if true is not None}
         paper = published_of(results.vehicle.name, motion)
-        if paper is not None:
-            pairs = paper.in_our_axes
-            printed = [as_printed(*pairs[name]) if name in pairs else "" for name in titles]
-            rows.append([*map(_small, (PAPER, *printed)), ""])
+        printed = {name: as_printed(*pair) for name, pair in paper.in_our_axes.items()} if paper else {}
+        for source, beside in (("truth of the mock", truths), (PAPER, printed)):
+            if beside:
+                rows.append([*map(_small, (source, *(beside.get(name, "") for name in titles))), ""])
     # Straight motions and turns have different units; the heading has those of what was flown.
     units = {name: [units_of(motion)[name] for motion in results.motions] for name in TABULATED}
     units |= {"k_r": [units_of(motion)["k_r"] for motion in righted]}
