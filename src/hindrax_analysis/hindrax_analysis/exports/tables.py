@@ -8,6 +8,7 @@ from dataclasses import replace
 from hindrax_analysis.coefficients_file import TABULATED, SavedCoefficients
 from hindrax_analysis.exports.export_model import abort_notes, identified, unit_of
 from hindrax_core.errors import HindraxError
+from hindrax_core.text.digits import last_place
 from hindrax_ident.assess.results import Number
 
 SYMBOLS = {"k_q": "$k_q$", "k_l": "$k_l$", "b": "$b$", "added_mass": "$m_a$"}
@@ -56,5 +57,5 @@ def _latex_cell(value: Number | None) -> str:
         return "--"
     if not value.std > 0.0:
         return f"${value.value:.4g}$"
-    digits = max(0, 1 - math.floor(math.log10(value.std)))
+    digits = max(0, -last_place(value.std, 2))
     return rf"${value.value:.{digits}f} \pm {value.std:.{digits}f}$"

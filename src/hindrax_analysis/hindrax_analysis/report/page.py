@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
+from hindrax_core.text.digits import last_place
+
 CSS = Path(__file__).with_name("style.css").read_text(encoding="utf-8")
 EMPTY = "data:,"
 """An empty icon: without one, a browser requests it from the server."""
@@ -75,8 +77,8 @@ def plus_minus(value: float, std: float, std_calibrated: float = math.nan) -> st
 
 def decimals(value: float, std: float) -> int:
     """Digits behind the point: two of the deviation; three in all where there is none."""
-    scale = std if math.isfinite(std) and std > 0.0 else abs(value) / 10.0
-    return min(6, max(0, 1 - math.floor(math.log10(scale)))) if scale > 0.0 else 2
+    scale, digits = (std, 2) if math.isfinite(std) and std > 0.0 else (abs(value), 3)
+    return min(6, max(0, -last_place(scale, digits))) if scale > 0.0 else 2
 
 
 def two_digits(value: float) -> str:

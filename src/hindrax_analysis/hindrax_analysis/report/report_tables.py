@@ -161,7 +161,7 @@ def table_predictions(assessments: Mapping[int, Assessment]) -> str:
         [
             AXES[axis].capitalize(),
             str(one.windows),
-            *(number(error, decimals(math.nan, error / 10.0)) for error in one.errors.values()),
+            *(number(error, decimals(error, math.nan)) for error in one.errors.values()),
             one.unit,
         ]
         for axis, one in checked.items()

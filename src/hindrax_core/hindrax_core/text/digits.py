@@ -30,11 +30,16 @@ def rounded(value: float, std: float) -> tuple[str, str]:
     """The same as two texts; a deviation below 0.0001 and its value have powers of ten."""
     if not (math.isfinite(value) and math.isfinite(std) and std > 0.0):
         return f"{value:.4g}", f"{std:.2g}"
-    place = math.floor(math.log10(float(f"{std:.1e}"))) - 1
+    place = last_place(std, 2)
     if place < LAST_PLACE and value:
         digits = max(0, math.floor(math.log10(abs(value))) - place)
         return f"{value:.{digits}e}", f"{std:.1e}"
     return f"{value:.{max(0, -place)}f}", f"{std:.{max(0, -place)}f}"
+
+
+def last_place(number: float, digits: int) -> int:
+    """Power of ten of the last digit of a number above zero that is rounded to so many: -3 for 0.0471 and two."""
+    return math.floor(math.log10(float(f"{number:.{digits - 1}e}"))) - digits + 1
 
 
 def unlike(found: float, limit: float, places: int) -> tuple[str, str]:
