@@ -20,15 +20,10 @@ class Published:
     """Whether b is printed along the motion, and that motion is in the negative direction of its axis."""
 
     @property
-    def coefficients(self) -> Mapping[str, Pair]:
-        """Value and deviation of k_q, k_l and b."""
-        return {"k_q": _pair(self.k_q), "k_l": _pair(self.k_l), "b": _pair(self.b)}
-
-    @property
     def in_our_axes(self) -> Mapping[str, Pair]:
-        """Coefficients with b along the axis, as everywhere here: net buoyancy is positive both ways of heave."""
+        """Value and deviation of k_q, k_l and b, along the axis: net buoyancy is positive in heave, down and up."""
         value, std = _pair(self.b)
-        return {**self.coefficients, "b": (-value if self.along_motion else value, std)}
+        return {"k_q": _pair(self.k_q), "k_l": _pair(self.k_l), "b": (-value if self.along_motion else value, std)}
 
     @property
     def drag_coefficient(self) -> Pair:

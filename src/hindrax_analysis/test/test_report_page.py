@@ -215,7 +215,7 @@ def test_the_drag_coefficients_of_table_3_are_those_of_table_4(vehicle: Vehicle)
         length, nu = vehicle.characteristic_length_m, vehicle.water.kinematic_viscosity_m2ps
         low, high = (reynolds * nu / length for reynolds in paper.reynolds)
         speed = array(np.linspace(low, high, 50))
-        force = paper.coefficients["k_q"][0] * speed**2 + paper.coefficients["k_l"][0] * speed
+        force = paper.in_our_axes["k_q"][0] * speed**2 + paper.in_our_axes["k_l"][0] * speed
         band = DragBand(speed, force, 0.0 * speed, 0.0 * speed)
         found = dimensionless(vehicle, a_motion(motion, band))
         assert found is not None

@@ -147,7 +147,7 @@ def _forest(
         return ""
     if pooled is not None:
         entries.append(Entry("all, weighted", Number(pooled.mean, pooled.std, pooled.std_calibrated), "online"))
-    if paper is not None and name in paper.coefficients:
+    if paper and name in paper.in_our_axes:
         entries.append(Entry(PAPER, Number(*paper.in_our_axes[name]), "paper"))
     truth = truths.pop() if len(truths) == 1 else None
     words = [f"{LABELS[name]} of every run: thick 95 % from noise, thin 95 % with calibration"]

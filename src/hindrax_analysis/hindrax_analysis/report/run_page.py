@@ -226,7 +226,7 @@ def _entries(report: RunReport, result: MotionResult, name: str) -> list[Entry]:
     if name in prior and not report.conditions.mock:
         entries.append(Entry("vehicle file", Number(prior[name], math.nan), "prior"))
     paper = published_of(report.results.vehicle.name, result.motion)
-    if paper is not None and name in paper.coefficients:
+    if paper and name in paper.in_our_axes:
         entries.append(Entry(PAPER, Number(*paper.in_our_axes[name]), "paper"))
     for saved in report.earlier:
         motion = saved.motions.get(result.motion)
