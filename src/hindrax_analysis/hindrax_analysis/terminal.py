@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from textwrap import TextWrapper
 
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Column, Table
 from rich.text import Text
@@ -64,7 +63,7 @@ def print_table(
 
     Brackets are text, also in a cell; a Text keeps its style, a float has five digits, None and NaN are empty.
     """
-    table = Table(title=escape(title), title_justify="left")
+    table = Table(title=Text(title, style="table.title"), title_justify="left")
     for heading in words:
         table.add_column(Text(heading), no_wrap=True)
     for heading in numbers:
@@ -73,10 +72,10 @@ def print_table(
         table.add_column(Text(heading))
     for row in rows:
         table.add_row(*(cell if isinstance(cell, Text) else Text(_text(cell)) for cell in row))
-    _print_whole_or_stacked(table, title)
+    _print_whole_or_stacked(table)
 
 
-def _print_whole_or_stacked(table: Table, title: str) -> None:
+def _print_whole_or_stacked(table: Table) -> None:
     """Print a table; on a screen that is too narrow row by row, so that nothing is ever cut."""
     screen = console()
     # A column without remarks would be a stripe of nothing.
@@ -84,7 +83,7 @@ def _print_whole_or_stacked(table: Table, title: str) -> None:
     if _least_width(table) <= screen.width:
         screen.print(table)
         return
-    lines = [fitted(title, screen.width)] if title else []
+    lines = [fitted(str(table.title), screen.width)] if table.title else []
     for cells in zip(*(column.cells for column in table.columns), strict=True):
         lines += _stacked(table.columns, [str(cell) for cell in cells], screen.width)
     print_whole("\n".join(lines))

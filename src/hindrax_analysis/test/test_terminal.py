@@ -90,9 +90,9 @@ def test_brackets_in_a_cell_are_text(
 ) -> None:
     monkeypatch.setattr(terminal, "console", lambda: Console(width=width, file=sys.stdout))
     bag = "runs[pool]/monday[red]/:camera:/bag"
-    print_table("bags below runs[pool]", ("bag",), ("MB",), [(bag, "1.2")], ("",))
+    print_table("bags below runs[pool]/:camera:", ("bag",), ("MB",), [(bag, "1.2")], ("",))
     printed = capsys.readouterr().out
-    assert "bags below runs[pool]" in printed
+    assert "bags below runs[pool]/:camera:" in printed
     assert bag in printed
 
 

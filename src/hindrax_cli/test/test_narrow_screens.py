@@ -167,7 +167,7 @@ def tables(records: Path) -> Mapping[str, list[Table]]:
 def words_on(width: int, table: Table, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> set[str]:
     """Words that are printed, with the units of headings."""
     monkeypatch.setattr(terminal, "console", lambda: Console(width=width, file=sys.stdout))
-    terminal._print_whole_or_stacked(table, str(table.title or ""))
+    terminal._print_whole_or_stacked(table)
     printed = capsys.readouterr().out
     assert "\u2026" not in printed
     return set(FRAME.sub(" ", printed).split())

@@ -2,11 +2,11 @@
 
 import argparse
 import contextlib
-import fcntl
 import json
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
+from hindrax_bag.metadata import try_lock
 from hindrax_bringup.stack import MockOptions
 from hindrax_bringup.stack_lock import runtime_folder
 from hindrax_bringup.stack_runner import asked_to_end
@@ -88,10 +88,8 @@ def _own(folder: Path) -> Iterator[Path]:
     except OSError as error:
         raise UsageError(f"{folder}: cannot be made ({cause(error)}); choose another with --folder") from error
     with lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise HindraxError(f"{folder}: a mock runs there already; end it, or choose another --folder") from error
+        if not try_lock(lock):
+            raise HindraxError(f"{folder}: a mock runs there already; end it, or choose another --folder")
         yield folder
 
 
