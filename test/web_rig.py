@@ -13,11 +13,12 @@ from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.hold.holds import HoldState
 from hindrax_control.maneuver.goal import Goal
 from hindrax_control.maneuver.plan import MOTIONS
+from hindrax_control.pool_bounds import GuardedPlace, PoolPosition
 from hindrax_core.signals import NAN, Estimate, Navigation
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.online.aim import ExperimentGoal
 from hindrax_operator.monitor.graph_link import GraphLink
-from hindrax_operator.snapshot import CameraFrame, ManeuverView, NodeHealth, PlaceView, Snapshot, Thrusters
+from hindrax_operator.snapshot import CameraFrame, ManeuverView, NodeHealth, Snapshot, Thrusters
 from hindrax_operator.web.access import Access, hosts_of
 from hindrax_operator.web.http_server import Server
 from hindrax_operator.web.page_controller import PageController
@@ -59,6 +60,7 @@ ESTIMATE = Estimate(
     reason="",
 )
 PLANS = {motion: f"{motion}: 0.45, 0.10 m/s, each out and back; 60 s" for motion in MOTIONS}
+PLACE = PoolPosition(4.2, 2.9, math.radians(30.0), NAN, NAN, 0.2)
 ARMED = Snapshot(
     time_s=123.0,
     silent_s=0.1,
@@ -72,7 +74,7 @@ ARMED = Snapshot(
     health={"dvl75": NodeHealth("ok", "measuring", 20.0), "ping1d": NodeHealth("error", "no reading for <b>3.2 s</b>")},
     estimates={"surge": ESTIMATE},
     plans=PLANS,
-    place=PlaceView(4.2, 2.9, 30.0, 0.2, {"south": 3.9, "north": 5.4, "west": 2.5, "east": 2.7}, 0.7, ""),
+    place=GuardedPlace(PLACE, {"south": 3.9, "north": 5.4, "west": 2.5, "east": 2.7}, 0.7),
 )
 DISARMED = replace(ARMED, thrusters=replace(THRUSTERS, armed=False, state="disarmed", reason="at the start"))
 

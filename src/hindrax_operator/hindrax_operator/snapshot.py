@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 from hindrax_control.hold.holds import HoldState
+from hindrax_control.pool_bounds import GuardedPlace, PoolPosition
 from hindrax_core.signals import NAN, Estimate, Navigation
 
 ANGLES = ("heading", "roll", "pitch")
@@ -46,22 +47,6 @@ class ManeuverView:
 
 
 @dataclass(frozen=True, slots=True)
-class PlaceView:
-    """Where in the pool the pilot has the vehicle, how far its walls are after braking, and the least that is allowed.
-
-    `unplaced`: why its position is unknown.
-    """
-
-    along_m: float
-    across_m: float
-    heading_deg: float
-    sigma_m: float = NAN
-    walls_m: Mapping[str, float] = field(default_factory=dict)
-    margin_m: float = NAN
-    unplaced: str = ""
-
-
-@dataclass(frozen=True, slots=True)
 class NodeHealth:
     """One node: its level and text, and its rate [Hz] where it reports one."""
 
@@ -85,7 +70,7 @@ class Snapshot:
     cameras: tuple[str, ...] = ()
     plans: Mapping[str, str] = field(default_factory=dict)
     """What the pilot would fly of each motion, or why it cannot."""
-    place: PlaceView | None = None
+    place: GuardedPlace | None = None
     stoppable: bool = True
     """Whether a receiver of a disarm request exists."""
 
@@ -114,7 +99,7 @@ def snapshot(operator: Any, stops_us: tuple[float, ...] = ()) -> Snapshot:
         health={name.removeprefix("hindrax: "): _health(one) for name, one in sorted(operator.diagnostics.items())},
         estimates={motion: one.reading for motion, one in operator.estimates.items()},
         plans=dict(zip(operator.plans.motions, operator.plans.plans, strict=False)) if operator.plans else {},
-        place=place_view(operator.place),
+        place=place_of(operator.place),
         stoppable=operator.stoppable,
     )
 
@@ -162,13 +147,13 @@ def _flight(status: Any) -> ManeuverView | None:
     return ManeuverView(status.motion, status.phase, status.aborted, status.progress, status.remaining, *where)
 
 
-def place_view(message: Any) -> PlaceView | None:
-    """Content of a PoolPlace; None without one."""
+def place_of(message: Any) -> GuardedPlace | None:
+    """What a PoolPlace says, which has no velocity; None without one."""
     if message is None:
         return None
+    position = PoolPosition(message.along, message.across, message.heading, NAN, NAN, message.sigma)
     walls_m = dict(zip(message.walls, message.distances, strict=False))
-    where = message.along, message.across, math.degrees(message.heading), message.sigma
-    return PlaceView(*where, walls_m, message.margin, message.unplaced)
+    return GuardedPlace(position, walls_m, message.margin, message.unplaced)
 
 
 def _health(one: Any) -> NodeHealth:

@@ -34,7 +34,7 @@ from hindrax_core.events import Stamp
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.online.aim import Aim, ExperimentGoal
 from hindrax_operator.monitor.graph_link import GraphLink
-from hindrax_operator.snapshot import CameraFrame, Snapshot, place_view
+from hindrax_operator.snapshot import CameraFrame, Snapshot, place_of
 from hindrax_operator.web import http_server, page_controller
 from hindrax_operator.web import page as page_text
 from hindrax_operator.web.access import hosts_of
@@ -468,13 +468,13 @@ def test_the_pool_is_drawn_as_the_pilot_tells_it() -> None:
     moved = replace(navigation, position_m=(1.0, 1.0), position_sigma_m=0.4)
     place, knobs = found.place(moved), ManeuverGuardKnobs()
     seen = ManeuverGuards(vehicle, knobs).guarded(place, found.walls_m(place), "restarted")
-    news: Any = plain(summary(Snapshot(place=place_view(place_to_msg(seen, Stamp(0))))))
+    news: Any = plain(summary(Snapshot(place=place_of(place_to_msg(seen, Stamp(0))))))
     shown = news["place"]
     # 30 deg off the length where the compass says 90: a meter to the east is 0.87 m along and half a meter across.
-    assert shown["along_m"] == pytest.approx(2.0 + math.sqrt(0.75))
-    assert shown["across_m"] == pytest.approx(4.0 + 0.5)
-    assert shown["heading_deg"] == pytest.approx(30.0)
-    assert shown["sigma_m"] == pytest.approx(math.hypot(0.1, 0.4))
+    assert shown["place"]["x_m"] == pytest.approx(2.0 + math.sqrt(0.75))
+    assert shown["place"]["y_m"] == pytest.approx(4.0 + 0.5)
+    assert shown["place"]["heading_rad"] == pytest.approx(math.radians(30.0))
+    assert shown["place"]["sigma_m"] == pytest.approx(math.hypot(0.1, 0.4))
     assert shown["margin_m"] == pytest.approx(knobs.wall_m + knobs.doubt * math.hypot(0.1, 0.4))
     assert shown["walls_m"].keys() == {"south", "north", "west", "east"}
     assert shown["walls_m"]["west"] < found.walls_m(place)["west"] + 1e-9

@@ -108,8 +108,8 @@ function receive(update) {
   }
   if (update.navigation) past.push({at: heard_ms, ...update.navigation});
   while (past.length && heard_ms - past[0].at > KEPT_ms) past.shift();
-  const place = update.place;
-  if (place && place.along_m !== null) trace.push([place.along_m, place.across_m]);
+  const place = update.place && update.place.place;
+  if (place && place.x_m !== null) trace.push([place.x_m, place.y_m]);
   if (trace.length > 3000) trace.splice(0, 600);
   const newest = Math.max(0, ...update.outcomes.map(one => one.number));
   for (const one of update.outcomes) if (notified !== null && one.number > notified) notify(one.sentence, one.well);
@@ -185,34 +185,34 @@ function state(found) {
 }
 
 /* Pool axes: x along the length (drawn to the right), y to the right of it (drawn downward). */
-function pool({size, hull: sides}, place) {
-  const [length, width] = size, svg = at("pool");
+function pool({size, hull: sides}, found) {
+  const [length, width] = size, place = found && found.place, svg = at("pool");
   svg.setAttribute("viewBox", [-0.1, -0.1, length + 0.2, width + 0.2].join(" "));
   const parts = [draw("rect", {x: 0, y: 0, width: length, height: width, class: "water"})];
   for (let x = 1; x < length; x++) parts.push(draw("line", {x1: x, x2: x, y1: 0, y2: width, class: "meter"}));
   for (let y = 1; y < width; y++) parts.push(draw("line", {x1: 0, x2: length, y1: y, y2: y, class: "meter"}));
-  const edge = place && place.margin_m, room = [length, width].map(side => Math.max(0, side - 2 * edge));
+  const edge = found && found.margin_m, room = [length, width].map(side => Math.max(0, side - 2 * edge));
   if (edge !== null) parts.push(draw("rect", {x: (length - room[0]) / 2, y: (width - room[1]) / 2, width: room[0],
     height: room[1], class: "limit"}));
   if (trace.length > 1) parts.push(draw("polyline", {points: trace.map(one => one.map(v => v.toFixed(2))).join(" "),
     class: "trace"}));
-  if (place && place.along_m !== null && place.heading_deg !== null) {
+  if (place && place.x_m !== null && place.heading_rad !== null) {
     const [a, b] = sides.map(side => side / 2);
-    const middle = `${place.along_m.toFixed(3)} ${place.across_m.toFixed(3)}`;
-    const move = `translate(${middle}) rotate(${place.heading_deg.toFixed(1)})`;
+    const heading = (place.heading_rad * 180 / Math.PI).toFixed(1);
+    const move = `translate(${place.x_m.toFixed(3)} ${place.y_m.toFixed(3)}) rotate(${heading})`;
     const hull = draw("g", {transform: move});
     hull.append(draw("rect", {x: -a, y: -b, width: 2 * a, height: 2 * b, rx: 0.08, class: "hull"}),
       draw("path", {d: `M${a + 0.22} 0L${a - 0.1} ${-b * 0.7}L${a - 0.1} ${b * 0.7}Z`, class: "bow"}));
     parts.push(hull);
   }
   svg.replaceChildren(...parts);
-  const [near, left] = Object.entries(place ? place.walls_m : {}).filter(one => one[1] !== null)
+  const [near, left] = Object.entries(found ? found.walls_m : {}).filter(one => one[1] !== null)
     .sort((a, b) => a[1] - b[1])[0] || [];
-  const text = !place || place.along_m === null ? "no position yet" :
-    `${place.along_m.toFixed(2)} m along, ${place.across_m.toFixed(2)} m across, by dead reckoning` +
+  const text = !place || place.x_m === null ? "no position yet" :
+    `${place.x_m.toFixed(2)} m along, ${place.y_m.toFixed(2)} m across, by dead reckoning` +
     (place.sigma_m === null ? "" : `, give or take ${place.sigma_m.toFixed(2)} m`) +
     (near ? `; ${left.toFixed(2)} m to the ${near} wall after braking, the guard wants ${edge.toFixed(2)} m (dashed)` : "") +
-    (place.unplaced ? "; " + place.unplaced : "");
+    (found.unplaced ? "; " + found.unplaced : "");
   at("where").textContent = `${length} m by ${width} m, a square is 1 m; ${text}`;
   svg.setAttribute("aria-label", "the vehicle in the pool: " + text);
 }
