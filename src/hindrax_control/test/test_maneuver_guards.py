@@ -187,7 +187,7 @@ def test_lost_lock_is_survived_for_a_while(look: Callable[..., tuple[str, ...]])
 def test_battery_leak_time_and_thrusters(look: Callable[..., tuple[str, ...]]) -> None:
     assert look(WELL, battery_V=12.4) == ("battery: 12.4 V, wanted at least 13.0 V; charge the battery",)
     assert look(WELL, water_in_hull=True)[0].startswith("leak: found water in the hull, wanted it dry; surface")
-    assert look(WELL, 110.0, deadline_s=100.0)[0].startswith("time_out: 10 s later than it should long be over; look")
+    assert look(WELL, 110.0, deadline_s=100.0)[0].startswith("time_out: 10 s later than it should long be over; find")
     assert look(WELL, lost_axes=("sway",), needed_axes=("surge", "heave")) == ()
     assert look(WELL, lost_axes=("sway",), needed_axes=("sway",))[0].startswith("thrusters: sway cannot be served")
     twice = look(WELL, lost_axes=("heave",), needed_axes=("heave", "heave"))[0]
