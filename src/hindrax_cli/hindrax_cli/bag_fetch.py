@@ -6,7 +6,7 @@ The vehicle needs nothing but a shell, `find`, `tail` and `sha256sum`.
 import hashlib
 import shlex
 import subprocess
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
@@ -15,7 +15,7 @@ from hindrax_core.errors import HindraxError, UsageError, cause
 BLOCK = 1 << 18
 SSH_FAILED = 255
 """Exit code of ssh when it came to no connection."""
-SSH = ("ssh", "-o", "BatchMode=yes", "-o", "ConnectTimeout=10")
+SSH = "ssh -o BatchMode=yes -o ConnectTimeout=10"
 Progress = Callable[[str, int, int], None]
 """Called with a file, its bytes here so far, and its size."""
 
@@ -53,31 +53,25 @@ class Remote:
         return ":".join((*self.command[-1:], self.folder))
 
 
-@dataclass(frozen=True, slots=True)
-class Fetched:
-    """One file that is here now, verified; how many of its bytes came this time."""
-
-    path: Path
-    size: int
-    copied: int
-
-
-def remote_of(host: str, folder: str, ssh: Sequence[str] = SSH) -> Remote:
+def remote_of(host: str, folder: str, ssh: str | None) -> Remote:
     """A host as `name` or `user@name`; anything with a slash is a folder of this machine and `folder` is within it."""
     if not host:
         raise UsageError("HOST is empty; name the vehicle, such as pi@rov.local, or a folder")
     if "/" in host:
         return Remote((), str(PurePosixPath(host) / folder) if folder else host)
-    return Remote((*ssh, host), folder)
+    return Remote((*shlex.split(ssh or SSH), host), folder)
 
 
-def fetch(remote: Remote, out: Path, progress: Progress = lambda _name, _here, _size: None) -> list[Fetched]:
-    """Copy all files below the remote folder that are not here yet; HindraxError when one cannot be had whole."""
+def fetch(remote: Remote, out: Path, progress: Progress) -> dict[Path, int]:
+    """Copy all files below the remote folder that are not here yet; HindraxError when one cannot be had whole.
+
+    Returns every file, verified, with the number of its bytes that came this time.
+    """
     found = _listing(remote)
     if not found:
         raise HindraxError(f"{remote.name}: holds no file; --remote names the folder of the bags")
     try:
-        return [_fetch_one(remote, name, size, out, progress) for name, size in found]
+        return dict(_fetch_one(remote, name, size, out, progress) for name, size in found)
     except OSError as error:
         place = error.filename or out
         raise HindraxError(f"{place}: cannot be written ({cause(error)}); name another with --out") from error
@@ -89,13 +83,13 @@ def _listing(remote: Remote) -> list[tuple[str, int]]:
     return sorted((name, int(size)) for size, _, name in pairs)
 
 
-def _fetch_one(remote: Remote, name: str, size: int, out: Path, progress: Progress) -> Fetched:
+def _fetch_one(remote: Remote, name: str, size: int, out: Path, progress: Progress) -> tuple[Path, int]:
     target = out / name
     if ".." in PurePosixPath(name).parts:
         raise HindraxError(f"{name}: leads out of the folder; not fetched")
     wanted = remote.ask(f"sha256sum < {shlex.quote(remote.folder + '/' + name)}").split()[0]
     if target.is_file() and _hash(target) == wanted:
-        return Fetched(target, size, 0)
+        return target, 0
     partial = target.with_name(target.name + ".part")
     partial.parent.mkdir(parents=True, exist_ok=True)
     copied = _copy(remote, name, size, partial, progress)
@@ -106,7 +100,7 @@ def _fetch_one(remote: Remote, name: str, size: int, out: Path, progress: Progre
     if _hash(partial) != wanted:
         raise HindraxError(f"{name}: the checksum differs after copying; is it still being recorded?")
     partial.replace(target)
-    return Fetched(target, size, copied)
+    return target, copied
 
 
 def _copy(remote: Remote, name: str, size: int, partial: Path, progress: Progress) -> int:

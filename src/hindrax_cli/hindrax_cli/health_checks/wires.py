@@ -69,7 +69,6 @@ def port(path: str) -> Check:
 
 
 def _chip(path: str) -> Check:
-    """A GPIO chip, found by label or name."""
     try:
         return Check(path, f"there, it is {find_chip(path.removeprefix(GPIO_PREFIX))}")
     except DeviceError as error:

@@ -3,7 +3,6 @@
 import argparse
 import contextlib
 import math
-import shlex
 import shutil
 from collections.abc import Iterator, Sequence
 from functools import partial
@@ -17,7 +16,7 @@ from hindrax_bag.read.message_columns import FieldSeries, extract, series
 from hindrax_bag.read.recovery import recover
 from hindrax_bag.read.survey import ListedBag, Survey, find_bags, survey
 from hindrax_cli.argument_types import add_json
-from hindrax_cli.bag_fetch import SSH, Progress, fetch, remote_of
+from hindrax_cli.bag_fetch import Progress, fetch, remote_of
 from hindrax_cli.command import add_words, command, option
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted
@@ -177,13 +176,12 @@ def exported(arguments: argparse.Namespace) -> int:
 )
 def fetched(arguments: argparse.Namespace) -> int:
     """Bags from the vehicle over ssh, resumed and verified by checksum."""
-    ssh = tuple(shlex.split(arguments.ssh)) if arguments.ssh else SSH
     out = arguments.out or Path("runs")
-    remote = remote_of(arguments.host, arguments.remote, ssh)
+    remote = remote_of(arguments.host, arguments.remote, arguments.ssh)
     with _bars() as bars:
         files = fetch(remote, out, bars)
-    copied = sum(one.copied for one in files)
-    document = {"files": [str(one.path) for one in files], "copied_bytes": copied, "output": str(out)}
+    copied = sum(files.values())
+    document = {"files": [str(path) for path in files], "copied_bytes": copied, "output": str(out)}
     text = f"{out}: {len(files)} files here and verified, {_mb(copied)} copied"
     return print_answer(document, text, as_json=arguments.json)
 

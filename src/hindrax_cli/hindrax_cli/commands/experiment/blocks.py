@@ -146,7 +146,6 @@ def _dimensions(arguments: argparse.Namespace) -> Dimensions:
 
 
 def _show_estimate(model: EmpiricalModel) -> None:
-    """Print translations and rotations, each with their units, and the block for a vehicle file."""
     for title, axes, units in (
         ("translation", range(3), ("[kg]", "[N s^2/m^2]", "[N s/m]")),
         ("rotation", range(3, 6), ("[kg m^2]", "[Nm s^2]", "[Nm s]")),

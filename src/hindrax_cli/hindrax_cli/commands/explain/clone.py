@@ -111,7 +111,6 @@ def reference(arguments: argparse.Namespace) -> int:
 
 
 def _write_policies() -> None:
-    """Write the access policies if they are stale, and report it as for a page."""
     from hindrax_bringup.network.security import policies  # noqa: PLC0415  # completion answers before YAML is installed
     from hindrax_bringup.share_files import share_folder  # noqa: PLC0415  # as above
 
