@@ -157,6 +157,8 @@ class Output:
 
     def __post_init__(self) -> None:
         """A timer without its line would never enable the outputs."""
+        if self.enable_line:
+            chip_and_line(self.enable_line, "enable_line")
         if self.enable_timer and not self.enable_line:
             raise ValueError("enable_timer: found no enable_line, wanted the GPIO that triggers the timer")
 

@@ -9,7 +9,6 @@ import contextlib
 import threading
 from collections.abc import Iterator
 
-from hindrax_core.bus_operations import DeviceError
 from hindrax_core.vehicle import Output, chip_and_line
 from hindrax_drivers.buses.clock import MOCK_PREFIX
 from hindrax_drivers.buses.gpio import library, request_line
@@ -81,7 +80,4 @@ def open_enable_line(output: Output, port: str) -> EnableLine:
     """Open the line of an output; it has none in mock. DeviceError with cause and remedy."""
     if not output.enable_line or port.startswith(MOCK_PREFIX):
         return EnableLine()
-    try:
-        return EnableLine(output.enable_line, timed=output.enable_timer)
-    except ValueError as error:
-        raise DeviceError(str(error)) from error
+    return EnableLine(output.enable_line, timed=output.enable_timer)
