@@ -17,8 +17,8 @@ from hindrax_bringup.process_state import descendants
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack_lock import FOLDER
 from hindrax_operator.nodes.orders import hold
-from hindrax_tools.faults.cells import HOLD, MANEUVER, OPERATOR
-from hindrax_tools.faults.processes import BOTH, DEAD_MAN, DIED, FROZEN, ROWS, FaultyStack, faulty_stack
+from hindrax_tools.faults.fault_outcome import HOLD, MANEUVER, OPERATOR
+from hindrax_tools.faults.process_faults import BOTH, DEAD_MAN, DIED, FROZEN, ROWS, FaultyStack, faulty_stack
 
 pytestmark = pytest.mark.ros
 

@@ -15,8 +15,8 @@ from hindrax_sim.devices.ping1d import PingTruth
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, altered_truth
 from hindrax_sim.hardware import TrueState
 from hindrax_tools.faults import table
-from hindrax_tools.faults.cells import DISARMED, HOLD, MANEUVER, MODES, OPERATOR, FaultOutcome, Judge, is_wrong
-from hindrax_tools.faults.devices import ROWS, fly
+from hindrax_tools.faults.device_faults import ROWS, fly
+from hindrax_tools.faults.fault_outcome import DISARMED, HOLD, MANEUVER, MODES, OPERATOR, FaultOutcome, Judge, is_wrong
 
 WELL = FaultOutcome("dvl75", "died", "hold", 1, 0.4, 0.0, 1.0, "no command for 5 s")
 FLYING = TrueState(10.0, (0.1, 0.0, 2.0), (0.2, 0.0, 0.0), 0.8, 0, (3.0, 1.5), (1600.0, 1500.0))

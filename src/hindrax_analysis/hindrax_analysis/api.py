@@ -30,8 +30,8 @@ from hindrax_core.text.digits import TWO_SIDED_95
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.results import Results
+from hindrax_ident.model.model_parameters import parameters_of
 from hindrax_ident.model.motion_model import MOTIONS, model_of
-from hindrax_ident.model.parameters import parameters_of
 from hindrax_ident.model.simulation import Grid, Trajectory, trajectory
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.prediction import predict_record
 from hindrax_ident.assess.quality import held_out
 from hindrax_ident.assess.results import Number
+from hindrax_ident.model.model_parameters import parameters_of
 from hindrax_ident.model.motion_model import model_of
-from hindrax_ident.model.parameters import parameters_of
 from hindrax_ident.records.axis_record import Record, Series, Stretch
 
 ROV = Vehicle("rov", mass_kg=20.0, volume_m3=0.0203, envelope_m=(0.6, 0.5, 0.4))

@@ -34,7 +34,7 @@ from hindrax_analysis.report.chart import (
 from hindrax_analysis.report.comparison import comparison_page, pool_runs
 from hindrax_analysis.report.figures import MotionFigures, Trace, charts_of, comparable_methods
 from hindrax_analysis.report.forest import Entry, forest
-from hindrax_analysis.report.page import plus_minus, table
+from hindrax_analysis.report.html_elements import plus_minus, table
 from hindrax_analysis.report.report_tables import dimensionless, reynolds_text, table_3, table_budget, table_methods
 from hindrax_analysis.report.run_page import RunReport, _facts, _how_to_read, run_page
 from hindrax_core.vehicle import Vehicle

@@ -29,7 +29,7 @@ from hindrax_bringup.stack import PROFILE, environment
 from hindrax_bringup.stack_lock import FOLDER
 from hindrax_bringup.stack_runner import UpOptions, _require_same, awaited
 from hindrax_cli.command_line import main
-from hindrax_cli.commands.operate import stack as up
+from hindrax_cli.commands.operate import up_stop as up
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.signals import Navigation
 

@@ -14,13 +14,13 @@ Run = Callable[[argparse.Namespace], int]
 Declare = Callable[[argparse.ArgumentParser], object]
 """Adds options to a parser."""
 GROUPS = {
-    "the main job": {"pool.pool_test": "pool-test", "pool.results": "report export"},
+    "the main job": {"pool.pool_test": "pool-test", "pool.report_export": "report export"},
     "operate the vehicle": {
-        "operate.stack": "up stop",
+        "operate.up_stop": "up stop",
         "operate.health": "health",
         "operate.status": "status",
         "operate.view": "monitor web",
-        "operate.orders": "arm disarm hold recentre wrench lights",
+        "operate.manual_control": "arm disarm hold recentre wrench lights",
         "operate.joystick": "joystick",
         "operate.thruster": "thruster",
     },
@@ -51,7 +51,7 @@ GROUPS = {
         "explain.papers": "papers",
         "explain.trials": "montecarlo faults bench",
     },
-    "for shell and developers": {"explain.clone": "completion test reference"},
+    "for shell and developers": {"explain.developer": "completion test reference"},
 }
 """Title in the overview -> module -> its commands, each a function of its name."""
 MODULES = {

@@ -36,7 +36,7 @@ from hindrax_ident.arrays import array
 from hindrax_ident.assess.assessment import METHOD
 from hindrax_sim.flights.rehearsal import ExpectedBand, Flown, Rehearsal
 from hindrax_tools.faults import table as fault_table
-from hindrax_tools.faults.cells import MODES, FaultOutcome
+from hindrax_tools.faults.fault_outcome import MODES, FaultOutcome
 from hindrax_tools.reference.commands import words_of
 
 BAGS = clone_root() / "test" / "replay" / "bags"

@@ -23,7 +23,7 @@ from hindrax_bringup.stack_lock import FOLDER, StackLock
 from hindrax_bringup.stack_runner import asked_to_end, startup_text
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.machine import mock
-from hindrax_cli.commands.operate import orders
+from hindrax_cli.commands.operate import manual_control
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import fitted
 from hindrax_core.vehicle import load_vehicle
@@ -41,48 +41,51 @@ def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_one_brightness_goes_for_every_lamp() -> None:
-    assert orders.brightness(["0.5"], 2) == [0.5, 0.5]
-    assert orders.brightness(["1", "0"], 2) == [1.0, 0.0]
-    assert orders.brightness(["off"], 2) == [0.0, 0.0]
+    assert manual_control.brightness(["0.5"], 2) == [0.5, 0.5]
+    assert manual_control.brightness(["1", "0"], 2) == [1.0, 0.0]
+    assert manual_control.brightness(["off"], 2) == [0.0, 0.0]
 
 
 # ---- recentre
 
 
 def test_a_place_is_meters_and_degrees_or_nothing() -> None:
-    assert orders.place_of(["5", "3", "90"]) == pytest.approx((5.0, 3.0, math.pi / 2))
-    assert orders.place_of(["5", "3"])[:2] == (5.0, 3.0)
-    assert all(map(math.isnan, orders.place_of([])))
-    assert orders.place_text(5.0, 3.0) == "5.00 m from the south wall, 3.00 m from the west wall"
-    assert orders.place_text(math.nan, math.nan) == "at its start"
+    assert manual_control.place_of(["5", "3", "90"]) == pytest.approx((5.0, 3.0, math.pi / 2))
+    assert manual_control.place_of(["5", "3"])[:2] == (5.0, 3.0)
+    assert all(map(math.isnan, manual_control.place_of([])))
+    assert manual_control.place_text(5.0, 3.0) == "5.00 m from the south wall, 3.00 m from the west wall"
+    assert manual_control.place_text(math.nan, math.nan) == "at its start"
 
 
 # ---- hold
 
 
 def test_angles_are_given_in_degrees_and_distances_in_meters() -> None:
-    axes, value, engaged = orders.held("heading", "90")
+    axes, value, engaged = manual_control.held("heading", "90")
     assert (axes, engaged) == (("heading",), True)
     assert value == pytest.approx(math.pi / 2)
-    assert orders.held("depth", "0.8") == (("depth",), 0.8, True)
+    assert manual_control.held("depth", "0.8") == (("depth",), 0.8, True)
 
 
 def test_without_a_value_the_vehicle_holds_where_it_is() -> None:
-    axes, value, engaged = orders.held("altitude", None)
+    axes, value, engaged = manual_control.held("altitude", None)
     assert (axes, engaged) == (("altitude",), True)
     assert math.isnan(value)
 
 
 def test_off_lets_go_of_one_or_all() -> None:
-    assert orders.held("roll", "off")[::2] == (("roll",), False)
-    assert orders.held("all", "off")[::2] == (("heading", "roll", "pitch", "depth", "altitude", "station"), False)
+    assert manual_control.held("roll", "off")[::2] == (("roll",), False)
+    assert manual_control.held("all", "off")[::2] == (
+        ("heading", "roll", "pitch", "depth", "altitude", "station"),
+        False,
+    )
 
 
 def test_headings_are_shown_from_0_to_360() -> None:
-    assert orders.shown("heading", math.radians(-90.0)) == "270.0 deg"
-    assert orders.shown("pitch", math.radians(-10.0)) == "-10.0 deg"
-    assert orders.shown("depth", 0.8) == "0.80 m"
-    assert orders.shown("station", 0.0) == "this place"
+    assert manual_control.shown("heading", math.radians(-90.0)) == "270.0 deg"
+    assert manual_control.shown("pitch", math.radians(-10.0)) == "-10.0 deg"
+    assert manual_control.shown("depth", 0.8) == "0.80 m"
+    assert manual_control.shown("station", 0.0) == "this place"
 
 
 # ---- joystick
@@ -102,21 +105,21 @@ def test_steering_without_a_stack_says_where_it_is_looked_for(
 
 
 def test_a_wrench_is_six_finite_numbers() -> None:
-    assert orders.checked([1, 2, 3, 4, 5, 6]) == (1, 2, 3, 4, 5, 6)
+    assert manual_control.checked([1, 2, 3, 4, 5, 6]) == (1, 2, 3, 4, 5, 6)
 
 
 def test_a_wrench_beyond_the_limits_of_the_vehicle_is_refused() -> None:
     limits = load_vehicle(default_vehicle()).limits.wrench
-    orders.require_within(limits, limits)
+    manual_control.require_within(limits, limits)
     with pytest.raises(UsageError, match=r"wrench N: found -500, wanted -\d+ to \d+ "):
-        orders.require_within((0.0, 0.0, 0.0, 0.0, 0.0, -500.0), limits)
+        manual_control.require_within((0.0, 0.0, 0.0, 0.0, 0.0, -500.0), limits)
 
 
 def test_what_came_of_a_wrench_names_what_lacks() -> None:
     plan = Message(achieved=[9.0, 0, 0, 0, 0, 0.5], shortfall=[1.0, 0, 0, 0, 0, 0], refused=["Y: found nan"])
-    said = orders.outcome_text(plan)
+    said = manual_control.outcome_text(plan)
     assert said == "done; with the holds it was X +9.0 N, N +0.5 Nm; lacking X +1.0 N; refused: Y: found nan"
-    assert orders.wrench_text([0.01] * 6) == "nothing"
+    assert manual_control.wrench_text([0.01] * 6) == "nothing"
 
 
 # ---- thruster

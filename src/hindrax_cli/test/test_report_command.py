@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from hindrax_cli.command_line import main
-from hindrax_cli.commands.pool import results as command
+from hindrax_cli.commands.pool import report_export as command
 
 
 def run_folder(path: Path, k_q: float) -> str:

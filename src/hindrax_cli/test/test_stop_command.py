@@ -10,8 +10,8 @@ from vehicle_files import hindrax_file
 
 from hindrax_bringup.stack_lock import FOLDER, StackLock, announced
 from hindrax_cli.command_line import main
-from hindrax_cli.commands.operate import stack as command
-from hindrax_cli.commands.operate.stack import on_the_wire
+from hindrax_cli.commands.operate import up_stop as command
+from hindrax_cli.commands.operate.up_stop import on_the_wire
 from hindrax_core.errors import HindraxError
 from hindrax_drivers.nodes.thruster_settings import Settings
 

@@ -16,7 +16,7 @@ from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli import command_line
 from hindrax_cli.command import MODULES
 from hindrax_cli.commands.data.bag import WORDS as BAG
-from hindrax_cli.commands.operate import orders
+from hindrax_cli.commands.operate import manual_control
 from hindrax_cli.commands.pool import pool_test
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import load_vehicle
@@ -283,7 +283,7 @@ def test_arm_warns_only_of_thrusters_that_can_be_armed(
         def arm(self, **_: object) -> None:
             self.wait_for_thrusters()
 
-    monkeypatch.setattr(orders, "operator_of", lambda _: contextlib.nullcontext(NoStack()))
+    monkeypatch.setattr(manual_control, "operator_of", lambda _: contextlib.nullcontext(NoStack()))
     assert command_line.main(["arm"]) == 1
     assert capsys.readouterr().out == ""
 

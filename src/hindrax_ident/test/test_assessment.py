@@ -36,8 +36,8 @@ from hindrax_ident.fit.plateaus import fit as fit_plateaus
 from hindrax_ident.fit.plateaus import measure
 from hindrax_ident.fit.score_test import slow_force_ratio
 from hindrax_ident.fit.whitening import Noise
+from hindrax_ident.model.model_parameters import Prior, wide_prior
 from hindrax_ident.model.motion_model import MOTIONS, Model, model_of
-from hindrax_ident.model.parameters import Prior, wide_prior
 from hindrax_ident.records.axis_record import Record, Series, Stretch
 from hindrax_ident.tuning import Tuning
 

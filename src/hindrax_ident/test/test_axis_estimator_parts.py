@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from hindrax_ident.arrays import Array, Index, array
+from hindrax_ident.model.model_parameters import Prior
 from hindrax_ident.model.motion_model import Model
-from hindrax_ident.model.parameters import Prior
 from hindrax_ident.online.axis_estimator import AxisEstimator, SampleVerdict
 from hindrax_ident.online.filtered_regression import FilteredRegression, Sample, physical
 from hindrax_ident.online.rls import Rls

@@ -11,8 +11,8 @@ from hindrax_core.signals import NAN, Thrust
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.model.coriolis import Masses
+from hindrax_ident.model.model_parameters import Prior, wide_prior
 from hindrax_ident.model.motion_model import MOTIONS, Model, model_of, unit_wrench
-from hindrax_ident.model.parameters import Prior, wide_prior
 from hindrax_ident.online.axis_estimator import AxisEstimator, SampleVerdict
 from hindrax_ident.online.axis_session import AxisSession
 from hindrax_ident.records.axis_record import Series, Stretch

@@ -9,8 +9,8 @@ from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import truth_of
 from hindrax_ident.fit.cramer_rao import bound_of
 from hindrax_ident.fit.output_error import refine
+from hindrax_ident.model.model_parameters import parameters_of, wide_prior
 from hindrax_ident.model.motion_model import model_of
-from hindrax_ident.model.parameters import parameters_of, wide_prior
 from hindrax_ident.online.session import Session
 from hindrax_ident.records.axis_record import Record, Series, Stretch
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from hindrax_ident.arrays import Array
-from hindrax_ident.model.parameters import bounded
+from hindrax_ident.model.model_parameters import bounded
 
 
 @settings(max_examples=40, deadline=None)

@@ -13,8 +13,8 @@ from hindrax_ident.assess.influences import INFLUENCES, Case
 from hindrax_ident.assess.thrust_calibration import branch_covariance, modes
 from hindrax_ident.assess.uncertainty_budget import Budget, budget_of
 from hindrax_ident.fit.output_error import OutputErrorFit, refine
+from hindrax_ident.model.model_parameters import wide_prior
 from hindrax_ident.model.motion_model import Model, model_of
-from hindrax_ident.model.parameters import wide_prior
 from hindrax_ident.records.axis_record import Record, Series, Stretch
 from hindrax_ident.tuning import Tuning
 

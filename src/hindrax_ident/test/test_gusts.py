@@ -7,8 +7,8 @@ from synthetic_runs import COMMAND_S, STEP_S, back_and_forth, fly
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.fit.disturbance_noise import common_noise
 from hindrax_ident.fit.output_error import OutputErrorFit, refine, reweighted
+from hindrax_ident.model.model_parameters import wide_prior
 from hindrax_ident.model.motion_model import model_of
-from hindrax_ident.model.parameters import wide_prior
 from hindrax_ident.records.axis_record import Record, Series, Stretch
 
 SURGE = np.array([66.48, 1.25, 0.0, 27.3])

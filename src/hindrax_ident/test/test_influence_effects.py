@@ -14,8 +14,8 @@ from hindrax_ident.assess.influences import GAIN, INFLUENCES, MODEL, RUN, Case, 
 from hindrax_ident.assess.thrust_calibration import thrust_shares
 from hindrax_ident.fit.delay import lag_impulse, latency_impulse
 from hindrax_ident.fit.output_error import OutputErrorFit, refine
+from hindrax_ident.model.model_parameters import wide_prior
 from hindrax_ident.model.motion_model import Model, model_of
-from hindrax_ident.model.parameters import wide_prior
 from hindrax_ident.model.simulation import Grid, Trajectory
 from hindrax_ident.records.axis_record import Record, Series, Stretch
 from hindrax_ident.tuning import Tuning

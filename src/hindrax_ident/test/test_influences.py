@@ -12,8 +12,8 @@ from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.influences import GAIN, INFLUENCES, MEASURED_THRUST, MODEL, RUN, Case, Influence
 from hindrax_ident.assess.uncertainty_budget import ALL, _Likelihood, _posterior, _prior, budget_of
 from hindrax_ident.fit.output_error import refine
+from hindrax_ident.model.model_parameters import wide_prior
 from hindrax_ident.model.motion_model import model_of
-from hindrax_ident.model.parameters import wide_prior
 from hindrax_ident.model.simulation import sensitivities
 from hindrax_ident.records.axis_record import Record, Series, Stretch
 from hindrax_ident.tuning import Tuning

@@ -31,8 +31,8 @@ from hindrax_ident.fit.output_error import (
 )
 from hindrax_ident.fit.output_error_problem import LinearizedProblem, OutputErrorProblem, whitener_of
 from hindrax_ident.fit.whitening import Noise
+from hindrax_ident.model.model_parameters import Prior
 from hindrax_ident.model.motion_model import Model
-from hindrax_ident.model.parameters import Prior
 from hindrax_ident.records.axis_record import Record, Series, Stretch
 
 SURGE, THETA = Model(0, 15.22), array(np.array([66.48, 1.25, 0.3, 27.3]))

@@ -26,8 +26,8 @@ from hindrax_ident.assess.quality import (
 )
 from hindrax_ident.assess.results import Contribution
 from hindrax_ident.fit.output_error import OutputErrorFit, refine
+from hindrax_ident.model.model_parameters import Prior, wide_prior
 from hindrax_ident.model.motion_model import model_of
-from hindrax_ident.model.parameters import Prior, wide_prior
 from hindrax_ident.model.simulation import Grid, Trajectory
 from hindrax_ident.records.axis_record import Record, Series, Stretch
 

@@ -10,8 +10,8 @@ from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array
 from hindrax_ident.fit.output_error import OutputErrorFit, refine
 from hindrax_ident.fit.output_error_problem import build_problem
+from hindrax_ident.model.model_parameters import wide_prior
 from hindrax_ident.model.motion_model import Model, model_of
-from hindrax_ident.model.parameters import wide_prior
 from hindrax_ident.records.axis_record import Record, Series, Stretch
 
 SURGE = np.array([66.48, 1.25, 0.0, 27.3])

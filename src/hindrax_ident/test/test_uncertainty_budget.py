@@ -25,8 +25,8 @@ from hindrax_ident.assess.uncertainty_budget import (
 )
 from hindrax_ident.fit.output_error import refine
 from hindrax_ident.fit.score_test import score
+from hindrax_ident.model.model_parameters import wide_prior
 from hindrax_ident.model.motion_model import model_of
-from hindrax_ident.model.parameters import wide_prior
 from hindrax_ident.model.simulation import sensitivities
 from hindrax_ident.records.axis_record import Record, Series, Stretch
 from hindrax_ident.tuning import Tuning

@@ -5,19 +5,19 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 from hindrax_analysis.identification.executor import run_all
-from hindrax_tools.faults import devices, processes
-from hindrax_tools.faults.cells import DISARMED, MODES, FaultOutcome
+from hindrax_tools.faults import device_faults, process_faults
+from hindrax_tools.faults.fault_outcome import DISARMED, MODES, FaultOutcome
 
-WHO = tuple(dict.fromkeys([row.who for row in processes.ROWS] + [row.who for row in devices.ROWS]))
+WHO = tuple(dict.fromkeys([row.who for row in process_faults.ROWS] + [row.who for row in device_faults.ROWS]))
 
 
 def fly(only: Sequence[str], seeds: Sequence[int], workers: int = 0) -> list[FaultOutcome]:
     """Fly all cells, or those of some processes and devices; reports progress on stderr."""
-    harmed = tuple(row for row in processes.ROWS if row.who in only)
+    harmed = tuple(row for row in process_faults.ROWS if row.who in only)
     together = [tuple(row for row in harmed if row.by_mock is by_mock) for by_mock in (False, True)]
-    jobs = [partial(processes.fly, some, seed) for some in together if some for seed in seeds]
-    broken = [row for row in devices.ROWS if row.who in only]
-    jobs += [partial(devices.fly, row, mode, seed) for row in broken for mode in MODES for seed in seeds]
+    jobs = [partial(process_faults.fly, some, seed) for some in together if some for seed in seeds]
+    broken = [row for row in device_faults.ROWS if row.who in only]
+    jobs += [partial(device_faults.fly, row, mode, seed) for row in broken for mode in MODES for seed in seeds]
     found: list[FaultOutcome] = []
     for number, cells in enumerate(run_all(_fly, jobs, workers=workers), start=1):
         found += cells

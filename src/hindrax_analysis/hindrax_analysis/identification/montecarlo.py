@@ -13,8 +13,8 @@ from hindrax_ident.arrays import Array
 from hindrax_ident.assess.assessment import METHOD, Assessment
 from hindrax_ident.assess.results import MotionResult
 from hindrax_ident.fit.cramer_rao import bound_of
+from hindrax_ident.model.model_parameters import parameters_of, reported_parameters
 from hindrax_ident.model.motion_model import MOTIONS
-from hindrax_ident.model.parameters import parameters_of, reported_parameters
 from hindrax_ident.online.session import Outcome
 
 SHARES = (0.25, 0.5, 1.0)

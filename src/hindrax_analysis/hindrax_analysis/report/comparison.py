@@ -12,7 +12,7 @@ from hindrax_analysis.published import CITATION, PAPER, Published, published_of
 from hindrax_analysis.report.chart import Role
 from hindrax_analysis.report.figures import LABELS
 from hindrax_analysis.report.forest import Entry, forest
-from hindrax_analysis.report.page import chips, page, plus_minus, prose, table, two_digits
+from hindrax_analysis.report.html_elements import chips, page, plus_minus, prose, table, two_digits
 from hindrax_analysis.report.report_tables import cell, headings_of, title_of, units_of
 from hindrax_ident.assess.results import MotionResult, Number
 from hindrax_ident.model.motion_model import MOTIONS

@@ -16,8 +16,8 @@ from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.assessment import Assessment
 from hindrax_ident.assess.prediction import Prediction
 from hindrax_ident.assess.results import MotionResult, Number
+from hindrax_ident.model.model_parameters import reported_parameters
 from hindrax_ident.model.motion_model import MOTIONS, Motion
-from hindrax_ident.model.parameters import reported_parameters
 
 CURVE_POINTS = 81
 BINS = 24

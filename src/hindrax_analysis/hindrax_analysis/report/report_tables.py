@@ -9,7 +9,7 @@ import numpy as np
 from hindrax_analysis.coefficients_file import TABULATED
 from hindrax_analysis.published import PAPER, published_of
 from hindrax_analysis.report.figures import METHODS, PREDICTORS, comparable_methods, has_restoring_moment, pretty_unit
-from hindrax_analysis.report.page import decimals, number, plus_minus, prose, table, two_digits
+from hindrax_analysis.report.html_elements import decimals, number, plus_minus, prose, table, two_digits
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.assessment import Assessment

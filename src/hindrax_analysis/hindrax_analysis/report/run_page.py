@@ -20,7 +20,7 @@ from hindrax_analysis.report.figures import (
     has_restoring_moment,
 )
 from hindrax_analysis.report.forest import Entry, forest
-from hindrax_analysis.report.page import bullets, chips, definitions, page, plus_minus, prose
+from hindrax_analysis.report.html_elements import bullets, chips, definitions, page, plus_minus, prose
 from hindrax_analysis.report.report_tables import (
     table_3,
     table_4,

@@ -32,14 +32,14 @@ from hindrax_ident.fit.output_error import OutputErrorFit, refine, reweighted
 from hindrax_ident.fit.plateaus import Plateaus, measure
 from hindrax_ident.fit.plateaus import fit as fit_plateaus
 from hindrax_ident.fit.score_test import slow_force_ratio
-from hindrax_ident.model.motion_model import HORIZONTAL, Model, Motion, coefficient_units
-from hindrax_ident.model.parameters import (
+from hindrax_ident.model.model_parameters import (
     OnlineEstimates,
     Prior,
     ReportedParameters,
     bounded,
     reported_parameters,
 )
+from hindrax_ident.model.motion_model import HORIZONTAL, Model, Motion, coefficient_units
 from hindrax_ident.records.axis_record import Record
 from hindrax_ident.tuning import Tuning
 

@@ -16,8 +16,8 @@ from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array, Index, array
 from hindrax_ident.assess.results import Number
 from hindrax_ident.fit.output_error_problem import OutputErrorProblem, build_problem
+from hindrax_ident.model.model_parameters import parameters_of
 from hindrax_ident.model.motion_model import Model, model_of
-from hindrax_ident.model.parameters import parameters_of
 from hindrax_ident.model.simulation import Trajectory, sensitivities, trajectory
 from hindrax_ident.records.axis_record import Record, Stretch
 

@@ -14,7 +14,7 @@ from hindrax_ident.assess.prediction import WINDOW_S, Prediction, predict, windo
 from hindrax_ident.assess.results import Contribution
 from hindrax_ident.fit.autoregression import autocorrelation, ljung_box
 from hindrax_ident.fit.output_error import OutputErrorFit, retrained
-from hindrax_ident.model.parameters import Prior
+from hindrax_ident.model.model_parameters import Prior
 from hindrax_ident.records.axis_record import Record, Stretch
 
 FEWEST_EFFECTIVE = 10.0

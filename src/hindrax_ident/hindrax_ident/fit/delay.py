@@ -22,8 +22,8 @@ from hindrax_ident.fit.output_error_problem import (
     restarted,
 )
 from hindrax_ident.fit.score_test import score
+from hindrax_ident.model.model_parameters import Prior
 from hindrax_ident.model.motion_model import Model
-from hindrax_ident.model.parameters import Prior
 from hindrax_ident.model.simulation import Grid, Trajectory, per_step
 from hindrax_ident.model.thrust_lag import LaggedThrust
 from hindrax_ident.records.axis_record import Record

@@ -25,8 +25,8 @@ from hindrax_ident.fit.output_error_problem import (
     whitener_of,
 )
 from hindrax_ident.fit.whitening import Noise, Whitener
+from hindrax_ident.model.model_parameters import Prior
 from hindrax_ident.model.motion_model import Model
-from hindrax_ident.model.parameters import Prior
 from hindrax_ident.model.simulation import Trajectory
 from hindrax_ident.records.axis_record import Record
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.fit.autoregression import Correlator
+from hindrax_ident.model.model_parameters import Prior
 from hindrax_ident.model.motion_model import Model
-from hindrax_ident.model.parameters import Prior
 from hindrax_ident.online.filtered_regression import FilteredRegression, RowWhitener, Sample, physical, scaled
 from hindrax_ident.online.joint_ekf import JointFilter
 from hindrax_ident.online.rls import Rls

@@ -9,8 +9,8 @@ from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6, Estimate, Thrust
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.model.coriolis import Masses, coriolis, coriolis_errors
+from hindrax_ident.model.model_parameters import Prior, bounded, reported_parameters
 from hindrax_ident.model.motion_model import Model, Motion, known_force, lag_s, motions_of, unit_wrench
-from hindrax_ident.model.parameters import Prior, bounded, reported_parameters
 from hindrax_ident.online.axis_estimator import AxisEstimator, SampleVerdict
 from hindrax_ident.records.axis_record import Record, Series, Stretch, series
 from hindrax_ident.records.binning import DEPTH_S, NAVIGATORS, Bin, SourceSelector, mean

@@ -28,8 +28,8 @@ from hindrax_ident.assess.assessment import (
 )
 from hindrax_ident.assess.results import MotionResult, Results
 from hindrax_ident.model.coriolis import USUAL_MASS_RATIO, USUAL_MASS_RATIO_SIGMA, Masses, VelocityHistory
+from hindrax_ident.model.model_parameters import OnlineEstimates, one_sided, wide_prior
 from hindrax_ident.model.motion_model import MOTIONS, Motion, model_of, motions_of, rigid_mass
-from hindrax_ident.model.parameters import OnlineEstimates, one_sided, wide_prior
 from hindrax_ident.online.axis_estimator import SampleVerdict
 from hindrax_ident.online.axis_session import AxisSession
 from hindrax_ident.records.axis_record import PhaseLog, Record, side_of, usable

@@ -12,7 +12,7 @@ from hindrax_bringup.stack_lock import runtime_folder
 from hindrax_bringup.stack_runner import asked_to_end
 from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_cli.command import command, option
-from hindrax_cli.commands.operate.stack import add_mock_options, mock_options
+from hindrax_cli.commands.operate.up_stop import add_mock_options, mock_options
 from hindrax_core.errors import HindraxError, UsageError, cause
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import load_vehicle

@@ -8,7 +8,7 @@ from pathlib import Path
 from hindrax_bringup.stack import FAULT_HELP, WORLD_HELP, MockOptions
 from hindrax_cli.argument_types import add_json, add_tuning, add_vehicle, pace, seed, share, tuning_of
 from hindrax_cli.command import command, option
-from hindrax_cli.commands.operate.orders import PLACE_HELP, place_of
+from hindrax_cli.commands.operate.manual_control import PLACE_HELP, place_of
 from hindrax_control.maneuver.goal import EXCITATIONS, PLATEAUS
 from hindrax_control.maneuver.plan import MOTIONS
 from hindrax_core.errors import UsageError

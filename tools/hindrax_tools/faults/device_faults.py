@@ -15,7 +15,7 @@ from hindrax_core.vehicle import load_vehicle
 from hindrax_sim.faults.fault_registry import FaultSpec
 from hindrax_sim.flights.lockstep import Lockstep, LockstepCommand
 from hindrax_sim.flights.lockstep_rigs import BytesRig
-from hindrax_tools.faults.cells import DISARMED, HELD, HOLD, MANEUVER, OPERATOR, WRENCH, FaultOutcome, Judge
+from hindrax_tools.faults.fault_outcome import DISARMED, HELD, HOLD, MANEUVER, OPERATOR, WRENCH, FaultOutcome, Judge
 
 READY_S = 4.0
 FROM_S = {MANEUVER: 24.0, HOLD: 14.0, OPERATOR: 14.0, DISARMED: 6.0}

@@ -26,7 +26,17 @@ from hindrax_core.signals import Navigation
 from hindrax_core.topics import NAVIGATION, OPERATOR_WRENCH, THRUSTER_COMMAND, THRUSTER_STATE
 from hindrax_drivers.buses.ports import open_bus
 from hindrax_sim.hardware import TrueState
-from hindrax_tools.faults.cells import DISARMED, HELD, HOLD, MANEUVER, MODES, OPERATOR, WRENCH, FaultOutcome, Judge
+from hindrax_tools.faults.fault_outcome import (
+    DISARMED,
+    HELD,
+    HOLD,
+    MANEUVER,
+    MODES,
+    OPERATOR,
+    WRENCH,
+    FaultOutcome,
+    Judge,
+)
 from hindrax_tools.mock_stack import mock_stack
 
 if TYPE_CHECKING:
