@@ -25,6 +25,7 @@ from hindrax_bringup.share_files import share_folder
 from hindrax_bringup.stack_lock import runtime_folder
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_stderr
+from hindrax_core.text.text_file import replace_text
 
 SETTING = "HINDRAX_TETHER"
 INTERFACES = Path("/sys/class/net")
@@ -150,9 +151,7 @@ def profile_file(tether: Tether | None) -> Path:
         return loopback_profile()
     text = tether_profile(tether, loopback_profile().read_text(encoding="utf-8"))
     path = runtime_folder() / f"tether-{hashlib.sha256(text.encode()).hexdigest()[:12]}.xml"
-    draft = path.with_suffix(".draft")
-    draft.write_text(text, encoding="utf-8")
-    draft.rename(path)
+    replace_text(path, text)
     return path
 
 
