@@ -15,6 +15,7 @@ from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_drivers.output.output_guard import ArmingPhase, OutputGuardKnobs, Refusal, Request, guard_of
 from hindrax_drivers.output.output_ports import open_output
 from hindrax_drivers.output.output_thread import OutputThread
+from hindrax_sim.hardware import Hardware
 from hindrax_sim.mock_vehicle import MockVehicle
 
 FILE = Path(__file__).parents[2] / "src/hindrax_bringup/vehicles/hindrax.yaml"
@@ -58,7 +59,7 @@ def with_stm32() -> Vehicle:
 
 def test_the_guard_flies_the_mock_through_the_firmware(tmp_path: Path) -> None:
     vehicle, ears = with_stm32(), Ears()
-    with MockVehicle(vehicle, tmp_path, seed=1, rate=0.0) as mock:
+    with MockVehicle(Hardware(vehicle, 1), tmp_path, rate=0.0) as mock:
         port = mock.ports["thrusters"]
         assert port == str(tmp_path / "thrusters")
         # The mock does not wait for the thread: on a busy machine it is seconds ahead of a command that is taken.
@@ -102,7 +103,7 @@ def test_the_guard_flies_the_mock_through_the_firmware(tmp_path: Path) -> None:
 
 
 def test_nobody_waits_for_a_ground_station_as_for_a_control_loop(tmp_path: Path) -> None:
-    with MockVehicle(with_stm32(), tmp_path, seed=1, rate=0.0) as mock:
+    with MockVehicle(Hardware(with_stm32(), 1), tmp_path, rate=0.0) as mock:
         descriptor = os.open(mock.ports["thrusters"], os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         os.write(descriptor, bytes.fromhex("fd 09 00 00 00 01 bf 00 00 00 00 00 00 00 12 08 00 04 03 ae c6"))
         run_for(mock, 0.1)
@@ -114,8 +115,7 @@ def test_nobody_waits_for_a_ground_station_as_for_a_control_loop(tmp_path: Path)
 def test_faults_of_the_thrusters_fall_on_the_line_as_far_as_a_line_has_them(tmp_path: Path, fault: str) -> None:
     from hindrax_sim.faults.fault_registry import FaultSpec
 
-    with MockVehicle(
-        with_stm32(), tmp_path, seed=1, rate=0.0, faults=[FaultSpec(fault, ("thrusters",), 0.0, 0.2)]
-    ) as mock:
+    hardware = Hardware(with_stm32(), 1, faults=[FaultSpec(fault, ("thrusters",), 0.0, 0.2)])
+    with MockVehicle(hardware, tmp_path, rate=0.0) as mock:
         run_for(mock, 0.1)
         assert mock.hardware.output.pulses_us()[:8] == (1500.0,) * 8

@@ -19,6 +19,7 @@ from smbus2 import SMBus, i2c_msg
 
 from hindrax_bringup.share_files import hindrax_with
 from hindrax_core.errors import HindraxError
+from hindrax_sim.hardware import Hardware
 from hindrax_sim.mock_vehicle import MockVehicle
 
 POSSIBLE = os.geteuid() == 0 and Path("/dev/fuse").exists()
@@ -30,7 +31,7 @@ pytestmark = [pytest.mark.root, pytest.mark.skipif(not POSSIBLE, reason="needs r
 @contextlib.contextmanager
 def mock_bus(folder: Path, *sensors: str) -> Iterator[tuple[MockVehicle, str]]:
     """The whole mock vehicle with further sensors, stepped by a thread, with its bus as a file."""
-    with MockVehicle(hindrax_with(*sensors), folder, seed=1, rate=1.0) as mock:
+    with MockVehicle(Hardware(hindrax_with(*sensors), 1), folder, rate=1.0) as mock:
         try:
             file = mock.offer_file(str(folder / "i2c-9"))
         except HindraxError as error:

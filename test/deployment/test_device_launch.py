@@ -28,6 +28,7 @@ from hindrax_core.topics import TOPICS_OF
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.driver_registry import DEVICES
 from hindrax_drivers.nodes.thruster_settings import read_settings
+from hindrax_sim.hardware import Hardware
 from hindrax_sim.mock_vehicle import MockVehicle
 
 FOLDER = Path(__file__).parents[2] / "src" / "hindrax_drivers" / "launch"
@@ -104,7 +105,7 @@ def test_a_word_that_is_no_device_is_told() -> None:
 def test_a_device_alone_publishes_under_the_names_that_it_is_given(tmp_path: Path) -> None:
     received: list[FluidPressure] = []
     with (
-        MockVehicle(load_vehicle(default_vehicle()), tmp_path, seed=1, rate=1.0) as mock,
+        MockVehicle(Hardware(load_vehicle(default_vehicle()), 1), tmp_path, rate=1.0) as mock,
         own_domain(mock=True) as domain,
     ):
         words = words_of(tmp_path, "ms5837", port=mock.ports["ms5837"], namespace="/rov1", frame_id="bar30")

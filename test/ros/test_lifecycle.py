@@ -27,6 +27,7 @@ from hindrax_core.topics import NAMESPACE, TOPICS
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.graph import subscription
+from hindrax_sim.hardware import Hardware
 from hindrax_sim.mock_vehicle import MockVehicle
 
 pytestmark = pytest.mark.ros
@@ -90,7 +91,7 @@ def sensors(tmp_path: Path) -> Iterator[Sensors]:
     with (
         own_domain(mock=True) as domain,
         adopted(made := environment(mock=True, domain=domain)),
-        MockVehicle(VEHICLE, tmp_path, seed=1, rate=0.0) as mock,
+        MockVehicle(Hardware(VEHICLE, 1), tmp_path, rate=0.0) as mock,
     ):
         values = wire_parameters({"ports": mock.ports, "clock": mock.clock})
         words = write_parameters(tmp_path / "parameters.yaml", {"/**": {"vehicle": str(default_vehicle())}, **values})

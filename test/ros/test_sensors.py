@@ -25,6 +25,7 @@ from hindrax_core.topics import DIAGNOSTICS, NAMESPACE
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ros.graph import subscription
 from hindrax_sim.faults.fault_registry import parse_fault
+from hindrax_sim.hardware import Hardware
 from hindrax_sim.mock_vehicle import MockVehicle
 
 pytestmark = pytest.mark.ros
@@ -111,6 +112,6 @@ def test_a_late_mock_is_waited_for_and_every_device_says_how_it_is(reports: Repo
 
     reports.until(waiting)
     faults = [parse_fault(f"{fault}:{name}@0+{LAST_s}") for name, fault in FAULTS.items()]
-    with MockVehicle(VEHICLE, tmp_path, seed=1, rate=0.0, faults=faults) as mock:
+    with MockVehicle(Hardware(VEHICLE, 1, faults=faults), tmp_path, rate=0.0) as mock:
         reports.step = mock.step
         reports.until(lambda name, status, values: measuring(name, status, values) and knows_what_was_wrong(values))

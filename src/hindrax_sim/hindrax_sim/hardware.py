@@ -100,6 +100,11 @@ class Hardware:
         """Time of the world."""
         return self.world.stamp
 
+    @property
+    def turns(self) -> bool:
+        """Whether a thruster turns."""
+        return any(self.world.plant.targets_N)
+
     def advance(self, stamp: Stamp) -> dict[str, bytes]:
         """Advance time; return the bytes of each serial device."""
         pulses = self.output.pulses_us()

@@ -1,20 +1,17 @@
 """The mock vehicle for other programs: ptys, the socket of the bus, and time that follows their users."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from hindrax_core.bus_operations import Transaction
 from hindrax_core.events import Stamp, seconds_between, to_s
-from hindrax_core.vehicle import Vehicle
 from hindrax_sim.buses.fuse_i2c import FuseI2c
 from hindrax_sim.buses.mock_server import BusServer
 from hindrax_sim.buses.serial_ends import Pty, UdpEnd
-from hindrax_sim.faults.fault_registry import FaultSpec
 from hindrax_sim.hardware import THRUSTERS, Hardware, STEP_ns, STEP_s
-from hindrax_sim.world import Conditions
 
 if TYPE_CHECKING:
     from hindrax_sim.recorded_hardware import RecordedHardware
@@ -77,7 +74,7 @@ class Ports:
 
     def __init__(self, hardware: "Hardware | RecordedHardware", folder: Path, *, rate: float) -> None:
         self.hardware = hardware
-        self.governor = Governor(rate)
+        self.governor = Governor(rate, hardware.turns)
         self._socket = folder / "i2c"
         self._ends: dict[str, Pty | UdpEnd] = {}
         try:
@@ -131,6 +128,7 @@ class Ports:
             self._exchange(name, data, to_s(now))
         self._wait_for_clients(now)
         self._wait(now)
+        self.governor.turns = self.hardware.turns
         for act in self.after_step:
             act(now)
 
@@ -204,20 +202,3 @@ class MockVehicle(Ports):
     """The mock vehicle behind ports."""
 
     hardware: Hardware
-
-    def __init__(
-        self,
-        vehicle: Vehicle,
-        folder: Path,
-        *,
-        seed: int,
-        rate: float,
-        conditions: Conditions | None = None,
-        faults: Sequence[FaultSpec] = (),
-    ) -> None:
-        super().__init__(Hardware(vehicle, seed, conditions, faults), folder, rate=rate)
-        self.governor.turns = False
-        self.after_step.append(self._note_thrust)
-
-    def _note_thrust(self, _now: Stamp) -> None:
-        self.governor.turns = any(self.hardware.world.plant.targets_N)

@@ -100,6 +100,9 @@ class RecordedHardware:
     Time begins with the first transaction on the bus, so that a host that waits for it keeps step from the start.
     """
 
+    turns = True
+    """Whether a thruster turns: any may, as far as is known."""
+
     def __init__(self, vehicle: Vehicle, frames: Mapping[str, Sequence[Frame]]) -> None:
         known = {name: frames[name] for name in vehicle.sensors if frames.get(name)}
         if not known:

@@ -24,6 +24,7 @@ from hindrax_drivers.buses.ports import open_bus, open_clock
 from hindrax_sim import mock_vehicle
 from hindrax_sim.buses.mock_server import BusServer
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
+from hindrax_sim.hardware import Hardware
 from hindrax_sim.mock_vehicle import MockVehicle
 
 
@@ -176,7 +177,7 @@ def test_a_frozen_client_holds_up_the_steps_of_a_mock_only_for_a_while(
     ticks = itertools.count()
     monkeypatch.setattr(mock_vehicle, "time", SimpleNamespace(monotonic=lambda: 0.04 * next(ticks)))
     frozen = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    with MockVehicle(vehicle, tmp_path, seed=1, rate=0.0) as mock, frozen:
+    with MockVehicle(Hardware(vehicle, 1), tmp_path, rate=0.0) as mock, frozen:
         frozen.connect(mock.clock.removeprefix("mock:"))
         frozen.send(mock_protocol.hello("control"))
         held = []
@@ -265,5 +266,5 @@ def test_without_room_for_the_page_of_the_time_it_is_told_instead_of_a_bus_error
         BusServer(str(tmp_path / "bus"), VirtualI2c().transfer)
     # Nor is a port left behind, which would be the next terminal's.
     with pytest.raises(HindraxError, match=r"i2c\.time: cannot be made \(No space left on device\); make room"):
-        MockVehicle(vehicle, tmp_path, seed=1, rate=0.0)
+        MockVehicle(Hardware(vehicle, 1), tmp_path, rate=0.0)
     assert list(tmp_path.iterdir()) == []

@@ -6,6 +6,7 @@ import pytest
 
 from hindrax_core.events import Stamp
 from hindrax_core.vehicle import Vehicle
+from hindrax_sim.hardware import Hardware
 from hindrax_sim.mock_vehicle import SLOW, FREE_LAG_s, Governor, MockVehicle
 
 STEP_s = 0.005
@@ -24,7 +25,7 @@ def test_a_late_loop_holds_time_back_only_while_a_thruster_turns() -> None:
 def test_a_mock_knows_whether_a_thruster_turns(
     vehicle: Vehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with MockVehicle(vehicle, tmp_path, seed=1, rate=0.0) as mock:
+    with MockVehicle(Hardware(vehicle, 1), tmp_path, rate=0.0) as mock:
         for pulse_us, turns in ((1500.0, False), (1700.0, True), (1500.0, False)):
             monkeypatch.setattr(mock.hardware.output, "pulses_us", lambda pulse_us=pulse_us: (pulse_us,) * 16)
             mock.step()

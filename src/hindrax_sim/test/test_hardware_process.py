@@ -14,6 +14,7 @@ from hindrax_drivers.buses.clock import pause
 from hindrax_drivers.buses.ports import open_bus
 from hindrax_drivers.devices.pca9685 import pca9685_of
 from hindrax_drivers.output.output_guard import guard_of
+from hindrax_sim.hardware import Hardware
 from hindrax_sim.mock_vehicle import MockVehicle
 from hindrax_sim.nodes.hardware_process import outlast_output
 
@@ -23,7 +24,7 @@ CHIP = pca9685_of(VEHICLE, guard_of(VEHICLE).neutral.all_us)
 
 @pytest.fixture
 def mock(tmp_path: Path) -> Iterator[MockVehicle]:
-    with MockVehicle(VEHICLE, tmp_path, seed=1, rate=0.0) as made:
+    with MockVehicle(Hardware(VEHICLE, 1), tmp_path, rate=0.0) as made:
         yield made
 
 

@@ -16,6 +16,7 @@ from typing import TextIO
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.events import Stamp, stamp_from_s
 from hindrax_core.vehicle import load_vehicle
+from hindrax_sim.hardware import Hardware
 from hindrax_sim.mock_vehicle import MockVehicle
 
 FOLDER, LINE = Path("/run/virtual-devices"), Path("/dev/ttyS1")
@@ -78,7 +79,7 @@ def main() -> None:
     file = load_vehicle(default_vehicle())
     FOLDER.mkdir(parents=True, exist_ok=True)
     with (
-        Devices(file, FOLDER, seed=1, rate=1.0) as vehicle,
+        Devices(Hardware(file, 1), FOLDER, rate=1.0) as vehicle,
         contextlib.closing(vehicle.offer_file(file.output.port)),
         LINE.open("w") as line,
     ):

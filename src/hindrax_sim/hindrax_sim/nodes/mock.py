@@ -22,7 +22,7 @@ from hindrax_ros.messages.convert import stamp_to_msg
 from hindrax_ros.process import StopSignal
 from hindrax_sim.conditions.world_table import CONDITIONS, IDEAL, sizes_of
 from hindrax_sim.faults.fault_registry import parse_fault
-from hindrax_sim.hardware import STEP_ns
+from hindrax_sim.hardware import Hardware, STEP_ns
 from hindrax_sim.mock_vehicle import MockVehicle
 from hindrax_sim.nodes.hardware_process import graph, main_of, outlast_output
 from hindrax_sim.world import Conditions
@@ -69,7 +69,7 @@ def run(words: argparse.Namespace, folder: Path) -> int:
     faults = [parse_fault(fault) for fault in words.fault]
     conditions = Conditions(sizes=sizes_of(words.world, words.seed))
     vehicle = load_vehicle(words.vehicle)
-    with MockVehicle(vehicle, folder, seed=words.seed, rate=words.rate, conditions=conditions, faults=faults) as mock:
+    with MockVehicle(Hardware(vehicle, words.seed, conditions, faults), folder, rate=words.rate) as mock:
         with (
             Path(words.truth or os.devnull).open("w", buffering=1, encoding="ascii") as log,
             contextlib.nullcontext() if words.no_ros else clock_publisher(mock, words.namespace),

@@ -21,6 +21,7 @@ from hindrax_drivers.buses.line import UDP_PREFIX
 from hindrax_sim.buses.serial_ends import OF_DEVICE
 from hindrax_sim.conditions.world_table import sizes_of
 from hindrax_sim.faults.fault_registry import parse_fault
+from hindrax_sim.hardware import Hardware
 from hindrax_sim.mock_vehicle import MockVehicle
 from hindrax_sim.world import Conditions
 
@@ -67,9 +68,7 @@ def serve(
     conditions = Conditions(sizes=sizes_of(options.world, options.seed))
     with (
         _own(place or runtime_folder() / "mock") as folder,
-        MockVehicle(
-            vehicle, folder, seed=options.seed, rate=options.rate, conditions=conditions, faults=faults
-        ) as mock,
+        MockVehicle(Hardware(vehicle, options.seed, conditions, faults), folder, rate=options.rate) as mock,
         contextlib.closing(mock.offer_file(i2c_device)) if i2c_device else contextlib.nullcontext(),
     ):
         if dvl_udp:
