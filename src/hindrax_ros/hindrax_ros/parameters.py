@@ -93,13 +93,6 @@ def _keep_tuned(node: Node, cls: type[T], names: Sequence[str], tune: Callable[[
     node.add_post_set_parameters_callback(use)
 
 
-def why_fixed(descriptor: ParameterDescriptor) -> str:
-    """Why a parameter cannot change while its node runs; empty when it can."""
-    if not descriptor.read_only:
-        return ""
-    return descriptor.additional_constraints.partition(ONLY)[2] or SETUP
-
-
 def unknown_parameters(
     node: str, given: Iterable[str], declared: Collection[str], elsewhere: Collection[str] = ()
 ) -> list[str]:
@@ -211,7 +204,8 @@ def _parameter(node: Node, message: Any) -> Parameter:
         raise ValueError(f"{CLOCK}: fixed at start, since all stamps hang on the clock; restart the node")
     if kind not in SETTABLE:
         raise ValueError(f"{name}: found the type {kind}, wanted one of rcl_interfaces/msg/ParameterType, 1 to 9")
-    if why := why_fixed(node.describe_parameter(name)):
+    if (declared := node.describe_parameter(name)).read_only:
+        why = declared.additional_constraints.partition(ONLY)[2] or SETUP
         raise ValueError(f"{name}: fixed at start, since {why}; restart the node")
     return _as_declared(Parameter.from_parameter_msg(message), node.get_parameter(name).type_)
 

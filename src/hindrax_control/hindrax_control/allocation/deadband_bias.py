@@ -38,9 +38,12 @@ class DeadbandBias:
 
     def add_preferred(self, forces_N: list[float]) -> bool:
         """Add the preferred size to the forces, in place; False (and nothing done) where it does not work."""
-        if not self._works(forces_N):
-            return False
-        self._add(forces_N, self.preferred_N)
+        preferred = self.preferred_N
+        for index, inverse, low, high, back, forth in self._rows:
+            at = preferred + forces_N[index] * inverse
+            if not (low <= at <= back or forth <= at <= high):
+                return False
+        self._add(forces_N, preferred)
         return True
 
     def add_nearest(self, forces_N: list[float], previous_N: float) -> bool:
@@ -64,14 +67,6 @@ class DeadbandBias:
     def _add(self, forces_N: list[float], size: float) -> None:
         for index, share in self._shares:
             forces_N[index] += size * share
-
-    def _works(self, forces_N: Sequence[float]) -> bool:
-        preferred = self.preferred_N
-        for index, inverse, low, high, back, forth in self._rows:
-            at = preferred + forces_N[index] * inverse
-            if not (low <= at <= back or forth <= at <= high):
-                return False
-        return True
 
     def _best(self, blocked: list[Interval], low: float, high: float, previous_N: float) -> float:
         """Next to the preferred size, on either side; where limits are in the way, wherever there is room."""

@@ -10,7 +10,7 @@ from dataclasses import replace
 from operator import mul
 
 from hindrax_control.allocation.effectiveness import effectiveness
-from hindrax_core.curves import Branch, Curve, inverse, problems_of, reflected, running_branches, scaled
+from hindrax_core.curves import Curve, inverse, problems_of, reflected, running_branches, scaled
 from hindrax_core.errors import UsageError
 from hindrax_core.readings import Vec6, vec6
 from hindrax_core.vehicle import Vehicle
@@ -47,9 +47,7 @@ class ThrustCurve:
         self.stop_us = curve.stop_us
         self._dead_us = (curve.stop_us - curve.dead_band_us, curve.stop_us + curve.dead_band_us)
         gain = float((self.supply_V / curve.supply_V) ** curve.supply_exponent)
-        self._set_branches(*(scaled(branch, gain) for branch in running_branches(curve)), mirrored=mirrored)
-
-    def _set_branches(self, back: Branch, forth: Branch, *, mirrored: bool) -> None:
+        back, forth = (scaled(branch, gain) for branch in running_branches(curve))
         if mirrored:
             back, forth = reflected(back, self.stop_us), reflected(forth, self.stop_us)
         self._lower, self._upper = (forth, back) if mirrored else (back, forth)

@@ -139,7 +139,9 @@ class Navigator:
         if self._sample != before:
             self._changed = stamp
         if dt > self._knobs.longest_gap_s:
-            self._keep_state()
+            # The gyroscope is the same and may not rest when it is back; the place is near.
+            self._heading_rad = self._attitude.heading_rad
+            self._offset = self.gyroscope_offset or self._offset
             self._begin(stamp)
             return None
         self._imu = self._received[source] = stamp
@@ -206,11 +208,6 @@ class Navigator:
         self._heading.widen_bias(offset.sigma_radps)
         self._aligned = True
         return True
-
-    def _keep_state(self) -> None:
-        """Keep what outlasts a gap: the gyroscope is the same and may not rest when it is back; the place is near."""
-        self._heading_rad = self._attitude.heading_rad
-        self._offset = self.gyroscope_offset or self._offset
 
     def _predict(self, turned: Vec3, force: Vec3, dt: float, at: SensorMount) -> None:
         attitude, horizontal = self._attitude, self._horizontal
