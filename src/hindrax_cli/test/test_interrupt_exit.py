@@ -10,7 +10,7 @@ import pytest
 BEFORE = """
 import signal, sys
 from hindrax_cli import command_line, interrupt
-from hindrax_cli.command import Command
+from hindrax_cli.command import ToolCommand
 
 def ring():
     signal.raise_signal(signal.SIGINT)
@@ -18,7 +18,7 @@ def ring():
 interrupt.listen()
 """
 RUN = """
-code = command_line.run_command(Command(arm, "./hindrax arm", (), passes_on=False), [])
+code = command_line.run_command(ToolCommand(arm, "./hindrax arm", (), passes_on=False), [])
 """
 SAID = "hindrax: stopped by Ctrl-C\n"
 SAID_OF_COMMAND = "hindrax arm: stopped by Ctrl-C\n"
