@@ -133,10 +133,10 @@ def _thrusters(state: Any, allocation: Any, stops_us: tuple[float, ...]) -> Thru
 
 
 def holds_of(status: Any) -> tuple[HoldState, ...]:
-    """What a HoldStatus says; empty without one."""
+    """What a HoldStatus says, as far as all of its lists reach; empty without one."""
     if status is None:
         return ()
-    rows = zip(status.axes, status.engaged, status.setpoints, status.errors, status.notes, strict=True)
+    rows = zip(status.axes, status.engaged, status.setpoints, status.errors, status.notes, strict=False)
     return tuple(HoldState(*row) for row in rows)
 
 

@@ -26,7 +26,7 @@ from hindrax_core.signals import Estimate
 from hindrax_operator.monitor import draw
 from hindrax_operator.monitor.app import Monitor
 from hindrax_operator.monitor.graph_link import GraphLink
-from hindrax_operator.snapshot import ManeuverView, NodeHealth, Snapshot, _thrusters, snapshot
+from hindrax_operator.snapshot import ManeuverView, NodeHealth, Snapshot, _thrusters, holds_of, snapshot
 
 NAVIGATION = replace(
     web_rig.NAVIGATION,
@@ -259,6 +259,12 @@ def test_bars_begin_in_the_middle(part: float, shown: str) -> None:
 
 def test_a_bar_astern_ends_at_the_middle() -> None:
     assert draw._bar(-0.1875, "cyan").plain == "      ▐█│        "
+
+
+def test_a_hold_status_whose_lists_differ_in_length_is_read_as_far_as_they_reach() -> None:
+    """A pilot of someone else, or of another version: it ended `hold` and the live view with a traceback."""
+    status = Message(axes=["depth", "roll"], engaged=[True, False], setpoints=[1.0], errors=[0.1, 0.0], notes=["", ""])
+    assert holds_of(status) == (HoldState("depth", True, 1.0, 0.1),)
 
 
 def test_a_bar_begins_at_the_pulse_that_its_thruster_had_at_rest() -> None:
