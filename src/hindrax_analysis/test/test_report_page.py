@@ -192,6 +192,7 @@ def test_a_forest_keeps_every_source_in_the_frame() -> None:
         ((1234.5, 56.0), "1234 \u00b1 56"),
         ((0.12345, 0.000996), "0.1235 \u00b1 0.0010"),
         ((9.962, math.nan), "9.96"),
+        ((math.inf, math.nan), "inf"),
     ],
 )
 def test_a_value_has_two_digits_of_its_deviation(pair: tuple[float, float], text: str) -> None:

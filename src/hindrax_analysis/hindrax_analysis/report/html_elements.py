@@ -78,7 +78,7 @@ def plus_minus(value: float, std: float, std_calibrated: float = math.nan) -> st
 def decimals(value: float, std: float) -> int:
     """Digits behind the point: two of the deviation; three in all where there is none."""
     scale, digits = (std, 2) if math.isfinite(std) and std > 0.0 else (abs(value), 3)
-    return min(6, max(0, -last_place(scale, digits))) if scale > 0.0 else 2
+    return min(6, max(0, -last_place(scale, digits))) if 0.0 < scale < math.inf else 2
 
 
 def two_digits(value: float) -> str:
