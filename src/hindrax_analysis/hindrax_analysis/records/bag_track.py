@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from hindrax_bag.read.bag_reader import BagMessage
 from hindrax_control.allocation.thrust_curve import PULSE_FIELDS
@@ -179,16 +180,9 @@ def velocities_from_poses(t_s: Array, positions: Array, quaternions: Array) -> t
         array(np.column_stack([np.bincount(place, column) for column in one.T]) / counts)
         for one in (t_s[:, None], positions, signed)
     )
-    q = array(q / np.linalg.norm(q, axis=1)[:, None])
     steps = np.diff(t, axis=0)
-    middle = q[1:] + q[:-1]
-    middle = array(middle / np.linalg.norm(middle, axis=1)[:, None])
-    rates = 2.0 * _rotation_vector(q[:-1], q[1:]) / steps
-    velocities = np.column_stack([to_body(array(np.diff(p, axis=0) / steps), middle), rates])
+    small = Rotation.from_quat(q[:-1]).inv() * Rotation.from_quat(q[1:])
+    rates = 2.0 * small.as_quat(canonical=True)[:, :3] / steps
+    middle = Rotation.from_quat(q[1:] + q[:-1])
+    velocities = np.column_stack([middle.inv().apply(np.diff(p, axis=0) / steps), rates])
     return array(0.5 * (t[1:, 0] + t[:-1, 0])), array(velocities)
-
-
-def _rotation_vector(a: Array, b: Array) -> Array:
-    """Vector part of the small rotation from a to b, in the axes of a: (n, 3)."""
-    rotation = a[:, 3:] * b[:, :3] - b[:, 3:] * a[:, :3] - np.cross(a[:, :3], b[:, :3])
-    return array(rotation * np.sign(np.sum(a * b, axis=1))[:, None])
