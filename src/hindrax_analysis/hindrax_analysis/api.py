@@ -31,7 +31,7 @@ from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.results import Results
 from hindrax_ident.model.model_parameters import parameters_of
-from hindrax_ident.model.motion_model import MOTIONS, model_of
+from hindrax_ident.model.motion_model import MOTIONS, axis_units, model_of
 from hindrax_ident.model.simulation import Grid, Trajectory, trajectory
 
 if TYPE_CHECKING:
@@ -122,12 +122,12 @@ def plot(results: Results, motion: str, axes: "Axes | None" = None) -> "Axes":
     if result is None or result.drag is None:
         raise UsageError(f"{motion}: has no drag curve; there is one of {', '.join(results.motions) or 'nothing'}")
     shown = plt.subplots()[1] if axes is None else axes
-    drag, turns = result.drag, MOTIONS[motion].axis >= 3
+    drag, (speed_unit, force_unit) = result.drag, axis_units(MOTIONS[motion].axis)
     band = TWO_SIDED_95 * np.where(np.isfinite(drag.std_calibrated), drag.std_calibrated, drag.std)
     shown.fill_between(drag.speed, drag.force - band, drag.force + band, alpha=0.25, label="95 % band")
     shown.plot(drag.speed, drag.force, label=motion)
-    shown.set_xlabel("speed [rad/s]" if turns else "speed [m/s]")
-    shown.set_ylabel("drag [N m]" if turns else "drag [N]")
+    shown.set_xlabel(f"speed [{speed_unit}]")
+    shown.set_ylabel(f"drag [{force_unit}]")
     shown.legend()
     return shown
 

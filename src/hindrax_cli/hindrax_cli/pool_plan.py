@@ -10,7 +10,7 @@ from hindrax_control.maneuver.goal import motions_to_fly
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.vehicle import load_vehicle
-from hindrax_ident.model.motion_model import MOTIONS
+from hindrax_ident.model.motion_model import MOTIONS, axis_units
 from hindrax_ident.online.aim import Aim, check_experiment
 from hindrax_sim.conditions.world_table import POOL, sizes_of
 from hindrax_sim.flights.rehearsal import Rehearsal, rehearse
@@ -73,7 +73,7 @@ def show(found: Rehearsal) -> None:
     for motion, band in found.bands.items():
         shares = (band.noise, band.calibrated, band.added_mass)
         percents = ("" if math.isnan(share) else f"{100 * share:.1f}" for share in shares)
-        unit = "rad/s" if MOTIONS[motion].axis >= 3 else "m/s"
+        unit, _ = axis_units(MOTIONS[motion].axis)
         rows.append((motion, f"{band.speed:.2f} {unit}", *percents, "; ".join(band.reasons)))
     title = "Standard deviations to be expected: of the drag at the highest speed, and of the added mass"
     headings = ("highest speed", "noise [%]", "calibrated [%]", "added mass [%]")

@@ -294,7 +294,7 @@ def test_a_result_is_that_of_the_rows_of_its_motion(
     assert evidence.current == (0.02 if axis == 0 else 0.0)
     assert evidence.measured_speed == measured_speed(one.record, side)
     assert evidence.measurement_noise == measurement_noise(one.record)
-    assert not evidence.turns
+    assert evidence.units == ("m/s", "N")
     for name, row in zip(("k_q", "k_l", "b"), rows, strict=False):
         number = result.coefficients[name]
         assert number.value == pytest.approx(fit.theta[row], rel=1e-9)
@@ -373,11 +373,11 @@ def test_a_turn_is_judged_as_one(assessed: dict[int, Assessment], patch: pytest.
     one = assessed[0]
     positions = replace(one.fit, model=Model(5, 0.4), sigmas=(math.nan, 0.03))
     evidence, result = evidence_of(patch, "yaw", replace(one, fit=positions))
-    assert evidence.turns
+    assert evidence.units == ("rad/s", "N m")
     assert evidence.noise == 0.0
     assert result.quality["residual_std"] == 0.03
     evidence, _ = evidence_of(patch, "roll", replace(one, fit=replace(one.fit, model=Model(3, 0.4))))
-    assert evidence.turns
+    assert evidence.units == ("rad/s", "N m")
 
 
 # ---- numbers

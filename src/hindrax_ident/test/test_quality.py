@@ -27,7 +27,7 @@ from hindrax_ident.assess.quality import (
 from hindrax_ident.assess.results import Contribution
 from hindrax_ident.fit.output_error import OutputErrorFit, refine
 from hindrax_ident.model.model_parameters import Prior, wide_prior
-from hindrax_ident.model.motion_model import model_of
+from hindrax_ident.model.motion_model import axis_units, model_of
 from hindrax_ident.model.simulation import Grid, Trajectory
 from hindrax_ident.records.axis_record import Record, Series, Stretch
 
@@ -141,9 +141,9 @@ def test_every_reason_against_a_result_has_its_line(
 
 
 def test_a_turn_has_the_units_of_a_turn() -> None:
-    (reason,) = judged(turns=True, covariance=uncertain(0.26, 0.01))
+    (reason,) = judged(units=axis_units(5), covariance=uncertain(0.26, 0.01))
     assert reason.startswith("speeds of 0.1 to 0.45 rad/s do")
-    (reason,) = judged(turns=True, k=array(-SURGE[:2]))
+    (reason,) = judged(units=axis_units(5), k=array(-SURGE[:2]))
     assert reason.startswith("the drag at 0.45 rad/s is -14 N m,")
 
 
@@ -341,7 +341,7 @@ def test_what_nobody_measured_is_no_evidence() -> None:
         WELL.k, WELL.covariance, WELL.excitation, 200.0, 0.01, 1.0, True, None, 0.5, WELL.largest,
     )  # fmt: skip
     assert (plain.current, plain.offset, plain.measured_speed, plain.measurement_noise) == (0.0,) * 4
-    assert not plain.turns
+    assert plain.units == ("m/s", "N")
     assert Excitation(0.1, 0.2).share_at_one_speed == 0.0
 
 

@@ -15,7 +15,7 @@ from hindrax_core.readings import Vec6
 from hindrax_core.text.digits import measured
 from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle
 from hindrax_ident.assess.results import MotionResult
-from hindrax_ident.model.motion_model import MOTIONS, coefficient_units
+from hindrax_ident.model.motion_model import MOTIONS, axis_units, coefficient_units
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +162,7 @@ def _passive(motion: MotionResult, axis: str, top: float, notes: list[str]) -> t
         raise HindraxError(
             f"motion {axis}: k_q = {k_q:.3g} and k_l = {k_l:.3g} both drive the vehicle; identify it again"
         )
-    at = f"{top:.3g} {'m/s' if AXES.index(axis) < 3 else 'rad/s'}"
+    at = f"{top:.3g} {axis_units(AXES.index(axis))[0]}"
     if k_l < 0.0:
         notes.append(f"{axis}: k_l = {k_l:.3g} would drive the vehicle at rest; folded into k_q at {at}")
         return max(0.0, k_q + k_l / top), 0.0

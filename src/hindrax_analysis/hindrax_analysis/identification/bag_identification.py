@@ -33,7 +33,7 @@ from hindrax_core.text.text_file import replace_text, writing
 from hindrax_core.topics import ESTIMATE, resolved
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import MotionResult, Results, with_truth
-from hindrax_ident.model.motion_model import MOTIONS
+from hindrax_ident.model.motion_model import MOTIONS, axis_units
 from hindrax_ident.online.session import Outcome, Session
 from hindrax_ident.tuning import Tuning
 
@@ -107,7 +107,7 @@ def show(identified: Identified) -> None:
             for reason in result.reasons:
                 print_fitted(f"  {reason}")
             if (drag := result.drag) is not None:
-                speed_unit, unit = ("rad/s", "N m") if MOTIONS[motion].axis >= 3 else ("m/s", "N")
+                speed_unit, unit = axis_units(MOTIONS[motion].axis)
                 ends = [
                     f"{measured(drag.force[at], drag.std_calibrated[at])} {unit} at {drag.speed[at]:.2g} {speed_unit}"
                     for at in (0, -1)

@@ -11,7 +11,7 @@ from hindrax_core.text.digits import measured
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array
 from hindrax_ident.assess.results import Contribution, MotionResult
-from hindrax_ident.model.motion_model import MOTIONS, rigid_mass
+from hindrax_ident.model.motion_model import MOTIONS, axis_units, rigid_mass
 from hindrax_ident.model.thrust_lag import LaggedThrust
 
 DRAG_COEFFICIENTS = (0.03, 100.0)
@@ -92,7 +92,7 @@ def _implausibilities(result: MotionResult, vehicle: Vehicle) -> list[str]:
     axis, speed = MOTIONS[result.motion].axis, result.speeds[1]
     out = []
     if speed > FASTEST[axis >= 3]:
-        out.append(f"speeds of up to {speed:.3g} {'rad/s' if axis >= 3 else 'm/s'}: {REMEDY}")
+        out.append(f"speeds of up to {speed:.3g} {axis_units(axis)[0]}: {REMEDY}")
     added = result.coefficients.get("added_mass")
     own = rigid_mass(vehicle, axis)
     if added is not None and axis < 3 and added.value > MOST_ADDED * own:

@@ -17,7 +17,7 @@ from hindrax_ident.assess.assessment import Assessment
 from hindrax_ident.assess.prediction import Prediction
 from hindrax_ident.assess.results import MotionResult, Number
 from hindrax_ident.model.model_parameters import reported_parameters
-from hindrax_ident.model.motion_model import MOTIONS, Motion
+from hindrax_ident.model.motion_model import MOTIONS, Motion, axis_units
 
 CURVE_POINTS = 81
 BINS = 24
@@ -54,7 +54,7 @@ class MotionFigures:
     @property
     def units(self) -> tuple[str, str]:
         """Units of speed and of force."""
-        return ("rad/s", "N m") if self.motion.axis >= 3 else ("m/s", "N")
+        return axis_units(self.motion.axis)
 
     @property
     def words(self) -> tuple[str, str]:

@@ -18,6 +18,7 @@ from hindrax_analysis.report.figures import (
     charts_of,
     comparable_methods,
     has_restoring_moment,
+    pretty_unit,
 )
 from hindrax_analysis.report.forest import Entry, forest
 from hindrax_analysis.report.html_elements import bullets, chips, definitions, page, plus_minus, prose
@@ -32,7 +33,7 @@ from hindrax_analysis.report.report_tables import (
 )
 from hindrax_ident.assess.assessment import Assessment
 from hindrax_ident.assess.results import MotionResult, Number, Results, truth_of
-from hindrax_ident.model.motion_model import MOTIONS
+from hindrax_ident.model.motion_model import MOTIONS, axis_units
 
 SEPARATOR = " \u00b7 "
 PREDICTED = (
@@ -116,7 +117,7 @@ def _headline(results: Results, predicted: Mapping[str, float]) -> str:
         speed, force, std = (
             float(part[-1]) for part in (result.drag.speed, result.drag.force, result.drag.std_calibrated)
         )
-        units = ("rad/s", "N\u00b7m") if MOTIONS[motion].axis >= 3 else ("m/s", "N")
+        units = [pretty_unit(unit) for unit in axis_units(MOTIONS[motion].axis)]
         precision = f": {predicted[motion]:.1%} predicted, {std / force:.1%} reached" if motion in predicted else ""
         cards.append(
             f"<div><small>{title_of(motion)}: drag at {speed:.2f} {units[0]}</small>"

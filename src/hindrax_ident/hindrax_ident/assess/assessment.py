@@ -39,7 +39,7 @@ from hindrax_ident.model.model_parameters import (
     bounded,
     reported_parameters,
 )
-from hindrax_ident.model.motion_model import HORIZONTAL, Model, Motion, coefficient_units
+from hindrax_ident.model.motion_model import HORIZONTAL, Model, Motion, axis_units, coefficient_units
 from hindrax_ident.records.axis_record import Record
 from hindrax_ident.tuning import Tuning
 
@@ -208,7 +208,7 @@ def result_of(motion: Motion, assessment: Assessment) -> MotionResult:
         offset=_least_offset(theta, widened, reported) if model.axis in HORIZONTAL else 0.0,
         measured_speed=measured_speed(assessment.record, motion.side),
         measurement_noise=measurement_noise(assessment.record),
-        turns=model.axis >= 3,
+        units=axis_units(model.axis),
     )
     reasons = tuple(reasons_against(evidence))
     return MotionResult(

@@ -178,23 +178,13 @@ class Evidence:
     """Highest speed in the record itself, whatever the fit makes of it [m/s, rad/s]."""
     measurement_noise: float = 0.0
     """Noise of one velocity in the record itself [m/s, rad/s]."""
-    turns: bool = False
-    """Whether it is a rotation, which its sentences are worded for."""
-
-    @property
-    def rate(self) -> str:
-        """Unit of the speed."""
-        return "rad/s" if self.turns else "m/s"
-
-    @property
-    def force_unit(self) -> str:
-        """Unit of the drag."""
-        return "N m" if self.turns else "N"
+    units: tuple[str, str] = ("m/s", "N")
+    """Of the speed and of the drag."""
 
 
 def reasons_against(evidence: Evidence) -> list[str]:
     """Reasons against k_q and k_l, one sentence each; empty when both are identified."""
-    high = evidence.excitation.high
+    high, (rate, force_unit) = evidence.excitation.high, evidence.units
     gradient = np.array([high * high, high])
     force = float(evidence.k @ gradient)
     out = []
@@ -205,7 +195,7 @@ def reasons_against(evidence: Evidence) -> list[str]:
     if not high > evidence.noise:
         return [*out, _too_slow(evidence)]
     if not force > 0.0:
-        drag = f"the drag at {high:.2g} {evidence.rate} is {force:.3g} {evidence.force_unit}"
+        drag = f"the drag at {high:.2g} {rate} is {force:.3g} {force_unit}"
         return [*out, f"{drag}, wanted above 0: check the sign of the wrench"]
     share, largest = evidence.drag_std / force, evidence.largest
     if share > FORCE_SHARE:
@@ -217,7 +207,7 @@ def reasons_against(evidence: Evidence) -> list[str]:
 
 
 def _too_slow(evidence: Evidence) -> str:
-    speed, unit = evidence.measured_speed, evidence.rate
+    speed, unit = evidence.measured_speed, evidence.units[0]
     if speed > MOVED * evidence.measurement_noise:
         explained = f"{evidence.excitation.high:.2g} {unit} of it"
         return f"it moved at up to {speed:.2g} {unit}, and this force explains {explained}: {OTHER_LAW}"
@@ -228,7 +218,7 @@ def _separation(evidence: Evidence, force: float) -> list[str]:
     low, high = evidence.excitation.low, evidence.excitation.high
     if 2.0 * evidence.current > SPLIT_SHARE * high:
         change = f"a current of {evidence.current:.2g} m/s changes the drag by {2.0 * evidence.current / high:.0%}"
-        return [f"at speeds up to {high:.2g} {evidence.rate} {change}: k_q and k_l cannot be separated"]
+        return [f"at speeds up to {high:.2g} {evidence.units[0]} {change}: k_q and k_l cannot be separated"]
     if evidence.excitation.share_at_one_speed > ONE_SPEED_SHARE:
         share_at_one_speed = f"{evidence.excitation.share_at_one_speed:.0%} of the motion was at nearly one speed"
         return [f"{share_at_one_speed}: only the transients separate k_q from k_l; use the drag-force band"]
@@ -236,7 +226,7 @@ def _separation(evidence: Evidence, force: float) -> list[str]:
     if shares.max() <= SPLIT_SHARE:
         return []
     either = f"either is uncertain by {shares.max():.0%} of the drag"
-    span = f"{low:.2g} to {high:.2g} {evidence.rate}"
+    span = f"{low:.2g} to {high:.2g} {evidence.units[0]}"
     return [f"speeds of {span} do not separate k_q from k_l ({either}); use the drag-force band"]
 
 

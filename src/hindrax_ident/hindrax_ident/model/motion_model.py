@@ -48,6 +48,11 @@ def motions_of(axis: int) -> tuple[Motion, ...]:
     return tuple(motion for motion in MOTIONS.values() if motion.axis == axis)
 
 
+def axis_units(axis: int) -> tuple[str, str]:
+    """Units of velocity and of force on this axis."""
+    return ("rad/s", "N m") if axis >= 3 else ("m/s", "N")
+
+
 def coefficient_units(axis: int) -> dict[str, str]:
     """Unit of each coefficient of motions on this axis.
 
