@@ -49,6 +49,7 @@ NEAR = 0.03
 """Share of the influences of a usual pool that is left in water near the model [-]."""
 IDLING = 10.0
 """Percentile of the effort that is that of idle thrusters."""
+NOT_WEIGHED = AxisGain(load=1.0, sigma=0.0)
 LAG, LATENCY = "thrust lag", "latency of the velocity"
 GAIN, RUN, MODEL = "gain", "run", "model"
 """Scope of a row: scales all forces; differs in each run, so it belongs to `std`; is missing in the model."""
@@ -71,15 +72,14 @@ class Case:
         return self.fit.model.axis
 
     @property
-    def weighing(self) -> AxisGain | None:
-        """What a known weight measured on this axis."""
-        return self.vehicle.thrust_gain.get(AXES[self.axis])
+    def weighing(self) -> AxisGain:
+        """What a known weight measured on this axis, perhaps in no direction."""
+        return self.vehicle.thrust_gain.get(AXES[self.axis], NOT_WEIGHED)
 
     @property
     def weighed(self) -> tuple[float, ...]:
         """Directions in which a known weight measured the thrust: signs."""
-        gain = self.weighing
-        ways = () if gain is None else ((1.0, gain.positive), (-1.0, gain.negative))
+        ways = ((1.0, self.weighing.positive), (-1.0, self.weighing.negative))
         return tuple(sign for sign, one in ways if one is not None)
 
     @cached_property
@@ -235,7 +235,6 @@ def _unweighed(case: Case, thrust: Array, error: Callable[[Array], Array]) -> Ar
     """What an error of the thrust, (n,) to (n, k), is beside the gain that a known weight showed with it."""
     out, gain = error(thrust), case.weighing
     for sign in case.weighed:
-        assert gain is not None
         out = out - np.maximum(0.0, sign * thrust)[:, None] * error(array([sign * gain.load])) / gain.load
     return array(out)
 
@@ -243,7 +242,6 @@ def _unweighed(case: Case, thrust: Array, error: Callable[[Array], Array]) -> Ar
 def _weighed_gain(case: Case) -> Array:
     """Standard deviations of the gain, the same both ways and different each way: two columns."""
     y, gain = case.record.thrust.y, case.weighing
-    assert gain is not None
     known = np.isin(np.sign(y), case.weighed)
     return case.of_commands(np.stack([gain.sigma * y * known, gain.sigma_difference * np.abs(y) * known], axis=1))
 
