@@ -47,6 +47,14 @@ def results(**motions: dict[str, float]) -> Results:
 SURGE = {"k_q": 66.5, "k_l": 1.3, "b": 0.4, "added_mass": 12.0}
 
 
+def test_an_unknown_motion_is_named_with_those_that_there_are() -> None:
+    wanted = "found 'surgee', wanted some of surge, sway, heave, roll, pitch, yaw, heave_down, heave_up"
+    with pytest.raises(UsageError, match=wanted):
+        api.predict(results(surge=SURGE), "surgee", [0.0, 1.0], [1.0, 1.0])
+    with pytest.raises(UsageError, match=wanted):
+        api.identify(BAG, motions=["surge", "surgee"])
+
+
 def test_a_table_without_coefficients_has_its_columns() -> None:
     """Of a record that shows nothing: who filters by motion finds no row."""
     columns = {name: len(column) for name, column in api.coefficients(results(surge={})).items()}

@@ -380,7 +380,10 @@ def widened_by_scatter(result: MotionResult, spreads: Mapping[str, RunScatter]) 
 
 
 def axes_named(names: Sequence[str]) -> list[int]:
-    """Axes of motions or axes by name, each once."""
+    """Axes of motions or axes by name, each once. UsageError for an unknown name."""
+    for name in names:
+        if name not in AXES and name not in MOTIONS:
+            raise UsageError(f"found {name!r}, wanted some of {', '.join(dict.fromkeys((*AXES, *MOTIONS)))}")
     return list(dict.fromkeys(AXES.index(name) if name in AXES else MOTIONS[name].axis for name in names))
 
 
