@@ -42,7 +42,6 @@ class Fit:
     samples: int
 
     def __getitem__(self, name: str) -> Value:
-        """One coefficient with its standard deviation."""
         index = self.names.index(name)
         return Value(float(self.values[index]), float(np.sqrt(max(0.0, self.covariance[index, index]))))
 

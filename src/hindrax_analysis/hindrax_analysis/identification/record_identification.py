@@ -241,7 +241,6 @@ def _with_axes_only(identified: Identified, axes: Sequence[int]) -> Identified:
 
 
 def _own_events(sources: Sequence[RecordSource], vehicle: Vehicle, span: Span) -> Iterator[Stamped[IdentEvent]]:
-    """Events of bags of this stack, concatenated."""
     begin = Stamp(0)
     for source in sources:
         last = begin
@@ -337,7 +336,6 @@ def _concatenated(recordings: Sequence[Recording], axis: int) -> Iterator[Stampe
 
 
 def _session_over(found: Iterator[Stamped[IdentEvent]], vehicle: Vehicle, tuning: Tuning) -> Session:
-    """A session that has taken all of these events."""
     session = Session(vehicle, tuning)
     for event in found:
         session.step(event)

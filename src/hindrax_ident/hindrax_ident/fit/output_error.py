@@ -195,7 +195,6 @@ def _deviations(problem: OutputErrorProblem, linear: LinearizedProblem) -> tuple
 
 
 def _without_outliers(problem: OutputErrorProblem, linear: LinearizedProblem) -> OutputErrorProblem:
-    """Mark measurements as outliers beyond OUTLIER_SIGMAS."""
     counts = np.ones(len(problem.t), bool)
     for own in (problem.channel == 0, problem.channel == 1):
         counts &= ~own | (np.abs(linear.raw) <= OUTLIER_SIGMAS * _robust_sigma(linear.raw[own]))
@@ -266,7 +265,6 @@ def _with_color(
 
 
 def _innovation_variance(pieces: list[Array], color: Array) -> float:
-    """Innovation variance of an autoregression of residuals."""
     errors = [_unpredicted(piece, color) for piece in pieces if len(piece) > len(color)]
     return float(np.mean(np.concatenate(errors) ** 2))
 

@@ -98,8 +98,6 @@ class Identifier(BatchedNode):
         return on_message
 
     def _any_listener(self, topic: Topic, events_of: Callable[[Any, Stamp], Events]) -> Callable[[Any], None]:
-        """Listener of a topic of another stack."""
-
         def on_message(message: Any) -> None:
             try:
                 events = events_of(message, self.now())

@@ -28,7 +28,6 @@ class Aim:
         return 60.0 * (self.minutes or LONGEST_MIN)
 
     def __str__(self) -> str:
-        """In words."""
         noise = f"{100.0 * self.until:g} %" if self.until else "a third of the calibration uncertainty"
         return f"until the noise of the drag is below {noise}, at most {self.limit_s / 60.0:g} minutes"
 
@@ -50,7 +49,6 @@ class Choice:
     levels: tuple[float, ...] = FIRST
 
     def __str__(self) -> str:
-        """A short text."""
         return f"{self.motion}: {', '.join(LEVELS[level] for level in self.levels)}"
 
 

@@ -36,7 +36,6 @@ class AxisSession:
     """One axis. Times in seconds from the start of the session."""
 
     def __init__(self, vehicle: Vehicle, model: Model, prior: Prior, tuning: Tuning) -> None:
-        """An axis without samples."""
         self.model, self.prior = model, prior
         self._vehicle, self._tuning = vehicle, tuning
         self.lag_s = lag_s(vehicle, model.axis)
