@@ -2,6 +2,7 @@
 
 import argparse
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +65,7 @@ names like vx, surge_force or those of PlotJuggler serve too; empty cells where 
 
 
 def add_selection(parser: argparse.ArgumentParser) -> None:
-    """Options that select from the records, for `selected`."""
+    """Options that select from the records, for `opened`."""
     add = parser.add_argument
     add("--odometry", default="", metavar="TOPIC", help="velocities; default: found by type")
     add("--wrench", default="", metavar="TOPIC", help="forces; default: found by type")
@@ -75,12 +76,14 @@ def add_selection(parser: argparse.ArgumentParser) -> None:
     add("--to", dest="to_s", type=float, default=float("inf"), metavar="S", help="end here [s]")
 
 
-def selected(arguments: argparse.Namespace) -> tuple[TopicSelection, tuple[int, ...], Span]:
-    """Topics, axes and part of the records that were asked for."""
+def opened(arguments: argparse.Namespace) -> tuple[Vehicle | None, list[RecordSource], IdentificationTask]:
+    """The vehicle that is named, the records, and the axes and part of them that were asked for."""
     if not arguments.to_s > arguments.from_s:
         raise UsageError(f"--to {arguments.to_s:g}: wanted more than --from {arguments.from_s:g}")
     topics = TopicSelection(arguments.odometry, arguments.wrench, arguments.frame)
-    return topics, tuple(axes_named(arguments.dof)), Span(arguments.from_s, arguments.to_s)
+    named = load_vehicle(arguments.vehicle) if arguments.vehicle else None
+    task = IdentificationTask(tuple(axes_named(arguments.dof)), Span(arguments.from_s, arguments.to_s))
+    return named, open_sources(arguments.records, topics, named), task
 
 
 def _about(parser: argparse.ArgumentParser) -> None:
@@ -109,16 +112,13 @@ def _about(parser: argparse.ArgumentParser) -> None:
 )
 def identify(arguments: argparse.Namespace) -> int:
     """Identify from recorded data: our bags, third-party bags, CSV, logs of ArduPilot and PX4."""
-    wanted, axes, span = selected(arguments)
     for file in filter(None, (arguments.report, arguments.coefficients)):
         require_place(file)
-    named = load_vehicle(arguments.vehicle) if arguments.vehicle else None
-    sources = open_sources(arguments.records, wanted, named)
+    named, sources, task = opened(arguments)
     vehicle, notes = _vehicle(named, sources[0])
     began = time.monotonic()
     gain_sigma = _gain_sigma(arguments.gain_sigma, vehicle, sources[0], notes)
-    tuning = Tuning(wrench_gain_sigma=gain_sigma)
-    task = IdentificationTask(axes, span, mass_known=NO_VEHICLE not in notes, tuning=tuning)
+    task = replace(task, mass_known=NO_VEHICLE not in notes, tuning=Tuning(wrench_gain_sigma=gain_sigma))
     with working(f"identifying over {', '.join(str(path) for path in arguments.records)}"):
         found = identify_sources(sources, vehicle, task, print_stderr)
     took_s = time.monotonic() - began

@@ -1,25 +1,21 @@
 """`hindrax predict`: what coefficients predict for records that they were not fitted to."""
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
 
 from hindrax_analysis.coefficients_file import SavedCoefficients, read_coefficients
-from hindrax_analysis.identification.record_identification import (
-    IdentificationTask,
-    RecordSource,
-    axis_records,
-    open_sources,
-    recorded_vehicle,
-)
+from hindrax_analysis.identification.record_identification import RecordSource, axis_records, recorded_vehicle
 from hindrax_analysis.terminal import print_answer, print_table, working
 from hindrax_cli.argument_types import named_vehicle, positive
 from hindrax_cli.command import command, option
-from hindrax_cli.commands.data.identify import add_selection, selected
+from hindrax_cli.commands.data.identify import add_selection, opened
 from hindrax_cli.experiment_command import add_output, require_plot, save_plot
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_fitted
-from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
+from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.assess.prediction import WINDOW_S, Prediction, predict_record
+from hindrax_ident.records.axis_record import Record
 
 ABOUT = """
 The model runs freely over windows of the record, from the velocity that fits the first second of each, with the
@@ -47,13 +43,10 @@ def predict(arguments: argparse.Namespace) -> int:
     file = arguments.coefficients
     require_plot(arguments.plot)
     saved = read_coefficients(file / "coefficients.yaml" if file.is_dir() else file)
-    named = load_vehicle(arguments.vehicle) if arguments.vehicle else None
-    wanted, axes, span = selected(arguments)
-    sources = open_sources(arguments.records, wanted, named)
+    named, sources, task = opened(arguments)
     vehicle = named or _recorded(sources[0])
-    task = IdentificationTask(axes, span)
     with working("predicting"):
-        found, reasons = _predictions(arguments, saved, sources, vehicle, task)
+        found, reasons = _predictions(saved, vehicle, axis_records(sources, vehicle, task), arguments.window)
     if not found:
         raise HindraxError("; ".join(reasons) or "the records hold no motion with both velocities and forces")
     save_plot(arguments.plot, "prediction", found)
@@ -70,18 +63,14 @@ def _recorded(source: RecordSource) -> Vehicle:
 
 
 def _predictions(
-    arguments: argparse.Namespace,
-    saved: SavedCoefficients,
-    sources: list[RecordSource],
-    vehicle: Vehicle,
-    task: IdentificationTask,
+    saved: SavedCoefficients, vehicle: Vehicle, records: Mapping[int, Record], window_s: float
 ) -> tuple[list[Prediction], list[str]]:
     """Predictions, and the reason of each axis of the records that has none."""
     numbers = {name: motion.coefficients for name, motion in saved.motions.items() if motion.identifiable}
     found, reasons = [], []
-    for axis, record in axis_records(sources, vehicle, task).items():
+    for axis, record in records.items():
         try:
-            found.append(predict_record(numbers, vehicle, axis, record, arguments.window))
+            found.append(predict_record(numbers, vehicle, axis, record, window_s))
         except HindraxError as error:
             reasons.append(str(error))
     return found, reasons
