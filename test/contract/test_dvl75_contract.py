@@ -67,7 +67,7 @@ def test_a_mean_velocity_is_true_at_its_stamp_while_the_vehicle_accelerates() ->
         assert stamped.reading.velocity_mps == pytest.approx(truth(at).velocity_mps, abs=0.0115)
 
 
-def test_travel_told_as_a_sum_gives_the_same_as_velocity() -> None:
+def test_travel_given_as_a_sum_gives_the_same_as_velocity() -> None:
     def summed(now_s: float) -> DvlTruth:
         return DvlTruth((0.3, 0.0, -0.1), travel_m=(0.3 * now_s, 0.0, -0.1 * now_s))
 

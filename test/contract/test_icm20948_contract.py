@@ -132,7 +132,7 @@ def test_the_plain_register_mode_reads_the_same_truth() -> None:
         assert one.reading.rate_radps[0] == pytest.approx(wanted, abs=0.02)
 
 
-def test_a_late_host_loses_nothing_and_a_very_late_one_says_so() -> None:
+def test_a_late_host_loses_nothing_and_a_very_late_one_reports_it() -> None:
     bench = rig(lambda _: LEVEL)
     bench.run(1.0)
     bench.sleep(0.12)
@@ -176,7 +176,7 @@ def test_the_self_test_passes_on_a_good_part_and_fails_on_a_bad_one() -> None:
     assert str(bad).startswith("self test failed: response of the gyroscope 0%")
 
 
-def test_a_die_without_its_magnetometer_fails_the_self_test_and_says_why() -> None:
+def test_a_die_without_its_magnetometer_fails_the_self_test_and_states_why() -> None:
     emulator = Emulator(4)
     bench = Rig(Icm20948(Icm20948Knobs(magnetometer=False)), {0x68: emulator}, lambda *_: None)
     bench.run(0.3)
@@ -219,7 +219,7 @@ def test_with_a_data_ready_line_no_lateness_of_the_host_is_in_the_stamps() -> No
         assert abs(periods - round(periods)) * period_s < 20e-6
 
 
-def test_a_line_that_is_cut_is_told_and_the_samples_go_on_by_the_time_of_the_host() -> None:
+def test_a_line_that_is_cut_is_reported_and_the_samples_go_on_by_the_time_of_the_host() -> None:
     part = Emulator(0, FAITHFUL)
     bench = timed_rig(part)
     whole = bench.run(2.0)

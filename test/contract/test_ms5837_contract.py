@@ -72,7 +72,7 @@ def test_every_oversampling_is_waited_for(osr: str) -> None:
 
 
 @pytest.mark.parametrize(("model", "c1"), [("30BA", 34982), ("02BA", 46372)])
-def test_the_model_is_found_and_told(model: str, c1: int) -> None:
+def test_the_model_is_found_and_given(model: str, c1: int) -> None:
     assert identities(rig(water(), model).run(0.1)) == [f"MS5837-{model} at 0x76, C1 {c1}"]
 
 

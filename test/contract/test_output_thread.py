@@ -167,7 +167,7 @@ def test_every_order_reaches_the_guard_at_once_and_the_end_is_neutral(bench: Ben
     assert bench.thread.now == Stamp(0)
 
 
-def test_an_output_that_is_not_there_is_told_and_not_armed_until_it_comes(bench: Bench) -> None:
+def test_an_output_that_is_not_there_is_reported_and_not_armed_until_it_comes(bench: Bench) -> None:
     bench.there = False
     bench.thread.start()
     bench.thread.command(Command(MOVING, (), bench.bus.now(), 1))
@@ -222,7 +222,7 @@ def test_it_beats_ten_times_a_second_of_the_output_and_at_once_when_that_went_ba
     assert bench.beats == still + 1
 
 
-def test_a_clock_that_fails_is_a_fault_that_is_told_and_ends(bench: Bench) -> None:
+def test_a_clock_that_fails_is_a_fault_that_is_reported_and_ends(bench: Bench) -> None:
     bench.thread.start()
     bench.until(lambda: bench.thread.ready)
     bench.bus.trouble = "the clock is gone"

@@ -38,7 +38,9 @@ class Bench:
     st.floats(-0.05, 0.05),
     st.sampled_from([50.0, 100.0, 200.0, 400.0]),
 )
-def test_the_pulses_seen_are_those_said_to_be_applied(pulses: list[float], clock_error: float, rate_Hz: float) -> None:
+def test_the_pulses_seen_are_those_reported_to_be_applied(
+    pulses: list[float], clock_error: float, rate_Hz: float
+) -> None:
     bench = Bench(clock_error, clock_error, rate_Hz)
     bench.run(bench.driver.configure())
     assert bench.seen() == pytest.approx(bench.driver.applied(REST))

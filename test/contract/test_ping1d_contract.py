@@ -98,7 +98,7 @@ def test_a_sonar_that_refuses_to_stream_is_polled_at_the_same_rate() -> None:
     assert [one.text for _, one in log.troubles] == ["Ping: continuous start refused (bad value)"]
 
 
-def test_a_supply_out_of_its_range_is_told() -> None:
+def test_a_supply_out_of_its_range_is_reported() -> None:
     line = Bench(Ping1d(Ping1dKnobs()), Emulator(supply_V=4.2), lambda _: PingTruth(2.0))
     log = line.run(12.0)
     assert [one.reading.supply_V for one in log.of(SonarHealth)] == pytest.approx([4.2, 4.2])

@@ -82,7 +82,7 @@ def test_every_fault_of_its_wire_falls_on_it(sensor: Sensor) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_truth_that_is_told_is_read(name: str) -> None:
+def test_a_truth_that_is_reported_is_read(name: str) -> None:
     @settings(max_examples=5, deadline=None)
     @given(st.floats(0.0, 60.0))
     def still(seconds: float) -> None:
@@ -139,7 +139,7 @@ TIMED = [("icm20948", fault, {"data_ready": "pinctrl-bcm2711:17"}) for fault in 
 
 
 @pytest.mark.parametrize(("name", "fault", "wired"), [*((*one, {}) for one in SWEEP), *TIMED])
-def test_a_fault_is_survived_told_and_over_when_it_is_over(name: str, fault: str, wired: dict[str, Any]) -> None:
+def test_a_fault_is_survived_given_and_over_when_it_is_over(name: str, fault: str, wired: dict[str, Any]) -> None:
     begin_s = MID_CYCLE_S if fault in WITHOUT_POWER else BEGIN_S
     plugged = Plugged(name, [FaultSpec(fault, (name,), begin_s, LASTS_S)], **wired)
     plugged.run(OVER_S + BACK_WITHIN_S + AFTER_S)
@@ -147,10 +147,12 @@ def test_a_fault_is_survived_told_and_over_when_it_is_over(name: str, fault: str
     assert before, "worked before"
     assert not plugged.complaints(until_s=BEGIN_S)
     assert not plugged.false(), f"false readings: {plugged.false()[:3]}"
-    told = plugged.complaints(BEGIN_S, OVER_S + BACK_WITHIN_S)
-    assert bool(told) == (fault not in QUIET)
+    reported = plugged.complaints(BEGIN_S, OVER_S + BACK_WITHIN_S)
+    assert bool(reported) == (fault not in QUIET)
     back = kinds(plugged, OVER_S + BACK_WITHIN_S, OVER_S + BACK_WITHIN_S + AFTER_S)
-    assert all(back[kind] >= 0.6 * count for kind, count in before.items()), f"was {before}, is {back}; told: {told}"
+    assert all(back[kind] >= 0.6 * count for kind, count in before.items()), (
+        f"was {before}, is {back}; told: {reported}"
+    )
     for kind in before:
         stamps = [one.stamp for one in plugged.readings() if isinstance(one.reading, kind)]
         assert stamps == sorted(stamps)
@@ -165,7 +167,7 @@ def test_a_sensor_that_is_absent_from_the_start_is_found_when_it_comes(name: str
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_long_fault_is_not_told_again_and_again(name: str) -> None:
+def test_a_long_fault_is_not_given_again_and_again(name: str) -> None:
     plugged = Plugged(name, [FaultSpec("wrong_identity", (name,), MID_CYCLE_S, 12.0)])
     plugged.run(BEGIN_S + 12.0)
     assert 0 < len(plugged.troubles()) <= 20

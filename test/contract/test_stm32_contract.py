@@ -131,7 +131,7 @@ def test_a_board_that_resets_boots_disarmed_and_the_driver_notices() -> None:
     assert any("has disarmed itself" in text for text in bench.troubles())
 
 
-def test_something_else_on_the_line_is_told() -> None:
+def test_something_else_on_the_line_is_reported() -> None:
     bench = Bench()
     bench.board.disguise(True)
     bench.run(6.0)

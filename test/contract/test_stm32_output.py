@@ -178,7 +178,7 @@ def test_the_end_gives_port_and_clock_back(bench: Bench, tmp_path: Path) -> None
     assert (held(), bench.closed) == (before, True)
 
 
-def test_a_port_without_a_board_says_so(bench: Bench) -> None:
+def test_a_port_without_a_board_reports_it(bench: Bench) -> None:
     bench.board.disguise(True)
     bench.run(4.0)
     assert bench.phase() is ArmingPhase.FAULTED

@@ -129,7 +129,7 @@ def test_a_machine_without_a_clock_does_not_complain_of_every_file(
     assert "in the future" not in capfd.readouterr().err
 
 
-def test_the_wait_for_health_ends_by_the_clock_and_says_what_was_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_wait_for_health_ends_by_the_clock_and_states_what_was_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hindrax_cli.deployment.HEALTHY_S", 1)
     script = plan(Target("rov"))[-1].script.replace("sudo -u hindrax", "env").replace("sudo ", "echo ")
     script = script.replace("/opt/hindrax/hindrax", "/bin/false no device;")
@@ -137,7 +137,7 @@ def test_the_wait_for_health_ends_by_the_clock_and_says_what_was_wrong(monkeypat
     assert done.returncode == 1
 
 
-def test_what_is_not_committed_is_said(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_is_not_committed_is_reported(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (place / "clone/src/new.py").write_text("changed")
     assert main(["deploy", "pi@rov", "--dry-run"]) == 0
     assert "1 changed files are not committed, so they are not sent" in capsys.readouterr().err
@@ -193,7 +193,7 @@ def test_a_folder_that_cannot_be_entered_deletes_nothing_elsewhere(place: Path) 
     assert (bystander / "src.txt").exists()
 
 
-def test_without_git_or_ssh_it_says_what_to_install(
+def test_without_git_or_ssh_it_states_what_to_install(
     place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(shutil, "which", lambda tool: None if tool == "ssh" else tool)

@@ -92,7 +92,7 @@ def test_thrusters_have_channels_instead_of_a_vehicle(tmp_path: Path) -> None:
     assert (settings.port, settings.vehicle.output.rate_Hz, settings.alone) == ("/dev/i2c-7", 200.0, True)
 
 
-def test_a_word_that_is_no_device_is_told() -> None:
+def test_a_word_that_is_no_device_is_reported() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "hindrax_drivers.nodes.device", "dvl76"], check=False, capture_output=True, text=True
     )
@@ -132,7 +132,7 @@ def test_a_device_alone_publishes_under_the_names_that_it_is_given(tmp_path: Pat
 
 
 @pytest.mark.parametrize("sensor", SENSORS, ids=lambda sensor: sensor.name)
-def test_the_readme_says_what_a_device_publishes(sensor: Sensor) -> None:
+def test_the_readme_states_what_a_device_publishes(sensor: Sensor) -> None:
     readme = (FOLDER.parent / "README.md").read_text(encoding="utf-8")
     (row,) = (line for line in readme.splitlines() if line.startswith(f"| `{sensor.name}.launch.py` |"))
     for topic in TOPICS_OF[sensor.name].values():

@@ -205,7 +205,7 @@ def test_the_nodes_start_once_when_the_devices_of_the_mock_are_there() -> None:
 
 
 @pytest.mark.usefixtures("stand_in")
-def test_the_mock_is_told_what_was_chosen_and_ends_the_rest_when_it_dies() -> None:
+def test_the_mock_is_reported_what_was_chosen_and_ends_the_rest_when_it_dies() -> None:
     found = executed("mock", seed="7", rate="2", namespace="/rov2", faults="garbage:dvl75@30+5 no_power@50")
     words = mock_parser().parse_args(words_of(found))
     assert (words.seed, words.rate, words.namespace) == (7, 2.0, "/rov2")
@@ -218,7 +218,7 @@ def test_the_mock_is_told_what_was_chosen_and_ends_the_rest_when_it_dies() -> No
 
 
 @pytest.mark.usefixtures("stand_in")
-def test_a_process_that_refuses_what_it_was_told_is_not_started_for_ever() -> None:
+def test_a_process_that_refuses_what_it_was_given_is_not_started_for_ever() -> None:
     thrusters = next(one for one in executed("vehicle") if one.keywords.get("executable") == "thrusters")
     assert thrusters.keywords["on_exit"](SimpleNamespace(returncode=-9), None) is None
     assert thrusters.keywords["on_exit"](SimpleNamespace(returncode=UsageError.exit_code), None).kind == "Shutdown"

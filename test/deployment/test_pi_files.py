@@ -57,12 +57,12 @@ def test_a_second_run_changes_nothing(pi: Path) -> None:
     assert "reboot" not in again
 
 
-def test_a_dry_run_changes_nothing_and_says_everything(pi: Path) -> None:
+def test_a_dry_run_changes_nothing_and_states_everything(pi: Path) -> None:
     before = contents(pi)
-    said = set_up(pi, "--dry-run", "--tether", "eth0:192.168.2.1")
+    printed = set_up(pi, "--dry-run", "--tether", "eth0:192.168.2.1")
     assert contents(pi) == before
     done = set_up(pi, "--tether", "eth0:192.168.2.1")
-    assert said.replace("would write", "write") == done
+    assert printed.replace("would write", "write") == done
 
 
 def test_what_was_in_the_boot_settings_stays(pi: Path) -> None:

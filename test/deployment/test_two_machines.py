@@ -103,12 +103,12 @@ def test_a_cut_in_mid_maneuver_ends_in_holds_and_full_recovery(
     events = {}
     assert child.stdout is not None
     for line in child.stdout:
-        told = json.loads(line)
-        events[told["event"]] = told
-        if told["event"] == "flying":
+        reported = json.loads(line)
+        events[reported["event"]] = reported
+        if reported["event"] == "flying":
             rate_bps = 8.0 * sent_per_second(vehicle)
             vehicle.tether("down")
-        elif told["event"] == "cut":
+        elif reported["event"] == "cut":
             time.sleep(CUT_S - SILENT_S)
             vehicle.tether("up")
     alarm.cancel()
@@ -122,9 +122,9 @@ def test_a_cut_in_mid_maneuver_ends_in_holds_and_full_recovery(
     assert events["found"]["depth_m"] > 0.3
     assert "disarmed" in events
     assert_allowed(events["flying"]["graph"])
-    said = vehicle.errors(vehicle.vehicle).read_text()
-    assert "link: no operator for 2 s; maneuvers end, holds stay" in said
-    assert "link: the operator is back after" in said
+    printed = vehicle.errors(vehicle.vehicle).read_text()
+    assert "link: no operator for 2 s; maneuvers end, holds stay" in printed
+    assert "link: the operator is back after" in printed
 
 
 def sent_per_second(machines: Machines, seconds: float = 3.0) -> float:

@@ -16,17 +16,17 @@ SERVICES = {"ping1d/request_profile"}
 
 
 @pytest.mark.parametrize("name", [*NAMES, "pca9685", "stm32"])
-def test_every_device_says_what_its_manual_offers(name: str) -> None:
+def test_every_device_states_what_its_manual_offers(name: str) -> None:
     rows = offers().get(name, [])
     assert rows, f"{name}: no table in offers.yaml of what its manual offers"
     assert any(served for _, _, served, _ in rows)
-    assert all(what and page and said for what, page, _, said in rows)
-    for _, _, _, said in rows:
-        for word in re.findall(r"`([a-z0-9_]+/[a-z_]+)`", said):
+    assert all(what and page and how for what, page, _, how in rows)
+    for _, _, _, how in rows:
+        for word in re.findall(r"`([a-z0-9_]+/[a-z_]+)`", how):
             assert word in TOPIC_NAMES | SERVICES, f"{name}: {word} is no topic"
-        for word in re.findall(r"parameters? `(\w+)`", said):
+        for word in re.findall(r"parameters? `(\w+)`", how):
             assert hasattr(DEVICES[name].knobs(), word), f"{name}: {word} is no parameter"
-        for word in re.findall(r"`output\.(\w+)`", said):
+        for word in re.findall(r"`output\.(\w+)`", how):
             assert hasattr(Output(), word), f"{name}: {word} is no key of output"
 
 

@@ -107,7 +107,7 @@ def test_the_end_of_the_tool_leaves_neutral_when_they_are_frozen(
     assert "thrusters had to be killed; neutral is on the wire" in capsys.readouterr().err
 
 
-def test_the_end_of_the_tool_says_when_neutral_cannot_be_written(supervised: SupervisedFlight) -> None:
+def test_the_end_of_the_tool_states_when_neutral_cannot_be_written(supervised: SupervisedFlight) -> None:
     supervised.freeze("both")
     supervised.flight.world.stopping.set()
     supervised.flight.world.join()

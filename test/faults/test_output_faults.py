@@ -206,7 +206,7 @@ def test_the_end_is_neutral() -> None:
     assert (flight.line.closed, flight.bus.closed) == (True, True)
 
 
-def test_an_end_without_neutral_is_told_and_bus_and_line_are_given_back() -> None:
+def test_an_end_without_neutral_is_reported_and_bus_and_line_are_given_back() -> None:
     flight = Flight([FaultSpec("absent", ("thrusters",), 2.0, 3.0)]).armed()
     flight.run(2.1 - flight.elapsed_s())
     flight.troubles.clear()
@@ -225,7 +225,7 @@ def test_disarm_is_neutral() -> None:
     assert flight.wire() == flight.neutral()
 
 
-def test_what_is_told_is_what_is_on_the_wire() -> None:
+def test_what_is_reported_is_what_is_on_the_wire() -> None:
     flight = Flight().armed()
     for pulse in (1234.0, 1777.0, 1500.0):
         flight.run(0.5, (pulse,) * 8)
@@ -252,7 +252,7 @@ def test_a_fault_is_survived_and_nobody_is_armed_by_it(fault: str) -> None:
     assert flight.wire() == pytest.approx(flight.driver.applied(MOVING))
 
 
-def test_writes_that_fail_for_a_moment_are_told_and_the_flight_goes_on() -> None:
+def test_writes_that_fail_for_a_moment_are_reported_and_the_flight_goes_on() -> None:
     flight = Flight([FaultSpec("absent", ("thrusters",), from_s, 0.1) for from_s in (2.1, 2.6)]).armed()
     flight.run(3.0 - flight.elapsed_s())
     assert len(flight.troubles) >= 6

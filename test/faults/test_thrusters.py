@@ -206,7 +206,7 @@ def test_a_signal_leaves_neutral_and_nobody_behind(flight: Flight, number: signa
 
 def test_a_missing_vehicle_file_is_one_sentence_and_code_2() -> None:
     process = start(["--ros-args", "-p", "vehicle:=/nowhere.yaml"], None)
-    _, said = process.communicate(timeout=PATIENT_S)
+    _, printed = process.communicate(timeout=PATIENT_S)
     assert process.returncode == 2
-    assert said.decode().startswith("thrusters: vehicle file /nowhere.yaml: cannot be read")
-    assert len(said.splitlines()) == 1
+    assert printed.decode().startswith("thrusters: vehicle file /nowhere.yaml: cannot be read")
+    assert len(printed.splitlines()) == 1

@@ -128,9 +128,9 @@ def test_a_flight_across_the_wrap_of_the_millisecond_counter(board: Any) -> None
     made.link.incoming = neutral + arm + override
     made.turn()
     assert pulses() == [1900] * 8
-    said = [message.get_type() for message in common.MAVLink(None).parse_buffer(made.link.sent)]
-    assert said.count("HEARTBEAT") in (7, 8)
-    assert "COMMAND_ACK" in said
+    messages = [message.get_type() for message in common.MAVLink(None).parse_buffer(made.link.sent)]
+    assert messages.count("HEARTBEAT") in (7, 8)
+    assert "COMMAND_ACK" in messages
     board.fake_clock["ms"] += 300
     made.turn()
     assert pulses() == [1500] * 8
@@ -154,5 +154,5 @@ def test_battery(board: Any) -> None:
     board.BATTERY_PIN = "PA0"
     made = board.Board()
     made.turn()
-    said = {message.get_type(): message for message in common.MAVLink(None).parse_buffer(made.link.sent)}
-    assert said["BATTERY_STATUS"].voltages[0] == 14800
+    messages = {message.get_type(): message for message in common.MAVLink(None).parse_buffer(made.link.sent)}
+    assert messages["BATTERY_STATUS"].voltages[0] == 14800

@@ -18,21 +18,21 @@ def host() -> common.MAVLink:
     return common.MAVLink(None, srcSystem=1, srcComponent=191)
 
 
-def test_what_the_controller_says_is_mavlink() -> None:
+def test_what_the_controller_states_is_mavlink() -> None:
     controller = Controller(8, 2, 0)
     controller.millivolts = 14800
-    said = {message.get_type(): message for message in decoded(controller.step(0))}
-    assert set(said) == {"HEARTBEAT", "SERVO_OUTPUT_RAW", "BATTERY_STATUS", "STATUSTEXT"}
-    assert said["HEARTBEAT"].base_mode == 0
-    assert said["HEARTBEAT"].system_status == common.MAV_STATE_STANDBY
-    assert said["SERVO_OUTPUT_RAW"].servo8_raw == 1500
-    assert said["SERVO_OUTPUT_RAW"].servo9_raw == 1100
-    assert said["BATTERY_STATUS"].voltages == [14800] + [65535] * 9
-    assert said["BATTERY_STATUS"].current_battery == -1
-    assert said["STATUSTEXT"].text == "boot"
+    messages = {message.get_type(): message for message in decoded(controller.step(0))}
+    assert set(messages) == {"HEARTBEAT", "SERVO_OUTPUT_RAW", "BATTERY_STATUS", "STATUSTEXT"}
+    assert messages["HEARTBEAT"].base_mode == 0
+    assert messages["HEARTBEAT"].system_status == common.MAV_STATE_STANDBY
+    assert messages["SERVO_OUTPUT_RAW"].servo8_raw == 1500
+    assert messages["SERVO_OUTPUT_RAW"].servo9_raw == 1100
+    assert messages["BATTERY_STATUS"].voltages == [14800] + [65535] * 9
+    assert messages["BATTERY_STATUS"].current_battery == -1
+    assert messages["STATUSTEXT"].text == "boot"
 
 
-def test_what_a_host_says_is_understood() -> None:
+def test_what_a_host_states_is_understood() -> None:
     controller, sender = Controller(8, 2, 0), host()
     pulses = [1100, 1900, 1500, 1600, 1700, 1800, 1400, 1300, 1750, 1250]
     neutral = sender.rc_channels_override_encode(1, 1, *[1500] * 8).pack(sender)

@@ -75,5 +75,5 @@ def test_a_flood_of_frames_raises_nothing_and_lets_no_false_one_through() -> Non
     assert accepted > FRAMES // 3, "the flood must not drown everything"
 
 
-def test_the_firmware_hears_with_the_lengths_of_the_message_set() -> None:
+def test_the_firmware_receives_with_the_lengths_of_the_message_set() -> None:
     assert {number: LONGEST[number] for number in HEARD} == HEARD

@@ -70,7 +70,7 @@ def test_what_differs_from_their_odometry_is_named(
     assert {found["field"] for found in one["differences"]} == {"pose.pose.position.z"}
 
 
-def test_two_topics_of_a_type_are_told_apart_by_name(
+def test_two_topics_of_a_type_are_distinguished_by_name(
     tmp_path: Path, vehicle: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     bag = others_bag(tmp_path / "auv", more={"/hindrax/dvl75/attitude": "/auv/second_imu"})
@@ -79,12 +79,12 @@ def test_two_topics_of_a_type_are_told_apart_by_name(
     assert "several topics are of type sensor_msgs/msg/Imu" in capsys.readouterr().err
     remaps = [("/auv/imu", "icm20948/data_raw"), ("/auv/pressure", "ms5837/pressure"), ("/auv/dvl", "dvl75/detail")]
     remaps += [("/auv/odometry", "navigation/odometry"), ("/auv/second_imu", "dvl75/attitude")]
-    told = [word for theirs, ours in remaps for word in ("--remap", f"{theirs}:=/hindrax/{ours}")]
-    assert command_line.main([*words, *told]) == 0
+    reported = [word for theirs, ours in remaps for word in ("--remap", f"{theirs}:=/hindrax/{ours}")]
+    assert command_line.main([*words, *reported]) == 0
 
 
 @pytest.mark.parametrize(
-    ("remap", "said"),
+    ("remap", "printed"),
     [
         ("/auv/imu:=/hindrax/nothing", "wanted THEIRS:=OURS"),
         ("/auv/none:=/hindrax/icm20948/data_raw", "no such topic"),
@@ -92,11 +92,11 @@ def test_two_topics_of_a_type_are_told_apart_by_name(
     ],
 )
 def test_a_remap_that_does_not_fit_is_refused(
-    tmp_path: Path, vehicle: str, capsys: pytest.CaptureFixture[str], remap: str, said: str
+    tmp_path: Path, vehicle: str, capsys: pytest.CaptureFixture[str], remap: str, printed: str
 ) -> None:
     bag = others_bag(tmp_path / "auv")
     assert command_line.main(["replay", str(bag), "--vehicle", vehicle, "--remap", remap]) == 2
-    assert said in capsys.readouterr().err
+    assert printed in capsys.readouterr().err
 
 
 def test_without_a_vehicle_file_one_is_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

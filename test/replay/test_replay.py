@@ -151,7 +151,7 @@ def test_a_second_stage_that_is_killed_is_missed(short: Path, monkeypatch: pytes
         replay(short)
 
 
-def test_wrong_use_is_told_apart(short: Path) -> None:
+def test_wrong_use_is_distinguished(short: Path) -> None:
     assert command_line.main(["replay"]) == 2
     assert command_line.main(["replay", str(short), "--all"]) == 2
     assert command_line.main(["replay", str(short / "nothing")]) == 2
@@ -282,7 +282,7 @@ def test_our_rules_are_sharp_for_what_devices_measure() -> None:
     assert tolerance.absolute <= 1e-9
 
 
-def test_padding_is_told_from_fields() -> None:
+def test_padding_is_reported_from_fields() -> None:
     message = next(iter(messages(SURGE, {"/hindrax/icm20948/data_raw"})))
     text = message.data.index(b"icm20948_link\x00") + len("icm20948_link") + 1
     padded, changed = bytearray(message.data), bytearray(message.data)

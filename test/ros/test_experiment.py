@@ -181,14 +181,14 @@ def test_hostile_goals_are_refused_in_one_sentence_and_fly_nothing(bench: Bench)
     assert bench.pilot.goals == []
 
 
-def test_a_plan_is_told_and_not_flown(bench: Bench) -> None:
+def test_a_plan_is_reported_and_not_flown(bench: Bench) -> None:
     found = bench.ask(RunExperiment.Goal(motions=["surge"], until=0.02, plan=True))
     assert found.completed
     assert found.ended.startswith("surge: fastest, slowest, fastest, each out and back; then most informative, until ")
     assert bench.pilot.goals == []
 
 
-def test_a_second_goal_is_told_so_and_a_cancel_ends_what_is_flown(bench: Bench) -> None:
+def test_a_second_goal_is_reported_so_and_a_cancel_ends_what_is_flown(bench: Bench) -> None:
     first = bench.send(bench.goal("surge", "yaw"))
     bench.until(lambda: bench.pilot.flying)
     assert bench.ask(bench.goal("yaw")).aborted == experiment_server.BUSY
@@ -213,7 +213,9 @@ def test_minutes_cut_what_is_flown(bench: Bench) -> None:
     assert [motion for motion, _ in bench.pilot.goals] == ["surge"]
 
 
-def test_a_pilot_that_says_nothing_more_or_is_not_there_ends_it(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_pilot_that_states_nothing_more_or_is_not_there_ends_it(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(experiment_server, "SILENT_S", 0.5)
     assert bench.run("surge")[0] == experiment_server.MUTE
     bench.until(lambda: bench.pilot.flying is None)  # it was told to end, and it did

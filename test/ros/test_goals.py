@@ -88,8 +88,8 @@ def outcomes(flight: Flight, *goals: tuple[str, str]) -> list[dict[str, Any]]:
             flight.turn()
         client.terminate()
         assert client.stdout is not None
-        said = client.stdout.read().splitlines()
-    return [json.loads(line) for line in said]
+        printed = client.stdout.read().splitlines()
+    return [json.loads(line) for line in printed]
 
 
 def test_each_of_three_goals_in_a_row_has_its_own_feedback_and_its_own_result(flight: Flight) -> None:

@@ -253,7 +253,7 @@ MEASURED = (IMU, MAGNETIC, PRESSURE, ALTITUDE, DVL_DETAIL, DVL_ATTITUDE)
 
 
 @pytest.mark.parametrize("topic", MEASURED, ids=lambda topic: topic.name)
-def test_a_navigator_navigates_on_whatever_a_sensor_says(control: Control, topic: Topic) -> None:
+def test_a_navigator_navigates_on_whatever_a_sensor_states(control: Control, topic: Topic) -> None:
     control.sample(300)
     begun, sensible = control.sampled, [one for one in MEASURED if one not in (IMU, topic)]
     for one in MEASURED:
@@ -341,12 +341,12 @@ def test_a_goal_that_is_not_of_now_or_makes_no_sense_is_answered_and_flies_nothi
         assert answered.result is not None
         assert not answered.result.completed
     sensible = FlyManeuver.Goal(motions=["surge"], excitation="plateaus", on_cancel="hold")
-    said = []
+    printed = []
     for sec, nanosec in hostile.TIMES:
         sensible.stamp = Time(sec=sec, nanosec=nanosec)
-        said.append(control.ask(sensible).result.aborted)
-    assert [one.partition(": ")[0] for one in said] == ["clock", "clock", "clock", "late", "clock", "clock"]
-    assert all("wanted" in one for one in said)
+        printed.append(control.ask(sensible).result.aborted)
+    assert [one.partition(": ")[0] for one in printed] == ["clock", "clock", "clock", "late", "clock", "clock"]
+    assert all("wanted" in one for one in printed)
     sensible.stamp = stamp_to_msg(control.now())
     sensible.motions = ["surge"] * 10_000
     assert control.ask(sensible).result.aborted == "goal: 10000 motions, wanted at most 12; fly the rest after them"
@@ -364,7 +364,7 @@ def test_two_hundred_goals_at_once_are_answered_one_by_one_and_the_first_is_kept
     assert {one.result.aborted.partition(";")[0] for one in asked[1:]} == {"start: a maneuver is being flown"}
 
 
-def test_a_state_of_other_thrusters_is_not_believed(control: Control) -> None:
+def test_a_state_of_other_thrusters_is_not_assumed(control: Control) -> None:
     wrong = ThrusterState(armed=False, state="disarmed", pulses=[1500.0] * 9)
     for pulses in ([1500.0] * 9, [], [math.nan] * 8, [9000.0] * 8):
         wrong.pulses = pulses
@@ -391,12 +391,12 @@ def desk(tmp_path: Path) -> Iterator[tuple[Identifier, ThrustNode]]:
             rclpy.try_shutdown()
 
 
-def test_nothing_that_anybodys_stack_says_ends_the_identifier_or_spoils_what_is_good(
+def test_nothing_that_anybodys_stack_states_ends_the_identifier_or_spoils_what_is_good(
     desk: tuple[Identifier, ThrustNode], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     identifier, thrust = desk
-    told: list[Estimate] = []
-    monkeypatch.setattr(identifier, "_publish", lambda stamped: told.append(stamped.reading))
+    reported: list[Estimate] = []
+    monkeypatch.setattr(identifier, "_publish", lambda stamped: reported.append(stamped.reading))
     listening = {one.topic_name: one.callback for one in Node.subscriptions.fget(identifier)}
     odometry, wrench = (listening[f"{NAMESPACE}/{name}"] for name in ("odometry", "wrench"))
     now = Stamp(time.time_ns())
@@ -408,7 +408,7 @@ def test_nothing_that_anybodys_stack_says_ends_the_identifier_or_spoils_what_is_
             hear(one)
         identifier.drain()
         assert "wanted" in identifier._refusals.last
-    told.clear()
+    reported.clear()
     dropped, begin = identifier._any.dropped, Stamp(time.time_ns())
     state.twist.covariance = np.zeros(36)
     monkeypatch.setattr(thrust, "_out", SimpleNamespace(publish=wrench))
@@ -419,7 +419,7 @@ def test_nothing_that_anybodys_stack_says_ends_the_identifier_or_spoils_what_is_
     for stamp, pulses, _ in flown:  # all after all: as they wait while a verdict is made
         hear_pulses(thrust, Header(stamp=stamp), pulses)
     identifier.drain()
-    k_q, k_l = [one for one in told if one.motion == "surge"][-1].values[:2]
+    k_q, k_l = [one for one in reported if one.motion == "surge"][-1].values[:2]
     assert k_q * 0.5**2 + k_l * 0.5 == pytest.approx(141.0 * 0.5**2 + 13.7 * 0.5, rel=0.1)
     assert identifier._any.dropped == dropped
 
@@ -451,11 +451,11 @@ def test_pulses_that_are_none_are_refused_and_become_no_wrench(
             thrust._type = kind
             for message in hostile.floods(message_class(kind), Time(), every=31):
                 thrust._on_pulses(message)
-    told = thrust._reporter.refusals.counts.total()
+    reported = thrust._reporter.refusals.counts.total()
     for channels in ([], [1500] * 7, [65535] * 16, [1] * 8, [1500] * 7 + [499]):
         hear_pulses(thrust, Header(), channels)
     assert sent == []
-    assert thrust._reporter.refusals.counts.total() == told + 5
+    assert thrust._reporter.refusals.counts.total() == reported + 5
     for time_of in hostile.TIMES:
         hear_pulses(thrust, Header(stamp=Time(sec=time_of[0], nanosec=time_of[1])), [1500] * 8)
     assert {wrench_from_msg(one) for one in sent} == {ZERO6}

@@ -120,7 +120,7 @@ def stranger(tmp_path: Path) -> Iterator[Stranger]:
                 assert child.wait(PATIENT_S) == 0, (tmp_path / "log").read_text()[-3000:]
 
 
-def test_control_lives_moves_nothing_and_says_what_it_refused(stranger: Stranger) -> None:
+def test_control_lives_moves_nothing_and_states_what_it_refused(stranger: Stranger) -> None:
     stranger.until(lambda: stranger.pulses and stranger.goals.server_is_ready())
     now = stamp_to_msg(time.time_ns())
     for topic in SENT:

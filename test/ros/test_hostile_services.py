@@ -207,9 +207,9 @@ def test_nonsense_on_every_recorded_topic_ends_nobody_and_moves_nothing(stack: p
                 client._executor.spin_once(timeout_sec=0.0)
         states.clear()
         client.until(lambda: sum(one.output == "pca9685" for one in states) > 25, "states of the thrusters")
-        told = [one for one in states if one.output == "pca9685"]
-        assert {one.state for one in told} == {"disarmed"}
-        assert all(abs(pulse - NEUTRAL_us) < TOLERANCE_us for one in told for pulse in one.pulses)
+        reported = [one for one in states if one.output == "pca9685"]
+        assert {one.state for one in reported} == {"disarmed"}
+        assert all(abs(pulse - NEUTRAL_us) < TOLERANCE_us for one in reported for pulse in one.pulses)
         assert family(stack) == before
 
 

@@ -19,14 +19,14 @@ pytestmark = pytest.mark.ros
 
 def test_ctrl_c_in_a_plateau(tmp_path: Path) -> None:
     folder = tmp_path / "run"
-    said = tmp_path / "said"
+    printed = tmp_path / "printed"
     words = ["pool-test", "--mock", "--seed", "5", "--headless", "--out", str(folder)]
-    with said.open("w") as stream:
+    with printed.open("w") as stream:
         flight = subprocess.Popen([sys.executable, "-m", "hindrax_cli", *words], stdout=stream, stderr=stream)
-    wait_for(lambda: "plateau" in said.read_text(), 240.0)
+    wait_for(lambda: "plateau" in printed.read_text(), 240.0)
     flight.send_signal(signal.SIGINT)
     assert flight.wait(60.0) == 130
-    assert "operator: stopped by Ctrl-C" in said.read_text()
+    assert "operator: stopped by Ctrl-C" in printed.read_text()
     states = [one.decoded() for one in messages(folder / "bag", [resolved(THRUSTER_STATE)])]
     assert any(state.armed for state in states)
     assert not states[-1].armed

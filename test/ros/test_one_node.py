@@ -197,7 +197,7 @@ def pushed() -> Iterator[tuple[float, float]]:
             speed += 0.1 * STEP_S * (force - K_Q * abs(speed) * speed - K_L * speed) / MASS_kg
 
 
-def test_the_identifier_learns_any_vehicle_in_any_namespace_and_tells_its_verdict(around: Surroundings) -> None:
+def test_the_identifier_learns_any_vehicle_in_any_namespace_and_shows_its_verdict(around: Surroundings) -> None:
     around.run(IDENTIFIER)
     odometry = around.node.create_publisher(Odometry, "/mavros/local_position/odom", 10)
     wrench = around.node.create_publisher(WrenchStamped, "/myrov/wrench", 10)
@@ -226,7 +226,7 @@ def test_the_identifier_learns_any_vehicle_in_any_namespace_and_tells_its_verdic
     assert asked.result().message.startswith("surge: ")
 
 
-def test_the_identifier_hears_any_navigator_allocator_and_pilot(around: Surroundings) -> None:
+def test_the_identifier_receives_any_navigator_allocator_and_pilot(around: Surroundings) -> None:
     around.start([sys.executable, INSTALLED / IDENT / "lib" / IDENT / "identifier", "--ros-args", "-p", MY_ROV])
     navigation, allocation, maneuver = (publisher(around.node, topic) for topic in (NAVIGATION, ALLOCATION, MANEUVER))
     learned: list[ModelEstimate] = []

@@ -156,7 +156,9 @@ def test_a_thruster_stays_out_of_use_though_its_command_has_ended(terminal: Term
     assert terminal.run("thruster", "enable", "T3", "T4")[1] == "out of use: none\n"
 
 
-def test_a_control_process_that_comes_back_is_told_what_is_out_of_use(terminal: Terminal, up: psutil.Process) -> None:
+def test_a_control_process_that_comes_back_is_reported_what_is_out_of_use(
+    terminal: Terminal, up: psutil.Process
+) -> None:
     assert terminal.run("thruster", "disable", "T3", "T4")[0] == 0
     (control,) = (one for one in up.children() if "hindrax_control.nodes.control" in one.cmdline())
     control.kill()
@@ -215,8 +217,8 @@ def test_the_page_flies_an_armed_vehicle_and_stops_it_in_mid_maneuver(terminal: 
                     return answer.status, answer.readline().decode()
 
         def state() -> dict[str, Any]:
-            told: dict[str, Any] = json.loads(ask("/events")[1].removeprefix("data: "))
-            return told
+            reported: dict[str, Any] = json.loads(ask("/events")[1].removeprefix("data: "))
+            return reported
 
         surge = {"motions": ["surge"]}
         assert ask("/fly", surge)[0] == 409, "nothing flies before it is armed"
@@ -226,9 +228,9 @@ def test_the_page_flies_an_armed_vehicle_and_stops_it_in_mid_maneuver(terminal: 
         wait_for(lambda: (state()["flight"] or {}).get("motion") == "surge", terminal)
         assert ask("/stop", {})[0] == 202
         wait_for(lambda: len(state()["outcomes"]) == 2, terminal)
-        said = {one["sentence"]: one["well"] for one in state()["outcomes"]}
-        assert said.pop("stop: stopped and disarmed") is True
-        ((flown, well),) = said.items()
+        output = {one["sentence"]: one["well"] for one in state()["outcomes"]}
+        assert output.pop("stop: stopped and disarmed") is True
+        ((flown, well),) = output.items()
         assert flown.startswith("fly: the maneuver ended early, by ")
         assert not well
         wait_for(lambda: state()["thrusters"]["state"] == "disarmed", terminal)

@@ -121,7 +121,7 @@ def bench() -> Iterator[Bench]:
             made.close()
 
 
-def test_the_operator_says_where_the_vehicle_is_and_the_navigator_hears_of_it(
+def test_the_operator_states_where_the_vehicle_is_and_the_navigator_receives_of_it(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     known: list[bool] = []
@@ -129,10 +129,10 @@ def test_the_operator_says_where_the_vehicle_is_and_the_navigator_hears_of_it(
     bench.until(lambda: bench.pilot._pilot.pool is not None)
     recentre(bench.operator, 4.0, 2.0, math.nan)
     bench.until(lambda: bench.operator.place and bench.operator.place.along == 4.0)
-    told = bench.operator.place
-    assert told.across == 2.0
-    assert dict(zip(told.walls, told.distances, strict=True))["west"] < 2.0
-    assert told.margin == pytest.approx(0.3), "an odometry without a covariance vouches for its positions"
+    reported = bench.operator.place
+    assert reported.across == 2.0
+    assert dict(zip(reported.walls, reported.distances, strict=True))["west"] < 2.0
+    assert reported.margin == pytest.approx(0.3), "an odometry without a covariance vouches for its positions"
     place = bench.place()
     assert (place.x_m, place.y_m, known) == (4.0, 2.0, [True])
     for x_m, y_m, turned in itertools.product((math.inf, -1e308, 11.0, math.nan), (2.0,), (math.nan, math.inf, 1e308)):
@@ -146,7 +146,7 @@ def test_the_operator_says_where_the_vehicle_is_and_the_navigator_hears_of_it(
 
 
 @pytest.mark.parametrize("armings", [0, 2])
-def test_a_pilot_that_begins_after_an_arming_knows_no_place_until_it_is_told(bench: Bench, armings: int) -> None:
+def test_a_pilot_that_begins_after_an_arming_knows_no_place_until_it_is_given(bench: Bench, armings: int) -> None:
     bench.state.armings = armings
     bench.say_armed(armed=True)
     if armings:
@@ -179,7 +179,7 @@ def test_the_plans_follow_parameters_and_thrusters_and_reach_who_comes_late(benc
 
 
 def estimate(stamp: Stamp, motion: str = "surge", values: tuple[float, float] = (66.1, 1.3)) -> Stamped[Estimate]:
-    told = Estimate(
+    reported = Estimate(
         motion,
         ("k_q", "k_l"),
         units=("N s^2/m^2", "N s/m"),
@@ -190,10 +190,10 @@ def estimate(stamp: Stamp, motion: str = "surge", values: tuple[float, float] = 
         learning=True,
         reason="",
     )
-    return Stamped(stamp, told)
+    return Stamped(stamp, reported)
 
 
-def test_feedback_tells_what_is_known_of_the_motion_flown(bench: Bench) -> None:
+def test_feedback_shows_what_is_known_of_the_motion_flown(bench: Bench) -> None:
     bench.say_armed(armed=True)
     received = []
     client = ActionClient(bench.operator.node, FlyManeuver, "maneuver/fly")
@@ -206,7 +206,7 @@ def test_feedback_tells_what_is_known_of_the_motion_flown(bench: Bench) -> None:
     assert not received[-1].coefficients
     assert not received[-1].learning
 
-    def told(done: Callable[[Any], Any]) -> None:
+    def reported(done: Callable[[Any], Any]) -> None:
         deadline = time.monotonic() + PATIENT_S
         while not done(received[-1]):
             assert time.monotonic() < deadline, received[-1]
@@ -214,12 +214,12 @@ def test_feedback_tells_what_is_known_of_the_motion_flown(bench: Bench) -> None:
 
     bench.estimates.publish(estimate_to_msg(estimate(bench.operator.now(), motion="sway", values=(1.0, 2.0))))
     bench.estimates.publish(estimate_to_msg(estimate(bench.operator.now())))
-    told(lambda last: last.learning)
+    reported(lambda last: last.learning)
     assert received[-1].coefficients == ["k_q", "k_l"]
     assert received[-1].units == ["N s^2/m^2", "N s/m"]
     assert list(received[-1].estimates) == [66.1, 1.3]
     assert list(received[-1].sigmas) == pytest.approx([0.4, 0.5])
-    told(lambda last: not last.learning)  # nothing is heard of the identifier any more
+    reported(lambda last: not last.learning)  # nothing is heard of the identifier any more
     assert list(received[-1].estimates) == [66.1, 1.3]
     client.destroy()
 
@@ -251,14 +251,14 @@ def test_an_arm_request_that_came_too_late_is_made_again_for_a_mock_alone(
     bench.pilot.destroy_service(service)
 
 
-def test_a_goal_that_nobody_can_fly_is_told_why(bench: Bench) -> None:
+def test_a_goal_that_nobody_can_fly_is_reported_why(bench: Bench) -> None:
     bench.say_armed(armed=True)
     assert bench.fly(["loop"]) == "goal: motion 'loop' unknown, wanted one of surge, sway, heave, roll, pitch, yaw"
     assert bench.fly([]).startswith("goal: no motion, wanted some of surge, ")
     assert bench.fly(excitation="noise").startswith("goal: excitation 'noise' unknown, wanted plateaus or ")
 
 
-def test_a_goal_that_was_late_is_asked_again_and_told_its_age_in_the_end(
+def test_a_goal_that_was_late_is_asked_again_and_given_its_age_in_the_end(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bench.say_armed(armed=True)
@@ -292,7 +292,7 @@ def test_before_arming_and_while_a_guard_objects_nothing_begins(bench: Bench) ->
     assert re.fullmatch(r"start: altitude_band: 0\.10 m of water .*, wanted 0\.15 m; let it rise .*", bench.fly())
 
 
-def test_one_goal_at_a_time_and_the_second_is_told_so(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_goal_at_a_time_and_the_second_is_reported_so(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     # The first one waits for as long as the second takes to be refused, on any machine.
     monkeypatch.setattr(pilot_node, "SILENT_S", math.inf)
     client = ActionClient(bench.operator.node, FlyManeuver, "maneuver/fly")
@@ -317,7 +317,7 @@ def test_disarming_ends_it_with_the_thrusters_own_reason(bench: Bench) -> None:
     assert bench.fly() == "disarmed: the thrusters were disarmed (output is faulted: no answer); arm and fly again"
 
 
-def test_without_a_state_of_the_vehicle_a_maneuver_ends_and_says_so(bench: Bench) -> None:
+def test_without_a_state_of_the_vehicle_a_maneuver_ends_and_reports_it(bench: Bench) -> None:
     bench.say_armed(armed=True)
     bench.when_flying(lambda: setattr(bench, "navigation", None))
     wanted = r"navigation: no state of the vehicle for [567] s, so the thrusters are neutral; .*`\./hindrax doctor`.*"
@@ -336,7 +336,7 @@ def test_a_goal_cancelled_before_it_begins_is_not_begun(bench: Bench) -> None:
     assert bench.fly() == "cancelled: by the operator"
 
 
-def test_a_result_that_went_lost_is_told_from_the_last_word(bench: Bench) -> None:
+def test_a_result_that_went_lost_is_reported_from_the_last_word(bench: Bench) -> None:
     bench.say_armed(armed=True)
     operator = bench.operator
     operator.maneuver = ManeuverStatus(phase="done")

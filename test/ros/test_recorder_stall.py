@@ -36,7 +36,7 @@ def say(out: Publisher) -> None:
 
 
 @pytest.mark.skipif(int(GRANTED.read_text()) < WANTED_BYTES, reason="this kernel grants sockets too little")
-def test_what_is_said_while_it_stands_still_is_in_the_bag(tmp_path: Path) -> None:
+def test_what_is_reported_while_it_stands_still_is_in_the_bag(tmp_path: Path) -> None:
     bag = tmp_path / "bag"
     words = ["-m", "hindrax_bag.nodes.recorder", "--ros-args", "-p", f"bag:={bag}"]
     with own_domain(mock=True) as domain, adopted(environment(mock=True, domain=domain)):

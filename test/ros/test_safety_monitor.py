@@ -139,7 +139,7 @@ def test_a_silent_operator_ends_what_flies_and_comes_back(watched: Vehicle, aske
 @pytest.mark.usefixtures("real")
 @pytest.mark.parametrize("step_s", [-3600.0, 1e8])
 @pytest.mark.parametrize("watched", [STAY], indirect=True)
-def test_a_wall_clock_that_is_set_disarms_and_is_told_and_shown(watched: Vehicle, step_s: float) -> None:
+def test_a_wall_clock_that_is_set_disarms_and_is_reported_and_shown(watched: Vehicle, step_s: float) -> None:
     why = f"the wall clock was set {'back' if step_s < 0 else 'forward'} by {abs(step_s):.1f} s"
     thrusters = publisher(watched.node, THRUSTER_STATE)
     state = ThrusterState(armed=True, state="armed", pulses=[1500.0] * 8)

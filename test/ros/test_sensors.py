@@ -95,7 +95,7 @@ def reports(tmp_path: Path) -> Iterator[Reports]:
                 rclpy.try_shutdown()
 
 
-def test_a_late_mock_is_waited_for_and_every_device_says_how_it_is(reports: Reports, tmp_path: Path) -> None:
+def test_a_late_mock_is_waited_for_and_every_device_states_how_it_is(reports: Reports, tmp_path: Path) -> None:
     def waiting(_name: str, status: DiagnosticStatus, values: Values) -> bool:
         return status.level == DiagnosticStatus.ERROR and "no mock hardware answers" in values["last trouble"]
 

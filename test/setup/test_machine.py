@@ -136,10 +136,10 @@ def test_an_edit_in_a_vehicle_file_needs_no_build(clone: Clone) -> None:
 
 def test_two_at_once_do_the_work_once(clone: Clone) -> None:
     both = [clone.start("test", BUILD_S="1") for _ in range(2)]
-    said = [process.communicate(timeout=60)[1] for process in both]
+    output = [process.communicate(timeout=60)[1] for process in both]
     assert [process.returncode for process in both] == [0, 0]
     assert sorted(clone.steps()) == sorted(ALL_STEPS)
-    assert sum("another set-up works here" in text for text in said) == 1
+    assert sum("another set-up works here" in text for text in output) == 1
 
 
 def test_another_interpreter_makes_another_environment_which_then_stays(clone: Clone) -> None:
@@ -249,10 +249,10 @@ def test_an_interpreter_or_a_ros_that_will_not_do_is_named(
 ) -> None:
     for arguments in (["setup", "--check"], ["setup"], ["pool-test"]):
         outcome = clone.run(*arguments, **environment)
-        said = outcome.stdout + outcome.stderr
+        output = outcome.stdout + outcome.stderr
         assert outcome.returncode == 1
-        assert sentence in said
-        assert package is None or f"sudo apt install {package}" in said
+        assert sentence in output
+        assert package is None or f"sudo apt install {package}" in output
     assert clone.steps() == []
 
 
@@ -354,7 +354,9 @@ def test_everything_missing_is_named_at_once(clone: Clone) -> None:
     ],
 )
 @pytest.mark.parametrize("step", ["pip", "install"])
-def test_a_step_that_fails_says_why_and_can_be_repeated(clone: Clone, step: str, complaint: str, sentence: str) -> None:
+def test_a_step_that_fails_states_why_and_can_be_repeated(
+    clone: Clone, step: str, complaint: str, sentence: str
+) -> None:
     outcome = clone.run("test", FAIL_IN=step, COMPLAINT=complaint)
     assert outcome.returncode == 1
     assert sentence in outcome.stderr
@@ -415,7 +417,7 @@ def test_help_of_the_set_up_needs_nothing_at_all(clone: Clone) -> None:
     assert clone.steps() == []
 
 
-def test_wrong_use_is_said(clone: Clone) -> None:
+def test_wrong_use_is_reported(clone: Clone) -> None:
     outcome = clone.run("setup", "--chekc")
     assert outcome.returncode == 2
     assert "--chekc" in outcome.stderr

@@ -126,6 +126,6 @@ def test_every_field_ends_with_its_unit(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", INTERFACES, ids=lambda path: path.name)
-def test_every_interface_is_built_and_says_what_for(path: Path) -> None:
+def test_every_interface_is_built_and_states_what_for(path: Path) -> None:
     assert f"{path.parent.name}/{path.name}" in (ROOT / "src/hindrax_msgs/CMakeLists.txt").read_text(encoding="utf-8")
     assert path.read_text(encoding="utf-8").startswith("# ")

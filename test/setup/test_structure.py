@@ -82,7 +82,7 @@ def test_no_package_imports_private_names_of_another() -> None:
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_a_package_says_what_it_is_and_how_to_use_it_alone(package: str) -> None:
+def test_a_package_states_what_it_is_and_how_to_use_it_alone(package: str) -> None:
     readme = (ROOT / "src" / package / "README.md").read_text(encoding="utf-8")
     assert readme.startswith(f"# {package}\n")
     assert "**Needs**" in readme

@@ -23,7 +23,7 @@ FLYING = TrueState(10.0, (0.1, 0.0, 2.0), (0.2, 0.0, 0.0), 0.8, 0, (3.0, 1.5), (
 BELIEVED = Navigation(FLYING.attitude_rad, (0.0,) * 3, FLYING.velocity_mps, 0.8, 1.0, (0.0, 0.0), dvl_locked=True)
 
 
-def test_a_line_of_the_log_is_the_state_again_and_says_whether_it_thrusts_and_leans() -> None:
+def test_a_line_of_the_log_is_the_state_again_and_states_whether_it_thrusts_and_leans() -> None:
     assert TrueState.parse(FLYING.line()) == FLYING
     assert not FLYING.neutral
     assert replace(FLYING, pulses_us=(1501.5, 0.0)).neutral
@@ -43,8 +43,8 @@ def test_a_state_is_wrong_by_tilt_depth_or_a_velocity_that_it_claims_to_know() -
 
 def judged(mode: str, *steps: tuple[float, TrueState, Navigation | None], within_s: float = math.inf) -> FaultOutcome:
     judge = Judge(FLYING)
-    for seconds, true, believed in steps:
-        judge.step(replace(true, now_s=FLYING.now_s + seconds), believed)
+    for seconds, true, assumed in steps:
+        judge.step(replace(true, now_s=FLYING.now_s + seconds), assumed)
     return judge.cell("imu", "died", mode, 1, "", within_s=within_s)
 
 
@@ -84,9 +84,9 @@ def test_a_row_shows_the_worst_of_all_seeds() -> None:
     cells += [replace(WELL, mode=DISARMED, neutral_s=0.0, reason="not armed"), replace(WELL, mode="maneuver")]
     cells.append(replace(WELL, seed=2, mode="maneuver", neutral_s=None))
     (row,) = table.rows(cells)
-    said = "no command for 5 s"
+    reported_text = "no command for 5 s"
     assert table.entry([]) == ""
-    assert row == ("dvl75", "died", "0.40 s or flies on", "0.60 s", "flies on", "neutral", said)
+    assert row == ("dvl75", "died", "0.40 s or flies on", "0.60 s", "flies on", "neutral", reported_text)
     assert table.entry([replace(WELL, neutral_s=None, wall=True)]) == "flies on (wall)"
     (bad,) = table.rows([*cells, replace(WELL, seed=3, violated=("ran into a wall",))])
     assert bad[3] == "VIOLATED"
@@ -123,18 +123,21 @@ def test_a_lie_ends_thrust_before_it_does_harm(who: str, fault: str, mode: str, 
 
 DVL = DvlTruth(velocity_mps=(0.3, 0.0, 0.1), travel_m=(1.0, 0.0, 0.0))
 LIES = {
-    "velocity_bias": (DVL, lambda told: (told.velocity_mps, told.travel_m) == ((0.55, 0.0, 0.1), (1.0, 0.0, 0.0))),
-    "velocity_frozen": (DVL, lambda told: told.frozen),
-    "false_lock": (DVL, lambda told: (told.velocity_mps, told.altitude_m) == ((0.0, 0.0, 0.0), 0.3)),
-    "gyro_offset": (ImuTruth(), lambda told: told.rate_radps == (math.radians(40.0), 0.0, 0.0)),
-    "force_offset": (ImuTruth(), lambda told: told.specific_force_mps2[1] == 3.0),
-    "depth_stuck": (Pressure(1.1e5, 20.0), lambda told: told.pressure_Pa == 1.1e5),
-    "range_short": (PingTruth(2.0), lambda told: told.distance_m == 1.5),
+    "velocity_bias": (
+        DVL,
+        lambda reported: (reported.velocity_mps, reported.travel_m) == ((0.55, 0.0, 0.1), (1.0, 0.0, 0.0)),
+    ),
+    "velocity_frozen": (DVL, lambda reported: reported.frozen),
+    "false_lock": (DVL, lambda reported: (reported.velocity_mps, reported.altitude_m) == ((0.0, 0.0, 0.0), 0.3)),
+    "gyro_offset": (ImuTruth(), lambda reported: reported.rate_radps == (math.radians(40.0), 0.0, 0.0)),
+    "force_offset": (ImuTruth(), lambda reported: reported.specific_force_mps2[1] == 3.0),
+    "depth_stuck": (Pressure(1.1e5, 20.0), lambda reported: reported.pressure_Pa == 1.1e5),
+    "range_short": (PingTruth(2.0), lambda reported: reported.distance_m == 1.5),
 }
 
 
 @pytest.mark.parametrize("fault", LIES)
-def test_a_lie_begins_and_ends_and_is_what_it_says(fault: str) -> None:
+def test_a_lie_begins_and_ends_and_is_what_it_states(fault: str) -> None:
     truth, as_said = LIES[fault]
     lies = altered_truth(FAULTS[fault].devices[0], [FaultSpec(fault, FAULTS[fault].devices, 1.0, 1.0)])
     assert lies(truth, 0.9) is truth

@@ -9,10 +9,10 @@ from hindrax_tools.model_mismatch import AXES, LAWS, VEHICLES, MotionVerdict, fl
 def test_the_truth_of_a_record_without_another_law_is_its_steady_speed() -> None:
     axis = VEHICLES[1][1]["surge"]
     plain = next(law for law in LAWS if law.name == "weak reverse")
-    t, v, told = fly(axis, plain, np.random.default_rng(0))
-    ends = np.flatnonzero(np.diff(told, append=np.nan) != 0.0)
-    ahead = next(index for index in ends.tolist() if told[index] > 0.8 * axis.pull)
-    assert axis.drag(float(np.mean(v[ahead - 8 : ahead]))) == pytest.approx(told[ahead], rel=0.05)
+    t, v, reported = fly(axis, plain, np.random.default_rng(0))
+    ends = np.flatnonzero(np.diff(reported, append=np.nan) != 0.0)
+    ahead = next(index for index in ends.tolist() if reported[index] > 0.8 * axis.pull)
+    assert axis.drag(float(np.mean(v[ahead - 8 : ahead]))) == pytest.approx(reported[ahead], rel=0.05)
     assert t[1] - t[0] == pytest.approx(0.1)
 
 

@@ -32,7 +32,7 @@ def test_every_mutant_differs_from_its_source_and_leaves_texts_alone() -> None:
     assert all("Text with 3 and > in it." in one and "Not `and`, nor 7." in one for one in trees)
 
 
-def test_it_tells_the_mutant_that_no_test_holds(
+def test_it_shows_the_mutant_that_no_test_holds(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "doubling.py").write_text("def twice(x):\n    return x * 2\n\n\ndef half(x):\n    return x / 2\n")

@@ -45,7 +45,7 @@ def test_a_stale_page_is_named_with_the_command_that_writes_it(
 
 
 @pytest.mark.parametrize("kind", [Vehicle, *(kind for kinds in NODES.values() for kind in kinds)])
-def test_every_setting_says_what_it_means(kind: type[Any]) -> None:
+def test_every_setting_states_what_it_means(kind: type[Any]) -> None:
     for name, *_, meaning in rows(kind):
         assert meaning, f"{kind.__name__}.{name} has no meaning: declare it with knob(..., meaning=...)"
 
@@ -66,7 +66,7 @@ def test_every_dataclass_that_a_node_declares_as_parameters_is_on_the_page() -> 
                     assert found in wanted, f"{file}: declares {kind.id}, which reference/parameters.py does not list"
 
 
-def test_every_sensor_of_the_vehicle_says_who_it_is() -> None:
+def test_every_sensor_of_the_vehicle_states_who_it_is() -> None:
     vehicle = load_vehicle(default_vehicle())
     assert set(identities(vehicle)) >= set(vehicle.sensors)
 
@@ -91,7 +91,7 @@ def test_help_shows_an_example_that_the_command_takes(parser: argparse.ArgumentP
 
 
 @pytest.mark.parametrize("parser", parsers(), ids=lambda one: one.prog)
-def test_every_option_says_what_it_does(parser: argparse.ArgumentParser) -> None:
+def test_every_option_states_what_it_does(parser: argparse.ArgumentParser) -> None:
     for action in parser._actions:
         if not isinstance(action, argparse._SubParsersAction):
             assert action.help, f"{parser.prog} {action.dest}: has no help"
@@ -123,7 +123,7 @@ def test_the_figures_are_drawn_from_what_lies_beside_them(tmp_path: Path) -> Non
         assert f"figures/{file.name}" in page
 
 
-def test_the_flights_behind_the_figures_say_what_the_page_says() -> None:
+def test_the_flights_behind_the_figures_say_what_the_page_states() -> None:
     """With a curve that promises too little all runs are off by more than noise, none by more than calibration."""
     flights = json.loads((PAGES.parent / "explanation" / "figures" / "flights.json").read_text(encoding="utf-8"))
     drag = load_vehicle(default_vehicle()).hydrodynamics

@@ -89,7 +89,7 @@ def test_towing_in_both_directions_gives_quadratic_linear_and_offset(k_q: float,
     assert found.drag_coefficient.value == pytest.approx(k_q / (500.0 * 0.0616), abs=1e-6)
 
 
-def test_one_speed_cannot_tell_the_coefficients_apart() -> None:
+def test_one_speed_cannot_separate_the_coefficients() -> None:
     with pytest.raises(HindraxError, match="same speed"):
         towing.fit(np.array([0.5, 0.5, -0.5]), np.array([3.0, 3.1, -3.0]))
 

@@ -59,11 +59,11 @@ def test_numbers_come_back_to_the_last_digit(saved: Path) -> None:
 
 
 def test_conditions_come_back(saved: Path, vehicle: Vehicle) -> None:
-    told = read_coefficients(saved).conditions
-    assert told.vehicle == vehicle.name
-    assert told.mock
-    assert told.motions == ("surge", "yaw")
-    assert told.kinematic_viscosity_m2ps == vehicle.water.kinematic_viscosity_m2ps
+    reported = read_coefficients(saved).conditions
+    assert reported.vehicle == vehicle.name
+    assert reported.mock
+    assert reported.motions == ("surge", "yaw")
+    assert reported.kinematic_viscosity_m2ps == vehicle.water.kinematic_viscosity_m2ps
 
 
 def test_the_run_is_called_by_its_folder(saved: Path) -> None:
@@ -127,18 +127,20 @@ BOUNDS = "pool_bounds: 0.4 m to the wall; give it room"
 
 
 def an_aborted_file(path: Path, vehicle: Vehicle, motions: dict[str, Any]) -> Path:
-    told = replace(conditions_of(vehicle, mock=True, motions=tuple(motions)), aborted=BOUNDS, flown_s={"surge": 20.04})
-    told = replace(told, predicted={"surge": 0.0412})
+    reported = replace(
+        conditions_of(vehicle, mock=True, motions=tuple(motions)), aborted=BOUNDS, flown_s={"surge": 20.04}
+    )
+    reported = replace(reported, predicted={"surge": 0.0412})
     file = path / "coefficients.yaml"
-    file.write_text(as_yaml(Results(motions, vehicle), told), encoding="utf-8")
+    file.write_text(as_yaml(Results(motions, vehicle), reported), encoding="utf-8")
     return file
 
 
-def test_an_aborted_run_says_so_first_and_is_read_back(tmp_path: Path, vehicle: Vehicle) -> None:
+def test_an_aborted_run_reports_it_first_and_is_read_back(tmp_path: Path, vehicle: Vehicle) -> None:
     file = an_aborted_file(tmp_path, vehicle, {"surge": a_result()})
     assert next(iter(yaml.safe_load(file.read_text()).items())) == ("aborted", BOUNDS)
-    told = read_coefficients(file).conditions
-    assert (told.aborted, told.flown_s, told.predicted) == (BOUNDS, {"surge": 20.0}, {"surge": 0.0412})
+    reported = read_coefficients(file).conditions
+    assert (reported.aborted, reported.flown_s, reported.predicted) == (BOUNDS, {"surge": 20.0}, {"surge": 0.0412})
 
 
 def test_a_run_to_its_end_and_an_older_file_are_not_aborted(saved: Path) -> None:
@@ -146,11 +148,11 @@ def test_a_run_to_its_end_and_an_older_file_are_not_aborted(saved: Path) -> None
     assert "aborted" not in data
     del data["conditions"]["flown_s"]
     saved.write_text(yaml.safe_dump(data), encoding="utf-8")
-    told = read_coefficients(saved).conditions
-    assert (told.aborted, told.flown_s) == ("", {})
+    reported = read_coefficients(saved).conditions
+    assert (reported.aborted, reported.flown_s) == ("", {})
 
 
-def test_an_aborted_run_in_which_nothing_was_flown_says_so(tmp_path: Path, vehicle: Vehicle) -> None:
+def test_an_aborted_run_in_which_nothing_was_flown_reports_it(tmp_path: Path, vehicle: Vehicle) -> None:
     file = an_aborted_file(tmp_path, vehicle, {})
     assert "# Nothing was flown" in file.read_text()
     assert read_coefficients(file).motions == {}
@@ -158,7 +160,7 @@ def test_an_aborted_run_in_which_nothing_was_flown_says_so(tmp_path: Path, vehic
         export_model(read_coefficients(file), vehicle, str(file))
 
 
-def test_an_export_of_an_aborted_run_says_so(tmp_path: Path, vehicle: Vehicle) -> None:
+def test_an_export_of_an_aborted_run_reports_it(tmp_path: Path, vehicle: Vehicle) -> None:
     file = an_aborted_file(tmp_path, vehicle, {"surge": a_result()})
     notes = export_model(read_coefficients(file), vehicle, str(file), complete=True).notes
     assert notes[0] == f"aborted by {BOUNDS}; the results are of what was flown until then"

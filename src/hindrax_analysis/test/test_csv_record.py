@@ -83,7 +83,7 @@ def test_cells_that_say_nothing_have_many_names() -> None:
     assert found.velocity_t.tolist() == found.wrench_t.tolist() == [0.0]
 
 
-def test_axes_that_are_told_are_turned() -> None:
+def test_given_axes_are_turned() -> None:
     text = "t,v,Y,roll,pitch,depth\n0,1,2,0.1,0.2,3\n"
     found = read_csv(text, "x.csv", "flu")
     assert found.velocity[0, 1] == -1.0
@@ -111,7 +111,7 @@ def test_what_means_nothing_is_left_alone(header: str) -> None:
         ("t,u_furlongs,X", "u_furlongs: the unit 'furlongs' is none of m/s, cm/s"),
     ],
 )
-def test_a_column_that_says_too_little_is_told_what_it_lacks(header: str, remedy: str) -> None:
+def test_an_incomplete_column_name_is_refused_with_what_it_lacks(header: str, remedy: str) -> None:
     with pytest.raises(HindraxError, match=remedy):
         read_csv(f"{header}\n0,1,2\n", "x.csv")
 

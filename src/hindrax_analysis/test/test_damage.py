@@ -56,7 +56,7 @@ def test_an_axis_that_was_never_measured_is_not_damaged() -> None:
     assert without_damage(recorded(moving(), array(np.zeros(len(T))))).assumptions == ()
 
 
-def test_a_frozen_sensor_is_told() -> None:
+def test_a_frozen_sensor_is_reported() -> None:
     surge = moving()
     surge[between(31.0, 33.0)] = surge[between(31.0, 33.0)][0]
     found = without_damage(recorded(surge))
@@ -102,9 +102,9 @@ def test_two_sensors_that_take_turns_are_no_bursts() -> None:
     assert without_damage(record).assumptions == ()
 
 
-def test_gaps_are_told() -> None:
+def test_gaps_are_reported() -> None:
     keep = (T < 20.0) | (T > 32.0)
     whole = recorded(moving())
     found = without_damage(replace(whole, velocity_t=T[keep], velocity=whole.velocity[keep]))
-    (told,) = found.assumptions
-    assert told.startswith("no velocity for 12.2 s in 1 gap, the longest of 12.2 s after 19.9 s")
+    (reported,) = found.assumptions
+    assert reported.startswith("no velocity for 12.2 s in 1 gap, the longest of 12.2 s after 19.9 s")

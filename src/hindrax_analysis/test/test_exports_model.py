@@ -72,7 +72,7 @@ def test_no_export_can_drive_the_vehicle(k_q: float, k_l: float, top: float) -> 
         assert any("surge: k_l" in note for note in model.notes)
 
 
-def test_what_is_missing_is_asked_for_or_taken_from_the_vehicle_and_said() -> None:
+def test_what_is_missing_is_asked_for_or_taken_from_the_vehicle_and_reported() -> None:
     lacking = results(pitch={"identifiable": False, "reasons": ["it hardly moved", "it is short"]})
     with pytest.raises(HindraxError, match=r"motion pitch is not identifiable \(it hardly moved\); name a --vehicle"):
         exported(lacking)
@@ -82,11 +82,11 @@ def test_what_is_missing_is_asked_for_or_taken_from_the_vehicle_and_said() -> No
     model = exported(lacking, complete=True)
     assert model.hydrodynamics.pitch == Drag(7.0, 2.0)
     assert model.hydrodynamics.added_mass[4] == 0.4
-    said = "pitch: not identifiable in the results (it hardly moved); drag and added mass are from the vehicle file"
-    assert said in model.notes
+    printed = "pitch: not identifiable in the results (it hardly moved); drag and added mass are from the vehicle file"
+    assert printed in model.notes
 
 
-def test_what_is_said_of_several_axes_is_said_once() -> None:
+def test_what_is_reported_of_several_axes_is_reported_once() -> None:
     surge = {"motions": {"surge": results()["motions"]["surge"]}, "aborted": "pool_box"}
     notes = exported(surge, complete=True).notes
     assert notes[0].startswith("aborted by pool_box")
@@ -96,9 +96,9 @@ def test_what_is_said_of_several_axes_is_said_once() -> None:
 
 
 def test_bands_and_assumptions_go_with_the_numbers() -> None:
-    told = results(surge={"k_q": {"value": 18.0, "std": 0.5, "std_calibrated": 1.9}})
-    told["conditions"] = {"assumptions": ["the gain is believed to within 10%"]}
-    lines = header(exported(told), ())
+    reported = results(surge={"k_q": {"value": 18.0, "std": 0.5, "std_calibrated": 1.9}})
+    reported["conditions"] = {"assumptions": ["the gain is believed to within 10%"]}
+    lines = header(exported(reported), ())
     assert any("surge: k_q 18.0 +- 1.9 N s^2/m^2" in line for line in lines)
     assert any("assumed: the gain is believed" in line for line in lines)
 

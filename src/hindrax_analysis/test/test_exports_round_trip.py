@@ -256,7 +256,7 @@ def test_python_model_runs_with_numpy_alone(generated: Path) -> None:
 
 
 @pytest.mark.parametrize("write", [gz.write, uuv.write, stonefish.write, vehicle_block.write, python_model.write])
-def test_every_format_says_where_it_comes_from_and_what_its_signs_are(
+def test_every_format_states_where_it_comes_from_and_what_its_signs_are(
     write: Callable[..., str] | Callable[[ExportModel], str],
 ) -> None:
     text = write(MODEL)

@@ -66,7 +66,7 @@ def test_rest_before_the_release_does_not_matter() -> None:
     assert result.added_mass_kg.value == pytest.approx(0.8289, rel=0.005)
 
 
-def test_linear_and_quadratic_drag_are_told_apart_by_amplitude() -> None:
+def test_linear_and_quadratic_drag_are_distinguished_by_amplitude() -> None:
     time, x, _ = bench_record(0.8289, 2.0, 10.0, 0.02)
     result = analyze(time, x, BENCH, "displacement")
     assert result.linear_drag_Nspm.value == pytest.approx(2.0, rel=0.03)

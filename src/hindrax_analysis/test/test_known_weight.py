@@ -46,7 +46,7 @@ def test_both_directions_have_their_own_gain() -> None:
     assert abs(off) < 2.5 * found.gain.sigma_difference
 
 
-def test_a_battery_that_sags_is_told_and_its_gain_is_that_of_the_beginning() -> None:
+def test_a_battery_that_sags_is_reported_and_its_gain_is_that_of_the_beginning() -> None:
     found = weigh(holds(0.95, 0.95, else_N=0.0, sag_per_s=1e-4), 0, SURGE)
     assert found.drift_per_s == pytest.approx(-1e-4, rel=0.3)
     assert abs((found.gain.positive or 0.0) - 0.95) < 2.5 * (found.gain.sigma + found.gain.sigma_difference)

@@ -20,7 +20,7 @@ def flight(begin_s: float, seconds: float, motion: str = "surge") -> list[Any]:
     return [status(begin_s + 0.1 * step, "plateau", motion) for step in range(round(10 * seconds))]
 
 
-def test_an_abort_is_told_with_what_was_flown_until_then() -> None:
+def test_an_abort_is_reported_with_what_was_flown_until_then() -> None:
     found = record_of([status(0.0, "settle"), *flight(5.0, 20.0), status(25.0, "aborted", "", BOUNDS)])
     assert found.aborted == BOUNDS
     assert found.flown_s == {"surge": pytest.approx(20.0)}

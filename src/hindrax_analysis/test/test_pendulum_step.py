@@ -29,7 +29,7 @@ def test_the_published_repeats_come_back_from_their_simulation(repeat: tuple[flo
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_a_swinging_pendulum_tells_all_three_under_noise(seed: int) -> None:
+def test_a_swinging_pendulum_shows_all_three_under_noise(seed: int) -> None:
     time = array(np.arange(0.0, 12.0, 0.02))
     truth = (1.74, 2.2, 6.9)
     noise = np.random.default_rng(seed).normal(0.0, 1e-3, time.size)

@@ -29,6 +29,6 @@ def test_the_added_mass_of_a_turn_is_no_better_than_an_inertia_that_nobody_named
     assert [row.influence for row in found.budget["added_mass"]] == ["inertia of the body", "noise"]
 
 
-def test_an_inertia_that_was_named_is_believed_and_a_mass_always() -> None:
+def test_an_inertia_that_was_named_is_accepted_and_a_mass_always() -> None:
     assert with_inertia_uncertainty(turned("yaw"), replace(BOX, inertia_kgm2=(0.5, 0.6, 0.7))) == turned("yaw")
     assert with_inertia_uncertainty(turned("surge"), BOX) == turned("surge")

@@ -28,7 +28,7 @@ def test_turning_there_and_back() -> None:
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.05])
-def test_positions_tell_the_axes_of_the_velocities(noise: float) -> None:
+def test_positions_show_the_axes_of_the_velocities(noise: float) -> None:
     stray = noise * np.random.default_rng(1).standard_normal(BODY.shape)
     assert compared(P, Q, to_world(BODY, Q) + stray).is_world
     ours = compared(P, Q, BODY + stray)
@@ -46,7 +46,7 @@ def test_a_vehicle_that_keeps_its_heading_north_is_in_both_axes() -> None:
     assert not compared(np.cumsum(BODY, axis=0) * 0.05, north, BODY).is_world
 
 
-def test_positions_that_never_change_tell_nothing() -> None:
+def test_positions_that_never_change_show_nothing() -> None:
     assert compare_frames(T, np.zeros_like(P), Q, BODY) is None
 
 

@@ -13,10 +13,10 @@ from hindrax_ident.assess.results import truth_of
 VEHICLE = load_vehicle(default_vehicle())
 
 
-def bag(folder: Path, **told: str) -> Path:
+def bag(folder: Path, **reported: str) -> Path:
     writer = BagWriter(folder)
     writer.open()
-    writer.describe("hindrax", told)
+    writer.describe("hindrax", reported)
     writer.attach("vehicle.yaml", "application/yaml", b"", Stamp(1))
     writer.close()
     return folder
@@ -24,11 +24,11 @@ def bag(folder: Path, **told: str) -> Path:
 
 def test_the_truth_of_a_bag_is_that_of_the_hull_which_flew(tmp_path: Path) -> None:
     hull = {"surge": {"k_q": 60.0}}
-    told = bag(tmp_path / "told", notes="pool-test surge in mock", truth=json.dumps(hull))
-    assert is_mock(told)
-    assert truth_in(told, VEHICLE) == hull
+    reported = bag(tmp_path / "reported", notes="pool-test surge in mock", truth=json.dumps(hull))
+    assert is_mock(reported)
+    assert truth_in(reported, VEHICLE) == hull
 
 
 def test_a_bag_without_truth_takes_that_of_the_vehicle_file(tmp_path: Path) -> None:
-    for name, told in (("old", {"notes": "in mock"}), ("real", {"notes": "", "truth": ""})):
-        assert truth_in(bag(tmp_path / name, **told), VEHICLE) == truth_of(VEHICLE)
+    for name, reported in (("old", {"notes": "in mock"}), ("real", {"notes": "", "truth": ""})):
+        assert truth_in(bag(tmp_path / name, **reported), VEHICLE) == truth_of(VEHICLE)

@@ -74,7 +74,7 @@ def test_events_are_in_order_and_end_the_motion() -> None:
     assert phases == [Phase("surge", "excite"), Phase("", "")]
 
 
-def test_a_second_record_begins_where_it_is_told() -> None:
+def test_a_second_record_begins_at_a_given_time() -> None:
     first = next(iter(events(read_csv(PLAIN, "x.csv"), 0, 2000.0)))
     assert to_s(first.stamp) == 2000.0
 
@@ -105,7 +105,7 @@ def test_a_cut_keeps_the_force_in_force() -> None:
         (lambda i: (0.1 * i, i if i < 25 else "", "" if i < 30 else i), "after the last velocity"),
     ],
 )
-def test_why_nothing_can_be_learned_is_said(row: Callable[[int], tuple[object, ...]], reason: str) -> None:
+def test_why_nothing_can_be_learned_is_reported(row: Callable[[int], tuple[object, ...]], reason: str) -> None:
     text = "t,u,X\n" + "\n".join(",".join(map(str, row(i))) for i in range(40))
     assert reason in reason_to_skip(read_csv(text, "x.csv"), 0)
 

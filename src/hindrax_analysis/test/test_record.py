@@ -78,7 +78,7 @@ def test_deviations_of_a_straight_line_are_those_of_the_textbook() -> None:
     assert fit["start"].std == pytest.approx(np.sqrt(covariance[1, 1]))
 
 
-def test_a_fit_that_cannot_tell_its_coefficients_apart_says_so() -> None:
+def test_a_fit_that_cannot_separate_its_coefficients_reports_it() -> None:
     x = array(np.linspace(0.0, 1.0, 10))
     with pytest.raises(HindraxError, match="cannot separate them"):
         least_squares(np.column_stack((x, 2.0 * x)), x, ("a", "b"))

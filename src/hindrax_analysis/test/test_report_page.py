@@ -64,9 +64,9 @@ def report(vehicle: Vehicle, outcome: Outcome) -> RunReport:
     names = ("k_q", "k_l", "b", "added_mass")
     falling = np.column_stack([np.exp(-t)] * len(names))
     trace = Trace(names, t, 10.0 + falling, falling)
-    told = conditions_of(vehicle, mock=True, motions=("surge",))
+    reported = conditions_of(vehicle, mock=True, motions=("surge",))
     results = with_truth(outcome.results, truth_of(vehicle))
-    return RunReport(results, outcome.assessments, told, {"surge": trace}, [a_run("last week", 66.0)])
+    return RunReport(results, outcome.assessments, reported, {"surge": trace}, [a_run("last week", 66.0)])
 
 
 def a_run(label: str, k_q: float, std: float = 0.5, *, identifiable: bool = True) -> SavedCoefficients:
@@ -99,7 +99,7 @@ def test_ticks_are_round_within_the_range_and_a_handful(low: float, width: float
 
 @settings(deadline=None)
 @given(finite, st.floats(1e-3, 1e5))
-def test_tick_texts_tell_ticks_apart(low: float, width: float) -> None:
+def test_tick_texts_distinguish_ticks(low: float, width: float) -> None:
     marks = ticks(low, low + width)
     if width > 1e-4 * abs(low):
         texts = [tick_text(mark, marks) for mark in marks]
@@ -160,7 +160,7 @@ def test_a_figure_escapes_its_words() -> None:
     assert "1 &lt; 2" in text
 
 
-def test_a_run_that_is_not_believed_does_not_spoil_the_frame_of_the_others() -> None:
+def test_an_unidentified_run_does_not_spoil_the_frame_of_the_others() -> None:
     good = [Entry("one", Number(66.0, 0.3, 1.0), "model"), Entry("two", Number(67.0, 0.3, 1.0), "model")]
     wild = Entry("wild", Number(980.0, 1700.0, 1700.0), "earlier", excluded=True)
     frame = re.compile(r'class="tick" x="([\d.]+)"[^>]*>([^<]+)<')
@@ -241,7 +241,7 @@ def test_one_plateau_is_no_plateaus(count: float, text: str) -> None:
     assert text in _facts(replace(a_motion("surge", None), quality={"plateaus": count}))
 
 
-def test_a_warning_about_many_motions_is_said_once() -> None:
+def test_a_warning_about_many_motions_is_reported_once() -> None:
     wide, late = "most of the band comes from the tether", "the stamps are late"
     motions = {
         name: replace(a_motion(name, None), warnings=warnings)
@@ -264,7 +264,7 @@ def test_plateaus_are_not_shown_of_a_motion_that_rights_itself() -> None:
 
 
 @pytest.mark.parametrize(("motion", "force", "mass"), [("surge", "N", "kg"), ("yaw", "N\u00b7m", "kg\u00b7m\u00b2")])
-def test_every_column_of_the_budget_has_its_unit_and_why_the_rows_do_not_add_up_is_said(
+def test_every_column_of_the_budget_has_its_unit_and_why_the_rows_do_not_add_up_is_reported(
     motion: str, force: str, mass: str
 ) -> None:
     budget = {name: [Contribution("inflow loss", 0.5, "")] for name in ("drag", "added_mass")}
@@ -475,7 +475,7 @@ def aborted(report: RunReport, flown_s: dict[str, float] | None = None) -> RunRe
     return replace(report, conditions=replace(report.conditions, aborted=BOUNDS, flown_s=flown_s or {}))
 
 
-def test_an_aborted_run_says_by_what_and_what_was_flown_until_then(report: RunReport) -> None:
+def test_an_aborted_run_states_by_what_and_what_was_flown_until_then(report: RunReport) -> None:
     text = run_page(aborted(report, flown_s={"surge": 20.4}))
     ET.fromstring(main_of(text))
     assert '<span class="chip bad">aborted: pool_bounds</span>' in text
@@ -507,7 +507,7 @@ def test_the_chip_names_the_guard(report: RunReport, sentence: str, guard: str) 
     assert f'<span class="chip bad">aborted: {guard}</span>' in text
 
 
-def test_a_run_in_which_nothing_was_flown_says_so_and_shows_no_tables(report: RunReport) -> None:
+def test_a_run_in_which_nothing_was_flown_reports_it_and_shows_no_tables(report: RunReport) -> None:
     text = run_page(replace(aborted(report), results=replace(report.results, motions={}), traces={}, assessments={}))
     ET.fromstring(main_of(text))
     assert "Nothing was flown" in text

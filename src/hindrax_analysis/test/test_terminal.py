@@ -119,7 +119,7 @@ def test_a_table_of_values_has_the_digits_that_the_deviation_leaves(
     assert [cell.strip() for cell in row.strip("\u2502").split("\u2502")] == ["c", *texts, "N"]
 
 
-def test_long_work_is_told_on_a_terminal_alone(
+def test_long_work_is_reported_on_a_terminal_alone(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with working("identifying over pool"):

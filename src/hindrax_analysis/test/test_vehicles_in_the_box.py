@@ -17,7 +17,7 @@ SHORT = PlanKnobs(levels=1, turning_levels=1, repeats=(1, 1, 1, 1, 1, 1), platea
 OTHERS = [file for file in FILES if file != default_vehicle()]
 
 
-def test_each_has_the_name_of_its_file_and_says_what_it_cannot_fly() -> None:
+def test_each_has_the_name_of_its_file_and_states_what_it_cannot_fly() -> None:
     unservable = {file.stem: [motion for motion, _ in served(file).left_out] for file in FILES}
     assert unservable == {"bluerov2": ["pitch"], "bluerov2-heavy": [], "hindrax": [], "lbv": ["roll", "pitch"]}
     assert [load_vehicle(file).name for file in FILES] == [file.stem for file in FILES]

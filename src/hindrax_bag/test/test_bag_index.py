@@ -27,7 +27,7 @@ def test_files_are_in_the_order_of_their_numbers_and_one_without_comes_first(tmp
     assert parts(tmp_path) == bag_files(tmp_path) == [tmp_path / name for name in names]
 
 
-def test_a_channel_that_tells_nothing_has_no_type_and_the_quality_of_our_table() -> None:
+def test_a_channel_that_shows_nothing_has_no_type_and_the_quality_of_our_table() -> None:
     record = ChannelRecord(id=1, topic="/somebody/else", message_encoding="cdr", metadata={}, schema_id=0)
     found = channel_of(record, None)
     assert (found.type, found.offered, found.type_hash) == ("", (Quality(),), "")

@@ -171,7 +171,7 @@ def test_the_time_of_a_chunk_that_is_cut_off_is_lost(chunks: bool, tmp_path: Pat
         assert damage == lost(note, left_out=0, unfinished=True)
 
 
-def test_what_is_cut_off_before_its_time_is_only_told(tmp_path: Path) -> None:
+def test_what_is_cut_off_before_its_time_is_only_given(tmp_path: Path) -> None:
     at = len(MAGIC + HEAD)
     for cut in (chunk(message(1))[: 9 + 15], message(1)[:-1], message(1)[:3], b"\x05"):
         found, damage = read(tmp_path, MAGIC + HEAD + cut)

@@ -73,7 +73,7 @@ def test_a_recovered_sqlite_bag_is_mcap_with_the_same_messages(tmp_path: Path) -
     assert {(one.topic, one.type) for one in found} == {(LEVEL.topic, LEVEL.type)}
 
 
-def test_sqlite_bag_of_an_unknown_type_says_what_to_install(tmp_path: Path) -> None:
+def test_sqlite_bag_of_an_unknown_type_states_what_to_install(tmp_path: Path) -> None:
     path = sqlite_bag(tmp_path / "other", with_definitions=False)
     with pytest.raises(UsageError, match="demo_msgs/msg/Level is neither in the bag nor installed"):
         list(messages(path))
@@ -104,7 +104,7 @@ def _folder(path: Path) -> Path:
         (["notes.txt", "b_0.mcap.zstd"], r"found only b_0.mcap.zstd, which is compressed as a whole \(unpack it\)"),
     ],
 )
-def test_a_folder_without_a_bag_is_told_by_what_is_in_it(tmp_path: Path, names: list[str], found: str) -> None:
+def test_a_folder_without_a_bag_is_reported_by_what_is_in_it(tmp_path: Path, names: list[str], found: str) -> None:
     for name in names:
         (tmp_path / name).touch()
     with pytest.raises(UsageError, match=found):

@@ -273,7 +273,7 @@ def test_hostile_stamps_and_bytes_are_recorded_and_counted_and_end_nothing(tmp_p
 
 
 @pytest.mark.ros
-def test_what_does_not_fit_into_the_queue_is_counted_and_told(tmp_path: Path, ros_domain: int) -> None:
+def test_what_does_not_fit_into_the_queue_is_counted_and_given(tmp_path: Path, ros_domain: int) -> None:
     stuck = tmp_path / "stuck"
     with Rig(tmp_path, ros_domain, ("-c", STUCK)) as rig:
         rig.order(10, 0.01)

@@ -159,7 +159,7 @@ def test_what_comes_before_the_clock_of_a_mock_waits_for_it_and_is_written_once(
     assert [(one.received, one.sent) for one in made.recorded(LIGHTS)] == [(100 * NS_PER_S, 100 * NS_PER_S)] * 2
 
 
-def test_without_any_clock_what_came_is_still_in_the_bag_at_the_latest_time_that_was_said(
+def test_without_any_clock_what_came_is_still_in_the_bag_at_the_latest_time_that_was_reported(
     bench: Callable[..., Bench],
 ) -> None:
     made = bench(use_sim_time="true")
@@ -207,7 +207,7 @@ def test_a_stamp_that_is_none_is_counted_and_the_message_recorded_as_received(be
     assert lamp.sent == lamp.received
 
 
-def test_it_says_that_it_records_and_how_much_fits(bench: Callable[..., Bench]) -> None:
+def test_it_states_that_it_records_and_how_much_fits(bench: Callable[..., Bench]) -> None:
     made = bench()
     inertial = made.voice(IMU)
     for stamp_s in range(300):
@@ -225,7 +225,7 @@ def test_it_says_that_it_records_and_how_much_fits(bench: Callable[..., Bench]) 
     assert float(words["size [MB]"]) == pytest.approx((made.bag / "bag_0.mcap").stat().st_size / 1e6, abs=0.1)
 
 
-def test_a_power_cut_costs_a_second_and_the_operator_hears_every_second(
+def test_a_power_cut_costs_a_second_and_the_operator_receives_every_second(
     bench: Callable[..., Bench], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     timers: list[tuple[float, Callable[[], None]]] = []
@@ -272,7 +272,7 @@ def test_what_its_queue_has_lost_is_a_warning_with_the_topic(bench: Callable[...
     assert (values_of(status)["lost"], values_of(status)[f"lost: {IMU.name}"]) == (str(lost), str(lost))
 
 
-def test_a_bag_that_may_not_grow_is_an_error_that_says_why_and_is_logged_then_and_in_the_end(
+def test_a_bag_that_may_not_grow_is_an_error_that_states_why_and_is_logged_then_and_in_the_end(
     bench: Callable[..., Bench], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made, warnings, errors = bench(budget_MB=0.001), list[str](), list[str]()
@@ -291,7 +291,7 @@ def test_a_bag_that_may_not_grow_is_an_error_that_says_why_and_is_logged_then_an
     assert (warnings, errors) == ([status.message], [status.message])
 
 
-def test_the_bag_says_what_the_run_was(
+def test_the_bag_states_what_the_run_was(
     bench: Callable[..., Bench], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     files = {name: tmp_path / name for name in ("sub.yaml", "given.yaml")}

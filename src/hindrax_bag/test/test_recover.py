@@ -180,7 +180,7 @@ def test_messages_of_another_namespace_are_chosen_by_the_name_that_is_shown_and_
     assert [one.topic for one in messages(made.output)] == shown[:1]
 
 
-def test_a_long_recovery_says_now_and_then_how_far_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_long_recovery_states_now_and_then_how_far_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, progress = small_bag(tmp_path / "bag", count=250), list[int]()
     monkeypatch.setattr(recovery, "EVERY", 100)
     assert recover(path, tmp_path / "out", progress.append).messages == 251

@@ -69,7 +69,7 @@ def test_a_bag_of_no_message_lasts_no_time(tmp_path: Path) -> None:
     assert (found.first, found.last, found.seconds, found.messages) == (0, 0, 0.0, 0)
 
 
-def test_bags_are_listed_with_what_their_metadata_or_their_last_file_says(tmp_path: Path) -> None:
+def test_bags_are_listed_with_what_their_metadata_or_their_last_file_states(tmp_path: Path) -> None:
     sizes = {}
     for name in ("a", "b", "c", "d", "e"):
         sizes[name] = written(tmp_path / name, finish=name != "d").stat().st_size
@@ -93,7 +93,7 @@ def test_bags_are_listed_with_what_their_metadata_or_their_last_file_says(tmp_pa
     ]
 
 
-def test_the_last_file_says_whether_a_bag_of_several_is_finished(tmp_path: Path) -> None:
+def test_the_last_file_states_whether_a_bag_of_several_is_finished(tmp_path: Path) -> None:
     first, last = written(tmp_path / "a", "bag_0.mcap"), written(tmp_path / "a", "bag_1.mcap", finish=False)
     (found,) = find_bags(tmp_path)
     assert (found.finished, found.bytes) == (False, first.stat().st_size + last.stat().st_size)

@@ -210,7 +210,7 @@ def test_split_by_time_leaves_files_that_each_open_alone(tmp_path: Path) -> None
         assert len(list(reader.messages())) == 600
 
 
-def test_unless_told_a_file_ends_after_a_quarter_of_an_hour_with_the_index_that_it_kept_in_memory() -> None:
+def test_unless_given_a_file_ends_after_a_quarter_of_an_hour_with_the_index_that_it_kept_in_memory() -> None:
     assert not BagLimits().split_due(1, 899.0)
     assert BagLimits().split_due(1, 900.0)
     assert not BagLimits(split_s=0.0).split_due(1, 1e6)
@@ -223,7 +223,7 @@ def test_split_by_size(tmp_path: Path) -> None:
     assert len(bag_files(tmp_path / "bag")) == 4
 
 
-def test_budget_stops_the_recording_and_says_so(tmp_path: Path) -> None:
+def test_budget_stops_the_recording_and_reports_it(tmp_path: Path) -> None:
     bag = writer(tmp_path / "bag", BagLimits(budget_MB=0.004, keep_free_MB=0.0))
     decisions = _record(bag, 10)
     bag.close()
@@ -368,7 +368,7 @@ def refusing(number: int, text: str) -> Callable[..., None]:
     return refuse
 
 
-def test_a_disk_that_refuses_the_end_of_a_file_is_told_and_what_was_flushed_is_there(
+def test_a_disk_that_refuses_the_end_of_a_file_is_reported_and_what_was_flushed_is_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bag = writer(tmp_path / "bag")

@@ -20,7 +20,7 @@ sys.stdin.read()
 """
 
 
-def test_ports_tell_the_domains(tmp_path: Path) -> None:
+def test_ports_show_the_domains(tmp_path: Path) -> None:
     heading = "  sl  local_address rem_address   st\n"
     table, table6 = tmp_path / "udp", tmp_path / "udp6"
     table.write_text(f"{heading}  1: 00000000:1CE8 00000000:0000 07\n  2: 0100007F:1DEC 00000000:0000 07\n")

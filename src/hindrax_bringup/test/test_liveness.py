@@ -80,7 +80,7 @@ def test_the_pulse_is_felt_while_it_beats(tmp_path: Path) -> None:
     assert list(path.parent.glob("*.pulse")) == []
 
 
-def test_a_tool_that_ctrl_z_has_stopped_is_told_at_once(tmp_path: Path) -> None:
+def test_a_tool_that_ctrl_z_has_stopped_is_reported_at_once(tmp_path: Path) -> None:
     words = "import sys, time; from hindrax_bringup.liveness import tool_liveness"
     beat = "tool = tool_liveness(); tool.beat('up', {}); print(flush=True); time.sleep(60)"
     child = subprocess.Popen([sys.executable, "-c", f"{words}; {beat}"], stdout=subprocess.PIPE)
@@ -90,15 +90,15 @@ def test_a_tool_that_ctrl_z_has_stopped_is_told_at_once(tmp_path: Path) -> None:
         assert stacks_well(tmp_path / "runtime", time.monotonic())[0]
         child.send_signal(signal.SIGSTOP)
         os.waitid(os.P_PID, child.pid, os.WSTOPPED)
-        well, told = stacks_well(tmp_path / "runtime", time.monotonic())
+        well, reported = stacks_well(tmp_path / "runtime", time.monotonic())
     finally:
         child.kill()
         child.communicate()
     assert not well
-    assert told.startswith(f"process {child.pid}: stopped, as by Ctrl-Z; ")
+    assert reported.startswith(f"process {child.pid}: stopped, as by Ctrl-Z; ")
 
 
-def test_what_is_wrong_with_its_nodes_is_told_of_a_stack_and_of_one_that_launch_started(tmp_path: Path) -> None:
+def test_what_is_wrong_with_its_nodes_is_reported_of_a_stack_and_of_one_that_launch_started(tmp_path: Path) -> None:
     nodes = LivenessFile(tmp_path / f"{os.getpid()}{NODES}")
     nodes.beat("nodes in /rov1", {"dvl75": "silence", "pilot": ""})
     now_s = time.monotonic()
@@ -142,7 +142,7 @@ def test_every_process_of_every_stack_is_felt(tmp_path: Path) -> None:
         assert not (runtime / "4999999.pulse").exists()
 
 
-def test_the_service_manager_is_told(tmp_path: Path) -> None:
+def test_the_service_manager_is_reported(tmp_path: Path) -> None:
     address = str(tmp_path / "notify")
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind(address)
@@ -181,7 +181,7 @@ def test_a_link_that_was_lost_must_be_steady_anew() -> None:
     assert watch.step(108.6), "four"
 
 
-def test_it_beats_once_a_second_and_tells_the_service_manager(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_beats_once_a_second_and_shows_the_service_manager(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     address, now_s = str(tmp_path / "notify@host"), [0.5]
     monkeypatch.setenv(NOTIFY, address)
     monkeypatch.setattr(time, "monotonic", lambda: now_s[0])
@@ -190,13 +190,13 @@ def test_it_beats_once_a_second_and_tells_the_service_manager(tmp_path: Path, mo
         manager.setblocking(False)
         for now_s[0], status in ((0.5, "starting"), (1.4, "too soon"), (1.5, "up"), (2.6, "down")):
             made.beat(status, {})
-        told = [manager.recv(100).decode() for _ in range(3)]
+        reported = [manager.recv(100).decode() for _ in range(3)]
         with pytest.raises(BlockingIOError):
             manager.recv(100)
-    assert told == [f"WATCHDOG=1\nSTATUS={status}" for status in ("starting", "up", "down")]
+    assert reported == [f"WATCHDOG=1\nSTATUS={status}" for status in ("starting", "up", "down")]
 
 
-def test_a_tool_says_that_it_is_ready(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_tool_states_that_it_is_ready(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(NOTIFY, str(tmp_path / "notify"))
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind(str(tmp_path / "notify"))
@@ -230,7 +230,7 @@ def test_where_the_lines_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 
 @pytest.mark.parametrize(
-    ("before", "now", "told"),
+    ("before", "now", "reported"),
     [
         (None, "", "dvl75: well"),
         ("silence", "", "dvl75: well"),
@@ -242,5 +242,5 @@ def test_where_the_lines_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         ("1.5", "a1", "dvl75: a1"),
     ],
 )
-def test_only_words_are_news(before: str | None, now: str, told: str) -> None:
-    assert health_change("dvl75", before, now) == told
+def test_only_words_are_news(before: str | None, now: str, reported: str) -> None:
+    assert health_change("dvl75", before, now) == reported

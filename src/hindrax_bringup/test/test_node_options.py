@@ -29,13 +29,13 @@ def test_what_is_set_wins_over_the_file_in_every_block_that_names_the_node(tmp_p
     assert blocks["/**/piloot"] == {"holds.turn_radps": 0.3}
 
 
-def test_the_file_wins_over_what_the_stack_says_itself(tmp_path: Path) -> None:
+def test_the_file_wins_over_what_the_stack_states_itself(tmp_path: Path) -> None:
     text = "/**: {ros__parameters: {vehicle: mine.yaml}}"
     blocks = tuned(tmp_path, text=text).parameters()
     assert blocks["/**"]["vehicle"] == "mine.yaml"
 
 
-def test_a_block_for_nobody_is_told(tmp_path: Path) -> None:
+def test_a_block_for_nobody_is_reported(tmp_path: Path) -> None:
     (sentence,) = tuned(tmp_path).unknown_blocks()
     assert "'/**/piloot' names no node of this stack, ignored" in sentence
     assert any("'/rov1/pilot'" in one for one in tuned(tmp_path, namespace="/rov2").unknown_blocks())

@@ -234,7 +234,7 @@ def test_the_link_is_reported_once_a_second_and_its_loss_at_once(make: Make) -> 
     assert len(bench.look(104.75)) == 1
 
 
-def test_a_heartbeat_that_is_not_of_now_is_no_operator_is_said_once_and_counted(make: Make) -> None:
+def test_a_heartbeat_that_is_not_of_now_is_no_operator_is_reported_once_and_counted(make: Make) -> None:
     bench = make(HOLD)
     why = "refused: operator/heartbeat: the heartbeat is {} s old, wanted at most 1.0 s; try again, and set the clocks"
     bench.beat(1.0, age_s=1.5)
@@ -380,7 +380,7 @@ def test_a_list_that_comes_before_the_time_is_kept_when_the_time_is_known(make: 
     assert bench.kept == ["T2", "T3"]
 
 
-def test_news_of_the_nodes_are_said_and_their_troubles_are_in_the_pulse(make: Make) -> None:
+def test_news_of_the_nodes_are_reported_and_their_troubles_are_in_the_pulse(make: Make) -> None:
     bench = make()
     bench.diagnosed("hindrax: link", DiagnosticStatus.WARN, "no operator for 2 s")
     bench.diagnosed("hindrax: dvl75", DiagnosticStatus.ERROR, "no reading for 1.5 s")
@@ -398,6 +398,6 @@ def test_news_of_the_nodes_are_said_and_their_troubles_are_in_the_pulse(make: Ma
     ]
 
 
-def test_what_is_said_goes_to_stderr(make: Make, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_is_reported_goes_to_stderr(make: Make, capsys: pytest.CaptureFixture[str]) -> None:
     make().report("link: an operator is connected")
     assert capsys.readouterr().err == "link: an operator is connected\n"

@@ -93,9 +93,9 @@ def test_what_a_node_does_it_may(file: Path) -> None:
 
 
 def test_every_topic_of_the_table_has_somebody_who_may_say_it() -> None:
-    said = {topic for role in ROLES for topic in role.publishes}
+    printed = {topic for role in ROLES for topic in role.publishes}
     outside = {"joy", "cmd_vel", "/rosout"}
-    assert {topic.name for topic in TOPICS if topic not in said} == outside
+    assert {topic.name for topic in TOPICS if topic not in printed} == outside
 
 
 def test_only_the_operator_commands_and_only_the_allocator_makes_pulses() -> None:
@@ -118,7 +118,7 @@ def test_only_the_operator_commands_and_only_the_allocator_makes_pulses() -> Non
     }
 
 
-def test_nobody_at_the_far_end_hears_raw_frames() -> None:
+def test_nobody_at_the_far_end_receives_raw_frames() -> None:
     far = [role for role in ROLES if role.enclave in ("operator", "bench")]
     assert not {topic for role in far for topic in role.subscribes} & set(RAW_FRAMES.values())
 
@@ -140,9 +140,9 @@ def test_the_policies_allow_by_full_name_and_deny_nothing() -> None:
     assert all(name and name.startswith("/") for name in names)
     assert "DENY" not in policies()
     (pilot,) = document.findall(".//profile[@node='pilot']")
-    said = {one.text for one in pilot.findall("./topics[@publish='ALLOW']/topic")}
-    assert resolved(WRENCH) in said
-    assert resolved(THRUSTER_COMMAND) not in said
+    printed = {one.text for one in pilot.findall("./topics[@publish='ALLOW']/topic")}
+    assert resolved(WRENCH) in printed
+    assert resolved(THRUSTER_COMMAND) not in printed
     assert [one.text for one in pilot.findall("./actions[@execute='ALLOW']/action")] == ["/hindrax/maneuver/fly"]
 
 
@@ -175,19 +175,19 @@ def test_a_mock_beside_a_keystore_is_operated_without_it(tmp_path: Path, monkeyp
     assert environment_beside(replace(mock, mock=False))["ROS_SECURITY_KEYSTORE"] == str(tmp_path)
 
 
-def test_a_mock_that_starts_beside_a_keystore_says_that_it_is_open(
+def test_a_mock_that_starts_beside_a_keystore_states_that_it_is_open(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(Supervisor, "start", lambda *_, **__: None)
     monkeypatch.setattr("hindrax_bringup.stack.first_line", lambda *_: {})
-    folder, said = make_run_folder(str(tmp_path / "run"), default_vehicle(), wanted_bytes=0), []
+    folder, printed = make_run_folder(str(tmp_path / "run"), default_vehicle(), wanted_bytes=0), []
     for keystore in ("", str(tmp_path)):
         monkeypatch.setenv(KEYSTORE, keystore)
         supervisor = Supervisor(folder.logs, stack_environment(mock=True, domain=None))
         Stack(folder, supervisor).start_mock(MockOptions())
-        said.append(capsys.readouterr().err)
-    assert said == ["", f"{security.unenforced(str(tmp_path))}\n"]
-    assert said[1].startswith(f"{KEYSTORE}: {tmp_path} is not enforced in mock")
+        printed.append(capsys.readouterr().err)
+    assert printed == ["", f"{security.unenforced(str(tmp_path))}\n"]
+    assert printed[1].startswith(f"{KEYSTORE}: {tmp_path} is not enforced in mock")
 
 
 def test_a_node_in_the_tool_is_the_operator() -> None:
@@ -232,7 +232,7 @@ def test_the_keystore_has_every_enclave_and_the_topside_only_its_own(tmp_path: P
     assert (folder.stat().st_mode & 0o077, topside.stat().st_mode & 0o077) == (0, 0)
 
 
-def test_without_ros_the_keystore_says_what_to_install(tmp_path: Path) -> None:
+def test_without_ros_the_keystore_states_what_to_install(tmp_path: Path) -> None:
     command = [share_folder("security") / "keystore.sh", tmp_path / "keys"]
     done = subprocess.run(
         command, env={"PATH": "/usr/bin:/bin"}, check=False, capture_output=True, text=True, cwd=tmp_path

@@ -73,11 +73,11 @@ def test_whether_a_stack_is_armed_is_reported_by_its_safety_monitor(tmp_path: Pa
         liveness.close()
 
 
-def test_a_frozen_safety_monitor_hears_no_armed_thrusters(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_frozen_safety_monitor_receives_no_armed_thrusters(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # A step back of the clock freezes it in a wait of the middleware, with "armed" as its last word.
     file = tmp_path / f"7{NODES}"
     LivenessFile(file).beat("nodes", {}, armed=True)
-    said_s = json.loads(file.read_text(encoding="utf-8"))["at_s"]
+    reported_s = json.loads(file.read_text(encoding="utf-8"))["at_s"]
     for age_s, armed in ((LATE_S - 0.1, True), (LATE_S + 0.1, False)):
-        monkeypatch.setattr("hindrax_bringup.liveness.time.monotonic", lambda age_s=age_s: said_s + age_s)
+        monkeypatch.setattr("hindrax_bringup.liveness.time.monotonic", lambda age_s=age_s: reported_s + age_s)
         assert reported_armed(tmp_path, 7) is armed

@@ -72,7 +72,7 @@ def until(done: Callable[[], object]) -> None:
         time.sleep(0.01)
 
 
-def told(supervisor: Supervisor) -> list[str]:
+def reported(supervisor: Supervisor) -> list[str]:
     """Sentences of the first look that has any."""
     found: list[str] = []
 
@@ -84,11 +84,11 @@ def told(supervisor: Supervisor) -> list[str]:
     return found
 
 
-def test_a_process_that_is_gone_for_good_is_told_with_its_last_words(supervisor: Supervisor) -> None:
+def test_a_process_that_is_gone_for_good_is_reported_with_its_last_words(supervisor: Supervisor) -> None:
     child = supervisor.start(Process("no_such_module.lamps", (), restart=False))
     child.handle.wait(30.0)
-    (said,) = supervisor.check()
-    assert re.fullmatch(r"lamps ended with code 1 and stays down; its log is \S+/lamps\.log", said)
+    (printed,) = supervisor.check()
+    assert re.fullmatch(r"lamps ended with code 1 and stays down; its log is \S+/lamps\.log", printed)
     wanted = r"lamps: the process has ended for good; end of its log: .*no_such_module'?\)?; look into .*, start again"
     with pytest.raises(HindraxError, match=wanted):
         supervisor.require()
@@ -141,7 +141,7 @@ def test_without_its_fork_server_a_process_lives_on_and_starts_again(
     until(lambda: is_stopped(server.pid) if number == signal.SIGSTOP else server._handle.poll() is not None)
     assert forking.check() == []
     child.handle.kill()
-    assert told(forking)[0].startswith("lamps was killed by signal 9; restarted (see ")
+    assert reported(forking)[0].startswith("lamps was killed by signal 9; restarted (see ")
     assert capsys.readouterr().err == f"fork server: {why}; processes start without it\n"
     until(lambda: beaten_s(child.heartbeat) is not None)
 
@@ -153,18 +153,18 @@ def test_a_stopped_process_and_what_is_below_it_are_killed_and_it_starts_again(s
     for pid in (below, old):
         os.kill(pid, signal.SIGSTOP)
     until(lambda: is_stopped(old))
-    (said,) = told(supervisor)
-    assert said.startswith("lamps was frozen (stopped by a signal), and killed; restarted (see ")
+    (printed,) = reported(supervisor)
+    assert printed.startswith("lamps was frozen (stopped by a signal), and killed; restarted (see ")
     assert child.handle.pid != old
     until(lambda: not held._at_work())
     held.kill(0.0)
 
 
-def test_a_process_below_that_is_stopped_is_told_once(supervisor: Supervisor) -> None:
+def test_a_process_below_that_is_stopped_is_reported_once(supervisor: Supervisor) -> None:
     child = start(supervisor)
     (below,) = descendants(child.handle.pid)
     os.kill(below, signal.SIGSTOP)
-    assert told(supervisor) == [f"lamps: its process {below} is frozen"]
+    assert reported(supervisor) == [f"lamps: its process {below} is frozen"]
     supervisor._looked_s = 0.0
     assert supervisor.check() == []
 
@@ -177,8 +177,8 @@ def test_a_process_without_a_heartbeat_is_killed_and_one_that_has_not_begun_is_n
     monkeypatch.setattr(module, "LOOK_S", 0.0)
     monkeypatch.setattr(module, "HUNG_S", 0.0)
     supervisor._awake_s = 0.0
-    (said,) = told(supervisor)
-    assert said.startswith("lamps was frozen (no heartbeat for 0 s), and killed; restarted (see ")
+    (printed,) = reported(supervisor)
+    assert printed.startswith("lamps was frozen (no heartbeat for 0 s), and killed; restarted (see ")
     child.heartbeat.write_bytes(b"")
     assert supervisor.check() == []
 
@@ -202,11 +202,11 @@ def test_the_budget_of_restarts_refills_after_a_good_time(
     child = start(supervisor)
     for _ in range(3):
         child.handle.kill()
-        assert "restarted" in told(supervisor)[0]
+        assert "restarted" in reported(supervisor)[0]
     assert child.restarts == restarts
 
 
-def test_who_hears_no_signal_is_killed_however_often_the_end_is_interrupted(
+def test_who_receives_no_signal_is_killed_however_often_the_end_is_interrupted(
     supervisor: Supervisor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A second Ctrl-C ended the end: a process that would not go stayed behind."""
@@ -239,7 +239,7 @@ def test_an_output_that_was_not_left_safe_is_made_safe_in_its_place(
     assert capsys.readouterr().err == "lamps had to be killed; it is dark\n"
 
 
-def test_an_output_that_cannot_be_made_safe_is_told_with_what_else_went_wrong(supervisor: Supervisor) -> None:
+def test_an_output_that_cannot_be_made_safe_is_reported_with_what_else_went_wrong(supervisor: Supervisor) -> None:
     def fly() -> None:
         with supervisor:
             os.kill(start(supervisor, UNSAFE, ["broken"]).handle.pid, signal.SIGSTOP)
@@ -254,7 +254,7 @@ def test_a_process_starts_again_though_the_folder_of_heartbeats_has_gone(supervi
     child = start(supervisor)
     shutil.rmtree(child.heartbeat.parent)
     child.handle.kill()
-    assert "restarted" in told(supervisor)[0]
+    assert "restarted" in reported(supervisor)[0]
 
 
 def test_what_killed_tools_left_behind_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

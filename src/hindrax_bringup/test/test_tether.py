@@ -75,7 +75,7 @@ def test_the_option_is_the_setting(capsys: pytest.CaptureFixture[str]) -> None:
     assert "wanted an IPv4 address" in capsys.readouterr().err
 
 
-def test_an_interface_that_is_not_ready_says_why(tmp_path: Path) -> None:
+def test_an_interface_that_is_not_ready_states_why(tmp_path: Path) -> None:
     with pytest.raises(HindraxError, match="eth7: no such interface"):
         address_of("eth7", tmp_path)
     (tmp_path / "eth7").mkdir()
@@ -94,13 +94,13 @@ def test_an_interface_with_an_address() -> None:
 
 
 def test_work_that_does_not_wait_goes_without_a_tether_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    said: list[str] = []
-    assert available_tether(said.append) is None
+    printed: list[str] = []
+    assert available_tether(printed.append) is None
     monkeypatch.setenv(SETTING, "nowhere0:192.168.2.1")
-    assert available_tether(said.append) is None
-    assert said == ["without the tether: nowhere0: no such interface; `ip link` lists them"]
+    assert available_tether(printed.append) is None
+    assert printed == ["without the tether: nowhere0: no such interface; `ip link` lists them"]
     monkeypatch.setattr(tether, "address_of", lambda _interface: "192.168.2.2")
-    assert available_tether(said.append) == Tether("nowhere0", ("192.168.2.1",))
+    assert available_tether(printed.append) == Tether("nowhere0", ("192.168.2.1",))
 
 
 @pytest.mark.parametrize(
@@ -127,7 +127,7 @@ def test_a_mock_keeps_to_this_machine_unless_asked_by_name(
     assert found == [wanted]
 
 
-def test_waiting_says_each_reason_once_and_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_waiting_states_each_reason_once_and_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     answers = iter(["no carrier", "no carrier", "no address", ""])
 
     def look(_name: Navigation) -> str:
@@ -138,10 +138,10 @@ def test_waiting_says_each_reason_once_and_ends(monkeypatch: pytest.MonkeyPatch)
 
     monkeypatch.setattr(tether, "address_of", look)
     monkeypatch.setattr(tether, "LOOK_S", 0.0)
-    said: list[str] = []
-    assert wait_for_address(Tether("eth0"), 10.0, lambda: False, said.append) == "192.168.2.2"
-    assert said == ["waiting for the tether; no carrier", "waiting for the tether; no address"]
-    assert wait_for_address(Tether("eth0"), 10.0, lambda: True, said.append) == ""
+    printed: list[str] = []
+    assert wait_for_address(Tether("eth0"), 10.0, lambda: False, printed.append) == "192.168.2.2"
+    assert printed == ["waiting for the tether; no carrier", "waiting for the tether; no address"]
+    assert wait_for_address(Tether("eth0"), 10.0, lambda: True, printed.append) == ""
 
 
 def test_waiting_in_vain_names_what_was_missing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -79,7 +79,7 @@ def test_list_knows_the_unfinished(bag: Path, capsys: pytest.CaptureFixture[str]
     assert "unfinished" in capsys.readouterr().out
 
 
-def test_recover_says_what_the_contract_says(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_recover_states_what_the_contract_states(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = bag / "bag_0.mcap"
     file.write_bytes(file.read_bytes()[:2000])
     left = len(list(messages(file)))
@@ -123,16 +123,16 @@ def test_a_plot_has_the_unit_that_the_message_names(field: str, unit: str, tmp_p
 def test_who_waits_for_a_large_bag_sees_that_it_goes_on(
     bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str
 ) -> None:
-    told: list[str] = []
+    reported: list[str] = []
 
     @contextlib.contextmanager
     def working(sentence: str) -> Iterator[None]:
-        told.append(sentence)
+        reported.append(sentence)
         yield
 
     monkeypatch.setattr(command, "working", working)
     assert command_line.main(["bag", *words.format(bag=bag, dir=tmp_path).split()]) == 0
-    assert len(told) == 1
+    assert len(reported) == 1
 
 
 def test_export_keeps_topics_and_span(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -176,7 +176,7 @@ def test_fetch_starts_over_when_what_was_there_is_of_another_file(
     assert (out / "bag" / "bag_0.mcap").read_bytes() == (bag / "bag_0.mcap").read_bytes()
 
 
-def test_fetch_says_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_fetch_states_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert command_line.main(["bag", "fetch", f"{tmp_path}/none", "--remote", "", "--out", str(tmp_path / "x")]) == 1
     printed = capsys.readouterr().err
     assert "cannot be read" in printed
@@ -187,7 +187,7 @@ def test_fetch_says_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "cannot be run" in capsys.readouterr().err
 
 
-SAID = [
+PRINTED = [
     ("info {dir}/none", 2, "does not exist, wanted a bag"),
     ("info {dir}/empty", 2, "an empty folder"),
     ("info {dir}/texts", 2, "a folder with a.txt"),
@@ -218,11 +218,11 @@ SAID = [
 ]
 
 
-@pytest.mark.parametrize("told", SAID, ids=[line for line, _, _ in SAID])
-def test_good_and_bad_use_is_told_in_a_sentence(
-    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], told: tuple[str, int, str]
+@pytest.mark.parametrize("reported", PRINTED, ids=[line for line, _, _ in PRINTED])
+def test_good_and_bad_use_is_reported_in_a_sentence(
+    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], reported: tuple[str, int, str]
 ) -> None:
-    line, code, said = told
+    line, code, printed_text = reported
     for name in ("empty", "texts", "db3", "moved"):
         (tmp_path / name).mkdir()
     (tmp_path / "texts" / "a.txt").write_text("a text that is no bag")
@@ -230,7 +230,7 @@ def test_good_and_bad_use_is_told_in_a_sentence(
     (tmp_path / "moved" / "x.mcap").write_bytes((bag / "bag_0.mcap").read_bytes())
     assert command_line.main(["bag", *shlex.split(line.format(dir=tmp_path, bag=bag))]) == code
     captured = capsys.readouterr()
-    assert said in " ".join((captured.err if code else captured.out).split())
+    assert printed_text in " ".join((captured.err if code else captured.out).split())
     assert not (tmp_path / "new").exists()
 
 

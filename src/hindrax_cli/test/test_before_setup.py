@@ -53,7 +53,7 @@ def test_the_overview_lists_every_command() -> None:
     assert all(f"  {name} " in done.stdout for name in MODULES)
 
 
-def test_the_version_is_said() -> None:
+def test_the_version_is_reported() -> None:
     assert asked("--version").stdout.startswith("hindrax 0.")
 
 
@@ -170,6 +170,6 @@ def test_what_answers_is_read_by_python_3_9(words: tuple[str, ...]) -> None:
     assert any(file.endswith("command_page.py") for file in files)
     for file in files:
         tree = ast.parse(Path(file).read_text(), feature_version=(3, 9))
-        told = any(isinstance(node, ast.ImportFrom) and node.module == "__future__" for node in tree.body)
+        reported = any(isinstance(node, ast.ImportFrom) and node.module == "__future__" for node in tree.body)
         annotated = any(isinstance(node, ast.AnnAssign | ast.FunctionDef) for node in ast.walk(tree))
-        assert told or not annotated, file
+        assert reported or not annotated, file

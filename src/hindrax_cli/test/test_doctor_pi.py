@@ -51,7 +51,7 @@ def test_what_the_set_up_makes_is_right(ready: Path) -> None:
     assert found["device names"] == "/dev/hindrax: dvl"
 
 
-def test_a_fresh_pi_lacks_everything_and_is_told_what_to_do(fresh: Path) -> None:
+def test_a_fresh_pi_lacks_everything_and_gets_the_remedies(fresh: Path) -> None:
     found = wrong(fresh)
     assert set(found) == {"i2c speed", "core clock", "uarts", "device names", "service"}
     assert all("sudo docker/pi/set-up.sh" in remedy for remedy in found.values())

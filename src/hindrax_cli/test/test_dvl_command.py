@@ -79,7 +79,7 @@ def test_the_whole_set_up_of_a_pool_day_and_what_cannot_be_verified(
     assert device.settings.declination_deg == 0.0
 
 
-def test_show_tells_who_and_what(dvl: tuple[str, Dvl75], capsys: pytest.CaptureFixture[str]) -> None:
+def test_show_prints_identity_and_settings(dvl: tuple[str, Dvl75], capsys: pytest.CaptureFixture[str]) -> None:
     path, _ = dvl
     _, out, _ = hindrax(capsys, "show", "--port", path)
     assert "Cerulean DVL-75, firmware Oct 1 2021" in out

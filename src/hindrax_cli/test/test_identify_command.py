@@ -161,7 +161,7 @@ def test_a_report_and_a_file_are_left_where_asked(desk: Desk) -> None:
     assert "small" in file.read_text()
 
 
-def test_the_table_says_what_is_known_and_what_is_not(desk: Desk) -> None:
+def test_the_table_states_what_is_known_and_what_is_not(desk: Desk) -> None:
     record = desk.csv(levels=(0.3, 0.5), noise=0.003)
     assert main(["identify", str(record), "--vehicle", str(desk.small)]) == 0
     printed = desk.capsys.readouterr().out
@@ -177,7 +177,7 @@ def test_a_part_of_a_record_is_taken(desk: Desk) -> None:
     assert is_true(part)
 
 
-def test_a_dvl_without_lock_is_told_and_leaves_the_truth(desk: Desk) -> None:
+def test_a_dvl_without_lock_is_reported_and_leaves_the_truth(desk: Desk) -> None:
     (t, v), forces = flown()
     for begin_s in (7.0, 22.0, 50.0):
         v = np.where((t > begin_s) & (t < begin_s + 4.0), 0.0, v)
@@ -231,14 +231,14 @@ def test_another_axis_has_its_units(desk: Desk) -> None:
 # ---- never sure without cause
 
 
-@pytest.mark.parametrize(("excess_N", "told"), [(3.0, True), (0.0, False)])
-def test_a_mass_that_cannot_be_is_told(desk: Desk, excess_N: float, told: bool) -> None:
+@pytest.mark.parametrize(("excess_N", "reported"), [(3.0, True), (0.0, False)])
+def test_a_mass_that_cannot_be_is_reported(desk: Desk, excess_N: float, reported: bool) -> None:
     velocities, (t, force) = flown()
     floats_N = load_vehicle(desk.small).net_buoyancy_N + excess_N
     heave = desk.of_small(as_csv(desk.folder / "heave.csv", velocities, (t, force + floats_N), ("w", "Z")))["motions"][
         "heave_down"
     ]
-    assert any("check mass_kg, volume_m3" in one for one in heave["warnings"]) == told
+    assert any("check mass_kg, volume_m3" in one for one in heave["warnings"]) == reported
 
 
 @pytest.mark.parametrize(
@@ -277,7 +277,7 @@ def test_motion_that_has_nothing_to_do_with_the_thrust(desk: Desk) -> None:
     assert not surge["identifiable"]
 
 
-def test_a_slow_record_still_tells_the_drag_over_its_speeds(desk: Desk) -> None:
+def test_a_slow_record_still_shows_the_drag_over_its_speeds(desk: Desk) -> None:
     surge = desk.surge(desk.csv(levels=(0.3, 0.5), noise=0.003))
     band = surge["drag_force"]
     truth = [TRUTH["k_q"] * u * u + TRUTH["k_l"] * u for u in band["speed"]]
@@ -304,9 +304,9 @@ def test_wrong_units_are_suspected(desk: Desk, speed: float, force: float) -> No
 def test_the_gain_of_our_own_thrusters_may_be_doubted_too(desk: Desk) -> None:
     bag = clone_root() / "test" / "replay" / "bags" / "yaw_replug"
     found = [desk.identified(bag, *words)["motions"]["yaw"] for words in ([], ["--gain-sigma", 0.3])]
-    believed, doubted = (yaw["added_mass"] for yaw in found)
-    assert doubted["value"] == believed["value"]
-    assert doubted["std_calibrated"] > 2.0 * believed["std_calibrated"]
+    assumed, doubted = (yaw["added_mass"] for yaw in found)
+    assert doubted["value"] == assumed["value"]
+    assert doubted["std_calibrated"] > 2.0 * assumed["std_calibrated"]
 
 
 @pytest.mark.parametrize(("words", "share"), [([], 0.1), (["--gain-sigma", 0.2], 0.2)])
@@ -400,7 +400,7 @@ def bag_of(path: Path, topics: Sequence[tuple[str, str, Iterable[tuple[float, An
     with path.open("wb") as stream:
         writer = Writer(stream)
         schemas = {kind: writer.register_msgdef(kind, DEFINITIONS[kind]) for kind, _, _ in topics}
-        rows = [(t, topic, schemas[kind], content) for kind, topic, told in topics for t, content in told]
+        rows = [(t, topic, schemas[kind], content) for kind, topic, reported in topics for t, content in reported]
         for t, topic, schema, content in sorted(rows, key=lambda row: row[0]):
             at = int((START_S + t) * 1e9)
             writer.write_message(topic, schema, content, log_time=at, publish_time=at)
@@ -408,7 +408,7 @@ def bag_of(path: Path, topics: Sequence[tuple[str, str, Iterable[tuple[float, An
     return path
 
 
-def told(
+def reported(
     make: Callable[..., Any], topic: tuple[str, str, str], track: tuple[Array, Array], axis: int = 0, **more: float
 ) -> tuple[str, str, list[tuple[float, Any]]]:
     """A topic (type, name, frame) that tells values of one axis at their times."""
@@ -429,8 +429,8 @@ def as_bag(
     end_s: float = 80.0,
 ) -> Path:
     (t_v, v), (t_w, w) = flown(end_s=end_s)
-    velocities = told(velocity_message, velocity, (t_v, signs[0] * v), axis, variance=variance)
-    return bag_of(path, [*extra, velocities, told(wrench_message, wrench, (t_w, signs[1] * w), axis)])
+    velocities = reported(velocity_message, velocity, (t_v, signs[0] * v), axis, variance=variance)
+    return bag_of(path, [*extra, velocities, reported(wrench_message, wrench, (t_w, signs[1] * w), axis)])
 
 
 @pytest.mark.parametrize(
@@ -470,7 +470,7 @@ def test_mixed_frames_agree_after_turning(desk: Desk) -> None:
     assert is_true(sway)
 
 
-def test_a_frame_can_be_told(desk: Desk) -> None:
+def test_a_frame_can_be_given(desk: Desk) -> None:
     world = ("geometry_msgs/msg/TwistStamped", "/velocity", "odom")
     bag = as_bag(desk.folder / "a.mcap", world)
     printed = desk.refused(bag, "--vehicle", desk.small)
@@ -487,7 +487,7 @@ def test_a_velocity_that_is_marked_unknown_is_not_used(tmp_path: Path, variance:
 
 def test_several_topics_are_ambiguous_until_one_is_named(desk: Desk) -> None:
     still = (np.zeros(1), np.zeros(1))
-    other = told(velocity_message, ("geometry_msgs/msg/TwistStamped", "/cmd_vel", "base_link"), still)
+    other = reported(velocity_message, ("geometry_msgs/msg/TwistStamped", "/cmd_vel", "base_link"), still)
     bag = as_bag(desk.folder / "a.mcap", extra=[other])
     printed = desk.refused(bag, "--vehicle", desk.small)
     assert "/cmd_vel" in printed
@@ -508,7 +508,7 @@ def test_a_topic_that_does_not_serve_is_refused_with_what_is_there(desk: Desk, w
 
 
 def test_a_bag_without_forces_lists_what_it_holds(desk: Desk) -> None:
-    still = told(velocity_message, ODOMETRY, (np.zeros(1), np.array([0.1])))
+    still = reported(velocity_message, ODOMETRY, (np.zeros(1), np.array([0.1])))
     printed = desk.refused(bag_of(desk.folder / "a.mcap", [still]))
     assert "no topic holds the force" in printed
     assert "/odom (nav_msgs/msg/Odometry)" in printed
@@ -544,7 +544,7 @@ def pulses_bag(path: Path, channels: list[int]) -> Path:
     """Velocities, and pulses in place of forces."""
     velocities, (t_w, _) = flown(end_s=10.0)
     pulses = [(t, {"header": header_of(START_S + t, ""), "channels": channels}) for t in t_w.tolist()]
-    return bag_of(path, [told(velocity_message, ODOMETRY, velocities), (RC_OUT, "/mavros/rc/out", pulses)])
+    return bag_of(path, [reported(velocity_message, ODOMETRY, velocities), (RC_OUT, "/mavros/rc/out", pulses)])
 
 
 def test_pulses_become_forces_by_the_curves_of_the_vehicle_file(tmp_path: Path) -> None:
@@ -583,7 +583,7 @@ def test_poses_alone_give_the_velocity(desk: Desk) -> None:
     poses = [(t, pose_of(s * math.cos(yaw), s * math.sin(yaw), yaw)) for t, s in rows]
     stamped = [(t, {"header": header_of(START_S + t, "mocap"), "pose": pose}) for t, pose in poses]
     mocap = ("geometry_msgs/msg/PoseStamped", "/mocap/rov", stamped)
-    bag = bag_of(desk.folder / "a.mcap", [mocap, told(wrench_message, THRUST, forces)])
+    bag = bag_of(desk.folder / "a.mcap", [mocap, reported(wrench_message, THRUST, forces)])
     assert "--odometry" in desk.refused(bag, "--vehicle", desk.small)
     surge = desk.surge(bag, "--odometry", "/mocap/rov")
     assert surge["identifiable"]
@@ -594,10 +594,10 @@ def test_velocities_in_the_axes_of_the_world_are_found_out(desk: Desk) -> None:
     """The vehicle heads east, and its frames say of a velocity along y that it is one of the body."""
     true = flight((3.0, 6.0, 10.0, 14.0), 80.0, 5.0, 66.48)
     (t, v), forces = flown()
-    kind, name, rows = told(velocity_message, ODOMETRY, (t, v), axis=1)
+    kind, name, rows = reported(velocity_message, ODOMETRY, (t, v), axis=1)
     for (_, message), s in zip(rows, true.path.s[::20].tolist(), strict=True):
         message["pose"] = {"pose": pose_of(0.0, s, math.pi / 2.0), "covariance": [0.0] * 36}
-    bag = bag_of(desk.folder / "a.mcap", [(kind, name, rows), told(wrench_message, THRUST, forces)])
+    bag = bag_of(desk.folder / "a.mcap", [(kind, name, rows), reported(wrench_message, THRUST, forces)])
     document = desk.of_small(bag)
     assert is_true(document["motions"]["surge"])
     assert any("axes of the world" in one for one in document["assumptions"])
@@ -649,7 +649,7 @@ def test_a_span_that_the_record_does_not_hold(desk: Desk, words: list[object], w
     assert wanted in desk.refused(desk.csv(end_s=5.0), *words)
 
 
-def test_an_aborted_run_says_so_whoever_tells_it(desk: Desk) -> None:
+def test_an_aborted_run_reports_it_whoever_shows_it(desk: Desk) -> None:
     bag = desk.folder / "run" / "bag"
     shutil.copytree(clone_root() / "test" / "replay" / "bags" / "surge", bag)
     assert main(["identify", str(desk.folder / "run")]) == 0
@@ -657,8 +657,8 @@ def test_an_aborted_run_says_so_whoever_tells_it(desk: Desk) -> None:
     assert "aborted by record: it ends within the maneuver (surge, plateau);" in desk.capsys.readouterr().err
     (desk.folder / "run" / "coefficients.yaml").write_text("aborted: 'operator: stopped by Ctrl-C'\nmotions: {}\n")
     assert main(["identify", str(desk.folder / "run"), "--coefficients", str(desk.folder / "again.yaml")]) == 0
-    said = "aborted by operator: stopped by Ctrl-C; the results are of what was flown until then\n"
-    assert said in desk.capsys.readouterr().err
+    printed_text = "aborted by operator: stopped by Ctrl-C; the results are of what was flown until then\n"
+    assert printed_text in desk.capsys.readouterr().err
     assert read_coefficients(desk.folder / "again.yaml").conditions.aborted == "operator: stopped by Ctrl-C"
     assert desk.identified(bag)["aborted"] == "operator: stopped by Ctrl-C"
 
@@ -677,12 +677,12 @@ def test_our_own_bag_without_a_maneuver_is_called_so(desk: Desk) -> None:
     assert "--odometry /hindrax/navigation/odometry" in printed
 
 
-@pytest.mark.parametrize(("latency_s", "said"), [(0.07, "0.07 s late"), (-0.07, "0.07 s early")])
-def test_velocities_come_late_or_early(latency_s: float, said: str) -> None:
-    assert identify._delays(0.01, latency_s) == f"thrust lags by 0.01 s, velocities come {said}"
+@pytest.mark.parametrize(("latency_s", "printed_text"), [(0.07, "0.07 s late"), (-0.07, "0.07 s early")])
+def test_velocities_come_late_or_early(latency_s: float, printed_text: str) -> None:
+    assert identify._delays(0.01, latency_s) == f"thrust lags by 0.01 s, velocities come {printed_text}"
 
 
-def test_without_a_vehicle_file_the_assumption_is_said(desk: Desk) -> None:
+def test_without_a_vehicle_file_the_assumption_is_reported(desk: Desk) -> None:
     document = desk.identified(desk.csv())
     assert any("--vehicle" in one for one in document["assumptions"])
     assert main(["identify", str(desk.csv())]) == 0
@@ -700,7 +700,7 @@ def test_without_a_vehicle_file_the_assumption_is_said(desk: Desk) -> None:
         (["bag", "plot", "RECORD", "/a:b", "--out", "none/a.png"], 1),
     ],
 )
-def test_a_place_that_cannot_be_written_is_told_before_the_work(desk: Desk, words: list[str], code: int) -> None:
+def test_a_place_that_cannot_be_written_is_reported_before_the_work(desk: Desk, words: list[str], code: int) -> None:
     place = {"RECORD": "no-record", words[-1]: str(desk.folder / words[-1])}
     assert main([place.get(word, word) for word in words]) == code
     printed = desk.capsys.readouterr().err

@@ -84,7 +84,7 @@ def test_a_live_turn_finds_iron_and_offset_and_keeps_them(
 
 
 @pytest.mark.parametrize("bench", [(lambda _: ImuTruth(), 98_765.0)], indirect=True)
-def test_without_a_turn_it_says_what_is_missing(
+def test_without_a_turn_it_states_what_is_missing(
     bench: Bench, vehicle: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     before = vehicle.read_text()
@@ -95,7 +95,7 @@ def test_without_a_turn_it_says_what_is_missing(
 
 
 @pytest.mark.parametrize("bench", [(lambda _: ImuTruth(), 98_765.0)], indirect=True)
-def test_the_self_test_is_run_and_told(bench: Bench, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_self_test_is_run_and_given(bench: Bench, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["imu", "self-test", "--port", bench.port]) == 0
     assert "self test passed" in capsys.readouterr().out
     bench.imu.hang(True)

@@ -36,7 +36,7 @@ def test_without_the_bus_there_is_one_sentence(words: list[str], capsys: pytest.
 
 
 @pytest.mark.parametrize("words", [one for one in BY_HAND if one[0] != "esc"], ids=lambda words: words[0])
-def test_a_vehicle_file_that_cannot_be_changed_is_told_before_anything_is_measured(
+def test_a_vehicle_file_that_cannot_be_changed_is_reported_before_anything_is_measured(
     words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     opened = Path.open

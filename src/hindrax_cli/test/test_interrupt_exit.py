@@ -20,8 +20,8 @@ interrupt.listen()
 RUN = """
 code = command_line.run_command(ToolCommand(arm, "./hindrax arm", (), passes_on=False), [])
 """
-SAID = "hindrax: stopped by Ctrl-C\n"
-SAID_OF_COMMAND = "hindrax arm: stopped by Ctrl-C\n"
+PRINTED = "hindrax: stopped by Ctrl-C\n"
+PRINTED_BY_COMMAND = "hindrax arm: stopped by Ctrl-C\n"
 
 
 def run(script: str) -> tuple[int, str]:
@@ -41,19 +41,19 @@ def test_on_a_terminal_the_sentence_stands_below_the_echo_of_the_key() -> None:
     script = f"{BEFORE}def arm(_words):\n    ring()\n{RUN}sys.exit(code)"
     assert subprocess.run([sys.executable, "-c", script], stderr=slave, timeout=60, check=False).returncode == 130
     os.close(slave)
-    said = os.read(master, 1000)
+    printed = os.read(master, 1000)
     os.close(master)
-    assert said == b"\r\n" + SAID_OF_COMMAND.replace("\n", "\r\n").encode()
+    assert printed == b"\r\n" + PRINTED_BY_COMMAND.replace("\n", "\r\n").encode()
 
 
 def test_one_that_waits_since_python_started_ends_the_tool() -> None:
     tool = [sys.executable, "-m", "hindrax_cli", "papers"]
     done = subprocess.run(tool, capture_output=True, text=True, timeout=60, check=False, preexec_fn=ring_blocked)
-    assert (done.returncode, done.stdout, done.stderr) == (130, "", SAID)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", PRINTED)
 
 
 def test_one_in_an_import_ends_the_tool() -> None:
-    assert run(f"{BEFORE}ring()") == (130, SAID)
+    assert run(f"{BEFORE}ring()") == (130, PRINTED)
 
 
 @pytest.mark.parametrize(
@@ -66,10 +66,10 @@ def test_one_in_an_import_ends_the_tool() -> None:
     ids=["plain", "in code that Python notes to have been interrupted", "that a library makes another error of"],
 )
 def test_one_in_a_command_is_its_sentence(does: str) -> None:
-    assert run(f"{BEFORE}{does}\n{RUN}sys.exit(code)") == (130, SAID_OF_COMMAND)
+    assert run(f"{BEFORE}{does}\n{RUN}sys.exit(code)") == (130, PRINTED_BY_COMMAND)
 
 
-def test_an_error_of_ours_after_it_is_told() -> None:
+def test_an_error_of_ours_after_it_is_given() -> None:
     """A flight that was interrupted goes on to its results, and these may fail for their own reason."""
     does = (
         "from hindrax_core.errors import HindraxError\n"
@@ -79,7 +79,7 @@ def test_an_error_of_ours_after_it_is_told() -> None:
 
 
 def test_one_after_the_work_ends_at_once() -> None:
-    assert run(f"{BEFORE}def arm(_words):\n    return 0\n{RUN}ring()\nsys.exit(code)") == (130, SAID)
+    assert run(f"{BEFORE}def arm(_words):\n    return 0\n{RUN}ring()\nsys.exit(code)") == (130, PRINTED)
 
 
 def test_one_when_python_has_ended_changes_nothing() -> None:

@@ -79,7 +79,7 @@ def test_a_dask_cluster_gives_the_same() -> None:
         assert list(run_all(math.factorial, range(5), cluster=there)) == [1, 1, 2, 6, 24]
 
 
-def test_no_cluster_at_the_address_is_said() -> None:
+def test_no_cluster_at_the_address_is_reported() -> None:
     pytest.importorskip("distributed")
     with pytest.raises(HindraxError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:1"):
         list(on_cluster(math.factorial, [1], "tcp://127.0.0.1:1", timeout_s=1.0))
@@ -130,6 +130,6 @@ def test_ctrl_c_ends_the_workers_without_a_word_of_their_own(moment: str, later_
             pass
         time.sleep(later_s)  # they are being started, begin, or wait for work
         os.killpg(child.pid, signal.SIGINT)
-        said, complaints = child.communicate(timeout=50.0)
+        printed, complaints = child.communicate(timeout=50.0)
     assert complaints == ""
-    assert said.endswith("interrupted\n")
+    assert printed.endswith("interrupted\n")

@@ -96,7 +96,7 @@ def test_in_a_container_our_own_tool_may_be_the_first_process() -> None:
     assert machine.leftovers([first, Running(9, 1, 7, "python -m hindrax_sim.nodes.mock")], 7).ok
 
 
-def test_processes_are_read_as_the_kernel_tells_them() -> None:
+def test_processes_are_read_as_the_kernel_shows_them() -> None:
     mine = next(one for one in machine.running() if one.pid == os.getpid())
     assert (mine.parent, mine.owner) == (os.getppid(), os.getuid())
     assert "py" in mine.words
@@ -234,7 +234,7 @@ def mock_ports(tmp_path: Path) -> Iterator[dict[str, Any]]:
         yield {**ports, "clock": stack.mock_facts["clock"]}
 
 
-def test_a_chip_of_lines_is_there_or_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_chip_of_lines_is_there_or_given(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     vehicle = hindrax_with("sos_leak")
     line = vehicle.sensors["sos_leak"].port
     monkeypatch.setattr(gpio, "DEVICES", tmp_path)

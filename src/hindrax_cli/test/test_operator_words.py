@@ -91,7 +91,7 @@ def test_headings_are_shown_from_0_to_360() -> None:
 # ---- joystick
 
 
-def test_steering_without_a_stack_says_where_it_is_looked_for(
+def test_steering_without_a_stack_states_where_it_is_looked_for(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("rclpy", reason="the node of the joystick needs it")
@@ -117,8 +117,8 @@ def test_a_wrench_beyond_the_limits_of_the_vehicle_is_refused() -> None:
 
 def test_what_came_of_a_wrench_names_what_lacks() -> None:
     plan = Message(achieved=[9.0, 0, 0, 0, 0, 0.5], shortfall=[1.0, 0, 0, 0, 0, 0], refused=["Y: found nan"])
-    said = manual_control.outcome_text(plan)
-    assert said == "done; with the holds it was X +9.0 N, N +0.5 Nm; lacking X +1.0 N; refused: Y: found nan"
+    printed = manual_control.outcome_text(plan)
+    assert printed == "done; with the holds it was X +9.0 N, N +0.5 Nm; lacking X +1.0 N; refused: Y: found nan"
     assert manual_control.wrench_text([0.01] * 6) == "nothing"
 
 
@@ -181,7 +181,7 @@ def test_one_thruster_of_two_stacks_is_that_of_the_one_that_was_named(monkeypatc
         ("1", 0.05, "less than it can give"),
     ],
 )
-def test_a_thruster_that_cannot_do_it_says_what_it_can(name: str, force: float, words: str) -> None:
+def test_a_thruster_that_cannot_do_it_states_what_it_can(name: str, force: float, words: str) -> None:
     with pytest.raises(UsageError, match=words):
         pulses_of(VEHICLE, name, force)
 
@@ -243,7 +243,7 @@ def test_a_sweep_that_makes_no_curve_is_refused_before_it_is_written(
 # ---- pool-test
 
 
-def test_a_mock_that_ran_into_a_wall_says_so_at_the_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_mock_that_ran_into_a_wall_reports_it_at_the_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     nothing: Any = Message(results=Message(motions={}))
     finish(nothing, RunFolder(tmp_path), FlownManeuver(facts={"wall_hits": 0}))
     assert capsys.readouterr().err == ""
@@ -251,7 +251,9 @@ def test_a_mock_that_ran_into_a_wall_says_so_at_the_end(tmp_path: Path, capsys: 
     assert capsys.readouterr().err == "the mock vehicle ran into a wall of its pool (contacts: 2)\n"
 
 
-def test_the_world_that_was_drawn_is_told_with_its_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_world_that_was_drawn_is_reported_with_its_units(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     nothing: Any = Message(results=Message(motions={}))
     facts = {"world": {"tether": 0.52449, "wake": 0.00172}, "world_units": {"tether": "N", "wake": "-"}}
     finish(nothing, RunFolder(tmp_path), FlownManeuver(facts=facts))
@@ -261,11 +263,11 @@ def test_the_world_that_was_drawn_is_told_with_its_units(tmp_path: Path, capsys:
 # ---- up and mock
 
 
-def test_up_says_how_to_reach_it(tmp_path: Path) -> None:
+def test_up_states_how_to_reach_it(tmp_path: Path) -> None:
     lock = StackLock(5, True, "v", "f", {"ROS_DOMAIN_ID": "7", "ROS_DISTRO": "jazzy"})
-    said = startup_text(lock, RunFolder(tmp_path), record=True)
-    assert "export ROS_DOMAIN_ID=7\n" in said
-    assert str(tmp_path / "bag") in said
+    printed = startup_text(lock, RunFolder(tmp_path), record=True)
+    assert "export ROS_DOMAIN_ID=7\n" in printed
+    assert str(tmp_path / "bag") in printed
     assert "bag" not in startup_text(lock, RunFolder(Path("x")), record=False)
 
 
@@ -276,8 +278,8 @@ def test_settings_of_up_can_be_copied_from_a_narrow_screen() -> None:
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "FASTRTPS_DEFAULT_PROFILES_FILE": "/run/user/1000/hindrax/tether-of-some-length/eth0/profiles.xml",
     }
-    said = startup_text(StackLock(5, True, "v", "f", settings), RunFolder(Path("x")), record=True)
-    lines = fitted(said, 60).splitlines()
+    printed = startup_text(StackLock(5, True, "v", "f", settings), RunFolder(Path("x")), record=True)
+    lines = fitted(printed, 60).splitlines()
     for key, value in settings.items():
         assert f"export {key}={value}" in [line.strip() for line in lines]
     assert all(len(line) <= 60 for line in lines if "PROFILES" not in line)
@@ -305,23 +307,23 @@ def test_a_signal_is_noted_and_interrupts_nothing(
 def test_the_devices_alone_lie_at_stable_paths_and_only_once(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    told: dict[str, str] = {}
+    reported: dict[str, str] = {}
     asked = threading.Event()
     folder = tmp_path / "runtime" / "mock"
 
     def tell(found: Mapping[str, str]) -> None:
-        told.update(found)
+        reported.update(found)
         assert main(["mock"]) == 1
         asked.set()
 
     mock.serve(default_vehicle(), MockOptions(rate=1.0), tell, asked.is_set)
-    assert told["dvl75"] == str(folder / "dvl75")
-    assert told["icm20948"] == told["clock"] == f"mock:{folder / 'i2c'}"
+    assert reported["dvl75"] == str(folder / "dvl75")
+    assert reported["icm20948"] == reported["clock"] == f"mock:{folder / 'i2c'}"
     assert "a mock runs there already" in capsys.readouterr().err
     assert not (folder / "dvl75").exists()
 
 
-def test_ports_are_told_to_people_scripts_and_programs() -> None:
+def test_ports_are_reported_to_people_scripts_and_programs() -> None:
     found = {"dvl75": "/run/dvl75", "clock": "mock:/run/i2c"}
     assert mock.plain(found) == "dvl75 /run/dvl75\nclock mock:/run/i2c"
     assert json.loads(mock.document(found)) == {"ports": found}
@@ -329,13 +331,13 @@ def test_ports_are_told_to_people_scripts_and_programs() -> None:
     assert "udp" not in mock.table(found)
 
 
-def test_a_port_that_the_network_has_is_not_told(tmp_path: Path) -> None:
-    told: dict[str, str] = {}
+def test_a_port_that_the_network_has_is_not_given(tmp_path: Path) -> None:
+    reported: dict[str, str] = {}
     options, place = MockOptions(rate=1.0), tmp_path / "ports"
-    mock.serve(default_vehicle(), options, told.update, lambda: True, place=place, dvl_udp=True)
-    assert told["dvl75"] == "udp://0.0.0.0:27000"
-    assert told["ping1d"] == str(tmp_path / "ports" / "ping1d")
-    assert "udp://0.0.0.0:27000: listen there; it accepts commands at port 50000" in mock.table(told)
+    mock.serve(default_vehicle(), options, reported.update, lambda: True, place=place, dvl_udp=True)
+    assert reported["dvl75"] == "udp://0.0.0.0:27000"
+    assert reported["ping1d"] == str(tmp_path / "ports" / "ping1d")
+    assert "udp://0.0.0.0:27000: listen there; it accepts commands at port 50000" in mock.table(reported)
 
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

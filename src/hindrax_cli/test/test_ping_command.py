@@ -21,7 +21,7 @@ def sonar(tmp_path: Path) -> Iterator[str]:
         yield str(path)
 
 
-def test_a_profile_is_asked_for_and_told(sonar: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_profile_is_asked_for_and_given(sonar: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["ping", "profile", "--port", sonar, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["distance_m"] == pytest.approx(1.8, abs=0.002)
@@ -50,7 +50,7 @@ def test_the_device_itself_is_shown_and_gets_a_number(sonar: str, capsys: pytest
     assert "device_id: 7" in capsys.readouterr().out
 
 
-def test_silence_is_told_with_its_remedy(
+def test_silence_is_reported_with_its_remedy(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("hindrax_cli.commands.machine.ping.PATIENCE_S", 0.3)

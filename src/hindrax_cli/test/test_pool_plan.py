@@ -16,7 +16,7 @@ from hindrax_sim.physics.plant import Plant
 from hindrax_sim.physics.pool import PoolWalls
 
 
-def test_the_rehearsal_tells_times_clearances_charge_and_bands(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_rehearsal_shows_times_clearances_charge_and_bands(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["pool-test", "--plan", "--world", "ideal", "--dof", "roll", "yaw", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     rows = found["timetable"]
@@ -38,7 +38,7 @@ def test_the_rehearsal_tells_times_clearances_charge_and_bands(capsys: pytest.Ca
     assert found["aborted"] is None
 
 
-def test_a_pool_without_room_is_told_before_anything_is_flown(
+def test_a_pool_without_room_is_reported_before_anything_is_flown(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = hindrax_file(tmp_path, ("^pool: .*", "pool: {length_m: 2.0, width_m: 6.0, depth_m: 1.8}"))
@@ -78,7 +78,7 @@ def test_an_experiment_is_rehearsed_and_its_minutes_cut_what_flies(capsys: pytes
         ("mass_kg: 25.0", 2, "found 95 N of net weight, wanted less than the 62 N that its thrusters give in heave"),
     ],
 )
-def test_what_can_never_begin_is_told_at_once(
+def test_what_can_never_begin_is_reported_at_once(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], line: str, code: int, sentence: str
 ) -> None:
     """These were rehearsed for two hours of the vehicle, in minutes, and nobody said why nothing began."""

@@ -26,7 +26,7 @@ def test_several_runs_are_compared(tmp_path: Path, capsys: pytest.CaptureFixture
     assert "66.50 \u00b1 0.50" in text
 
 
-def test_runs_of_the_same_name_are_told_apart(tmp_path: Path) -> None:
+def test_runs_of_the_same_name_are_distinguished(tmp_path: Path) -> None:
     page = tmp_path / "page.html"
     runs = [run_folder(tmp_path / day / "run", 66.0) for day in ("monday", "tuesday")]
     assert main(["report", *runs, "--out", str(page)]) == 0

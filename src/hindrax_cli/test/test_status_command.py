@@ -66,19 +66,19 @@ def listed(capsys: pytest.CaptureFixture[str]) -> list[dict[str, Any]]:
     return found
 
 
-def test_nothing_that_runs_is_said_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_nothing_that_runs_is_reported_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["status"]) == 0
     assert capsys.readouterr().out == "no stack is up here; start one with `./hindrax up`\n"
     assert listed(capsys) == []
 
 
-def test_at_the_other_end_of_a_tether_nobody_is_told_to_start_a_stack(
+def test_at_the_other_end_of_a_tether_nobody_is_ordered_to_start_a_stack(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HINDRAX_TETHER", "eth0:192.168.2.2")
     assert main(["status"]) == 0
-    said = "no stack is up here; `./hindrax monitor` shows the vehicle over the tether eth0\n"
-    assert capsys.readouterr().out == said
+    printed = "no stack is up here; `./hindrax monitor` shows the vehicle over the tether eth0\n"
+    assert capsys.readouterr().out == printed
 
 
 def test_a_folder_that_is_away_while_the_service_restarts_holds_no_stack(
@@ -88,7 +88,7 @@ def test_a_folder_that_is_away_while_the_service_restarts_holds_no_stack(
     assert listed(capsys) == []
 
 
-def test_a_pool_test_says_itself_what_it_does(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_pool_test_states_itself_what_it_does(capsys: pytest.CaptureFixture[str]) -> None:
     with tool_liveness() as beating, announced(FLYING):
         beating.beat("pool-test surge in mock: armed", {"dvl75": "no bottom lock"})
         (one,) = listed(capsys)

@@ -19,21 +19,21 @@ STACK = StackLock(4999999, mock=False, vehicle="v.yaml", folder="runs/a")
 
 
 @pytest.mark.parametrize(
-    ("age_s", "said"),
+    ("age_s", "printed"),
     [
         (0.5, "its dead man is alive: the thrusters are neutral 0.5 s after the last command"),
         (30.0, "its dead man sends no heartbeat, so its thrusters may keep their last pulses; cut the power"),
         (math.inf, "its dead man sends no heartbeat, so its thrusters may keep their last pulses; cut the power"),
     ],
 )
-def test_the_heartbeat_of_the_dead_man_tells(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, age_s: float, said: str
+def test_the_heartbeat_of_the_dead_man_shows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, age_s: float, printed: str
 ) -> None:
     monkeypatch.setenv(FOLDER, str(tmp_path))
     heartbeat = tmp_path / f"{STACK.pid}-abc.beats" / "thrusters"
     heartbeat.parent.mkdir()
     heartbeat.write_text("" if math.isinf(age_s) else str(time.monotonic() - age_s))
-    assert on_the_wire(STACK).startswith(said)
+    assert on_the_wire(STACK).startswith(printed)
     assert "cut the power" in on_the_wire(STACK)
 
 
@@ -94,7 +94,7 @@ def test_without_a_stack_the_output_rests_where_its_node_would(
     assert [one.guard.neutral.thrusters for one in written] == [(wanted_us,) * 8]
 
 
-def test_where_no_stack_is_announced_it_says_first_where_it_looks(
+def test_where_no_stack_is_announced_it_states_first_where_it_looks(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def nobody(_found: None, *, sim_time: bool) -> None:

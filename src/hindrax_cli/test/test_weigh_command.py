@@ -44,7 +44,7 @@ def test_in_mock_it_finds_what_the_thrusters_lack_and_keeps_it(
     assert COMMENT in vehicle_file.read_text(encoding="utf-8")
 
 
-def test_only_an_enter_after_the_question_says_that_a_load_hangs(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_an_enter_after_the_question_states_that_a_load_hangs(monkeypatch: pytest.MonkeyPatch) -> None:
     keyboard, terminal = os.openpty()
     with os.fdopen(terminal, encoding="utf-8") as typed:
         monkeypatch.setattr(sys, "stdin", typed)
@@ -81,7 +81,7 @@ def test_each_axis_is_kept_beside_the_others_and_a_second_weighing_takes_the_pla
 
 
 @pytest.mark.parametrize(("axis", "unit"), [("surge", "N"), ("yaw", "Nm")])
-def test_a_gain_is_told_with_its_deviation_and_the_load_with_its_unit(
+def test_a_gain_is_reported_with_its_deviation_and_the_load_with_its_unit(
     axis: str, unit: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     gain = AxisGain(load=15.0, sigma=0.0061192, sigma_difference=0.01294, positive=0.92169, negative=None)

@@ -203,8 +203,8 @@ def test_an_answer_that_finds_no_room_costs_no_traceback() -> None:
     tool = [sys.executable, "-m", "hindrax_cli", "--help"]
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(tool, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, check=False)
-        said = "hindrax: output: cannot be written (No space left on device); make room and run again\n"
-        assert (done.returncode, done.stderr) == (1, said)
+        printed_text = "hindrax: output: cannot be written (No space left on device); make room and run again\n"
+        assert (done.returncode, done.stderr) == (1, printed_text)
         assert subprocess.run(tool, stdout=full, stderr=full, timeout=60, check=False).returncode == 1
 
 
@@ -217,8 +217,10 @@ def test_a_full_disk_wherever_a_command_writes_is_one_sentence(
     monkeypatch.setattr(command_line, "load", full)
     monkeypatch.setattr(command_line, "_mute_stdout", lambda: None)
     assert command_line.main(["web"]) == 1
-    said = "hindrax: /run/user/1000/hindrax: cannot be written (No space left on device); make room and run again\n"
-    assert capfd.readouterr().err == said
+    printed_text = (
+        "hindrax: /run/user/1000/hindrax: cannot be written (No space left on device); make room and run again\n"
+    )
+    assert capfd.readouterr().err == printed_text
 
 
 def test_control_c_while_a_command_is_loaded_is_one_sentence(
@@ -298,7 +300,7 @@ def test_an_error_names_its_command_once(capsys: pytest.CaptureFixture[str], tmp
 @pytest.mark.parametrize(
     "words", [["pool-test", "--mock"], ["up", "--mock"], ["thruster", "T1", "--force", "2", "--mock"]]
 )
-def test_a_channel_that_drives_two_is_told_before_anything_starts(
+def test_a_channel_that_drives_two_is_reported_before_anything_starts(
     words: list[str], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     file = hindrax_file(tmp_path, ("{name: T8, channel: 7,", "{name: T8, channel: 6,"))

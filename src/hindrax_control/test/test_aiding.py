@@ -87,15 +87,15 @@ def test_the_turn_at_a_lever_is_that_within_the_interval_of_the_velocity(hindrax
     assert (rig.horizontal.u_mps, rig.horizontal.v_mps) == pytest.approx((0.0, 0.0), abs=0.01)
 
 
-@pytest.mark.parametrize(("noise_mps", "believed"), [(0.0, False), (0.001, True)])
-def test_a_velocity_that_jumps_is_believed_in_the_end_unless_it_repeats_itself(
-    hindrax: Vehicle, noise_mps: float, believed: bool
+@pytest.mark.parametrize(("noise_mps", "assumed"), [(0.0, False), (0.001, True)])
+def test_a_velocity_that_jumps_is_accepted_in_the_end_unless_it_repeats_itself(
+    hindrax: Vehicle, noise_mps: float, assumed: bool
 ) -> None:
     rig = Rig(hindrax, patience=5, repeated_s=60.0)
     for tick in range(60):
         rig.wait(0.1)
         rig.dvl((0.0 if tick < 30 else 2.0 + noise_mps * (tick % 3), 0.0, 0.0))
-    assert (rig.horizontal.u_mps > 1.0) is believed
+    assert (rig.horizontal.u_mps > 1.0) is assumed
 
 
 @pytest.mark.parametrize("velocity", [(3.1, 0.0, 0.0), (0.0, -3.1, 0.0), (-4.0, 4.0, 0.0)])
@@ -117,15 +117,15 @@ def test_a_velocity_without_an_interval_is_used_and_one_without_lock_or_from_lon
 
 def test_the_way_down_by_dvl_is_compared_with_that_by_pressure(hindrax: Vehicle) -> None:
     rig = Rig(hindrax, TILT)
-    said: Vec3 = (0.08, -0.06, 0.08)
-    sinking_mps = rotate(rig.turn, said)[2] - 0.03
+    measured_mps: Vec3 = (0.08, -0.06, 0.08)
+    sinking_mps = rotate(rig.turn, measured_mps)[2] - 0.03
     for _ in range(50):
         rig.wait(0.1)
         rig.pressure(1.0 + 0.03 * rig.time_s)
     for tick in range(400):
         rig.wait(0.1)
         rig.pressure(1.0 + 0.03 * rig.time_s)
-        x, y, z = said
+        x, y, z = measured_mps
         rig.dvl((x, y, z + 1e-6 * (tick % 2)))
         if tick == 9:
             # Nine tenths of a second, and half a second before the first.
@@ -172,7 +172,7 @@ def test_the_nearest_point_of_the_floor_in_its_beam_answers_a_sonar(
     assert rig.vertical.altitude_m == pytest.approx(2.0, abs=1e-4)
 
 
-def test_a_sonar_that_looks_aside_tells_no_altitude_and_one_that_is_mounted_aslant_may(hindrax: Vehicle) -> None:
+def test_a_sonar_that_looks_aside_shows_no_altitude_and_one_that_is_mounted_aslant_may(hindrax: Vehicle) -> None:
     aslant = SensorMount(Mount("aslant", rotation_deg=(20.0, 0.0, 0.0)))
     for roll_deg, used in ((0.0, True), (-20.0, True), (4.0, True), (6.0, False), (-46.0, False)):
         rig = Rig(hindrax, (math.radians(roll_deg), 0.0, 0.0), sonar_tilt_deg=25.0)
@@ -205,7 +205,7 @@ def test_a_sonar_is_trusted_less_far_away(hindrax: Vehicle) -> None:
 
 
 @pytest.mark.parametrize("heading_from", ["magnetometer", "both", "dvl", "none"])
-def test_the_heading_follows_what_it_is_told_to(hindrax: Vehicle, heading_from: str) -> None:
+def test_the_heading_follows_what_it_is_ordered_to(hindrax: Vehicle, heading_from: str) -> None:
     compass, dvl = (Rig(hindrax, heading_from=heading_from) for _ in range(2))
     assert compass.magnetic(0.5) is (heading_from in ("magnetometer", "both"))
     assert dvl.track() is (heading_from in ("dvl", "both"))
@@ -218,9 +218,9 @@ def test_the_heading_follows_what_it_is_told_to(hindrax: Vehicle, heading_from: 
     )
 
 
-@pytest.mark.parametrize("believed_rad", [0.0, 0.9, -2.5])
-def test_true_north_is_magnetic_north_and_the_declination(hindrax: Vehicle, believed_rad: float) -> None:
-    rig = Rig(hindrax, (0.0, 0.0, believed_rad), declination_deg=-20.0)
+@pytest.mark.parametrize("assumed_rad", [0.0, 0.9, -2.5])
+def test_true_north_is_magnetic_north_and_the_declination(hindrax: Vehicle, assumed_rad: float) -> None:
+    rig = Rig(hindrax, (0.0, 0.0, assumed_rad), declination_deg=-20.0)
     assert rig.magnetic(1.0)
     assert rig.heading_rad == pytest.approx(1.0 - math.radians(20.0), abs=1e-3)
 
@@ -269,7 +269,7 @@ def test_a_compass_that_jumps_is_not_used(hindrax: Vehicle) -> None:
         ({"locked": False}, True),
     ],
 )
-def test_the_dvl_tells_its_heading_when_its_compass_is_calibrated(
+def test_the_dvl_shows_its_heading_when_its_compass_is_calibrated(
     hindrax: Vehicle, changes: dict[str, Any], used: bool
 ) -> None:
     rig = Rig(hindrax, heading_from="dvl")

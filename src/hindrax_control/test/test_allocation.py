@@ -208,7 +208,7 @@ def test_reversed_thruster_gets_the_mirrored_pulse_for_the_same_force() -> None:
     assert mirrored.forces_N[0] == pytest.approx(straight.forces_N[0])
 
 
-def test_limits_that_leave_nothing_are_told() -> None:
+def test_limits_that_leave_nothing_are_reported() -> None:
     """A fault of ours or of the curves: no force is above the lower and below this upper limit."""
     broken = Allocator(HINDRAX)
     enabled = broken._enabled(frozenset(), HINDRAX.supply_V)
@@ -236,7 +236,7 @@ def test_order_of_thrusters_does_not_matter(order: list[int], wrench: Vec6) -> N
     assert given_wrench == pytest.approx(B @ np.array(ALLOCATOR.forces(wrench)), abs=0.02)
 
 
-def test_voltages_are_told_apart_by_a_tenth_of_a_volt_and_a_few_of_them_are_kept() -> None:
+def test_voltages_are_distinguished_by_a_tenth_of_a_volt_and_a_few_of_them_are_kept() -> None:
     allocator, nobody = Allocator(HINDRAX), frozenset[str]()
     wrench = (10.0, 0.0, 5.0, 0.0, 0.0, 0.0)
     at_14 = allocator.allocate(wrench, nobody, (), 14.0).pulses_us

@@ -113,7 +113,7 @@ def test_numbers_go_on_after_a_command_that_was_sent_before(cycle: AllocationCyc
     assert commanded(cycle).sequence == 42
 
 
-def test_what_was_refused_is_told_until_something_is_served(cycle: AllocationCycle) -> None:
+def test_what_was_refused_is_reported_until_something_is_served(cycle: AllocationCycle) -> None:
     before = commanded(cycle)
     assert cycle.command(WRENCH, "map", after(START, 0.02), after(START, 0.02)) is None
     assert "found frame 'map'" in cycle.refused[0]
@@ -124,7 +124,7 @@ def test_what_was_refused_is_told_until_something_is_served(cycle: AllocationCyc
     assert cycle.achieved(before.sequence, before.pulses_us).refused == ()
 
 
-def test_thrusters_out_of_use_stand_still_and_are_told_with_what_is_lost(cycle: AllocationCycle) -> None:
+def test_thrusters_out_of_use_stand_still_and_are_reported_with_what_is_lost(cycle: AllocationCycle) -> None:
     cycle.disable(frozenset({"T8", "T7", "nobody"}))
     command = commanded(cycle)
     assert command.pulses_us[6:] == (1500, 1500)
@@ -155,7 +155,7 @@ def test_other_knobs_count_from_then_on(cycle: AllocationCycle) -> None:
     assert commanded(cycle, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.02).pulses_us != before.pulses_us
 
 
-def test_a_weaker_supply_wants_longer_pulses_and_tells_the_same_forces(hindrax: Vehicle) -> None:
+def test_a_weaker_supply_wants_longer_pulses_and_shows_the_same_forces(hindrax: Vehicle) -> None:
     cycle = AllocationCycle(replace(hindrax, supply_V=14.8))
     full = commanded(cycle, (20.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     cycle.command(WRENCH, FSD, START, START)

@@ -34,7 +34,7 @@ def test_a_channel_that_is_off_stops_its_thruster(hindrax: Vehicle) -> None:
     assert pulses_of_channels(hindrax, channels) == [*PULSES[:3], 1500.0, *PULSES[4:]]
 
 
-def test_too_few_channels_are_told(hindrax: Vehicle) -> None:
+def test_too_few_channels_are_reported(hindrax: Vehicle) -> None:
     channels = channels_of(hindrax)
     with pytest.raises(ValueError, match=f"holds {len(channels) - 1} channels, wanted {len(channels)} for"):
         pulses_of_channels(hindrax, channels[:-1])
@@ -42,7 +42,7 @@ def test_too_few_channels_are_told(hindrax: Vehicle) -> None:
 
 
 @pytest.mark.parametrize("pulse", [499.0, 2501.0, math.nan, 65535.0])
-def test_what_is_no_servo_pulse_is_told(hindrax: Vehicle, pulse: float) -> None:
+def test_what_is_no_servo_pulse_is_reported(hindrax: Vehicle, pulse: float) -> None:
     pulses = [*PULSES[:5], pulse, *PULSES[6:]]
     with pytest.raises(ValueError, match=f"found a pulse of {re.escape(f'{pulse:g}')} us"):
         check_pulses(pulses, 8)

@@ -47,7 +47,7 @@ def angle_between(ours: AttitudeFilter, theirs: Rotation) -> float:
 
 
 @given(ANGLES)
-def test_it_starts_with_tilt_of_gravity_and_the_heading_that_it_is_told(angles_rad: Vec3) -> None:
+def test_it_starts_with_tilt_of_gravity_and_the_heading_that_it_is_given(angles_rad: Vec3) -> None:
     ours = aligned(angles_rad)
     assert ours.euler_rad == pytest.approx(angles_rad, abs=1e-7)
     assert ours.heading_rad == ours.euler_rad[2]
@@ -178,7 +178,7 @@ def test_its_uncertainty_after_alignment_is_that_of_gravity_over_the_span() -> N
 
 
 @pytest.mark.parametrize(("norm_mps2", "leans"), [(0.91, True), (1.09, True), (0.89, False), (1.11, False)])
-def test_what_is_far_from_one_g_is_no_gravity_but_tells_an_angle(norm_mps2: float, leans: bool) -> None:
+def test_what_is_far_from_one_g_is_no_gravity_but_shows_an_angle(norm_mps2: float, leans: bool) -> None:
     ours = AttitudeFilter(AttitudeKnobs(gravity_gate_mps2=0.1 * GRAVITY_mps2))
     ours.align(LEVEL, 1.0)
     tilted = vector(norm_mps2 * np.array(gravity_at(of_euler((0.2, 0.0, 0.0)))))
@@ -196,7 +196,7 @@ def test_without_any_force_it_goes_on() -> None:
 
 @pytest.mark.parametrize("off", [(0.3, 0.0, 0.0), (0.0, -0.5, 0.0), (2.0, 0.4, 0.0)])
 @pytest.mark.parametrize("angles_rad", [(0.0, 0.0, 0.0), (0.3, -0.4, 1.0)])
-def test_the_angle_of_gravity_is_told_whole_when_it_lasts(angles_rad: Vec3, off: Vec3) -> None:
+def test_the_angle_of_gravity_is_reported_whole_when_it_lasts(angles_rad: Vec3, off: Vec3) -> None:
     ours = AttitudeFilter(AttitudeKnobs(gravity_noise=10.0))  # so it hardly leans
     ours.align(gravity_at(of_euler(angles_rad)), 1e9, angles_rad[2])
     measured = (of_euler(angles_rad) * of_euler(off)).inv().apply(-GRAVITY_mps2 * DOWN)
@@ -210,7 +210,7 @@ def test_the_angle_of_gravity_is_told_whole_when_it_lasts(angles_rad: Vec3, off:
     assert ours.gravity_off_rad == pytest.approx(0.0, abs=0.01)
 
 
-def test_unless_told_otherwise_the_offset_of_the_gyroscope_is_known() -> None:
+def test_by_default_the_offset_of_the_gyroscope_is_known() -> None:
     ours = AttitudeFilter(AttitudeKnobs())
     ours.align((0.0, 0.0, -GRAVITY_mps2), 1.0)
     for _ in range(10):

@@ -186,7 +186,7 @@ def test_limits_may_differ_and_be_zero(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", VEHICLES)
-def test_forces_within_limits_stay_and_those_that_no_pattern_brings_there_are_told(name: str) -> None:
+def test_forces_within_limits_stay_and_those_that_no_pattern_brings_there_are_reported(name: str) -> None:
     rng = np.random.default_rng(3)
     B_all = effectiveness(VEHICLES[name])
     limits = np.array([(-4.0, 5.0)] * B_all.shape[1])

@@ -142,7 +142,7 @@ def test_where_the_lines_are_drawn() -> None:
         assert failed.startswith(f"{name}: ")
 
 
-def test_a_gyroscope_that_jumps_is_told_within_half_a_second_of_a_tilt_that_is_wrong() -> None:
+def test_a_gyroscope_that_jumps_is_reported_within_half_a_second_of_a_tilt_that_is_wrong() -> None:
     attitude, watch, wrong_s = AttitudeFilter(NavigatorKnobs()), Watch(), 0.0
     attitude.align((0.0, 0.0, -GRAVITY_mps2), 1.0)
     while not watch.see(wrong(gravity_off_rad=attitude.gravity_off_rad), 0.02):

@@ -36,7 +36,7 @@ class Flight:
         return [self.step(state) for _ in range(count)][-1]
 
 
-def test_a_quiet_one_is_believed_and_stands_for_every_sensor_but_the_altimeter() -> None:
+def test_a_quiet_one_is_accepted_and_stands_for_every_sensor_but_the_altimeter() -> None:
     flight = Flight()
     assert flight.steps(LEVEL) == ()
     found, _ = flight.odometry.step(Stamped(after(flight.now, 0.02), LEVEL), MINE, after(flight.now, 0.02))
@@ -110,7 +110,7 @@ def test_a_late_one_is_refused_and_what_comes_too_often_is_left_out() -> None:
     assert odometry.step(Stamped(after(NOW, 0.005), LEVEL), MINE, after(NOW, 0.005)) == (None, "")
 
 
-def test_the_altimeter_gives_the_height_above_the_bottom_while_it_is_heard() -> None:
+def test_the_altimeter_gives_the_height_above_the_bottom_while_it_is_received() -> None:
     odometry = ExternalOdometry(VEHICLE)
     sonar = VEHICLE.sensors["ping1d"]
     odometry.range(NOW, 1.2)

@@ -39,7 +39,7 @@ class Flight:
         forces: Callable[[Any], Vec3],
         *,
         gyro_bias: float = 0.0,
-        told: bool = True,
+        reported: bool = True,
     ) -> None:
         """True heading and forces are functions of time; the gyroscope turns by the true rate and its bias."""
         for number in range(round(seconds * 25)):
@@ -49,7 +49,7 @@ class Flight:
             self.filter.predict(0.04)
             now = forces(t)
             x, y = field(true_heading(t + 0.04), now, 0.01, self.random)
-            found = self.filter.magnetic(x, y, self.heading, now if told else ())
+            found = self.filter.magnetic(x, y, self.heading, now if reported else ())
             if found is not None:
                 self.heading += found[0]
                 self.bias += found[1]
@@ -71,7 +71,7 @@ def test_it_learns_the_field_of_every_thruster() -> None:
         assert found == pytest.approx((truth[0] * unit, truth[1] * unit), abs=0.05)
 
 
-def test_a_turn_tells_what_is_fixed_in_the_vehicle_from_the_heading() -> None:
+def test_a_turn_shows_what_is_fixed_in_the_vehicle_from_the_heading() -> None:
     flight = Flight()
     flight.fly(4.0, lambda _: 0.0, lambda _: (0.0, 0.0, 0.0))
     before = abs(math.degrees(flight.heading))

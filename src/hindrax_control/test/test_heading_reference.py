@@ -67,7 +67,7 @@ class Reference:
         return correction[0], correction[1]
 
 
-def told(ours: HeadingFilter, field: Array, heading: float, forces: Sequence[float]) -> tuple[float, float] | None:
+def reported(ours: HeadingFilter, field: Array, heading: float, forces: Sequence[float]) -> tuple[float, float] | None:
     """What it says of a field in units of the first one."""
     return ours.magnetic(FIELD_T * float(field[0]), FIELD_T * float(field[1]), heading, forces)
 
@@ -91,7 +91,7 @@ def flown(ticks: int, *, first_rad: float = 0.2) -> tuple[HeadingFilter, Referen
         forces = forces_at(tick) if forces != forces_at(tick) else forces
         expected, _, _ = theirs.innovation(heading, forces)
         field = expected + 0.01 * rng.standard_normal(2)
-        found = told(ours, field, heading, forces)
+        found = reported(ours, field, heading, forces)
         wanted = theirs.magnetic(field, heading, forces)
         assert found == pytest.approx(wanted, abs=1e-9)
         heading += wanted[0]
@@ -115,7 +115,7 @@ def test_a_field_five_standard_deviations_off_is_an_outlier(
     expected, _, S = theirs.innovation(heading, forces)
     edge = 5.0 / math.sqrt(float(np.array(direction) @ np.linalg.inv(S) @ np.array(direction))) * np.array(direction)
     for share, used in ((0.99, True), (1.01, False)):
-        assert (told(copy.deepcopy(ours), expected + share * edge, heading, forces) is not None) is used
+        assert (reported(copy.deepcopy(ours), expected + share * edge, heading, forces) is not None) is used
 
 
 def test_a_field_that_stays_elsewhere_is_that_of_the_vehicle_and_not_another_heading() -> None:
@@ -123,11 +123,11 @@ def test_a_field_that_stays_elsewhere_is_that_of_the_vehicle_and_not_another_hea
     powered = forces_at(59)
     expected, _, _ = theirs.innovation(heading, powered)
     moved = expected + np.array([0.8, -0.5])
-    found = [told(ours, moved, heading, powered) for _ in range(KNOBS.compass_patience + 1)]
+    found = [reported(ours, moved, heading, powered) for _ in range(KNOBS.compass_patience + 1)]
     assert found[:-1] == [None] * KNOBS.compass_patience
     assert found[-1] is not None
     assert abs(found[-1][0]) < 0.02
-    found = [told(ours, moved, heading, powered) for _ in range(KNOBS.compass_patience)]
+    found = [reported(ours, moved, heading, powered) for _ in range(KNOBS.compass_patience)]
     assert None not in found
 
 
@@ -137,8 +137,8 @@ def test_each_time_that_the_field_moves_takes_its_whole_patience() -> None:
     expected, _, _ = theirs.innovation(heading, powered)
     for moved in ([0.8, -0.5], [-20.0, -1.5], [-20.0, -60.0], [200.0, -60.0]):
         for _ in range(KNOBS.compass_patience):
-            assert told(ours, expected + np.array(moved), heading, powered) is None
-    assert told(ours, expected + np.array([200.0, -60.0]), heading, powered) is not None
+            assert reported(ours, expected + np.array(moved), heading, powered) is None
+    assert reported(ours, expected + np.array([200.0, -60.0]), heading, powered) is not None
 
 
 def test_outliers_now_and_then_are_none_in_a_row() -> None:
@@ -147,10 +147,10 @@ def test_outliers_now_and_then_are_none_in_a_row() -> None:
     expected, _, _ = theirs.innovation(heading, powered)
     for number in range(5 * KNOBS.compass_patience):
         off = np.array([0.8, 0.0]) if number % 3 else np.zeros(2)
-        assert (told(ours, expected + off, heading, powered) is None) is bool(number % 3)
+        assert (reported(ours, expected + off, heading, powered) is None) is bool(number % 3)
 
 
-def test_a_heading_told_outright_is_fused_as_one_number() -> None:
+def test_a_heading_given_outright_is_fused_as_one_number() -> None:
     ours, theirs, _ = flown(60)
     ours.predict(2.0)
     theirs.predict(2.0)
@@ -162,7 +162,7 @@ def test_a_heading_told_outright_is_fused_as_one_number() -> None:
     assert np.degrees(ours._fields[5:]) == pytest.approx(motors, abs=1e-9)
 
 
-def test_after_a_heading_told_outright_it_is_as_sure_as_that() -> None:
+def test_after_a_heading_given_outright_it_is_as_sure_as_that() -> None:
     ours = HeadingFilter(KNOBS, 0)
     assert not ours.known
     ours.predict(100.0)
@@ -171,7 +171,7 @@ def test_after_a_heading_told_outright_it_is_as_sure_as_that() -> None:
     assert math.sqrt(ours._P[0, 0]) == pytest.approx(math.radians(4.0))
 
 
-def test_a_compass_after_a_heading_told_outright_does_not_turn_it_at_once() -> None:
+def test_a_compass_after_a_heading_given_outright_does_not_turn_it_at_once() -> None:
     ours = HeadingFilter(KNOBS, THRUSTERS)
     ours.heading(0.7, 1.0)
     found = ours.magnetic(FIELD_T * math.cos(0.75), -FIELD_T * math.sin(0.75), 0.7, RESTS)
@@ -179,7 +179,7 @@ def test_a_compass_after_a_heading_told_outright_does_not_turn_it_at_once() -> N
     assert 0.0 < found[0] < 0.03
 
 
-def test_a_first_field_that_contradicts_a_heading_told_outright_is_an_outlier() -> None:
+def test_a_first_field_that_contradicts_a_heading_given_outright_is_an_outlier() -> None:
     ours = HeadingFilter(KNOBS, THRUSTERS)
     ours.heading(0.7, 1.0)
     field_T = (FIELD_T * math.cos(2.7), -FIELD_T * math.sin(2.7))
@@ -200,10 +200,10 @@ def test_forces_of_another_number_of_thrusters_are_not_used() -> None:
     ours, theirs, heading = flown(60)
     expected, _, _ = theirs.innovation(heading, RESTS)
     few, none = copy.deepcopy(ours), copy.deepcopy(ours)
-    assert told(few, expected, heading, (9.0,)) == told(none, expected, heading, RESTS)
+    assert reported(few, expected, heading, (9.0,)) == reported(none, expected, heading, RESTS)
 
 
-def test_thrusters_of_which_nothing_is_told_are_at_rest() -> None:
-    silent, told = HeadingFilter(KNOBS, THRUSTERS), HeadingFilter(KNOBS, THRUSTERS)
+def test_thrusters_of_which_nothing_is_reported_are_at_rest() -> None:
+    silent, reported = HeadingFilter(KNOBS, THRUSTERS), HeadingFilter(KNOBS, THRUSTERS)
     for x, y in ((1.0, -0.1), (1.0, -0.2), (0.98, -0.15)):
-        assert silent.magnetic(x, y, 0.1, ()) == told.magnetic(x, y, 0.1, [0.0] * THRUSTERS)
+        assert silent.magnetic(x, y, 0.1, ()) == reported.magnetic(x, y, 0.1, [0.0] * THRUSTERS)

@@ -250,10 +250,10 @@ def test_setpoint_of_nan_is_where_the_vehicle_is() -> None:
 )
 def test_setpoints_out_of_reach_are_refused(setpoint: Setpoint, reason: str) -> None:
     holds = Holds(HINDRAX)
-    told = holds.set(setpoint)
-    assert reason in told
+    reported = holds.set(setpoint)
+    assert reason in reported
     ends = {"depth": " of the vehicle file", "altitude": " of the vehicle file", "surge": "station"}
-    assert told.endswith(ends.get(setpoint.axis, " deg"))
+    assert reported.endswith(ends.get(setpoint.axis, " deg"))
     assert not any(one.engaged for one in holds.step(IdealVehicle().navigation(), Stamp(0)).states)
 
 
@@ -280,7 +280,7 @@ def test_an_altitude_where_it_is_waits_for_the_sonar_and_no_other_hold_does() ->
     assert state(output, "altitude").setpoint == pytest.approx(FLOOR_M - 0.77)
 
 
-def test_unmeasured_axis_gets_no_effort_and_says_so() -> None:
+def test_unmeasured_axis_gets_no_effort_and_reports_it() -> None:
     holds, vehicle = Holds(HINDRAX), IdealVehicle()
     holds.set(Setpoint("depth", value=1.0))
     holds.set(Setpoint("heading", value=1.0))

@@ -27,7 +27,7 @@ def rested(seconds: float, knobs: HorizontalKnobs) -> HorizontalFilter:
 
 
 @pytest.mark.parametrize(("from_s", "to_s"), [(1.0, 1.1), (1.213, 1.287), (1.9, 2.0), (1.95, 2.04), (1.51, 1.515)])
-def test_what_happened_in_an_interval_is_told_whole(from_s: float, to_s: float) -> None:
+def test_what_happened_in_an_interval_is_reported_whole(from_s: float, to_s: float) -> None:
     # A growing acceleration: the velocity is a parabola, its mean known in closed form.
     ours, jerk = HorizontalFilter(HorizontalKnobs()), (0.4, -0.7)
     for tick in range(1, 101):
@@ -43,7 +43,7 @@ def test_what_happened_in_an_interval_is_told_whole(from_s: float, to_s: float) 
     assert way.rate_radps == pytest.approx((0.1, -0.2, 0.3))
 
 
-def test_a_turn_is_told_as_it_was_in_the_interval() -> None:
+def test_a_turn_is_reported_as_it_was_in_the_interval() -> None:
     ours = HorizontalFilter(HorizontalKnobs())
     for tick in range(1, 41):
         ours.predict((0.0, 0.0), (0.0, 0.0, 0.5 * DT_S if tick > 20 else 0.0), tick * DT_S, DT_S)
@@ -54,7 +54,7 @@ def test_a_turn_is_told_as_it_was_in_the_interval() -> None:
     assert [way.rate_radps[2] for way in (before, after, over)] == pytest.approx([0.0, 0.5, 0.25], abs=1e-9)
 
 
-def test_intervals_that_are_forgotten_to_come_or_empty_are_not_told() -> None:
+def test_intervals_that_are_forgotten_to_come_or_empty_are_not_given() -> None:
     ours = rested(5.0, HorizontalKnobs(memory_s=1.0))
     assert ours.way(4.1, 4.2) is not None
     assert ours.way(3.9, 4.2) is None

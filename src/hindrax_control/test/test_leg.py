@@ -93,9 +93,9 @@ def test_a_vehicle_that_hardly_brakes_ends_in_time_to_come_to_rest() -> None:
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("believed", [0.3, 0.7, 1.0, 1.5, 2.5])
-def test_a_leg_coasts_at_speed_and_ends_within_its_room(believed: float, sign: float) -> None:
-    end = flown(leg(5.0, sign, coast_s=2.0, drag=believed * DRAG))
+@pytest.mark.parametrize("assumed", [0.3, 0.7, 1.0, 1.5, 2.5])
+def test_a_leg_coasts_at_speed_and_ends_within_its_room(assumed: float, sign: float) -> None:
+    end = flown(leg(5.0, sign, coast_s=2.0, drag=assumed * DRAG))
     times_s, forces, speeds = zip(*end.coasts, strict=True)
     assert set(forces) == {0.0}
     assert speeds[0] > 0.5 * RATE_mps
@@ -162,8 +162,8 @@ def test_a_brake_that_does_not_stop_it_ends_two_seconds_after_five_times_its_tim
     one = leg(braking_mps2)
     driver, patient_s = at_speed(one), 5.0 * RATE_mps / one.pace + 2.0
     for elapsed_s, finished in ((0.0, False), (patient_s - 0.01, False), (patient_s + 0.01, True)):
-        told = driver.step(one.end, 4.0 * RATE_mps, BEGIN_s + elapsed_s)
-        assert told == LegOutput(-one.boost, "transit", finished=finished)
+        reported = driver.step(one.end, 4.0 * RATE_mps, BEGIN_s + elapsed_s)
+        assert reported == LegOutput(-one.boost, "transit", finished=finished)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -186,8 +186,8 @@ def test_it_coasts_where_coast_and_brake_together_just_bring_it_to_rest_at_the_e
     for before_m, phase in ((0.001, "transient"), (-0.001, "coast")):
         driver = at_speed(one)
         assert driver.step(one.end - sign * (way_m + before_m), one.rate, BEGIN_s + 1.0).phase == phase
-    told = [driver.step(0.0, one.rate, BEGIN_s + 1.0 + elapsed_s).phase for elapsed_s in (1.9, 2.0, 2.1)]
-    assert told == ["coast", "coast", "transit"]
+    reported = [driver.step(0.0, one.rate, BEGIN_s + 1.0 + elapsed_s).phase for elapsed_s in (1.9, 2.0, 2.1)]
+    assert reported == ["coast", "coast", "transit"]
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -198,8 +198,10 @@ def test_it_swings_where_its_righting_alone_brings_it_to_rest_at_the_end(sign: f
     for before, phase in ((0.001, "transient"), (-0.001, "coast")):
         driver = at_speed(one)
         assert driver.step(sign * (ahead - RATE_mps * LAG_S - before), one.rate, BEGIN_s + 1.0).phase == phase
-    told = [driver.step(at * sign, rate * sign, BEGIN_s + 2.0) for at, rate in ((2.9, 0.4), (3.2, 0.1), (0.0, -0.4))]
-    assert [(one.phase, one.force) for one in told] == [("coast", 0.0)] * 3
+    reported = [
+        driver.step(at * sign, rate * sign, BEGIN_s + 2.0) for at, rate in ((2.9, 0.4), (3.2, 0.1), (0.0, -0.4))
+    ]
+    assert [(one.phase, one.force) for one in reported] == [("coast", 0.0)] * 3
     assert driver.step(0.0, -one.rate, BEGIN_s + 3.0).phase == "coast"
     assert driver.step(0.0, -one.rate, BEGIN_s + 3.1).phase == "transit"
 
@@ -209,19 +211,19 @@ def test_what_never_gets_up_to_speed_swings_too(sign: float) -> None:
     driver = LegController(replace(leg(2.1, sign, coast_s=2.0, axis="roll"), natural_radps=0.2))
     slow_mps = 0.25 * RATE_mps
     ahead = math.sqrt(3.0**2 - (slow_mps / 0.2) ** 2) - slow_mps * LAG_S
-    told = [driver.step(sign * (ahead + beyond), sign * slow_mps, BEGIN_s + 0.1) for beyond in (-0.001, 0.001)]
-    assert [(one.phase, one.force != 0.0) for one in told] == [("transient", True), ("coast", False)]
+    reported = [driver.step(sign * (ahead + beyond), sign * slow_mps, BEGIN_s + 0.1) for beyond in (-0.001, 0.001)]
+    assert [(one.phase, one.force != 0.0) for one in reported] == [("transient", True), ("coast", False)]
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("swinging", [False, True])
-def test_what_does_not_right_itself_as_believed_is_braked_beyond_its_end(sign: float, swinging: bool) -> None:
+def test_what_does_not_right_itself_as_assumed_is_braked_beyond_its_end(sign: float, swinging: bool) -> None:
     one = replace(leg(2.1, sign, coast_s=2.0, axis="roll"), natural_radps=0.2 if swinging else 100.0)
     driver = at_speed(one)
     first = driver.step(sign * 2.5, one.rate, BEGIN_s + 0.1)
     assert first.phase == ("coast" if swinging else "transient")
-    told = [driver.step(sign * at, one.rate, BEGIN_s + 0.2).phase for at in (2.7, 3.31)]
-    assert told == [first.phase, "transit"]
+    reported = [driver.step(sign * at, one.rate, BEGIN_s + 0.2).phase for at in (2.7, 3.31)]
+    assert reported == [first.phase, "transit"]
 
 
 def swinging(sign: float, natural_radps: float = 0.2) -> Leg:
@@ -238,8 +240,8 @@ PATIENT_s = 1.6 * 15.0 + 1.0
 def test_a_leg_that_hangs_swings_from_where_it_hangs(sign: float, at: float) -> None:
     """Righting moment and thrust are never quite what is believed: the rest of both outweighs a slow leg's drag."""
     driver = at_speed(swinging(sign))
-    told = [driver.step(sign * at, 0.0, BEGIN_s + PATIENT_s + late_s) for late_s in (-0.01, 0.01, 0.02, 2.0)]
-    assert [(one.phase, one.force != 0.0) for one in told] == [("transient", True)] * 2 + [("coast", False)] * 2
+    reported = [driver.step(sign * at, 0.0, BEGIN_s + PATIENT_s + late_s) for late_s in (-0.01, 0.01, 0.02, 2.0)]
+    assert [(one.phase, one.force != 0.0) for one in reported] == [("transient", True)] * 2 + [("coast", False)] * 2
     assert [driver.step(0.0, 0.0, BEGIN_s + PATIENT_s + late_s).phase for late_s in (2.02, 2.1)] == ["coast", "transit"]
 
 
@@ -250,8 +252,8 @@ def test_a_leg_that_hangs_near_level_is_pushed_and_swings_where_it_gets_to(sign:
     pushed_s = 1.6 * CHARACTERS["roll"].boost_s + 1.0
     for rises in (True, False):
         driver = at_speed(one)
-        told = [driver.step(sign * at, 0.0, BEGIN_s + PATIENT_s + after_s) for after_s in (late_s, 2.0 * late_s)]
-        assert told == [LegOutput(one.level, "transient"), LegOutput(sign * one.boost, "transient")]
+        reported = [driver.step(sign * at, 0.0, BEGIN_s + PATIENT_s + after_s) for after_s in (late_s, 2.0 * late_s)]
+        assert reported == [LegOutput(one.level, "transient"), LegOutput(sign * one.boost, "transient")]
         if rises:
             assert driver.step(sign * 3.01, sign * 0.01, BEGIN_s + PATIENT_s + 0.1) == LegOutput(0.0, "coast")
             continue
@@ -269,8 +271,8 @@ def test_a_leg_that_is_carried_back_to_its_begin_swings_from_there(sign: float, 
         driver = LegController(one) if boosting else at_speed(one)
         assert driver.step(sign * (-3.0 + way + before), -sign * backward, BEGIN_s + 0.1).phase == phase
     # It is carried no further than a swing may go.
-    told = [driver.step(-sign * at, -sign * backward, BEGIN_s + 0.2).phase for at in (3.2, 3.3)]
-    assert told == ["coast", "transit"]
+    reported = [driver.step(-sign * at, -sign * backward, BEGIN_s + 0.2).phase for at in (3.2, 3.3)]
+    assert reported == ["coast", "transit"]
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -280,9 +282,9 @@ def test_what_rights_itself_slowly_is_braked_in_time(sign: float, side: float) -
     driver, rate = at_speed(swinging(sign)), 1.0
     assert driver.step(0.1 * sign, rate * sign, BEGIN_s + 0.1).phase == "coast"
     last = 3.3 - rate * LAG_S - rate**2 / (2.0 * 2.1)
-    told = [driver.step(side * (last + beyond), side * rate, BEGIN_s + 0.2) for beyond in (-0.001, 0.001)]
-    assert [one.phase for one in told] == ["coast", "transit"]
-    assert told[1].force * side < 0.0
+    reported = [driver.step(side * (last + beyond), side * rate, BEGIN_s + 0.2) for beyond in (-0.001, 0.001)]
+    assert [one.phase for one in reported] == ["coast", "transit"]
+    assert reported[1].force * side < 0.0
 
 
 @pytest.mark.parametrize(("natural_radps", "phase"), [(0.0, "transient"), (100.0, "coast")])
@@ -328,12 +330,12 @@ def test_what_carries_it_backward_is_braked_before_the_room_ends_but_not_in_the_
 
 def phases(one: Leg, *, slope_mps2: float = 0.0, blind_s: float = math.inf) -> list[tuple[float, str]]:
     """Times and phases in 6 s from the middle of a leg at speed; for one sample its rate is not measured."""
-    driver, told = at_speed(one), list[tuple[float, str]]()
+    driver, reported = at_speed(one), list[tuple[float, str]]()
     for index in range(120):
         time_s = STEP_s * index
         rate_mps, trusted = RATE_mps + slope_mps2 * time_s, abs(time_s - blind_s) > 0.5 * STEP_s
-        told.append((time_s, driver.step(0.0, rate_mps, BEGIN_s + time_s, trusted=trusted).phase))
-    return told
+        reported.append((time_s, driver.step(0.0, rate_mps, BEGIN_s + time_s, trusted=trusted).phase))
+    return reported
 
 
 WINDOWS_s = {"surge": 2.0, "sway": 2.0, "heave": 0.6, "roll": 0.25, "pitch": 0.25, "yaw": 1.0}
@@ -342,8 +344,8 @@ WINDOWS_s = {"surge": 2.0, "sway": 2.0, "heave": 0.6, "roll": 0.25, "pitch": 0.2
 @pytest.mark.parametrize("axis", WINDOWS_s)
 def test_a_plateau_begins_when_its_rate_was_measured_steady_for_a_window(axis: str) -> None:
     one, window_s = leg(2.1, axis=axis), WINDOWS_s[axis]
-    for told, since_s in ((phases(one), 0.0), (phases(one, blind_s=3.0), 3.0)):
-        unsteady = [time_s for time_s, phase in told if phase == "transient"]
+    for reported, since_s in ((phases(one), 0.0), (phases(one, blind_s=3.0), 3.0)):
+        unsteady = [time_s for time_s, phase in reported if phase == "transient"]
         assert max(unsteady) - since_s == pytest.approx(window_s, abs=3.0 * STEP_s)
 
 
@@ -351,10 +353,10 @@ def test_a_plateau_begins_when_its_rate_was_measured_steady_for_a_window(axis: s
 @pytest.mark.parametrize(("share", "steady"), [(0.001, True), (0.3, False)])
 def test_a_rate_that_still_takes_a_good_part_of_the_force_is_no_plateau(axis: str, share: float, steady: bool) -> None:
     one = leg(2.1, axis=axis)
-    told = phases(one, slope_mps2=share * one.level / one.inertia)
-    assert any(phase == "plateau" for _, phase in told) is steady
+    reported = phases(one, slope_mps2=share * one.level / one.inertia)
+    assert any(phase == "plateau" for _, phase in reported) is steady
 
 
-def test_what_is_not_said_to_be_unmeasured_counts_as_measured() -> None:
+def test_what_is_not_reported_to_be_unmeasured_counts_as_measured() -> None:
     driver = at_speed(leg(2.1))
     assert [driver.step(0.0, RATE_mps, BEGIN_s + STEP_s * index).phase for index in range(120)][-1] == "plateau"

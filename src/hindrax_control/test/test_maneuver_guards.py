@@ -135,9 +135,9 @@ def test_walls_are_nearer_by_the_doubt_of_the_position_and_a_tiny_one_is_not_wor
     hindrax: Vehicle, sigma_m: float, wanted_m: float, words: str
 ) -> None:
     place = PoolPosition(0.0, 0.0, 0.0, 0.0, 0.0, sigma_m)
-    margin_m, said = ManeuverGuards(hindrax).margin(place)
+    margin_m, text = ManeuverGuards(hindrax).margin(place)
     assert margin_m == pytest.approx(wanted_m)
-    assert said == words
+    assert text == words
 
 
 def test_a_place_is_shown_as_the_guard_of_the_walls_sees_it(hindrax: Vehicle) -> None:

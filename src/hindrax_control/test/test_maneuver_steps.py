@@ -70,9 +70,9 @@ def test_only_the_first_reason_ends_it_and_its_ending_may_be_another(make: Make)
 
 
 def test_a_maneuver_without_a_state_is_abandoned_at_once() -> None:
-    told = abandoned("navigation: lost")
-    assert (told.wrench, told.force, told.velocity, told.setpoints) == (ZERO6, 0.0, 0.0, RELEASED)
-    assert (told.done, told.neutral, told.aborted) == (True, True, "navigation: lost")
+    reported = abandoned("navigation: lost")
+    assert (reported.wrench, reported.force, reported.velocity, reported.setpoints) == (ZERO6, 0.0, 0.0, RELEASED)
+    assert (reported.done, reported.neutral, reported.aborted) == (True, True, "navigation: lost")
 
 
 BRAKED = (Setpoint("heading"), Setpoint("roll", value=0.0), Setpoint("pitch", value=0.0), Setpoint("depth"))
@@ -80,21 +80,21 @@ BRAKED = (Setpoint("heading"), Setpoint("roll", value=0.0), Setpoint("pitch", va
 
 def test_what_is_in_trouble_brakes_at_once_and_ends_when_it_is_slow(make: Make) -> None:
     maneuver = make("yaw")
-    told = stepped(maneuver, 100.0, TOO_LOW)
-    (braked,) = (index for index, one in enumerate(told) if one.setpoints == BRAKED)
+    reported = stepped(maneuver, 100.0, TOO_LOW)
+    (braked,) = (index for index, one in enumerate(reported) if one.setpoints == BRAKED)
     assert STEP_s * braked == pytest.approx(75.0, abs=0.2)
-    assert told[-1].aborted.startswith("settle: altitude off by -0.30 m")
-    assert STEP_s * (len(told) - braked) == pytest.approx(1.0, abs=0.2), "it is at rest"
+    assert reported[-1].aborted.startswith("settle: altitude off by -0.30 m")
+    assert STEP_s * (len(reported) - braked) == pytest.approx(1.0, abs=0.2), "it is at rest"
 
 
 def test_who_cancels_it_waits_for_one_stop(make: Make) -> None:
     maneuver = make("yaw")
     stepped(maneuver, 1.0)
     maneuver.cancel()
-    told = stepped(maneuver, 20.0, begin_s=1.0)
-    assert [bool(one.setpoints) for one in told] == [True] + [False] * (len(told) - 1)
-    assert {one.phase.motion for one in told[:-1]} == {"yaw"}
-    assert STEP_s * len(told) == pytest.approx(1.0, abs=0.2)
+    reported = stepped(maneuver, 20.0, begin_s=1.0)
+    assert [bool(one.setpoints) for one in reported] == [True] + [False] * (len(reported) - 1)
+    assert {one.phase.motion for one in reported[:-1]} == {"yaw"}
+    assert STEP_s * len(reported) == pytest.approx(1.0, abs=0.2)
 
 
 def test_what_is_stopping_counts_down_and_makes_no_more_progress(make: Make) -> None:
@@ -102,13 +102,13 @@ def test_what_is_stopping_counts_down_and_makes_no_more_progress(make: Make) -> 
     *_, flown = stepped(maneuver, 6.0)
     assert flown.progress > 0.0
     maneuver.cancel()
-    told = stepped(maneuver, 20.0, replace(AT_START, velocity_mps=(0.3, 0.0, 0.0)), begin_s=6.0)
-    remaining_s = [one.remaining_s for one in told]
+    reported = stepped(maneuver, 20.0, replace(AT_START, velocity_mps=(0.3, 0.0, 0.0)), begin_s=6.0)
+    remaining_s = [one.remaining_s for one in reported]
     assert 1.0 < remaining_s[0] < 5.0
     assert remaining_s == sorted(remaining_s, reverse=True)
     assert min(remaining_s[:-1]) == 0.0, "it takes longer than it should"
-    assert {one.progress for one in told} == {flown.progress}
-    assert not any(one.aborted for one in told[:-1])
+    assert {one.progress for one in reported} == {flown.progress}
+    assert not any(one.aborted for one in reported[:-1])
 
 
 @pytest.mark.parametrize("motions", [("yaw",), ("surge", "sway"), ("heave", "surge")])
@@ -124,9 +124,9 @@ def test_it_takes_as_long_as_its_ways_its_rests_its_legs_and_its_stop(make: Make
 
 def test_progress_is_the_share_of_the_planned_time_and_what_takes_longer_counts_no_more(make: Make) -> None:
     maneuver = make("yaw")
-    told = stepped(maneuver, 10.0, TOO_LOW)
+    reported = stepped(maneuver, 10.0, TOO_LOW)
     for passed_s, counted_s in ((0.0, 0.0), (1.0, 1.0), (2.5, 2.5), (9.0, 2.5)):
-        one = told[round(passed_s / STEP_s)]
+        one = reported[round(passed_s / STEP_s)]
         assert one.progress == pytest.approx(counted_s / maneuver.seconds)
         assert one.remaining_s == pytest.approx(maneuver.seconds - counted_s)
         assert one.wall_distance_m == pytest.approx(3.0 - 0.235), "the nearest one"
@@ -135,16 +135,16 @@ def test_progress_is_the_share_of_the_planned_time_and_what_takes_longer_counts_
 def test_what_is_cancelled_before_its_first_step_has_made_no_progress(make: Make) -> None:
     maneuver = make("yaw")
     maneuver.cancel()
-    told = stepped(maneuver, 20.0)
-    assert {(one.progress, one.phase.motion) for one in told} == {(0.0, "")}
-    assert told[-1].aborted == "cancelled: by the operator"
+    reported = stepped(maneuver, 20.0)
+    assert {(one.progress, one.phase.motion) for one in reported} == {(0.0, "")}
+    assert reported[-1].aborted == "cancelled: by the operator"
 
 
 def test_it_is_given_up_some_time_after_it_should_be_over(make: Make) -> None:
     maneuver = make("roll", knobs=ManeuverKnobs(overtime=1.5, overtime_s=10.0))
-    told = stepped(maneuver, 70.0, TOO_LOW)
-    ended = next(index for index, one in enumerate(told) if one.remaining_s < 3.0)
-    assert told[-1].aborted.startswith("time_out: ")
+    reported = stepped(maneuver, 70.0, TOO_LOW)
+    ended = next(index for index, one in enumerate(reported) if one.remaining_s < 3.0)
+    assert reported[-1].aborted.startswith("time_out: ")
     assert STEP_s * ended == pytest.approx(1.5 * maneuver.seconds + 10.0, abs=0.2)
 
 
@@ -208,10 +208,10 @@ def test_the_station_learns_nothing_while_surge_or_sway_falls_short(
 ) -> None:
     X, Y, *others = shortfall
     state = replace(TOO_LOW, position_m=(-0.1 * sign, -0.1 * sign))
-    told = stepped(make("yaw"), 12.0, state, shortfall=(sign * X, sign * Y, *others))
-    assert told[-1].phase.phase == "settle"
+    reported = stepped(make("yaw"), 12.0, state, shortfall=(sign * X, sign * Y, *others))
+    assert reported[-1].phase.phase == "settle"
     for axis in (0, 1):
-        assert (sign * (told[-1].wrench[axis] - told[-60].wrench[axis]) > 0.05) is learns
+        assert (sign * (reported[-1].wrench[axis] - reported[-60].wrench[axis]) > 0.05) is learns
 
 
 def test_after_its_end_it_keeps_the_place_and_nothing_else(make: Make) -> None:

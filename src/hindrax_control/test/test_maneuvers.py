@@ -293,7 +293,7 @@ def test_a_leg_ends_before_it_might_touch_a_wall(hindrax: Vehicle, ideal_vehicle
     assert rig.box.walls_m(rig.box.place(rig.ideal.navigation()))["north"] > 1.8
 
 
-def test_pushing_a_wall_that_is_elsewhere_is_told_and_ended(rig: Rig) -> None:
+def test_pushing_a_wall_that_is_elsewhere_is_reported_and_ended(rig: Rig) -> None:
     """The vehicle does not move from its first plateau on, and its dead reckoning sees nothing near."""
     touched: list[bool] = []
 
@@ -329,7 +329,7 @@ def test_a_recentred_position_is_used_and_its_sigma_begins_anew(rig: Rig) -> Non
     assert rig.place.x_m == pytest.approx(5.0)
 
 
-def test_a_told_place_holds_before_arming_too_and_turns_the_pool_when_asked(rig: Rig) -> None:
+def test_a_given_place_holds_before_arming_too_and_turns_the_pool_when_asked(rig: Rig) -> None:
     assert rig.pilot.recentre() == f"the heading is unknown; {SENSELESS}"
     rig.step()
     assert rig.pilot.recentre(3.0, 2.0, math.pi / 2.0) == ""
@@ -340,7 +340,7 @@ def test_a_told_place_holds_before_arming_too_and_turns_the_pool_when_asked(rig:
 
 
 @pytest.mark.parametrize(
-    ("told", "reason"),
+    ("reported", "reason"),
     [
         ((math.nan, 2.0), "x: found nan m, wanted 0.29 to"),
         ((math.inf, 2.0), "x: found inf m, wanted 0.29 to 9.71 m, the hull within the pool"),
@@ -350,9 +350,9 @@ def test_a_told_place_holds_before_arming_too_and_turns_the_pool_when_asked(rig:
         ((2.0, 2.0, 7.0), "heading: found 401 deg"),
     ],
 )
-def test_an_impossible_place_is_refused_and_changes_nothing(rig: Rig, told: tuple[float, ...], reason: str) -> None:
+def test_an_impossible_place_is_refused_and_changes_nothing(rig: Rig, reported: tuple[float, ...], reason: str) -> None:
     rig.arm()
-    assert reason in rig.pilot.recentre(*told)
+    assert reason in rig.pilot.recentre(*reported)
     assert rig.place.x_m == 5.0
 
 
@@ -403,7 +403,7 @@ def test_cancel_at_any_moment_ends_as_asked(rig: Rig, motion: str, ending: str, 
     ],
 )
 @pytest.mark.parametrize("ending", ["hold", "neutral"])
-def test_what_ends_before_its_first_step_is_told_so_and_flies_nothing(
+def test_what_ends_before_its_first_step_is_reported_so_and_flies_nothing(
     rig: Rig, end: Callable[[Rig], object], reason: str, ending: str
 ) -> None:
     rig.arm()
@@ -411,16 +411,16 @@ def test_what_ends_before_its_first_step_is_told_so_and_flies_nothing(
     assert (maneuver.last, maneuver.done) == (None, False)
     end(rig)
     rig.step()
-    told = [rig.output]
-    while not told[-1].done:
+    reported = [rig.output]
+    while not reported[-1].done:
         rig.step()
-        told.append(rig.output)
-        assert len(told) < 500
-    assert maneuver.last is told[-1]
-    assert (told[-1].aborted, told[-1].phase.phase) == (reason, "aborted")
-    assert {(one.phase.motion, one.progress) for one in told} == {("", 0.0)}
-    assert {one.phase.phase for one in told[:-1]} == {"settle"}
-    assert told[-1].neutral is (ending == "neutral" or not rig.armed)
+        reported.append(rig.output)
+        assert len(reported) < 500
+    assert maneuver.last is reported[-1]
+    assert (reported[-1].aborted, reported[-1].phase.phase) == (reason, "aborted")
+    assert {(one.phase.motion, one.progress) for one in reported} == {("", 0.0)}
+    assert {one.phase.phase for one in reported[:-1]} == {"settle"}
+    assert reported[-1].neutral is (ending == "neutral" or not rig.armed)
 
 
 def test_disarming_in_flight_aborts_and_asks_for_nothing(rig: Rig) -> None:
@@ -514,14 +514,14 @@ def test_excitations_stay_clear_of_walls_and_limits(rig: Rig, motion: str, excit
     assert max(tilts) < math.radians(45.0)
 
 
-def test_an_excitation_of_heave_says_which_way_it_goes(rig: Rig) -> None:
+def test_an_excitation_of_heave_states_which_way_it_goes(rig: Rig) -> None:
     """Down and up are identified as two motions; nobody learns of one that is called otherwise."""
     named = set()
 
     def note(one: Rig) -> None:
-        told, down_mps = one.output.phase, one.ideal.navigation().velocity_mps[2]
-        if told.phase == "excite" and abs(down_mps) > 0.02:
-            named.add((told.motion, down_mps > 0.0))
+        reported, down_mps = one.output.phase, one.ideal.navigation().velocity_mps[2]
+        if reported.phase == "excite" and abs(down_mps) > 0.02:
+            named.add((reported.motion, down_mps > 0.0))
 
     output, _ = rig.fly(Goal(("heave",), "multisine", seed=5), note)
     assert output.aborted == ""

@@ -66,14 +66,14 @@ def test_the_rate_holds_when_samples_do_not_fall_on_the_ticks() -> None:
     assert count == pytest.approx(500, abs=2)
 
 
-def test_gravity_that_no_turn_explains_is_told_at_once_and_followed_slowly() -> None:
-    navigator, told = Navigator(CENTERED), list[Navigation]()
+def test_gravity_that_no_turn_explains_is_reported_at_once_and_followed_slowly() -> None:
+    navigator, reported = Navigator(CENTERED), list[Navigation]()
     for number in range(700):
         roll_rad = 0.1 if number > 400 else 0.0
         force = (0.0, -GRAVITY_mps2 * math.sin(roll_rad), -GRAVITY_mps2 * math.cos(roll_rad))
         out = navigator.step(Stamped(stamp_from_s(0.01 * number), Inertial(force, (0.0, 0.0, 0.0), 20.0)), "icm20948")
-        told += [out.reading] if out else []
-    off_rad, roll_rad = told[-1].consistency.gravity_off_rad, told[-1].attitude_rad[0]
+        reported += [out.reading] if out else []
+    off_rad, roll_rad = reported[-1].consistency.gravity_off_rad, reported[-1].attitude_rad[0]
     assert roll_rad > 0.001
     assert off_rad + roll_rad == pytest.approx(0.1, abs=0.01)
 
@@ -101,7 +101,7 @@ def test_a_late_dvl_sample_is_fused_at_its_own_time(delay_s: float) -> None:
     assert rms(ride.errors(lambda n: n.velocity_mps[0], lambda t: ride.velocity(t)[0])) < 0.007
 
 
-def test_without_lock_it_goes_on_by_the_accelerometer_and_says_how_sure_it_is() -> None:
+def test_without_lock_it_goes_on_by_the_accelerometer_and_states_how_sure_it_is() -> None:
     ride = Ride(position=surging, force_bias=(0.02, 0.0, 0.0), dvl_until_s=15.0).run(18.0)
     locked, lost = ride.out[700].reading, ride.out[-1].reading
     assert locked.dvl_locked
@@ -135,7 +135,7 @@ def test_heave_velocity_is_far_better_than_a_differentiated_altitude() -> None:
 
 
 @pytest.mark.parametrize(("deep", "roll", "known"), [(True, 0.0, True), (False, 0.0, False), (True, 2.8, False)])
-def test_heave_is_told_only_with_a_depth_and_upright(deep: bool, roll: float, known: bool) -> None:
+def test_heave_is_reported_only_with_a_depth_and_upright(deep: bool, roll: float, known: bool) -> None:
     state = Ride(deep=deep, attitude=lambda _: (roll, 0.0, 0.0), sonar_until_s=0.0).run(3.0).out[-1].reading
     assert math.isfinite(state.velocity_mps[2]) is known
     assert math.isfinite(state.velocity_sigma_mps[2]) is known
@@ -165,7 +165,7 @@ def test_a_pressure_that_sticks_is_contradicted_by_the_dvl() -> None:
     assert 0.3 < clogged.reading.consistency.sunk_off_m < 0.9
 
 
-def test_an_inertial_sensor_that_says_the_very_same_is_told() -> None:
+def test_an_inertial_sensor_that_states_the_very_same_is_reported() -> None:
     moving, still = (Ride(position=position).run(4.0).out[-1].reading.consistency for position in (surging, HOVER))
     assert moving.frozen_s == 0.0
     assert still.frozen_s == pytest.approx(3.99, abs=0.05)
@@ -232,19 +232,19 @@ def motors(t: float) -> Vec3:
     return (x, y, 0.0)
 
 
-@pytest.mark.parametrize("told", [True, False])
-def test_the_compass_learns_what_the_thrusters_do_to_it(told: bool) -> None:
+@pytest.mark.parametrize("reported", [True, False])
+def test_the_compass_learns_what_the_thrusters_do_to_it(reported: bool) -> None:
     ride = Ride(motors_T=motors, gyro_bias=(0.0, 0.0, 0.002)).run(10.0)
     worst = 0.0
     for number in range(1000, 6000):
         t = number * 0.01
-        if told and number % 2 == 0:
+        if reported and number % 2 == 0:
             ride.navigator.thrust(pattern(t))
         ride.tell(t, Inertial((0.0, 0.0, -GRAVITY_mps2), (0.0, 0.0, 0.002), 20.0), "icm20948")
         if number % 4 == 0:
             ride.tell(t, Magnetic(vector(a + b for a, b in zip(FIELD_T, motors(t), strict=True))), "icm20948")
         worst = max(worst, abs(ride.out[-1].reading.attitude_rad[2]))
-    assert (worst < math.radians(1.0)) is told
+    assert (worst < math.radians(1.0)) is reported
 
 
 def test_a_compass_that_jumps_is_not_followed_at_once() -> None:
@@ -265,7 +265,7 @@ def test_the_heading_may_come_from_a_calibrated_dvl(calibration: str, wanted: fl
     assert ride.out[-1].reading.attitude_rad[2] == pytest.approx(wanted, abs=0.01)
 
 
-def test_the_dvl_tells_the_altitude_while_the_sonar_is_silent() -> None:
+def test_the_dvl_shows_the_altitude_while_the_sonar_is_silent() -> None:
     ride = Ride()
     for number in range(600):
         ride.tell(number * 0.005, Inertial((0, 0, -GRAVITY_mps2), (0, 0, 0), 20.0), "icm20948")
@@ -326,7 +326,7 @@ def test_a_weak_echo_and_an_unknown_reading_are_passed_over() -> None:
     assert ride.out[-1].reading.altitude_m == pytest.approx(0.9, abs=1e-5)
 
 
-def test_a_floor_that_really_changes_is_believed_in_the_end() -> None:
+def test_a_floor_that_really_changes_is_accepted_in_the_end() -> None:
     ride = Ride().run(4.0)
     for number in range(800, 1400):
         t = number * 0.005
@@ -348,9 +348,9 @@ def test_a_velocity_that_repeats_itself_is_no_bottom_lock_but_for_rest(velocity:
     assert any(one.reading.dvl_locked for one in ride.out)
 
 
-@pytest.mark.parametrize(("noise_mps", "believed"), [(0.0, False), (0.001, True)])
-def test_a_velocity_against_the_accelerometer_is_believed_in_the_end_unless_it_repeats_itself(
-    noise_mps: float, believed: bool
+@pytest.mark.parametrize(("noise_mps", "assumed"), [(0.0, False), (0.001, True)])
+def test_a_velocity_against_the_accelerometer_is_accepted_in_the_end_unless_it_repeats_itself(
+    noise_mps: float, assumed: bool
 ) -> None:
     ride = Ride()
     for number in range(1, 1340):
@@ -361,8 +361,8 @@ def test_a_velocity_against_the_accelerometer_is_believed_in_the_end_unless_it_r
             velocity = (0.01 + noise_mps * (number % 3), 0.0, 0.0)
             ride.tell(t, BottomVelocity(velocity if t > 5.9 else (0.0, 0.0, 0.0), 0.01, 1.0, 0.05, number), "dvl75")
     state = ride.out[-1].reading
-    assert state.dvl_locked is believed
-    assert (state.velocity_mps[0] < 0.2) is believed
+    assert state.dvl_locked is assumed
+    assert (state.velocity_mps[0] < 0.2) is assumed
 
 
 def test_after_a_gap_in_the_imu_it_starts_anew() -> None:

@@ -96,7 +96,7 @@ def test_after_a_short_pause_of_the_inertial_sensor_ticks_do_not_crowd() -> None
     assert min(gaps_ns) >= 10_000_000
 
 
-def test_while_the_sonar_is_heard_the_dvl_does_not_tell_the_altitude() -> None:
+def test_while_the_sonar_is_received_the_dvl_does_not_show_the_altitude() -> None:
     ride = Ride().run(4.0)
     for number in range(800, 1600):
         t = number * 0.005
@@ -137,7 +137,7 @@ def test_after_a_gap_it_knows_gyroscope_and_heading_from_before_and_needs_no_res
     assert rms(off) < 0.01
 
 
-def test_a_navigator_that_is_told_the_gyroscope_of_the_one_before_needs_no_rest() -> None:
+def test_a_navigator_that_is_reported_the_gyroscope_of_the_one_before_needs_no_rest() -> None:
     """Control was killed in flight: nothing but the offset of the gyroscope has outlived it."""
     offset = (0.03, -0.02, 0.025)
     before = Ride(attitude=turned_away, gyro_bias=offset, knobs=NO_COMPASS).run(8.0)
@@ -145,15 +145,15 @@ def test_a_navigator_that_is_told_the_gyroscope_of_the_one_before_needs_no_rest(
     assert known is not None
     assert known.rate_radps == pytest.approx(offset, abs=0.005)
     began_s = {}
-    for told in (None, known):
+    for reported in (None, known):
         ride = Ride(attitude=turned_away, gyro_bias=offset, knobs=NO_COMPASS)
         assert ride.navigator.gyroscope_offset is None
-        if told:
-            ride.navigator.set_gyroscope_offset(told)
+        if reported:
+            ride.navigator.set_gyroscope_offset(reported)
         for number in range(1600, 3200):
             t = number * 0.005
             ride.tell(t, ride.inertial(t, ride.vehicle.sensors["icm20948"]), "icm20948")
-        began_s[told] = ride.out[0].stamp / 1e9 - 8.0
+        began_s[reported] = ride.out[0].stamp / 1e9 - 8.0
     assert began_s[known] == pytest.approx(1.0, abs=0.1), "one window"
     assert began_s[None] == pytest.approx(NavigatorKnobs().align_patience_s, abs=0.3), "the whole patience"
 
@@ -182,7 +182,7 @@ def test_a_start_that_is_no_rest_leaves_a_doubt_of_the_gyroscope_that_the_compas
     assert abs(sum(late) / len(late)) < 0.005
 
 
-def test_a_reading_that_cannot_be_is_told_with_its_sensor() -> None:
+def test_a_reading_that_cannot_be_is_reported_with_its_sensor() -> None:
     ride = Ride().run(1.5)
     before = ride.navigator.refused
     ride.tell(1.5, Pressure(math.nan, 20.0), "ms5837")

@@ -59,7 +59,7 @@ def test_it_is_shown_disarmed_too(hovering: Hovering) -> None:
     }
 
 
-def test_while_it_is_being_armed_the_refusal_says_so(hovering: Hovering) -> None:
+def test_while_it_is_being_armed_the_refusal_reports_it(hovering: Hovering) -> None:
     hovering.step(armed=False, unarmed="waiting for the ESCs")
     why = hovering.pilot.set(Setpoint("depth", value=0.5))
     assert why == "hold depth: the vehicle is not armed (waiting for the ESCs); `./hindrax arm` first"
@@ -116,7 +116,7 @@ def test_water_in_the_hull_ends_a_maneuver_refuses_the_next_and_leaves_the_holds
     assert hovering.pilot.set(Setpoint("depth", value=0.2)) == ""
 
 
-def test_a_refusal_is_shown_beside_what_the_hold_says_itself(hovering: Hovering) -> None:
+def test_a_refusal_is_shown_beside_what_the_hold_states_itself(hovering: Hovering) -> None:
     hovering.step()
     hovering.pilot.set(Setpoint("heading"))
     hovering.ideal.heading = math.nan
@@ -142,7 +142,7 @@ def test_disarming_ends_a_maneuver_neutral_with_the_reason_and_lets_go_of_its_pl
 
 
 @pytest.mark.parametrize("ending", ["hold", "neutral"])
-def test_a_cancelled_maneuver_ends_in_its_place_or_neutral_as_it_is_told(hovering: Hovering, ending: str) -> None:
+def test_a_cancelled_maneuver_ends_in_its_place_or_neutral_as_it_is_given(hovering: Hovering, ending: str) -> None:
     hovering.pilot.cancel()  # nothing flies: no harm
     hovering.fly()
     maneuver = hovering.pilot.fly(Goal(("surge",)))
@@ -162,7 +162,7 @@ def allocated(forces_N: tuple[float, ...], shortfall: Vec6 = ZERO6) -> Allocatio
     return Allocation(ZERO6, ZERO6, shortfall, forces_N, (1500,) * count, (False,) * count)
 
 
-def test_thrusters_that_do_not_push_are_told_unless_they_are_disabled(
+def test_thrusters_that_do_not_push_are_reported_unless_they_are_disabled(
     hovering: Hovering, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pilot, ideal = hovering.pilot, hovering.ideal
@@ -239,17 +239,17 @@ def test_what_holds_and_station_want_of_thrusters_that_rest_is_a_shortfall(
 ) -> None:
     """Else a vehicle that drifts while it swings is taken for one that thrust does not move, and integrals wind up."""
     hovering.fly()
-    maneuver, told = hovering.pilot.fly(Goal(("roll",))), []
+    maneuver, reported = hovering.pilot.fly(Goal(("roll",))), []
     step = maneuver.step
 
     def resting(*given: Any, shortfall: Vec6, **more: Any) -> ManeuverOutput:
-        told.append(shortfall)
-        return replace(step(*given, shortfall=shortfall, **more), wrench=(10.0, *ZERO6[1:]), resting=len(told) == 2)
+        reported.append(shortfall)
+        return replace(step(*given, shortfall=shortfall, **more), wrench=(10.0, *ZERO6[1:]), resting=len(reported) == 2)
 
     monkeypatch.setattr(maneuver, "step", resting)
     wanted = [hovering.fly().wrench for _ in range(4)]
-    assert [shortfall[0] for shortfall in told] == [0.0, 0.0, 10.0, 0.0]
-    assert told[2][2] == pytest.approx(wanted[2][2], rel=0.1), "that of the holds too"
+    assert [shortfall[0] for shortfall in reported] == [0.0, 0.0, 10.0, 0.0]
+    assert reported[2][2] == pytest.approx(wanted[2][2], rel=0.1), "that of the holds too"
     assert hovering.fly(armed=False).wrench == ZERO6
 
 
@@ -337,7 +337,7 @@ def place(hovering: Hovering) -> tuple[float, float]:
     return (at.x_m, at.y_m)
 
 
-def test_after_a_restart_no_maneuver_begins_until_somebody_says_where_the_vehicle_is(hovering: Hovering) -> None:
+def test_after_a_restart_no_maneuver_begins_until_the_position_is_set(hovering: Hovering) -> None:
     hovering.pilot.lose_place("the vehicle was armed before")
     assert hovering.fly().guards[0].startswith("pool_box: the vehicle was armed before, wanted a known position")
     with pytest.raises(HindraxError, match=r"pool_box: .*hindrax recentre"):
@@ -367,7 +367,9 @@ def test_without_a_place_in_words_it_is_at_its_start(hovering: Hovering, hindrax
     assert hovering.pilot.recentre().startswith("the position is unknown")
 
 
-def test_the_pool_lies_as_the_vehicle_did_until_it_was_armed_or_somebody_said_where_it_is(hovering: Hovering) -> None:
+def test_the_pool_lies_as_the_vehicle_did_until_it_was_armed_or_somebody_reported_where_it_is(
+    hovering: Hovering,
+) -> None:
     def axis_rad() -> float:
         assert hovering.pilot.pool is not None
         return hovering.pilot.pool.axis_rad
@@ -376,13 +378,13 @@ def test_the_pool_lies_as_the_vehicle_did_until_it_was_armed_or_somebody_said_wh
         hovering.ideal.heading = heading_rad
         hovering.fly(armed=armed)
         assert axis_rad() == pytest.approx(axis)
-    told = Hovering(hovering.ideal.vehicle, hovering.ideal)
-    told.fly(armed=False)
-    assert told.pilot.recentre(4.0, 2.0) == ""
-    told.ideal.heading = 1.2
-    told.fly(armed=False)
-    assert told.pilot.pool is not None
-    assert told.pilot.pool.axis_rad == pytest.approx(0.9)
+    reported = Hovering(hovering.ideal.vehicle, hovering.ideal)
+    reported.fly(armed=False)
+    assert reported.pilot.recentre(4.0, 2.0) == ""
+    reported.ideal.heading = 1.2
+    reported.fly(armed=False)
+    assert reported.pilot.pool is not None
+    assert reported.pilot.pool.axis_rad == pytest.approx(0.9)
 
 
 def test_a_place_that_was_unknown_when_it_was_armed_counts_from_zero(hovering: Hovering, hindrax: Vehicle) -> None:
@@ -451,7 +453,7 @@ def test_the_station_is_kept_where_the_vehicle_was(hovering: Hovering) -> None:
     assert keeping(hovering) == (False, 0.0)
 
 
-def test_a_station_is_kept_where_the_vehicle_is_when_its_place_is_told(hovering: Hovering) -> None:
+def test_a_station_is_kept_where_the_vehicle_is_when_its_place_is_reported(hovering: Hovering) -> None:
     hovering.step()
     hovering.pilot.set(Setpoint("station"))
     hovering.fly()

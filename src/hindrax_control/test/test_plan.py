@@ -218,7 +218,9 @@ def test_heave_is_two_motions_and_every_other_one() -> None:
         ("yaw", r"yaw: 1\.20, 0\.40 rad/s, each out and back; \d+ s"),
     ],
 )
-def test_a_plan_says_in_one_line_what_it_flies(hindrax: Vehicle, allocator: Allocator, motion: str, line: str) -> None:
+def test_a_plan_states_in_one_line_what_it_flies(
+    hindrax: Vehicle, allocator: Allocator, motion: str, line: str
+) -> None:
     _, plan = planned(hindrax, allocator, motion)
     assert re.fullmatch(line, str(plan))
 
@@ -304,7 +306,7 @@ def test_a_boost_without_reserve_is_the_limit_and_makes_a_tenth_of_its_accelerat
     assert pace == pytest.approx(0.1 * limit / freedom.inertia)
 
 
-def test_the_weaker_direction_says_how_fast_both_are_flown(
+def test_the_weaker_direction_states_how_fast_both_are_flown(
     hindrax: Vehicle, allocator: Allocator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fastest = {}

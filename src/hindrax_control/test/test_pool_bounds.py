@@ -58,7 +58,7 @@ def test_velocities_turn_with_the_heading(start_rad: float, heading_rad: float, 
 
 
 @given(st.floats(-3.0, 3.0), st.floats(-1.5, 1.5) | st.just(math.nan), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
-def test_after_it_was_told_a_place_it_counts_from_there(
+def test_after_it_was_given_a_place_it_counts_from_there(
     heading_rad: float, turned_rad: float, ahead_m: float, aside_m: float
 ) -> None:
     box = PoolBounds(HINDRAX, 0.5)
@@ -71,7 +71,7 @@ def test_after_it_was_told_a_place_it_counts_from_there(
     assert math.remainder(place.heading_rad - (heading_rad - axis_rad), math.tau) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_the_doubt_of_a_place_is_that_of_who_told_it_and_of_the_way_since() -> None:
+def test_the_uncertainty_of_a_place_is_that_of_its_source_and_of_the_way_since() -> None:
     box = PoolBounds(HINDRAX, 0.0)
     assert box.place(replace(navigation(), position_sigma_m=2.0)).sigma_m == pytest.approx(math.hypot(0.1, 2.0))
     assert box.place(replace(navigation(), position_sigma_m=0.5)).sigma_m == pytest.approx(math.hypot(0.1, 0.5))

@@ -16,7 +16,7 @@ from hindrax_core.vehicle import GRAVITY_mps2, Vehicle
 PRIOR = PositionKnobs()
 
 
-def test_errors_of_the_believed_size_are_as_large_as_it_says() -> None:
+def test_errors_of_the_assumed_size_are_as_large_as_it_states() -> None:
     """Vehicles that fly out, turn and come back, each with errors of its own: mean of error squared over variance."""
     draws, ratios = random.Random(5), []
     for _ in range(400):
@@ -72,7 +72,7 @@ def flown(navigator: Navigator, dvl: tuple[tuple[float, float], ...], until_s: f
     return sigmas_m
 
 
-def test_the_navigator_says_how_far_off_it_may_be_and_begins_anew_when_it_is_told(hindrax: Vehicle) -> None:
+def test_the_navigator_states_how_far_off_it_may_be_and_begins_anew_when_it_is_given(hindrax: Vehicle) -> None:
     navigator = Navigator(hindrax)
     sigmas_m = flown(navigator, ((3.0, 99.0),), 20.0)
     assert math.isnan(sigmas_m[0])  # no velocity yet

@@ -38,7 +38,7 @@ def flown(
 
 
 @pytest.mark.parametrize("goal_m", [1.0, -1.0])
-def test_a_vehicle_as_believed_is_on_its_reference_all_the_way(goal_m: float) -> None:
+def test_a_vehicle_as_assumed_is_on_its_reference_all_the_way(goal_m: float) -> None:
     seen = flown(Regulator(HEAVE, WITHOUT_INTEGRAL), HEAVE, goal_m, 10.0)
     assert max(abs(reference_m - value_m) for value_m, reference_m in seen) < 0.004
     assert seen[-1] == pytest.approx((goal_m, goal_m), abs=0.01)

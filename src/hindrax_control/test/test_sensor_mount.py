@@ -27,7 +27,7 @@ def test_a_vector_of_the_sensor_in_body_axes(rotation_deg: Vec3, in_body: Vec3, 
     assert mount.body((0.0, 0.0, 1.0)) == pytest.approx(axis)
 
 
-def test_a_sensor_is_away_from_the_origin_when_any_coordinate_says_so() -> None:
+def test_a_sensor_is_away_from_the_origin_when_any_coordinate_reports_it() -> None:
     assert [SensorMount(Mount("dvl75", position_m=at)).away for at in ((0.0, 0.0, 0.0), Y)] == [False, True]
     assert SensorMount(Mount("dvl75", position_m=Y)).lever_m == Y
     assert not NOWHERE.away

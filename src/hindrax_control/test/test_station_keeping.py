@@ -77,8 +77,8 @@ def test_an_identified_vehicle_is_followed_closer_than_a_guessed_one(
     hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]
 ) -> None:
     behind_m = []
-    for believed in (hindrax, replace(hindrax, hydrodynamics=None)):
-        ideal, box, station = ideal_vehicle(hindrax), PoolBounds(hindrax, 0.0), StationKeeping(believed)
+    for assumed in (hindrax, replace(hindrax, hydrodynamics=None)):
+        ideal, box, station = ideal_vehicle(hindrax), PoolBounds(hindrax, 0.0), StationKeeping(assumed)
         station.start(box.place(ideal.navigation()))
         station.goal_m = (6.5, 3.0)
         places = [(keep(station, ideal, box, 0.1), station._x.value) for _ in range(80)]

@@ -17,7 +17,7 @@ def supply() -> SupplyVoltage:
     return SupplyVoltage(14.8, SupplyKnobs(silent_s=10.0))
 
 
-def test_without_a_sensor_the_constant_is_said_to_be_assumed(supply: SupplyVoltage) -> None:
+def test_without_a_sensor_the_constant_is_marked_as_assumed(supply: SupplyVoltage) -> None:
     assert supply.measured_V(at(100.0)) is None
     assert supply.status_text(at(100.0)) == "14.8 (assumed, no battery sensor)"
     assert supply.silence_warning(at(100.0)) == ""
@@ -45,7 +45,7 @@ def test_how_long_a_measurement_counts_is_a_knob() -> None:
         assert [supply.measured_V(at(seconds)) for seconds in (counts_s, counts_s + 0.1)] == [13.0, None]
 
 
-def test_a_sensor_that_speaks_again_is_believed_again(supply: SupplyVoltage) -> None:
+def test_a_sensor_that_speaks_again_is_accepted_again(supply: SupplyVoltage) -> None:
     supply.update(13.0, at(0.0))
     assert supply.measured_V(at(60.0)) is None
     supply.update(12.5, at(60.0))
@@ -54,7 +54,7 @@ def test_a_sensor_that_speaks_again_is_believed_again(supply: SupplyVoltage) -> 
 
 
 @pytest.mark.parametrize("voltage", [math.nan, math.inf, 0.0, -1.0])
-def test_what_is_no_voltage_says_nothing(supply: SupplyVoltage, voltage: float) -> None:
+def test_what_is_no_voltage_states_nothing(supply: SupplyVoltage, voltage: float) -> None:
     supply.update(voltage, at(0.0))
     assert supply.measured_V(at(1.0)) is None
     supply.update(13.0, at(2.0))

@@ -61,7 +61,7 @@ def test_a_share_of_the_full_speed_or_rate_is_that_share_of_the_wrench() -> None
         assert wrench == pytest.approx((knobs.share * LIMITS[0] * share, 0, 0, 0, 0, -knobs.share * LIMITS[5] * share))
 
 
-def test_without_the_button_nothing_is_said_and_letting_go_is_said_once() -> None:
+def test_without_the_button_nothing_is_reported_and_letting_go_is_reported_once() -> None:
     hand = Teleop(LIMITS)
     assert hand.joystick(pushed(surge=1.0), LET_GO, 0.0, 0.0) is None
     assert hand.joystick(pushed(surge=1.0), PRESSED, 0.1, 0.1) == (30.0, 0.0, 0.0, 0.0, 0.0, 0.0)

@@ -18,9 +18,9 @@ class Rig:
     """Forces on all thrusters, some of which do nothing; the watch believes `believed`."""
 
     def __init__(
-        self, hindrax: Vehicle, ideal_vehicle: type[IdealVehicle], believed: Vehicle | None = None, start_s: float = 5.0
+        self, hindrax: Vehicle, ideal_vehicle: type[IdealVehicle], assumed: Vehicle | None = None, start_s: float = 5.0
     ) -> None:
-        self.ideal, self.watch = ideal_vehicle(hindrax, depth_m=0.9), ThrusterFaultDetector(believed or hindrax)
+        self.ideal, self.watch = ideal_vehicle(hindrax, depth_m=0.9), ThrusterFaultDetector(assumed or hindrax)
         self.B, self.start_s = effectiveness(hindrax), start_s
         self.names = [thruster.name for thruster in hindrax.thrusters]
 
@@ -70,8 +70,8 @@ def test_wrong_prior_is_not_taken_for_a_dead_thruster(
     known = hindrax.hydrodynamics
     assert known is not None
     surge, sway, yaw = (Drag(one.k_q * factor, one.k_l) for one in (known.surge, known.sway, known.yaw))
-    believed = replace(hindrax, hydrodynamics=replace(known, surge=surge, sway=sway, yaw=yaw))
-    assert Rig(hindrax, ideal_vehicle, believed).fly(wiggle, 60.0)[0] is None
+    assumed = replace(hindrax, hydrodynamics=replace(known, surge=surge, sway=sway, yaw=yaw))
+    assert Rig(hindrax, ideal_vehicle, assumed).fly(wiggle, 60.0)[0] is None
 
 
 @pytest.mark.parametrize("sideways_N", [5.5, 8.0])

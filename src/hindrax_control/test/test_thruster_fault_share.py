@@ -102,7 +102,7 @@ def flown(
 
 
 @pytest.mark.parametrize("weak", [0, 3, 5, 6])
-def test_the_missing_share_is_told_as_it_is(hindrax: Vehicle, weak: int) -> None:
+def test_the_missing_share_is_reported_as_it_is(hindrax: Vehicle, weak: int) -> None:
     faults = [found for t, found in flown(hindrax, weak, 0.3, seconds=20.0) if t > 5.0]
     assert faults
     assert {one.name for one in faults} == {hindrax.thrusters[weak].name}
@@ -175,9 +175,9 @@ def held_up(vehicle: Vehicle, dies_s: float, *, seconds: float = 60.0) -> list[t
     rig.askew = -8.0 * rig.B[:, ALONE]
     found = []
     while rig.time_s < seconds and abs(rig.pitch) < 1.0:
-        told = detector.step(rig.navigation(), stamp_from_s(rig.time_s), forces.tolist())
-        if told is not None:
-            found.append((rig.time_s, told))
+        reported = detector.step(rig.navigation(), stamp_from_s(rig.time_s), forces.tolist())
+        if reported is not None:
+            found.append((rig.time_s, reported))
         alive = np.ones(len(forces))
         alive[ALONE] = float(rig.time_s < dies_s)
         rig.step(forces * alive)

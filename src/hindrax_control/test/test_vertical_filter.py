@@ -75,7 +75,7 @@ def test_it_agrees_with_filterpy_over_a_dive() -> None:
 
 
 @pytest.mark.parametrize(("jump_m", "counted"), [(0.1, 10), (0.2, 30)])
-def test_a_depth_that_jumps_is_not_believed_again_so_soon(jump_m: float, counted: int) -> None:
+def test_a_depth_that_jumps_is_not_assumed_again_so_soon(jump_m: float, counted: int) -> None:
     ours = VerticalFilter(VerticalKnobs())
     for number in range(210):
         ours.predict(0.0, 0.02)

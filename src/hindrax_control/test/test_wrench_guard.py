@@ -41,7 +41,7 @@ def test_wrench_of_the_other_body_frame_is_rotated_by_half_a_turn_about_x() -> N
         ("", 0.0, "found frame ''"),
     ],
 )
-def test_what_is_refused_whole_says_why(frame: str, age_s: float, reason: str) -> None:
+def test_what_is_refused_whole_states_why(frame: str, age_s: float, reason: str) -> None:
     judged = judge(frame=frame, age_s=age_s)
     assert judged.wrench is None
     assert reason in judged.refused[0]

@@ -43,7 +43,7 @@ def test_what_is_above_a_limit_does_not_look_like_it(found: float, most: float, 
 
 
 @given(st.floats(-1e6, 1e6), st.floats(0.002, 10.0), st.integers(0, 3))
-def test_two_numbers_are_told_apart(limit: float, more: float, places: int) -> None:
+def test_two_numbers_are_distinguished(limit: float, more: float, places: int) -> None:
     found, wanted = unlike(limit + more, limit, places)
     assert float(found) > float(wanted)
     assert len(wanted.partition(".")[2]) >= places

@@ -50,7 +50,7 @@ class Full(io.StringIO):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
-def test_on_a_full_disk_what_is_told_gets_lost_and_a_result_is_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_on_a_full_disk_what_is_reported_gets_lost_and_a_result_is_missed(monkeypatch: pytest.MonkeyPatch) -> None:
     """The words of a stack would end it."""
     monkeypatch.setattr(sys, "stderr", Full())
     print_fitted("recorder: less than 200 MB are free", sys.stderr)
@@ -58,7 +58,7 @@ def test_on_a_full_disk_what_is_told_gets_lost_and_a_result_is_missed(monkeypatc
         print_fitted("k_q 66.5", Full())
 
 
-def test_a_screen_is_as_wide_as_it_says(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_screen_is_as_wide_as_it_states(monkeypatch: pytest.MonkeyPatch) -> None:
     mine, its = pty.openpty()
     with open(its, "w", encoding="utf-8") as screen:  # noqa: PTH123  # a descriptor
         monkeypatch.setenv("COLUMNS", "60")

@@ -40,7 +40,7 @@ def refused(window: StampWindow, stamp: Stamp, now: Stamp = NOW) -> Untimely:
         (-1.7e9, EXPIRED, r"1700000000\.0 s old, .*; one of the two .*mock.*--sim-time.*"),
     ],
 )
-def test_what_is_not_of_now_says_how_far_off_it_is_and_what_to_do(ahead_s: float, kind: str, wanted: str) -> None:
+def test_what_is_not_of_now_states_how_far_off_it_is_and_what_to_do(ahead_s: float, kind: str, wanted: str) -> None:
     untimely = refused(ORDER, after(NOW, ahead_s))
     assert untimely.kind == kind
     assert re.fullmatch(wanted, untimely.sentence)
@@ -71,7 +71,7 @@ def test_on_a_mock_s_clock_ten_seconds_either_way_are_in_time() -> None:
     assert order_window(mock=False) == ORDER
 
 
-def test_a_list_may_be_said_again_long_after_it_was_made_but_not_before() -> None:
+def test_a_list_may_be_reported_again_long_after_it_was_made_but_not_before() -> None:
     assert ORDER.of_lists.judge(after(NOW, -1e6), NOW) is None
     assert refused(ORDER.of_lists, after(NOW, 0.2)).kind == FUTURE
 

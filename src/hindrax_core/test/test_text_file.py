@@ -91,12 +91,12 @@ def test_a_place_is_tried_without_a_trace(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("name", "why"), [("", "Is a directory"), ("none/page.html", "No such file or directory")])
-def test_a_place_that_takes_no_file_is_told(tmp_path: Path, name: str, why: str) -> None:
+def test_a_place_that_takes_no_file_is_reported(tmp_path: Path, name: str, why: str) -> None:
     with pytest.raises(HindraxError, match=rf"{name}: cannot be written \({why}\); make room or name another place"):
         require_place(tmp_path / name)
 
 
-def test_a_full_disk_is_told_beforehand_and_one_that_tells_no_size_is_not(
+def test_a_full_disk_is_reported_beforehand_and_one_that_shows_no_size_is_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for total, free, refused in ((10**9, 999_999, True), (10**9, 10**6, False), (0, 0, False)):

@@ -97,7 +97,7 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
         load_vehicle(tmp_path / "none.yaml")
 
 
-def test_no_name_and_a_folder_are_told_with_the_remedy(tmp_path: Path) -> None:
+def test_no_name_and_a_folder_are_reported_with_the_remedy(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"vehicle file: found no name, wanted one; .* -p vehicle:=FILE"):
         load_vehicle("")
     with pytest.raises(UsageError, match="found a folder, wanted a YAML file; give --vehicle FILE"):

@@ -144,7 +144,7 @@ def test_a_child_that_hangs_is_killed(man: DeadMan, monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.parametrize(("ago_s", "beaten_s"), [(HUNG_S + 1.0, 0.0), (HUNG_S - 1.0, HUNG_S + 1.0)])
-def test_one_clock_alone_does_not_tell_that_a_child_hangs(ago_s: float, beaten_s: float) -> None:
+def test_one_clock_alone_does_not_show_that_a_child_hangs(ago_s: float, beaten_s: float) -> None:
     child = Child(0)
     child.beaten_at, child.beaten_s = Stamp(NOW - stamp_from_s(ago_s)), time.monotonic() - beaten_s
     assert not child.hung(NOW)
@@ -271,7 +271,9 @@ def test_neutral_is_written_and_a_chip_that_lost_its_supply_is_set_up(chip: Chip
     assert len(chip.sleeps) == slept, "a chip that is set up is not set up again"
 
 
-def test_what_cannot_be_written_is_told_once_and_tried_again(chip: Chip, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_cannot_be_written_is_reported_once_and_tried_again(
+    chip: Chip, capsys: pytest.CaptureFixture[str]
+) -> None:
     neutral = NeutralWriter(Settings(VEHICLE, "/dev/i2c-1"))
     for trouble in ("no acknowledge", "no acknowledge", "a line is low"):
         chip.trouble = trouble
@@ -320,7 +322,7 @@ def test_an_stm32_goes_neutral_by_itself(chip: Chip, capsys: pytest.CaptureFixtu
     assert rest(chip) == 0
 
 
-def test_the_last_resort_writes_neutral_once_and_says_whether_it_is_there(
+def test_the_last_resort_writes_neutral_once_and_states_whether_it_is_there(
     chip: Chip, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(ARGUMENTS, json.dumps([NEUTRAL_WORD, "--ros-args"]))

@@ -161,7 +161,7 @@ def test_the_same_extended_data_twice_are_a_device_that_hangs() -> None:
     assert reasons(outputs) == ["DVEXT: repeated"]
 
 
-def test_a_restart_of_the_device_is_told_and_measuring_goes_on() -> None:
+def test_a_restart_of_the_device_is_reported_and_measuring_goes_on() -> None:
     driver = started()
     driver.feed(delta(10**9), stamp_from_s(1.0))
     outputs = driver.feed(delta(400_000), stamp_from_s(3.0))
@@ -226,7 +226,7 @@ def test_a_tracker_650_that_has_lost_the_bottom_gives_no_altitude() -> None:
     assert [type(one) for one in readings(outputs)] == [BottomVelocity]
 
 
-def test_a_tracker_650_that_tells_the_plain_delta_first_gives_altitude_all_the_same() -> None:
+def test_a_tracker_650_that_shows_the_plain_delta_first_gives_altitude_all_the_same() -> None:
     driver = started()
     body = "10000,50000,0.000000,0.000000,0.000000,0.001,0.002,0.003,100"
     stand = sentence(f"DVPDX,{body},2,1.5,-0.5,1.250")
@@ -270,7 +270,7 @@ def test_no_verified_sentence_is_a_reject() -> None:
 GPS = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n"
 
 
-def test_what_a_gps_at_the_dvl_says_is_no_reject_and_no_other_device() -> None:
+def test_what_a_gps_at_the_dvl_states_is_no_reject_and_no_other_device() -> None:
     driver = started()
     minimum = sentence("GPRMC,123519,A,4807.038,N,01131.000,E,022.4,084.4,230394,003.1,W")
     assert driver.feed(b"GPS:" + GPS + b"GPS:" + minimum, Stamp(0)) == []
@@ -379,7 +379,7 @@ def run(
     return outputs
 
 
-def test_silence_is_told_once_per_episode() -> None:
+def test_silence_is_reported_once_per_episode() -> None:
     driver = started()
     outputs = run(driver, 10.0)
     assert ["no byte for 1 s" in one for one in troubles(outputs)] == [True, False]
@@ -391,7 +391,7 @@ def test_silence_is_told_once_per_episode() -> None:
     assert not driver.ready
 
 
-def test_foreign_talk_is_told_and_nothing_is_sent_to_the_stranger() -> None:
+def test_foreign_talk_is_reported_and_nothing_is_sent_to_the_stranger() -> None:
     driver = started()
     outputs = run(driver, 20.0, lambda _: b"\x80\x13\x00\xff\n")
     assert ["check line speed and device" in one for one in troubles(outputs)] == [True]
@@ -499,7 +499,7 @@ def test_each_model_has_its_own_word_for_the_pool(model: str, on: bytes, off: by
     assert commands({"Model": model}, {"Pool Mode": "OFF"}) == (off,)
 
 
-def test_a_device_that_reckons_with_another_speed_of_sound_is_told_with_the_remedy() -> None:
+def test_a_device_that_reckons_with_another_speed_of_sound_is_reported_with_the_remedy() -> None:
     driver = started(Dvl75Knobs(speed_of_sound_mps=1500.0))
     outputs = driver.feed(sentence("DVNVM,Model=DVL-75,Speed of sound=1484.0,Firmware=Jan 1 2022,"), Stamp(0))
     assert troubles(outputs) == ["DVL speed of sound: found 1484.0, wanted 1500.0; run ./hindrax dvl setup"]

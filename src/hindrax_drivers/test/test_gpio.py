@@ -129,7 +129,7 @@ def test_a_timer_gets_a_low_pulse_for_each_write_while_the_outputs_are_enabled(g
     assert gpiod.written == [0, 1, 0, 1]
 
 
-def test_a_mock_has_no_line_whatever_the_vehicle_file_says(gpiod: FakeGpiod) -> None:
+def test_a_mock_has_no_line_whatever_the_vehicle_file_states(gpiod: FakeGpiod) -> None:
     line = open_enable_line(Output(enable_line=LINE), "mock:/tmp/i2c")
     line.set(enabled=True)
     line.close()
@@ -149,13 +149,13 @@ def test_a_chip_that_is_not_there_is_refused() -> None:
         open_enable_line(Output(enable_line="nochip:26"), BUS)
 
 
-def test_a_line_in_use_is_told_with_the_remedy(gpiod: FakeGpiod) -> None:
+def test_a_line_in_use_is_reported_with_the_remedy(gpiod: FakeGpiod) -> None:
     gpiod.busy = True
     with pytest.raises(DeviceError, match=r"busy.*gpioinfo"):
         open_enable_line(Output(enable_line=LINE), BUS)
 
 
-def test_a_missing_library_is_told_with_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_library_is_reported_with_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "gpiod", None)
     with pytest.raises(DeviceError, match="pip install"):
         open_enable_line(Output(enable_line=LINE), BUS)
@@ -177,7 +177,7 @@ def test_a_chip_is_a_bus_of_lines(gpiod: FakeGpiod) -> None:
 
 
 @pytest.mark.usefixtures("gpiod")
-def test_a_chip_that_is_not_there_is_told() -> None:
+def test_a_chip_that_is_not_there_is_reported() -> None:
     with pytest.raises(DeviceError, match="found the chips pinctrl-bcm2711"):
         open_bus("gpio:elsewhere")
 

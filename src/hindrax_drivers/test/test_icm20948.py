@@ -129,7 +129,7 @@ def test_a_host_clock_that_is_set_back_takes_the_stamps_with_it(sensor: Icm20948
         play(sensor.cycle(after(silent, 0.3)), chip)
 
 
-def test_an_overflow_is_told_and_emptied_and_what_comes_then_begins_anew(sensor: Icm20948, chip: Chip) -> None:
+def test_an_overflow_is_reported_and_emptied_and_what_comes_then_begins_anew(sensor: Icm20948, chip: Chip) -> None:
     chip.still(43)
     assert reasons(cycle(sensor, chip, 1)) == ["FIFO overflow: 516 bytes waiting, samples are lost"]
     assert chip.fifo == b""
@@ -422,7 +422,7 @@ def test_a_magnetometer_that_hangs_is_set_up_again() -> None:
     assert "no sample for 0.5 s" in silent.reason  # type: ignore[union-attr]
 
 
-def test_a_magnetometer_that_pauses_now_and_then_is_heard() -> None:
+def test_a_magnetometer_that_pauses_now_and_then_is_received() -> None:
     mag = Ak09916(Correction())
     rehearse(mag.configure(), SET_UP)
     for turn in range(10):
@@ -528,7 +528,7 @@ def test_an_edge_lost_or_of_something_else_times_nothing_until_the_next_confirms
     assert clock.map(20, (20 + ahead, 23 * PERIOD_ns + 1000)) == 23 * PERIOD_ns + 1000
 
 
-def test_without_edges_the_clock_of_edges_soon_says_nothing() -> None:
+def test_without_edges_the_clock_of_edges_soon_states_nothing() -> None:
     clock = EdgeClock(PERIOD_ns)
     for ticks in (4, 8):
         clock.map(ticks, (ticks, ticks * PERIOD_ns))
@@ -569,7 +569,7 @@ def timed_sensor() -> Icm20948:
     return sensor
 
 
-def test_a_line_without_edges_is_told_four_times_a_second() -> None:
+def test_a_line_without_edges_is_reported_four_times_a_second() -> None:
     sensor, reported_s = timed_sensor(), []
     for turn in range(56):
         at_s = 1.0 + turn / 50.0
@@ -579,7 +579,7 @@ def test_a_line_without_edges_is_told_four_times_a_second() -> None:
     assert reported_s == pytest.approx([1.26, 1.52, 1.78, 2.04])
 
 
-def test_a_line_that_times_the_samples_is_never_told() -> None:
+def test_a_line_that_times_the_samples_is_never_given() -> None:
     sensor = timed_sensor()
     for turn in range(1, 40):
         look = edges(4 * turn, 1.0 + 4 * turn / 225.0)

@@ -74,7 +74,7 @@ def ring(count: int) -> list[Vec3]:
         ([one for one in directions(4000, 4) if one[2] > 0.97], "turn the vehicle about each axis"),
     ],
 )
-def test_data_that_cannot_tell_is_refused(points: list[Vec3], words: str) -> None:
+def test_data_without_information_is_refused(points: list[Vec3], words: str) -> None:
     noisy = distort(points, Correction(), 0.1e-6, 3)
     with pytest.raises(HindraxError, match=words):
         fit_sphere(noisy)

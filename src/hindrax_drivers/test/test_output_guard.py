@@ -72,7 +72,7 @@ def test_commands_move_nothing_while_disarmed_but_switch_the_lights() -> None:
     assert pulses.lights == (1900.0, 1500.0)
 
 
-def test_lamps_are_lit_by_themselves_until_nobody_is_heard_for_long() -> None:
+def test_lamps_are_lit_by_themselves_until_nobody_is_received_for_long() -> None:
     state, pulses = GUARD.light(GUARD.start(at(0.0)), (1.0, 0.25), at(0.0))
     assert pulses == Pulses(NEUTRAL, (1900.0, 1300.0))
     _, due = GUARD.tick(state, at(4.9))
@@ -362,7 +362,7 @@ def test_a_malformed_command_makes_neutral_until_the_next_good_one() -> None:
     assert pulses.thrusters != NEUTRAL
 
 
-def test_a_sender_that_starts_again_is_heard_once_the_old_one_is_silent_but_must_be_armed_anew() -> None:
+def test_a_sender_that_starts_again_is_received_once_the_old_one_is_silent_but_must_be_armed_anew() -> None:
     state = armed()
     _, refusal = GUARD.command(state, command(8.1, 1), at(8.1))
     assert isinstance(refusal, Refusal)
@@ -613,7 +613,7 @@ def resting_at(stop_us: float, output: str = "pca9685") -> Vehicle:
     )
 
 
-def test_each_thruster_rests_at_the_stop_pulse_of_its_curve_unless_the_knob_says_otherwise() -> None:
+def test_each_thruster_rests_at_the_stop_pulse_of_its_curve_unless_the_knob_states_otherwise() -> None:
     made = guard_of(resting_at(1520.0))
     assert made.neutral == Pulses((1500.0,) * 6 + (1520.0,) * 2, (1100.0, 1100.0))
     _, pulses = made.tick(made.start(at(0.0)), at(0.0))

@@ -109,7 +109,7 @@ def test_orders_are_given_one_by_one_and_proved() -> None:
     assert driver.round_trip_s == 0.0
 
 
-def test_a_setting_is_followed_by_a_question_for_it_unless_pings_tell_or_nothing_does() -> None:
+def test_a_setting_is_followed_by_a_question_for_it_unless_pings_answer_it_or_nothing_does() -> None:
     for continuous, number in ((True, protocol.CONTINUOUS_START), (False, protocol.CONTINUOUS_STOP)):
         *others, last = device_settings(Ping1dKnobs(continuous=continuous))
         assert last.frames == encode(number, struct.pack("<H", protocol.PROFILE))
@@ -138,7 +138,7 @@ def test_a_silent_device_is_woken_again_and_again() -> None:
     assert not driver.ready
 
 
-def test_a_stranger_is_told_and_never_ordered_about() -> None:
+def test_a_stranger_is_reported_and_never_ordered_about() -> None:
     driver = Ping1d()
     driver.start(Stamp(0))
     outputs = driver.feed(encode(protocol.DEVICE_INFORMATION, bytes([2, 1, 1, 0, 0, 0])), Stamp(0))
@@ -167,7 +167,7 @@ def test_the_round_trip_is_from_the_last_question_to_its_answer() -> None:
     assert driver.round_trip_s == pytest.approx(0.03), "nobody asked for the second"
 
 
-def test_an_order_without_answer_is_repeated_then_told_then_left() -> None:
+def test_an_order_without_answer_is_repeated_then_given_then_left() -> None:
     driver = Ping1d(Ping1dKnobs(tries=3, answer_s=0.3))
     driver.start(Stamp(0))
     first = sends(driver.feed(INFORMATION, Stamp(0)))
@@ -197,7 +197,7 @@ def test_a_device_that_only_acknowledges_is_accepted() -> None:
     assert driver.ready
 
 
-def test_a_value_other_than_ordered_is_told() -> None:
+def test_a_value_other_than_ordered_is_reported() -> None:
     def stubborn(sent: bytes) -> bytes:
         return obedient(sent).replace(encode(1206, b"\x32\x00"), encode(1206, b"\x64\x00"))
 
@@ -210,7 +210,7 @@ def test_a_value_other_than_ordered_is_told() -> None:
     assert "Ping: ping interval after 2 tries: found 100, wanted 50; check the firmware" in troubles(outputs)
 
 
-def test_a_refusal_is_told_with_the_device_s_words_and_the_rest_goes_on() -> None:
+def test_a_refusal_is_reported_with_the_device_s_words_and_the_rest_goes_on() -> None:
     def refusing(sent: bytes) -> bytes:
         nack = encode(protocol.NACK, struct.pack("<H", protocol.SET_INTERVAL) + b"too fast\0")
         return nack if sent[4:6] == struct.pack("<H", protocol.SET_INTERVAL) else obedient(sent)
@@ -268,7 +268,7 @@ def test_a_part_of_the_health_that_a_firmware_does_not_know_is_left_out() -> Non
     assert health.processor_C == pytest.approx(36.12)
 
 
-def test_a_supply_that_sags_is_told_once() -> None:
+def test_a_supply_that_sags_is_reported_once() -> None:
     driver = ready(Ping1dKnobs(continuous=False))
     low = encode(protocol.SUPPLY_mV, struct.pack("<H", 4200)) + encode(protocol.BOARD_cC, struct.pack("<H", 2500))
     assert troubles(driver.feed(low + low, Stamp(0))) == [
@@ -276,7 +276,7 @@ def test_a_supply_that_sags_is_told_once() -> None:
     ]
 
 
-def test_a_supply_that_sags_from_the_beginning_is_told() -> None:
+def test_a_supply_that_sags_from_the_beginning_is_reported() -> None:
     def sagging(sent: bytes) -> bytes:
         return obedient(sent).replace(encode(protocol.SUPPLY_mV, HEALTH_PAYLOADS[protocol.SUPPLY_mV]), low)
 
@@ -382,7 +382,7 @@ def test_a_ping_seen_before_is_no_new_measurement() -> None:
     assert len(readings(driver.feed(profile(2) + profile(2), Stamp(0)))) == 1
 
 
-def test_lost_pings_are_told_now_and_then() -> None:
+def test_lost_pings_are_reported_now_and_then() -> None:
     driver = ready()
     outputs = [*driver.feed(profile(2), Stamp(0)), *driver.feed(profile(6), Stamp(0))]
     outputs += driver.feed(profile(9), stamp_from_s(1.0))
@@ -407,14 +407,14 @@ def test_a_restarted_sonar_is_set_up_again() -> None:
     assert not driver.ready
 
 
-def test_silence_while_measuring_is_told_and_answered_by_a_new_start() -> None:
+def test_silence_while_measuring_is_reported_and_answered_by_a_new_start() -> None:
     driver = ready()
     outputs = [one for index in range(1, 15) for one in driver.tick(stamp_from_s(index * 0.1))]
     assert ["no byte" in one for one in troubles(outputs)] == [True]
     assert sends(outputs)[0] == Send(HELLO, wake=True)
 
 
-def test_a_sonar_that_hangs_is_told_and_set_up_again() -> None:
+def test_a_sonar_that_hangs_is_reported_and_set_up_again() -> None:
     driver = ready()
     outputs = []
     for index in range(1, 15):
@@ -439,7 +439,7 @@ def test_text_of_the_device_is_passed_on() -> None:
 
 
 @pytest.mark.parametrize("before", [b"junk" + distance(1)[:5], distance(1)[:-1] + b"\xff", b"BR\0\0\0\0BR"])
-def test_a_new_start_forgets_half_a_frame_and_what_was_told_of_a_false_one(before: bytes) -> None:
+def test_a_new_start_forgets_half_a_frame_and_what_was_given_of_a_false_one(before: bytes) -> None:
     driver = Ping1d()
     driver.start(Stamp(0))
     driver.feed(before, Stamp(1))

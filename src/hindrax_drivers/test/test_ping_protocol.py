@@ -39,7 +39,7 @@ def test_any_chunking_gives_the_same_pieces(parts: list[bytes], sizes: list[int]
 
 
 @given(st.lists(PART, max_size=20))
-def test_every_frame_that_is_not_overlapped_comes_through_and_every_byte_is_told_once_at_most(
+def test_every_frame_that_is_not_overlapped_comes_through_and_every_byte_is_reported_once_at_most(
     parts: list[bytes],
 ) -> None:
     data = b"".join(parts) + b"\x00" * 1200 + SIMPLE
@@ -61,7 +61,7 @@ def test_what_is_encoded_is_decoded_when_its_length_is_right(message: int, paylo
         assert pieces[0].reason in ("length", "unknown")
 
 
-def test_a_false_frame_is_told_as_a_whole_and_once() -> None:
+def test_a_false_frame_is_reported_as_a_whole_and_once() -> None:
     broken = bytearray(SIMPLE)
     broken[9] ^= 1
     refused = Refused("checksum", bytes(broken))
@@ -69,7 +69,7 @@ def test_a_false_frame_is_told_as_a_whole_and_once() -> None:
     assert split(bytes(broken) + bytes(3) + SIMPLE) == [refused, Refused("garbage", bytes(3)), *split(SIMPLE)]
 
 
-def test_a_flood_of_false_marks_is_cheap_and_told() -> None:
+def test_a_flood_of_false_marks_is_cheap_and_given() -> None:
     pieces = split(b"BR" * 20_000)
     assert {one.reason if isinstance(one, Refused) else one for one in pieces} == {"unknown"}
 
@@ -96,7 +96,7 @@ def garbage(pieces: list[protocol.Piece]) -> list[int]:
     return [len(one.data) for one in pieces if isinstance(one, Refused) and one.reason == "garbage"]
 
 
-def test_garbage_is_told_sixty_four_bytes_at_a_time() -> None:
+def test_garbage_is_reported_sixty_four_bytes_at_a_time() -> None:
     assert garbage(split(bytes(63))) == []
     assert garbage(split(bytes(64))) == [64]
     assert garbage(split(bytes(130) + SIMPLE)) == [64, 64, 2]
@@ -133,7 +133,7 @@ def test_a_message_of_any_length_has_its_head_and_an_end(message: int, shortest:
 
 @pytest.mark.parametrize(("message", "reason"), [(protocol.DISTANCE_SIMPLE, "length"), (1999, "unknown")])
 @pytest.mark.parametrize("length", [0, 1, 3])
-def test_a_known_message_of_a_wrong_length_is_told_apart_from_an_unknown_one(
+def test_a_known_message_of_a_wrong_length_is_distinguished_from_an_unknown_one(
     message: int, reason: str, length: int
 ) -> None:
     (refused, *_) = split(encode(message, bytes(length)))

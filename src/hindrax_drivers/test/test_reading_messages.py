@@ -35,7 +35,7 @@ def test_the_altitude_of_either_dvl_is_published() -> None:
     assert [one.range for one in messages] == [1.5, 1.25]
 
 
-def test_a_dvl_without_lock_tells_its_detail_and_no_velocity() -> None:
+def test_a_dvl_without_lock_shows_its_detail_and_no_velocity() -> None:
     lost = Stamped(Stamp(0), BottomVelocity(None, 0.0, 0.0, 0.05, 77))
     assert [name for name, _ in messages_of_dvl().of(lost)] == ["dvl75/detail"]
 

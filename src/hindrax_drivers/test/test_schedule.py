@@ -113,7 +113,7 @@ def test_a_beat_that_was_missed_is_left_out_not_made_up_for() -> None:
     assert len(late) == 1
 
 
-def test_a_failing_device_backs_off_says_so_and_comes_back() -> None:
+def test_a_failing_device_backs_off_reports_it_and_comes_back() -> None:
     schedule, wire = BusSchedule(), Wire()
     schedule.add("p", Converter(0x76, 0.02, 0.009))
     run(schedule, wire, 0.11)

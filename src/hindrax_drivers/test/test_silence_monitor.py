@@ -23,7 +23,7 @@ def test_a_line_is_well_before_anybody_has_looked() -> None:
     assert SilenceMonitor("DVL", "$DV sentences", STALL_S).condition == "well"
 
 
-def test_silence_is_told_once_and_again_after_it_was_well(monitor: SilenceMonitor) -> None:
+def test_silence_is_reported_once_and_again_after_it_was_well(monitor: SilenceMonitor) -> None:
     assert reported(monitor, 103.0) == []
     (text,) = reported(monitor, 103.1)
     assert text.startswith("DVL: no byte for 3 s, wanted $DV sentences; check power")
@@ -33,7 +33,7 @@ def test_silence_is_told_once_and_again_after_it_was_well(monitor: SilenceMonito
     assert len(reported(monitor, 114.0)) == 1
 
 
-def test_bytes_without_a_valid_message_are_told_after_twice_the_time(monitor: SilenceMonitor) -> None:
+def test_bytes_without_a_valid_message_are_reported_after_twice_the_time(monitor: SilenceMonitor) -> None:
     monitor.last_byte = stamp_from_s(106.0)
     assert reported(monitor, 106.0) == []
     (text,) = reported(monitor, 106.1)

@@ -95,7 +95,7 @@ def test_identifies_itself_by_its_heartbeat() -> None:
     assert receive(device, heartbeat(), 1.1) == []
 
 
-def test_whoever_sends_other_messages_only_is_heard_too() -> None:
+def test_whoever_sends_other_messages_only_is_received_too() -> None:
     device = ready()
     for turn in range(1, 100):
         receive(device, servo_output(*[1500] * 16), turn * 0.1)
@@ -103,7 +103,7 @@ def test_whoever_sends_other_messages_only_is_heard_too() -> None:
     assert device.ready
 
 
-def test_is_not_ready_without_heartbeats_and_says_so_once() -> None:
+def test_is_not_ready_without_heartbeats_and_reports_it_once() -> None:
     device = ready()
     troubles = [output for turn in range(100) for output in device.tick(at(turn * 0.05)) if isinstance(output, Trouble)]
     assert len(troubles) == 1
@@ -247,13 +247,13 @@ def test_a_controller_that_disarms_by_itself_is_noticed() -> None:
     assert "has disarmed itself" in trouble.text
 
 
-def test_what_it_hears_becomes_readings() -> None:
+def test_what_it_receives_becomes_readings() -> None:
     device = ready()
     (stamped,) = receive(device, servo_output(*range(1500, 1516)), 0.2)
     assert stamped == Stamped(at(0.2), AppliedPulses(tuple(float(pulse) for pulse in range(1500, 1510))))
     for current_A in (3.5, 0.0):
-        heard = receive(device, battery(14.8, round(current_A * 100)), 0.2)
-        assert heard == [Stamped(at(0.2), Battery(14.8, current_A))]
+        received = receive(device, battery(14.8, round(current_A * 100)), 0.2)
+        assert received == [Stamped(at(0.2), Battery(14.8, current_A))]
     (stamped,) = receive(device, battery(14.8, -1), 0.2)
     assert isinstance(stamped, Stamped)
     assert isinstance(stamped.reading, Battery)

@@ -66,7 +66,7 @@ def test_the_vehicle_file_may_be_all_there_is() -> None:
     assert not Settings(settings.vehicle, settings.port).alone
 
 
-def test_what_is_missing_is_said(tmp_path: Path) -> None:
+def test_what_is_missing_is_reported(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="no vehicle file"):
         read_settings([])
     with pytest.raises(UsageError, match="cannot be read"):

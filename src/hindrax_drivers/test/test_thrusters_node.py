@@ -205,7 +205,7 @@ def test_an_output_without_a_vehicle_file_declares_its_channels(make: Make) -> N
     assert bench.thread.guard.rest_us == (1500.0,) * 2
 
 
-def test_it_is_inhibited_while_there_is_a_reason_and_says_all_of_them(make: Make) -> None:
+def test_it_is_inhibited_while_there_is_a_reason_and_states_all_of_them(make: Make) -> None:
     bench = make()
     for answers in (True, False, False):
         bench.node.on_dead_man(answers=answers)
@@ -249,7 +249,7 @@ def test_an_armed_output_obeys_no_other_than_before_but_is_not_disarmed_by_one_w
     assert bench.command(4) == [("inhibit", ""), command_of(4)]
 
 
-def test_who_asks_to_arm_is_judged_by_the_graph_of_now_and_answered_as_the_guard_says(make: Make) -> None:
+def test_who_asks_to_arm_is_judged_by_the_graph_of_now_and_answered_as_the_guard_states(make: Make) -> None:
     bench = make()
     bench.command(1)
     assert bench.ask(arm=True, sequence=3) == (True, "")
@@ -269,7 +269,7 @@ def test_an_output_that_does_not_answer_refuses(make: Make, monkeypatch: pytest.
     assert bench.log == []
 
 
-def test_what_was_applied_is_published_and_a_change_of_phase_is_told_once(make: Make) -> None:
+def test_what_was_applied_is_published_and_a_change_of_phase_is_reported_once(make: Make) -> None:
     bench = make()
     bench.node.found("PCA9685 at 0x40")
     bench.becomes(ArmingPhase.ARMED)
@@ -295,7 +295,7 @@ def test_what_was_applied_is_published_and_a_change_of_phase_is_told_once(make: 
     ]
 
 
-def test_refusals_are_counted_by_reason_and_the_first_of_each_is_told(make: Make) -> None:
+def test_refusals_are_counted_by_reason_and_the_first_of_each_is_reported(make: Make) -> None:
     bench = make()
     for reason in ("late", "late", "malformed"):
         bench.node.refused(Refusal(reason, f"it is {reason}"), Stamp(1))
@@ -311,18 +311,18 @@ BOARD_OUTPUTS = (
 )
 
 
-def test_a_board_tells_its_battery_where_no_sensor_does(make: Make) -> None:
+def test_a_board_shows_its_battery_where_no_sensor_does(make: Make) -> None:
     bench = make(vehicle=BOARD)
     bench.node.deliver(BOARD_OUTPUTS)
-    (said,) = bench.published["battery"]
-    battery = deserialized(said, BatteryState)
+    (printed,) = bench.published["battery"]
+    battery = deserialized(printed, BatteryState)
     assert (battery.voltage, battery.header.stamp.sec) == (15.5, 2)
     health = bench.node.health
     assert (health.readings, health.rejects, health.identity) == (0, {"checksum": 1}, "a board")
 
 
 @pytest.mark.parametrize(("device", "sensor"), [("stm32", "ina226"), ("pca9685", "ms5837")])
-def test_nobody_else_tells_a_battery(make: Make, device: str, sensor: str) -> None:
+def test_nobody_else_shows_a_battery(make: Make, device: str, sensor: str) -> None:
     output = replace(VEHICLE.output, device=device)
     bench = make(vehicle=replace(VEHICLE, output=output, sensors={sensor: Mount(sensor)}))
     bench.node.deliver(BOARD_OUTPUTS)
@@ -330,7 +330,7 @@ def test_nobody_else_tells_a_battery(make: Make, device: str, sensor: str) -> No
     assert bench.node.health.identity == "a board"
 
 
-def test_a_finalized_node_says_nothing_of_its_device(make: Make) -> None:
+def test_a_finalized_node_states_nothing_of_its_device(make: Make) -> None:
     bench = make(vehicle=BOARD)
     bench.node._wanted = State.FINALIZED  # as the service has it
     bench.node.deliver(BOARD_OUTPUTS)

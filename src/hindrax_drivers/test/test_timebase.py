@@ -79,7 +79,7 @@ def test_known_latency_is_taken_off() -> None:
     assert base.map(1000, Stamp(START)) == START - 6 * MS
 
 
-def test_the_rate_is_never_believed_beyond_its_bound() -> None:
+def test_the_rate_is_never_assumed_beyond_its_bound() -> None:
     base = Timebase(1e-6, drift_ppm=50.0)
     for ticks, _, arrival in journey(1, 400.0, (0.05, 0.05), 1000, 1.0):
         base.map(ticks, arrival)
@@ -101,14 +101,14 @@ def test_a_plain_successor_breaks_nothing() -> None:
     assert stamp == START + 20_000 * MS
 
 
-def test_a_reset_is_told_and_the_map_starts_anew() -> None:
+def test_a_reset_is_reported_and_the_map_starts_anew() -> None:
     breaks, stamp = run_then(50_000, START + 22_000 * MS)
     assert [(one.kind, one.ticks) for one in breaks] == [("reset", 50_000)]
     assert breaks[0].shift_s == pytest.approx(-20.85)
     assert stamp == START + 22_000 * MS
 
 
-def test_a_leap_ahead_is_told_and_never_stamped_in_the_future() -> None:
+def test_a_leap_ahead_is_reported_and_never_stamped_in_the_future() -> None:
     breaks, stamp = run_then(81_000_000, START + 20_000 * MS)
     assert [one.kind for one in breaks] == ["jump"]
     assert breaks[0].shift_s == pytest.approx(60.0, abs=1e-3)
@@ -180,7 +180,7 @@ def test_the_rate_is_that_of_the_lower_hull_below_the_middle(points: list[tuple[
     assert _slope_under(points) == pytest.approx(slope)
 
 
-def test_a_host_clock_set_back_is_told() -> None:
+def test_a_host_clock_set_back_is_reported() -> None:
     breaks, stamp = run_then(21_000_000, START + 5_000 * MS)
     assert [one.kind for one in breaks] == ["host step"]
     assert stamp == START + 5_000 * MS
@@ -216,7 +216,7 @@ def test_after_a_restart_delays_from_before_count_no_more() -> None:
         assert base.map(index * 100_000, arrival) == arrival
 
 
-def test_no_drift_is_told_before_one_is_found() -> None:
+def test_no_drift_is_reported_before_one_is_found() -> None:
     timebase = Timebase(1e-6)
     assert timebase.drift_ppm == 0.0
     for index in range(3):
@@ -227,7 +227,7 @@ def test_no_drift_is_told_before_one_is_found() -> None:
 @pytest.mark.parametrize(
     ("ticks", "arrival_s", "kind", "shift_s"), [(5_001_000, 9.0, "host step", 1.0), (2_000_000, 10.1, "reset", -3.0)]
 )
-def test_a_step_back_of_either_clock_is_told_with_its_size(
+def test_a_step_back_of_either_clock_is_reported_with_its_size(
     ticks: int, arrival_s: float, kind: str, shift_s: float
 ) -> None:
     breaks: list[Break] = []

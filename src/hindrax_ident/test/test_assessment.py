@@ -193,12 +193,12 @@ def test_drafts_of_motions_that_know_their_thrusters_share_their_noise(
 
     patch.setattr(module, "common_noise", common)
     patch.setattr(module, "reweighted", lambda fit, noise, prior: (fit, noise, prior))
-    told = replace(surge, record=replace(surge.record, effort=surge.record.thrust))
-    found = combine_drafts({0: told, 2: heave})
+    reported = replace(surge, record=replace(surge.record, effort=surge.record.thrust))
+    found = combine_drafts({0: reported, 2: heave})
     assert asked == [[0]]
     again: Any = found[0].fit
     assert again == (surge.fit, Noise(2.0, 3.0, 4.0, 5.0), surge.prior)
-    assert replace(found[0], fit=surge.fit) == told
+    assert replace(found[0], fit=surge.fit) == reported
     assert found[2] is not None
     assert found[2].fit is heave.fit
 
@@ -235,7 +235,7 @@ def test_forces_that_wander_widen_the_noise_of_a_doubted_thrust(vehicle: Vehicle
     assert moved[0].noise is wandering.covariance
 
 
-def test_a_motion_without_bands_says_why_and_the_others_have_theirs(
+def test_a_motion_without_bands_states_why_and_the_others_have_theirs(
     vehicle: Vehicle, surge: DraftFit, heave: DraftFit, patch: pytest.MonkeyPatch
 ) -> None:
     def fails(*_: object) -> None:
@@ -405,10 +405,10 @@ def test_a_mass_that_is_known_to_less_than_three_tenths_is_left_out(sigma: float
     assert ("added_mass" in found) is known
 
 
-@pytest.mark.parametrize(("k_q", "told"), [(-5.9, 0.0), (-6.1, -6.1)])
-def test_a_value_is_within_its_bounds_unless_it_clearly_is_not(k_q: float, told: float) -> None:
+@pytest.mark.parametrize(("k_q", "reported"), [(-5.9, 0.0), (-6.1, -6.1)])
+def test_a_value_is_within_its_bounds_unless_it_clearly_is_not(k_q: float, reported: float) -> None:
     theta = array(np.array([k_q, 2.0, 0.1, 27.0]))
-    assert numbers_of(Model(0, 15.0), MOTIONS["surge"], theta, C)["k_q"].value == told
+    assert numbers_of(Model(0, 15.0), MOTIONS["surge"], theta, C)["k_q"].value == reported
 
 
 # ---- budgets
@@ -469,7 +469,7 @@ def test_plateaus_have_the_batch_fit_of_their_side(assessed: dict[int, Assessmen
     assert found["rls"]["k_l"].std == pytest.approx(math.sqrt(assessed[0].online["rls"][1][1, 1]))
 
 
-def test_quality_says_what_it_rests_on(assessed: dict[int, Assessment]) -> None:
+def test_quality_states_what_it_rests_on(assessed: dict[int, Assessment]) -> None:
     one = assessed[0]
     found = result_of(MOTIONS["surge"], one).quality
     assert found["residual_std"] == one.fit.sigmas[0]

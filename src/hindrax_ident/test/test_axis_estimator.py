@@ -34,7 +34,7 @@ def deviations(seed: int, forgetting: float = 1.0) -> Array:
     return array((found - THETA) / np.sqrt(np.diag(covariance)))
 
 
-def test_short_records_tell_bands_that_hold() -> None:
+def test_short_records_show_bands_that_hold() -> None:
     z = np.array([deviations(seed) for seed in range(RUNS)])
     assert np.sqrt(np.mean(z**2, axis=0)).max() < 1.25
     assert np.mean(np.abs(z) < 1.96) > 0.88
@@ -77,7 +77,7 @@ def still(
     return out
 
 
-def test_every_velocity_that_teaches_nothing_says_why() -> None:
+def test_every_velocity_that_teaches_nothing_states_why() -> None:
     estimator = AxisEstimator(MODEL, LAG_S, PRIOR, Tuning())
     estimator.thrust(0.2, 0.0)
     assert estimator.velocity(0.1, 0.0).reason == "no thrust received yet"
@@ -128,9 +128,9 @@ def test_a_wild_velocity_teaches_nothing_and_leaves_no_trace() -> None:
     still(estimator, 60.0, 10.0)
     before, samples = estimator.estimate()[0].tolist(), estimator.samples
     for sign in (1.0, -1.0):
-        told = estimator.velocity(70.0 + 0.05 * (2.0 + sign), 0.3 * sign)
-        assert (told.learned, told.reason) == (False, "outlier")
-        assert told.innovation == pytest.approx(0.3 * sign, abs=0.05)
+        reported = estimator.velocity(70.0 + 0.05 * (2.0 + sign), 0.3 * sign)
+        assert (reported.learned, reported.reason) == (False, "outlier")
+        assert reported.innovation == pytest.approx(0.3 * sign, abs=0.05)
     assert estimator.estimate()[0].tolist() == before
     assert estimator.samples == samples
     assert all(one.learned for one in still(estimator, 70.2, 3.0))
@@ -167,7 +167,7 @@ def test_the_pole_of_the_filter_is_that_of_the_drag_at_the_present_speed(force_N
     assert taught(Tuning(filter_fastest=1.01))[0].regression.rate <= 1.01
 
 
-def test_plateaus_alone_tell_no_mass_which_stays_as_believed() -> None:
+def test_plateaus_alone_show_no_mass_which_stays_as_assumed() -> None:
     estimator, _ = taught(Tuning(plateaus_only=True))
     found, covariance = estimator.estimate()
     assert found[-1] == 30.0
@@ -197,7 +197,7 @@ HEAVE, HEAVE_THETA = Model(2, 15.22, split=True), np.array([93.52, 5.26, 56.57, 
 HEAVE_PRIOR = Prior(np.array([80.0, 8.0, 80.0, 8.0, 0.0, 35.0]), np.array([80.0, 60.0, 80.0, 60.0, 5.0, 20.0]))
 
 
-def test_hovering_tells_the_net_buoyancy_although_the_drags_of_both_directions_differ() -> None:
+def test_hovering_shows_the_net_buoyancy_although_the_drags_of_both_directions_differ() -> None:
     legs = back_and_forth((12.0, 1.5, 5.4), 6.0, 36.0)
     plan = Plan(np.append(0.0, legs.times_s + 8.0), np.append(0.0, legs.forces) + HEAVE_THETA[4], 44.0)
     flight, errors = fly(HEAVE, HEAVE_THETA, plan, LAG_S), []

@@ -133,8 +133,10 @@ def test_an_outlier_is_beyond_five_deviations_of_what_was_expected(
             undone.append(1)
 
     estimator.regression = Regression(SURGE, 0.15, 1.0)
-    told = estimator._learn(ROW, 1.0, derived=False)
-    assert told == SampleVerdict(learned=not outlier, reason="outlier" if outlier else "", innovation=stand.innovation)
+    reported = estimator._learn(ROW, 1.0, derived=False)
+    assert reported == SampleVerdict(
+        learned=not outlier, reason="outlier" if outlier else "", innovation=stand.innovation
+    )
     assert len(stand.taught) == (not outlier)
     assert len(undone) == outlier
 
@@ -246,7 +248,7 @@ def filtering(estimator: AxisEstimator) -> Filter:
     return one
 
 
-def test_the_joint_filter_hears_everything_in_time_but_derived_velocities() -> None:
+def test_the_joint_filter_receives_everything_in_time_but_derived_velocities() -> None:
     estimator = begun(estimator="ekf")
     joint = filtering(estimator)
     estimator.thrust(0.1, 1.0)
@@ -373,13 +375,13 @@ def test_the_band_is_that_of_estimates_without_one_block_each(disagreement: floa
     assert covariance == pytest.approx(wide, rel=1e-6)
 
 
-@pytest.mark.parametrize(("blocks", "told"), [(7, False), (8, True)])
-def test_fewer_than_two_blocks_for_each_coefficient_tell_nothing(blocks: int, told: bool) -> None:
+@pytest.mark.parametrize(("blocks", "reported"), [(7, False), (8, True)])
+def test_fewer_than_two_blocks_for_each_coefficient_show_nothing(blocks: int, reported: bool) -> None:
     estimator, rng = begun(), np.random.default_rng(3)
     X = rng.standard_normal((25 * blocks, 4))
     y = X @ np.ones(4) + np.repeat(rng.standard_normal(blocks), 25) * X[:, 0]
     taught(estimator, array(X), array(y))
-    assert (estimator._measured_widening() != np.ones((4, 4))).any() == told
+    assert (estimator._measured_widening() != np.ones((4, 4))).any() == reported
     assert estimator._measured_widening().shape == (4, 4)
 
 

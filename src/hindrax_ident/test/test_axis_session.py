@@ -217,7 +217,7 @@ def test_a_motion_along_its_own_axis_alone_is_no_news(vehicle: Vehicle, axis: in
 
 def test_fast_velocities_are_averaged_and_only_one_source_counts(vehicle: Vehicle) -> None:
     session, estimator = begun(vehicle, 5, Tuning(bin_s=0.02))
-    said = [
+    inputs = [
         (1.0, 0.1, "navigation"),
         (1.01, 0.3, "navigation"),
         (1.02, 0.5, "navigation"),
@@ -228,7 +228,7 @@ def test_fast_velocities_are_averaged_and_only_one_source_counts(vehicle: Vehicl
         (1.06, 0.4, "icm20948"),
         (1.07, 0.2, "icm20948"),
     ]
-    verdicts = [session.velocity(t_s, v, source, f"at {t_s}") for t_s, v, source in said]
+    verdicts = [session.velocity(t_s, v, source, f"at {t_s}") for t_s, v, source in inputs]
     # The bin of the navigator goes to the source that completes it.
     assert [len(one) for one in verdicts] == [0, 0, 1, 0, 0, 0, 1, 0, 1]
     assert estimator.of("velocity") == [pytest.approx(one) for one in ((1.005, 0.2), (1.025, 0.7), (1.055, 0.3))]
@@ -339,26 +339,26 @@ def test_an_estimate_is_that_of_its_direction_and_without_the_mass_of_the_body(
 ) -> None:
     session, estimator = begun(vehicle, 2)
     estimator.regression.rate = 1.7
-    told = session.estimate(MOTIONS[motion], SampleVerdict(learned=False, reason="outlier", innovation=0.02))
+    reported = session.estimate(MOTIONS[motion], SampleVerdict(learned=False, reason="outlier", innovation=0.02))
     values, sigmas = session.prior.values, session.prior.sigmas
-    assert told.motion == motion
-    assert told.names == ("k_q", "k_l", "b", "added_mass")
-    assert told.units == ("N s^2/m^2", "N s/m", "N", "kg")
-    assert told.values == pytest.approx([*values[list(rows)], values[-1] - vehicle.mass_kg], rel=1e-6)
-    assert np.shape(told.covariance) == (4, 4)
-    assert np.sqrt(np.diag(told.covariance))[-1] == pytest.approx(sigmas[-1], rel=0.01)
-    assert (told.samples, told.effective_samples) == (0, 0.0)
-    assert (told.learning, told.reason) == (False, "outlier")
+    assert reported.motion == motion
+    assert reported.names == ("k_q", "k_l", "b", "added_mass")
+    assert reported.units == ("N s^2/m^2", "N s/m", "N", "kg")
+    assert reported.values == pytest.approx([*values[list(rows)], values[-1] - vehicle.mass_kg], rel=1e-6)
+    assert np.shape(reported.covariance) == (4, 4)
+    assert np.sqrt(np.diag(reported.covariance))[-1] == pytest.approx(sigmas[-1], rel=0.01)
+    assert (reported.samples, reported.effective_samples) == (0, 0.0)
+    assert (reported.learning, reported.reason) == (False, "outlier")
     # An innovation of the velocity is a force as far as the filter remembers it: over its time, on the mass.
-    assert told.innovation == pytest.approx(0.02 * 1.7 * values[-1], rel=1e-6)
+    assert reported.innovation == pytest.approx(0.02 * 1.7 * values[-1], rel=1e-6)
 
 
 def test_a_reported_value_is_within_its_bounds(vehicle: Vehicle) -> None:
     model = model_of(vehicle, 0)
     prior = Prior(np.array([-4.0, 3.0, 0.0, 14.0]), np.array([2.0, 1.0, 1.0, 5.0]))
     session = AxisSession(vehicle, model, prior, Tuning())
-    told = session.estimate(MOTIONS["surge"], SampleVerdict(learned=True))
-    assert told.values[0] == 0.0
-    assert told.values[3] == pytest.approx(0.0, abs=1e-9)
-    assert told.learning
+    reported = session.estimate(MOTIONS["surge"], SampleVerdict(learned=True))
+    assert reported.values[0] == 0.0
+    assert reported.values[3] == pytest.approx(0.0, abs=1e-9)
+    assert reported.learning
     assert session.estimator.estimate()[0][0] == pytest.approx(-4.0)

@@ -73,19 +73,21 @@ SURGE_mps, HEAVE_PER_Nm, LAG_S = 0.1, 0.05, 0.15
 def drifting(vehicle: Vehicle) -> list[Any]:
     """Pitch while the vehicle goes ahead, and sinks and rises with the moment; the record knows the thrust only."""
     truth = truth_of(vehicle)
-    told, model = truth["pitch"], model_of(vehicle, 4)
-    theta = np.array([told["k_q"], told["k_l"], told["b"], told["k_r"], model.rigid + told["added_mass"]])
+    reported, model = truth["pitch"], model_of(vehicle, 4)
+    theta = np.array(
+        [reported["k_q"], reported["k_l"], reported["b"], reported["k_r"], model.rigid + reported["added_mass"]]
+    )
     plan = back_and_forth((0.6, 1.0, 1.4, 1.7), 5.0, 80.0)
     lead = truth["heave_down"]["added_mass"] - truth["surge"]["added_mass"]
     _, commands = plan.commands()
     flight = fly(model, theta, plan, LAG_S, np.full(len(commands), lead * SURGE_mps * HEAVE_PER_Nm))
     rng = np.random.default_rng(3)
-    said = list(events(flight, 4, "pitch", dataclasses.replace(GYRO), rng, plateau_s=3.0))
+    inputs = list(events(flight, 4, "pitch", dataclasses.replace(GYRO), rng, plateau_s=3.0))
     moments = LaggedThrust(flight.times_s, commands, LAG_S).force(flight.times_s)
     for t, moment in zip(flight.times_s[::2].tolist(), moments[::2].tolist(), strict=True):
         nu = (SURGE_mps, NAN, HEAVE_PER_Nm * moment, NAN, NAN, NAN)
-        said.append(Stamped(stamp_from_s(t), Velocity(nu, "dvl75")))
-    return sorted(said, key=lambda event: event.stamp)
+        inputs.append(Stamped(stamp_from_s(t), Velocity(nu, "dvl75")))
+    return sorted(inputs, key=lambda event: event.stamp)
 
 
 class Told(Session):
@@ -97,11 +99,11 @@ class Told(Session):
         return self.known.get(axis) or super()._estimated_mass(axis, drafted)
 
 
-def off(vehicle: Vehicle, said: list[Any], known: Mapping[int, tuple[float, float]]) -> list[Any]:
+def off(vehicle: Vehicle, inputs: list[Any], known: Mapping[int, tuple[float, float]]) -> list[Any]:
     """Error of k_r [N m] and its standard deviation: refined and online."""
     session = Told(vehicle, silent=True)
     session.known = known
-    for event in said:
+    for event in inputs:
         session.step(event)
     result, truth = session.finalize().results.motions["pitch"], truth_of(vehicle)["pitch"]["k_r"]
     both = result.coefficients["k_r"], result.methods["rls"]["k_r"]
@@ -129,7 +131,7 @@ def test_a_velocity_that_jumps_once_makes_no_force(false: tuple[float, float]) -
         assert max(abs(found[0] - 0.3 - 0.02 * tick), abs(found[2] - 0.3 - 0.02 * tick)) < 0.05
 
 
-def test_a_jump_that_the_next_velocity_confirms_is_believed() -> None:
+def test_a_jump_that_the_next_velocity_confirms_is_accepted() -> None:
     motions = VelocityHistory(1.0)
     motions.update(0.0, (0.3, NAN, NAN, NAN, NAN, NAN))
     motions.update(0.1, (1.3, NAN, NAN, NAN, NAN, NAN))

@@ -291,20 +291,20 @@ def test_the_best_of_the_starts_counts(late: Record) -> None:
     assert STARTS == ((0.1, 0.0), (0.3, 0.0), (0.0, 0.2))
 
 
-def test_delays_that_are_believed_stay(late: Record) -> None:
+def test_delays_that_are_accepted_stay(late: Record) -> None:
     found = search_delay(SURGE, replace(late, lag_s=0.4, latency_s=-0.1), PRIOR.values, PRIOR, 1e-6)
     assert (found.lag_s, found.latency_s) == pytest.approx((0.4, -0.1), abs=1e-3)
 
 
 @pytest.mark.parametrize("sigma_s", [0.3, 0.01, 1e-5])
-def test_the_delays_of_a_fit_are_between_what_it_tells_and_what_is_believed(late: Record, sigma_s: float) -> None:
+def test_the_delays_of_a_fit_are_between_what_it_shows_and_what_is_accepted(late: Record, sigma_s: float) -> None:
     record, fit = fit_with_delays(late, PRIOR.values, SURGE, PRIOR, sigma_s)
     delays = np.array([record.lag_s, record.latency_s])
-    told = score(fit, delay_impulses(record, fit.problem.grid))
+    reported = score(fit, delay_impulses(record, fit.problem.grid))
     # Where the slope of both together is nothing, nothing more is to be gained.
-    precision = told.information + np.eye(2) / sigma_s**2
+    precision = reported.information + np.eye(2) / sigma_s**2
     further = np.linalg.solve(
-        precision, told.information @ told.values + (np.array([0.15, 0.05]) - delays) / sigma_s**2
+        precision, reported.information @ reported.values + (np.array([0.15, 0.05]) - delays) / sigma_s**2
     )
     assert np.abs(further).max() < 2e-3
     if sigma_s == 0.3:
@@ -318,8 +318,8 @@ def test_the_delays_of_a_fit_are_between_what_it_tells_and_what_is_believed(late
 class Rounds:
     """In the place of search, fit and score: delays that the residuals tell, one round after the other."""
 
-    def __init__(self, patch: pytest.MonkeyPatch, first: tuple[float, float], *told: tuple[float, float]) -> None:
-        self.fitted, self._told, self.problem = list[tuple[float, float]](), iter(told), build_problem
+    def __init__(self, patch: pytest.MonkeyPatch, first: tuple[float, float], *reported: tuple[float, float]) -> None:
+        self.fitted, self._told, self.problem = list[tuple[float, float]](), iter(reported), build_problem
         self.model, self.theta, self._first = SURGE, THETA, first
         self.information = array(np.diag([50.0, 200.0]))
         patch.setattr(module, "search_delay", lambda *_: DelayEstimate(0.0, *self._first, THETA))
@@ -339,7 +339,7 @@ class Rounds:
 
 
 @pytest.mark.parametrize(
-    ("told", "rounds"),
+    ("reported", "rounds"),
     [
         # Priors of 100 each: what is told of the lag has a third of the weight, of the latency two thirds.
         ([(0.45, 0.35)], [(0.25, 0.25)]),
@@ -351,10 +351,10 @@ class Rounds:
     ],
 )
 def test_delays_are_weighed_until_they_stay_but_four_times_at_most(
-    late: Record, told: list[tuple[float, float]], rounds: list[tuple[float, float]]
+    late: Record, reported: list[tuple[float, float]], rounds: list[tuple[float, float]]
 ) -> None:
     with pytest.MonkeyPatch.context() as patch:
-        one = Rounds(patch, (0.5, -0.2), *told, *told[-1:] * 5)
+        one = Rounds(patch, (0.5, -0.2), *reported, *reported[-1:] * 5)
         record, _ = fit_with_delays(late, THETA, SURGE, PRIOR, 0.1)
     assert one.fitted[0] == (0.5, -0.2)
     assert np.array(one.fitted[1:]) == pytest.approx(np.array(rounds), abs=1e-6)

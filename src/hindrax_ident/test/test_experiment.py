@@ -101,13 +101,13 @@ def test_short_plateaus_are_flown_several_times_in_one_go() -> None:
     assert drag(3.0, seconds=0.01).after(1.0)[2] == 6
 
 
-def test_time_ends_it_and_tells_of_what_more_was_wanted(vehicle: Vehicle) -> None:
+def test_time_ends_it_and_shows_of_what_more_was_wanted(vehicle: Vehicle) -> None:
     pool = Pool(vehicle, {"surge": drag(100.0), "yaw": drag(0.5)}, Aim(minutes=6.0))
     assert 3 < len(pool.chosen) <= 360.0 / PACE_S
     assert pool.experiment.ended == "6 minutes leave no time for another leg; more was wanted of surge"
 
 
-def test_short_time_tells_what_was_not_flown(vehicle: Vehicle) -> None:
+def test_short_time_shows_what_was_not_flown(vehicle: Vehicle) -> None:
     pool = Pool(vehicle, {"surge": drag(0.5), "sway": drag(0.5), "yaw": drag(0.5)}, Aim(minutes=1.5))
     assert [choice.motion for choice in pool.chosen] == ["surge", "sway"]
     assert pool.experiment.ended == "1.5 minutes are over before yaw"
@@ -124,7 +124,7 @@ def test_nothing_is_known_of_an_axis_that_was_not_flown(vehicle: Vehicle) -> Non
     assert drag_of(Session(vehicle), 0, 0.0) is None
 
 
-def test_the_plan_says_what_comes_first_and_when_it_ends() -> None:
+def test_the_plan_states_what_comes_first_and_when_it_ends() -> None:
     assert plan_text(("surge", "yaw"), Aim(0.02, 5.0)) == (
         "surge: fastest, slowest, fastest; yaw: fastest, slowest, fastest, each out and back; then most informative, "
         "until the noise of the drag is below 2 %, at most 5 minutes"

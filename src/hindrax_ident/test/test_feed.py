@@ -21,7 +21,7 @@ DEPTH_M = 0.8
 
 
 @pytest.fixture
-def told(vehicle: Vehicle) -> list[Any]:
+def reported(vehicle: Vehicle) -> list[Any]:
     """Everything that a rotating, moving vehicle with an offset center of mass says at one instant."""
     sensors = {name: replace(one, position_m=(0.1, 0.02, 0.15)) for name, one in vehicle.sensors.items()}
     moved = replace(vehicle, center_of_mass_m=CENTER, sensors=sensors)
@@ -44,20 +44,20 @@ def told(vehicle: Vehicle) -> list[Any]:
     return [event.reading for one in readings for event in feed.events_of(Stamped(Stamp(0), one))]
 
 
-def test_velocities_are_those_of_the_center_of_mass(told: list[Any]) -> None:
+def test_velocities_are_those_of_the_center_of_mass(reported: list[Any]) -> None:
     expected = [v + w for v, w in zip(ORIGIN_MPS, cross(RATES, CENTER), strict=True)]
-    found = {one.source: one.nu for one in told if isinstance(one, Velocity)}
+    found = {one.source: one.nu for one in reported if isinstance(one, Velocity)}
     assert found["dvl"][:2] == pytest.approx(expected[:2])
     assert found["navigation"][2] == pytest.approx(expected[2])
     assert found["navigation"][3:] == RATES
 
 
-def test_depths_are_those_of_the_center_of_mass(told: list[Any]) -> None:
+def test_depths_are_those_of_the_center_of_mass(reported: list[Any]) -> None:
     expected = DEPTH_M + rotate(matrix(ATTITUDE), CENTER)[2]
-    depths = [one.depth_m for one in told if isinstance(one, Attitude)]
+    depths = [one.depth_m for one in reported if isinstance(one, Attitude)]
     assert depths == pytest.approx([expected, expected], abs=1e-5)
     assert abs(expected - DEPTH_M) > 0.01
 
 
-def test_a_dvl_without_lock_says_nothing(vehicle: Vehicle) -> None:
+def test_a_dvl_without_lock_states_nothing(vehicle: Vehicle) -> None:
     assert Feed(vehicle).events_of(Stamped(Stamp(0), BottomVelocity(None, math.inf, 0.0, 0.05, 0))) == ()

@@ -21,9 +21,9 @@ from hindrax_ident.online.session import Session
 SURGE = np.array([66.48, 1.25, 0.0, 27.3])
 
 
-def identify(vehicle: Vehicle, said: list[Stamped[Thrust]]) -> MotionResult:
+def identify(vehicle: Vehicle, inputs: list[Stamped[Thrust]]) -> MotionResult:
     session = Session(vehicle)
-    for event in said:
+    for event in inputs:
         session.step(event)
     return session.finalize().results.motions["surge"]
 
@@ -71,7 +71,7 @@ def test_a_parked_vehicle_is_not_identifiable(vehicle: Vehicle, seed: int) -> No
     assert not any("it moved at" in reason for reason in result.reasons)
 
 
-def test_a_motion_that_no_thrust_explains_is_told_with_its_own_speed(vehicle: Vehicle) -> None:
+def test_a_motion_that_no_thrust_explains_is_reported_with_its_own_speed(vehicle: Vehicle) -> None:
     towed = [
         Stamped(event.stamp, Thrust((0.0,) * 6)) if isinstance(event.reading, Thrust) else event
         for event in flown(vehicle, back_and_forth((4.0, 9.0), 10.0, 80.0))
@@ -111,21 +111,21 @@ def test_the_wrong_sign_of_the_wrench_is_named(vehicle: Vehicle) -> None:
         X, Y, Z, K, M, N = wrench
         return -X, -Y, -Z, -K, -M, -N
 
-    said = [
+    inputs = [
         Stamped(event.stamp, Thrust(turned(event.reading.wrench))) if isinstance(event.reading, Thrust) else event
         for event in flown(vehicle, back_and_forth((4.0, 9.0, 13.0), 10.0, 80.0))
     ]
-    result = identify(vehicle, said)
+    result = identify(vehicle, inputs)
     assert not result.identifiable
     assert result.reasons
 
 
 def test_a_wrench_that_has_nothing_to_do_with_the_motion_is_found_out(vehicle: Vehicle) -> None:
-    said = flown(vehicle, back_and_forth((4.0, 9.0, 13.0), 10.0, 80.0))
+    inputs = flown(vehicle, back_and_forth((4.0, 9.0, 13.0), 10.0, 80.0))
     rng = np.random.default_rng(0)
     other = {round(k * 0.7, 6): float(rng.uniform(-13.0, 13.0)) for k in range(200)}
     wrong = []
-    for event in said:
+    for event in inputs:
         if isinstance(event.reading, Thrust):
             key = max(t for t in other if t <= event.stamp / 1e9 + 1e-9)
             wrong.append(Stamped(event.stamp, Thrust((other[key], *event.reading.wrench[1:]))))
@@ -135,7 +135,7 @@ def test_a_wrench_that_has_nothing_to_do_with_the_motion_is_found_out(vehicle: V
     assert not result.identifiable
 
 
-def drifting(said: list[Any], current_mps: float) -> list[Any]:
+def drifting(inputs: list[Any], current_mps: float) -> list[Any]:
     """Velocity over ground in water that moves: the drag is no longer that of the measured velocity."""
     return [
         Stamped(
@@ -144,7 +144,7 @@ def drifting(said: list[Any], current_mps: float) -> list[Any]:
         )
         if isinstance(event.reading, Velocity)
         else event
-        for event in said
+        for event in inputs
     ]
 
 
@@ -153,13 +153,13 @@ def drifting(said: list[Any], current_mps: float) -> list[Any]:
 def test_an_unknown_current_is_not_taken_for_drag_with_confidence(
     vehicle: Vehicle, levels: Vec3, current_mps: float
 ) -> None:
-    said = drifting(flown(vehicle, back_and_forth(levels, 10.0, 80.0)), current_mps)
-    assert honest(identify(vehicle, said))
+    inputs = drifting(flown(vehicle, back_and_forth(levels, 10.0, 80.0)), current_mps)
+    assert honest(identify(vehicle, inputs))
 
 
 def test_a_current_is_measured_and_still_water_is_not_suspected(vehicle: Vehicle) -> None:
-    said = flown(vehicle, back_and_forth((2.0, 6.0, 13.0), 10.0, 120.0))
-    still, moved = (identify(vehicle, drifting(said, current)) for current in (0.0, 0.02))
+    inputs = flown(vehicle, back_and_forth((2.0, 6.0, 13.0), 10.0, 120.0))
+    still, moved = (identify(vehicle, drifting(inputs, current)) for current in (0.0, 0.02))
     assert abs(still.quality["current_mps"]) < 3.0 * still.quality["current_sigma_mps"]
     assert moved.quality["current_mps"] == pytest.approx(0.02, abs=0.01)
     assert moved.quality["current_mps"] > 3.0 * moved.quality["current_sigma_mps"]

@@ -264,9 +264,9 @@ def test_what_a_known_weight_showed_at_its_load_is_no_error_any_more(
 
 
 def test_inflow_takes_ten_newtons_at_half_a_meter_per_second(case: Case) -> None:
-    told = array(np.array([1.0, 2.0, 0.5, 0.0, 3.0]))
-    known = replace(case, record=replace(case.record, inflow=Series(COMMANDS.t, told)))
-    held = told[np.searchsorted(COMMANDS.t, TIMES + 1e-9) - 1]
+    reported = array(np.array([1.0, 2.0, 0.5, 0.0, 3.0]))
+    known = replace(case, record=replace(case.record, inflow=Series(COMMANDS.t, reported)))
+    held = reported[np.searchsorted(COMMANDS.t, TIMES + 1e-9) - 1]
     assert known.inflow == pytest.approx(held)
     assert_effect(known, "inflow loss", of_force(-math.sqrt(10.0) * held * V / 0.5))
 
@@ -521,14 +521,16 @@ def test_thrusters_that_idle_against_each_other_leave_a_constant_force(case: Cas
     name, each_N = "differences between idle thrusters", 0.7
     effort = np.full(101, 8 * each_N**2)
     effort[::9] *= 100.0
-    told = replace(case, record=replace(case.record, effort=Series(array(np.arange(101.0)), array(effort))))
-    assert row(name).sigma(told) == 0.06
-    assert_effect(told, name, of_force(np.full(len(TIMES), math.sqrt(8.0) * each_N)))
+    reported = replace(case, record=replace(case.record, effort=Series(array(np.arange(101.0)), array(effort))))
+    assert row(name).sigma(reported) == 0.06
+    assert_effect(reported, name, of_force(np.full(len(TIMES), math.sqrt(8.0) * each_N)))
     # Most of the time all of them rest: nothing is left over then.
     turning = np.array([1.0, 0.0, 0.0, 1.0, 0.0])
-    rested = replace(told, record=replace(told.record, effort=Series(COMMANDS.t, array(8 * each_N**2 * turning))))
+    rested = replace(
+        reported, record=replace(reported.record, effort=Series(COMMANDS.t, array(8 * each_N**2 * turning)))
+    )
     assert_effect(rested, name, of_commands(math.sqrt(8.0) * each_N * turning))
-    idle = replace(told, record=replace(told.record, effort=Series(COMMANDS.t, array(np.zeros(5)))))
+    idle = replace(reported, record=replace(reported.record, effort=Series(COMMANDS.t, array(np.zeros(5)))))
     assert row(name).sigma(idle) == row(name).sigma(case) == 0.0
     assert (row(name).scope, row(name).considered, row(name).near, row(name).loss) == (MODEL, True, 0.37, False)
 
@@ -550,11 +552,11 @@ def test_only_along_the_pool_a_tether_grows(case: Case) -> None:
 
 def test_of_a_measured_supply_a_two_hundredth_is_left(case: Case) -> None:
     """Its voltage is used in steps of 0.1 V, of 14.8 V."""
-    told = replace(case, record=replace(case.record, supply_measured=True))
-    assert row("sag over the run").sigma(told) == row("sag under load").sigma(told) == 0.005
+    reported = replace(case, record=replace(case.record, supply_measured=True))
+    assert row("sag over the run").sigma(reported) == row("sag under load").sigma(reported) == 0.005
 
 
-def test_what_nobody_told_is_doubted_more(case: Case) -> None:
+def test_what_nobody_given_is_doubted_more(case: Case) -> None:
     bare = replace(case, vehicle=replace(case.vehicle, thrusters=()), tuning=Tuning(thrust_doubt=0.1))
     assert row("exponent of the thrust").sigma(bare) == 0.15
     for name in ("tether", "drag of the tether", "friction of the tether"):
@@ -570,7 +572,7 @@ def test_an_influence_without_a_deviation_does_not_act(case: Case, sigma: float)
     assert acting(case, [replace(row("own wake"), sigma=never)]) == []
 
 
-def test_a_row_is_plain_unless_it_says_more(case: Case) -> None:
+def test_a_row_is_plain_unless_it_states_more(case: Case) -> None:
     plain = Influence("x", "N", RUN, lambda _case: 1.0, lambda one: one.v, "wait")
     assert (plain.of_readings, plain.considered, plain.measured, bool(plain.alone), plain.loss) == (False,) * 5
     assert plain.near == 1.0

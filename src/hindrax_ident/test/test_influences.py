@@ -140,7 +140,7 @@ def test_what_is_far_beyond_any_pool_is_no_explanation(flown: Case) -> None:
     assert "59 times what a pool has" in informative
 
 
-def test_a_loss_that_a_record_hardly_tells_is_never_greater_than_the_thrust() -> None:
+def test_a_loss_that_a_record_hardly_shows_is_never_greater_than_the_thrust() -> None:
     # The thrust seems to rise by a factor of three: what no row knows looks like that in a short record.
     far, spread = -22.0, 7.0
     for name, is_loss in (("sag over the run", True), ("tether", False)):

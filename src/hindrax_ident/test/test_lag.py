@@ -18,11 +18,11 @@ def test_force_and_impulse_are_those_of_a_fine_integration(seed: int, lag: float
     thrust = LaggedThrust(times, commands, lag)
     h = 5e-4
     at = np.arange(times[0], times[-1] + 0.5, h)
-    told = commands[np.searchsorted(times, at, side="right") - 1]
-    force = told.copy()
+    reported = commands[np.searchsorted(times, at, side="right") - 1]
+    force = reported.copy()
     if lag:
         keep = 1.0 - h / lag
-        force = lfilter([0.0, h / lag], [1.0, -keep], told - commands[0]) + commands[0]
+        force = lfilter([0.0, h / lag], [1.0, -keep], reported - commands[0]) + commands[0]
     size = np.abs(commands).max()
     assert np.abs(thrust.force(at) - force).max() < 0.03 * size
     impulse = np.concatenate([[0.0], np.cumsum(0.5 * h * (force[1:] + force[:-1]))])

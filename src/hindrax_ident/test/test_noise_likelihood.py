@@ -185,7 +185,7 @@ def test_the_other_channel_moves_by_two_decades_at_most_in_each_of_two_rounds(de
     assert math.log10(found.position / found.velocity) == pytest.approx(wanted, abs=0.41 if decades < 4.0 else 1e-9)
 
 
-def test_velocities_alone_tell_nothing_of_positions() -> None:
+def test_velocities_alone_show_nothing_of_positions() -> None:
     chain, residual = drawn(Noise(1e-4, 1.0, 1e-4, 0.0), (0,))
     found = fit_noise(chain, residual, Noise(3.0, 0.6))
     assert found.position / found.velocity == pytest.approx(0.2)

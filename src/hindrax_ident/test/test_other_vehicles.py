@@ -54,8 +54,8 @@ def recorded(flown: Flight, latency_s: float = 0.0, noise: float = 0.01, wrench:
     rng = np.random.default_rng(1)
     v = flown.path.v[::10]
     velocity = only(0, v + noise * rng.standard_normal(len(v)))
-    told = flown.commands if wrench is None else wrench
-    return Recording("x", flown.grid.times_s[::10] + latency_s, velocity, flown.times_s, only(0, told), *EMPTY)
+    reported = flown.commands if wrench is None else wrench
+    return Recording("x", flown.grid.times_s[::10] + latency_s, velocity, flown.times_s, only(0, reported), *EMPTY)
 
 
 def finalized(recording: Recording, **knobs: Any) -> tuple[Outcome, float]:
@@ -76,7 +76,7 @@ def off(result: MotionResult, name: str, truth: dict[str, float] = TRUTH) -> flo
 
 
 @pytest.mark.parametrize(("lag_s", "latency_s"), [(0.0, 0.0), (0.25, 0.0), (0.1, 0.2), (0.3, 0.1)])
-def test_lag_and_latency_that_nobody_told_are_found_together(lag_s: float, latency_s: float) -> None:
+def test_lag_and_latency_that_nobody_given_are_found_together(lag_s: float, latency_s: float) -> None:
     found = surge(recorded(flight(lag_s=lag_s), latency_s))
     assert found.quality["lag_s"] + found.quality["latency_s"] == pytest.approx(lag_s + latency_s, abs=0.03)
     assert max(off(found, name) for name in TRUTH) < 3.0
@@ -84,13 +84,13 @@ def test_lag_and_latency_that_nobody_told_are_found_together(lag_s: float, laten
     assert found.coefficients["added_mass"].std_calibrated < 2.0
 
 
-def test_smooth_commands_tell_the_lag_too() -> None:
+def test_smooth_commands_show_the_lag_too() -> None:
     found = surge(recorded(flight("smooth", 0.12)))
     assert found.quality["lag_s"] + found.quality["latency_s"] == pytest.approx(0.12, abs=0.02)
     assert found.coefficients["k_q"].value == pytest.approx(TRUTH["k_q"], rel=0.003)
 
 
-def test_where_the_record_cannot_tell_the_lag_the_mass_is_in_doubt() -> None:
+def test_where_the_record_cannot_show_the_lag_the_mass_is_in_doubt() -> None:
     # One frequency has one phase: that of the mass and that of the lag are the same.
     recording = recorded(flight("sine", 0.2))
     found, wider = surge(recording), surge(recording, lag_doubt_s=0.5)
@@ -98,7 +98,7 @@ def test_where_the_record_cannot_tell_the_lag_the_mass_is_in_doubt() -> None:
     assert wider.coefficients["added_mass"].std > found.coefficients["added_mass"].std > 0.5
 
 
-def test_a_dead_band_that_nobody_told_is_within_the_band() -> None:
+def test_a_dead_band_that_nobody_given_is_within_the_band() -> None:
     flown = flight("two", 0.1)
     recording = recorded(flown, wrench=flown.commands + 1.2 * np.sign(flown.commands))
     wide = surge(recording)
@@ -110,8 +110,8 @@ def test_a_dead_band_that_nobody_told_is_within_the_band() -> None:
 def test_a_thrust_of_another_law_is_suspected(exponent: float) -> None:
     """The record tells a thrust of another power than the true one; the same at the largest command."""
     flown = flight(lag_s=0.1)
-    told = 45.0 * np.sign(flown.commands) * np.abs(flown.commands / 45.0) ** (1.0 / exponent)
-    found = surge(recorded(flown, wrench=told))
+    reported = 45.0 * np.sign(flown.commands) * np.abs(flown.commands / 45.0) ** (1.0 / exponent)
+    found = surge(recorded(flown, wrench=reported))
     assert max(off(found, name) for name in TRUTH) < 3.0
     suspected = any("exponent of the thrust" in one for one in found.warnings)
     assert (suspected, found.identifiable) == (exponent > 1.0, exponent == 1.0)
@@ -127,7 +127,7 @@ def test_forces_that_wander_slowly_are_noticed() -> None:
     assert np.all(np.diag(pushed.covariance)[:2] > 4.0 * np.diag(calm.covariance)[:2])
 
 
-def test_a_vehicle_that_turns_while_it_goes_ahead_is_corrected_by_what_the_record_says() -> None:
+def test_a_vehicle_that_turns_while_it_goes_ahead_is_corrected_by_what_the_record_states() -> None:
     flown = flight(lag_s=0.1)
     plain = recorded(flown)
     sway, yaw = 0.6 * flown.path.v, 0.5
@@ -135,12 +135,12 @@ def test_a_vehicle_that_turns_while_it_goes_ahead_is_corrected_by_what_the_recor
     pushed = np.interp(flown.times_s, flown.grid.times_s, 1.8 * OTHER.mass_kg * sway * yaw)
     moving = plain.velocity.copy()
     moving[:, 1], moving[:, 5] = sway[::10], yaw
-    told, silent = (
+    reported, silent = (
         surge(Recording("x", plain.velocity_t, v, plain.wrench_t, only(0, flown.commands - pushed), *EMPTY))
         for v in (moving, plain.velocity)
     )
-    assert max(off(told, name) for name in TRUTH) < 3.0
-    assert abs(told.coefficients["k_l"].value - 4.0) < 1.0
+    assert max(off(reported, name) for name in TRUTH) < 3.0
+    assert abs(reported.coefficients["k_l"].value - 4.0) < 1.0
     assert abs(silent.coefficients["k_l"].value - 4.0) > 4.0
 
 

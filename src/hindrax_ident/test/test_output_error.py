@@ -208,9 +208,9 @@ class Landscape:
     def searched(self, fit: OutputErrorFit, samples: int = 200, tolerance: float = 1e-10) -> tuple[int, bool]:
         """Number of trials, and whether it converged."""
         problem = replace(fit.problem, counts=np.arange(len(fit.problem.t)) < samples)
-        believed = Prior(THETA, array(np.full(4, 1e12)))
+        assumed = Prior(THETA, array(np.full(4, 1e12)))
         self.tried.clear()
-        _, _, converged = _descend(problem, THETA, fit.linear.path, fit.whitener, believed, tolerance=tolerance)
+        _, _, converged = _descend(problem, THETA, fit.linear.path, fit.whitener, assumed, tolerance=tolerance)
         return len(self.tried) - 2, converged
 
 
@@ -501,7 +501,7 @@ def test_blocks_that_disagree_beyond_chance_widen_the_band(
     assert _inflation(linear, problem, inverse, covariance).tolist() == pytest.approx([wanted])
 
 
-def test_three_blocks_tell_nothing(fit: OutputErrorFit) -> None:
+def test_three_blocks_show_nothing(fit: OutputErrorFit) -> None:
     linear, problem = scattered(fit, [1.0, -1.0, 1.0], [1.0] * 3)
     tiny = array(np.array([[1e-9]]))
     assert _inflation(linear, problem, tiny, tiny).tolist() == [1.0]

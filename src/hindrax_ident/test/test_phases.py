@@ -12,10 +12,10 @@ LIMITS = Tuning(gap_s=1.0, thrust_age_s=2.0, stretch_s=60.0)
 
 
 def log(*changes: tuple[float, str, str]) -> PhaseLog:
-    told = PhaseLog([])
+    reported = PhaseLog([])
     for change in changes:
-        told.add(*change)
-    return told
+        reported.add(*change)
+    return reported
 
 
 def spans(stretches: list[Stretch] | tuple[Stretch, ...]) -> list[Any]:
@@ -23,7 +23,7 @@ def spans(stretches: list[Stretch] | tuple[Stretch, ...]) -> list[Any]:
 
 
 def test_neighboring_phases_are_one_stretch_and_others_are_left_out() -> None:
-    told = log(
+    reported = log(
         (0.0, "surge", "settle"),
         (5.0, "surge", "transient"),
         (8.0, "surge", "plateau"),
@@ -31,14 +31,14 @@ def test_neighboring_phases_are_one_stretch_and_others_are_left_out() -> None:
         (21.0, "surge", "transient"),
         (30.0, "", ""),
     )
-    assert spans(told.stretches(["surge"], ["transient", "plateau"], 40.0)) == [(5.0, 20.0), (21.0, 30.0)]
-    assert spans(told.stretches(["surge"], ["transient", "plateau"], 40.0, join_s=1.0)) == [(5.0, 30.0)]
-    assert spans(told.stretches(["surge"], ["plateau"], 40.0)) == [(8.0, 20.0)]
-    assert told.stretches(["yaw"], ["plateau"], 40.0) == []
+    assert spans(reported.stretches(["surge"], ["transient", "plateau"], 40.0)) == [(5.0, 20.0), (21.0, 30.0)]
+    assert spans(reported.stretches(["surge"], ["transient", "plateau"], 40.0, join_s=1.0)) == [(5.0, 30.0)]
+    assert spans(reported.stretches(["surge"], ["plateau"], 40.0)) == [(8.0, 20.0)]
+    assert reported.stretches(["yaw"], ["plateau"], 40.0) == []
 
 
 def test_what_was_blocked_is_left_out_from_before_it_was_noticed() -> None:
-    told = log(
+    reported = log(
         (5.0, "surge", "transient"),
         (8.0, "surge", "plateau"),
         (19.0, "surge", "transient"),
@@ -46,7 +46,10 @@ def test_what_was_blocked_is_left_out_from_before_it_was_noticed() -> None:
         (23.0, "surge", "transient"),
         (30.0, "", ""),
     )
-    assert spans(told.stretches(["surge"], ["transient", "plateau"], 40.0, join_s=1.0)) == [(5.0, 18.0), (23.0, 30.0)]
+    assert spans(reported.stretches(["surge"], ["transient", "plateau"], 40.0, join_s=1.0)) == [
+        (5.0, 18.0),
+        (23.0, 30.0),
+    ]
 
 
 def test_a_phase_that_never_ends_lasts_to_the_end() -> None:
@@ -54,8 +57,8 @@ def test_a_phase_that_never_ends_lasts_to_the_end() -> None:
 
 
 def test_the_order_of_the_changes_does_not_matter() -> None:
-    told = log((8.0, "", ""), (2.0, "yaw", "excite"))
-    assert spans(told.stretches(["yaw"], ["excite"], 12.0)) == [(2.0, 8.0)]
+    reported = log((8.0, "", ""), (2.0, "yaw", "excite"))
+    assert spans(reported.stretches(["yaw"], ["excite"], 12.0)) == [(2.0, 8.0)]
 
 
 def regular(start: float, end: float, step: float = 0.1) -> Array:

@@ -38,7 +38,7 @@ def test_what_does_not_determine_three_coefficients_gives_none(v: list[float]) -
     assert fit(plateaus(v)) is None
 
 
-def test_sides_are_told_apart() -> None:
+def test_sides_are_distinguished() -> None:
     table = plateaus([-0.4, -0.2, 0.1, 0.3])
     assert table.on_side(1).v.tolist() == [0.1, 0.3]
     assert table.on_side(-1).v.tolist() == [-0.4, -0.2]
@@ -58,22 +58,22 @@ def test_plateaus_are_found_where_the_thrust_holds_still() -> None:
 
 
 def test_means_are_over_the_plateaus_that_the_maneuver_names() -> None:
-    told = measure(replace(record(), plateaus=(Stretch(5.0, 15.0), Stretch(25.0, 35.0))))
-    assert told.v == pytest.approx([0.2, -0.3])
-    assert told.force == pytest.approx([4.0, -6.0])
-    assert told.duration_s == pytest.approx([10.0, 10.0])
+    reported = measure(replace(record(), plateaus=(Stretch(5.0, 15.0), Stretch(25.0, 35.0))))
+    assert reported.v == pytest.approx([0.2, -0.3])
+    assert reported.force == pytest.approx([4.0, -6.0])
+    assert reported.duration_s == pytest.approx([10.0, 10.0])
 
 
 def test_without_a_velocity_the_position_serves() -> None:
     t = np.arange(0.0, 40.0, 0.05, dtype=np.float64)
     position = np.where(t < 20.0, 0.2 * t, 4.0 - 0.3 * (t - 20.0))
     empty = Series(np.zeros(0), np.zeros(0))
-    told = measure(
+    reported = measure(
         replace(
             record(), velocity=empty, position=Series(t, position), plateaus=(Stretch(5.0, 15.0), Stretch(25.0, 35.0))
         )
     )
-    assert told.v == pytest.approx([0.2, -0.3])
+    assert reported.v == pytest.approx([0.2, -0.3])
 
 
 def test_a_plateau_without_measurements_is_left_out() -> None:

@@ -147,7 +147,7 @@ def test_a_turn_has_the_units_of_a_turn() -> None:
     assert reason.startswith("the drag at 0.45 rad/s is -14 N m,")
 
 
-def test_a_drag_that_is_poorly_known_says_by_what_and_what_to_do() -> None:
+def test_a_drag_that_is_poorly_known_states_by_what_and_what_to_do() -> None:
     assert judged(drag_std=DRAG_N)[0].endswith("; most by current: wait until the water is still")
 
 
@@ -165,7 +165,7 @@ def test_a_drag_that_is_poorly_known_says_by_what_and_what_to_do() -> None:
         ),
     ],
 )
-def test_without_motion_or_drag_nothing_else_is_judged_but_what_was_said_before(
+def test_without_motion_or_drag_nothing_else_is_judged_but_what_was_reported_before(
     changes: dict[str, Any], sentence: str
 ) -> None:
     poor = {"drag_std": 100.0, "offset": 100.0, "effective_samples": 3.0, "converged": False}

@@ -24,8 +24,8 @@ def flight() -> Flight:
 
 
 def record_of(flight: Flight, seed: int, *, velocity: Callable[[Array, Array], Array] | None = None) -> Record:
-    said = list(events(flight, 0, "surge", DVL, np.random.default_rng(seed)))
-    pairs = [(one.stamp / 1e9, one.reading.nu[0]) for one in said if hasattr(one.reading, "nu")]
+    inputs = list(events(flight, 0, "surge", DVL, np.random.default_rng(seed)))
+    pairs = [(one.stamp / 1e9, one.reading.nu[0]) for one in inputs if hasattr(one.reading, "nu")]
     t, v = (np.array(part) for part in zip(*pairs, strict=True))
     v = v if velocity is None else velocity(t, v)
     return Record(Series(t, v), Series(flight.times_s, flight.commands), (Stretch(0.0, 80.0),), lag_s=0.15)
@@ -88,15 +88,15 @@ def test_slow_errors_of_the_velocity_widen_the_band(vehicle: Vehicle, flight: Fl
     assert abs(wandering.theta[0] - 66.48) < 3.0 * np.sqrt(wandering.covariance[0, 0])
 
 
-def test_what_is_told_beforehand_has_an_error_too(vehicle: Vehicle, flight: Flight) -> None:
+def test_what_is_reported_beforehand_has_an_error_too(vehicle: Vehicle, flight: Flight) -> None:
     model, white = model_of(vehicle, 0), np.random.default_rng(1)
     record = record_of(
         flight, 5, velocity=lambda t, v: v + np.convolve(white.standard_normal(len(t)), [0.01] * 4, "same")
     )
     prior = wide_prior(vehicle, model)
     prior.values[0], prior.sigmas[0] = SURGE[0], 0.02
-    told = refine(model, record, SURGE, prior)
-    assert told.covariance[0, 0] ** 0.5 == pytest.approx(0.02, rel=0.05)
+    reported = refine(model, record, SURGE, prior)
+    assert reported.covariance[0, 0] ** 0.5 == pytest.approx(0.02, rel=0.05)
 
 
 def test_a_drag_of_another_form_widens_the_band(vehicle: Vehicle) -> None:

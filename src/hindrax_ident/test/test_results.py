@@ -41,7 +41,7 @@ RESULT = MotionResult(
 )
 
 
-def test_what_is_written_is_plain_and_says_null_for_what_nobody_knows() -> None:
+def test_what_is_written_is_plain_and_states_null_for_what_nobody_knows() -> None:
     written = json.loads(json.dumps(RESULT.to_json()))
     assert written["k_q"] == {
         "value": 66.0, "std": 2.0, "truth": None, "unit": "N s^2/m^2", "std_calibrated": 3.0,

@@ -64,7 +64,7 @@ def test_thrusters_at_rest_disturb_nobody_and_their_rows_count_in_full() -> None
     assert left[-200:].std() == pytest.approx(RATE_NOISE_radps, rel=0.15)
 
 
-def test_the_first_row_after_a_restart_only_tells_the_disturbance() -> None:
+def test_the_first_row_after_a_restart_only_shows_the_disturbance() -> None:
     whitener = RowWhitener(2, LAG_s, MASS)
     for t_s in (0.0, STEP_s):
         whitener.effort(t_s, 0.0)

@@ -43,12 +43,12 @@ def received(vehicle: Vehicle, axis: int, seed: int = 1, end_s: float = 80.0, **
 
 def run(
     vehicle: Vehicle,
-    said: list[Stamped[Phase | Velocity | Attitude | Thrust]],
+    inputs: list[Stamped[Phase | Velocity | Attitude | Thrust]],
     tuning: Tuning | None = None,
 ) -> tuple[Session, list[Stamped[Estimate]]]:
     session = Session(vehicle, tuning)
     feed = Feed(vehicle, session.tuning)
-    estimates = [estimate for event in feed.all(said) for estimate in session.step(event)]
+    estimates = [estimate for event in feed.all(inputs) for estimate in session.step(event)]
     return session, estimates
 
 
@@ -62,16 +62,16 @@ def test_a_record_knows_what_each_thruster_did_unless_one_thrust_does_not_tell(
 ) -> None:
     forces = tuple(float(n) for n in range(-4, 4))
 
-    def told(first: tuple[float, ...]) -> list[Any]:
+    def reported(first: tuple[float, ...]) -> list[Any]:
         thrusts = [one for one in surge if isinstance(one.reading, Thrust)]
         parts = {id(one): Thrust(one.reading.wrench, forces if one is not thrusts[0] else first) for one in thrusts}
         return [Stamped(one.stamp, parts.get(id(one), one.reading)) for one in surge]
 
-    record = run(vehicle, told(forces))[0].finalize().assessments[0].record
+    record = run(vehicle, reported(forces))[0].finalize().assessments[0].record
     ahead = np.array([unit_wrench(vehicle, one)[0] for one in vehicle.thrusters])
     assert record.effort.y == pytest.approx(float(np.sum((ahead * forces) ** 2)))
     assert record.inflow.y == pytest.approx(float(np.sum(ahead**2 * np.sqrt(np.abs(forces)))))
-    unknown = run(vehicle, told(()))[0].finalize().assessments[0].record
+    unknown = run(vehicle, reported(()))[0].finalize().assessments[0].record
     assert len(unknown.effort) == len(unknown.inflow) == 0
 
 
@@ -95,7 +95,7 @@ def test_truth_lies_within_three_standard_deviations(vehicle: Vehicle, axis: int
         assert force == pytest.approx(truth, rel=0.02)
 
 
-def test_an_estimate_follows_every_sample_and_says_what_became_of_it(vehicle: Vehicle, surge: list[Any]) -> None:
+def test_an_estimate_follows_every_sample_and_states_what_became_of_it(vehicle: Vehicle, surge: list[Any]) -> None:
     _, estimates = run(vehicle, surge)
     samples = sum(isinstance(event.reading, Velocity) for event in surge)
     assert len(estimates) > samples - 20
@@ -227,34 +227,36 @@ def test_an_instrument_wins_over_the_navigator(vehicle: Vehicle, surge: list[Any
     assert run(vehicle, doubled)[0].finalize().results.to_json() == run(vehicle, surge)[0].finalize().results.to_json()
 
 
-def test_a_latency_of_the_stamps_can_be_told(vehicle: Vehicle, surge: list[Any]) -> None:
+def test_a_latency_of_the_stamps_can_be_given(vehicle: Vehicle, surge: list[Any]) -> None:
     late = [
         Stamped(after(event.stamp, 0.2), event.reading) if isinstance(event.reading, Velocity) else event
         for event in surge
     ]
     late.sort(key=lambda event: event.stamp)
-    told = (
+    reported = (
         run(vehicle, late, Tuning(velocity_latency_s=0.2))[0]
         .finalize()
         .results.motions["surge"]
         .coefficients["added_mass"]
     )
     right = run(vehicle, surge)[0].finalize().results.motions["surge"].coefficients["added_mass"]
-    assert told.value == pytest.approx(right.value, abs=0.5 * right.std)
+    assert reported.value == pytest.approx(right.value, abs=0.5 * right.std)
 
 
 def test_a_wrong_lag_in_the_vehicle_file_is_found_and_felt(vehicle: Vehicle) -> None:
     model, theta = theta_of(vehicle, 0)
     flight = fly(model, theta, back_and_forth(LEVELS[0], 8.0, 96.0), 0.30)
-    said = list(events(flight, 0, "surge", sensors_of(0), np.random.default_rng(4)))
-    result = run(vehicle, said)[0].finalize().results.motions["surge"]
+    inputs = list(events(flight, 0, "surge", sensors_of(0), np.random.default_rng(4)))
+    result = run(vehicle, inputs)[0].finalize().results.motions["surge"]
     assert result.quality["lag_s"] == pytest.approx(0.30, abs=0.03)
     assert abs(result.coefficients["added_mass"].value - 12.08) < 3.0 * result.coefficients["added_mass"].std
 
 
 def test_late_stamps_are_not_taken_for_a_longer_lag(vehicle: Vehicle) -> None:
-    said = received(vehicle, 0, end_s=160.0)
-    late = [Stamped(after(one.stamp, 0.08), one.reading) if isinstance(one.reading, Velocity) else one for one in said]
+    inputs = received(vehicle, 0, end_s=160.0)
+    late = [
+        Stamped(after(one.stamp, 0.08), one.reading) if isinstance(one.reading, Velocity) else one for one in inputs
+    ]
     result = run(vehicle, sorted(late, key=lambda one: one.stamp))[0].finalize().results.motions["surge"]
     assert result.quality["latency_s"] == pytest.approx(0.08, abs=0.02)
     assert result.quality["lag_s"] == pytest.approx(0.15, abs=0.02)
@@ -274,8 +276,8 @@ def test_heave_in_one_direction_reports_that_direction(vehicle: Vehicle) -> None
     plan = back_and_forth((6.0, 12.0, 20.0, 30.0), 5.0, 80.0)
     down = type(plan)(plan.times_s, np.where(plan.forces > 0.0, plan.forces, 2.0), plan.end_s)
     flight = fly(model, theta, down, 0.15)
-    said = list(events(flight, 2, "heave_down", sensors_of(2), np.random.default_rng(1)))
-    results = run(vehicle, said)[0].finalize().results
+    inputs = list(events(flight, 2, "heave_down", sensors_of(2), np.random.default_rng(1)))
+    results = run(vehicle, inputs)[0].finalize().results
     assert list(results.motions) == ["heave_down"]
     number = results.motions["heave_down"].coefficients["k_q"]
     assert number.value == pytest.approx(93.52, abs=4.0 * number.std)

@@ -108,7 +108,7 @@ def same(found: Array, expected: Array) -> None:
     assert np.abs(found - expected).max() < 5e-3 * max(1e-6, np.abs(expected).max())
 
 
-def test_an_unknown_impulse_moves_the_vehicle_as_the_sensitivity_says() -> None:
+def test_an_unknown_impulse_moves_the_vehicle_as_the_sensitivity_states() -> None:
     model, theta = SURGE
     grid = grid_of(thrust(12.0).impulse)
     path = path_of(model, theta, grid, still(grid))

@@ -176,10 +176,10 @@ def test_what_no_record_shows_is_named_where_it_makes_most_of_a_band(budget: Bud
     hidden = replace(budget, rows=rows_with(replace(GAINS, considered=True)))
     rest, total = budget.variance_without(own)["weigh"], float(budget.variance(own[None])[0])
     assert rest < 1e-9 * total
-    said = ("most of the band of the drag comes from what this record does not show (gain): weigh",)
+    expected = ("most of the band of the drag comes from what this record does not show (gain): weigh",)
     # Noise of half of the variance, and a bit less.
     assert hidden.unseen({"the drag": (own, 1.01 * total)}) == ()
-    assert hidden.unseen({"the drag": (own, 0.99 * total), "the mass": (0.0 * own, 1.0)}) == said
+    assert hidden.unseen({"the drag": (own, 0.99 * total), "the mass": (0.0 * own, 1.0)}) == expected
     both = hidden.unseen({"the drag": (own, 0.0), "the mass": (2.0 * own, 0.0)})
     assert both == (
         "most of the band of the drag and the mass comes from what this record does not show (gain): weigh",
@@ -211,7 +211,7 @@ def test_in_water_that_may_be_near_the_model_an_influence_is_a_little_less(case:
     assert 0.9 < found.band()[0, 0] / found.prior_band("law")[0, 0] < 1.0
 
 
-def test_a_loss_is_weighed_against_its_prior_as_bayes_says(case: Case) -> None:
+def test_a_loss_is_weighed_against_its_prior_as_bayes_states(case: Case) -> None:
     """Normal about 0.87 with deviation 0.5: the root mean square of anything between nothing and its greatest is 1."""
     loss = replace(LAW, sigma=lambda _case: 0.02, loss=True)
     scored = score(case.fit, 0.02 * to_and_fro(case))
@@ -224,7 +224,7 @@ def test_a_loss_is_weighed_against_its_prior_as_bayes_says(case: Case) -> None:
     )
 
 
-def test_other_motions_tell_how_near_the_water_is_to_the_model(case: Case) -> None:
+def test_other_motions_show_how_near_the_water_is_to_the_model(case: Case) -> None:
     hidden = replace(LAW, sigma=lambda _case: 3.0, considered=True, near=0.2, loss=True)
     shares = []
     for near, usual in ((50.0, 0.0), (0.0, 50.0), (-NEAR_ODDS, 0.0)):
@@ -237,7 +237,7 @@ def test_other_motions_tell_how_near_the_water_is_to_the_model(case: Case) -> No
     assert alone.in_water(alone.evidence).found("law") == pytest.approx(alone.found("law"))
 
 
-def test_a_record_that_shows_an_influence_tells_that_the_water_is_usual(case: Case) -> None:
+def test_a_record_that_shows_an_influence_shows_that_the_water_is_usual(case: Case) -> None:
     def log_odds(size_N: float) -> float:
         """How much more likely usual water is than water near the model, by a force that was or was not there."""
         row = replace(LAW, sigma=lambda _case: 1.0, near=0.05)
@@ -302,8 +302,8 @@ def test_the_three_waters_count_by_their_odds_and_evidence(by_others: Array | No
     found = _posterior(_Likelihood(INFORMATION, GRADIENT, WATERS), by_others)
     own = [normal(INFORMATION, GRADIENT, usual, sigma) for usual, sigma, _ in zip(*WATERS, strict=True)]
     assert found.evidence == pytest.approx([one[0] - 1.5 for one in own])
-    said = np.array([one[0] for one in own]) if by_others is None else by_others
-    weights = np.exp(said) * np.array([0.014, 0.014, 1.0])
+    expected = np.array([one[0] for one in own]) if by_others is None else by_others
+    weights = np.exp(expected) * np.array([0.014, 0.014, 1.0])
     weights /= weights.sum()
     mean = sum(weight * one[1] for weight, one in zip(weights, own, strict=True))
     assert found.mean == pytest.approx(mean)
@@ -323,7 +323,7 @@ def scale_mixture(information: float, gradient: float, begin: float) -> tuple[fl
 
 
 @pytest.mark.parametrize(("information", "seen"), [(4.0, 0.3), (4.0, 6.0), (0.2, -8.0), (25.0, -40.0)])
-def test_tails_let_a_record_tell_of_something_great(information: float, seen: float) -> None:
+def test_tails_let_a_record_show_of_something_great(information: float, seen: float) -> None:
     gradient = information * seen
     one = array(np.ones(1))
     found = _explained(array(information * np.eye(1)), gradient * one, 0.0 * one, one, np.ones(1, bool))
@@ -396,7 +396,7 @@ def test_a_weighed_net_buoyancy_is_a_reading_of_b(case: Case) -> None:
         assert [part.tolist() for part in _weighed(other, shifts)] == [np.zeros((3, 3)).tolist(), [0.0] * 3]
 
 
-def test_a_weighed_net_buoyancy_adds_to_what_the_record_tells(vehicle: Vehicle) -> None:
+def test_a_weighed_net_buoyancy_adds_to_what_the_record_shows(vehicle: Vehicle) -> None:
     model = model_of(vehicle, 2)
     theta = array(np.array([93.52, 5.26, 56.57, 11.84, 0.9, 37.7]))
     flight = fly(model, theta, back_and_forth((6.0, 20.0), 4.0, 24.0), 0.15)

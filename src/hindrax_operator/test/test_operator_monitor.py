@@ -178,7 +178,7 @@ def test_long_refusals_wrap_and_are_read_to_their_end_at_80_by_24() -> None:
 
 
 @pytest.mark.parametrize("size", [(80, 24), (60, 40), (110, 30)])
-def test_why_nothing_is_learnt_is_told_to_its_end(size: tuple[int, int]) -> None:
+def test_why_nothing_is_learnt_is_ordered_to_its_end(size: tuple[int, int]) -> None:
     one = replace(ESTIMATE, learning=False, reason="waiting for a plateau")
     text, _ = screen(replace(FULL, health={}, estimates={"heave_down": one}), size=size)
     assert "812 waiting for a plateau" in " ".join(text.split())
@@ -191,7 +191,7 @@ def test_nothing_is_a_negative_zero() -> None:
     assert "roll, pitch +0.0  +0.0 deg" in text
 
 
-def test_keys_order_what_the_footer_says() -> None:
+def test_keys_order_what_the_footer_states() -> None:
     assert screen(FULL, ("s",))[1].orders == ["stop"]
     assert screen(FULL, ("d", "s"))[1].orders == ["disarm", "stop"]
 
@@ -236,7 +236,7 @@ def test_a_real_terminal_of_80_columns_shows_it_takes_keys_and_is_given_back(end
     os.close(theirs)
 
 
-def test_before_anything_is_heard_it_says_so_and_can_stop_all_the_same() -> None:
+def test_before_anything_is_received_it_reports_it_and_can_stop_all_the_same() -> None:
     text, vehicle = screen(Snapshot(), ("s",))
     assert "no message yet" in text
     assert "no navigation solution yet" in text

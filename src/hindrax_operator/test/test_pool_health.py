@@ -39,9 +39,9 @@ def test_a_pool_test_is_felt(
         assert stacks_well(tmp_path, time.monotonic()) == found
 
 
-def test_each_device_is_told_of_once_when_it_is_up_and_when_its_reason_to_wait_changes() -> None:
-    told: list[str] = []
-    progress: Any = SimpleNamespace(report=told.append)
+def test_each_device_is_reported_of_once_when_it_is_up_and_when_its_reason_to_wait_changes() -> None:
+    reports: list[str] = []
+    progress: Any = SimpleNamespace(report=reports.append)
     reported: dict[str, str] = {}
     for level, message in (
         (ERROR, "has not answered yet"),
@@ -53,19 +53,19 @@ def test_each_device_is_told_of_once_when_it_is_up_and_when_its_reason_to_wait_c
     ):
         one = SimpleNamespace(level=level, message=message)
         report_devices(SimpleNamespace(diagnostics={"hindrax: icm20948": one}), reported, progress)
-    assert told == ["icm20948: has not answered yet", "icm20948: gyroscope: resting for 1 s", "icm20948: well"]
+    assert reports == ["icm20948: has not answered yet", "icm20948: gyroscope: resting for 1 s", "icm20948: well"]
 
 
-def test_a_flight_that_is_no_longer_recorded_says_so_at_once_and_ends_unless_told_otherwise() -> None:
-    told: list[str] = []
-    progress: Any = SimpleNamespace(report=told.append)
+def test_a_flight_that_is_no_longer_recorded_reports_it_at_once_and_ends_by_default() -> None:
+    reports: list[str] = []
+    progress: Any = SimpleNamespace(report=reports.append)
     reported = {"recorder": "starting"}
     full = SimpleNamespace(level=ERROR, message="less than 200 MB are free on the disk")
     lossy = SimpleNamespace(level=WARN, message="recording; 3 messages lost")
     for status in (None, lossy, full, full, lossy, full):
         found = {"hindrax: recorder": status} if status else {}
         watch_record(SimpleNamespace(diagnostics=found), reported, progress, CONTINUE)
-    assert told == ["recorder: well", f"recorder: {full.message}", "recorder: well", f"recorder: {full.message}"]
+    assert reports == ["recorder: well", f"recorder: {full.message}", "recorder: well", f"recorder: {full.message}"]
     with pytest.raises(HindraxError, match="200 MB are free on the disk; --without-record continue flies on"):
         watch_record(SimpleNamespace(diagnostics={"hindrax: recorder": full}), reported, progress, ABORT)
 

@@ -63,11 +63,11 @@ def test_without_a_terminal_every_plateau_has_a_line_with_what_is_known(capsys: 
 
 def test_an_estimate_has_the_digits_that_its_deviation_leaves_it(capsys: pytest.CaptureFixture[str]) -> None:
     wild = replace(SURGE, values=(213.2, -44.89), covariance=((104.38**2, 0.0), (0.0, 38.12**2)))
-    said = headless(capsys, {"surge": Stamped(Stamp(0), wild)})
-    assert said.endswith("; k_q 213 +- 104 N s^2/m^2  k_l -45 +- 38 N s/m  (120 samples)")
+    printed = headless(capsys, {"surge": Stamped(Stamp(0), wild)})
+    assert printed.endswith("; k_q 213 +- 104 N s^2/m^2  k_l -45 +- 38 N s/m  (120 samples)")
 
 
-def test_a_turn_is_in_newton_meters_and_an_unknown_wall_is_not_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_turn_is_in_newton_meters_and_an_unknown_wall_is_not_given(capsys: pytest.CaptureFixture[str]) -> None:
     line = headless(capsys, {"surge": Stamped(Stamp(0), SURGE)}, motion="yaw", wall_distance=math.nan)
     assert line == "yaw: plateau at +9.5 Nm, 42 %, 61 s to go"
     assert "+9.5 Nm, +0.310 rad/s, 61 s of vehicle time to go" in shown({}, motion="yaw", wall_distance=math.nan)

@@ -21,12 +21,12 @@ from hindrax_operator.pool_run import ABORT, FlownManeuver, PoolOptions, planned
 OPTIONS = PoolOptions(("surge", "yaw"), default_vehicle(), None, None, 1, "plateaus", "hold", ABORT, True, False)
 
 
-def test_the_plan_is_told_as_the_pilot_has_it() -> None:
+def test_the_plan_is_reported_as_the_pilot_has_it() -> None:
     vehicle = load_vehicle(default_vehicle())
     assert planned(vehicle, OPTIONS) == [f"plan: {plan}" for plan in plans_of(vehicle, ("surge", "yaw"))]
 
 
-def test_before_the_start_no_plan_is_told_that_only_the_pilot_knows_nor_of_signals() -> None:
+def test_before_the_start_no_plan_is_reported_that_only_the_pilot_knows_nor_of_signals() -> None:
     vehicle = load_vehicle(default_vehicle())
     tuned = replace(OPTIONS, tuning=ParameterOverrides(settings=("pilot.plan.levels:=6",)))
     assert tuned.plan_is_the_pilots
@@ -77,7 +77,7 @@ def test_who_waits_for_the_identification_sees_that_it_goes_on(tmp_path: Path, m
         run_pool_test(replace(OPTIONS, out=str(tmp_path / "run")))
 
 
-def test_results_that_find_no_room_are_told_with_the_end_of_the_flight_and_how_to_get_them(
+def test_results_that_find_no_room_are_reported_with_the_end_of_the_flight_and_how_to_get_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*_: object, **__: object) -> None:
@@ -86,9 +86,9 @@ def test_results_that_find_no_room_are_told_with_the_end_of_the_flight_and_how_t
     monkeypatch.setattr(pool_run, "fly", lambda *_: FlownManeuver(aborted="record: recording waits for room"))
     monkeypatch.setattr(bag_identification, "identify_run", full)
     out = tmp_path / "run"
-    with pytest.raises(HindraxError) as told:
+    with pytest.raises(HindraxError) as reported:
         run_pool_test(replace(OPTIONS, out=str(out)))
-    assert str(told.value) == (
+    assert str(reported.value) == (
         "aborted by record: recording waits for room; but coefficients.yaml: cannot be written; make room; "
         f"the record is kept; after that `./hindrax identify {out}/bag` gives the results"
     )

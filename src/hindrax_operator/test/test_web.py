@@ -92,7 +92,7 @@ def test_without_the_token_nothing_is_served_but_the_empty_page(
     assert not page.vehicle.orders
 
 
-def test_the_empty_page_tells_nothing_and_runs_only_its_own_script(page: Page) -> None:
+def test_the_empty_page_shows_nothing_and_runs_only_its_own_script(page: Page) -> None:
     status, headers, text = page.ask("GET", "/", headers={"Authorization": None})
     assert (status, text) == (200, PAGE)
     assert TOKEN not in text
@@ -151,7 +151,7 @@ def test_an_end_is_always_passed_on(tmp_path: Path, shown: Snapshot) -> None:
         ]
 
 
-def test_a_maneuver_needs_an_armed_vehicle_that_is_heard_and_one_at_a_time(page: Page) -> None:
+def test_a_maneuver_needs_an_armed_vehicle_that_is_received_and_one_at_a_time(page: Page) -> None:
     words = {"motions": ["surge", "yaw"], "excitation": "chirp", "seed": 7, "on_cancel": "neutral"}
     page.vehicle.shown = DISARMED
     status, text = page.order("fly", **words)
@@ -450,13 +450,13 @@ def test_every_number_of_the_news_is_json() -> None:
     assert value == {"name": "k_q", "unit": "N s2/m2", "value": 66.1, "band": pytest.approx(1.96 * 0.4)}
 
 
-def test_the_page_tells_the_plans_of_the_pilot() -> None:
+def test_the_page_shows_the_plans_of_the_pilot() -> None:
     plans = {"surge": "surge: the pool leaves -0.19 m of room", "yaw": "yaw: 1.20 rad/s, each out and back; 24 s"}
     assert summary(replace(ARMED, plans=plans))["plans"] == plans
     assert summary(Snapshot())["plans"] == {}
 
 
-def test_the_pool_is_drawn_as_the_pilot_tells_it() -> None:
+def test_the_pool_is_drawn_as_the_pilot_shows_it() -> None:
     """A page that reckoned by itself knew nothing of a `recentre`, of the doubt of the position, of tuned guards."""
     from hindrax_control.nodes.pilot_messages import place_to_msg
 
@@ -553,7 +553,7 @@ def test_without_any_runs_there_are_no_reports(page: Page) -> None:
     ("address", "words"),
     [("0.0.0.0", "every interface"), ("::", "every interface"), ("vehicle.local", "in numbers"), ("", "in numbers")],
 )
-def test_only_one_address_is_served_and_it_is_said_in_numbers(
+def test_only_one_address_is_served_and_it_is_reported_in_numbers(
     address: str, words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(UsageError, match=words):
@@ -637,7 +637,7 @@ def test_a_qr_code_is_square_with_its_three_corners_and_a_quiet_edge_in_any_colo
         assert [row[left : left + 7] for row in rows[top : top + 7]] == finder
 
 
-def test_the_address_is_said_with_the_token_where_no_server_sees_it() -> None:
+def test_the_address_is_reported_with_the_token_where_no_server_sees_it() -> None:
     here = startup_text("127.0.0.1", 8480, "abc", read_only=False)
     assert here.splitlines()[0] == "web: http://127.0.0.1:8480/#abc"
     assert "ssh -L 8480:localhost:8480" in here
@@ -684,11 +684,13 @@ def linked(present: Callable[[], bool] = lambda: True) -> tuple[GraphLink, Flown
 def test_an_end_is_obeyed_while_a_maneuver_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hindrax_operator.monitor.graph_link.snapshot", lambda *_: Snapshot())
     link, operator, node = linked()
-    told: list[tuple[str, bool]] = []
+    reported: list[tuple[str, bool]] = []
     link._waiting = True
-    link._urgent.put((operator.cancel, lambda *said: told.append(said)))
-    link._carry_out(node, lambda found: operator.last(link) if found is node else "", lambda *said: told.append(said))
-    assert told == [("done", True), ("flown", True)]
+    link._urgent.put((operator.cancel, lambda *said: reported.append(said)))
+    link._carry_out(
+        node, lambda found: operator.last(link) if found is node else "", lambda *said: reported.append(said)
+    )
+    assert reported == [("done", True), ("flown", True)]
 
 
 def test_a_link_that_ends_gives_up_waiting_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -34,23 +34,25 @@ class Gauge:
 
 
 def _run(wire: RegisterWire, script: Script) -> list[object]:
-    said: list[object] = []
+    outputs: list[object] = []
     for second, transaction, answer in script:
         stamp = Stamp(second * NS_PER_S)
-        said += wire.frame(stamp, 1, pack_transaction(transaction))
-        said += wire.frame(stamp, 0, answer)
-    return said
+        outputs += wire.frame(stamp, 1, pack_transaction(transaction))
+        outputs += wire.frame(stamp, 0, answer)
+    return outputs
 
 
-def _pressures(said: list[object]) -> list[tuple[int, float]]:
-    return [(one.stamp // NS_PER_S, one.reading.pressure_Pa) for one in said if isinstance(one, Stamped)]
+def _pressures(outputs: list[object]) -> list[tuple[int, float]]:
+    return [(one.stamp // NS_PER_S, one.reading.pressure_Pa) for one in outputs if isinstance(one, Stamped)]
 
 
 def test_programs_run_in_step_with_the_record() -> None:
     wire = RegisterWire("gauge", Gauge())
-    said = _run(wire, [(1, SETUP, b""), (2, CONVERT, b""), (2, FETCH, b"\x07"), (3, CONVERT, b""), (3, FETCH, b"\x08")])
-    assert said[0] == Identity("gauge")
-    assert _pressures(said) == [(2, 7.0), (3, 8.0)]
+    outputs = _run(
+        wire, [(1, SETUP, b""), (2, CONVERT, b""), (2, FETCH, b"\x07"), (3, CONVERT, b""), (3, FETCH, b"\x08")]
+    )
+    assert outputs[0] == Identity("gauge")
+    assert _pressures(outputs) == [(2, 7.0), (3, 8.0)]
     assert wire.mismatches == []
 
 
@@ -77,8 +79,8 @@ def test_a_program_that_refuses_an_answer_is_begun_anew() -> None:
         (3, SETUP, b""),
         (4, CONVERT, b""),
     ]
-    said = _run(wire, [*script, (4, FETCH, b"\x05")])
-    assert _pressures(said) == [(4, 5.0)]
+    outputs = _run(wire, [*script, (4, FETCH, b"\x05")])
+    assert _pressures(outputs) == [(4, 5.0)]
     assert wire.mismatches == []
 
 
@@ -111,7 +113,7 @@ class Echoing:
         return ()
 
 
-def test_serial_device_hears_bytes_and_the_passing_of_time() -> None:
+def test_serial_device_receives_bytes_and_the_passing_of_time() -> None:
     device = Echoing()
     wire = SerialWire(device)
     for stamp, direction, data in [(1.0, 1, b"order"), (1.02, 0, b"ab"), (1.14, 0, b"cd")]:

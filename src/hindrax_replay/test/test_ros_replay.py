@@ -48,7 +48,7 @@ def test_a_record_at_its_end_is_no_process_that_is_missing(tmp_path: Path, code:
             _wait(wires, supervisor, folder, 60.0)
 
 
-def test_a_folder_that_cannot_be_made_is_told_before_anything_starts(
+def test_a_folder_that_cannot_be_made_is_reported_before_anything_starts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(ros_replay, "survey", Survey)

@@ -166,8 +166,8 @@ def test_a_command_keeps_pulses_and_lights_apart(
 ) -> None:
     message = ThrusterCommand(sequence=sequence, pulses=pulses, lights=lights)
     message.header.stamp = convert.stamp_to_msg(stamp)
-    said = Command(tuple(pulses), tuple(lights), stamp, sequence)
-    assert fast_serialization.command_from_bytes(serialize_message(message)) == said
+    expected = Command(tuple(pulses), tuple(lights), stamp, sequence)
+    assert fast_serialization.command_from_bytes(serialize_message(message)) == expected
 
 
 @given(stamps, texts, st.booleans(), st.lists(number, max_size=9), st.tuples(counts, counts))
@@ -216,7 +216,7 @@ def test_a_reader_learns_another_shape_and_comes_back() -> None:
     assert [reader.read(data) for data in (short, long, short)] == [(1.0,), (2.0, 0.5, 0.6), (1.0,)]
 
 
-def test_shapes_of_one_length_are_told_apart() -> None:
+def test_shapes_of_one_length_are_distinguished() -> None:
     """A longer frame name beside fewer ages may give as many bytes, with every number somewhere else."""
     one = NavigationStatus(depth=1.0, ages=[0.5])
     other = NavigationStatus(depth=2.0)

@@ -108,7 +108,7 @@ MESSAGES: dict[str, Callable[[Any], Any]] = {
 @pytest.mark.parametrize("quantity", sorted(FIELDS.keys() - {"detail"}))
 @settings(max_examples=30)
 @given(st.data())
-def test_every_quantity_in_place_says_what_its_message_says(quantity: str, data: st.DataObject) -> None:
+def test_every_quantity_in_place_states_what_its_message_states(quantity: str, data: st.DataObject) -> None:
     make, write = MESSAGES[quantity], writer(quantity, "link")
     of_kinds = [READINGS[kind] for kind in FIELDS[quantity].kinds]
     for one in data.draw(st.lists(stamped(st.one_of(of_kinds)), min_size=1, max_size=3)):
@@ -117,7 +117,7 @@ def test_every_quantity_in_place_says_what_its_message_says(quantity: str, data:
 
 @settings(max_examples=30)
 @given(st.lists(st.tuples(stamped(speeds), st.none() | tracks), min_size=1, max_size=3))
-def test_the_detail_in_place_says_what_its_message_says(pairs: list[tuple[Any, Any]]) -> None:
+def test_the_detail_in_place_states_what_its_message_states(pairs: list[tuple[Any, Any]]) -> None:
     write = writer("detail", "link")
     for velocity, track in pairs:
         assert same(write(velocity, track, 1500.0), sensor_messages.dvl_to_msg(velocity, track, "link", 1500.0))
@@ -172,7 +172,7 @@ def test_dvl_detail_there_and_back(velocity: Vec3 | None) -> None:
     assert reader(DVL_DETAIL)(data).reading == reading
 
 
-def test_a_place_says_whether_a_gps_gives_it() -> None:
+def test_a_place_states_whether_a_gps_gives_it() -> None:
     for fixed, status in ((True, 0), (False, -1)):
         message = deserialize_message(written("position", Position(44.96, -93.51, fixed)), NavSatFix)
         assert (message.latitude, message.longitude, message.status.status) == (44.96, -93.51, status)

@@ -33,7 +33,7 @@ def clocks(monkeypatch: pytest.MonkeyPatch) -> Clocks:
 
 
 @pytest.mark.parametrize(("step_s", "how"), [(-3600, "back by 3600.0 s"), (86400 * 400, "forward by 34560000.0 s")])
-def test_a_step_moves_no_stamp_and_is_told(
+def test_a_step_moves_no_stamp_and_is_reported(
     clocks: Clocks, monkeypatch: pytest.MonkeyPatch, step_s: int, how: str
 ) -> None:
     begin = clocks.wall_ns

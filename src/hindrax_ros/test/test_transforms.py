@@ -110,7 +110,7 @@ def test_a_thruster_pushes_along_its_x() -> None:
         assert axes(HINDRAX, f"{thruster.name}_link")[0] == pytest.approx((x, -y, -z), abs=1e-9)
 
 
-def test_the_description_has_a_link_for_every_frame_and_says_where_it_is() -> None:
+def test_the_description_has_a_link_for_every_frame_and_states_where_it_is() -> None:
     robot = ET.fromstring(urdf_of(HINDRAX))
     frames = frames_of(HINDRAX)
     assert [one.get("name") for one in robot.findall("link")] == ["base_link", *(frame.name for frame in frames)]

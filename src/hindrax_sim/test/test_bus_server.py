@@ -102,7 +102,7 @@ def test_a_long_transfer_goes_through_in_one_piece(bus: VirtualBus) -> None:
     assert bus.transfer(WriteRead(0x42, long, len(long))) == long
 
 
-def test_a_missing_device_is_told_with_port_address_and_errno(bus: VirtualBus) -> None:
+def test_a_missing_device_is_reported_with_port_address_and_errno(bus: VirtualBus) -> None:
     with pytest.raises(DeviceError, match=r"mock:.*/bus address 0x43: no acknowledge.*EREMOTEIO, 121"):
         bus.transfer(Read(0x43, 1))
 
@@ -255,7 +255,7 @@ def test_what_is_to_be_done_meanwhile_is_done_once_at_the_beginning(world: World
     assert seen[2:] == [Stamp(1)], "that the mock has gone must still be told"
 
 
-def test_without_room_for_the_page_of_the_time_it_is_told_instead_of_a_bus_error(
+def test_without_room_for_the_page_of_the_time_it_is_given_instead_of_a_bus_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, vehicle: Vehicle
 ) -> None:
     def full(*_: object) -> None:

@@ -80,7 +80,7 @@ def test_every_condition_changes_the_flight_the_same_way_for_the_same_seed(name:
     assert flown(sizes) != flown({})
 
 
-def test_every_row_says_how_it_acts_and_why_so_much() -> None:
+def test_every_row_states_how_it_acts_and_why_so_much() -> None:
     assert [row.name for row in CONDITIONS.values() if not (row.meaning and row.source)] == []
 
 
@@ -127,15 +127,15 @@ def force(world: Realization, index: int, pulse_us: float) -> float:
     return thruster_force(world.vehicle, world.vehicle.thrusters[index], pulse_us, world.vehicle.supply_V)
 
 
-def believed(index: int, pulse_us: float) -> float:
+def assumed(index: int, pulse_us: float) -> float:
     return force(Realization(VEHICLE), index, pulse_us)
 
 
 def test_a_gain_scales_all_thrusters_and_a_weak_one_is_one() -> None:
     for pulse in (1200.0, 1700.0):
-        gained = [force(made(thrust_gain=0.05), index, pulse) / believed(index, pulse) for index in range(8)]
+        gained = [force(made(thrust_gain=0.05), index, pulse) / assumed(index, pulse) for index in range(8)]
         assert gained == pytest.approx([1.05] * 8)
-        weak = sorted(force(made(weak_thruster=0.3), index, pulse) / believed(index, pulse) for index in range(8))
+        weak = sorted(force(made(weak_thruster=0.3), index, pulse) / assumed(index, pulse) for index in range(8))
         assert weak == pytest.approx([0.7] + [1.0] * 7)
 
 
@@ -145,7 +145,7 @@ def test_a_wider_dead_band_moves_the_whole_curve_outward() -> None:
         wider = world.vehicle.curves[thruster.curve].dead_band_us - VEHICLE.curves["main"].dead_band_us
         assert wider != 0.0
         for pulse, outward in ((1600.0, wider), (1350.0, -wider)):
-            assert force(world, index, pulse) == pytest.approx(believed(index, pulse - outward))
+            assert force(world, index, pulse) == pytest.approx(assumed(index, pulse - outward))
         assert force(world, index, 1500.0 + 24.9 + wider) == 0.0
 
 
@@ -240,7 +240,7 @@ def test_the_seiche_has_merians_period_and_carries_a_vehicle_that_floats_in_it()
 # ---- hull
 
 
-def test_another_exponent_agrees_at_the_tested_speed_and_is_the_truth_that_is_told() -> None:
+def test_another_exponent_agrees_at_the_tested_speed_and_is_the_truth_that_is_reported() -> None:
     world = made(drag_exponent=-0.3)
     for axis, name in enumerate(AXES):
         drag = hydrodynamics_of(VEHICLE).drag(name)
@@ -253,9 +253,9 @@ def test_another_exponent_agrees_at_the_tested_speed_and_is_the_truth_that_is_to
             a, b, c, d, e, f = velocities
             extra = wrench(world, plant_of(world, nu=(a, b, c, d, e, f)))[axis]
             assert extra == pytest.approx(-(closed - (drag.k_q * speed + drag.k_l) * speed))
-        told = hydrodynamics_of(world.described()).drag(name)
+        reported = hydrodynamics_of(world.described()).drag(name)
         for speed in (TESTED[axis], 0.5 * TESTED[axis]):
-            assert (told.k_q * speed + told.k_l) * speed == pytest.approx(world.resistance(axis, speed))
+            assert (reported.k_q * speed + reported.k_l) * speed == pytest.approx(world.resistance(axis, speed))
 
 
 def test_the_hull_can_be_harder_to_push_ahead_than_astern() -> None:
@@ -323,12 +323,12 @@ def test_a_misaligned_imu_is_turned_by_its_size() -> None:
     assert math.hypot(*rotation) == pytest.approx(2.0)
 
 
-def test_false_locks_come_as_often_as_said_and_each_is_one_step() -> None:
+def test_false_locks_come_as_often_as_reported_and_each_is_one_step() -> None:
     world = made(false_locks=2.0)
     plant, (error,) = plant_of(world), world.travel_errors
-    said = []
+    observed = []
     for _ in range(100_000):  # 500 s
         wrench(world, plant)
-        said.append(error(plant, ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))[1])
-    steps = sum(a != b for a, b in pairwise(said))
+        observed.append(error(plant, ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))[1])
+    steps = sum(a != b for a, b in pairwise(observed))
     assert steps == pytest.approx(1000, rel=0.1)

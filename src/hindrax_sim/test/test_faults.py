@@ -43,7 +43,7 @@ def test_what_is_asked_for(text: str, spec: FaultSpec) -> None:
         ("garbage@", "found '', wanted seconds"),
     ],
 )
-def test_what_is_wrong_with_it_is_said(text: str, error: str) -> None:
+def test_what_is_wrong_with_it_is_reported(text: str, error: str) -> None:
     with pytest.raises(UsageError) as caught:
         parse_fault(text)
     assert error in str(caught.value)
@@ -66,11 +66,11 @@ class Clockwork:
         self._due_s = 0.1
 
     def step(self, now_s: float) -> bytes:
-        said = b""
+        emitted = b""
         while self._due_s <= now_s + 1e-9:
-            said += self.message
+            emitted += self.message
             self._due_s += 0.1
-        return said
+        return emitted
 
     def receive(self, data: bytes, now_s: float) -> bytes:
         del now_s
@@ -196,7 +196,7 @@ def test_a_baud_mismatch_works_both_ways() -> None:
     assert b"0123456789" not in clockwork(faulty).received
 
 
-def test_repeated_says_its_first_words_again() -> None:
+def test_repeated_states_its_first_words_again() -> None:
     faulty = line("repeated")
     chunks(faulty, 1.0)
     clockwork(faulty).message = b"new words"
@@ -222,5 +222,5 @@ def test_a_leak_reaches_the_probe_and_goes_with_the_water() -> None:
     end, received = after(rig.world.stamp, 3.5), []
     while rig.world.stamp < end:
         received += [one for name, one in rig.advance() if name == "sos_leak"]
-    told = [key for key, _ in groupby(one.reading.wet for one in received if isinstance(one.reading, Leak))]
-    assert told == [False, True, False]
+    reported = [key for key, _ in groupby(one.reading.wet for one in received if isinstance(one.reading, Leak))]
+    assert reported == [False, True, False]

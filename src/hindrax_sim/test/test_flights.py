@@ -100,7 +100,7 @@ def test_what_is_not_flown_is_held_in_all_seven_motions(whole: Flown) -> None:
     assert max(held_deg.values()) < HELD_deg, held_deg
 
 
-def test_the_remaining_time_that_is_told_is_that_which_remains(whole: Flown) -> None:
+def test_the_remaining_time_that_is_reported_is_that_which_remains(whole: Flown) -> None:
     """Within a fifth; near the end within three seconds, which a settling takes longer or shorter."""
     for at_s, told_s in whole.told_s:
         true_s = whole.seconds - at_s

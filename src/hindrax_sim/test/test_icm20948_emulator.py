@@ -113,7 +113,7 @@ def test_a_motion_beyond_the_range_stays_at_its_end(host: Host) -> None:
     assert host.sample()[3:5] == (32767, -32768)
 
 
-def test_data_ready_is_told_once_per_sample(host: Host) -> None:
+def test_data_ready_is_reported_once_per_sample(host: Host) -> None:
     host.put(0x7F, 0x20)
     host.put(0x00, 4)
     host.wake()

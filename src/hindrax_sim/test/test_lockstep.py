@@ -108,11 +108,11 @@ def test_garbage_on_a_wire_is_survived() -> None:
 def test_both_rigs_say_the_same_kinds_of_things() -> None:
     def kinds(rig: ReadingsRig | BytesRig) -> set[Any]:
         end = rig.world.stamp + 4_000_000_000
-        said = set()
+        seen = set()
         while rig.world.stamp < end:
-            said |= {(name, type(one.reading).__name__) for name, one in rig.advance()}
+            seen |= {(name, type(one.reading).__name__) for name, one in rig.advance()}
         # What the navigator has no use for comes from emulators alone.
-        return {one for one in said if one[1] not in {"DeviceText", "Position", "SonarHealth"}}
+        return {one for one in seen if one[1] not in {"DeviceText", "Position", "SonarHealth"}}
 
     assert kinds(ReadingsRig(VEHICLE, 1)) == kinds(BytesRig(VEHICLE, 1))
 
@@ -164,7 +164,7 @@ def test_a_measured_battery_takes_its_sag_out_of_the_drag_and_out_of_the_budget(
     assert sag(measured) < 0.6 * sag(assumed)
 
 
-def test_a_failed_thruster_is_told_to_the_allocator() -> None:
+def test_a_failed_thruster_is_ordered_to_the_allocator() -> None:
     step = Lockstep(VEHICLE, Idle((5.0, 0.0, 0.0, 0.0, 0.0, 0.0)), faults=[parse_fault("thruster_fails:T3@0+60")])
     step.onboard.cycle.disable(frozenset({"T3"}))
     last = events(step, 12.0, Allocation)[-1].reading
@@ -173,7 +173,7 @@ def test_a_failed_thruster_is_told_to_the_allocator() -> None:
     assert step.world.plant.targets_N[2] == 0.0
 
 
-def test_a_vehicle_without_sensors_says_nothing_and_time_still_passes() -> None:
+def test_a_vehicle_without_sensors_states_nothing_and_time_still_passes() -> None:
     bare = replace(VEHICLE, sensors={})
     step = Lockstep(bare, Idle(), by_bytes=True)
     assert list(step.run(1.0)) == []

@@ -148,7 +148,7 @@ def test_without_an_echo_there_is_no_confidence_and_the_scan_reaches_further() -
     assert distance(ask(device, 1212))[1] == 100
 
 
-def test_beyond_a_scan_set_by_hand_nothing_is_heard() -> None:
+def test_beyond_a_scan_set_by_hand_nothing_is_received() -> None:
     device = Ping1d()
     device.receive(host(1003, b"\x00") + host(1001, struct.pack("<II", 0, 1500)), 0.0)
     run(device, 0.0, 1.0, PingTruth(2.0))

@@ -70,7 +70,7 @@ def test_nobody_answers_before_the_record_behind_it_or_to_what_was_never_asked()
             made.answer(asked, now)
 
 
-def test_a_line_says_its_bytes_when_their_time_has_come() -> None:
+def test_a_line_states_its_bytes_when_their_time_has_come() -> None:
     line = RecordedLine([(10, b"a"), (20, b"bc"), (21, b"d")])
     assert [line.read_until(stamp) for stamp in (5, 10, 20, 30, 40)] == [b"", b"a", b"bc", b"d", b""]
     assert line.receive(b"question", 1.0) == b""

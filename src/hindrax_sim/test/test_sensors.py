@@ -66,7 +66,7 @@ def test_without_noise_they_say_the_truth_to_their_last_digit() -> None:
     assert math.atan2(-y, x) == pytest.approx(world.attitude_rad[2], abs=0.02)
 
 
-def test_the_dvl_tells_the_mean_over_its_interval_stamped_in_the_middle() -> None:
+def test_the_dvl_shows_the_mean_over_its_interval_stamped_in_the_middle() -> None:
     world, seen = moving()
     velocity = of(BottomVelocity, seen)[-1]
     assert velocity.reading.interval_s == pytest.approx(0.05)

@@ -106,7 +106,7 @@ def test_temperature(row: dict[str, Any]) -> None:
     assert r.temperature_C(raw) == pytest.approx(row["celsius"], abs=1e-4)
 
 
-def test_configuration_says_what_the_data_sheet_wants_in_its_order() -> None:
+def test_configuration_states_what_the_data_sheet_wants_in_its_order() -> None:
     config = int(CASES["config_500dps_4g_filter_3"], 16)
     lines = RESET + converters(4, config, config) + BYPASS + MAG + [TEMPERATURE] + FIFO
     identity = rehearse(Icm20948().configure(), lines)
@@ -199,7 +199,7 @@ NOT_READY, FIELD = "00 0000 0000 0000 00 00", "01 0400 feff 0cfe 00 00"
 """Field of 4, -2, -500 counts."""
 
 
-def test_the_magnetometer_tests_itself_as_its_data_sheet_says() -> None:
+def test_the_magnetometer_tests_itself_as_its_data_sheet_states() -> None:
     ready = [*magnetic_self_test(*[NOT_READY] * 4, FIELD), MAG_RESET]
     assert rehearse(ak09916_self_test(), ready) == (4, -2, -500)
     assert rehearse(ak09916_self_test(), magnetic_self_test(*[NOT_READY] * 5)) is None
@@ -256,12 +256,12 @@ def test_limits_of_the_responses(axis: int) -> None:
     assert [passed(accel=share) for share in (0.49, 0.5, 1.5, 1.51)] == [False, True, True, False]
 
 
-def test_the_self_test_is_told_in_shares_and_counts() -> None:
-    told = "response of the gyroscope 100%, 90%, 110%, of the accelerometer 50%, 100%, 149% of the factory's"
+def test_the_self_test_is_reported_in_shares_and_counts() -> None:
+    reported = "response of the gyroscope 100%, 90%, 110%, of the accelerometer 50%, 100%, 149% of the factory's"
     gyro, accel = (1.0, 0.9, 1.1), (0.5, 1.0, 1.49)
     good, bad = SelfTest(gyro, accel, (1, -2, -500)), SelfTest(gyro, accel, None)
-    assert str(good) == f"self test passed: {told}; magnetometer 1, -2, -500 counts"
-    assert str(bad) == f"self test failed: {told}; magnetometer no answer"
+    assert str(good) == f"self test passed: {reported}; magnetometer 1, -2, -500 counts"
+    assert str(bad) == f"self test failed: {reported}; magnetometer no answer"
 
 
 def test_limits_of_the_magnetometer_s_self_test() -> None:

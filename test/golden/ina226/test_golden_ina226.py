@@ -71,7 +71,7 @@ def test_what_is_no_measurement_is_rejected(shunt: str, bus: str, again: str, re
 
 
 @pytest.mark.parametrize(("shunt", "bus"), [("7ffe", "7ffe"), ("8002", "0000")])
-def test_what_is_just_within_the_scale_is_believed(shunt: str, bus: str) -> None:
+def test_what_is_just_within_the_scale_is_accepted(shunt: str, bus: str) -> None:
     battery(Ina226(Ina226Knobs()), look(shunt, bus))
 
 

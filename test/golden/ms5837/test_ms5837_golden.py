@@ -70,7 +70,7 @@ def test_checksum_and_model_of_a_prom(row: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize(("c1", "model"), CASES["variants"].items())
-def test_models_are_told_apart_by_c1(c1: int, model: str | None) -> None:
+def test_models_are_distinguished_by_c1(c1: int, model: str | None) -> None:
     assert model_of(c1) == model
 
 
@@ -150,7 +150,7 @@ def test_a_30ba_may_be_ordered_where_the_calibration_looks_like_the_other() -> N
     assert identity.text == "MS5837-30BA at 0x76, C1 46372 (its calibration looks like 02BA)"
 
 
-def test_the_model_is_told_by_the_first_coefficient_whatever_the_second_is() -> None:
+def test_the_model_is_reported_by_the_first_coefficient_whatever_the_second_is() -> None:
     first, *others = (0, 34982, 45000, 20328, 22354, 26646, 26146)
     words = [first | crc4([first, *others]) << 12, *others]
     identity = rehearse(Ms5837().configure(), configuration([word.to_bytes(2, "big") for word in words]))

@@ -35,7 +35,7 @@ def test_all_channels_are_one_burst_of_33_bytes() -> None:
     assert list(eight().write([1500.0] * 8)) == [Write(0x40, BURST)]
 
 
-def test_set_up_says_what_the_data_sheet_wants_in_its_order() -> None:
+def test_set_up_states_what_the_data_sheet_wants_in_its_order() -> None:
     sleep, prescale, wake = (bytes.fromhex(CASES[key]) for key in ("sleep", "set_prescale", "wake"))
     transcript: list[tuple[Operation, bytes]] = [
         (WriteRead(0x40, b"\x00", 1), b"\x11"),

@@ -28,7 +28,7 @@ def looks(sensor: SosLeak, levels: str) -> list[Any]:
 
 
 @pytest.mark.parametrize("row", CASES["samples"], ids=lambda row: row["what"])
-def test_a_level_is_believed_after_some_looks(row: dict[str, Any]) -> None:
+def test_a_level_is_accepted_after_some_looks(row: dict[str, Any]) -> None:
     *before, last = looks(configured(wet_level=row["wet_level"]), 3 * str(row["level"]))
     assert before == [None, None]
     assert last.reading.wet is row["wet"]
