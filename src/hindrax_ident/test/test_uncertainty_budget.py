@@ -302,8 +302,8 @@ def test_the_three_waters_count_by_their_odds_and_evidence(by_others: Array | No
     found = _posterior(_Likelihood(INFORMATION, GRADIENT, WATERS), by_others)
     own = [normal(INFORMATION, GRADIENT, usual, sigma) for usual, sigma, _ in zip(*WATERS, strict=True)]
     assert found.evidence == pytest.approx([one[0] - 1.5 for one in own])
-    expected = np.array([one[0] for one in own]) if by_others is None else by_others
-    weights = np.exp(expected) * np.array([0.014, 0.014, 1.0])
+    log_odds = np.array([one[0] for one in own]) if by_others is None else by_others
+    weights = np.exp(log_odds) * np.array([0.014, 0.014, 1.0])
     weights /= weights.sum()
     mean = sum(weight * one[1] for weight, one in zip(weights, own, strict=True))
     assert found.mean == pytest.approx(mean)
