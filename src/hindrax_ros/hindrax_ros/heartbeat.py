@@ -18,17 +18,12 @@ MEMORY = ".memory"
 
 
 class HeartbeatFile:
-    """Beats at most once a second, however often it is asked to."""
+    """That of a process with this environment: beats at most once a second, however often it is asked to."""
 
-    def __init__(self, path: str) -> None:
+    def __init__(self, environment: Mapping[str, str]) -> None:
         self._file, self._due_s = -1, 0.0
         with contextlib.suppress(OSError):  # no file is named, or the supervisor has gone and its folder with it
-            self._file = os.open(path, os.O_WRONLY | os.O_CREAT, 0o600)
-
-    @classmethod
-    def of(cls, environment: Mapping[str, str]) -> "HeartbeatFile":
-        """Make the heartbeat of a process with this environment."""
-        return cls(environment.get(VARIABLE, ""))
+            self._file = os.open(environment.get(VARIABLE, ""), os.O_WRONLY | os.O_CREAT, 0o600)
 
     def beat(self, now_s: float) -> None:
         """Say that the process lives."""

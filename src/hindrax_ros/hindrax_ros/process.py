@@ -56,7 +56,7 @@ def spin(
     in a callback is our own mistake: nothing catches it, the process ends and its supervisor starts it again. Nodes
     that cannot be made with their arguments give a one-line error.
     """
-    stop, heartbeat = stop or StopSignal(), HeartbeatFile.of(os.environ)
+    stop, heartbeat = stop or StopSignal(), HeartbeatFile(os.environ)
     rclpy.init(args=list(sys.argv if arguments is None else arguments), signal_handler_options=SignalHandlerOptions.NO)
     nodes: Sequence[Node] = ()
     executor = events_executor()

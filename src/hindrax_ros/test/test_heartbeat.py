@@ -9,7 +9,7 @@ from hindrax_ros.heartbeat import MEMORY, VARIABLE, HeartbeatFile, Memory, beate
 
 def test_it_beats_at_most_once_a_second(tmp_path: Path) -> None:
     path = tmp_path / "control"
-    heartbeat = HeartbeatFile.of({VARIABLE: str(path)})
+    heartbeat = HeartbeatFile({VARIABLE: str(path)})
     assert beaten_s(path) is None
     heartbeat.beat(1234567.25)
     heartbeat.beat(1234568.0)
@@ -20,14 +20,14 @@ def test_it_beats_at_most_once_a_second(tmp_path: Path) -> None:
 
 def test_a_new_process_goes_on_in_the_file_of_the_old_one(tmp_path: Path) -> None:
     path = tmp_path / "control"
-    HeartbeatFile(str(path)).beat(1e9)
-    HeartbeatFile(str(path)).beat(5.0)
+    HeartbeatFile({VARIABLE: str(path)}).beat(1e9)
+    HeartbeatFile({VARIABLE: str(path)}).beat(5.0)
     assert beaten_s(path) == 5.0
 
 
 def test_without_a_file_or_its_folder_it_does_nothing(tmp_path: Path) -> None:
-    HeartbeatFile.of({}).beat(1.0)
-    HeartbeatFile(str(tmp_path / "gone/control")).beat(1.0)
+    HeartbeatFile({}).beat(1.0)
+    HeartbeatFile({VARIABLE: str(tmp_path / "gone/control")}).beat(1.0)
     assert list(tmp_path.iterdir()) == []
     assert beaten_s(tmp_path / "gone/control") is None
 

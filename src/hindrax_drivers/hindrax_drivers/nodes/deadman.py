@@ -146,7 +146,7 @@ class DeadMan:
     def __init__(self, settings: Settings, arguments: Sequence[str]) -> None:
         self._neutral, self._arguments = NeutralWriter(settings), arguments
         self._asked_s: float | None = None
-        self._heartbeat = HeartbeatFile.of(os.environ)
+        self._heartbeat = HeartbeatFile(os.environ)
         signal.signal(signal.SIGINT, self._ask)
         signal.signal(signal.SIGTERM, self._ask)
 

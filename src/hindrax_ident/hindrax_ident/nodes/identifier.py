@@ -69,7 +69,7 @@ class Identifier(BatchedNode):
             subscription(self, topic, self._listener(topic, read), raw=True)
         for topic, events_of in ((ANY_ODOMETRY, velocities_from_odometry), (ANY_WRENCH, thrust_from_wrench)):
             subscription(self, topic, self._any_listener(topic, events_of))
-        self._heartbeat = HeartbeatFile.of(os.environ)
+        self._heartbeat = HeartbeatFile(os.environ)
         self.create_service(Trigger, ASSESS, self._on_assess)
         self._experiments = ExperimentServer(self, lambda choose: self._judged(choose, self._session))
         self.every(REPORT_S, self._report)

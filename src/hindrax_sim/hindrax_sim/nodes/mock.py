@@ -65,7 +65,7 @@ def clock_publisher(mock: MockVehicle, namespace: str) -> Iterator[None]:
 
 def run(words: argparse.Namespace, folder: Path) -> int:
     """Serve until a signal."""
-    stop, heartbeat = StopSignal(), HeartbeatFile.of(os.environ)
+    stop, heartbeat = StopSignal(), HeartbeatFile(os.environ)
     faults = [parse_fault(fault) for fault in words.fault]
     conditions = Conditions(sizes=sizes_of(words.world, words.seed))
     vehicle = load_vehicle(words.vehicle)
