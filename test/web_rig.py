@@ -12,10 +12,9 @@ from typing import cast
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.hold.holds import HoldState
 from hindrax_control.maneuver.goal import Goal
-from hindrax_control.maneuver.plan import MOTIONS
 from hindrax_control.pool_bounds import GuardedPlace, PoolPosition
 from hindrax_core.signals import NAN, Estimate, Navigation
-from hindrax_core.vehicle import load_vehicle
+from hindrax_core.vehicle import AXES, load_vehicle
 from hindrax_ident.online.aim import ExperimentGoal
 from hindrax_operator.monitor.graph_link import GraphLink
 from hindrax_operator.snapshot import CameraFrame, ManeuverView, NodeHealth, Snapshot, Thrusters
@@ -59,7 +58,7 @@ ESTIMATE = Estimate(
     learning=True,
     reason="",
 )
-PLANS = {motion: f"{motion}: 0.45, 0.10 m/s, each out and back; 60 s" for motion in MOTIONS}
+PLANS = {motion: f"{motion}: 0.45, 0.10 m/s, each out and back; 60 s" for motion in AXES}
 PLACE = PoolPosition(4.2, 2.9, math.radians(30.0), NAN, NAN, 0.2)
 ARMED = Snapshot(
     time_s=123.0,

@@ -21,7 +21,7 @@ from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
 from hindrax_control.allocation.allocation_cycle import SupplyVoltage
 from hindrax_control.maneuver.goal import Goal
-from hindrax_control.maneuver.plan import MOTIONS, plans_of
+from hindrax_control.maneuver.plan import plans_of
 from hindrax_control.nodes import pilot_node
 from hindrax_control.nodes.pilot_node import PilotNode
 from hindrax_control.pool_bounds import PoolPosition
@@ -29,7 +29,7 @@ from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.signals import Estimate, Navigation
 from hindrax_core.topics import ESTIMATE, PLANS, THRUSTER_STATE
-from hindrax_core.vehicle import load_vehicle
+from hindrax_core.vehicle import AXES, load_vehicle
 from hindrax_drivers.output.output_guard import TRY_AGAIN
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import ManeuverStatus, ThrusterState
@@ -163,7 +163,7 @@ def test_the_plans_follow_parameters_and_thrusters_and_reach_who_comes_late(benc
 
     pilot = bench.pilot
     bench.until(plans)
-    default = {motion: str(plans_of(load_vehicle(default_vehicle()), (motion,))[0]) for motion in MOTIONS}
+    default = {motion: str(plans_of(load_vehicle(default_vehicle()), (motion,))[0]) for motion in AXES}
     assert plans() == default
     pilot.set_parameters([Parameter("plan.surge_mps", value=[0.1, 0.3])])
     bench.until(lambda: plans()["surge"] != default["surge"])

@@ -15,13 +15,13 @@ from hindrax_control.hold.station_keeping import StationKeeping, StationKeepingK
 from hindrax_control.maneuver.goal import BUSY, SENSELESS, Goal, not_armed, require_flyable, require_ready
 from hindrax_control.maneuver.maneuver import Maneuver, ManeuverKnobs, ManeuverOutput
 from hindrax_control.maneuver.maneuver_guards import ManeuverGuardKnobs, ManeuverGuards, Situation
-from hindrax_control.maneuver.plan import MOTIONS, Plan, PlanKnobs, Planner
+from hindrax_control.maneuver.plan import Plan, PlanKnobs, Planner
 from hindrax_control.pool_bounds import GuardedPlace, PoolBounds, PoolBoundsKnobs
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, seconds_between, to_s
 from hindrax_core.readings import Vec6, vec6
 from hindrax_core.signals import NAN, ZERO6, Allocation, Navigation
-from hindrax_core.vehicle import Vehicle
+from hindrax_core.vehicle import AXES, Vehicle
 
 REFUSAL_S = 5.0
 """Time for which a refused setpoint or wrench is shown."""
@@ -156,7 +156,7 @@ class Pilot:
         planner = self._planner()
         pool = PoolBounds(self._vehicle, 0.0, self._knobs.pool_bounds)
         found: dict[str, Plan | str] = {}
-        for motion in MOTIONS:
+        for motion in AXES:
             try:
                 found[motion] = planner.plan(motion, pool)
             except UsageError as error:

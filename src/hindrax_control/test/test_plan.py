@@ -11,21 +11,11 @@ from hypothesis import strategies as st
 
 from hindrax_control.allocation.allocator import Allocator
 from hindrax_control.maneuver.leg import LegController
-from hindrax_control.maneuver.plan import (
-    ALONG,
-    LEVEL_SHARE,
-    MOTIONS,
-    Leg,
-    Plan,
-    PlanKnobs,
-    Planner,
-    motion_name,
-    stopping,
-)
+from hindrax_control.maneuver.plan import ALONG, LEVEL_SHARE, Leg, Plan, PlanKnobs, Planner, motion_name, stopping
 from hindrax_control.pool_bounds import PoolBounds
 from hindrax_control.prior_dynamics import PriorDynamics
 from hindrax_core.errors import UsageError
-from hindrax_core.vehicle import Limits, Pool, Vehicle
+from hindrax_core.vehicle import AXES, Limits, Pool, Vehicle
 
 
 @pytest.fixture(scope="module")
@@ -54,10 +44,10 @@ def test_surge_begins_with_the_fastest_plateau_of_the_paper_and_the_slowest(
 
 
 def test_all_motions_take_less_than_six_minutes_with_the_ways_between(hindrax: Vehicle, allocator: Allocator) -> None:
-    assert sum(planned(hindrax, allocator, motion)[1].seconds for motion in MOTIONS) < 330.0
+    assert sum(planned(hindrax, allocator, motion)[1].seconds for motion in AXES) < 330.0
 
 
-@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize("motion", AXES)
 def test_legs_go_both_ways_with_equal_rates(hindrax: Vehicle, allocator: Allocator, motion: str) -> None:
     _, plan = planned(hindrax, allocator, motion)
     out, back = plan.legs[::2], plan.legs[1::2]
@@ -90,7 +80,7 @@ def test_forces_keep_a_reserve_for_the_other_axes(hindrax: Vehicle, allocator: A
     greedy = PlanKnobs(surge_mps=(0.1, 3.0), sway_mps=(0.1, 3.0), heave_mps=(0.1, 3.0), yaw_radps=(0.4, 3.0))
     fast = replace(hindrax, limits=Limits(speed_mps=5.0))
     for knobs, vehicle in ((PlanKnobs(), hindrax), (greedy, fast)):
-        for motion in MOTIONS:
+        for motion in AXES:
             planner, plan = planned(vehicle, allocator, motion, knobs)
             for leg in plan.legs:
                 assert leg.boost <= planner.force_limit(motion, leg.sign) + 1e-9
@@ -98,7 +88,7 @@ def test_forces_keep_a_reserve_for_the_other_axes(hindrax: Vehicle, allocator: A
                 assert abs(leg.level) < leg.boost
 
 
-@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize("motion", AXES)
 def test_a_motion_begins_where_its_first_leg_does_and_ends_where_its_last_does(
     hindrax: Vehicle, allocator: Allocator, motion: str
 ) -> None:
@@ -156,7 +146,7 @@ def test_legs_along_the_pool_are_as_long_as_their_plateau_needs(
 BOOSTS_s = {"surge": 1.2, "sway": 1.2, "heave": 0.8, "roll": 0.25, "pitch": 0.3, "yaw": 0.8}
 
 
-@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize("motion", AXES)
 def test_a_boost_gets_up_to_speed_in_its_time_and_every_leg_ends_with_a_coast_or_a_swing_on_the_way_back(
     hindrax: Vehicle, allocator: Allocator, motion: str
 ) -> None:
@@ -291,7 +281,7 @@ def test_stopping_way() -> None:
 def test_vehicle_without_hydrodynamics_gets_a_plan_too(hindrax: Vehicle) -> None:
     bare = replace(hindrax, hydrodynamics=None)
     allocator = Allocator(bare)
-    for motion in MOTIONS:
+    for motion in AXES:
         assert planned(bare, allocator, motion)[1].legs
 
 

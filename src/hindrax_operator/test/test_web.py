@@ -27,11 +27,10 @@ from hindrax_cli.command_line import main
 from hindrax_cli.commands.operate.view import page_url, qr_code, startup_text
 from hindrax_control.maneuver.goal import EXCITATIONS, Goal
 from hindrax_control.maneuver.maneuver_guards import ManeuverGuardKnobs, ManeuverGuards
-from hindrax_control.maneuver.plan import MOTIONS
 from hindrax_control.pool_bounds import PoolBounds
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import Stamp
-from hindrax_core.vehicle import load_vehicle
+from hindrax_core.vehicle import AXES, load_vehicle
 from hindrax_ident.online.aim import Aim, ExperimentGoal
 from hindrax_operator.monitor.graph_link import GraphLink
 from hindrax_operator.snapshot import CameraFrame, Snapshot, place_of
@@ -112,7 +111,7 @@ def test_the_page_is_one_answer_with_style_script_and_choices_in_it() -> None:
     assert f"<script>{page_text.SCRIPT}</script>" in PAGE
     assert "<" not in page_text.CHOICES
     (offered,) = re.findall(r'<script type="application/json" id="choices">(.*)</script>', PAGE)
-    assert json.loads(offered) == {"motions": list(MOTIONS), "excitations": ["plateaus", *EXCITATIONS]}
+    assert json.loads(offered) == {"motions": list(AXES), "excitations": ["plateaus", *EXCITATIONS]}
 
 
 @pytest.mark.skipif(shutil.which("node") is None, reason="needs node on the PATH to parse the script")

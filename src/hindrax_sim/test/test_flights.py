@@ -15,12 +15,12 @@ from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.allocation.allocator import Allocator
 from hindrax_control.maneuver.goal import ENDINGS, Goal, motions_to_fly
 from hindrax_control.maneuver.maneuver import Maneuver
-from hindrax_control.maneuver.plan import MOTIONS, PlanKnobs, Planner
+from hindrax_control.maneuver.plan import PlanKnobs, Planner
 from hindrax_control.pilot import PilotKnobs
 from hindrax_control.pool_bounds import PoolBounds
 from hindrax_core.events import after
 from hindrax_core.signals import ZERO6, Navigation, Phase
-from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 from hindrax_sim.faults.fault_registry import parse_fault
 from hindrax_sim.flights.lockstep import Lockstep
 from hindrax_sim.flights.pool_flight import GoalPilot
@@ -157,10 +157,10 @@ def test_a_current_that_begins_to_run_is_held_against(seed: int) -> None:
     assert ended_well(flown), flown.aborted
 
 
-@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize("motion", AXES)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_cancel_at_any_moment_ends_neutral_or_in_the_hold_as_asked(motion: str, seed: int) -> None:
-    ending = ENDINGS[(MOTIONS.index(motion) + seed) % 2]
+    ending = ENDINGS[(AXES.index(motion) + seed) % 2]
     goal = Goal((motion,), on_cancel=ending)
     planner = Planner(VEHICLE, Allocator(VEHICLE), KNOBS.plan)
     planned = Maneuver(planner, goal, PoolBounds(VEHICLE, 0.0))

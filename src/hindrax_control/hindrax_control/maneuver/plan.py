@@ -18,7 +18,6 @@ from hindrax_core.errors import UsageError
 from hindrax_core.knobs import knob
 from hindrax_core.vehicle import AXES, Vehicle
 
-MOTIONS = AXES
 ALONG = ("surge", "sway")
 """Flown along the pool's length."""
 TURNING = ("roll", "pitch", "yaw")
@@ -171,12 +170,12 @@ class Planner:
         self._allocator, self.disabled = allocator, disabled
 
     def plan(self, motion: str, pool: PoolBounds, levels: Sequence[float] = ()) -> Plan:
-        """Plan one of MOTIONS; UsageError when pool, limits or thrusters leave no room for it.
+        """Plan one of AXES; UsageError when pool, limits or thrusters leave no room for it.
 
         `levels`: plateaus to fly, from 0, the slowest, to 1, the fastest; without them, those of the knobs.
         """
-        if motion not in MOTIONS:
-            raise UsageError(f"motion {motion!r}: unknown, wanted one of {', '.join(MOTIONS)}")
+        if motion not in AXES:
+            raise UsageError(f"motion {motion!r}: unknown, wanted one of {', '.join(AXES)}")
         require_servable((motion,), self.vehicle, self.disabled)
         low, high = self._span(motion, pool)
         if high <= low:

@@ -7,17 +7,18 @@ from typing import Any
 from hindrax_control.hold.holds import HoldState
 from hindrax_control.maneuver.goal import Goal
 from hindrax_control.maneuver.maneuver import ManeuverOutput
-from hindrax_control.maneuver.plan import MOTIONS, Plan
+from hindrax_control.maneuver.plan import Plan
 from hindrax_control.pool_bounds import GuardedPlace
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.readings import vec6
 from hindrax_core.signals import NAN, UNKNOWN6, Allocation, Estimate
+from hindrax_core.vehicle import AXES
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import HoldStatus, ManeuverStatus, MotionPlans, PoolPlace
 from hindrax_ros.graph import end_goal
 from hindrax_ros.messages.convert import header
 
-LEARNED = frozenset((*MOTIONS, "heave_down", "heave_up"))
+LEARNED = frozenset((*AXES, "heave_down", "heave_up"))
 """Motions of which there may be an estimate."""
 FRESH_S = 2.0
 """Age from which on an estimate counts as no longer learning."""

@@ -13,9 +13,9 @@ from typing import Any
 
 from hindrax_control.hold.holds import HoldState
 from hindrax_control.maneuver.goal import EXCITATIONS, PLATEAUS
-from hindrax_control.maneuver.plan import MOTIONS
 from hindrax_core.signals import Estimate, Navigation
 from hindrax_core.text.digits import TWO_SIDED_95
+from hindrax_core.vehicle import AXES
 from hindrax_operator.progress import units
 from hindrax_operator.snapshot import ANGLES, Snapshot
 
@@ -28,7 +28,7 @@ def _file(name: str) -> str:
     return Path(__file__).with_name(name).read_text(encoding="utf-8")
 
 
-CHOICES = json.dumps({"motions": list(MOTIONS), "excitations": [PLATEAUS, *EXCITATIONS]})
+CHOICES = json.dumps({"motions": list(AXES), "excitations": [PLATEAUS, *EXCITATIONS]})
 """What the form offers; the script reads it from the page."""
 SCRIPT = _file("page.js")
 SCRIPT_HASH = base64.b64encode(hashlib.sha256(SCRIPT.encode()).digest()).decode()

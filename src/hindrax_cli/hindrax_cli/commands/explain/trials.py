@@ -14,10 +14,9 @@ from hindrax_bringup.clone import developer_module
 from hindrax_cli.argument_types import add_json, add_vehicle, at_least
 from hindrax_cli.command import command, option
 from hindrax_control.maneuver.goal import EXCITATIONS, PLATEAUS, motions_to_fly
-from hindrax_control.maneuver.plan import MOTIONS
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_fitted, print_stderr
-from hindrax_core.vehicle import load_vehicle
+from hindrax_core.vehicle import AXES, load_vehicle
 from hindrax_ident.model import motion_model
 from hindrax_sim.conditions.world_table import FORM, IDEAL, sizes_of
 from hindrax_sim.flights.pool_flight import fly
@@ -26,7 +25,7 @@ from hindrax_sim.flights.pool_flight import fly
 @command(
     "./hindrax montecarlo --runs 40 --dof all",
     option("--runs", type=at_least(1), default=40, metavar="N", help="default 40"),
-    option("--dof", nargs="+", default=["all"], choices=[*MOTIONS, "all"], help="default: all"),
+    option("--dof", nargs="+", default=["all"], choices=[*AXES, "all"], help="default: all"),
     option("--excitation", default=PLATEAUS, choices=(PLATEAUS, *EXCITATIONS), help="default: plateaus"),
     option("--seed", type=int, default=1, help="seed of the first run; the others follow. Default 1"),
     option("--cluster", default="", metavar="ADDRESS", help="compute on this Dask cluster"),

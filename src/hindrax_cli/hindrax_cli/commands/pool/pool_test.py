@@ -10,9 +10,8 @@ from hindrax_cli.argument_types import add_json, add_tuning, add_vehicle, pace, 
 from hindrax_cli.command import command, option
 from hindrax_cli.commands.operate.manual_control import PLACE_HELP, place_of
 from hindrax_control.maneuver.goal import EXCITATIONS, PLATEAUS
-from hindrax_control.maneuver.plan import MOTIONS
 from hindrax_core.errors import UsageError
-from hindrax_core.vehicle import load_vehicle
+from hindrax_core.vehicle import AXES, load_vehicle
 from hindrax_ident.online.aim import Aim
 from hindrax_operator.pool_run import ABORT, CONTINUE, PoolOptions, run_pool_test
 
@@ -39,7 +38,7 @@ def aim_of(arguments: argparse.Namespace) -> Aim | None:
         "--dof",
         nargs="+",
         default=["surge"],
-        choices=[*MOTIONS, "all"],
+        choices=[*AXES, "all"],
         help="default: surge; all: what its thrusters serve",
     ),
     option(
