@@ -9,11 +9,11 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from hindrax_analysis.coefficients_file import TABULATED, SavedCoefficients
-from hindrax_analysis.experiments.least_squares import Array
 from hindrax_core.errors import HindraxError
 from hindrax_core.readings import Vec6
 from hindrax_core.text.digits import measured
 from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle
+from hindrax_ident.arrays import Array
 from hindrax_ident.assess.results import MotionResult
 from hindrax_ident.model.motion_model import MOTIONS, axis_units, coefficient_units
 

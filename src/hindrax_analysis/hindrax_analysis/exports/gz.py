@@ -16,7 +16,6 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from hindrax_analysis.experiments.least_squares import Array
 from hindrax_analysis.exports.export_model import (
     ExportModel,
     add,
@@ -26,6 +25,7 @@ from hindrax_analysis.exports.export_model import (
     numbers,
 )
 from hindrax_core.vehicle import AXES
+from hindrax_ident.arrays import Array
 
 TURN = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
 """SNAME to Gazebo body axes, for velocities, forces, rates and moments alike."""

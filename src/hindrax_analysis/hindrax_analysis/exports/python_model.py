@@ -6,9 +6,9 @@ M v' + C(v) v + D(v) v + g(eta) = tau with M = M_RB + M_A, everything on the lef
 
 import numpy as np
 
-from hindrax_analysis.experiments.least_squares import Array
 from hindrax_analysis.exports.export_model import ExportModel, header
 from hindrax_core.vehicle import AXES
+from hindrax_ident.arrays import Array
 
 CONVENTIONS = (
     "SNAME body axes: x forward, y starboard, z down; velocities u v w p q r; wrench X Y Z K M N.",
