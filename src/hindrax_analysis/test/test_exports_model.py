@@ -163,8 +163,10 @@ def test_tables_carry_values_deviations_and_units() -> None:
     latex = write_latex(table)
     assert r"surge & $66.48 \pm 0.10$ & $1.25 \pm 0.10$" in latex
     assert latex.count(r"\\") == 8
-    rounded_up = results(surge={"k_q": value(66.48, 0.0996)})
-    assert r"surge & $66.48 \pm 0.10$" in write_latex(result_table(coefficients_of(rounded_up, "c.yaml"), "c.yaml"))
+    odd = results(surge={"k_q": value(66.48, 0.0996), "k_l": value(-0.001, 0.1)})
+    assert r"surge & $66.48 \pm 0.10$ & $0.00 \pm 0.10$" in write_latex(
+        result_table(coefficients_of(odd, "c.yaml"), "c.yaml")
+    )
 
 
 def test_a_table_without_results_is_refused_with_how_the_flight_ended() -> None:

@@ -58,4 +58,4 @@ def _latex_cell(value: Number | None) -> str:
     if not value.std > 0.0:
         return f"${value.value:.4g}$"
     digits = max(0, -last_place(value.std, 2))
-    return rf"${value.value:.{digits}f} \pm {value.std:.{digits}f}$"
+    return rf"${value.value:z.{digits}f} \pm {value.std:.{digits}f}$"

@@ -59,7 +59,7 @@ def ticks(low: float, high: float, wanted: int = 5) -> list[float]:
     step = next(power * one for one in ROUND_STEPS if power * one >= raw * (1.0 - 1e-9))
     first = math.ceil(low / step - 1e-9)
     last = math.floor(high / step + 1e-9)
-    return [0.0 if n == 0 else n * step for n in range(first, last + 1)]
+    return [n * step for n in range(first, last + 1)]
 
 
 def tick_text(value: float, marks: Sequence[float]) -> str:

@@ -88,5 +88,4 @@ def two_digits(value: float) -> str:
 
 def number(value: float, digits: int) -> str:
     """A number with a true minus sign, never a negative zero."""
-    text = f"{value:.{digits}f}"
-    return text.lstrip("-") if not float(text) else text.replace("-", "\u2212")
+    return f"{value:z.{digits}f}".replace("-", "\u2212")
