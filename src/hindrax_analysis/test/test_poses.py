@@ -55,3 +55,14 @@ def test_poses_alone_make_velocities_and_rates() -> None:
     assert nu[:, 0] == pytest.approx(np.interp(t + 0.025, T, SURGE), abs=0.01)
     assert nu[:, 1] == pytest.approx(0.0, abs=0.01)
     assert nu[:, 5] == pytest.approx(np.interp(t, T, 0.18 * np.cos(0.3 * T)), abs=0.002)
+
+
+def test_a_vehicle_that_turns_right_round_has_its_velocity_in_its_own_axes_all_the_way() -> None:
+    """Half a turn from the start, a quaternion is as near to its first one as to the opposite of that."""
+    yaw = 0.4 * T
+    turning = np.column_stack([np.zeros((len(T), 2)), np.sin(0.5 * yaw), np.cos(0.5 * yaw)])
+    ahead = np.tile([0.5, 0.0, 0.0], (len(T), 1))
+    _, nu = velocities_from_poses(T, np.cumsum(to_world(ahead, turning), axis=0) * 0.05, turning)
+    assert nu[:, 0] == pytest.approx(0.5, abs=0.01)
+    assert nu[:, 1] == pytest.approx(0.0, abs=0.01)
+    assert nu[:, 5] == pytest.approx(0.4, abs=0.002)

@@ -175,7 +175,9 @@ def velocities_from_poses(t_s: Array, positions: Array, quaternions: Array) -> t
     number = np.floor((t_s - t_s[0]) / max(BIN_S, float(np.median(np.diff(t_s))))).astype(int)
     _, place = np.unique(number, return_inverse=True)
     counts = np.bincount(place)[:, None]
-    signed = quaternions * np.where(np.sum(quaternions * quaternions[:1], axis=1) < 0.0, -1.0, 1.0)[:, None]
+    # Either sign is the same attitude: each has that of the one before, or their mean would be another attitude.
+    turned = np.where(np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0, -1.0, 1.0)
+    signed = quaternions * np.cumprod([1.0, *turned])[:, None]
     t, p, q = (
         array(np.column_stack([np.bincount(place, column) for column in one.T]) / counts)
         for one in (t_s[:, None], positions, signed)
