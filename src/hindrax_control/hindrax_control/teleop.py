@@ -11,7 +11,9 @@ from dataclasses import dataclass
 
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Vec3, Vec6, vec6
+from hindrax_core.rotation import half_turn
 from hindrax_core.signals import ZERO6
+from hindrax_core.vehicle import AXES
 
 UNUSED = -1
 FORGETTING = 1e-3
@@ -55,27 +57,20 @@ class Teleop:
         was_held, self._held = self._held, pressed
         if not pressed:
             return ZERO6 if was_held else None
-        surge, sway, heave, roll, pitch, yaw = (
-            self._deflection(axes, axis)
-            for axis in (
-                *(knobs.surge_axis, knobs.sway_axis, knobs.heave_axis),
-                *(knobs.roll_axis, knobs.pitch_axis, knobs.yaw_axis),
-            )
-        )
-        return self._wrench((surge, -sway, -heave, roll, -pitch, -yaw))
+        return self._wrench(vec6(self._deflection(axes, getattr(knobs, f"{axis}_axis")) for axis in AXES))
 
     def twist(self, linear_mps: Vec3, angular_radps: Vec3) -> Vec6:
         """Return the wrench for a velocity in base_link (x forward, y left, z up; REP-103)."""
         u, v, w = (value / self._knobs.full_speed_mps for value in linear_mps)
         p, q, r = (value / self._knobs.full_rate_radps for value in angular_radps)
-        return self._wrench((u, -v, -w, p, -q, -r))
+        return self._wrench((u, v, w, p, q, r))
 
     def _wrench(self, parts: Vec6) -> Vec6:
-        """Parts of the share of the limits; what is not finite stays so, for the vehicle to refuse by name."""
+        """Parts of the share of the limits, in base_link; what is not finite stays so: the vehicle refuses it."""
         share = self._knobs.share
         return vec6(
             share * limit * (max(-1.0, min(1.0, part)) if math.isfinite(part) else part)
-            for part, limit in zip(parts, self._limits, strict=True)
+            for part, limit in zip(half_turn(parts), self._limits, strict=True)
         )
 
     def _deflection(self, axes: Sequence[float], axis: int) -> float:

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hindrax_control.allocation.wrench_guard import Accepted, WrenchGuard, half_turn
+from hindrax_control.allocation.wrench_guard import Accepted, WrenchGuard
 from hindrax_core.events import Stamp, stamp_from_s
 from hindrax_core.readings import Vec6
-from hindrax_core.rotation import FLU, FSD
+from hindrax_core.rotation import FLU, FSD, half_turn
 from hindrax_core.vehicle import load_vehicle
 
 HINDRAX = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup" / "vehicles" / "hindrax.yaml")

@@ -3,7 +3,7 @@
 import math
 from typing import TypeAlias
 
-from hindrax_core.readings import Vec3
+from hindrax_core.readings import Vec3, Vec6
 
 FSD, FLU = "base_link_fsd", "base_link"
 """Frames of the body: x forward, y starboard, z down (SNAME); x forward, y left, z up (REP-103)."""
@@ -35,6 +35,12 @@ def rotate(turn: Matrix3, vector: Vec3) -> Vec3:
 def cross(a: Vec3, b: Vec3) -> Vec3:
     """Vector product."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+def half_turn(wrench: Vec6) -> Vec6:
+    """Between base_link (x forward, y left, z up) and base_link_fsd: half a turn about x, its own inverse."""
+    X, Y, Z, K, M, N = wrench
+    return (X, -Y, -Z, K, -M, -N)
 
 
 def wrapped(angle_rad: float) -> float:

@@ -11,7 +11,7 @@ from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.input_checks import StampWindow
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Vec6, vec6
-from hindrax_core.rotation import FLU, FSD
+from hindrax_core.rotation import FLU, FSD, half_turn
 from hindrax_core.signals import ZERO6
 from hindrax_core.vehicle import WRENCH_SYMBOLS, Vehicle
 
@@ -64,12 +64,6 @@ class WrenchGuard:
             return f"wrench: {untimely.sentence}"
         older_s = 0.0 if self._last is None else seconds_between(stamp, self._last)
         return f"wrench: {older_s:.2f} s older than the one before it, wanted a newer one" if older_s > 0.0 else ""
-
-
-def half_turn(wrench: Vec6) -> Vec6:
-    """Between base_link (x forward, y left, z up) and base_link_fsd: half a turn about x, its own inverse."""
-    X, Y, Z, K, M, N = wrench
-    return (X, -Y, -Z, K, -M, -N)
 
 
 def finite_axes(wrench: Vec6) -> tuple[Vec6, tuple[str, ...]]:
