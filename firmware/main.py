@@ -81,13 +81,13 @@ class Board:
     def turn(self) -> None:
         """Read, decide, output, report. The watchdog is fed only after all of it."""
         data = self.link.read(256) if self.link.any() else None
-        told = self.controller.receive(data, self.clock.now_ms()) if data else b""
+        replies = self.controller.receive(data, self.clock.now_ms()) if data else b""
         if self.battery is not None:
             self.controller.millivolts = int(self.battery.read() * MILLIVOLTS_PER_COUNT)
-        told += self.controller.step(self.clock.now_ms())
+        replies += self.controller.step(self.clock.now_ms())
         self.outputs.write(self.controller.pulses)
-        if told:
-            self.link.write(told)
+        if replies:
+            self.link.write(replies)
         self.watchdog.feed()
 
     def _open_link(self):  # noqa: ANN202 - a UART or a USB port, which have no common name

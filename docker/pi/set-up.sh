@@ -87,7 +87,7 @@ if keep /etc/udev/rules.d/60-hindrax.rules <"$here/60-hindrax.rules"; then
 fi
 getent group i2c >/dev/null || act groupadd --system i2c
 id "$user" >/dev/null 2>&1 || act useradd --system --user-group --home-dir /var/lib/hindrax --groups dialout,i2c "$user"
-# A user who runs the doctor or a pool test by hand needs access to the devices too.
+# A user who runs the doctor or a pool test needs access to the devices too.
 if [ -n "${SUDO_USER-}" ] && ! id -nG "$SUDO_USER" | grep -qw i2c; then
   act usermod --append --groups dialout,i2c "$SUDO_USER"
 fi

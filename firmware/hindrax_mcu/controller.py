@@ -23,7 +23,7 @@ class Controller:
         self._parser = mavlink.Parser()
         self._sequence = 0
         self._due_ms = dict.fromkeys(PERIODS_MS, now_ms)
-        self._told = ""
+        self._reported = ""
         self._was_silent = False
 
     def receive(self, data: bytes, now_ms: int) -> bytes:
@@ -41,14 +41,14 @@ class Controller:
     def step(self, now_ms: int) -> bytes:
         """Advance time: sets `pulses`, the output from now on; returns messages for the host."""
         self.pulses = self.failsafe.step(now_ms)
-        told = self._tell_changes(now_ms)
+        replies = self._report_changes(now_ms)
         if self._due(mavlink.HEARTBEAT, now_ms):
-            told += self._send(mavlink.HEARTBEAT, mavlink.heartbeat(self.failsafe.armed, self._status(now_ms)))
+            replies += self._send(mavlink.HEARTBEAT, mavlink.heartbeat(self.failsafe.armed, self._status(now_ms)))
         if self._due(mavlink.SERVO_OUTPUT_RAW, now_ms):
-            told += self._send(mavlink.SERVO_OUTPUT_RAW, mavlink.servo_output(now_ms * 1000, self.pulses))
+            replies += self._send(mavlink.SERVO_OUTPUT_RAW, mavlink.servo_output(now_ms * 1000, self.pulses))
         if self.millivolts and self._due(mavlink.BATTERY_STATUS, now_ms):
-            told += self._send(mavlink.BATTERY_STATUS, mavlink.battery_status(self.millivolts))
-        return told
+            replies += self._send(mavlink.BATTERY_STATUS, mavlink.battery_status(self.millivolts))
+        return replies
 
     def _override(self, payload: bytes, now_ms: int) -> None:
         channels = list(struct.unpack("<8H", payload[:16]))
@@ -70,16 +70,16 @@ class Controller:
         refusal = self._text(WARNING, "not armed: " + why) if why else b""
         return refusal + self._send(mavlink.COMMAND_ACK, mavlink.command_ack(command, result))
 
-    def _tell_changes(self, now_ms: int) -> bytes:
-        told = b""
+    def _report_changes(self, now_ms: int) -> bytes:
+        replies = b""
         silent = self.failsafe.silent(now_ms)
         if silent and not self._was_silent:
-            told += self._text(WARNING, "no override: neutral")
+            replies += self._text(WARNING, "no override: neutral")
         self._was_silent = silent
-        if self.failsafe.reason != self._told:
-            self._told = self.failsafe.reason
-            told += self._text(INFO, self._told or "armed")
-        return told
+        if self.failsafe.reason != self._reported:
+            self._reported = self.failsafe.reason
+            replies += self._text(INFO, self._reported or "armed")
+        return replies
 
     def _status(self, now_ms: int) -> int:
         if self.failsafe.silent(now_ms):

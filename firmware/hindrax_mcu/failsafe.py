@@ -23,8 +23,8 @@ class Failsafe:
         self._wanted = list(self._rest)
         self._arm_ms = arm_ms
         self._neutral_since = now_ms
-        self._heard_ms = now_ms
-        self._heard = False
+        self._received_ms = now_ms
+        self._received = False
 
     def override(self, channels: list[int], now_ms: int) -> None:
         """Set the wanted pulses. A released, ignored, missing or invalid channel rests, never holds."""
@@ -32,8 +32,8 @@ class Failsafe:
             pulse = channels[index] if index < len(channels) else 0
             plausible = PLAUSIBLE_LOW <= pulse <= PLAUSIBLE_HIGH
             self._wanted[index] = max(LOW, min(HIGH, pulse)) if plausible else rest
-        self._heard_ms = now_ms
-        self._heard = True
+        self._received_ms = now_ms
+        self._received = True
 
     def arm(self, now_ms: int) -> str:
         """Arm, or return why not.
@@ -63,7 +63,7 @@ class Failsafe:
 
     def step(self, now_ms: int) -> list[int]:
         """Pulses to output now: thrusters, then lights [us]."""
-        silence = now_ms - self._heard_ms
+        silence = now_ms - self._received_ms
         if silence >= DISARM_MS:
             if self.armed:
                 self.disarm(f"no override for {DISARM_MS} ms", now_ms)
@@ -77,4 +77,4 @@ class Failsafe:
         return self.armed and not self._fresh(now_ms)
 
     def _fresh(self, now_ms: int) -> bool:
-        return self._heard and now_ms - self._heard_ms < SILENCE_MS
+        return self._received and now_ms - self._received_ms < SILENCE_MS

@@ -20,7 +20,7 @@ CRC_EXTRA = {
     STATUSTEXT: 83,
 }
 # What this end listens to, with the longest payload of each.
-HEARD = {HEARTBEAT: 9, RC_CHANNELS_OVERRIDE: 38, COMMAND_LONG: 33}
+RECEIVED = {HEARTBEAT: 9, RC_CHANNELS_OVERRIDE: 38, COMMAND_LONG: 33}
 HEAD, CHECKSUM = 10, 2
 
 
@@ -74,7 +74,7 @@ class Parser:
     def _size(self) -> int:
         """Length of the frame that begins here; zero for none."""
         buffer = self._buffer
-        if buffer[0] != STX or buffer[2] or not 0 < buffer[1] <= HEARD.get(self._message(), 0):
+        if buffer[0] != STX or buffer[2] or not 0 < buffer[1] <= RECEIVED.get(self._message(), 0):
             return 0
         return HEAD + buffer[1] + CHECKSUM
 
@@ -88,7 +88,7 @@ class Parser:
 
     def _payload(self, message: int) -> bytes:
         length = self._buffer[1]
-        return bytes(self._buffer[HEAD : HEAD + length]) + bytes(HEARD[message] - length)
+        return bytes(self._buffer[HEAD : HEAD + length]) + bytes(RECEIVED[message] - length)
 
     def _skip(self) -> None:
         """Drop one byte, and all that follow it up to the next start byte."""

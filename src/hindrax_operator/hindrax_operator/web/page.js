@@ -52,7 +52,7 @@ const order = async (name, words = {}) => {
     }
     if (!answer.ok) notify(await answer.text(), false, () => situation() !== before);
   } catch {
-    notify(name + ": no way to the vehicle; `./hindrax stop` in a terminal, or cut the power", false,
+    notify(name + ": no link to the vehicle; `./hindrax stop` in a terminal, or cut the power", false,
       () => heard_ms > asked_ms + 1000);
   }
 };
@@ -159,14 +159,14 @@ function headline() {
     pill.className = "pill warn";
     pill.textContent = cut ? (last ? "page cut off" : "connecting") : "vehicle silent";
     at("reason").textContent = cut ? "the page gets no updates" :
-      "no message from the thrusters" + (gone ? ", and nobody is there to stop them: if they turn, cut the power" : "");
+      "no message from the thrusters" + (gone ? ", and no program is left to stop them: if they turn, cut the power" : "");
     return;
   }
   const {armed, state, reason} = last.thrusters;
   pill.className = "pill " + (armed ? "armed" : state === "disarmed" ? "safe" : "warn");
   pill.textContent = armed || state === "disarmed" ? state.toUpperCase() : state;
   at("reason").textContent = state === "disarmed" ? "" : reason;
-  at("title").textContent = last.title + (last.read_only ? ", only to watch" : "");
+  at("title").textContent = last.title + (last.read_only ? ", read-only" : "");
   if (readOnly !== last.read_only) {
     readOnly = last.read_only;
     for (const id of ["stop", "disarm", "fly"]) at(id).hidden = readOnly;
@@ -251,7 +251,7 @@ function flight(update) {
         (found.wall_m === null ? "" : ", wall " + found.wall_m.toFixed(1) + " m ahead"), "soft"));
   }
   const picked = [...document.querySelectorAll("[name=motion]:checked")].map(one => update.plans[one.value]);
-  at("planned").textContent = experimenting() ? "the fastest and the slowest legs of each, then those that tell most" :
+  at("planned").textContent = experimenting() ? "the fastest and the slowest legs of each, then the most informative" :
     at("excitation").value === choices.excitations[0] ? picked.filter(Boolean).join("; ") : "";
   const busy = update.ordered || armed && !over;
   at("flying").disabled = !armed || busy;
