@@ -11,7 +11,7 @@ from hindrax_core.events import Stamp
 from hindrax_drivers.devices.stm32 import Stm32
 from hindrax_drivers.protocols.mavlink import Decoder, MavlinkFrame
 from hindrax_sim.firmware.controller import Controller
-from hindrax_sim.firmware.mavlink import HEARD
+from hindrax_sim.firmware.mavlink import RECEIVED
 
 HOST_EVERY = 10
 """The driver of the host is the decoder and a little more; every so many batches are enough for the rest."""
@@ -76,4 +76,4 @@ def test_a_flood_of_frames_raises_nothing_and_lets_no_false_one_through() -> Non
 
 
 def test_the_firmware_receives_with_the_lengths_of_the_message_set() -> None:
-    assert {number: LONGEST[number] for number in HEARD} == HEARD
+    assert {number: LONGEST[number] for number in RECEIVED} == RECEIVED

@@ -123,7 +123,7 @@ def test_the_identification_node_chooses_the_legs_if_asked(tmp_path: Path) -> No
         seen.run(f"document.getElementById('excitation').value = {json.dumps(EXPERIMENT)}")
         seen.run("document.getElementById('excitation').dispatchEvent(new Event('change'))")
         seen.run("document.getElementById('until').value = 2; document.getElementById('minutes').value = 5")
-        seen.wait(f"{text('planned')}.includes('tell most')")
+        seen.wait(f"{text('planned')}.includes('most informative')")
         seen.run("document.getElementById('start').click()")
         seen.wait("document.getElementById('flying').disabled")
         assert page.vehicle.orders[-1] == ExperimentGoal(("surge",), Aim(0.02, 5.0), "hold")
