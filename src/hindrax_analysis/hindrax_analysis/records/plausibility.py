@@ -36,10 +36,7 @@ AGAINST = -0.6
 def wrong_thrust_sign(recordings: Sequence[Recording], axis: int) -> str:
     """Reason against a result with motion opposite to the thrust; otherwise empty."""
     v, force = np.concatenate([np.zeros((0, 2)), *(_velocity_and_thrust(one, axis) for one in recordings)]).T
-    if not len(v):
-        return ""
-    spread = float(np.std(v) * np.std(force))
-    if spread == 0.0 or float(np.mean((v - v.mean()) * (force - force.mean()))) > AGAINST * spread:
+    if not len(v) or np.ptp(v) == 0.0 or np.ptp(force) == 0.0 or np.corrcoef(v, force)[0, 1] > AGAINST:
         return ""
     return "it moves against its thrust: check the sign of the wrench, and the axes of both"
 
