@@ -9,10 +9,11 @@ from typing import TypeAlias, TypeVar
 
 from hindrax_control.navigation.navigator import Navigator, NavigatorKnobs
 from hindrax_core.events import Stamped, stamp_from_s
+from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import BottomVelocity, Echo, Inertial, Magnetic, Pressure, Reading, Vec3
 from hindrax_core.rotation import Matrix3, matrix, rotate
 from hindrax_core.signals import Navigation
-from hindrax_core.vehicle import GRAVITY_mps2, Mount, Vehicle, load_vehicle
+from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
 
 T = TypeVar("T")
 VEHICLE = load_vehicle(Path(__file__).parents[1] / "src/hindrax_bringup/vehicles/hindrax.yaml")

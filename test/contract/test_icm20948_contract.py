@@ -11,8 +11,8 @@ from register_rig import START, Rig, identities, readings, reasons
 
 from hindrax_core.bus_operations import EDGES
 from hindrax_core.events import seconds_between
+from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import Inertial, Magnetic, Vec3
-from hindrax_core.vehicle import GRAVITY_mps2
 from hindrax_drivers.devices.icm20948 import SILENT_LINE, Icm20948
 from hindrax_drivers.devices.imu.icm20948_samples import Icm20948Knobs
 from hindrax_drivers.devices.imu.icm20948_selftest import SelfTest, self_test

@@ -14,8 +14,9 @@ from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
 from hindrax_control.nodes.navigator_node import NavigatorNode
 from hindrax_core.events import Stamped, stamp_from_s
+from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import Inertial
-from hindrax_core.vehicle import GRAVITY_mps2, load_vehicle
+from hindrax_core.vehicle import load_vehicle
 from hindrax_ros.heartbeat import VARIABLE
 
 pytestmark = pytest.mark.ros

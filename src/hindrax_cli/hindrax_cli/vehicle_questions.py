@@ -10,7 +10,8 @@ from hindrax_analysis.exports.vehicle_block import block_text
 from hindrax_cli.vehicle_edit import on_one_line
 from hindrax_cli.vehicle_review import MARGIN, upright_speed_mps
 from hindrax_core.errors import UsageError
-from hindrax_core.vehicle import GRAVITY_mps2, Limits, Water, vehicle_from_text
+from hindrax_core.hydrostatics import GRAVITY_mps2, Water
+from hindrax_core.vehicle import Limits, vehicle_from_text
 
 RIGHTING_ARM_m = 0.05
 SPREAD = 0.8

@@ -9,9 +9,10 @@ import pytest
 from hindrax_control.navigation.aiding import Aiding
 from hindrax_control.navigation.navigator import NavigatorKnobs
 from hindrax_control.sensors import SensorMount
+from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Magnetic, Pressure, Vec3
 from hindrax_core.rotation import Matrix3, matrix, rotate
-from hindrax_core.vehicle import GRAVITY_mps2, Mount, Vehicle
+from hindrax_core.vehicle import Mount, Vehicle
 
 LEVER: Vec3 = (0.2, -0.1, 0.3)
 TILT: Vec3 = (0.2, -0.25, 0.0)

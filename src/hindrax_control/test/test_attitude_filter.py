@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from hindrax_control.navigation.attitude_filter import AttitudeFilter, AttitudeKnobs
+from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import Vec3
-from hindrax_core.vehicle import GRAVITY_mps2
 from hindrax_ident.arrays import Array
 
 DT_S = 0.02

@@ -11,8 +11,9 @@ from hindrax_control.navigation.attitude_filter import AttitudeFilter
 from hindrax_control.navigation.estimator_health import EstimatorHealth, EstimatorHealthKnobs
 from hindrax_control.navigation.navigator import NavigatorKnobs
 from hindrax_core.events import Stamp, stamp_from_s
+from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.signals import Consistency, Navigation
-from hindrax_core.vehicle import GRAVITY_mps2, load_vehicle
+from hindrax_core.vehicle import load_vehicle
 
 VEHICLE = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml")
 WELL = Navigation(

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hindrax_control.navigation.attitude_filter import SPANS, FINEST_radps, Offset, Span, mean, offset_at_rest
+from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import Vec3
-from hindrax_core.vehicle import GRAVITY_mps2
 
 SPAN_S = 0.2
 OFFSETS = st.tuples(*[st.floats(-0.08, 0.08)] * 3)

@@ -10,6 +10,7 @@ from navigator_ride import CENTERED, FIELD_T, HOVER, MOUNTED, FLOOR_m, Ride, par
 
 from hindrax_control.navigation.navigator import Navigator, NavigatorKnobs
 from hindrax_core.events import Stamp, Stamped, stamp_from_s
+from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import (
     BottomTrack,
     BottomVelocity,
@@ -23,7 +24,6 @@ from hindrax_core.readings import (
 )
 from hindrax_core.rotation import cross, matrix
 from hindrax_core.signals import Navigation
-from hindrax_core.vehicle import GRAVITY_mps2
 
 
 def surging(t: float) -> Vec3:

@@ -9,9 +9,10 @@ import pytest
 from navigator_ride import CENTERED, HOVER, MOUNTED, Ride, part, rms
 
 from hindrax_control.navigation.navigator import NavigatorKnobs
+from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import BottomTrack, Inertial, Pressure, Vec3
 from hindrax_core.signals import Navigation
-from hindrax_core.vehicle import GRAVITY_mps2, Mount
+from hindrax_core.vehicle import Mount
 
 NO_COMPASS = NavigatorKnobs(heading_from="none")
 

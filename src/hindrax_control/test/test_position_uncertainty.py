@@ -9,9 +9,10 @@ import pytest
 from hindrax_control.navigation.horizontal_filter import PositionKnobs, PositionUncertainty
 from hindrax_control.navigation.navigator import Navigator
 from hindrax_core.events import Stamped, stamp_from_s
+from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import BottomVelocity, Inertial
 from hindrax_core.signals import Navigation
-from hindrax_core.vehicle import GRAVITY_mps2, Vehicle
+from hindrax_core.vehicle import Vehicle
 
 PRIOR = PositionKnobs()
 

@@ -11,32 +11,18 @@ from pathlib import Path
 
 from hindrax_core.curves import Curve, problems_of
 from hindrax_core.errors import UsageError, cause
+from hindrax_core.hydrostatics import GRAVITY_mps2, Water
 from hindrax_core.knobs import block, build, choice, fact, knob
 from hindrax_core.readings import Vec3, Vec6
 from hindrax_core.sensor_table import SENSORS, SHARED
 from hindrax_core.text.yaml_text import read_yaml
 
-GRAVITY_mps2 = 9.80665
 MOST_THRUSTERS = 16
 """Servo outputs of a PCA9685 (its datasheet, section 2) and of an autopilot."""
 LAST_LINE = 127
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 WRENCH_SYMBOLS = ("X", "Y", "Z", "K", "M", "N")
 WRENCH_UNITS = ("N",) * 3 + ("Nm",) * 3
-
-
-@dataclass(frozen=True, slots=True)
-class Water:
-    """The water the vehicle is in."""
-
-    density_kgpm3: float = knob(1000.0, 950.0, 1100.0, "density [kg/m^3]")
-    kinematic_viscosity_m2ps: float = knob(1.01e-6, 1e-7, 1e-5, "kinematic viscosity [m^2/s]")
-    speed_of_sound_mps: float = knob(1484.0, 1300.0, 1700.0, "speed of sound [m/s]")
-    surface_pressure_Pa: float = knob(101325.0, 80000.0, 120000.0, "air pressure at the surface [Pa]")
-
-    def depth_m(self, pressure_Pa: float) -> float:
-        """Depth of a sensor that feels an absolute pressure; negative above the surface."""
-        return (pressure_Pa - self.surface_pressure_Pa) / (self.density_kgpm3 * GRAVITY_mps2)
 
 
 @dataclass(frozen=True, slots=True)

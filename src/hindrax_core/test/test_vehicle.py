@@ -8,8 +8,9 @@ import pytest
 import yaml
 
 from hindrax_core.errors import UsageError
+from hindrax_core.hydrostatics import Water
 from hindrax_core.knobs import build
-from hindrax_core.vehicle import Vehicle, Water, load_vehicle
+from hindrax_core.vehicle import Vehicle, load_vehicle
 
 FILE = Path(__file__).resolve().parents[2] / "hindrax_bringup" / "vehicles" / "hindrax.yaml"
 

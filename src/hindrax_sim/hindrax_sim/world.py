@@ -5,8 +5,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from hindrax_core.events import NS_PER_S, Stamp, stamp_from_s
+from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import Quaternion, Vec3
-from hindrax_core.vehicle import GRAVITY_mps2, Mount, Vehicle
+from hindrax_core.vehicle import Mount, Vehicle
 from hindrax_sim.conditions.world_table import realize
 from hindrax_sim.physics.geometry import euler, minus, plus, quaternion, rotate, rotate_back, unit
 from hindrax_sim.physics.normal_draws import NormalDraws

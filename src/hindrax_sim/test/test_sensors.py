@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 
 from hindrax_core.events import Stamp, Stamped, stamp_from_s
+from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Reading, Vec3
-from hindrax_core.vehicle import GRAVITY_mps2, Mount, load_vehicle
+from hindrax_core.vehicle import Mount, load_vehicle
 from hindrax_sim.flights.sensor_models import SensorNoise, sensors
 from hindrax_sim.physics.normal_draws import NormalDraws
 from hindrax_sim.world import Conditions, World

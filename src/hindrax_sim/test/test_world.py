@@ -7,8 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hindrax_core.events import Stamp, stamp_from_s
+from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import Vec3, Vec6
-from hindrax_core.vehicle import GRAVITY_mps2, Mount, load_vehicle
+from hindrax_core.vehicle import Mount, load_vehicle
 from hindrax_sim.physics.geometry import quaternion, rotate
 from hindrax_sim.world import Conditions, World
 

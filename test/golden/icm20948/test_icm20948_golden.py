@@ -10,9 +10,9 @@ import yaml
 
 from hindrax_core.bus_operations import DeviceError, Operation, Pause, Write, WriteRead
 from hindrax_core.events import Rejected, Stamp, Stamped, stamp_from_s
+from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import Inertial, Magnetic
 from hindrax_core.testing import rehearse
-from hindrax_core.vehicle import GRAVITY_mps2
 from hindrax_drivers.devices.icm20948 import Icm20948
 from hindrax_drivers.devices.imu import icm20948_registers as r
 from hindrax_drivers.devices.imu.ak09916 import Ak09916

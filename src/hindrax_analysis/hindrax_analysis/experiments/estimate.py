@@ -13,8 +13,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from hindrax_core.errors import HindraxError
+from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import Vec6
-from hindrax_core.vehicle import Drag, GRAVITY_mps2, Hydrodynamics
+from hindrax_core.vehicle import Drag, Hydrodynamics
 
 PRISM_RATIO = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
 PRISM_ADDED_MASS = (0.68, 0.36, 0.24, 0.19, 0.15, 0.14, 0.11)

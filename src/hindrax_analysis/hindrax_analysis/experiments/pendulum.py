@@ -21,8 +21,8 @@ from hindrax_analysis.experiments.least_squares import (
     propagate,
 )
 from hindrax_core.errors import HindraxError
+from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.text.digits import Value
-from hindrax_core.vehicle import GRAVITY_mps2
 
 COLUMNS = (Column("time_s", "time [s], increasing"), Column("theta_rad", "angle from the vertical [rad]"))
 

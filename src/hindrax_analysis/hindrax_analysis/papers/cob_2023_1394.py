@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from hindrax_analysis.papers.cells import Cell, Claim, Printed, Row, slips
 from hindrax_analysis.published import PUBLISHED, Published
-from hindrax_core.vehicle import GRAVITY_mps2
+from hindrax_core.hydrostatics import GRAVITY_mps2
 
 PAPER = "A"
 DENSITY_kgpm3 = 1000.0

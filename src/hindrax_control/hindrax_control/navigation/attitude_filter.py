@@ -21,10 +21,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Quaternion, Vec3
 from hindrax_core.rotation import IDENTITY, Matrix3
-from hindrax_core.vehicle import GRAVITY_mps2
 
 SMOOTHED_S = 0.25
 """A gyroscope that jumps by 40 deg/s is detected in 0.75 s; full thrust of the strongest vehicle, back and forth, stays

@@ -14,12 +14,13 @@ from hindrax_control.navigation.attitude_filter import SPANS, Offset, Span, mean
 from hindrax_control.navigation.horizontal_filter import PositionKnobs, PositionUncertainty
 from hindrax_control.sensors import NOWHERE, SensorMount, unfit
 from hindrax_core.events import NS_PER_S, Stamp, Stamped, after
+from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.input_checks import Refusals
 from hindrax_core.knobs import knob
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Reading, Vec3
 from hindrax_core.rotation import cross
 from hindrax_core.signals import NAN, ZERO6, Consistency, Navigation
-from hindrax_core.vehicle import GRAVITY_mps2, Vehicle
+from hindrax_core.vehicle import Vehicle
 
 LONG_AGO = Stamp(-(2**62))
 LEAST_UPRIGHT = 0.3

@@ -14,7 +14,8 @@ from functools import cached_property
 
 import numpy as np
 
-from hindrax_core.vehicle import AXES, AxisGain, GRAVITY_mps2, Vehicle
+from hindrax_core.hydrostatics import GRAVITY_mps2
+from hindrax_core.vehicle import AXES, AxisGain, Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.thrust_calibration import ThrustErrorMode, modes, thrust_shares
 from hindrax_ident.fit.delay import lag_impulse, latency_impulse

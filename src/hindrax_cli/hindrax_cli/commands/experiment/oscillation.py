@@ -19,8 +19,8 @@ from hindrax_cli.argument_types import positive
 from hindrax_cli.command import command, option
 from hindrax_cli.experiment_command import DENSITY, add_output, read_record, record, save_plot
 from hindrax_core.errors import HindraxError
+from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.text.screen_text import print_fitted
-from hindrax_core.vehicle import GRAVITY_mps2
 
 
 @command(

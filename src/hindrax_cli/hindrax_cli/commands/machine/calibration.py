@@ -15,9 +15,10 @@ from hindrax_cli.command import command, option
 from hindrax_cli.vehicle_edit import add_write, keep, require_editable
 from hindrax_core import topics
 from hindrax_core.errors import HindraxError
+from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import Inertial, Magnetic, Pressure, Vec3
 from hindrax_core.text.screen_text import print_stderr
-from hindrax_core.vehicle import GRAVITY_mps2, Mount, load_vehicle
+from hindrax_core.vehicle import Mount, load_vehicle
 from hindrax_drivers.bus_capture import capture, mount_of, run_once
 from hindrax_drivers.devices.icm20948 import Icm20948
 from hindrax_drivers.devices.imu.icm20948_samples import Icm20948Knobs

@@ -2,7 +2,7 @@
 
 import math
 
-from hindrax_core.vehicle import GRAVITY_mps2
+from hindrax_core.hydrostatics import GRAVITY_mps2
 
 ADDRESS = 0x68
 IDENTITY = 0xEA

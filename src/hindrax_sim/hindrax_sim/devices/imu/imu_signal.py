@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import Vec3, Vec6, vec6
-from hindrax_core.vehicle import GRAVITY_mps2
 
 GYRO_NOISE = math.radians(0.015)
 """Rate noise density [rad/s/sqrt(Hz)]."""
