@@ -40,14 +40,14 @@ def test_every_command_is_taken(command: Command, tmp_path: Path, monkeypatch: p
 def test_every_link_leads_somewhere(page: Path) -> None:
     for link in links_of(page):
         if "://" not in link:
-            assert (page.parent / link).exists(), f"{name(page)}: {link} is not there"
+            assert (page.parent / link).exists(), f"{name(page)}: {link} is missing"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_every_path_is_there(page: Path) -> None:
     for path in paths_of(page):
         if MADE_BY_THE_READER not in path:
-            assert (ROOT / path).exists(), f"{name(page)}: {path} is not there"
+            assert (ROOT / path).exists(), f"{name(page)}: {path} is missing"
 
 
 def test_every_page_can_be_reached_from_the_overview() -> None:

@@ -31,7 +31,7 @@ class ParameterOverrides:
     def __post_init__(self) -> None:
         """Check all of it before anything starts, or a folder is made for it."""
         if not re.fullmatch(r"(/[A-Za-z_]\w*)+", self.namespace, re.ASCII) or "__" in self.namespace:
-            raise UsageError(f"namespace {self.namespace!r}: wanted words of letters, digits and _, as /rov1")
+            raise UsageError(f"namespace {self.namespace!r}: wanted names of letters, digits and _, as /rov1")
         blocks = read_parameters(self.file)
         for text in self.settings:
             apply_setting(blocks, text, self.namespace)

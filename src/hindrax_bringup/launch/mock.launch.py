@@ -10,7 +10,7 @@ def generate_launch_description() -> LaunchDescription:
     arguments = {
         "seed": ("1", "of the mock's noise"),
         "rate": ("1", "times real time at most; 0: no bound"),
-        "world": ("ideal", "what the model does not know, as for `./hindrax up --world`"),
-        "faults": ("", "what goes wrong, where and when, as for `./hindrax up --fault`; several with blanks between"),
+        "world": ("ideal", "effects outside the model, as for `./hindrax up --world`"),
+        "faults": ("", "faults, as for `./hindrax up --fault`; several separated by blanks"),
     }
     return stack(arguments, MOCK, {"seed": "--seed", "rate": "--rate", "world": "--world", "faults": "--fault"})

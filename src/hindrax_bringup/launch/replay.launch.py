@@ -13,7 +13,7 @@ def generate_launch_description() -> LaunchDescription:
     """The record, and the nodes that compute on it; everything ends with it."""
     arguments = {
         "bag": (None, "folder of a bag, or one of its files"),
-        "rate": ("1", "times real time; 0: as fast as it goes"),
+        "rate": ("1", "times real time; 0: as fast as possible"),
     }
     onboard = (SENSORS, CONTROL, IDENTIFIER)
     return stack(arguments, REPLAY, {"bag": "--bag", "rate": "--rate"}, onboard, {CONTROL.name: UNHEARD})

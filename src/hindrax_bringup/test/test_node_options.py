@@ -63,7 +63,7 @@ def test_a_file_that_is_none_costs_one_sentence(tmp_path: Path, text: str) -> No
 
 @pytest.mark.parametrize("namespace", ["rov1", "/", "/rov1/", "/1rov", "/rov 1", "/rov__1", ""])
 def test_a_namespace_that_is_none_costs_one_sentence(namespace: str) -> None:
-    with pytest.raises(UsageError, match="wanted words of letters"):
+    with pytest.raises(UsageError, match="wanted names of letters"):
         ParameterOverrides(namespace)
 
 

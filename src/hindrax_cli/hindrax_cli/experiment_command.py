@@ -58,7 +58,7 @@ def read_record(path: Path, columns: Sequence[Column], fields: Sequence[str]) ->
     if fields:
         return _read_bag(path, fields, columns)
     if path.is_dir() or path.suffix == ".mcap":
-        raise UsageError(f"{path}: is a bag; say with --field COLUMN=TOPIC:PATH where its columns are")
+        raise UsageError(f"{path}: is a bag; name its columns with --field COLUMN=TOPIC:PATH")
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

@@ -33,8 +33,8 @@ class TeleopKnobs:
     yaw_axis: int = knob(3, -1, 63, "axis for yaw, left is positive, -1: none [-]")
     dead_zone: float = knob(0.08, 0.0, 0.9, "part of a stick's way that counts as released [-]")
     share: float = knob(0.5, 0.0, 1.0, "wrench at full deflection as a part of the vehicle's limits [-]")
-    full_speed_mps: float = knob(0.5, 0.01, 10.0, "linear velocity that asks for as much as a full deflection [m/s]")
-    full_rate_radps: float = knob(1.0, 0.01, 10.0, "angular velocity that asks for as much [rad/s]")
+    full_speed_mps: float = knob(0.5, 0.01, 10.0, "linear velocity that equals a full deflection [m/s]")
+    full_rate_radps: float = knob(1.0, 0.01, 10.0, "angular velocity that equals a full deflection [rad/s]")
     late_s: float = knob(0.3, 0.02, 5.0, "delay beyond the shortest one at which a message counts as late [s]")
 
 

@@ -119,7 +119,7 @@ def run_pool_test(options: PoolOptions) -> int:
                     identified = identify_run(folder, vehicle, mock=mock, aborted=flight.aborted, predicted=predicted)
             except HindraxError as error:
                 end = f"aborted by {flight.aborted}" if flight.aborted else "flown"
-                later = f"the record is kept; after that `./hindrax identify {folder.bag}` gives the results"
+                later = f"the record is stored; then `./hindrax identify {folder.bag}` gives the results"
                 raise HindraxError(f"{end}; but {error}; {later}") from error
     factor = round(flight.real_time_factor, 2)
     document = identified.document(folder.bag, folder.report, factor, flight.aborted)
@@ -234,7 +234,7 @@ def _operate(
         operator.wait(lambda: operator.thrusters is not None, UP_S, lambda: "a message from the thrusters")
         progress.report(f"{state_before_arming(reported)}; arming, which holds neutral for the time that the ESCs need")
         if options.plan_is_the_pilots:
-            operator.wait(lambda: operator.plans is not None, UP_S, lambda: "the pilot to tell its plans")
+            operator.wait(lambda: operator.plans is not None, UP_S, lambda: "the plans of the pilot")
             plans = dict(zip(operator.plans.motions, operator.plans.plans, strict=True))
             for motion in options.motions:
                 progress.report(f"plan: {plans[motion]}")

@@ -90,5 +90,5 @@ def test_results_that_find_no_room_are_reported_with_the_end_of_the_flight_and_h
         run_pool_test(replace(OPTIONS, out=str(out)))
     assert str(reported.value) == (
         "aborted by record: recording waits for room; but coefficients.yaml: cannot be written; make room; "
-        f"the record is kept; after that `./hindrax identify {out}/bag` gives the results"
+        f"the record is stored; then `./hindrax identify {out}/bag` gives the results"
     )

@@ -28,7 +28,7 @@ Every device reports once a second on `/diagnostics`, as `hindrax: NAME`, with t
 `age [s]` of the last reading, `rejects` and one `rejected: REASON` per reason, `troubles` and `last trouble`."""
 OUTPUT = """Output devices make the pulses of the thrusters, behind the output guard; one of them is named by
 `output` in the vehicle file. Both report under `thrusters`."""
-WORLDS = f"""What the mock's world can do that the model does not know: `--world` of `pool-test --mock`, `up --mock`,
+WORLDS = f"""Effects outside the model that the mock's world can add: `--world` of `pool-test --mock`, `up --mock`,
 `mock` and `montecarlo`. In *ideal* all are off; in *pool* the seed draws all of them. The form is
 {FORM}. A name alone has the size given here. Shares are fractions.
 [Worlds outside the model](../explanation/worlds.md) explains them."""
@@ -90,7 +90,7 @@ def _offers(name: str) -> str:
     rows = [(what, page, "yes" if served else "no", note) for what, page, served, note in offers().get(name, [])]
     if not rows:
         return ""
-    return f"\nThe manual and what is served of it:\n\n{table(('offers', 'page', 'served', 'how, or why not'), rows)}"
+    return f"\nThe manual, and what is supported:\n\n{table(('offers', 'page', 'served', 'how, or why not'), rows)}"
 
 
 def _outputs() -> str:

@@ -153,7 +153,7 @@ def calibration(flights: Flights) -> Figure:
             axis.plot([value - TWO_SIDED_95 * std, value + TWO_SIDED_95 * std], [row, row], color=MODEL, lw=5)
             axis.plot([value], [row], "o", color=MODEL, ms=4)
         axis.axvline(truth.surge.k_q, color=TRUTH, ls="--", lw=1.2)
-        promise = "as the curve says" if gain == 1.0 else f"{100 * (gain - 1):.0f} % above the curve"
+        promise = "as the curve" if gain == 1.0 else f"{100 * (gain - 1):.0f} % above the curve"
         axis.set(title=f"true thrust {promise}", xlabel="$k_q$ of surge [N s²/m²]", xlim=(60, 73))
         axis.set_yticks(range(len(own)), [f"run {one['seed']}" for one in own])
         axis.invert_yaxis()

@@ -1,6 +1,6 @@
 """Pages of the graph: nodes from their roles; topics from their table; our own messages, services and actions.
 
-The page of the nodes has what each takes, gives and serves, and its states.
+The page of the nodes lists inputs, outputs, services and states of each.
 """
 
 from collections.abc import Iterator, Mapping
@@ -15,12 +15,12 @@ from hindrax_drivers.lifecycle import State
 from hindrax_drivers.output.output_guard import ArmingPhase
 from hindrax_tools.reference.markdown import code, head, number, table
 
-NODES = f"""What every node takes and gives, in the default namespace `{NAMESPACE}`. The access policies of SROS2 are
+NODES = f"""Inputs and outputs of every node, in the default namespace `{NAMESPACE}`. The access policies of SROS2 are
 made of the same table and allow nothing else. [How to use one node](../how-to/use-one-node.md) without the others.
 
-Besides, every node takes `/clock` in mock, gives `/rosout`, has the services of its [parameters](parameters.md), and
+Every node also reads `/clock` in mock, publishes `/rosout`, has the services of its [parameters](parameters.md), and
 reports on `/diagnostics` once a second: OK, WARN or ERROR, with the reason in words. A node with a lifecycle has its
-services (`ros2 lifecycle set {NAMESPACE}/ms5837 deactivate`). It keeps the state that was asked for; without its device
+services (`ros2 lifecycle set {NAMESPACE}/ms5837 deactivate`). It keeps the requested state; without its device
 it is unconfigured, and returns to that state as soon as the device is found."""
 
 TYPES: Mapping[str, str] = {
@@ -57,7 +57,7 @@ STATES: Mapping[str, str] = {
     "pilot": "`maneuver/status`: no motion; settle, hover, transit, transient, plateau, coast, excite, done, aborted. "
     "`holds/status`: each hold engaged or not, and why it does not act",
     "estimator_health": "ERROR while the state is implausible: then nothing arms",
-    "allocator": "obeys one commander, or says in `/diagnostics` why none",
+    "allocator": "obeys one commander, or reports in `/diagnostics` why none",
     "identifier": "waiting for a maneuver, learning, or holding for a reason",
     "safety_monitor": "link: OK, or WARN since the operator was lost",
 }
@@ -66,8 +66,8 @@ ALONE = {name: f"ros2 run hindrax_control {name}" for name in ("teleop", "thrust
 LIFECYCLE = f"lifecycle: {', '.join(state.name.lower() for state in State)}"
 TOPICS_ABOUT = """Every topic of the stack. Only the vehicle's own machine sees them unless a tether is named. Recorded
 ones are in every bag. A rate of 0 means: on change."""
-MESSAGES = """Interfaces of `hindrax_msgs`. Where a standard message serves, it is used instead (see
-[topics](topics.md)). Every field says its unit; `-` has none."""
+MESSAGES = """Interfaces of `hindrax_msgs`. Standard messages are used where they fit (see
+[topics](topics.md)). Every field has its unit; `-` has none."""
 FOLDERS = {"msg": ("",), "srv": ("request", "response"), "action": ("goal", "result", "feedback")}
 
 
@@ -91,11 +91,11 @@ def _process(role: Role) -> str:
 
 
 def edges(role: Role) -> Iterator[tuple[str, str, str]]:
-    """What a node takes, gives, serves and asks: verb, full name, type."""
-    for verb, topics in (("takes", role.subscribes), ("gives", role.publishes)):
+    """Interfaces of a node: verb, full name, type."""
+    for verb, topics in (("subscribes", role.subscribes), ("publishes", role.publishes)):
         for topic in topics:
             yield verb, _name(topic), topic.type if isinstance(topic, Topic) else _type(topic)
-    for verb, names in (("serves", (*role.serves, *role.executes)), ("asks", (*role.requests, *role.calls))):
+    for verb, names in (("serves", (*role.serves, *role.executes)), ("calls", (*role.requests, *role.calls))):
         for name in names:
             yield verb, f"{NAMESPACE}/{name}", _type(name)
 

@@ -26,7 +26,7 @@ COLUMNS: dict[str, str] = {
     "N": "moment about z [N m]",
     "roll": "angle [rad]",
     "pitch": "angle [rad]",
-    "depth": "below the surface [m]; serves heave where there is no w",
+    "depth": "below the surface [m]; used for heave without w",
 }
 """Columns of a CSV record, in SNAME axes. Time, one velocity and the force on the same axis are needed."""
 

@@ -187,7 +187,7 @@ def _in_world(track: Track, at_s: Array, rows: Array, poses: tuple[Array, Array]
         if named_world:
             raise UsageError(
                 f"{track.topic}: is in frame {track.frame!r} without an attitude to turn it by, wanted a frame of the "
-                "body such as base_link; if it is in body axes after all, say so with --frame flu or --frame fsd"
+                "body such as base_link; if it is in body axes, add --frame flu or --frame fsd"
             )
         return False
     found = compare_frames(at_s, *poses, rows[:, :3])
@@ -214,7 +214,7 @@ def _signs_to_sname(track: Track, axes: _FrameChoice) -> Array:
     if words & WORLD_WORDS and track.kind in WRENCH_TYPES:
         raise UsageError(
             f"{track.topic}: is in frame {track.frame!r}, wanted a frame of the body such as base_link; "
-            "if it is in body axes after all, say so with --frame flu or --frame fsd"
+            "if it is in body axes, add --frame flu or --frame fsd"
         )
     if words & DOWN_WORDS:
         axes.notes.append(f"{track.topic}: frame {track.frame!r} taken as x forward, y starboard, z down")

@@ -220,7 +220,7 @@ def _held_out(figures: MotionFigures, found: Prediction) -> Chart:
         x_label="time [s]",
         y_label=f"{what} [{unit}]",
         caption=(
-            "The last quarter of the run (of several the last run), predicted anew over each window by a model that "
+            "The last quarter of the run (of several the last run), predicted over each window by a model that "
             f"was not fitted to it; RMS errors: {errors} {unit}."
         ),
         layers=(

@@ -85,7 +85,7 @@ class Recorder(BatchedNode):
         self._describe({"notes": notes, "truth": truth}, vehicle)
         self._completion = begin_completion(unfinished)
         if self._bag.path.stem != f"{folder.name}_0":
-            self.get_logger().warning(f"{folder} is there already; recording continues in {self._bag.path.name}")
+            self.get_logger().warning(f"{folder} exists already; recording continues in {self._bag.path.name}")
         self._reporter = DiagnosticsPublisher(self)
         self._gaps: dict[str, PublicationGaps] = {}
         self._invalid_stamps: Counter[str] = Counter()

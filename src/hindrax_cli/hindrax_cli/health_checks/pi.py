@@ -84,7 +84,7 @@ def service(root: Path) -> Check:
     if (root / UNIT).is_symlink() or (root / UNIT).exists():
         return Check("service", "hindrax.service starts with the machine")
     if _text(root / "etc/hindrax/hindrax.env"):
-        return Check("service", "no hindrax.service; the container has a restart policy of its own")
+        return Check("service", "no hindrax.service; the container has its own restart policy")
     return Check("service", "the stack does not start with the machine", SET_UP)
 
 

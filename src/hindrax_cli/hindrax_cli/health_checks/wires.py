@@ -127,7 +127,7 @@ def devices(settings: Settings, instead: Ports, clock: str) -> list[Check]:
 def _asked(name: str, where: str, ask: Callable[[], str]) -> Check:
     """Ask a device; an error becomes a failed check."""
     if not where.startswith((UDP_PREFIX, GPIO_PREFIX)) and not Path(where.removeprefix(MOCK_PREFIX)).exists():
-        return Check(name, f"not asked: {where} is not there", f"see {where}")
+        return Check(name, f"not identified: {where} is missing", f"see {where}")
     try:
         return Check(name, f"{ask()} at {where}")
     except HindraxError as error:

@@ -39,7 +39,9 @@ class AidingKnobs(AttitudeKnobs, HeadingKnobs, VerticalKnobs, HorizontalKnobs):
     sonar_confidence: float = knob(0.5, 0.0, 1.0, "echoes below this confidence are not used [-]")
     sonar_beam_deg: float = knob(25.0, 1.0, 90.0, "opening angle of the sonar's beam [deg]")
     sonar_tilt_deg: float = knob(25.0, 1.0, 90.0, "tilt above which ranges to the floor are not used [deg]")
-    dvl_altitude_after_s: float = knob(0.5, 0.0, 60.0, "silence of the sonar after which the DVL's altitude serves [s]")
+    dvl_altitude_after_s: float = knob(
+        0.5, 0.0, 60.0, "silence of the sonar after which the DVL's altitude is used [s]"
+    )
     dvl_altitude_sigma_m: float = knob(0.05, 1e-4, 1.0, "standard deviation of the DVL's altitude [m]")
     fastest_mps: float = knob(3.0, 0.1, 20.0, "velocity above which a DVL sample is rejected [m/s]")
     repeated_s: float = knob(1.0, 0.1, 60.0, "longest time for which a DVL may repeat one velocity, except at rest [s]")

@@ -52,8 +52,8 @@ class Dvl75Knobs:
     clock_drift_ppm: float = knob(200.0, 0.0, 1000.0, "largest accepted error of the device's clock rate [ppm]")
     latency_s: float = knob(0.0065, 0.0, 0.5, "end of interval to arrival: 75 characters at 115200 baud [s]")
     stall_s: float = knob(1.0, 0.3, 60.0, "silence that is reported [s]")
-    enable_after_s: float = knob(2.0, 0.5, 60.0, "time without a delta before it is asked for [s]")
-    enable_tries: int = knob(3, 0, 100, "how often deltas are asked for after a start [-]")
+    enable_after_s: float = knob(2.0, 0.5, 60.0, "time without a delta before one is requested [s]")
+    enable_tries: int = knob(3, 0, 100, "requests of deltas after a start [-]")
 
     def __post_init__(self) -> None:
         """Signs are signs."""

@@ -24,7 +24,7 @@ class Ping1dKnobs:
     profile: bool = knob(False, meaning="request full echo profiles continuously")
     answer_s: float = knob(0.3, 0.05, 5.0, "timeout of an answer [s]")
     tries: int = knob(3, 1, 100, "tries of a command [-]")
-    latency_s: float = knob(0.0, 0.0, 0.5, "end of scan to first byte, beyond what is known [s]")
+    latency_s: float = knob(0.0, 0.0, 0.5, "end of scan to first byte, beyond the known delay [s]")
     stall_s: float = knob(1.0, 0.3, 60.0, "silence that is reported and answered by a restart [s]")
 
 

@@ -24,7 +24,7 @@ RESTLESS_LOOKS = 20
 class SosLeakKnobs:
     """How the probe is wired, and how sure it must be."""
 
-    period_s: float = knob(0.1, 0.01, 1.0, "time between two looks [s]")
+    period_s: float = knob(0.1, 0.01, 1.0, "time between two samples [s]")
     wet_level: str = choice("high", ("high", "low"), "level of the line when the probe is wet")
     bias: str = choice("pull-up", BIASES, "resistor of the GPIO; towards wet, a broken cable is reported as a leak")
     looks: int = knob(5, 1, 100, "equal samples in a row before a level is accepted [-]")

@@ -32,7 +32,7 @@ from hindrax_ros.messages.fast_serialization import navigation_from_bytes
 
 UP = "`./hindrax up` starts the stack"
 ANSWER_S = 5.0
-AGAIN = "see what is wrong (`./hindrax doctor`), arm and fly again"
+AGAIN = "find the cause (`./hindrax doctor`), arm and fly again"
 ASKED_AT_MOST = 5
 LINK_S = 0.3
 """Time for the last messages to reach their subscribers before the node is destroyed."""

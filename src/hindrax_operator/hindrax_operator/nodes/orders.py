@@ -137,7 +137,7 @@ def recentre(operator: Operator, x_m: float, y_m: float, turned_rad: float) -> N
 def apply_wrench(operator: Operator, wrench: Vec6, seconds: float) -> Any:
     """Command a wrench [N, Nm] for a span of vehicle time; returns the last allocation, ends with a zero wrench."""
     operator.wait(lambda: operator.allocation is not None, SEEN_S, lambda: f"the allocator; {UP}")
-    with operator.sender(OPERATOR_WRENCH, "the pilot, which takes operator wrenches") as send:
+    with operator.sender(OPERATOR_WRENCH, "the pilot, which accepts operator wrenches") as send:
         end = after(operator.now(), seconds)
         try:
             with operator.repeating(WRENCH_PERIOD_S, lambda: send(wrench_to_msg(operator.now(), wrench))):
@@ -171,7 +171,7 @@ def set_health(operator: Operator, names: set[str], reason: str, *, usable: bool
     # Later than the list in force, whatever the clock did since: the pilot takes nothing older.
     message.header.stamp = stamp_to_msg(max(operator.now(), stamp_from_msg(listed.header.stamp) + 1))
     with (
-        operator.sender(THRUSTER_HEALTH_ORDER, "the pilot, which keeps the list of thrusters out of use") as send,
+        operator.sender(THRUSTER_HEALTH_ORDER, "the pilot, which owns the list of disabled thrusters") as send,
         operator.repeating(AGAIN_S, lambda: send(message)),
     ):
         operator.wait(

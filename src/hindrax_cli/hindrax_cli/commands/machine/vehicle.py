@@ -28,7 +28,7 @@ def new(arguments: argparse.Namespace) -> int:
         raise UsageError(f"vehicle {name}: wanted letters, digits, - and _; --out names the file")
     out = arguments.out or own_vehicles() / f"{name}.yaml"
     if out.exists():
-        raise UsageError(f"{out}: is there already; take another name, or remove it")
+        raise UsageError(f"{out}: exists already; use another name, or remove it")
     require_place(next(folder for folder in out.absolute().parents if folder.exists()) / out.name)
     text = file_text(name, ask(_line, _print_or_raise))
     vehicle = vehicle_from_text(text, str(out))
