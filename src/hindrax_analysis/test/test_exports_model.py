@@ -154,6 +154,19 @@ def test_a_results_file_of_the_session_is_understood() -> None:
     assert math.isnan(motion.coefficients["k_q"].std_calibrated)
 
 
+def test_a_result_for_both_directions_of_heave_is_exported_and_an_unknown_motion_is_named() -> None:
+    """Of a file that a person wrote; both ended with a KeyError."""
+    heave = {"k_q": value(80.0), "k_l": value(8.0), "added_mass": value(22.5)}
+    others = {name: body for name, body in results()["motions"].items() if not name.startswith("heave")}
+    assert exported({"motions": others | {"heave": heave}}).hydrodynamics.heave == Drag(80.0, 8.0)
+    named, misnamed = (
+        result_table(coefficients_of({"motions": {name: heave}}, "c.yaml"), "c.yaml") for name in ("heave", "heaf")
+    )
+    assert next(csv.DictReader(io.StringIO(write_csv(named))))["added_mass_unit"] == "kg"
+    with pytest.raises(HindraxError, match=r"found the motion 'heaf' in the results, wanted some of surge, .*heave_up"):
+        write_csv(misnamed)
+
+
 def test_tables_carry_values_deviations_and_units() -> None:
     table = result_table(coefficients_of(results(), "c.yaml"), "c.yaml")
     rows = list(csv.DictReader(io.StringIO(write_csv(table))))

@@ -40,8 +40,11 @@ class ExportModel:
 
 
 def unit_of(motion: str, name: str) -> str:
-    """Unit of a coefficient of a motion."""
-    return coefficient_units(MOTIONS[motion].axis)[name]
+    """Unit of a coefficient of a motion, or of an axis in both directions; HindraxError for another name."""
+    if motion not in AXES and motion not in MOTIONS:
+        known = ", ".join(dict.fromkeys((*AXES, *MOTIONS)))
+        raise HindraxError(f"found the motion {motion!r} in the results, wanted some of {known}; correct its name")
+    return coefficient_units(AXES.index(motion) if motion in AXES else MOTIONS[motion].axis)[name]
 
 
 def mean_of_directions(drag: Drag) -> tuple[float, float]:
