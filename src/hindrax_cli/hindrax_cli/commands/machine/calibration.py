@@ -99,7 +99,7 @@ def calibration(
         try:
             fitted = fit_sphere(points, radius)
         except HindraxError as error:
-            slowly = f"; only samples at less than {SLOW_radps:g} rad/s counts" if radius else ""
+            slowly = f"; only samples at less than {SLOW_radps:g} rad/s count" if radius else ""
             remarks.append(f"{prefix}: {error}{slowly}")
             continue
         remarks.append(f"{prefix}: lengths differ by {roundness(points, fitted):.2%} after correction")
