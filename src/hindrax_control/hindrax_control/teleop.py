@@ -22,7 +22,7 @@ FORGETTING = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class TeleopKnobs:
-    """Which stick does what. Defaults: a gamepad of two sticks as `joy_node` numbers it, held by its left shoulder."""
+    """Sticks and buttons. Defaults: a gamepad as numbered by `joy_node`, its left shoulder button as dead man."""
 
     dead_man: int = knob(4, 0, 63, "button that must be held [-]")
     surge_axis: int = knob(1, -1, 63, "axis for surge, forward is positive, -1: none [-]")

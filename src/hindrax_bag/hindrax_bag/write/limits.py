@@ -16,7 +16,7 @@ FILES_IN_BUDGET = 4
 
 @dataclass(frozen=True, slots=True)
 class BagLimits:
-    """Split, budget and floor. Zero switches a limit off.
+    """Limits of the bag. Zero disables a limit.
 
     The index of a file is kept in memory until the file ends, 0.3 MB for each minute.
     """

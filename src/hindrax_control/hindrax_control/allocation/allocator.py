@@ -33,13 +33,13 @@ NO_FORCES = "wrench: found no forces within limits, wanted its largest part; che
 
 @dataclass(frozen=True, slots=True)
 class AllocationKnobs:
-    """How the allocator weighs one thing against another."""
+    """Priorities and idle forces of the allocator."""
 
     priority: tuple[int, int, int, int, int, int] = knob(
         (2, 2, 1, 1, 1, 1), 1, 2, "order in which axes are served when not all can be, 1 first [-]"
     )
     idle_bias_N: float = knob(2.0, 0.0, 20.0, "force that idle thrusters hold against each other, 0: none [N]")
-    hop_N: float = knob(1.0, 0.0, 20.0, "gain for which this force jumps to another stretch [N]")
+    hop_N: float = knob(1.0, 0.0, 20.0, "gain for which this force moves to another interval [N]")
     dead_band_margin_us: float = knob(2.0, 0.0, 50.0, "distance kept from the dead band [us]")
 
 

@@ -21,7 +21,7 @@ LIMITED_TOGETHER = ((0, 1), (2,), (3,), (4,), (5,))
 
 @dataclass(frozen=True, slots=True)
 class WrenchGuardKnobs:
-    """When a wrench is too old, or too far ahead of its time."""
+    """Age and lead at which a wrench is refused."""
 
     max_age_s: float = knob(0.5, 0.02, 5.0, "age at which a wrench is refused [s]")
     max_lead_s: float = knob(0.1, 0.0, 5.0, "lead of a stamp over the clock at which a wrench is refused [s]")

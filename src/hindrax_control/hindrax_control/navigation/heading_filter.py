@@ -37,7 +37,7 @@ class HeadingKnobs:
     gyro_bias_dps: float = knob(0.1, 0.001, 20.0, "uncertainty of the bias after alignment [deg/s]")
     compass_sigma_deg: float = knob(2.0, 0.1, 180.0, "noise of a compass heading, thrusters at rest [deg]")
     compass_fixed_deg: float = knob(3.0, 0.0, 90.0, "effect of the vehicle's own field on the heading [deg]")
-    compass_walk_deg: float = knob(0.1, 0.0, 10.0, "how that, and the field of the place, change [deg/sqrt(s)]")
+    compass_walk_deg: float = knob(0.1, 0.0, 10.0, "drift of that effect, and of the local field [deg/sqrt(s)]")
     motor_sigma_deg: float = knob(0.3, 0.0, 100.0, "effect of a thruster, before it is learned [deg/N^1.5]")
     motor_rest_deg: float = knob(0.01, 0.0, 10.0, "effect of a thruster that stays unexplained [deg/N^1.5]")
     compass_patience: int = knob(250, 1, 100_000, "outliers in a row after which the field has really changed [-]")

@@ -22,7 +22,7 @@ RESTLESS_LOOKS = 20
 
 @dataclass(frozen=True, slots=True)
 class SosLeakKnobs:
-    """How the probe is wired, and how sure it must be."""
+    """Wiring and debouncing of the probe."""
 
     period_s: float = knob(0.1, 0.01, 1.0, "time between two samples [s]")
     wet_level: str = choice("high", ("high", "low"), "level of the line when the probe is wet")

@@ -63,7 +63,7 @@ def added_mass_cross(world: Realization, size: float, draws: NormalDraws) -> Non
 
 
 def center_of_mass(world: Realization, size: float, draws: NormalDraws) -> None:
-    """The center of mass lies beside that of the vehicle file, in a direction drawn at random.
+    """The center of mass is offset from that of the vehicle file, in a direction drawn at random.
 
     Size: A quarter of the distance to the center of buoyancy.
     """

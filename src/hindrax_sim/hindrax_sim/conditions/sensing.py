@@ -46,7 +46,7 @@ def dvl_bias(world: Realization, size: float, draws: NormalDraws) -> None:
 
 
 def dvl_yaw(world: Realization, size: float, _draws: NormalDraws) -> None:
-    """The DVL is mounted with a turn about the vertical axis that the vehicle file does not know.
+    """The DVL is mounted with a turn about the vertical axis that the vehicle file lacks.
 
     Size: Mounting by eye; our estimate.
     """
@@ -99,7 +99,7 @@ def dvl_latency(world: Realization, size: float, _draws: NormalDraws) -> None:
 
 
 def false_locks(world: Realization, size: float, draws: NormalDraws) -> None:
-    """The DVL takes something else for the bottom, so often per second, each time for one interval.
+    """The DVL locks on something else than the bottom, at this rate, each time for one interval.
 
     Size: One sample in a hundred; our estimate.
     """

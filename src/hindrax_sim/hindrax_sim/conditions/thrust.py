@@ -21,7 +21,7 @@ SUPPLY_EVERY_S = 0.1
 
 
 def thrust_gain(world: Realization, size: float, _draws: NormalDraws) -> None:
-    """All thrusters give a share more than their curve.
+    """All thrusters exceed their curve by a share.
 
     Size: Gain_sigma of a curve: bollard pull with a load cell.
     """
@@ -38,7 +38,7 @@ def weak_thruster(world: Realization, size: float, draws: NormalDraws) -> None:
 
 
 def dead_bands(world: Realization, size: float, draws: NormalDraws) -> None:
-    """The dead band of each thruster is wider by a normal draw of its own, and its curve begins as much later.
+    """The dead band of each thruster is wider by an independent normal draw, and its curve begins as much later.
 
     Size: A fifth of the speed controller's dead band; our estimate.
     """

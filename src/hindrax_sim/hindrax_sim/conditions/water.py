@@ -20,7 +20,7 @@ WAKE_S = 5.0
 def tether(world: Realization, size: float, _draws: NormalDraws) -> None:
     """A line from the top of the stern to the end of the pool pulls, with this force at 5 m and more the longer it is.
 
-    Size: What a hand feels of a neutral line of 8 mm; our estimate.
+    Size: Pull of a neutral line of 8 mm; our estimate.
     """
     _tie(world, size, 0.0)
 
@@ -64,7 +64,7 @@ def fluid_memory(world: Realization, size: float, _draws: NormalDraws) -> None:
 
 
 def wake(world: Realization, size: float, _draws: NormalDraws) -> None:
-    """Whoever turns back meets the water that he dragged along: a share of his speed, forgotten in 5 s.
+    """A vehicle that reverses meets its own wake: a share of its speed, decaying in 5 s.
 
     Size: Wake fraction of bluff hulls, 0.1 to 0.3; our estimate.
     """
@@ -102,7 +102,7 @@ def current(world: Realization, size: float, draws: NormalDraws) -> None:
 
 
 def seiche(world: Realization, size: float, draws: NormalDraws) -> None:
-    """The pool's longest standing wave moves the water to and fro along its length; its phase is drawn at random.
+    """The pool's longest standing wave moves the water back and forth along its length; its phase is drawn at random.
 
     Size: A wave of 4 mm: its height times sqrt(g / depth).
     """
