@@ -37,7 +37,7 @@ _prctl = ctypes.CDLL(None).prctl
 
 
 class ForkedProcess:
-    """What `subprocess.Popen` offers, for a child that this process did not start itself."""
+    """Interface of `subprocess.Popen` for a child that this process did not start itself."""
 
     def __init__(self, pid: int, stdout: IO[bytes] | None) -> None:
         self.pid, self.stdout = pid, stdout
@@ -166,7 +166,7 @@ def in_a_group_of_its_own() -> None:
 def serve(channel: socket.socket) -> tuple[list[Any], list[int]] | None:
     """Fork what is asked for; returns request and descriptors in each process that it forked, None at the end.
 
-    What is asked for is not waited for: a process that was forked before its imports does them itself.
+    A request does not wait: a process forked before its imports imports them itself.
     """
     supervisor, to_import = os.getppid(), json.loads(channel.recv(LONGEST) or "[]")
     while True:

@@ -1,4 +1,4 @@
-"""What the launch files share: arguments, and the actions that start a stack as `hindrax up` starts it.
+"""Shared by the launch files: arguments, and the actions that start a stack as `hindrax up` starts it.
 
 Everything happens when the launch is executed: `ros2 launch --show-args` makes no file and waits for nothing.
 """

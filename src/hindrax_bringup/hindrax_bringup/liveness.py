@@ -115,7 +115,7 @@ def _stack_of(path: Path) -> int:
 
 
 def _liveness_of(path: Path, now_s: float) -> tuple[str, list[str]] | None:
-    """What the process behind a liveness file does, and what is wrong with it; None without a process."""
+    """Activity and problems of the process behind a liveness file; None without a process."""
     if (beat := owned_document(path)) is None:
         return None
     age_s, pid, of_nodes = now_s - beat["at_s"], _stack_of(path), path.name.endswith(NODES)

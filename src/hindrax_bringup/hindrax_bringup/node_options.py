@@ -22,7 +22,7 @@ NODES = tuple(dict.fromkeys(node for process in EVERY for node in process.nodes)
 
 @dataclass(frozen=True, slots=True)
 class ParameterOverrides:
-    """What a user changes: namespace of the vehicle, a ROS parameter file, single parameters `node.name:=value`."""
+    """Settings of a user: namespace of the vehicle, a ROS parameter file, single parameters `node.name:=value`."""
 
     namespace: str = NAMESPACE
     file: str = ""

@@ -1,4 +1,4 @@
-"""Which stacks run on this machine: each has a lock file by which commands in other terminals find it.
+"""Stacks of this machine: each has a lock file by which commands in other terminals find it.
 
 The file is locked for as long as the tool that wrote it lives, so a file that can be locked was left by a tool that
 was killed; the next process that finds it removes it.
@@ -142,7 +142,7 @@ def _read(path: Path) -> StackLock | None:
 
 
 def owned_document(path: Path) -> Any:
-    """What the tool that wrote a file says in it; None where it no longer holds it, and then the file is removed."""
+    """Content of a lock file; None where its tool no longer holds it, and then the file is removed."""
     with contextlib.suppress(OSError, ValueError), path.open(encoding="utf-8") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)

@@ -35,7 +35,7 @@ SETTLED_S = 3.0
 
 @dataclass(frozen=True, slots=True)
 class UpOptions:
-    """Which vehicle, whether the mock's, what is kept, and who else may join over which tether."""
+    """Vehicle, mock, recording and tether of a stack."""
 
     vehicle_file: Path
     mock: MockOptions | None

@@ -64,7 +64,7 @@ def vehicle(name: str) -> str:
 
 
 def add_vehicle(parser: argparse.ArgumentParser, meaning: str = WHICH) -> None:
-    """Which vehicle; the usual one where none is named."""
+    """Vehicle; the default one where none is named."""
     parser.add_argument("--vehicle", type=vehicle, default=usual_vehicle(), metavar="NAME", help=meaning)
 
 

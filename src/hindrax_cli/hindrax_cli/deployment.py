@@ -20,7 +20,7 @@ class DeploymentKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """Which machine, where on it, how it runs, over which tether it is operated; `system` False leaves services be."""
+    """Machine, folder, way to run, and tether; `system` False leaves services unchanged."""
 
     host: str
     folder: str = "/opt/hindrax"

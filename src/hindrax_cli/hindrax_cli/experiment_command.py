@@ -1,4 +1,4 @@
-"""What the bench experiment commands share: options, reading a record, saving a plot."""
+"""Shared by the bench experiment commands: options, reading a record, saving a plot."""
 
 import argparse
 import importlib

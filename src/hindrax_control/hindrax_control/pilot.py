@@ -85,7 +85,7 @@ class Pilot:
         self._station: StationKeeping | None = None
         self._station_s = 0.0
         self._unserved = ZERO6
-        """What holds and station wanted of thrusters that rested: to them it is a shortfall."""
+        """Wrench of holds and station while thrusters rested: to them it is a shortfall."""
         self._operator_wrench: tuple[Stamp, Vec6] | None = None
         self._armed = self._was_armed = False
         self._unarmed = ""

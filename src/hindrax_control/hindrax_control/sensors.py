@@ -48,7 +48,7 @@ FARTHEST_m, FASTEST_mps, LONGEST_s = 1e4, 1e3, 60.0
 
 
 Bound: TypeAlias = tuple[str, Callable[[Any], float], float]
-"""What of a reading is looked at, its size, and the largest one that can be."""
+"""Checked part of a reading, its size, and the largest possible one."""
 BOUNDS: Mapping[type, tuple[Bound, ...]] = {
     Inertial: (
         ("force [m/s^2]", lambda one: math.hypot(*one.specific_force_mps2), MOST_FORCE_mps2),

@@ -19,5 +19,5 @@ class UsageError(HindraxError):
 
 
 def cause(error: Exception) -> str:
-    """What went wrong, without the number and the path of an OSError: the sentence names the path itself."""
+    """Cause, without the number and the path of an OSError: the sentence names the path itself."""
     return (isinstance(error, OSError) and error.strerror) or str(error)

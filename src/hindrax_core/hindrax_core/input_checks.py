@@ -42,12 +42,12 @@ class Untimely:
 
     @property
     def sentence(self) -> str:
-        """What was found and wanted, and the remedy."""
+        """Found and wanted value, and the remedy."""
         return f"{self.text}; {self.remedy}"
 
     @property
     def remedy(self) -> str:
-        """What to do about it."""
+        """Remedy."""
         return OTHER_CLOCK if self.other_clock else REMEDIES[self.kind]
 
 

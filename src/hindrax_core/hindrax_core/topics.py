@@ -61,7 +61,7 @@ QUANTITIES: Mapping[str, tuple[str, str]] = {
     "battery": ("sensor_msgs/msg/BatteryState", "supply voltage and current, when measured"),
     "leak": ("std_msgs/msg/Bool", "whether there is water in a dry hull, when measured"),
 }
-"""What a sensor can publish: type and meaning."""
+"""Quantity that a sensor can publish: type and meaning."""
 
 
 def _topic(sensor: Sensor, quantity: str, rate_Hz: float) -> Topic:

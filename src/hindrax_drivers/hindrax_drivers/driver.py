@@ -1,4 +1,4 @@
-"""What a driver file offers under the name DRIVER, its knobs and its constructor, and what drivers share."""
+"""Interface of a driver file (DRIVER: knobs and constructor), and helpers of drivers."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace

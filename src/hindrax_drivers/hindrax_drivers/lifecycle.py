@@ -1,6 +1,6 @@
 """Lifecycle of a device node, pure: the wanted state, the state the device allows, the transitions between.
 
-What an operator asked for last is kept. A device that is lost takes its node back to unconfigured; once it is found
+The last request of an operator is kept. A device that is lost takes its node back to unconfigured; once it is found
 again, the node returns to the state that is wanted, never beyond it.
 
     unconfigured --configure--> inactive --activate--> active
@@ -22,7 +22,7 @@ class State(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Transition:
-    """What leads from one state to another, numbered and named as in lifecycle_msgs/msg/Transition."""
+    """Transitions between states, numbered and named as in lifecycle_msgs/msg/Transition."""
 
     number: int
     label: str

@@ -43,7 +43,7 @@ MOTION_S = 240.0
 
 @dataclass(frozen=True, slots=True)
 class PoolOptions:
-    """What is flown, with which vehicle, and where the results go."""
+    """Motions, vehicle and result folder of a run."""
 
     motions: tuple[str, ...]
     """Names, or `all`: what the vehicle can fly."""
@@ -80,7 +80,7 @@ class FlownManeuver:
     armed: bool = False
     interrupted: bool = False
     node_problems: list[str] = field(default_factory=list)
-    """What /diagnostics complained of when it ended."""
+    """Errors in /diagnostics at the end."""
     vehicle_s: float = 0.0
     wall_s: float = 0.0
     facts: Mapping[str, Any] = field(default_factory=dict)
@@ -137,7 +137,7 @@ def run_pool_test(options: PoolOptions) -> int:
 
 
 def planned(vehicle: Vehicle, options: PoolOptions) -> list[str]:
-    """What will be flown, a line for each motion; UsageError when the pool leaves no room for it."""
+    """Plan, a line for each motion; UsageError when the pool leaves no room for it."""
     if options.aim is not None:
         return [f"plan: {plan_text(options.motions, options.aim)}"]
     if options.excitation != PLATEAUS or options.plan_is_the_pilots:
@@ -308,7 +308,7 @@ def state_before_arming(reported: Mapping[str, str]) -> str:
 
 
 def missing_solution(operator: Any) -> str:
-    """What is still missing, from /diagnostics."""
+    """Missing parts of the stack, from /diagnostics."""
     return "a navigation solution\n  " + ("\n  ".join(node_problems(operator)) or "no node has reported anything")
 
 

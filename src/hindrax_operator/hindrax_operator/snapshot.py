@@ -1,4 +1,4 @@
-"""What the live view shows, as values: copied from the messages once per snapshot, so that drawing needs no ROS."""
+"""Values of the live view: copied from the messages once per snapshot, so that drawing needs no ROS."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -69,7 +69,7 @@ class Snapshot:
     estimates: Mapping[str, Estimate] = field(default_factory=dict)
     cameras: tuple[str, ...] = ()
     plans: Mapping[str, str] = field(default_factory=dict)
-    """What the pilot would fly of each motion, or why it cannot."""
+    """Plan of the pilot for each motion, or why it cannot."""
     place: GuardedPlace | None = None
     stoppable: bool = True
     """Whether a receiver of a disarm request exists."""
@@ -105,7 +105,7 @@ def snapshot(operator: Any, stops_us: tuple[float, ...] = ()) -> Snapshot:
 
 
 def troubles(operator: Any) -> dict[str, str]:
-    """What each node reports of itself in /diagnostics, by name: empty where it is well."""
+    """Problem of each node in /diagnostics, by name: empty where it is healthy."""
     found = operator.diagnostics.items()
     return {name.removeprefix("hindrax: "): str(one.message) if one.level != b"\x00" else "" for name, one in found}
 
@@ -133,7 +133,7 @@ def _thrusters(state: Any, allocation: Any, stops_us: tuple[float, ...]) -> Thru
 
 
 def holds_of(status: Any) -> tuple[HoldState, ...]:
-    """What a HoldStatus says, as far as all of its lists reach; empty without one."""
+    """Content of a HoldStatus, as far as all of its lists reach; empty without one."""
     if status is None:
         return ()
     rows = zip(status.axes, status.engaged, status.setpoints, status.errors, status.notes, strict=False)
@@ -148,7 +148,7 @@ def _flight(status: Any) -> ManeuverView | None:
 
 
 def place_of(message: Any) -> GuardedPlace | None:
-    """What a PoolPlace says, which has no velocity; None without one."""
+    """Content of a PoolPlace, which has no velocity; None without one."""
     if message is None:
         return None
     position = PoolPosition(message.along, message.across, message.heading, NAN, NAN, message.sigma)

@@ -28,7 +28,7 @@ class NodeDiagnostics:
     last_report: Stamp | None = None
     note: str = ""
     alarm: str = ""
-    """What a device found that the operator must act on, while the device itself is well."""
+    """Finding that the operator must act on, while the device itself is healthy."""
     withheld: str = ""
     """Why an operator has it publish nothing; empty when he has not."""
 

@@ -50,7 +50,7 @@ class Memory:
         self._path = Path(named + MEMORY) if named else None
 
     def recall(self, count: int) -> tuple[float, ...] | None:
-        """What was left; None where there is nothing, or not so many finite numbers."""
+        """Stored numbers; None where there are none, or not so many finite ones."""
         try:
             words = self._path.read_text(encoding="ascii").split() if self._path else []
             found = tuple(map(float, words))

@@ -52,7 +52,7 @@ class StackTime:
         return 0.0 if self.epoch_ns is None else (epoch_ns() - self.epoch_ns) / NS_PER_S
 
     def step(self) -> str:
-        """What has happened to the wall clock, as a reason; empty when it runs with this time."""
+        """Step of the wall clock, as a reason; empty when it runs with this time."""
         step_s = self.step_s()
         if abs(step_s) <= STEP_S:
             return ""

@@ -34,7 +34,7 @@ NEUTRAL_us, TOLERANCE_us = 1500.0, 2.0
 
 @dataclass(frozen=True, slots=True)
 class TrueState:
-    """What is true at one instant of a mock flight; also a line of a log.
+    """Truth at one instant of a mock flight; also a line of a log.
 
     Velocity is that over ground, in body axes. A pulse of zero is none at all. Place: along and across the pool.
     """

@@ -33,7 +33,7 @@ class Conditions:
     motor_field_T_per_A: float = 0.4e-6
     """Field of a thruster's current at the magnetometer, in a direction of its own."""
     sizes: Mapping[str, float] = field(default_factory=dict)
-    """What the model does not know: conditions of `conditions.world_table` by name, each with its size."""
+    """Effects outside the model: conditions of `conditions.world_table` by name, each with its size."""
 
     @property
     def thrust_density_s(self) -> float:

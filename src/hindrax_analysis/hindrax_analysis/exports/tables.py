@@ -15,7 +15,7 @@ SYMBOLS = {"k_q": "$k_q$", "k_l": "$k_l$", "b": "$b$", "added_mass": "$m_a$"}
 
 
 def result_table(saved: SavedCoefficients, source: str) -> SavedCoefficients:
-    """What a table of results shows: identified motions as they are; HindraxError when there are none."""
+    """Rows of a table of results: identified motions; HindraxError when there are none."""
     motions, aborted = identified(saved), abort_notes(saved)
     if not motions:
         raise HindraxError(f"{source}: no motion is identifiable{f', {aborted[0]}' if aborted else ''}; fly it again")

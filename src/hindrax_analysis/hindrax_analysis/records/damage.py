@@ -56,7 +56,7 @@ def without_damage(recording: Recording) -> Recording:
 
 
 def _damage(t: Array, v: Array, force: Array) -> list[tuple[str, Flags]]:
-    """What each kind of damage is, and its samples (n,) of velocities (n,) under forces (n,)."""
+    """Each kind of damage, and its samples (n,) of velocities (n,) under forces (n,)."""
     stretches = list(_equal_values(t, v))
     size, most = float(np.quantile(np.abs(v), 0.95)), float(np.nanmax(np.abs(force), initial=0.0))
     found: list[tuple[str, Flags]] = []
@@ -82,7 +82,7 @@ def _damage(t: Array, v: Array, force: Array) -> list[tuple[str, Flags]]:
 
 
 def _left(stretches: list[slice], t: Array) -> str:
-    """What is done, and where the stretches are; they are in the order of time."""
+    """Treatment of the stretches, and their times, in order."""
     many = f"{len(stretches)} stretches, the first" if len(stretches) > 1 else "one stretch,"
     return f"left out ({many} after {t[stretches[0].start]:.4g} s)"
 

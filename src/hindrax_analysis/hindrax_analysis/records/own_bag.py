@@ -1,4 +1,4 @@
-"""What a bag of this stack holds: events by the feed of the live identifier, what was flown, its date, its truth."""
+"""Contents of a bag of this stack: events by the feed of the live identifier, maneuvers, date, truth."""
 
 import json
 from collections.abc import Iterable, Iterator, Mapping

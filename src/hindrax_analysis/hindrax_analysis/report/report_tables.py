@@ -198,7 +198,7 @@ def _plain(found: Number | None) -> str:
 
 
 def table_budget(result: MotionResult) -> str:
-    """What each influence contributes to the drag at the highest speed and to each coefficient, and its remedy."""
+    """Contribution of each influence to the drag at the highest speed and to each coefficient, and its remedy."""
     columns = [name for name in ("drag", *TABULATED) if name in result.budget]
     shares = {name: {row.influence: row.std for row in result.budget[name]} for name in columns}
     remedies = {row.influence: row.remedy for name in columns for row in result.budget[name]}

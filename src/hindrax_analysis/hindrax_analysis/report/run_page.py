@@ -82,7 +82,7 @@ def _header(report: RunReport) -> str:
 
 
 def _guard(aborted: str) -> str:
-    """What ended a flight, without its sentence: `pool_bounds`, or `start: dvl_lock` for a refused start."""
+    """Guard that ended a flight, without its sentence: `pool_bounds`, or `start: dvl_lock` for a refused start."""
     named = re.match(r"(\w+: )+", aborted)
     return named.group().removesuffix(": ") if named else aborted
 
@@ -175,7 +175,7 @@ def _motion(report: RunReport, result: MotionResult) -> str:
 
 
 def _next(result: MotionResult) -> str:
-    """What to fly or to measure next, and what the band of the drag would become."""
+    """Next experiment, and the band of the drag after it."""
     step, drag = result.next_step, result.drag
     if step is None or drag is None or not drag.force[-1] > 0.0:
         return ""

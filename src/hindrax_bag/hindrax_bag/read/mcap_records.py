@@ -42,7 +42,7 @@ _READERS: dict[int, Callable[[ReadDataStream], Any]] = {
 }
 """Records that are opened; indexes and statistics are skipped: a sequential reader needs none."""
 BROKEN = (McapError, ZstdError, EOFError, ValueError, LookupError, OverflowError, OSError, struct.error, RuntimeError)
-"""What reading a damaged record may raise, by mcap, zstd, lz4 or the disk."""
+"""Exceptions of reading a damaged record, from mcap, zstd, lz4 or the disk."""
 
 
 @dataclass(slots=True)

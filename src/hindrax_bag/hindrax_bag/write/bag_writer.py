@@ -47,7 +47,7 @@ class BagFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.contents = Contents(path.name)
-        """What was written so far."""
+        """Bytes written so far."""
         self._numbers: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._file = path.open("xb")

@@ -8,7 +8,7 @@ from hindrax_core.errors import HindraxError
 from hindrax_core.knobs import choice, knob
 
 BYTES_PER_S = 100_000
-"""What the whole stack writes in a second of vehicle time: 63 kB were measured, with a margin."""
+"""Bytes of the whole stack in a second of vehicle time: 63 kB were measured, with a margin."""
 
 FILES_IN_BUDGET = 4
 """At least so many files share a budget from which the oldest is dropped."""

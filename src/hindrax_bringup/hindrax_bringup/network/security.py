@@ -1,4 +1,4 @@
-"""Which node may publish and subscribe what: one role per node, from which the SROS2 policies follow.
+"""Access rights: one role per node, from which the SROS2 policies are generated.
 
 Nothing else is allowed. An enclave is the identity of one process. Only the operator's enclave may publish orders that
 move the vehicle; only the allocator may publish pulses, and at the bench, with the stack down, the bench's enclave.
@@ -24,7 +24,7 @@ ARM, FLY, RUN, ASSESS = "thrusters/arm", "maneuver/fly", "ident/run", "ident/ass
 RECENTRE = "maneuver/recentre"
 CANCEL = f"{FLY}/_action/cancel_goal"
 FOREIGN = (f"{NAMESPACE}/odometry", f"{NAMESPACE}/wrench")
-"""What the identifier takes of a stack that is not ours, under the names of another stack when they are remapped."""
+"""Third-party topics of the identifier, under other names when they are remapped."""
 OF_EVERY_NODE = (
     *("describe_parameters", "get_parameter_types", "get_parameters", "list_parameters"),
     *("set_parameters", "set_parameters_atomically", "get_type_description"),
@@ -63,7 +63,7 @@ _STATE = (
     *(t.NAVIGATION, t.THRUSTER_STATE, t.MANEUVER, t.PLACE, t.PLANS),
     *(t.ALLOCATION, t.HOLD_STATUS, t.THRUSTER_HEALTH, t.ESTIMATE, t.DIAGNOSTICS),
 )
-"""What an operator watches: about a megabit a second over the tether; raw frames are not among it."""
+"""Topics that an operator watches: about a megabit a second over the tether; raw frames are not among it."""
 
 ROLES: tuple[Role, ...] = (
     *(_sensor(sensor.name) for sensor in SENSORS),

@@ -96,7 +96,7 @@ def _into_setting(words: str) -> str:
 
 
 def add_tether(parser: argparse.ArgumentParser) -> None:
-    """Which interface leads to the other machine."""
+    """Interface to the other machine."""
     parser.add_argument(
         "--tether",
         type=_into_setting,

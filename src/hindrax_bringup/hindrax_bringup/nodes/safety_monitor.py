@@ -34,7 +34,7 @@ from hindrax_ros.stack_time import STEP_S
 
 CHECK_S, AGAIN_S, REPORT_S = 0.1, 0.5, 1.0
 TURN_S = 0.1
-"""What it reads is watched for seconds; what it does at once is begun by its timers."""
+"""Its inputs change within seconds; its timers start urgent actions."""
 LINK = "link"
 
 

@@ -1,4 +1,4 @@
-"""What is wrong with this machine and this vehicle, and what to do about it."""
+"""Problems of this machine and this vehicle, with remedies."""
 
 from dataclasses import dataclass
 

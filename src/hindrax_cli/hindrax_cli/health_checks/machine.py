@@ -63,7 +63,7 @@ def disk(folder: Path) -> Check:
 
 @dataclass(frozen=True, slots=True)
 class KernelTime:
-    """What the kernel knows of its clock: whether it is disciplined, and the bound of its error [s]."""
+    """Kernel clock: whether it is disciplined, and the bound of its error [s]."""
 
     synchronized: bool
     error_s: float

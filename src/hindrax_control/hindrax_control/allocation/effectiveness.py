@@ -1,4 +1,4 @@
-"""What thrusters can do: the effectiveness matrix, its condition, the axes that they serve, forces that cancel."""
+"""Thruster capability: the effectiveness matrix, its condition, the axes that they serve, forces that cancel."""
 
 import math
 from collections.abc import Sequence

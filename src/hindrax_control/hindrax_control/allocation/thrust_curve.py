@@ -18,7 +18,7 @@ from hindrax_core.vehicle import Vehicle
 HYSTERESIS = 0.1
 """Half width of the hysteresis at the dead band, as a fraction of the smallest running force."""
 SERVO_US = (500.0, 2500.0)
-"""What is outside is not a servo pulse at all but a sign of garbage."""
+"""A value outside is no servo pulse but garbage."""
 PULSE_FIELDS = {"mavros_msgs/msg/RCOut": "channels", "mavros_msgs/msg/OverrideRCIn": "channels"}
 PULSE_FIELDS |= {
     f"std_msgs/msg/{kind}MultiArray": "data" for kind in ("UInt16", "Int16", "Int32", "Float32", "Float64")

@@ -29,12 +29,12 @@ class WrenchGuardKnobs:
 
 @dataclass(frozen=True, slots=True)
 class Accepted:
-    """What the guard lets through: a finite wrench in base_link_fsd [N, Nm], or None; and why not all of it."""
+    """Output of the guard: a finite wrench in base_link_fsd [N, Nm], or None; and the refused parts."""
 
     wrench: Vec6 | None
     refused: tuple[str, ...] = ()
     asked: Vec6 = ZERO6
-    """What was asked for in the same axes, its finite part, before the limits."""
+    """Finite part of the requested wrench, in the same axes, before the limits."""
 
 
 class WrenchGuard:

@@ -21,7 +21,7 @@ from hindrax_core.vehicle import Vehicle
 
 STATION = "station"
 HOLDS = ("heading", "roll", "pitch", "depth", "altitude", STATION)
-"""What can be held. The station belongs to the pilot, which knows the pool."""
+"""Axes that can be held. The station belongs to the pilot, which knows the pool."""
 SNAME_OF = {"heading": "yaw", "roll": "roll", "pitch": "pitch", "depth": "heave", "altitude": "heave"}
 
 
@@ -73,7 +73,7 @@ class HoldsOutput:
 
 @dataclass(slots=True)
 class _Loop:
-    """What one axis keeps between steps."""
+    """State of one axis between steps."""
 
     regulator: Regulator
     setpoint: float = NAN

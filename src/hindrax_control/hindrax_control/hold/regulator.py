@@ -17,7 +17,7 @@ LIMIT_SHARE = 0.6
 
 @dataclass(frozen=True, slots=True)
 class LoopTuning:
-    """What a loop is asked for: bandwidth, damping, how fast the integral acts and the reference moves, authority."""
+    """Specification of a loop: bandwidth, damping, how fast the integral acts and the reference moves, authority."""
 
     bandwidth_radps: float
     damping: float

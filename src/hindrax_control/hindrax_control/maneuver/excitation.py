@@ -25,7 +25,7 @@ MOST = 1.5
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """What an excitation must stay in: force, rate and room about the middle; and the inertia behind it."""
+    """Bounds of an excitation: force, rate and room about the middle; and its inertia."""
 
     force: float
     rate: float

@@ -40,7 +40,7 @@ REMEDIES: Mapping[str, str] = {
     "blocked": "look for a wall, a cable or a rope, bring it to the middle of the pool and `./hindrax recentre` it",
     "dvl_lock": "give the DVL more water above a flat floor, or check it (`./hindrax doctor`)",
 }
-"""What the operator can do about each guard."""
+"""Remedy of each guard."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""What to fly: legs of constant force, planned from pool, limits and prior so that plateaus fit.
+"""Maneuvers: legs of constant force, planned from pool, limits and prior so that plateaus fit.
 
 A leg drives one degree of freedom in one direction: a boost up to the speed that the prior expects, then the constant
 force, a coast without it, then braking before its end. Forward and backward legs alternate, so the vehicle never has to
@@ -314,7 +314,7 @@ class Planner:
 
 
 def plans_of(vehicle: Vehicle, motions: Sequence[str]) -> tuple[Plan, ...]:
-    """What the pilot will fly by its default parameters, in its pool; UsageError as `Planner.plan`."""
+    """Plan of the pilot with default parameters, in its pool; UsageError as `Planner.plan`."""
     planner = Planner(vehicle, Allocator(vehicle), PlanKnobs())
     return tuple(planner.plan(motion, PoolBounds(vehicle, 0.0)) for motion in motions)
 

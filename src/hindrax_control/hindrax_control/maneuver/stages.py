@@ -27,7 +27,7 @@ THRUST_LAG_S = 0.15
 
 @dataclass(frozen=True, slots=True)
 class StageInput:
-    """What a stage sees: the state, the place in the pool, the time, and the heading without jumps."""
+    """Input of a stage: the state, the place in the pool, the time, and the heading without jumps."""
 
     navigation: Navigation
     place: PoolPosition
@@ -43,7 +43,7 @@ class StageInput:
 
 @dataclass(frozen=True, slots=True)
 class StageOutput:
-    """What a stage does: wrench beside the holds [N, Nm], phase, force and rate along the motion, and its end."""
+    """Output of a stage: wrench beside the holds [N, Nm], phase, force and rate along the motion, and its end."""
 
     wrench: Vec6
     phase: str
@@ -256,4 +256,4 @@ class BrakeAndHold(Stage):
 
 
 RELEASED = tuple(Setpoint(name, engaged=False) for name in ("heading", "roll", "pitch", "depth", "altitude"))
-"""What ends neutral."""
+"""Stages that end neutral."""

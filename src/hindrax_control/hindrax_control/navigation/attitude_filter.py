@@ -34,7 +34,7 @@ SPANS = 5
 Span: TypeAlias = tuple[Vec3, Vec3]
 """Mean rate [rad/s] and mean specific force [m/s^2] of one span."""
 FINEST_radps = math.radians(0.02)
-"""What the noise of a gyroscope leaves of a mean over a second."""
+"""Noise of a gyroscope in a mean over a second."""
 
 
 @dataclass(frozen=True)
@@ -180,7 +180,7 @@ class Offset:
     sigma_radps: float
 
     def combined(self, other: "Offset") -> "Offset":
-        """What two sources know together; one that cannot be true beside this one adds nothing."""
+        """Fusion of two sources; one that contradicts this one adds nothing."""
         variance = self.sigma_radps**2
         off = tuple(b - a for a, b in zip(self.rate_radps, other.rate_radps, strict=True))
         total = variance + other.sigma_radps**2

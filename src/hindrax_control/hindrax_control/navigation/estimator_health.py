@@ -68,7 +68,7 @@ REMEDIES: Mapping[str, str] = {
     "speed": "let it come to rest; check the sensors (`./hindrax monitor`)",
     "tilt": "bring it upright, and check its trim",
 }
-"""What the operator can do about each check that fails."""
+"""Remedy of each failed check."""
 
 
 class EstimatorHealth:

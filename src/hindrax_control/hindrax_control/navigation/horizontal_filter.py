@@ -32,7 +32,7 @@ class HorizontalKnobs(FilterKnobs):
 
 @dataclass(frozen=True, slots=True)
 class PredictedInterval:
-    """What the prediction did in an interval of the past."""
+    """Prediction over an interval of the past."""
 
     du_mps: float
     """How much has been added to u between the mean over the interval and now."""
@@ -74,7 +74,7 @@ class HorizontalFilter:
             self._rows.popleft()
 
     def way(self, from_s: float, to_s: float) -> PredictedInterval | None:
-        """What happened between two times; None when they are forgotten or still to come."""
+        """Motion between two times; None when they are forgotten or in the future."""
         oldest, now = self._rows[0], self._rows[-1]
         to_s = min(to_s, now[0])
         if from_s < oldest[0] or to_s - from_s < LEAST_SPAN_S:

@@ -108,7 +108,7 @@ class Navigator:
 
     @property
     def gyroscope_offset(self) -> Offset | None:
-        """What outlasts a gap or a restart; None while nothing is known."""
+        """State that survives a gap or a restart; None while nothing is known."""
         sigma = max(self._attitude.bias_sigma_radps, self._heading.bias_sigma_radps)
         if not self._aligned or sigma >= self._unknown.sigma_radps:
             return None

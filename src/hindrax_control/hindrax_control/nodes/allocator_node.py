@@ -113,6 +113,6 @@ class AllocatorNode(BatchedNode):
         self._reporter.report(now, wrong, "allocating", values)
 
     def _ignored_publishers(self) -> str:
-        """Who publishes wrenches that the pilot of this process leaves no room for."""
+        """Publishers of wrenches that are refused beside the pilot of this process."""
         others = publishers_of(self, WRENCH) - {self.pilot} if self.pilot else ()
         return f"not obeyed: {', '.join(sorted(others))}, because {self.pilot} commands" if others else ""

@@ -1,6 +1,6 @@
 """The control process: navigator, estimator health, pilot and allocator, or some of them.
 
-What one of them publishes for another of the same process goes by call as well, if both have the same name for the
+Messages between two of them also go by call, if both have the same name for the
 topic; then the graph is not read for it. Remap one end (`-r pilot:control/wrench:=elsewhere`), or leave one of them
 out, and the other reads it from the graph.
 """

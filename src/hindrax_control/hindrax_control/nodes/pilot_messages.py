@@ -50,7 +50,7 @@ def unfit_estimate(message: Any) -> str:
 
 
 def allocation_from_msg(message: Any, thrusters: int) -> Allocation:
-    """What the pilot needs of an AllocationStatus: shortfall [N, Nm], forces [N], lost axes. ValueError if unfit."""
+    """Fields of an AllocationStatus for the pilot: shortfall [N, Nm], forces [N], lost axes. ValueError if unfit."""
     forces_N, shortfall = tuple(message.forces), tuple(map(float, message.shortfall))
     if len(forces_N) != thrusters or not all(map(math.isfinite, (*forces_N, *shortfall))):
         raise ValueError(f"found {len(forces_N)} forces and a shortfall, wanted {thrusters} finite ones")

@@ -25,7 +25,7 @@ from hindrax_drivers.timebase import Break, Timebase
 ASK_CONFIGURATION = b"\nCONFIGURATION\n"
 ENABLE_DELTAS = b"SEND-DVPDL ON\n"
 RETWEET = b"GPS:"
-"""What the device puts before the sentences of a GPS. Page "Re-Tweeted GPS Messages"."""
+"""Prefix of the sentences of a GPS. Page "Re-Tweeted GPS Messages"."""
 SHORTEST_us, LONGEST_us = 20_000, 1_000_000
 """Plausible intervals: the page says 5 to 20 Hz, which is 50 to 200 ms."""
 ROUNDING_VARIANCE_m2 = protocol.POSITION_STEP_m**2 / 12.0

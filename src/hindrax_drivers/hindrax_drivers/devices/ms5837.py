@@ -34,7 +34,7 @@ C1_LOWEST, C1_BORDER, C1_HIGHEST = 26_000, 37_000, 49_000
 """C1 distinguishes the models where the product number does not: fielded 30BA parts carry zero there."""
 
 LIMITS_Pa = {"30BA": (0.0, 3.1e6), "02BA": (1_000.0, 250_000.0)}
-"""What the part can measure at all; 30 bar and 2 bar and a margin for the weather."""
+"""Measuring range of the part: 30 bar and 2 bar, with a margin for the weather."""
 LIMITS_C = (-40.0, 85.0)
 FASTEST_Kps = 10.0
 """From air into cold water the housing takes a second or two."""

@@ -24,7 +24,7 @@ from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.devices.stm32 import BOARD_NEUTRAL_us
 
 SERVO_LOW_us, SERVO_HIGH_us = 500.0, 2500.0
-"""What is outside is not a servo pulse at all but a sign of garbage; what is inside is clipped to the limits."""
+"""A value outside is no servo pulse but garbage; one inside is clipped to the limits."""
 TRY_AGAIN = "try again"
 """Ends the refusal of a request that would be taken if it were made now."""
 LEAST_REST_us = 1000.0
@@ -93,7 +93,7 @@ class Challenge:
 
 @dataclass(frozen=True, slots=True)
 class Pulses:
-    """What to write to the output now [us]; `sequence` is that of the command behind it, zero when it is neutral."""
+    """Pulses to write to the output now [us]; `sequence` is that of the command behind it, zero when it is neutral."""
 
     thrusters: tuple[float, ...]
     lights: tuple[float, ...]

@@ -1,1 +1,1 @@
-"""What travels on serial lines: framing, checksums, fields and silence. Pure; the devices use them."""
+"""Serial protocols: framing, checksums, fields and silence. Pure; the devices use them."""

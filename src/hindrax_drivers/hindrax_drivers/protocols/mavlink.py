@@ -50,9 +50,9 @@ class StatusText:
 
 
 Message: TypeAlias = Heartbeat | AppliedPulses | CommandAck | Battery | StatusText
-"""What is read: SERVO_OUTPUT_RAW as the pulses of sixteen channels (0 for none), BATTERY_STATUS as a battery."""
+"""Received messages: SERVO_OUTPUT_RAW as the pulses of sixteen channels (0 for none), BATTERY_STATUS as a battery."""
 Sent: TypeAlias = tuple[int, bytes]
-"""What is sent: number of a message, and its payload."""
+"""Sent messages: number and payload."""
 
 
 def _battery(values: tuple[Any, ...]) -> Battery:

@@ -232,7 +232,7 @@ def result_of(motion: Motion, assessment: Assessment) -> MotionResult:
 
 
 def _unseen(assessment: Assessment, reported: ReportedParameters, drag: _Drag) -> tuple[str, ...]:
-    """What no record shows, where it makes most of the band of the drag at the highest speed or of the added mass."""
+    """Influences that no record shows and that make most of the band of drag (highest speed) or added mass."""
     mass = int(reported.rows[reported.mass])
     of_mass = assessment.budget.shifts[mass], float(assessment.noise[mass, mass])
     return assessment.budget.unseen({"the drag": drag.top, "the added mass": of_mass})

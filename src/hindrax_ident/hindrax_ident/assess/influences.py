@@ -74,7 +74,7 @@ class Case:
 
     @property
     def weighing(self) -> AxisGain:
-        """What a known weight measured on this axis, perhaps in no direction."""
+        """Result of a known weight on this axis, perhaps in no direction."""
         return self.vehicle.thrust_gain.get(AXES[self.axis], NOT_WEIGHED)
 
     @property
@@ -100,7 +100,7 @@ class Case:
 
     @cached_property
     def inflow(self) -> Array:
-        """What inflow takes thrust by, after the lag: (n,) [N^0.5, N^0.5 m^2]; as a rule where it is not recorded.
+        """Loss of thrust per inflow, after the lag: (n,) [N^0.5, N^0.5 m^2]; as a rule where it is not recorded.
 
         Then each thruster has its share of the thrust, and some hold the net buoyancy in every motion.
         """
@@ -233,7 +233,7 @@ def _calibration(case: Case) -> Array:
 
 
 def _unweighed(case: Case, thrust: Array, error: Callable[[Array], Array]) -> Array:
-    """What an error of the thrust, (n,) to (n, k), is beside the gain that a known weight showed with it."""
+    """Rest of an error of the thrust, (n,) to (n, k), beside the gain that a known weight showed with it."""
     out, gain = error(thrust), case.weighing
     for sign in case.weighed:
         out = out - np.maximum(0.0, sign * thrust)[:, None] * error(array([sign * gain.load])) / gain.load
@@ -373,7 +373,7 @@ def _tether(case: Case) -> Array:
 
 
 def _longer_tether(case: Case) -> Array:
-    """What the drag of a tether changes by from the middle of the way to its end: it grows with its length."""
+    """Change of the drag of a tether from the middle of the way to its end: it grows with its length."""
     return case.of_force(-_braking(case) * case.position)
 
 

@@ -41,7 +41,7 @@ class Contribution:
 
 @dataclass(frozen=True, slots=True)
 class NextStep:
-    """What to fly or to measure next: the remedy that would shrink the band of a quantity most, and to what."""
+    """Next experiment: the remedy that would shrink the band of a quantity most, and to what."""
 
     remedy: str
     std: float
@@ -84,7 +84,7 @@ class MotionResult:
     next_step: NextStep | None = None
     """For the drag at the highest speed."""
     warnings: tuple[str, ...] = ()
-    """What the record shows beside the model, one sentence each."""
+    """Influences that the record shows, one sentence each."""
 
     def value(self, name: str) -> float:
         """Value of a coefficient; NaN where missing."""

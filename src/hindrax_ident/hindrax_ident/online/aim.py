@@ -1,4 +1,4 @@
-"""What an experiment is for: its motions, when it is over, and what it begins with."""
+"""Aim of an experiment: motions, end, and first legs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ class Aim:
 
 @dataclass(frozen=True, slots=True)
 class ExperimentGoal:
-    """What an operator asks of the identification node; `on_cancel`: hold or neutral."""
+    """Request of an operator to the identification node; `on_cancel`: hold or neutral."""
 
     motions: tuple[str, ...]
     aim: Aim
@@ -43,7 +43,7 @@ class ExperimentGoal:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """What to fly: LEVELS of a motion, each out and back."""
+    """Legs to fly: LEVELS of a motion, each out and back."""
 
     motion: str
     levels: tuple[float, ...] = FIRST

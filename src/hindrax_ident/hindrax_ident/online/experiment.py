@@ -1,4 +1,4 @@
-"""What to fly next: the legs that a session learns from.
+"""Choice of the next leg that a session learns from.
 
 First every motion at its extreme speeds; then the legs that shrink the uncertainty of the drag most per second
 (A-optimal over a handful of candidates, by the covariance of the fit so far), until noise is below a third of what the
@@ -33,7 +33,7 @@ UNKNOWN_CALIBRATION = 0.03
 
 @dataclass(frozen=True, slots=True)
 class DragEstimate:
-    """What is known of the drag along an axis; d parameters: drag and offset.
+    """Estimate of the drag along an axis; d parameters: drag and offset.
 
     `covariance` (d, d) of them; `gradient` (q, d) of the drag at the speeds that count, `force` (q,) the drag there
     [N, N m]; `wanted`: its noise at which enough is known [-].
@@ -83,7 +83,7 @@ class DragEstimate:
 
 
 def drag_of(session: Session, axis: int, until: float) -> DragEstimate | None:
-    """What is known of the drag along an axis now; None before two speeds were flown."""
+    """Present estimate of the drag along an axis; None before two speeds were flown."""
     if axis not in session.axes:
         return None
     plateaus = measure(session.record(axis))

@@ -166,7 +166,7 @@ class FilteredRegression:
         return ramp
 
     def _linear(self, terms: Sequence[float]) -> float:
-        """What the terms have of the velocity, in whichever direction."""
+        """Part of the velocity in the terms, in either direction."""
         return terms[1] + (terms[3] if self._split else 0.0)
 
     @property

@@ -60,7 +60,7 @@ class RecordSession:
 
 
 def of_axis(reading: IdentEvent, axis: int) -> IdentEvent | None:
-    """What the session of one axis gets of a measurement; None: nothing.
+    """Part of a measurement for the session of one axis, or None.
 
     Velocities are those of all axes, for motion along the others causes forces on this one.
     """

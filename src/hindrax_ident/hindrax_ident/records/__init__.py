@@ -1,1 +1,1 @@
-"""What the identification learns from: samples in the order of their stamps, maneuver phases, axis records."""
+"""Input of the identification: samples in the order of their stamps, maneuver phases, axis records."""

@@ -1,4 +1,4 @@
-"""Who may ask: the right host, the right origin, the right token. Pure; the sentences are for the refused client."""
+"""Access checks: the right host, the right origin, the right token. Pure; the sentences are for the refused client."""
 
 import hmac
 import ipaddress
@@ -23,7 +23,7 @@ class RefusedRequest(Exception):  # noqa: N818  # an answer to a browser, not a 
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """What a request must bring: one of these host names, and the token."""
+    """Requirements of a request: one of these host names, and the token."""
 
     hosts: frozenset[str]
     token: str

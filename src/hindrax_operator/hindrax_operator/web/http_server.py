@@ -252,7 +252,7 @@ class Server(threading.Thread):
 
 
 class Site(HTTPServerConnectionDelegate):
-    """What all requests share. A new connection is always let in; the one that has waited longest makes room for it.
+    """State of all requests. A new connection is always accepted; the one that has waited longest makes room for it.
 
     So slow connections cannot keep an order out. Pages that receive updates have their own limit and never make room.
     """

@@ -1,4 +1,4 @@
-"""What a browser gets: the page as one text, and the update five times a second, plain values with angles in degrees.
+"""Content for a browser: the page as one text, and the update five times a second, plain values with angles in degrees.
 
 The page is `page.html` with `page.css` and `page.js` in it; the script runs by its hash.
 """
@@ -29,7 +29,7 @@ def _file(name: str) -> str:
 
 
 CHOICES = json.dumps({"motions": list(AXES), "excitations": [PLATEAUS, *EXCITATIONS]})
-"""What the form offers; the script reads it from the page."""
+"""Choices of the form; the script reads them from the page."""
 SCRIPT = _file("page.js")
 SCRIPT_HASH = base64.b64encode(hashlib.sha256(SCRIPT.encode()).digest()).decode()
 """For the Content-Security-Policy: no other script runs in the page."""

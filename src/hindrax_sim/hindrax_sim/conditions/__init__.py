@@ -1,1 +1,1 @@
-"""What a realistic world does that the model does not know: one row of a table each."""
+"""Effects of a realistic world outside the model: one row of a table each."""

@@ -86,7 +86,7 @@ def dvl_latency(world: Realization, size: float, _draws: NormalDraws) -> None:
         return ZERO6
 
     def delayed(plant: Plant, travel: Travel) -> Travel:
-        """What was true a while ago, linear between the steps."""
+        """Truth a while ago, linear between the steps."""
         if not kept:
             return travel
         (at_s, was), (next_s, following) = kept[0], kept[1] if len(kept) > 1 else (plant.time_s, travel)

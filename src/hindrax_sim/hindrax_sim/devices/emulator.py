@@ -1,4 +1,4 @@
-"""What an emulator file offers under the name EMULATOR, the base of parts that measure, and their buses and lines."""
+"""Interface of an emulator file (EMULATOR), and the base of parts that measure."""
 
 import errno
 import math

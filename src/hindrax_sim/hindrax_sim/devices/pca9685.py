@@ -1,6 +1,6 @@
 """PCA9685 as a register model, with an inexact 25 MHz oscillator. Data sheet: NXP PCA9685 rev. 4, section 7.
 
-What a speed controller would see is `pulse_us(channel)`; `changes` remembers when that changed. What the data sheet
+`pulse_us(channel)` is the pulse at a speed controller; `changes` remembers when it changed. What the data sheet
 forbids or leaves undefined is not played through but written down in `violations`.
 """
 

@@ -45,7 +45,7 @@ class PoolFlight:
 
     @property
     def outcome(self) -> Outcome:
-        """What the identification found; computed at every call."""
+        """Result of the identification; computed at every call."""
         return self.session.finalize()
 
     @property

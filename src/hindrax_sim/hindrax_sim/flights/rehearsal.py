@@ -49,7 +49,7 @@ class ExpectedBand:
 
 @dataclass(frozen=True, slots=True)
 class Rehearsal:
-    """What to expect of a pool test. `aborted`: "guard: sentence" of the rehearsal, empty when all was flown."""
+    """Forecast of a pool test. `aborted`: "guard: sentence" of the rehearsal, empty when all was flown."""
 
     vehicle: str
     world: str

@@ -59,7 +59,7 @@ class SensorModel:
 
 
 def _counted(true: Vec3, bias: Vec3, sigma: float, step: float, draws: NormalDraws) -> Vec3:
-    """What is true with bias and noise, in whole steps."""
+    """Truth with bias and noise, in whole steps."""
     x, y, z = (round((t + b + sigma * draws.normal()) / step) * step for t, b in zip(true, bias, strict=True))
     return (x, y, z)
 

@@ -59,7 +59,7 @@ class WeighingPilot:
 
 @dataclass(frozen=True, slots=True)
 class WeighingFlight:
-    """What was recorded; when a measurement began and ended, and the load on the axis then [N, Nm]."""
+    """Record; begin and end of each measurement, and its load on the axis [N, Nm]."""
 
     events: list[Stamped[IdentEvent]]
     spans: list[tuple[Stamp, Stamp, float]]

@@ -1,4 +1,4 @@
-"""What the processes that replace hardware share: their main function, their place in the graph, and their end."""
+"""Shared by the processes that replace hardware: main function, place in the graph, and end."""
 
 import argparse
 import contextlib

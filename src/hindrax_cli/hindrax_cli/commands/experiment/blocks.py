@@ -1,4 +1,4 @@
-"""What goes into a vehicle file: `hindrax bollard` (thrust curve, COB-2023-1394) and `estimate` (Eidsvik 2015)."""
+"""Blocks of the vehicle file: `hindrax bollard` (thrust curve, COB-2023-1394) and `estimate` (Eidsvik 2015)."""
 
 import argparse
 
@@ -25,7 +25,7 @@ AREAS = ("front", "side", "top")
 
 
 def add_rig(parser: argparse._ActionsContainer) -> None:
-    """What the sweep was measured with, and the name of its curve."""
+    """Setup of the sweep, and the name of its curve."""
     parser.add_argument("--lever-ratio", type=positive, default=1.0, metavar="RATIO", help="thrust over load [-]")
     parser.add_argument("--stop", type=positive, default=1500.0, metavar="US", help="stop pulse [us]")
     parser.add_argument("--dead-band", type=positive, default=25.0, metavar="US", help="half width without thrust [us]")

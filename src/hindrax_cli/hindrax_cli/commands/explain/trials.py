@@ -1,4 +1,4 @@
-"""What is proven by many runs: `hindrax montecarlo` (accuracy), `faults` (time to neutral) and `bench` (speed)."""
+"""Many runs: `hindrax montecarlo` (accuracy), `faults` (time to neutral) and `bench` (speed)."""
 
 import argparse
 import pkgutil

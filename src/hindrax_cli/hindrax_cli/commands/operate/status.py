@@ -57,7 +57,7 @@ def _nobody() -> str:
 
 
 def _status(stack: StackLock, alive: tuple[str, str] | None, now_s: float) -> StackStatus:
-    """What the lock file, the liveness file and, for what only it knows, the graph of a stack report."""
+    """State of a stack from lock file, liveness file and graph."""
     doing, wrong = alive or ("", "")
     what, _, thrusters = doing.rpartition(": ")
     age_s = round(now_s - stack.started_s, 1)

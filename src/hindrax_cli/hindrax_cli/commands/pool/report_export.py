@@ -1,4 +1,4 @@
-"""What follows a run: `hindrax report` and `export`, for simulators, controllers, tables and our vehicle file."""
+"""After a run: `hindrax report` and `export`, for simulators, controllers, tables and our vehicle file."""
 
 import argparse
 from collections.abc import Callable, Iterable

@@ -14,7 +14,7 @@ from hindrax_drivers.timebase import Timebase
 
 SAMPLE = struct.Struct(">6h")
 LEAST, MOST = -32768, 32767
-"""What the device sends at the end of its range."""
+"""Value at the end of the range."""
 REPEATS = 2
 """The noise of six axes is several counts each: more equal samples in a row than this are a device that has hung."""
 HUNG_AFTER = 50

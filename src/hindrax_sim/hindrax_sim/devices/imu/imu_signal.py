@@ -217,7 +217,7 @@ def _cut(counts: float) -> int:
 
 
 def _self_test(accel_switches: int, gyro_switches: int) -> tuple[float, ...]:
-    """What the self test adds [m/s^2, rad/s]: the response of the factory codes (eMD: 2620 * 1.01^(code-1))."""
+    """Addition by the self test [m/s^2, rad/s]: the response of the factory codes (eMD: 2620 * 1.01^(code-1))."""
     responses = [(axis, 2620.0 * 1.01 ** (code - 1)) for axis, code in zip((4, 2, 1), SELF_TEST_CODES, strict=True)]
     accel = (one / ACCEL_LSB_PER_G[0] * GRAVITY_mps2 if accel_switches & axis else 0.0 for axis, one in responses)
     gyro = (one / GYRO_LSB_PER_DPS[0] * DPS if gyro_switches & axis else 0.0 for axis, one in responses)
