@@ -44,7 +44,7 @@ def test_a_state_is_wrong_by_tilt_depth_or_a_velocity_that_it_claims_to_know() -
 def judged(mode: str, *steps: tuple[float, TrueState, Navigation | None], within_s: float = math.inf) -> FaultOutcome:
     judge = Judge(FLYING)
     for seconds, true, assumed in steps:
-        judge.step(replace(true, now_s=FLYING.now_s + seconds), assumed)
+        judge.observe(replace(true, now_s=FLYING.now_s + seconds), assumed)
     return judge.cell("imu", "died", mode, 1, "", within_s=within_s)
 
 

@@ -15,7 +15,7 @@ FREE_BYTES_WANTED = 500_000_000
 FIRST_YEAR = 2025
 """A clock before it was never set: a Raspberry Pi has no battery clock."""
 RUNS = Path("runs")
-"""Where runs lie that are named by their time."""
+"""Folder of runs that are named by their time."""
 
 
 class RunFolder:

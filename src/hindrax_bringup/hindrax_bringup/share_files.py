@@ -1,4 +1,4 @@
-"""Where the files that come with the stack lie: vehicles, middleware profiles."""
+"""Files that come with the stack: vehicles, middleware profiles."""
 
 import os
 from pathlib import Path

@@ -43,9 +43,9 @@ class StackLock:
     purpose: str = UP
     namespace: str = NAMESPACE
     bag: str = ""
-    """Where it records; empty: nowhere."""
+    """Folder of the bag; empty: no bag."""
     started_s: float = field(default_factory=time.monotonic)
-    """When it was announced, of the clock that no correction of the time moves."""
+    """Time of its announcement, by the monotonic clock."""
 
     @property
     def waits_for_operator(self) -> bool:

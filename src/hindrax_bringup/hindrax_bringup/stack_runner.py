@@ -102,7 +102,7 @@ class ClockStep:
 
     def followed(self) -> bool:
         """Whether the stack is to end now; prints it."""
-        step, step_s, now_s = self.of_stack.step(), self.of_stack.step_s(), self.now_s()
+        step, step_s, now_s = self.of_stack.step_reason(), self.of_stack.step_s(), self.now_s()
         if abs(step_s - self._step_s) > STEP_S:
             self._step_s, self._since_s = step_s, now_s
         if not step or now_s - self._since_s < SETTLED_S or self.armed():

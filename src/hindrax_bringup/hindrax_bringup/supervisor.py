@@ -56,7 +56,7 @@ class SupervisedProcess:
     restarts: int = 0
     ended: bool = False
     frozen: str = ""
-    """Why it was killed here; empty when it was not."""
+    """Reason why it was killed here; empty when it was not."""
     stopped: frozenset[int] = frozenset()
     """Processes below it that stand still and were reported."""
 
@@ -270,7 +270,7 @@ def _heartbeat_folder() -> Path:
 
 
 def _frozen(child: SupervisedProcess, now_s: float, awake_s: float) -> str:
-    """Why a process that runs does nothing; empty when it does. Before its first beat it may take its time."""
+    """Reason why a process that runs does nothing; empty when it does. Before its first beat it may take its time."""
     if is_stopped(child.handle.pid):
         return "stopped by a signal"
     last_s = beaten_s(child.heartbeat)

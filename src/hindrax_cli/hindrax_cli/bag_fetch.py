@@ -22,7 +22,7 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True, slots=True)
 class Remote:
-    """Where bags lie: a folder on a host that is reached with a command, or on this machine without one."""
+    """Source of bags: a folder on a host that is reached with a command, or on this machine without one."""
 
     command: tuple[str, ...]
     folder: str

@@ -12,7 +12,7 @@ ROS = "/opt/ros/jazzy/setup.bash"
 
 
 class DeploymentKind(StrEnum):
-    """How the stack runs there: as a service of a ROS installation, or in the container."""
+    """Way to run the stack there: as a service of a ROS installation, or in the container."""
 
     NATIVE = "native"
     CONTAINER = "container"

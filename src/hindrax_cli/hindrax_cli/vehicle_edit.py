@@ -82,7 +82,7 @@ def on_one_line(value: object) -> str:
 
 
 def _end(text: str, node: Any) -> int:
-    """Where a value ends: a block ends with its last entry, not with the comments below it; lines keep their end."""
+    """End of a value: a block ends with its last entry, not with the comments below it; lines keep their end."""
     if isinstance(node, yaml.CollectionNode) and not node.flow_style and node.value:
         last = node.value[-1]
         return _end(text, last[1] if isinstance(last, tuple) else last)

@@ -188,7 +188,7 @@ class Pilot:
         return self._maneuver
 
     def whereabouts(self) -> GuardedPlace | None:
-        """Where in the pool the vehicle is, as the guard of the walls sees it; None while the heading is unknown."""
+        """Position in the pool, as the guard of the walls uses it; None while the heading is unknown."""
         if self.pool is None or self._navigation is None:
             return None
         place = self.pool.place(self._navigation)

@@ -17,7 +17,7 @@ from hindrax_core.vehicle import Vehicle
 
 @dataclass(frozen=True, slots=True)
 class PoolBoundsKnobs:
-    """Where in the pool dead reckoning begins, and how well that is known."""
+    """Start of dead reckoning in the pool, and its uncertainty."""
 
     start_along: float = knob(0.5, 0.0, 1.0, "start of dead reckoning along the pool, as a fraction of its length [-]")
     start_across: float = knob(0.5, 0.0, 1.0, "start of dead reckoning across the pool, as a fraction of its width [-]")
@@ -27,7 +27,7 @@ class PoolBoundsKnobs:
 
 @dataclass(frozen=True, slots=True)
 class PoolPosition:
-    """Where the vehicle is in the pool, its heading from the pool's length, its velocity in pool axes.
+    """Position in the pool, heading from the pool's length, its velocity in pool axes.
 
     `sigma_m` is the standard deviation of x and of y; NaN where it is unknown.
     """
@@ -95,7 +95,7 @@ class PoolBounds:
         self._reckoned_m, self._variance_m2 = navigation.position_m, sigma_m**2 if math.isfinite(sigma_m) else 0.0
 
     def place(self, navigation: Navigation) -> PoolPosition:
-        """Where the vehicle is by dead reckoning; velocities are NaN where the navigator has none."""
+        """Position by dead reckoning; velocities are NaN where the navigator has none."""
         north, east = (now - then for now, then in zip(navigation.position_m, self._reckoned_m, strict=True))
         cos, sin = math.cos(self.axis_rad), math.sin(self.axis_rad)
         x_m, y_m = self.start_m[0] + cos * north + sin * east, self.start_m[1] - sin * north + cos * east

@@ -34,7 +34,7 @@ class Branch:
 class Curve:
     """Thrust of one kind of thruster against the pulse at one supply voltage.
 
-    Where a branch begins outside the dead band, thrust rises evenly from nothing at the band to the branch's weakest.
+    Between dead band and branch, thrust rises evenly from nothing at the band to the branch's weakest.
 
     `positive: null` in the file means the mirror image of the negative branch about the stop pulse: an assumption,
     and marked as one. Thrust is scaled by (V / supply_V) ** supply_exponent; the default is what the published bollard

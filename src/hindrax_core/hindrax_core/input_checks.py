@@ -34,7 +34,7 @@ LONGEST = 300
 
 @dataclass(frozen=True, slots=True)
 class Untimely:
-    """Why a stamp is refused: a kind to count by, what was found and wanted."""
+    """Reason why a stamp is refused: a kind to count by, what was found and wanted."""
 
     kind: str
     text: str
@@ -112,7 +112,7 @@ class SinglePublisher:
     name: str = ""
 
     def judge(self, publishers: Collection[str], *, armed: bool) -> str:
-        """Why a message that just came is not taken, given the full names of all publishers; empty when it is."""
+        """Reason why a new message is refused, given the full names of all publishers; empty when it is."""
         listed = ", ".join(sorted(publishers))
         if len(publishers) != 1:
             return f"found {len(publishers)} publishers{listed and f' ({listed})'}, wanted one"

@@ -51,7 +51,7 @@ ON_REQUEST = {
     State.FINALIZED: "shut down on request; only a restart of its process brings it back",
     State.ACTIVE: "",
 }
-"""Why a node is not active, by the state that an operator wants."""
+"""Reason why a node is not active, by the state that an operator wants."""
 
 
 def requested(state: State, number: int, label: str) -> Transition | None:

@@ -73,7 +73,7 @@ class Timebase:
 
     @property
     def drift_ppm(self) -> float:
-        """How much longer than nominal the device's ticks are found to be."""
+        """Estimated excess of the device's ticks over nominal."""
         return self._slope * 1e6
 
     def restart(self) -> None:

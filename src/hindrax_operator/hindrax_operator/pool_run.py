@@ -58,7 +58,7 @@ class PoolOptions:
     headless: bool
     json: bool
     aim: Aim | None = None
-    """When the identification node ends the experiment that it runs; without one the pilot flies its plan."""
+    """End of an experiment of the identification node; without one the pilot flies its plan."""
     predicted: Mapping[str, float] = field(default_factory=dict)
     """Deviation of the drag of each motion as a share of it, by a rehearsal [-]."""
     tuning: ParameterOverrides = field(default_factory=ParameterOverrides)
@@ -300,7 +300,7 @@ def interrupted_once() -> Iterator[None]:
 
 
 def state_before_arming(reported: Mapping[str, str]) -> str:
-    """That all is up, or what is not well, by the last reports of the nodes."""
+    """State of the stack, by the last reports of the nodes."""
     troubled = sorted(name for name, trouble in reported.items() if trouble)
     return (
         f"the thrusters are up, but not healthy: {', '.join(troubled)}" if troubled else "sensors and thrusters are up"

@@ -98,7 +98,7 @@ def units(motion: str) -> tuple[str, str]:
 
 
 def wall(maneuver: Any) -> str:
-    """How far the wall ahead is, where that is known."""
+    """Distance to the wall ahead, where known."""
     return "" if math.isnan(maneuver.wall_distance) else f", wall {maneuver.wall_distance:.1f} m ahead"
 
 

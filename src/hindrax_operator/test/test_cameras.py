@@ -35,7 +35,7 @@ def test_a_camera_is_read_while_somebody_looks(node: Node, monkeypatch: pytest.M
         deadline = time.monotonic() + 30.0
         while not done():
             assert time.monotonic() < deadline
-            found.step()
+            found.update()
             out.publish(CompressedImage(format="jpeg", data=b"\xff\xd8\xff"))
             executor.spin_once(timeout_sec=0.02)
 

@@ -152,7 +152,7 @@ def _remap(word: str, topics: Mapping[str, str], bag: Path) -> tuple[str, str]:
 
 
 def reference_file(bag: Path, folder: Path) -> Path:
-    """Where the reference of a bag lies."""
+    """File of the reference of a bag."""
     return folder / f"{bag.name}.json"
 
 

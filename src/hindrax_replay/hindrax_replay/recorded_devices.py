@@ -47,7 +47,7 @@ class SerialWire:
     stamp: Stamp = UNHEARD
     mismatches: list[str] = field(default_factory=list)
     opened: list[Stamp] = field(default_factory=list)
-    """When its port was opened."""
+    """Times at which its port was opened."""
 
     def frame(self, stamp: Stamp, direction: int, data: bytes) -> Iterator[Output]:
         """Advance time to the frame, then feed it."""

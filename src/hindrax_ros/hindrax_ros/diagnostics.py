@@ -30,7 +30,7 @@ class NodeDiagnostics:
     alarm: str = ""
     """Finding that the operator must act on, while the device itself is healthy."""
     withheld: str = ""
-    """Why an operator has it publish nothing; empty when he has not."""
+    """Reason why an operator has it publish nothing; empty when he has not."""
 
     def reading(self, stamp: Stamp) -> None:
         """Count a valid reading."""

@@ -10,7 +10,7 @@ from hindrax_ros.messages.fast_serialization import raw_frames_bytes
 
 RECEIVED, SENT = RawFrames.RECEIVED, RawFrames.SENT
 READER_WAIT_S = 10.0
-"""How long the first frames wait for a subscriber: a replay needs those with which a device was set up."""
+"""Wait of the first frames for a subscriber: a replay needs those with which a device was set up."""
 
 
 class FrameTap:

@@ -48,10 +48,10 @@ class StackTime:
         return Stamp(time.time_ns() if self.epoch_ns is None else self.epoch_ns + time.monotonic_ns())
 
     def step_s(self) -> float:
-        """How far the wall clock is ahead of this time, negative if behind [s]; the correction a clock daemon made."""
+        """Lead of the wall clock over this time [s], the correction by a clock daemon."""
         return 0.0 if self.epoch_ns is None else (epoch_ns() - self.epoch_ns) / NS_PER_S
 
-    def step(self) -> str:
+    def step_reason(self) -> str:
         """Step of the wall clock, as a reason; empty when it runs with this time."""
         step_s = self.step_s()
         if abs(step_s) <= STEP_S:

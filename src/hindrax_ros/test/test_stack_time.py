@@ -40,11 +40,11 @@ def test_a_step_moves_no_stamp_and_is_reported(
     monkeypatch.setenv(VARIABLE, str(epoch_ns()))
     wire, stack = SystemClock(), StackTime(epoch_ns())
     clocks.run(5)
-    assert (wire.now(), stack.now(), stack.step()) == (begin + 5 * S, begin + 5 * S, "")
+    assert (wire.now(), stack.now(), stack.step_reason()) == (begin + 5 * S, begin + 5 * S, "")
     clocks.wall_ns += step_s * S
     clocks.run(5)
     assert wire.now() == stack.now() == begin + 10 * S
-    assert stack.step() == f"the wall clock was set {how}"
+    assert stack.step_reason() == f"the wall clock was set {how}"
     assert stack.step_s() == pytest.approx(step_s)
     wire.close()
 
@@ -52,15 +52,15 @@ def test_a_step_moves_no_stamp_and_is_reported(
 def test_outside_of_a_stack_it_is_the_wall_clock(clocks: Clocks) -> None:
     alone = StackTime.of({})
     clocks.wall_ns += 3600 * S
-    assert (alone.now(), alone.step()) == (clocks.wall_ns, "")
+    assert (alone.now(), alone.step_reason()) == (clocks.wall_ns, "")
 
 
 def test_a_slewed_clock_has_not_stepped(clocks: Clocks) -> None:
     stack = StackTime.of({VARIABLE: str(epoch_ns())})
     clocks.wall_ns += S // 20
-    assert stack.step() == ""
+    assert stack.step_reason() == ""
     clocks.wall_ns += S // 4
-    assert stack.step() == "the wall clock was set forward by 0.3 s", "but so far it is not slewed"
+    assert stack.step_reason() == "the wall clock was set forward by 0.3 s", "but so far it is not slewed"
 
 
 @pytest.mark.parametrize("pauses_s", [{0: (2, 0)}, {0: (0, 2)}, {1: (2, 0)}, {1: (0, 2), 2: (2, 0)}])

@@ -105,7 +105,7 @@ def fly(row: DeviceFault, mode: str, seed: int) -> Iterator[FaultOutcome]:
             judge = Judge(true)
             lost = "no thrust before the fault: nothing is shown" if true.neutral and mode != DISARMED else ""
         else:
-            judge.step(true, pilot.estimated)
+            judge.observe(true, pilot.estimated)
             unhealthy = unhealthy or next(iter(onboard.unhealthy), "")
         return data
 

@@ -50,7 +50,7 @@ class Judge:
         self._thrust_s = self._right_s = begin.now_s
         self._wrong_s = self._tilt_deg = 0.0
 
-    def step(self, true: TrueState, estimated: Navigation | None) -> None:
+    def observe(self, true: TrueState, estimated: Navigation | None) -> None:
         """Take notice of one step."""
         self._last = true
         self._tilt_deg = max(self._tilt_deg, true.tilt_deg)

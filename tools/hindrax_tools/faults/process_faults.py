@@ -313,7 +313,7 @@ class _Seen:
         stamps = sorted(estimates)
         for true in self._true[1:]:
             at = bisect_right(stamps, true.now_s)
-            judge.step(true, estimates[stamps[at - 1]] if at else None)
+            judge.observe(true, estimates[stamps[at - 1]] if at else None)
         row, why = self._row, "" if self._mode == DISARMED else self._reason
         armed = row.who in GOING_ON and self._mode != DISARMED and not why
         return judge.cell(row.who, row.what, self._mode, seed, why, within_s=row.within_s, lost=self.lost, armed=armed)

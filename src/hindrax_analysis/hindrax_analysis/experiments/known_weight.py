@@ -41,7 +41,7 @@ SOURCES = ("scatter of the thrust", "quality of the hold", "drift of the DVL", "
 
 @dataclass(frozen=True, slots=True)
 class LoadSpan:
-    """When which load [N, Nm, with the axis] hung on the vehicle, from one stamp to another."""
+    """Interval of a load [N, Nm, with the axis] on the vehicle, from one stamp to another."""
 
     begin: Stamp
     end: Stamp

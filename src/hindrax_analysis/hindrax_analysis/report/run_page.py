@@ -88,7 +88,7 @@ def _guard(aborted: str) -> str:
 
 
 def _end(report: RunReport) -> str:
-    """Why the flight ended early, and what was flown until then; empty for one that was flown to its end."""
+    """Reason why the flight ended early, and what was flown until then; empty for one that was flown to its end."""
     conditions = report.conditions
     rows = [f"<b>Aborted by {prose(conditions.aborted)}</b>"] if conditions.aborted else []
     until, blocked = _times(conditions.flown_s), _times(conditions.blocked_s)

@@ -24,7 +24,7 @@ from hindrax_core.vehicle import Vehicle, vehicle_from_text
 
 PATTERNS = ("*.mcap", "*.db3")
 RUN_BAG = "bag"
-"""Where the bag lies in the folder of a run."""
+"""Place of the bag in the folder of a run."""
 VEHICLE_FILE = "vehicle.yaml"
 """Its name in the folder of a run, and inside a bag."""
 COMPRESSED = (".zstd", ".zst", ".lz4")

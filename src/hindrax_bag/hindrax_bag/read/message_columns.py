@@ -73,7 +73,7 @@ class FieldSeries:
     name: str
     time_s: list[float] = field(default_factory=list)
     stamps: list[int] = field(default_factory=list)
-    """When it was measured, by the header of the message, or received where it has none [ns]."""
+    """Time of measurement by the header of the message, or of receipt without one [ns]."""
     values: list[float] = field(default_factory=list)
     unit: str = ""
     """As the definition of the message names it; empty where it does not."""

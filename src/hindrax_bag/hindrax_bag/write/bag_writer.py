@@ -116,7 +116,7 @@ class BagWriter:
     limits: BagLimits = field(default_factory=BagLimits)
     counts: Counter[str] = field(default_factory=Counter)
     stopped: str = ""
-    """Why nothing is recorded; empty while recording."""
+    """Reason why nothing is recorded; empty while recording."""
     free: Callable[[Path], int] = free_bytes
     _extras: list[Callable[[BagFile], None]] = field(default_factory=list)
     _done: dict[str, Contents] = field(default_factory=dict)

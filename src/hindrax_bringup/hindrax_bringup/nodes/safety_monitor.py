@@ -61,7 +61,7 @@ class SafetyMonitor(BatchedNode):
         self._arm = self.create_client(Arm, "thrusters/arm")
         self._reporter = DiagnosticsPublisher(self)
         self._disarming = ""
-        """Why the thrusters are to be disarmed, until they are."""
+        """Reason why the thrusters are to be disarmed, until they are."""
         subscription(self, THRUSTER_STATE, self._on_thrusters, raw=True)
         self.every(AGAIN_S, self.repeat_disarm)
         if self.stack_time.epoch_ns is not None:
@@ -142,7 +142,7 @@ class SafetyMonitor(BatchedNode):
 
     def _check_clock(self) -> None:
         """Disarm when the wall clock is set: orders of those who stamp with it would be refused from now on."""
-        step, step_s = self.stack_time.step(), self.stack_time.step_s()
+        step, step_s = self.stack_time.step_reason(), self.stack_time.step_s()
         if abs(step_s - self._step_s) > STEP_S:
             self._step_s = step_s
             if step and self.armed:

@@ -103,7 +103,7 @@ def power(root: Path) -> Check:
 
 
 def adapter(latency: Path) -> Check:
-    """How long a USB adapter keeps bytes to itself."""
+    """Latency timer of a USB adapter."""
     name, held_ms = latency.parent.name, int(_text(latency) or 0)
     if held_ms > LATENCY_ms:
         return Check(name, f"keeps bytes for {held_ms} ms, wanted {LATENCY_ms}", f"{SET_UP}, then plug it in again")

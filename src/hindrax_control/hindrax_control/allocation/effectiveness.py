@@ -90,7 +90,7 @@ class NullPattern:
     shares: tuple[tuple[int, float], ...]
 
     def size_in(self, forces_N: Sequence[float]) -> float:
-        """How much of the pattern there is in given forces [N]."""
+        """Amplitude of the pattern in given forces [N]."""
         energy = sum(share * share for _, share in self.shares)
         return sum(share * forces_N[index] for index, share in self.shares) / energy
 

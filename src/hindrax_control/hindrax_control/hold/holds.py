@@ -27,7 +27,7 @@ SNAME_OF = {"heading": "yaw", "roll": "roll", "pitch": "pitch", "depth": "heave"
 
 @dataclass(frozen=True, slots=True)
 class HoldKnobs:
-    """How briskly the holds act; their gains follow from the vehicle file."""
+    """Bandwidths of the holds; their gains follow from the vehicle file."""
 
     heading_bandwidth_radps: float = knob(2.0, 0.1, 5.0, "bandwidth of the heading hold [rad/s]")
     tilt_bandwidth_radps: float = knob(1.8, 0.1, 8.0, "bandwidth of the roll and pitch holds [rad/s]")

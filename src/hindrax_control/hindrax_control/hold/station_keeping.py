@@ -16,7 +16,7 @@ from hindrax_core.vehicle import Vehicle
 
 @dataclass(frozen=True, slots=True)
 class StationKeepingKnobs:
-    """How briskly station is kept; gains follow from the vehicle file."""
+    """Bandwidth of station keeping; gains follow from the vehicle file."""
 
     bandwidth_radps: float = knob(0.6, 0.05, 3.0, "bandwidth of station keeping [rad/s]")
     damping: float = knob(1.0, 0.4, 3.0, "damping ratio of station keeping [-]")

@@ -45,7 +45,7 @@ REMEDIES: Mapping[str, str] = {
 
 @dataclass(frozen=True, slots=True)
 class ManeuverGuardKnobs:
-    """Where each guard draws its line; limits of the vehicle itself stand in its file."""
+    """Limits of each guard; those of the vehicle itself are in its file."""
 
     wall_m: float = knob(0.3, 0.0, 10.0, "least distance between hull and wall, after braking [m]")
     surface_m: float = knob(-0.3, -1.0, 10.0, "least depth of the hull's top; it floats before a dive [m]")
@@ -79,7 +79,7 @@ class Situation:
     thrust_N: tuple[float, float] = (0.0, 0.0)
     """Surge and sway force of the last cycle."""
     unplaced: str = ""
-    """Why its position in the pool is unknown; empty: it is at `place`."""
+    """Reason why its position in the pool is unknown; empty: it is at `place`."""
 
 
 class ManeuverGuards:

@@ -37,7 +37,7 @@ TILT_RESERVE = 0.85
 
 @dataclass(frozen=True, slots=True)
 class PlanKnobs:
-    """How far, how fast and how often."""
+    """Levels, speeds and repeats of the legs."""
 
     levels: int = knob(3, 1, 20, "force levels per direction in surge, sway and heave [-]")
     turning_levels: int = knob(2, 1, 20, "force levels per direction in roll, pitch and yaw [-]")
@@ -66,7 +66,7 @@ class PlanKnobs:
 
 @dataclass(frozen=True, slots=True)
 class MotionLimits:
-    """How a degree of freedom is handled."""
+    """Handling of a degree of freedom."""
 
     boost_s: float
     """Time to get up to speed."""
@@ -138,7 +138,7 @@ class Plan:
 
     @property
     def end_m(self) -> tuple[float, float]:
-        """Where in the pool the last leg ends."""
+        """End of the last leg in the pool."""
         return (self.legs[-1].end, self.start_m[1]) if self.motion in ALONG else self.start_m
 
     @property
@@ -255,7 +255,7 @@ class Planner:
         return [low + (high - low) * level for level in levels]
 
     def _stretch(self, motion: str, rate: float, low: float, high: float) -> tuple[float, float]:
-        """Where a leg of this rate begins and ends: about the middle, as long as its plateau needs."""
+        """Begin and end of a leg of this rate: about the middle, as long as its plateau needs."""
         if motion not in ALONG:
             return low, high
         freedom = self.freedoms[motion]

@@ -93,7 +93,7 @@ def along(axis: str, moment: StageInput) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Where a motion begins; heading of the navigator [rad] and hold with setpoint [m] in which it is flown."""
+    """Start of a motion; heading of the navigator [rad] and hold with setpoint [m] in which it is flown."""
 
     place: PoolPosition
     heading_rad: float
@@ -107,18 +107,18 @@ class Pose:
         return self if hold == "depth" else replace(self, vertical=("depth", self.floor_m - value))
 
     def off_m(self, navigation: Navigation) -> float:
-        """How far altitude or depth is off; NaN while unknown."""
+        """Error of altitude or depth; NaN while unknown."""
         hold, wanted_m = self.vertical
         return (navigation.depth_m if hold == "depth" else navigation.altitude_m) - wanted_m
 
     def turned_rad(self, navigation: Navigation) -> float:
-        """How far the heading is off."""
+        """Error of the heading."""
         return math.remainder(navigation.attitude_rad[2] - self.heading_rad, math.tau)
 
 
 REST_m, REST_DEPTH_m, REST_HEADING_rad = 0.15, 0.05, math.radians(2.0)
 REST_mps, REST_radps = 0.04, math.radians(3.0)
-"""How still the vehicle must be before a stage of rest is over."""
+"""Residual motion allowed at the end of a stage of rest."""
 LASTING_s, PATIENCE_s = 0.8, 75.0
 """For how long it must be so, and how long that may take."""
 UNSETTLED = "look for a current, a cable that pulls, or a thruster that does not push (`./hindrax monitor`)"
@@ -230,7 +230,7 @@ class ExciteMotion(Stage):
 
 
 STOPPING_s, LEAST_s, PATIENT_s = 2.0, 1.0, 8.0
-"""How long a stop usually takes, at least takes and may take."""
+"""Usual, shortest and longest time of a stop."""
 
 
 class BrakeAndHold(Stage):

@@ -27,7 +27,7 @@ REMEMBERED_S = 5.0
 
 @dataclass(frozen=True)
 class AidingKnobs(AttitudeKnobs, HeadingKnobs, VerticalKnobs, HorizontalKnobs):
-    """How far the sensors are trusted, those beside the IMU first."""
+    """Trust in the sensors, those beside the IMU first."""
 
     heading_from: str = choice("magnetometer", ("magnetometer", "dvl", "both", "none"), "what the heading follows")
     compass_tilt_deg: float = knob(15.0, 1.0, 90.0, "tilt above which the magnetometer is not used [deg]")
@@ -161,7 +161,7 @@ class Aiding:
         return steered
 
     def _below(self, lever_m: Vec3) -> float:
-        """How much deeper a point of the vehicle is than its origin."""
+        """Depth of a point of the vehicle below its origin."""
         dx, dy, dz = self.attitude.rotation[2]
         lx, ly, lz = lever_m
         return dx * lx + dy * ly + dz * lz

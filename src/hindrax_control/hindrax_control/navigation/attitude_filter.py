@@ -39,7 +39,7 @@ FINEST_radps = math.radians(0.02)
 
 @dataclass(frozen=True)
 class AttitudeKnobs:
-    """How far gravity is trusted."""
+    """Trust in gravity."""
 
     tilt_time_s: float = knob(20.0, 0.5, 1000.0, "time constant with which tilt follows gravity, once settled [s]")
     bias_time_s: float = knob(80.0, 1.0, 10000.0, "time constant of the gyroscope bias across the vertical [s]")

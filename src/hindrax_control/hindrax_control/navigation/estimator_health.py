@@ -160,7 +160,7 @@ class ExternalOdometry:
         self._last: Stamped[Navigation] | None = None
         self._source, self._began = "", NEVER
         self.breaks = 0
-        """How often a state restarted, so that its position does not continue the previous one."""
+        """Count of restarts of the state, so that its position does not continue the previous one."""
 
     def range(self, stamp: Stamp, range_m: float) -> None:
         """Keep the distance to the bottom along the axis of the altimeter [m]."""

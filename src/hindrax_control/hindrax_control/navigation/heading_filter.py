@@ -30,7 +30,7 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class HeadingKnobs:
-    """How far gyroscope and compass are trusted."""
+    """Trust in gyroscope and compass."""
 
     gyro_noise_dps: float = knob(0.03, 1e-4, 10.0, "heading random walk of the gyroscope [deg/sqrt(s)]")
     gyro_walk_dps: float = knob(0.0005, 0.0, 1.0, "random walk of the gyroscope bias [deg/s/sqrt(s)]")

@@ -35,7 +35,7 @@ class PredictedInterval:
     """Prediction over an interval of the past."""
 
     du_mps: float
-    """How much has been added to u between the mean over the interval and now."""
+    """Change of u between the mean over the interval and now."""
     dv_mps: float
     delay_s: float
     rate_radps: Vec3
@@ -50,7 +50,7 @@ class HorizontalFilter:
         self._p, self._p_cross, self._p_offset = 1.0, 0.0, knobs.offset_mps2**2
         self._refused = 0
         self.refused = 0
-        """How many more velocities were refused than accepted lately."""
+        """Recent surplus of refused over accepted velocities."""
         self._rows: deque[Row] = deque([(0.0,) * 8])
         self.u_mps = self.v_mps = 0.0
         self.known = False
@@ -145,7 +145,7 @@ class PositionKnobs:
 
 
 class PositionUncertainty:
-    """How far off dead reckoning may be: standard deviation of north and of east since the position was last known.
+    """Uncertainty of dead reckoning: standard deviation of north and of east since the position was last known.
 
     A bias b of the DVL is constant in body axes, so it adds the integral of R(heading) b: a vehicle that turns around
     takes it back. A wrong speed of sound and a wrong angle of mount or heading scale and turn the whole way, so their

@@ -55,7 +55,7 @@ class VerticalFilter:
         self._acceleration_mps2 = 0.0
         self._refused = {"depth": 0, "altitude": 0}
         self.refused_depths = 0
-        """How many more depths were refused than accepted lately."""
+        """Recent surplus of refused over accepted depths."""
         self.has_depth = False
         self.has_floor = False
 

@@ -37,7 +37,7 @@ def result_of(aborted: str, handle: Any) -> Any:
 
 
 def unfit_estimate(message: Any) -> str:
-    """Why a ModelEstimate cannot be one; empty when it can."""
+    """Reason why a ModelEstimate cannot be one; empty when it can."""
     count = len(message.values)
     if message.motion not in LEARNED:
         return f"found motion {message.motion[:40]!r}, wanted one of {', '.join(sorted(LEARNED))}"

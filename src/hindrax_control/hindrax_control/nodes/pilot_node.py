@@ -322,7 +322,7 @@ class PilotNode(BatchedNode):
             self._goal = goal
 
     def _unflyable(self, request: Any) -> str:
-        """Why a goal is not even kept, as "guard: sentence"; empty when it is."""
+        """Reason why a goal is not even kept, as "guard: sentence"; empty when it is."""
         untimely = self._window.judge(stamp_from_msg(request.stamp), self.now())
         if untimely is not None:
             return f"{LATE if untimely.kind == EXPIRED else 'clock'}: the goal is {untimely.sentence}"

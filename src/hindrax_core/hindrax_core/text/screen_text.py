@@ -18,9 +18,9 @@ UNBOUNDED = 100_000
 COMMAND = re.compile(r"\./hindrax |^\s*ros2 ")
 """A line of a description with it is to be copied."""
 ENTRY = re.compile(r" +\S+ {2,}(?=\S)")
-"""How an entry of a list begins: its name, and the column of its meaning."""
+"""Begin of an entry of a list: its name, and the column of its meaning."""
 COPIED = re.compile(r"\s*(\./hindrax |export \w+=)")
-"""How a line of any text begins that is to be copied."""
+"""Begin of a line to be copied."""
 LEAST = 20
 """Narrower than this is no width of a screen."""
 _wrapped = partial(wrap, break_long_words=False, break_on_hyphens=False, replace_whitespace=False)

@@ -39,7 +39,7 @@ class _Task:
 
 
 _Wake: TypeAlias = tuple[Stamp, int, Stamp, _Task]
-"""When it is due, a serial number, the latest time, and the task."""
+"""Due time, serial number, the latest time, and the task."""
 
 
 class BusSchedule:

@@ -93,7 +93,7 @@ class Line(ABC):
 
 
 def at_baud(path: str, baud: int) -> str:
-    """How fast a line is, for a sentence about it; Ethernet has no such speed."""
+    """Speed of a line, for sentences; Ethernet has none."""
     return "" if path.startswith(UDP_PREFIX) else f" at {baud} baud"
 
 

@@ -30,7 +30,7 @@ THRESHOLDS_AT_RESET = (0x8000, 0x7FFF)
 
 @dataclass(frozen=True, slots=True)
 class Ads1115Knobs:
-    """How the power sense module is wired and scaled."""
+    """Wiring and scale of the power sense module."""
 
     period_s: float = knob(0.1, 0.03, 10.0, "time between two readings [s]")
     voltage_channel: int = knob(3, 0, 3, "input with the divided supply voltage [-]")

@@ -38,7 +38,7 @@ LARGEST_STEP_C, LARGEST_STEP_HUMIDITY = 1.0, 0.05
 
 @dataclass(frozen=True, slots=True)
 class Bme280Knobs:
-    """How the barometer in the hull is set up."""
+    """Settings of the barometer in the hull."""
 
     period_s: float = knob(0.2, 0.05, 10.0, "time between two readings [s]")
     largest_step_Pa: float = knob(300.0, 10.0, 1e5, "larger steps between two readings are damage [Pa]")

@@ -1,4 +1,4 @@
-"""How a DVL-75 is read, and the settings in its flash."""
+"""Settings of the driver of a DVL-75, and those in its flash."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ REBOOT = b"REBOOT\n"
 
 @dataclass(frozen=True, slots=True)
 class Dvl75Knobs:
-    """How the DVL is read and, by `./hindrax dvl setup` only, set up."""
+    """Settings of the driver of the DVL, and of the DVL itself by `./hindrax dvl setup` only."""
 
     baud: int = knob(115200, 9600, 921600, "line speed [bit/s]")
     speed_of_sound_mps: float = knob(1484.0, 1100.0, 1950.0, "speed of sound that the device uses [m/s]")

@@ -32,7 +32,7 @@ END_OF_SCALE = 0x7FFF
 
 @dataclass(frozen=True, slots=True)
 class Ina226Knobs:
-    """How the supply is measured."""
+    """Measurement of the supply."""
 
     period_s: float = knob(0.1, 0.05, 10.0, "time between two readings [s]")
     shunt_ohm: float = knob(0.0005, 1e-5, 1.0, "resistance of the shunt [ohm]")

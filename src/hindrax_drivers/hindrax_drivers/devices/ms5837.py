@@ -49,7 +49,7 @@ ACCEPT_AFTER = 3
 
 @dataclass(frozen=True, slots=True)
 class Ms5837Knobs:
-    """How the pressure sensor is set up."""
+    """Settings of the pressure sensor."""
 
     model: str = choice("auto", ("auto", "30BA", "02BA"), "which part it is; auto: by its calibration")
     oversampling: str = choice("4096", OSRS, "samples per conversion; 4096 lets 50 Hz be reached")

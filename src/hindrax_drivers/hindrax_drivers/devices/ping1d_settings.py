@@ -10,7 +10,7 @@ from hindrax_drivers.protocols.ping_protocol import PingFrame
 
 @dataclass(frozen=True, slots=True)
 class Ping1dKnobs:
-    """How the sonar is set and read. With `mode_auto` it chooses scan and gain itself."""
+    """Settings of the sonar. With `mode_auto` it chooses scan and gain itself."""
 
     baud: int = knob(115200, 9600, 921600, "line speed [bit/s]")
     mode_auto: bool = knob(True, meaning="the sonar chooses scan and gain itself")

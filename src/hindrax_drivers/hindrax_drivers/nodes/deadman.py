@@ -48,7 +48,7 @@ class NeutralWriter:
         self._bus: RegisterBus | None = None
         self._stack_clock = SystemClock()
         self.trouble = ""
-        """Why neutral could not be written the last time; empty when it is on the wire."""
+        """Reason why neutral could not be written the last time; empty when it is on the wire."""
 
     @property
     def clock(self) -> Clock:

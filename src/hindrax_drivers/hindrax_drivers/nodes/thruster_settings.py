@@ -21,7 +21,7 @@ from hindrax_ros.parameter_file import names_node, parameter_blocks
 
 NODE = "thrusters"
 KEEPALIVE_S = 0.2
-"""How often the dead man sends the node a keepalive [wall time]."""
+"""Period of the keepalives from the dead man to the node [wall time]."""
 NO_VEHICLE = Vehicle("no vehicle", mass_kg=1.0, volume_m3=1e-3, envelope_m=(0.1, 0.1, 0.1))
 """For a device that stands alone: nothing is known of what it is on."""
 

@@ -22,7 +22,7 @@ class OutputThread(ServingThread):
     """Serves one output, opened by `make`, behind one guard. The listener is called on this thread.
 
     `beat` is called at least ten times a second of the output's clock while the loop lives and has the output in hand.
-    Where our own code fails, neutral goes before the interrupt.
+    If our own code fails, neutral comes before the interrupt.
     """
 
     def __init__(

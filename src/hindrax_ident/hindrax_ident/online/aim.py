@@ -17,7 +17,7 @@ LEAST_SHARE = 1e-4
 
 @dataclass(frozen=True, slots=True)
 class Aim:
-    """When an experiment is over: noise of the drag below `until` [-], or after `minutes`; 0 where nothing is asked."""
+    """End of an experiment: noise of the drag below `until` [-], or after `minutes`; 0 where nothing is asked."""
 
     until: float = 0.0
     minutes: float = 0.0

@@ -127,7 +127,7 @@ class GraphLink(threading.Thread):
         if time.monotonic() - self._refreshed_s > SNAPSHOT_S:
             self._refreshed_s = time.monotonic()
             if self._cameras:
-                self._cameras.step()
+                self._cameras.update()
             # In one piece: a page that asks in between must not find the cameras gone.
             now = snapshot(operator, self._snapshot.thrusters.stops_us)
             self._snapshot = replace(now, cameras=self._cameras.names if self._cameras else ())

@@ -34,7 +34,7 @@ class Cameras:
         self._wanted_s[name] = time.monotonic()
         return self._frames.get(name)
 
-    def step(self) -> None:
+    def update(self) -> None:
         """Look at the graph, subscribe what is wanted, leave the rest."""
         now = time.monotonic()
         if now - self._looked_s > LOOK_S:

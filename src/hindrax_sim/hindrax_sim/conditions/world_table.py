@@ -34,12 +34,12 @@ class Condition:
 
     @property
     def meaning(self) -> str:
-        """How it acts."""
+        """Effect."""
         return self._description[0]
 
     @property
     def source(self) -> str:
-        """Where the size comes from."""
+        """Source of the size."""
         return self._description[2].strip()
 
     @property

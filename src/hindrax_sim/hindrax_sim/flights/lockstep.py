@@ -69,7 +69,7 @@ class Onboard:
         self._state = self._guard.start(Stamp(0))
         self._health = EstimatorHealth(vehicle)
         self.unhealthy: tuple[str, ...] = ()
-        """Why the state is not plausible; empty when it is."""
+        """Reason why the state is not plausible; empty when it is."""
         self._feed = Feed(vehicle, session.tuning)
         self._became: Allocation | None = None
         self._phase = IDLE
@@ -82,7 +82,7 @@ class Onboard:
 
     @property
     def reason(self) -> str:
-        """Why the output is not armed."""
+        """Reason why the output is not armed."""
         return self._state.reason
 
     def on_reading(self, source: str, reading: Stamped[Reading], now: Stamp) -> list[Event]:

@@ -57,7 +57,7 @@ class Rehearsal:
     flown: tuple[Flown, ...]
     bands: Mapping[str, ExpectedBand]
     ended: str
-    """Why an experiment chose nothing more."""
+    """Reason why an experiment chose nothing more."""
     aborted: str
 
     @property

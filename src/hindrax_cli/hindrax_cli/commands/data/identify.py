@@ -173,7 +173,7 @@ def _runs(sources: list[RecordSource], found: Identified) -> dict[str, Any]:
 
 
 def _delays(lag_s: float, latency_s: float) -> str:
-    """How thrust and velocities stand in time to the commands and to each other."""
+    """Delays of thrust and velocities to the commands and to each other."""
     late = "early" if round(latency_s, 2) < 0.0 else "late"
     return f"thrust lags by {lag_s:.2f} s, velocities come {abs(latency_s):.2f} s {late}"
 

@@ -49,7 +49,7 @@ def status(arguments: argparse.Namespace) -> int:
 
 
 def _nobody() -> str:
-    """That no stack is here, which need not be one's end of the tether."""
+    """Sentence for no stack on this machine, which may be the other end of a tether."""
     tether = tether_setting()
     if tether is None:
         return NOBODY

@@ -29,7 +29,7 @@ from hindrax_operator.connection import add_stack, find_stack, joined
 
 
 def add_mock_options(parser: argparse.ArgumentParser) -> None:
-    """How the mock vehicle behaves."""
+    """Behavior of the mock vehicle."""
     parser.add_argument("--seed", type=seed, help="mock: seed of its noise; default 1")
     parser.add_argument("--rate", type=pace, help="mock: times real time at most (0: no bound); default 1")
     parser.add_argument("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP)

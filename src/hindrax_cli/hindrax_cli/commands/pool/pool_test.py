@@ -19,7 +19,7 @@ PLAN_HELP = "only rehearse it in lock-step: timetable, clearances, charge and ba
 
 
 def aim_of(arguments: argparse.Namespace) -> Aim | None:
-    """When the experiment is over that was asked for; None for the pilot's plan."""
+    """End of the requested experiment; None for the pilot's plan."""
     if not (arguments.until or arguments.minutes):
         return None
     if arguments.excitation != PLATEAUS:

@@ -33,7 +33,7 @@ Raw = tuple[int, int, int, int, int, int]
 
 @dataclass(frozen=True, slots=True)
 class Icm20948Knobs:
-    """How the inertial sensor is set up."""
+    """Settings of the inertial sensor."""
 
     mode: str = choice("fifo", ("fifo", "burst"), "fetch all samples from the FIFO, or the newest from the registers")
     divider: int = knob(4, 0, 255, "sample rate is 1125 Hz / (1 + divider) [-]")
