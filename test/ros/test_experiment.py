@@ -217,7 +217,7 @@ def test_a_pilot_that_states_nothing_more_or_is_not_there_ends_it(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(experiment_server, "SILENT_S", 0.5)
-    assert bench.run("surge")[0] == experiment_server.MUTE
+    assert bench.run("surge")[0] == experiment_server.NO_FEEDBACK
     bench.until(lambda: bench.pilot.flying is None)  # it was told to end, and it did
     bench.pilot.close()
     bench.until(lambda: not bench.identifier._experiments._fly.server_is_ready())

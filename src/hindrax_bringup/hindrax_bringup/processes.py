@@ -41,7 +41,7 @@ MOCK = Process("hindrax_sim.nodes.mock", ("mock",), restart=False)
 REPLAY = Process("hindrax_sim.nodes.replay", ("replay",), restart=False)
 
 ONBOARD: tuple[Process, ...] = (SENSORS, THRUSTERS, CONTROL, IDENTIFIER, SAFETY_MONITOR)
-UNHEARD = ["-r", "pilot:maneuver/status:=replay/unheard/maneuver_status"]
+PILOT_STATUS_ASIDE = ["-r", "pilot:maneuver/status:=replay/unheard/maneuver_status"]
 """Remaps for a replay: the identifier receives the recorded maneuver, not the pilot's."""
 EVERY: tuple[Process, ...] = (*ONBOARD, RECORDER, MOCK, REPLAY)
 

@@ -187,7 +187,7 @@ class Pilot:
         self._station = None
         return self._maneuver
 
-    def whereabouts(self) -> GuardedPlace | None:
+    def guarded_place(self) -> GuardedPlace | None:
         """Position in the pool, as the guard of the walls uses it; None while the heading is unknown."""
         if self.pool is None or self._navigation is None:
             return None

@@ -22,9 +22,9 @@ from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.nodes import deadman
 from hindrax_drivers.nodes.deadman import (
     BACK_OFF_S,
-    FAREWELL_S,
     HUNG_S,
     REPEAT_S,
+    SHUTDOWN_S,
     SILENT_S,
     WELL_AFTER_S,
     DeadMan,
@@ -43,7 +43,7 @@ NOW = stamp_from_s(100.0)
 def test_the_wire_is_neutral_soon_after_a_silence_and_seen_to_be_repeated() -> None:
     assert 2.0 * BEAT_S < SILENT_S < OutputGuardKnobs().silence_s
     assert REPEAT_S < 0.1  # ten times a second, as the guard repeats
-    assert SILENT_S < HUNG_S < FAREWELL_S
+    assert SILENT_S < HUNG_S < SHUTDOWN_S
 
 
 class Neutral:
@@ -522,8 +522,8 @@ def test_its_own_heart_beats_while_it_watches(man: DeadMan, monkeypatch: pytest.
 def test_a_child_that_does_not_end_when_it_is_asked_to_is_killed(man: DeadMan, monkeypatch: pytest.MonkeyPatch) -> None:
     child = Child(-9, ends=False)
     child.turns_left = 50
-    assert PATIENCE_S[0] > FAREWELL_S, "before the supervisor loses patience with us"
-    man._asked_s = time.monotonic() - FAREWELL_S - 1.0
+    assert PATIENCE_S[0] > SHUTDOWN_S, "before the supervisor loses patience with us"
+    man._asked_s = time.monotonic() - SHUTDOWN_S - 1.0
     run(man, monkeypatch, child)
     assert child.killed == 1
 

@@ -599,7 +599,7 @@ def test_the_cameras_are_never_gone_between_two_pictures_of_the_vehicle(monkeypa
     monkeypatch.setattr("hindrax_operator.monitor.graph_link.snapshot", look)
     monkeypatch.setattr("hindrax_operator.monitor.graph_link.SNAPSHOT_S", -1.0)
     operator: Any = Message(thrusters=None)
-    cameras: Any = Message(names=("/front",), step=lambda: seen.append(link.snapshot().cameras))
+    cameras: Any = Message(names=("/front",), update=lambda: seen.append(link.snapshot().cameras))
     link._cameras = cameras
     for _ in range(3):
         link._refresh(operator)

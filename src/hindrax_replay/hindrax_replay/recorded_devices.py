@@ -34,7 +34,7 @@ TRIES = 4
 """A program, its failure and its restart: more tries find nothing new."""
 SENT = 1
 """hindrax_msgs/RawFrames: from the host to the device."""
-UNHEARD = Stamp(0)
+NO_FRAME = Stamp(0)
 _transaction = lru_cache(4096)(unpack_transaction)
 """A device repeats the same few transactions."""
 
@@ -44,7 +44,7 @@ class SerialWire:
     """Frames into a serial device. What it sends is not compared: time-outs depend on ticks that no bag has."""
 
     device: SerialDevice
-    stamp: Stamp = UNHEARD
+    stamp: Stamp = NO_FRAME
     mismatches: list[str] = field(default_factory=list)
     opened: list[Stamp] = field(default_factory=list)
     """Times at which its port was opened."""
@@ -70,7 +70,7 @@ class RegisterWire:
 
     name: str
     device: RegisterDevice
-    stamp: Stamp = UNHEARD
+    stamp: Stamp = NO_FRAME
     mismatches: list[str] = field(default_factory=list)
     """Transactions of the record that the device did not ask for."""
     opened: list[Stamp] = field(default_factory=list)

@@ -20,7 +20,7 @@ from hindrax_bag.read.bag_reader import VEHICLE_FILE, attached_vehicle, attachme
 from hindrax_bag.read.survey import survey
 from hindrax_bag.run_folder import RunFolder, write_parameters
 from hindrax_bringup.node_options import wire_parameters
-from hindrax_bringup.processes import CONTROL, IDENTIFIER, RECORDER, REPLAY, SENSORS, UNHEARD
+from hindrax_bringup.processes import CONTROL, IDENTIFIER, PILOT_STATUS_ASIDE, RECORDER, REPLAY, SENSORS
 from hindrax_bringup.stack import environment, first_line, own_domain
 from hindrax_bringup.supervisor import SupervisedProcess, Supervisor, last_words
 from hindrax_core.errors import HindraxError, UsageError
@@ -96,7 +96,7 @@ def _run(bag: Path, folder: RunFolder, vehicle_file: str | None, seconds: float)
         facts = first_line(wires, READY_S, folder.logs / "replay.log")
         arguments = write_parameters(folder.parameters, _parameters(folder, tuned, wire_parameters(facts)))
         for process in (RECORDER, SENSORS, CONTROL, IDENTIFIER):
-            supervisor.start(process, [*arguments, *(UNHEARD if process is CONTROL else ())])
+            supervisor.start(process, [*arguments, *(PILOT_STATUS_ASIDE if process is CONTROL else ())])
         _wait(wires, supervisor, folder, READY_S + PATIENCE_S + SLOWEST * seconds)
         supervisor.stop("recorder")
 

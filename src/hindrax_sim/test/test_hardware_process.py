@@ -55,15 +55,15 @@ def test_neutral_is_written_before_the_hardware_goes(mock: MockVehicle, name: st
     client = Client(mock, name)
     client.join_bus()
     client.told.set()
-    outlast_output(mock, farewell_s=60.0)
+    outlast_output(mock, shutdown_s=60.0)
     assert not mock.serve_clients(0.0)
     client.join()
     assert client.neutral_written
 
 
-@pytest.mark.parametrize(("name", "farewell_s"), [("sensors", 60.0), ("thrusters", 0.1)])
-def test_who_reads_only_or_stays_is_not_waited_for(mock: MockVehicle, name: str, farewell_s: float) -> None:
+@pytest.mark.parametrize(("name", "shutdown_s"), [("sensors", 60.0), ("thrusters", 0.1)])
+def test_who_reads_only_or_stays_is_not_waited_for(mock: MockVehicle, name: str, shutdown_s: float) -> None:
     client = Client(mock, name)
     client.join_bus()
-    outlast_output(mock, farewell_s)
+    outlast_output(mock, shutdown_s)
     assert mock.serve_clients(0.0) == [name]

@@ -396,7 +396,7 @@ class PilotNode(BatchedNode):
         self._publish_maneuver(output.maneuver, stamp)
         if self._turn % STATUS_EVERY == 0:
             self._holds.publish(pilot_messages.holds_to_msg(output.holds, stamp))
-        if self._turn % PLACE_EVERY == 0 and (found := self._pilot.whereabouts()) is not None:
+        if self._turn % PLACE_EVERY == 0 and (found := self._pilot.guarded_place()) is not None:
             self._place.publish(pilot_messages.place_to_msg(found, stamp))
         if self._turn % REPORT_EVERY == 0:
             self._report(output, stamp)

@@ -32,7 +32,7 @@ from hindrax_ros.heartbeat import VARIABLE, HeartbeatFile
 REPEAT_S = 0.09
 SILENT_S = 0.3
 HUNG_S = 3.0
-FAREWELL_S = 4.0
+SHUTDOWN_S = 4.0
 BACK_OFF_S = (0.0, 0.5, 1.0, 2.0, 4.0)
 WELL_AFTER_S = 10.0
 """A child that lived this long was well: the next one is started at once."""
@@ -178,7 +178,7 @@ class DeadMan:
             if self._asked_s is not None and not sent:
                 child.handle.send_signal(signal.SIGTERM)
                 sent = True
-            late = self._asked_s is not None and time.monotonic() - self._asked_s > FAREWELL_S
+            late = self._asked_s is not None and time.monotonic() - self._asked_s > SHUTDOWN_S
             if late or child.hung(self._neutral.clock.now()):
                 child.handle.kill()
             now = self._neutral.clock.now()

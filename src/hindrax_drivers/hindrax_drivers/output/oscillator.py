@@ -15,7 +15,7 @@ LOOKS = 50
 FEWEST = 100
 IRREGULAR = 0.05
 """Largest distance of an interval from a whole number of periods, in periods; a busy kernel is a tenth of that late."""
-BELIEVABLE_Hz = (20e6, 50e6)
+PLAUSIBLE_Hz = (20e6, 50e6)
 
 Edge = tuple[int, int]
 """Number of an edge on its line, and its time [ns]."""
@@ -61,7 +61,7 @@ def clock_Hz(found: Sequence[Edge], prescale: int) -> float:
     if wrong:
         raise DeviceError(f"found {wrong} of {len(steps)} intervals irregular, wanted pulses; check the wire")
     found_Hz = STEPS * (prescale + 1) * count * 1e9 / max(1, elapsed_ns)
-    if not BELIEVABLE_Hz[0] <= found_Hz <= BELIEVABLE_Hz[1]:
+    if not PLAUSIBLE_Hz[0] <= found_Hz <= PLAUSIBLE_Hz[1]:
         raise DeviceError(f"found {found_Hz / 1e6:.3f} MHz, wanted 20 to 50 MHz; is another signal on the line?")
     return found_Hz
 

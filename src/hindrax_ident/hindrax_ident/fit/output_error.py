@@ -38,7 +38,7 @@ TOLERANCE is that of the final search."""
 NEGLIGIBLE, LEFT = 1e-3, 0.05
 """Largest final steps, in standard deviations: where rounding keeps the cost from decreasing, and where no step at all
 decreases it, because the fit of the initial conditions is not exact."""
-TRIMMINGS = 2
+OUTLIER_ROUNDS = 2
 REWEIGHTINGS = 3
 SIMILAR = 0.2
 """Change of the noise, in natural logarithms, below which it has converged."""
@@ -85,7 +85,7 @@ def refine(model: Model, record: Record, start: Array, prior: Prior) -> OutputEr
     white = whitener_of(problem, prior.values, problem.guess, noise)
     linear, theta, _ = _descend(problem, start, problem.guess, white, prior, tolerance=ROUGH)
     # Outliers first: their effect on the motion would be attributed to unknown forces.
-    for _ in range(TRIMMINGS):
+    for _ in range(OUTLIER_ROUNDS):
         problem = _without_outliers(problem, linear)
         white = whitener_of(problem, theta, linear.path, noise)
         linear, theta, _ = _descend(problem, theta, linear.path, white, prior, tolerance=ROUGH)
@@ -112,7 +112,7 @@ def retrained(fit: OutputErrorFit, record: Record, prior: Prior) -> tuple[Array,
     """Parameters, (p,), of another record with the noise of this fit, and the deviations of its residuals."""
     problem = build_problem(fit.model, record)
     theta, path = fit.theta, problem.guess
-    for _ in range(TRIMMINGS):
+    for _ in range(OUTLIER_ROUNDS):
         white = whitener_of(problem, theta, path, fit.noise)
         linear, theta, _ = _descend(problem, theta, path, white, prior, tolerance=ROUGH)
         kept, problem, path = problem.samples, _without_outliers(problem, linear), linear.path

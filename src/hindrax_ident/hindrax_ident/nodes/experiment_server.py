@@ -34,7 +34,7 @@ SILENT_S = 10.0
 BUSY = "start: an experiment is being run; `./hindrax stop` ends it"
 CANCELLED = "cancelled: by the operator"
 GONE = "pilot: does not offer maneuver/fly; start it"
-MUTE = f"pilot: no feedback of the maneuver for {SILENT_S:.0f} s; see whether its process is up, and run again"
+NO_FEEDBACK = f"pilot: no feedback of the maneuver for {SILENT_S:.0f} s; see whether its process is up, and run again"
 VERSION = "pilot: rejected the maneuver without a reason; it is of another version: restart it"
 
 
@@ -154,7 +154,7 @@ class ExperimentServer:
         if time.monotonic() - run.received_s > SILENT_S:
             if run.maneuver is not None:
                 run.maneuver.cancel_goal_async()
-            self._finish(run, MUTE)
+            self._finish(run, NO_FEEDBACK)
         elif run.maneuver is not None and not run.stopping:
             run.stopping = run.handle.is_cancel_requested or run.experiment.left_s(self._now_s()) <= 0.0
             if run.stopping:

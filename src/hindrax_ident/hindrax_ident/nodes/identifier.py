@@ -146,9 +146,9 @@ class Identifier(BatchedNode):
         summary = "waiting for a maneuver" if last is None else f"{last.motion}: {last.samples} samples"
         reason = f"holding: {last.reason}" if last is not None and not last.learning else "learning"
         values = {"state": reason, DROPPED: str(self._feed.dropped + self._any.dropped)} | self._refusals.values()
-        news = self._refusals.new_refusals()
-        level = DiagnosticStatus.WARN if news else DiagnosticStatus.OK
-        text = "; ".join([summary, *news])
+        new_refusals = self._refusals.new_refusals()
+        level = DiagnosticStatus.WARN if new_refusals else DiagnosticStatus.OK
+        text = "; ".join([summary, *new_refusals])
         self._reporter.publish(self.now(), status("hindrax: identifier", level, text, values))
 
 

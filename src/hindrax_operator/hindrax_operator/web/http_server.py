@@ -37,7 +37,7 @@ from hindrax_operator.web.page_controller import PERIOD_S, PageController
 BODY_bytes, CHUNK_bytes = 4096, 1 << 16
 ORDERS = ("fly", "cancel", "stop", "disarm")
 JSON_TYPE, TEXT_TYPE, HTML_TYPE = "application/json", "text/plain; charset=utf-8", "text/html; charset=utf-8"
-NEWS_TYPE = "text/event-stream; charset=utf-8"
+EVENT_STREAM_TYPE = "text/event-stream; charset=utf-8"
 CAMERA = "/camera/"
 FRAME_TURN_S, FRAME_TURNS = 0.03, 60
 IMAGES = {b"\xff\xd8\xff": "image/jpeg", b"\x89PNG\r\n\x1a\n": "image/png", b"RIFF": "image/webp"}
@@ -128,7 +128,7 @@ class RequestHandler(HTTPMessageDelegate):
             raise RefusedRequest(HTTPStatus.SERVICE_UNAVAILABLE, full)
         site.streams.add(stream)
         try:
-            self._head(HTTPStatus.OK, NEWS_TYPE)
+            self._head(HTTPStatus.OK, EVENT_STREAM_TYPE)
             while True:
                 await self._write(f"data: {site.controller.update()}\n\n".encode())
                 await asyncio.sleep(PERIOD_S)

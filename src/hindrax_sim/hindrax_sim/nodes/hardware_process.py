@@ -18,7 +18,7 @@ from hindrax_sim.mock_vehicle import Ports
 
 OUTPUT = "thrusters"
 """How the names of the clients begin that write to the thruster output: its node, and the dead man."""
-FAREWELL_S = 4.0
+SHUTDOWN_S = 4.0
 """Wall time that they have for their last pulses: `ros2 launch` sends SIGTERM after five seconds."""
 
 
@@ -52,8 +52,8 @@ def graph(namespace: str) -> Iterator[None]:
         rclpy.try_shutdown()
 
 
-def outlast_output(ports: Ports, farewell_s: float = FAREWELL_S) -> None:
+def outlast_output(ports: Ports, shutdown_s: float = SHUTDOWN_S) -> None:
     """Step on until the thruster output has no writer: a Ctrl-C reaches hardware and nodes at once."""
-    end_s = time.monotonic() + farewell_s
+    end_s = time.monotonic() + shutdown_s
     while any(name.startswith(OUTPUT) for name in ports.serve_clients(0.0)) and time.monotonic() < end_s:
         ports.step()
