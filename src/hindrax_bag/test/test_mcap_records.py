@@ -69,9 +69,10 @@ def test_a_finished_file_is_read_in_the_order_in_which_it_was_written(kind: str,
     assert damage == Damage()
 
 
-def test_chunks_may_be_passed_over_and_what_nobody_needs_always_is(tmp_path: Path) -> None:
+def test_chunks_and_messages_may_be_passed_over_and_what_nobody_needs_always_is(tmp_path: Path) -> None:
     unknown = record(STATISTICS, b"no statistics") + record(0x80, b"of somebody")
-    found, damage = read(tmp_path, MAGIC + HEAD + chunk(message(1)) + unknown + TYPE + FOOT, chunks=False)
+    content = MAGIC + HEAD + message(2) + chunk(message(1)) + unknown + TYPE + FOOT
+    found, damage = read(tmp_path, content, chunks=False)
     assert kinds(found) == [Header, Schema, Footer]
     assert damage == Damage()
 

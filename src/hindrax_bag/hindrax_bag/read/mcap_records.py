@@ -41,6 +41,7 @@ _READERS: dict[int, Callable[[ReadDataStream], Any]] = {
     Opcode.FOOTER: Footer.read,
 }
 """Records that are opened; indexes and statistics are skipped: a sequential reader needs none."""
+MESSAGES = (Opcode.CHUNK, Opcode.MESSAGE)
 BROKEN = (McapError, ZstdError, EOFError, ValueError, LookupError, OverflowError, OSError, struct.error, RuntimeError)
 """Exceptions of reading a damaged record, from mcap, zstd, lz4 or the disk."""
 
@@ -68,7 +69,7 @@ class Damage:
 
 
 def records(file: Path, damage: Damage | None = None, *, chunks: bool = True) -> Iterator[Any]:
-    """Records of a file in the order in which they were written, chunks opened (or left out).
+    """Records of a file in the order in which they were written, chunks opened; or those beside chunks and messages.
 
     UsageError when the file is not MCAP at all. An empty file, or one cut within its first bytes, holds nothing.
     """
@@ -95,7 +96,7 @@ def _whole_records(file: Path, stream: BinaryIO, damage: Damage, *, chunks: bool
             code, length = _RECORD_HEAD.unpack(stream.read(_RECORD_HEAD.size))
             if begin + _RECORD_HEAD.size + length > size:
                 raise EOFError
-            if code == Opcode.CHUNK and not chunks:
+            if code in MESSAGES and not chunks:
                 stream.seek(length, os.SEEK_CUR)
                 continue
             if length > MOST_B:
