@@ -4,6 +4,7 @@ import fcntl
 import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
@@ -206,7 +207,10 @@ def write_metadata(folder: Path, known: Mapping[str, Contents]) -> None:
 
     It is on the disk before it has its name: a power cut leaves none, or a whole one.
     """
-    whole = [known.get(file.name) or contents_of(file) for file in parts(folder) if is_whole(file)]
+    whole: list[Contents] = []
+    for file in parts(folder):
+        with suppress(FileNotFoundError):  # another process completes or drops what an earlier recorder left
+            whole += [known.get(file.name) or contents_of(file)] if is_whole(file) else []
     fresh = folder / f"{NAME}.fresh"
     with fresh.open("w", encoding="utf-8") as out:
         out.write(metadata_text(whole))

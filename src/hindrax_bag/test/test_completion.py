@@ -7,15 +7,18 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
 from bag_samples import LEVEL, chunk_ends, level, lookup, small_bag, summary_of, writer
 from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 
-from hindrax_bag.metadata import is_whole, write_metadata
+from hindrax_bag import metadata
+from hindrax_bag.metadata import is_whole, parts, write_metadata
 from hindrax_bag.read import recovery
 from hindrax_bag.read.bag_reader import messages
 from hindrax_bag.read.recovery import begin_completion, complete, copy_of, main, unfinished_files
 from hindrax_bag.read.survey import find_bags
+from hindrax_bag.write import bag_writer
 from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_bag.write.limits import BagLimits
 from hindrax_core.events import NS_PER_S
@@ -186,6 +189,22 @@ def test_the_budget_counts_and_drops_the_files_of_the_recorder_before(tmp_path: 
     bag.close()
     assert any("dropped the oldest, bag_0.mcap" in sentence for sentence in decisions)
     assert not path.exists()
+
+
+def test_a_file_that_is_removed_while_the_bag_is_measured_ends_no_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The process that completes files removes one without messages between their listing and the look at its size."""
+    bag = writer(tmp_path / "bag")
+    gone = tmp_path / "bag" / "bag_7.mcap"
+    for module in (bag_writer, metadata):
+        monkeypatch.setattr(module, "parts", lambda folder: [*parts(folder), gone])
+    record(bag, 100)
+    assert bag.flush() == []
+    assert bag.size_bytes == bag.path.stat().st_size
+    bag.close()
+    assert not bag.stopped
+    assert yaml.safe_load((tmp_path / "bag" / "metadata.yaml").read_text())
 
 
 def test_metadata_is_on_the_disk_before_it_has_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -133,7 +133,11 @@ class BagWriter:
     @property
     def size_bytes(self) -> int:
         """Bytes of all files of the bag."""
-        return sum(file.stat().st_size for file in self._others()) + (self._part.size_bytes if self._part else 0)
+        total = self._part.size_bytes if self._part else 0
+        for file in self._others():
+            with suppress(FileNotFoundError):  # another process completes or drops what an earlier recorder left
+                total += file.stat().st_size
+        return total
 
     def open(self, *, resume: bool = False) -> list[Path]:
         """Create folder and file; returns files that an earlier recorder left unfinished.
@@ -249,7 +253,7 @@ class BagWriter:
             decisions.append(f"{contents.name} is full; recording continues in {self.path.name}")
         while self.limits.over_budget(self.size_bytes) and self.limits.when_full == "oldest" and self._others():
             oldest = self._others()[0]
-            oldest.unlink()
+            oldest.unlink(missing_ok=True)
             self.index()
             decisions.append(f"{used}; dropped the oldest, {oldest.name}")
         if self.limits.over_budget(self.size_bytes):
