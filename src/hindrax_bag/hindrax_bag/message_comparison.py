@@ -77,7 +77,7 @@ class Rules:
 
 
 def load_rules(path: Path = TOLERANCES, section: str = "pure") -> Rules:
-    """Read a section of a file of tolerances: `pure`, `reference` or `ros`; UsageError when it is none."""
+    """Read a section of a file of tolerances: `pure`, `reference` or `ros`; UsageError when it is invalid."""
     try:
         return build(Rules, read_yaml(path.read_text(encoding="utf-8"), str(path))[section], f"{section}:")
     except (OSError, UsageError, KeyError, TypeError) as error:

@@ -98,7 +98,7 @@ def wire_parameters(wires: Mapping[str, Any]) -> Blocks:
 
 
 def read_parameters(file: str) -> Blocks:
-    """Blocks of a ROS parameter file; empty without one. UsageError when it is none."""
+    """Blocks of a ROS parameter file; empty without one. UsageError when it is invalid."""
     if not file:
         return {}
     blocks: Blocks = {}

@@ -131,7 +131,7 @@ def stacks() -> list[StackLock]:
 
 
 def vehicle_stack() -> StackLock | None:
-    """Return the stack of this user that has the real output in hand; a mock has none."""
+    """Return the stack of this user that controls the real output; a mock controls none."""
     return next((one for one in stacks() if not one.mock), None)
 
 

@@ -9,9 +9,9 @@ from hindrax_core.vehicle import AXES, WRENCH_UNITS, Vehicle
 
 NEEDED = {"icm20948": "attitude and rates", "ms5837": "depth", "dvl75": "surge and sway velocity"}
 FLOATS_AT_MOST = 0.1
-"""Net buoyancy over weight beyond which trim is doubtful."""
+"""Net buoyancy over weight beyond which trim is implausible."""
 OUTSIDE = 1.5
-"""Position over half the envelope beyond which a unit or an origin is doubtful."""
+"""Position over half the envelope beyond which unit or origin is implausible."""
 MARGIN = 0.8
 """Speed limit over the speed up to which a vehicle rights itself."""
 ARROWS = "\u2191\u2197\u2192\u2198\u2193\u2199\u2190\u2196"

@@ -41,7 +41,7 @@ CONVENTIONS = (
 
 
 def write(model: ExportModel, added_mass: Literal["inertial", "plugin"] = "inertial") -> str:
-    """SDF text of a model that loads as it is."""
+    """SDF text of a complete model."""
     sdf = ET.Element("sdf", version="1.10")
     body = ET.SubElement(sdf, "model", name=model.vehicle.name)
     base = ET.SubElement(body, "link", name=LINK)

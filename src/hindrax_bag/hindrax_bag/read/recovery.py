@@ -64,7 +64,7 @@ def recover(
 
     `keep` chooses messages by topic, named as `messages` names it, and seconds since the first message of the bag.
 
-    UsageError when the output exists or the bag is none; HindraxError when it cannot be written.
+    UsageError when the output exists or the path is no bag; HindraxError when it cannot be written.
     """
     files = bag_files(bag)
     if output.exists() and any(output.iterdir() if output.is_dir() else [output]):
@@ -79,7 +79,7 @@ def recover(
 
 @contextlib.contextmanager
 def _nothing_inside(folder: Path) -> Iterator[None]:
-    """Empty a folder that holds a part only: of a bag that is none, on a full disk, or after Ctrl-C."""
+    """Empty a folder with a partial result: of an invalid bag, on a full disk, or after Ctrl-C."""
     try:
         yield
     except BaseException:

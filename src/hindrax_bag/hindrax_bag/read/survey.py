@@ -108,7 +108,7 @@ class ListedBag:
 
 
 def find_bags(folder: Path) -> list[ListedBag]:
-    """Bags in a folder and all folders below it, by name; UsageError when it is none."""
+    """Bags in a folder and all folders below it, by name; UsageError when it is no folder."""
     if not folder.is_dir():
         raise UsageError(f"{folder}: is no folder; name one that holds bags or runs")
     places = {file.parent for pattern in PATTERNS for file in folder.rglob(pattern)}

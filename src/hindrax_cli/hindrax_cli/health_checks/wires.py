@@ -32,7 +32,7 @@ RATE_S = 1.0
 TURN_S = 0.05
 ABSENT = "not there"
 QUIET: Mapping[str, Mapping[str, object]] = {"dvl75": {"enable_tries": 0}}
-"""Knobs that keep a device as it is: the DVL would write an order to its flash."""
+"""Knobs that change no device: the DVL would write a command to its flash."""
 
 Ports = Mapping[str, str]
 """Port by the name of a sensor, or "thrusters"; where none is named, that of the vehicle file holds."""

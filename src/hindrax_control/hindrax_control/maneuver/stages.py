@@ -19,7 +19,7 @@ from hindrax_core.signals import ZERO6, Navigation
 from hindrax_core.vehicle import AXES
 
 HOLD_OF = {"heave": ("depth", "altitude"), "roll": ("roll",), "pitch": ("pitch",), "yaw": ("heading",)}
-"""Holds that own an axis and must let go of it while a maneuver drives it."""
+"""Holds that own an axis and must release it while a maneuver drives it."""
 
 
 THRUST_LAG_S = 0.15
@@ -66,7 +66,7 @@ class Stage:
         self._station, self._started_s = station, 0.0
 
     def begin(self, moment: StageInput) -> tuple[Setpoint, ...]:
-        """Return the hold setpoints that this stage wants: every hold stays as it is."""
+        """Return the hold setpoints of this stage: every hold is unchanged."""
         self._started_s = moment.time_s
         return ()
 

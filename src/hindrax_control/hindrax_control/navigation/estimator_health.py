@@ -1,12 +1,11 @@
 """Whether the state of the vehicle is plausible: checks that hold in every mode, with their limits and remedies.
 
-A maneuver has guards of its own, which suppose that the state is true. These here ask whether it is: does gravity lie
-where the attitude says, do pressure and DVL agree with what the accelerometer predicts, is the motion possible at all,
-and is it still the same state, or one that began anew while the thrusters were armed. What fails here leaves nothing to
-hold on to, so the answer is neutral and disarmed, whoever commands.
+A maneuver has its own guards, which assume that the state is true. These checks test it: gravity along the attitude,
+pressure and DVL consistent with the accelerometer, a possible motion, and no restart of the state while the thrusters
+are armed. Without a trusted state nothing can be held, so a failure means neutral and disarmed for every commander.
 
-Of a third-party odometry its maker judges the sensors behind it. It must be of now, unbroken, and possible for this
-vehicle: a state that came from another source, went back in time or jumped began anew, which is not accepted in flight.
+The sensors behind third-party odometry are the responsibility of its maker. It must be recent, continuous, and possible
+for this vehicle: another source, a step back in time or a jump is a restart, which is not accepted in flight.
 """
 
 import math

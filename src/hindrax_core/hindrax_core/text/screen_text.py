@@ -101,7 +101,7 @@ def print_stderr(sentence: object) -> None:
 
 
 def print_whole(text: str, stream: TextIO | None = None, end: str = "\n") -> None:
-    """Print what is no prose, as it is: a document, a block to copy, a picture; default: to stdout.
+    """Print without wrapping: a document, a block to copy, a picture; default: to stdout.
 
     Output on stderr gets lost where nothing can be written, as on a full disk: it must not end a flight.
     """

@@ -125,7 +125,7 @@ class WatchedProcess:
                 os.write(self.life, b"!")
 
     def silent_from(self, now: Stamp) -> Stamp:
-        """Time from which it does not have the output in hand: now, if it has never beaten or the clock went back."""
+        """Time from which it no longer controls the output: now, if it has never beaten or the clock went back."""
         return now if self.beaten_at is None or now < self.beaten_at else after(self.beaten_at, SILENT_S)
 
     def hung(self, now: Stamp) -> bool:

@@ -46,7 +46,7 @@ class Access:
 
 
 def hostname(host: str) -> str:
-    """Name in a Host header in lower case, without port and brackets; empty when it is none."""
+    """Name in a Host header in lower case, without port and brackets; empty when invalid."""
     found = HOST.fullmatch(host)
     return (found[1] or found[2]).lower() if found else ""
 

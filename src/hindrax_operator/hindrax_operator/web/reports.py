@@ -35,7 +35,7 @@ class Reports:
         return found
 
     def read(self, name: str) -> bytes:
-        """Return one report as it is; Refused when there is none of this name, or it is no page of ours by its size."""
+        """Return one report; Refused when there is none of this name, or it is no page of ours by its size."""
         file = self._files().get(name)
         if file is None or not file.is_file():
             raise RefusedRequest(HTTPStatus.NOT_FOUND, f"report: none of that name in {self.runs.name}")

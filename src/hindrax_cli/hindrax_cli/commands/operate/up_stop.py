@@ -112,7 +112,7 @@ def stop(arguments: argparse.Namespace) -> int:
 
 
 def neutral_on_output(arguments: argparse.Namespace) -> int:
-    """Write neutral as the dead man would; refused while a stack has the output in hand."""
+    """Write neutral as the dead man would; refused while a stack controls the output."""
     if (found := vehicle_stack()) is not None:
         raise UsageError(f"--output: {found.title} runs, and its dead man has the output; `./hindrax stop` stops it")
     settings = output_settings(arguments)
