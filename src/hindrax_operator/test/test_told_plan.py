@@ -73,7 +73,7 @@ def test_who_waits_for_the_identification_sees_that_it_goes_on(tmp_path: Path, m
     monkeypatch.setattr(pool_run, "fly", lambda *_: FlownManeuver())
     monkeypatch.setattr(terminal, "working", working)
     monkeypatch.setattr(bag_identification, "identify_run", identified)
-    with pytest.raises(HindraxError, match=r"^flown; but identifying; the record is kept; "):
+    with pytest.raises(HindraxError, match=r"^flown; but identifying; the record is stored; "):
         run_pool_test(replace(OPTIONS, out=str(tmp_path / "run")))
 
 
