@@ -59,6 +59,15 @@ def test_a_kind_that_lags_behind_on_a_busy_machine_is_waited_for() -> None:
     assert play(lagging)[1] > 0
 
 
+def test_a_backlog_that_comes_topic_by_topic_is_sorted_at_once() -> None:
+    forces, velocities = [thrust(0.1 * k) for k in range(60)], [velocity(0.1 * k) for k in range(60)]
+    together = [one for pair in zip(forces, velocities, strict=True) for one in pair]
+    assert play([*forces, *velocities])[1] > 0
+    sorter: StampSorter[Thrust | Velocity] = StampSorter(0.25)
+    assert [*sorter.push(*forces, *velocities), *sorter.flush()] == together
+    assert sorter.dropped == 0
+
+
 def test_a_kind_that_is_silent_does_not_stop_the_others() -> None:
     sorter: StampSorter[Thrust | Velocity] = StampSorter(0.25, lag_s=5.0)
     out = [one for event in (velocity(0.0), *(thrust(0.1 * k) for k in range(1, 100))) for one in sorter.push(event)]

@@ -110,12 +110,11 @@ class Identifier(BatchedNode):
         return on_message
 
     def drain(self) -> None:
-        """Take what waits; of another stack in the order of stamps."""
+        """Take what waits; of another stack all at once, since a backlog comes topic by topic."""
         super().drain()
-        waiting, self._waiting = sorted(self._waiting, key=lambda one: one.stamp), []
-        for event in waiting:
-            for estimate in self._any.step(event):
-                self._publish(estimate)
+        waiting, self._waiting = self._waiting, []
+        for estimate in self._any.step(*waiting):
+            self._publish(estimate)
 
     def _on_assess(self, _request: Any, response: Any) -> Any:
         """Verdict on every motion so far, a line each; success if there is any."""

@@ -35,9 +35,9 @@ class RecordSession:
         """Number of measurements dropped because they arrived too late."""
         return self._sorter.dropped
 
-    def step(self, measurement: Stamped[IdentEvent]) -> Iterator[Stamped[Estimate]]:
-        """Add one velocity, attitude or thrust; yield the estimates of the axes that were pushed so far."""
-        for event in self._sorter.push(measurement):
+    def step(self, *measurements: Stamped[IdentEvent]) -> Iterator[Stamped[Estimate]]:
+        """Add velocities, attitudes and thrusts; yield the estimates of the axes that were pushed so far."""
+        for event in self._sorter.push(*measurements):
             yield from self._process(event)
 
     def finalize(self) -> Mapping[str, MotionResult]:

@@ -56,17 +56,21 @@ class StampSorter(Generic[ReadingT]):
         self._newest = self._released = EARLIEST
         self._newest_of: dict[tuple[int, str], Stamp] = {}
 
-    def push(self, one: Stamped[ReadingT]) -> Iterator[Stamped[ReadingT]]:
-        """Add one measurement, or drop and count it if too late; yield all that have waited long enough."""
-        stamp, reading = one.stamp, one.reading
-        if stamp < self._released:
-            self.dropped += 1
-            return
-        kind = (RANKS[type(reading)], reading.source if isinstance(reading, Velocity) else "")
-        self._count += 1
-        heapq.heappush(self._heap, (stamp, *kind, self._count, one))
-        self._newest = max(self._newest, stamp)
-        self._newest_of[kind] = max(self._newest_of.get(kind, stamp), stamp)
+    def push(self, *measurements: Stamped[ReadingT]) -> Iterator[Stamped[ReadingT]]:
+        """Add measurements, also a backlog of them, and yield all that have waited long enough.
+
+        One that is too late is dropped and counted.
+        """
+        for one in measurements:
+            stamp, reading = one.stamp, one.reading
+            if stamp < self._released:
+                self.dropped += 1
+                continue
+            kind = (RANKS[type(reading)], reading.source if isinstance(reading, Velocity) else "")
+            self._count += 1
+            heapq.heappush(self._heap, (stamp, *kind, self._count, one))
+            self._newest = max(self._newest, stamp)
+            self._newest_of[kind] = max(self._newest_of.get(kind, stamp), stamp)
         # A kind that is silent for longer is ignored: a lost sensor must not stop the others.
         silent = after(self._newest, -self.lag_s)
         slowest = min((newest for newest in self._newest_of.values() if newest > silent), default=self._newest)
