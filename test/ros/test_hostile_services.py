@@ -116,10 +116,10 @@ class Client:
         return list(self.ask(ListParameters, f"{name}/list_parameters", ListParameters.Request()).result.names)
 
     def edges_of(self, name: str) -> set[tuple[str, ...]]:
-        """Topics that a node takes and gives, and its services, but for those of every node."""
+        """Topics that a node subscribes to and publishes, and its services, but for those of every node."""
         of = {
-            "takes": self.node.get_subscriber_names_and_types_by_node(name, NAMESPACE),
-            "gives": self.node.get_publisher_names_and_types_by_node(name, NAMESPACE),
+            "subscribes": self.node.get_subscriber_names_and_types_by_node(name, NAMESPACE),
+            "publishes": self.node.get_publisher_names_and_types_by_node(name, NAMESPACE),
             "serves": self.node.get_service_names_and_types_by_node(name, NAMESPACE),
         }
         own = f"{NAMESPACE}/{name}/"
@@ -237,7 +237,7 @@ def test_nonsense_in_every_other_request_is_refused(stack: psutil.Process) -> No
 
 
 @pytest.mark.usefixtures("stack")
-def test_no_node_takes_gives_or_serves_what_the_reference_does_not_say() -> None:
+def test_no_node_subscribes_publishes_or_serves_what_the_reference_does_not_list() -> None:
     with contextlib.closing(Client()) as client:
         client.until(lambda: set(client.node.get_node_names()) >= NODES, f"all of {NODES}")
         for name in sorted(NODES - {"sensors", "teleop"}):
