@@ -506,7 +506,11 @@ def test_an_order_to_end_after_the_end_is_no_error(man: DeadMan, monkeypatch: py
     writer = NeutralWriter(Settings(VEHICLE, "/dev/i2c-1"))
     monkeypatch.setattr(man, "_neutral", writer)
     writer.close()
+    other = os.eventfd(0, os.EFD_NONBLOCK)  # has the number of the descriptor that was closed
     man._ask(signal.SIGTERM, None)
+    with pytest.raises(BlockingIOError):
+        os.eventfd_read(other)
+    os.close(other)
     assert man._asked_s is not None
 
 

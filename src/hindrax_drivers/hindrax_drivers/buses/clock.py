@@ -40,7 +40,7 @@ class Clock(Protocol):
         """End the sleep of another thread; if none sleeps, the next sleep ends at once."""
 
     def close(self) -> None:
-        """Close the descriptors. Afterwards only `now` may be used."""
+        """Close the descriptors. Afterwards only `now` may be used, and `wake` does nothing."""
 
 
 class RegisterBus(Clock, Protocol):
@@ -68,8 +68,9 @@ class Alarm:
         return self._descriptor
 
     def set(self) -> None:
-        """Make the descriptor readable."""
-        os.eventfd_write(self._descriptor, 1)
+        """Make the descriptor readable; nothing after `close`, whoever has the number of the descriptor by then."""
+        if self._descriptor >= 0:
+            os.eventfd_write(self._descriptor, 1)
 
     def clear(self) -> None:
         """Make the descriptor unreadable again, however often it was set."""
@@ -78,7 +79,8 @@ class Alarm:
 
     def close(self) -> None:
         """Close the descriptor."""
-        os.close(self._descriptor)
+        closed, self._descriptor = self._descriptor, -1  # before it: a signal may call `set` between the two
+        os.close(closed)
 
 
 class SystemClock:

@@ -202,8 +202,7 @@ class DeadMan:
     def _ask(self, _number: int, _frame: FrameType | None) -> None:
         if self._asked_s is None:
             self._asked_s = time.monotonic()
-        with contextlib.suppress(OSError):  # it has just been closed
-            self._neutral.clock.wake()
+        self._neutral.clock.wake()
 
 
 def _of_the_node(heartbeat: str) -> str:
