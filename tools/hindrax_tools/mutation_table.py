@@ -95,6 +95,8 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--seconds", type=float, default=600.0, help="time for the mutants of each module")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the rows of the modules there as well")
     options = parser.parse_args(words)
+    if options.module and not options.tests:
+        parser.error(f"{options.module}: found no tests, wanted files or names of tests behind it")
     prepare()
     if options.module:
         entries, wanted = [ListedModule("named", options.module, tuple(options.tests), {})], 1.0

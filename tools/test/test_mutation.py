@@ -46,6 +46,13 @@ def test_it_shows_the_mutant_that_no_test_holds(
     assert "x / 2  ->  x * 2" in capsys.readouterr().out
 
 
+def test_a_module_is_named_with_its_tests(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        mutation_table.main(["doubling"])
+    assert ended.value.code == 2
+    assert "doubling: found no tests, wanted files or names of tests" in capsys.readouterr().err
+
+
 def test_a_table_counts_what_changes_something_and_names_what_is_listed_in_vain(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
