@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from hindrax_analysis.experiments.experiment_record import Column, describe, read_columns
-from hindrax_analysis.experiments.least_squares import Array
 from hindrax_bag.read.message_columns import series
 from hindrax_cli.argument_types import add_json, positive
 from hindrax_cli.command import Declare, option
@@ -18,6 +17,7 @@ from hindrax_core.errors import UsageError, cause
 from hindrax_core.events import NS_PER_S
 from hindrax_core.text.screen_text import print_stderr
 from hindrax_core.text.text_file import nothing_left, require_place, writing
+from hindrax_ident.arrays import Array
 
 PLOT_KINDS = (".png", ".svg", ".pdf")
 

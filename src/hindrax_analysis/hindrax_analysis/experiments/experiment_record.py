@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hindrax_analysis.experiments.least_squares import Array
 from hindrax_analysis.records.csv_columns import check_width, rows_of
 from hindrax_core.errors import HindraxError
+from hindrax_ident.arrays import Array
 
 MOST_JITTER = 0.01
 """Deviation of a time step from the median, relative, up to which a record counts as evenly sampled."""

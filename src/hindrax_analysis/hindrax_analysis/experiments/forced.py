@@ -13,9 +13,10 @@ from typing import TypeAlias
 import numpy as np
 
 from hindrax_analysis.experiments.experiment_record import Column, evenly
-from hindrax_analysis.experiments.least_squares import Array, Fit, least_squares
+from hindrax_analysis.experiments.least_squares import Fit, least_squares
 from hindrax_core.errors import HindraxError
 from hindrax_core.text.digits import Value
+from hindrax_ident.arrays import Array
 
 LOADS = ("X_N", "Y_N", "Z_N", "K_Nm", "M_Nm", "N_Nm")
 

@@ -12,8 +12,9 @@ import numpy as np
 
 from hindrax_analysis.experiments.decay import Decay, curve_fit, decay_of, displacement, drag_from_swings
 from hindrax_analysis.experiments.experiment_record import Column, evenly
-from hindrax_analysis.experiments.least_squares import Array, check_added_mass, propagate
+from hindrax_analysis.experiments.least_squares import check_added_mass, propagate
 from hindrax_core.text.digits import Value
+from hindrax_ident.arrays import Array
 
 COLUMNS = (
     Column("time_s", "time [s], increasing"),

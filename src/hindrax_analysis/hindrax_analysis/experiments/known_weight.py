@@ -10,12 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hindrax_analysis.experiments.least_squares import Array
 from hindrax_control.prior_dynamics import PriorDynamics
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.signals import IdentEvent, Thrust, Velocity
 from hindrax_core.vehicle import AXES, AxisGain
+from hindrax_ident.arrays import Array
 
 BLOCKS = 8
 """Parts of a hold whose means give the deviation of the mean of all."""

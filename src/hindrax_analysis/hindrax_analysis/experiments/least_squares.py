@@ -2,16 +2,13 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares as minimize
 
 from hindrax_core.errors import HindraxError
 from hindrax_core.text.digits import Value
-
-Array: TypeAlias = NDArray[np.float64]
+from hindrax_ident.arrays import Array, array
 
 RANK_TOLERANCE = 1e-10
 """Smallest singular value of the scaled regressor, relative to its largest, that still counts as information."""
@@ -77,7 +74,7 @@ def fit_curve(residual: Callable[[Array], Array], start: Array, scale: Array, na
     `scale`: size of a significant step of each parameter. HindraxError when the record cannot separate them.
     """
     found = minimize(residual, start, x_scale=scale, diff_step=np.full(start.size, 1e-6), max_nfev=MOST_STEPS)
-    jacobian, values = np.asarray(found.jac, dtype=np.float64), np.asarray(found.x, dtype=np.float64)
+    jacobian, values = array(found.jac), array(found.x)
     size = np.linalg.norm(jacobian, axis=0)
     if not np.all(size > 0.0) or float(np.linalg.cond(jacobian / size)) > 1.0 / RANK_TOLERANCE:
         raise HindraxError(f"fit of {', '.join(names)}: the record cannot separate them; vary the input more")

@@ -15,12 +15,11 @@ from hindrax_analysis.experiments.bollard import BollardCurve, Direction
 from hindrax_analysis.experiments.estimate import EmpiricalModel
 from hindrax_analysis.experiments.forced import Coefficient
 from hindrax_analysis.experiments.free_decay import FreeDecay
-from hindrax_analysis.experiments.least_squares import Array
 from hindrax_analysis.experiments.pendulum import PendulumFit
 from hindrax_analysis.experiments.step import StepPlant, StepTest
 from hindrax_analysis.experiments.towing import Towing
 from hindrax_core.vehicle import AXES
-from hindrax_ident.arrays import array
+from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.prediction import Prediction
 
 MEASURED = "#33658a"

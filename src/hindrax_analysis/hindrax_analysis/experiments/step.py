@@ -10,9 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from hindrax_analysis.experiments.experiment_record import Column
-from hindrax_analysis.experiments.least_squares import Array, check_added_mass, fit_curve
+from hindrax_analysis.experiments.least_squares import check_added_mass, fit_curve
 from hindrax_core.errors import HindraxError
 from hindrax_core.text.digits import Value
+from hindrax_ident.arrays import Array
 
 COLUMNS = (
     Column("time_s", "time since the step [s]"),

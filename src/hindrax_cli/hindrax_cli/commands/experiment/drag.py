@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hindrax_analysis.experiments.least_squares import Array
 from hindrax_analysis.experiments.step import COLUMNS as STEP_COLUMNS
 from hindrax_analysis.experiments.step import PAPER_THRUSTS_N, StepPlant, tests_from_columns
 from hindrax_analysis.experiments.step import fit as fit_steps
@@ -17,6 +16,7 @@ from hindrax_cli.argument_types import positive
 from hindrax_cli.command import command, option
 from hindrax_cli.experiment_command import DENSITY, add_output, read_record, record, save_plot
 from hindrax_core.errors import UsageError
+from hindrax_ident.arrays import Array
 
 
 @command(
