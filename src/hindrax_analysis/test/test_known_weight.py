@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hindrax_analysis.experiments.known_weight import Hold, LoadSpan, holds_of, weigh
+from hindrax_analysis.identification.known_weight import Hold, LoadSpan, holds_of, weigh
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.errors import HindraxError

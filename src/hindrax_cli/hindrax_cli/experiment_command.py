@@ -1,15 +1,15 @@
 """Shared by the bench experiment commands: options, reading a record, saving a plot."""
 
+from __future__ import annotations
+
 import argparse
-import importlib
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hindrax_analysis.experiments.experiment_record import Column, describe, read_columns
 from hindrax_bag.read.message_columns import series
 from hindrax_cli.argument_types import add_json, positive
 from hindrax_cli.command import Declare, option
@@ -18,6 +18,10 @@ from hindrax_core.events import NS_PER_S
 from hindrax_core.text.screen_text import print_stderr
 from hindrax_core.text.text_file import nothing_left, require_place, writing
 from hindrax_ident.arrays import Array
+from hindrax_laboratory.experiment_record import Column, describe, read_columns
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 PLOT_KINDS = (".png", ".svg", ".pdf")
 
@@ -87,15 +91,12 @@ def _place(field: str, columns: Sequence[Column]) -> tuple[str, str]:
     return column, re.sub(r"\.(\d+)", r"[\1]", where)
 
 
-def save_plot(path: Path | None, name: str, *data: Any) -> None:
-    """Draw and save `experiments.plots.NAME(*data)` when asked to; the kind follows from the file's name.
-
-    UsageError where it cannot be written. Imported here: matplotlib takes long, and only --plot needs it.
-    """
+def save_plot(path: Path | None, draw: Callable[..., Figure], *data: object) -> None:
+    """Save what `draw(*data)` draws when asked to; the kind follows from the file's name. UsageError: not writable."""
     require_plot(path)
     if path is None:
         return
-    figure = getattr(importlib.import_module("hindrax_analysis.experiments.plots"), name)(*data)
+    figure = draw(*data)
     with writing(f"--plot {path}", "name another place", UsageError), nothing_left(path):
         figure.savefig(path)
     print_stderr(f"plot: {path}")

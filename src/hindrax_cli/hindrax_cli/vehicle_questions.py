@@ -5,13 +5,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from hindrax_analysis.experiments.estimate import Dimensions, empirical, hydrodynamics_of
 from hindrax_analysis.exports.vehicle_block import block_text
 from hindrax_cli.vehicle_edit import on_one_line
 from hindrax_cli.vehicle_review import MARGIN, upright_speed_mps
 from hindrax_core.errors import UsageError
 from hindrax_core.hydrostatics import GRAVITY_mps2, Water
 from hindrax_core.vehicle import Limits, vehicle_from_text
+from hindrax_ident.model.empirical_model import Dimensions, empirical, hydrodynamics_of
 
 RIGHTING_ARM_m = 0.05
 SPREAD = 0.8

@@ -9,10 +9,10 @@ import pytest
 import yaml
 from mcap_ros2.writer import Writer
 
-from hindrax_analysis.experiments import pendulum, step
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli import command_line
 from hindrax_ident.arrays import Array, array
+from hindrax_laboratory import pendulum, step
 
 CFD = (6.204, 12.416, 18.636, 24.864, 31.1, 37.344, 43.596, 49.856, 56.124, 62.40)
 BENCH = ["--mass", "0.39", "--volume", "0.00056", "--stiffness", "1127.7"]

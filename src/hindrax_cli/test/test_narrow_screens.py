@@ -16,8 +16,7 @@ from rich.console import Console
 from rich.table import Table
 
 from hindrax_analysis import terminal
-from hindrax_analysis.experiments import pendulum
-from hindrax_analysis.experiments.known_weight import Weighing
+from hindrax_analysis.identification.known_weight import Weighing
 from hindrax_analysis.identification.montecarlo import CoefficientError, DragError, Trial, summary
 from hindrax_bringup.clone import clone_root
 from hindrax_cli import command_line, pool_plan
@@ -34,6 +33,7 @@ from hindrax_core.text.screen_text import COMMAND, UNBOUNDED
 from hindrax_core.vehicle import AxisGain
 from hindrax_ident.arrays import array
 from hindrax_ident.assess.assessment import METHOD
+from hindrax_laboratory import pendulum
 from hindrax_sim.flights.rehearsal import ExpectedBand, Flown, Rehearsal
 from hindrax_tools.faults import table as fault_table
 from hindrax_tools.faults.fault_outcome import MODES, FaultOutcome

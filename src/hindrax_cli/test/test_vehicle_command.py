@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 import yaml
 
-from hindrax_analysis.experiments.estimate import Dimensions, empirical
 from hindrax_bringup.share_files import VEHICLE, default_vehicle, usual_vehicle, vehicle_file
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.machine import vehicle
@@ -18,6 +17,7 @@ from hindrax_control.maneuver.goal import largest_wrench
 from hindrax_core.errors import UsageError
 from hindrax_core.knobs import build
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
+from hindrax_ident.model.empirical_model import Dimensions, empirical
 
 MUST = {"mass": "11.5", "size": "0.457, 0.338 0.254"}
 

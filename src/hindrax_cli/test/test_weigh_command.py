@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from vehicle_files import hindrax_file
 
-from hindrax_analysis.experiments.known_weight import Weighing
+from hindrax_analysis.identification.known_weight import Weighing
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.experiment import weigh
 from hindrax_core.errors import HindraxError

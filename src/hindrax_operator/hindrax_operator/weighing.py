@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-from hindrax_analysis.experiments.known_weight import Hold, LoadSpan, holds_of
+from hindrax_analysis.identification.known_weight import Hold, LoadSpan, holds_of
 from hindrax_control.maneuver.goal import servable_motions
 from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.signals import IdentEvent, Thrust, Velocity

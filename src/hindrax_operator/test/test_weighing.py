@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from hindrax_analysis.experiments.known_weight import weigh
+from hindrax_analysis.identification.known_weight import weigh
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.errors import HindraxError

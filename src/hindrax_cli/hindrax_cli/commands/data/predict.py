@@ -4,6 +4,7 @@ import argparse
 from collections.abc import Mapping
 from pathlib import Path
 
+from hindrax_analysis import plots
 from hindrax_analysis.coefficients_file import SavedCoefficients, read_coefficients
 from hindrax_analysis.identification.record_identification import RecordSource, axis_records, recorded_vehicle
 from hindrax_analysis.terminal import print_answer, print_table, working
@@ -49,7 +50,7 @@ def predict(arguments: argparse.Namespace) -> int:
         found, reasons = _predictions(saved, vehicle, axis_records(sources, vehicle, task), arguments.window)
     if not found:
         raise HindraxError("; ".join(reasons) or "the records hold no motion with both velocities and forces")
-    save_plot(arguments.plot, "prediction", found)
+    save_plot(arguments.plot, plots.prediction, found)
     motions = {AXES[one.axis]: {"unit": one.unit, "windows": one.windows, **one.errors} for one in found}
     document = {"window_s": arguments.window, "motions": motions, "left_out": reasons}
     return print_answer(document, lambda: _show(found, reasons, arguments.window), as_json=arguments.json)

@@ -6,17 +6,18 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hindrax_analysis.experiments.step import COLUMNS as STEP_COLUMNS
-from hindrax_analysis.experiments.step import PAPER_THRUSTS_N, StepPlant, tests_from_columns
-from hindrax_analysis.experiments.step import fit as fit_steps
-from hindrax_analysis.experiments.towing import COLUMNS as TOWING_COLUMNS
-from hindrax_analysis.experiments.towing import fit as fit_towing
 from hindrax_analysis.terminal import print_answer, print_table, print_values
 from hindrax_cli.argument_types import positive
 from hindrax_cli.command import command, option
 from hindrax_cli.experiment_command import DENSITY, add_output, read_record, record, save_plot
 from hindrax_core.errors import UsageError
 from hindrax_ident.arrays import Array
+from hindrax_laboratory import plots
+from hindrax_laboratory.step import COLUMNS as STEP_COLUMNS
+from hindrax_laboratory.step import PAPER_THRUSTS_N, StepPlant, tests_from_columns
+from hindrax_laboratory.step import fit as fit_steps
+from hindrax_laboratory.towing import COLUMNS as TOWING_COLUMNS
+from hindrax_laboratory.towing import fit as fit_towing
 
 
 @command(
@@ -32,7 +33,7 @@ def towing(arguments: argparse.Namespace) -> int:
     columns = read_record(arguments.record, TOWING_COLUMNS, arguments.field)
     speed, drag = columns["speed_mps"], columns["drag_N"]
     found = fit_towing(speed, drag, arguments.offset, arguments.area, arguments.density)
-    save_plot(arguments.plot, "towing", speed, drag, found)
+    save_plot(arguments.plot, plots.towing, speed, drag, found)
     rows: list[tuple[str, object, str]] = [
         ("K_Q (k_q)", found.k_q, "N s^2/m^2"),
         ("K_L (k_l)", found.k_l, "N s/m"),
@@ -66,7 +67,7 @@ def _simulate(arguments: argparse.Namespace) -> int:
         raise UsageError(f"--k-l {arguments.k_l} --k-q {arguments.k_q}: wanted none below 0 and one above")
     plant = StepPlant(arguments.mass + arguments.added_mass, arguments.k_l, arguments.k_q)
     thrusts = arguments.thrust or list(PAPER_THRUSTS_N)
-    save_plot(arguments.plot, "step", plant, thrusts, arguments.duration)
+    save_plot(arguments.plot, plots.step, plant, thrusts, arguments.duration)
     rows = [_response(plant, thrust, arguments.duration) for thrust in thrusts]
     return print_answer({"plant": plant, "steps": rows}, lambda: _show_steps(rows), as_json=arguments.json)
 
@@ -98,7 +99,7 @@ def _fit(arguments: argparse.Namespace) -> int:
     plant = StepPlant(found.total_mass_kg.value, found.k_l.value, found.k_q.value)
     longest = max(float(test.time_s[-1]) for test in tests)
     thrusts = sorted({test.thrust_N for test in tests})
-    save_plot(arguments.plot, "step", plant, thrusts, longest, tests)
+    save_plot(arguments.plot, plots.step, plant, thrusts, longest, tests)
     rows = [
         ("added mass", found.added_mass_kg, "kg"),
         ("total mass", found.total_mass_kg, "kg"),

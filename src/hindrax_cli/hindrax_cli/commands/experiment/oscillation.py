@@ -6,14 +6,6 @@ Sources: COB-2023-2422 (free decay); Xu, Ma, Han 2017 (forced oscillation); Bada
 import argparse
 from typing import Literal
 
-from hindrax_analysis.experiments.forced import COLUMNS as FORCED_COLUMNS
-from hindrax_analysis.experiments.forced import MOTIONS, Coefficient, TowedModel, derivatives, run_from_columns
-from hindrax_analysis.experiments.free_decay import COLUMNS as FREE_DECAY_COLUMNS
-from hindrax_analysis.experiments.free_decay import Bench, FreeDecay
-from hindrax_analysis.experiments.free_decay import analyze as analyze_free_decay
-from hindrax_analysis.experiments.pendulum import COLUMNS as PENDULUM_COLUMNS
-from hindrax_analysis.experiments.pendulum import Pendulum, PendulumFit
-from hindrax_analysis.experiments.pendulum import analyze as analyze_pendulum
 from hindrax_analysis.terminal import cells_of, print_answer, print_table, print_values
 from hindrax_cli.argument_types import positive
 from hindrax_cli.command import command, option
@@ -21,6 +13,15 @@ from hindrax_cli.experiment_command import DENSITY, add_output, read_record, rec
 from hindrax_core.errors import HindraxError
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.text.screen_text import print_fitted
+from hindrax_laboratory import plots
+from hindrax_laboratory.forced import COLUMNS as FORCED_COLUMNS
+from hindrax_laboratory.forced import MOTIONS, Coefficient, TowedModel, derivatives, run_from_columns
+from hindrax_laboratory.free_decay import COLUMNS as FREE_DECAY_COLUMNS
+from hindrax_laboratory.free_decay import Bench, FreeDecay
+from hindrax_laboratory.free_decay import analyze as analyze_free_decay
+from hindrax_laboratory.pendulum import COLUMNS as PENDULUM_COLUMNS
+from hindrax_laboratory.pendulum import Pendulum, PendulumFit
+from hindrax_laboratory.pendulum import analyze as analyze_pendulum
 
 
 @command(
@@ -58,7 +59,7 @@ def free_decay(arguments: argparse.Namespace) -> int:
     )
     source, amplitude = str(arguments.record), arguments.amplitude
     result = analyze_free_decay(columns["time_s"], columns[column], bench, kind, source=source, amplitude_m=amplitude)
-    save_plot(arguments.plot, "free_decay", result)
+    save_plot(arguments.plot, plots.free_decay, result)
     return print_answer(result, lambda: _show_free_decay(result, kind), as_json=arguments.json)
 
 
@@ -104,7 +105,7 @@ def forced(arguments: argparse.Namespace) -> int:
     model = TowedModel(arguments.mass, arguments.length, inertia, arguments.restoring, arguments.density)
     records = [(path, read_record(path, FORCED_COLUMNS, arguments.field)) for path in arguments.record]
     found = derivatives([run_from_columns(columns, motion, str(path)) for path, columns in records], model)
-    save_plot(arguments.plot, "forced", found)
+    save_plot(arguments.plot, plots.forced, found)
     document = {"motion": motion.name, "runs": len(records), "coefficients": {item.name: item for item in found}}
     return print_answer(document, lambda: _show_forced(motion.name, found), as_json=arguments.json)
 
@@ -140,7 +141,7 @@ def pendulum(arguments: argparse.Namespace) -> int:
     buoyancy = arguments.buoyancy if arguments.buoyancy is not None else arguments.buoyancy_kgf * GRAVITY_mps2
     bench = Pendulum(arguments.mass, buoyancy, arguments.arm)
     fit = analyze_pendulum(columns["time_s"], columns["theta_rad"], bench, arguments.window, str(arguments.record))
-    save_plot(arguments.plot, "pendulum", fit)
+    save_plot(arguments.plot, plots.pendulum, fit)
     ways = {"output_error": fit.output_error, "regression": fit.regression}
     document = {**ways, "residual_rad": fit.residual_rad, "samples": fit.samples}
     return print_answer(document, lambda: _show_pendulum(fit), as_json=arguments.json)

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from hindrax_analysis.experiments.known_weight import Hold, LoadSpan, Weighing, holds_of
-from hindrax_analysis.experiments.known_weight import weigh as weighed
+from hindrax_analysis.identification.known_weight import Hold, LoadSpan, Weighing, holds_of
+from hindrax_analysis.identification.known_weight import weigh as weighed
 from hindrax_analysis.records.own_bag import bag_events
 from hindrax_analysis.terminal import print_answer, print_table, print_values, working
 from hindrax_bringup.stack import WORLD_HELP

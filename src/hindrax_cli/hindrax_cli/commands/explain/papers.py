@@ -5,11 +5,11 @@ from collections.abc import Sequence
 
 from rich.text import Text
 
-from hindrax_analysis.papers import recompute
-from hindrax_analysis.papers.cells import Cell
 from hindrax_analysis.terminal import console, print_answer, print_table
 from hindrax_cli.argument_types import add_json
 from hindrax_cli.command import command, option
+from hindrax_laboratory.papers import recompute
+from hindrax_laboratory.papers.cells import Cell
 
 TITLES = {
     "A": "COB-2023-1394: thrust and drag of the Hindrax",

@@ -8,7 +8,7 @@ import yaml
 from hindrax_analysis.terminal import print_answer
 from hindrax_cli.argument_types import add_json, add_vehicle, positive
 from hindrax_cli.command import command, option
-from hindrax_cli.commands.experiment import blocks
+from hindrax_cli.thrust_curve_fit import add_rig, fitted, print_curve
 from hindrax_cli.vehicle_edit import keep, require_editable
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted
@@ -25,7 +25,7 @@ def _groups(parser: argparse.ArgumentParser) -> None:
     health = parser.add_argument_group("disable")
     health.add_argument("--reason", default="disabled by the operator", help="one sentence for the bag and the display")
     sweep = parser.add_argument_group("fit", "columns of the sweep: pulse_us, load_N, supply_V where measured")
-    blocks.add_rig(sweep)
+    add_rig(sweep)
     sweep.add_argument("--write", action="store_true", help="put the curve into the vehicle file")
     sweep.add_argument("--plot", type=Path, metavar="FILE", help="draw the sweep and the curve")
     sweep.add_argument("--field", action="append", default=[], help=argparse.SUPPRESS)
@@ -64,10 +64,10 @@ def _fit(arguments: argparse.Namespace) -> int:
         raise UsageError(f"thruster fit: found {len(arguments.which)} files, wanted one sweep (CSV)")
     arguments.record = Path(arguments.which[0])
     require_editable(arguments)
-    curve, block = blocks.fitted(arguments)
+    curve, block = fitted(arguments)
     name, fresh = arguments.name, yaml.safe_load(block)["curves"][arguments.name]
     kept = keep(arguments, ("curves", name), fresh, f"curves.{name} of {arguments.vehicle}")
-    blocks.print_curve(arguments, curve, block)
+    print_curve(arguments, curve, block)
     if not arguments.json:
         print_fitted(kept)
     return 0

@@ -4,14 +4,14 @@ from collections.abc import Mapping
 from dataclasses import replace
 from statistics import mean, stdev
 
-from hindrax_analysis.experiments.free_decay import (
+from hindrax_laboratory.free_decay import (
     added_mass_damped,
     added_mass_undamped,
     keulegan_carpenter,
     linear_damping,
     scaled_added_mass,
 )
-from hindrax_analysis.papers.cells import Cell, Claim, Printed, Row
+from hindrax_laboratory.papers.cells import Cell, Claim, Printed, Row
 
 PAPER = "B"
 MODEL = {"mass kg": Printed("0.39"), "volume m3": Printed("0.00056")}

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hindrax_analysis.experiments.estimate import AREAS_ASSUMED, Dimensions, empirical
 from hindrax_core.errors import HindraxError
+from hindrax_ident.model.empirical_model import AREAS_ASSUMED, Dimensions, empirical
 
 HINDRAX = Dimensions(0.59, 0.47, 0.40, 15.22, buoyancy_arm_m=0.03)
 POWERS_ADDED_MASS = (3, 3, 3, 5, 5, 5)

@@ -2,8 +2,8 @@
 
 import pytest
 
-from hindrax_analysis.papers import recompute
-from hindrax_analysis.papers.cells import Cell
+from hindrax_laboratory.papers import recompute
+from hindrax_laboratory.papers.cells import Cell
 
 CELLS = recompute()
 

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hindrax_analysis.experiments import towing
-from hindrax_analysis.papers.cells import Cell, Claim, Printed, Row
+from hindrax_laboratory import towing
+from hindrax_laboratory.papers.cells import Cell, Claim, Printed, Row
 
 PAPER = "E"
 

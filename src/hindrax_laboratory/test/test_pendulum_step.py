@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from hindrax_analysis.experiments import pendulum, step
 from hindrax_core.errors import HindraxError
 from hindrax_ident.arrays import Array, array
+from hindrax_laboratory import pendulum, step
 
 PENDULUM = pendulum.Pendulum(mass_kg=3.739, buoyancy_N=2.24 * 9.80665, arm_m=0.40)
 REPEATS = [(1.73977, 59.44488, 0.348868), (1.660689, 62.27559, 0.282417), (1.344367, 48.12204, 0.365481)]

@@ -7,7 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hindrax_analysis.experiments.forced import (
+from hindrax_core.errors import HindraxError
+from hindrax_ident.arrays import array
+from hindrax_laboratory.forced import (
     MOTIONS,
     OscillationRun,
     TowedModel,
@@ -16,8 +18,6 @@ from hindrax_analysis.experiments.forced import (
     harmonics,
     run_from_columns,
 )
-from hindrax_core.errors import HindraxError
-from hindrax_ident.arrays import array
 
 MODEL = TowedModel(78.0, 0.875, {"pitch": 6.0, "yaw": 5.5}, restoring_Nm=25.0)
 PUBLISHED = {

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from itertools import chain
 
-from hindrax_analysis.papers.cells import Cell, Claim, Printed, Row
+from hindrax_laboratory.papers.cells import Cell, Claim, Printed, Row
 
 PAPER = "C"
 

@@ -10,13 +10,13 @@ from itertools import pairwise
 import numpy as np
 import yaml
 
-from hindrax_analysis.experiments.experiment_record import Column
-from hindrax_analysis.experiments.least_squares import least_squares
 from hindrax_core.curves import Branch
 from hindrax_core.errors import HindraxError
 from hindrax_core.text.digits import Value
 from hindrax_ident.arrays import Array
 from hindrax_ident.assess.thrust_calibration import powers_from_scaled
+from hindrax_laboratory.experiment_record import Column
+from hindrax_laboratory.least_squares import least_squares
 
 COLUMNS = (
     Column("pulse_us", "pulse [us]"),

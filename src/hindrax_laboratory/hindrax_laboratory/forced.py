@@ -12,11 +12,11 @@ from typing import TypeAlias
 
 import numpy as np
 
-from hindrax_analysis.experiments.experiment_record import Column, evenly
-from hindrax_analysis.experiments.least_squares import Fit, least_squares
 from hindrax_core.errors import HindraxError
 from hindrax_core.text.digits import Value
 from hindrax_ident.arrays import Array
+from hindrax_laboratory.experiment_record import Column, evenly
+from hindrax_laboratory.least_squares import Fit, least_squares
 
 LOADS = ("X_N", "Y_N", "Z_N", "K_Nm", "M_Nm", "N_Nm")
 

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hindrax_analysis.experiments.experiment_record import Column
-from hindrax_analysis.experiments.least_squares import check_added_mass, fit_curve
 from hindrax_core.errors import HindraxError
 from hindrax_core.text.digits import Value
 from hindrax_ident.arrays import Array
+from hindrax_laboratory.experiment_record import Column
+from hindrax_laboratory.least_squares import check_added_mass, fit_curve
 
 COLUMNS = (
     Column("time_s", "time since the step [s]"),

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from hindrax_analysis.experiments.free_decay import Bench, analyze, keulegan_carpenter, scaled_added_mass
 from hindrax_core.errors import HindraxError
 from hindrax_ident.arrays import Array
+from hindrax_laboratory.free_decay import Bench, analyze, keulegan_carpenter, scaled_added_mass
 
 BENCH = Bench(1127.7, 0.39, 0.00056, prototype_volume_m3=0.0153)
 RATE_Hz = 330.0

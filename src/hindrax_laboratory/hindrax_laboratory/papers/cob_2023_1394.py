@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import brentq
 
-from hindrax_analysis.papers.cells import Cell, Claim, Printed, Row, slips
 from hindrax_analysis.published import PUBLISHED, Published
 from hindrax_core.hydrostatics import GRAVITY_mps2
+from hindrax_laboratory.papers.cells import Cell, Claim, Printed, Row, slips
 
 PAPER = "A"
 DENSITY_kgpm3 = 1000.0

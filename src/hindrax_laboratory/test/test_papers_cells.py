@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hindrax_analysis.papers.cells import Claim, Printed, Row, slip_of_result, slips
+from hindrax_laboratory.papers.cells import Claim, Printed, Row, slip_of_result, slips
 
 
 @pytest.mark.parametrize(

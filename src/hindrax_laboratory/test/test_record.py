@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hindrax_analysis.experiments.experiment_record import Column, evenly, read_columns
-from hindrax_analysis.experiments.least_squares import least_squares, propagate
 from hindrax_core.errors import HindraxError
 from hindrax_ident.arrays import array
+from hindrax_laboratory.experiment_record import Column, evenly, read_columns
+from hindrax_laboratory.least_squares import least_squares, propagate
 
 COLUMNS = (Column("time_s", "time [s]"), Column("force_N", "force [N]"), Column("note_V", "supply [V]", required=False))
 

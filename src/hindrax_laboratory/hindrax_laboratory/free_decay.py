@@ -10,11 +10,11 @@ from typing import Literal
 
 import numpy as np
 
-from hindrax_analysis.experiments.decay import Decay, curve_fit, decay_of, displacement, drag_from_swings
-from hindrax_analysis.experiments.experiment_record import Column, evenly
-from hindrax_analysis.experiments.least_squares import check_added_mass, propagate
 from hindrax_core.text.digits import Value
 from hindrax_ident.arrays import Array
+from hindrax_laboratory.decay import Decay, curve_fit, decay_of, displacement, drag_from_swings
+from hindrax_laboratory.experiment_record import Column, evenly
+from hindrax_laboratory.least_squares import check_added_mass, propagate
 
 COLUMNS = (
     Column("time_s", "time [s], increasing"),

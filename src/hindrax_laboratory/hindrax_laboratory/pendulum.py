@@ -12,12 +12,12 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.signal import savgol_filter
 
-from hindrax_analysis.experiments.experiment_record import Column, evenly
-from hindrax_analysis.experiments.least_squares import check_added_mass, fit_curve, least_squares, propagate
 from hindrax_core.errors import HindraxError
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.text.digits import Value
 from hindrax_ident.arrays import Array
+from hindrax_laboratory.experiment_record import Column, evenly
+from hindrax_laboratory.least_squares import check_added_mass, fit_curve, least_squares, propagate
 
 COLUMNS = (Column("time_s", "time [s], increasing"), Column("theta_rad", "angle from the vertical [rad]"))
 

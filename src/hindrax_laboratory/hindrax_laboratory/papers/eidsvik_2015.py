@@ -7,9 +7,9 @@ not: their results are off by up to a factor of four.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from hindrax_analysis.experiments.estimate import PRISM_ADDED_MASS, PRISM_RATIO, Dimensions, EmpiricalModel, empirical
-from hindrax_analysis.papers.cells import Cell, Claim, Printed, Row
 from hindrax_core.vehicle import AXES
+from hindrax_ident.model.empirical_model import PRISM_ADDED_MASS, PRISM_RATIO, Dimensions, EmpiricalModel, empirical
+from hindrax_laboratory.papers.cells import Cell, Claim, Printed, Row
 
 PAPER = "D"
 INPUTS = ("length m", "height m", "width m", "front m2", "side m2", "top m2", "density")

@@ -1,7 +1,7 @@
 """The published tables, recomputed from their printed inputs: one module per paper, `recompute()` gives its cells."""
 
-from hindrax_analysis.papers import badawy_2012, cob_2023_1394, cob_2023_2422, eidsvik_2015, xu_2017
-from hindrax_analysis.papers.cells import Cell
+from hindrax_laboratory.papers import badawy_2012, cob_2023_1394, cob_2023_2422, eidsvik_2015, xu_2017
+from hindrax_laboratory.papers.cells import Cell
 
 
 def recompute() -> list[Cell]:

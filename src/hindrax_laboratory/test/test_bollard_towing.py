@@ -6,11 +6,11 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hindrax_analysis.experiments import bollard, towing
 from hindrax_core.curves import Curve
 from hindrax_core.errors import HindraxError
 from hindrax_core.knobs import build
 from hindrax_ident.arrays import Array
+from hindrax_laboratory import bollard, towing
 
 NEGATIVE = (927.1827, -2.2726, 0.001794, -4.61e-7)
 PULSES = np.concatenate((np.arange(1100.0, 1481.0, 20.0), np.arange(1520.0, 1901.0, 20.0)))

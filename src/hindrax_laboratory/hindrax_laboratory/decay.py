@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, detrend, find_peaks, sosfiltfilt
 
-from hindrax_analysis.experiments.least_squares import fit_curve, least_squares, propagate
 from hindrax_core.errors import HindraxError
 from hindrax_core.text.digits import Value
 from hindrax_ident.arrays import Array
+from hindrax_laboratory.least_squares import fit_curve, least_squares, propagate
 
 HIGH_PASS = 0.25
 """Corner frequency of the drift filter, relative to the oscillation: far below it, far above the drift."""
