@@ -1,11 +1,14 @@
 """Every export is read back by an evaluator of its own, written after the simulator's equations: same force."""
 
 import importlib.util
+import re
 import subprocess
 import sys
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -14,8 +17,9 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hindrax_analysis.exports import gz, python_model, stonefish, uuv, vehicle_block
+from hindrax_analysis.exports import fossen, gz, mujoco, python_model, stonefish, uuv, vehicle_block
 from hindrax_analysis.exports.export_model import ExportModel, mean_of_directions
+from hindrax_core.errors import HindraxError
 from hindrax_core.knobs import build
 from hindrax_core.readings import Vec6
 from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle
@@ -99,14 +103,15 @@ def test_gazebo_added_mass_is_positive_in_the_inertial_and_negative_in_the_plugi
     acceleration = np.array([0.3, -0.2, 0.5, 0.1, 0.4, -0.6])
     assert HALF_TURN * (matrix @ (HALF_TURN * acceleration)) == pytest.approx(symmetric @ acceleration)
 
-    plugin = ET.fromstring(gz.write(MODEL, added_mass="plugin")).find(".//plugin")
+    heavy = replace(MODEL, vehicle=replace(VEHICLE, mass_kg=60.0, volume_m3=0.06, inertia_kgm2=(2.0, 2.0, 2.0)))
+    plugin = ET.fromstring(gz.write(heavy, added_mass="plugin")).find(".//plugin")
     assert plugin is not None
     force = np.zeros(6)
     for i, f in enumerate("xyzkmn"):
         for j, v in enumerate("UVWPQR"):
             force[i] += float(plugin.findtext(f"{f}Dot{v}", "0")) * (HALF_TURN * acceleration)[j]
     assert HALF_TURN * force == pytest.approx(-sname @ acceleration)
-    assert ET.fromstring(gz.write(MODEL, added_mass="plugin")).find(".//fluid_added_mass") is None
+    assert ET.fromstring(gz.write(heavy, added_mass="plugin")).find(".//fluid_added_mass") is None
 
 
 def test_gazebo_model_displaces_and_weighs_what_the_vehicle_does() -> None:
@@ -117,14 +122,46 @@ def test_gazebo_model_displaces_and_weighs_what_the_vehicle_does() -> None:
     assert root.findtext(".//collision/pose", "").split()[2] == "0.02"  # above the origin, and z is up
 
 
-def test_added_mass_is_carried_to_the_center_of_mass() -> None:
-    shifted = Vehicle("v", 15.22, 0.0153, (0.59, 0.47, 0.40), center_of_mass_m=(0.0, 0.0, 0.1))
-    plain = Hydrodynamics(added_mass=(12.0, 19.0, 22.0, 0.2, 0.4, 0.3))
-    fluid = ET.fromstring(gz.write(ExportModel(shifted, plain, MODEL.top_speed))).find(".//fluid_added_mass")
-    assert fluid is not None
-    # About a point 0.1 m below, turning in pitch at that point drags the origin along: 12 x 0.1^2 more inertia.
-    assert float(fluid.findtext("qq", "0")) == pytest.approx(0.4 + 12.0 * 0.01)
-    assert abs(float(fluid.findtext("xq", "0"))) == pytest.approx(1.2)
+SHIFTED = ExportModel(replace(VEHICLE, center_of_mass_m=(0.0, 0.0, 0.1)), HYDRODYNAMICS, MODEL.top_speed)
+
+
+def test_every_format_takes_the_numbers_about_the_center_of_mass() -> None:
+    """Identified about it, they are written as they are; the link of gz-sim has its origin there."""
+    root = ET.fromstring(gz.write(SHIFTED))
+    link = root.find(".//link")
+    assert link is not None
+    assert [float(word) for word in link.findtext("pose", "").split()] == [0.0, 0.0, -0.1, 0.0, 0.0, 0.0]
+    assert float(link.findtext(".//fluid_added_mass/qq", "0")) == 0.45
+    assert [float(word) for word in link.findtext("collision/pose", "").split()[:3]] == pytest.approx([0.0, 0.0, 0.12])
+    assert float(ET.fromstring(uuv.write(SHIFTED)).findtext(".//center_of_buoyancy", "").split()[2]) == pytest.approx(
+        0.12
+    )
+    assert yaml.safe_load(fossen.write(SHIFTED))["g"]["r_gb_m"] == pytest.approx([0.0, 0.0, -0.12])
+    for text in (gz.write(SHIFTED), uuv.write(SHIFTED), stonefish.write(SHIFTED), python_model.write(SHIFTED)):
+        assert "the center of mass, which lies at (0, 0, 0.1) m" in text
+
+
+def test_the_plugins_added_mass_is_refused_where_it_would_explode() -> None:
+    """An iteration with the previous acceleration diverges from an added mass of one mass on (gz-sim issue 1923)."""
+    with pytest.raises(HindraxError, match=r"added mass is up to 1\.48 times the mass, .* explode .* use --to gz"):
+        gz.write(MODEL, added_mass="plugin")
+    light = replace(HYDRODYNAMICS, added_mass=(8.0, 8.0, 9.0, 0.1, 0.1, 0.1), added_mass_cross=())
+    assert "0.59 times the mass: applied one step late" in gz.write(
+        ExportModel(VEHICLE, light, MODEL.top_speed), "plugin"
+    )
+
+
+def test_fossens_matrices_are_the_models() -> None:
+    block = yaml.safe_load(fossen.write(MODEL))
+    assert np.array(block["M_A"]) == pytest.approx(MODEL.added_mass)
+    assert np.diag(block["M_RB"])[3:] == pytest.approx(VEHICLE.inertia)
+    speed = np.array([0.3, -0.2, 0.4, -0.5, 0.6, -0.7])
+    side = [("astern" if v < 0.0 else "ahead") for v in speed]
+    force = [
+        -(block["D_l"][s][i] + block["D_q"][s][i] * abs(v)) * v
+        for i, (s, v) in enumerate(zip(side, speed, strict=True))
+    ]
+    assert force == pytest.approx(drag(speed))
 
 
 def uuv_force(text: str, velocity: Array, acceleration: Array) -> Array:
@@ -150,50 +187,94 @@ def test_uuv_simulator_force_is_the_models(velocity: Array, acceleration: Array)
     assert "heave has one coefficient for both directions" in text
 
 
-def stonefish_force(text: str, axis: int, speed: float, exponent: int) -> float:
-    """Drag of a box moving along one of its axes, from its faces, as SolidEntity sums them."""
-    body = ET.fromstring(text)
+def stonefish_force(text: str, velocity: Array, exponent: int) -> Array:
+    """Drag of the external parts of a body about its center of mass, from small pieces of their faces.
 
-    def numbers(name: str, attribute: str) -> list[float]:
-        found = body.find(name)
-        assert found is not None
-        return [float(word) for word in found.attrib[attribute].split()]
+    Written after Stonefish's public source: SolidEntity sums the faces of every part at their middles, and weighs
+    force and moment by the part of the coefficients that lies along them; Compound adds the parts.
+    """
+    total = np.zeros(6)
+    for part in ET.fromstring(text).findall("external_part[@type='box']"):
+        edges = numbers_of(part, "dimensions", "xyz")
+        c_d, c_f = (numbers_of(part, "hydrodynamics", f"{kind}_drag") for kind in ("quadratic", "viscous"))
+        quadratic, viscous = np.zeros(6), np.zeros(6)
+        for normal, centers, area in pieces(edges):
+            flow = -(velocity[:3] + np.cross(velocity[3:], centers))
+            towards = flow @ normal
+            speed = np.linalg.norm(flow, axis=1) ** (exponent - 2)
+            push = flow * (speed * np.maximum(0.0, -towards) * area)[:, None]
+            slide = (flow - towards[:, None] * normal) * area
+            for sums, piece in ((quadratic, push), (viscous, slide)):
+                sums += np.concatenate((piece.sum(axis=0), np.cross(centers, piece).sum(axis=0)))
+        for half in (slice(0, 3), slice(3, 6)):
+            for sums, coefficient, factor in ((quadratic, c_d, 500.0), (viscous, c_f, 1000.0)):
+                length = np.linalg.norm(sums[half])
+                if length > 0.0:
+                    total[half] += factor * (np.abs(sums[half] / length) @ coefficient) * sums[half]
+    return total
 
-    edges = numbers("dimensions", "xyz")
-    c_f = numbers("hydrodynamics", "viscous_drag")[axis]
-    c_d = numbers("hydrodynamics", "quadratic_drag")[axis]
-    force = 0.0
-    for normal in range(3):
-        area = edges[(normal + 1) % 3] * edges[(normal + 2) % 3]
-        for _side in range(2):
-            if normal != axis:
-                force -= 1000.0 * c_f * area * speed
-        if normal == axis:  # one of the two faces meets the water
-            force -= 0.5 * 1000.0 * c_d * area * speed * abs(speed) ** (exponent - 1)
-    return force
+
+def numbers_of(part: ET.Element, name: str, attribute: str) -> Array:
+    found = part.find(name)
+    assert found is not None
+    return np.array([float(word) for word in found.attrib[attribute].split()])
 
 
-@pytest.mark.parametrize("axis", [0, 1, 2])
-def test_stonefish_drag_along_the_axes(axis: int) -> None:
-    drag = Drag(*mean_of_directions(HYDRODYNAMICS.drag(AXES[axis])))
-    top = MODEL.top_speed[axis]
-    exact, fitted = stonefish.write(MODEL, "quadratic"), stonefish.write(MODEL)
-    for speed in np.linspace(-top, top, 9):
-        wanted = -(drag.k_q * abs(speed) + drag.k_l) * speed
-        assert stonefish_force(exact, axis, speed, 2) == pytest.approx(wanted, abs=1e-4)
-        # A cube cannot be a square: the comment in the file states the misfit, and it holds.
-        assert (
-            abs(stonefish_force(fitted, axis, speed, 3) - wanted)
-            <= stonefish.coefficients(MODEL, axis, "cubic")[2] * (drag.k_q * top + drag.k_l) * top + 1e-6
+def pieces(edges: Array, count: int = 40) -> Iterator[tuple[Array, Array, float]]:
+    """Normal, middles (n, 3) and area of the pieces of each face of a box."""
+    steps = (np.arange(count) + 0.5) / count - 0.5
+    for axis in range(3):
+        one, two = (other for other in range(3) if other != axis)
+        grid = np.zeros((count * count, 3))
+        grid[:, one], grid[:, two] = (
+            edges[i] * g.ravel() for i, g in zip((one, two), np.meshgrid(steps, steps), strict=True)
         )
-    assert stonefish.coefficients(MODEL, axis, "cubic")[2] < 0.10
+        for side in (-1.0, 1.0):
+            normal = np.zeros(3)
+            normal[axis] = side
+            yield normal, grid + 0.5 * edges[axis] * normal, edges[one] * edges[two] / count**2
+
+
+@pytest.mark.parametrize("axis", range(6))
+@pytest.mark.parametrize(("law", "exponent"), [("quadratic", 2), ("cubic", 3)])
+def test_stonefish_resists_along_and_about_every_axis_as_its_header_says(
+    axis: int, law: Literal["quadratic", "cubic"], exponent: int
+) -> None:
+    text, top = stonefish.write(MODEL, law), MODEL.top_speed[axis]
+    stated = float(re.findall(rf"{AXES[axis]}: terminal speeds within ([0-9.]+) %", text)[0]) / 100.0
+    k_q, k_l = mean_of_directions(HYDRODYNAMICS.drag(AXES[axis]))
+    for speed in (0.25 * top, 0.6 * top, top, -top):
+        force = stonefish_force(text, array(speed * np.eye(6)[axis]), exponent)
+        wanted = -(k_q * abs(speed) + k_l) * speed
+        # A speed that is wrong by so much is a force that is wrong by at most that to the power of the law.
+        assert (1.0 - stated) ** exponent - 0.01 < force[axis] / wanted < (1.0 + stated) ** exponent + 0.01
+        assert np.delete(force, axis) == pytest.approx(np.zeros(5), abs=1e-6)  # drag at the right height: no tilt
+    assert stated < (0.05 if law == "quadratic" else 0.12)
+
+
+def test_stonefish_body_weighs_floats_and_turns_as_the_vehicle_does() -> None:
+    body = ET.fromstring(stonefish.write(SHIFTED))
+    parts = [*body.findall("external_part"), *body.findall("internal_part")]
+    masses = [float(numbers_of(part, "mass", "value")[0]) for part in parts]
+    assert sum(masses) == pytest.approx(15.22)
+    buoyant = [part for part in parts if part.attrib["buoyant"] == "true"]
+    assert [np.prod(numbers_of(part, "dimensions", "xyz")) for part in buoyant] == pytest.approx([0.0153])
+    hull = buoyant[0]
+    center = numbers_of(hull, "compound_transform", "xyz")
+    assert center == pytest.approx(VEHICLE.center_of_buoyancy_m)
+    assert center + numbers_of(hull, "cg", "xyz") == pytest.approx(SHIFTED.vehicle.center_of_mass_m)
+    assert numbers_of(hull, "inertia", "xyz") == pytest.approx([*np.array(VEHICLE.inertia), 0.25, 0.45, 0.35])
+    sphere = body.find("external_part[@type='sphere']")
+    assert sphere is not None
+    added = 2.0 / 3.0 * np.pi * 1000.0 * numbers_of(sphere, "dimensions", "radius")[0] ** 3
+    assert added == pytest.approx(np.sqrt((15.22 + 12.08) * (15.22 + 22.48)) - 15.22)
+    assert "surge: gathers speed 18 % slower" in stonefish.write(SHIFTED)
 
 
 def test_stonefish_coefficients_are_positive_or_it_would_ignore_them() -> None:
-    body = ET.fromstring(stonefish.write(MODEL)).find("hydrodynamics")
-    assert body is not None
-    for name in ("viscous_drag", "quadratic_drag"):
-        assert all(float(word) >= 0.0 for word in body.get(name, "").split())
+    for part in ET.fromstring(stonefish.write(MODEL)).findall("external_part"):
+        for name in ("viscous_drag", "quadratic_drag"):
+            assert np.all(numbers_of(part, "hydrodynamics", name) >= 0.0)
 
 
 def test_vehicle_block_is_read_back_by_the_vehicle_file() -> None:
@@ -255,7 +336,10 @@ def test_python_model_runs_with_numpy_alone(generated: Path) -> None:
     assert len(done.stdout.splitlines()) == 12
 
 
-@pytest.mark.parametrize("write", [gz.write, uuv.write, stonefish.write, vehicle_block.write, python_model.write])
+@pytest.mark.parametrize(
+    "write",
+    [gz.write, uuv.write, stonefish.write, vehicle_block.write, python_model.write, fossen.write, mujoco.write],
+)
 def test_every_format_states_where_it_comes_from_and_what_its_signs_are(
     write: Callable[..., str] | Callable[[ExportModel], str],
 ) -> None:

@@ -1,7 +1,11 @@
-"""Export model: a results file (coefficients.yaml), completed and made passive."""
+"""Export model: a results file (coefficients.yaml), completed and made passive.
+
+One reference point. Plant, identification and allocation are about the center of mass, so drag, added mass and wrench
+of every export are too. The body origin of the vehicle file serves only to say where things sit.
+"""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias, cast
 from xml.etree import ElementTree as ET
@@ -9,10 +13,11 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from hindrax_analysis.coefficients_file import TABULATED, SavedCoefficients
+from hindrax_core.curves import running_branches
 from hindrax_core.errors import HindraxError
-from hindrax_core.readings import Vec6
+from hindrax_core.readings import Vec3, Vec6
 from hindrax_core.text.digits import measured
-from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle
+from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Thruster, Vehicle
 from hindrax_ident.arrays import Array
 from hindrax_ident.assess.results import MotionResult
 from hindrax_ident.model.motion_model import MOTIONS, axis_units, coefficient_units
@@ -29,9 +34,19 @@ class ExportModel:
     source: str = ""
     notes: tuple[str, ...] = ()
 
+    def arm_m(self, position_m: Vec3) -> Vec3:
+        """Position from the center of mass [m] of a point that the vehicle file gives from the body origin."""
+        x, y, z = (float(a - b) for a, b in zip(position_m, self.vehicle.center_of_mass_m, strict=True))
+        return (x, y, z)
+
+    @property
+    def buoyancy_arm_m(self) -> Vec3:
+        """Center of buoyancy from the center of mass [m], SNAME axes."""
+        return self.arm_m(self.vehicle.center_of_buoyancy_m)
+
     @property
     def added_mass(self) -> Array:
-        """Added mass (6, 6) [kg, kg m, kg m^2], positive on the diagonal, rows: force, columns: acceleration."""
+        """Added mass (6, 6) about the center of mass [kg, kg m, kg m^2]; rows: force, columns: acceleration."""
         matrix = np.diag(np.array(self.hydrodynamics.added_mass))
         if self.hydrodynamics.added_mass_cross:
             cross = np.array(self.hydrodynamics.added_mass_cross)
@@ -191,8 +206,15 @@ def _axis_added_mass(axis: str, sides: Sides, prior: Hydrodynamics | None, notes
 
 
 def header(model: ExportModel, conventions: tuple[str, ...]) -> list[str]:
-    """Header lines of every format: source, sign conventions, assumptions."""
-    lines = [f"Hydrodynamics of {model.vehicle.name}, exported by hindrax from {model.source}."]
+    """Header lines of every format: source, reference point, sign conventions, assumptions."""
+    x, y, z = model.vehicle.center_of_mass_m
+    lines = [
+        f"Hydrodynamics of {model.vehicle.name}, exported by hindrax from {model.source}.",
+        (
+            "Reference point of drag, added mass and wrench: the center of mass, which lies at"
+            f" ({x:.4g}, {y:.4g}, {z:.4g}) m (forward, starboard, down) from the body origin of the vehicle file."
+        ),
+    ]
     return [*lines, *conventions, *(f"Note: {note}." for note in model.notes)]
 
 
@@ -201,6 +223,39 @@ def buoyancy_box_m(vehicle: Vehicle) -> tuple[float, float, float]:
     L, W, H = vehicle.envelope_m
     scale = math.cbrt(vehicle.volume_m3 / (L * W * H))
     return scale * L, scale * W, scale * H
+
+
+LOWEST_SHARE = 0.25
+"""Drag is fitted and judged from this fraction of the tested speed upwards: a sixteenth of its largest force."""
+
+
+def tested_speeds(top: float) -> Array:
+    """Speeds (16,) over which a format with another drag law is fitted, evenly up to the largest tested one."""
+    return np.linspace(LOWEST_SHARE, 1.0, 16) * top
+
+
+def law_of(k_q: float, k_l: float) -> Callable[[Array], Array]:
+    """Force of a drag over the speed, one direction."""
+    return lambda speed: np.asarray((k_q * speed + k_l) * speed)
+
+
+def terminal_misfit(wanted: Callable[[Array], Array], given: Callable[[Array], Array], top: float) -> float:
+    """Largest relative error of the speed at which a thrust is met, over the tested speeds: laws force(speed)."""
+    speed = tested_speeds(top)
+    thrust = wanted(speed)
+    if not np.any(thrust):
+        return 0.0
+    fine = np.linspace(0.0, 4.0 * top, 4001)
+    reached = np.interp(thrust, given(fine), fine)
+    return float(np.max(np.abs(reached / speed - 1.0)))
+
+
+def thrust_range_N(vehicle: Vehicle, thruster: Thruster) -> tuple[float, float]:
+    """Weakest (most negative) and strongest steady thrust of a thruster at the vehicle's supply voltage [N]."""
+    curve = vehicle.curves[thruster.curve]
+    negative, positive = running_branches(curve)
+    gain = (vehicle.supply_V / curve.supply_V) ** curve.supply_exponent
+    return gain * negative.force_N(negative.from_us), gain * positive.force_N(positive.to_us)
 
 
 # ---- the little XML that three formats share

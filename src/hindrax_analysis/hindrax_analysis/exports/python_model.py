@@ -1,19 +1,24 @@
 """A Python file that needs numpy alone: the identified vehicle as a function and as a small simulation.
 
 The file stands on its own: it is written, not imported. Its signs are those of Fossen's equation
-M v' + C(v) v + D(v) v + g(eta) = tau with M = M_RB + M_A, everything on the left positive when it resists, SNAME axes.
+M v' + C(v) v + D(v) v + g(eta) = tau with M = M_RB + M_A, everything on the left positive when it resists, SNAME axes,
+about the center of mass: there the mass of the body is diagonal, and the identified numbers stand as they are.
+
+Every function is free of side effects and of branches on values, so with `jax.numpy` in the place of numpy it can be
+traced, differentiated and mapped over many vehicles.
 """
 
 import numpy as np
 
-from hindrax_analysis.exports.export_model import ExportModel, header
+from hindrax_analysis.exports.export_model import ExportModel, header, thrust_range_N
+from hindrax_control.allocation.effectiveness import effectiveness
 from hindrax_core.vehicle import AXES
 from hindrax_ident.arrays import Array
 
 CONVENTIONS = (
-    "SNAME body axes: x forward, y starboard, z down; velocities u v w p q r; wrench X Y Z K M N.",
+    "SNAME body axes: x forward, y starboard, z down; velocities u v w p q r of the center of mass; wrench X Y Z K M N.",
     "M v' + C(v) v + D(v) v + g(attitude) = tau. Drag and added mass are positive: they resist.",
-    "Needs numpy. `python THIS_FILE` prints a step response.",
+    "Needs numpy (or jax: replace the import). `python THIS_FILE` prints a step response.",
 )
 
 BODY = '''
@@ -22,9 +27,13 @@ import numpy as np
 MASS_kg = {mass}
 WEIGHT_N = {weight}
 BUOYANCY_N = {buoyancy}
-CENTER_OF_MASS_m = np.array({center_of_mass})
-CENTER_OF_BUOYANCY_m = np.array({center_of_buoyancy})
-INERTIA_kgm2 = np.diag({inertia})  # about the center of mass
+CENTER_OF_BUOYANCY_m = np.array({center_of_buoyancy})  # from the center of mass
+INERTIA_kgm2 = np.diag(np.array({inertia}))
+
+THRUSTERS = {thrusters}
+THRUST_RANGE_N = np.array({thrust_range})  # weakest, strongest
+THRUST_LAG_s = np.array({lag})
+EFFECTIVENESS = np.array({effectiveness})  # wrench of one newton of each thruster, one column each
 
 ADDED_MASS = np.array({added_mass})
 QUADRATIC = np.array({quadratic})  # rows: motion forward, motion backward
@@ -37,13 +46,8 @@ def skew(vector):
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
-def rigid_body_mass():
-    """Mass matrix (6, 6) of the dry vehicle about the body origin."""
-    arm = skew(CENTER_OF_MASS_m)
-    return np.block([[MASS_kg * np.eye(3), -MASS_kg * arm], [MASS_kg * arm, INERTIA_kgm2 - MASS_kg * arm @ arm]])
-
-
-MASS = rigid_body_mass() + ADDED_MASS
+RIGID_BODY_MASS = np.block([[MASS_kg * np.eye(3), np.zeros((3, 3))], [np.zeros((3, 3)), INERTIA_kgm2]])
+MASS = RIGID_BODY_MASS + ADDED_MASS
 INVERSE_MASS = np.linalg.inv(MASS)
 
 
@@ -65,8 +69,8 @@ def coriolis(velocity):
 def restoring(roll, pitch):
     """g: what weight and buoyancy ask of the thrusters at this attitude."""
     down = np.array([-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)])
-    moment = np.cross(CENTER_OF_MASS_m, WEIGHT_N * down) - np.cross(CENTER_OF_BUOYANCY_m, BUOYANCY_N * down)
-    return -np.concatenate(((WEIGHT_N - BUOYANCY_N) * down, moment))
+    moment = np.cross(CENTER_OF_BUOYANCY_m, BUOYANCY_N * down)
+    return np.concatenate(((BUOYANCY_N - WEIGHT_N) * down, moment))
 
 
 def acceleration(velocity, attitude, wrench):
@@ -112,8 +116,11 @@ def write(model: ExportModel) -> str:
         mass=vehicle.mass_kg,
         weight=vehicle.weight_N,
         buoyancy=vehicle.buoyancy_N,
-        center_of_mass=list(vehicle.center_of_mass_m),
-        center_of_buoyancy=list(vehicle.center_of_buoyancy_m),
+        center_of_buoyancy=[round(value, 9) for value in model.buoyancy_arm_m],
+        thrusters=[thruster.name for thruster in vehicle.thrusters],
+        thrust_range=[[round(value, 6) for value in thrust_range_N(vehicle, one)] for one in vehicle.thrusters],
+        lag=[thruster.lag_s for thruster in vehicle.thrusters],
+        effectiveness=_rows(effectiveness(vehicle)),
         inertia=list(vehicle.inertia),
         added_mass=_rows(model.added_mass),
         quadratic=_rows(np.array(sides)[:, :, 0]),

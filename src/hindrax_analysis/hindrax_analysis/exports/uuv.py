@@ -2,7 +2,8 @@
 
 Signs. Its added mass is the matrix M_A itself, positive (force = -M_A a); its damping are derivatives, negative
 (D = -linear - quadratic |v|, force = -D v). The plugin turns the velocity into x forward, y right, z down before it
-uses either, so matrices are written in SNAME axes; positions are in Gazebo's axes.
+uses either, so matrices are written in SNAME axes; positions are in Gazebo's axes, from the center of mass, where the
+origin of the link belongs.
 """
 
 from xml.etree import ElementTree as ET
@@ -14,6 +15,7 @@ CONVENTIONS = (
     "For uuv_simulator and Plankton: put it inside the model (in a URDF, inside a gazebo element).",
     "added_mass: rows of the 6 x 6 matrix, positive. linear_damping, quadratic_damping: diagonals, negative.",
     "Matrices are in x forward, y right, z down, as the plugin uses them; center_of_buoyancy in Gazebo's axes.",
+    "Put the origin of base_link at the center of mass: the plugin damps the velocity of the link's origin.",
 )
 
 ONE_SIDED = "has one coefficient for both directions here: the mean"
@@ -31,7 +33,7 @@ def write(model: ExportModel) -> str:
     box = ET.SubElement(body, "box")
     for name, edge in zip(("length", "width", "height"), vehicle.envelope_m, strict=True):
         add(box, name, numbers(edge))
-    x, y, z = vehicle.center_of_buoyancy_m
+    x, y, z = model.buoyancy_arm_m
     add(body, "center_of_buoyancy", numbers(x, -y, -z))
     hydrodynamics = ET.SubElement(body, "hydrodynamic_model")
     add(hydrodynamics, "type", "fossen")
