@@ -5,7 +5,6 @@ Buoyancy systems of gz-sim 8, and the recipe of gz-physics for added mass on DAR
 tensor of the link about its origin and applies gravity as a force at the center of mass. Axes: x forward, y left, z up.
 """
 
-from collections.abc import Sequence
 from xml.etree import ElementTree as ET
 
 import dartpy
@@ -91,7 +90,7 @@ class GzModel:
         """Rotation of the link's axes into the world's."""
         return np.asarray(self._body.getWorldTransform().rotation())
 
-    def step(self, wrench: Sequence[float]) -> None:
+    def step(self, wrench: Array) -> None:
         """One step with a wrench at the link's origin in its axes [N, N m]."""
         v, turn = self.velocity, self.turn
         linear, absolute, signed = self._damping

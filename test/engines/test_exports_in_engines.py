@@ -1,9 +1,10 @@
 """Exported vehicles in the engines that they are for, beside the plant of the mock: same steps, same motion."""
 
 import importlib.util
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import pytest
@@ -31,7 +32,7 @@ smallest difference between two engines grows until it turns."""
 class Engine(Protocol):
     """A vehicle somewhere: wrench about the center of mass in, velocity of the center of mass out, both SNAME."""
 
-    def step(self, wrench: Sequence[float]) -> None: ...
+    def step(self, wrench: Array) -> None: ...
 
     @property
     def velocity(self) -> Array: ...
@@ -41,7 +42,7 @@ class InGz:
     def __init__(self, model: ExportModel, _folder: Path) -> None:
         self._inner = GzModel(gz.write(model), DT_s, model.vehicle.water.density_kgpm3)
 
-    def step(self, wrench: Sequence[float]) -> None:
+    def step(self, wrench: Array) -> None:
         self._inner.step(array(HALF_TURN * np.array(wrench)))
 
     @property
@@ -56,7 +57,7 @@ class InMujoco:
         self._inner = loaded(folder / "mujoco_vehicle.py").UnderwaterVehicle.from_folder(folder)
         self._inner.model.opt.timestep = DT_s
 
-    def step(self, wrench: Sequence[float]) -> None:
+    def step(self, wrench: Array) -> None:
         self._inner.step(np.array(wrench))
 
     @property
@@ -70,11 +71,11 @@ class InPython:
         self._module = loaded(folder / "model.py")
         self.velocity, self._attitude = np.zeros(6), np.zeros(3)
 
-    def step(self, wrench: Sequence[float]) -> None:
+    def step(self, wrench: Array) -> None:
         self.velocity, self._attitude = self._module.step(self.velocity, self._attitude, wrench, DT_s)
 
 
-def loaded(file: Path) -> "object":
+def loaded(file: Path) -> Any:
     spec = importlib.util.spec_from_file_location(file.stem, file)
     assert spec is not None
     assert spec.loader is not None
@@ -98,7 +99,7 @@ def holding(model: ExportModel) -> Array:
     return array([model.hydrodynamics.drag(a).resistance(top) for a, top in zip(AXES, model.top_speed, strict=True)])
 
 
-def flown(step: Callable[[Sequence[float]], None], velocity: Callable[[], Array], wrench: Array) -> Array:
+def flown(step: Callable[[Array], None], velocity: Callable[[], Array], wrench: Array) -> Array:
     """Velocities (n, 6) after a step of the wrench, from rest."""
     rows = []
     for _ in range(int(SECONDS / DT_s)):
@@ -136,7 +137,10 @@ def test_steps_of_six_axes_and_coupled_ones_are_those_of_the_plant(
         # What tips a small vehicle over is no step but a capsize.
         wrench = np.array(parts) * hold * np.array([1.0, 1.0, 1.0, 0.3, 0.3, 1.0]) + level
         vehicle = engine(model, tmp_path)
-        found, wanted = flown(vehicle.step, lambda v=vehicle: v.velocity, array(wrench)), of_plant(model, array(wrench))
+        found, wanted = (
+            flown(vehicle.step, partial(getattr, vehicle, "velocity"), array(wrench)),
+            of_plant(model, array(wrench)),
+        )
         about = f"{name}, step {index}"
         size = np.maximum(np.abs(wanted).max(axis=0), 0.1 * np.array(model.top_speed))
         # On the way two integrators differ by a part of a step; three of them carry on what the drag lacks.

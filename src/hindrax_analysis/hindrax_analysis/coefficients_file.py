@@ -92,6 +92,7 @@ def _head(conditions: ResultConditions) -> str:
     lines = (
         f"Hydrodynamic coefficients of {conditions.vehicle}, {flown}.",
         "(m + added_mass) v' = thrust - k_q |v| v - k_l v - b;  SI units; SNAME axes (x forward, y starboard, z down).",
+        "Drag, added mass and thrust are about the center of mass.",
         "std: from the noise of this run; std_calibrated: with all influences of the budget as well.",
         "covariance: rows and columns in the order of names (noise of this run only).",
     )

@@ -197,7 +197,7 @@ def stonefish_force(text: str, velocity: Array, exponent: int) -> Array:
     for part in ET.fromstring(text).findall("external_part[@type='box']"):
         edges = numbers_of(part, "dimensions", "xyz")
         c_d, c_f = (numbers_of(part, "hydrodynamics", f"{kind}_drag") for kind in ("quadratic", "viscous"))
-        quadratic, viscous = np.zeros(6), np.zeros(6)
+        quadratic, viscous = [np.zeros(6)], [np.zeros(6)]
         for normal, centers, area in pieces(edges):
             flow = -(velocity[:3] + np.cross(velocity[3:], centers))
             towards = flow @ normal
@@ -205,12 +205,13 @@ def stonefish_force(text: str, velocity: Array, exponent: int) -> Array:
             push = flow * (speed * np.maximum(0.0, -towards) * area)[:, None]
             slide = (flow - towards[:, None] * normal) * area
             for sums, piece in ((quadratic, push), (viscous, slide)):
-                sums += np.concatenate((piece.sum(axis=0), np.cross(centers, piece).sum(axis=0)))
-        for half in (slice(0, 3), slice(3, 6)):
-            for sums, coefficient, factor in ((quadratic, c_d, 500.0), (viscous, c_f, 1000.0)):
-                length = np.linalg.norm(sums[half])
+                sums.append(np.concatenate((piece.sum(axis=0), np.cross(centers, piece).sum(axis=0))))
+        for sums, coefficient, factor in ((quadratic, c_d, 500.0), (viscous, c_f, 1000.0)):
+            for half in (slice(0, 3), slice(3, 6)):
+                whole = np.sum(sums, axis=0)[half]
+                length = float(np.linalg.norm(whole))
                 if length > 0.0:
-                    total[half] += factor * (np.abs(sums[half] / length) @ coefficient) * sums[half]
+                    total[half] += factor * (np.abs(whole / length) @ coefficient) * whole
     return total
 
 
@@ -263,7 +264,7 @@ def test_stonefish_body_weighs_floats_and_turns_as_the_vehicle_does() -> None:
     center = numbers_of(hull, "compound_transform", "xyz")
     assert center == pytest.approx(VEHICLE.center_of_buoyancy_m)
     assert center + numbers_of(hull, "cg", "xyz") == pytest.approx(SHIFTED.vehicle.center_of_mass_m)
-    assert numbers_of(hull, "inertia", "xyz") == pytest.approx([*np.array(VEHICLE.inertia), 0.25, 0.45, 0.35])
+    assert numbers_of(hull, "inertia", "xyz") == pytest.approx(np.add(VEHICLE.inertia, (0.25, 0.45, 0.35)))
     sphere = body.find("external_part[@type='sphere']")
     assert sphere is not None
     added = 2.0 / 3.0 * np.pi * 1000.0 * numbers_of(sphere, "dimensions", "radius")[0] ** 3

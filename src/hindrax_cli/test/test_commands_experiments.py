@@ -157,17 +157,43 @@ def test_estimate_from_dimensions(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 
 @pytest.mark.parametrize(
-    "kind", ["gz", "gz-plugin", "stonefish", "stonefish-quadratic", "uuv", "python", "vehicle", "csv", "latex", "urdf"]
+    "kind", ["gz", "stonefish", "stonefish-quadratic", "uuv", "fossen", "python", "vehicle", "csv", "latex", "urdf"]
 )
 def test_export_writes_every_format(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     body = {name: {"value": 1.0, "std": 0.1} for name in ("k_q", "k_l", "b", "added_mass")}
     names = ("surge", "sway", "heave_down", "heave_up", "roll", "pitch", "yaw")
     (tmp_path / "coefficients.yaml").write_text(yaml.safe_dump({"motions": dict.fromkeys(names, body)}))
-    out = tmp_path / "out"
+    out = tmp_path / "out.text"
     assert command_line.main(["export", str(tmp_path), "--to", kind, "--out", str(out)]) == 0
     assert out.stat().st_size > 200
     assert command_line.main(["export", str(tmp_path), "--to", kind]) == 0
     assert capsys.readouterr().out == out.read_text()
+
+
+@pytest.mark.parametrize(
+    ("kind", "files"),
+    [
+        ("gz", ["README.md", "model.config", "model.sdf", "world.sdf"]),
+        ("mujoco", ["README.md", "hydrodynamics.py", "mujoco_vehicle.py", "vehicle.xml"]),
+    ],
+)
+def test_a_name_without_an_ending_is_a_folder_that_can_be_driven(kind: str, files: list[str], tmp_path: Path) -> None:
+    body = {name: {"value": 0.5, "std": 0.1} for name in ("k_q", "k_l", "b", "added_mass")}
+    names = ("surge", "sway", "heave_down", "heave_up", "roll", "pitch", "yaw")
+    (tmp_path / "coefficients.yaml").write_text(yaml.safe_dump({"motions": dict.fromkeys(names, body)}))
+    assert command_line.main(["export", str(tmp_path), "--to", kind, "--out", str(tmp_path / "mine")]) == 0
+    assert sorted(file.name for file in (tmp_path / "mine").iterdir()) == files
+
+
+def test_a_model_that_would_explode_is_not_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    body = {name: {"value": 20.0, "std": 0.1} for name in ("k_q", "k_l", "b", "added_mass")}
+    names = ("surge", "sway", "heave_down", "heave_up", "roll", "pitch", "yaw")
+    (tmp_path / "coefficients.yaml").write_text(yaml.safe_dump({"motions": dict.fromkeys(names, body)}))
+    assert command_line.main(["export", str(tmp_path), "--to", "gz-plugin", "--out", str(tmp_path / "m.sdf")]) == 1
+    assert "would explode" in capsys.readouterr().err
+    assert not (tmp_path / "m.sdf").exists()
+    assert command_line.main(["export", str(tmp_path), "--to", "mujoco"]) == 2
+    assert "wanted a folder" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("kind", ["csv", "latex"])

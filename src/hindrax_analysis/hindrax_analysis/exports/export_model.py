@@ -18,7 +18,7 @@ from hindrax_core.errors import HindraxError
 from hindrax_core.readings import Vec3, Vec6
 from hindrax_core.text.digits import measured
 from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Thruster, Vehicle
-from hindrax_ident.arrays import Array
+from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.results import MotionResult
 from hindrax_ident.model.motion_model import MOTIONS, axis_units, coefficient_units
 
@@ -231,7 +231,7 @@ LOWEST_SHARE = 0.25
 
 def tested_speeds(top: float) -> Array:
     """Speeds (16,) over which a format with another drag law is fitted, evenly up to the largest tested one."""
-    return np.linspace(LOWEST_SHARE, 1.0, 16) * top
+    return array(np.linspace(LOWEST_SHARE, 1.0, 16) * top)
 
 
 def law_of(k_q: float, k_l: float) -> Callable[[Array], Array]:
@@ -245,7 +245,7 @@ def terminal_misfit(wanted: Callable[[Array], Array], given: Callable[[Array], A
     thrust = wanted(speed)
     if not np.any(thrust):
         return 0.0
-    fine = np.linspace(0.0, 4.0 * top, 4001)
+    fine = array(np.linspace(0.0, 4.0 * top, 4001))
     reached = np.interp(thrust, given(fine), fine)
     return float(np.max(np.abs(reached / speed - 1.0)))
 

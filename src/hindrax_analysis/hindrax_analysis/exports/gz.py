@@ -88,7 +88,7 @@ def write(model: ExportModel, added_mass: Literal["inertial", "plugin"] = "inert
 
 
 def folder(model: ExportModel) -> Mapping[str, str]:
-    """Files of a folder that `gz sim world.sdf` opens: model, its description, a world of water, three lines of help."""
+    """Files of a folder that `gz sim world.sdf` opens: model, world of water, three lines of help."""
     name = model.vehicle.name
     return {
         "model.sdf": write(model),
@@ -111,8 +111,8 @@ def _explicit_notes(model: ExportModel) -> tuple[str, ...]:
     ratio = float(np.max(np.abs(np.linalg.eigvals(np.linalg.solve(body, model.added_mass)))))
     if ratio >= UNSTABLE:
         raise HindraxError(
-            f"--to gz-plugin: added mass is up to {ratio:.2f} times the mass, wanted less than once: the plugin applies it"
-            " one step late and the model would explode within a tenth of a second; use --to gz (DART engine)"
+            f"--to gz-plugin: added mass is up to {ratio:.2f} times the mass, wanted less than once: the plugin applies"
+            " it one step late and the model would explode within a tenth of a second; use --to gz (DART engine)"
         )
     if ratio >= SLOW:
         return (
@@ -136,7 +136,7 @@ def to_gazebo_axes(matrix: Array) -> Array:
 
 
 def _damping(plugin: ET.Element, model: ExportModel) -> tuple[str, ...]:
-    notes = ()
+    notes: tuple[str, ...] = ()
     for index, axis in enumerate(AXES):
         drag, top = model.hydrodynamics.drag(axis), model.top_speed[index]
         k_l, ahead, astern = two_sided(drag, top)
@@ -151,7 +151,7 @@ def _damping(plugin: ET.Element, model: ExportModel) -> tuple[str, ...]:
         if misfit > NOTED:
             notes += (
                 (
-                    f"{axis}: one linear coefficient serves both directions; terminal speeds within {100.0 * misfit:.1f} %"
+                    f"{axis}: one linear coefficient for both directions; terminal speeds within {100.0 * misfit:.1f} %"
                     f" from {LOWEST_SHARE * top:.2g} to {top:.2g}."
                 ),
             )

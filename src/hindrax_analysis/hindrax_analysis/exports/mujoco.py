@@ -71,7 +71,7 @@ def write(model: ExportModel) -> str:
 
 
 def folder(model: ExportModel) -> Mapping[str, str]:
-    """Files of a folder that `python mujoco_vehicle.py` drives: the vehicle, its water, the steps, help in three lines."""
+    """Files of a folder that `python mujoco_vehicle.py` drives: vehicle, water, steps, three lines of help."""
     first = model.vehicle.thrusters[0].name if model.vehicle.thrusters else "T1"
     texts = (write(model), python_model.write(model), STEPS, README.format(thruster=first))
     return dict(zip(FOLDER, texts, strict=True))
@@ -190,7 +190,7 @@ if __name__ == "__main__":
         vehicle.step()
 '''
 
-README = """Open: `python -m mujoco.viewer --mjcf=vehicle.xml` shows the dry vehicle; `python mujoco_vehicle.py` steps it in water.
-Drive: `UnderwaterVehicle.from_folder(".")`, `vehicle.data.actuator("{thruster}").ctrl = 5.0` (newton), `vehicle.step()`.
+README = """Open: `python -m mujoco.viewer --mjcf=vehicle.xml` shows it dry, `python mujoco_vehicle.py` moves it.
+Drive: `UnderwaterVehicle.from_folder(".")`, `vehicle.data.actuator("{thruster}").ctrl = 5.0` (N), `vehicle.step()`.
 Numbers, signs, reference point and their uncertainty: the comment on top of `vehicle.xml` and of `hydrodynamics.py`.
 """

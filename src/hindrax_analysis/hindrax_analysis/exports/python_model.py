@@ -16,7 +16,7 @@ from hindrax_core.vehicle import AXES
 from hindrax_ident.arrays import Array
 
 CONVENTIONS = (
-    "SNAME body axes: x forward, y starboard, z down; velocities u v w p q r of the center of mass; wrench X Y Z K M N.",
+    "SNAME body axes: x forward, y starboard, z down; velocity u v w p q r of the center of mass, wrench X Y Z K M N.",
     "M v' + C(v) v + D(v) v + g(attitude) = tau. Drag and added mass are positive: they resist.",
     "Needs numpy (or jax: replace the import). `python THIS_FILE` prints a step response.",
 )

@@ -1,11 +1,11 @@
 """Stonefish: a dynamic body for a scenario file, of parts, so that each of its laws can be met.
 
 What Stonefish does with a body (its public source, SolidEntity and Compound). Drag is summed over the faces of every
-external part: along an axis of a box it is 1/2 rho C_d A |u|^n u on the face that meets the water and rho C_f S u on the
-faces along it (A, S: their areas; C_f in m/s); a turning box meets the water with the same faces, so its moment follows
-from edges and coefficients. The library's drag has n = 2, a cube of the speed in all, since February 2024 (version 1.4
-and later); before, n = 1. Added mass follows from the shape of parts that are `submerged`; a free body is then moved
-with the mean of its three values, and with the moments of inertia that the file gives.
+external part: along an axis of a box it is 1/2 rho C_d A |u|^n u on the face that meets the water, and rho C_f S u on
+the faces along it (A, S: their areas; C_f in m/s); a turning box meets the water with the same faces, so its moment
+follows from edges and coefficients. The library's drag has n = 2, a cube of the speed in all, since February 2024
+(version 1.4 and later); before, n = 1. Added mass follows from the shape of parts that are `submerged`; a free body is
+then moved with the mean of its three values, and with the moments of inertia that the file gives.
 
 So one part does one thing. An *internal* box displaces the volume and carries mass and inertia, the added one included:
 weight, buoyancy and righting moment are exact. Two external boxes at the center of mass, `floating` and not buoyant,
@@ -74,7 +74,7 @@ def write(model: ExportModel, law: Law = "cubic") -> str:
 
 
 def _part(body: ET.Element, kind: str, name: str, shape: str, **attributes: str) -> ET.Element:
-    part = ET.SubElement(body, kind, name=name, type=shape, **attributes)
+    part = ET.SubElement(body, kind, {"name": name, "type": shape, **attributes})
     ET.SubElement(part, "origin", xyz="0 0 0", rpy="0 0 0")
     return part
 

@@ -1,12 +1,12 @@
 """After a run: `hindrax report` and `export`, for simulators, controllers, tables and our vehicle file."""
 
 import argparse
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 from hindrax_analysis.coefficients_file import SavedCoefficients, read_coefficients
-from hindrax_analysis.exports import gz, python_model, stonefish, tables, uuv, vehicle_block
+from hindrax_analysis.exports import fossen, gz, mujoco, python_model, stonefish, tables, uuv, vehicle_block
 from hindrax_analysis.exports.export_model import ExportModel, abort_notes, assumption_notes, export_model
 from hindrax_analysis.identification.bag_identification import identify_bag, recorded_conditions, write, write_report
 from hindrax_analysis.identification.record_identification import RecordSource, recorded_vehicle
@@ -84,9 +84,13 @@ FORMATS: dict[str, Callable[[ExportModel], str]] = {
     "stonefish": stonefish.write,
     "stonefish-quadratic": lambda model: stonefish.write(model, "quadratic"),
     "uuv": uuv.write,
+    "mujoco": mujoco.write,
+    "fossen": fossen.write,
     "python": python_model.write,
     "vehicle": vehicle_block.write,
 }
+FOLDERS: dict[str, Callable[[ExportModel], Mapping[str, str]]] = {"gz": gz.folder, "mujoco": mujoco.folder}
+"""Formats of several files: a whole vehicle that opens and can be driven, where --out names a folder."""
 TABLES: dict[str, Callable[[SavedCoefficients], str]] = {"csv": tables.write_csv, "latex": tables.write_latex}
 """They show what was identified, and want nothing that completes it."""
 URDF = "urdf"
@@ -94,7 +98,9 @@ URDF = "urdf"
 
 
 @command(
-    "./hindrax export runs/2026-05-04_10-00-00 --to gz --out model.sdf",
+    "./hindrax export runs/2026-05-04_10-00-00 --to gz --out model.sdf\n"
+    "# a folder that opens and can be driven in MuJoCo:\n"
+    "./hindrax export runs/2026-05-04_10-00-00 --to mujoco --out my_vehicle",
     option(
         "coefficients",
         type=Path,
@@ -103,11 +109,13 @@ URDF = "urdf"
         help="coefficients.yaml, or a run's folder; not needed for urdf",
     ),
     option("--to", choices=[*FORMATS, *TABLES, URDF], required=True, help="format"),
-    option("--out", type=Path, metavar="FILE", help="default: stdout"),
+    option("--out", type=Path, metavar="FILE_OR_FOLDER", help="default: stdout; gz and mujoco also fill a folder"),
     named_vehicle("vehicle; also fills in coefficients that the results lack, and marks them"),
 )
 def export(arguments: argparse.Namespace) -> int:
-    """Coefficients for gz-sim, Stonefish, uuv_simulator, Python, the vehicle file, CSV or LaTeX; a vehicle as URDF."""
+    """Coefficients for gz-sim, Stonefish, MuJoCo, Python, the vehicle file and tables; a vehicle as URDF."""
+    if _wants_folder(arguments.to, arguments.out):
+        return _fill_folder(arguments)
     text = _text(arguments.coefficients, arguments.to, arguments.vehicle)
     if arguments.out is None:
         print_whole(text, end="")
@@ -118,16 +126,39 @@ def export(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _text(path: Path | None, to: str, named: str | None) -> str:
-    if path is None and to != URDF:
+def _wants_folder(to: str, out: Path | None) -> bool:
+    """Whether the files of a format go into a folder: an existing one, or a name without an ending."""
+    if to == "mujoco" and out is None:
+        raise UsageError("--to mujoco: found no --out, wanted a folder: vehicle.xml alone has no water")
+    return to in FOLDERS and out is not None and (out.is_dir() or not out.suffix)
+
+
+def _fill_folder(arguments: argparse.Namespace) -> int:
+    file, folder = _results_file(arguments.coefficients, arguments.to), arguments.out
+    files = FOLDERS[arguments.to](_model(read_coefficients(file), file, arguments.vehicle))
+    with writing(f"--out {folder}", "name another place", UsageError):
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, text in files.items():
+            (folder / name).write_text(text, encoding="utf-8")
+    print_stderr(f"written: {folder} ({', '.join(files)})")
+    return 0
+
+
+def _results_file(path: Path | None, to: str) -> Path:
+    if path is None:
         raise UsageError(f"--to {to}: found no results, wanted a coefficients.yaml or a run's folder")
-    file = RunFolder(path).coefficients if path is not None and path.is_dir() else path
-    if file is None or (to == URDF and named):
-        return urdf_of(load_vehicle(named or default_vehicle()))
-    if to == URDF:
-        return urdf_of(_vehicle_beside(file))
+    file = RunFolder(path).coefficients if path.is_dir() else path
     if not file.is_file():
         raise UsageError(f"{file}: cannot be read, there is no such file")
+    return file
+
+
+def _text(path: Path | None, to: str, named: str | None) -> str:
+    if to == URDF:
+        if named or path is None:
+            return urdf_of(load_vehicle(named or default_vehicle()))
+        return urdf_of(_vehicle_beside(RunFolder(path).coefficients if path.is_dir() else path))
+    file = _results_file(path, to)
     saved = read_coefficients(file)
     if to in TABLES:
         table = tables.result_table(saved, str(file))
