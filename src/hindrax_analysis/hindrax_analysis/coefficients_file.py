@@ -6,18 +6,20 @@ readers ignore them.
 
 import math
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 from hindrax_core.errors import HindraxError, cause
 from hindrax_core.text.digits import measured
 from hindrax_core.text.yaml_text import read_yaml
 from hindrax_core.vehicle import Vehicle
-from hindrax_ident.assess.results import MotionResult, Number, Results
+from hindrax_ident.arrays import Array, array
+from hindrax_ident.assess.results import Contribution, MotionResult, Number, Results
 
 KNOWN = ("k_q", "k_l", "b", "k_r", "added_mass")
 """Names of coefficients, in display order."""
@@ -163,7 +165,46 @@ def _motion(name: str, body: object, source: str) -> MotionResult:
         raise HindraxError(f"{path}.speeds: found {speeds!r}, wanted the lowest and the highest speed")
     low, high = (_finite(speed, f"{path}.speeds") for speed in speeds)
     reasons = _words(body.get("reasons"), f"{path}.reasons")
-    return MotionResult(name, "", numbers, bool(body.get("identifiable", True)), reasons, (low, high))
+    names = _words(body.get("names"), f"{path}.names")
+    noise, calibrated = (
+        _matrix(body.get(key), len(names), f"{path}.{key}") for key in ("covariance", "covariance_calibrated")
+    )
+    return MotionResult(
+        name,
+        "",
+        numbers,
+        bool(body.get("identifiable", True)),
+        reasons,
+        (low, high),
+        names,
+        covariance=noise,
+        covariance_calibrated=calibrated,
+        budget=_budget(body.get("budget"), f"{path}.budget"),
+    )
+
+
+def _matrix(found: object, size: int, path: str) -> Array:
+    """Square matrix with a row per name, or none where the file has none."""
+    if found is None or found == []:
+        return array(np.zeros((0, 0)))
+    rows = found if isinstance(found, list) else []
+    if len(rows) != size or not all(isinstance(row, list) and len(row) == size for row in rows):
+        raise HindraxError(f"{path}: found {len(rows)} rows, wanted {size} by {size} numbers, a row for each of names")
+    return array([[_finite(value, path) for value in row] for row in rows])
+
+
+def _budget(found: object, path: str) -> Mapping[str, Sequence[Contribution]]:
+    """Rows of the budget of each coefficient; their remedies are not in the file."""
+    if found is None:
+        return {}
+    if not isinstance(found, Mapping) or not all(isinstance(rows, Mapping) for rows in found.values()):
+        raise HindraxError(
+            f"{path}: found {type(found).__name__}, wanted influences and their deviations by coefficient"
+        )
+    return {
+        str(key): tuple(Contribution(str(row), _float(std, f"{path}.{key}.{row}"), "") for row, std in rows.items())
+        for key, rows in found.items()
+    }
 
 
 def _words(found: object, path: str) -> tuple[str, ...]:

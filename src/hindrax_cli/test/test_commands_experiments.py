@@ -185,6 +185,22 @@ def test_a_name_without_an_ending_is_a_folder_that_can_be_driven(kind: str, file
     assert sorted(file.name for file in (tmp_path / "mine").iterdir()) == files
 
 
+def test_samples_are_a_table_and_a_model_each(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    body = {name: {"value": 0.5, "std": 0.1} for name in ("k_q", "k_l", "b", "added_mass")}
+    names = ("surge", "sway", "heave_down", "heave_up", "roll", "pitch", "yaw")
+    (tmp_path / "coefficients.yaml").write_text(yaml.safe_dump({"motions": dict.fromkeys(names, body)}))
+    words = ["export", str(tmp_path), "--samples", "2", "--to"]
+    assert command_line.main([*words, "mujoco", "--out", str(tmp_path / "m")]) == 0
+    assert sorted(file.name for file in (tmp_path / "m").iterdir()) == ["1", "2", "samples.csv"]
+    assert (tmp_path / "m/2/mujoco_vehicle.py").is_file()
+    assert command_line.main([*words, "fossen", "--out", str(tmp_path / "f")]) == 0
+    assert "sample 2 of 2" in (tmp_path / "f/2/model.yaml").read_text()
+    assert len((tmp_path / "f/samples.csv").read_text().splitlines()) == 3
+    assert command_line.main([*words, "latex", "--out", str(tmp_path / "l")]) == 2
+    assert command_line.main([*words, "gz"]) == 2
+    assert "wanted one for the table" in capsys.readouterr().err
+
+
 def test_a_model_that_would_explode_is_not_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     body = {name: {"value": 20.0, "std": 0.1} for name in ("k_q", "k_l", "b", "added_mass")}
     names = ("surge", "sway", "heave_down", "heave_up", "roll", "pitch", "yaw")

@@ -217,6 +217,7 @@ def result_of(motion: Motion, assessment: Assessment) -> MotionResult:
         coefficients=numbers,
         names=reported.names,
         covariance=covariance,
+        covariance_calibrated=widened,
         samples=fit.samples,
         effective_samples=fit.effective_samples,
         identifiable=not reasons,

@@ -74,6 +74,8 @@ class MotionResult:
     speeds: tuple[float, float] = (0.0, 0.0)
     names: tuple[str, ...] = ()
     covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    covariance_calibrated: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    """With all influences of the budget; `covariance` has the noise of this run alone. Rows and columns as `names`."""
     samples: int = 0
     effective_samples: float = 0.0
     drag: DragBand | None = None
@@ -109,6 +111,7 @@ class MotionResult:
             "method": self.method,
             "names": list(self.names),
             "covariance": self.covariance.tolist(),
+            "covariance_calibrated": self.covariance_calibrated.tolist(),
             "speeds": list(self.speeds),
             "drag_force": self.drag.to_json() if self.drag else None,
             "methods": {

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from hindrax_analysis.coefficients_file import SavedCoefficients, read_coefficients
-from hindrax_analysis.exports import fossen, gz, mujoco, python_model, stonefish, tables, uuv, vehicle_block
+from hindrax_analysis.exports import fossen, gz, mujoco, python_model, samples, stonefish, tables, uuv, vehicle_block
 from hindrax_analysis.exports.export_model import ExportModel, abort_notes, assumption_notes, export_model
 from hindrax_analysis.identification.bag_identification import identify_bag, recorded_conditions, write, write_report
 from hindrax_analysis.identification.record_identification import RecordSource, recorded_vehicle
@@ -15,7 +15,7 @@ from hindrax_analysis.report.comparison import comparison_page
 from hindrax_analysis.terminal import working
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.share_files import default_vehicle
-from hindrax_cli.argument_types import named_vehicle
+from hindrax_cli.argument_types import at_least, named_vehicle
 from hindrax_cli.command import command, option
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whole
@@ -91,6 +91,10 @@ FORMATS: dict[str, Callable[[ExportModel], str]] = {
 }
 FOLDERS: dict[str, Callable[[ExportModel], Mapping[str, str]]] = {"gz": gz.folder, "mujoco": mujoco.folder}
 """Formats of several files: a whole vehicle that opens and can be driven, where --out names a folder."""
+SUFFIXES = {
+    "gz-plugin": ".sdf", "stonefish": ".scn", "stonefish-quadratic": ".scn", "uuv": ".xml", "fossen": ".yaml",
+    "python": ".py", "vehicle": ".yaml",
+}  # fmt: skip
 TABLES: dict[str, Callable[[SavedCoefficients], str]] = {"csv": tables.write_csv, "latex": tables.write_latex}
 """They show what was identified, and want nothing that completes it."""
 URDF = "urdf"
@@ -110,10 +114,14 @@ URDF = "urdf"
     ),
     option("--to", choices=[*FORMATS, *TABLES, URDF], required=True, help="format"),
     option("--out", type=Path, metavar="FILE_OR_FOLDER", help="default: stdout; gz and mujoco also fill a folder"),
+    option("--samples", type=at_least(1), metavar="N", help="N vehicles drawn from the uncertainty, into --out FOLDER"),
+    option("--seed", type=int, default=1, metavar="S", help="of the draws; default: 1"),
     named_vehicle("vehicle; also fills in coefficients that the results lack, and marks them"),
 )
 def export(arguments: argparse.Namespace) -> int:
     """Coefficients for gz-sim, Stonefish, MuJoCo, Python, the vehicle file and tables; a vehicle as URDF."""
+    if arguments.samples:
+        return _fill_samples(arguments)
     if _wants_folder(arguments.to, arguments.out):
         return _fill_folder(arguments)
     text = _text(arguments.coefficients, arguments.to, arguments.vehicle)
@@ -142,6 +150,35 @@ def _fill_folder(arguments: argparse.Namespace) -> int:
             (folder / name).write_text(text, encoding="utf-8")
     print_stderr(f"written: {folder} ({', '.join(files)})")
     return 0
+
+
+def _fill_samples(arguments: argparse.Namespace) -> int:
+    """A table of the draws, and one model each where the format has models."""
+    to, out, count = arguments.to, arguments.out, arguments.samples
+    if to in (*TABLES, URDF) and to != "csv":
+        raise UsageError(f"--samples: found --to {to}, wanted csv or a format of models, {', '.join(FORMATS)}")
+    if out is None or out.is_file():
+        raise UsageError("--samples: found no --out FOLDER, wanted one for the table and the models")
+    file = _results_file(arguments.coefficients, to)
+    saved = read_coefficients(file)
+    table = samples.sample_table(saved, count, seed=arguments.seed)
+    with writing(f"--out {out}", "name another place", UsageError):
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "samples.csv").write_text(table, encoding="utf-8")
+        for index, model in enumerate(_drawn(saved, file, arguments) if to != "csv" else (), start=1):
+            files = FOLDERS[to](model) if to in FOLDERS else {f"model{SUFFIXES[to]}": FORMATS[to](model)}
+            folder = out / f"{index:0{len(str(count))}d}"
+            folder.mkdir(exist_ok=True)
+            for name, text in files.items():
+                (folder / name).write_text(text, encoding="utf-8")
+    print_stderr(f"written: {out} (samples.csv{f', {count} models' if to != 'csv' else ''})")
+    return 0
+
+
+def _drawn(saved: SavedCoefficients, file: Path, arguments: argparse.Namespace) -> Iterable[ExportModel]:
+    vehicle = _model(saved, file, arguments.vehicle).vehicle
+    complete = arguments.vehicle is not None
+    return samples.sampled_models(saved, vehicle, str(file), arguments.samples, seed=arguments.seed, complete=complete)
 
 
 def _results_file(path: Path | None, to: str) -> Path:
