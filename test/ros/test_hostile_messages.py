@@ -214,7 +214,7 @@ class Control:
 @pytest.fixture
 def control(monkeypatch: pytest.MonkeyPatch) -> Iterator[Control]:
     for module in (allocator_node, pilot_node):
-        monkeypatch.setattr(module, "publishers_of", lambda *_: {STRANGER})
+        monkeypatch.setattr(module, "publishers_of", lambda *_: {"01": STRANGER})
     with own_domain(mock=True) as domain, adopted(environment(mock=True, domain=domain)):
         rclpy.init(args=[])
         made = Control()

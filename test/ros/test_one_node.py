@@ -173,6 +173,11 @@ def test_the_pilot_flies_on_ten_lines_of_anybody_and_disarms_when_they_cannot_be
     end(level)
     keel_up = "orientation.w, state.pose.pose.orientation.x = 0.0, 1.0"
     around.program("float.py", "orientation.w = 1.0", keel_up)
+    # Another process with the same name is another one: it is not flown on before the thrusters were disarmed.
+    around.until(lambda: "found another /my_navigator" in around.value("pilot", "last refused"))
+    around.armed = False
+    around.until(lambda: around.wrench == (0.0,) * 6)
+    around.armed = True
     around.until(lambda: around.disarmed_because)
     assert around.disarmed_because[0].startswith("tilt: 180 deg, wanted at most ")
     assert not around.armed

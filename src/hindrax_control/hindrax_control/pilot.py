@@ -12,7 +12,15 @@ from hindrax_control.allocation.thruster_fault_detector import FaultDetectorKnob
 from hindrax_control.allocation.wrench_guard import WrenchGuard, WrenchGuardKnobs
 from hindrax_control.hold.holds import STATION, HoldKnobs, Holds, HoldState, Setpoint
 from hindrax_control.hold.station_keeping import StationKeeping, StationKeepingKnobs
-from hindrax_control.maneuver.goal import BUSY, SENSELESS, Goal, not_armed, require_flyable, require_ready
+from hindrax_control.maneuver.goal import (
+    BUSY,
+    SENSELESS,
+    Goal,
+    not_armed,
+    require_flyable,
+    require_ready,
+    unobeyed_text,
+)
 from hindrax_control.maneuver.maneuver import Maneuver, ManeuverKnobs, ManeuverOutput
 from hindrax_control.maneuver.maneuver_guards import ManeuverGuardKnobs, ManeuverGuards, Situation
 from hindrax_control.maneuver.plan import Plan, PlanKnobs, Planner
@@ -88,7 +96,7 @@ class Pilot:
         """Wrench of holds and station while thrusters rested: to them it is a shortfall."""
         self._operator_wrench: tuple[Stamp, Vec6] | None = None
         self._armed = self._was_armed = False
-        self._unarmed = ""
+        self._unarmed = self._unobeyed = ""
         self._guards: tuple[str, ...] = ()
         self._disabled: frozenset[str] = frozenset()
         self._refused: dict[str, tuple[Stamp, str]] = {}
@@ -130,6 +138,8 @@ class Pilot:
     def _reason_to_refuse(self, setpoint: Setpoint) -> str:
         if not self._armed and setpoint.engaged:
             return f"hold {setpoint.axis}: {not_armed(self._unarmed)}"
+        if self._unobeyed and setpoint.engaged:
+            return f"hold {setpoint.axis}: {unobeyed_text(self._unobeyed)}"
         if self.flying:
             return f"hold {setpoint.axis}: {BUSY}"
         return ""
@@ -177,6 +187,7 @@ class Pilot:
             flying=self.flying,
             armed=self._armed,
             unarmed=self._unarmed,
+            unobeyed=self._unobeyed,
             guards=self._guards,
             heading_known=pool is not None,
         )
@@ -253,13 +264,15 @@ class Pilot:
         *,
         armed: bool,
         unarmed: str = "",
+        unobeyed: str = "",
         battery_V: float = NAN,
     ) -> PilotOutput:
         """Return the wrench for this state; `allocation` is that of the last wrench.
 
-        With the thrusters' forces in it, dead thrusters are detected. `unarmed`: why the thrusters are not armed.
+        With the thrusters' forces in it, dead thrusters are detected. `unarmed`: why the thrusters are not armed;
+        `unobeyed`: why they are armed and follow no command.
         """
-        self._stamp = stamp
+        self._stamp, self._unobeyed = stamp, unobeyed
         self._update(navigation, stamp, battery_V, armed=armed, unarmed=unarmed)
         shortfall = _sum(allocation.shortfall, self._unserved) if allocation else self._unserved
         lost = allocation.lost_axes if allocation else ()
@@ -267,6 +280,7 @@ class Pilot:
         held = self._holds.step(navigation, stamp, shortfall, armed=armed)
         station, keeping = self._keep_station(navigation, stamp, shortfall)
         states = (*held.states, station)
+        states = tuple(map(self._without_effort, states)) if unobeyed else states
         states = tuple(map(self._with_refusal, states)) if self._refused else states
         self._unserved = ZERO6
         if not armed:
@@ -288,6 +302,10 @@ class Pilot:
         if not reason:
             return state
         return replace(state, note=f"{state.note}; refused: {reason}" if state.note else f"refused: {reason}")
+
+    def _without_effort(self, state: HoldState) -> HoldState:
+        """Say in the note of an engaged hold that nothing is held."""
+        return replace(state, note=unobeyed_text(self._unobeyed)) if state.engaged else state
 
     def _update(self, navigation: Navigation, stamp: Stamp, battery_V: float, *, armed: bool, unarmed: str) -> None:
         self._navigation = navigation

@@ -30,12 +30,12 @@ class Hovering:
     def __init__(self, vehicle: Vehicle, ideal: IdealVehicle) -> None:
         self.pilot, self.ideal = Pilot(vehicle), ideal
 
-    def fly(self, *, armed: bool = True, unarmed: str = "", seconds: float = 0.02) -> PilotOutput:
+    def fly(self, *, armed: bool = True, seconds: float = 0.02, **why: str) -> PilotOutput:
         self.ideal.time_s += seconds
-        return self.pilot.step(self.ideal.navigation(), self.ideal.stamp, armed=armed, unarmed=unarmed)
+        return self.pilot.step(self.ideal.navigation(), self.ideal.stamp, armed=armed, **why)  # type: ignore[arg-type]  # only `unarmed` and `unobeyed`
 
-    def step(self, *, armed: bool = True, unarmed: str = "", seconds: float = 0.02) -> dict[str, Any]:
-        flight = self.fly(armed=armed, unarmed=unarmed, seconds=seconds)
+    def step(self, *, armed: bool = True, seconds: float = 0.02, **why: str) -> dict[str, Any]:
+        flight = self.fly(armed=armed, seconds=seconds, **why)
         return {state.axis: state.note for state in flight.holds if state.note}
 
 
@@ -65,6 +65,22 @@ def test_while_it_is_being_armed_the_refusal_reports_it(hovering: Hovering) -> N
     assert why == "hold depth: the vehicle is not armed (waiting for the ESCs); `./hindrax arm` first"
     with pytest.raises(HindraxError, match=r"not armed \(waiting for the ESCs\)"):
         hovering.pilot.fly(Goal(("surge",)))
+
+
+def test_nothing_is_said_to_be_held_or_begins_while_armed_thrusters_obey_no_command(hovering: Hovering) -> None:
+    hovering.step()
+    assert hovering.pilot.set(Setpoint("depth", value=0.5)) == ""
+    assert hovering.step() == {}
+    why = "no command is obeyed: found 2 publishers, wanted one"
+    sentence = f"the thrusters are armed, but {why}; disarm, find the cause (`./hindrax health`) and arm again"
+    assert hovering.step(unobeyed=why) == {"depth": sentence}
+    assert hovering.pilot.set(Setpoint("roll", value=0.0)) == f"hold roll: {sentence}"
+    assert hovering.step(unobeyed=why) == {"depth": sentence, "roll": f"refused: hold roll: {sentence}"}
+    with pytest.raises(HindraxError, match="no command is obeyed"):
+        hovering.pilot.fly(Goal(("surge",)))
+    assert hovering.pilot.set(Setpoint("depth", engaged=False)) == "", "letting go is always possible"
+    hovering.step()
+    assert hovering.pilot.set(Setpoint("roll", value=0.0)) == ""
 
 
 def test_letting_go_disarmed_is_no_news(hovering: Hovering) -> None:

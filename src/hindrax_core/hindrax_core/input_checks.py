@@ -8,7 +8,7 @@ Publishers: a message does not name its sender, but the graph names the publishe
 
 import math
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from hindrax_core.events import Stamp, seconds_between, to_s
@@ -26,8 +26,7 @@ OTHER_CLOCK_s = 1e9
 """Clocks of two machines never differ by this; the time of a mock begins at zero."""
 LAST = Stamp((2**31 - 1) * 10**9)
 """Latest time that a ROS stamp can carry (builtin_interfaces/Time: int32 seconds)."""
-UNKNOWN = "_NODE_NAME_UNKNOWN_"
-"""Name that the middleware gives a publisher whose node is not discovered yet, or that has none."""
+NAMELESS = "a publisher without a name"
 LONGEST = 300
 """Limit of a kept sentence [characters]: invalid input may be long."""
 
@@ -106,27 +105,38 @@ def _places(seconds: float) -> int:
 class SinglePublisher:
     """The one accepted publisher of a topic that any node may publish: wrenches, the state of the vehicle.
 
-    `name` is empty until there is one. It changes only while the thrusters are disarmed.
+    Known by the identifier of its endpoint (GID), empty until there is one; it changes only while the thrusters are
+    disarmed. Names are for sentences: two publishers may share one, and after a stall longer than the lease of the
+    middleware a process no longer knows those of the others (ADR 46).
     """
 
+    gid: str = ""
     name: str = ""
 
-    def judge(self, publishers: Collection[str], *, armed: bool) -> str:
-        """Reason why a new message is refused, given the full names of all publishers; empty when it is."""
-        listed = ", ".join(sorted(publishers))
+    def judge(self, publishers: Mapping[str, str], *, armed: bool) -> str:
+        """Reason why a new message is refused, given all publishers, name by GID; empty when it is not refused.
+
+        The name is empty where it is not known.
+        """
         if len(publishers) != 1:
+            listed = ", ".join(sorted(name or NAMELESS for name in publishers.values()))
             return f"found {len(publishers)} publishers{listed and f' ({listed})'}, wanted one"
-        if UNKNOWN in listed:
-            return "found a publisher without a node, wanted one with a name in the graph"
-        if armed and self.name and self.name != listed:
-            return f"found {listed}, wanted {self.name}, as when the thrusters were armed; disarm first"
-        self.name = listed
+        ((gid, name),) = publishers.items()
+        if armed and self.gid and self.gid != gid:
+            found = f"another {self.name}" if name == self.name else name or NAMELESS
+            return f"found {found}, wanted {self.name}, as when the thrusters were armed; disarm first"
+        if gid != self.gid or name:
+            self.gid, self.name = gid, name or NAMELESS
         return ""
 
-    def is_contested(self, publishers: Collection[str]) -> bool:
-        """Whether another publisher with a known name exists: that does not end by itself."""
-        known = {one for one in publishers if UNKNOWN not in one}
-        return bool(known - {self.name}) and (bool(self.name) or len(known) > 1)
+    def is_contested(self, publishers: Mapping[str, str]) -> bool:
+        """Whether there is another publisher: nobody is obeyed before one of them is gone."""
+        return bool(publishers.keys() - {self.gid}) and (bool(self.gid) or len(publishers) > 1)
+
+
+def names_of_others(publishers: Mapping[str, str], own: str) -> str:
+    """Names of publishers, name by GID, beside the one with our own name; empty when there is no other."""
+    return ", ".join(sorted(name or NAMELESS for name in publishers.values() if name != own))
 
 
 @dataclass(slots=True)

@@ -13,6 +13,7 @@ from hindrax_core.events import Stamp, after, seconds_between, stamp_from_s
 from hindrax_core.signals import Command
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_drivers.output.output_guard import (
+    UNOBEYED,
     Answer,
     ArmingPhase,
     OutputGuard,
@@ -295,6 +296,35 @@ def test_arming_times_out_without_commands() -> None:
     assert state.phase is ArmingPhase.ARMED
     state, _ = GUARD.tick(state, at(12.1))
     assert (state.phase, state.reason) == (ArmingPhase.DISARMED, "no command for 5 s")
+
+
+def test_an_armed_output_that_refuses_commands_says_so_and_why_it_disarmed() -> None:
+    state = armed()
+    assert state.unobeyed == ""
+    state, _ = GUARD.tick(state, at(8.5))
+    assert state.unobeyed == "no command arrives"
+    other = Refusal("sender", "found 2 publishers, wanted one")
+    for tenth in range(85, 126):
+        state, _ = GUARD.tick(GUARD.refuse(state, other, at(tenth / 10)), at(tenth / 10))
+        assert state.unobeyed == f"{UNOBEYED}: found 2 publishers, wanted one"
+    for tenth in range(126, 132):
+        state, _ = GUARD.tick(GUARD.refuse(state, other, at(tenth / 10)), at(tenth / 10))
+    assert state.reason == "no command obeyed for 5 s: found 2 publishers, wanted one"
+    assert state.unobeyed == "", "the reason why it is disarmed is enough"
+
+
+def test_a_refusal_among_obeyed_commands_explains_no_later_silence() -> None:
+    state = armed()
+    state, refused = GUARD.command(state, command(6.0, 80), at(8.0))
+    assert isinstance(refused, Refusal)
+    assert state.unobeyed == ""
+    state, _ = accepted_command(state, command(8.1, 90), 8.1)
+    state, _ = GUARD.tick(state, at(8.7))
+    assert state.unobeyed == "no command arrives"
+    state, _ = GUARD.command(state, command(6.0, 91), at(8.7))
+    assert "old, wanted at most 0.20 s" in state.unobeyed
+    state, _ = GUARD.tick(state, at(9.8))
+    assert state.unobeyed == "no command arrives"
 
 
 def test_silence_goes_neutral_before_the_time_promised_and_long_silence_disarms() -> None:

@@ -31,6 +31,7 @@ from hindrax_drivers.nodes import thrusters_node
 from hindrax_drivers.nodes.thruster_settings import Settings, read_settings
 from hindrax_drivers.nodes.thrusters_node import LOOK_S, ThrustersNode, watch_parent
 from hindrax_drivers.output.output_guard import (
+    UNOBEYED,
     Answer,
     ArmingPhase,
     OutputGuard,
@@ -85,7 +86,7 @@ class Bench:
         self.callbacks: dict[str, Callable[[Any], None]] = {}
         self.published: dict[str, list[Any]] = {}
         self.log: list[str] = []
-        self.publishers, self.looks, self.now_s = frozenset({ONE}), 0, 0.5
+        self.publishers, self.looks, self.now_s = {"01": ONE}, 0, 0.5
         self.alive, beat = os.pipe()
         patch.setattr(thrusters_node, "OutputThread", Thread)
         patch.setattr(thrusters_node, "subscription", self._subscription)
@@ -104,7 +105,7 @@ class Bench:
     def _publisher(self, _node: object, topic: Any) -> Any:
         return SimpleNamespace(publish=self.published.setdefault(topic.name, []).append)
 
-    def _look(self, _node: object, topic: Any) -> frozenset[str]:
+    def _look(self, _node: object, topic: Any) -> dict[str, str]:
         assert topic.name == "thrusters/command"
         self.looks += 1
         return self.publishers
@@ -220,15 +221,17 @@ def test_it_is_inhibited_while_there_is_a_reason_and_states_all_of_them(make: Ma
 def test_whoever_commands_beside_another_is_not_obeyed_and_disarms(make: Make) -> None:
     bench = make()
     bench.command(1)
-    bench.publishers = frozenset({ONE, OTHER})
+    bench.publishers = {"01": ONE, "02": OTHER}
     assert bench.command(2) == [command_of(2)], "the graph was just looked at"
     bench.now_s += LOOK_S
-    why = f"found 2 publishers ({ONE}, {OTHER}), wanted one"
-    assert bench.command(3) == [("inhibit", f"thrusters/command: {why}")]
-    assert bench.command(4) == []
-    assert (bench.looks, bench.node.health.rejects) == (2, {"sender": 2})
-    assert bench.log == [f"command refused: {why}"], "told once"
-    bench.publishers = frozenset({ONE})
+    why = f"thrusters/command: found 2 publishers ({ONE}, {OTHER}), wanted one"
+    refused = ("refuse", Refusal("sender", why))
+    assert bench.command(3) == [("inhibit", why), refused]
+    assert bench.command(4) == [refused]
+    assert bench.looks == 2
+    bench.becomes(ArmingPhase.DISARMED, why)
+    assert bench.node.health.alarm == f"{UNOBEYED}: {why}", "an error in /diagnostics before anybody arms"
+    bench.publishers = {"01": ONE}
     bench.now_s += LOOK_S
     assert bench.command(5) == [("inhibit", ""), command_of(5)]
 
@@ -237,16 +240,29 @@ def test_an_armed_output_obeys_no_other_than_before_but_is_not_disarmed_by_one_w
     bench = make()
     bench.command(1)
     bench.becomes(ArmingPhase.ARMED)
-    bench.publishers, bench.now_s = frozenset(), bench.now_s + LOOK_S
-    assert bench.command(2) == []
+    bench.publishers, bench.now_s = {}, bench.now_s + LOOK_S
+    assert [name for name, *_ in bench.command(2)] == ["refuse"]
     assert bench.inhibitions() == []
-    bench.publishers, bench.now_s = frozenset({OTHER}), bench.now_s + LOOK_S
+    bench.publishers, bench.now_s = {"02": OTHER}, bench.now_s + LOOK_S
     bench.command(3)
     found = f"found {OTHER}, wanted {ONE}, as when the thrusters were armed; disarm first"
     assert bench.inhibitions() == [f"thrusters/command: {found}"]
     bench.becomes(ArmingPhase.DISARMED)
     bench.now_s += LOOK_S
     assert bench.command(4) == [("inhibit", ""), command_of(4)]
+
+
+def test_an_armed_output_that_obeys_no_command_is_an_error_in_diagnostics_and_is_logged_once(make: Make) -> None:
+    bench = make()
+    bench.becomes(ArmingPhase.ARMED)
+    assert bench.node.health.alarm == ""
+    for age in ("0.31", "0.35"):
+        bench.node.refused(Refusal("expired", f"command is {age} s old"), Stamp(1))
+        bench.becomes(ArmingPhase.ARMED, f"{UNOBEYED}: command is {age} s old")
+        assert bench.node.health.alarm == f"armed, but neutral: {UNOBEYED}: command is {age} s old"
+    assert bench.log == ["armed", "command refused: command is 0.31 s old", f"armed: {UNOBEYED}: command is 0.31 s old"]
+    bench.becomes(ArmingPhase.ARMED)
+    assert (bench.node.health.alarm, bench.log[-1]) == ("", "armed")
 
 
 def test_who_asks_to_arm_is_judged_by_the_graph_of_now_and_answered_as_the_guard_states(make: Make) -> None:

@@ -14,6 +14,8 @@ from hindrax_core.topics import Quality, Topic
 from hindrax_ros.batched_node import BatchedNode, DeferredPublisher
 from hindrax_ros.messages.serialization import message_class
 
+UNKNOWN = "_NODE_NAME_UNKNOWN_"
+"""Name that the middleware gives to a publisher whose node is not discovered (yet, or after a stall)."""
 QUEUE = 200
 """Messages that may wait for a reader that takes them when its turn comes."""
 STREAM_Hz = 20.0
@@ -58,10 +60,14 @@ def subscription(
     return node.create_subscription(message_class(topic.type), topic.name, callback, profile(quality), raw=raw)
 
 
-def publishers_of(node: Node, topic: Topic) -> frozenset[str]:
-    """Full names of the nodes that publish a topic, as far as the graph is known."""
+def publishers_of(node: Node, topic: Topic) -> dict[str, str]:
+    """Full name of the node of each publisher of a topic by its GID, as far as the graph is known; empty: no name."""
     found = node.get_publishers_info_by_topic(topic.name)
-    return frozenset(f"{one.node_namespace.rstrip('/')}/{one.node_name}" for one in found)
+    return {bytes(one.endpoint_gid).hex(): _full_name(one.node_namespace, one.node_name) for one in found}
+
+
+def _full_name(namespace: str, name: str) -> str:
+    return "" if name == UNKNOWN else f"{namespace.rstrip('/')}/{name}"
 
 
 def optional_class(type_name: str) -> Any:

@@ -53,12 +53,21 @@ def not_armed(why: str) -> str:
     return f"the vehicle is not armed{f' ({why})' if why else ''}; `./hindrax arm` first"
 
 
-def require_ready(*, flying: bool, armed: bool, unarmed: str, guards: Sequence[str], heading_known: bool) -> None:
+def unobeyed_text(why: str) -> str:
+    """Sentence that the thrusters are armed and neutral, and `why` they follow no command."""
+    return f"the thrusters are armed, but {why}; disarm, find the cause (`./hindrax health`) and arm again"
+
+
+def require_ready(
+    *, flying: bool, armed: bool, unarmed: str, unobeyed: str, guards: Sequence[str], heading_known: bool
+) -> None:
     """HindraxError with the reason if no maneuver can begin now; `guards`: violations, the first first."""
     if flying:
         raise HindraxError(BUSY)
     if not armed:
         raise HindraxError(not_armed(unarmed))
+    if unobeyed:
+        raise HindraxError(unobeyed_text(unobeyed))
     if guards:
         raise HindraxError(guards[0])
     if not heading_known:

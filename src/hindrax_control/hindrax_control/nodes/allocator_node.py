@@ -8,7 +8,7 @@ from hindrax_control.allocation.allocator import AllocationKnobs
 from hindrax_control.allocation.thrust_curve import check_pulses
 from hindrax_control.allocation.wrench_guard import WrenchGuardKnobs
 from hindrax_core.events import Stamp
-from hindrax_core.input_checks import SinglePublisher, impossible
+from hindrax_core.input_checks import SinglePublisher, impossible, names_of_others
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6, Allocation
 from hindrax_core.topics import ALLOCATION, BATTERY, THRUSTER_COMMAND, THRUSTER_HEALTH, THRUSTER_STATE, WRENCH
@@ -114,5 +114,5 @@ class AllocatorNode(BatchedNode):
 
     def _ignored_publishers(self) -> str:
         """Publishers of wrenches that are refused beside the pilot of this process."""
-        others = publishers_of(self, WRENCH) - {self.pilot} if self.pilot else ()
-        return f"not obeyed: {', '.join(sorted(others))}, because {self.pilot} commands" if others else ""
+        others = names_of_others(publishers_of(self, WRENCH), self.pilot) if self.pilot else ""
+        return f"not obeyed: {others}, because {self.pilot} commands" if others else ""

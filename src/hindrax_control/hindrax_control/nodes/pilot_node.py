@@ -21,10 +21,10 @@ from hindrax_control.pilot import SAFETY_GROUPS, Pilot, PilotKnobs, PilotOutput
 from hindrax_core import topics
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
-from hindrax_core.input_checks import EXPIRED, SinglePublisher, order_window
+from hindrax_core.input_checks import EXPIRED, SinglePublisher, names_of_others, order_window
 from hindrax_core.readings import Vec6
 from hindrax_core.rotation import FSD
-from hindrax_core.signals import NAN, Allocation, Estimate, Navigation
+from hindrax_core.signals import NAN, Allocation, AppliedOutput, Estimate, Navigation
 from hindrax_core.vehicle import Vehicle
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import ThrusterHealth, ThrusterState
@@ -49,6 +49,10 @@ REPORT_EVERY = 50
 CHECK_S = 0.5
 SILENT_S = 5.0
 """Silence of the navigator that ends a maneuver [ROS time]: thrusters without commands have disarmed by then."""
+UNOBEYED_S = 0.5
+"""Time without an applied command after which armed thrusters count as disobedient: the first may be on its way."""
+STATELESS_S = 1.5
+"""Silence of the navigator that is reported: longer than between two reports of the cycles."""
 GOAL, RECENTRE = "maneuver/fly", "maneuver/recentre"
 RESTARTED = "the vehicle was armed before this pilot began, and may have moved"
 UNTIMED = 16
@@ -86,6 +90,7 @@ class PilotNode(BatchedNode):
         fixed = dict.fromkeys(SAFETY_GROUPS, SAFETY)
         self._pilot = Pilot(vehicle, knobs(self, PilotKnobs, self._tune, fixed=fixed))
         self._armed, self._unarmed, self._thrusters_known = False, "", False
+        self._obeyed_at, self._unobeyed = Stamp(0), ""
         self._last_state = Stamp(0)
         self._supply = supply
         self._allocation: Allocation | None = None
@@ -157,9 +162,17 @@ class PilotNode(BatchedNode):
         self._thrusters_known = True
         if not applied.armed:
             self._unarmed = deserialized(data, ThrusterState).reason
+        self._judge_obedience(applied, data)
         self._armed = applied.armed
         if self.health is not None:
             self.health.on_thrusters(applied, data)
+
+    def _judge_obedience(self, applied: AppliedOutput, data: bytes) -> None:
+        """Keep the reason why an armed output has applied no command for a while."""
+        if not applied.armed or applied.sequence:
+            self._obeyed_at, self._unobeyed = applied.stamp, ""
+        elif seconds_between(self._obeyed_at, applied.stamp) > UNOBEYED_S:
+            self._unobeyed = deserialized(data, ThrusterState).reason
 
     def _on_estimate(self, message: Any) -> None:
         """Keep the estimate of a motion, for the feedback of its maneuver."""
@@ -201,7 +214,7 @@ class PilotNode(BatchedNode):
         breaks = self._odometry.breaks
         if not unfit:
             try:
-                state, unfit = self._odometry.step(odometry_from_msg(message), self._source.name, self.now())
+                state, unfit = self._odometry.step(odometry_from_msg(message), self._source.gid, self.now())
             except ValueError as error:
                 unfit = str(error)
         if unfit:
@@ -263,7 +276,8 @@ class PilotNode(BatchedNode):
             goal.maneuver.cancel()
         battery_V = self._supply.measured_V(stamped.stamp) or NAN
         state, armed = (stamped.reading, stamped.stamp, self._allocation), self._armed
-        output = self._pilot.step(*state, armed=armed, unarmed=self._unarmed, battery_V=battery_V)
+        unarmed, unobeyed = self._unarmed, self._unobeyed
+        output = self._pilot.step(*state, armed=armed, unarmed=unarmed, unobeyed=unobeyed, battery_V=battery_V)
         if output.suspected_fault is not None:
             self._disable_suspect(output.suspected_fault, stamped.stamp)
         self._apply_setpoints()
@@ -372,8 +386,13 @@ class PilotNode(BatchedNode):
         goal.handle.execute(partial(pilot_messages.result_of, aborted))
 
     def _check_navigator(self) -> None:
-        """Abort a waiting or flown goal when the navigator is silent: no cycle would do it."""
+        """Report a silent navigator, and abort a waiting or flown goal: no cycle would do it."""
         silent_s = seconds_between(self._last_state, self.now())
+        if self._last_state and silent_s > STATELESS_S:
+            # Reports come with the cycles; without a state there are none, and the last one would stand for ever.
+            self._reporter.report(
+                self.now(), [f"no state of the vehicle for {silent_s:.0f} s: nothing is held"], "", {}
+            )
         if silent_s <= SILENT_S or self._goal is None:
             return
         since = f"for {silent_s:.0f} s" if self._last_state else "yet"
@@ -413,8 +432,8 @@ class PilotNode(BatchedNode):
     def _report(self, output: PilotOutput, stamp: Stamp) -> None:
         notes = (f"{state.axis} hold: {state.note}" for state in output.holds if state.note)
         refused = [f"by hand: {output.refused}"] if output.refused else []
-        others = publishers_of(self, topics.ODOMETRY) - {self.navigator} if self.navigator else ()
-        ignored = [f"ignored: {', '.join(sorted(others))}, because {self.navigator} navigates"] if others else []
+        others = names_of_others(publishers_of(self, topics.ODOMETRY), self.navigator) if self.navigator else ""
+        ignored = [f"ignored: {others}, because {self.navigator} navigates"] if others else []
         wrong = (*output.guards, *notes, *refused, *ignored)
         held = ", ".join(state.axis for state in output.holds if state.engaged)
         values = {"holds": held, "state from": self.navigator or self._source.name}

@@ -29,7 +29,7 @@ from hindrax_core.topics import BATTERY, LIGHTS, THRUSTER_COMMAND, THRUSTER_STAT
 from hindrax_drivers.lifecycle import ON_REQUEST, State
 from hindrax_drivers.nodes.device_node import DeviceNode
 from hindrax_drivers.nodes.thruster_settings import KEEPALIVE_S, OutputAlone, Settings, read_settings
-from hindrax_drivers.output.output_guard import ArmingPhase, OutputGuardKnobs, Refusal, Request, guard_of
+from hindrax_drivers.output.output_guard import UNOBEYED, ArmingPhase, OutputGuardKnobs, Refusal, Request, guard_of
 from hindrax_drivers.output.output_ports import ThrusterOutput, open_output
 from hindrax_drivers.output.output_thread import OutputThread
 from hindrax_msgs.srv import Arm
@@ -63,7 +63,7 @@ class ThrustersNode(DeviceNode):
         if settings.alone:
             knobs(self, OutputAlone)
         self._guard = guard_of(settings.vehicle, knobs(self, OutputGuardKnobs, fixed={"": SAFETY}))
-        self._phase = ""
+        self._phase = self._reason = ""
         self._commander, self._unfit, self._look_s = SinglePublisher(), "", 0.0
         self._inhibited_by = {"dead man": "", "lifecycle": "", "commander": ""}
         self._state = publisher(self, THRUSTER_STATE)
@@ -97,15 +97,24 @@ class ThrustersNode(DeviceNode):
 
     def applied(self, applied: AppliedOutput) -> None:
         """Publish the applied pulses."""
-        if applied.phase != self._phase:
-            self._phase = applied.phase
+        if (applied.phase, applied.reason) != (self._phase, self._reason):
+            log = applied.phase != self._phase or bool(applied.reason) != bool(self._reason)
+            self._phase, self._reason = applied.phase, applied.reason
             self.health.note = f"{applied.phase}: {applied.reason}" if applied.reason else applied.phase
-            self.get_logger().info(self.health.note)
+            if log:
+                self.get_logger().info(self.health.note)
+        self.health.alarm = self._alarm(armed=applied.armed)
         if applied.phase == ArmingPhase.FAULTED:
             self.health.identity = ""
         else:
             self.health.reading(applied.stamp)
         self._state.publish(self._state_bytes(applied))
+
+    def _alarm(self, *, armed: bool) -> str:
+        """Reason why commands have no effect now or would have none; empty when they would."""
+        if armed and self._reason:
+            return f"armed, but neutral: {self._reason}"
+        return f"{UNOBEYED}: {self._unfit}" if self._unfit else ""
 
     def on_idle(self) -> None:
         """Send the queued messages."""
@@ -145,16 +154,16 @@ class ThrustersNode(DeviceNode):
             self._look_s = now_s + LOOK_S
             self._look_for_commanders()
         if self._unfit:  # as the graph was at most LOOK_S ago
-            self.refused(Refusal("sender", self._unfit), self._thread.now)
+            self._thread.refuse(Refusal("sender", self._unfit))
             return
         self._thread.command(ordered)
 
     def _look_for_commanders(self) -> None:
         """Judge the publishers of commands; disarmed, and not armed again, while there is another one."""
         publishers = publishers_of(self, THRUSTER_COMMAND)
-        self._unfit = self._commander.judge(publishers, armed=self._phase == ArmingPhase.ARMED)
-        contested = self._commander.is_contested(publishers)
-        self._inhibit("commander", f"{THRUSTER_COMMAND.name}: {self._unfit}" if contested else "")
+        unfit = self._commander.judge(publishers, armed=self._phase == ArmingPhase.ARMED)
+        self._unfit = f"{THRUSTER_COMMAND.name}: {unfit}" if unfit else ""
+        self._inhibit("commander", self._unfit if self._commander.is_contested(publishers) else "")
 
     def _on_arm(self, request: Any, response: Any) -> Any:
         if request.arm:  # the disturber may have left, and no command arrived since

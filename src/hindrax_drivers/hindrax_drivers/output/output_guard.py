@@ -25,6 +25,10 @@ from hindrax_drivers.devices.stm32 import BOARD_NEUTRAL_us
 
 SERVO_LOW_us, SERVO_HIGH_us = 500.0, 2500.0
 """A value outside is no servo pulse but garbage; one inside is clipped to the limits."""
+UNOBEYED = "no command is obeyed"
+"""Begins the reason why an armed output is neutral although it is commanded."""
+REFUSING_S = 1.0
+"""Time for which the last refusal explains why nothing is obeyed."""
 TRY_AGAIN = "try again"
 """Ends the refusal of a request that would be taken if it were made now."""
 LEAST_REST_us = 1000.0
@@ -144,11 +148,31 @@ class OutputGuardState:
     monitor_disarmed_at: Stamp | None = None
     challenge: Challenge | None = None
     armings: int = 0
+    refused: str = ""
+    """Why a command was refused last, at `refused_at`: None where a later one was obeyed."""
+    refused_at: Stamp | None = None
 
     @property
     def armed(self) -> bool:
         """Whether pulses other than neutral can pass."""
         return self.phase is ArmingPhase.ARMED
+
+    @property
+    def fresh(self) -> bool:
+        """Whether the last valid command still counts."""
+        return self.fresh_until is not None and self.seen < self.fresh_until
+
+    @property
+    def unobeyed(self) -> str:
+        """Reason why an armed output obeys no command now; empty when it does."""
+        if not self.armed or self.fresh:
+            return ""
+        return f"{UNOBEYED}: {self.refused}" if self.refusing else "no command arrives"
+
+    @property
+    def refusing(self) -> bool:
+        """Whether commands arrive and are refused."""
+        return self.refused_at is not None and seconds_between(self.refused_at, self.seen) <= REFUSING_S
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,18 +204,22 @@ class OutputGuard:
         state, now = self._observe(state, now)
         refusal = self._untimely(state, command, now)
         if refusal is not None:
-            return state, refusal
+            return self.refuse(state, refusal, now), refusal
         refusal = self._malformed(command)
         if refusal is not None:
-            return replace(state, fresh_until=None), refusal
+            return self.refuse(replace(state, fresh_until=None), refusal, now), refusal
         if state.armed and state.last_command and not _newer(command.sequence, state.last_command.sequence):
             state = self.drop(state, "the sender of commands has restarted: arm again", now)
-        held = self._held(state, now)
+        held = self._held(state)
         fresh_until = after(Stamp(min(command.stamp, now)), self.knobs.silence_s - self.knobs.margin_s)
-        state = replace(state, commanded_at=now, fresh_until=fresh_until, last_command=command)
+        state = replace(state, commanded_at=now, fresh_until=fresh_until, last_command=command, refused_at=None)
         state, now = self._observe(state, now)
         pulses = self._applied(state, held, command, now)
         return replace(state, pulses=pulses, written_at=now, moved_at=now), pulses
+
+    def refuse(self, state: OutputGuardState, refusal: Refusal, now: Stamp) -> OutputGuardState:
+        """Record a refused command, by this guard or by its host: the reason when no other one is obeyed."""
+        return replace(state, refused=refusal.text, refused_at=now)
 
     def light(
         self, state: OutputGuardState, levels: tuple[float, ...], now: Stamp
@@ -208,13 +236,13 @@ class OutputGuard:
             )
         span_us = self.knobs.light_full_us - self.knobs.light_off_us
         lights = tuple(self.knobs.light_off_us + span_us * level for level in levels)
-        pulses = replace(self._held(state, now), lights=lights)
+        pulses = replace(self._held(state), lights=lights)
         return replace(state, pulses=pulses, written_at=now, lit_at=now), pulses
 
     def tick(self, state: OutputGuardState, now: Stamp) -> tuple[OutputGuardState, Pulses | None]:
         """Advance time. Return the pulses that are due now: a change to neutral, or a repetition."""
         state, now = self._observe(state, now)
-        pulses = self._held(state, now)
+        pulses = self._held(state)
         written = state.written_at
         if pulses == state.pulses and written is not None and now < after(written, self.knobs.repeat_s):
             return state, None
@@ -316,7 +344,8 @@ class OutputGuard:
             state = self._enter(state, ArmingPhase.ARMED, "", now)
         commanded = state.since if state.commanded_at is None else state.commanded_at
         if state.armed and seconds_between(max(commanded, state.since), now) > self.knobs.disarm_after_s:
-            state = self.drop(state, f"no command for {self.knobs.disarm_after_s:g} s", now)
+            what = f"no command{' obeyed' if state.refusing else ''} for {self.knobs.disarm_after_s:g} s"
+            state = self.drop(state, f"{what}: {state.refused}" if state.refusing else what, now)
         if seconds_between(commanded, now) > self.knobs.disarm_after_s:
             state = replace(state, commanded_at=None)
         if state.lit_at is not None and seconds_between(state.lit_at, now) > self.knobs.disarm_after_s:
@@ -333,6 +362,7 @@ class OutputGuard:
             last_command=None,
             last_request=None,
             monitor_disarmed_at=None,
+            refused_at=None,
         )
         return replace(self.drop(forgotten, f"the clock went back by {back_s:.3g} s", now), since=now)
 
@@ -342,19 +372,16 @@ class OutputGuard:
             return replace(state, phase=phase, reason=reason, since=now, armings=state.armings + 1)
         return replace(state, phase=phase, reason=reason, since=now, fresh_until=None, written_at=None, challenge=None)
 
-    def _fresh(self, state: OutputGuardState, now: Stamp) -> bool:
-        return state.fresh_until is not None and now < state.fresh_until
-
-    def _held(self, state: OutputGuardState, now: Stamp) -> Pulses:
+    def _held(self, state: OutputGuardState) -> Pulses:
         """Pulses without a new command: the last ones while fresh, else neutral; lights keep their level."""
-        if state.armed and self._fresh(state, now):
+        if state.armed and state.fresh:
             return state.pulses
         silent = state.commanded_at is None and state.lit_at is None
         return self.neutral if silent else replace(self.neutral, lights=state.pulses.lights)
 
     def _applied(self, state: OutputGuardState, held: Pulses, command: Command, now: Stamp) -> Pulses:
         lights = tuple(self._clip(light) for light in command.lights_us) or held.lights
-        if not state.armed or not self._fresh(state, now):
+        if not state.armed or not state.fresh:
             return Pulses(self.neutral.thrusters, lights)
         moved = now if state.moved_at is None else state.moved_at
         step = self.knobs.slew_usps * min(seconds_between(moved, now), self.knobs.repeat_s)
@@ -383,7 +410,7 @@ class OutputGuard:
         if last is None:
             return None
         # A restarted sender counts from the beginning: its lower numbers are accepted once the old one is silent.
-        again = self._fresh(state, now) and not _newer(command.sequence, last.sequence)
+        again = state.fresh and not _newer(command.sequence, last.sequence)
         if command.stamp < last.stamp or again:
             return Refusal("out of order", f"command {command.sequence} came after {last.sequence}")
         return None

@@ -71,6 +71,12 @@ class OutputHost:
         """Check a command; the next `turn` writes it."""
         self._judge(self._guard.command, command)
 
+    def refuse(self, refusal: Refusal) -> None:
+        """Refuse a command for a reason of the caller's own: it is not checked."""
+        now = self._output.now()
+        self._state = self._guard.refuse(self._state, refusal, now)
+        self._listener.refused(refusal, now)
+
     def light(self, levels: tuple[float, ...]) -> None:
         """Set the lamps, 0 (dark) to 1; the next `turn` writes it."""
         self._judge(self._guard.light, levels)
@@ -203,6 +209,6 @@ class OutputHost:
     def _report(self) -> None:
         """Report the last pulses that were written: after a failed write they are most likely still active."""
         state, last = self._state, self._last
-        made, now = self._output.applied(last), self._output.now()
-        applied = AppliedOutput(now, state.armed, made, last.sequence, state.armings, state.phase, state.reason)
+        made, now, why = self._output.applied(last), self._output.now(), state.reason or state.unobeyed
+        applied = AppliedOutput(now, state.armed, made, last.sequence, state.armings, state.phase, why)
         self._listener.applied(applied)

@@ -10,7 +10,7 @@ from hindrax_core.bus_operations import DeviceError
 from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.signals import Command
 from hindrax_drivers.buses.port_threads import ServingThread
-from hindrax_drivers.output.output_guard import Answer, OutputGuard, Request
+from hindrax_drivers.output.output_guard import Answer, OutputGuard, Refusal, Request
 from hindrax_drivers.output.output_host import OutputHost, OutputListener
 from hindrax_drivers.output.output_ports import ThrusterOutput
 
@@ -47,6 +47,10 @@ class OutputThread(ServingThread):
     def command(self, command: Command) -> None:
         """Check and apply a command at once. From any thread."""
         self._post(lambda host: host.command(command))
+
+    def refuse(self, refusal: Refusal) -> None:
+        """Refuse a command that is not even checked. From any thread."""
+        self._post(lambda host: host.refuse(refusal))
 
     def light(self, levels: tuple[float, ...]) -> None:
         """Set the lamps, 0 (dark) to 1, at once. From any thread."""

@@ -20,7 +20,7 @@ from hindrax_core import topics
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.signals import Estimate, Navigation
-from hindrax_drivers.output.output_guard import TRY_AGAIN
+from hindrax_drivers.output.output_guard import TRY_AGAIN, UNOBEYED
 from hindrax_ident.online.aim import ExperimentGoal
 from hindrax_msgs.action import FlyManeuver, RunExperiment
 from hindrax_msgs.msg import Heartbeat
@@ -37,6 +37,8 @@ ASKED_AT_MOST = 5
 LINK_S = 0.3
 """Time for the last messages to reach their subscribers before the node is destroyed."""
 FLOWN_s = 1.0
+UNOBEYED_S = 0.5
+"""Time without an applied command after which armed thrusters count as disobedient: the first may be on its way."""
 MANEUVER_LOST_s = 10.0
 """Silence about a maneuver on a working link after which it counts as over; the pilot publishes at 10 Hz."""
 
@@ -63,6 +65,7 @@ class Operator:
         self.navigation: Stamped[Navigation] | None = None
         self.estimates: dict[str, Stamped[Estimate]] = {}
         self.thrusters: Any = None
+        self._obeyed_at = Stamp(0)
         self.maneuver: Any = None
         self._allocation: Any = None
         self._allocations: Any = None
@@ -90,7 +93,6 @@ class Operator:
 
     def _subscribe(self) -> None:
         latest = {
-            topics.THRUSTER_STATE: "thrusters",
             topics.MANEUVER: "maneuver",
             topics.PLACE: "place",
             topics.PLANS: "plans",
@@ -99,6 +101,7 @@ class Operator:
         }
         for topic, name in latest.items():
             subscription(self.node, topic, partial(setattr, self, name), queue=1)
+        subscription(self.node, topics.THRUSTER_STATE, self._on_thrusters, queue=1)
         subscription(self.node, topics.NAVIGATION, self._on_navigation, raw=True, queue=1)
         subscription(self.node, topics.ESTIMATE, self._on_estimate)
         subscription(self.node, topics.DIAGNOSTICS, self._on_diagnostics)
@@ -121,6 +124,20 @@ class Operator:
         message = Heartbeat(sequence=self.next(), source="operator")
         message.header.stamp = stamp_to_msg(now)
         self._heartbeats.publish(message)
+
+    def _on_thrusters(self, message: Any) -> None:
+        self.thrusters, stamp = message, stamp_from_msg(message.header.stamp)
+        if not (message.armed and message.reason):
+            self._obeyed_at = stamp
+
+    @property
+    def unobeyed(self) -> str:
+        """Reason why armed thrusters have followed no command for a while; empty when they do, or are not armed."""
+        found = self.thrusters
+        if found is None or not found.armed:
+            return ""
+        silent_s = seconds_between(self._obeyed_at, stamp_from_msg(found.header.stamp))
+        return str(found.reason) if silent_s > UNOBEYED_S else ""
 
     def _on_navigation(self, data: bytes) -> None:
         self.navigation = navigation_from_bytes(data)
@@ -241,6 +258,18 @@ class Operator:
         if not answer.accepted:
             raise HindraxError(f"the thrusters refused to {'arm' if arm else 'disarm'}: {answer.reason}")
         self.wait(lambda: self.thrusters is not None and self.thrusters.armed is arm, seconds, self._thruster_state)
+        if arm and self.thrusters.reason:
+            self._require_obedience()
+
+    def _require_obedience(self) -> None:
+        """Disarm, and HindraxError, when armed thrusters go on refusing what they are commanded."""
+        with contextlib.suppress(HindraxError):
+            self.wait(lambda: not self.thrusters.reason or bool(self.unobeyed), ANSWER_S, lambda: "a command")
+        why = self.unobeyed
+        if why.startswith(UNOBEYED):
+            with contextlib.suppress(HindraxError):  # they disarm by themselves when nothing is obeyed
+                self.arm(arm=False, seconds=ANSWER_S)
+            raise HindraxError(f"the thrusters were armed, but {why}; disarmed again")
 
     def _request_arming(self, *, arm: bool) -> Any:
         stamp = self.order_stamp() if arm else stamp_to_msg(self.now())  # to disarm, no time is waited for or wanted

@@ -11,6 +11,7 @@ from typing import Any
 from std_msgs.msg import Float32MultiArray
 
 from hindrax_control.hold.holds import HoldState
+from hindrax_control.maneuver.goal import unobeyed_text
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import after
 from hindrax_core.readings import Vec6
@@ -57,8 +58,15 @@ def require_armed(operator: Operator) -> None:
         state, reason = operator.thrusters.state, operator.thrusters.reason
         raise HindraxError(f"the thrusters are {state} ({reason}), wanted armed; `./hindrax arm` first")
     operator.pause(0.3)
+    require_obedience(operator)
     if operator.flying:
         raise HindraxError(f"a maneuver is being flown ({operator.flying}); `./hindrax stop` ends it")
+
+
+def require_obedience(operator: Operator) -> None:
+    """HindraxError while armed thrusters follow no command: nothing would be held or pushed."""
+    if operator.unobeyed:
+        raise HindraxError(unobeyed_text(operator.unobeyed))
 
 
 def hold(operator: Operator, axes: Sequence[str], value: float, *, engaged: bool) -> dict[str, float]:
@@ -82,6 +90,8 @@ def _send_until_held(operator: Operator, send: Callable[[Any], None], wanted: Ho
         send(wanted)
 
     def held() -> bool:
+        if wanted.engaged:
+            require_obedience(operator)
         # Before, the pilot may not have received it: a refusal would belong to another setpoint.
         answered = operator.holds is not None and stamp_from_msg(operator.holds.header.stamp) >= after(
             started, ANSWERED_S
@@ -153,6 +163,7 @@ def until(operator: Operator, over: Callable[[], bool], seconds: float, what: st
     def done() -> bool:
         if not operator.thrusters.armed:
             raise HindraxError(f"{what} ended early: the thrusters are {operator.thrusters.state}")
+        require_obedience(operator)
         return over()
 
     operator.wait(done, seconds / SLOWEST_PACE + SEEN_S, lambda: f"{what} to end; the clock has stopped")
