@@ -27,6 +27,7 @@ class IdealVehicle:
         self.roll = self.pitch = self.north = self.east = 0.0
         self.heading, self.depth, self.step_s, self.lag_s = heading_rad, depth_m, step_s, lag_s
         self.time_s, self.current, self.locked, self.ages_s = 0.0, (0.0, 0.0), True, dict(AGES_S)
+        self.altitude_age_s = 0.05
         self.sigma_m = math.nan
 
     @property
@@ -50,6 +51,8 @@ class IdealVehicle:
             position_m=(self.north, self.east),
             dvl_locked=self.locked,
             ages_s=self.ages_s,
+            depth_age_s=0.02,
+            altitude_age_s=self.altitude_age_s,
             position_sigma_m=self.sigma_m,
         )
 

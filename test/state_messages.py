@@ -53,8 +53,7 @@ def navigation_to_msg(stamped: Stamped[Navigation]) -> NavigationStatus:
     message.depth, message.altitude = state.depth_m, state.altitude_m
     message.position_north, message.position_east = state.position_m
     message.dvl_locked = state.dvl_locked
-    message.depth_age = ages.get("ms5837", math.inf)
-    message.altitude_age = ages.get("ping1d", math.inf)
+    message.depth_age, message.altitude_age = state.depth_age_s, state.altitude_age_s
     message.heave_velocity_age = min(message.depth_age, message.altitude_age)
     message.depth_valid = math.isfinite(state.depth_m)
     message.altitude_valid = math.isfinite(state.altitude_m)
@@ -76,5 +75,7 @@ def navigation_from_msg(message: NavigationStatus) -> Stamped[Navigation]:
         dvl_locked=message.dvl_locked,
         ages_s=dict(zip(message.sources, message.ages, strict=True)),
         velocity_sigma_mps=(su, sv, sw),
+        depth_age_s=message.depth_age,
+        altitude_age_s=message.altitude_age,
     )
     return Stamped(stamp_from_msg(message.header.stamp), state)

@@ -14,9 +14,9 @@ from hindrax_core.events import Rejected, Stamp, Stamped, seconds_between, to_s
 from hindrax_core.readings import BottomVelocity
 from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
 from hindrax_drivers.buses.bus_schedule import BusOutput
-from hindrax_drivers.driver_registry import DEVICES
+from hindrax_drivers.driver_registry import driver_of
 from hindrax_sim.faults.fault_registry import FaultSpec, with_bus_faults
-from hindrax_sim.hardware import EMULATORS
+from hindrax_sim.hardware import emulator_of
 
 Truth = Callable[[float], Any]
 """What is true, by the seconds since the start."""
@@ -77,7 +77,7 @@ class Plugged:
     ) -> None:
         vehicle, mount = mount_of(name)
         mount = replace(mount, **changes)
-        row, self.emulator = DEVICES[name], EMULATORS[name]
+        row, self.emulator = driver_of(name), emulator_of(name)
         self.truth = truth or self.emulator.example
         driver, part = row.make(row.knobs(), mount, vehicle), self.emulator.make(seed)
         self._wire: Any = (

@@ -16,9 +16,9 @@ from hindrax_core.events import Stamp
 from hindrax_core.readings import DeviceText
 from hindrax_core.sensor_table import SENSORS, Sensor
 from hindrax_core.testing import chunks
-from hindrax_drivers.driver_registry import DEVICES
+from hindrax_drivers.driver_registry import driver_of
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec
-from hindrax_sim.hardware import EMULATORS
+from hindrax_sim.hardware import emulator_of
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 BEGIN_S, LASTS_S, BACK_WITHIN_S, AFTER_S = 4.0, 3.0, 2.0, 1.0
@@ -28,10 +28,10 @@ MID_CYCLE_S = BEGIN_S + 0.005
 WITHOUT_POWER = {"reset", "wrong_identity"}
 NAMES = [sensor.name for sensor in SENSORS]
 SWEEP = [
-    (name, fault)
-    for name in NAMES
+    (sensor.name, fault)
+    for sensor in SENSORS
     for fault, kind in FAULTS.items()
-    if name in kind.devices and (kind.make or kind.on_bus)
+    if kind.falls_on(sensor) and (kind.make or kind.on_bus)
 ]
 QUIET = {"bytewise", "merged", "unplug_replug"}
 """Faults the driver has nothing to say of: the time of arrival alone changes, or the owner of the port tells it."""
@@ -56,7 +56,7 @@ def kinds(plugged: Plugged, since_s: float, until_s: float) -> Counter[type]:
 def fresh(name: str) -> Any:
     """The driver as it is when its port has just been opened."""
     vehicle, mount = mount_of(name)
-    row = DEVICES[name]
+    row = driver_of(name)
     driver = row.make(row.knobs(), mount, vehicle)
     list(driver.start(Stamp(0)))
     return driver
@@ -86,7 +86,7 @@ def test_a_truth_that_is_reported_is_read(name: str) -> None:
     @settings(max_examples=5, deadline=None)
     @given(st.floats(0.0, 60.0))
     def still(seconds: float) -> None:
-        truth = EMULATORS[name].example(seconds)
+        truth = emulator_of(name).example(seconds)
         plugged = Plugged(name, truth=lambda _: truth)
         plugged.run(2.5)
         assert kinds(plugged, 1.5, 2.5)

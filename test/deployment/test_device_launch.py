@@ -26,7 +26,7 @@ from hindrax_bringup.stack import adopted, environment, own_domain
 from hindrax_core.sensor_table import SENSORS, Sensor
 from hindrax_core.topics import TOPICS_OF
 from hindrax_core.vehicle import load_vehicle
-from hindrax_drivers.driver_registry import DEVICES
+from hindrax_drivers.driver_registry import driver_of
 from hindrax_drivers.nodes.thruster_settings import read_settings
 from hindrax_sim.hardware import Hardware
 from hindrax_sim.mock_vehicle import MockVehicle
@@ -70,7 +70,7 @@ def words_of(folder: Path, name: str, **given: str) -> list[str]:
 @pytest.mark.parametrize("name", [sensor.name for sensor in SENSORS])
 def test_every_setting_of_a_sensor_is_an_argument(name: str) -> None:
     arguments, node = described(name)
-    knobs = DEVICES[name].knobs
+    knobs = driver_of(name).knobs
     wanted = {one.name for one in fields(knobs)} | {"port", "frame_id", "namespace"}
     assert wanted <= arguments.keys()
     for one in fields(knobs):

@@ -7,7 +7,7 @@ import pytest
 from hindrax_core.sensor_table import SENSORS
 from hindrax_core.topics import TOPICS
 from hindrax_core.vehicle import Output
-from hindrax_drivers.driver_registry import DEVICES
+from hindrax_drivers.driver_registry import driver_of
 from hindrax_tools.reference.devices import offers
 
 NAMES = [sensor.name for sensor in SENSORS]
@@ -25,7 +25,7 @@ def test_every_device_states_what_its_manual_offers(name: str) -> None:
         for word in re.findall(r"`([a-z0-9_]+/[a-z_]+)`", how):
             assert word in TOPIC_NAMES | SERVICES, f"{name}: {word} is no topic"
         for word in re.findall(r"parameters? `(\w+)`", how):
-            assert hasattr(DEVICES[name].knobs(), word), f"{name}: {word} is no parameter"
+            assert hasattr(driver_of(name).knobs(), word), f"{name}: {word} is no parameter"
         for word in re.findall(r"`output\.(\w+)`", how):
             assert hasattr(Output(), word), f"{name}: {word} is no key of output"
 

@@ -28,7 +28,7 @@ REST = (1500.0,) * 8 + (1100.0,) * 2
 NEUTRAL, MOVING = (1500.0,) * 8, (1600.0,) * 8
 KNOBS = OutputGuardKnobs(arming_s=0.5)
 LASTS_S = 6.0
-FAULTS_OF_THE_BUS = [name for name, kind in FAULTS.items() if "thrusters" in kind.devices]
+FAULTS_OF_THE_BUS = [name for name, kind in FAULTS.items() if "thrusters" in kind.devices()]
 
 
 class Line(EnableLine):

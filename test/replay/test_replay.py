@@ -31,7 +31,7 @@ from hindrax_core.events import NS_PER_S, Stamp
 from hindrax_core.knobs import build
 from hindrax_core.readings import Pressure, Vec3
 from hindrax_core.signals import Navigation
-from hindrax_core.topics import DIAGNOSTICS, NAVIGATION, ODOMETRY, RAW_FRAMES, resolved
+from hindrax_core.topics import DIAGNOSTICS, NAVIGATION, ODOMETRY, TOPICS, resolved
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.devices import ms5837
 from hindrax_drivers.devices.imu import icm20948_registers
@@ -47,7 +47,7 @@ from hindrax_ros.messages.serialization import current_bytes, serialized
 BAGS = sorted((clone_root() / "test" / "replay" / "bags").iterdir())
 SURGE = clone_root() / "test" / "replay" / "bags" / "surge"
 ESTIMATES = SURGE.with_name("surge_estimates")
-RAW = {resolved(topic) for topic in RAW_FRAMES.values()}
+RAW = {resolved(topic) for topic in TOPICS if topic.name.startswith("raw/")}
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +80,7 @@ def test_every_device_is_replayed_from_its_wire(short: Path) -> None:
 def test_messages_of_other_packages_are_no_part_of_a_replay(short: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where marine_acoustic_msgs is installed the DVL publishes a copy that no bag holds."""
     monkeypatch.setattr(reading_messages, "optional_class", lambda _: SimpleNamespace)
-    made = ReadingMessages("dvl75", load_vehicle(default_vehicle())).topics
+    made = ReadingMessages("dvl75", "dvl75", load_vehicle(default_vehicle())).topics
     assert "dvl75/dvl" in {topic.name for topic in made}
     replayed = replay(short).ledger
     assert replayed.differences() == []

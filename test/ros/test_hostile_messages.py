@@ -68,7 +68,7 @@ from hindrax_core.topics import (
 )
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.nodes.identifier import Identifier
-from hindrax_ident.nodes.measurement_messages import READERS
+from hindrax_ident.nodes.measurement_messages import readers
 from hindrax_ident.online.session import Outcome, Session
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import AllocationStatus, HoldSetpoint, ThrusterHealth, ThrusterState
@@ -427,11 +427,11 @@ def test_nothing_that_anybodys_stack_states_ends_the_identifier_or_spoils_what_i
 def test_bytes_that_are_no_measurement_do_not_end_the_identifier(desk: tuple[Identifier, ThrustNode]) -> None:
     identifier, _ = desk
     listening = {one.topic_name: one for one in Node.subscriptions.fget(identifier) if one.raw}
-    assert listening.keys() == {resolved(topic) for topic in READERS}
+    assert listening.keys() == {resolved(topic) for topic in readers(load_vehicle(default_vehicle()))}
     for one in listening.values():
         for data in (b"", b"\x00\x01" + bytes(9)):
             one.callback(data)
-    assert identifier._refusals.counts == {topic.name: 2 for topic in READERS}
+    assert identifier._refusals.counts == {topic.name: 2 for topic in readers(load_vehicle(default_vehicle()))}
 
 
 def hear_pulses(thrust: ThrustNode, header: Header, channels: Any) -> None:

@@ -44,7 +44,16 @@ pytestmark = pytest.mark.ros
 PATIENT_S = 60.0
 AGES_S = {"icm20948": 0.01, "ms5837": 0.02, "ping1d": 0.05, "dvl75": 0.05}
 ADRIFT = Navigation(
-    (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.1, 0.0, 0.0), 0.9, 0.9, (0.0, 0.0), dvl_locked=True, ages_s=AGES_S
+    (0.0, 0.0, 0.0),
+    (0.0, 0.0, 0.0),
+    (0.1, 0.0, 0.0),
+    0.9,
+    0.9,
+    (0.0, 0.0),
+    dvl_locked=True,
+    ages_s=AGES_S,
+    depth_age_s=0.02,
+    altitude_age_s=0.05,
 )
 """Never at rest, so that a maneuver stays at its first stage."""
 DISARMED = ThrusterState(armed=False, state="faulted", reason="output is faulted: no answer", pulses=[1500.0] * 8)

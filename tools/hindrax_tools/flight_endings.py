@@ -15,7 +15,7 @@ from pathlib import Path
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.maneuver.goal import PLATEAUS, Goal, motions_to_fly
-from hindrax_core.vehicle import load_vehicle
+from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_sim.conditions.world_table import POOL, sizes_of
 from hindrax_sim.faults.fault_registry import FaultSpec
 from hindrax_sim.flights.lockstep import Lockstep
@@ -63,17 +63,18 @@ class Ending:
         return self.wall_hits > 0 and self.how in (DONE, REFUSED)
 
 
-def drawn(seed: int, thrusters: Sequence[str]) -> Fault:
+def drawn(seed: int, vehicle: Vehicle) -> Fault:
     """The fault of a seed; every kind comes as often as any other."""
     rng = random.Random(seed)  # noqa: S311  # a draw of test cases, not a secret
     start_s = rng.uniform(20.0, 120.0)
+    thrusters, dvls = [one.name for one in vehicle.thrusters], vehicle.measuring("velocity")
     kinds = (
         lambda: Fault("DVL bias", sizes=(("dvl_bias", rng.uniform(0.002, 0.01)),)),
         lambda: Fault("rocking start", rocking_deg=(rng.uniform(-10.0, 10.0), rng.uniform(-10.0, 10.0))),
         lambda: Fault("current", sizes=(("current", rng.uniform(0.02, 0.15)),)),
         lambda: Fault("thruster dead", weak=(rng.choice(thrusters), 0.0)),
         lambda: Fault("thruster weak", weak=(rng.choice(thrusters), 0.7)),
-        lambda: Fault("lock lost", faults=(FaultSpec("lock_lost", ("dvl75",), start_s, rng.uniform(2.0, 60.0)),)),
+        lambda: Fault("lock lost", faults=(FaultSpec("lock_lost", dvls, start_s, rng.uniform(2.0, 60.0)),)),
         lambda: Fault("DVL late", sizes=(("dvl_latency", rng.uniform(0.05, 0.3)),)),
     )
     return kinds[seed % len(kinds)]()
@@ -84,7 +85,7 @@ def ending(seed: int, files: Sequence[Path]) -> Ending:
     vehicle = calibrated(load_vehicle(files[seed // 7 % len(files)]))
     motions = motions_to_fly(("all",), vehicle).flown
     chosen = motions if seed % 2 else (random.Random(seed).choice(motions),)  # noqa: S311
-    fault = drawn(seed, [one.name for one in vehicle.thrusters])
+    fault = drawn(seed, vehicle)
     pilot = GoalPilot(vehicle, Goal(chosen, PLATEAUS, seed))
     sizes = sizes_of(POOL, seed) | dict(fault.sizes)
     flight = Lockstep(vehicle, pilot, seed, conditions=Conditions(sizes=sizes), faults=fault.faults)

@@ -139,11 +139,11 @@ LIES = {
 @pytest.mark.parametrize("fault", LIES)
 def test_a_lie_begins_and_ends_and_is_what_it_states(fault: str) -> None:
     truth, as_said = LIES[fault]
-    lies = altered_truth(FAULTS[fault].devices[0], [FaultSpec(fault, FAULTS[fault].devices, 1.0, 1.0)])
+    lies = altered_truth(FAULTS[fault].devices()[0], [FaultSpec(fault, FAULTS[fault].devices(), 1.0, 1.0)])
     assert lies(truth, 0.9) is truth
     assert as_said(lies(truth, 1.0))
     assert lies(truth, 2.0) is truth
-    assert altered_truth("thrusters", [FaultSpec(fault, FAULTS[fault].devices)])(truth, 12.0) is truth
+    assert altered_truth("thrusters", [FaultSpec(fault, FAULTS[fault].devices())])(truth, 12.0) is truth
 
 
 def test_a_stuck_sensor_keeps_what_it_had_and_a_false_velocity_covers_ground() -> None:

@@ -2,13 +2,17 @@
 
 import pytest
 
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_core.vehicle import load_vehicle
 from hindrax_tools.flight_endings import DONE, REFUSED, Ending, Fault, drawn, table
+
+HINDRAX = load_vehicle(default_vehicle())
 
 
 def test_every_kind_of_fault_is_drawn_and_the_same_one_for_the_same_seed() -> None:
-    kinds = {drawn(seed, ["T1", "T2"]).name for seed in range(7)}
+    kinds = {drawn(seed, HINDRAX).name for seed in range(7)}
     assert len(kinds) == 7
-    assert drawn(11, ["T1", "T2"]) == drawn(11, ["T1", "T2"])
+    assert drawn(11, HINDRAX) == drawn(11, HINDRAX)
 
 
 @pytest.mark.parametrize(

@@ -34,7 +34,7 @@ from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_stderr
 from hindrax_core.topics import NAMESPACE
 from hindrax_core.vehicle import load_vehicle
-from hindrax_drivers.driver_registry import DEVICES
+from hindrax_drivers.driver_registry import driver_of
 from launch import Action, LaunchContext, LaunchDescription
 
 ARGUMENTS: dict[str, tuple[str | None, str]] = {
@@ -64,7 +64,9 @@ def stack(
             return str(context.launch_configurations[name])
 
         vehicle = str(vehicle_file(argument("vehicle")))
-        tuning = ParameterOverrides(argument("namespace"), argument("params_file"))
+        tuning = ParameterOverrides(
+            argument("namespace"), argument("params_file"), sensors=tuple(load_vehicle(vehicle).sensors)
+        )
         wires: dict[str, Any] | None = None
         tether = None if hardware else tether_setting()
         made = stack_environment(mock=hardware is not None, domain=None, tether=tether)
@@ -170,5 +172,5 @@ def ports(folder: Path, vehicle_file: str) -> dict[str, Any]:
     """Ports of simulated hardware in a folder: serial devices as ptys, everything else on its bus."""
     bus = f"mock:{folder / 'i2c'}"
     sensors = load_vehicle(vehicle_file).sensors
-    found = {name: str(folder / name) if DEVICES[one.device].serial else bus for name, one in sensors.items()}
+    found = {name: str(folder / name) if driver_of(one.device).serial else bus for name, one in sensors.items()}
     return {"ports": found | {"thrusters": bus}, "clock": bus}

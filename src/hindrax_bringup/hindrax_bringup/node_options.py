@@ -18,6 +18,7 @@ from hindrax_ros.parameter_file import names_node, parameter_blocks
 Blocks = dict[str, dict[str, object]]
 """Parameters by the pattern of the nodes that get them, as in a ROS parameter file; of two the later one wins."""
 NODES = tuple(dict.fromkeys(node for process in EVERY for node in process.nodes))
+"""Of every vehicle, and sensors under the names of their kinds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +28,8 @@ class ParameterOverrides:
     namespace: str = NAMESPACE
     file: str = ""
     settings: tuple[str, ...] = ()
+    sensors: tuple[str, ...] = field(default=(), compare=False)
+    """Names of the vehicle's sensors, which are nodes."""
 
     def __post_init__(self) -> None:
         """Check all of it before anything starts, or a folder is made for it."""
@@ -34,7 +37,16 @@ class ParameterOverrides:
             raise UsageError(f"namespace {self.namespace!r}: wanted names of letters, digits and _, as /rov1")
         blocks = read_parameters(self.file)
         for text in self.settings:
-            apply_setting(blocks, text, self.namespace)
+            self.apply(blocks, text)
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        """Names of all nodes."""
+        return (*NODES, *(name for name in self.sensors if name not in NODES))
+
+    def apply(self, blocks: Blocks, text: str) -> None:
+        """Put one parameter, `node.name:=value`, into the blocks; UsageError names what is wrong with it."""
+        apply_setting(blocks, text, self.namespace, self.nodes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +82,7 @@ class NodeOptions:
         for pattern, block in read_parameters(self.tuning.file).items():
             blocks.setdefault(pattern, {}).update(block)
         for text in self.tuning.settings:
-            apply_setting(blocks, text, self.tuning.namespace)
+            self.tuning.apply(blocks, text)
         return blocks
 
     def arguments(self, process: Process) -> list[str]:
@@ -84,7 +96,7 @@ class NodeOptions:
 
     def unknown_blocks(self) -> list[str]:
         """Return a sentence for each block of the user's file that names no node of the stack."""
-        names = [f"{self.tuning.namespace}/{node}" for node in NODES]
+        names = [f"{self.tuning.namespace}/{node}" for node in self.tuning.nodes]
         return [
             f"{self.tuning.file}: {pattern!r} names no node of this stack, ignored; wanted such as '/**/{NODES[0]}'"
             for pattern in read_parameters(self.tuning.file)
@@ -109,14 +121,14 @@ def read_parameters(file: str) -> Blocks:
     return blocks
 
 
-def apply_setting(blocks: Blocks, text: str, namespace: str) -> None:
+def apply_setting(blocks: Blocks, text: str, namespace: str, nodes: Sequence[str]) -> None:
     """Put one parameter, `node.name:=value`, into the blocks; UsageError names what is wrong with it."""
     names, assigned, value = text.partition(":=")
     node, dot, name = names.partition(".")
     if not (assigned and dot and name):
         raise UsageError(f"--set {text!r}: wanted node.name:=value, as pilot.holds.turn_radps:=0.3")
-    if node not in NODES:
-        near = difflib.get_close_matches(node, NODES, n=1) or NODES
+    if node not in nodes:
+        near = difflib.get_close_matches(node, nodes, n=1) or nodes
         raise UsageError(f"--set {text!r}: no node is called {node!r}; the nearest is {near[0]!r}")
     try:
         parsed = yaml.safe_load(value)

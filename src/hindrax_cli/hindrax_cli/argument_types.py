@@ -9,6 +9,7 @@ from hindrax_bringup.node_options import ParameterOverrides
 from hindrax_bringup.share_files import usual_vehicle, vehicle_file
 from hindrax_cli.command import Declare, option
 from hindrax_core.topics import NAMESPACE, namespace_arguments
+from hindrax_core.vehicle import load_vehicle
 
 if TYPE_CHECKING:
     from hindrax_drivers.nodes.thruster_settings import Settings
@@ -88,7 +89,8 @@ def add_parameters(parser: argparse.ArgumentParser) -> None:
 
 def tuning_of(arguments: argparse.Namespace) -> ParameterOverrides:
     """Read them back."""
-    return ParameterOverrides(arguments.namespace, arguments.params, tuple(arguments.set))
+    sensors = tuple(load_vehicle(arguments.vehicle).sensors) if arguments.vehicle else ()
+    return ParameterOverrides(arguments.namespace, arguments.params, tuple(arguments.set), sensors)
 
 
 def output_settings(arguments: argparse.Namespace) -> "Settings":
@@ -104,4 +106,7 @@ def output_settings(arguments: argparse.Namespace) -> "Settings":
 
 
 add_json = option("--json", action="store_true", help="one JSON document on stdout")
+add_sensor = option(
+    "--sensor", metavar="NAME", help="its name in the vehicle file, where that has several; default: the first"
+)
 add_i2c_port = option("--port", metavar="PORT", help="I2C bus, or mock:SOCKET; default: of the vehicle file")

@@ -10,6 +10,7 @@ from hindrax_cli.vehicle_edit import on_one_line
 from hindrax_cli.vehicle_review import MARGIN, upright_speed_mps
 from hindrax_core.errors import UsageError
 from hindrax_core.hydrostatics import GRAVITY_mps2, Water
+from hindrax_core.sensor_table import SENSORS, Capability
 from hindrax_core.vehicle import Limits, vehicle_from_text
 from hindrax_ident.model.empirical_model import Dimensions, empirical, hydrodynamics_of
 
@@ -23,7 +24,13 @@ FILLED = 0.8
 """Projected area of an open frame over that of its box."""
 HEAD = """# {name}: made by `./hindrax vehicle new`. SI units; body axes x forward, y starboard, z down.
 # Positions from the center of the envelope. docs/reference/vehicle-file.md lists every key."""
-PORTS = {"dvl75": "/dev/hindrax/dvl", "ping1d": "/dev/hindrax/ping", "icm20948": "/dev/i2c-1", "ms5837": "/dev/i2c-1"}
+PORTS: Mapping[Capability, str] = {
+    "velocity": "/dev/hindrax/dvl",
+    "range": "/dev/hindrax/ping",
+    "rates": "/dev/i2c-1",
+    "depth": "/dev/i2c-1",
+}
+"""Ports of the usual sensors: of each the first of the table that measures it."""
 ASSUMED = "# Assumed: an open frame fills 0.8 of its box; center of buoyancy 50 mm above the center of mass."
 ESTIMATED = "# Estimated from the dimensions: prior of plans, truth of the mock; never given to the estimator."
 Answers = Mapping[str, tuple[float, ...]]
@@ -134,14 +141,11 @@ def file_text(name: str, answers: Answers) -> str:
         "envelope_m": list(size),
     }
     known["pool"] = dict(zip(("length_m", "width_m", "depth_m"), answers["pool"], strict=True))
-    positions = {
-        "dvl75": list(answers["dvl"]),
-        "ping1d": [0.0, 0.0, 0.5 * height],
-        "icm20948": [0.0] * 3,
-        "ms5837": [0.0] * 3,
-    }
+    positions = {"velocity": list(answers["dvl"]), "range": [0.0, 0.0, 0.5 * height]}
+    usual = {measured: next(row.name for row in SENSORS if measured in row.measures) for measured in PORTS}
     known["sensors"] = {
-        sensor: {"device": sensor, "port": PORTS[sensor], "position_m": at} for sensor, at in positions.items()
+        device: {"device": device, "port": PORTS[measured], "position_m": positions.get(measured, [0.0] * 3)}
+        for measured, device in usual.items()
     }
     if answers["layout"] != (0.0,):
         known |= {"thrusters": _thrusters(answers), "curves": {"main": _curve(*answers["thrust"])}}

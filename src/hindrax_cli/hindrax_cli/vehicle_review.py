@@ -1,13 +1,19 @@
 """A vehicle file judged before it flies: what its thrusters serve and how hard, and what looks wrong."""
 
 import math
+from collections.abc import Mapping
 
 from hindrax_cli.health_checks import Check
 from hindrax_control.maneuver.goal import largest_wrench, servable_motions
 from hindrax_core.errors import UsageError
+from hindrax_core.sensor_table import Capability, all_sensors
 from hindrax_core.vehicle import AXES, WRENCH_UNITS, Vehicle
 
-NEEDED = {"icm20948": "attitude and rates", "ms5837": "depth", "dvl75": "surge and sway velocity"}
+NEEDED: Mapping[Capability, str] = {
+    "rates": "attitude and rates",
+    "depth": "depth",
+    "velocity": "surge and sway velocity",
+}
 FLOATS_AT_MOST = 0.1
 """Net buoyancy over weight beyond which trim is implausible."""
 OUTSIDE = 1.5
@@ -90,12 +96,14 @@ def _outside(vehicle: Vehicle, position_m: tuple[float, float, float]) -> bool:
 
 
 def _sensors(vehicle: Vehicle) -> list[Check]:
-    return [
-        Check(name, vehicle.sensors[name].port or "no port")
-        if name in vehicle.sensors
-        else Check(name, "missing", f"add it to sensors: it measures {what}")
-        for name, what in NEEDED.items()
-    ]
+    found: list[Check] = []
+    for capability, what in NEEDED.items():
+        names = vehicle.measuring(capability)
+        found += [Check(name, vehicle.sensors[name].port or "no port") for name in names]
+        if not names:
+            known = " or ".join(row.name for row in all_sensors() if capability in row.measures)
+            found.append(Check(capability, "missing", f"add {known} to sensors: nothing measures {what}"))
+    return found
 
 
 def _truth(vehicle: Vehicle) -> Check:

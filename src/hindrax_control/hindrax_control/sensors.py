@@ -1,4 +1,4 @@
-"""The sensors of a vehicle: which of them measure what, where they sit, and which readings cannot be measurements."""
+"""The sensors of a vehicle: where they sit, and which readings cannot be measurements."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -10,15 +10,14 @@ from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, M
 from hindrax_core.rotation import matrix, rotate
 from hindrax_core.vehicle import Mount, Vehicle
 
-INERTIAL = ("icm20948",)
-VELOCITY = ("dvl75",)
-DEPTH = ("ms5837",)
-ALTITUDE = ("ping1d", "ping2")
 
+def altimeters(vehicle: Vehicle) -> tuple[str, ...]:
+    """Sensors that the height above the bottom is taken from: sonars; a DVL's own altitude where there is none.
 
-def sensors_of(vehicle: Vehicle, devices: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of the vehicle's sensors that are such devices."""
-    return tuple(name for name, mount in vehicle.sensors.items() if mount.device in devices)
+    The axis of a DVL is no beam: its altitude is a fit through four others, and comes late and rounded.
+    """
+    measured, with_velocity = vehicle.measuring("altitude"), vehicle.measuring("velocity")
+    return tuple(name for name in measured if name not in with_velocity) or measured
 
 
 class SensorMount:

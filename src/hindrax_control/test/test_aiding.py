@@ -64,9 +64,9 @@ class Rig:
     def field(self, field_T: Vec3, delay_s: float = 0.0) -> bool:
         return self.aiding.magnetic(Magnetic(field_T), HERE, delay_s)
 
-    def track(self, at: SensorMount = HERE, *, delay_s: float = 0.0, sonar_age_s: float = 0.0, **changes: Any) -> bool:
+    def track(self, *, delay_s: float = 0.0, **changes: Any) -> bool:
         known = BottomTrack(True, 0.0, 0.0, 0.5, None, (0.0, 0.0), (), "3333", 0)
-        return self.aiding.bottom_track(replace(known, **changes), at, delay_s, sonar_age_s)
+        return self.aiding.dvl_heading(replace(known, **changes), delay_s)
 
 
 def test_a_velocity_at_a_lever_is_that_of_the_origin_and_of_the_turn(hindrax: Vehicle) -> None:
@@ -286,19 +286,8 @@ def test_a_heading_of_the_dvl_beyond_the_turn_is_near(hindrax: Vehicle) -> None:
     assert 3.1 < rig.heading_rad < math.pi
 
 
-@pytest.mark.parametrize(
-    ("changes", "sonar_age_s", "used"),
-    [
-        ({"altitude_m": 1.5}, 0.6, True),
-        ({"altitude_m": 1.5}, 0.4, False),
-        ({"altitude_m": None}, 9.0, False),
-        ({"altitude_m": 1.5, "locked": False}, 9.0, False),
-    ],
-)
-def test_the_altitude_of_the_dvl_serves_while_the_sonar_is_silent(
-    hindrax: Vehicle, changes: dict[str, Any], sonar_age_s: float, used: bool
-) -> None:
-    rig = Rig(hindrax, TILT, dvl_altitude_after_s=0.5)
-    assert rig.track(THERE, sonar_age_s=sonar_age_s, **changes) is used
+def test_the_altitude_of_the_dvl_is_along_its_axis(hindrax: Vehicle) -> None:
+    rig = Rig(hindrax, TILT)
+    assert rig.aiding.dvl_altitude(1.5, THERE, 0.0)
     altitude_m = 1.5 * rig.turn[2][2] + rotate(rig.turn, LEVER)[2]
-    assert (rig.vertical.altitude_m == pytest.approx(altitude_m, abs=1e-3)) is used
+    assert rig.vertical.altitude_m == pytest.approx(altitude_m, abs=1e-3)

@@ -53,7 +53,7 @@ WRONG = {
     "depth": wrong(refused_depths=20),
     "velocity": wrong(refused_velocities=20),
     "sinking": wrong(sunk_off_m=-0.3),
-    "floor": replace(WELL, altitude_m=-0.4, ages_s={"ms5837": 1.5}),
+    "floor": replace(WELL, altitude_m=-0.4, depth_age_s=1.5),
     "frozen": wrong(frozen_s=0.3),
     "rate": replace(WELL, rate_radps=(9.0, 0.0, 0.0)),
     "speed": replace(WELL, velocity_mps=(0.0, 0.0, 60.0)),
@@ -154,7 +154,7 @@ def test_a_gyroscope_that_jumps_is_reported_within_half_a_second_of_a_tilt_that_
 
 
 def test_a_floor_that_is_deeper_than_thought_is_no_reason_while_there_is_pressure() -> None:
-    assert not Watch().see(replace(WRONG["floor"], ages_s={"ms5837": 1.0}), 1.0)
+    assert not Watch().see(replace(WRONG["floor"], depth_age_s=1.0), 1.0)
 
 
 def test_thrust_back_and_forth_is_no_gyroscope_that_jumps() -> None:

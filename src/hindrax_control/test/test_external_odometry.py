@@ -118,12 +118,12 @@ def test_the_altimeter_gives_the_height_above_the_bottom_while_it_is_received() 
     found, _ = odometry.step(Stamped(NOW, LEVEL), MINE, NOW)
     assert found is not None
     assert found.reading.altitude_m == pytest.approx(1.2 + sonar.position_m[2])
-    assert found.reading.ages_s["ping1d"] == 0.0
+    assert found.reading.ages_s["ping1d"] == found.reading.altitude_age_s == 0.0
     later = after(NOW, 3.0)
     found, _ = odometry.step(Stamped(later, LEVEL), MINE, later)
     assert found is not None
     assert math.isnan(found.reading.altitude_m)
-    assert found.reading.ages_s["ping1d"] == pytest.approx(3.0)
+    assert found.reading.ages_s["ping1d"] == found.reading.altitude_age_s == pytest.approx(3.0)
 
 
 def test_a_range_that_is_stamped_after_the_state_is_not_older_than_it() -> None:
@@ -143,8 +143,17 @@ def test_a_range_is_a_positive_number(range_m: float, received: bool) -> None:
     assert math.isfinite(found.reading.altitude_m) is received
 
 
-def test_without_an_altimeter_there_is_no_height_above_the_bottom() -> None:
+def test_without_a_sonar_the_altitude_of_the_dvl_is_taken() -> None:
     others = {name: sensor for name, sensor in VEHICLE.sensors.items() if name != "ping1d"}
+    odometry = ExternalOdometry(replace(VEHICLE, sensors=others))
+    odometry.range(NOW, 1.2)
+    found, _ = odometry.step(Stamped(NOW, LEVEL), MINE, NOW)
+    assert found is not None
+    assert found.reading.altitude_m == pytest.approx(1.2 + VEHICLE.sensors["dvl75"].position_m[2])
+
+
+def test_without_an_altimeter_there_is_no_height_above_the_bottom() -> None:
+    others = {name: sensor for name, sensor in VEHICLE.sensors.items() if name not in ("ping1d", "dvl75")}
     odometry = ExternalOdometry(replace(VEHICLE, sensors=others))
     odometry.range(NOW, 1.2)
     found, _ = odometry.step(Stamped(NOW, LEVEL), MINE, NOW)

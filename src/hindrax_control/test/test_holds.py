@@ -17,7 +17,6 @@ from hindrax_control.hold.holds import (
     HoldState,
     Setpoint,
     down_rate,
-    silence_s,
 )
 from hindrax_control.hold.station_keeping import StationKeeping
 from hindrax_control.prior_dynamics import PriorDynamics, guessed, prior_dynamics
@@ -60,7 +59,7 @@ class IdealVehicle:
             altitude_m=math.nan if silent else FLOOR_M - value["heave"],
             position_m=(0.0, 0.0),
             dvl_locked=True,
-            ages_s={"ping1d": self.sonar_age_s},
+            altitude_age_s=self.sonar_age_s,
         )
 
     def step(self, wrench: Vec6) -> Vec6:
@@ -381,7 +380,7 @@ def test_other_knobs_act_at_once_and_keep_what_is_held() -> None:
 
 
 def test_another_patience_with_the_sonar_acts_at_once() -> None:
-    holds, quiet = held(Setpoint("altitude")), replace(REST, ages_s={"ping1d": 2.0})
+    holds, quiet = held(Setpoint("altitude")), replace(REST, altitude_age_s=2.0)
     assert "holding depth" in state(holds.step(quiet, Stamp(0)), "altitude").note
     holds.tune(HoldKnobs(silent_s=5.0))
     assert state(holds.step(quiet, stamp_from_s(DT)), "altitude").note == ""
@@ -428,13 +427,6 @@ def test_what_goes_down_is_the_third_row_of_the_rotation(
     """Fossen 2011 eq. 2.18."""
     moving = replace(REST, attitude_rad=(*tilt_rad, 1.0), velocity_mps=velocity_mps)
     assert down_rate(moving) == pytest.approx(down_mps)
-
-
-def test_of_several_sensors_the_newest_counts_and_none_is_never_silent() -> None:
-    ages_s = {"ping1d": 0.7, "dvl75": 0.2, "ms5837": 0.0}
-    assert silence_s(ages_s, ("ping1d", "dvl75")) == 0.2
-    assert silence_s(ages_s, ("ping360",)) == math.inf
-    assert silence_s(ages_s, ()) == 0.0
 
 
 @given(st.floats(-3.0, 3.0), st.sampled_from([Drag(66.0, 1.25), Drag(0.0, 5.0), Drag(93.0, 5.0, 56.0, 11.0)]))

@@ -29,6 +29,8 @@ AT_START = Navigation(
     (0.0, 0.0),
     dvl_locked=True,
     ages_s={"icm20948": 0.01, "ms5837": 0.02, "ping1d": 0.05, "dvl75": 0.05},
+    depth_age_s=0.02,
+    altitude_age_s=0.05,
 )
 TOO_LOW = replace(AT_START, depth_m=1.4, altitude_m=0.6)
 """Never at rest at its pose, whatever surge and sway do."""
@@ -165,7 +167,7 @@ def test_it_ends_when_its_own_axis_or_heave_is_lost(make: Make, motion: str, los
 
 @pytest.mark.parametrize(("silent_s", "axis"), [(0.99, "altitude"), (1.01, "depth")])
 def test_an_echo_older_than_a_second_is_none(make: Make, silent_s: float, axis: str) -> None:
-    first = make("surge").step(replace(AT_START, ages_s={**AT_START.ages_s, "ping1d": silent_s}), stamp_from_s(1.0))
+    first = make("surge").step(replace(AT_START, altitude_age_s=silent_s), stamp_from_s(1.0))
     assert first.setpoints[-1].axis == axis
 
 

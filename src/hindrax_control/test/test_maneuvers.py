@@ -218,13 +218,12 @@ def test_silent_sonar_is_replaced_by_depth(rig: Rig, silent_from_s: float) -> No
     depths = []
 
     def silence(rig: Rig) -> None:
-        age_s = max(0.05, rig.ideal.time_s - silent_from_s)
-        rig.ideal.ages_s = {**rig.ideal.ages_s, "ping1d": age_s}
+        rig.ideal.altitude_age_s = max(0.05, rig.ideal.time_s - silent_from_s)
         if rig.output.phase.phase == "plateau":
             depths.append(rig.ideal.depth)
 
     if silent_from_s == 0.0:
-        del rig.ideal.ages_s["ping1d"]
+        rig.ideal.altitude_age_s = math.inf
     output, _ = rig.fly(Goal(("surge", "yaw")), silence)
     assert output.aborted == ""
     assert depths == pytest.approx([0.9] * len(depths), abs=0.05)

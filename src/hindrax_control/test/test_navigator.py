@@ -1,6 +1,7 @@
 """The navigator against motions that are known in closed form."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -24,6 +25,7 @@ from hindrax_core.readings import (
 )
 from hindrax_core.rotation import cross, matrix
 from hindrax_core.signals import Navigation
+from hindrax_core.vehicle import Mount
 
 
 def surging(t: float) -> Vec3:
@@ -272,6 +274,65 @@ def test_the_dvl_shows_the_altitude_while_the_sonar_is_silent() -> None:
         ride.tell(number * 0.005, track(0.0, altitude_m=0.7), "dvl75")
     assert ride.out[-1].reading.altitude_m == pytest.approx(0.7, abs=0.01)
     assert ride.out[-1].reading.ages_s.get("ping1d", math.inf) == math.inf
+    assert ride.out[-1].reading.altitude_age_s < 0.05, "the age is that of what the altitude comes from"
+
+
+def test_a_dvl_serves_as_altimeter_only_after_the_sonar_is_silent() -> None:
+    ride = Ride(sonar_until_s=5.0).run(4.0)
+    for number in range(800, 1400):
+        t = number * 0.005
+        ride.tell(t, Inertial((0, 0, -GRAVITY_mps2), (0, 0, 0), 20.0), "icm20948")
+        if t < 5.0:
+            ride.tell(t, Echo(FLOOR_m - 0.9, 0.9), "ping1d")
+        ride.tell(t, track(0.0, altitude_m=0.2), "dvl75")
+    before = [one.reading for one in ride.out if 4.1 < one.stamp * 1e-9 < 5.4]
+    assert all(one.altitude_m > 0.8 for one in before)
+    assert ride.out[-1].reading.altitude_m == pytest.approx(0.2, abs=0.02)
+    assert ride.out[-1].reading.altitude_age_s < 0.05
+    assert ride.out[-1].reading.ages_s["ping1d"] > 1.5
+
+
+def test_a_sonar_that_looks_ahead_is_no_altimeter() -> None:
+    """Two Pings, a usual fit: what the forward one sees of a wall must not move the floor."""
+    ahead = Mount("ping1d", port="b", rotation_deg=(0.0, 90.0, 0.0))
+    vehicle = replace(CENTERED, sensors={**CENTERED.sensors, "ahead": ahead})
+    assert vehicle.measuring("altitude") == ("ping1d", "dvl75")
+    assert vehicle.measuring("range_ahead") == ("ahead",)
+    ride = Ride(vehicle=vehicle).run(4.0)
+    known, refused = ride.out[-1].reading, ride.navigator.refused
+    for number in range(800, 1200):
+        ride.tell(number * 0.005, Inertial((0, 0, -GRAVITY_mps2), (0, 0, 0), 20.0), "icm20948")
+        ride.tell(number * 0.005, Echo(5.0, 0.9), "ahead")
+    assert ride.navigator.refused == refused
+    assert "ahead" not in ride.out[-1].reading.ages_s
+    assert ride.out[-1].reading.altitude_age_s > known.altitude_age_s + 1.9
+
+
+def test_of_two_inertial_sensors_the_first_of_the_file_paces_the_filters() -> None:
+    spare = Mount("icm20948", port="b", rotation_deg=(180.0, 0.0, 0.0))
+    ride = Ride(vehicle=replace(CENTERED, sensors={**CENTERED.sensors, "spare": spare}))
+    for number in range(1, 1000):
+        ride.tell(number * 0.005, Inertial((0, 0, -GRAVITY_mps2), (0, 0, 0), 20.0), "icm20948")
+        ride.tell(number * 0.005 + 0.001, Inertial((0, 0, GRAVITY_mps2), (0, 0, 0.5), 20.0), "spare")
+    assert "spare" not in ride.out[-1].reading.ages_s
+    assert max(map(abs, ride.out[-1].reading.attitude_rad)) < 0.01
+
+
+def test_a_frozen_dvl_is_found_beside_another_that_measures() -> None:
+    other = Mount("dvl75", port="b")
+    ride = Ride(vehicle=replace(CENTERED, sensors={**CENTERED.sensors, "other": other})).run(4.0)
+    refused = ride.navigator.refused
+    for number in range(800, 1400):
+        t = number * 0.005
+        ride.tell(t, Inertial((0, 0, -GRAVITY_mps2), (0, 0, 0), 20.0), "icm20948")
+        if number % 10 == 0:
+            ride.tell(t - 0.03, BottomVelocity((0.001, 0.0, 0.0), 0.01, 1.0, 0.05, 0), "dvl75")
+            noise = ride.random.gauss(0.0, 0.002)
+            ride.tell(t - 0.03, BottomVelocity((noise, 0.0, 0.0), 0.01, 1.0, 0.05, 0), "other")
+    found = ride.out[-1].reading
+    assert ride.navigator.refused > refused
+    assert found.ages_s["dvl75"] > 1.0
+    assert found.ages_s["other"] < 0.1
 
 
 @pytest.mark.parametrize("bad", [

@@ -1,48 +1,164 @@
 """Table of all sensors: drivers, emulators, topics, faults, processes and docs read it.
 
 A sensor called NAME is a driver `hindrax_drivers/devices/NAME.py` (which offers DRIVER), an emulator
-`hindrax_sim/devices/NAME.py` (which offers EMULATOR), golden cases in `test/golden/NAME/` and a row here. The name of a
-sensor in the vehicle file is that of its row: topics are found by it.
+`hindrax_sim/devices/NAME.py` (which offers EMULATOR), golden cases in `test/golden/NAME/` and a row here. A sensor of
+another package is a row too: an entry point of the group `hindrax.sensors` that names its `Sensor`.
+
+Nothing asks for a sensor by the name of its kind. What a node needs is a capability (`Vehicle.measuring("depth")`); any
+number of sensors have it, under the names that the vehicle file gives them.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
 from typing import Literal, TypeAlias
 
 Wire: TypeAlias = Literal["serial", "i2c", "gpio"]
+Capability: TypeAlias = Literal[
+    "velocity", "depth", "altitude", "range", "range_ahead", "attitude", "rates", "field", "supply", "leak", "air",
+    "temperature",
+]  # fmt: skip
+"""What a sensor measures. The mount decides about a `range`: downward it is the altitude, forward the range ahead."""
+GROUP = "hindrax.sensors"
+"""Group of the entry points of sensors in other packages."""
 SHARED = ("battery", "leak")
-"""Quantities of the vehicle as a whole: their topics have no name of a sensor, and one sensor measures them."""
+"""Quantities of the vehicle as a whole: their topics have no name of a sensor."""
+
+QUANTITIES: Mapping[str, tuple[str, str]] = {
+    "velocity": ("geometry_msgs/msg/TwistWithCovarianceStamped", "velocity over ground"),
+    "attitude": ("sensor_msgs/msg/Imu", "attitude of the DVL's own IMU"),
+    "detail": ("hindrax_msgs/msg/Dvl", "lock, beams, confidence, device time"),
+    "altitude": ("sensor_msgs/msg/Range", "distance along the DVL axis"),
+    "position": ("sensor_msgs/msg/NavSatFix", "position by the DVL's own dead reckoning, and whether a GPS gives it"),
+    "range": ("sensor_msgs/msg/Range", "distance along the beam, sonar"),
+    "profile": ("hindrax_msgs/msg/PingProfile", "echo profile, on request"),
+    "die_temperature": ("sensor_msgs/msg/Temperature", "temperature of the die"),
+    "supply": ("sensor_msgs/msg/BatteryState", "supply voltage of the device"),
+    "processor_temperature": ("sensor_msgs/msg/Temperature", "temperature of the device's processor"),
+    "board_temperature": ("sensor_msgs/msg/Temperature", "temperature of the device's board"),
+    "data_raw": ("sensor_msgs/msg/Imu", "specific force and angular rate"),
+    "mag": ("sensor_msgs/msg/MagneticField", "magnetic field"),
+    "pressure": ("sensor_msgs/msg/FluidPressure", "absolute pressure"),
+    "temperature": ("sensor_msgs/msg/Temperature", "temperature at the sensor"),
+    "humidity": ("sensor_msgs/msg/RelativeHumidity", "relative humidity, 0 to 1"),
+    "battery": ("sensor_msgs/msg/BatteryState", "supply voltage and current, when measured"),
+    "leak": ("std_msgs/msg/Bool", "whether there is water in a dry hull, when measured"),
+}
+"""Quantity that a sensor can publish: type and meaning."""
+
+CARRIERS: Mapping[Capability, tuple[str, ...]] = {
+    "velocity": ("detail",),
+    "depth": ("pressure",),
+    "altitude": ("range", "altitude"),
+    "attitude": ("attitude",),
+    "rates": ("data_raw",),
+    "field": ("mag",),
+    "supply": ("battery",),
+    "leak": ("leak",),
+}
+"""Quantity from which the stack reads a capability: the first that a sensor of the vehicle publishes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """One row: name, wire, what it publishes and how often [Hz], meaning.
+    """One row: kind, wire, what it publishes and how often [Hz], meaning, and what it measures.
 
-    `publishes` has the quantities of `hindrax_core.topics.QUANTITIES`; a rate of 0 is: now and then.
+    `publishes` has quantities of `QUANTITIES`; a rate of 0 is: now and then. `driver` and `emulator` are modules that
+    offer DRIVER and EMULATOR, for a sensor of another package; those of this stack are found by the name.
     """
 
     name: str
     wire: Wire
     publishes: Mapping[str, float]
     meaning: str
+    measures: tuple[Capability, ...] = ()
+    driver: str = ""
+    emulator: str = ""
+
+    def __post_init__(self) -> None:
+        """Quantities are those of the table. ValueError names one that is not."""
+        for quantity in self.publishes:
+            if quantity not in QUANTITIES:
+                raise ValueError(f"publishes: found {quantity!r}, wanted some of {', '.join(QUANTITIES)}")
 
     @property
     def serial(self) -> bool:
-        """Whether it is on a serial line; all others are on a register bus."""
+        """Whether it is on a line that carries bytes; all others are on a register bus."""
         return self.wire == "serial"
+
+    @property
+    def driver_module(self) -> str:
+        """Module that offers its DRIVER."""
+        return self.driver or f"hindrax_drivers.devices.{self.name}"
+
+    @property
+    def emulator_module(self) -> str:
+        """Module that offers its EMULATOR."""
+        return self.emulator or f"hindrax_sim.devices.{self.name}"
 
 
 _DVL = dict.fromkeys(("velocity", "attitude", "detail", "altitude", "position"), 20)
 _AIR = dict.fromkeys(("pressure", "temperature", "humidity"), 5)
 _PING = {"range": 20, "profile": 0, "supply": 0.1, "processor_temperature": 0.1, "board_temperature": 0.1}
+_IMU = {"data_raw": 225, "mag": 25, "die_temperature": 1}
+_DEPTH = {"pressure": 50, "temperature": 5}
 
 SENSORS: tuple[Sensor, ...] = (
-    Sensor("dvl75", "serial", _DVL, "Cerulean DVL-75"),
-    Sensor("ping1d", "serial", _PING, "Blue Robotics Ping"),
-    Sensor("icm20948", "i2c", {"data_raw": 225, "mag": 25, "die_temperature": 1}, "TDK ICM-20948 with AK09916"),
-    Sensor("ms5837", "i2c", {"pressure": 50, "temperature": 5}, "TE MS5837 (Bar30, Bar02)"),
-    Sensor("bme280", "i2c", _AIR, "Bosch BME280 or BMP280, air in the hull"),
-    Sensor("ina226", "i2c", {"battery": 10}, "TI INA226, supply voltage and current"),
-    Sensor("ads1115", "i2c", {"battery": 10}, "TI ADS1115 behind a power sense module"),
-    Sensor("sos_leak", "gpio", {"leak": 10}, "Blue Robotics SOS or any leak probe on a GPIO"),
+    Sensor("dvl75", "serial", _DVL, "Cerulean DVL-75", ("velocity", "altitude", "attitude")),
+    Sensor("ping1d", "serial", _PING, "Blue Robotics Ping", ("range",)),
+    Sensor("icm20948", "i2c", _IMU, "TDK ICM-20948 with AK09916", ("rates", "field")),
+    Sensor("ms5837", "i2c", _DEPTH, "TE MS5837 (Bar30, Bar02)", ("depth", "temperature")),
+    Sensor("bme280", "i2c", _AIR, "Bosch BME280 or BMP280, air in the hull", ("air",)),
+    Sensor("ina226", "i2c", {"battery": 10}, "TI INA226, supply voltage and current", ("supply",)),
+    Sensor("ads1115", "i2c", {"battery": 10}, "TI ADS1115 behind a power sense module", ("supply",)),
+    Sensor("sos_leak", "gpio", {"leak": 10}, "Blue Robotics SOS or any leak probe on a GPIO", ("leak",)),
 )
+"""The sensors of this stack."""
+_OWN: Mapping[str, Sensor] = {row.name: row for row in SENSORS}
+
+
+def row_of(device: str) -> Sensor:
+    """Row of a kind of sensor, of this stack or of an installed package. ValueError names what there is, and why not.
+
+    Other packages are looked for only where a name is none of ours: that costs a vehicle without them nothing.
+    """
+    if device in _OWN:
+        return _OWN[device]
+    rows, unusable = _installed()
+    if device in unusable:
+        raise ValueError(f"found {device!r}, whose package cannot be used: {unusable[device]}")
+    if device not in rows:
+        raise ValueError(f"found {device!r}, wanted one of {', '.join((*_OWN, *rows))}")
+    return rows[device]
+
+
+def all_sensors() -> tuple[Sensor, ...]:
+    """Rows of this stack, and those of installed packages."""
+    return (*SENSORS, *_installed()[0].values())
+
+
+@cache
+def _installed() -> tuple[Mapping[str, Sensor], Mapping[str, str]]:
+    """Rows of other packages by name, and why an entry point gives none."""
+    rows: dict[str, Sensor] = {}
+    unusable: dict[str, str] = {}
+    for point in entry_points(group=GROUP):
+        found = _row_in(point)
+        if isinstance(found, str):
+            unusable[point.name] = found
+        else:
+            rows[point.name] = found
+    return rows, unusable
+
+
+def _row_in(point: EntryPoint) -> Sensor | str:
+    """Row that an entry point names, or why it is none. A package of somebody else may fail in any way."""
+    where = f"entry point {point.name} = {point.value}"
+    try:
+        row = point.load()
+    except Exception as error:  # noqa: BLE001  # whatever it is, it is said to whoever names this sensor
+        return f"{where}: {type(error).__name__}: {error}"
+    if not isinstance(row, Sensor) or row.name != point.name:
+        return f"{where}: found {row!r}, wanted a Sensor of that name"
+    return f"{where}: the name is that of a sensor of this stack" if point.name in _OWN else row

@@ -41,7 +41,10 @@ CONSISTENT = Consistency()
 
 @dataclass(frozen=True, slots=True)
 class Navigation:
-    """Estimated motion of the vehicle. NaN where unknown; `ages_s` is the age of each source.
+    """Estimated motion of the vehicle. NaN where unknown; `ages_s` is the age of what was last used of each sensor.
+
+    `depth_age_s` and `altitude_age_s` are the ages of the measurements that those two come from, whichever sensor gave
+    them; infinite before the first.
 
     `attitude_rad` is roll, pitch, yaw (z-y-x, yaw clockwise from north); `velocity_mps` is u, v, w; `rate_radps` is
     p, q, r; `position_m` is north and east of the point of start, by dead reckoning, `position_sigma_m` the standard
@@ -60,6 +63,8 @@ class Navigation:
     velocity_sigma_mps: Vec3 = (NAN, NAN, NAN)
     consistency: Consistency = CONSISTENT
     position_sigma_m: float = NAN
+    depth_age_s: float = math.inf
+    altitude_age_s: float = math.inf
 
 
 @dataclass(frozen=True, slots=True)

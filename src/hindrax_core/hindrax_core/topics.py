@@ -6,7 +6,8 @@ Names are relative to the vehicle's namespace (by default `/hindrax`), except th
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from hindrax_core.sensor_table import SENSORS, SHARED, Sensor
+from hindrax_core.sensor_table import CARRIERS, QUANTITIES, SENSORS, SHARED, Capability, row_of
+from hindrax_core.vehicle import Mount, Vehicle, capabilities
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,50 +42,62 @@ class Topic:
     recorded: bool = True
 
 
-QUANTITIES: Mapping[str, tuple[str, str]] = {
-    "velocity": ("geometry_msgs/msg/TwistWithCovarianceStamped", "velocity over ground"),
-    "attitude": ("sensor_msgs/msg/Imu", "attitude of the DVL's own IMU"),
-    "detail": ("hindrax_msgs/msg/Dvl", "lock, beams, confidence, device time"),
-    "altitude": ("sensor_msgs/msg/Range", "distance along the DVL axis"),
-    "position": ("sensor_msgs/msg/NavSatFix", "position by the DVL's own dead reckoning, and whether a GPS gives it"),
-    "range": ("sensor_msgs/msg/Range", "distance to the bottom, sonar"),
-    "profile": ("hindrax_msgs/msg/PingProfile", "echo profile, on request"),
-    "die_temperature": ("sensor_msgs/msg/Temperature", "temperature of the die"),
-    "supply": ("sensor_msgs/msg/BatteryState", "supply voltage of the device"),
-    "processor_temperature": ("sensor_msgs/msg/Temperature", "temperature of the device's processor"),
-    "board_temperature": ("sensor_msgs/msg/Temperature", "temperature of the device's board"),
-    "data_raw": ("sensor_msgs/msg/Imu", "specific force and angular rate"),
-    "mag": ("sensor_msgs/msg/MagneticField", "magnetic field"),
-    "pressure": ("sensor_msgs/msg/FluidPressure", "absolute pressure"),
-    "temperature": ("sensor_msgs/msg/Temperature", "temperature at the sensor"),
-    "humidity": ("sensor_msgs/msg/RelativeHumidity", "relative humidity, 0 to 1"),
-    "battery": ("sensor_msgs/msg/BatteryState", "supply voltage and current, when measured"),
-    "leak": ("std_msgs/msg/Bool", "whether there is water in a dry hull, when measured"),
-}
-"""Quantity that a sensor can publish: type and meaning."""
+def sensor_topics(name: str, device: str) -> Mapping[str, Topic]:
+    """Topics of one sensor by quantity: its name in the vehicle file, and its kind. ValueError for an unknown kind."""
+    return {quantity: _topic(name, quantity, rate_Hz) for quantity, rate_Hz in row_of(device).publishes.items()}
 
 
-def _topic(sensor: Sensor, quantity: str, rate_Hz: float) -> Topic:
+def _topic(name: str, quantity: str, rate_Hz: float) -> Topic:
     kind, meaning = QUANTITIES[quantity]
     if quantity in SHARED:
         return Topic(quantity, kind, STATE, 1, meaning)
-    return Topic(f"{sensor.name}/{quantity}", kind, SENSOR, rate_Hz, meaning)
+    return Topic(f"{name}/{quantity}", kind, SENSOR, rate_Hz, meaning)
 
 
-TOPICS_OF: Mapping[str, Mapping[str, Topic]] = {
-    sensor.name: {quantity: _topic(sensor, quantity, rate_Hz) for quantity, rate_Hz in sensor.publishes.items()}
-    for sensor in SENSORS
-}
-"""Topics by sensor and quantity, in the order of the table."""
-MEASURED: Mapping[str, Topic] = {topic.name: topic for of in TOPICS_OF.values() for topic in of.values()}
-"""Topics of the sensors by name."""
+def raw_topic(source: str) -> Topic:
+    """Topic of the wire frames of a sensor of the vehicle file, or of the thrusters."""
+    return Topic(f"raw/{source}", "hindrax_msgs/msg/RawFrames", RAW, 10, f"wire frames of {source}")
 
-DVL_ATTITUDE, DVL_DETAIL = MEASURED["dvl75/attitude"], MEASURED["dvl75/detail"]
-IMU, MAGNETIC = MEASURED["icm20948/data_raw"], MEASURED["icm20948/mag"]
-PRESSURE, WATER_TEMPERATURE = MEASURED["ms5837/pressure"], MEASURED["ms5837/temperature"]
-ALTITUDE = MEASURED["ping1d/range"]
-BATTERY, LEAK = MEASURED["battery"], MEASURED["leak"]
-_rows = list(MEASURED.values())
+
+def carriers(vehicle: Vehicle, capability: Capability) -> dict[str, Topic]:
+    """Topic that each sensor which measures something publishes it on, by the name of the sensor.
+
+    Of the quantities that carry it (`sensor_table.CARRIERS`) the first that any of them publishes: the altitude is that
+    of the sonars, and of a DVL only where there is none. Where the vehicle file names no sensor, those of this stack
+    under the names of their kinds: one may run alone, and a bag may hold what a file lacks.
+    """
+    named = {name: vehicle.sensors[name] for name in vehicle.measuring(capability)}
+    usual = {row.name: Mount(row.name) for row in SENSORS if capability in capabilities(Mount(row.name))}
+    rows = {name: row_of(mount.device) for name, mount in (named or usual).items()}
+    for quantity in CARRIERS.get(capability, ()):
+        found = {name: row.publishes[quantity] for name, row in rows.items() if quantity in row.publishes}
+        if found:
+            return {name: _topic(name, quantity, rate_Hz) for name, rate_Hz in found.items()}
+    return {}
+
+
+def topics_of(vehicle: Vehicle) -> tuple[Topic, ...]:
+    """All topics of a vehicle: those of its sensors by their names, and all others."""
+    rows = [one for name, mount in vehicle.sensors.items() for one in sensor_topics(name, mount.device).values()]
+    raw = [raw_topic(name) for name in vehicle.sensors]
+    return tuple({topic.name: topic for topic in (*rows, *_rows, *raw)}.values())
+
+
+TOPICS_OF: Mapping[str, Mapping[str, Topic]] = {row.name: sensor_topics(row.name, row.name) for row in SENSORS}
+"""Topics of the sensors of this stack by kind and quantity, each under the name of its kind."""
+
+
+def _usual(quantity: str) -> Topic:
+    """Topic of the first sensor of the table that publishes a quantity."""
+    return next(of[quantity] for of in TOPICS_OF.values() if quantity in of)
+
+
+DVL_ATTITUDE, DVL_DETAIL = _usual("attitude"), _usual("detail")
+IMU, MAGNETIC = _usual("data_raw"), _usual("mag")
+PRESSURE, ALTITUDE = _usual("pressure"), _usual("range")
+BATTERY, LEAK = _usual("battery"), _usual("leak")
+_rows: list[Topic] = [BATTERY, LEAK]
+"""All but those that carry the name of a sensor."""
 
 
 def _row(name: str, kind: str, quality: Quality, rate_Hz: float, meaning: str) -> Topic:
@@ -125,11 +138,6 @@ THRUSTER_HEALTH_ORDER = _row(
     "thrusters/health_order", "hindrax_msgs/msg/ThrusterHealth", LATCHED, 0, "the list that the pilot is to take"
 )
 ESTIMATE = _row("ident/estimate", "hindrax_msgs/msg/ModelEstimate", Quality(depth=100), 10, "coefficients")
-RAW_FRAMES = {
-    source: _row(f"raw/{source}", "hindrax_msgs/msg/RawFrames", RAW, 10, f"wire frames of {source}")
-    for source in (*(sensor.name for sensor in SENSORS), "thrusters")
-}
-"""By the source of the frames."""
 HEARTBEAT = _row(
     "operator/heartbeat", "hindrax_msgs/msg/Heartbeat", Quality(depth=1, deadline_s=1.0), 2, "the operator's link"
 )
@@ -141,8 +149,15 @@ TF_STATIC = _row(
 )
 ROBOT_DESCRIPTION = _row("robot_description", "std_msgs/msg/String", LATCHED, 0, "the vehicle as URDF")
 
-TOPICS = tuple(_rows)
-"""All rows, in the order of this file."""
+THRUSTER_FRAMES = raw_topic("thrusters")
+_rows.append(THRUSTER_FRAMES)
+TOPICS = tuple(
+    {
+        topic.name: topic
+        for topic in (*(one for of in TOPICS_OF.values() for one in of.values()), *_rows, *map(raw_topic, TOPICS_OF))
+    }.values()
+)
+"""All rows, as of a vehicle with one sensor of each kind under the name of its kind."""
 
 NAMESPACE = "/hindrax"
 """Namespace of a vehicle unless another is named; bags of every vehicle are read as if recorded in it."""

@@ -5,6 +5,7 @@ envelope. How the vehicle is *tuned* is not here; that is in ROS parameters decl
 """
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,13 +15,24 @@ from hindrax_core.errors import UsageError, cause
 from hindrax_core.hydrostatics import GRAVITY_mps2, Water
 from hindrax_core.knobs import block, build, choice, fact, knob
 from hindrax_core.readings import Vec3, Vec6
-from hindrax_core.sensor_table import SENSORS, SHARED
+from hindrax_core.rotation import matrix, rotate
+from hindrax_core.sensor_table import Capability, row_of
 from hindrax_core.text.yaml_text import read_yaml
 
 MOST_THRUSTERS = 16
 """Servo outputs of a PCA9685 (its datasheet, section 2) and of an autopilot."""
 LAST_LINE = 127
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+NAMED_OTHERWISE = frozenset(
+    (
+        *("sensors", "thrusters", "control", "navigator", "estimator_health", "pilot", "allocator", "identifier"),
+        *("safety_monitor", "recorder", "mock", "replay", "operator", "thrust", "teleop", "navigation", "holds"),
+        *("joy", "cmd_vel", "lights", "battery", "leak", "maneuver", "ident", "raw", "robot_description"),
+    )
+)
+"""Names of nodes and topics of the stack, which a sensor cannot have."""
+WITHIN = math.cos(math.radians(45.0))
+"""Cosine of the angle to an axis up to which a beam looks along it."""
 WRENCH_SYMBOLS = ("X", "Y", "Z", "K", "M", "N")
 WRENCH_UNITS = ("N",) * 3 + ("Nm",) * 3
 
@@ -111,9 +123,12 @@ def chip_and_line(name: str, key: str) -> tuple[str, int]:
 
 @dataclass(frozen=True, slots=True)
 class Mount:
-    """Position, orientation (sensor to body: yaw, then pitch, then roll) and port of a sensor."""
+    """Position, orientation (sensor to body: yaw, then pitch, then roll) and port of a sensor.
 
-    device: str = fact(meaning="kind of sensor, a name of the table of sensors")
+    The vehicle file names it as it likes: its node and its topics have that name.
+    """
+
+    device: str = fact(meaning="kind of sensor: of the table of sensors, or of an installed package")
     port: str = knob("", meaning="port, such as /dev/i2c-1, udp://0.0.0.0:27000 (a DVL), gpio:pinctrl-bcm2711")
     address: int = knob(0, 0, 127, "I2C address, 0 for the device's own default; or line of a GPIO chip [-]")
     position_m: Vec3 = knob((0.0, 0.0, 0.0), -100.0, 100.0, "position from the body origin [m]")
@@ -125,6 +140,20 @@ class Mount:
         """Check the name of the line."""
         if self.data_ready:
             chip_and_line(self.data_ready, "data_ready")
+
+
+def capabilities(mount: Mount) -> tuple[Capability, ...]:
+    """What a sensor measures where it is mounted: a range downward is the altitude, one forward the range ahead.
+
+    ValueError for an unknown kind of sensor.
+    """
+    measures = row_of(mount.device).measures
+    if "range" not in measures:
+        return measures
+    roll, pitch, yaw = (math.radians(angle) for angle in mount.rotation_deg)
+    forward, _, down = rotate(matrix((roll, pitch, yaw)), (0.0, 0.0, 1.0))
+    looks: Capability = "altitude" if down > WITHIN else "range_ahead" if forward > WITHIN else "range"
+    return tuple(looks if one == "range" else one for one in measures)
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,21 +234,25 @@ class Vehicle:
             problems = problems_of(curve)
             if problems:
                 raise ValueError(f"curves.{name}: {'; '.join(problems)}")
-        known = [sensor.name for sensor in SENSORS]
-        for name, mount in self.sensors.items():
-            device = mount.device
-            if device not in known:
-                raise ValueError(f"sensors.{name}.device: found {device!r}, wanted one of {', '.join(known)}")
-            if name != device:  # topics are found by it
-                raise ValueError(f"sensors.{name}: found a {device} of another name, wanted it to be called {device}")
+        self._check_sensors()
         for axis in self.thrust_gain:
             if axis not in AXES:
                 raise ValueError(f"thrust_gain: found {axis!r}, wanted one of {', '.join(AXES)}")
-        for quantity in SHARED:
-            sources = self.sources_of(quantity)
-            if len(sources) > 1:
-                raise ValueError(f"sensors: {' and '.join(sources)} both measure the {quantity}, wanted one of them")
         self._check_thrusters()
+
+    def _check_sensors(self) -> None:
+        for name, mount in self.sensors.items():
+            try:
+                row_of(mount.device)
+            except ValueError as error:
+                raise ValueError(f"sensors.{name}.device: {error}") from error
+            if not re.fullmatch(r"[A-Za-z]\w*", name, re.ASCII) or "__" in name:
+                raise ValueError(f"sensors.{name}: wanted a name of letters, digits and _, for its topics have it")
+            if name in NAMED_OTHERWISE:
+                raise ValueError(f"sensors.{name}: the stack has something else of this name, wanted such as my_{name}")
+        supplied = self.measuring("supply")
+        if len(supplied) > 1:
+            raise ValueError(f"sensors: {' and '.join(supplied)} both measure the battery, wanted one of them")
 
     def _check_thrusters(self) -> None:
         if len(self.thrusters) > MOST_THRUSTERS:
@@ -233,9 +266,9 @@ class Vehicle:
                 known = ", ".join(self.curves) or "none"
                 raise ValueError(f"thrusters[{index}].curve: found {thruster.curve!r}, wanted one of curves ({known})")
 
-    def sources_of(self, quantity: str) -> list[str]:
-        """Names of the sensors on board that publish a quantity."""
-        return [sensor.name for sensor in SENSORS if sensor.name in self.sensors and quantity in sensor.publishes]
+    def measuring(self, capability: Capability) -> tuple[str, ...]:
+        """Names of the sensors on board that measure something, in the order of the file."""
+        return tuple(name for name, mount in self.sensors.items() if capability in capabilities(mount))
 
     def output_channels(self) -> tuple[int, ...]:
         """Channels of the output: of the thrusters, in order, then of the lamps. UsageError where two share one.

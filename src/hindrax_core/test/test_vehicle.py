@@ -10,7 +10,7 @@ import yaml
 from hindrax_core.errors import UsageError
 from hindrax_core.hydrostatics import Water
 from hindrax_core.knobs import build
-from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_core.vehicle import Mount, Vehicle, capabilities, load_vehicle
 
 FILE = Path(__file__).resolve().parents[2] / "hindrax_bringup" / "vehicles" / "hindrax.yaml"
 
@@ -76,11 +76,8 @@ def test_negative_thruster_curve_of_cob_2023_1394_table_2() -> None:
             "curves.main: negative branch is not monotone: it turns at 109",
         ),
         (("sensors", "ping1d", "device"), "sonar", "here: sensors.ping1d.device: found 'sonar', wanted one of dvl75, "),
-        (
-            ("sensors", "front"),
-            {"device": "ping1d"},
-            "here: sensors.front: found a ping1d of another name, wanted it to",
-        ),
+        (("sensors", "pilot"), {"device": "ping1d"}, "here: sensors.pilot: the stack has something else of this name"),
+        (("sensors", "the-front"), {"device": "ping1d"}, "here: sensors.the-front: wanted a name of letters, digits"),
     ],
 )
 def test_mistakes_are_named(path: tuple[str | int, ...], value: object, sentence: str) -> None:
@@ -129,7 +126,33 @@ def test_one_sensor_measures_the_battery() -> None:
     both = {name: {"device": name, "port": "/dev/i2c-1"} for name in ("ina226", "ads1115")}
     with pytest.raises(UsageError, match="sensors: ina226 and ads1115 both measure the battery, wanted one of them"):
         build(Vehicle, data() | {"sensors": both}, "here:")
-    assert build(Vehicle, data() | {"sensors": {"ina226": both["ina226"]}}, "here:").sources_of("battery") == ["ina226"]
+    assert build(Vehicle, data() | {"sensors": {"ina226": both["ina226"]}}, "here:").measuring("supply") == ("ina226",)
+
+
+@pytest.mark.parametrize(
+    ("rotation_deg", "measured"),
+    [
+        ((0.0, 0.0, 0.0), "altitude"),
+        ((0.0, 40.0, 0.0), "altitude"),
+        ((0.0, 90.0, 0.0), "range_ahead"),
+        ((0.0, 60.0, 0.0), "range_ahead"),
+        ((0.0, -90.0, 0.0), "range"),
+        ((90.0, 0.0, 0.0), "range"),
+        ((180.0, 0.0, 0.0), "range"),
+        ((0.0, 90.0, 90.0), "range"),
+    ],
+)
+def test_the_mount_says_what_a_range_is(rotation_deg: tuple[float, float, float], measured: str) -> None:
+    """Pitched up by a right angle the z axis of a sensor looks ahead: Fossen 2011, eq. 2.18."""
+    assert capabilities(Mount("ping1d", rotation_deg=rotation_deg)) == (measured,)
+
+
+def test_sensors_of_one_kind_have_names_of_their_own() -> None:
+    turned = {"device": "ping1d", "port": "/dev/hindrax/ahead", "rotation_deg": [0.0, 90.0, 0.0]}
+    vehicle = build(Vehicle, data() | {"sensors": data()["sensors"] | {"ahead": turned}}, "here:")
+    assert vehicle.measuring("altitude") == ("dvl75", "ping1d")
+    assert vehicle.measuring("range_ahead") == ("ahead",)
+    assert vehicle.measuring("depth") == ("ms5837",)
 
 
 def test_an_output_channel_drives_one_thing() -> None:

@@ -1,6 +1,6 @@
 """Capture the readings of one I2C device for a while, without ROS: for calibration, with the stack down."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
@@ -12,6 +12,7 @@ from hindrax_core.driver_interface import Identity, Output, RegisterDevice, Trou
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import Rejected, Stamp, Stamped, after
 from hindrax_core.readings import Reading
+from hindrax_core.sensor_table import Capability, row_of
 from hindrax_core.vehicle import Mount, Vehicle
 from hindrax_drivers.buses.bus_schedule import BusSchedule
 from hindrax_drivers.buses.clock import pause
@@ -35,12 +36,31 @@ class CapturedReadings:
         return [one.reading for one in self.readings if isinstance(one.reading, kind)]
 
 
-def mount_of(vehicle: Vehicle, device: str) -> tuple[str, Mount]:
-    """Name and mount of the vehicle's sensor of a kind; UsageError when there is none."""
-    for name, mount in vehicle.sensors.items():
-        if mount.device == device:
-            return name, mount
-    raise UsageError(f"vehicle {vehicle.name}: found no sensor with device {device}; check sensors in the vehicle file")
+def mount_of(vehicle: Vehicle, driver: type[Any], name: str | None = None) -> tuple[str, Mount]:
+    """Name and mount of the sensor that a driver serves: of several the one called `name`, or the first.
+
+    UsageError when there is none.
+    """
+    kind = driver.__module__.rpartition(".")[2]
+    names = [one for one, mount in vehicle.sensors.items() if row_of(mount.device).driver_module == driver.__module__]
+    return _chosen(vehicle, names, name, f"with device {kind}")
+
+
+def measuring(vehicle: Vehicle, capability: Capability, name: str | None = None) -> tuple[str, Mount]:
+    """Name and mount of the sensor that measures something, of several the one called `name`, or the first.
+
+    UsageError when there is none.
+    """
+    return _chosen(vehicle, vehicle.measuring(capability), name, f"that measures {capability}")
+
+
+def _chosen(vehicle: Vehicle, names: Sequence[str], name: str | None, kind: str) -> tuple[str, Mount]:
+    if not names:
+        raise UsageError(f"vehicle {vehicle.name}: found no sensor {kind}; check sensors in the vehicle file")
+    if name is not None and name not in names:
+        raise UsageError(f"vehicle {vehicle.name}: found no sensor {kind} called {name!r}, wanted {' or '.join(names)}")
+    found = names[0] if name is None else name
+    return found, vehicle.sensors[found]
 
 
 def capture(

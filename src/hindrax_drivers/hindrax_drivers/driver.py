@@ -1,7 +1,7 @@
 """Interface of a driver file (DRIVER: knobs and constructor), and helpers of drivers."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeAlias
 
 from hindrax_core.bus_operations import DeviceError, Program, Write, WriteRead
@@ -21,6 +21,8 @@ class Driver:
     make: Callable[[Any, Mount, Vehicle], Any]
     wire: Wire = "i2c"
     """By the table."""
+    looking: Mapping[str, object] = field(default_factory=dict)
+    """Knobs with which it changes nothing in the device, for a look by `hindrax doctor`."""
 
     @property
     def serial(self) -> bool:

@@ -15,7 +15,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 from hindrax_core.knobs import knob_of
 from hindrax_core.vehicle import Output
-from hindrax_drivers.driver_registry import DEVICES, PORTS
+from hindrax_drivers.driver_registry import PORTS, driver_of
 from hindrax_drivers.nodes.thruster_settings import OutputAlone
 from hindrax_drivers.output.output_guard import OutputGuardKnobs
 from launch import LaunchDescription
@@ -26,7 +26,7 @@ Argument = tuple[Any, str]
 
 def device(kind: str) -> Callable[[], LaunchDescription]:
     """Return what describes one sensor of the table."""
-    row = DEVICES[kind]
+    row = driver_of(kind)
     arguments: dict[str, Argument] = {
         "port": (PORTS[row.wire], "port"),
         "frame_id": (f"{kind}_link", "frame of its messages"),

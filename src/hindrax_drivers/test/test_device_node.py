@@ -41,7 +41,7 @@ class Bench:
     """The node with a device that comes and goes as told, and a client that watches what it publishes."""
 
     def __init__(self) -> None:
-        self.node = DeviceNode(NAME, load_vehicle(default_vehicle()))
+        self.node = DeviceNode(NAME, load_vehicle(default_vehicle()), NAME)
         self.found, self.released = True, 0
         self.node.ready = lambda: self.found
         self.node.release = self._release

@@ -41,7 +41,7 @@ def package(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 def dvl_messages() -> ReadingMessages:
-    return ReadingMessages("dvl75", load_vehicle(default_vehicle()))
+    return ReadingMessages("dvl75", "dvl75", load_vehicle(default_vehicle()))
 
 
 def test_every_field_is_filled_from_ours() -> None:

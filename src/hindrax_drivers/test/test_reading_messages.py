@@ -15,7 +15,7 @@ from sensor_msgs.msg import Range
 from hindrax_bringup.share_files import default_vehicle, hindrax_with
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import Air, Battery, BottomTrack, BottomVelocity, Echo, Inertial, Leak, Position, Reading
-from hindrax_core.topics import MEASURED
+from hindrax_core.topics import TOPICS_OF
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.nodes.device_node import one_of_many
 from hindrax_drivers.nodes.reading_messages import ReadingMessages
@@ -25,7 +25,7 @@ TRACK = BottomTrack(True, 0.0, 0.0, 0.0, 1.5, (0.0, 0.0), (), "3333", 0)
 
 
 def messages_of_dvl() -> ReadingMessages:
-    return ReadingMessages("dvl75", load_vehicle(default_vehicle()))
+    return ReadingMessages("dvl75", "dvl75", load_vehicle(default_vehicle()))
 
 
 def test_the_altitude_of_either_dvl_is_published() -> None:
@@ -51,12 +51,12 @@ def test_every_topic_has_a_name_that_messages_come_under() -> None:
 
 
 def messages_of(device: str, reading: Reading) -> dict[str, Any]:
-    return read(ReadingMessages(device, hindrax_with(device)).of(Stamped(Stamp(0), reading)))
+    return read(ReadingMessages(device, device, hindrax_with(device)).of(Stamped(Stamp(0), reading)))
 
 
 def read(published: Iterable[tuple[str, Any]]) -> dict[str, Any]:
     """The messages by topic, made of their bytes."""
-    kinds = {topic.name: message_class(topic.type) for topic in MEASURED.values()}
+    kinds = {topic.name: message_class(topic.type) for of in TOPICS_OF.values() for topic in of.values()}
     return {name: deserialized(serialized(one), kinds[name]) for name, one in published}
 
 
@@ -85,7 +85,7 @@ def test_of_many_messages_one_in_so_many_is_published() -> None:
 
 
 def test_the_temperature_of_the_die_comes_once_a_second() -> None:
-    made = ReadingMessages("icm20948", load_vehicle(default_vehicle()))
+    made = ReadingMessages("icm20948", "icm20948", load_vehicle(default_vehicle()))
     samples = [Stamped(Stamp(index * 10_000_000), Inertial((0.0,) * 3, (0.0,) * 3, 24.5)) for index in range(250)]
     published = [read(made.of(one)) for one in samples]
     messages = [one["icm20948/die_temperature"] for one in published if "icm20948/die_temperature" in one]

@@ -21,7 +21,9 @@ from hindrax_analysis.records.third_party_bag import listed, topics_of
 from hindrax_bag.message_comparison import ComparisonReport, Rules, load_rules
 from hindrax_bag.read.bag_reader import BagMessage, attached_vehicle, attachments, messages
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.topics import ALTITUDE, DVL_DETAIL, IMU, MAGNETIC, ODOMETRY, PRESSURE, TOPICS, resolved
+from hindrax_core.sensor_table import Capability
+from hindrax_core.topics import IMU, ODOMETRY, PRESSURE, Topic, carriers, resolved
+from hindrax_core.topics import topics_of as topics_of_vehicle
 from hindrax_core.vehicle import Vehicle
 from hindrax_replay import allocation_stage, state_stage
 from hindrax_replay.allocation_stage import AllocationStage
@@ -29,11 +31,7 @@ from hindrax_replay.recorded_devices import parameters_of
 from hindrax_replay.state_stage import StateStage
 from hindrax_replay.wire_stage import ReferenceSamples, WireStage
 
-FOLLOWED = frozenset(state_stage.INPUTS | allocation_stage.INPUTS)
-"""Topics that the first stage forwards to the others."""
-BY_TYPE = {topic.type: resolved(topic) for topic in (IMU, MAGNETIC, PRESSURE, ALTITUDE, DVL_DETAIL, ODOMETRY)}
-"""Our inputs and outputs of the navigator by type, for third-party topics."""
-TYPES = {resolved(topic): topic.type for topic in TOPICS}
+READ: tuple[Capability, ...] = ("rates", "field", "depth", "altitude", "velocity")
 PREFIX = "reference "
 """Topics of a reference appear in reports and in the file of tolerances with this before their name."""
 TOGETHER = 200
@@ -83,6 +81,8 @@ def replay(
     vehicle = vehicle or attached_vehicle(bag, inside)
     done = Replayed(bag, ComparisonReport(rules or load_rules()))
     ours = names or {}
+    states = state_stage.inputs(vehicle)
+    followed = states | allocation_stage.INPUTS
 
     def record() -> Iterator[BagMessage]:
         return (one._replace(topic=ours[one.topic]) if one.topic in ours else one for one in messages(bag))
@@ -92,7 +92,7 @@ def replay(
         state = StateStage(vehicle, parameters, done.ledger, samples)
         allocation = AllocationStage(vehicle, parameters, done.ledger, samples)
         for message, replaced in settled:
-            if message.topic in state_stage.INPUTS:
+            if message.topic in states:
                 state.feed(message, replaced)
             if message.topic in allocation_stage.INPUTS:
                 allocation.feed(message)
@@ -102,8 +102,8 @@ def replay(
             state.keep_results()
         return done.ledger, samples
 
-    with hardly_collecting(), SecondStage((one for one in record() if one.topic in FOLLOWED), follow) as second:
-        first = WireStage(vehicle, parameters, done.ledger, done.samples, second.forward, followed=FOLLOWED)
+    with hardly_collecting(), SecondStage((one for one in record() if one.topic in followed), follow) as second:
+        first = WireStage(vehicle, parameters, done.ledger, done.samples, second.forward, followed=followed)
         for message in record():
             first.feed(message)
         first.finish()
@@ -115,36 +115,44 @@ def replay(
     return done
 
 
-def names_of(bag: Path, remaps: Sequence[str]) -> dict[str, str]:
+def _by_type(vehicle: Vehicle) -> dict[str, str]:
+    """Our inputs and outputs of the navigator by type, for third-party topics: of several sensors the first."""
+    topics: list[Topic] = [next(iter(carriers(vehicle, capability).values())) for capability in READ]
+    return {topic.type: resolved(topic) for topic in (*topics, ODOMETRY)}
+
+
+def names_of(bag: Path, remaps: Sequence[str], vehicle: Vehicle) -> dict[str, str]:
     """Our topic by the bag's topic: from `THEIRS:=OURS`, else by type in a bag that holds none of our topics.
 
     UsageError for a remap that does not fit, for a type that several topics have, and when nothing is left to replay.
     """
-    if not remaps and any(message.topic in TYPES for message in messages(bag)):
+    types = {resolved(topic): topic.type for topic in topics_of_vehicle(vehicle)}
+    if not remaps and any(message.topic in types for message in messages(bag)):
         return {}
     topics = topics_of(bag)
     if remaps:
-        return dict(_remap(word, topics, bag) for word in remaps)
+        return dict(_remap(word, topics, bag, types) for word in remaps)
     found: dict[str, str] = {}
+    by_type = _by_type(vehicle)
     for theirs, kind in topics.items():
-        if ours := BY_TYPE.get(kind):
+        if ours := by_type.get(kind):
             if ours in found.values():
                 raise UsageError(f"{bag}: several topics are of type {kind}; name the one with --remap THEIRS:={ours}")
             found[theirs] = ours
-    if resolved(IMU) not in found.values():
+    if by_type[IMU.type] not in found.values():
         raise UsageError(
             f"{bag}: found no topic of type {IMU.type}, which the navigator requires; it holds {listed(topics)}"
         )
     return found
 
 
-def _remap(word: str, topics: Mapping[str, str], bag: Path) -> tuple[str, str]:
+def _remap(word: str, topics: Mapping[str, str], bag: Path, types: Mapping[str, str]) -> tuple[str, str]:
     theirs, arrow, ours = word.partition(":=")
-    if not arrow or ours not in TYPES:
+    if not arrow or ours not in types:
         raise UsageError(f"--remap {word}: wanted THEIRS:=OURS, ours being a topic such as {resolved(PRESSURE)}")
-    if topics.get(theirs) != TYPES[ours]:
+    if topics.get(theirs) != types[ours]:
         found = topics.get(theirs, "no such topic")
-        raise UsageError(f"--remap {word}: found {found}, wanted {TYPES[ours]}; {bag} holds {listed(topics)}")
+        raise UsageError(f"--remap {word}: found {found}, wanted {types[ours]}; {bag} holds {listed(topics)}")
     return theirs, ours
 
 

@@ -25,7 +25,7 @@ from hindrax_core.knobs import build
 from hindrax_core.text.yaml_text import read_yaml
 from hindrax_core.topics import resolved
 from hindrax_core.vehicle import Vehicle
-from hindrax_drivers.driver_registry import DEVICES
+from hindrax_drivers.driver_registry import driver_of
 from hindrax_drivers.nodes.reading_messages import ReadingMessages
 
 Parameters = Mapping[str, Mapping[str, Any]]
@@ -131,10 +131,10 @@ class ReplayedDevice:
         """`add_made` is called with all that the device publishes: full topic, stamp, message or its CDR bytes."""
         mount = vehicle.sensors[name]
         self.name, self._add_made = name, add_made
-        row = DEVICES[mount.device]
+        row = driver_of(mount.device)
         device = row.make(knobs_of(row.knobs, parameters, name), mount, vehicle)
         self.wire = SerialWire(device) if row.serial else RegisterWire(name, device)
-        self._messages = ReadingMessages(name, vehicle, str(parameters.get(name, {}).get("frame_id", "")))
+        self._messages = ReadingMessages(name, mount.device, vehicle, str(parameters.get(name, {}).get("frame_id", "")))
         # Topics outside the table were not recorded and are not compared.
         self.topics = {topic.name: resolved(topic) for topic in self._messages.topics if topic.recorded}
 

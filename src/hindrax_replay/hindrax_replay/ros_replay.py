@@ -26,10 +26,11 @@ from hindrax_bringup.supervisor import SupervisedProcess, Supervisor, last_words
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import NS_PER_S
 from hindrax_core.text.text_file import nothing_left, require_place, writing
-from hindrax_core.topics import ALLOCATION, ESTIMATE, NAVIGATION, RAW_FRAMES, TOPICS, resolved
+from hindrax_core.topics import ALLOCATION, ESTIMATE, NAVIGATION, resolved
+from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_replay.bag_replay import Replayed
 from hindrax_replay.recorded_devices import parameters_of
-from hindrax_replay.wire_stage import COMPARED
+from hindrax_replay.wire_stage import compared
 
 READY_S = 20.0
 PATIENCE_S = 60.0
@@ -46,8 +47,6 @@ SETTLING_NS = 3 * NS_PER_S
 """At the start nodes discover their devices and each other at different times."""
 ALLOCATION_NAME = resolved(ALLOCATION)
 COMPUTED = {resolved(topic) for topic in (NAVIGATION, ALLOCATION, ESTIMATE)}
-_NAMES = RAW_FRAMES.keys()
-DEVICES = {resolved(topic) for topic in TOPICS if topic.name.partition("/")[0] in _NAMES} & COMPARED
 STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 Row = tuple[int, dict[str, Any]]
 """Stamp [ns] and values by name; the stamp is also among them, as `stamp_s`."""
@@ -63,7 +62,7 @@ def replay_ros(bag: Path, rules: Rules, vehicle_file: str | None = None, out: Pa
     done = Replayed(bag, ComparisonReport(rules), found.first, found.seconds)
     with _folder(out) as folder:
         _run(bag, folder, vehicle_file, done.vehicle_s)
-        compare_bags(bag, folder.bag, done.ledger)
+        compare_bags(bag, folder.bag, done.ledger, load_vehicle(folder.vehicle))
     done.wall_s = time.perf_counter() - begin
     return done
 
@@ -134,19 +133,22 @@ def _wait(wires: SupervisedProcess, supervisor: Supervisor, folder: RunFolder, s
 # ---- two bags of the same run
 
 
-def compare_bags(recorded: Path, replayed: Path, ledger: ComparisonReport) -> None:
+def compare_bags(recorded: Path, replayed: Path, ledger: ComparisonReport, vehicle: Vehicle) -> None:
     """Compare the messages of devices, navigator, allocator and identifier in the span that both bags cover."""
-    there, here = _rows(recorded), _rows(replayed)
+    devices = compared(vehicle)
+    there, here = (_rows(bag, devices | COMPUTED) for bag in (recorded, replayed))
     for topic in sorted(there):
         if topic in here:
-            _compare(topic, ledger.rules.of(topic), there[topic], here[topic], ledger)
+            rule = ledger.rules.of(topic)
+            by_values = (topic in devices and not rule.sampled) or topic == ALLOCATION_NAME
+            _compare(topic, rule, there[topic], here[topic], ledger, by_values=by_values)
         else:
             ledger.unmatched(topic, there[topic][0][0], "recorded, not replayed", "messages", "none at all")
 
 
-def _rows(bag: Path) -> dict[str, list[Row]]:
+def _rows(bag: Path, topics: frozenset[str]) -> dict[str, list[Row]]:
     found: dict[str, list[Row]] = defaultdict(list)
-    for message in messages(bag, COMPUTED | DEVICES):
+    for message in messages(bag, topics):
         values = dict(flat(message.decoded()))
         seconds, nanoseconds = (values.pop(name) for name in STAMP)
         stamp = seconds * NS_PER_S + nanoseconds
@@ -155,12 +157,13 @@ def _rows(bag: Path) -> dict[str, list[Row]]:
     return found
 
 
-def _compare(topic: str, rule: Rule, there: list[Row], here: list[Row], ledger: ComparisonReport) -> None:
+def _compare(
+    topic: str, rule: Rule, there: list[Row], here: list[Row], ledger: ComparisonReport, *, by_values: bool
+) -> None:
     """Compare messages of devices with those of equal exact fields, all others with the nearest in time.
 
     Equal fields: the same bytes came through, a little sooner or later.
     """
-    by_values = (topic in DEVICES and not rule.sampled) or topic == ALLOCATION_NAME
     exact = [name for name in there[0][1] if by_values and rule.is_sharp(name)]
 
     def key(values: dict[str, Any]) -> tuple[str, ...]:

@@ -7,12 +7,12 @@ from collections.abc import Iterable
 from hindrax_bag.message_comparison import ComparisonReport
 from hindrax_bag.read.bag_reader import BagMessage, stamp_of
 from hindrax_control.navigation.navigator import Navigator, NavigatorKnobs
-from hindrax_control.nodes.navigator_node import SOURCES
+from hindrax_control.nodes.navigator_node import sources
 from hindrax_core.events import NS_PER_S, Stamp, Stamped
 from hindrax_core.signals import Estimate, IdentEvent, Navigation, Thrust
 from hindrax_core.topics import DIAGNOSTICS, ESTIMATE, NAVIGATION, ODOMETRY, resolved
 from hindrax_core.vehicle import Vehicle
-from hindrax_ident.nodes.measurement_messages import READERS
+from hindrax_ident.nodes.measurement_messages import readers
 from hindrax_ident.online.session import Session
 from hindrax_ident.records.feed import DROPPED, Feed, Measurement
 from hindrax_ident.tuning import Tuning
@@ -32,12 +32,14 @@ LATEST = 1000
 """Navigation states kept: recorded messages are rarely later than a second."""
 SETTLING_NS = NS_PER_S
 """In its first second the navigator receives its sensors one by one, in the order of that day."""
-SENSORS = {resolved(topic): (read, topic.name.partition("/")[0]) for topic, read in SOURCES.items()}
-MEASUREMENTS = {resolved(topic): read for topic, read in READERS.items()}
 ESTIMATE_NAME, DIAGNOSTICS_NAME = resolved(ESTIMATE), resolved(DIAGNOSTICS)
 STATES = {resolved(NAVIGATION): navigation_writer(), resolved(ODOMETRY): odometry_writer()}
-INPUTS = SENSORS.keys() | MEASUREMENTS.keys() | STATES.keys() | {ESTIMATE_NAME, DIAGNOSTICS_NAME}
-"""Input topics of this stage."""
+
+
+def inputs(vehicle: Vehicle) -> frozenset[str]:
+    """Input topics of this stage."""
+    read = {resolved(topic) for topic in (*sources(vehicle), *readers(vehicle))}
+    return frozenset(read | STATES.keys() | {ESTIMATE_NAME, DIAGNOSTICS_NAME})
 
 
 class StateStage:
@@ -47,6 +49,8 @@ class StateStage:
         self, vehicle: Vehicle, parameters: Parameters, ledger: ComparisonReport, samples: ReferenceSamples
     ) -> None:
         self._ledger, self._samples = ledger, samples
+        self._sensors = {resolved(topic): found for topic, found in sources(vehicle).items()}
+        self._measurements = {resolved(topic): read for topic, read in readers(vehicle).items()}
         self._navigator = Navigator(vehicle, knobs_of(NavigatorKnobs, parameters, "navigator"))
         tuning = knobs_of(Tuning, parameters, "identifier")
         self._feed, self._session = Feed(vehicle, tuning), Session(vehicle, tuning)
@@ -59,10 +63,10 @@ class StateStage:
         self._next_state: dict[str, int] = {}
 
     def feed(self, message: BagMessage, replaced: bytes | None) -> None:
-        """Feed the next message of INPUTS; `replaced` is its replacement, if any."""
+        """Feed the next message of `inputs`; `replaced` is its replacement, if any."""
         topic, data = message.topic, replaced or current_bytes(message)
-        if topic in SENSORS:
-            read, source = SENSORS[topic]
+        if topic in self._sensors:
+            source, read = self._sensors[topic]
             found = self._navigator.step(read(data), source)
             if found is not None:
                 for states in self._states.values():
@@ -75,8 +79,8 @@ class StateStage:
             pairs = (pair for status in message.decoded().status for pair in status.values)
             self._dropped = max(self._dropped, *(int(pair.value) for pair in pairs if pair.key == DROPPED), 0)
         # The identification gets the recorded navigation: its result must equal that of the day.
-        if topic in MEASUREMENTS:
-            self._identify(MEASUREMENTS[topic](data))
+        if topic in self._measurements:
+            self._identify(self._measurements[topic](data))
 
     def finish(self) -> None:
         """Compare the estimates that were published."""

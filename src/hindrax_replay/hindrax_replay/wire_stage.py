@@ -7,7 +7,7 @@ from typing import Any
 from hindrax_bag.message_comparison import ComparisonReport, flat
 from hindrax_bag.read.bag_reader import BagMessage, stamp_of
 from hindrax_core.events import NS_PER_S
-from hindrax_core.topics import LEAK, MEASURED, RAW_FRAMES, resolved
+from hindrax_core.topics import LEAK, raw_topic, resolved, sensor_topics
 from hindrax_core.vehicle import Vehicle
 from hindrax_replay.recorded_devices import Parameters, ReplayedDevice
 from hindrax_ros.messages.serialization import deserialized, message_class, serialized
@@ -22,10 +22,13 @@ LOOK_AHEAD_S = 2.0
 """Within this part of a bag every recorded wire has carried frames."""
 SAMPLE_NS = NS_PER_S
 """Distance of the samples of a reference."""
-COMPARED = frozenset(resolved(topic) for topic in MEASURED.values() if topic is not LEAK)
-"""A leak has no stamp by which it could be found again."""
-RAW_NAMES = {resolved(topic): source for source, topic in RAW_FRAMES.items()}
 AS_RECORDED, NOT_YET = b"", None
+
+
+def compared(vehicle: Vehicle) -> frozenset[str]:
+    """Topics of the sensors; a leak has no stamp by which it could be found again."""
+    topics = (one for name, mount in vehicle.sensors.items() for one in sensor_topics(name, mount.device).values())
+    return frozenset(resolved(topic) for topic in topics if topic != LEAK)
 
 
 class ReferenceSamples(dict[str, dict[str, Any]]):
@@ -90,7 +93,8 @@ class WireStage:
         self.begin, self.seconds = 0, 0.0
         self._vehicle, self._parameters = vehicle, parameters
         self._ledger, self._samples, self._forward = ledger, samples, forward
-        self._followed, self._ordered = followed, followed | COMPARED
+        self._followed, self._ordered = followed, followed | compared(vehicle)
+        self._raw = {resolved(raw_topic(name)): name for name in vehicle.sensors}
         self._devices: dict[str, ReplayedDevice] = {}
         self._streams: dict[str, _Stream] = {}
         self._window: list[BagMessage] = []
@@ -124,7 +128,7 @@ class WireStage:
             topic, received = message.topic, message.received
             self.begin = self.begin or received
             self.seconds = max(self.seconds, (received - self.begin) / NS_PER_S)
-            if topic in RAW_NAMES and (device := self._device(RAW_NAMES[topic])) is not None:
+            if topic in self._raw and (device := self._device(self._raw[topic])) is not None:
                 device.frames(message.decoded())
         self._waiting += [one for one in window if one.topic in self._ordered]
         if self.seconds > LOOK_AHEAD_S or self._finishing:

@@ -3,7 +3,7 @@
 from rclpy.node import Node
 
 from hindrax_core.events import Stamp, seconds_between
-from hindrax_core.topics import RAW_FRAMES
+from hindrax_core.topics import raw_topic
 from hindrax_msgs.msg import RawFrames
 from hindrax_ros.graph import publisher
 from hindrax_ros.messages.fast_serialization import raw_frames_bytes
@@ -21,7 +21,7 @@ class FrameTap:
     """
 
     def __init__(self, node: Node, source: str, period_s: float = 0.1) -> None:
-        self._publisher = publisher(node, RAW_FRAMES[source])
+        self._publisher = publisher(node, raw_topic(source))
         self._source, self._period_s = source, period_s
         self._begin: Stamp | None = None
         self._publishing = False

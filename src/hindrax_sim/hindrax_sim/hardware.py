@@ -3,13 +3,15 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
 from typing import Any, Self
 
 from hindrax_core.bus_operations import EDGES
+from hindrax_core.errors import UsageError, cause
 from hindrax_core.events import Stamp, stamp_from_s, to_s
 from hindrax_core.readings import Battery, Vec3
-from hindrax_core.sensor_table import SENSORS
+from hindrax_core.sensor_table import row_of
 from hindrax_core.vehicle import Mount, Vehicle
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.devices.emulator import Emulator, SerialEmulator
@@ -18,10 +20,6 @@ from hindrax_sim.devices.stm32 import Stm32
 from hindrax_sim.faults import fault_registry
 from hindrax_sim.world import Conditions, World
 
-EMULATORS: dict[str, Emulator] = {
-    sensor.name: import_module(f"hindrax_sim.devices.{sensor.name}").EMULATOR for sensor in SENSORS
-}
-"""Of the sensors of `hindrax_core.sensor_table`, found by the names of their files."""
 START = stamp_from_s(10.0)
 STEP_s = 0.005
 STEP_ns = stamp_from_s(STEP_s)
@@ -30,6 +28,19 @@ LOOP_CHANNEL, LOOP_LINE = 15, 17
 """Spare channel of the PCA9685, and the GPIO that it is wired back to, as `hindrax oscillator` has it by default."""
 THRUSTERS = "thrusters"
 NEUTRAL_us, TOLERANCE_us = 1500.0, 2.0
+
+
+@cache
+def emulator_of(device: str) -> Emulator:
+    """Emulator of a kind of sensor. UsageError where there is none: a package of another may bring only a driver."""
+    try:
+        row = row_of(device)
+        found: Emulator = import_module(row.emulator_module).EMULATOR
+    except ValueError as error:
+        raise UsageError(f"device: {error}") from error
+    except (ImportError, AttributeError) as error:
+        raise UsageError(f"{device}: {row.emulator_module} offers no EMULATOR ({cause(error)})") from error
+    return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,12 +162,12 @@ class Hardware:
             self.i2c.attach(EDGES + LOOP_LINE, LoopBack(chip, LOOP_CHANNEL))
 
     def _attach(self, name: str, mount: Mount, seed: int) -> None:
-        row = EMULATORS[mount.device]
+        row = emulator_of(mount.device)
         device = row.make(seed)
         at = self.world.mounting(mount)
         observed = fault_registry.altered_truth(name, self._faults, to_s(START))
         self._truth_setters.append(lambda now_s: device.set_truth(observed(row.truth(self.world, at), now_s), now_s))
-        if mount.device in fault_registry.SERIAL:
+        if row_of(mount.device).serial:
             self.serial[name] = fault_registry.with_faults(name, device, self._faults, seed, to_s(START))
             return
         self.registers[name] = device

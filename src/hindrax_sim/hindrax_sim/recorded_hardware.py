@@ -15,10 +15,10 @@ from hindrax_bag.read.bag_reader import messages
 from hindrax_core.bus_operations import Transaction, frames_in, unpack_transaction
 from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S, Stamp
-from hindrax_core.topics import RAW_FRAMES, resolved
+from hindrax_core.sensor_table import row_of
+from hindrax_core.topics import raw_topic, resolved
 from hindrax_core.vehicle import Vehicle
 from hindrax_sim.devices.emulator import NackError
-from hindrax_sim.faults.fault_registry import SERIAL
 
 SENT = 1
 IN_STEP_NS = 3 * NS_PER_S // 100
@@ -113,7 +113,7 @@ class RecordedHardware:
         self.i2c = self
         self._parts: dict[int, RecordedPart] = {}
         for name, found in known.items():
-            self._attach(name, found, serial=vehicle.sensors[name].device in SERIAL)
+            self._attach(name, found, serial=row_of(vehicle.sensors[name].device).serial)
         first = [part.stamps[0] for part in self.registers.values() if part.stamps]
         self.stamp = Stamp(min(first or [found[0][0] for found in known.values()]))
         self.end = Stamp(max(found[-1][0] for found in known.values()))
@@ -145,9 +145,9 @@ class RecordedHardware:
                 self._parts[transaction.address] = part
 
 
-def recorded_frames(bag: Path) -> dict[str, list[Frame]]:
-    """Wire frames of every source of a bag, in the order of their times."""
-    names = {resolved(topic): source for source, topic in RAW_FRAMES.items()}
+def recorded_frames(bag: Path, vehicle: Vehicle) -> dict[str, list[Frame]]:
+    """Wire frames of every sensor of a vehicle, in the order of their times."""
+    names = {resolved(raw_topic(name)): name for name in vehicle.sensors}
     found: dict[str, list[Frame]] = {}
     for message in messages(bag, names):
         found.setdefault(names[message.topic], []).extend(frames_in(message.decoded()))

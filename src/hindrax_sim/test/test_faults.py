@@ -53,7 +53,7 @@ def test_what_is_wrong_with_it_is_reported(text: str, error: str) -> None:
 def test_the_registry_has_every_stream_fault_of_the_sweep() -> None:
     names = "absent wrong_identity cut_frames bytewise merged garbage bit_flips baud_mismatch unplug_replug reset"
     assert set(FAULTS) >= {*names.split(), "clock_jump", "saturated", "repeated"}
-    assert all(kind.name == name and kind.meaning and kind.devices for name, kind in FAULTS.items())
+    assert all(kind.name == name and kind.meaning and kind.devices() for name, kind in FAULTS.items())
 
 
 class Clockwork:

@@ -13,7 +13,7 @@ from hindrax_core.knobs import build
 from hindrax_core.readings import Pressure
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.buses.bus_schedule import BusSchedule
-from hindrax_drivers.driver_registry import DEVICES
+from hindrax_drivers.driver_registry import driver_of
 from hindrax_sim.devices.emulator import NackError
 from hindrax_sim.recorded_hardware import RecordedHardware, RecordedLine, RecordedPart, recorded_frames
 
@@ -82,9 +82,9 @@ def test_without_wire_frames_there_is_no_hardware(vehicle: Vehicle) -> None:
 
 
 def test_the_real_driver_reads_the_recorded_part(vehicle: Vehicle) -> None:
-    hardware = RecordedHardware(vehicle, recorded_frames(BAG))
+    hardware = RecordedHardware(vehicle, recorded_frames(BAG, vehicle))
     mount = vehicle.sensors["ms5837"]
-    row = DEVICES[mount.device]
+    row = driver_of(mount.device)
     schedule, now = BusSchedule(), hardware.stamp
     schedule.add("ms5837", row.make(row.knobs(), mount, vehicle), now)
 

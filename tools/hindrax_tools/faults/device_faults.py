@@ -12,7 +12,7 @@ from hindrax_control.pilot import Pilot
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.signals import Allocation, Navigation
 from hindrax_core.vehicle import load_vehicle
-from hindrax_sim.faults.fault_registry import FaultSpec
+from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec
 from hindrax_sim.flights.lockstep import Lockstep, LockstepCommand
 from hindrax_sim.flights.lockstep_rigs import BytesRig
 from hindrax_tools.faults.fault_outcome import DISARMED, HELD, HOLD, MANEUVER, OPERATOR, WRENCH, FaultOutcome, Judge
@@ -36,20 +36,28 @@ class DeviceFault:
     lasts_s: float = LASTS_S
 
 
+LIES = {
+    "gyroscope offset": "gyro_offset",
+    "accelerometer offset": "force_offset",
+    "velocity bias": "velocity_bias",
+    "frozen velocity": "velocity_frozen",
+    "false lock": "false_lock",
+    "depth stuck": "depth_stuck",
+    "short range": "range_short",
+    "turns without thrust": "thruster_fails",
+}
+"""Faults of what a device measures or does, of which one falls on the vehicle."""
+_VEHICLE = load_vehicle(default_vehicle())
 ROWS = (
     *(
         DeviceFault(device, *how)
-        for device in ("icm20948", "dvl75", "ms5837", "ping1d")
+        for device in _VEHICLE.sensors
         for how in (("died", "absent"), ("frozen", "repeated"), ("restarted", "reset", 0.1))
     ),
-    DeviceFault("icm20948", "gyroscope offset", "gyro_offset"),
-    DeviceFault("icm20948", "accelerometer offset", "force_offset"),
-    DeviceFault("dvl75", "velocity bias", "velocity_bias"),
-    DeviceFault("dvl75", "frozen velocity", "velocity_frozen"),
-    DeviceFault("dvl75", "false lock", "false_lock"),
-    DeviceFault("ms5837", "depth stuck", "depth_stuck"),
-    DeviceFault("ping1d", "short range", "range_short"),
-    DeviceFault("T3", "turns without thrust", "thruster_fails"),
+    *(
+        DeviceFault("T3" if fault == "thruster_fails" else FAULTS[fault].devices(_VEHICLE)[0], what, fault)
+        for what, fault in LIES.items()
+    ),
 )
 
 

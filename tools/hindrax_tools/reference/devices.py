@@ -13,7 +13,7 @@ from hindrax_core.events import after
 from hindrax_core.sensor_table import SENSORS, Sensor
 from hindrax_core.topics import TOPICS_OF
 from hindrax_core.vehicle import Output, Vehicle, load_vehicle
-from hindrax_drivers.driver_registry import DEVICES
+from hindrax_drivers.driver_registry import driver_of
 from hindrax_sim.conditions.world_table import CONDITIONS, FORM, Condition
 from hindrax_sim.faults.fault_registry import FAULTS, FaultKind
 from hindrax_sim.flights.lockstep_rigs import BytesRig
@@ -55,16 +55,17 @@ def identities(vehicle: Vehicle) -> dict[str, str]:
 
 
 def _sensor(sensor: Sensor, identity: str) -> str:
-    row = DEVICES[sensor.name]
+    row = driver_of(sensor.name)
     topics = TOPICS_OF[sensor.name].values()
     facts = {
+        "measures": ", ".join(sensor.measures),
         "wire": WIRES[sensor.wire],
         "identity": code(identity),
-        "driver": _about(f"hindrax_drivers.devices.{sensor.name}"),
-        "emulator": _about(f"hindrax_sim.devices.{sensor.name}"),
+        "driver": _about(sensor.driver_module),
+        "emulator": _about(sensor.emulator_module),
         "golden cases": code(f"test/golden/{sensor.name}/cases.yaml"),
         "raw frames": code(f"raw/{sensor.name}"),
-        "faults": ", ".join(code(kind.name) for kind in FAULTS.values() if sensor.name in kind.devices),
+        "faults": ", ".join(code(kind.name) for kind in FAULTS.values() if kind.falls_on(sensor)),
     }
     published = table(
         ("publishes", "type", "rate [Hz]", "meaning"),
@@ -110,7 +111,7 @@ def _faults() -> str:
         where = {"serial": kind.make, "I2C": kind.on_bus, "world": kind.on_world}
         return ", ".join(name for name, made in where.items() if made is not None)
 
-    rows = [(code(kind.name), wire(kind), ", ".join(kind.devices), kind.meaning) for kind in FAULTS.values()]
+    rows = [(code(kind.name), wire(kind), ", ".join(kind.devices()), kind.meaning) for kind in FAULTS.values()]
     return f"\n## Faults\n\n{table(('name', 'kind', 'devices', 'what happens'), rows)}"
 
 

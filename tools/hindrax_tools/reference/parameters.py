@@ -18,8 +18,9 @@ from hindrax_control.pilot import PilotKnobs
 from hindrax_control.teleop import TeleopKnobs
 from hindrax_core.curves import Branch, Curve
 from hindrax_core.knobs import Knob, knob_of
+from hindrax_core.sensor_table import SENSORS
 from hindrax_core.vehicle import Drag, Hydrodynamics, Mount, Output, Thruster, Vehicle
-from hindrax_drivers.driver_registry import DEVICES
+from hindrax_drivers.driver_registry import driver_of
 from hindrax_drivers.nodes.thruster_settings import OutputAlone
 from hindrax_drivers.output.output_guard import OutputGuardKnobs
 from hindrax_ident.tuning import Tuning
@@ -46,7 +47,7 @@ units, SNAME axes (x forward, y starboard, z down), positions from the body orig
 file that is wrong is refused with the key path, what was found and what was wanted."""
 
 NODES: Mapping[str, tuple[type[Any], ...]] = {
-    **{name: (row.knobs,) for name, row in DEVICES.items()},
+    **{row.name: (driver_of(row.name).knobs,) for row in SENSORS},
     "thrusters": (OutputGuardKnobs, OutputAlone),
     "navigator": (NavigatorKnobs,),
     "estimator_health": (EstimatorHealthKnobs,),

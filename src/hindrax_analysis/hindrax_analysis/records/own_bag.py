@@ -16,7 +16,7 @@ from hindrax_core.signals import BLOCKED, IdentEvent
 from hindrax_core.topics import MANEUVER, resolved
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import truth_of
-from hindrax_ident.nodes.measurement_messages import READERS
+from hindrax_ident.nodes.measurement_messages import readers
 from hindrax_ident.records.feed import Feed
 from hindrax_ident.tuning import Tuning
 from hindrax_ros.messages.serialization import current_bytes
@@ -35,7 +35,7 @@ FIRST_YEAR = 2000
 
 def bag_events(bag: str | Path, vehicle: Vehicle, tuning: Tuning | None = None) -> Iterator[Stamped[IdentEvent]]:
     """Events of a bag, in the order of their stamps."""
-    by_topic = {resolved(topic): read for topic, read in READERS.items()}
+    by_topic = {resolved(topic): read for topic, read in readers(vehicle).items()}
     measurements = (by_topic[one.topic](current_bytes(one)) for one in messages(bag, by_topic))
     return Feed(vehicle, replace(tuning or Tuning(), reorder_s=LATEST_S)).all(measurements)
 

@@ -1,4 +1,4 @@
-"""The recorder: every recorded row of the topics table into one bag, CDR bytes untouched.
+"""The recorder: the topics of the vehicle into one bag, CDR bytes untouched.
 
 It runs in a process of its own, so that a slow disk never slows the control loop. Messages arrive as bytes (raw
 subscriptions) and are written as they are.
@@ -26,7 +26,8 @@ from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_bag.write.limits import BagLimits, free_bytes
 from hindrax_core.errors import cause
 from hindrax_core.events import NS_PER_S, Stamp
-from hindrax_core.topics import TOPICS, Quality, Topic
+from hindrax_core.topics import TOPICS, Quality, Topic, topics_of
+from hindrax_core.vehicle import load_vehicle
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.diagnostics import DiagnosticsPublisher, status
 from hindrax_ros.graph import profile
@@ -92,7 +93,9 @@ class Recorder(BatchedNode):
         self._early: list[tuple[Channel, bytes, int]] = []
         self._received = Stamp(0)
         self._flushes = 0
-        for topic in TOPICS:
+        # Also those of the usual names: a sensor that runs alone beside the stack is in no vehicle file.
+        named = topics_of(load_vehicle(vehicle)) if vehicle else ()
+        for topic in {one.name: one for one in (*TOPICS, *named)}.values():
             publishers = partial(self.count_publishers, self.resolve_topic_name(topic.name))
             self._gaps[topic.name] = PublicationGaps(publishers)
             deep = profile(replace(topic.quality, depth=QUEUE, deadline_s=0.0, lifespan_s=0.0))

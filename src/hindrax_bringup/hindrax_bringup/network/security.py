@@ -4,17 +4,20 @@ Nothing else is allowed. An enclave is the identity of one process. Only the ope
 move the vehicle; only the allocator may publish pulses, and at the bench, with the stack down, the bench's enclave.
 """
 
+import sys
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hindrax_bringup.share_files import share_folder
 from hindrax_core import topics as t
 from hindrax_core.errors import HindraxError
-from hindrax_core.sensor_table import SENSORS
+from hindrax_core.sensor_table import SENSORS, Capability
 from hindrax_core.topics import NAMESPACE, Topic, resolved
+from hindrax_core.vehicle import Vehicle, load_vehicle
 
+NO_SENSORS = Vehicle("any", 1.0, 1.0, (1.0, 1.0, 1.0))
 KEYSTORE = "HINDRAX_KEYSTORE"
 """The one setting: the folder of a keystore, and every process enforces the policies."""
 OVERRIDE = "ROS_SECURITY_ENCLAVE_OVERRIDE"
@@ -48,15 +51,16 @@ class Role:
     executes: tuple[str, ...] = ()
     calls: tuple[str, ...] = ()
     lifecycle: bool = False
+    measured: tuple[Capability, ...] = ()
+    """It also reads the topics of the sensors that measure these."""
 
 
-def _sensor(name: str) -> Role:
-    own = t.TOPICS_OF[name].values()
-    dvl = (f"{NAMESPACE}/{name}/dvl",) if f"{name}/detail" in t.MEASURED else ()
-    profile = (f"{name}/request_profile",) if f"{name}/profile" in t.MEASURED else ()
-    return Role(
-        name, "sensors", publishes=(*own, t.RAW_FRAMES[name], t.DIAGNOSTICS, *dvl), serves=profile, lifecycle=True
-    )
+def _sensor(name: str, device: str) -> Role:
+    own = t.sensor_topics(name, device)
+    dvl = (f"{NAMESPACE}/{name}/dvl",) if "detail" in own else ()
+    profile = (f"{name}/request_profile",) if "profile" in own else ()
+    published = (*own.values(), t.raw_topic(name), t.DIAGNOSTICS, *dvl)
+    return Role(name, "sensors", publishes=published, serves=profile, lifecycle=True)
 
 
 _STATE = (
@@ -65,13 +69,12 @@ _STATE = (
 )
 """Topics that an operator watches: about a megabit a second over the tether; raw frames are not among it."""
 
-ROLES: tuple[Role, ...] = (
-    *(_sensor(sensor.name) for sensor in SENSORS),
+STACK: tuple[Role, ...] = (
     Role("sensors", "sensors"),
     Role(
         "thrusters",
         "thrusters",
-        publishes=(t.THRUSTER_STATE, t.BATTERY, t.RAW_FRAMES["thrusters"], t.DIAGNOSTICS),
+        publishes=(t.THRUSTER_STATE, t.BATTERY, t.THRUSTER_FRAMES, t.DIAGNOSTICS),
         subscribes=(t.THRUSTER_COMMAND, t.LIGHTS),
         serves=(ARM,),
         lifecycle=True,
@@ -81,7 +84,8 @@ ROLES: tuple[Role, ...] = (
         "navigator",
         "control",
         publishes=(t.NAVIGATION, t.ODOMETRY, t.DIAGNOSTICS, t.TF, t.TF_STATIC, t.ROBOT_DESCRIPTION),
-        subscribes=(t.IMU, t.MAGNETIC, t.PRESSURE, t.ALTITUDE, t.DVL_DETAIL, t.DVL_ATTITUDE, t.ALLOCATION),
+        subscribes=(t.ALLOCATION,),
+        measured=("field", "depth", "altitude", "velocity", "attitude", "rates"),
     ),
     Role("estimator_health", "control", publishes=(t.DIAGNOSTICS,), requests=(ARM,)),
     Role(
@@ -90,8 +94,9 @@ ROLES: tuple[Role, ...] = (
         publishes=(t.WRENCH, t.HOLD_STATUS, t.MANEUVER, t.PLACE, t.PLANS, t.THRUSTER_HEALTH, t.DIAGNOSTICS),
         subscribes=(
             *(t.THRUSTER_STATE, t.THRUSTER_HEALTH_ORDER, t.HOLD_SETPOINT, t.OPERATOR_WRENCH, t.ESTIMATE),
-            *(t.ODOMETRY, t.ALTITUDE, t.ALLOCATION, t.LEAK),
+            *(t.ODOMETRY, t.ALLOCATION, t.LEAK),
         ),
+        measured=("altitude",),
         executes=(FLY,),
         serves=(RECENTRE,),
     ),
@@ -105,7 +110,8 @@ ROLES: tuple[Role, ...] = (
         "identifier",
         "identifier",
         publishes=(t.ESTIMATE, t.DIAGNOSTICS),
-        subscribes=(t.DVL_DETAIL, t.PRESSURE, t.NAVIGATION, t.ALLOCATION, t.MANEUVER, *FOREIGN),
+        subscribes=(t.NAVIGATION, t.ALLOCATION, t.MANEUVER, *FOREIGN),
+        measured=("velocity", "depth"),
         serves=(ASSESS,),
         executes=(RUN,),
         calls=(FLY,),
@@ -130,6 +136,27 @@ ROLES: tuple[Role, ...] = (
     Role("teleop", "operator", publishes=(t.OPERATOR_WRENCH,), subscribes=(t.JOYSTICK, t.TWIST)),
     Role("operator", "bench", publishes=(t.HEARTBEAT, t.THRUSTER_COMMAND), subscribes=_STATE, requests=(ARM,)),
 )
+"""Nodes of every vehicle."""
+
+
+def roles(vehicle: Vehicle | None = None) -> tuple[Role, ...]:
+    """Roles of all nodes of a vehicle; without one, as if it had a sensor of each kind under the name of its kind."""
+    named = {row.name: row.name for row in SENSORS}
+    if vehicle is not None:
+        named |= {name: mount.device for name, mount in vehicle.sensors.items()}
+    sensors = (_sensor(name, device) for name, device in named.items())
+    return (*sensors, *(_with_measured(role, vehicle) for role in STACK))
+
+
+def _with_measured(role: Role, vehicle: Vehicle | None) -> Role:
+    """A role with the topics of the sensors that it reads, or records, written out."""
+    vehicle = vehicle or NO_SENSORS
+    read = (one for capability in role.measured for one in t.carriers(vehicle, capability).values())
+    recorded = t.topics_of(vehicle) if role.node == "recorder" else ()
+    return replace(role, subscribes=(*read, *role.subscribes, *recorded))
+
+
+ROLES: tuple[Role, ...] = roles()
 
 
 def enclaves() -> tuple[str, ...]:
@@ -171,17 +198,17 @@ def with_enclave(environment: Mapping[str, str], process: str) -> dict[str, str]
     return {OVERRIDE: path(process), **environment} if secured else dict(environment)
 
 
-def policies() -> str:
+def policies(vehicle: Vehicle | None = None) -> str:
     """Policies of all enclaves as SROS2 reads them (ROS 2 Access Control Policies, version 0.2.0)."""
     document = ET.Element("policy", version="0.2.0")
     listed = ET.SubElement(document, "enclaves")
     for enclave in enclaves():
         profiles = ET.SubElement(ET.SubElement(listed, "enclave", path=enclave), "profiles")
-        for role in ROLES:
+        for role in roles(vehicle):
             if path(role.enclave) == enclave:
                 _profile(profiles, role)
     ET.indent(document)
-    head = "<!-- Made by `./hindrax reference` from the roles of hindrax_bringup.network.security; a test compares. -->"
+    head = "<!-- Made from the roles of hindrax_bringup.network.security. -->"
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{head}\n{ET.tostring(document, encoding="unicode")}\n'
 
 
@@ -207,3 +234,8 @@ def _allow(profile: ET.Element, kind: str, verb: str, names: list[str]) -> None:
         group = ET.SubElement(profile, f"{kind}s", {verb: "ALLOW"})
         for name in dict.fromkeys(names):
             ET.SubElement(group, kind).text = name
+
+
+if __name__ == "__main__":
+    # For keystore.sh: the policies of a vehicle whose sensors have names of their own.
+    print(policies(load_vehicle(sys.argv[1])), end="")  # noqa: T201  # into the file of policies

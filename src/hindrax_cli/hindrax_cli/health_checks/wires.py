@@ -22,7 +22,7 @@ from hindrax_drivers.buses.clock import MOCK_PREFIX, Clock
 from hindrax_drivers.buses.gpio import GPIO_PREFIX, find_chip
 from hindrax_drivers.buses.line import UDP_PREFIX, at_baud, open_line
 from hindrax_drivers.buses.ports import open_clock
-from hindrax_drivers.driver_registry import DEVICES
+from hindrax_drivers.driver_registry import driver_of
 from hindrax_drivers.nodes.thruster_settings import Settings
 from hindrax_drivers.output.output_ports import open_output
 from hindrax_sim.buses.fuse_i2c import is_mounted
@@ -31,8 +31,6 @@ ANSWER_S = 4.0
 RATE_S = 1.0
 TURN_S = 0.05
 ABSENT = "not there"
-QUIET: Mapping[str, Mapping[str, object]] = {"dvl75": {"enable_tries": 0}}
-"""Knobs that change no device: the DVL would write a command to its flash."""
 
 Ports = Mapping[str, str]
 """Port by the name of a sensor, or "thrusters"; where none is named, that of the vehicle file holds."""
@@ -135,8 +133,8 @@ def _asked(name: str, where: str, ask: Callable[[], str]) -> Check:
 
 
 def _sensor(where: str, mount: Mount, vehicle: Vehicle, clock_port: str) -> str:
-    row = DEVICES[mount.device]
-    device = row.make(replace(row.knobs(), **QUIET.get(mount.device, {})), mount, vehicle)
+    row = driver_of(mount.device)
+    device = row.make(replace(row.knobs(), **row.looking), mount, vehicle)
     if not row.serial:
         captured = capture(where, device, RATE_S, lambda _part: None)
         rate = f"{len({one.stamp for one in captured.readings}) / RATE_S:.0f} Hz"

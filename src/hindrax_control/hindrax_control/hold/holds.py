@@ -6,12 +6,10 @@ altitude hold without sonar holds the current depth, reports it, and returns whe
 """
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from hindrax_control.hold.regulator import LoopTuning, Regulator, reference_speed
 from hindrax_control.prior_dynamics import prior_dynamics
-from hindrax_control.sensors import ALTITUDE, sensors_of
 from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Vec3, Vec6
@@ -101,7 +99,6 @@ class Holds:
 
     def __init__(self, vehicle: Vehicle, knobs: HoldKnobs | None = None) -> None:
         self._knobs, self._vehicle = knobs or HoldKnobs(), vehicle
-        self._altimeters = sensors_of(vehicle, ALTITUDE)
         self._freedoms = prior_dynamics(vehicle)
         tunings = _tunings(self._knobs, vehicle)
         self._loops = {axis: _Loop(Regulator(self._freedoms[axis], one)) for axis, one in tunings.items()}
@@ -226,7 +223,7 @@ class Holds:
         """Coordinate that grows downward, and its rate; changes between depth and altitude keep the reference."""
         measured = self._mode
         self._vertical.note = ""
-        age_s = silence_s(navigation.ages_s, self._altimeters)
+        age_s = navigation.altitude_age_s
         if math.isnan(navigation.altitude_m) or age_s > self._knobs.silent_s:
             if measured == "altitude":
                 measured = "depth"
@@ -265,12 +262,6 @@ class Holds:
             return HoldState(axis, engaged=False)
         error = loop.setpoint - value
         return HoldState(axis, True, loop.setpoint, error if vertical else wrapped(error), loop.note)
-
-
-def silence_s(ages_s: Mapping[str, float], names: Sequence[str]) -> float:
-    """Age of the newest measurement of some sensors; infinite if none was ever received, zero if there are none."""
-    known = [ages_s[name] for name in names if name in ages_s]
-    return min(known) if known else (math.inf if names else 0.0)
 
 
 def down_rate(navigation: Navigation) -> float:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hindrax_control.hold.holds import Setpoint, silence_s
+from hindrax_control.hold.holds import Setpoint
 from hindrax_control.hold.station_keeping import StationKeeping, StationKeepingKnobs
 from hindrax_control.maneuver.excitation import Bounds, Excite, signal
 from hindrax_control.maneuver.goal import PLATEAUS, Goal, require_flyable
@@ -26,7 +26,6 @@ from hindrax_control.maneuver.stages import (
     StageOutput,
 )
 from hindrax_control.pool_bounds import PoolBounds, PoolPosition
-from hindrax_control.sensors import ALTITUDE, sensors_of
 from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Vec6
@@ -95,7 +94,6 @@ class Maneuver:
         self.goal, self._pool, self._planner = goal, pool, planner
         self._knobs = knobs or ManeuverKnobs()
         self.station = StationKeeping(vehicle, station_knobs)
-        self._altimeters = sensors_of(vehicle, ALTITUDE)
         self._safety = ManeuverGuards(vehicle, safety_knobs)
         self.plans = tuple(self._planner.plan(motion, pool, goal.levels) for motion in goal.motions)
         self._stages: list[Stage] = self._all_stages()
@@ -220,7 +218,7 @@ class Maneuver:
         if math.isfinite(place.heading_rad):
             self._turned_rad += math.remainder(place.heading_rad - self._turned_rad, math.tau)
         held_back = max(abs(shortfall[0]), abs(shortfall[1])) > self._knobs.shortfall_N
-        fresh = math.isfinite(navigation.altitude_m) and silence_s(navigation.ages_s, self._altimeters) <= SILENT_s
+        fresh = math.isfinite(navigation.altitude_m) and navigation.altitude_age_s <= SILENT_s
         return StageInput(
             navigation, place, seconds_between(self._started_at, stamp), dt, self._turned_rad, held_back, fresh
         )

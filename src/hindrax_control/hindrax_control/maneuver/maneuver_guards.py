@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from hindrax_control.maneuver.plan import LAG_S
 from hindrax_control.pool_bounds import GuardedPlace, PoolPosition
 from hindrax_control.prior_dynamics import prior_dynamics
-from hindrax_control.sensors import DEPTH, INERTIAL, VELOCITY, sensors_of
 from hindrax_core.knobs import knob
 from hindrax_core.signals import NAN, Navigation
 from hindrax_core.text.digits import above, below, unlike
@@ -88,9 +87,9 @@ class ManeuverGuards:
     def __init__(self, vehicle: Vehicle, knobs: ManeuverGuardKnobs | None = None) -> None:
         self._vehicle, self._knobs = vehicle, knobs or ManeuverGuardKnobs()
         self._half_height_m = 0.5 * vehicle.envelope_m[2]
-        self._inertial = sensors_of(vehicle, INERTIAL)
-        self._depth = sensors_of(vehicle, DEPTH)
-        self._velocity = sensors_of(vehicle, VELOCITY)
+        self._inertial = vehicle.measuring("rates")
+        self._depth = vehicle.measuring("depth")
+        self._velocity = vehicle.measuring("velocity")
         self._freedoms = prior_dynamics(vehicle)
         self._patience_s = dict.fromkeys(("attitude", "speed", "sensor_age"), self._knobs.patience_s)
         """The other guards act at once."""
@@ -166,13 +165,15 @@ class ManeuverGuards:
         return "" if math.isfinite(sum(navigation.attitude_rad)) else "unknown, wanted roll, pitch and heading"
 
     def _sensor_age(self, navigation: Navigation) -> str:
-        limits = dict.fromkeys(self._inertial, self._knobs.inertial_age_s)
-        limits |= dict.fromkeys(self._depth, self._knobs.depth_age_s)
-        for name, limit_s in limits.items():
-            age_s = navigation.ages_s.get(name, math.inf)
-            if age_s > limit_s:
+        inertial_s = min((navigation.ages_s.get(name, math.inf) for name in self._inertial), default=0.0)
+        limits = (
+            (self._inertial, inertial_s, self._knobs.inertial_age_s),
+            (self._depth, navigation.depth_age_s, self._knobs.depth_age_s),
+        )
+        for names, age_s, limit_s in limits:
+            if names and age_s > limit_s:
                 age = above("{} s ago, wanted at most {} s", age_s, limit_s, 2)
-                return f"{name} received {age}".replace("inf s ago", "never")
+                return f"{' and '.join(names)} received {age}".replace("inf s ago", "never")
         return "" if math.isfinite(navigation.depth_m) else "depth unknown"
 
     def _blocked(self, situation: Situation) -> str:

@@ -65,10 +65,10 @@ class Aiding:
         self.sunk_off_m = 0.0
         """Way down by DVL less that by pressure and accelerometer, of the last seconds."""
         self._sunk_s = -math.inf
-        self._last_velocity: Vec3 | None = None
-        self._last_velocity_s = 0.0
+        self._last_velocities: dict[str, tuple[Vec3, float]] = {}
+        """What each DVL said last, and since when [s]."""
 
-    def bottom_velocity(self, reading: BottomVelocity, mount: SensorMount, valid_s: float) -> bool:
+    def bottom_velocity(self, reading: BottomVelocity, mount: SensorMount, valid_s: float, source: str = "") -> bool:
         """Fuse a velocity over ground, the mean over an interval around `valid_s` of filter time."""
         if reading.velocity_mps is None:
             return False
@@ -76,7 +76,7 @@ class Aiding:
         way = self.horizontal.way(valid_s - half_s, valid_s + half_s)
         u, v, w = mount.body(reading.velocity_mps)
         fastest = self._knobs.fastest_mps
-        repeated_s = self._repeated_s(reading.velocity_mps, valid_s)
+        repeated_s = self._repeated_s(reading.velocity_mps, valid_s, source)
         if repeated_s > self._knobs.repeated_s or way is None or not (abs(u) <= fastest and abs(v) <= fastest):
             return False
         by_rotation = cross(way.rate_radps, mount.lever_m)
@@ -84,11 +84,13 @@ class Aiding:
         self._compare_sinking((u, v, w), valid_s)
         return self.horizontal.fuse(u, v, reading.sigma_mps, way, repeated=repeated_s > 0.0)
 
-    def _repeated_s(self, velocity_mps: Vec3, valid_s: float) -> float:
+    def _repeated_s(self, velocity_mps: Vec3, valid_s: float, source: str) -> float:
         """Time for which a DVL repeats a velocity: in motion its noise shows in the last digits, at rest it may not."""
-        if velocity_mps != self._last_velocity or not any(velocity_mps):
-            self._last_velocity, self._last_velocity_s = velocity_mps, valid_s
-        return valid_s - self._last_velocity_s
+        last, since_s = self._last_velocities.get(source, (None, valid_s))
+        if velocity_mps != last or not any(velocity_mps):
+            since_s = valid_s
+        self._last_velocities[source] = (velocity_mps, since_s)
+        return valid_s - since_s
 
     def _compare_sinking(self, velocity_mps: Vec3, valid_s: float) -> None:
         """Compare the way down by the DVL with that by pressure and accelerometer."""
@@ -146,8 +148,8 @@ class Aiding:
         attitude.steer(*correction)
         return True
 
-    def bottom_track(self, reading: BottomTrack, mount: SensorMount, delay_s: float, sonar_age_s: float) -> bool:
-        """Fuse the DVL's own heading, where asked for, and its altitude while the sonar is silent."""
+    def dvl_heading(self, reading: BottomTrack, delay_s: float) -> bool:
+        """Fuse the DVL's own heading, where asked for."""
         knobs = self._knobs
         digits = reading.imu_calibration
         calibrated = len(digits) != 4 or digits[3] in "23"
@@ -156,9 +158,11 @@ class Aiding:
             off_rad = reading.heading_rad + self.yaw_rate_radps * delay_s - self.attitude.heading_rad
             sigma_deg = knobs.dvl_heading_sigma_deg
             self.attitude.steer(*self.heading.heading(math.remainder(off_rad, math.tau), sigma_deg))
-        if reading.locked and reading.altitude_m is not None and sonar_age_s > knobs.dvl_altitude_after_s:
-            return self._range(reading.altitude_m, knobs.dvl_altitude_sigma_m, 0.0, mount, delay_s)
         return steered
+
+    def dvl_altitude(self, altitude_m: float, mount: SensorMount, delay_s: float) -> bool:
+        """Fuse the altitude along the axis of a DVL."""
+        return self._range(altitude_m, self._knobs.dvl_altitude_sigma_m, 0.0, mount, delay_s)
 
     def _below(self, lever_m: Vec3) -> float:
         """Depth of a point of the vehicle below its origin."""

@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from hindrax_control.sensors import ALTITUDE, DEPTH, SensorMount, sensors_of
+from hindrax_control.sensors import SensorMount, altimeters
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.input_checks import StampWindow
 from hindrax_core.knobs import knob
@@ -76,7 +76,7 @@ class EstimatorHealth:
     def __init__(self, vehicle: Vehicle, knobs: EstimatorHealthKnobs | None = None) -> None:
         self._knobs = knobs or EstimatorHealthKnobs()
         self._limits = vehicle.limits
-        self._depth_sensors = sensors_of(vehicle, DEPTH)
+        self._has_depth = bool(vehicle.measuring("depth"))
         self._failing_since: dict[str, Stamp] = {}
         self._held: tuple[str, ...] = ()
         self._failed_at = NEVER
@@ -133,7 +133,8 @@ class EstimatorHealth:
         words = "DVL and pressure differ by {} m, wanted at most {} m"
         yield "sinking", above(words, abs(evidence.sunk_off_m), knobs.sunk_m, 2)
         words = "{} m below it without pressure, wanted at most {} m"
-        silent_s = min((navigation.ages_s.get(name, 0.0) for name in self._depth_sensors), default=0.0)
+        # Never measured at all is the guards' concern: an age of infinity here would be a false alarm at the start.
+        silent_s = navigation.depth_age_s if self._has_depth and math.isfinite(navigation.depth_age_s) else 0.0
         yield "floor", above(words, -navigation.altitude_m, knobs.below_floor_m, 2) if silent_s > SILENT_S else ""
         found, most = evidence.frozen_s, knobs.frozen_s
         words = "the inertial sensor has repeated one sample for"
@@ -152,7 +153,7 @@ class ExternalOdometry:
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._fastest_mps = FASTEST * vehicle.limits.speed_mps
-        self._altimeters = sensors_of(vehicle, ALTITUDE)
+        self._altimeters = altimeters(vehicle)
         self._mount = SensorMount(vehicle.sensors[self._altimeters[0]]) if self._altimeters else None
         self._ages_s = {name: 0.0 for name in vehicle.sensors if name not in self._altimeters}
         self._range: Stamped[float] | None = None
@@ -180,7 +181,15 @@ class ExternalOdometry:
         consistency = replace(found.reading.consistency, began=self._began)
         altitude_m, age_s = self._altitude(found)
         ages_s = self._ages_s | dict.fromkeys(self._altimeters, age_s)
-        state = replace(found.reading, consistency=consistency, altitude_m=altitude_m, ages_s=ages_s)
+        depth_age_s = 0.0 if math.isfinite(found.reading.depth_m) else math.inf
+        state = replace(
+            found.reading,
+            consistency=consistency,
+            altitude_m=altitude_m,
+            ages_s=ages_s,
+            depth_age_s=depth_age_s,
+            altitude_age_s=age_s,
+        )
         return Stamped(found.stamp, state), ""
 
     def _broken(self, last: Stamped[Navigation], found: Stamped[Navigation]) -> bool:

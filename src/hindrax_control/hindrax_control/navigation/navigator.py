@@ -61,6 +61,12 @@ class Navigator:
         self._span_s = knobs.align_s / SPANS
         self._period_ns = round(NS_PER_S / knobs.rate_Hz)
         self._mounts = {name: SensorMount(mount) for name, mount in vehicle.sensors.items()}
+        self._unused = frozenset(
+            (*vehicle.measuring("rates")[1:], *vehicle.measuring("range_ahead"), *vehicle.measuring("range"))
+        )
+        """One inertial sensor paces the filters, the first of the file; ranges elsewhere than down are no altitude."""
+        self._dvls = vehicle.measuring("velocity")
+        self._has_sonar = any(name not in self._dvls for name in vehicle.measuring("altitude"))
         self._forces_N: tuple[float, ...] = ()
         self.refused = 0
         self._position, self._heading_rad = (0.0, 0.0), 0.0
@@ -80,7 +86,8 @@ class Navigator:
         aiding.forces_N = self._forces_N
         self._waiting: deque[tuple[Stamp, Reading, str]] = deque(maxlen=MOST_WAITING)
         self._received: dict[str, Stamp] = {}
-        self._echo = self._locked = LONG_AGO
+        self._locked = self._depth = self._altitude = LONG_AGO
+        self._echo = stamp if self._has_sonar else LONG_AGO
         self._rate_radps: Vec3 = (0.0, 0.0, 0.0)
         self._aligned = False
         self._spans: deque[Span] = deque(maxlen=SPANS)
@@ -117,6 +124,8 @@ class Navigator:
     def step(self, stamped: Stamped[Reading], source: str) -> Stamped[Navigation] | None:
         """Take one reading; a Navigation comes back whenever an IMU sample completes a tick."""
         reading = stamped.reading
+        if source in self._unused:
+            return None
         why = unfit(stamped)
         if why:
             self.refused += 1
@@ -264,24 +273,38 @@ class Navigator:
             case BottomVelocity(velocity_mps=None):
                 return False
             case BottomVelocity():
-                used = aiding.bottom_velocity(reading, at, (valid - self._began) / NS_PER_S)
+                used = aiding.bottom_velocity(reading, at, (valid - self._began) / NS_PER_S, source)
                 if used:
                     self._locked = max(self._locked, valid)
                     self._reckoning.measured(reading.sigma_mps, max(reading.interval_s, SHORTEST_SPAN_S))
             case Pressure():
                 used = aiding.pressure(reading, at, delay_s)
+                self._depth = max(self._depth, valid) if used else self._depth
+            case Echo() if source in self._dvls:  # as a Tracker 650 reports its altitude
+                self._dvl_altitude(reading.range_m, valid, at)
+                return False
             case Echo():
                 used = aiding.echo(reading, at, delay_s)
                 self._echo = max(self._echo, valid) if used else self._echo
+                self._altitude = max(self._altitude, valid) if used else self._altitude
             case Magnetic():
                 return aiding.magnetic(reading, at, delay_s)
             case BottomTrack():
-                aiding.bottom_track(reading, at, delay_s, (self._imu - self._echo) / NS_PER_S)
+                aiding.dvl_heading(reading, delay_s)
+                if reading.locked and reading.altitude_m is not None:
+                    self._dvl_altitude(reading.altitude_m, valid, at)
                 return False
             case _:
                 return False
         self.refused += not used
         return used
+
+    def _dvl_altitude(self, altitude_m: float, valid: Stamp, at: SensorMount) -> None:
+        """Fuse the altitude of a DVL while no sonar gives one."""
+        if (valid - self._echo) / NS_PER_S <= self._knobs.dvl_altitude_after_s:
+            return
+        if self._aiding.dvl_altitude(altitude_m, at, (self._imu - valid) / NS_PER_S):
+            self._altitude = max(self._altitude, valid)
 
     # ---- what goes out
 
@@ -315,6 +338,8 @@ class Navigator:
             ages_s={source: (stamp - received) / NS_PER_S for source, received in self._received.items()},
             velocity_sigma_mps=(sigma, sigma, heave_sigma),
             position_sigma_m=self._reckoning.sigma_m if horizontal.known else NAN,
+            depth_age_s=_age_s(self._depth, stamp),
+            altitude_age_s=_age_s(self._altitude, stamp),
             consistency=Consistency(
                 self._began,
                 attitude.tilt_sigma_rad,
@@ -325,6 +350,11 @@ class Navigator:
                 (stamp - self._changed) / NS_PER_S,
             ),
         )
+
+
+def _age_s(valid: Stamp, now: Stamp) -> float:
+    """Age of what was valid at a stamp; infinite where nothing was ever used."""
+    return math.inf if valid == LONG_AGO else (now - valid) / NS_PER_S
 
 
 def _end(valid: Stamp, reading: Reading) -> Stamp:

@@ -8,6 +8,7 @@ from hindrax_control.navigation.attitude_filter import Offset
 from hindrax_control.navigation.navigator import Navigator, NavigatorKnobs
 from hindrax_core import topics
 from hindrax_core.events import Stamp, Stamped
+from hindrax_core.sensor_table import Capability
 from hindrax_core.signals import Allocation, Navigation
 from hindrax_core.vehicle import Vehicle
 from hindrax_ros.batched_node import BatchedNode
@@ -19,8 +20,7 @@ from hindrax_ros.messages.reading_fields import reader
 from hindrax_ros.parameters import knobs
 from hindrax_ros.transforms import transform_publisher
 
-AIDING = (topics.MAGNETIC, topics.PRESSURE, topics.ALTITUDE, topics.DVL_DETAIL, topics.DVL_ATTITUDE)
-SOURCES: dict[topics.Topic, Callable[[bytes], Stamped[Any]]] = {topic: reader(topic) for topic in (*AIDING, topics.IMU)}
+READ: tuple[Capability, ...] = ("field", "depth", "altitude", "velocity", "attitude", "rates")
 """In the order of subscription: the inertial samples, which complete a tick, come last."""
 REPORT_EVERY = 50
 REMEMBERED = 4
@@ -29,6 +29,12 @@ TRANSFORM_EVERY = 5
 """States per transform on /tf: 10 Hz, between which its listeners interpolate."""
 SETTLE_S = 0.0005
 """Within this time all inertial samples of one fetch, and the messages beside them, have arrived."""
+
+
+def sources(vehicle: Vehicle) -> dict[topics.Topic, tuple[str, Callable[[bytes], Stamped[Any]]]]:
+    """Topics that the navigator reads, in the order of subscription: name of the sensor, and the reader of each."""
+    found = (pair for capability in READ for pair in topics.carriers(vehicle, capability).items())
+    return {topic: (name, reader(topic)) for name, topic in found}
 
 
 class NavigatorNode(BatchedNode):
@@ -54,9 +60,8 @@ class NavigatorNode(BatchedNode):
         self._reporter = DiagnosticsPublisher(self, self._navigator.refusals)
         self._turn = 0
         subscription(self, topics.ALLOCATION, self._on_allocation_message, raw=True)
-        for topic, read in SOURCES.items():
-            callback = self._callback(topic.name.partition("/")[0], read)
-            self.lead = subscription(self, topic, callback, raw=True)
+        for topic, (source, read) in sources(vehicle).items():
+            self.lead = subscription(self, topic, self._callback(source, read), raw=True)
 
     def _callback(self, source: str, read: Callable[[bytes], Stamped[Any]]) -> Callable[[bytes], None]:
         step = self._navigator.step

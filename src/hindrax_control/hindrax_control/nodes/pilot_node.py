@@ -18,11 +18,12 @@ from hindrax_control.navigation.estimator_health import ExternalOdometry
 from hindrax_control.nodes import pilot_messages
 from hindrax_control.nodes.estimator_health_node import EstimatorHealthNode
 from hindrax_control.pilot import SAFETY_GROUPS, Pilot, PilotKnobs, PilotOutput
+from hindrax_control.sensors import altimeters
 from hindrax_core import topics
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.input_checks import EXPIRED, SinglePublisher, names_of_others, order_window
-from hindrax_core.readings import Vec6
+from hindrax_core.readings import Echo, Vec6
 from hindrax_core.rotation import FSD
 from hindrax_core.signals import NAN, Allocation, AppliedOutput, Estimate, Navigation
 from hindrax_core.vehicle import Vehicle
@@ -38,7 +39,6 @@ from hindrax_ros.messages.reading_fields import reader
 from hindrax_ros.messages.serialization import deserialized
 from hindrax_ros.parameters import SAFETY, knobs
 
-_range = reader(topics.ALTITUDE)
 SendWrench: TypeAlias = Callable[[Vec6, str, Stamp, Stamp], object]
 """Called with a wrench, its frame, its stamp and the time."""
 
@@ -86,7 +86,9 @@ class PilotNode(BatchedNode):
         self.navigator = ""
         self.confirm_position: Callable[[], None] = lambda: None
         self._odometry, self._source = ExternalOdometry(vehicle), SinglePublisher()
+        self._ranges = [topics.carriers(vehicle, "altitude")[name] for name in altimeters(vehicle)[:1]]
         self._altimeter: Subscription | None = None
+        self._leak_probes, self._dry_looks = len(vehicle.measuring("leak")), 0
         fixed = dict.fromkeys(SAFETY_GROUPS, SAFETY)
         self._pilot = Pilot(vehicle, knobs(self, PilotKnobs, self._tune, fixed=fixed))
         self._armed, self._unarmed, self._thrusters_known = False, "", False
@@ -118,7 +120,7 @@ class PilotNode(BatchedNode):
         subscription(self, topics.OPERATOR_WRENCH, self._on_operator_wrench)
         subscription(self, topics.ESTIMATE, self._on_estimate)
         subscription(self, topics.ALLOCATION, self._on_allocation_message)
-        subscription(self, topics.LEAK, lambda message: setattr(self._pilot, "water_in_hull", bool(message.data)))
+        subscription(self, topics.LEAK, self._on_leak)
         self.lead = subscription(self, topics.ODOMETRY, self._on_odometry, queue=topics.ODOMETRY.quality.depth)
         self.create_service(Recentre, RECENTRE, self._on_recentre)
         self._server = ActionServer(
@@ -196,19 +198,28 @@ class PilotNode(BatchedNode):
         if message.supply_measured:
             self._supply.update(message.supply_voltage, self.now())
 
-    def _on_range(self, data: bytes) -> None:
+    def _on_leak(self, message: Any) -> None:
+        """Keep whether there is water in the hull. Several probes share the topic: all must be dry to be so."""
+        self._dry_looks = 0 if message.data else self._dry_looks + 1
+        if message.data or self._leak_probes < 2 or self._dry_looks >= 2 * self._leak_probes:
+            self._pilot.water_in_hull = bool(message.data)
+
+    def _on_range(self, topic: topics.Topic, read: Callable[[bytes], Stamped[Any]], data: bytes) -> None:
         """Keep the altimeter's range, which no odometry holds."""
         try:
-            echo = _range(data)
+            found = read(data)
         except ValueError as error:
-            self._refuse(topics.ALTITUDE, str(error))
+            self._refuse(topic, str(error))
             return
-        self._odometry.range(echo.stamp, echo.reading.range_m)
+        reading = found.reading
+        range_m = reading.range_m if isinstance(reading, Echo) else reading.altitude_m
+        self._odometry.range(found.stamp, range_m)
 
     def _on_odometry(self, message: Any) -> None:
         """Fly one cycle on the odometry of the one who publishes it."""
-        if self._altimeter is None:
-            self._altimeter = subscription(self, topics.ALTITUDE, self._on_range, raw=True)
+        if self._altimeter is None and self._ranges:
+            topic = self._ranges[0]
+            self._altimeter = subscription(self, topic, partial(self._on_range, topic, reader(topic)), raw=True)
         unfit = self._source.judge(publishers_of(self, topics.ODOMETRY), armed=self._armed)
         state: Stamped[Navigation] | None = None
         breaks = self._odometry.breaks

@@ -260,4 +260,5 @@ def _printable(text: bytes) -> bool:
     return text.isascii() and text.replace(b"\t", b" ").decode("ascii").isprintable()
 
 
-DRIVER = Driver(Dvl75Knobs, lambda knobs, _mount, vehicle: Dvl75(in_water(knobs, vehicle)))
+DRIVER = Driver(Dvl75Knobs, lambda knobs, _mount, vehicle: Dvl75(in_water(knobs, vehicle)), looking={"enable_tries": 0})
+"""Its enable command would be written to the flash."""

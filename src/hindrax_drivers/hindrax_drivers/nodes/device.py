@@ -10,8 +10,9 @@ from functools import partial
 
 from rclpy.node import Node
 
+from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Mount
-from hindrax_drivers.driver_registry import DEVICES, PORTS
+from hindrax_drivers.driver_registry import PORTS, driver_of
 from hindrax_drivers.nodes.sensors import WireHosts
 from hindrax_drivers.nodes.thruster_settings import NO_VEHICLE
 from hindrax_ros.process import spin
@@ -20,7 +21,7 @@ from hindrax_ros.process import spin
 def make_nodes(kind: str) -> Sequence[Node]:
     """Make the node of one device."""
     wires = WireHosts()
-    wires.add(kind, Mount(kind, PORTS[DEVICES[kind].wire]), NO_VEHICLE)
+    wires.add(kind, Mount(kind, PORTS[driver_of(kind).wire]), NO_VEHICLE)
     wires.open_buses()
     return wires.nodes
 
@@ -28,9 +29,11 @@ def make_nodes(kind: str) -> Sequence[Node]:
 def main() -> int:
     """Run one device until a signal."""
     kind = sys.argv[1] if len(sys.argv) > 1 else ""
-    if kind not in DEVICES:
-        print(f"device: found {kind!r}, wanted one of {', '.join(DEVICES)}", file=sys.stderr)  # noqa: T201  # wrong use
-        return 2
+    try:
+        driver_of(kind)
+    except UsageError as error:
+        print(error, file=sys.stderr)  # noqa: T201  # wrong use
+        return UsageError.exit_code
     return spin(partial(make_nodes, kind))
 
 

@@ -16,7 +16,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from hindrax_core.driver_interface import Identity, Output, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped
 from hindrax_core.readings import DeviceText, Inertial, Leak
-from hindrax_core.topics import TOPICS_OF, WATER_TEMPERATURE, Topic
+from hindrax_core.topics import Topic
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.lifecycle import ON_REQUEST, State, Transition, next_transition, requested
 from hindrax_drivers.nodes.reading_messages import ReadingMessages, frame_of
@@ -31,23 +31,28 @@ REPORT_EVERY = 5
 STALE_S = 1.0
 WET = "water in the hull: surface, and open it; nothing is disabled automatically"
 WAS_WET = "there was water in the hull, and the probe is dry again: surface, and open it"
-TEMPERATURE_EVERY = 10
-"""Every pressure comes with a temperature; one in this many temperatures is published."""
 
 
 class DeviceNode(BatchedNode, LifecycleNode):
     """Publishes the readings of one device; `ready`: whether the expected device was found.
 
+    `device` is its kind in the table of sensors; an output has none.
+
     The nodes of a process may share a publish queue. The IMU node, which paces the navigation, flushes it with every
     batch of samples; without an IMU the loop of the process flushes it.
     """
 
-    def __init__(self, name: str, vehicle: Vehicle, publish_queue: PublishQueue | None = None) -> None:
+    def __init__(
+        self, name: str, vehicle: Vehicle, device: str = "", publish_queue: PublishQueue | None = None
+    ) -> None:
         super().__init__(name, publish_queue=publish_queue, ros_time=False, enable_logger_service=False)
         self.health = NodeDiagnostics(hardware=name)
         self.tap = FrameTap(self, name)
-        frame = text(self, "frame_id", frame_of(name), "frame of its messages [-]") if name in TOPICS_OF else ""
-        self._messages = ReadingMessages(name, vehicle, frame)
+        frame = text(self, "frame_id", frame_of(name), "frame of its messages [-]") if device else ""
+        self._messages = ReadingMessages(name, device, vehicle, frame)
+        rates_Hz = [topic.rate_Hz for topic in self._messages.topics if topic.name.endswith("/pressure")]
+        self._pressures_Hz = max(rates_Hz, default=0.0)
+        """Every pressure comes with a temperature; only as many temperatures are published as the table says."""
         self._publish = {topic.name: self._publisher(topic) for topic in self._messages.topics}
         self._reporter = DiagnosticsPublisher(self)
         self._active = False
@@ -75,7 +80,8 @@ class DeviceNode(BatchedNode, LifecycleNode):
 
     def _publisher(self, topic: Topic) -> Callable[[Any], None]:
         publish = publisher(self, topic, held=topic.recorded).publish
-        return one_of_many(TEMPERATURE_EVERY, publish) if topic == WATER_TEMPERATURE else publish
+        many = round(self._pressures_Hz / topic.rate_Hz) if topic.name.endswith("/temperature") else 1
+        return one_of_many(many, publish) if many > 1 else publish
 
     def deliver(self, outputs: Iterable[Output]) -> None:
         """Handle outputs of the device, on the thread of its wire."""

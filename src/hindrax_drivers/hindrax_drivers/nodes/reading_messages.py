@@ -13,7 +13,7 @@ from std_msgs.msg import Bool
 
 from hindrax_core.events import NS_PER_S, Stamped
 from hindrax_core.readings import BottomTrack, BottomVelocity, EchoProfile, Leak
-from hindrax_core.topics import SENSOR, TOPICS_OF, Topic
+from hindrax_core.topics import SENSOR, Topic, sensor_topics
 from hindrax_core.vehicle import Vehicle
 from hindrax_msgs.msg import Dvl, PingProfile
 from hindrax_ros.graph import optional_class
@@ -40,22 +40,22 @@ OF_BEAMS = {
 """Array of theirs, field of our beam."""
 
 
-def frame_of(device: str) -> str:
-    """Frame of the messages of a device, unless a parameter names another."""
-    return f"{device}_link"
+def frame_of(name: str) -> str:
+    """Frame of the messages of a sensor, unless a parameter names another."""
+    return f"{name}_link"
 
 
 class ReadingMessages:
-    """Messages of the readings of one device; `topics` are all `DEVICE/...` rows of the table that it can make.
+    """Messages of the readings of one device; `topics` are all `NAME/...` that a sensor of its kind can make.
 
     Equal readings give equal messages, except the DVL's detail: it has the beams of the previous sentence.
     """
 
-    def __init__(self, device: str, vehicle: Vehicle, frame: str = "") -> None:
+    def __init__(self, name: str, device: str, vehicle: Vehicle, frame: str = "") -> None:
         self.topics: list[Topic] = []
         self._writers: dict[type, list[tuple[str, Write]]] = {}
-        frame = frame or frame_of(device)
-        for quantity, topic in TOPICS_OF.get(device, {}).items():
+        frame = frame or frame_of(name)
+        for quantity, topic in (sensor_topics(name, device) if device else {}).items():
             if quantity == "detail":
                 self._add_detail(topic, frame, vehicle.water.speed_of_sound_mps)
             elif quantity == "leak":

@@ -18,7 +18,7 @@ from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
 from hindrax_drivers.buses.bus_schedule import BusSchedule
 from hindrax_drivers.buses.port_threads import BusThread, SerialThread, ServingThread
 from hindrax_drivers.buses.ports import open_bus, open_clock
-from hindrax_drivers.driver_registry import DEVICES
+from hindrax_drivers.driver_registry import driver_of
 from hindrax_drivers.nodes.device_node import DeviceNode
 from hindrax_ros.batched_node import BatchedNode, PublishQueue
 from hindrax_ros.parameters import knobs, text, whole
@@ -39,10 +39,10 @@ class WireHosts:
 
     def add(self, name: str, mount: Mount, vehicle: Vehicle) -> None:
         """Make the node of one sensor; its port and address may be overridden by parameters of that name."""
-        node = DeviceNode(name, vehicle, publish_queue=self._publish_queue)
+        node = DeviceNode(name, vehicle, mount.device, publish_queue=self._publish_queue)
         port = text(node, "port", mount.port, "port of the device, or mock:SOCKET [-]")
         clock = text(node, "clock", "system", "clock of a serial port: system, or mock:SOCKET [-]")
-        row = DEVICES[mount.device]
+        row = driver_of(mount.device)
         if not row.serial:
             meaning = "I2C address, 0 for the device's own default; or line of a GPIO chip [-]"
             mount = replace(mount, address=whole(node, "address", mount.address, meaning))

@@ -24,8 +24,8 @@ from hindrax_ident.nodes.experiment_server import ExperimentServer
 from hindrax_ident.nodes.measurement_messages import (
     ANY_ODOMETRY,
     ANY_WRENCH,
-    READERS,
     Read,
+    readers,
     thrust_from_wrench,
     velocities_from_odometry,
 )
@@ -65,7 +65,7 @@ class Identifier(BatchedNode):
         self._reporter = DiagnosticsPublisher(self)
         self._last: Estimate | None = None
         self._refusals = Refusals()
-        for topic, read in READERS.items():
+        for topic, read in readers(vehicle).items():
             subscription(self, topic, self._listener(topic, read), raw=True)
         for topic, events_of in ((ANY_ODOMETRY, velocities_from_odometry), (ANY_WRENCH, thrust_from_wrench)):
             subscription(self, topic, self._any_listener(topic, events_of))

@@ -6,8 +6,10 @@ from typing import Any, TypeAlias
 
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.rotation import FLU, FSD
+from hindrax_core.sensor_table import Capability
 from hindrax_core.signals import NAN, Attitude, IdentEvent, Phase, Thrust, Velocity
-from hindrax_core.topics import ALLOCATION, DVL_DETAIL, MANEUVER, NAVIGATION, PRESSURE, Quality, Topic
+from hindrax_core.topics import ALLOCATION, MANEUVER, NAVIGATION, Quality, Topic, carriers
+from hindrax_core.vehicle import Vehicle
 from hindrax_ident.records.feed import Measurement
 from hindrax_msgs.msg import ManeuverStatus
 from hindrax_ros.messages.convert import (
@@ -32,13 +34,14 @@ def _phase(data: bytes) -> Stamped[Measurement]:
     return Stamped(stamp_from_msg(message.header.stamp), Phase(message.motion, message.phase))
 
 
-READERS: dict[Topic, Read] = {
-    DVL_DETAIL: reader(DVL_DETAIL),
-    PRESSURE: reader(PRESSURE),
-    NAVIGATION: navigation_from_bytes,
-    ALLOCATION: thrust_from_bytes,
-    MANEUVER: _phase,
-}
+MEASURED: tuple[Capability, ...] = ("velocity", "depth")
+
+
+def readers(vehicle: Vehicle) -> dict[Topic, Read]:
+    """Topics that the identification of a vehicle reads, and the reader of each."""
+    first = (next(iter(carriers(vehicle, capability).values())) for capability in MEASURED)
+    sensors: dict[Topic, Read] = {topic: reader(topic) for topic in first}
+    return sensors | {NAVIGATION: navigation_from_bytes, ALLOCATION: thrust_from_bytes, MANEUVER: _phase}
 
 
 # ---- of another stack

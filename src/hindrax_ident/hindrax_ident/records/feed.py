@@ -7,6 +7,8 @@ Only here measurements of different topics are sorted by their stamps.
 
 Events refer to the center of mass, like the equations of motion.
 
+Of several DVLs or depth sensors the first of the vehicle file is taken: its noise and its mount are one thing.
+
 Surge and sway come from the DVL as measured (moved to the center of mass), not from the navigator, whose filter would
 color their noise. Rates come from the gyroscope. Heave has no instrument: its depth comes directly from the
 pressure, for the same reason; the navigator's heave velocity is used where there is no pressure.
@@ -20,6 +22,7 @@ from typing import Generic, TypeAlias, TypeVar
 from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.readings import BottomVelocity, Pressure, Vec3, Vec6
 from hindrax_core.rotation import cross, matrix, rotate
+from hindrax_core.sensor_table import Capability
 from hindrax_core.signals import NAN, Attitude, IdentEvent, Navigation, Phase, Thrust, Velocity
 from hindrax_core.vehicle import Mount, Vehicle
 from hindrax_ident.tuning import Tuning
@@ -94,12 +97,12 @@ class Feed:
         tuning = tuning or Tuning()
         self._latency_s = tuning.velocity_latency_s
         self._sorter: StampSorter[Measurement] = StampSorter(tuning.reorder_s + abs(self._latency_s), tuning.lagging_s)
-        mount = vehicle.sensors.get("dvl75", Mount("dvl75"))
+        mount = _first_mount(vehicle, "velocity")
         roll, pitch, yaw = (math.radians(angle) for angle in mount.rotation_deg)
         self._rotation = matrix((roll, pitch, yaw))
         self._center_m = vehicle.center_of_mass_m
         self._dvl_lever_m = _difference(mount.position_m, self._center_m)
-        self._below_sensor_m = _difference(self._center_m, vehicle.sensors.get("ms5837", Mount("ms5837")).position_m)
+        self._below_sensor_m = _difference(self._center_m, _first_mount(vehicle, "depth").position_m)
         self._rate_radps: Vec3 = (0.0, 0.0, 0.0)
         self._down: Vec3 = (0.0, 0.0, 1.0)
         self._water = vehicle.water
@@ -163,6 +166,16 @@ class Feed:
     def _depth_of_lever_m(self, lever_m: Vec3) -> float:
         """Depth of the end of a lever in body axes below its beginning [m]."""
         return sum(share * length for share, length in zip(self._down, lever_m, strict=True))
+
+
+def identified(vehicle: Vehicle, capability: Capability) -> str:
+    """Sensor whose measurements the identification takes: the first of the vehicle file; empty where it has none."""
+    return next(iter(vehicle.measuring(capability)), "")
+
+
+def _first_mount(vehicle: Vehicle, capability: Capability) -> Mount:
+    """Its mount; at the origin and not turned where the file has none."""
+    return vehicle.sensors.get(identified(vehicle, capability), Mount(""))
 
 
 def _difference(a: Vec3, b: Vec3) -> Vec3:

@@ -43,7 +43,7 @@ def navigation_writer() -> Callable[[Stamped[Navigation]], bytes]:
             )
         u, v, w = state.velocity_mps
         roll, pitch, heading = state.attitude_rad
-        depth_age, altitude_age = ages.get("ms5837", math.inf), ages.get("ping1d", math.inf)
+        depth_age, altitude_age = state.depth_age_s, state.altitude_age_s
         return writer.write(
             (
                 *divmod(stamped.stamp, NS_PER_S),
@@ -180,9 +180,33 @@ _thrust = CdrReader(AllocationStatus, *STAMP, "achieved", "forces", "supply_meas
 
 
 def navigation_from_bytes(data: bytes) -> Stamped[Navigation]:
-    """Full navigation state, SNAME, but for the ages."""
+    """Full navigation state, SNAME, but for the ages of single sensors."""
     s, ns, *found = _navigation(data)
-    depth_m, _, _, altitude_m, _, _, w, _, _, yaw, roll, pitch, u, v, su, sv, sw, p, q, r, north, east, locked = found
+    (
+        depth_m,
+        depth_s,
+        _,
+        altitude_m,
+        altitude_s,
+        _,
+        w,
+        _,
+        _,
+        yaw,
+        roll,
+        pitch,
+        u,
+        v,
+        su,
+        sv,
+        sw,
+        p,
+        q,
+        r,
+        north,
+        east,
+        locked,
+    ) = found
     state = Navigation(
         attitude_rad=(roll, pitch, yaw),
         rate_radps=(p, q, r),
@@ -192,6 +216,8 @@ def navigation_from_bytes(data: bytes) -> Stamped[Navigation]:
         position_m=(north, east),
         dvl_locked=locked,
         velocity_sigma_mps=(su, sv, sw),
+        depth_age_s=depth_s,
+        altitude_age_s=altitude_s,
     )
     return Stamped(Stamp(s * NS_PER_S + ns), state)
 

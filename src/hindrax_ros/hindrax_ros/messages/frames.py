@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from hindrax_core.readings import Vec3
 from hindrax_core.rotation import FLU, FSD, matrix, rotate
-from hindrax_core.sensor_table import SENSORS
+from hindrax_core.sensor_table import row_of
 from hindrax_core.vehicle import Mount, Thruster, Vehicle
 
 LEFT_UP = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
@@ -43,7 +43,7 @@ def frames_of(vehicle: Vehicle) -> tuple[Frame, ...]:
 def _sensor(name: str, mount: Mount) -> Frame:
     roll, pitch, yaw = (math.radians(angle) for angle in mount.rotation_deg)
     turn = matrix((roll, pitch, yaw))
-    published = next((sensor.publishes for sensor in SENSORS if sensor.name == name), {})
+    published = row_of(mount.device).publishes
     axes = next((axes for quantity, axes in AXES.items() if quantity in published), LEFT_UP)
     x, y, z = (_up(rotate(turn, axis)) for axis in axes)
     return Frame(f"{name}_link", _up(mount.position_m), _angles(x, y, z))

@@ -209,7 +209,11 @@ FIELDS: Mapping[str, Fields] = {
         reading=lambda range_m: Echo(range_m, 1.0),
     ),
     "altitude": Fields(
-        (BottomTrack, Echo), lambda frame: _range(frame, DVL_LIMITS_m, DVL_VIEW_rad), ("range",), _altitude
+        (BottomTrack, Echo),
+        lambda frame: _range(frame, DVL_LIMITS_m, DVL_VIEW_rad),
+        ("range",),
+        _altitude,
+        reading=lambda range_m: BottomTrack(True, *(math.nan,) * 3, range_m, (math.nan, math.nan), (), "", 0),
     ),
     "attitude": Fields(
         (BottomTrack,),

@@ -5,7 +5,7 @@ from collections import deque
 from dataclasses import replace
 
 from hindrax_core.readings import Vec3, Vec6
-from hindrax_core.sensor_table import SENSORS
+from hindrax_core.sensor_table import Capability
 from hindrax_core.signals import ZERO6
 from hindrax_sim.conditions.realization import Realization, Travel
 from hindrax_sim.physics.geometry import minus, plus, unit
@@ -59,15 +59,13 @@ def imu_misalignment(world: Realization, size: float, draws: NormalDraws) -> Non
     Size: Mounting by eye; our estimate.
     """
     x, y, z = unit(draws.three(1.0))
-    _turn_mounts(world, "data_raw", (size * x, size * y, size * z))
+    _turn_mounts(world, "rates", (size * x, size * y, size * z))
 
 
-def _turn_mounts(world: Realization, quantity: str, turn_deg: Vec3) -> None:
-    kinds = {sensor.name for sensor in SENSORS if quantity in sensor.publishes}
+def _turn_mounts(world: Realization, capability: Capability, turn_deg: Vec3) -> None:
     sensors = dict(world.vehicle.sensors)
-    for name, mount in sensors.items():
-        if mount.device in kinds:
-            sensors[name] = replace(mount, rotation_deg=plus(mount.rotation_deg, turn_deg))
+    for name in world.vehicle.measuring(capability):
+        sensors[name] = replace(sensors[name], rotation_deg=plus(sensors[name].rotation_deg, turn_deg))
     world.change_vehicle(sensors=sensors)
 
 

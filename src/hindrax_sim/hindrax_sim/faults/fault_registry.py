@@ -1,7 +1,7 @@
 """Registry of faults: names for `--fault`, the devices of each, and the syntax.
 
-`garbage:dvl75@30+5` is the fault garbage on the device dvl75, from 30 s on, for 5 s. Without a device it falls on
-every device it applies to; without a time it comes after 10 s; without a duration it lasts 5 s.
+`garbage:dvl75@30+5` is the fault garbage on the sensor called dvl75 in the vehicle file, from 30 s on, for 5 s. Without
+a device it falls on every one it applies to; without a time it comes after 10 s; without a duration it lasts 5 s.
 """
 
 import math
@@ -11,7 +11,8 @@ from functools import partial
 from typing import Any, TypeVar
 
 from hindrax_core.errors import UsageError
-from hindrax_core.sensor_table import SENSORS
+from hindrax_core.sensor_table import SENSORS, Capability, Sensor, Wire, row_of
+from hindrax_core.vehicle import Vehicle
 from hindrax_sim.devices.emulator import RegisterEmulator, SerialEmulator
 from hindrax_sim.faults import bus_faults as bus
 from hindrax_sim.faults import stream_faults as line
@@ -20,26 +21,46 @@ from hindrax_sim.faults.fault_schedule import FaultSchedule, Scheduled
 from hindrax_sim.world import World
 
 FaultT = TypeVar("FaultT")
-SERIAL = tuple(sensor.name for sensor in SENSORS if sensor.serial)
-SENSORS_I2C = tuple(sensor.name for sensor in SENSORS if sensor.wire == "i2c")
-GPIO = tuple(sensor.name for sensor in SENSORS if sensor.wire == "gpio")
-I2C = (*SENSORS_I2C, "thrusters")
-THRUSTERS = tuple(f"T{number}" for number in range(1, 9))
+SERIAL: tuple[Wire, ...] = ("serial",)
+I2C: tuple[Wire, ...] = ("i2c",)
+GPIO: tuple[Wire, ...] = ("gpio",)
+OUTPUT = ("thrusters",)
+EACH_THRUSTER = "thruster"
 DEFAULT_START_S, DEFAULT_DURATION_S = 10.0, 5.0
 FORM = "NAME[:DEVICE][@START[+SECONDS]], such as garbage:dvl75@30+5"
 
 
 @dataclass(frozen=True, slots=True)
 class FaultKind:
-    """A row of the registry: what it does on a serial line and on a bus (made of a seed), to the world, to a truth."""
+    """A row of the registry: what it does on a serial line and on a bus (made of a seed), to the world, to a truth.
+
+    It falls on the sensors of some wires, on those that measure something, and on `others`: the output, a thruster of
+    the vehicle, hull or water.
+    """
 
     name: str
-    devices: tuple[str, ...]
     meaning: str
     make: Callable[[int], line.StreamFault] | None = None
     on_bus: Callable[[int], bus.BusFault] | None = None
     on_world: truth.WorldFault | None = None
     on_truth: truth.SensorFault | None = None
+    wires: tuple[Wire, ...] = ()
+    measuring: Capability | None = None
+    others: tuple[str, ...] = ()
+
+    def falls_on(self, row: Sensor) -> bool:
+        """Whether it falls on sensors of a kind."""
+        return row.wire in self.wires or self.measuring in row.measures
+
+    def devices(self, vehicle: Vehicle | None = None) -> tuple[str, ...]:
+        """Names of what it falls on aboard a vehicle; without one, of every kind of sensor of this stack."""
+        rows = {row.name: row for row in SENSORS}
+        thrusters = [f"T{number}" for number in range(1, 9)]
+        if vehicle is not None:
+            rows = {name: row_of(mount.device) for name, mount in vehicle.sensors.items()}
+            thrusters = [one.name for one in vehicle.thrusters]
+        others = [name for one in self.others for name in (thrusters if one == EACH_THRUSTER else [one])]
+        return (*(name for name, row in rows.items() if self.falls_on(row)), *others)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,56 +74,73 @@ class FaultSpec:
 
 
 _KINDS = (
-    FaultKind("absent", SERIAL + I2C + GPIO, "nothing is plugged in", line.Absent, bus.Absent),
+    FaultKind("absent", "nothing is plugged in", line.Absent, bus.Absent, wires=SERIAL + I2C + GPIO, others=OUTPUT),
     FaultKind(
-        "wrong_identity", SERIAL + SENSORS_I2C + GPIO, "another device answers", line.WrongIdentity, bus.WrongIdentity
+        "wrong_identity", "another device answers", line.WrongIdentity, bus.WrongIdentity, wires=SERIAL + I2C + GPIO
     ),
-    FaultKind("nack", I2C + GPIO, "one transaction in ten is not acknowledged", on_bus=bus.Nack),
-    FaultKind("bus_stuck", I2C, "a line of the bus is held low", on_bus=bus.BusStuck),
-    FaultKind("short_read", I2C, "one read in ten ends early", on_bus=bus.ShortRead),
-    FaultKind("cut_frames", SERIAL, "a piece is missing from every second message", line.CutFrames),
-    FaultKind("bytewise", SERIAL, "every byte arrives separately", line.Bytewise),
-    FaultKind("merged", SERIAL, "messages arrive a quarter of a second at a time", line.Merged),
-    FaultKind("garbage", SERIAL, "bursts of random bytes among the messages", line.Garbage),
-    FaultKind("bit_flips", SERIAL + I2C, "one bit in a thousand is wrong", line.BitFlips, bus.BitFlips),
-    FaultKind("baud_mismatch", SERIAL, "both ends use different baud rates", line.BaudMismatch),
-    FaultKind("unplug_replug", SERIAL, "the port vanishes and comes back", line.UnplugReplug),
-    FaultKind("reset", SERIAL + I2C + GPIO, "the device restarts in mid-stream", line.Reset, bus.Reset),
-    FaultKind("clock_jump", ("dvl75",), "the device's clock jumps ahead, and back at the end", line.ClockJump),
+    FaultKind("nack", "one transaction in ten is not acknowledged", on_bus=bus.Nack, wires=I2C + GPIO, others=OUTPUT),
+    FaultKind("bus_stuck", "a line of the bus is held low", on_bus=bus.BusStuck, wires=I2C, others=OUTPUT),
+    FaultKind("short_read", "one read in ten ends early", on_bus=bus.ShortRead, wires=I2C, others=OUTPUT),
+    FaultKind("cut_frames", "a piece is missing from every second message", line.CutFrames, wires=SERIAL),
+    FaultKind("bytewise", "every byte arrives separately", line.Bytewise, wires=SERIAL),
+    FaultKind("merged", "messages arrive a quarter of a second at a time", line.Merged, wires=SERIAL),
+    FaultKind("garbage", "bursts of random bytes among the messages", line.Garbage, wires=SERIAL),
     FaultKind(
-        "saturated", SERIAL + SENSORS_I2C, "measurements at the end of their scale", line.Saturated, bus.Saturated
+        "bit_flips", "one bit in a thousand is wrong", line.BitFlips, bus.BitFlips, wires=SERIAL + I2C, others=OUTPUT
     ),
-    FaultKind("repeated", SERIAL + SENSORS_I2C, "the device repeats its last message", line.Repeated, bus.Repeated),
-    FaultKind("velocity_bias", ("dvl75",), "0.25 m/s of bias forward", on_truth=truth.velocity_bias),
-    FaultKind("velocity_frozen", ("dvl75",), "the velocity freezes", on_truth=truth.velocity_frozen),
-    FaultKind("false_lock", ("dvl75",), "locked on something that moves with the vehicle", on_truth=truth.false_lock),
-    FaultKind("gyro_offset", ("icm20948",), "40 deg/s of bias in the roll rate", on_truth=truth.gyro_offset),
-    FaultKind("force_offset", ("icm20948",), "3 m/s^2 of bias to starboard", on_truth=truth.force_offset),
-    FaultKind("depth_stuck", ("ms5837",), "the pressure freezes", on_truth=truth.depth_stuck),
-    FaultKind("range_short", ("ping1d",), "an echo half a meter too near, as of a fish", on_truth=truth.range_short),
-    FaultKind("thruster_fails", THRUSTERS, "a thruster gives no thrust", on_world=truth.thruster_fails),
-    FaultKind("lock_lost", ("dvl75",), "the DVL finds no bottom", on_world=truth.lock_lost),
-    FaultKind("leak", ("hull",), "water comes into the dry hull", on_world=truth.leak),
-    FaultKind("current", ("water",), "0.15 m/s across the pool", on_world=truth.current),
+    FaultKind("baud_mismatch", "both ends use different baud rates", line.BaudMismatch, wires=SERIAL),
+    FaultKind("unplug_replug", "the port vanishes and comes back", line.UnplugReplug, wires=SERIAL),
+    FaultKind(
+        "reset", "the device restarts in mid-stream", line.Reset, bus.Reset, wires=SERIAL + I2C + GPIO, others=OUTPUT
+    ),
+    FaultKind(
+        "clock_jump", "the device's clock jumps ahead, and back at the end", line.ClockJump, measuring="velocity"
+    ),
+    FaultKind("saturated", "measurements at the end of their scale", line.Saturated, bus.Saturated, wires=SERIAL + I2C),
+    FaultKind("repeated", "the device repeats its last message", line.Repeated, bus.Repeated, wires=SERIAL + I2C),
+    FaultKind("velocity_bias", "0.25 m/s of bias forward", on_truth=truth.velocity_bias, measuring="velocity"),
+    FaultKind("velocity_frozen", "the velocity freezes", on_truth=truth.velocity_frozen, measuring="velocity"),
+    FaultKind(
+        "false_lock",
+        "locked on something that moves with the vehicle",
+        on_truth=truth.false_lock,
+        measuring="velocity",
+    ),
+    FaultKind("gyro_offset", "40 deg/s of bias in the roll rate", on_truth=truth.gyro_offset, measuring="rates"),
+    FaultKind("force_offset", "3 m/s^2 of bias to starboard", on_truth=truth.force_offset, measuring="rates"),
+    FaultKind("depth_stuck", "the pressure freezes", on_truth=truth.depth_stuck, measuring="depth"),
+    FaultKind(
+        "range_short", "an echo half a meter too near, as of a fish", on_truth=truth.range_short, measuring="range"
+    ),
+    FaultKind("thruster_fails", "a thruster gives no thrust", on_world=truth.thruster_fails, others=(EACH_THRUSTER,)),
+    FaultKind("lock_lost", "no DVL finds the bottom", on_world=truth.lock_lost, measuring="velocity"),
+    FaultKind("leak", "water comes into the dry hull", on_world=truth.leak, others=("hull",)),
+    FaultKind("current", "0.15 m/s across the pool", on_world=truth.current, others=("water",)),
 )
 
 FAULTS: Mapping[str, FaultKind] = {kind.name: kind for kind in _KINDS}
 
 
-def parse_fault(text: str) -> FaultSpec:
-    """Parse a fault specification. UsageError names the error and the known faults."""
+def parse_fault(text: str, vehicle: Vehicle | None = None) -> FaultSpec:
+    """Parse a fault specification: of a vehicle, or of one with each kind of sensor under the name of its kind.
+
+    UsageError names the error and the known faults, and what a fault falls on.
+    """
     head, at, when = text.partition("@")
     name, colon, device = head.partition(":")
     kind = FAULTS.get(name)
     if kind is None:
         raise UsageError(f"--fault {text}: found {name!r}, wanted one of {', '.join(FAULTS)}; the form is {FORM}")
-    if colon and device not in kind.devices:
-        known = ", ".join(kind.devices)
+    devices = kind.devices(vehicle)
+    if not devices:
+        raise UsageError(f"--fault {text}: {name} falls on nothing aboard; see `sensors` in the vehicle file")
+    if colon and device not in devices:
+        known = ", ".join(devices)
         raise UsageError(f"--fault {text}: {name} on {device!r}, wanted one of {known}; the form is {FORM}")
     start, plus, duration = when.partition("+")
     return FaultSpec(
         name,
-        (device,) if colon else kind.devices,
+        (device,) if colon else devices,
         _seconds(start, text) if at else DEFAULT_START_S,
         _seconds(duration, text) if plus else DEFAULT_DURATION_S,
     )

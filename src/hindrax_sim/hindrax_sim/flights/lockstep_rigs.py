@@ -17,7 +17,7 @@ from hindrax_core.readings import Reading
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.buses.bus_schedule import BusSchedule
 from hindrax_drivers.devices.pca9685 import pca9685_of
-from hindrax_drivers.driver_registry import DEVICES
+from hindrax_drivers.driver_registry import driver_of
 from hindrax_drivers.output.output_guard import guard_of
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, fault_injector
 from hindrax_sim.flights.sensor_models import SensorModel, SensorNoise, sensors
@@ -94,7 +94,7 @@ class BytesRig:
         self._lights = neutral.lights
         self._run_output(self._pca.configure())
         for name, mount in vehicle.sensors.items():
-            row = DEVICES[mount.device]
+            row = driver_of(mount.device)
             device: Any = row.make(row.knobs(), mount, vehicle)
             if row.serial:
                 self._serial[name] = device

@@ -11,6 +11,7 @@ from typing import TypeAlias
 from hindrax_core import readings
 from hindrax_core.events import NS_PER_S, Stamp, Stamped, to_s
 from hindrax_core.readings import Reading, Vec3
+from hindrax_core.sensor_table import Capability, row_of
 from hindrax_sim.physics.normal_draws import NormalDraws
 from hindrax_sim.world import Mounting, World
 
@@ -166,26 +167,28 @@ def _dvl(world: World, at: Mounting, noise: SensorNoise, draws: NormalDraws) -> 
     return sample
 
 
-MODELS: tuple[tuple[str, Model, float, float, str], ...] = (
-    ("icm20948", _imu, 225.0, 0.003, ""),
-    ("icm20948", _magnetometer, 25.0, 0.009, " compass"),
-    ("ms5837", _barometer, 50.0, 0.005, ""),
-    ("ping1d", _sonar, 20.0, 0.023, ""),
-    ("dvl75", _dvl, 20.0, 0.008, ""),
-    ("ina226", _battery, 10.0, 0.0, ""),
-    ("ads1115", _battery, 10.0, 0.0, ""),
+MODELS: tuple[tuple[Capability, Model, float, float, str], ...] = (
+    ("rates", _imu, 225.0, 0.003, ""),
+    ("field", _magnetometer, 25.0, 0.009, " compass"),
+    ("depth", _barometer, 50.0, 0.005, ""),
+    ("range", _sonar, 20.0, 0.023, ""),
+    ("velocity", _dvl, 20.0, 0.008, ""),
+    ("supply", _battery, 10.0, 0.0, ""),
 )
-"""Kind of sensor, its model, rate [Hz], latency [s]; what separates the draws of a second model of one sensor."""
+"""What a sensor measures, the model, rate [Hz], latency [s]; what separates the draws of a second model of one sensor.
+
+Rates and latencies are those of ICM-20948, MS5837, Ping, DVL-75 and INA226: of a sensor, not of its kind.
+"""
 
 
 def sensors(world: World, noise: SensorNoise, seed: int) -> list[SensorModel]:
-    """Models of all sensors of the vehicle file whose kind has one."""
+    """Models of all that the sensors of the vehicle file measure, as far as there is one."""
     return [
         SensorModel(
             *(source, round(NS_PER_S / rate_Hz), round(NS_PER_S * latency_s)),
             make(world, world.mounting(mount), noise, NormalDraws(source + part, seed)),
         )
         for source, mount in world.vehicle.sensors.items()
-        for kind, make, rate_Hz, latency_s, part in MODELS
-        if kind == mount.device
+        for measured, make, rate_Hz, latency_s, part in MODELS
+        if measured in row_of(mount.device).measures
     ]

@@ -66,9 +66,9 @@ def clock_publisher(mock: MockVehicle, namespace: str) -> Iterator[None]:
 def run(words: argparse.Namespace, folder: Path) -> int:
     """Serve until a signal."""
     stop, heartbeat = StopSignal(), HeartbeatFile(os.environ)
-    faults = [parse_fault(fault) for fault in words.fault]
-    conditions = Conditions(sizes=sizes_of(words.world, words.seed))
     vehicle = load_vehicle(words.vehicle)
+    faults = [parse_fault(fault, vehicle) for fault in words.fault]
+    conditions = Conditions(sizes=sizes_of(words.world, words.seed))
     with MockVehicle(Hardware(vehicle, words.seed, conditions, faults), folder, rate=words.rate) as mock:
         with (
             Path(words.truth or os.devnull).open("w", buffering=1, encoding="ascii") as log,

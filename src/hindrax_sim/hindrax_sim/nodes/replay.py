@@ -103,7 +103,7 @@ def run(words: argparse.Namespace, folder: Path) -> int:
     stop = StopSignal()
     given = load_vehicle(words.vehicle) if words.vehicle else None
     vehicle = given or attached_vehicle(words.bag, attachments(words.bag))
-    hardware = RecordedHardware(vehicle, recorded_frames(words.bag))
+    hardware = RecordedHardware(vehicle, recorded_frames(words.bag, vehicle))
     with graph(words.namespace), RecordedPorts(hardware, folder, rate=words.rate) as ports:
         player = Player(words.bag, ports)
         try:

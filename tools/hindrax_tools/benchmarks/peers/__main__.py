@@ -11,7 +11,8 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from hindrax_core.events import Stamp
-from hindrax_core.topics import NAMESPACE, RAW_FRAMES, TOPICS, resolved
+from hindrax_core.sensor_table import SENSORS
+from hindrax_core.topics import NAMESPACE, TOPICS, raw_topic, resolved
 from hindrax_msgs.msg import RawFrames
 from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.messages.convert import stamp_to_msg
@@ -50,9 +51,10 @@ def load(rate_Hz: float, size: int, seconds: float) -> None:
     """Wait for the recorder, report it, publish on the raw topics in bursts of 10 ms, and report the count."""
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     node = Node("load", namespace=NAMESPACE, enable_rosout=False, start_parameter_services=False)
-    out = [publisher(node, topic) for topic in RAW_FRAMES.values()]
+    raw = [raw_topic(source) for source in (*(row.name for row in SENSORS), "thrusters")]
+    out = [publisher(node, topic) for topic in raw]
     data, deadline = message_of(size), time.monotonic() + READY_S
-    while time.monotonic() < deadline and not all(map(node.count_subscribers, map(resolved, RAW_FRAMES.values()))):
+    while time.monotonic() < deadline and not all(map(node.count_subscribers, map(resolved, raw))):
         time.sleep(0.05)
     time.sleep(SETTLE_S)
     print(json.dumps({"bytes": len(data)}), flush=True)

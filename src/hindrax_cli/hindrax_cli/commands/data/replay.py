@@ -5,6 +5,7 @@ from pathlib import Path
 
 from hindrax_analysis.terminal import print_answer, working
 from hindrax_bag.message_comparison import TOLERANCES, ComparisonReport, load_rules
+from hindrax_bag.read.bag_reader import attached_vehicle, attachments
 from hindrax_bringup.clone import clone_root
 from hindrax_cli.argument_types import add_json, named_vehicle
 from hindrax_cli.command import command, option
@@ -77,7 +78,8 @@ def _one(bag: Path, arguments: argparse.Namespace) -> Replayed:
         rules = load_rules(arguments.tolerances, "ros")
         return replay_ros(bag, rules, arguments.vehicle, arguments.out)
     vehicle = load_vehicle(arguments.vehicle) if arguments.vehicle else None
-    names = {} if arguments.all else names_of(bag, arguments.remap)
+    vehicle = vehicle or attached_vehicle(bag, attachments(bag))
+    names = {} if arguments.all else names_of(bag, arguments.remap, vehicle)
     rules = load_rules(arguments.tolerances, "reference" if arguments.all else "pure")
     replayed = replay_bag(bag, rules, vehicle, results=arguments.all, names=names)
     if not replayed.ledger.messages and not replayed.ledger.differences():

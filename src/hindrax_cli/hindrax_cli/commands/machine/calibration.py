@@ -10,20 +10,20 @@ from typing import Any
 
 from hindrax_analysis.terminal import print_answer, working
 from hindrax_bag.read.bag_reader import messages
-from hindrax_cli.argument_types import add_i2c_port, add_json, add_vehicle
+from hindrax_cli.argument_types import add_i2c_port, add_json, add_sensor, add_vehicle
 from hindrax_cli.command import command, option
 from hindrax_cli.vehicle_edit import add_write, keep, require_editable
 from hindrax_core import topics
-from hindrax_core.errors import HindraxError
+from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import Inertial, Magnetic, Pressure, Vec3
 from hindrax_core.text.screen_text import print_stderr
 from hindrax_core.vehicle import Mount, load_vehicle
-from hindrax_drivers.bus_capture import capture, mount_of, run_once
+from hindrax_drivers.bus_capture import capture, measuring, mount_of, run_once
 from hindrax_drivers.devices.icm20948 import Icm20948
 from hindrax_drivers.devices.imu.icm20948_samples import Icm20948Knobs
 from hindrax_drivers.devices.imu.icm20948_selftest import self_test
-from hindrax_drivers.devices.ms5837 import Ms5837
+from hindrax_drivers.driver_registry import driver_of
 from hindrax_drivers.imu_calibration import correction, fit_sphere, roundness
 
 SLOW_radps = 0.15
@@ -38,6 +38,7 @@ FEWEST = 20
     "./hindrax imu calibrate --seconds 90 --write",
     option("action", choices=("calibrate", "self-test"), help="self-test: the vehicle must stand still"),
     add_vehicle,
+    add_sensor,
     add_i2c_port,
     option("--seconds", type=float, default=60.0, metavar="S", help="how long to turn [s]"),
     option("--bag", metavar="BAG", help="calibrate from a recorded turn instead of a live one"),
@@ -47,11 +48,11 @@ FEWEST = 20
 def imu(arguments: argparse.Namespace) -> int:
     """Calibrate magnetometer and accelerometer from a turn, or run the sensor's self test."""
     require_editable(arguments)
-    name, mount = mount_of(load_vehicle(arguments.vehicle), "icm20948")
+    name, mount = mount_of(load_vehicle(arguments.vehicle), Icm20948, arguments.sensor)
     port = arguments.port or mount.port
     if arguments.action == "self-test":
         return _self_test(port, mount, as_json=arguments.json)
-    forces, fields = from_bag(arguments.bag) if arguments.bag else live(port, mount, arguments.seconds)
+    forces, fields = from_bag(arguments.bag, name, mount) if arguments.bag else live(port, mount, arguments.seconds)
     found, remarks = calibration(forces, fields, mount.calibration if arguments.bag else {})
     if found:
         block = {key: values for key, values in mount.calibration.items() if not key.endswith("_scale")} | found
@@ -74,9 +75,10 @@ def live(port: str, mount: Mount, seconds: float) -> tuple[list[Vec3], list[Vec3
     return [one.specific_force_mps2 for one in slow], [one.field_T for one in captured.of(Magnetic)]
 
 
-def from_bag(bag: str) -> tuple[list[Vec3], list[Vec3]]:
+def from_bag(bag: str, name: str, mount: Mount) -> tuple[list[Vec3], list[Vec3]]:
     """Forces while turning slowly, and fields, as they were recorded: corrected by the vehicle file of that time."""
-    inertial, magnetic = topics.resolved(topics.IMU), topics.resolved(topics.MAGNETIC)
+    published = topics.sensor_topics(name, mount.device)
+    inertial, magnetic = topics.resolved(published["data_raw"]), topics.resolved(published["mag"])
     forces: list[Vec3] = []
     fields: list[Vec3] = []
     for one in messages(bag, (inertial, magnetic)):
@@ -123,6 +125,7 @@ def _vector(message: Any) -> Vec3:
     "./hindrax depth tare --write",
     option("action", choices=("tare",), help="the vehicle out of the water, or its sensor at the surface"),
     add_vehicle,
+    add_sensor,
     add_i2c_port,
     option("--seconds", type=float, default=3.0, metavar="S", help="how long to measure [s]"),
     add_write,
@@ -132,8 +135,11 @@ def depth(arguments: argparse.Namespace) -> int:
     """Measure the air pressure at the surface, from which depth is counted (tare)."""
     require_editable(arguments)
     vehicle = load_vehicle(arguments.vehicle)
-    _, mount = mount_of(vehicle, "ms5837")
-    sensor = Ms5837(address=mount.address)
+    name, mount = measuring(vehicle, "depth", arguments.sensor)
+    row = driver_of(mount.device)
+    if row.serial:
+        raise UsageError(f"{name}: is on a serial line, wanted one on a bus; edit water.surface_pressure_Pa")
+    sensor = row.make(row.knobs(), mount, vehicle)
     prompt = partial(print_stderr, f"measuring the air pressure for {arguments.seconds:g} s")
     captured = capture(arguments.port or mount.port, sensor, arguments.seconds, lambda _: None, prompt)
     mean, spread = judged([one.pressure_Pa for one in captured.of(Pressure)])

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from hindrax_analysis.terminal import print_answer
-from hindrax_cli.argument_types import add_json, add_vehicle, within
+from hindrax_cli.argument_types import add_json, add_sensor, add_vehicle, within
 from hindrax_cli.command import command, option
 from hindrax_core.driver_interface import Identity, Send
 from hindrax_core.errors import HindraxError
@@ -32,6 +32,7 @@ ANGLES = {"--heading-offset": flash.HEADING_OFFSET, "--declination": "Magnetic d
     "./hindrax dvl setup --pool-mode on --dry-run",
     option("action", choices=("show", "setup"), help="show the settings, or set those that differ"),
     add_vehicle,
+    add_sensor,
     option("--port", metavar="PATH", help="serial port, or udp://ADDRESS:PORT; default: of the vehicle file"),
     option(
         "--speed-of-sound",
@@ -62,7 +63,7 @@ ANGLES = {"--heading-offset": flash.HEADING_OFFSET, "--declination": "Magnetic d
 def dvl(arguments: argparse.Namespace) -> int:
     """Show or set the settings in the flash of the DVL."""
     vehicle = load_vehicle(arguments.vehicle)
-    port = arguments.port or mount_of(vehicle, "dvl75")[1].port
+    port = arguments.port or mount_of(vehicle, Dvl75, arguments.sensor)[1].port
     knobs = replace(
         flash.Dvl75Knobs(),
         baud=arguments.baud,

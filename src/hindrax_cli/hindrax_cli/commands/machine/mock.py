@@ -18,6 +18,7 @@ from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.bus_capture import mount_of
 from hindrax_drivers.buses.line import UDP_PREFIX
+from hindrax_drivers.devices.dvl75 import Dvl75
 from hindrax_sim.buses.serial_ends import OF_DEVICE
 from hindrax_sim.conditions.world_table import sizes_of
 from hindrax_sim.faults.fault_registry import parse_fault
@@ -64,7 +65,7 @@ def serve(
     `place`: folder of the ports; `i2c_device`: a file to mount as the bus too; `dvl_udp`: the DVL is on the network.
     """
     vehicle = load_vehicle(vehicle_file)
-    faults = [parse_fault(fault) for fault in options.faults]
+    faults = [parse_fault(fault, vehicle) for fault in options.faults]
     conditions = Conditions(sizes=sizes_of(options.world, options.seed))
     with (
         _own(place or runtime_folder() / "mock") as folder,
@@ -72,7 +73,7 @@ def serve(
         contextlib.closing(mock.offer_file(i2c_device)) if i2c_device else contextlib.nullcontext(),
     ):
         if dvl_udp:
-            mock.put_on_network(mount_of(vehicle, "dvl75")[0])
+            mock.put_on_network(mount_of(vehicle, Dvl75)[0])
         announce(mock.ports | {"clock": mock.clock} | ({"i2c-device": i2c_device} if i2c_device else {}))
         while not over():
             mock.step()

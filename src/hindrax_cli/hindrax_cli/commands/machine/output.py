@@ -21,7 +21,7 @@ from hindrax_core.vehicle import Vehicle, chip_and_line
 from hindrax_drivers.bus_capture import capture, run_once
 from hindrax_drivers.buses.clock import MOCK_PREFIX
 from hindrax_drivers.devices.pca9685 import Pca9685, pca9685_of
-from hindrax_drivers.driver_registry import DEVICES
+from hindrax_drivers.driver_registry import driver_of
 from hindrax_drivers.output import oscillator as measurement
 from hindrax_drivers.output.enable_line import outputs_enabled
 
@@ -30,7 +30,6 @@ Wire the signal pin of channel {channel} to GPIO {gpio} and the grounds together
 The PCA9685 must run from 3.3 V: 5 V destroys the GPIO."""
 FULL_us, LEAST_us = 1900.0, 1100.0
 SUPPLIED_V = 3.0
-BATTERY_SENSORS = ("ina226", "ads1115")
 OFF = "Switch the supply of the speed controllers OFF, then type off:"
 ON = "Full throttle is on {names}. Switch their supply ON; 3 s later they beep that it is stored: press Enter then."
 STORED = "Zero throttle is on them. After the beeps that follow 3 s of it, switch the supply OFF again and press Enter:"
@@ -121,10 +120,9 @@ class _Bench:
 
     def require_no_supply(self) -> None:
         """HindraxError when a battery sensor of the vehicle sees a supply: full throttle would turn the thrusters."""
-        for name, mount in self.vehicle.sensors.items():
-            if mount.device not in BATTERY_SENSORS:
-                continue
-            row = DEVICES[mount.device]
+        for name in self.vehicle.measuring("supply"):
+            mount = self.vehicle.sensors[name]
+            row = driver_of(mount.device)
             port = self.port if self.port.startswith(MOCK_PREFIX) else mount.port
             captured = capture(port, row.make(row.knobs(), mount, self.vehicle), 0.5, lambda _part: None)
             found_V = max((one.voltage_V for one in captured.of(Battery)), default=0.0)

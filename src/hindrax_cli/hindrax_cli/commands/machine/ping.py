@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 from hindrax_analysis.plain import plain
 from hindrax_analysis.terminal import print_answer
-from hindrax_cli.argument_types import add_json, add_vehicle, within
+from hindrax_cli.argument_types import add_json, add_sensor, add_vehicle, within
 from hindrax_cli.command import command, option
 from hindrax_core.driver_interface import Identity, Send, Trouble
 from hindrax_core.errors import HindraxError
@@ -35,6 +35,7 @@ ReadingT = TypeVar("ReadingT")
     "./hindrax ping profile --port /dev/hindrax/ping",
     option("action", choices=("profile", "show"), help="one profile, or the device itself"),
     add_vehicle,
+    add_sensor,
     option("--port", metavar="PATH", help="serial port; default: of the vehicle file"),
     # 255 is everybody (ping-protocol, docs/index.md).
     option("--device-id", type=within(int, 0, 254), metavar="N", help="give the sonar this number first, 0 to 254"),
@@ -43,7 +44,7 @@ ReadingT = TypeVar("ReadingT")
 def ping(arguments: argparse.Namespace) -> int:
     """Query the sonar: one echo profile, or its number, supply and temperatures."""
     vehicle = load_vehicle(arguments.vehicle)
-    port = arguments.port or mount_of(vehicle, "ping1d")[1].port
+    port = arguments.port or mount_of(vehicle, Ping1d, arguments.sensor)[1].port
     knobs = in_water(Ping1dKnobs(continuous=False, profile=True, min_confidence=0.0), vehicle)
     sonar, device_id = Ping1d(knobs), arguments.device_id
     order = b"" if device_id is None else protocol.encode(protocol.SET_DEVICE_ID, bytes([device_id]))
