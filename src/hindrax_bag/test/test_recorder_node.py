@@ -32,6 +32,7 @@ from hindrax_bag.nodes.recorder import QUEUE, SYNC_EVERY, Recorder
 from hindrax_bag.read.bag_reader import BagMessage, attachments, messages
 from hindrax_bag.read.recovery import complete
 from hindrax_bag.write.bag_writer import BagWriter
+from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import (
     DIAGNOSTICS,
@@ -245,6 +246,15 @@ def test_a_power_cut_costs_a_second_and_the_operator_receives_every_second(
         act()
     assert (period_s, syncs) == (0.5, [False, True] * 3), "given to the disk once a second"
     assert len(reports) == 3
+
+
+def test_it_records_the_sensors_of_the_vehicle_by_their_names(bench: Callable[..., Bench], tmp_path: Path) -> None:
+    file = tmp_path / "vehicle.yaml"
+    ahead = "  ahead: {device: ping1d, port: /dev/hindrax/ahead, rotation_deg: [0.0, 90.0, 0.0]}"
+    file.write_text(default_vehicle().read_text().replace("\nsensors:", f"\nsensors:\n{ahead}"))
+    made = bench(vehicle=file)
+    found = {one.topic_name for one in super(BatchedNode, made.recorder).subscriptions}
+    assert {f"{NAMESPACE}/ahead/range", f"{NAMESPACE}/raw/ahead", resolved(IMU)} <= found
 
 
 def test_it_takes_whatever_is_offered_and_keeps_it_until_its_turn(bench: Callable[..., Bench]) -> None:

@@ -177,7 +177,7 @@ def test_what_looks_wrong_is_named_with_a_remedy() -> None:
     body = {"volume_m3": 0.02, "center_of_buoyancy_m": [0.0, 0.0, 0.02], "hydrodynamics": None}
     wrong = changed(thrusters=thrusters, sensors={}, **body)
     remedies = {one.name for one in findings(wrong) if not one.ok}
-    assert remedies >= {"net buoyancy", "righting arm", "channels", "thruster positions", "dvl75", "hydrodynamics"}
+    assert remedies >= {"net buoyancy", "righting arm", "channels", "thruster positions", "velocity", "hydrodynamics"}
 
 
 def test_a_limit_below_what_the_thrusters_reach_is_reported() -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from hindrax_core.events import NS_PER_S, Stamp, stamp_from_s
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import Quaternion, Vec3
-from hindrax_core.vehicle import Mount, Vehicle
+from hindrax_core.vehicle import WITHIN, Mount, Vehicle
 from hindrax_sim.conditions.world_table import realize
 from hindrax_sim.physics.geometry import euler, minus, plus, quaternion, rotate, rotate_back, unit
 from hindrax_sim.physics.normal_draws import NormalDraws
@@ -16,6 +16,8 @@ from hindrax_sim.physics.pool import PoolWalls
 from hindrax_sim.physics.thruster import thruster_A
 
 GUST_PERIOD_S = 0.1
+GRAZING_rad = math.radians(45.0)
+"""Of a wall that a beam meets at more than this angle to its normal, no echo comes back."""
 HELD_ns = stamp_from_s(0.2)
 """Where a vehicle that is held comes to rest so often, it rocks no more after a few seconds."""
 
@@ -235,3 +237,20 @@ class World:
         """
         slant = max(0.0, self.tilt_rad(at) - half_beam_rad)
         return self.height_m(at) / math.cos(slant) if slant < 1.4 else None
+
+    def echo_m(self, at: Mounting, half_beam_rad: float = 0.0) -> float | None:
+        """Distance that a sonar finds: to the floor where it is mounted to look down, else to what it looks at.
+
+        That is the nearest of walls, floor and surface, each as in `range_m`.
+        """
+        if at.into_body((0.0, 0.0, 1.0))[2] > WITHIN:
+            return self.range_m(at, half_beam_rad)
+        pool, seen = self.vehicle.pool, []
+        axis = rotate(self.plant.quaternion, at.into_body((0.0, 0.0, 1.0)))
+        x, y, z = self.point_m(at.lever_m)
+        ends = ((0.5 * pool.length_m, -0.5 * pool.length_m), (0.5 * pool.width_m, -0.5 * pool.width_m))
+        for along, here, (far, near) in zip(axis, (x, y, z), (*ends, (pool.depth_m, 0.0)), strict=True):
+            slant = max(0.0, math.acos(min(1.0, abs(along))) - half_beam_rad)
+            if slant < GRAZING_rad:
+                seen.append(((far - here) if along > 0.0 else (here - near)) / math.cos(slant))
+        return min(seen, default=None)

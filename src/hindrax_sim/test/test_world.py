@@ -139,6 +139,23 @@ def test_there_is_no_range_beside_the_floor() -> None:
     assert world.range_m(world.mounting(mount())) is None
 
 
+@pytest.mark.parametrize(
+    ("yaw_rad", "pitch_deg", "wanted_m"),
+    [
+        (0.0, 90.0, 4.8),  # half of 10 m less the lever
+        (0.2, 90.0, 5.0 - 0.2 * math.cos(0.2)),  # 11 deg off, within the beam
+        (math.pi / 2.0, 90.0, 2.8),  # half of 6 m
+        (0.0, -90.0, 5.2),
+        (0.0, 180.0, 0.9),  # the surface
+        (0.0, 0.0, 0.9),
+    ],
+)
+def test_a_sonar_that_does_not_look_down_finds_walls(yaw_rad: float, pitch_deg: float, wanted_m: float) -> None:
+    world = under_water(World(VEHICLE, conditions=CALM), (0.0, 0.0, yaw_rad))
+    at = world.mounting(mount(position_m=(0.2, 0.0, 0.0), rotation_deg=(0.0, pitch_deg, 0.0)))
+    assert world.echo_m(at, math.radians(12.5)) == pytest.approx(wanted_m, abs=1e-6)
+
+
 def test_the_compass_shows_the_heading_until_the_motors_run() -> None:
     world = under_water(World(VEHICLE, conditions=replace(CALM, heading_rad=0.7)), (0.0, 0.0, 0.5))
     at = world.mounting(mount())

@@ -7,7 +7,7 @@ subscriptions) and are written as they are.
 import os
 import sys
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -24,7 +24,7 @@ from hindrax_bag.read.bag_reader import valid_stamp
 from hindrax_bag.read.recovery import begin_completion
 from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_bag.write.limits import BagLimits, free_bytes
-from hindrax_core.errors import cause
+from hindrax_core.errors import UsageError, cause
 from hindrax_core.events import NS_PER_S, Stamp
 from hindrax_core.topics import TOPICS, Quality, Topic, topics_of
 from hindrax_core.vehicle import load_vehicle
@@ -93,15 +93,22 @@ class Recorder(BatchedNode):
         self._early: list[tuple[Channel, bytes, int]] = []
         self._received = Stamp(0)
         self._flushes = 0
-        # Also those of the usual names: a sensor that runs alone beside the stack is in no vehicle file.
-        named = topics_of(load_vehicle(vehicle)) if vehicle else ()
-        for topic in {one.name: one for one in (*TOPICS, *named)}.values():
+        for topic in self._topics(vehicle):
             publishers = partial(self.count_publishers, self.resolve_topic_name(topic.name))
             self._gaps[topic.name] = PublicationGaps(publishers)
             deep = profile(replace(topic.quality, depth=QUEUE, deadline_s=0.0, lifespan_s=0.0))
             self.create_subscription(message_class(topic.type), topic.name, self._writer(topic), deep, raw=True)
         # In wall time, whatever the mock's clock does: a power cut follows no clock.
         self.every(FLUSH_S, self._flush)
+
+    def _topics(self, vehicle: str) -> Iterable[Topic]:
+        """Topics of the vehicle, and those of the usual names: a sensor beside the stack is in no vehicle file."""
+        named: tuple[Topic, ...] = ()
+        try:
+            named = topics_of(load_vehicle(vehicle)) if vehicle else ()
+        except UsageError as error:  # what can be recorded is
+            self.get_logger().error(f"sensors of other names than those of their kinds are not recorded: {error}")
+        return {one.name: one for one in (*TOPICS, *named)}.values()
 
     def _describe(self, values: dict[str, str], vehicle: str) -> None:
         rmw = os.environ.get("RMW_IMPLEMENTATION", "")

@@ -275,7 +275,7 @@ def _agrees(truth: PingTruth, reading: Any) -> bool:
 
 EMULATOR = Emulator(
     lambda seed: Ping1d(seed=seed),
-    lambda world, at: PingTruth(world.range_m(at, HALF_BEAM_rad)),
+    lambda world, at: PingTruth(world.echo_m(at, HALF_BEAM_rad)),
     lambda seconds: PingTruth(2.5 + 0.3 * math.sin(0.5 * seconds)),
     _agrees,
 )

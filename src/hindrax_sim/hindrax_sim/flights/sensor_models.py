@@ -115,7 +115,7 @@ def _sonar(world: World, at: Mounting, noise: SensorNoise, draws: NormalDraws) -
     """Distance to the nearest point of the floor within the beam; nothing outside the floor."""
 
     def read() -> Reading | None:
-        found = world.range_m(at, HALF_BEAM_rad)
+        found = world.echo_m(at, HALF_BEAM_rad)
         if found is None or found <= 0.0:
             return None
         found += noise.echo_share * found * draws.normal()
