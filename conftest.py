@@ -10,6 +10,7 @@ from hypothesis import settings
 from parallel_run import FileProgress, FileScheduling, long_ones_first
 from xdist.scheduler import Scheduling
 
+from hindrax_bringup.ros_graph import OUR_RMW, RANGE, RMW, graph_settings
 from hindrax_bringup.stack import own_domain
 from hindrax_bringup.stack_lock import FOLDER
 from hindrax_core.vehicle import Vehicle, load_vehicle
@@ -18,6 +19,11 @@ from hindrax_core.vehicle import Vehicle, load_vehicle
 # the same examples every time, so that it tells of the change at hand; a thorough one looks for new ones.
 settings.register_profile("hindrax", deadline=None, derandomize="HINDRAX_THOROUGH" not in os.environ)
 settings.load_profile("hindrax")
+
+# Nor does the graph of a shell decide: what it has set for other robots is not there when the client library is loaded.
+for name in graph_settings(os.environ):
+    os.environ.pop(name, None)
+os.environ |= {RMW: OUR_RMW, RANGE: "LOCALHOST"}
 
 # A shell ignores Ctrl-C for what it runs in the background, and all that the tests start would.
 signal.signal(signal.SIGINT, signal.default_int_handler)

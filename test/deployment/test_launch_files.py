@@ -27,8 +27,9 @@ from ament_index_python import get_package_prefix
 from hindrax_bag.run_folder import make_run_folder
 from hindrax_bringup.node_options import ParameterOverrides
 from hindrax_bringup.processes import MOCK, ONBOARD, RECORDER, SENSORS, Process
+from hindrax_bringup.ros_graph import PROFILE
 from hindrax_bringup.share_files import default_vehicle
-from hindrax_bringup.stack import PROFILE, MockOptions, Stack, own_domain
+from hindrax_bringup.stack import MockOptions, Stack, own_domain
 from hindrax_bringup.stack_lock import FOLDER, LAUNCHED, stacks
 from hindrax_bringup.supervisor import Supervisor
 from hindrax_core.errors import UsageError

@@ -139,8 +139,55 @@ def test_armed_it_holds_pushes_and_stops(terminal: Terminal) -> None:
     assert code == 0, wrong
     code, printed, wrong = terminal.run("stop")
     assert code == 0, wrong
-    assert printed.startswith("stopped and disarmed: mock vehicle")
+    assert printed.startswith("stopped and disarmed: hindrax (mock), ROS domain")
     assert "the thrusters are disarmed (disarmed by request)" in terminal.run("hold", "depth")[2]
+
+
+FOREIGN = {
+    "RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp",
+    "ROS_DISCOVERY_SERVER": "127.0.0.1:11811",
+    "ROS_LOCALHOST_ONLY": "1",
+    "FASTDDS_DEFAULT_PROFILES_FILE": "/nowhere.xml",
+    "ROS_SECURITY_ENABLE": "true",
+}
+"""Settings of a shell that serves another robot."""
+
+
+def test_a_shell_of_another_graph_arms_steers_and_stops_this_stack(terminal: Terminal, up: psutil.Process) -> None:
+    foreign = Terminal(terminal.environment | FOREIGN, terminal.folder)
+    code, _, wrong = foreign.run("arm")
+    assert code == 0, wrong
+    assert wrong.splitlines()[0].startswith("vehicle: hindrax (mock), ROS domain ")
+    assert f"process {up.pid}, {terminal.folder / 'run'}" in wrong
+    assert foreign.run("hold", "heading")[0] == 0
+    for words in (["hold", "heading"], ["arm"], ["wrench", "5", "0", "0", "0", "0", "0"]):
+        away = Terminal(terminal.environment | {"ROS_DOMAIN_ID": "230"}, terminal.folder)
+        code, printed, wrong = away.run(*words)
+        assert (code, printed) == (2, "")
+        assert f"and ROS_DOMAIN_ID=230 is set here; if you mean it, add --stack {up.pid}" in wrong
+    (thrusters,) = (one for one in up.children() if "hindrax_drivers.nodes.deadman" in one.cmdline())
+    broken = Terminal(foreign.environment | {"ROS_DOMAIN_ID": "300"}, terminal.folder)
+    code, printed, wrong = broken.run("stop", "--stack", str(up.pid))
+    assert (code, wrong) == (0, "")
+    assert printed == f"stopped and disarmed: {whole_title(terminal, up)}\n"
+    assert thrusters.is_running()
+    assert "wanted armed" in terminal.run("wrench", "5", "0", "0", "0", "0", "0")[2]
+
+
+def test_a_stop_needs_no_ros_at_all(terminal: Terminal, up: psutil.Process) -> None:
+    assert terminal.run("arm")[0] == 0
+    without = Terminal(terminal.environment | {"LD_LIBRARY_PATH": ""}, terminal.folder)
+    code, printed, wrong = without.run("stop")
+    assert code == 0
+    assert printed == f"stopped and disarmed: {whole_title(terminal, up)}\n"
+    assert "disarmed, but over ROS nothing could be cancelled (ROS: ended with code 1" in wrong
+    assert "wanted armed" in terminal.run("wrench", "5", "0", "0", "0", "0", "0")[2]
+
+
+def whole_title(terminal: Terminal, up: psutil.Process) -> str:
+    document = json.loads((terminal.folder / "runtime" / f"{up.pid}.json").read_text())
+    domain = document["graph"]["ROS_DOMAIN_ID"]
+    return f"hindrax (mock), ROS domain {domain}, process {up.pid}, {terminal.folder / 'run'}"
 
 
 @pytest.mark.usefixtures("up")

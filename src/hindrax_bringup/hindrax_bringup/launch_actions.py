@@ -18,6 +18,7 @@ from launch.actions import (
     RegisterEventHandler,
     SetEnvironmentVariable,
     Shutdown,
+    UnsetEnvironmentVariable,
 )
 from launch.event_handlers import OnProcessIO
 from launch_ros.actions import Node
@@ -27,9 +28,10 @@ from hindrax_bag.run_folder import write_parameters
 from hindrax_bringup.network.tether import tether_setting
 from hindrax_bringup.node_options import NodeOptions, ParameterOverrides
 from hindrax_bringup.processes import ONBOARD, Process
+from hindrax_bringup.ros_graph import graph_settings, set_aside
 from hindrax_bringup.share_files import usual_vehicle, vehicle_file
 from hindrax_bringup.stack import stack_environment
-from hindrax_bringup.stack_lock import LAUNCHED, StackLock, announced, graph_settings, runtime_folder
+from hindrax_bringup.stack_lock import CLONE, LAUNCHED, StackLock, announced, runtime_folder
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_stderr
 from hindrax_core.topics import NAMESPACE
@@ -73,6 +75,7 @@ def stack(
         started: list[Action] = [
             SetEnvironmentVariable(key, value) for key, value in made.items() if os.environ.get(key) != value
         ]
+        started += [UnsetEnvironmentVariable(name) for name in set_aside(os.environ, made)]
         mock: Action | None = None
         if hardware is not None:
             folder = runtime_folder() / f"{os.getpid()}.{hardware.name}"
@@ -162,6 +165,7 @@ def _announce(options: NodeOptions, made: Mapping[str, str]) -> None:
         purpose=LAUNCHED,
         namespace=options.tuning.namespace,
         bag=options.bag,
+        clone=os.environ.get(CLONE, ""),
     )
     until_the_end = contextlib.ExitStack()
     atexit.register(until_the_end.close)

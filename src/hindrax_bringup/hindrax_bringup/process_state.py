@@ -6,7 +6,10 @@ import select
 import signal
 import time
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
+
+from hindrax_bringup.stack_lock import FOLDER
 
 PROC = Path("/proc")
 LOOK_S = 0.05
@@ -37,6 +40,40 @@ def _children(pid: int) -> Iterator[int]:
         for task in (PROC / str(pid) / "task").iterdir():
             with contextlib.suppress(OSError):
                 yield from (int(word) for word in (task / "children").read_text(encoding="ascii").split())
+
+
+@dataclass(frozen=True, slots=True)
+class Running:
+    """A process: id, parent, owner, words, and where it would look for running stacks (empty: in the usual place)."""
+
+    pid: int
+    parent: int
+    owner: int
+    words: str
+    place: str = ""
+
+
+def running() -> Iterator[Running]:
+    """Every process that can be seen."""
+    for folder in PROC.iterdir():
+        if not folder.name.isdigit():
+            continue
+        try:
+            words = (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace").strip()
+            parent = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
+            owner = folder.stat().st_uid
+        except (OSError, IndexError, ValueError):  # it has ended meanwhile
+            continue
+        yield Running(int(folder.name), parent, owner, words, _place(folder))
+
+
+def _place(process: Path) -> str:
+    with contextlib.suppress(OSError):  # another user's, or it has ended meanwhile
+        for setting in (process / "environ").read_bytes().split(b"\0"):
+            name, _, value = setting.decode(errors="replace").partition("=")
+            if name == FOLDER:
+                return value
+    return ""
 
 
 class HeldProcesses:

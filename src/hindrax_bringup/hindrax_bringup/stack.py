@@ -4,20 +4,22 @@ import contextlib
 import json
 import os
 import select
+import socket
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
 
-from hindrax_bag.metadata import try_lock
 from hindrax_bag.run_folder import RunFolder, write_parameters
+from hindrax_bringup import ros_graph
 from hindrax_bringup.liveness import NOTIFY
 from hindrax_bringup.network import security
 from hindrax_bringup.network.tether import Tether, profile_file
 from hindrax_bringup.node_options import NodeOptions, ParameterOverrides
 from hindrax_bringup.nodes.graph_search import occupied_domains, require_no_stack
 from hindrax_bringup.processes import MOCK, RECORDER, Process
-from hindrax_bringup.stack_lock import StackLock, graph_settings
+from hindrax_bringup.ros_graph import PROFILE, graph_settings, without_graph
+from hindrax_bringup.stack_lock import CLONE, StackLock
 from hindrax_bringup.supervisor import SupervisedProcess, Supervisor, last_words
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_stderr
@@ -31,7 +33,8 @@ WORLD_HELP = (
     "mock: effects outside the model: ideal, pool (all drawn from the seed), or NAME[=SIZE],... such as tether=1; "
     "any other name lists all"
 )
-PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
+DOMAIN_ADDRESS = "\0hindrax-domain-{}"
+"""Abstract socket that a tool binds while it uses a domain (unix(7)): no file, so nothing that a link could lead to."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +120,7 @@ def lock_of(stack: Stack) -> StackLock:
         purpose=stack.notes.partition(" ")[0],
         namespace=stack.tuning.namespace,
         bag=str(folder.bag) if RECORDER.name in started else "",
+        clone=os.environ.get(CLONE, ""),
     )
 
 
@@ -137,27 +141,36 @@ def environment(*, mock: bool, domain: int | None, tether: Tether | None = None)
     """Environment of the processes: this machine only, unless the user has a profile; in mock a domain of its own.
 
     Where a tether is named the graph reaches over it, and nowhere else. Where a keystore is named (a real vehicle on a
-    ROS installation), every process proves who it is.
+    ROS installation), every process proves who it is. UsageError for a setting that no graph can have.
 
-    The profile replaces the discovery range: with LOCALHOST the middleware would bring shared memory back in, where
-    every killed process slows all later ones down.
+    The profile replaces all other settings of the graph that this terminal has, but for its domain. It replaces the
+    discovery range too: with LOCALHOST the middleware would bring shared memory back in, where every killed process
+    slows all later ones down.
     """
     made = dict(os.environ)
-    made.setdefault("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp")
+    ros_graph.exported_domain(made)
+    if mock or tether is not None or not ros_graph.has_own_profile(made):
+        kept = (ros_graph.DOMAIN,) if mock else (ros_graph.DOMAIN, ros_graph.SECURITY)
+        made = without_graph(made, *kept)
+        made[ros_graph.RMW] = ros_graph.OUR_RMW
+        made[PROFILE] = str(profile_file(tether))
+        made[ros_graph.RANGE] = "SYSTEM_DEFAULT"
+    else:
+        made.setdefault(ros_graph.RMW, ros_graph.OUR_RMW)
+    if wrong := ros_graph.missing_rmw(made):
+        raise UsageError(f"{ros_graph.RMW}: {wrong}; `unset {ros_graph.RMW}`")
     made["PYTHONUNBUFFERED"] = "1"
     made.pop(NOTIFY, None)  # only the tool itself notifies the service manager
     made.pop(stack_time.VARIABLE, None)
     if domain is not None:
-        made["ROS_DOMAIN_ID"] = str(domain)
-    if mock or tether is not None or PROFILE not in made:
-        made[PROFILE] = str(profile_file(tether))
-        made["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"
+        made[ros_graph.DOMAIN] = str(domain)
     return made if mock else made | security.settings(made.get(security.KEYSTORE, ""), made)
 
 
 def environment_beside(stack: StackLock) -> dict[str, str]:
-    """Environment of a command that joins a stack here: its graph, and no keystore where the stack is a mock."""
-    return environment(mock=stack.mock, domain=None) | dict(stack.graph)
+    """Environment of a command that joins a stack here: its graph; an identity that the user chose stays."""
+    kept = () if stack.mock else (security.OVERRIDE,)
+    return without_graph(os.environ, *kept) | dict(stack.graph)
 
 
 def stack_environment(*, mock: bool, domain: int | None, tether: Tether | None = None) -> dict[str, str]:
@@ -168,9 +181,15 @@ def stack_environment(*, mock: bool, domain: int | None, tether: Tether | None =
 
 @contextlib.contextmanager
 def adopted(wanted: Mapping[str, str]) -> Iterator[None]:
-    """Use the ROS settings of a stack in this process, with the operator's enclave, before its node is made."""
+    """Use exactly the ROS settings of a stack in this process, with the operator's enclave.
+
+    The client library reads some of them when it is imported: import it, and what imports it, within the block.
+    """
     before = dict(os.environ)
-    os.environ.update(graph_settings(security.with_enclave(wanted, "operator")))
+    chosen = graph_settings(security.with_enclave(wanted, "operator"))
+    for name in graph_settings(before).keys() - chosen.keys():
+        os.environ.pop(name, None)
+    os.environ.update(chosen)
     try:
         yield
     finally:
@@ -187,17 +206,18 @@ def own_domain(*, mock: bool, namespace: str = NAMESPACE) -> Iterator[int | None
     if not mock:
         yield None
         return
-    if chosen := os.environ.get("ROS_DOMAIN_ID", ""):
-        if chosen.isdecimal():  # the client library refuses anything else
-            require_no_stack(int(chosen), namespace, environment(mock=True, domain=None))
+    chosen = ros_graph.exported_domain(os.environ)
+    if chosen is not None:
+        require_no_stack(chosen, namespace, environment(mock=True, domain=None))
         yield None
         return
-    folder = Path(f"/tmp/hindrax-domains-{os.getuid()}")  # noqa: S108  # only empty lock files, per user
-    folder.mkdir(mode=0o700, exist_ok=True)
     for number in DOMAINS:
-        with (folder / str(number)).open("w") as lock:
-            # Processes of a killed tool live on without its lock, and other users have locks of their own.
-            if try_lock(lock) and number not in occupied_domains():
+        with contextlib.closing(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)) as lock:
+            try:
+                lock.bind(DOMAIN_ADDRESS.format(number))
+            except OSError:  # another tool uses it
+                continue
+            if number not in occupied_domains():  # processes of a killed tool live on without its lock
                 yield number
                 return
     raise HindraxError(

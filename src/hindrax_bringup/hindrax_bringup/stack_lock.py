@@ -14,20 +14,22 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import IO, Any
 
+from hindrax_bringup import ros_graph
 from hindrax_core.errors import UsageError
 from hindrax_core.topics import NAMESPACE
-from hindrax_ros import stack_time
+from hindrax_core.vehicle import load_vehicle
 
 FOLDER = "HINDRAX_RUNTIME_DIR"
 """Environment variable that moves the folder; by default it is below XDG_RUNTIME_DIR, or in /tmp per user."""
+
+CLONE = "HINDRAX_ROOT"
+"""Environment variable with the folder of the clone whose tool runs, as `./hindrax` sets it."""
 
 UP, LAUNCHED = "up", "launch"
 """Purposes of stacks that wait for an operator; others (a pool test) know themselves what to do."""
 
 HEARTBEATS = ".beats"
 """End of the name of a folder with the heartbeats of a tool's processes; it begins with the id of the tool."""
-
-GRAPH_PREFIXES = ("ROS_", "RMW_", "FASTDDS_", "FASTRTPS_", stack_time.VARIABLE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +48,8 @@ class StackLock:
     """Folder of the bag; empty: no bag."""
     started_s: float = field(default_factory=time.monotonic)
     """Time of its announcement, by the monotonic clock."""
+    clone: str = ""
+    """Folder of the clone whose tool has started it; empty: not known."""
 
     @property
     def waits_for_operator(self) -> bool:
@@ -55,7 +59,15 @@ class StackLock:
     @property
     def domain(self) -> str:
         """Its ROS_DOMAIN_ID."""
-        return self.graph.get("ROS_DOMAIN_ID", "0")
+        return self.graph.get(ros_graph.DOMAIN, "0")
+
+    @property
+    def whole_title(self) -> str:
+        """Description by which nobody takes it for another: vehicle, mock or real, domain, process, folder."""
+        kind = "mock" if self.mock else "real"
+        space = "" if self.namespace == NAMESPACE else f" {self.namespace}"
+        where = f"ROS domain {self.domain}, process {self.pid}"
+        return f"{vehicle_name(self.vehicle)} ({kind}){space}, {where}, {self.folder or 'no folder'}"
 
     @property
     def title(self) -> str:
@@ -83,15 +95,10 @@ def runtime_place() -> Path:
     else:
         folder = Path(f"/tmp/hindrax-{os.getuid()}")  # noqa: S108  # per user, and not readable by others
     with contextlib.suppress(FileNotFoundError, NotADirectoryError):
-        if folder.stat().st_uid != os.getuid():
+        # A link counts as well as the folder behind it: in /tmp anybody can make one that leads to a folder of ours.
+        if {folder.lstat().st_uid, folder.stat().st_uid} != {os.getuid()}:
             raise UsageError(f"{folder}: belongs to another user; name a folder of your own in {FOLDER}")
     return folder
-
-
-def graph_settings(environment: Mapping[str, str]) -> dict[str, str]:
-    """Pick the settings that decide which ROS graph a process joins, and by which time it lives there."""
-    found = {key: value for key, value in environment.items() if key.startswith(GRAPH_PREFIXES)}
-    return {"ROS_DOMAIN_ID": "0"} | found
 
 
 @contextlib.contextmanager
@@ -168,6 +175,27 @@ def choose(found: list[StackLock], pid: int | None) -> StackLock | None:
     if len(found) > 1:
         raise UsageError(f"found {len(found)} stacks, wanted one: add --stack PID; {_listed(found)}")
     return found[0] if found else None
+
+
+def require_meant(stack: StackLock, environment: Mapping[str, str]) -> None:
+    """UsageError for a stack that a terminal can mean only by its number: of another domain, or of another clone."""
+    domain, clone = ros_graph.exported_domain(environment), environment.get(CLONE, "")
+    others = []
+    if domain is not None and str(domain) != stack.domain:
+        others.append(f"is in ROS domain {stack.domain}, and {ros_graph.DOMAIN}={domain} is set here")
+    if clone and stack.clone and os.path.realpath(clone) != os.path.realpath(stack.clone):
+        others.append(f"is of the clone {stack.clone}")
+    if others:
+        found = f"found {stack.whole_title}, which {' and '.join(others)}"
+        raise UsageError(f"{found}; if you mean it, add --stack {stack.pid}")
+
+
+def vehicle_name(file: str) -> str:
+    """Name in a vehicle file; the file where it cannot be read."""
+    try:
+        return load_vehicle(file).name
+    except UsageError:
+        return file
 
 
 def _listed(found: list[StackLock]) -> str:

@@ -16,7 +16,8 @@ from hindrax_bringup.liveness import STARTING, LivenessFile, reported_armed, too
 from hindrax_bringup.network.tether import FOREVER_S, Tether, address_of, wait_for_address
 from hindrax_bringup.node_options import ParameterOverrides
 from hindrax_bringup.processes import MOCK, ONBOARD, SAFETY_MONITOR, THRUSTERS, modules
-from hindrax_bringup.stack import PROFILE, MockOptions, Stack, lock_of, own_domain, stack_environment
+from hindrax_bringup.ros_graph import PROFILE, set_aside
+from hindrax_bringup.stack import MockOptions, Stack, lock_of, own_domain, stack_environment
 from hindrax_bringup.stack_lock import StackLock, announced, runtime_folder, stacks
 from hindrax_bringup.supervisor import Supervisor, stop_signals
 from hindrax_core.errors import HindraxError
@@ -175,6 +176,7 @@ def startup_text(lock: StackLock, folder: RunFolder, *, record: bool) -> str:
         f"up: {lock.title}",
         "  from any terminal: ./hindrax monitor | web | arm | hold | wrench | disarm | stop",
         "  with ROS 2 tools:",
+        *(f"    unset {name}" for name in set_aside(os.environ, lock.graph)),
         *(f"    export {key}={value}" for key, value in sorted(lock.graph.items()) if key in SHOWN),
         f"  processes:         {', '.join(process.name for process in ONBOARD)}; logs in {folder.logs}",
     ]

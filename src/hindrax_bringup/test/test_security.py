@@ -165,6 +165,10 @@ def test_one_setting_enforces_them(tmp_path: Path) -> None:
     assert OVERRIDE not in with_enclave({}, "safety_monitor")
 
 
+def settings_of(keystore: Path) -> dict[str, str]:
+    return settings(str(keystore), {})
+
+
 def test_a_mock_beside_a_keystore_is_operated_without_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "enclaves").mkdir()
     monkeypatch.setenv(KEYSTORE, str(tmp_path))
@@ -172,8 +176,11 @@ def test_a_mock_beside_a_keystore_is_operated_without_it(tmp_path: Path, monkeyp
     mock = StackLock(11, mock=True, vehicle="v.yaml", folder="runs/a", graph=graph)
     assert "ROS_SECURITY_ENABLE" not in environment_beside(mock)
     assert environment_beside(mock)["ROS_DOMAIN_ID"] == "7"
-    monkeypatch.delenv(FROM_WHEELS, raising=False)
-    assert environment_beside(replace(mock, mock=False))["ROS_SECURITY_KEYSTORE"] == str(tmp_path)
+    monkeypatch.setenv(OVERRIDE, "/hindrax/bench")
+    secured = replace(mock, mock=False, graph=graph | settings_of(tmp_path))
+    assert environment_beside(secured)["ROS_SECURITY_KEYSTORE"] == str(tmp_path)
+    assert environment_beside(secured)[OVERRIDE] == "/hindrax/bench", "an identity that the user chose"
+    assert OVERRIDE not in environment_beside(mock)
 
 
 def test_a_mock_that_starts_beside_a_keystore_states_that_it_is_open(

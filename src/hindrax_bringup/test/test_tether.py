@@ -25,7 +25,8 @@ from hindrax_bringup.network.tether import (
     tether_setting,
     wait_for_address,
 )
-from hindrax_bringup.stack import PROFILE, environment
+from hindrax_bringup.ros_graph import PROFILE
+from hindrax_bringup.stack import environment
 from hindrax_bringup.stack_lock import FOLDER
 from hindrax_bringup.stack_runner import UpOptions, _require_same, awaited
 from hindrax_cli.command_line import main

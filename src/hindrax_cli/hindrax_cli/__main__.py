@@ -1,5 +1,6 @@
 """Start of the tool: catches Ctrl-C before it imports anything that takes time."""
 
+import os
 import sys
 
 from hindrax_cli import interrupt
@@ -8,8 +9,10 @@ from hindrax_cli import interrupt
 def main() -> int:
     """Run the tool and return its exit code."""
     interrupt.listen()
-    from hindrax_cli.command_line import main as run  # noqa: PLC0415  # takes a tenth of a second
+    from hindrax_bringup.ros_graph import without_missing_rmw  # noqa: PLC0415  # takes a tenth of a second
+    from hindrax_cli.command_line import main as run  # noqa: PLC0415  # as above
 
+    without_missing_rmw(os.environ)
     return run()
 
 

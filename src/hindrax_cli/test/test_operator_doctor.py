@@ -16,13 +16,14 @@ import pytest
 from vehicle_files import hindrax_file
 
 from hindrax_bag.run_folder import RunFolder
+from hindrax_bringup.process_state import Running, running
 from hindrax_bringup.share_files import default_vehicle, hindrax_with
 from hindrax_bringup.stack import MockOptions, Stack, environment
 from hindrax_bringup.stack_lock import FOLDER
 from hindrax_bringup.supervisor import Supervisor
 from hindrax_cli.command_line import main
 from hindrax_cli.health_checks import machine, nodes, wires
-from hindrax_cli.health_checks.machine import KernelTime, Running
+from hindrax_cli.health_checks.machine import KernelTime
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.buses import gpio
 from hindrax_drivers.nodes.thruster_settings import Settings
@@ -97,11 +98,11 @@ def test_in_a_container_our_own_tool_may_be_the_first_process() -> None:
 
 
 def test_processes_are_read_as_the_kernel_shows_them() -> None:
-    mine = next(one for one in machine.running() if one.pid == os.getpid())
+    mine = next(one for one in running() if one.pid == os.getpid())
     assert (mine.parent, mine.owner) == (os.getppid(), os.getuid())
     assert "py" in mine.words
     with subprocess.Popen(["sleep", "60"], env={"HOME": "/", FOLDER: "/run/there"}) as child:
-        places = {one.pid: one.place for one in machine.running()}
+        places = {one.pid: one.place for one in running()}
         child.kill()
     assert places[child.pid] == "/run/there"
 

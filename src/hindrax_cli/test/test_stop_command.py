@@ -12,7 +12,6 @@ from hindrax_bringup.stack_lock import FOLDER, StackLock, announced
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.operate import up_stop as command
 from hindrax_cli.commands.operate.up_stop import on_the_wire
-from hindrax_core.errors import HindraxError
 from hindrax_drivers.nodes.thruster_settings import Settings
 
 STACK = StackLock(4999999, mock=False, vehicle="v.yaml", folder="runs/a")
@@ -97,11 +96,11 @@ def test_without_a_stack_the_output_rests_where_its_node_would(
 def test_where_no_stack_is_announced_it_states_first_where_it_looks(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def nobody(_found: None, *, sim_time: bool) -> None:
+    def nobody(found: None, *, sim_time: bool, namespace: str) -> list[str]:
         assert "looking in the ROS graph of this terminal" in capsys.readouterr().err
-        raise HindraxError(f"nobody answers, {sim_time}")
+        return [f"nobody answers, {found}, {sim_time}, {namespace}"]
 
     monkeypatch.setenv(FOLDER, str(tmp_path))
-    monkeypatch.setattr(command, "joined", nobody)
+    monkeypatch.setattr(command, "stop_over_ros", nobody)
     assert main(["stop"]) == 1
-    assert "nobody answers, False" in capsys.readouterr().err
+    assert "nobody answers, None, False, /hindrax" in capsys.readouterr().err

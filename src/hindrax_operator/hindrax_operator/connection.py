@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from hindrax_bringup.network.tether import add_tether, tether_setting, wait_for_address
+from hindrax_bringup.ros_graph import DOMAIN
 from hindrax_bringup.stack import adopted, environment, environment_beside
-from hindrax_bringup.stack_lock import StackLock, choose, stacks
+from hindrax_bringup.stack_lock import StackLock, choose, require_meant, stacks
 from hindrax_core.text.screen_text import print_stderr
 from hindrax_core.topics import NAMESPACE
 from hindrax_ros.stack_time import StackTime
@@ -91,15 +93,59 @@ def find_stack(arguments: argparse.Namespace) -> StackLock | None:
     """Pick the stack; when none is announced, print where it is searched."""
     found = chosen_stack(arguments)
     if found is None:
-        tether = tether_setting()
-        where = f"over the tether {tether.interface}" if tether else "in the ROS graph of this terminal"
-        print_stderr(f"no `./hindrax up` runs here; looking {where}")
+        _report_search()
     return found
 
 
+def _report_search() -> None:
+    tether = tether_setting()
+    where = f"over the tether {tether.interface}" if tether else "in the ROS graph of this terminal"
+    print_stderr(f"no `./hindrax up` runs here; looking {where}")
+
+
+def meant_stack(arguments: argparse.Namespace) -> StackLock | None:
+    """Pick the stack that an order is for, None when none is announced.
+
+    UsageError for the only stack if this terminal, by its domain or its clone, may mean another one.
+    """
+    found = chosen_stack(arguments)
+    if found is not None and arguments.stack is None:
+        require_meant(found, os.environ)
+    return found
+
+
+def ordered_stack(arguments: argparse.Namespace) -> StackLock | None:
+    """Pick the stack that an order is for, and print which vehicle that is, before anything else."""
+    found = meant_stack(arguments)
+    announce_target(found, arguments)
+    return found
+
+
+def announce_target(found: StackLock | None, arguments: argparse.Namespace) -> None:
+    """Print which vehicle a command is for; when none is announced, also where it is searched."""
+    if found is not None:
+        text = found.whole_title
+    else:
+        _report_search()
+        kind = "mock" if arguments.sim_time else "mock or real unknown here"
+        text = f"vehicle in {arguments.namespace} ({kind}), {_terminal_graph(environment(mock=False, domain=None))}"
+    print_stderr(f"vehicle: {text}")
+
+
+def _terminal_graph(made: Mapping[str, str]) -> str:
+    """The graph of this terminal: its domain, and the tether where one is named."""
+    tether = tether_setting()
+    over = f", over the tether {tether.interface}" if tether else ", this machine"
+    return f"ROS domain {made.get(DOMAIN, '0')}{over}"
+
+
 @contextlib.contextmanager
-def operator_of(arguments: argparse.Namespace) -> Iterator[Operator]:
-    """Yield an operator in the graph selected by the arguments of a command."""
-    found = find_stack(arguments)
+def operator_of(arguments: argparse.Namespace, *, moves: bool = True) -> Iterator[Operator]:
+    """Yield an operator in the graph selected by the arguments of a command, and print which vehicle it is.
+
+    `moves`: whether the command may make a thruster turn, so that nothing but the meant vehicle will do.
+    """
+    found = meant_stack(arguments) if moves else chosen_stack(arguments)
+    announce_target(found, arguments)
     with joined(found, sim_time=arguments.sim_time, namespace=arguments.namespace) as operator:
         yield operator

@@ -8,6 +8,7 @@ that is started for it and ended after it. It is armed for the run and disarmed 
 from __future__ import annotations
 
 import contextlib
+import os
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -17,8 +18,9 @@ from typing import TYPE_CHECKING
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.liveness import tool_liveness
 from hindrax_bringup.processes import THRUSTERS
+from hindrax_bringup.ros_graph import DOMAIN, graph_settings
 from hindrax_bringup.stack import MockOptions, Stack, own_domain, stack_environment
-from hindrax_bringup.stack_lock import StackLock, choose, graph_settings, stacks
+from hindrax_bringup.stack_lock import StackLock, choose, require_meant, stacks
 from hindrax_bringup.supervisor import Supervisor
 from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_core.errors import HindraxError, UsageError
@@ -46,9 +48,9 @@ def run_one(
     vehicle.output_channels()
     index, pulses = pulses_of(vehicle, thruster, force_N)
     name = vehicle.thrusters[index].name
-    from hindrax_operator.nodes.orders import require_sole, run_alone  # noqa: PLC0415  # invalid arguments end before rclpy loads
-
     with _thrusters(vehicle_file, mock=mock, pid=pid) as operator:
+        from hindrax_operator.nodes.orders import require_sole, run_alone  # noqa: PLC0415  # rclpy reads the environment
+
         require_sole(operator)
         operator.wait_for_thrusters()
         print_stderr(f"arming; {name} will turn, keep clear")
@@ -98,13 +100,18 @@ def _thrusters(vehicle_file: Path, *, mock: bool, pid: int | None) -> Iterator[O
     found = stacks()
     running = choose(found if pid is not None else [one for one in found if one.mock is mock], pid)
     if running is not None:
+        if pid is None:
+            require_meant(running, os.environ)
+        print_stderr(f"vehicle: {running.whole_title}")
         with joined(running) as operator:
             yield operator
         return
     if not mock:
         # A stack that was started by a service or by `ros2 launch` announces nothing here; its topics show it.
         what = "only a mock vehicle, whose thrusters run with --mock," if found else "no stack"
-        print_stderr(f"{what} is announced here; looking for thrusters in the ROS graph of this terminal")
+        domain = os.environ.get(DOMAIN) or "0"
+        where = f"the ROS graph of this terminal, domain {domain}"
+        print_stderr(f"{what} is announced here; looking for thrusters in {where}")
         with joined(None) as operator:
             operator.pause(LOOK_S)
             if operator.thrusters is not None:
@@ -137,7 +144,8 @@ def _own_thrusters(vehicle_file: Path, *, mock: bool) -> Iterator[Operator]:
         with Supervisor(folder.logs, made) as supervisor:
             stack = Stack(folder, supervisor)
             stack.start(MockOptions(rate=1.0) if mock else None, record=False, onboard=(THRUSTERS,))
-            lock = StackLock(0, mock, str(folder.vehicle), place, graph_settings(made))
+            lock = StackLock(os.getpid(), mock, str(folder.vehicle), place, graph_settings(made))
+            print_stderr(f"vehicle: {lock.whole_title}; only its thrusters, started for this")
 
             def look_after() -> None:
                 for sentence in supervisor.check():

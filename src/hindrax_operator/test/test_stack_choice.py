@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_bringup.stack_lock import FOLDER, StackLock, announced, choose, graph_settings, runtime_folder, stacks
+from hindrax_bringup.ros_graph import graph_settings
+from hindrax_bringup.stack_lock import FOLDER, StackLock, announced, choose, runtime_folder, stacks
 from hindrax_core.errors import UsageError
 
 ONE = StackLock(11, mock=True, vehicle="v.yaml", folder="runs/a", graph={"ROS_DOMAIN_ID": "7"}, ports={"dvl75": "/p"})

@@ -1,6 +1,5 @@
 """Checks of the machine itself: Python and ROS, disk, time, groups, processes left behind. Nothing is changed."""
 
-import contextlib
 import ctypes
 import grp
 import importlib.util
@@ -10,12 +9,13 @@ import pwd
 import shutil
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from hindrax_bag.run_folder import FIRST_YEAR, FREE_BYTES_WANTED
 from hindrax_bringup.network.tether import Tether, address_of
+from hindrax_bringup.process_state import Running, running
 from hindrax_bringup.stack_lock import FOLDER
 from hindrax_cli.health_checks import Check
 from hindrax_core.errors import HindraxError
@@ -115,40 +115,6 @@ def groups() -> Check:
         remedy = f"sudo usermod -aG {','.join(lacking)} {user}, then log in again"
         return Check("groups", f"{user} is not in {', '.join(lacking)}", remedy)
     return Check("groups", f"{user} is in {', '.join(sorted(existing)) or 'no special group, and none exists here'}")
-
-
-@dataclass(frozen=True, slots=True)
-class Running:
-    """A process: id, parent, owner, words, and where it would look for running stacks (empty: in the usual place)."""
-
-    pid: int
-    parent: int
-    owner: int
-    words: str
-    place: str = ""
-
-
-def running() -> Iterator[Running]:
-    """Every process that can be seen."""
-    for folder in Path("/proc").iterdir():
-        if not folder.name.isdigit():
-            continue
-        try:
-            words = (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace").strip()
-            parent = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
-            owner = folder.stat().st_uid
-        except (OSError, IndexError, ValueError):  # it has ended meanwhile
-            continue
-        yield Running(int(folder.name), parent, owner, words, _place(folder))
-
-
-def _place(process: Path) -> str:
-    with contextlib.suppress(OSError):  # another user's, or it has ended meanwhile
-        for setting in (process / "environ").read_bytes().split(b"\0"):
-            name, _, value = setting.decode(errors="replace").partition("=")
-            if name == FOLDER:
-                return value
-    return ""
 
 
 def leftovers(found: list[Running], user: int, place: str = "") -> Check:

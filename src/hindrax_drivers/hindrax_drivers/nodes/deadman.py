@@ -5,6 +5,9 @@ stops beating, neutral is written at once and then ten times a second, until a n
 this process dies, the child sees its pipe close, goes neutral and ends; when it is frozen, the child gets no keepalives
 and goes neutral until it does. The two lie in different sessions, so that no signal to a group reaches both. Where both
 are frozen, the supervisor kills both: `--neutral`, or a new dead man, puts neutral on the wire.
+
+It also takes requests to stop from other processes of the machine (`stop_request`): it passes them on to the node,
+and kills a node that does not disarm.
 """
 
 import contextlib
@@ -14,7 +17,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from types import FrameType
@@ -25,7 +28,8 @@ from hindrax_core.events import Stamp, after, seconds_between
 from hindrax_drivers.buses.clock import Clock, RegisterBus, SystemClock, pause
 from hindrax_drivers.buses.ports import open_bus
 from hindrax_drivers.devices.pca9685 import Pca9685, pca9685_of
-from hindrax_drivers.nodes.thruster_settings import KEEPALIVE_S, Settings, read_settings
+from hindrax_drivers.nodes.stop_request import StopRequests
+from hindrax_drivers.nodes.thruster_settings import DISARMED_WORD, KEEPALIVE_S, STOP_WORD, Settings, read_settings
 from hindrax_drivers.nodes.thrusters import ARGUMENTS, NEUTRAL_WORD, NODE_WORD
 from hindrax_ros.heartbeat import VARIABLE, HeartbeatFile
 
@@ -33,6 +37,8 @@ REPEAT_S = 0.09
 SILENT_S = 0.3
 HUNG_S = 3.0
 SHUTDOWN_S = 4.0
+OBEYED_S = 1.0
+"""Time by the monotonic clock in which the node disarms on request; then it is killed."""
 BACK_OFF_S = (0.0, 0.5, 1.0, 2.0, 4.0)
 WELL_AFTER_S = 10.0
 """A child that lived this long was well: the next one is started at once."""
@@ -87,6 +93,10 @@ class WatchedProcess:
     beaten_at: Stamp | None = None
     beaten_s: float = field(default_factory=time.monotonic)
     keepalive_s: float = 0.0
+    stop_s: float | None = None
+    """Time at which it was asked to disarm."""
+    disarmed: bool = False
+    """Whether it has put neutral on the wire since."""
 
     @classmethod
     def start(cls, arguments: Sequence[str]) -> "WatchedProcess":
@@ -115,7 +125,15 @@ class WatchedProcess:
             return True
         if data:
             self.beaten_at, self.beaten_s = now, time.monotonic()
+        self.disarmed |= DISARMED_WORD in data
         return bool(data)
+
+    def ask_to_disarm(self, now_s: float) -> None:
+        """Ask it once, until it has disarmed."""
+        if self.stop_s is None:
+            self.stop_s, self.disarmed = now_s, False
+            with contextlib.suppress(BlockingIOError, BrokenPipeError):  # then it does not obey in time
+                os.write(self.life, STOP_WORD)
 
     def send_keepalive(self, now_s: float) -> None:
         """Tell the child periodically that we live."""
@@ -147,6 +165,7 @@ class DeadMan:
         self._neutral, self._arguments = NeutralWriter(settings), arguments
         self._asked_s: float | None = None
         self._heartbeat = HeartbeatFile(os.environ)
+        self._stops = stop_requests(self._wake)
         signal.signal(signal.SIGINT, self._ask)
         signal.signal(signal.SIGTERM, self._ask)
 
@@ -158,6 +177,7 @@ class DeadMan:
             child = WatchedProcess.start(self._arguments)
             code = self._watch(child)
             self._neutral.write()
+            self._answer("the node had ended, or was killed because it did not disarm")
             if self._asked_s is not None or code in (0, UsageError.exit_code):
                 break
             failures = 0 if time.monotonic() - child.started_s > WELL_AFTER_S else failures + 1
@@ -166,6 +186,9 @@ class DeadMan:
             if not self._wait(wait_s):
                 break
         self._neutral.write()
+        self._answer("the stack was ending")
+        if self._stops is not None:
+            self._stops.close()
         self._neutral.close()
         return int(bool(self._neutral.trouble)) if self._asked_s is not None else code
 
@@ -179,7 +202,7 @@ class DeadMan:
                 child.handle.send_signal(signal.SIGTERM)
                 sent = True
             late = self._asked_s is not None and time.monotonic() - self._asked_s > SHUTDOWN_S
-            if late or child.hung(self._neutral.clock.now()):
+            if late or not self._obeys(child, time.monotonic()) or child.hung(self._neutral.clock.now()):
                 child.handle.kill()
             now = self._neutral.clock.now()
             look_at = child.silent_from(now)
@@ -190,19 +213,52 @@ class DeadMan:
         self._neutral.write()
         return child.reap()
 
+    def _obeys(self, child: WatchedProcess, now_s: float) -> bool:
+        """Pass requests to stop on to the node; False when it has not disarmed in time. It starts disarmed."""
+        if self._stops is None or not self._stops.pending:
+            return True
+        if child.beaten_at is None:
+            self._neutral.write()
+            self._answer("the node was starting, disarmed")
+            return True
+        child.ask_to_disarm(now_s)
+        if child.disarmed:
+            child.stop_s = None
+            self._stops.answer("disarmed", neutral=True)
+        return child.stop_s is None or now_s - child.stop_s <= OBEYED_S
+
+    def _answer(self, how: str) -> None:
+        """Answer those who asked to stop: neutral was just written here, or could not be."""
+        if self._stops is not None and self._stops.pending:
+            trouble = self._neutral.trouble
+            self._stops.answer(f"cannot write neutral: {trouble}" if trouble else how, neutral=not trouble)
+
     def _wait(self, seconds: float) -> bool:
         """Repeat neutral for a while; False when asked to stop."""
         end_s = time.monotonic() + seconds
         while self._asked_s is None and time.monotonic() < end_s:
             self._heartbeat.beat(time.monotonic())
             self._neutral.write()
+            self._answer("the node was restarting, disarmed")
             self._neutral.clock.sleep_until(after(self._neutral.clock.now(), REPEAT_S))
         return self._asked_s is None
 
     def _ask(self, _number: int, _frame: FrameType | None) -> None:
         if self._asked_s is None:
             self._asked_s = time.monotonic()
+        self._wake()
+
+    def _wake(self) -> None:
         self._neutral.clock.wake()
+
+
+def stop_requests(wake: Callable[[], None]) -> StopRequests | None:
+    """Take requests to stop; without the address a dead man still does all the rest."""
+    try:
+        return StopRequests(wake)
+    except OSError as error:
+        report(f"takes no requests to stop ({error}); `./hindrax stop` needs ROS")
+        return None
 
 
 def _of_the_node(heartbeat: str) -> str:

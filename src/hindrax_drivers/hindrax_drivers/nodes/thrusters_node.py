@@ -28,7 +28,14 @@ from hindrax_core.signals import AppliedOutput
 from hindrax_core.topics import BATTERY, LIGHTS, THRUSTER_COMMAND, THRUSTER_STATE
 from hindrax_drivers.lifecycle import ON_REQUEST, State
 from hindrax_drivers.nodes.device_node import DeviceNode
-from hindrax_drivers.nodes.thruster_settings import KEEPALIVE_S, OutputAlone, Settings, read_settings
+from hindrax_drivers.nodes.thruster_settings import (
+    DISARMED_WORD,
+    KEEPALIVE_S,
+    STOP_WORD,
+    OutputAlone,
+    Settings,
+    read_settings,
+)
 from hindrax_drivers.output.output_guard import UNOBEYED, ArmingPhase, OutputGuardKnobs, Refusal, Request, guard_of
 from hindrax_drivers.output.output_ports import ThrusterOutput, open_output
 from hindrax_drivers.output.output_thread import OutputThread
@@ -44,6 +51,7 @@ NAME = "thrusters"
 ANSWER_S = 2.0
 LOOK_S = 0.1
 PR_SET_PDEATHSIG = 1
+STOPPED = "stopped from this machine"
 SILENT_S, SILENT_WALL_S = 1.0, 0.8
 """Silence of the dead man, by the clock of the output and by the monotonic one."""
 
@@ -64,6 +72,7 @@ class ThrustersNode(DeviceNode):
             knobs(self, OutputAlone)
         self._guard = guard_of(settings.vehicle, knobs(self, OutputGuardKnobs, fixed={"": SAFETY}))
         self._phase = self._reason = ""
+        self._confirms = False
         self._commander, self._unfit, self._look_s = SinglePublisher(), "", 0.0
         self._inhibited_by = {"dead man": "", "lifecycle": "", "commander": ""}
         self._state = publisher(self, THRUSTER_STATE)
@@ -89,6 +98,11 @@ class ThrustersNode(DeviceNode):
         """Hold neutral and disarmed while the dead man does not answer."""
         self._inhibit("dead man", "" if answers else "the dead man does not answer")
 
+    def stop_thrust(self) -> None:
+        """Disarm for the dead man, which somebody has asked to stop."""
+        self._thread.disarm(Request(self._thread.now, 0, STOPPED))
+        self._confirms = True
+
     def _inhibit(self, who: str, reason: str) -> None:
         if self._inhibited_by[who] == reason:
             return
@@ -109,6 +123,9 @@ class ThrustersNode(DeviceNode):
         else:
             self.health.reading(applied.stamp)
         self._state.publish(self._state_bytes(applied))
+        if self._confirms and applied.phase not in (ArmingPhase.ARMING, ArmingPhase.ARMED):
+            self._confirms = False
+            self._beat(DISARMED_WORD)
 
     def _alarm(self, *, armed: bool) -> str:
         """Reason why commands have no effect now or would have none; empty when they would."""
@@ -183,9 +200,9 @@ class ThrustersNode(DeviceNode):
         settings, neutral = self._settings, self._guard.neutral
         return open_output(settings.vehicle, settings.port, settings.clock, self.tap.add, NAME, neutral=neutral)
 
-    def _beat(self) -> None:
+    def _beat(self, word: bytes = b"!") -> None:
         with contextlib.suppress(BlockingIOError, BrokenPipeError):  # no reader; `watch_parent` handles it
-            os.write(self._beat_to, b"!")
+            os.write(self._beat_to, word)
 
 
 @dataclass(slots=True)
@@ -215,8 +232,11 @@ def watch_parent(life: int, node: ThrustersNode) -> None:
         silence, silent = ParentSilence(node.now(), time.monotonic()), False
         while True:
             ready, _, _ = select.select([life], (), (), KEEPALIVE_S)
-            if ready and not os.read(life, 4096):
+            words = os.read(life, 4096) if ready else b""
+            if ready and not words:
                 break
+            if STOP_WORD in words:
+                node.stop_thrust()
             now, now_s = node.now(), time.monotonic()
             if ready:
                 silence.on_beat(now, now_s)

@@ -11,7 +11,6 @@ from pathlib import Path
 
 from hindrax_analysis.identification.known_weight import Hold, LoadSpan, Weighing, holds_of
 from hindrax_analysis.identification.known_weight import weigh as weighed
-from hindrax_analysis.records.own_bag import bag_events
 from hindrax_analysis.terminal import print_answer, print_table, print_values, working
 from hindrax_bringup.stack import WORLD_HELP
 from hindrax_cli.argument_types import add_json, add_vehicle, positive, seed
@@ -114,15 +113,15 @@ def _check_load(arguments: argparse.Namespace, vehicle: Vehicle) -> None:
 
 
 def _guided(arguments: argparse.Namespace, vehicle: Vehicle, axis: int, loads: Sequence[float]) -> list[Hold]:
-    from hindrax_operator.nodes.orders import require_armed  # noqa: PLC0415  # invalid arguments are refused before rclpy loads
-    from hindrax_operator.weighing import weigh_on  # noqa: PLC0415
-
     def ask(load: float) -> None:
         _forget_what_was_typed()
         what = "nothing but its tether" if load == 0.0 else f"{arguments.load:g} N: {ACTS[arguments.axis][load < 0.0]}"
         print_stderr(f"on the vehicle: {what}. Let it go gently, then press Enter")
 
     with operator_of(arguments) as operator:
+        from hindrax_operator.nodes.orders import require_armed  # noqa: PLC0415  # rclpy reads the environment of the stack
+        from hindrax_operator.weighing import weigh_on  # noqa: PLC0415  # as above
+
         require_armed(operator)
         return weigh_on(operator, vehicle, axis, loads, ready=_entered, ask=ask, report=print_stderr)
 
@@ -143,6 +142,8 @@ def _entered() -> bool:
 
 
 def _from_bag(arguments: argparse.Namespace, vehicle: Vehicle, axis: int) -> list[Hold]:
+    from hindrax_analysis.records.own_bag import bag_events  # noqa: PLC0415  # it loads rclpy, on a stack after its graph is known
+
     events = list(bag_events(arguments.bag, vehicle))
     if not events:
         raise UsageError(f"{arguments.bag}: holds no navigation and no allocation of this stack")

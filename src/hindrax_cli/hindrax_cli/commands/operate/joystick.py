@@ -16,7 +16,7 @@ from hindrax_core.errors import UsageError
 from hindrax_core.knobs import build
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.topics import namespace_arguments
-from hindrax_operator.connection import add_stack, find_stack
+from hindrax_operator.connection import add_stack, ordered_stack
 
 
 @command(
@@ -33,7 +33,7 @@ from hindrax_operator.connection import add_stack, find_stack
 def joystick(arguments: argparse.Namespace) -> int:
     """Steer manually: /hindrax/joy and /hindrax/cmd_vel become wrenches, until Ctrl-C."""
     check(arguments.set)
-    found = find_stack(arguments)
+    found = ordered_stack(arguments)
     file = arguments.vehicle or (found.vehicle if found else str(vehicle_file(usual_vehicle())))
     mock = arguments.sim_time or (found is not None and found.mock)
     given = [f"vehicle:={file}", f"use_sim_time:={str(mock).lower()}", *arguments.set]

@@ -13,7 +13,7 @@ from hindrax_core.errors import UsageError
 from hindrax_core.readings import Vec6
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import WRENCH_SYMBOLS, WRENCH_UNITS, load_vehicle
-from hindrax_operator.connection import add_stack, chosen_stack, operator_of
+from hindrax_operator.connection import add_stack, meant_stack, operator_of
 from hindrax_operator.snapshot import ANGLES
 
 ARMING_S = 60.0
@@ -43,7 +43,7 @@ def arm(arguments: argparse.Namespace) -> int:
 @command("./hindrax disarm", add_stack)
 def disarm(arguments: argparse.Namespace) -> int:
     """Disarm the thrusters at once."""
-    with operator_of(arguments) as operator:
+    with operator_of(arguments, moves=False) as operator:
         operator.arm(arm=False)
         print_fitted(f"disarmed ({operator.thrusters.output})")
     return 0
@@ -62,9 +62,9 @@ def disarm(arguments: argparse.Namespace) -> int:
 def hold(arguments: argparse.Namespace) -> int:
     """Hold an axis at its current or a given value, or release it."""
     axes, value, engaged = held(arguments.axis, arguments.value)
-    from hindrax_operator.nodes import orders  # noqa: PLC0415  # invalid arguments are refused before rclpy is loaded
-
     with operator_of(arguments) as operator:
+        from hindrax_operator.nodes import orders  # noqa: PLC0415  # rclpy reads the environment of the stack
+
         found = orders.hold(operator, axes, value, engaged=engaged)
     for axis in axes:
         print_fitted(f"holding {axis} at {shown(axis, found[axis])}" if engaged else f"released {axis}")
@@ -109,9 +109,9 @@ def shown(axis: str, value: float) -> str:
 def recentre(arguments: argparse.Namespace) -> int:
     """Set the position in the pool; dead reckoning continues from there."""
     x_m, y_m, turned_rad = place_of(arguments.place)
-    from hindrax_operator.nodes import orders  # noqa: PLC0415  # invalid arguments are refused before rclpy is loaded
-
     with operator_of(arguments) as operator:
+        from hindrax_operator.nodes import orders  # noqa: PLC0415  # rclpy reads the environment of the stack
+
         orders.recentre(operator, x_m, y_m, turned_rad)
     print_fitted(f"the vehicle is {place_text(x_m, y_m)}")
     return 0
@@ -144,12 +144,12 @@ def place_of(words: Sequence[str]) -> tuple[float, float, float]:
 def wrench(arguments: argparse.Namespace) -> int:
     """Push with a wrench for a while, added to the holds; it ends with this command."""
     pushed = checked([getattr(arguments, symbol) for symbol in WRENCH_SYMBOLS])
-    found = chosen_stack(arguments)
+    found = meant_stack(arguments)
     if found is not None:
         require_within(pushed, load_vehicle(found.vehicle).limits.wrench)
-    from hindrax_operator.nodes.orders import apply_wrench, require_armed  # noqa: PLC0415  # invalid arguments cost no rclpy
-
     with operator_of(arguments) as operator:
+        from hindrax_operator.nodes.orders import apply_wrench, require_armed  # noqa: PLC0415  # as above
+
         require_armed(operator)
         print_fitted(f"pushing {wrench_text(pushed)} for {arguments.seconds:g} s; Ctrl-C ends it")
         print_fitted(outcome_text(apply_wrench(operator, pushed, arguments.seconds)))
@@ -195,11 +195,11 @@ def outcome_text(allocation: Any) -> str:
 )
 def lights(arguments: argparse.Namespace) -> int:
     """Set the brightness of the lamps, from 0 to 1; they go out when commands stop."""
-    found = chosen_stack(arguments)
+    found = meant_stack(arguments)
     lamps = len(load_vehicle(found.vehicle if found else vehicle_file(usual_vehicle())).output.light_channels)
     levels = brightness(arguments.levels, lamps)
     with operator_of(arguments) as operator:
-        from hindrax_operator.nodes.orders import set_lights  # noqa: PLC0415  # arguments are checked first
+        from hindrax_operator.nodes.orders import set_lights  # noqa: PLC0415  # as above
 
         set_lights(operator, levels)
     print_fitted(f"lights at {', '.join(f'{level:g}' for level in levels)}")

@@ -7,12 +7,11 @@ from dataclasses import asdict, dataclass
 from hindrax_analysis.terminal import print_answer, print_table, working
 from hindrax_bringup.liveness import NOBODY, liveness_of_stacks
 from hindrax_bringup.network.tether import tether_setting
-from hindrax_bringup.stack_lock import StackLock, runtime_place, stacks
+from hindrax_bringup.stack_lock import StackLock, runtime_place, stacks, vehicle_name
 from hindrax_cli.argument_types import add_json
 from hindrax_cli.command import command
-from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.errors import HindraxError
 from hindrax_core.text.screen_text import print_fitted
-from hindrax_core.vehicle import load_vehicle
 
 THRUSTERS_S, DIAGNOSTICS_S = 3.0, 1.5
 """Longest wait for the state of the thrusters, and time in which every node reports once."""
@@ -69,10 +68,7 @@ def _status(stack: StackLock, alive: tuple[str, str] | None, now_s: float) -> St
 
 
 def _vehicle(stack: StackLock) -> str:
-    try:
-        name = load_vehicle(stack.vehicle).name
-    except UsageError:
-        name = stack.vehicle
+    name = vehicle_name(stack.vehicle)
     return f"{name} (mock)" if stack.mock else name
 
 

@@ -77,9 +77,9 @@ def _set_health(arguments: argparse.Namespace) -> int:
     names = set(arguments.which)
     if not names:
         raise UsageError(f"thruster {arguments.what}: found no thruster, wanted one or more such as T3")
-    from hindrax_operator.nodes.orders import set_health  # noqa: PLC0415  # invalid arguments are refused before rclpy loads
-
     with operator_of(arguments) as operator:
+        from hindrax_operator.nodes.orders import set_health  # noqa: PLC0415  # rclpy reads the environment of the stack
+
         left_out = set_health(operator, names, arguments.reason, usable=arguments.what == "enable")
         lost = list(operator.allocation.lost_axes)
     text = f"out of use: {', '.join(left_out) or 'none'}" + (f"; lost axes: {', '.join(lost)}" if lost else "")

@@ -3,6 +3,7 @@
 import argparse
 import math
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 from hindrax_bringup.liveness import PERIOD_S, beats
@@ -25,7 +26,8 @@ from hindrax_cli.command import command, option
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_drivers.nodes.deadman import write_neutral
-from hindrax_operator.connection import add_stack, find_stack, joined
+from hindrax_operator.connection import add_stack, chosen_stack, find_stack
+from hindrax_operator.stopping import OutputStop, stop_lost_outputs, stop_outputs, stop_over_ros
 
 
 def add_mock_options(parser: argparse.ArgumentParser) -> None:
@@ -90,25 +92,55 @@ def stop(arguments: argparse.Namespace) -> int:
     """Neutral, disarm and cancel the maneuver, in every stack on this machine; or write neutral without a stack."""
     if arguments.output:
         return neutral_on_output(arguments)
-    from hindrax_operator.nodes.orders import stop as stop_all  # noqa: PLC0415  # rclpy is loaded only where it is needed
-
-    # All of them by default, so that no number has to be looked up first; on with the next when one fails.
+    # All of them by default, so that no number has to be looked up first. Every output before any ROS, which may be
+    # slow, or not to be had from this terminal.
     found = stacks()
-    wanted = [find_stack(arguments)] if arguments.stack is not None or not found else found
+    wanted = [one for one in [chosen_stack(arguments)] if one] if arguments.stack is not None else found
+    stopped = stop_outputs(wanted)
+    lost = {} if arguments.stack is not None else stop_lost_outputs(found)
+    for stack, output in zip(wanted, stopped, strict=True):
+        if output.neutral:
+            print_fitted(f"stopped and disarmed: {stack.whole_title}")
     failed = []
-    for one in wanted:
-        title = one.title if one else "the ROS graph of this terminal"
-        try:
-            with joined(one, sim_time=arguments.sim_time) as operator:
-                wrong = stop_all(operator)
-        except HindraxError as error:
-            wrong = [str(error)]
-        failed += [f"{title}: {sentence}" for sentence in (*wrong, *([on_the_wire(one)] if wrong else []))]
-        if not wrong:
-            print_fitted(f"stopped and disarmed: {title}")
+    for pid, output in lost.items():
+        if output.neutral:
+            print_fitted(f"stopped and disarmed: thrusters without a stack, dead man {pid}")
+        failed += [f"dead man {pid}: {sentence}" for sentence in output.failures]
+    for stack, output in zip(wanted, stopped, strict=True):
+        failed += cancelled(stack, output, sim_time=arguments.sim_time)
+    if not found:
+        failed += stopped_elsewhere(arguments, lost)
     for sentence in failed:
         print_stderr(f"hindrax stop: {sentence}")
     return 1 if failed else 0
+
+
+def cancelled(stack: StackLock, output: OutputStop, *, sim_time: bool) -> list[str]:
+    """Cancel over ROS what a stack flies; returns what failed. Nothing has, where its output is neutral already."""
+    wrong = stop_over_ros(stack, sim_time=sim_time)
+    if not wrong:
+        if not output.neutral:
+            print_fitted(f"stopped and disarmed: {stack.whole_title}")
+        return []
+    if output.neutral:
+        why = "; ".join(wrong)
+        print_stderr(f"hindrax stop: {stack.title}: disarmed, but over ROS nothing could be cancelled ({why})")
+        return []
+    return [f"{stack.title}: {sentence}" for sentence in (*output.failures, *wrong, on_the_wire(stack))]
+
+
+def stopped_elsewhere(arguments: argparse.Namespace, lost: Mapping[int, OutputStop]) -> list[str]:
+    """Stop what is in the ROS graph of this terminal; returns what failed. Where outputs were found here, nobody is."""
+    if not lost:
+        find_stack(arguments)
+    title = "the ROS graph of this terminal"
+    wrong = stop_over_ros(None, sim_time=arguments.sim_time, namespace=arguments.namespace)
+    if not wrong:
+        print_fitted(f"stopped and disarmed: {title}")
+        return []
+    if lost and all(one.neutral for one in lost.values()):
+        return []
+    return [f"{title}: {sentence}" for sentence in (*wrong, on_the_wire(None))]
 
 
 def neutral_on_output(arguments: argparse.Namespace) -> int:

@@ -19,7 +19,7 @@ from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whole
 from hindrax_core.text.text_file import replace_text, writing
 from hindrax_core.vehicle import AXES, load_vehicle
-from hindrax_operator.connection import add_stack, chosen_stack, find_stack
+from hindrax_operator.connection import add_stack, chosen_stack, find_stack, ordered_stack
 from hindrax_operator.web.access import Access, hosts_of
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ def web(arguments: argparse.Namespace) -> int:
     from hindrax_operator.web.page_controller import PageController  # noqa: PLC0415  # as above
     from hindrax_operator.web.reports import Reports  # noqa: PLC0415  # as above
 
-    found = find_stack(arguments)
+    found = find_stack(arguments) if read_only else ordered_stack(arguments)
     vehicle = load_vehicle(Path(found.vehicle) if found else vehicle_file(usual_vehicle()))
     link = GraphLink(found, sim_time=arguments.sim_time, namespace=arguments.namespace)
     controller = PageController(link, vehicle, Reports(arguments.runs), read_only=read_only, log=print_stderr)
