@@ -25,6 +25,11 @@ class PriorDynamics:
     bias: float = 0.0
     """Force that keeps it at rest [N]: the net buoyancy in heave."""
 
+    @property
+    def slope(self) -> float:
+        """Slope of the drag at rest [N s/m, N m s]: the smaller of both directions."""
+        return min(self.drag.of(backward=back)[1] for back in (False, True))
+
     def drag_force(self, rate: float) -> float:
         """Force against drag at a steady rate [m/s, rad/s]."""
         return self.drag.resistance(rate)

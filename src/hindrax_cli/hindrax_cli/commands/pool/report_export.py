@@ -142,7 +142,7 @@ def _wants_folder(to: str, out: Path | None) -> bool:
 
 
 def _fill_folder(arguments: argparse.Namespace) -> int:
-    file, folder = _results_file(arguments.coefficients, arguments.to), arguments.out
+    file, folder = results_file(arguments.coefficients, arguments.to), arguments.out
     files = FOLDERS[arguments.to](_model(read_coefficients(file), file, arguments.vehicle))
     with writing(f"--out {folder}", "name another place", UsageError):
         folder.mkdir(parents=True, exist_ok=True)
@@ -159,7 +159,7 @@ def _fill_samples(arguments: argparse.Namespace) -> int:
         raise UsageError(f"--samples: found --to {to}, wanted csv or a format of models, {', '.join(FORMATS)}")
     if out is None or out.is_file():
         raise UsageError("--samples: found no --out FOLDER, wanted one for the table and the models")
-    file = _results_file(arguments.coefficients, to)
+    file = results_file(arguments.coefficients, to)
     saved = read_coefficients(file)
     table = samples.sample_table(saved, count, seed=arguments.seed)
     with writing(f"--out {out}", "name another place", UsageError):
@@ -176,12 +176,12 @@ def _fill_samples(arguments: argparse.Namespace) -> int:
 
 
 def _drawn(saved: SavedCoefficients, file: Path, arguments: argparse.Namespace) -> Iterable[ExportModel]:
-    vehicle = _model(saved, file, arguments.vehicle).vehicle
-    complete = arguments.vehicle is not None
+    vehicle, complete = vehicle_of(saved, file, arguments.vehicle), arguments.vehicle is not None
     return samples.sampled_models(saved, vehicle, str(file), arguments.samples, seed=arguments.seed, complete=complete)
 
 
-def _results_file(path: Path | None, to: str) -> Path:
+def results_file(path: Path | None, to: str) -> Path:
+    """File of results that is named, or lies in the folder that is; UsageError where there is none."""
     if path is None:
         raise UsageError(f"--to {to}: found no results, wanted a coefficients.yaml or a run's folder")
     file = RunFolder(path).coefficients if path.is_dir() else path
@@ -195,7 +195,7 @@ def _text(path: Path | None, to: str, named: str | None) -> str:
         if named or path is None:
             return urdf_of(load_vehicle(named or default_vehicle()))
         return urdf_of(_vehicle_beside(RunFolder(path).coefficients if path.is_dir() else path))
-    file = _results_file(path, to)
+    file = results_file(path, to)
     saved = read_coefficients(file)
     if to in TABLES:
         table = tables.result_table(saved, str(file))
@@ -211,17 +211,23 @@ def _note(notes: Iterable[str]) -> None:
 
 def _model(saved: SavedCoefficients, file: Path, named: str | None) -> ExportModel:
     """Results, completed by the vehicle file that is given or beside them; prints its assumptions."""
-    vehicle = load_vehicle(named) if named else _vehicle_beside(file)
-    of = saved.conditions.vehicle
-    strange = of not in ("", vehicle.name)
-    stranger = f"the results are of {of}, the vehicle file is of {vehicle.name}" if strange else ""
-    if stranger and not named:
-        raise UsageError(f"{file}: {stranger}; name the vehicle file with --vehicle")
-    if stranger:
-        _note([stranger])
+    vehicle = vehicle_of(saved, file, named)
     model = export_model(saved, vehicle, str(file), complete=named is not None)
     _note(model.notes)
     return model
+
+
+def vehicle_of(saved: SavedCoefficients, file: Path, named: str | None) -> Vehicle:
+    """Vehicle of some results: the named one, or that of the run they lie in; UsageError for that of another."""
+    vehicle = load_vehicle(named) if named else _vehicle_beside(file)
+    of = saved.conditions.vehicle
+    if of in ("", vehicle.name):
+        return vehicle
+    stranger = f"the results are of {of}, the vehicle file is of {vehicle.name}"
+    if not named:
+        raise UsageError(f"{file}: {stranger}; name the vehicle file with --vehicle")
+    _note([stranger])
+    return vehicle
 
 
 def _vehicle_beside(file: Path) -> Vehicle:

@@ -1,0 +1,155 @@
+"""Gains of our own holds from a result: the fastest with stated margins over its uncertainty, within the thrust."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from hindrax_analysis.coefficients_file import SavedCoefficients
+from hindrax_analysis.exports.export_model import ExportModel, export_model
+from hindrax_analysis.exports.samples import sampled_models
+from hindrax_control.hold.holds import HoldKnobs
+from hindrax_control.hold.loop_margins import Law, LoopDelays, Margins, fastest_law, reference_rate, worst_margins
+from hindrax_control.hold.regulator import LIMIT_SHARE
+from hindrax_control.hold.station_keeping import StationKeepingKnobs
+from hindrax_control.maneuver.goal import largest_wrench
+from hindrax_control.prior_dynamics import PriorDynamics, prior_dynamics
+from hindrax_core.vehicle import AXES, Vehicle
+
+VEHICLES, SEED = 100, 1
+EFFORT = 0.5
+"""Part of the largest thrust that a moving reference may take; the rest is for what disturbs, and for other axes."""
+INTEGRAL = 0.3
+"""Part of the largest thrust that the integral part may reach."""
+DAMPING = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class AxisLimits:
+    """Bandwidths [rad/s] that the knobs of an axis admit, delay of its state [s], largest rate of its reference."""
+
+    span_radps: tuple[float, float]
+    delay_s: float
+    most_rate: float
+
+
+LIMITS: Mapping[str, AxisLimits] = {
+    # The navigator runs at 50 Hz; half a cycle waits for the state, half one for the output, the rest is transport.
+    "surge": AxisLimits((0.1, 1.5), 0.15, 0.5),
+    "sway": AxisLimits((0.1, 1.5), 0.15, 0.5),
+    "heave": AxisLimits((0.1, 4.0), 0.06, 0.5),
+    "roll": AxisLimits((0.1, 6.0), 0.05, 1.0),
+    "pitch": AxisLimits((0.1, 6.0), 0.05, 1.0),
+    "yaw": AxisLimits((0.1, 4.0), 0.05, 1.0),
+}
+"""A velocity sensor adds its interval and latency to surge and sway."""
+
+
+@dataclass(frozen=True, slots=True)
+class AxisGains:
+    """Gains of one axis [N, Nm; m, rad; s], the rate of its reference, its largest thrust, and what the law keeps."""
+
+    law: Law
+    rate: float
+    thrust: float
+    inertia: float
+    margins: Margins
+    """The worst over the vehicles drawn."""
+
+
+@dataclass(frozen=True, slots=True)
+class HoldGains:
+    """Gains by axis of a vehicle, knobs of its holds and its station; `left_out`: axes that no thruster serves."""
+
+    vehicle: Vehicle
+    axes: Mapping[str, AxisGains]
+    left_out: tuple[str, ...]
+    drawn: int
+
+    @property
+    def holds(self) -> HoldKnobs:
+        """Knobs of the holds; a loop that several axes share follows its slowest."""
+        shipped, found = HoldKnobs(), self.axes
+        knobs = shipped
+        tilt = [found[axis] for axis in ("roll", "pitch") if axis in found]
+        if tilt:
+            slowest = min(one.law.bandwidth_radps for one in tilt)
+            knobs = replace(knobs, tilt_bandwidth_radps=_rounded(slowest))
+        turning = [found[axis] for axis in ("yaw",) if axis in found]
+        if turning:
+            yaw = turning[0]
+            rate = min([yaw.rate, *(one.rate for one in tilt)])
+            knobs = replace(
+                knobs,
+                heading_bandwidth_radps=_rounded(yaw.law.bandwidth_radps),
+                turn_radps=_rounded(rate),
+                integral_Nm=_rounded(INTEGRAL * min(one.thrust for one in (*turning, *tilt))),
+            )
+        if "heave" in found:
+            heave = found["heave"]
+            knobs = replace(
+                knobs,
+                vertical_bandwidth_radps=_rounded(heave.law.bandwidth_radps),
+                climb_mps=_rounded(heave.rate),
+                integral_N=_rounded(INTEGRAL * heave.thrust),
+            )
+        slowest_all = [one.law.integral_s for axis, one in found.items() if axis not in ("surge", "sway")]
+        return replace(knobs, damping=DAMPING, integral_s=_rounded(max(slowest_all, default=shipped.integral_s)))
+
+    @property
+    def station(self) -> StationKeepingKnobs:
+        """Knobs of station keeping: of the slower of surge and sway."""
+        found = [self.axes[axis] for axis in ("surge", "sway") if axis in self.axes]
+        if not found:
+            return StationKeepingKnobs()
+        slow = min(found, key=lambda one: one.law.bandwidth_radps)
+        return StationKeepingKnobs(
+            bandwidth_radps=_rounded(slow.law.bandwidth_radps),
+            damping=DAMPING,
+            integral_s=_rounded(slow.law.integral_s),
+            speed_mps=_rounded(min(one.rate for one in found)),
+            integral_N=_rounded(INTEGRAL * min(one.thrust for one in found)),
+        )
+
+
+def hold_gains(saved: SavedCoefficients, vehicle: Vehicle, source: str, *, complete: bool) -> HoldGains:
+    """Gains from a result, robust over vehicles drawn from its uncertainty; HindraxError as for an export."""
+    model = export_model(saved, vehicle, source, complete=complete)
+    drawn = list(sampled_models(saved, vehicle, source, VEHICLES, seed=SEED, complete=complete))
+    return designed(known(model), [known(one) for one in drawn])
+
+
+def known(model: ExportModel) -> Vehicle:
+    """The vehicle with the hydrodynamics of a model."""
+    return replace(model.vehicle, hydrodynamics=model.hydrodynamics)
+
+
+def designed(vehicle: Vehicle, drawn: Sequence[Vehicle]) -> HoldGains:
+    """Gains for a vehicle, whose margins hold for it and for all of those drawn."""
+    freedoms = [prior_dynamics(one) for one in (vehicle, *drawn)]
+    thrust = largest_wrench(vehicle)
+    lag_s = max((thruster.lag_s for thruster in vehicle.thrusters), default=0.0)
+    axes = {
+        axis: _axis(vehicle, axis, [one[axis] for one in freedoms], min(thrust[axis], limit), lag_s)
+        for axis, limit in zip(AXES, vehicle.limits.wrench, strict=True)
+        if thrust[axis] > 0.0 and limit > 0.0
+    }
+    return HoldGains(vehicle, axes, tuple(axis for axis in AXES if axis not in axes), len(drawn))
+
+
+def _axis(vehicle: Vehicle, axis: str, freedoms: Sequence[PriorDynamics], thrust: float, lag_s: float) -> AxisGains:
+    limits = LIMITS[axis]
+    delays = LoopDelays(lag_s, limits.delay_s)
+    law = fastest_law(freedoms, delays, damping=DAMPING, span_radps=limits.span_radps)
+    # The stiffest and heaviest of the vehicles decides what a reference may ask for.
+    rate = min(reference_rate(one, law.bandwidth_radps, EFFORT * (thrust - abs(one.bias))) for one in freedoms)
+    most = limits.most_rate
+    if axis in AXES[:3]:
+        most = min(most, LIMIT_SHARE * vehicle.limits.speed_mps)
+    rate = max(0.02, min(rate, most))
+    return AxisGains(law, rate, thrust, freedoms[0].inertia, worst_margins(law, freedoms, delays))
+
+
+def _rounded(value: float) -> float:
+    """Two significant digits, downwards: a gain is no more exact."""
+    step = 10.0 ** (math.floor(math.log10(value)) - 1) if value > 0.0 else 1.0
+    return round(math.floor(value / step + 1e-9) * step, 9)
