@@ -13,7 +13,7 @@ from rich.text import Text
 
 from hindrax_analysis.plain import print_json
 from hindrax_core.text.digits import Value, rounded
-from hindrax_core.text.screen_text import UNBOUNDED, fitted, print_fitted, print_whole
+from hindrax_core.text.screen_text import UNBOUNDED, fitted, print_fitted, print_whole, printable
 
 NO_BREAK = "\0"
 PROSE_WIDTH = 24
@@ -63,7 +63,7 @@ def print_table(
 
     Brackets are text, also in a cell; a Text keeps its style, a float has five digits, None and NaN are empty.
     """
-    table = Table(title=Text(title, style="table.title"), title_justify="left")
+    table = Table(title=Text(printable(title), style="table.title"), title_justify="left")
     for heading in words:
         table.add_column(Text(heading), no_wrap=True)
     for heading in numbers:
@@ -71,7 +71,7 @@ def print_table(
     for heading in prose:
         table.add_column(Text(heading))
     for row in rows:
-        table.add_row(*(cell if isinstance(cell, Text) else Text(_text(cell)) for cell in row))
+        table.add_row(*(cell if isinstance(cell, Text) else Text(printable(_text(cell))) for cell in row))
     _print_whole_or_stacked(table)
 
 

@@ -2,7 +2,6 @@
 
 import difflib
 import json
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -12,7 +11,7 @@ import yaml
 from hindrax_bringup.network import security
 from hindrax_bringup.processes import EVERY, ONBOARD, RECORDER, Process
 from hindrax_core.errors import UsageError
-from hindrax_core.topics import NAMESPACE, namespace_arguments
+from hindrax_core.topics import NAMESPACE, namespace_arguments, namespace_fault
 from hindrax_ros.parameter_file import names_node, parameter_blocks
 
 Blocks = dict[str, dict[str, object]]
@@ -33,8 +32,8 @@ class ParameterOverrides:
 
     def __post_init__(self) -> None:
         """Check all of it before anything starts, or a folder is made for it."""
-        if not re.fullmatch(r"(/[A-Za-z_]\w*)+", self.namespace, re.ASCII) or "__" in self.namespace:
-            raise UsageError(f"namespace {self.namespace!r}: wanted names of letters, digits and _, as /rov1")
+        if wrong := namespace_fault(self.namespace):
+            raise UsageError(f"namespace: {wrong}")
         blocks = read_parameters(self.file)
         for text in self.settings:
             self.apply(blocks, text)

@@ -1,9 +1,12 @@
 """Bags from the vehicle over ssh: resumed where a copy broke off, and verified by checksum.
 
-The vehicle needs nothing but a shell, `find`, `tail` and `sha256sum`.
+The vehicle needs nothing but a shell, `find`, `tail` and `sha256sum`. Whatever answers in its place cannot write
+anywhere but into new or partial files below the folder that was named: its names and sizes are data.
 """
 
 import hashlib
+import os
+import re
 import shlex
 import subprocess
 from collections.abc import Callable
@@ -11,8 +14,10 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from hindrax_core.errors import HindraxError, UsageError, cause
+from hindrax_core.text.received_names import path_fault
 
 BLOCK = 1 << 18
+PARTIAL = ".part"
 SSH_FAILED = 255
 """Exit code of ssh when it came to no connection."""
 SSH = "ssh -o BatchMode=yes -o ConnectTimeout=10"
@@ -34,7 +39,9 @@ class Remote:
     def ask(self, line: str) -> str:
         """Output of a shell line; HindraxError with the end of its stderr when it fails."""
         try:
-            done = subprocess.run(self.shell(line), capture_output=True, text=True, check=False)  # noqa: S603  # quoted
+            done = subprocess.run(  # noqa: S603  # quoted
+                self.shell(line), capture_output=True, text=True, errors="surrogateescape", check=False
+            )
         except OSError as error:
             remedy = "install it, or name another with --ssh"
             raise HindraxError(f"{self.command[0]}: cannot be run ({cause(error)}); {remedy}") from error
@@ -57,6 +64,8 @@ def remote_of(host: str, folder: str, ssh: str | None) -> Remote:
     """A host as `name` or `user@name`; anything with a slash is a folder of this machine and `folder` is within it."""
     if not host:
         raise UsageError("HOST is empty; name the vehicle, such as pi@rov.local, or a folder")
+    if host.startswith("-") or not host.isprintable():
+        raise UsageError(f"HOST: found {host!r}, wanted one as ssh takes it (pi@rov.local), or a folder (./-x)")
     if "/" in host:
         return Remote((), str(PurePosixPath(host) / folder) if folder else host)
     return Remote((*shlex.split(ssh or SSH), host), folder)
@@ -78,19 +87,34 @@ def fetch(remote: Remote, out: Path, progress: Progress) -> dict[Path, int]:
 
 
 def _listing(remote: Remote) -> list[tuple[str, int]]:
-    line = f"cd {shlex.quote(remote.folder)} && find . -type f -printf '%s %P\\n'"
-    pairs = [row.partition(" ") for row in remote.ask(line).splitlines()]
+    """Names and sizes of all files there; HindraxError for a name of which no path may be made here."""
+    line = f"cd -- {shlex.quote(remote.folder)} && find . -type f -printf '%s %P\\0'"
+    pairs = [row.partition(" ") for row in remote.ask(line).split("\0") if row]
+    for size, _, name in pairs:
+        fault = path_fault(name) or ("" if size.isascii() and size.isdigit() else f"has a size of {size[:20]!r}")
+        if fault:
+            raise HindraxError(f"{remote.name}: found {name!r}, which {fault}; nothing was fetched, rename it there")
     return sorted((name, int(size)) for size, _, name in pairs)
 
 
+def _place(out: Path, name: str) -> Path:
+    """Path of a file here; HindraxError where a link would lead from it to somewhere else."""
+    path = out
+    for part in PurePosixPath(name).parts:
+        path /= part
+        if path.is_symlink():
+            raise HindraxError(f"{path}: is a link, and files are fetched into none; remove it, or use another --out")
+    return path
+
+
 def _fetch_one(remote: Remote, name: str, size: int, out: Path, progress: Progress) -> tuple[Path, int]:
-    target = out / name
-    if ".." in PurePosixPath(name).parts:
-        raise HindraxError(f"{name}: leads out of the folder; not fetched")
-    wanted = remote.ask(f"sha256sum < {shlex.quote(remote.folder + '/' + name)}").split()[0]
+    target, partial = _place(out, name), _place(out, f"{name}{PARTIAL}")
+    answer = remote.ask(f"sha256sum < {shlex.quote(remote.folder + '/' + name)}")
+    wanted = answer.partition(" ")[0].strip()
+    if not re.fullmatch(r"[0-9a-f]{64}", wanted):
+        raise HindraxError(f"{name}: found {answer[:80]!r} for its checksum, wanted that of sha256sum there")
     if target.is_file() and _hash(target) == wanted:
         return target, 0
-    partial = target.with_name(target.name + ".part")
     partial.parent.mkdir(parents=True, exist_ok=True)
     copied = _copy(remote, name, size, partial, progress)
     if _hash(partial) != wanted:
@@ -106,15 +130,18 @@ def _fetch_one(remote: Remote, name: str, size: int, out: Path, progress: Progre
 def _copy(remote: Remote, name: str, size: int, partial: Path, progress: Progress) -> int:
     """Append what is missing; returns the bytes that came."""
     here = start = partial.stat().st_size if partial.exists() else 0
-    line = f"tail -c +{start + 1} {shlex.quote(remote.folder + '/' + name)}"
+    line = f"tail -c +{start + 1} -- {shlex.quote(remote.folder + '/' + name)}"
     with (
-        partial.open("ab") as file,
+        os.fdopen(os.open(partial, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW, 0o666), "ab") as file,
         subprocess.Popen(remote.shell(line), stdout=subprocess.PIPE) as process,  # noqa: S603  # quoted above
     ):
         assert process.stdout is not None
         while block := process.stdout.read(BLOCK):
-            file.write(block)
             here += len(block)
+            if here > size:
+                process.kill()
+                raise HindraxError(f"{name}: more than its {size} bytes came; is it still being recorded?")
+            file.write(block)
             progress(name, here, size)
     if process.returncode != 0:
         raise HindraxError(f"{name}: the copy stopped after {here} of {size} bytes; run it again to resume")

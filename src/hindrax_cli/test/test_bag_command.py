@@ -176,6 +176,85 @@ def test_fetch_starts_over_when_what_was_there_is_of_another_file(
     assert (out / "bag" / "bag_0.mcap").read_bytes() == (bag / "bag_0.mcap").read_bytes()
 
 
+HOSTILE = """#!/bin/sh
+# Stands in for a machine that answers a `find` with names of its own making.
+shift
+case "$*" in
+  *find*) printf '%b' "$LISTED" ;;
+  *sha256sum*) printf '%s  -\\n' "${SUM-9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08}" ;;
+  *tail*) printf test ;;
+esac
+"""
+
+
+@pytest.mark.parametrize(
+    ("listed", "reported"),
+    [
+        ("4 /{out}/../victim.txt\\0", "is not relative"),
+        ("4 ../victim.txt\\0", "leads out of the folder"),
+        ("4 a/../../victim.txt\\0", "leads out of the folder"),
+        ("4 a\\n4 /victim.txt\\0", "contains a control character"),
+        ("4 a\\033[2J\\0", "contains a control character"),
+        ("4 good.mcap\\00004 ../victim.txt\\0", "leads out of the folder"),
+        ("four a\\0", "has a size of 'four'"),
+        ("3 a\\0", "more than its 3 bytes came"),
+        ("4 link/victim.txt\\0", "is a link, and files are fetched into none"),
+        ("4 linked.txt\\0", "is a link, and files are fetched into none"),
+        ("4 half\\0", "half.part: is a link"),
+    ],
+)
+def test_what_the_other_end_calls_its_files_leads_nowhere(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, listed: str, reported: str
+) -> None:
+    out, victim, ssh = tmp_path / "out", tmp_path / "victim.txt", tmp_path / "ssh"
+    out.mkdir()
+    victim.write_text("mine")
+    for name, target in (("link", tmp_path), ("linked.txt", victim), ("half.part", victim)):
+        (out / name).symlink_to(target)
+    ssh.write_text(HOSTILE)
+    ssh.chmod(0o755)
+    before = sorted(path.name for path in out.rglob("*"))
+    monkeypatch.setenv("LISTED", listed.format(out=out))
+    assert command_line.main(["bag", "fetch", "rov", "--ssh", str(ssh), "--out", str(out)]) == 1
+    printed = capsys.readouterr().err
+    assert reported in " ".join(printed.split())
+    assert "\x1b" not in printed
+    assert victim.read_text() == "mine"
+    assert {path.name for path in out.rglob("*")} - set(before) <= {"a.part"}
+
+
+def test_a_machine_that_answers_well_is_fetched_from(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ssh = tmp_path / "ssh"
+    ssh.write_text(HOSTILE)
+    ssh.chmod(0o755)
+    monkeypatch.setenv("LISTED", "4 a b/-x\\0")
+    words = ["bag", "fetch", "rov", "--ssh", str(ssh), "--out", str(tmp_path / "out")]
+    assert command_line.main(words) == 0
+    assert (tmp_path / "out/a b/-x").read_text() == "test"
+    monkeypatch.setenv("SUM", "")
+    assert command_line.main(words) == 1
+    assert "for its checksum" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("host", ["-oProxyCommand=touch /tmp/x", "-4", "a\nb", "rov\x1b[2J"])
+def test_a_host_that_ssh_would_take_for_an_option_is_refused(host: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command_line.main(["bag", "fetch", "--", host]) == 2
+    assert "wanted one as ssh takes it" in capsys.readouterr().err
+
+
+def test_topics_that_differ_in_a_slash_get_tables_of_their_own(tmp_path: Path) -> None:
+    made = BagWriter(tmp_path / "bag", lambda _package, name: TEXTS[name], limits=BagLimits(keep_free_MB=0.0))
+    made.open()
+    for index, topic in enumerate(("/demo/point", "/demo_point", "/../../demo")):
+        made.write(Channel(topic, POINT.type), b"\x00\x01\x00\x00" + struct.pack("<3d", index, 0.0, 0.5), 1, 1)
+    made.close()
+    assert command_line.main(["bag", "extract", str(tmp_path / "bag"), "--csv", str(tmp_path / "csv")]) == 0
+    found = {path.name: path.read_text().splitlines()[1].split(",")[2] for path in (tmp_path / "csv").iterdir()}
+    assert found == {"demo_point.csv": "0.0", "demo_point_1.csv": "1.0", "_.._demo.csv": "2.0"}
+
+
 def test_fetch_states_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert command_line.main(["bag", "fetch", f"{tmp_path}/none", "--remote", "", "--out", str(tmp_path / "x")]) == 1
     printed = capsys.readouterr().err

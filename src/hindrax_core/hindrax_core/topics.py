@@ -3,6 +3,7 @@
 Names are relative to the vehicle's namespace (by default `/hindrax`), except those that begin with a slash.
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -177,6 +178,13 @@ def in_default_namespace(name: str, namespace: str) -> str:
         return name
     inside = name.removeprefix(namespace)
     return inside if inside in (*OUTSIDE, CLOCK) else NAMESPACE + inside
+
+
+def namespace_fault(text: str) -> str:
+    """Reason why a text is no namespace of a vehicle; empty when it is one."""
+    if re.fullmatch(r"(/[A-Za-z_]\w*)+", text, re.ASCII) and "__" not in text:
+        return ""
+    return f"found {text!r}, wanted names of letters, digits and _, as /rov1"
 
 
 def namespace_arguments(namespace: str, *, own_clock: bool) -> list[str]:

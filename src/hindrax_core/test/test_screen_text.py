@@ -84,3 +84,8 @@ def test_paragraphs_of_a_description_flow_and_lists_and_commands_stay() -> None:
     for width in (14, UNBOUNDED):
         assert fitted_description(lines, width).split("\n") == lines
     assert fitted_description(lines[:2], 20) == "one two three four\nfive"
+
+
+def test_what_a_screen_would_obey_is_shown_as_unknown(capsys: pytest.CaptureFixture[str]) -> None:
+    print_fitted("topic /a\x1b[2J\x9b1m\rb\x00\n\tc é")
+    assert capsys.readouterr().out == "topic /a\ufffd[2J\ufffd1m\ufffdb\ufffd\n\tc é\n"

@@ -14,7 +14,7 @@ from hindrax_bringup.ros_graph import DOMAIN
 from hindrax_bringup.stack import adopted, environment, environment_beside
 from hindrax_bringup.stack_lock import StackLock, choose, require_meant, stacks
 from hindrax_core.text.screen_text import print_stderr
-from hindrax_core.topics import NAMESPACE
+from hindrax_core.topics import NAMESPACE, namespace_fault
 from hindrax_ros.stack_time import StackTime
 
 if TYPE_CHECKING:
@@ -27,9 +27,18 @@ FOLLOW_S = 1.0
 def add_stack(parser: argparse.ArgumentParser) -> None:
     """Declare the option for the stack; default: the only one that runs, else the ROS graph of this terminal."""
     parser.add_argument("--stack", type=int, metavar="PID", help="which stack, when several run (as `up` prints it)")
-    parser.add_argument("--namespace", default=NAMESPACE, help=f"which vehicle; default {NAMESPACE}")
+    parser.add_argument(
+        "--namespace", type=namespace, default=NAMESPACE, metavar="/NAME", help=f"which vehicle; default {NAMESPACE}"
+    )
     add_sim_time(parser)
     add_tether(parser)
+
+
+def namespace(text: str) -> str:
+    """Argument type: the namespace of a vehicle."""
+    if wrong := namespace_fault(text):
+        raise argparse.ArgumentTypeError(wrong)
+    return text
 
 
 def add_sim_time(parser: argparse.ArgumentParser) -> None:

@@ -2,6 +2,7 @@
 
 import contextlib
 import csv
+import itertools
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,6 +14,7 @@ from hindrax_bag.message_comparison import flat
 from hindrax_bag.read.bag_reader import BagMessage, messages, stamp_of
 from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S
+from hindrax_core.text.received_names import file_name
 from hindrax_core.text.text_file import nothing_left, writing
 
 MOST_NAMED = 12
@@ -30,7 +32,7 @@ def extract(bag: Path, folder: Path, topics: Collection[str] | None) -> dict[str
         for message, time_s, stamp, row in message_rows(bag, topics):
             if message.topic not in tables:
                 folder.mkdir(parents=True, exist_ok=True)
-                path = folder / f"{message.topic.strip('/').replace('/', '_')}.csv"
+                path = _unused(folder, file_name(message.topic), [one.path for one in tables.values()])
                 files.enter_context(nothing_left(path))
                 writer = csv.writer(files.enter_context(path.open("w", newline="", encoding="utf-8")))
                 writer.writerow([*TIME, *row])
@@ -43,6 +45,12 @@ def extract(bag: Path, folder: Path, topics: Collection[str] | None) -> dict[str
             lacking = f"no message on {missing[0]}" if missing else "holds no message"
             raise UsageError(f"{bag}: {lacking}; `./hindrax bag info {bag}` lists the topics")
     return {topic: (table.path, table.rows) for topic, table in tables.items()}
+
+
+def _unused(folder: Path, name: str, used: Collection[Path]) -> Path:
+    """Path of a table: two topics may differ in a slash only, and another bag's table is replaced."""
+    numbered = (folder / f"{name}{f'_{number}' if number else ''}.csv" for number in itertools.count())
+    return next(path for path in numbered if path not in used)
 
 
 def message_rows(bag: Path, topics: Collection[str] | None) -> Iterator[tuple[BagMessage, float, int, dict[str, Any]]]:

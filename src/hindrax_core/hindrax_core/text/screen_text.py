@@ -23,6 +23,7 @@ COPIED = re.compile(r"\s*(\./hindrax |export \w+=)")
 """Begin of a line to be copied."""
 LEAST = 20
 """Narrower than this is no width of a screen."""
+_OBEYED = {code: "\ufffd" for code in (*range(0x20), *range(0x7F, 0xA0)) if chr(code) not in "\n\t"}
 _wrapped = partial(wrap, break_long_words=False, break_on_hyphens=False, replace_whitespace=False)
 
 
@@ -89,10 +90,15 @@ def _broken(line: str, width: int, hang: int | None) -> str:
     return "\n".join(_wrapped(line.lstrip(), width, initial_indent=begin, subsequent_indent=rest))
 
 
+def printable(text: str) -> str:
+    """A text without what a screen obeys but breaks and tabs: names in it may come from another machine or a bag."""
+    return text.translate(_OBEYED)
+
+
 def print_fitted(text: object, stream: TextIO | None = None, end: str = "\n") -> None:
     """Print sentences, on a screen broken between words; default: to stdout."""
     to = sys.stdout if stream is None else stream
-    print_whole(fitted(str(text), screen_width(to)), to, end)
+    print_whole(fitted(printable(str(text)), screen_width(to)), to, end)
 
 
 def print_stderr(sentence: object) -> None:
