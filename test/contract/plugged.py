@@ -90,7 +90,8 @@ class Plugged:
         self, name: str, driver: Any, part: Any, mount: Mount, *, faults: Sequence[FaultSpec], seed: int
     ) -> RegisterBus:
         afflicted = with_bus_faults(name, part, faults, seed, to_s(START))
-        ports = {mount.address: part, **self.emulator.also_at(part, mount)}
+        at = self.emulator.address if mount.address is None else mount.address
+        ports = {at: part, **self.emulator.also_at(part, mount)}
 
         def tell(elapsed_s: float, now_s: float) -> None:
             part.set_truth(self.truth(elapsed_s), now_s)

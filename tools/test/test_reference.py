@@ -19,7 +19,7 @@ from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli import command_line
 from hindrax_cli.command import MODULES
 from hindrax_cli.command_line import main
-from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_core.vehicle import Mount, Output, Vehicle, load_vehicle
 from hindrax_tools import reference
 from hindrax_tools.reference.commands import words_of
 from hindrax_tools.reference.devices import identities
@@ -48,6 +48,14 @@ def test_a_stale_page_is_named_with_the_command_that_writes_it(
 def test_every_setting_states_what_it_means(kind: type[Any]) -> None:
     for name, *_, meaning in rows(kind):
         assert meaning, f"{kind.__name__}.{name} has no meaning: declare it with knob(..., meaning=...)"
+
+
+@pytest.mark.parametrize("kind", [Vehicle, Mount, Output, *(kind for kinds in NODES.values() for kind in kinds)])
+def test_no_number_stands_for_not_set(kind: type[Any]) -> None:
+    for name, default, *_, meaning in rows(kind):
+        assert not (default in ("0", "0.0") and re.search(r"\b0: |\b0 for ", meaning)), (
+            f"{kind.__name__}.{name}: use None"
+        )
 
 
 def test_every_dataclass_that_a_node_declares_as_parameters_is_on_the_page() -> None:

@@ -152,7 +152,10 @@ def run_command(command: ToolCommand, words: list[str]) -> int:
         words = ["--", *words]  # argparse would look at the first one
     try:
         with interruptible():
-            return command.run(parser.parse_args(words))
+            arguments = parser.parse_args(words)
+            if "" in words and not command.passes_on:
+                raise UsageError("found an empty argument, wanted a value; is a variable of the shell unset?")
+            return command.run(arguments)
     except HindraxError as error:
         why = str(error).removeprefix(f"{command.name}: ")
         print_stderr(f"hindrax {command.name}: {why}")

@@ -91,7 +91,8 @@ def _value(hint: Any, declared: Field[Any], data: object, path: str) -> Any:
     origin = typing.get_origin(hint)
     if origin in (types.UnionType, typing.Union):
         inner = [one for one in typing.get_args(hint) if one is not type(None)]
-        return None if data is None else _value(inner[0], declared, data, path)
+        unset = data is None or (data == "" and inner[0] is not str)  # a launch file cannot leave a parameter out
+        return None if unset else _value(inner[0], declared, data, path)
     if is_dataclass(hint):
         return build(typing.cast("type[Any]", hint), data, path)
     if origin is tuple:

@@ -121,6 +121,9 @@ def chip_and_line(name: str, key: str) -> tuple[str, int]:
     return chip, int(line)
 
 
+ADDRESS_MEANING = "I2C address, none: the device's usual one; or line of a GPIO chip [-]"
+
+
 @dataclass(frozen=True, slots=True)
 class Mount:
     """Position, orientation (sensor to body: yaw, then pitch, then roll) and port of a sensor.
@@ -130,7 +133,7 @@ class Mount:
 
     device: str = fact(meaning="kind of sensor: of the table of sensors, or of an installed package")
     port: str = knob("", meaning="port, such as /dev/i2c-1, udp://0.0.0.0:27000 (a DVL), gpio:pinctrl-bcm2711")
-    address: int = knob(0, 0, 127, "I2C address, 0 for the device's own default; or line of a GPIO chip [-]")
+    address: int | None = knob(None, 0, 127, ADDRESS_MEANING)
     position_m: Vec3 = knob((0.0, 0.0, 0.0), -100.0, 100.0, "position from the body origin [m]")
     rotation_deg: Vec3 = knob((0.0, 0.0, 0.0), -360.0, 360.0, "roll, pitch, yaw of the sensor in body axes [deg]")
     calibration: Mapping[str, tuple[float, ...]] = block(dict, "written by its calibration command")
@@ -164,7 +167,9 @@ class Output:
     port: str = knob("/dev/i2c-1", meaning="port")
     address: int = knob(0x40, 0, 127, "I2C address [-]")
     rate_Hz: float = knob(200.0, 40.0, 400.0, "pulse rate [Hz]")
-    clock_Hz: float = knob(25e6, 20e6, 50e6, "measured oscillator frequency of the PCA9685 [Hz]")
+    clock_Hz: float | None = knob(
+        None, 20e6, 50e6, "measured oscillator frequency of the PCA9685; none: not measured, nominally 25 MHz [Hz]"
+    )
     external_clock: bool = knob(False, meaning="the PCA9685 has an external clock at EXTCLK")
     enable_line: str = knob("", meaning="GPIO that enables the outputs when low, CHIP:LINE (label or name of the chip)")
     enable_timer: bool = knob(False, meaning="a retriggerable timer drives OE; the line pulses at every write")

@@ -1,12 +1,14 @@
 """Interface of a driver file (DRIVER: knobs and constructor), and helpers of drivers."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any, Literal, TypeAlias
+from dataclasses import dataclass, field
+from typing import Any, Literal, Protocol, TypeAlias
 
 from hindrax_core.bus_operations import DeviceError, Program, Write, WriteRead
 from hindrax_core.driver_interface import Trouble
+from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, seconds_between
+from hindrax_core.hydrostatics import Water
 from hindrax_core.sensor_table import Wire
 from hindrax_core.vehicle import Mount, Vehicle
 
@@ -30,18 +32,27 @@ class Driver:
         return self.wire == "serial"
 
 
-def in_water(knobs: Any, vehicle: Vehicle) -> Any:
-    """Knobs with the speed of sound of the vehicle's water, unless they set another."""
-    if knobs.speed_of_sound_mps != type(knobs)().speed_of_sound_mps:
-        return knobs
-    return replace(knobs, speed_of_sound_mps=vehicle.water.speed_of_sound_mps)
+class AcousticKnobs(Protocol):
+    """Knobs of a device that measures by sound."""
+
+    @property
+    def speed_of_sound_mps(self) -> float | None:
+        """Speed of sound that the device is to use; None: that of the water [m/s]."""
+
+
+def sound_mps(knobs: AcousticKnobs, water: Water) -> float:
+    """Speed of sound for a device: the one that its knobs set, or that of the water [m/s]."""
+    return water.speed_of_sound_mps if knobs.speed_of_sound_mps is None else knobs.speed_of_sound_mps
 
 
 class RegisterPart:
     """A part at an address of a register bus, with registers numbered by one byte."""
 
-    def __init__(self, address: int) -> None:
-        self.address = address
+    def __init__(self, address: int | None, usual: int) -> None:
+        """At its `usual` address where none is named; UsageError for one that I2C reserves (UM10204, table 4)."""
+        self.address = usual if address is None else address
+        if not 0x08 <= self.address <= 0x77:
+            raise UsageError(f"address: found {self.address:#04x}, wanted 0x08 to 0x77; without it: {usual:#04x}")
 
     def get(self, register: int, count: int) -> WriteRead:
         """Operation that reads so many bytes, from a register on."""

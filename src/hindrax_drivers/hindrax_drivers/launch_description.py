@@ -14,7 +14,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from hindrax_core.knobs import knob_of
-from hindrax_core.vehicle import Output
+from hindrax_core.vehicle import ADDRESS_MEANING, Output
 from hindrax_drivers.driver_registry import PORTS, driver_of
 from hindrax_drivers.nodes.thruster_settings import OutputAlone
 from hindrax_drivers.output.output_guard import OutputGuardKnobs
@@ -32,7 +32,7 @@ def device(kind: str) -> Callable[[], LaunchDescription]:
         "frame_id": (f"{kind}_link", "frame of its messages"),
     }
     if not row.serial:
-        arguments["address"] = (0, "I2C address, 0 for the device's own default; or line of a GPIO chip")
+        arguments["address"] = (None, ADDRESS_MEANING)
     return partial(_described, "device", [kind], arguments | _knobs(row.knobs()))
 
 
@@ -73,11 +73,15 @@ def _described(executable: str, words: list[str], arguments: dict[str, Argument]
 
 
 def _kind(default: Any) -> Any:
+    if default is None:
+        return None  # whatever YAML makes of it; the node takes an empty text as not set
     return list[type(default[0])] if isinstance(default, list | tuple) else type(default)  # type: ignore[misc]  # at run time
 
 
 def _text(default: Any) -> str:
     """As YAML, which launch reads it as."""
+    if default is None:
+        return ""
     if isinstance(default, bool):
         return str(default).lower()
     return str(list(default)) if isinstance(default, list | tuple) else str(default)

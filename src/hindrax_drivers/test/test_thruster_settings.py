@@ -53,10 +53,14 @@ def test_the_knobs_of_the_guard_are_read_and_judged_as_the_node_does(tmp_path: P
     assert read(tmp_path, text).knobs == OutputGuardKnobs(neutral_us=1480.0)
     changed = read(tmp_path, text, "-p", "light_off_us:=900.0").guard
     assert changed.neutral == Pulses((1480.0,) * 8, (900.0,) * 2)
-    with pytest.raises(UsageError, match="thrusters: neutral_us: found 900, wanted 1100 to 1900, or 0"):
+    with pytest.raises(UsageError, match="thrusters: neutral_us: found 900, wanted 1100 to 1900; without it: that of"):
         read(tmp_path, text, "-p", "neutral_us:=900")
     with pytest.raises(UsageError, match="neutral_us: found 1950, wanted 1100 to 1900"):
         read(tmp_path, text, "-p", "neutral_us:=1950")
+    with pytest.raises(UsageError, match="neutral_us: found 0, wanted 1100 to 1900"):
+        read(tmp_path, text, "-p", "neutral_us:=0")
+    with pytest.raises(UsageError, match="neutral_us: found 0, wanted 1100 to 1900"):
+        read(tmp_path, FILE.replace("PATTERN", "/**/thrusters").replace("clock:", "neutral_us: 0, clock:"))
 
 
 def test_the_vehicle_file_may_be_all_there_is() -> None:

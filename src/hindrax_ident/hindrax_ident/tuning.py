@@ -32,10 +32,19 @@ class Tuning:
     thrust_age_s: float = knob(2.0, 0.1, 3600.0, "age above which the last thrust is no longer used [s]")
     outlier_sigmas: float = knob(5.0, 2.0, 100.0, "innovation above which a sample is rejected [standard deviations]")
     stretch_s: float = knob(60.0, 5.0, 3600.0, "longest stretch simulated from one initial condition [s]")
-    buoyancy_sigma_N: float = knob(0.0, 0.0, 1e3, "standard deviation of the weighed net buoyancy; 0: not weighed [N]")
+    buoyancy_sigma_N: float | None = knob(
+        None, 0.0, 1e3, "standard deviation of the weighed net buoyancy; none: not weighed [N]"
+    )
     timing_sigma_s: float = knob(0.003, 0.0, 0.1, "standard deviation of velocity stamps against thrust stamps [s]")
-    stamp_doubt_s: float = knob(0.0, 0.0, 1.0, "standard deviation of the stamps that residuals cannot correct [s]")
-    lag_doubt_s: float = knob(0.0, 0.0, 1.0, "prior standard deviation of lag and latency; 0: those of this stack [s]")
+    stamp_doubt_s: float | None = knob(
+        None,
+        0.0,
+        1.0,
+        "standard deviation of the stamps that residuals cannot correct; none: by its stack [s]",
+    )
+    lag_doubt_s: float | None = knob(
+        None, 1e-3, 1.0, "prior standard deviation of lag and latency; none: by its stack [s]"
+    )
     tilt_sigma_rad: float = knob(0.003, 0.0, 0.5, "error of roll and pitch from a calibrated accelerometer [rad]")
     raw_tilt_sigma_rad: float = knob(
         0.0125, 0.0, 0.5, "error of roll and pitch from an uncalibrated accelerometer [rad]"
@@ -45,8 +54,8 @@ class Tuning:
     wrench_gain_sigma: float = knob(
         0.0, 0.0, 1.0, "standard deviation of the gain of a wrench without thrust curves, calibrated band [-]"
     )
-    thrust_doubt: float = knob(
-        0.0, 0.0, 0.5, "unmodeled dead band or pull, share of the largest thrust, calibrated band and verdict [-]"
+    thrust_doubt: float | None = knob(
+        None, 0.0, 0.5, "unmodeled dead band or pull, share of the largest thrust; none: by its stack [-]"
     )
     current_sigma_mps: float = knob(0.02, 0.0, 1.0, "unmeasured steady current, calibrated band and verdict [m/s]")
     plateaus_only: bool = knob(False, meaning="learn only from the plateaus of a maneuver")
@@ -56,10 +65,13 @@ class Tuning:
 
 
 def for_foreign_records(tuning: Tuning) -> Tuning:
-    """Knobs for measurements of another stack, whose stamps, lag and thrusters are less well known."""
+    """Knobs for measurements of another stack, whose stamps, lag and thrusters are less well known.
+
+    What is set stays, also where it is 0.
+    """
     return replace(
         tuning,
-        stamp_doubt_s=max(tuning.stamp_doubt_s, STAMP_SIGMA_S),
-        thrust_doubt=max(tuning.thrust_doubt, THRUST_SHARE),
-        lag_doubt_s=max(tuning.lag_doubt_s, LAG_SIGMA_S),
+        stamp_doubt_s=STAMP_SIGMA_S if tuning.stamp_doubt_s is None else tuning.stamp_doubt_s,
+        thrust_doubt=THRUST_SHARE if tuning.thrust_doubt is None else tuning.thrust_doubt,
+        lag_doubt_s=LAG_SIGMA_S if tuning.lag_doubt_s is None else tuning.lag_doubt_s,
     )

@@ -52,7 +52,7 @@ class Pool:
             self.count[choice.motion] += 1
             assert index < 200
 
-    def estimate_drag(self, _session: Session, axis: int, _until: float) -> DragEstimate | None:
+    def estimate_drag(self, _session: Session, axis: int, _until: float | None) -> DragEstimate | None:
         one, flown = self.known[AXES[axis]], self.count[AXES[axis]]
         return replace(one, covariance=array(one.covariance / flown)) if one and flown else None
 
@@ -141,7 +141,7 @@ def test_the_plan_states_what_comes_first_and_when_it_ends() -> None:
         (("surge",), Aim(until=-0.1), "until -0.1, wanted 0.0001 to 1"),
         (("surge",), Aim(until=float("nan")), "until nan, wanted"),
         (("surge",), Aim(until=1e-300), "until 1e-300, wanted"),
-        (("surge",), Aim(minutes=-1.0), "minutes -1, wanted 0 to 50; 0 asks for 50"),
+        (("surge",), Aim(minutes=-1.0), "minutes -1, wanted more than 0, at most 50"),
         (("surge",), Aim(minutes=float("inf")), "minutes inf, wanted"),
         (("surge",), Aim(minutes=float("nan")), "minutes nan, wanted"),
     ],

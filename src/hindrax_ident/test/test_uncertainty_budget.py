@@ -377,7 +377,7 @@ def test_the_prior_of_each_water_is_that_of_its_row() -> None:
     assert _prior([]).mean.shape == (4, 0)
 
 
-def heave(case: Case, sigma_N: float) -> Case:
+def heave(case: Case, sigma_N: float | None) -> Case:
     """The case as if it were one of heave, with a weighed net buoyancy."""
     covariance = array(np.diag([1.0, 1.0, 1.0, 1.0, 0.04, 1.0]))
     theta = array(np.array([93.0, 5.0, 57.0, 12.0, 0.6, 37.0]))
@@ -392,7 +392,9 @@ def test_a_weighed_net_buoyancy_is_a_reading_of_b(case: Case) -> None:
     variance = 0.3**2 + 0.04
     assert information == pytest.approx(np.outer(shifts[4], shifts[4]) / variance)
     assert gradient == pytest.approx(shifts[4] * (0.6 - case.vehicle.net_buoyancy_N) / variance)
-    for other in (heave(case, 0.0), replace(case, tuning=Tuning(buoyancy_sigma_N=0.3))):
+    exactly, _ = _weighed(heave(case, 0.0), shifts)
+    assert exactly == pytest.approx(np.outer(shifts[4], shifts[4]) / 0.04)
+    for other in (heave(case, None), replace(case, tuning=Tuning(buoyancy_sigma_N=0.3))):
         assert [part.tolist() for part in _weighed(other, shifts)] == [np.zeros((3, 3)).tolist(), [0.0] * 3]
 
 

@@ -48,10 +48,15 @@ def text(node: Node, name: str, default: str, meaning: str) -> str:
     return str(node.declare_parameter(name, default, descriptor).value)
 
 
-def whole(node: Node, name: str, default: int, meaning: str) -> int:
-    """Declare one whole number, fixed at start, and return its value."""
-    descriptor = ParameterDescriptor(description=meaning, read_only=True)
-    return int(node.declare_parameter(name, default, descriptor).value)
+def whole(node: Node, name: str, default: int | None, meaning: str) -> int | None:
+    """Declare one whole number, fixed at start, and return its value; None, or an empty text, where it is not set."""
+    descriptor = ParameterDescriptor(description=meaning, read_only=True, dynamic_typing=True)
+    value = node.declare_parameter(name, default, descriptor).value
+    if value in (None, ""):
+        return None
+    if not isinstance(value, int) or isinstance(value, bool):
+        raise UsageError(f"{node.get_name()}.{name}: found {value!r}, wanted a whole number ({meaning})")
+    return value
 
 
 def knobs(node: Node, cls: type[T], tune: Callable[[T], None] | None = None, *, fixed: Mapping[str, str] = FIXED) -> T:
@@ -148,7 +153,7 @@ def _plain(value: Any) -> Any:
 
 
 def _descriptor(knob: Knob, value: Any, fixed: str) -> ParameterDescriptor:
-    descriptor = ParameterDescriptor(description=knob.meaning, read_only=bool(fixed))
+    descriptor = ParameterDescriptor(description=knob.meaning, read_only=bool(fixed), dynamic_typing=value is None)
     words = ["one of " + ", ".join(knob.choices)] if knob.choices else []
     descriptor.additional_constraints = "; ".join(words + [ONLY + fixed] * bool(fixed))
     bounded = math.isfinite(knob.low) and math.isfinite(knob.high)

@@ -104,6 +104,7 @@ class Outer:
     inner: Inner = field(default_factory=Inner)
     count: int = knob(3, 0, 9, "a count [-]")
     steps: tuple[float, ...] = knob((1.0, 2.0), 0.0, 100.0, "steps [m]")
+    rest_us: float | None = knob(None, 0.0, 2000.0, "pulse at rest; none: by the vehicle file [us]")
 
     def __post_init__(self) -> None:
         """Refuse what fits only one by one."""
@@ -150,10 +151,24 @@ def test_a_whole_number_is_a_float_where_one_is_wanted_at_start_and_later() -> N
 
 @pytest.mark.usefixtures("_alone")
 @pytest.mark.parametrize(
+    ("word", "value"), [("count:=3", None), ("rest_us:=''", None), ("rest_us:=0", 0.0), ("rest_us:=1500.0", 1500.0)]
+)
+def test_not_set_is_none_and_every_number_that_is_given_is_the_users(word: str, value: float | None) -> None:
+    with tuned_node(word) as (node, seen):
+        assert seen == [Outer(rest_us=value)]
+        assert node.get_parameter("rest_us").value == value
+        assert asked(node, rest_us=7) == asked(node, count=4) == ""
+        assert seen[-1] == Outer(count=4, rest_us=7.0)
+
+
+@pytest.mark.usefixtures("_alone")
+@pytest.mark.parametrize(
     ("word", "why"),
     [
         ("inner.gain:=fast", "pilot.inner.gain: found 'fast', wanted a number"),
         ("inner.gain:=11.0", "pilot.inner.gain: found 11, wanted 0 to 10"),
+        ("rest_us:=2500.0", "pilot.rest_us: found 2500, wanted 0 to 2000"),
+        ("rest_us:=fast", "pilot.rest_us: found 'fast', wanted a number"),
         ("count:=2.5", "pilot.count: found 2.5, wanted a whole number"),
         ("inner.gain:=3.0", "gain: found 3, wanted at most the limit"),
     ],

@@ -172,6 +172,6 @@ class Hardware:
             return
         self.registers[name] = device
         afflicted = fault_registry.with_bus_faults(name, device, self._faults, seed, to_s(START))
-        self.i2c.attach(mount.address or row.address, afflicted(device))
+        self.i2c.attach(row.address if mount.address is None else mount.address, afflicted(device))
         for address, part in row.also_at(device, mount).items():
             self.i2c.attach(address, part if address >= EDGES else afflicted(part))

@@ -11,7 +11,7 @@ from hindrax_tools.faults.fault_outcome import DISARMED, MODES, FaultOutcome
 WHO = tuple(dict.fromkeys([row.who for row in process_faults.ROWS] + [row.who for row in device_faults.ROWS]))
 
 
-def fly(only: Sequence[str], seeds: Sequence[int], workers: int = 0) -> list[FaultOutcome]:
+def fly(only: Sequence[str], seeds: Sequence[int], workers: int | None = None) -> list[FaultOutcome]:
     """Fly all cells, or those of some processes and devices; reports progress on stderr."""
     harmed = tuple(row for row in process_faults.ROWS if row.who in only)
     together = [tuple(row for row in harmed if row.by_mock is by_mock) for by_mock in (False, True)]

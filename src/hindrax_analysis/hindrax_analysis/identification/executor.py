@@ -19,12 +19,13 @@ ResultT = TypeVar("ResultT")
 
 
 def run_all(
-    work: Callable[[ItemT], ResultT], items: Sequence[ItemT], *, cluster: str = "", workers: int = 0
+    work: Callable[[ItemT], ResultT], items: Sequence[ItemT], *, cluster: str = "", workers: int | None = None
 ) -> Iterator[ResultT]:
-    """On the cluster of an address, in this process for one worker, otherwise in processes (0: one per core)."""
+    """On the cluster of an address, in this process for one worker, otherwise in processes (None: one per core)."""
     if cluster:
         return on_cluster(work, items, cluster)
-    return map(work, items) if workers == 1 else in_processes(work, items, workers or os.cpu_count() or 1)
+    wanted = os.cpu_count() or 1 if workers is None else workers
+    return map(work, items) if wanted == 1 else in_processes(work, items, wanted)
 
 
 def in_processes(work: Callable[[ItemT], ResultT], items: Sequence[ItemT], workers: int) -> Iterator[ResultT]:

@@ -41,10 +41,10 @@ class Ads1115Knobs:
 
 
 class Ads1115(RegisterPart):
-    """The converter at an address (0 for 0x48)."""
+    """The converter at an address (0x48 where none is named)."""
 
-    def __init__(self, knobs: Ads1115Knobs, address: int = 0) -> None:
-        super().__init__(address or ADDRESS)
+    def __init__(self, knobs: Ads1115Knobs, address: int | None = None) -> None:
+        super().__init__(address, ADDRESS)
         self._knobs, self.period_s = knobs, knobs.period_s
 
     def configure(self) -> Program[Identity]:

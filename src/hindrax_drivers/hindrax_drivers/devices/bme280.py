@@ -94,10 +94,10 @@ def _humidity(h: Sequence[int], fine: float, raw: int) -> float:
 
 
 class Bme280(RegisterPart):
-    """The sensor at an address (0 for 0x77); it sleeps between two measurements."""
+    """The sensor at an address (0x77 where none is named); it sleeps between two measurements."""
 
-    def __init__(self, knobs: Bme280Knobs, address: int = 0) -> None:
-        super().__init__(address or ADDRESS)
+    def __init__(self, knobs: Bme280Knobs, address: int | None = None) -> None:
+        super().__init__(address, ADDRESS)
         self._knobs, self.period_s = knobs, knobs.period_s
 
     def configure(self) -> Program[Identity]:

@@ -16,9 +16,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import NS_PER_S, Rejected, Stamp, Stamped, seconds_between
+from hindrax_core.hydrostatics import Water
 from hindrax_core.readings import BottomVelocity, DeviceText, Echo, Vec3
-from hindrax_drivers.devices.dvl75_settings import DEFAULT_KNOBS, Dvl75Knobs, commands, wanted_settings
-from hindrax_drivers.driver import Driver, SilenceMonitor, in_water
+from hindrax_drivers.devices.dvl75_settings import DEFAULT_KNOBS, FRESH_WATER, Dvl75Knobs, commands, wanted_settings
+from hindrax_drivers.driver import Driver, SilenceMonitor
 from hindrax_drivers.protocols import dvl75_protocol as protocol
 from hindrax_drivers.timebase import Break, Timebase
 
@@ -37,8 +38,8 @@ class Dvl75:
     A Tracker 650 gives its altitude as an Echo.
     """
 
-    def __init__(self, knobs: Dvl75Knobs = DEFAULT_KNOBS) -> None:
-        self._knobs, self.baud = knobs, knobs.baud
+    def __init__(self, knobs: Dvl75Knobs = DEFAULT_KNOBS, water: Water = FRESH_WATER) -> None:
+        self._knobs, self._water, self.baud = knobs, water, knobs.baud
         self._silence = SilenceMonitor("DVL", f"$DV sentences at {knobs.baud} baud", knobs.stall_s)
         drift_ppm, latency_s = knobs.clock_drift_ppm, knobs.latency_s
         self._clock = Timebase(1e-6, drift_ppm=drift_ppm, latency_s=latency_s, on_break=self._on_clock_break)
@@ -173,7 +174,7 @@ class Dvl75:
         self._identity = self.configuration.get("Model", "DVL-75")
         firmware = self.configuration.get("Firmware", "unknown")
         outputs: list[Output] = [Identity(f"Cerulean {self._identity}, firmware {firmware}")]
-        wanted = wanted_settings(self._knobs)
+        wanted = wanted_settings(self._knobs, water=self._water)
         for key in ("Speed of sound", "Velocity adjustment"):
             found = self.configuration.get(key)
             if found is not None and commands({key: found}, {key: wanted[key]}):
@@ -260,5 +261,5 @@ def _printable(text: bytes) -> bool:
     return text.isascii() and text.replace(b"\t", b" ").decode("ascii").isprintable()
 
 
-DRIVER = Driver(Dvl75Knobs, lambda knobs, _mount, vehicle: Dvl75(in_water(knobs, vehicle)), looking={"enable_tries": 0})
+DRIVER = Driver(Dvl75Knobs, lambda knobs, _mount, vehicle: Dvl75(knobs, vehicle.water), looking={"enable_tries": 0})
 """Its enable command would be written to the flash."""

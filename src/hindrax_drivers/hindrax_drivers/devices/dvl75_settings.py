@@ -3,8 +3,10 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from hindrax_core.hydrostatics import Water
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Vec3
+from hindrax_drivers.driver import sound_mps
 
 POOL_MODE = "Pool Mode"
 HEADING_OFFSET = "Heading offset"
@@ -42,7 +44,9 @@ class Dvl75Knobs:
     """Settings of the driver of the DVL, and of the DVL itself by `./hindrax dvl setup` only."""
 
     baud: int = knob(115200, 9600, 921600, "line speed [bit/s]")
-    speed_of_sound_mps: float = knob(1484.0, 1100.0, 1950.0, "speed of sound that the device uses [m/s]")
+    speed_of_sound_mps: float | None = knob(
+        None, 1100.0, 1950.0, "speed of sound that the device uses; none: that of the vehicle's water [m/s]"
+    )
     velocity_adjustment: float = knob(1.0, 0.8, 1.25, "factor that the device applies to its velocities [-]")
     min_confidence: float = knob(0.5, 0.01, 1.0, "confidence below which there is no velocity [-]")
     axis_sign: Vec3 = knob((1.0, 1.0, 1.0), -1.0, 1.0, "signs that turn the device's x, y, z into FRD [-]")
@@ -62,15 +66,15 @@ class Dvl75Knobs:
                 raise ValueError(f"{name}: found {signs}, wanted 1 or -1 for each axis")
 
 
-DEFAULT_KNOBS = Dvl75Knobs()
+DEFAULT_KNOBS, FRESH_WATER = Dvl75Knobs(), Water()
 
 
-def wanted_settings(knobs: Dvl75Knobs, model: str = "DVL-75") -> dict[str, str]:
+def wanted_settings(knobs: Dvl75Knobs, model: str = "DVL-75", water: Water = FRESH_WATER) -> dict[str, str]:
     """Flash settings that this driver wants, as $DVNVM reports them; the altitude comes with $DVEXT or $DVPDX."""
     return {
         "DVPDL messages": "ON",
         "DVPDX messages" if model == "Tracker 650" else "DVEXT messages": "ON",
-        "Speed of sound": f"{knobs.speed_of_sound_mps:.1f}",
+        "Speed of sound": f"{sound_mps(knobs, water):.1f}",
         "Velocity adjustment": f"{knobs.velocity_adjustment:.3f}",
     }
 

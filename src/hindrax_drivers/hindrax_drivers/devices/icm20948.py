@@ -34,15 +34,15 @@ DEFAULT_KNOBS = Icm20948Knobs()
 
 
 class Icm20948(RegisterPart):
-    """The sensor at an address (0 for 0x68), with the calibration of the vehicle file's mount."""
+    """The sensor at an address (0x68 where none is named), with the calibration of the vehicle file's mount."""
 
     def __init__(
         self,
         knobs: Icm20948Knobs = DEFAULT_KNOBS,
-        address: int = 0,
+        address: int | None = None,
         calibration: Mapping[str, tuple[float, ...]] | None = None,
     ) -> None:
-        super().__init__(address or r.ADDRESS)
+        super().__init__(address, r.ADDRESS)
         self._knobs = knobs
         self.period_s = knobs.period_s if knobs.mode == "fifo" else 1.0 / knobs.rate_Hz
         self._samples = SampleDecoder(knobs, correction(calibration or {}, "accel", "mps2"))
@@ -219,7 +219,8 @@ class Icm20948(RegisterPart):
 
 def _make(knobs: Icm20948Knobs, mount: Mount, _vehicle: object) -> Icm20948:
     """Sensor of a mount; the parameter for the line goes before the vehicle file's."""
-    knobs = replace(knobs, data_ready=knobs.data_ready or mount.data_ready)
+    if knobs.data_ready is None:
+        knobs = replace(knobs, data_ready=mount.data_ready)
     return Icm20948(knobs, mount.address, mount.calibration)
 
 

@@ -40,10 +40,10 @@ class Ina226Knobs:
 
 
 class Ina226(RegisterPart):
-    """The sensor at an address (0 for 0x41)."""
+    """The sensor at an address (0x41 where none is named)."""
 
-    def __init__(self, knobs: Ina226Knobs, address: int = 0) -> None:
-        super().__init__(address or ADDRESS)
+    def __init__(self, knobs: Ina226Knobs, address: int | None = None) -> None:
+        super().__init__(address, ADDRESS)
         self._knobs, self.period_s = knobs, knobs.period_s
         self._shunt_ohm = -knobs.shunt_ohm if knobs.reversed else knobs.shunt_ohm
 

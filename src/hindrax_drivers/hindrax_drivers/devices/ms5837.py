@@ -130,10 +130,10 @@ def reading_of(prom: Prom, d1: int, d2: int) -> Pressure:
 
 
 class Ms5837(RegisterPart):
-    """The sensor at an address (0 for 0x76). During its conversions the bus is free for others."""
+    """The sensor at an address (0x76 where none is named). During its conversions the bus is free for others."""
 
-    def __init__(self, knobs: Ms5837Knobs = DEFAULT_KNOBS, address: int = 0) -> None:
-        super().__init__(address or ADDRESS)
+    def __init__(self, knobs: Ms5837Knobs = DEFAULT_KNOBS, address: int | None = None) -> None:
+        super().__init__(address, ADDRESS)
         self._knobs, self.period_s = knobs, knobs.period_s
         osr = OSRS.index(knobs.oversampling)
         self._command_d1, self._command_d2 = CONVERT_D1 + 2 * osr, CONVERT_D2 + 2 * osr

@@ -18,6 +18,7 @@ MODE1, MODE2, LED0, PRE_SCALE = 0x00, 0x01, 0x06, 0xFE
 RESTART, EXTCLK, AUTO_INCREMENT, SLEEP = 0x80, 0x40, 0x20, 0x10
 TOTEM_POLE = 0x04  # OUTDRV; OCH = 0: all outputs change at STOP
 STEPS = 4096
+NOMINAL_CLOCK_Hz = 25e6
 OFF = STEPS  # bit 12 of LEDn_OFF: full OFF
 WAKE_S = 0.0005
 LARGEST_RATE_Hz = 400.0  # Basic ESC: highest update rate
@@ -32,11 +33,11 @@ class Pca9685(RegisterPart):
             raise ValueError(f"output.rate_Hz: found {output.rate_Hz:g}, wanted 24 to {LARGEST_RATE_Hz:g} Hz")
         if len(set(channels)) != len(channels) or not all(0 <= one < 16 for one in channels) or not channels:
             raise ValueError(f"output channels: found {list(channels)}, wanted different ones from 0 to 15")
-        super().__init__(output.address)
+        super().__init__(output.address, output.address)
         self._channels, self.rest_us = tuple(channels), tuple(rest_us)
-        self._prescale = _prescale(output.rate_Hz, output.clock_Hz)
-        self._clock_Hz = output.clock_Hz
-        self.step_us = (self._prescale + 1) * 1e6 / output.clock_Hz
+        self._clock_Hz = NOMINAL_CLOCK_Hz if output.clock_Hz is None else output.clock_Hz
+        self._prescale = _prescale(output.rate_Hz, self._clock_Hz)
+        self.step_us = (self._prescale + 1) * 1e6 / self._clock_Hz
         """Length of one count."""
         self._awake = AUTO_INCREMENT | (EXTCLK if output.external_clock else 0)
         self._first = min(channels)

@@ -18,9 +18,16 @@ from collections.abc import Callable
 
 from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
+from hindrax_core.hydrostatics import Water
 from hindrax_core.readings import DeviceText, Echo, EchoProfile, SonarHealth
-from hindrax_drivers.devices.ping1d_settings import DEFAULT_KNOBS, DeviceSetting, Ping1dKnobs, device_settings
-from hindrax_drivers.driver import Driver, SilenceMonitor, in_water
+from hindrax_drivers.devices.ping1d_settings import (
+    DEFAULT_KNOBS,
+    FRESH_WATER,
+    DeviceSetting,
+    Ping1dKnobs,
+    device_settings,
+)
+from hindrax_drivers.driver import Driver, SilenceMonitor, sound_mps
 from hindrax_drivers.protocols import ping_protocol as protocol
 from hindrax_drivers.protocols.ping_protocol import EchoMessage, FrameSplitter, PingFrame, Refused
 
@@ -36,8 +43,8 @@ SUPPLY_V = (4.5, 5.5)
 class Ping1d:
     """Serial device: frames in; Echo, SonarHealth (and EchoProfile where asked) out."""
 
-    def __init__(self, knobs: Ping1dKnobs = DEFAULT_KNOBS) -> None:
-        self._knobs, self.baud = knobs, knobs.baud
+    def __init__(self, knobs: Ping1dKnobs = DEFAULT_KNOBS, water: Water = FRESH_WATER) -> None:
+        self._knobs, self._water, self.baud = knobs, water, knobs.baud
         self._stall_s = max(knobs.stall_s, 4.0 * knobs.interval_s)
         self._silence = SilenceMonitor("Ping", f"Ping frames at {knobs.baud} baud", self._stall_s)
         self._handlers: dict[int, Callable[[PingFrame, Stamp], list[Output]]] = {
@@ -129,7 +136,7 @@ class Ping1d:
             wanted = f"wanted {protocol.PING1D_TYPE} (Ping1D, Ping2); check which device is on this port"
             return [] if reported else [Trouble(stamp, f"Ping: found device type {kind}, {wanted}")]
         self._known, self._wrong_type_reported = True, False
-        self._orders = deque(device_settings(self._knobs))
+        self._orders = deque(device_settings(self._knobs, self._water))
         identity = Identity(f"Blue Robotics Ping sonar, revision {revision}, firmware {major}.{minor}.{patch}")
         return [identity, *self._send_order(stamp)]
 
@@ -251,7 +258,7 @@ class Ping1d:
     def _age_s(self, frame: PingFrame, path_mm: int) -> float:
         """Age of an echo when the last byte of its message arrives; `path_mm`: path of the sound after the echo."""
         on_wire_s = frame.size * 10.0 / self._knobs.baud
-        return on_wire_s + path_mm * 0.001 / self._knobs.speed_of_sound_mps + self._knobs.latency_s
+        return on_wire_s + path_mm * 0.001 / sound_mps(self._knobs, self._water) + self._knobs.latency_s
 
     def _echo_stamp(self, arrival: Stamp, age_s: float) -> Stamp:
         """Time of an echo, never before the previous one, unless the host's clock was set back."""
@@ -309,4 +316,4 @@ class Ping1d:
         return self._ask(Send(protocol.request(message)), stamp)
 
 
-DRIVER = Driver(Ping1dKnobs, lambda knobs, _mount, vehicle: Ping1d(in_water(knobs, vehicle)))
+DRIVER = Driver(Ping1dKnobs, lambda knobs, _mount, vehicle: Ping1d(knobs, vehicle.water))

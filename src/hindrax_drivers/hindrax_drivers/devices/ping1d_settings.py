@@ -3,7 +3,9 @@
 import struct
 from dataclasses import dataclass
 
+from hindrax_core.hydrostatics import Water
 from hindrax_core.knobs import knob
+from hindrax_drivers.driver import sound_mps
 from hindrax_drivers.protocols import ping_protocol as protocol
 from hindrax_drivers.protocols.ping_protocol import PingFrame
 
@@ -18,7 +20,9 @@ class Ping1dKnobs:
     range_length_m: float = knob(5.0, 1.0, 100.0, "length of the scan, mode_auto off [m]")
     gain: int = knob(2, 0, 6, "receiver gain, mode_auto off [-]")
     interval_s: float = knob(0.05, 0.01, 10.0, "time between pings [s]")
-    speed_of_sound_mps: float = knob(1484.0, 1300.0, 1700.0, "speed of sound that the device uses [m/s]")
+    speed_of_sound_mps: float | None = knob(
+        None, 1300.0, 1700.0, "speed of sound that the device uses; none: that of the vehicle's water [m/s]"
+    )
     min_confidence: float = knob(0.5, 0.0, 1.0, "confidence below which a distance is refused [-]")
     continuous: bool = knob(True, meaning="continuous pings; otherwise each ping is requested")
     profile: bool = knob(False, meaning="request full echo profiles continuously")
@@ -28,7 +32,7 @@ class Ping1dKnobs:
     stall_s: float = knob(1.0, 0.3, 60.0, "silence that is reported and answered by a restart [s]")
 
 
-DEFAULT_KNOBS = Ping1dKnobs()
+DEFAULT_KNOBS, FRESH_WATER = Ping1dKnobs(), Water()
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,9 +57,9 @@ class DeviceSetting:
         return int.from_bytes(frame.payload, "little") == int.from_bytes(self.payload, "little")
 
 
-def device_settings(knobs: Ping1dKnobs) -> list[DeviceSetting]:
+def device_settings(knobs: Ping1dKnobs, water: Water = FRESH_WATER) -> list[DeviceSetting]:
     """All settings of a sonar after power-up, in order."""
-    mm_per_s = struct.pack("<I", round(knobs.speed_of_sound_mps * 1000.0))
+    mm_per_s = struct.pack("<I", round(sound_mps(knobs, water) * 1000.0))
     scan = struct.pack("<II", round(knobs.range_start_m * 1000.0), round(knobs.range_length_m * 1000.0))
     interval = struct.pack("<H", round(knobs.interval_s * 1000.0))
     stream = struct.pack("<H", protocol.PROFILE)

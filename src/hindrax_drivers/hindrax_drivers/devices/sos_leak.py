@@ -31,10 +31,10 @@ class SosLeakKnobs:
 
 
 class SosLeak:
-    """The probe at a line of a chip (0 for 27); see `GpioBus` for what is written and read."""
+    """The probe at a line of a chip (27 where none is named); see `GpioBus` for what is written and read."""
 
-    def __init__(self, knobs: SosLeakKnobs, line: int = 0) -> None:
-        self._knobs, self._line, self.period_s = knobs, line or LINE, knobs.period_s
+    def __init__(self, knobs: SosLeakKnobs, line: int | None = None) -> None:
+        self._knobs, self._line, self.period_s = knobs, LINE if line is None else line, knobs.period_s
         self._level = self._same = self._restless = 0
 
     def configure(self) -> Program[Identity]:

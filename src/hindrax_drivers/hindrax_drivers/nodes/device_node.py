@@ -48,7 +48,7 @@ class DeviceNode(BatchedNode, LifecycleNode):
         super().__init__(name, publish_queue=publish_queue, ros_time=False, enable_logger_service=False)
         self.health = NodeDiagnostics(hardware=name)
         self.tap = FrameTap(self, name)
-        frame = text(self, "frame_id", frame_of(name), "frame of its messages [-]") if device else ""
+        frame = text(self, "frame_id", frame_of(name), "frame of its messages [-]") if device else None
         self._messages = ReadingMessages(name, device, vehicle, frame)
         rates_Hz = [topic.rate_Hz for topic in self._messages.topics if topic.name.endswith("/pressure")]
         self._pressures_Hz = max(rates_Hz, default=0.0)

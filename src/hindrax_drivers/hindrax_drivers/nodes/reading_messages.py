@@ -51,10 +51,10 @@ class ReadingMessages:
     Equal readings give equal messages, except the DVL's detail: it has the beams of the previous sentence.
     """
 
-    def __init__(self, name: str, device: str, vehicle: Vehicle, frame: str = "") -> None:
+    def __init__(self, name: str, device: str, vehicle: Vehicle, frame: str | None = None) -> None:
         self.topics: list[Topic] = []
         self._writers: dict[type, list[tuple[str, Write]]] = {}
-        frame = frame or frame_of(name)
+        frame = frame_of(name) if frame is None else frame
         for quantity, topic in (sensor_topics(name, device) if device else {}).items():
             if quantity == "detail":
                 self._add_detail(topic, frame, vehicle.water.speed_of_sound_mps)

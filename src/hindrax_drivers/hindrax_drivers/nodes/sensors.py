@@ -14,7 +14,7 @@ from std_srvs.srv import Trigger
 from hindrax_core.bus_operations import DeviceError, Transaction, pack_transaction
 from hindrax_core.driver_interface import Output, RegisterDevice, SerialDevice
 from hindrax_core.events import Stamp
-from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
+from hindrax_core.vehicle import ADDRESS_MEANING, Mount, Vehicle, load_vehicle
 from hindrax_drivers.buses.bus_schedule import BusSchedule
 from hindrax_drivers.buses.port_threads import BusThread, SerialThread, ServingThread
 from hindrax_drivers.buses.ports import open_bus, open_clock
@@ -44,8 +44,7 @@ class WireHosts:
         clock = text(node, "clock", "system", "clock of a serial port: system, or mock:SOCKET [-]")
         row = driver_of(mount.device)
         if not row.serial:
-            meaning = "I2C address, 0 for the device's own default; or line of a GPIO chip [-]"
-            mount = replace(mount, address=whole(node, "address", mount.address, meaning))
+            mount = replace(mount, address=whole(node, "address", mount.address, ADDRESS_MEANING))
         device: Any = row.make(knobs(node, row.knobs), mount, vehicle)
         self.nodes.append(node)
         if row.serial:

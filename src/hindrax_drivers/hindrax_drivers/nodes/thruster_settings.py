@@ -62,7 +62,7 @@ def read_settings(arguments: Sequence[str]) -> Settings:
     if not file and "channels" not in found:
         raise UsageError("thrusters: no vehicle file; give one with --ros-args -p vehicle:=FILE, or -p channels:=[0,1]")
     vehicle = load_vehicle(file) if file else _vehicle_of(found)
-    port, clock = str(found.get("port") or vehicle.output.port), str(found.get("clock") or "system")
+    port, clock = str(found.get("port", vehicle.output.port)), str(found.get("clock", "system"))
     names = {one.name for one in fields(OutputGuardKnobs)}
     knobs = build(OutputGuardKnobs, {name: value for name, value in found.items() if name in names}, NODE)
     return Settings(vehicle, port, clock, alone=not file, knobs=knobs)

@@ -49,7 +49,7 @@ class OutputGuardKnobs:
     future_s: float = knob(0.1, 0.0, 1.0, "how far ahead of the vehicle's clock a stamp may be [s]")
     repeat_s: float = knob(0.09, 0.01, 0.1, "longest time between two writes, neutral or not [s]")
     failing_s: float = knob(0.2, 0.0, 2.0, "time of failing writes after which the output is faulted [s]")
-    neutral_us: float = knob(0.0, 0.0, 2000.0, "neutral pulse; 0: the stop pulse of each thruster's curve [us]")
+    neutral_us: float | None = knob(None, 0.0, 2500.0, "neutral pulse; none: each thruster's stop_us [us]")
     low_us: float = knob(1100.0, 500.0, 1500.0, "shortest pulse [us]")
     high_us: float = knob(1900.0, 1500.0, 2500.0, "longest pulse [us]")
     slew_usps: float = knob(4000.0, 100.0, 1e6, "largest change of a pulse, but for going neutral [us/s]")
@@ -61,8 +61,8 @@ class OutputGuardKnobs:
         if self.silence_s - self.margin_s <= 0.0:
             raise ValueError(f"margin_s: found {self.margin_s:g}, wanted less than silence_s ({self.silence_s:g})")
         least_us = max(self.low_us, LEAST_REST_us)
-        if self.neutral_us and not least_us <= self.neutral_us <= self.high_us:
-            wanted = f"{least_us:g} to {self.high_us:g}, or 0 for that of the vehicle file"
+        if self.neutral_us is not None and not least_us <= self.neutral_us <= self.high_us:
+            wanted = f"{least_us:g} to {self.high_us:g}; without it: that of the vehicle file"
             raise ValueError(f"neutral_us: found {self.neutral_us:g}, wanted {wanted}")
 
 
@@ -440,7 +440,7 @@ def guard_of(vehicle: Vehicle, knobs: OutputGuardKnobs | None = None) -> OutputG
     """
     chosen = knobs or OutputGuardKnobs()
     curves = [vehicle.curves[one.curve] for one in vehicle.thrusters]
-    rest_us = tuple(chosen.neutral_us or one.stop_us for one in curves)
+    rest_us = tuple(one.stop_us if chosen.neutral_us is None else chosen.neutral_us for one in curves)
     for thruster, curve, pulse_us in zip(vehicle.thrusters, curves, rest_us, strict=True):
         if not chosen.low_us <= pulse_us <= chosen.high_us:
             wanted = f"{chosen.low_us:g} to {chosen.high_us:g} us (low_us, high_us)"

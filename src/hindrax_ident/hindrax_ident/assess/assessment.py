@@ -97,7 +97,7 @@ def draft(
 ) -> DraftFit:
     """Refine a record from the last online estimate. ValueError when it holds too few samples."""
     start = list(online.values())[-1][0] if online else prior.values
-    if tuning.lag_doubt_s > 0.0:
+    if tuning.lag_doubt_s is not None:
         record, fit = fit_with_delays(record, start, model, prior, tuning.lag_doubt_s)
         return DraftFit(record, fit, prior, online, moved=False)
     first = DraftFit(record, refine(model, record, start, prior), prior, online, moved=False)
@@ -137,7 +137,7 @@ def assess(
 
 def _case(vehicle: Vehicle, drafted: DraftFit, tuning: Tuning) -> Case:
     fit = drafted.fit
-    if tuning.thrust_doubt > 0.0:
+    if (tuning.thrust_doubt or 0.0) > 0.0:
         fit = replace(fit, covariance=array(slow_force_ratio(fit) * fit.covariance))
     return Case(vehicle, drafted.record, fit, tuning, drafted.moved)
 

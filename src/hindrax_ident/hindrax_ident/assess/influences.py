@@ -130,10 +130,15 @@ class Case:
         return self.fit.problem.grid.times_s - self.record.latency_s
 
     @property
+    def thrust_doubt(self) -> float:
+        """Unmodeled dead band or pull as a share of the largest thrust [-]."""
+        return self.tuning.thrust_doubt or 0.0
+
+    @property
     def delay_sigma_s(self) -> float:
         """Prior standard deviation of lag and latency [s]."""
         found_s = FOUND_DELAY_S if self.delay_found else 0.0
-        return max(self.tuning.timing_sigma_s, self.tuning.lag_doubt_s, found_s)
+        return max(self.tuning.timing_sigma_s, self.tuning.lag_doubt_s or 0.0, found_s)
 
     def drag(self, v: Array) -> Array:
         """Drag of the fit at velocities (n,): (n,) [N, N m]."""
@@ -305,7 +310,7 @@ def _lag(case: Case) -> Array:
 
 def _dead_band(case: Case) -> Array:
     """Thrust reduced by a force of the size of the sigma, and lost below it: two columns of one deviation."""
-    command, band = case.record.thrust.y, max(1e-9, case.tuning.thrust_doubt * case.pull)
+    command, band = case.record.thrust.y, max(1e-9, case.thrust_doubt * case.pull)
     return case.of_commands(
         np.stack([-band * np.clip(command / band, -1.0, 1.0), -LOST * command * (np.abs(command) < band)], axis=1)
     )
@@ -347,7 +352,7 @@ def _asymmetry_sigma(case: Case) -> float:
     """
     if case.fit.model.split:
         return 0.0
-    return 0.05 if case.axis == SURGE or case.tuning.thrust_doubt > 0.0 else 0.0125
+    return 0.05 if case.axis == SURGE or case.thrust_doubt > 0.0 else 0.0125
 
 
 def _asymmetry(case: Case, v: Array) -> Array:
@@ -471,7 +476,7 @@ INFLUENCES: tuple[Influence, ...] = (
     Influence(
         # A record of a wrench alone has the exponent of the thrust for it.
         "losses that change with the load", "-", MODEL,
-        lambda case: 0.0 if case.tuning.thrust_doubt > 0.0 else 0.03, _load,
+        lambda case: 0.0 if case.thrust_doubt > 0.0 else 0.03, _load,
         MEASURED_THRUST, near=NEAR, alone="losses",
     ),
     Influence(
@@ -499,12 +504,12 @@ INFLUENCES: tuple[Influence, ...] = (
     ),
     Influence(
         "dead band of the thrust", "sigma", MODEL,
-        lambda case: 1.0 if case.tuning.thrust_doubt * case.pull > 0.0 else 0.0, _dead_band,
+        lambda case: 1.0 if case.thrust_doubt * case.pull > 0.0 else 0.0, _dead_band,
         "describe the dead band in the vehicle file",
     ),
     Influence(
         "exponent of the thrust", "-", MODEL,
-        lambda case: (0.05 if _gains(case) else 0.15) if case.tuning.thrust_doubt > 0.0 else 0.0, _thrust_exponent,
+        lambda case: (0.05 if _gains(case) else 0.15) if case.thrust_doubt > 0.0 else 0.0, _thrust_exponent,
         "describe the thrusters in the vehicle file, or measure the thrust at several commands", near=NEAR,
     ),
     Influence(
@@ -517,7 +522,7 @@ INFLUENCES: tuple[Influence, ...] = (
         "set velocity_latency_s to the latency of the instrument",
     ),
     Influence(
-        "stamps of the record", "s", RUN, lambda case: case.tuning.stamp_doubt_s, _lag,
+        "stamps of the record", "s", RUN, lambda case: case.tuning.stamp_doubt_s or 0.0, _lag,
         "record thrust and velocity with stamps of one clock", considered=True,
     ),
     Influence(
@@ -531,11 +536,11 @@ INFLUENCES: tuple[Influence, ...] = (
         "wait until the water is still", near=NEAR,
     ),
     Influence(
-        "tether", "N", MODEL, lambda case: max(TETHER, case.tuning.thrust_doubt) * case.pull, _tether,
+        "tether", "N", MODEL, lambda case: max(TETHER, case.thrust_doubt) * case.pull, _tether,
         "leave the tether slack, or float it, and fly near its fixed end", near=NEAR,
     ),
     Influence(
-        "drag of the tether", "N", MODEL, lambda case: max(TETHER, case.tuning.thrust_doubt) * case.pull,
+        "drag of the tether", "N", MODEL, lambda case: max(TETHER, case.thrust_doubt) * case.pull,
         lambda case: case.of_force(-_braking(case)),
         "fly near the fixed end of the tether, or with a thinner one", near=NEAR, loss=True,
     ),
@@ -545,7 +550,7 @@ INFLUENCES: tuple[Influence, ...] = (
         _longer_tether, "fly near the fixed end of the tether, or with a thinner one", near=NEAR,
     ),
     Influence(
-        "friction of the tether", "N", MODEL, lambda case: case.tuning.thrust_doubt * case.pull, _friction,
+        "friction of the tether", "N", MODEL, lambda case: case.thrust_doubt * case.pull, _friction,
         "keep the tether off the floor and the edge", near=NEAR,
     ),
     Influence(

@@ -335,7 +335,7 @@ def _given(variance: Array, root: Array) -> tuple[Array, Array]:
 def _weighed(case: Case, shifts: Array) -> tuple[Array, Array]:
     """Information (m, m) and gradient (m,) of a weighed net buoyancy: heave then shows the gain of the thrust."""
     m, sigma = shifts.shape[1], case.tuning.buoyancy_sigma_N
-    if case.axis != HEAVE or not sigma > 0.0:
+    if case.axis != HEAVE or sigma is None:
         return np.zeros((m, m)), np.zeros(m)
     at = case.fit.model.names.index("b")
     variance = sigma**2 + float(case.fit.covariance[at, at])

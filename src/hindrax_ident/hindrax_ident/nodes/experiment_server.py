@@ -70,7 +70,8 @@ class ExperimentServer:
     def _accept(self, handle: Any) -> None:
         """Begin an experiment, or finish it at once: a rejection cannot carry a reason."""
         request = handle.request
-        experiment = Experiment(tuple(request.motions), Aim(request.until, request.minutes))
+        aim = Aim(request.until or None, request.minutes or None)  # 0 in a message, which has no None
+        experiment = Experiment(tuple(request.motions), aim)
         refused = self._refused(request, experiment)
         if refused or request.plan:
             plan = "" if refused else plan_text(experiment.motions, experiment.aim)

@@ -17,18 +17,18 @@ LEAST_SHARE = 1e-4
 
 @dataclass(frozen=True, slots=True)
 class Aim:
-    """End of an experiment: noise of the drag below `until` [-], or after `minutes`; 0 where nothing is asked."""
+    """End of an experiment: noise of the drag below `until` [-], or after `minutes`; None where nothing is asked."""
 
-    until: float = 0.0
-    minutes: float = 0.0
+    until: float | None = None
+    minutes: float | None = None
 
     @property
     def limit_s(self) -> float:
         """Time after which nothing is flown any more [s]."""
-        return 60.0 * (self.minutes or LONGEST_MIN)
+        return 60.0 * (LONGEST_MIN if self.minutes is None else self.minutes)
 
     def __str__(self) -> str:
-        noise = f"{100.0 * self.until:g} %" if self.until else "a third of the calibration uncertainty"
+        noise = "a third of the calibration uncertainty" if self.until is None else f"{100.0 * self.until:g} %"
         return f"until the noise of the drag is below {noise}, at most {self.limit_s / 60.0:g} minutes"
 
 
@@ -68,9 +68,7 @@ def check_experiment(motions: Sequence[str], aim: Aim, on_cancel: str = "hold") 
         raise UsageError(f"goal: {len(motions)} motions, one of them twice, wanted each once")
     if on_cancel not in ENDINGS:
         raise UsageError(f"goal: ending {on_cancel[:40]!r} unknown, wanted {' or '.join(ENDINGS)}")
-    if aim.until != 0.0 and not LEAST_SHARE <= aim.until <= 1.0:
-        raise UsageError(
-            f"goal: until {aim.until:g}, wanted {LEAST_SHARE:g} to 1, or 0 for the calibration uncertainty"
-        )
-    if not 0.0 <= aim.minutes <= LONGEST_MIN:
-        raise UsageError(f"goal: minutes {aim.minutes:g}, wanted 0 to {LONGEST_MIN:g}; 0 asks for {LONGEST_MIN:g}")
+    if aim.until is not None and not LEAST_SHARE <= aim.until <= 1.0:
+        raise UsageError(f"goal: until {aim.until:g}, wanted {LEAST_SHARE:g} to 1; without it: by the calibration")
+    if aim.minutes is not None and not 0.0 < aim.minutes <= LONGEST_MIN:
+        raise UsageError(f"goal: minutes {aim.minutes:g}, wanted more than 0, at most {LONGEST_MIN:g}")

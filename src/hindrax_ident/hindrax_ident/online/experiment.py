@@ -82,7 +82,7 @@ class DragEstimate:
         return array(np.maximum(np.sum(self.gradient @ covariance * self.gradient, axis=1), 1e-18) / self.force**2)
 
 
-def drag_of(session: Session, axis: int, until: float) -> DragEstimate | None:
+def drag_of(session: Session, axis: int, until: float | None) -> DragEstimate | None:
     """Present estimate of the drag along an axis; None before two speeds were flown."""
     if axis not in session.axes:
         return None
@@ -99,7 +99,7 @@ def drag_of(session: Session, axis: int, until: float) -> DragEstimate | None:
     gradient = _columns(model, v)
     gradient[:, -1] = 0.0
     force = array(np.maximum(np.abs(gradient @ theta[:d]), 1e-9))
-    wanted = until or OF_CALIBRATION * calibration_of(session, axis, float(force.max()))
+    wanted = OF_CALIBRATION * calibration_of(session, axis, float(force.max())) if until is None else until
     return DragEstimate(model, plateaus, array(covariance[:d, :d]), gradient, force, wanted)
 
 
@@ -125,7 +125,7 @@ class Experiment:
 
     motions: Sequence[str]
     aim: Aim = field(default_factory=Aim)
-    estimate_drag: Callable[[Session, int, float], DragEstimate | None] = drag_of
+    estimate_drag: Callable[[Session, int, float | None], DragEstimate | None] = drag_of
     ended: str = ""
     known: dict[str, DragEstimate] = field(default_factory=dict)
     _flown_s: dict[str, float] = field(default_factory=dict)

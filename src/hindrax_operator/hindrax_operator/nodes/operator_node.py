@@ -295,7 +295,7 @@ class Operator:
             asked = FlyManeuver.Goal(excitation=goal.excitation, levels=goal.levels, seed=goal.seed, **words)
             return self._asked(self._fly, asked, seconds)[0], ""
         self.wait(self._run.server_is_ready, ANSWER_S, lambda: f"the identifier to offer ident/run; {UP}")
-        experiment = RunExperiment.Goal(until=goal.aim.until, minutes=goal.aim.minutes, **words)
+        experiment = RunExperiment.Goal(until=goal.aim.until or 0.0, minutes=goal.aim.minutes or 0.0, **words)
         aborted, result = self._asked(self._run, experiment, seconds)
         if result is None:
             return aborted or "identifier: its result was lost; see whether its process is up", ""

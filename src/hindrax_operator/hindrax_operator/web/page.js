@@ -535,7 +535,8 @@ for (const name of ["stop", "disarm", "cancel"]) at(name).addEventListener("clic
 at("fly").addEventListener("submit", event => {
   event.preventDefault();
   const motions = [...document.querySelectorAll("[name=motion]:checked")].map(one => one.value);
-  const how = experimenting() ? {until: Number(at("until").value) / 100, minutes: Number(at("minutes").value)} :
+  const asked = (name, unit) => at(name).value === "" ? null : Number(at(name).value) / unit;
+  const how = experimenting() ? {until: asked("until", 100), minutes: asked("minutes", 1)} :
     {excitation: at("excitation").value, seed: Number(at("seed").value)};
   order("fly", {motions, on_cancel: at("ending").value, ...how});
 });

@@ -141,8 +141,9 @@ def goal_of(words: Mapping[str, Any]) -> Goal | ExperimentGoal:
     return goal
 
 
-def _number(words: Mapping[str, Any], name: str) -> float:
-    found = words.get(name, 0.0)
+def _number(words: Mapping[str, Any], name: str) -> float | None:
+    if (found := words.get(name)) is None:
+        return None
     if isinstance(found, bool) or not isinstance(found, (int, float)) or not abs(found) < LARGEST:
         raise _wrong(f"{name}: wanted a number")
     return float(found)

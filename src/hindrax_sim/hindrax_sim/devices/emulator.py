@@ -28,7 +28,7 @@ class Emulator:
     example: Callable[[float], Any]
     agrees: Callable[[Any, Any], bool]
     address: int = 0
-    """Its I2C address where the vehicle file gives none; 0 for a part on a serial line."""
+    """Its I2C address, or line of a GPIO chip, where the vehicle file gives none; 0 for a part on a serial line."""
     also_at: Callable[[Any, Mount], dict[int, Any]] = lambda _part, _mount: {}
     """Further addresses on the bus that the same part answers at, as it is mounted."""
 

@@ -30,6 +30,7 @@ class SosLeak(Part[Leak]):
 
 EMULATOR = Emulator(
     make=SosLeak,
+    address=27,  # ArduSub, parameter LEAK1_PIN of a Navigator
     truth=lambda world, _at: Leak(world.water_in_hull),
     example=lambda seconds: Leak(wet=seconds >= 30.0),
     agrees=lambda truth, reading: bool(truth.wet == reading.wet),

@@ -60,7 +60,7 @@ def _dimensions(arguments: argparse.Namespace) -> Dimensions:
         if vehicle.projected_areas_m2 is not None:
             known |= dict(zip(AREAS, vehicle.projected_areas_m2, strict=True))
         given = {name: value if value is not None else known.get(name) for name, value in given.items()}
-        density = density or vehicle.water.density_kgpm3
+        density = vehicle.water.density_kgpm3 if density is None else density
         if arm is None:
             arm = vehicle.center_of_mass_m[2] - vehicle.center_of_buoyancy_m[2]
     missing = [f"--{name}" for name in sizes if given[name] is None]

@@ -29,7 +29,7 @@ from hindrax_sim.flights.pool_flight import fly
     option("--excitation", default=PLATEAUS, choices=(PLATEAUS, *EXCITATIONS), help="default: plateaus"),
     option("--seed", type=int, default=1, help="seed of the first run; the others follow. Default 1"),
     option("--cluster", default="", metavar="ADDRESS", help="compute on this Dask cluster"),
-    option("--workers", type=at_least(0), default=0, metavar="N", help="local processes; default: one per core"),
+    option("--workers", type=at_least(1), metavar="N", help="local processes; default: one per core"),
     partial(add_vehicle, meaning="vehicle with its truth: file or name"),
     option("--world", default=IDEAL, help=f"what the model does not know: {FORM}. Default: {IDEAL}"),
     add_json,
@@ -103,7 +103,7 @@ def _ratio(cells: list[dict[str, Any]], wanted: dict[str, Any]) -> str:
     "./hindrax faults --only sensors --seeds 1",
     option("--only", nargs="+", metavar="NAME", help="these processes and devices; any other name lists all"),
     option("--seeds", type=at_least(1), default=3, metavar="N", help="flights of each fault; default 3"),
-    option("--workers", type=at_least(0), default=0, metavar="N", help="processes; default: one per core"),
+    option("--workers", type=at_least(1), metavar="N", help="processes; default: one per core"),
     add_json,
 )
 def faults(arguments: argparse.Namespace) -> int:

@@ -112,7 +112,7 @@ def calibration(
 def _self_test(port: str, mount: Mount, *, as_json: bool) -> int:
     sensor = Icm20948(Icm20948Knobs(magnetometer=False), mount.address)
     print_stderr(run_once(port, sensor.configure()).text)
-    result = run_once(port, self_test(mount.address or 0x68))
+    result = run_once(port, self_test(sensor.address))
     print_answer(asdict(result) | {"passed": result.passed}, result, as_json=as_json)
     return 0 if result.passed else 1
 

@@ -12,6 +12,7 @@ from hindrax_cli.command import command, option
 from hindrax_core.driver_interface import Identity, Send
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import after
+from hindrax_core.hydrostatics import Water
 from hindrax_core.text.screen_text import print_stderr
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.bus_capture import mount_of
@@ -67,13 +68,13 @@ def dvl(arguments: argparse.Namespace) -> int:
     knobs = replace(
         flash.Dvl75Knobs(),
         baud=arguments.baud,
-        speed_of_sound_mps=arguments.speed_of_sound or vehicle.water.speed_of_sound_mps,
+        speed_of_sound_mps=arguments.speed_of_sound,
         velocity_adjustment=arguments.velocity_adjustment,
         enable_tries=0,
     )
     calibrate = [flash.IMU_CALIBRATION[arguments.imu_calibration]] if arguments.imu_calibration else []
     named, last = asked(arguments), [flash.REBOOT] if arguments.reboot else []
-    with closing(SystemClock()) as clock, closing(DvlConversation(port, knobs, clock)) as talk:
+    with closing(SystemClock()) as clock, closing(DvlConversation(port, knobs, vehicle.water, clock)) as talk:
         if arguments.action == "show":
             report = talk.show()
         else:
@@ -101,9 +102,9 @@ def asked(arguments: argparse.Namespace) -> dict[str, str]:
 class DvlConversation:
     """One conversation with a DVL over its port."""
 
-    def __init__(self, path: str, knobs: flash.Dvl75Knobs, clock: Clock) -> None:
-        self._path, self._knobs, self._clock = path, knobs, clock
-        self._device = Dvl75(knobs)
+    def __init__(self, path: str, knobs: flash.Dvl75Knobs, water: Water, clock: Clock) -> None:
+        self._path, self._knobs, self._water, self._clock = path, knobs, water, clock
+        self._device = Dvl75(knobs, water)
         self._port = open_line(path, self._device.baud, clock)
         self._identity = ""
 
@@ -125,7 +126,7 @@ class DvlConversation:
         cannot be verified, and the report marks it.
         """
         current = self._ask()
-        wanted = {**flash.wanted_settings(self._knobs, current["Model"]), **named}
+        wanted = {**flash.wanted_settings(self._knobs, current["Model"], self._water), **named}
         first = [*before, *flash.commands(current, wanted, always)]
         report: dict[str, Any] = {"port": self._path, "identity": self._identity}
         report["orders"] = _texts([*first, *last])

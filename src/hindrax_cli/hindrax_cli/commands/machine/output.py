@@ -20,7 +20,7 @@ from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.vehicle import Vehicle, chip_and_line
 from hindrax_drivers.bus_capture import capture, run_once
 from hindrax_drivers.buses.clock import MOCK_PREFIX
-from hindrax_drivers.devices.pca9685 import Pca9685, pca9685_of
+from hindrax_drivers.devices.pca9685 import NOMINAL_CLOCK_Hz, Pca9685, pca9685_of
 from hindrax_drivers.driver_registry import driver_of
 from hindrax_drivers.output import oscillator as measurement
 from hindrax_drivers.output.enable_line import outputs_enabled
@@ -67,11 +67,12 @@ def oscillator(arguments: argparse.Namespace) -> int:
         finally:
             run_once(port, measurement.end(output.address, arguments.channel))
     kept = keep(arguments, ("output", "clock_Hz"), round(found_Hz))
-    percent = 100.0 * (found_Hz / output.clock_Hz - 1.0)
+    before_Hz = NOMINAL_CLOCK_Hz if output.clock_Hz is None else output.clock_Hz
+    percent = 100.0 * (found_Hz / before_Hz - 1.0)
     report = {
         "output": identity,
         "clock_Hz": round(found_Hz),
-        "before_Hz": output.clock_Hz,
+        "before_Hz": before_Hz,
         "edges": edges[-1][0] - edges[0][0],
         "written": arguments.write,
     }
@@ -169,10 +170,8 @@ def esc(arguments: argparse.Namespace) -> int:
 def _calibrate(bench: _Bench) -> None:
     run_once(bench.port, bench.chip.configure())
     output = bench.vehicle.output
-    if output.clock_Hz == type(output)().clock_Hz and not output.external_clock:
-        print_fitted(
-            "output.clock_Hz is the nominal one: `./hindrax oscillator` first, or the range has the same error"
-        )
+    if output.clock_Hz is None and not output.external_clock:
+        print_fitted("output.clock_Hz is not measured: `./hindrax oscillator` first, or the range has the same error")
     if _ask(OFF) != "off":
         raise HindraxError("wanted `off`; only neutral was written")
     bench.require_no_supply()

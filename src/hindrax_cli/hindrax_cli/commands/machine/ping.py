@@ -20,7 +20,6 @@ from hindrax_drivers.buses.clock import SystemClock
 from hindrax_drivers.buses.line import SerialPort
 from hindrax_drivers.devices.ping1d import Ping1d
 from hindrax_drivers.devices.ping1d_settings import Ping1dKnobs
-from hindrax_drivers.driver import in_water
 from hindrax_drivers.protocols import ping_protocol as protocol
 
 PATIENCE_S = 8.0
@@ -45,8 +44,8 @@ def ping(arguments: argparse.Namespace) -> int:
     """Query the sonar: one echo profile, or its number, supply and temperatures."""
     vehicle = load_vehicle(arguments.vehicle)
     port = arguments.port or mount_of(vehicle, Ping1d, arguments.sensor)[1].port
-    knobs = in_water(Ping1dKnobs(continuous=False, profile=True, min_confidence=0.0), vehicle)
-    sonar, device_id = Ping1d(knobs), arguments.device_id
+    knobs = Ping1dKnobs(continuous=False, profile=True, min_confidence=0.0)
+    sonar, device_id = Ping1d(knobs, vehicle.water), arguments.device_id
     order = b"" if device_id is None else protocol.encode(protocol.SET_DEVICE_ID, bytes([device_id]))
     if arguments.action == "profile":
         identity, echo = ask(port, sonar, EchoProfile, order)

@@ -35,14 +35,15 @@ def add_mock_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=seed, help="mock: seed of its noise; default 1")
     parser.add_argument("--rate", type=pace, help="mock: times real time at most (0: no bound); default 1")
     parser.add_argument("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP)
-    parser.add_argument("--world", default="", help=f"{WORLD_HELP}. Default: ideal")
+    parser.add_argument("--world", help=f"{WORLD_HELP}. Default: ideal")
 
 
 def mock_options(arguments: argparse.Namespace) -> MockOptions:
     """Options of the mock; default pace for an operator: real time."""
     rate = 1.0 if arguments.rate is None else arguments.rate
     seed_of_all = 1 if arguments.seed is None else arguments.seed
-    return MockOptions(seed_of_all, rate, tuple(arguments.fault), arguments.world or "ideal")
+    world = "ideal" if arguments.world is None else arguments.world
+    return MockOptions(seed_of_all, rate, tuple(arguments.fault), world)
 
 
 @command(
@@ -66,8 +67,8 @@ def mock_options(arguments: argparse.Namespace) -> MockOptions:
 )
 def up(arguments: argparse.Namespace) -> int:
     """Start the stack and keep it up until Ctrl-C; other terminals operate it."""
-    of_mock = arguments.fault or arguments.world or arguments.rate is not None or arguments.seed is not None
-    if of_mock and not arguments.mock:
+    of_mock = (arguments.world, arguments.rate, arguments.seed)
+    if (arguments.fault or any(one is not None for one in of_mock)) and not arguments.mock:
         raise UsageError("--fault, --world, --rate and --seed are for --mock only")
     mock = mock_options(arguments) if arguments.mock else None
     # A mock is for this machine alone, unless it is asked for by name here.

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from hindrax_bringup.stack import FAULT_HELP, WORLD_HELP, MockOptions
-from hindrax_cli.argument_types import add_json, add_tuning, add_vehicle, pace, seed, share, tuning_of
+from hindrax_cli.argument_types import add_json, add_tuning, add_vehicle, pace, positive, seed, share, tuning_of
 from hindrax_cli.command import command, option
 from hindrax_cli.commands.operate.manual_control import PLACE_HELP, place_of
 from hindrax_control.maneuver.goal import EXCITATIONS, PLATEAUS
@@ -20,7 +20,7 @@ PLAN_HELP = "only rehearse it in lock-step: timetable, clearances, charge and ba
 
 def aim_of(arguments: argparse.Namespace) -> Aim | None:
     """End of the requested experiment; None for the pilot's plan."""
-    if not (arguments.until or arguments.minutes):
+    if arguments.until is None and arguments.minutes is None:
         return None
     if arguments.excitation != PLATEAUS:
         found = f"--excitation {arguments.excitation}"
@@ -44,17 +44,14 @@ def aim_of(arguments: argparse.Namespace) -> Aim | None:
     option(
         "--until",
         type=share,
-        default=0.0,
         metavar="SHARE",
         help="noise of the drag at which it ends, such as 2%%: the identification chooses the legs",
     ),
-    option("--minutes", type=float, default=0.0, help="time limit, after which it ends with the result so far"),
+    option("--minutes", type=positive, help="time limit, after which it ends with the result so far"),
     option("--seed", type=seed, default=1, help="of the mock's noise and of the excitation; default 1"),
-    option(
-        "--rate", type=pace, default=0.0, help="mock: times real time at most; default: as fast as the stack follows"
-    ),
+    option("--rate", type=pace, help="mock: times real time at most; default, and 0: as fast as the stack follows"),
     option("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP),
-    option("--world", default="", help=f"{WORLD_HELP}. Default: pool"),
+    option("--world", help=f"{WORLD_HELP}. Default: pool"),
     option("--excitation", default=PLATEAUS, choices=(PLATEAUS, *EXCITATIONS), help="default: plateaus"),
     option(
         "--on-cancel",
@@ -82,7 +79,7 @@ def pool_test(arguments: argparse.Namespace) -> int:
         from hindrax_cli.pool_plan import rehearse_and_show  # noqa: PLC0415  # a flight needs neither SciPy nor the simulator
 
         return rehearse_and_show(arguments, aim)
-    if not arguments.mock and (arguments.fault or arguments.world or arguments.rate):
+    if not arguments.mock and (arguments.fault or arguments.world is not None or arguments.rate is not None):
         raise UsageError("--fault, --world and --rate are for --mock only")
     if not arguments.mock:
         from hindrax_cli.health_checks.wires import require_ports  # noqa: PLC0415  # every driver: a mock starts without them
@@ -94,7 +91,8 @@ def pool_test(arguments: argparse.Namespace) -> int:
 
         predicted = predicted_of(arguments, aim)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    options = MockOptions(arguments.seed, arguments.rate, tuple(arguments.fault), arguments.world or "pool")
+    rate, world = arguments.rate or 0.0, "pool" if arguments.world is None else arguments.world
+    options = MockOptions(arguments.seed, rate, tuple(arguments.fault), world)
     return run_pool_test(
         PoolOptions(
             motions=tuple(arguments.dof),

@@ -48,7 +48,9 @@ class Icm20948Knobs:
     largest_rate_change_radps2: float = knob(225.0, 0.0, 1e5, "faster changes of the rate are damage [rad/s^2]")
     largest_force_change_mps3: float = knob(1125.0, 0.0, 1e6, "faster changes of the specific force are damage [m/s^3]")
 
-    data_ready: str = knob("", meaning="GPIO that INT1 is wired to, CHIP:LINE; times the samples of the FIFO")
+    data_ready: str | None = knob(
+        None, meaning="GPIO that INT1 is wired to, CHIP:LINE; times the FIFO's samples; none: by the vehicle file"
+    )
 
     @property
     def rate_Hz(self) -> float:
