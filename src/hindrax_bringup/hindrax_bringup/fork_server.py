@@ -1,4 +1,4 @@
-"""The fork server: imports once what the processes of a stack need, and forks each of them from itself (ADR 34).
+"""The fork server: imports once what the processes of a stack need, and forks each of them from itself (ADR 33).
 
 A process that it made is a child of the supervisor: the process between the two ends at once, and the kernel hands its
 child to the supervisor (PR_SET_CHILD_SUBREAPER, prctl(2)). The server makes no node, opens no port and starts no thread

@@ -1,6 +1,6 @@
 """The topics of every control cycle as CDR bytes, without message objects; those of the sensors see `reading_fields`.
 
-Numbers are written into the bytes of the previous message (see `serialization`); ADR 40 has what this saves. Each
+Numbers are written into the bytes of the previous message (see `serialization`); ADR 25 has what this saves. Each
 writer is tested against a message object that is filled field by field, each reader against it or what was written.
 """
 
