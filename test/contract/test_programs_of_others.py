@@ -11,6 +11,7 @@ import os
 import struct
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,7 @@ from smbus2 import SMBus, i2c_msg
 
 from hindrax_bringup.share_files import hindrax_with
 from hindrax_core.errors import HindraxError
+from hindrax_i2c_file.fuse_i2c import FuseI2c
 from hindrax_sim.hardware import Hardware
 from hindrax_sim.mock_vehicle import MockVehicle
 
@@ -33,7 +35,7 @@ def mock_bus(folder: Path, *sensors: str) -> Iterator[tuple[MockVehicle, str]]:
     """The whole mock vehicle with further sensors, stepped by a thread, with its bus as a file."""
     with MockVehicle(Hardware(hindrax_with(*sensors), 1), folder, rate=1.0) as mock:
         try:
-            file = mock.offer_file(str(folder / "i2c-9"))
+            file = mock.offer_file(partial(FuseI2c, str(folder / "i2c-9")))
         except HindraxError as error:
             pytest.skip(str(error))
         with contextlib.closing(file), repeated(mock.step):

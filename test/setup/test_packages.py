@@ -37,6 +37,8 @@ KEY_OF_MODULE = {
     "zstandard": "mcap-ros2-support",
 }
 RUNTIME = (ROOT / "setup/runtime.in").read_text(encoding="utf-8")
+EXTRAS = {"hindrax_i2c_file"}
+"""Packages that are looked for, and whose lack is one sentence."""
 DEVELOPMENT_MODULES = {
     re.findall(r"^[\w.-]+", line)[0].lower().replace("-", "_")
     for line in (ROOT / "setup/development.in").read_text(encoding="utf-8").splitlines()
@@ -61,7 +63,7 @@ def dependencies(package: Path) -> set[str]:
 
 def keys_needed(package: Path) -> Iterator[tuple[str, Path]]:
     for module, source in modules_imported(package):
-        if module in sys.stdlib_module_names or module == package.name or module in DEVELOPMENT_MODULES:
+        if module in sys.stdlib_module_names or module in {package.name, *DEVELOPMENT_MODULES, *EXTRAS}:
             continue
         key = KEY_OF_MODULE.get(module, module)  # packages of ROS and our own have their own name for a key
         if key is not None:

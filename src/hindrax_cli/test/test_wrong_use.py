@@ -72,7 +72,7 @@ NEITHER = (
         (["identify", "bag", "--to", "there"], "--to: found 'there', wanted a number; "),
         (["weigh", "surge", "--load", "15,0"], "--load: found '15,0', wanted a number with a decimal point; "),
         (["weigh", "surge", "--load", "inf"], "--load: found inf, wanted more than 0, and finite; "),
-        (["pool-test", "--mock", "--minutes", "0"], "--minutes: found 0, wanted more than 0, and finite; "),
+        (["pool-test", "--mock", "--minutes", "0"], "--minutes: found 0, wanted more than 0; "),
         (["pool-test", "--mock", "--until", "0"], "--until: found 0, wanted more than 0, at most 1 or 100%; "),
         (["pool-test", "--rate", "0"], "--fault, --world and --rate are for --mock only"),
         (["up", "--rate", "0"], "--fault, --world, --rate and --seed are for --mock only"),

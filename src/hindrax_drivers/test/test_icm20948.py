@@ -298,7 +298,7 @@ def test_samples_that_burst_mode_has_skipped_widen_the_step(axis: int) -> None:
 
 def test_accelerometer_and_magnetometer_are_corrected_by_the_vehicle_file(chip: Chip) -> None:
     calibration = {"accel_offset_mps2": (0.1, 0.0, 0.0), "accel_scale": (1.0, 1.0, 0.5)}
-    sensor = Icm20948(Icm20948Knobs(magnetometer=False), 0, calibration)
+    sensor = Icm20948(Icm20948Knobs(magnetometer=False), None, calibration)
     play(sensor.configure(), chip)
     chip.fill(LEVEL)
     (output,) = play(sensor.cycle(START), chip)
@@ -377,14 +377,16 @@ def test_burst_mode_bears_turns_without_a_new_sample_but_not_a_quarter_of_a_seco
         rehearse(sensor.cycle(after(START, 0.76 + 0.26)), [none])
 
 
-@pytest.mark.parametrize(("ordered", "line"), [("", "line 3 of chip"), ("other:4", "line 4 of other")])
+@pytest.mark.parametrize(
+    ("ordered", "end"), [(None, "g, timed by line 3 of chip"), ("other:4", "g, timed by line 4 of other"), ("", "4 g")]
+)
 def test_the_line_of_the_vehicle_file_times_the_samples_unless_another_is_ordered(
-    vehicle: Vehicle, chip: Chip, ordered: str, line: str
+    vehicle: Vehicle, chip: Chip, ordered: str | None, end: str
 ) -> None:
     mount = replace(vehicle.sensors["icm20948"], data_ready="chip:3")
     sensor = DRIVER.make(Icm20948Knobs(data_ready=ordered, magnetometer=False), mount, vehicle)
     identity = play(sensor.configure(), chip)
-    assert identity.text.endswith(f"timed by {line}")
+    assert identity.text.endswith(end)
 
 
 SET_UP: list[tuple[Operation, bytes | DeviceError]] = [

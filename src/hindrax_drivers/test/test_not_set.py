@@ -1,17 +1,14 @@
 """Not set is None: a value of the user that equals a default, or is 0, is the user's."""
 
-from dataclasses import replace
-
 import pytest
 
+from hindrax_core.bus_operations import Write
 from hindrax_core.errors import UsageError
 from hindrax_core.hydrostatics import Water
-from hindrax_core.vehicle import Mount, Vehicle
 from hindrax_drivers.devices.dvl75_settings import Dvl75Knobs, wanted_settings
 from hindrax_drivers.devices.ina226 import Ina226, Ina226Knobs
 from hindrax_drivers.devices.ping1d_settings import Ping1dKnobs, device_settings
 from hindrax_drivers.devices.sos_leak import SosLeak, SosLeakKnobs
-from hindrax_drivers.driver_registry import DEVICES
 
 SEA = Water(density_kgpm3=1025.0, speed_of_sound_mps=1520.0)
 
@@ -28,17 +25,12 @@ def test_a_speed_of_sound_that_is_set_is_used_also_where_it_is_that_of_fresh_wat
 def test_a_leak_probe_may_be_at_line_0() -> None:
     for line, used in ((None, 27), (0, 0), (5, 5)):
         program = SosLeak(SosLeakKnobs(), line).configure()
-        assert next(program).address == used
+        first = next(program)
+        assert isinstance(first, Write)
+        assert first.address == used
 
 
 def test_an_address_is_the_usual_one_only_where_none_is_named() -> None:
     assert Ina226(Ina226Knobs()).address == Ina226(Ina226Knobs(), 0x41).address == 0x41
     with pytest.raises(UsageError, match="address: found 0x00, wanted 0x08 to 0x77; without it: 0x41"):
         Ina226(Ina226Knobs(), 0)
-
-
-def test_a_data_ready_line_that_is_unset_by_parameter_is_not_that_of_the_vehicle_file(vehicle: Vehicle) -> None:
-    row, mount = DEVICES["icm20948"], Mount("icm20948", data_ready="pinctrl-bcm2711:5")
-    for given, timed in ((None, True), ("", False)):
-        device = row.make(replace(row.knobs(), data_ready=given), mount, vehicle)
-        assert bool(device._knobs.data_ready) is timed

@@ -4,17 +4,19 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Self, TypeVar
 
 from hindrax_core.bus_operations import Transaction
 from hindrax_core.events import Stamp, seconds_between, to_s
-from hindrax_sim.buses.fuse_i2c import FuseI2c
 from hindrax_sim.buses.mock_server import BusServer
+from hindrax_sim.buses.mounted_file import MountedFile, Transfer
 from hindrax_sim.buses.serial_ends import Pty, UdpEnd
 from hindrax_sim.hardware import THRUSTERS, Hardware, STEP_ns, STEP_s
 
 if TYPE_CHECKING:
     from hindrax_sim.recorded_hardware import RecordedHardware
+
+FileT = TypeVar("FileT", bound=MountedFile)
 
 FREE_LAG_s, DEAD_LAG_s, SLOW = 0.035, 1.0, 8.0
 MADE_UP_S = 0.1
@@ -140,12 +142,12 @@ class Ports:
     def _next_stamp(self) -> Stamp:
         return Stamp(self.hardware.stamp + STEP_ns)
 
-    def offer_file(self, path: str) -> FuseI2c:
-        """Offer the bus also as a file that answers the ioctls of Linux, for third-party programs; root only.
+    def offer_file(self, make: Callable[[Transfer, Callable[[], Stamp]], FileT]) -> FileT:
+        """Offer the bus also as a file for third-party programs: `make` gets its transfers and the time of the mock.
 
         The caller closes it, before the mock.
         """
-        file = FuseI2c(path, self.hardware.i2c.transfer, WallTime(lambda: self.hardware.stamp).now)
+        file = make(self.hardware.i2c.transfer, WallTime(lambda: self.hardware.stamp).now)
         self._server.register(file.fileno(), file.serve)
         return file
 

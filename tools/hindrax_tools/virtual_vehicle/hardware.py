@@ -9,6 +9,7 @@ import contextlib
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import TextIO
@@ -16,6 +17,7 @@ from typing import TextIO
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.events import Stamp, stamp_from_s
 from hindrax_core.vehicle import load_vehicle
+from hindrax_i2c_file.fuse_i2c import FuseI2c
 from hindrax_sim.hardware import Hardware
 from hindrax_sim.mock_vehicle import MockVehicle
 
@@ -80,7 +82,7 @@ def main() -> None:
     FOLDER.mkdir(parents=True, exist_ok=True)
     with (
         Devices(Hardware(file, 1), FOLDER, rate=1.0) as vehicle,
-        contextlib.closing(vehicle.offer_file(file.output.port)),
+        contextlib.closing(vehicle.offer_file(partial(FuseI2c, file.output.port))),
         LINE.open("w") as line,
     ):
         for name in file.sensors.keys() & vehicle.hardware.serial:

@@ -25,7 +25,7 @@ from hindrax_drivers.buses.ports import open_clock
 from hindrax_drivers.driver_registry import driver_of
 from hindrax_drivers.nodes.thruster_settings import Settings
 from hindrax_drivers.output.output_ports import open_output
-from hindrax_sim.buses.fuse_i2c import is_mounted
+from hindrax_sim.buses.mounted_file import is_mounted
 
 ANSWER_S = 4.0
 RATE_S = 1.0

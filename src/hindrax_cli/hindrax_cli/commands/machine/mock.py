@@ -4,6 +4,7 @@ import argparse
 import contextlib
 import json
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 
 from hindrax_bag.metadata import try_lock
@@ -70,13 +71,29 @@ def serve(
     with (
         _own(place or runtime_folder() / "mock") as folder,
         MockVehicle(Hardware(vehicle, options.seed, conditions, faults), folder, rate=options.rate) as mock,
-        contextlib.closing(mock.offer_file(i2c_device)) if i2c_device else contextlib.nullcontext(),
+        _offered(mock, i2c_device),
     ):
         if dvl_udp:
             mock.put_on_network(mount_of(vehicle, Dvl75)[0])
-        announce(mock.ports | {"clock": mock.clock} | ({"i2c-device": i2c_device} if i2c_device else {}))
+        announce(mock.ports | {"clock": mock.clock} | ({"i2c-device": i2c_device} if i2c_device is not None else {}))
         while not over():
             mock.step()
+
+
+@contextlib.contextmanager
+def _offered(mock: MockVehicle, path: str | None) -> Iterator[None]:
+    """Offer the I2C bus as a file too, where a path is given; HindraxError without the extra that does."""
+    if path is None:
+        yield
+        return
+    try:
+        from hindrax_i2c_file.fuse_i2c import FuseI2c  # noqa: PLC0415  # an extra, for this option only
+    except ModuleNotFoundError as error:
+        raise HindraxError(
+            f"--i2c-device {path}: found no package hindrax_i2c_file, wanted this extra; `./hindrax setup` builds it"
+        ) from error
+    with contextlib.closing(mock.offer_file(partial(FuseI2c, path))):
+        yield
 
 
 @contextlib.contextmanager

@@ -18,14 +18,13 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from hindrax_core.bus_operations import Read, Transaction, Write
+from hindrax_core.bus_operations import Read, Write
 from hindrax_core.errors import HindraxError, cause
 from hindrax_core.events import Stamp
 from hindrax_sim.buses import i2cdev_abi as abi
+from hindrax_sim.buses.mounted_file import SOURCE, Transfer, is_mounted
 
 DEVICE = "/dev/fuse"
-SOURCE = "hindrax-i2c"
-"""Shown in the mount table; by it a mount that was left behind by a killed process is known."""
 
 GETATTR, SETATTR, OPEN, READ, WRITE, RELEASE, FLUSH = 3, 4, 14, 15, 16, 18, 25
 FORGET, INIT, ACCESS, INTERRUPT, IOCTL, BATCH_FORGET = 2, 26, 34, 36, 39, 42
@@ -52,8 +51,6 @@ _FUNCTIONS = struct.Struct("=Q")
 
 ATTRIBUTES = _ATTR_OUT.pack(3600, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, stat.S_IFREG | 0o666, 1, 0, 0, 0, 4096, 0)
 """Of the only file: empty, readable and writable for everyone."""
-
-Transfer = Callable[[Transaction, Stamp], bytes]
 
 _libc = ctypes.CDLL(None, use_errno=True)
 
@@ -212,14 +209,6 @@ def _prepare(path: Path) -> bool:
         return True
     if not path.is_file():
         raise HindraxError(f"{path}: exists already and is no regular file; a mock never hides a real bus")
-    return False
-
-
-def is_mounted(path: Path) -> bool:
-    """Whether such a file is mounted, perhaps without a server: a killed process leaves its mount behind."""
-    with contextlib.suppress(OSError):  # no such mounts
-        mounts = Path("/proc/self/mounts").read_text(encoding="utf-8").splitlines()
-        return any(line.split()[:2] == [SOURCE, str(path)] for line in mounts)
     return False
 
 

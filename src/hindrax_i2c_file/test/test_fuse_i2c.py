@@ -15,8 +15,8 @@ from smbus2 import SMBus, i2c_msg
 
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp
+from hindrax_i2c_file.fuse_i2c import FuseI2c
 from hindrax_sim.buses import i2cdev_abi as abi
-from hindrax_sim.buses.fuse_i2c import FuseI2c
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
 
 POSSIBLE = os.geteuid() == 0 and Path("/dev/fuse").exists()
@@ -161,7 +161,7 @@ def test_the_file_is_gone_afterwards(tmp_path: Path) -> None:
 def test_a_mount_that_a_killed_process_left_is_replaced(tmp_path: Path) -> None:
     path = tmp_path / "i2c-9"
     program = (
-        "import time; from hindrax_sim.buses.fuse_i2c import FuseI2c\n"
+        "import time; from hindrax_i2c_file.fuse_i2c import FuseI2c\n"
         f"one = FuseI2c({str(path)!r}, lambda *_: b'', lambda: 0); print('up', flush=True); time.sleep(60)"
     )
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(one for one in sys.path if one)}
