@@ -5,12 +5,14 @@ import struct
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 from ulog import ulog
 
-from hindrax_analysis.records.autopilot_log import CHANNELS, read_log
-from hindrax_analysis.records.recording import Recording
+from hindrax_analysis.records.ardupilot_log import CHANNELS, WRAP_s
+from hindrax_analysis.records.autopilot_log import read_log
+from hindrax_analysis.records.recording import Recording, reason_to_skip
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.allocation.thrust_curve import AppliedWrench
 from hindrax_core.errors import UsageError
@@ -27,19 +29,25 @@ PULSES = [1600, 1450, 1550, 1500, 1500, 1580, 0, 1420]
 STEPS = 30
 
 
-def tlog() -> Iterator[bytes]:
+def tlog(
+    start_ms: int = 0, flags: int | None = None, late_us: Callable[[int], int] = lambda _step: 0
+) -> Iterator[bytes]:
     """Recorded telemetry: the time of receipt [us since 1970] before each packet."""
     link = ardupilotmega.MAVLink(None)
     for step in range(STEPS):
-        at_ms = 100 * step
+        at_ms = start_ms + 100 * step
+        status = [] if flags is None else [ardupilotmega.MAVLink_ekf_status_report_message(flags, *[0.0] * 6)]
         for message in (
+            *status,
             ardupilotmega.MAVLink_attitude_message(at_ms, *ATTITUDE, *RATES),
             ardupilotmega.MAVLink_local_position_ned_message(at_ms, 0.0, 0.0, 1.0, *NORTH_EAST_DOWN),
-            ardupilotmega.MAVLink_servo_output_raw_message(1000 * at_ms, 0, *PULSES),
-            ardupilotmega.MAVLink_servo_output_raw_message(1000 * at_ms, 1, *([1100] * 8)),
+            ardupilotmega.MAVLink_servo_output_raw_message(1000 * at_ms % 2**32, 0, *PULSES),
+            ardupilotmega.MAVLink_servo_output_raw_message(1000 * at_ms % 2**32, 1, *([1100] * 8)),
+            ardupilotmega.MAVLink_scaled_pressure_message(at_ms, 1013.0 + 0.01 * step, 0.0, 2000),
+            ardupilotmega.MAVLink_scaled_pressure2_message(at_ms, 1013.25 + 98.0665 * 0.02 * step, 0.0, 2000),
             ardupilotmega.MAVLink_sys_status_message(0, 0, 0, 0, round(1e3 * VOLTS), 0, 0, 0, 0, 0, 0, 0, 0),
         ):
-            yield struct.pack(">Q", 1_700_000_000_000_000 + 1000 * at_ms) + message.pack(link)
+            yield struct.pack(">Q", 1_700_000_000_000_000 + 1000 * at_ms + late_us(step)) + message.pack(link)
 
 
 FORMATS = {
@@ -49,6 +57,9 @@ FORMATS = {
     "IMU": (3, "QBfff", "TimeUS,I,GyrX,GyrY,GyrZ", "<QBfff"),
     "RCOU": (4, "QHHHHHHHH", "TimeUS,C1,C2,C3,C4,C5,C6,C7,C8", "<Q8H"),
     "BAT": (5, "QBf", "TimeUS,Inst,Volt", "<QBf"),
+    "XKF4": (6, "QBI", "TimeUS,C,SS", "<QBI"),
+    "BARO": (7, "QBf", "TimeUS,I,Press", "<QBf"),
+    "PARM": (8, "QNf", "TimeUS,Name,Value", "<Q16sf"),
 }
 """Messages of a DataFlash log: number, format, columns; format of Python."""
 
@@ -57,15 +68,19 @@ def packed(name: str, *values: float | bytes) -> bytes:
     return b"\xa3\x95" + bytes([FORMATS[name][0]]) + struct.pack(FORMATS[name][3], *values)
 
 
-def dataflash() -> Iterator[bytes]:
+def dataflash(status: int = 0x1F, *, velocities: bool = True) -> Iterator[bytes]:
     for name, (number, kinds, columns, format_) in FORMATS.items():
         length = 3 + struct.calcsize(format_)
         yield packed("FMT", number, length, name.encode(), kinds.encode(), columns.encode())
     for step in range(STEPS):
         at_us = 1_000_000 + 100_000 * step
         yield packed("ATT", at_us, *(round(1e2 * math.degrees(angle)) for angle in ATTITUDE))
-        yield packed("XKF1", at_us, 0, *NORTH_EAST_DOWN)
-        yield packed("XKF1", at_us, 1, 9.0, 9.0, 9.0)
+        yield packed("XKF4", at_us, 0, status)
+        if velocities:
+            yield packed("XKF1", at_us, 0, *NORTH_EAST_DOWN)
+            yield packed("XKF1", at_us, 1, 9.0, 9.0, 9.0)
+        yield packed("BARO", at_us, 0, 101_300.0 + step)
+        yield packed("BARO", at_us, 1, 101_325.0 + 9806.65 * 0.02 * step)
         yield packed("IMU", at_us, 0, *RATES)
         yield packed("RCOU", at_us, *PULSES)
         yield packed("BAT", at_us, 0, VOLTS)
@@ -105,16 +120,18 @@ def log(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
 
 
 def read(file: Path, vehicle: Vehicle = ROV) -> Recording:
-    return read_log(file, vehicle)
+    (one,) = read_log(file, vehicle)
+    return one
 
 
 def test_velocities_are_turned_into_body_axes(log: Path) -> None:
     found = read(log)
-    moving = found.velocity[:, 0] == found.velocity[:, 0]
+    moving = np.isfinite(found.velocity[:, 0])
     assert moving.sum() == STEPS
     assert found.velocity[moving][-1, :3].tolist() == pytest.approx(BODY, abs=1e-4)
     assert found.velocity[~moving][-1, 3:].tolist() == pytest.approx(RATES, abs=1e-6)
-    assert found.attitude[-1, :2].tolist() == pytest.approx(ATTITUDE[:2], abs=1e-4)
+    tilted = np.isfinite(found.attitude[:, 0])
+    assert found.attitude[tilted][-1, :2].tolist() == pytest.approx(ATTITUDE[:2], abs=1e-4)
     assert found.duration_s == pytest.approx(0.1 * (STEPS - 1), abs=1e-3)
 
 
@@ -146,6 +163,59 @@ def test_a_log_that_was_cut_is_read_as_far_as_it_goes(log: Path) -> None:
     whole = log.read_bytes()
     log.write_bytes(whole[: len(whole) - 37])
     assert STEPS - 2 <= len(read(log).wrench_t) <= STEPS
+
+
+CONSTANT_POSITION = 1 << 7
+
+
+@pytest.mark.parametrize("flags", [CONSTANT_POSITION | 0x1F, 0x01])
+def test_a_velocity_that_nobody_measured_is_no_data(flags: int, tmp_path: Path) -> None:
+    """An estimator without aiding goes on to write velocities; they were 0.4 m/s wrong at 0.8 m/s."""
+    for ending, content in (("bin", dataflash(flags)), ("tlog", tlog(flags=flags))):
+        file = tmp_path / f"dive.{ending}"
+        file.write_bytes(b"".join(content))
+        found = read(file)
+        assert not np.isfinite(found.velocity[:, :3]).any()
+        assert any("constant-position mode" in one for one in found.assumptions)
+        assert np.isfinite(found.velocity[:, 3:]).all(axis=1).sum() == STEPS  # rates serve roll, pitch and yaw
+        assert np.isfinite(found.attitude[:, 2]).sum() == STEPS  # and the water pressure serves heave
+
+
+def test_a_log_without_velocities_has_rates_and_depths(tmp_path: Path) -> None:
+    file = tmp_path / "dive.bin"
+    file.write_bytes(b"".join(dataflash(velocities=False)))
+    found = read(file)
+    depth = found.attitude[np.isfinite(found.attitude[:, 2]), 2]
+    assert depth[-1] - depth[0] == pytest.approx(0.02 * (STEPS - 1), abs=1e-3)  # of the sensor in the water
+    assert "no velocities are logged" in found.assumptions[0]
+    assert "surge" in reason_to_skip(found, 0)
+    assert reason_to_skip(found, 5).startswith("the thrust on yaw never changes")
+
+
+def test_telemetry_counts_the_time_of_the_autopilot_not_of_the_receipt(tmp_path: Path) -> None:
+    """A receipt that wanders by 0.4 s made sway unidentifiable, and invented an inflow loss."""
+    file = tmp_path / "dive.tlog"
+    file.write_bytes(b"".join(tlog(late_us=lambda step: 400_000 * (step % 2))))
+    found = read(file)
+    for times in (found.wrench_t, found.velocity_t[np.isfinite(found.velocity[:, 0])]):
+        assert np.diff(times) == pytest.approx(np.full(STEPS - 1, 0.1), abs=1e-3)
+
+
+def test_the_time_of_the_outputs_begins_again_and_the_record_does_not(tmp_path: Path) -> None:
+    """Microseconds of 32 bits: 71.6 minutes."""
+    file = tmp_path / "dive.tlog"
+    file.write_bytes(b"".join(tlog(start_ms=round(1e3 * WRAP_s) - 1000)))
+    found = read(file)
+    assert len(found.wrench_t) == STEPS
+    assert found.duration_s == pytest.approx(0.1 * (STEPS - 1), abs=1e-3)
+
+
+def test_each_start_of_the_autopilot_is_a_record(tmp_path: Path) -> None:
+    file = tmp_path / "dive.tlog"
+    file.write_bytes(b"".join([*tlog(start_ms=60_000), *tlog()]))
+    found = read_log(file, ROV)
+    assert [one.duration_s for one in found] == pytest.approx([2.9, 2.9], abs=1e-3)
+    assert "the autopilot started 2 times: each is a record" in found[1].assumptions
 
 
 def test_channels_are_those_of_the_messages() -> None:

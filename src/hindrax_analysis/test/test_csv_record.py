@@ -7,11 +7,16 @@ from typing import Any
 import pytest
 
 from hindrax_analysis.records.csv_columns import meaning_of
-from hindrax_analysis.records.csv_record import read_csv
+from hindrax_analysis.records.csv_record import read_records
 from hindrax_analysis.records.recording import Recording
 from hindrax_core.errors import HindraxError
 
 TIMES, SPEEDS, FORCES = (0.0, 0.1, 0.25), (0.1, 0.2, 0.3), (5.0, -6.0, 7.0)
+
+
+def read_csv(text: str, source: str, frame: str = "") -> Recording:
+    (one,) = read_records(text, source, frame)
+    return one
 
 
 def is_read(text: str, frame: str = "") -> Recording:

@@ -9,11 +9,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hindrax_analysis.records.csv_record import read_csv
-from hindrax_analysis.records.recording import FEWEST, events, has_signal, reason_to_skip, tuned
+from hindrax_analysis.records.csv_record import read_records
+from hindrax_analysis.records.recording import FEWEST, Recording, events, has_signal, reason_to_skip, tuned
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import to_s
 from hindrax_core.signals import Attitude, Phase, Thrust, Velocity
+
+
+def read_csv(text: str, source: str, frame: str = "") -> Recording:
+    (one,) = read_records(text, source, frame)
+    return one
+
 
 PLAIN = "t,u,X\n" + "\n".join(f"{0.1 * i:.1f},{math.sin(i):.4f},{i % 7}" for i in range(60))
 

@@ -10,7 +10,7 @@ import numpy as np
 from hindrax_analysis.identification.bag_identification import Identified, identify_bag
 from hindrax_analysis.records import plausibility
 from hindrax_analysis.records.autopilot_log import ENDINGS, read_log
-from hindrax_analysis.records.csv_record import read_csv
+from hindrax_analysis.records.csv_record import read_records
 from hindrax_analysis.records.damage import without_damage
 from hindrax_analysis.records.own_bag import bag_events, is_mock, truth_in
 from hindrax_analysis.records.recording import (
@@ -92,13 +92,13 @@ def open_sources(paths: Sequence[Path], wanted: TopicSelection, vehicle: Vehicle
     """
     sources: list[RecordSource] = []
     for path in paths:
-        found = _read(path, wanted, vehicle, part=len(paths) > 1)
-        before = sources[-1] if sources else None
-        if before and before.recording and found.recording and are_parts(before.recording, found.recording):
-            parts = (*before.parts, found.path)
-            sources[-1] = RecordSource(before.path, joined(before.recording, found.recording), parts=parts)
-        else:
-            sources.append(found)
+        for found in _read(path, wanted, vehicle, part=len(paths) > 1):
+            before = sources[-1] if sources else None
+            if before and before.recording and found.recording and are_parts(before.recording, found.recording):
+                parts = (*before.parts, found.path)
+                sources[-1] = RecordSource(before.path, joined(before.recording, found.recording), parts=parts)
+            else:
+                sources.append(found)
     for index, source in enumerate(sources):
         if (recording := source.recording) is not None:
             if not is_complete(recording):
@@ -109,23 +109,24 @@ def open_sources(paths: Sequence[Path], wanted: TopicSelection, vehicle: Vehicle
     return sources
 
 
-def _read(path: Path, wanted: TopicSelection, vehicle: Vehicle | None, *, part: bool) -> RecordSource:
+def _read(path: Path, wanted: TopicSelection, vehicle: Vehicle | None, *, part: bool) -> list[RecordSource]:
+    """Read what a path holds: one record, or several where its time begins again."""
     bag = path / "bag" if (path / "bag").is_dir() else path
     if not bag.exists():
         raise UsageError(f"{path}: does not exist; name a bag, a run folder, a CSV file or a log of ArduPilot or PX4")
     if bag.suffix.lower() in CSV_ENDINGS:
-        return RecordSource(bag, read_csv(_text(bag), str(bag), wanted.frame, part=part))
+        return [RecordSource(bag, one) for one in read_records(_text(bag), str(bag), wanted.frame, part=part)]
     if bag.suffix.lower() in ENDINGS:
-        return RecordSource(bag, read_log(bag, vehicle))
+        return [RecordSource(bag, one) for one in read_log(bag, vehicle)]
     topics = topics_of(bag)
     if is_ours(topics) and wanted == TopicSelection():
-        return RecordSource(bag, mock=is_mock(bag))
+        return [RecordSource(bag, mock=is_mock(bag))]
     if resolved(ALLOCATION) in topics and wanted == TopicSelection():
         raise UsageError(
             f"{path}: is a bag of this stack, and no maneuver was flown in it; manual flight can be identified"
             f" with --odometry {resolved(ODOMETRY)}"
         )
-    return RecordSource(bag, read_bag(bag, wanted, topics, vehicle))
+    return [RecordSource(bag, read_bag(bag, wanted, topics, vehicle))]
 
 
 def _text(file: Path) -> str:

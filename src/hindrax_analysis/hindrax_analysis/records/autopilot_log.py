@@ -1,55 +1,35 @@
-"""Logs of autopilots: velocities, attitude and pulses of ArduPilot (DataFlash .bin, telemetry .tlog) or PX4 (.ulg).
+"""Logs of autopilots: velocities, attitude, depth and pulses of ArduPilot (.bin, .tlog) or PX4 (.ulg).
 
 Velocities are those of the autopilot's estimator, in north, east, down: they are turned into body axes by its attitude.
-Pulses become forces by the thrust curves of the vehicle file at the logged supply voltage. ArduPilot's are read by
-pymavlink: its log messages XKF1, NKF1, ATT, IMU, RCOU, BAT; MAVLink common LOCAL_POSITION_NED, ATTITUDE,
-SERVO_OUTPUT_RAW, SYS_STATUS. PX4's are read by pyulog: PX4 guide, "ULog File Format", with its messages
-VehicleLocalPosition, VehicleAttitude (w, x, y, z from front, right, down to north, east, down), VehicleAngularVelocity,
-ActuatorOutputs, BatteryStatus.
+Pulses become forces by the thrust curves of the vehicle file at the logged supply voltage. Without velocities, rates
+serve roll, pitch and yaw, and the water pressure serves heave. PX4's logs are read by pyulog: PX4 guide, "ULog File
+Format", with its messages VehicleLocalPosition, VehicleAttitude (w, x, y, z from front, right, down to north, east,
+down), VehicleAngularVelocity, ActuatorOutputs, BatteryStatus.
 """
 
-import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from hindrax_analysis.records.ardupilot_log import Quantity, Tables, claimed, read_starts
 from hindrax_analysis.records.bag_track import tilts_of
 from hindrax_analysis.records.recording import Recording, wrenches_of_pulses
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 
-Quantity: TypeAlias = Literal["velocity", "attitude", "rate", "pulses", "supply"]
-Tables: TypeAlias = dict[Quantity, tuple[Array, Array]]
-"""Quantity -> times (n,) [s] and rows (n, k): m/s in north, east, down; roll, pitch, yaw [rad]; rad/s; us; V."""
-
 ULOG = ".ulg"
 ENDINGS = (".bin", ".tlog", ULOG)
-CHANNELS = 14
-DEGREE = math.pi / 180.0
-FIELDS: dict[str, tuple[tuple[Quantity, float, tuple[str, ...]], ...]] = {
-    "XKF1": (("velocity", 1.0, ("VN", "VE", "VD")),),
-    "NKF1": (("velocity", 1.0, ("VN", "VE", "VD")),),
-    "ATT": (("attitude", DEGREE, ("Roll", "Pitch", "Yaw")),),
-    "IMU": (("rate", 1.0, ("GyrX", "GyrY", "GyrZ")),),
-    "RCOU": (("pulses", 1.0, tuple(f"C{n}" for n in range(1, CHANNELS + 1))),),
-    "BAT": (("supply", 1.0, ("Volt",)),),
-    "LOCAL_POSITION_NED": (("velocity", 1.0, ("vx", "vy", "vz")),),
-    "ATTITUDE": (("attitude", 1.0, ("roll", "pitch", "yaw")), ("rate", 1.0, ("rollspeed", "pitchspeed", "yawspeed"))),
-    "SERVO_OUTPUT_RAW": (("pulses", 1.0, tuple(f"servo{n}_raw" for n in range(1, CHANNELS + 1))),),
-    "SYS_STATUS": (("supply", 1e-3, ("voltage_battery",)),),
-}
-"""Message -> quantities, their factor to SI, and their fields."""
 WANTED: dict[Quantity, str] = {
-    "velocity": "velocities (XKF1, LOCAL_POSITION_NED or vehicle_local_position)",
     "attitude": "attitude (ATT, ATTITUDE or vehicle_attitude)",
     "pulses": "pulses (RCOU, SERVO_OUTPUT_RAW or actuator_outputs)",
 }
+MOTION: tuple[Quantity, ...] = ("velocity", "rate")
 OUTPUTS = 16
 PX4_FIELDS: dict[str, tuple[Quantity, tuple[str, ...]]] = {
     "vehicle_local_position": ("velocity", ("vx", "vy", "vz")),
@@ -60,83 +40,103 @@ PX4_FIELDS: dict[str, tuple[Quantity, tuple[str, ...]]] = {
 }
 VALID = ("v_xy_valid", "v_z_valid")
 """Fields without which a row is no measurement."""
-INSTANCES = ("C", "I", "Inst", "Instance", "port")
-"""Fields that number the sensors, estimators or ports of a kind; the first of each is used."""
-MOST_ROWS = 2_000_000
 LEAST_V, MOST_V = 5.0, 60.0
 """Another voltage is that of an unconnected monitor."""
 STEP_V = 0.1
 """Resolution of the voltage in the thrust curves."""
+LEAST_DEPTH_m = 0.05
+"""A pressure that varies less is that of the air in the hull."""
 
 
-def read_log(path: Path, vehicle: Vehicle | None) -> Recording:
-    """Read a log in SNAME axes. UsageError names what is missing, or that the vehicle file is."""
+def read_log(path: Path, vehicle: Vehicle | None) -> list[Recording]:
+    """Read a log in SNAME axes: a record for each start of the autopilot that has what a record needs.
+
+    UsageError names what is missing, or that the vehicle file is.
+    """
     if vehicle is None or not vehicle.thrusters:
         raise UsageError(f"{path}: holds pulses; name a vehicle file with thrusters and curves by --vehicle")
+    if not path.stat().st_size:
+        raise UsageError(f"{path}: is empty")
     # pymavlink prints each byte that it skips, pyulog what is corrupt.
     with Path(os.devnull).open("w") as nowhere, redirect_stdout(nowhere), redirect_stderr(nowhere):
-        tables = _tables(path, vehicle)
-    for name, words in WANTED.items():
-        if name not in tables:
-            there = ", ".join(sorted(tables)) or "nothing that is known"
-            raise UsageError(f"{path}: found {there}, wanted the {words}")
+        if path.suffix.lower() == ULOG:
+            starts = [_px4_tables(path, [thruster.channel for thruster in vehicle.thrusters])]
+        else:
+            starts = [one.tables for one in read_starts(path)]
+    lacks = [_lacking(tables) for tables in starts]
+    usable = [tables for tables, lacking in zip(starts, lacks, strict=True) if not lacking]
+    if not usable:
+        there = ", ".join(sorted({name for tables in starts for name in tables})) or "nothing that is known"
+        wanted = next(iter(lacks), WANTED["pulses"])
+        raise UsageError(f"{path}: found {there}, wanted the {wanted}")
+    restarts = f"the autopilot started {len(starts)} times: each is a record" if len(starts) > 1 else ""
+    return [_recording(path, tables, vehicle, restarts) for tables in usable]
+
+
+def _lacking(tables: Tables) -> str:
+    """What a record needs and a start lacks; empty where it lacks nothing."""
+    if not any(name in tables for name in MOTION):
+        return "velocities or rates (XKF1, IMU, LOCAL_POSITION_NED, ATTITUDE or vehicle_local_position)"
+    return next((words for name, words in WANTED.items() if name not in tables), "")
+
+
+def _recording(path: Path, tables: Tables, vehicle: Vehicle, restarts: str) -> Recording:
     origin = min(float(t[0]) for t, _ in tables.values())
     tables = {name: (array(t - origin), rows) for name, (t, rows) in tables.items()}
     attitude_t, attitude = tables["attitude"]
-    velocity_t, world = tables["velocity"]
-    steady = np.unwrap(attitude, axis=0)
-    turned = array(np.column_stack([np.interp(velocity_t, attitude_t, column) for column in steady.T]))
-    moved = array(Rotation.from_euler("ZYX", turned[:, ::-1]).inv().apply(world))  # Fossen 2011 eq. 2.18
-    parts = [(velocity_t, array(np.column_stack([moved, np.full_like(moved, np.nan)])))]
+    parts, notes = _body_velocities(tables)
     if "rate" in tables:
         rate_t, rates = tables["rate"]
         parts.append((rate_t, array(np.column_stack([np.full_like(rates, np.nan), rates]))))
     t, rows = (array(np.concatenate(column)) for column in zip(*parts, strict=True))
     order = np.argsort(t, kind="stable")
     pulses_t, wrench, supply_note = _wrenches(path, tables, vehicle)
-    tilts = array(np.column_stack([attitude[:, :2], np.full(len(attitude), np.nan)]))
+    tilts_t = [attitude_t]
+    tilts = [np.column_stack([attitude[:, :2], np.full(len(attitude), np.nan)])]
+    depth = _depths(tables, vehicle)
+    if depth is not None:
+        depth_t, depths = depth
+        tilts_t.append(depth_t)
+        tilts.append(np.column_stack([np.full((len(depths), 2), np.nan), depths]))
+    tilt_order = np.argsort(np.concatenate(tilts_t), kind="stable")
     return Recording(
-        str(path), array(t[order]), array(rows[order]), pulses_t, wrench, attitude_t, tilts, origin,
-        ("velocities are those of the autopilot's estimator, turned into body axes by its attitude", supply_note),
+        str(path), array(t[order]), array(rows[order]), pulses_t, wrench,
+        array(np.concatenate(tilts_t)[tilt_order]), array(np.concatenate(tilts)[tilt_order]), origin,
+        tuple(one for one in (*notes, supply_note, restarts) if one),
     )  # fmt: skip
 
 
-def _tables(path: Path, vehicle: Vehicle) -> Tables:
-    """Times [s since 1970, or since power-up] and rows of each quantity; times that step back are left out."""
-    if not path.stat().st_size:
-        raise UsageError(f"{path}: is empty")
-    if path.suffix.lower() == ULOG:
-        return _px4_tables(path, [thruster.channel for thruster in vehicle.thrusters])
-    tables: dict[Quantity, tuple[list[float], list[list[float]]]] = {}
-    for message in _messages(path):
-        if any(getattr(message, name, 0) for name in INSTANCES):
-            continue
-        for quantity, factor, fields in FIELDS[message.get_type()]:
-            times, rows = tables.setdefault(quantity, ([], []))
-            at_s = float(message._timestamp)  # noqa: SLF001  # pymavlink's own name of it
-            if not times or at_s > times[-1]:
-                times.append(at_s)
-                rows.append([factor * float(getattr(message, name, 0) or 0) for name in fields])
-            if len(times) > MOST_ROWS:
-                raise UsageError(f"{path}: found more than {MOST_ROWS} of {message.get_type()}; cut the log first")
-    return {name: (array(np.array(t)), array(np.array(rows))) for name, (t, rows) in tables.items()}
+def _body_velocities(tables: Tables) -> tuple[list[tuple[Array, Array]], list[str]]:
+    """Velocities in body axes that the estimator claims, and notes on them."""
+    known = claimed(tables)
+    if known is None:
+        return [], ["no velocities are logged: surge and sway cannot be identified"]
+    t, world, (horizontal, _) = known
+    if not horizontal:
+        return [], ["the estimator had no velocities (constant-position mode): surge and sway cannot be identified"]
+    attitude_t, attitude = tables["attitude"]
+    steady = np.unwrap(attitude, axis=0)
+    turned = array(np.column_stack([np.interp(t, attitude_t, column) for column in steady.T]))
+    kept = np.isfinite(world).all(axis=1)
+    moved = array(Rotation.from_euler("ZYX", turned[kept][:, ::-1]).inv().apply(world[kept]))  # Fossen 2011 eq. 2.18
+    rows = array(np.column_stack([moved, np.full_like(moved, np.nan)]))
+    notes = ["velocities are those of the autopilot's estimator, turned into body axes by its attitude"]
+    if not kept.all():
+        notes.append(f"for {100.0 * (1.0 - kept.mean()):.0f} % of the time the estimator claims none: left out")
+    return [(array(t[kept]), rows)], notes
 
 
-def _messages(path: Path) -> Iterator[Any]:
-    try:
-        from pymavlink import mavutil  # noqa: PLC0415  # a vehicle does without it
-    except ImportError as error:
-        raise HindraxError(f"{path}: logs of ArduPilot need pymavlink; `./hindrax setup --all` installs it") from error
-    try:
-        log = mavutil.mavlink_connection(str(path))
-        while (message := log.recv_match(type=list(FIELDS))) is not None:
-            yield message
-    except Exception as error:  # pymavlink raises plain ones on garbage
-        raise UsageError(f"{path}: is no log of ArduPilot that pymavlink can read ({error!r})") from error
+def _depths(tables: Tables, vehicle: Vehicle) -> tuple[Array, Array] | None:
+    """Times and depths (n,) [m] by the water pressure; None without a pressure that varies as water does."""
+    if "pressure" not in tables:
+        return None
+    t, rows = tables["pressure"]
+    depths = array([vehicle.water.depth_m(pressure_Pa) for pressure_Pa in rows[:, 0].tolist()])
+    return (t, depths) if np.ptp(depths) > LEAST_DEPTH_m else None
 
 
 def _px4_tables(path: Path, channels: Sequence[int]) -> Tables:
-    """Read a log; of several drivers of outputs that which moved one of these channels, else the first."""
+    """Tables of a log of PX4; of several drivers of outputs that which moved one of these channels, else the first."""
     try:
         from pyulog import ULog  # noqa: PLC0415  # a vehicle does without it
     except ImportError as error:

@@ -18,7 +18,7 @@ from hindrax_analysis.records.csv_columns import (
     rows_of,
     time_of,
 )
-from hindrax_analysis.records.recording import Recording
+from hindrax_analysis.records.recording import Recording, are_parts, joined
 from hindrax_core.errors import HindraxError
 from hindrax_core.signals import NAN
 from hindrax_ident.arrays import Array, array
@@ -30,8 +30,17 @@ UNIX_SCALES = ((1e17, 1e-9, "ns"), (1e14, 1e-6, "us"), (1e11, 1e-3, "ms"))
 REAL_FORCES = "forces are those achieved by the thrusters, about the center of mass"
 
 
-def read_csv(text: str, source: str, frame: str = "", *, part: bool = False) -> Recording:
-    """Read a record with named columns (`COLUMNS`); cells may be empty, so rates may differ.
+FEWEST_ROWS, MOST_RECORDS = 20, 50
+"""Shorter or more numerous than this, pieces between steps back are no records but lines out of order."""
+STEP_BACK_s, STEP_BACK_PERIODS = 1.0, 20.0
+"""A time that steps back by more than both begins a record; by less it is jitter."""
+
+
+def read_records(text: str, source: str, frame: str = "", *, part: bool = False) -> list[Recording]:
+    """Read the records of a file with named columns (`COLUMNS`); cells may be empty, so rates may differ.
+
+    A time that steps back begins another record: trials pasted below each other, a clock that began again. Pieces of
+    the same time with different columns are one record.
 
     `frame`: body axes of all columns, flu or fsd (also without one). With `part`, velocities or forces alone do.
     HindraxError names line and column, what was found and what was wanted.
@@ -54,12 +63,37 @@ def read_csv(text: str, source: str, frame: str = "", *, part: bool = False) -> 
         size = abs(float(np.median(columns["t"])))
         for factor, unit in [(factor, unit) for least, factor, unit in UNIX_SCALES if size > least][:1]:
             columns["t"], by_size = array(factor * columns["t"]), f"times are in {unit} since 1970, by their size"
-    order = np.argsort(columns["t"], kind="stable")
-    recording = _recording(source, {name: array(values[order]) for name, values in columns.items()})
+    pieces = _pieces(columns["t"])
+    parts = [_recording(source, {name: array(values[piece]) for name, values in columns.items()}) for piece in pieces]
+    recordings = _together([one for one in parts if len(one.velocity_t) or len(one.wrench_t) or len(one.attitude_t)])
     axes = "x forward, y left, z up, as named" if frame == "flu" else "SNAME: x forward, y starboard, z down"
-    assumptions = [by_size, f"axes are {axes}", REAL_FORCES]
-    recording = recording.half_turned() if frame == "flu" else recording
-    return replace(recording, assumptions=tuple(one for one in assumptions if one))
+    back = f"time steps back {len(recordings) - 1} times: {len(recordings)} records" if len(recordings) > 1 else ""
+    assumptions = tuple(one for one in (by_size, f"axes are {axes}", REAL_FORCES, back) if one)
+    turned = [one.half_turned() if frame == "flu" else one for one in recordings]
+    return [replace(one, assumptions=assumptions) for one in turned]
+
+
+def _pieces(t: Array) -> list[np.ndarray[tuple[int], np.dtype[np.intp]]]:
+    """Rows of each record, in the order of time."""
+    steps = np.diff(t)
+    rising = steps[steps > 0.0]
+    period_s = float(np.median(rising)) if len(rising) else 0.0
+    back = np.flatnonzero(steps < -max(STEP_BACK_s, STEP_BACK_PERIODS * period_s)) + 1
+    pieces = np.split(np.arange(len(t)), back)
+    if len(pieces) > MOST_RECORDS or min(map(len, pieces)) < FEWEST_ROWS:
+        pieces = [np.arange(len(t))]
+    return [piece[np.argsort(t[piece], kind="stable")] for piece in pieces]
+
+
+def _together(parts: list[Recording]) -> list[Recording]:
+    """Records, of which some stand in pieces with other columns each below the other."""
+    records = parts[:1]
+    for one in parts[1:]:
+        if are_parts(records[-1], one):
+            records[-1] = joined(records[-1], one)
+        else:
+            records.append(one)
+    return records
 
 
 def _rows(text: str, source: str) -> tuple[list[str], list[Row]]:

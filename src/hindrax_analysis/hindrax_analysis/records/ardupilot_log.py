@@ -1,0 +1,192 @@
+"""Logs of ArduPilot as tables: DataFlash .bin and telemetry .tlog, read by pymavlink.
+
+Messages of the log (XKF1, NKF1, ATT, IMU, RCOU, BAT, BARO) and of MAVLink (LOCAL_POSITION_NED, ATTITUDE,
+SERVO_OUTPUT_RAW, SYS_STATUS, SCALED_PRESSURE). What the estimator says of itself counts: a velocity is data while the
+filter claims it, not while it holds a constant position (XKF4.SS and EKF_STATUS_REPORT.flags, nav_filter_status and
+EKF_STATUS_FLAGS of the public documentation, whose bits 0 to 9 agree).
+
+Time. A DataFlash log has the time since power-up in every message. Telemetry is stamped when it is received, which may
+be late by half a second and wanders; the messages' own times since power-up are used, and messages without one are
+placed by the shortest delay between the two clocks that was seen so far.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_ident.arrays import Array, array
+
+Quantity: TypeAlias = Literal["velocity", "attitude", "rate", "pulses", "supply", "pressure", "status"]
+Tables: TypeAlias = dict[Quantity, tuple[Array, Array]]
+"""Quantity -> times (n,) [s] and rows (n, k): m/s in north, east, down; roll, pitch, yaw [rad]; rad/s; us; V; Pa."""
+
+CHANNELS = 14
+DEGREE = math.pi / 180.0
+FIELDS: dict[str, tuple[tuple[Quantity, float, tuple[str, ...]], ...]] = {
+    "XKF1": (("velocity", 1.0, ("VN", "VE", "VD")),),
+    "NKF1": (("velocity", 1.0, ("VN", "VE", "VD")),),
+    "XKF4": (("status", 1.0, ("SS",)),),
+    "NKF4": (("status", 1.0, ("SS",)),),
+    "ATT": (("attitude", DEGREE, ("Roll", "Pitch", "Yaw")),),
+    "IMU": (("rate", 1.0, ("GyrX", "GyrY", "GyrZ")),),
+    "RCOU": (("pulses", 1.0, tuple(f"C{n}" for n in range(1, CHANNELS + 1))),),
+    "BAT": (("supply", 1.0, ("Volt",)),),
+    "BARO": (("pressure", 1.0, ("Press",)),),
+    "LOCAL_POSITION_NED": (("velocity", 1.0, ("vx", "vy", "vz")),),
+    "EKF_STATUS_REPORT": (("status", 1.0, ("flags",)),),
+    "ATTITUDE": (("attitude", 1.0, ("roll", "pitch", "yaw")), ("rate", 1.0, ("rollspeed", "pitchspeed", "yawspeed"))),
+    "SERVO_OUTPUT_RAW": (("pulses", 1.0, tuple(f"servo{n}_raw" for n in range(1, CHANNELS + 1))),),
+    "SYS_STATUS": (("supply", 1e-3, ("voltage_battery",)),),
+    "SCALED_PRESSURE": (("pressure", 100.0, ("press_abs",)),),
+    "SCALED_PRESSURE2": (("pressure", 100.0, ("press_abs",)),),
+}
+"""Message -> quantities, their factor to SI, and their fields."""
+PARAMETERS = ("PARM", "PARAM_VALUE")
+INSTANCES = ("C", "I", "Inst", "Instance", "port")
+"""Fields that number the sensors, estimators or ports of a kind; the first of each is used."""
+HORIZONTAL, VERTICAL, CONSTANT_POSITION = 1 << 1, 1 << 2, 1 << 7
+"""Bits of the estimator's status: what it claims, and that it has no aiding."""
+WRAP_s = 2.0**32 * 1e-6
+"""The time of the outputs, in microseconds of 32 bits, begins again after 71.6 minutes."""
+MOST_ROWS = 2_000_000
+RESTART_s = 5.0
+"""A time since power-up that steps back by more than this is that of another start."""
+
+
+@dataclass(slots=True)
+class ArduPilotLog:
+    """One start of an autopilot: tables of its quantities, and its parameters."""
+
+    tables: Tables = field(default_factory=dict)
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+
+def read_starts(path: Path) -> list[ArduPilotLog]:
+    """Tables of each start of the autopilot in a log. UsageError for what is no such log."""
+    clock = _Clock() if path.suffix.lower() == ".tlog" else None
+    starts: list[_Rows] = []
+    for message in _messages(path):
+        kind = message.get_type()
+        if kind in PARAMETERS:
+            if starts or kind == "PARM":
+                _rows_of(starts).parameters[_name(message)] = float(_value(message))
+            continue
+        at_s = float(message._timestamp) if clock is None else clock.read(message)  # noqa: SLF001  # pymavlink's name
+        if starts and at_s < starts[-1].newest_s - RESTART_s:
+            starts.append(_Rows(dict(starts[-1].parameters)))
+        _rows_of(starts).add(path, kind, message, at_s)
+    return [ArduPilotLog(one.tables(), one.parameters) for one in starts if one.found]
+
+
+def _rows_of(starts: "list[_Rows]") -> "_Rows":
+    if not starts:
+        starts.append(_Rows({}))
+    return starts[-1]
+
+
+def _name(message: Any) -> str:
+    name = getattr(message, "Name", None) or message.param_id
+    return str(name.decode() if isinstance(name, bytes) else name).rstrip("\0")
+
+
+def _value(message: Any) -> float:
+    return float(message.Value if hasattr(message, "Value") else message.param_value)
+
+
+class _Rows:
+    """Rows of one start while they are read; a time that does not grow within a kind of message is left out."""
+
+    def __init__(self, parameters: dict[str, float]) -> None:
+        self.parameters = parameters
+        self.found: dict[tuple[Quantity, str], tuple[list[float], list[list[float]]]] = {}
+        self.newest_s = -math.inf
+
+    def add(self, path: Path, kind: str, message: Any, at_s: float) -> None:
+        """Take the quantities of one message."""
+        instance = next((getattr(message, name) for name in INSTANCES if getattr(message, name, 0)), 0)
+        self.newest_s = max(self.newest_s, at_s)
+        for quantity, factor, fields in FIELDS[kind]:
+            if instance and quantity != "pressure":  # of several barometers the one in the water is found later
+                return
+            times, rows = self.found.setdefault((quantity, f"{kind} {instance}"), ([], []))
+            if not times or at_s > times[-1]:
+                times.append(at_s)
+                rows.append([factor * float(getattr(message, name, 0) or 0) for name in fields])
+            if len(times) > MOST_ROWS:
+                raise UsageError(f"{path}: found more than {MOST_ROWS} of {kind}; cut the log first")
+
+    def tables(self) -> Tables:
+        """Tables by quantity: of several sources the first; of several pressures that which varies most."""
+        out: Tables = {}
+        for (quantity, _), (times, rows) in self.found.items():
+            table = array(np.array(times)), array(np.array(rows))
+            if quantity == "pressure" and quantity in out and np.ptp(out[quantity][1]) >= np.ptp(table[1]):
+                continue
+            if quantity == "pressure" or quantity not in out:
+                out[quantity] = table
+        return out
+
+
+class _Clock:
+    """Time since power-up of messages with one, and of those without [s]."""
+
+    def __init__(self) -> None:
+        self._delay_s = math.inf
+        self._wraps, self._last_s = 0, -math.inf
+
+    def read(self, message: Any) -> float:
+        """Time of one message."""
+        received_s = float(message._timestamp)  # noqa: SLF001  # pymavlink's own name of it
+        if (boot_ms := getattr(message, "time_boot_ms", None)) is not None:
+            return self._seen(1e-3 * boot_ms, received_s)
+        if (usec := getattr(message, "time_usec", None)) is not None:
+            at_s = 1e-6 * usec + self._wraps * WRAP_s
+            if at_s < self._last_s - 0.5 * WRAP_s:
+                self._wraps, at_s = self._wraps + 1, at_s + WRAP_s
+            self._last_s = at_s
+            return self._seen(at_s, received_s)
+        return received_s - self._delay_s if math.isfinite(self._delay_s) else received_s
+
+    def _seen(self, at_s: float, received_s: float) -> float:
+        delay_s = received_s - at_s
+        # After a restart the clocks are apart by more than any delay.
+        self._delay_s = delay_s if delay_s > self._delay_s + RESTART_s else min(self._delay_s, delay_s)
+        return at_s
+
+
+def claimed(tables: Tables) -> tuple[Array, Array, Array] | None:
+    """Times and velocities of a log, NaN where its estimator does not claim them; and which of both (2,) it ever did.
+
+    None without velocities. A log without the estimator's status is believed.
+    """
+    if "velocity" not in tables:
+        return None
+    t, rows = tables["velocity"]
+    rows = rows.copy()
+    if "status" in tables:
+        status_t, status = tables["status"]
+        at = np.clip(np.searchsorted(status_t, t, side="right") - 1, 0, None)
+        flags = status[at, 0].astype(int)
+        horizontal = ((flags & HORIZONTAL) != 0) & ((flags & CONSTANT_POSITION) == 0)
+        rows[~horizontal, :2] = np.nan
+        rows[(flags & VERTICAL) == 0, 2] = np.nan
+    ever = np.array([np.isfinite(rows[:, 0]).any(), np.isfinite(rows[:, 2]).any()], dtype=np.float64)
+    return t, array(rows), array(ever)
+
+
+def _messages(path: Path) -> Iterator[Any]:
+    try:
+        from pymavlink import mavutil  # noqa: PLC0415  # a vehicle does without it
+    except ImportError as error:
+        raise HindraxError(f"{path}: logs of ArduPilot need pymavlink; `./hindrax setup --all` installs it") from error
+    try:
+        log = mavutil.mavlink_connection(str(path))
+        while (message := log.recv_match(type=[*FIELDS, *PARAMETERS])) is not None:
+            yield message
+    except Exception as error:  # pymavlink raises plain ones on garbage
+        raise UsageError(f"{path}: is no log of ArduPilot that pymavlink can read ({error!r})") from error
