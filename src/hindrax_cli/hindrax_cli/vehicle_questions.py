@@ -17,6 +17,8 @@ from hindrax_ident.model.empirical_model import Dimensions, empirical, hydrodyna
 RIGHTING_ARM_m = 0.05
 SPREAD = 0.8
 """Distance of thrusters on opposite sides over the size of the envelope, where nothing else is known."""
+INWARDS = 0.75
+"""Distance of vertical thrusters over that of vectored ones, where nothing else is known: none at one spot."""
 STOP_us, DEAD_BAND_us, FULL_us = 1500.0, 25.0, 1100.0
 GAIN_SIGMA = 0.1
 LAYOUTS = {0: "none yet", 6: "four vectored, two vertical", 8: "four vectored, four vertical"}
@@ -79,7 +81,7 @@ def _across(answers: Answers) -> tuple[float, float]:
 
 
 def _upright(answers: Answers) -> tuple[float, float]:
-    ahead, across = _across(answers)
+    ahead, across = (round(INWARDS * one, 3) for one in _across(answers))
     return (0.0 if answers["layout"][0] == 6 else ahead, across)  # a row of LAYOUTS
 
 

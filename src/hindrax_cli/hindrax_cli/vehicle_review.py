@@ -66,6 +66,7 @@ def _thrusters(vehicle: Vehicle) -> list[Check]:
     far = [one.name for one in vehicle.thrusters if _outside(vehicle, one.position_m)]
     where = f"{', '.join(far)} far outside of it" if far else "within the envelope"
     found.append(Check("thruster positions", where, "check unit and origin of position_m" if far else ""))
+    found += [Check("one position", text, "measure position_m of each") for text in same_positions(vehicle)]
     reach = largest_wrench(vehicle)
     reach_N, need_N = reach["heave"], abs(vehicle.net_buoyancy_N)
     weak = "" if reach_N > 2.0 * need_N else "trim it: the vertical thrusters have too little reserve"
@@ -81,6 +82,18 @@ def _thrusters(vehicle: Vehicle) -> list[Check]:
     assumed = [name for name, curve in vehicle.curves.items() if curve.positive is None]
     found += [Check(f"curve {name}", "positive branch assumed to mirror the negative one") for name in assumed]
     return found
+
+
+def same_positions(vehicle: Vehicle) -> list[str]:
+    """A sentence for each position that several thrusters have: no two are at one, so it was not measured yet."""
+    places: dict[tuple[float, float, float], list[str]] = {}
+    for one in vehicle.thrusters:
+        places.setdefault(one.position_m, []).append(one.name)
+    return [
+        f"{', '.join(names)} are all at ({', '.join(f'{at:g}' for at in position)}) m"
+        for position, names in places.items()
+        if len(names) > 1
+    ]
 
 
 def _shared(vehicle: Vehicle) -> str:
@@ -131,12 +144,14 @@ def picture(vehicle: Vehicle) -> str:
     taken: set[tuple[int, int]] = set()
     for one in vehicle.thrusters:
         row, column = place(*one.position_m[:2])
-        while (row, column) in taken:  # one above the other
-            row += 1 if row < TALL // 2 else -1
-        taken.add((row, column))
-        label = f"{one.name}{_arrow(one.azimuth_deg, one.elevation_deg)}"
+        label = f"{one.name}{_arrow(one.azimuth_deg, one.elevation_deg)}"[:WIDE]
         start = min(max(0, column - len(label) // 2), WIDE - len(label))
-        canvas[row][start : start + len(label)] = label
+        cells = {at: {(at, start + shift) for shift in range(len(label))} for at in range(TALL)}
+        # One above the other: the nearest row with room, or none, where a column is full of them.
+        free = [at for at in sorted(cells, key=lambda at: abs(at - row)) if not cells[at] & taken]
+        for at in free[:1]:
+            taken |= cells[at]
+            canvas[at][start : start + len(label)] = label
     lines = ["bow".center(WIDE), *("".join(row) for row in canvas)]
     return "\n".join(line.rstrip() for line in lines)
 

@@ -11,7 +11,7 @@ from hindrax_bringup.share_files import VEHICLE, default_vehicle, usual_vehicle,
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.machine import vehicle
 from hindrax_cli.vehicle_questions import QUESTIONS, ask
-from hindrax_cli.vehicle_review import DOWN, UP, findings, picture
+from hindrax_cli.vehicle_review import DOWN, UP, findings, picture, same_positions
 from hindrax_control.allocation.allocator import Allocator
 from hindrax_control.maneuver.goal import largest_wrench
 from hindrax_core.errors import UsageError
@@ -211,6 +211,25 @@ def test_every_thruster_is_in_the_picture_with_its_arrow() -> None:
     assert all(f"T{number}{UP}" in shown for number in (5, 6, 7, 8))
     downward = changed(thrusters=[{"name": "A", "position_m": [0, 0, 0], "elevation_deg": -90.0}])
     assert f"A{DOWN}" in picture(downward)
+
+
+@pytest.mark.parametrize("count", [2, 4, 15, 16])
+def test_a_picture_of_thrusters_on_one_spot_ends(count: int) -> None:
+    spot = [{"name": f"T{number}", "position_m": [0, 0, 0]} for number in range(count)]
+    shown = picture(changed(thrusters=spot))
+    assert sum(f"T{number}\u2191" in shown for number in range(count)) == min(count, 15)
+
+
+def test_placeholder_positions_are_named(capsys: pytest.CaptureFixture[str]) -> None:
+    file = str(Path(__file__).with_name("same_spot.yaml"))
+    assert main(["vehicle", "show", file]) == 0
+    sentence = "A, B, C, D are all at (0, 0, 0) m"
+    assert f"position_m: {sentence}; measure each" in capsys.readouterr().out
+    assert main(["vehicle", "check", file, "--json"]) == 1
+    checks = {one["name"]: one for one in json.loads(capsys.readouterr().out)["checks"]}
+    assert (checks["one position"]["ok"], checks["one position"]["found"]) == (False, sentence)
+    for name in ("hindrax", "bluerov2", "bluerov2-heavy", "lbv"):
+        assert not same_positions(load_vehicle(vehicle_file(name)))
 
 
 def test_the_estimate_prints_the_block_to_paste(capsys: pytest.CaptureFixture[str]) -> None:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from scipy.optimize import brentq
 
 from hindrax_control.maneuver.maneuver_guards import (
     BLOCKED_PHASE_S,
@@ -16,6 +17,7 @@ from hindrax_control.maneuver.maneuver_guards import (
 )
 from hindrax_control.maneuver.plan import LAG_S
 from hindrax_control.pool_bounds import GuardedPlace, PoolBounds, PoolPosition
+from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.readings import Vec3
 from hindrax_core.signals import Navigation
 from hindrax_core.vehicle import Vehicle
@@ -84,6 +86,27 @@ def test_motion_braking_and_a_current_are_not_blocked(
 ) -> None:
     seen = [look(replace(WELL, velocity_mps=velocity), time_s, thrust_N=thrust) for time_s in (0.0, 6.0)]
     assert seen == [(), ()]
+
+
+@pytest.mark.parametrize(("axis", "at"), [("surge", 0), ("sway", 1)])
+def test_blocked_is_a_quarter_of_a_speed_that_no_current_has(hindrax: Vehicle, axis: str, at: int) -> None:
+    freedom = prior_dynamics(hindrax)[axis]
+
+    def is_blocked(expected_mps: float, share: float) -> bool:
+        force_N = brentq(lambda force: freedom.rate_at(force) - expected_mps, 0.0, 500.0)
+        safety, seen = ManeuverGuards(hindrax), replace(WELL, velocity_mps=on(at, share * expected_mps))
+        thrust = on(at, force_N)[:2]
+        safety.step(Situation(seen, None, {}, 0.0, thrust_N=thrust))
+        return any(one.startswith("blocked") for one in safety.step(Situation(seen, None, {}, 6.0, thrust_N=thrust)))
+
+    assert is_blocked(0.5, 0.24)
+    assert not is_blocked(0.5, 0.26)
+    assert is_blocked(0.21, 0.0)
+    assert not is_blocked(0.19, 0.0)
+
+
+def on(axis: int, value: float) -> Vec3:
+    return (value, 0.0, 0.0) if axis == 0 else (0.0, value, 0.0)
 
 
 WALLS = {"north": (1.0, 0.0), "south": (-1.0, 0.0), "east": (0.0, 1.0), "west": (0.0, -1.0)}

@@ -105,6 +105,22 @@ def test_a_place_outside_of_the_pool_is_refused(x_m: float, y_m: float, turned_r
         PoolBounds(HINDRAX, 0.0).recentre(navigation(), x_m, y_m, turned_rad)
 
 
+@given(st.floats(-7.0, 7.0))
+def test_the_hull_reaches_as_far_whichever_way_it_is_turned(heading_rad: float) -> None:
+    """The corners of a rectangle, turned: the farthest of them is what must clear the wall."""
+    box = PoolBounds(HINDRAX, 0.0)
+    corners = [
+        complex(ahead * 0.295, aside * 0.235) * cmath.exp(1j * heading_rad) for ahead in (-1, 1) for aside in (-1, 1)
+    ]
+    wanted = max(one.real for one in corners), max(one.imag for one in corners)
+    assert box.reach_m(heading_rad) == pytest.approx(wanted)
+    place = box.place(navigation((0.0, 0.0), heading_rad))
+    walls = box.walls_m(place)
+    assert walls == pytest.approx(
+        dict.fromkeys(("south", "north"), 5.0 - wanted[0]) | dict.fromkeys(("west", "east"), 3.0 - wanted[1])
+    )
+
+
 def test_wall_ahead_is_the_one_the_vehicle_moves_towards() -> None:
     box = PoolBounds(HINDRAX, 0.0)
     for velocity, expected in (
@@ -119,3 +135,9 @@ def test_wall_ahead_is_the_one_the_vehicle_moves_towards() -> None:
     for aside_mps, expected in ((0.2, 1.765), (-0.2, 3.765)):
         assert box.ahead_m(box.place(navigation((2.0, 1.0), 0.0, (0.1, aside_mps, 0.0)))) == pytest.approx(expected)
     assert math.isnan(box.ahead_m(box.place(navigation((math.nan, 0.0)))))
+
+
+def test_a_place_is_judged_by_the_heading_from_the_length_of_the_pool() -> None:
+    PoolBounds(HINDRAX, 0.5).recentre(navigation((0.0, 0.0), 0.5), 5.0, 0.3, math.nan)
+    with pytest.raises(UsageError, match=r"y: found 0.3 m, wanted 0.3\d to"):
+        PoolBounds(HINDRAX, 0.0).recentre(navigation((0.0, 0.0), 1.0), 5.0, 0.3, math.nan)

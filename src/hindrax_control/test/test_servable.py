@@ -136,6 +136,13 @@ def test_a_small_vehicle_must_be_trimmed_as_well(hindrax: Vehicle) -> None:
     motions_to_fly(("all",), replace(hindrax, curves=weak, mass_kg=floating_kg + 0.01))
 
 
+def test_a_goal_of_a_motion_that_is_not_served_is_refused(hindrax: Vehicle) -> None:
+    with pytest.raises(UsageError, match="pitch: no thruster serves it, wanted some of"):
+        require_flyable(Goal(("surge", "pitch")), amidships(hindrax))
+    with pytest.raises(UsageError, match="sway: without T3, T4"):
+        require_flyable(Goal(("sway",)), hindrax, frozenset(("T3", "T4")))
+
+
 def test_a_goal_that_no_vehicle_can_fly_is_refused_for_what_is_wrong_with_it(hindrax: Vehicle) -> None:
     with pytest.raises(UsageError, match="goal: ending 'sink' unknown"):
         require_flyable(Goal(("surge",), on_cancel="sink"), hindrax)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hindrax_control.allocation.wrench_guard import Accepted, WrenchGuard
+from hindrax_control.allocation.wrench_guard import Accepted, WrenchGuard, WrenchGuardKnobs
 from hindrax_core.events import Stamp, stamp_from_s
 from hindrax_core.readings import Vec6
 from hindrax_core.rotation import FLU, FSD, half_turn
@@ -45,6 +45,19 @@ def test_what_is_refused_whole_states_why(frame: str, age_s: float, reason: str)
     judged = judge(frame=frame, age_s=age_s)
     assert judged.wrench is None
     assert reason in judged.refused[0]
+
+
+@pytest.mark.parametrize(
+    ("age_s", "refused"),
+    [(1.9, False), (2.1, True), (-0.9, False), (-1.1, True)],
+)
+def test_its_knobs_decide_how_old_and_how_early_a_wrench_may_be(age_s: float, refused: bool) -> None:
+    guard = WrenchGuard(HINDRAX, WrenchGuardKnobs(max_age_s=2.0, max_lead_s=1.0))
+    judged = guard.step(WRENCH, FSD, Stamp(NOW - stamp_from_s(age_s)), NOW)
+    assert (judged.wrench is None) is refused
+    strict = WrenchGuard(HINDRAX, WrenchGuardKnobs(max_age_s=0.05, max_lead_s=0.0))
+    assert strict.step(WRENCH, FSD, Stamp(NOW - stamp_from_s(0.06)), NOW).wrench is None
+    assert strict.step(WRENCH, FSD, Stamp(NOW - stamp_from_s(0.04)), NOW).wrench == WRENCH
 
 
 def test_wrench_out_of_order_is_refused() -> None:

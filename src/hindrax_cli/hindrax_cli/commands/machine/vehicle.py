@@ -10,7 +10,7 @@ from hindrax_bringup.share_files import VEHICLE, own_vehicles, usual_vehicle, ve
 from hindrax_cli.argument_types import add_json
 from hindrax_cli.command import add_words, command, option
 from hindrax_cli.vehicle_questions import ask, file_text
-from hindrax_cli.vehicle_review import findings, picture
+from hindrax_cli.vehicle_review import findings, picture, same_positions
 from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_control.maneuver.goal import largest_wrench, servable_motions
 from hindrax_core.errors import UsageError
@@ -90,6 +90,8 @@ def _show(vehicle: Vehicle, file: Path, reach: dict[str, float], reasons: dict[s
     if not vehicle.thrusters:
         print_fitted("no thrusters: enough to identify from a record, not to fly")
         return
+    for sentence in same_positions(vehicle):
+        print_fitted(f"position_m: {sentence}; measure each")
     rows: list[tuple[str, ...]] = []
     for one, curve in zip(vehicle.thrusters, thrust_curves(vehicle), strict=True):
         low, high = curve.range_N
