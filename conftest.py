@@ -25,6 +25,9 @@ for name in graph_settings(os.environ):
     os.environ.pop(name, None)
 os.environ |= {RMW: OUR_RMW, RANGE: "LOCALHOST"}
 
+LONGEST_ID, LONGEST_BEGIN = 120, 24
+"""Letters of one value in the identifier of a test, and of what stands for a longer one."""
+
 # A shell ignores Ctrl-C for what it runs in the background, and all that the tests start would.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -39,6 +42,14 @@ def pytest_configure(config: pytest.Config) -> None:
     """Show the files of a parallel run as they are done."""
     if config.getoption("numprocesses") and config.option.verbose < 0:
         config.pluginmanager.register(FileProgress(config), "file-progress")
+
+
+def pytest_make_parametrize_id(val: object) -> str | None:
+    """Name a long text or many bytes by their beginning and length: an identifier is for people."""
+    if not isinstance(val, str | bytes) or len(ascii(val)) <= LONGEST_ID:
+        return None
+    begin = val[:LONGEST_BEGIN] if isinstance(val, str) else val[:LONGEST_BEGIN].decode("latin-1")
+    return f"{begin}... {len(val)} long"
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
