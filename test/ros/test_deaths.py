@@ -13,9 +13,9 @@ import yaml
 
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 
-from hindrax_bringup.process_state import descendants
+from hindrax_bringup.liveness import processes_of
 from hindrax_bringup.share_files import default_vehicle
-from hindrax_bringup.stack_lock import FOLDER
+from hindrax_bringup.stack_lock import FOLDER, runtime_folder
 from hindrax_operator.nodes.orders import hold
 from hindrax_tools.faults.fault_outcome import HOLD, MANEUVER, OPERATOR
 from hindrax_tools.faults.process_faults import BOTH, DEAD_MAN, DIED, FROZEN, ROWS, FaultyStack, faulty_stack
@@ -59,12 +59,13 @@ def test_no_death_and_no_freeze_thrusts_on_a_lie(flying: FaultyStack, who: str, 
 def test_what_systemd_runs_after_it_has_killed_everything_puts_neutral_on_the_wire(
     flying: FaultyStack, tmp_path: Path
 ) -> None:
-    supervisor, operator = flying.supervisor, flying.operator
+    operator = flying.operator
     flying.prepare(HOLD)
     hold(operator, ["depth"], 0.8, engaged=True)
     flying.wait(lambda: not flying.neutral, "thrust")
-    vehicle = [one.handle.pid for name, one in supervisor.children.items() if name != "mock"]
-    killed = [*(pid for one in vehicle for pid in descendants(one)), *vehicle]
+    found = processes_of(runtime_folder(), flying.stack.pid)
+    killed = [pid for name, pid in sorted(found.items(), reverse=True) if name != "mock"]
+    assert {"thrusters", "thrusters_node"} <= found.keys()
     for pid in killed:
         os.kill(pid, signal.SIGSTOP)
     for pid in killed:
@@ -72,7 +73,7 @@ def test_what_systemd_runs_after_it_has_killed_everything_puts_neutral_on_the_wi
     assert not flying.neutral, "then nothing is to be shown"
     file = tmp_path / "vehicle.yaml"
     document = yaml.safe_load(default_vehicle().read_text())
-    document["output"]["port"] = flying.stack.mock_facts["ports"]["thrusters"]
+    document["output"]["port"] = flying.port
     file.write_text(yaml.safe_dump(document))
     (line,) = [one for one in SERVICE.read_text().splitlines() if one.startswith("ExecStopPost=")]
     words = line.removeprefix("ExecStopPost=/opt/hindrax/hindrax ").split()

@@ -14,13 +14,12 @@ from itertools import pairwise
 from pathlib import Path
 
 from hindrax_bag.read.bag_reader import messages, stamp_of
-from hindrax_bringup.processes import MOCK
 from hindrax_bringup.stack import MockOptions
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import THRUSTER_COMMAND, resolved
 from hindrax_tools.benchmarks import family
-from hindrax_tools.mock_stack import holding_depth, mock_stack
+from hindrax_tools.mock_stack import holding_depth, mock_stack, node_processes
 
 WARM_UP_min = 10.0
 GROWTH, PAUSE_S = 0.05, 0.1
@@ -31,17 +30,12 @@ LOOK_EVERY_S = 60.0
 def soak(folder: Path, minutes: float) -> Iterator[dict[str, float]]:
     """Resident memory [MB] of each process with its children, once a minute; HindraxError when it no longer holds."""
     with mock_stack(folder, MockOptions(rate=1.0)) as stack, holding_depth(stack) as operator:
-        children = {name: child for name, child in stack.supervisor.children.items() if name != MOCK.name}
+        nodes = node_processes(stack)
         for _ in range(round(minutes * 60.0 / LOOK_EVERY_S)):
             operator.pause(LOOK_EVERY_S)
             if not operator.thrusters.armed:
                 raise HindraxError(f"disarmed: {operator.thrusters.reason}; {stack.folder.path}")
-            yield {
-                name: sum(one.memory_info().rss for one in family(child.handle.pid)) / 1e6
-                for name, child in children.items()
-            }
-        if again := {name: child.restarts for name, child in children.items() if child.restarts}:
-            raise HindraxError(f"restarted: {again}; {stack.folder.path}")
+            yield {name: sum(one.memory_info().rss for one in family(pid)) / 1e6 for name, pid in nodes.items()}
 
 
 def pauses_s(run: Path) -> list[float]:

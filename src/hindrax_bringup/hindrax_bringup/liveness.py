@@ -16,7 +16,7 @@ from typing import IO, Self
 
 from hindrax_bringup.process_state import is_stopped
 from hindrax_bringup.stack_lock import HEARTBEATS, locked, owned_document, runtime_folder
-from hindrax_ros.heartbeat import beaten_s
+from hindrax_ros.heartbeat import beaten_s, beating
 
 PERIOD_S = 1.0
 DEAD_S = 5.0
@@ -137,6 +137,12 @@ def beats(folder: Path, pid: int, now_s: float) -> dict[str, float]:
         last_s = beaten_s(path)
         found[path.name] = math.inf if last_s is None else now_s - last_s
     return found
+
+
+def processes_of(folder: Path, pid: int) -> dict[str, int]:
+    """Process behind each heartbeat of a stack, by its name; the dead man's is that of the thrusters."""
+    paths = folder.glob(f"{pid}-*{HEARTBEATS}/*")
+    return {path.name: found for path in paths if not path.suffixes and (found := beating(path)) is not None}
 
 
 def silent(ages_s: Mapping[str, float]) -> list[str]:

@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 
 from hindrax_bringup.network import security
-from hindrax_bringup.processes import EVERY, ONBOARD, RECORDER, Process
+from hindrax_bringup.processes import EVERY, Process
 from hindrax_core.errors import UsageError
 from hindrax_core.topics import NAMESPACE, namespace_arguments, namespace_fault
 from hindrax_ros.parameter_file import names_node, parameter_blocks
@@ -61,11 +61,6 @@ class NodeOptions:
     """Ports of simulated hardware, its clock, and the truth about it where it is known; None for the real one."""
     more: Mapping[str, Sequence[str]] = field(default_factory=dict)
     """Further ROS arguments by process."""
-
-    @property
-    def processes(self) -> tuple[Process, ...]:
-        """Processes to start, in order; the recorder first, so that it misses nothing."""
-        return (RECORDER, *ONBOARD) if self.bag else ONBOARD
 
     def parameters(self) -> Blocks:
         """Parameters of all nodes; what the user gives wins. UsageError when it cannot be read."""

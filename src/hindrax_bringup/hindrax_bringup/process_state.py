@@ -44,13 +44,17 @@ def _children(pid: int) -> Iterator[int]:
 
 @dataclass(frozen=True, slots=True)
 class Running:
-    """A process: id, parent, owner, words, and where it would look for running stacks (empty: in the usual place)."""
+    """A process: id, parent, owner, words, where it would look for running stacks (empty: in the usual place), name.
+
+    A forked process has the words of its parent, and a name of its own.
+    """
 
     pid: int
     parent: int
     owner: int
     words: str
     place: str = ""
+    name: str = ""
 
 
 def running() -> Iterator[Running]:
@@ -60,11 +64,12 @@ def running() -> Iterator[Running]:
             continue
         try:
             words = (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace").strip()
+            name = (folder / "comm").read_text(errors="replace").strip()
             parent = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
             owner = folder.stat().st_uid
         except (OSError, IndexError, ValueError):  # it has ended meanwhile
             continue
-        yield Running(int(folder.name), parent, owner, words, _place(folder))
+        yield Running(int(folder.name), parent, owner, words, _place(folder), name)
 
 
 def _place(process: Path) -> str:

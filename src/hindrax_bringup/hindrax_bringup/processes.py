@@ -40,12 +40,9 @@ RECORDER = Process("hindrax_bag.nodes.recorder", ("recorder",))
 MOCK = Process("hindrax_sim.nodes.mock", ("mock",), restart=False)
 REPLAY = Process("hindrax_sim.nodes.replay", ("replay",), restart=False)
 
-ONBOARD: tuple[Process, ...] = (SENSORS, THRUSTERS, CONTROL, IDENTIFIER, SAFETY_MONITOR)
+ONBOARD: tuple[Process, ...] = (SENSORS, THRUSTERS, CONTROL, SAFETY_MONITOR, IDENTIFIER)
+"""In the order of starts: each is forked as soon as it is imported, the identifier with its SciPy last."""
+REPLAYED: tuple[Process, ...] = (SENSORS, CONTROL, IDENTIFIER)
 PILOT_STATUS_ASIDE = ["-r", "pilot:maneuver/status:=replay/unheard/maneuver_status"]
 """Remaps for a replay: the identifier receives the recorded maneuver, not the pilot's."""
 EVERY: tuple[Process, ...] = (*ONBOARD, RECORDER, MOCK, REPLAY)
-
-
-def modules(*, mock: bool) -> list[str]:
-    """Modules that a fork server imports, in the order of starts; the identifier's SciPy would burden all others."""
-    return [process.module for process in (*((MOCK,) if mock else ()), RECORDER, SENSORS, CONTROL, SAFETY_MONITOR)]

@@ -5,10 +5,11 @@ import json
 import os
 import select
 import socket
-from collections.abc import Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from hindrax_bag.run_folder import RunFolder, write_parameters
 from hindrax_bringup import ros_graph
@@ -17,16 +18,16 @@ from hindrax_bringup.network import security
 from hindrax_bringup.network.tether import Tether, profile_file
 from hindrax_bringup.node_options import NodeOptions, ParameterOverrides
 from hindrax_bringup.nodes.graph_search import occupied_domains, require_no_stack
-from hindrax_bringup.processes import MOCK, RECORDER, Process
+from hindrax_bringup.processes import CONTROL, MOCK, ONBOARD, PILOT_STATUS_ASIDE, RECORDER, REPLAY, REPLAYED, Process
 from hindrax_bringup.ros_graph import PROFILE, graph_settings, without_graph
-from hindrax_bringup.stack_lock import CLONE, StackLock
+from hindrax_bringup.stack_lock import StackLock
 from hindrax_bringup.supervisor import SupervisedProcess, Supervisor, last_words
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_stderr
 from hindrax_core.topics import NAMESPACE
 from hindrax_ros import stack_time
 
-MOCK_READY_S = 60.0
+MOCK_READY_S, LOOK_S = 60.0, 0.1
 DOMAINS = range(1, 101)
 FAULT_HELP = "mock: fault, device, start and duration [s]: garbage:dvl75@30+5; repeatable, any other name lists all"
 WORLD_HELP = (
@@ -50,6 +51,24 @@ class MockOptions:
     world: str = "ideal"
     truth: str = ""
 
+    def words(self) -> list[str]:
+        """Arguments of its process."""
+        words = ["--seed", str(self.seed), "--rate", str(self.rate), "--world", self.world]
+        words += [word for fault in self.faults for word in ("--fault", fault)]
+        return [*words, "--truth", self.truth] if self.truth else words
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayOptions:
+    """A recorded run in place of the vehicle, and its pace."""
+
+    bag: str
+    rate: float = 1.0
+
+    def words(self) -> list[str]:
+        """Arguments of its process."""
+        return ["--bag", self.bag, "--rate", str(self.rate)]
+
 
 @dataclass(slots=True)
 class Stack:
@@ -63,77 +82,76 @@ class Stack:
 
     def start(
         self,
-        mock: MockOptions | None,
+        hardware: MockOptions | ReplayOptions | None,
         *,
         record: bool,
         onboard: Sequence[Process] | None = None,
         without_operator: str = "",
+        over: Callable[[], bool] = lambda: False,
     ) -> None:
-        """Start the mock (when asked for by name), the recorder, and the onboard processes or some of them."""
-        if mock is not None:
-            self.start_mock(mock, "--namespace", self.tuning.namespace)
+        """Start what replaces the vehicle (when asked for by name), the recorder, and the onboard processes.
+
+        It stops starting when it is `over`.
+        """
+        replayed = isinstance(hardware, ReplayOptions)
+        if hardware is not None:
+            self.start_mock(hardware, "--namespace", self.tuning.namespace, over=over)
+            if over():
+                return
         options = NodeOptions(
             str(self.folder.vehicle),
             self.tuning,
             str(self.folder.bag) if record else "",
             self.notes,
             without_operator,
-            self.mock_facts if mock is not None else None,
+            self.mock_facts if hardware is not None else None,
+            {CONTROL.name: PILOT_STATUS_ASIDE} if replayed else {},
         )
         for sentence in options.unknown_blocks():
             print_stderr(sentence)
         words = write_parameters(self.folder.parameters, options.parameters())
-        for process in options.processes if onboard is None else onboard:
-            self.supervisor.start(process, [*words, *options.arguments(process)])
+        if onboard is None:  # the recorder first, so that it misses nothing
+            onboard = (*((RECORDER,) if record else ()), *(REPLAYED if replayed else ONBOARD))
+        for process in onboard:
+            if not over():
+                self.supervisor.start(process, [*words, *options.arguments(process)])
+
+    def start_mock(
+        self, options: MockOptions | ReplayOptions, *more: str, over: Callable[[], bool] = lambda: False
+    ) -> None:
+        """Start what replaces the vehicle alone, with more words of its own; `mock_facts` then names its ports."""
+        if keystore := self.supervisor.environment.get(security.KEYSTORE, ""):
+            print_stderr(security.unenforced(keystore))
+        words = [*more, "--vehicle", str(self.folder.vehicle), *options.words()]
+        process = REPLAY if isinstance(options, ReplayOptions) else MOCK
+        child = self.supervisor.start(process, words, pipe=True)
+        self.mock_facts = first_line(child, MOCK_READY_S, self.folder.logs / f"{process.name}.log", over)
 
     def last_facts(self) -> Mapping[str, Any]:
-        """End the mock and return its ground truth; empty without one."""
+        """End all of it and return the ground truth of the mock; empty without one."""
         child = self.supervisor.children.get(MOCK.name)
-        if child is None or child.handle.stdout is None:
-            return {}
         self.supervisor.close()
-        lines = child.handle.stdout.read().splitlines()
+        lines = child.output.read().splitlines() if child is not None and child.output is not None else []
         found: Mapping[str, Any] = json.loads(lines[-1]) if lines else {}
         return found
 
-    def start_mock(self, options: MockOptions, *more: str) -> None:
-        """Start the mock alone, with more words of its own; `mock_facts` then names its ports."""
-        if keystore := self.supervisor.environment.get(security.KEYSTORE, ""):
-            print_stderr(security.unenforced(keystore))
-        words = [*more, "--vehicle", str(self.folder.vehicle), "--seed", str(options.seed), "--rate", str(options.rate)]
-        words += [word for fault in options.faults for word in ("--fault", fault)]
-        words += ["--world", options.world, *(["--truth", options.truth] if options.truth else [])]
-        child = self.supervisor.start(MOCK, words, pipe=True)
-        self.mock_facts = first_line(child, MOCK_READY_S, self.folder.logs / "mock.log")
 
-
-def lock_of(stack: Stack) -> StackLock:
-    """Lock-file entry of a stack that was started."""
-    folder, started = stack.folder, stack.supervisor.children
-    return StackLock(
-        os.getpid(),
-        MOCK.name in started,
-        str(folder.vehicle),
-        str(folder.path),
-        graph_settings(stack.supervisor.environment),
-        stack.mock_facts.get("ports", {}),
-        purpose=stack.notes.partition(" ")[0],
-        namespace=stack.tuning.namespace,
-        bag=str(folder.bag) if RECORDER.name in started else "",
-        clone=os.environ.get(CLONE, ""),
-    )
-
-
-def first_line(child: SupervisedProcess, seconds: float, log: Path) -> Mapping[str, Any]:
-    """Read the one line of JSON that the mock prints when its devices are up."""
-    pipe: IO[bytes] | None = child.handle.stdout
+def first_line(
+    child: SupervisedProcess, seconds: float, log: Path, over: Callable[[], bool] = lambda: False
+) -> Mapping[str, Any]:
+    """Read the one line of JSON that the mock prints when its devices are up; nothing when it is `over` before."""
+    pipe, deadline_s = child.output, time.monotonic() + seconds
     assert pipe is not None
-    if select.select([pipe], (), (), seconds)[0]:
-        if line := pipe.readline():
-            found: Mapping[str, Any] = json.loads(line)
-            return found
-        if child.handle.wait(seconds) == UsageError.exit_code:
-            raise UsageError(f"the mock vehicle refused; {last_words(log)}")
+    while not select.select([pipe], (), (), LOOK_S)[0]:
+        if over():
+            return {}
+        if time.monotonic() > deadline_s:
+            raise HindraxError(f"the mock vehicle did not come up; {last_words(log)}")
+    if line := pipe.readline():
+        found: Mapping[str, Any] = json.loads(line)
+        return found
+    if child.handle.wait(seconds) == UsageError.exit_code:
+        raise UsageError(f"the mock vehicle refused; {last_words(log)}")
     raise HindraxError(f"the mock vehicle did not come up; {last_words(log)}")
 
 

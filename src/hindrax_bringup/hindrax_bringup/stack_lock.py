@@ -25,8 +25,8 @@ FOLDER = "HINDRAX_RUNTIME_DIR"
 CLONE = "HINDRAX_ROOT"
 """Environment variable with the folder of the clone whose tool runs, as `./hindrax` sets it."""
 
-UP, LAUNCHED = "up", "launch"
-"""Purposes of stacks that wait for an operator; others (a pool test) know themselves what to do."""
+UP = "up"
+"""Purpose of a stack that waits for an operator; others (a pool test) know themselves what to do."""
 
 HEARTBEATS = ".beats"
 """End of the name of a folder with the heartbeats of a tool's processes; it begins with the id of the tool."""
@@ -54,7 +54,7 @@ class StackLock:
     @property
     def waits_for_operator(self) -> bool:
         """Whether it does nothing by itself."""
-        return self.purpose in (UP, LAUNCHED)
+        return self.purpose == UP
 
     @property
     def domain(self) -> str:

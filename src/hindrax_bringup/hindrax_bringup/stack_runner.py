@@ -1,31 +1,42 @@
-"""A stack that is kept up: processes looked after, its lock file announced, until a signal ends it."""
+"""The process of a stack: it starts, looks after and ends all others. `hindrax up` becomes it; others are its clients.
+
+    python -m hindrax_bringup.stack_runner OPTIONS
+
+It has no threads, so it forks: what nodes import is imported here once (ADR 44). To a client it prints its entry in the
+list of stacks first, and the mock's ground truth last, a line of JSON each.
+"""
 
 import contextlib
+import json
 import math
 import os
 import signal
 import subprocess
+import sys
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from hindrax_bag.read.recovery import begin_completion, unfinished_files
 from hindrax_bag.run_folder import RUNS, RunFolder, make_run_folder, remove_oldest
+from hindrax_bringup.child_process import STOP_SIGNALS, end_with
 from hindrax_bringup.liveness import STARTING, LivenessFile, reported_armed, tool_liveness
 from hindrax_bringup.network.tether import FOREVER_S, Tether, address_of, wait_for_address
-from hindrax_bringup.node_options import ParameterOverrides
-from hindrax_bringup.processes import MOCK, ONBOARD, SAFETY_MONITOR, THRUSTERS, modules
-from hindrax_bringup.ros_graph import PROFILE, set_aside
-from hindrax_bringup.stack import MockOptions, Stack, lock_of, own_domain, stack_environment
-from hindrax_bringup.stack_lock import StackLock, announced, runtime_folder, stacks
+from hindrax_bringup.process_state import is_stopped
+from hindrax_bringup.processes import MOCK, ONBOARD, REPLAY, SAFETY_MONITOR, THRUSTERS
+from hindrax_bringup.ros_graph import PROFILE, graph_settings, set_aside
+from hindrax_bringup.stack import Stack, adopted, own_domain, stack_environment
+from hindrax_bringup.stack_lock import CLONE, StackLock, announced, runtime_folder, stacks
+from hindrax_bringup.stack_process import LAST_WORDS, UpOptions
 from hindrax_bringup.supervisor import Supervisor, stop_signals
-from hindrax_core.errors import HindraxError
-from hindrax_core.text.screen_text import print_fitted, print_stderr
+from hindrax_core.errors import INTERRUPTED, HindraxError, cause
+from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whole
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ros.stack_time import STEP_S, StackTime
 
-VITAL = {MOCK.name, THRUSTERS.name, SAFETY_MONITOR.name}
+VITAL = {MOCK.name, REPLAY.name, THRUSTERS.name, SAFETY_MONITOR.name}
 """Without these nothing is left to operate; without another one the rest still serves."""
 SHOWN = ("ROS_DOMAIN_ID", "RMW_IMPLEMENTATION", "ROS_AUTOMATIC_DISCOVERY_RANGE", PROFILE)
 """Settings with which ROS 2 tools join the graph."""
@@ -34,61 +45,80 @@ SETTLED_S = 3.0
 """Time after a step of the wall clock in which its event is recorded, and further ones may come."""
 
 
-@dataclass(frozen=True, slots=True)
-class UpOptions:
-    """Vehicle, mock, recording and tether of a stack."""
-
-    vehicle_file: Path
-    mock: MockOptions | None
-    record: bool
-    out: str | None
-    tether: Tether | None = None
-    without_operator: str = ""
-    tuning: ParameterOverrides = field(default_factory=ParameterOverrides)
-    keep_bytes: float = math.inf
-    """Room for the runs in `RUNS`: the oldest ones are removed before a start; infinite: none is."""
-
-
-def run_up(options: UpOptions) -> int:
-    """Start everything, print how to reach it, supervise it; 0 when SIGTERM ended it."""
+def run_up(options: UpOptions, over: Callable[[], bool]) -> None:
+    """Start everything, say how to reach it, look after it until it is `over`."""
     load_vehicle(options.vehicle_file).output_channels()
-    mock, namespace = options.mock is not None, options.tuning.namespace
-    with asked_to_end() as over, own_domain(mock=mock, namespace=namespace) as domain, tool_liveness() as beating:
+    mock, namespace = options.hardware is not None, options.tuning.namespace
+    with own_domain(mock=mock, namespace=namespace) as domain, tool_liveness() as beating:
         run = 1
         while not over():
             _run(options, run, domain, over, beating)
             run += 1
-    return 0
 
 
 def _run(options: UpOptions, run: int, domain: int | None, over: Callable[[], bool], beating: LivenessFile) -> None:
     """One run, until a signal, or until the wall clock was set: the next one has its time, and another folder."""
+    folder = RunFolder(Path(options.out)) if options.client and options.out else _new_folder(options, run)
+    address = awaited(options.tether, over, beating)
+    if over():
+        return
+    made = stack_environment(mock=options.hardware is not None, domain=domain, tether=options.tether)
+    lock = _entry(options, folder, made)
+    how_to_reach_it = startup_text(lock, folder, record=options.record)
+    if options.client:
+        _tell(asdict(lock))
+    else:
+        complete_earlier(RUNS)
+    supervised = Supervisor(folder.logs, made, show_reports=not options.client, forks=True, restarts=options.restarts)
+    # The client library reads the settings of the graph as it is imported, which is here.
+    with adopted(made), supervised as supervisor:
+        beating.beat(options.purpose, STARTING)
+        stack = Stack(folder, supervisor, options.client or "up", options.tuning)
+        without_operator = options.without_operator if options.tether else ""
+        stack.start(options.hardware, record=options.record, without_operator=without_operator, over=over)
+        lock = replace(lock, ports=stack.mock_facts.get("ports", {}))
+        clock = ClockStep(StackTime.of(made))
+        with announced(lock):
+            if not options.client:
+                with contextlib.suppress(OSError):  # a vehicle with a full disk can be flown
+                    print_fitted(how_to_reach_it)
+            _look_after(
+                supervisor, lambda: over() or (not options.client and clock.followed()), options, address, beating
+            )
+        if options.client:
+            _tell(stack.last_facts())
+            return
+        print_stderr("ending; the thrusters go neutral and disarm")
+    print_stderr("ended; neutral is on the wire")
+
+
+def _new_folder(options: UpOptions, run: int) -> RunFolder:
     if options.keep_bytes < math.inf:
         in_use = [Path(one.folder).resolve() for one in stacks()]
         for sentence in remove_oldest(RUNS, options.keep_bytes, in_use):
             print_stderr(sentence)
     # A vehicle with a full disk can fly; its recorder reports that it waits for room.
     out = f"{options.out}_{run}" if options.out and run > 1 else options.out
-    folder = make_run_folder(out, options.vehicle_file, wanted_bytes=0)
-    address = awaited(options.tether, over, beating)
-    if over():
-        return
-    mock = options.mock is not None
-    made = stack_environment(mock=mock, domain=domain, tether=options.tether)
-    complete_earlier(RUNS)
-    with Supervisor(folder.logs, made, show_reports=True, preload=modules(mock=mock)) as supervisor:
-        beating.beat("up", STARTING)
-        stack = Stack(folder, supervisor, "up in mock" if mock else "up", options.tuning)
-        without_operator = options.without_operator if options.tether else ""
-        stack.start(options.mock, record=options.record, without_operator=without_operator)
-        lock = lock_of(stack)
-        with announced(lock):
-            with contextlib.suppress(OSError):  # a vehicle with a full disk can be flown
-                print_fitted(startup_text(lock, folder, record=options.record))
-            clock = ClockStep(StackTime.of(made))
-            _look_after(supervisor, lambda: over() or clock.followed(), options.tether, address, beating)
-        print_stderr("ending; the thrusters go neutral and disarm")
-    print_stderr("ended; neutral is on the wire")
+    return make_run_folder(out, options.vehicle_file, wanted_bytes=0)
+
+
+def _entry(options: UpOptions, folder: RunFolder, made: Mapping[str, str]) -> StackLock:
+    return StackLock(
+        os.getpid(),
+        options.hardware is not None,
+        str(folder.vehicle),
+        str(folder.path),
+        graph_settings(made),
+        purpose=options.purpose,
+        namespace=options.tuning.namespace,
+        bag=str(folder.bag) if options.record else "",
+        clone=os.environ.get(CLONE, ""),
+    )
+
+
+def _tell(document: Mapping[str, Any]) -> None:
+    with contextlib.suppress(OSError):  # the client has died; so will this process, in order
+        print_whole(json.dumps(document))
 
 
 @dataclass(slots=True)
@@ -134,15 +164,17 @@ def awaited(tether: Tether | None, over: Callable[[], bool], beating: LivenessFi
 
 
 def _look_after(
-    supervisor: Supervisor, over: Callable[[], bool], tether: Tether | None, address: str, beating: LivenessFile
+    supervisor: Supervisor, over: Callable[[], bool], options: UpOptions, address: str, beating: LivenessFile
 ) -> None:
+    needed = VITAL if options.needed is None else set(options.needed)
     while not over():
         time.sleep(TURN_S)
         for sentence in supervisor.check():
             print_stderr(sentence)
-        _require_same(tether, address)
-        beating.beat("up", {})
-        supervisor.require(*(supervisor.children.keys() - VITAL))
+        _require_same(options.tether, address)
+        frozen = bool(options.client) and is_stopped(os.getppid())
+        beating.beat(options.purpose, {options.purpose: "stopped, as by Ctrl-Z"} if frozen else {})
+        supervisor.require(*(supervisor.children.keys() - needed))
 
 
 def _require_same(tether: Tether | None, address: str) -> None:
@@ -182,3 +214,32 @@ def startup_text(lock: StackLock, folder: RunFolder, *, record: bool) -> str:
     ]
     lines += [f"  bag:               {folder.bag}"] if record else []
     return "\n".join([*lines, "  Ctrl-C ends it"])
+
+
+def main() -> int:
+    """Run the stack that the one argument describes; an error is one line and its exit code."""
+    options, parent, came = UpOptions.from_json(sys.argv[1]), sys.argv[2:3], list[int]()
+    if parent:
+        end_with(int(parent[0]))
+    for number in STOP_SIGNALS:
+        signal.signal(number, lambda number, _frame: came.append(number))
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, STOP_SIGNALS)
+    try:
+        run_up(options, lambda: bool(came))
+    except HindraxError as error:
+        print_stderr(f"{LAST_WORDS}{error}")
+        return error.exit_code
+    except OSError as error:
+        print_stderr(f"{LAST_WORDS}{error.filename or 'output'}: cannot be written ({cause(error)}); make room")
+        return HindraxError.exit_code
+    finally:
+        for number in STOP_SIGNALS:  # it ends already, and its code is to be this one
+            signal.signal(number, signal.SIG_IGN)
+    if signal.SIGINT in came:
+        print_stderr(f"{LAST_WORDS}stopped by Ctrl-C")
+        return INTERRUPTED
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

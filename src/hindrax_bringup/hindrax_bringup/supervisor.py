@@ -5,7 +5,7 @@ that drives an output and could not leave it safe itself is run once more for th
 
 Whatever happens to the tool (Ctrl-C, an exception, SIGTERM), `close` runs: SIGINT to each group, then SIGTERM, then
 SIGKILL, always by the id of a process that was started here. If the tool itself is killed outright, the kernel sends
-SIGINT to each child (PR_SET_PDEATHSIG), so that none is orphaned.
+SIGINT to each child (`child_process.end_with`), so that none is orphaned.
 """
 
 import contextlib
@@ -20,9 +20,9 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Self
+from typing import IO, Any, Self
 
-from hindrax_bringup.fork_server import ForkedProcess, ForkServer, in_a_group_of_its_own
+from hindrax_bringup import child_process
 from hindrax_bringup.process_state import HeldProcesses, descendants, is_stopped
 from hindrax_bringup.processes import Process
 from hindrax_bringup.stack_lock import HEARTBEATS, runtime_folder
@@ -42,6 +42,7 @@ GAP_S = 2.0
 LAST_WORDS_S = 0.3
 """For those below a process that was killed, to end by themselves: the node of the thrusters then leaves neutral."""
 LAST_RESORT_S = 10.0
+STDERR = 2
 
 
 @dataclass(slots=True)
@@ -50,9 +51,11 @@ class SupervisedProcess:
 
     process: Process
     arguments: tuple[str, ...]
-    handle: subprocess.Popen[bytes] | ForkedProcess
+    handle: subprocess.Popen[bytes] | child_process.ForkedProcess
     heartbeat: Path
     started_s: float
+    output: IO[bytes] | None = None
+    """Its stdout, where that is a pipe."""
     restarts: int = 0
     ended: bool = False
     frozen: str = ""
@@ -69,10 +72,11 @@ class Supervisor:
     environment: Mapping[str, str]
     show_reports: bool = False
     """Whether what a process reports to the operator (`Process.reports`) goes to this terminal."""
-    preload: Sequence[str] = ()
-    """Modules that a fork server imports, from which the processes are forked; none: each is started by itself."""
+    forks: bool = False
+    """Whether processes are forked from this one, which then must have no threads (ADR 44)."""
+    restarts: int = RESTARTS_AT_MOST
+    """Deaths in a row after which a process stays down."""
     children: dict[str, SupervisedProcess] = field(default_factory=dict)
-    fork_server: ForkServer | None = None
     _heartbeats: Path = field(init=False)
     _looked_s: float = 0.0
     _awake_s: float = 0.0
@@ -80,9 +84,6 @@ class Supervisor:
     def __enter__(self) -> Self:
         self.logs.mkdir(parents=True, exist_ok=True)
         self._heartbeats = _heartbeat_folder()
-        if self.preload and self.fork_server is None:
-            with (self.logs / "fork_server.log").open("ab") as log:
-                self.fork_server = ForkServer(self.environment, self.preload, log)
         return self
 
     def __exit__(self, _kind: object, error: BaseException | None, _trace: object) -> None:
@@ -95,34 +96,31 @@ class Supervisor:
 
     def start(self, process: Process, arguments: Sequence[str] = (), *, pipe: bool = False) -> SupervisedProcess:
         """Start one process; its output goes to `logs/NAME.log`, its stdout to a pipe on request."""
-        words, heartbeat = tuple(arguments), self._heartbeats / process.name
-        handle = self._spawn(process, words, heartbeat, pipe=pipe)
-        child = SupervisedProcess(process, words, handle, heartbeat, time.monotonic())
+        heartbeat = self._heartbeats / process.name
+        read, write = os.pipe() if pipe else (None, None)
+        try:
+            handle = self._spawn(process, arguments, heartbeat, write)
+        finally:
+            if write is not None:
+                os.close(write)
+        output = None if read is None else os.fdopen(read, "rb")
+        child = SupervisedProcess(process, tuple(arguments), handle, heartbeat, time.monotonic(), output)
         self.children[process.name] = child
         return child
 
     def _spawn(
-        self, process: Process, arguments: Sequence[str], heartbeat: Path, *, pipe: bool = False
-    ) -> subprocess.Popen[bytes] | ForkedProcess:
+        self, process: Process, arguments: Sequence[str], heartbeat: Path, stdout: int | None = None
+    ) -> subprocess.Popen[bytes] | child_process.ForkedProcess:
         with contextlib.suppress(OSError):  # the folder goes with the last session of its user
             heartbeat.write_bytes(b"")
-        variables, reports = {VARIABLE: str(heartbeat)}, process.reports and self.show_reports
-        with (self.logs / f"{process.name}.log").open("ab") as log:
-            if self.fork_server is not None and not process.last_resort:  # the dead man depends on no other process
-                outputs = log.fileno(), 2 if reports else log.fileno()
-                try:
-                    return self.fork_server.start(process.module, arguments, variables, outputs, pipe=pipe)
-                except OSError as error:
-                    self.fork_server = None
-                    print_stderr(f"fork server: {error}; processes start without it")
-            return subprocess.Popen(  # noqa: S603  # our own interpreter and our own modules
-                [sys.executable, "-m", process.module, *arguments],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE if pipe else log,
-                stderr=None if reports else log,
-                env={**self.environment, **variables},
-                preexec_fn=in_a_group_of_its_own,  # noqa: PLW1509  # no threads here, and nothing else can set the death signal
-            )
+        variables = {**self.environment, VARIABLE: str(heartbeat)}
+        # The dead man depends on nothing that others have imported.
+        forks = self.forks and not process.last_resort
+        begin = child_process.fork if forks else child_process.execute
+        with (self.logs / f"{process.name}.log").open("ab") as file:
+            log = file.fileno()
+            stderr = STDERR if process.reports and self.show_reports else log
+            return begin(process.module, arguments, variables, log if stdout is None else stdout, stderr)
 
     def check(self) -> list[str]:
         """Supervise the processes: kill frozen ones, restart dead ones, one sentence for each."""
@@ -161,7 +159,7 @@ class Supervisor:
         where = self.logs / f"{child.process.name}.log"
         if now_s - child.started_s >= WELL_AFTER_S:
             child.restarts = 0
-        if not child.process.restart or child.restarts >= RESTARTS_AT_MOST:
+        if not child.process.restart or child.restarts >= self.restarts:
             child.ended = True
             output = self._secure(child)
             return f"{child.process.name} {how} and stays down; its log is {where}{output and f'; {output}'}"
@@ -226,9 +224,6 @@ class Supervisor:
                     print_stderr(sentence)
         finally:
             _end(hardware)
-            if self.fork_server is not None:
-                self.fork_server.close()
-                self.fork_server = None
             shutil.rmtree(self._heartbeats, ignore_errors=True)
 
 

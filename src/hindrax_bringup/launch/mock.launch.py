@@ -1,7 +1,7 @@
 """The stack on the mock vehicle, with which it ends: `ros2 launch hindrax_bringup mock.launch.py seed:=7 rate:=1`."""
 
 from hindrax_bringup.launch_actions import stack
-from hindrax_bringup.processes import MOCK
+from hindrax_bringup.stack import MockOptions
 from launch import LaunchDescription
 
 
@@ -13,4 +13,4 @@ def generate_launch_description() -> LaunchDescription:
         "world": ("ideal", "effects outside the model, as for `./hindrax up --world`"),
         "faults": ("", "faults, as for `./hindrax up --fault`; several separated by blanks"),
     }
-    return stack(arguments, MOCK, {"seed": "--seed", "rate": "--rate", "world": "--world", "faults": "--fault"})
+    return stack(arguments, MockOptions)

@@ -5,7 +5,7 @@ Its wire frames come to the ports of the devices again, in their own time. To co
 """
 
 from hindrax_bringup.launch_actions import stack
-from hindrax_bringup.processes import CONTROL, IDENTIFIER, PILOT_STATUS_ASIDE, REPLAY, SENSORS
+from hindrax_bringup.stack import ReplayOptions
 from launch import LaunchDescription
 
 
@@ -15,5 +15,4 @@ def generate_launch_description() -> LaunchDescription:
         "bag": (None, "folder of a bag, or one of its files"),
         "rate": ("1", "times real time; 0: as fast as possible"),
     }
-    onboard = (SENSORS, CONTROL, IDENTIFIER)
-    return stack(arguments, REPLAY, {"bag": "--bag", "rate": "--rate"}, onboard, {CONTROL.name: PILOT_STATUS_ASIDE})
+    return stack(arguments, ReplayOptions)

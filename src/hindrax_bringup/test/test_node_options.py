@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from hindrax_bringup.node_options import NodeOptions, ParameterOverrides
-from hindrax_bringup.processes import CONTROL, ONBOARD, RECORDER
+from hindrax_bringup.processes import CONTROL
 from hindrax_core.errors import UsageError
 from hindrax_core.topics import DIAGNOSTICS, NAVIGATION, in_default_namespace, resolved
 
@@ -79,8 +79,3 @@ def test_a_vehicle_of_another_name_has_the_shared_topics_inside() -> None:
         inside = f"/rov1/{topic.name.lstrip('/')}"
         assert in_default_namespace(inside, "/rov1") == resolved(topic)
         assert in_default_namespace(inside, "/rov2") == inside
-
-
-def test_the_recorder_is_there_when_a_bag_is_named_and_starts_first() -> None:
-    assert NodeOptions("v").processes == ONBOARD
-    assert NodeOptions("v", bag="b").processes == (RECORDER, *ONBOARD)

@@ -1,9 +1,12 @@
 """Processes that end for good, freeze, or leave their output unsafe: who gets a report, and of what."""
 
+import fcntl
 import os
 import re
 import shutil
 import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -12,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+from hindrax_bringup import child_process
 from hindrax_bringup import supervisor as module
 from hindrax_bringup.process_state import HeldProcesses, descendants, is_stopped
 from hindrax_bringup.processes import Process
@@ -39,30 +43,31 @@ if __name__ == "__main__":
 """A process that beats once, with one below it in a session of its own."""
 
 
-def supervisor_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *preload: str) -> Supervisor:
+def supervisor_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, forks: bool) -> Supervisor:
     monkeypatch.setenv(FOLDER, str(tmp_path / "runtime"))
     (tmp_path / "lamps.py").write_text(BEATS)
     path = f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}"
-    return Supervisor(tmp_path / "logs", {"PYTHONPATH": path, "PATH": os.environ["PATH"]}, preload=preload)
+    monkeypatch.syspath_prepend(tmp_path)
+    return Supervisor(tmp_path / "logs", {"PYTHONPATH": path, "PATH": os.environ["PATH"]}, forks=forks)
 
 
-@pytest.fixture(params=[(), ("lamps",)], ids=["started", "forked"])
+@pytest.fixture(params=[False, True], ids=["executed", "forked"])
 def supervisor(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Supervisor]:
-    """One that starts each process by itself, and one that has them forked."""
-    with supervisor_of(tmp_path, monkeypatch, *request.param) as made:
+    """One that executes each process, and one that forks them from itself."""
+    with supervisor_of(tmp_path, monkeypatch, forks=request.param) as made:
         yield made
-
-
-@pytest.fixture
-def forking(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Supervisor]:
-    with supervisor_of(tmp_path, monkeypatch, "lamps") as made:
-        yield made
+    sys.modules.pop("lamps", None)
 
 
 def start(supervisor: Supervisor, process: Process = LAMPS, arguments: Sequence[str] = ()) -> SupervisedProcess:
     child = supervisor.start(process, arguments)
     until(lambda: beaten_s(child.heartbeat) is not None)
     return child
+
+
+def stop(child: SupervisedProcess) -> None:
+    os.kill(child.handle.pid, signal.SIGSTOP)
+    until(lambda: is_stopped(child.handle.pid))
 
 
 def until(done: Callable[[], object]) -> None:
@@ -96,32 +101,30 @@ def test_a_process_that_is_gone_for_good_is_reported_with_its_last_words(supervi
 
 def test_a_process_is_a_child_of_its_supervisor_under_its_own_name_and_ends_with_it(supervisor: Supervisor) -> None:
     child = supervisor.start(LAMPS, ["--bright"], pipe=True)
-    assert child.handle.stdout is not None
-    assert child.handle.stdout.readline() == b"lit --bright\n"
+    assert child.output is not None
+    assert child.output.readline() == b"lit --bright\n"
     pid = child.handle.pid
     assert os.getpgid(pid) == pid
     assert int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1]) == os.getpid()
-    words = Path(f"/proc/{pid}/cmdline").read_text().rstrip("\0").split("\0")
-    assert words[1:] == ["-m", "lamps", "--bright"]
-    if supervisor.fork_server is not None:
-        assert b"lamps" not in Path(f"/proc/{supervisor.fork_server.pid}/cmdline").read_bytes()
+    assert Path(f"/proc/{pid}/comm").read_text() == "lamps\n"
     (below,) = descendants(pid)
     held = HeldProcesses([below])
     supervisor.close()
     assert child.handle.returncode in {-signal.SIGINT, 1}
     until(lambda: not held._at_work())
     held.kill(0.0)
-    child.handle.stdout.close()
+    child.output.close()
 
 
-def test_what_was_forked_ends_when_its_supervisor_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    made = supervisor_of(tmp_path, monkeypatch, "lamps")
+@pytest.mark.parametrize("forks", [False, True])
+def test_what_was_started_ends_when_its_supervisor_is_killed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, forks: bool
+) -> None:
+    made = supervisor_of(tmp_path, monkeypatch, forks=forks)
     pids = tmp_path / "pids"
     if os.fork() == 0:
         try:
-            child = start(made.__enter__())
-            assert made.fork_server is not None
-            pids.write_text(f"{child.handle.pid} {made.fork_server.pid}")
+            pids.write_text(str(start(made.__enter__()).handle.pid))
         finally:
             os.kill(os.getpid(), signal.SIGKILL)
     os.wait()
@@ -130,20 +133,25 @@ def test_what_was_forked_ends_when_its_supervisor_is_killed(tmp_path: Path, monk
     held.kill(0.0)
 
 
-@pytest.mark.parametrize(("number", "why"), [(signal.SIGKILL, "it has died"), (signal.SIGSTOP, "it is frozen")])
-def test_without_its_fork_server_a_process_lives_on_and_starts_again(
-    forking: Supervisor, capsys: pytest.CaptureFixture[str], number: int, why: str
+def test_who_has_lost_its_parent_before_it_could_say_so_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The death signal is of no use to who asks for it after the death."""
+    (tmp_path / "lamps.py").write_text(BEATS)
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}")
+    stranger = str(os.getppid())
+    words = [sys.executable, "-m", child_process.__name__, stranger, "lamps"]
+    done = subprocess.run(words, check=False, capture_output=True, timeout=PATIENT_S)
+    assert (done.returncode, done.stdout) == (1, b"")
+
+
+def test_locks_of_the_supervisor_do_not_live_on_in_what_it_forks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    child = start(forking)
-    server = forking.fork_server
-    assert server is not None
-    os.kill(server.pid, number)
-    until(lambda: is_stopped(server.pid) if number == signal.SIGSTOP else server._handle.poll() is not None)
-    assert forking.check() == []
-    child.handle.kill()
-    assert reported(forking)[0].startswith("lamps was killed by signal 9; restarted (see ")
-    assert capsys.readouterr().err == f"fork server: {why}; processes start without it\n"
-    until(lambda: beaten_s(child.heartbeat) is not None)
+    with supervisor_of(tmp_path, monkeypatch, forks=True) as forking, (tmp_path / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        child = start(forking)
+        names = [str(one.readlink()) for one in Path(f"/proc/{child.handle.pid}/fd").iterdir()]
+    assert str(tmp_path / "lock") not in names
+    assert str(tmp_path / "logs" / "lamps.log") in names
 
 
 def test_a_stopped_process_and_what_is_below_it_are_killed_and_it_starts_again(supervisor: Supervisor) -> None:
@@ -223,18 +231,36 @@ def test_who_receives_no_signal_is_killed_however_often_the_end_is_interrupted(
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_a_signal_while_a_process_imports_writes_no_traceback(forking: Supervisor, tmp_path: Path) -> None:
+def test_a_signal_while_a_process_begins_writes_no_traceback(supervisor: Supervisor, tmp_path: Path) -> None:
     """What a process reports goes to the operator's terminal."""
-    (tmp_path / "fuses.py").write_text("import signal\nsignal.raise_signal(signal.SIGINT)\n")
-    child = forking.start(Process("fuses", ()))
+    (tmp_path / "fuses.py").write_text("import signal\ndef main(): signal.raise_signal(signal.SIGINT)\n")
+    child = supervisor.start(Process("fuses", ()))
     assert child.handle.wait(PATIENT_S) == -signal.SIGINT
-    assert (forking.logs / "fuses.log").read_text() == ""
+    assert (supervisor.logs / "fuses.log").read_text() == ""
+
+
+@pytest.mark.parametrize(
+    ("main", "code", "written"),
+    [
+        ("return 3", 3, ""),
+        ("sys.exit(2)", 2, ""),
+        ("sys.exit()", 0, ""),
+        ("raise KeyError(7)", 1, "KeyError: 7"),
+    ],
+)
+def test_a_process_ends_with_the_code_of_its_main(
+    supervisor: Supervisor, tmp_path: Path, main: str, code: int, written: str
+) -> None:
+    (tmp_path / "fuses.py").write_text(f"import sys\ndef main(): {main}\n")
+    assert supervisor.start(Process("fuses", ())).handle.wait(PATIENT_S) == code
+    assert (supervisor.logs / "fuses.log").read_text().endswith(f"{written}\n" if written else "")
+    sys.modules.pop("fuses", None)
 
 
 def test_an_output_that_was_not_left_safe_is_made_safe_in_its_place(
     supervisor: Supervisor, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    os.kill(start(supervisor, UNSAFE).handle.pid, signal.SIGSTOP)
+    stop(start(supervisor, UNSAFE))
     supervisor.close()
     assert capsys.readouterr().err == "lamps had to be killed; it is dark\n"
 
@@ -242,7 +268,7 @@ def test_an_output_that_was_not_left_safe_is_made_safe_in_its_place(
 def test_an_output_that_cannot_be_made_safe_is_reported_with_what_else_went_wrong(supervisor: Supervisor) -> None:
     def fly() -> None:
         with supervisor:
-            os.kill(start(supervisor, UNSAFE, ["broken"]).handle.pid, signal.SIGSTOP)
+            stop(start(supervisor, UNSAFE, ["broken"]))
             raise HindraxError("the tether has another address")
 
     unsafe = r"lamps: neutral could not be written \(the fuse has blown\); cut the power"

@@ -28,7 +28,8 @@ from hindrax_bringup.network.tether import (
 from hindrax_bringup.ros_graph import PROFILE
 from hindrax_bringup.stack import environment
 from hindrax_bringup.stack_lock import FOLDER
-from hindrax_bringup.stack_runner import UpOptions, _require_same, awaited
+from hindrax_bringup.stack_process import UpOptions
+from hindrax_bringup.stack_runner import _require_same, awaited
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.operate import up_stop as up
 from hindrax_core.errors import HindraxError, UsageError
@@ -117,15 +118,11 @@ def test_a_mock_keeps_to_this_machine_unless_asked_by_name(
     monkeypatch: pytest.MonkeyPatch, words: list[str], wanted: Tether | None
 ) -> None:
     monkeypatch.setenv(SETTING, "eth0:192.168.2.1")
-    found: list[Tether | None] = []
-
-    def run_up(options: UpOptions) -> int:
-        found.append(options.tether)
-        return 0
-
-    monkeypatch.setattr(up, "run_up", run_up)
-    assert main(words) == 0
-    assert found == [wanted]
+    found: list[UpOptions] = []
+    monkeypatch.setattr(up, "become", found.append)
+    main(words)
+    assert [one.tether for one in found] == [wanted]
+    assert [UpOptions.from_json(one.to_json()) for one in found] == found, "what its process reads"
 
 
 def test_waiting_states_each_reason_once_and_ends(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -37,9 +37,9 @@ def test_a_long_time_is_a_number_and_not_an_exponent(capsys: pytest.CaptureFixtu
 
 
 def test_a_process_that_took_no_time_is_not_so_many_times_faster(capsys: pytest.CaptureFixture[str]) -> None:
-    found = [row(name, us, 20.0, "a node", 3e5) for name, us in (("fork server", 0.0), ("sensors", 100.0 * TICK_us))]
+    found = [row(name, us, 20.0, "a node", 3e5) for name, us in (("supervisor", 0.0), ("sensors", 100.0 * TICK_us))]
     assert found[0]["ratio"] is None
     assert found[1]["ratio"] == pytest.approx(3e3 / TICK_us)
     print_bench(found)
-    line = next(one for one in capsys.readouterr().out.splitlines() if "fork server" in one)
+    line = next(one for one in capsys.readouterr().out.splitlines() if "supervisor" in one)
     assert [cell.strip() for cell in line.split("\u2502")[2:5]] == ["0", "300000", ""]

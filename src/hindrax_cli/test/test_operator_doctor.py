@@ -20,6 +20,7 @@ from hindrax_bringup.process_state import Running, running
 from hindrax_bringup.share_files import default_vehicle, hindrax_with
 from hindrax_bringup.stack import MockOptions, Stack, environment
 from hindrax_bringup.stack_lock import FOLDER
+from hindrax_bringup.stack_process import RUNNER
 from hindrax_bringup.supervisor import Supervisor
 from hindrax_cli.command_line import main
 from hindrax_cli.health_checks import machine, nodes, wires
@@ -90,6 +91,9 @@ def test_nodes_without_a_parent_are_left_behind_and_those_with_one_are_not() -> 
     assert not found.ok
     assert found.remedy == "end them: kill 60"
     assert machine.leftovers([init, lost], 7, "/run/another").ok
+    up = f"python -m {RUNNER} {{}}"
+    assert machine.leftovers([init, Running(70, 1, 7, up, name="python")], 7).ok, "a service is nobody's child"
+    assert not machine.leftovers([init, Running(71, 1, 7, up, name="control")], 7).ok, "this one was forked"
 
 
 def test_in_a_container_our_own_tool_may_be_the_first_process() -> None:

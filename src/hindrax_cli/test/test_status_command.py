@@ -15,7 +15,7 @@ import pytest
 
 from hindrax_bringup.liveness import tool_liveness
 from hindrax_bringup.share_files import default_vehicle
-from hindrax_bringup.stack_lock import FOLDER, LAUNCHED, StackLock, announced
+from hindrax_bringup.stack_lock import FOLDER, UP, StackLock, announced
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.operate import view
 from hindrax_cli.commands.operate.view import kept_token
@@ -26,7 +26,7 @@ HERE = os.getpid()
 FLYING = StackLock(
     HERE, True, str(default_vehicle()), "runs/a", {"ROS_DOMAIN_ID": "7"}, purpose="pool-test", bag="runs/a/bag"
 )
-WAITING = replace(FLYING, pid=1, purpose=LAUNCHED, mock=False, bag="", started_s=time.monotonic() - 100.0)
+WAITING = replace(FLYING, pid=1, purpose=UP, mock=False, bag="", started_s=time.monotonic() - 100.0)
 
 
 @pytest.fixture(autouse=True)

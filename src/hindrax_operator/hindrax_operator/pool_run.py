@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any
 from hindrax_analysis.plain import print_json
 from hindrax_bag.run_folder import RunFolder, make_run_folder
 from hindrax_bag.write.limits import BagLimits
-from hindrax_bringup.liveness import STARTING, LivenessFile, health_change, tool_liveness
+from hindrax_bringup.liveness import health_change
 from hindrax_bringup.network.tether import available_tether
 from hindrax_bringup.node_options import ParameterOverrides
-from hindrax_bringup.processes import RECORDER, modules
-from hindrax_bringup.stack import MockOptions, Stack, adopted, lock_of, own_domain, stack_environment
-from hindrax_bringup.stack_lock import announced
-from hindrax_bringup.supervisor import Supervisor, stop_signals
+from hindrax_bringup.processes import EVERY, RECORDER
+from hindrax_bringup.stack import MockOptions, adopted, environment_beside
+from hindrax_bringup.stack_process import StackProcess, UpOptions
+from hindrax_bringup.supervisor import stop_signals
 from hindrax_control.maneuver.goal import PLATEAUS, Goal, motions_to_fly
 from hindrax_control.maneuver.plan import plans_of
 from hindrax_core.errors import INTERRUPTED, HindraxError
@@ -101,26 +101,25 @@ def run_pool_test(options: PoolOptions) -> int:
         check_experiment(options.motions, options.aim)
     plan = planned(vehicle, options)
     mock = options.mock is not None
-    with own_domain(mock=mock, namespace=options.tuning.namespace) as domain:
-        folder = make_run_folder(options.out, options.vehicle_file)
-        BagLimits(planned_s=MOTION_S * len(options.motions)).check_space(folder.path)
-        with Progress(headless=options.headless) as progress:
-            progress.report(f"{vehicle.name} {servable}")
-            for line in plan:
-                progress.report(line)
-            flight = fly(options, folder, domain, progress)
-            progress.report("identifying over the bag")
-            from hindrax_analysis.identification.bag_identification import identify_run, show  # noqa: PLC0415  # SciPy and the report take a second: the stack starts first
-            from hindrax_analysis.terminal import working  # noqa: PLC0415  # as above
+    folder = make_run_folder(options.out, options.vehicle_file)
+    BagLimits(planned_s=MOTION_S * len(options.motions)).check_space(folder.path)
+    with Progress(headless=options.headless) as progress:
+        progress.report(f"{vehicle.name} {servable}")
+        for line in plan:
+            progress.report(line)
+        flight = fly(options, folder, progress)
+        progress.report("identifying over the bag")
+        from hindrax_analysis.identification.bag_identification import identify_run, show  # noqa: PLC0415  # SciPy and the report take a second: the stack starts first
+        from hindrax_analysis.terminal import working  # noqa: PLC0415  # as above
 
-            predicted = options.predicted
-            try:
-                with working("identifying"):
-                    identified = identify_run(folder, vehicle, mock=mock, aborted=flight.aborted, predicted=predicted)
-            except HindraxError as error:
-                end = f"aborted by {flight.aborted}" if flight.aborted else "flown"
-                later = f"the record is stored; then `./hindrax identify {folder.bag}` gives the results"
-                raise HindraxError(f"{end}; but {error}; {later}") from error
+        predicted = options.predicted
+        try:
+            with working("identifying"):
+                identified = identify_run(folder, vehicle, mock=mock, aborted=flight.aborted, predicted=predicted)
+        except HindraxError as error:
+            end = f"aborted by {flight.aborted}" if flight.aborted else "flown"
+            later = f"the record is stored; then `./hindrax identify {folder.bag}` gives the results"
+            raise HindraxError(f"{end}; but {error}; {later}") from error
     factor = round(flight.real_time_factor, 2)
     document = identified.document(folder.bag, folder.report, factor, flight.aborted)
     document |= {"mock": flight.facts} if mock else {}
@@ -165,21 +164,25 @@ def finish(identified: Identified, folder: RunFolder, flight: FlownManeuver) -> 
         print_fitted(f"  {path}")
 
 
-def fly(options: PoolOptions, folder: RunFolder, domain: int | None, progress: Progress) -> FlownManeuver:
-    """Start the stack, fly the motions, end the stack; the bag is closed and readable when this returns."""
-    mock = options.mock
-    flight = FlownManeuver()
-    notes = f"pool-test {' '.join(options.motions)}{' in mock' if mock else ''}"
-    tether = None if mock else available_tether(progress.report)
-    made = stack_environment(mock=mock is not None, domain=domain, tether=tether)
-    supervised = Supervisor(folder.logs, made, preload=modules(mock=mock is not None))
-    with _nothing_kept(flight, folder), tool_liveness() as liveness, supervised as supervisor, adopted(made):
-        liveness.beat(notes, STARTING)
-        stack = Stack(folder, supervisor, notes, options.tuning)
-        progress.report(f"starting {'the mock vehicle and ' if mock else ''}the stack")
-        _operate(options, flight, stack, progress, liveness)
-        supervisor.stop("recorder")
-        flight.facts = stack.last_facts()
+def fly(options: PoolOptions, folder: RunFolder, progress: Progress) -> FlownManeuver:
+    """Have a stack started, fly the motions, end it; the bag is closed and readable when this returns."""
+    mock, flight = options.mock, FlownManeuver()
+    whole = [one.name for one in EVERY if options.without_record != CONTINUE or one is not RECORDER]
+    up = UpOptions(
+        folder.vehicle,
+        mock,
+        record=True,
+        out=str(folder.path),
+        tether=None if mock else available_tether(progress.report),
+        tuning=options.tuning,
+        client=f"pool-test {' '.join(options.motions)}{' in mock' if mock else ''}",
+        needed=tuple(whole),
+    )
+    progress.report(f"starting {'the mock vehicle and ' if mock else ''}the stack")
+    with _nothing_kept(flight, folder), StackProcess(up) as stack:
+        with adopted(environment_beside(stack.entry)):
+            _operate(options, flight, stack, progress)
+        flight.facts = stack.end()
     return flight
 
 
@@ -194,41 +197,25 @@ def _nothing_kept(flight: FlownManeuver, folder: RunFolder) -> Iterator[None]:
         raise
 
 
-def beat(liveness: LivenessFile, notes: str, operator: Any) -> None:
-    """Tell `hindrax health` of the flight: what it is, whether it is armed, and what its nodes complain of."""
-    state = "starting" if operator.thrusters is None else operator.thrusters.state
-    liveness.beat(f"{notes}: {state}", troubles(operator))
-
-
-def _operate(
-    options: PoolOptions, flight: FlownManeuver, stack: Stack, progress: Progress, liveness: LivenessFile
-) -> None:
-    """Start the stack, with the operator's node first: its imports take as long as those of the fork server."""
+def _operate(options: PoolOptions, flight: FlownManeuver, stack: StackProcess, progress: Progress) -> None:
+    """Join the stack while it starts: the imports of the operator's node take as long as those of the nodes."""
     from hindrax_operator.nodes.operator_node import Operator  # noqa: PLC0415  # rclpy reads the environment as it is imported
     from hindrax_operator.nodes.orders import recentre  # noqa: PLC0415  # as above
 
     deaths: list[str] = []
     reported: dict[str, str] = {}
-    supervisor, mock = stack.supervisor, options.mock
 
     def tick() -> None:
-        for sentence in supervisor.check():
+        for sentence in stack.check():
             progress.report(sentence)
             deaths.append(sentence)
-        supervisor.require(*([RECORDER.name] if options.without_record == CONTINUE else []))
-        beat(liveness, stack.notes, operator)
         if flight.armed:
             watch_record(operator, reported, progress, options.without_record)
         else:
             report_devices(operator, reported, progress)
         progress.show(operator.maneuver, operator.navigation, operator.estimates)
 
-    with (
-        Operator(mock=mock is not None, namespace=options.tuning.namespace, tick=tick) as operator,
-        contextlib.ExitStack() as until_the_end,
-    ):
-        stack.start(mock, record=True)
-        until_the_end.enter_context(announced(lock_of(stack)))
+    with Operator(mock=options.mock is not None, namespace=options.tuning.namespace, tick=tick) as operator:
         progress.report("waiting for the devices, the thrusters and a navigation solution")
         operator.wait(lambda: operator.navigation is not None, UP_S, lambda: missing_solution(operator))
         operator.wait(lambda: operator.thrusters is not None, UP_S, lambda: "a message from the thrusters")

@@ -1,42 +1,14 @@
-"""A pool test in the eyes of `hindrax health`: what it flies, whether it is armed, what its nodes complain of."""
+"""What a pool test reports of devices, nodes and the record before and while it flies."""
 
-import time
-import types
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from hindrax_bringup.liveness import stacks_well, tool_liveness
-from hindrax_bringup.stack_lock import FOLDER
 from hindrax_core.errors import HindraxError
-from hindrax_operator.pool_run import ABORT, CONTINUE, beat, report_devices, state_before_arming, watch_record
+from hindrax_operator.pool_run import ABORT, CONTINUE, report_devices, state_before_arming, watch_record
 
 OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
-
-
-@pytest.mark.parametrize(
-    ("level", "thrusters", "found"),
-    [
-        (OK, None, (True, "pool-test surge: starting")),
-        (OK, SimpleNamespace(state="armed"), (True, "pool-test surge: armed")),
-        (ERROR, SimpleNamespace(state="armed"), (False, "dvl75: no bottom lock: too deep")),
-    ],
-)
-def test_a_pool_test_is_felt(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    level: bytes,
-    thrusters: types.SimpleNamespace | None,
-    found: tuple[bool, str],
-) -> None:
-    monkeypatch.setenv(FOLDER, str(tmp_path))
-    one = SimpleNamespace(level=level, message="no bottom lock: too deep")
-    operator = SimpleNamespace(thrusters=thrusters, diagnostics={"hindrax: dvl75": one})
-    with tool_liveness() as liveness:
-        beat(liveness, "pool-test surge", operator)
-        assert stacks_well(tmp_path, time.monotonic()) == found
 
 
 def test_each_device_is_reported_of_once_when_it_is_up_and_when_its_reason_to_wait_changes() -> None:

@@ -4,6 +4,7 @@ import contextlib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Self
 
 import pytest
 from vehicle_files import hindrax_file
@@ -12,6 +13,7 @@ from hindrax_analysis import terminal
 from hindrax_analysis.identification import bag_identification
 from hindrax_bringup.node_options import ParameterOverrides
 from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.stack_lock import StackLock
 from hindrax_control.maneuver.plan import plans_of
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import Pool, load_vehicle
@@ -51,7 +53,19 @@ def test_ctrl_c_before_the_flight_leaves_the_name_of_the_run_free(
         flight.armed = armed
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(pool_run, "modules", lambda **_: ())
+    class NoStack:
+        """Starts nothing."""
+
+        entry = StackLock(0, mock=False, vehicle="", folder="")
+
+        def __init__(self, _options: object) -> None: ...
+
+        def __enter__(self) -> Self:
+            return self
+
+        def __exit__(self, *_: object) -> None: ...
+
+    monkeypatch.setattr(pool_run, "StackProcess", NoStack)
     monkeypatch.setattr(pool_run, "_operate", interrupted)
     out = tmp_path / "run"
     with pytest.raises(KeyboardInterrupt):

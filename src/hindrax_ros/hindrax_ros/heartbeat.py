@@ -1,4 +1,4 @@
-"""The heartbeat of a process: once a second the time, in a file that its supervisor named.
+"""The heartbeat of a process: once a second the time, and its id, in a file that its supervisor named.
 
 The supervisor and `health` read it. It needs no ROS and no port, so it reveals
 a process that hangs in either. Time is that of the monotonic clock [s], which all processes of a machine share.
@@ -31,15 +31,21 @@ class HeartbeatFile:
             return
         self._due_s = now_s + PERIOD_S
         with contextlib.suppress(OSError):  # a full disk does not end a process that thrusts
-            os.pwrite(self._file, f"{now_s:020.3f}".encode(), 0)
+            os.pwrite(self._file, f"{now_s:020.3f} {os.getpid():10}".encode(), 0)
 
 
 def beaten_s(path: Path) -> float | None:
     """Time of the last beat; None before the first."""
-    try:
-        return float(path.read_text(encoding="ascii"))
-    except (OSError, ValueError):
-        return None
+    with contextlib.suppress(OSError, ValueError, IndexError):
+        return float(path.read_text(encoding="ascii").split()[0])
+    return None
+
+
+def beating(path: Path) -> int | None:
+    """Process that beats; None before the first beat."""
+    with contextlib.suppress(OSError, ValueError, IndexError):
+        return int(path.read_text(encoding="ascii").split()[1])
+    return None
 
 
 class Memory:

@@ -3,7 +3,7 @@
 import statistics
 import time
 import timeit
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import psutil
@@ -39,6 +39,6 @@ def family(pid: int) -> list[psutil.Process]:
     return [process, *process.children(recursive=True)]
 
 
-def cpu_s(pid: int) -> float:
-    """CPU time of a process and those below it, in user and system mode [s]."""
-    return float(sum(sum(one.cpu_times()[:2]) for one in family(pid)))
+def cpu_s(processes: Iterable[psutil.Process]) -> float:
+    """CPU time of some processes, in user and system mode [s]."""
+    return float(sum(sum(one.cpu_times()[:2]) for one in processes))

@@ -24,7 +24,7 @@ from hindrax_bringup.processes import RECORDER, Process
 from hindrax_bringup.stack import environment, first_line, own_domain
 from hindrax_bringup.supervisor import Supervisor
 from hindrax_core.topics import IMU, resolved
-from hindrax_tools.benchmarks import cpu_s, interleaved_us, row
+from hindrax_tools.benchmarks import cpu_s, family, interleaved_us, row
 
 RATE_Hz, SECONDS, BYTES = 2000, 60.0, 300
 """The load that the recorder must bear."""
@@ -97,9 +97,10 @@ def _recorder(folder: Path, peer: str, theirs: Span) -> dict[str, Any]:
         recorder = children.start(RECORDER, ["--ros-args", "-p", f"bag:={bag}", "-p", "keep_free_MB:=0.0"])
         publisher = children.start(load, ["load", str(RATE_Hz), str(BYTES), str(SECONDS)], pipe=True)
         first_line(publisher, 2 * SECONDS, logs / "peers.log")
-        before_s = cpu_s(recorder.handle.pid)
+        members = family(recorder.handle.pid)
+        before_s = cpu_s(members)
         report = first_line(publisher, 2 * SECONDS, logs / "peers.log")
-        used_s = cpu_s(recorder.handle.pid) - before_s
+        used_s = cpu_s(members) - before_s
         publisher.handle.wait()
         children.stop("recorder")
     sent, seconds = report["sent"], report["seconds"]

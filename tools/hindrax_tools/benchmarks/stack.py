@@ -7,15 +7,19 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from hindrax_bringup.processes import MOCK
-from hindrax_bringup.stack import MockOptions, Stack
+import psutil
+
+from hindrax_bringup.stack import MockOptions
+from hindrax_bringup.stack_process import StackProcess
 from hindrax_core.events import seconds_between
 from hindrax_tools.benchmarks import cpu_s, family
-from hindrax_tools.mock_stack import holding_depth, mock_stack
+from hindrax_tools.mock_stack import holding_depth, mock_stack, node_processes
 
 SPAN_S = 20.0
 TICK_us = 1e6 / os.sysconf("SC_CLK_TCK") / SPAN_S
-"""Resolution: a fork server that only waits uses less."""
+"""Resolution: a process that only waits uses less."""
+SUPERVISOR = "supervisor"
+"""The process of the stack itself, of which all others are children: counted alone."""
 LISTENER = [sys.executable, "-m", "hindrax_tools.benchmarks.peers", "listen"]
 
 
@@ -41,14 +45,11 @@ def row(name: str, us: float, size_MB: float, peer: str, peer_us: float) -> dict
     }
 
 
-def _measure(stack: Stack) -> dict[str, tuple[float, float]]:
+def _measure(stack: StackProcess) -> dict[str, tuple[float, float]]:
     """CPU time per second [us] and memory [MB] of each process but the mock, and of the listener in a second span."""
-    supervisor = stack.supervisor
     with holding_depth(stack) as operator:
-        nodes = {name: child.handle.pid for name, child in supervisor.children.items() if name != MOCK.name}
-        nodes |= {"fork server": supervisor.fork_server.pid} if supervisor.fork_server else {}
-        found = _shares(nodes, operator)
-        listener = subprocess.Popen(LISTENER, env=dict(supervisor.environment))  # noqa: S603  # our own interpreter and module
+        found = _shares(node_processes(stack) | {SUPERVISOR: stack.pid}, operator)
+        listener = subprocess.Popen(LISTENER)  # noqa: S603  # our own interpreter and module
         try:
             operator.pause(5.0)
             found |= _shares({"listener": listener.pid}, operator)
@@ -63,9 +64,10 @@ def _shares(pids: dict[str, int], operator: Any) -> dict[str, tuple[float, float
 
     Of memory that several processes share each counts its part (proportional set size, proc(5)).
     """
-    before, begin = {name: cpu_s(pid) for name, pid in pids.items()}, operator.now()
+    members = {name: [psutil.Process(pid)] if name == SUPERVISOR else family(pid) for name, pid in pids.items()}
+    before, begin = {name: cpu_s(those) for name, those in members.items()}, operator.now()
     operator.pause(SPAN_S)
-    spent = {name: cpu_s(pid) - before[name] for name, pid in pids.items()}
+    spent = {name: cpu_s(those) - before[name] for name, those in members.items()}
     elapsed_s = seconds_between(begin, operator.now())
-    pss_MB = {name: sum(one.memory_full_info().pss for one in family(pid)) / 1e6 for name, pid in pids.items()}
+    pss_MB = {name: sum(one.memory_full_info().pss for one in those) / 1e6 for name, those in members.items()}
     return {name: (spent[name] / elapsed_s * 1e6, pss_MB[name]) for name in pids}

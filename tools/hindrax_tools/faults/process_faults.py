@@ -7,6 +7,7 @@ import math
 import os
 import random
 import signal
+import sys
 import tempfile
 import time
 from bisect import bisect_right
@@ -15,9 +16,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hindrax_bringup.process_state import descendants, is_stopped
+from hindrax_bringup.liveness import processes_of
+from hindrax_bringup.process_state import is_stopped
 from hindrax_bringup.processes import CONTROL, IDENTIFIER, RECORDER, SAFETY_MONITOR, SENSORS, THRUSTERS
-from hindrax_bringup.stack import MockOptions, Stack
+from hindrax_bringup.stack import MockOptions
+from hindrax_bringup.stack_lock import runtime_folder, stacks
+from hindrax_bringup.stack_process import StackProcess
 from hindrax_control.maneuver.goal import Goal
 from hindrax_core.bus_operations import Write
 from hindrax_core.errors import HindraxError
@@ -43,6 +47,8 @@ if TYPE_CHECKING:
     from hindrax_operator.nodes.operator_node import Operator
 
 DEAD_MAN, BOTH = "dead man", "thrusters and dead man"
+NODE = "thrusters_node"
+"""Name of the heartbeat of the thrusters' node; that of its dead man is the one of the process."""
 OUTPUT = "pca9685"
 DIED, FROZEN, IMPERSONATED, RESTARTED = "died", "frozen", "impersonated", "restarted"
 SIGNALS = {DIED: signal.SIGKILL, FROZEN: signal.SIGSTOP}
@@ -98,10 +104,11 @@ class _SeenError(Exception):
 class FaultyStack:
     """A stack in mock whose processes are harmed, with its operator; made by `faulty_stack`."""
 
-    def __init__(self, stack: Stack) -> None:
-        self.supervisor, self.stack = stack.supervisor, stack
+    def __init__(self, stack: StackProcess) -> None:
+        self.stack = stack
         self.operator: Operator
         truth = stack.folder.path / TRUTH
+        truth.touch()  # the mock is only starting
         self._log, self._cut = truth.open(encoding="ascii"), ""
         self.last: TrueState | None = None
         self._start_s = math.nan
@@ -110,8 +117,8 @@ class FaultyStack:
         self._tick: Callable[[Sequence[TrueState]], None] = lambda _: None
 
     def tick(self) -> None:
-        """Look after the processes, and see what the mock has written."""
-        self.supervisor.check()
+        """See whether the stack is up, and what the mock has written."""
+        self.stack.check()
         self._tick(self._read())
 
     def on_navigation(self, message: bytes) -> None:
@@ -148,8 +155,15 @@ class FaultyStack:
         """Processes of a name; the thrusters node is the child of its dead man."""
         if who == BOTH:
             return self.pids(THRUSTERS.name) + self.pids(DEAD_MAN)
-        pid = self.supervisor.children[THRUSTERS.name if who == DEAD_MAN else who].handle.pid
-        return descendants(pid)[:1] if who == THRUSTERS.name else [pid]
+        found = processes_of(runtime_folder(), self.stack.pid)
+        beating = {THRUSTERS.name: NODE, DEAD_MAN: THRUSTERS.name}.get(who, who)
+        return [found[beating]] if beating in found else []
+
+    @property
+    def port(self) -> str:
+        """Port of the thruster output."""
+        (entry,) = (one for one in stacks() if one.pid == self.stack.pid)
+        return entry.ports["thrusters"]
 
     @contextlib.contextmanager
     def harmed(self, who: str, what: str) -> Iterator[Callable[[], bool]]:
@@ -166,11 +180,9 @@ class FaultyStack:
             return
         if who == OUTPUT:
             if what == RESTARTED:
-                open_bus(self.stack.mock_facts["ports"]["thrusters"], "fault").transfer(RESET)
+                open_bus(self.port, "fault").transfer(RESET)
             yield lambda: True
             return
-        for child in self.supervisor.children.values():
-            child.restarts = 0  # many faults are no process that dies again and again
         old = self.pids(who)
         for pid in old:
             with contextlib.suppress(ProcessLookupError):  # it died by itself; then it must come back all the same
@@ -328,7 +340,9 @@ def faulty_stack(
 ) -> Iterator[FaultyStack]:
     """A mock vehicle, its stack and its operator; all of it ends with the context."""
     mock = MockOptions(seed=seed, rate=1.0, faults=faults, truth=str(folder / "run" / TRUTH))
-    with mock_stack(folder, mock, record=record, settings=("thrusters.arming_s:=1.0",)) as stack:
+    settings = ("thrusters.arming_s:=1.0",)
+    # Many faults are no process that dies again and again.
+    with mock_stack(folder, mock, record=record, settings=settings, restarts=sys.maxsize) as stack:
         from hindrax_operator.nodes.operator_node import Operator  # noqa: PLC0415  # rclpy reads the environment
         from hindrax_ros.graph import subscription  # noqa: PLC0415
 
@@ -352,5 +366,5 @@ def fly(rows: Sequence[ProcessFault], seed: int) -> Iterator[FaultOutcome]:
             lost = False
             while left and not lost:
                 cell = stack.cell(*left.pop(0), seed)
-                lost = bool(stack.supervisor.children) and bool(cell.violated)
+                lost = bool(cell.violated)
                 yield cell

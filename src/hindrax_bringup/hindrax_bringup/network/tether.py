@@ -13,7 +13,6 @@ import os
 import re
 import socket
 import struct
-import sys
 import time
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
@@ -24,7 +23,6 @@ from pathlib import Path
 from hindrax_bringup.share_files import share_folder
 from hindrax_bringup.stack_lock import runtime_folder
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.text.screen_text import print_stderr
 from hindrax_core.text.text_file import replace_text
 
 SETTING = "HINDRAX_TETHER"
@@ -185,15 +183,3 @@ def _one(parent: ET.Element, name: str) -> ET.Element:
     found = parent.find(f".//{_tag(name)}")
     assert found is not None, name
     return found
-
-
-def main() -> int:
-    """Wait for the tether that this terminal names, for launch files."""
-    tether = tether_setting()
-    if tether is not None:
-        wait_for_address(tether, FOREVER_S, lambda: False, print_stderr)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -16,7 +16,9 @@ from pathlib import Path
 from hindrax_bag.run_folder import FIRST_YEAR, FREE_BYTES_WANTED
 from hindrax_bringup.network.tether import Tether, address_of
 from hindrax_bringup.process_state import Running, running
+from hindrax_bringup.processes import EVERY
 from hindrax_bringup.stack_lock import FOLDER
+from hindrax_bringup.stack_process import RUNNER
 from hindrax_cli.health_checks import Check
 from hindrax_core.errors import HindraxError
 
@@ -25,6 +27,7 @@ PYTHONS = ((3, 11), (3, 12))
 GROUPS = ("dialout", "i2c")
 TIME_ERROR, STA_UNSYNC, MAX_ERROR_s = 5, 0x0040, 0.5
 NODE_WORDS = tuple(f"hindrax_{room}.nodes." for room in ("drivers", "control", "ident", "bag", "sim"))
+NODE_NAMES = tuple(process.name for process in EVERY)
 LAUNCHERS = ("hindrax", "ros2", "launch")
 
 
@@ -117,6 +120,10 @@ def groups() -> Check:
     return Check("groups", f"{user} is in {', '.join(sorted(existing)) or 'no special group, and none exists here'}")
 
 
+def _is_node(one: Running) -> bool:
+    return any(word in one.words for word in NODE_WORDS) or (RUNNER in one.words and one.name in NODE_NAMES)
+
+
 def leftovers(found: list[Running], user: int, place: str = "") -> Check:
     """Our nodes whose parent has died: they hold ports, and may answer in the wrong graph.
 
@@ -127,7 +134,7 @@ def leftovers(found: list[Running], user: int, place: str = "") -> Check:
     if any(word in first for word in LAUNCHERS):
         return Check("processes", "looked after by the first process")
     ours = [one for one in found if (one.owner, one.place) == (user, place)]
-    lost = [one for one in ours if one.parent == 1 and any(word in one.words for word in NODE_WORDS)]
+    lost = [one for one in ours if one.parent == 1 and _is_node(one)]
     if lost:
         numbers = " ".join(str(one.pid) for one in lost)
         return Check("processes", f"{len(lost)} left behind: {lost[0].words}", f"end them: kill {numbers}")

@@ -11,7 +11,7 @@ from hindrax_bringup.network.tether import add_tether, tether_setting
 from hindrax_bringup.processes import THRUSTERS
 from hindrax_bringup.stack import FAULT_HELP, WORLD_HELP, MockOptions
 from hindrax_bringup.stack_lock import StackLock, runtime_folder, stacks, vehicle_stack
-from hindrax_bringup.stack_runner import UpOptions, run_up
+from hindrax_bringup.stack_process import UpOptions, become
 from hindrax_cli.argument_types import (
     add_parameters,
     add_tuning,
@@ -75,7 +75,7 @@ def up(arguments: argparse.Namespace) -> int:
     tether = tether_setting() if arguments.tether or not arguments.mock else None
     vehicle, without, tuning = Path(arguments.vehicle), arguments.without_operator, tuning_of(arguments)
     keep_bytes = math.inf if arguments.keep is None else arguments.keep * 1e9
-    return run_up(UpOptions(vehicle, mock, arguments.record, arguments.out, tether, without, tuning, keep_bytes))
+    become(UpOptions(vehicle, mock, arguments.record, arguments.out, tether, without, tuning, keep_bytes))
 
 
 @command(
