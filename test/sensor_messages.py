@@ -192,6 +192,8 @@ def humidity_to_msg(stamped: Stamped[Air], frame: str, sigma: float) -> Relative
 
 def battery_to_msg(stamped: Stamped[Battery]) -> BatteryState:
     """Supply voltage and current, which is negative while the battery discharges; NaN is what nobody measures."""
-    unknown = dict.fromkeys(("temperature", "charge", "capacity", "design_capacity", "percentage"), math.nan)
     voltage, current = stamped.reading.voltage_V, -stamped.reading.current_A
-    return BatteryState(header=header(stamped.stamp), voltage=voltage, current=current, present=True, **unknown)
+    message = BatteryState(header=header(stamped.stamp), voltage=voltage, current=current, present=True)
+    for unknown in ("temperature", "charge", "capacity", "design_capacity", "percentage"):
+        setattr(message, unknown, math.nan)
+    return message

@@ -125,7 +125,8 @@ class Bench:
         return ended.result()
 
     def ask(self, goal: RunExperiment.Goal) -> RunExperiment.Result:
-        return self.outcome(self.send(goal)).result
+        result: RunExperiment.Result = self.outcome(self.send(goal)).result
+        return result
 
     def run(self, *motions: str, until: float = 0.0, minutes: float = 0.0) -> tuple[str, str]:
         """The operator's: why it was aborted, and what was reached."""

@@ -89,7 +89,7 @@ TOLD = Estimate("surge", ("k_q",), ("N s^2/m^2",), (66.0,), ((0.2,),), 9, 9.0, T
 
 def good(topic: Topic, now: Stamp) -> Any:
     """Message of a topic with which nothing is wrong, and which moves nothing where it is an order."""
-    made = {
+    makers: dict[Topic, Callable[[], Any]] = {
         IMU: lambda: sensor_messages.inertial_to_msg(
             Stamped(now, Inertial((0.0, 0.0, -9.8), ZERO6[:3], 20.0)), "imu", 0.1, 0.1
         ),
@@ -113,7 +113,8 @@ def good(topic: Topic, now: Stamp) -> Any:
         JOYSTICK: lambda: Joy(axes=[0.0] * 6, buttons=[0] * 8),
         TWIST: Twist,
         LEAK: Bool,
-    }[topic]()
+    }
+    made = makers[topic]()
     if hasattr(made, "header"):
         made.header.stamp = stamp_to_msg(now)
     return made
@@ -437,7 +438,8 @@ def test_bytes_that_are_no_measurement_do_not_end_the_identifier(desk: tuple[Ide
 def hear_pulses(thrust: ThrustNode, header: Header, channels: Any) -> None:
     """As `mavros_msgs/RCOut`, which is in no wheel."""
     thrust._type = "mavros_msgs/msg/RCOut"
-    thrust._on_pulses(SimpleNamespace(header=header, channels=channels))
+    message: Any = SimpleNamespace(header=header, channels=channels)
+    thrust._on_pulses(message)
 
 
 def test_pulses_that_are_none_are_refused_and_become_no_wrench(

@@ -21,6 +21,7 @@ from hindrax_cli.command import MODULES
 from hindrax_cli.command_line import main
 from hindrax_core.vehicle import Mount, Output, Vehicle, load_vehicle
 from hindrax_tools import reference
+from hindrax_tools.reference import message_stubs
 from hindrax_tools.reference.commands import words_of
 from hindrax_tools.reference.devices import identities
 from hindrax_tools.reference.parameters import NODES, rows
@@ -31,6 +32,22 @@ PAGES = clone_root() / "docs" / "reference"
 def test_the_pages_are_up_to_date() -> None:
     stale = reference.stale(PAGES)
     assert not stale, f"stale: {', '.join(stale)}; run `{reference.COMMAND}` and commit what it writes"
+
+
+def test_the_stubs_of_the_messages_are_up_to_date() -> None:
+    stale = message_stubs.stale(clone_root())
+    assert not stale, f"stale: {', '.join(map(str, stale))}; run `{reference.COMMAND}` and commit what it writes"
+
+
+def test_a_stub_says_what_a_field_gives_and_takes() -> None:
+    files = message_stubs.stubs(clone_root())
+    imu, status = files["sensor_msgs/msg/__init__.pyi"], files["diagnostic_msgs/msg/__init__.pyi"]
+    assert "    def orientation_covariance(self) -> NDArray[np.float64]: ..." in imu
+    assert "    def orientation_covariance(self, value: Iterable[float]) -> None: ..." in imu
+    assert "    header: std_msgs.msg.Header" in imu
+    assert "    OK: ClassVar[bytes]" in status
+    assert "    def values(self) -> list[KeyValue]: ..." in status
+    assert "    Request: TypeAlias = Arm_Request" in files["hindrax_msgs/srv/__init__.pyi"]
 
 
 def test_a_stale_page_is_named_with_the_command_that_writes_it(

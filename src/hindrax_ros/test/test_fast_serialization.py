@@ -186,7 +186,6 @@ def test_applied(stamp: Stamp, text: str, armed: bool, pulses: list[int], number
 @given(stamps, six, st.lists(texts, max_size=3), st.lists(st.booleans(), max_size=9))
 def test_allocation(stamp: Stamp, wanted: tuple[float, ...], refused: list[Any], saturated: list[Any]) -> None:
     forces = [float(index) for index, _ in enumerate(saturated)]
-    texts = {"header": Header(frame_id="base_link_fsd"), "refused": refused, "thrusters": ["T1"]}
     full = AllocationStatus(
         sequence=7,
         wanted=wanted,
@@ -197,7 +196,9 @@ def test_allocation(stamp: Stamp, wanted: tuple[float, ...], refused: list[Any],
         saturated=saturated,
         supply_voltage=16.0,
         supply_measured=True,
-        **texts,
+        header=Header(frame_id="base_link_fsd"),
+        refused=refused,
+        thrusters=["T1"],
     )
     full.header.stamp = convert.stamp_to_msg(stamp)
     applied = AppliedOutput(stamp, True, tuple(forces), 7, 0)

@@ -17,7 +17,7 @@ from hindrax_msgs.msg import RawFrames
 from hindrax_ros import raw_frames
 from hindrax_ros.messages.convert import stamp_to_msg
 from hindrax_ros.messages.fast_serialization import raw_frames_bytes
-from hindrax_ros.raw_frames import READER_WAIT_S, RECEIVED, FrameTap
+from hindrax_ros.raw_frames import READER_WAIT_S, FrameTap
 
 STEP_ns = NS_PER_S // 100
 
@@ -50,11 +50,11 @@ def stamps_of(messages: list[Any]) -> list[int]:
 def test_no_frame_before_the_first_subscriber_is_lost(wire: Wire) -> None:
     tap, stamps = FrameTap(cast("Node", None), "dvl75"), [Stamp(STEP_ns * turn) for turn in range(1, 301)]
     for stamp in stamps[:200]:
-        tap.add(stamp, RECEIVED, b"x")
+        tap.add(stamp, False, b"x")
     assert not wire.sent
     wire.subscribers = 1
     for stamp in stamps[200:]:
-        tap.add(stamp, RECEIVED, b"x")
+        tap.add(stamp, False, b"x")
     wire.subscribers = 0  # a recorder that was restarted is the supervisor's matter: frames go on
     tap.flush(stamps[-1])
     assert stamps_of(wire.sent) == stamps
@@ -64,7 +64,7 @@ def test_no_frame_before_the_first_subscriber_is_lost(wire: Wire) -> None:
 def test_without_a_recorder_frames_are_not_kept(wire: Wire) -> None:
     tap = FrameTap(cast("Node", None), "dvl75")
     for turn in range(round(2 * READER_WAIT_S * 100)):
-        tap.add(Stamp(STEP_ns * (turn + 1)), RECEIVED, b"x")
+        tap.add(Stamp(STEP_ns * (turn + 1)), False, b"x")
     assert len(wire.sent[-1].stamps) < 20
 
 

@@ -201,6 +201,7 @@ class FaultyStack:
         from hindrax_ros.messages.convert import stamp_to_msg  # noqa: PLC0415
 
         count, operator = len(self.operator.thrusters.pulses), self.operator
+        message: ThrusterCommand | ThrusterState
         if who == CONTROL.name:
             message = ThrusterCommand(pulses=[1900.0] * count, sequence=operator.next())
         else:

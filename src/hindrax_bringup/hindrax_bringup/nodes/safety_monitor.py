@@ -14,7 +14,7 @@ import time
 from typing import Any
 
 from action_msgs.srv import CancelGoal
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from hindrax_bringup.liveness import LivenessFile, health_change, nodes_liveness
 from hindrax_bringup.network.link_monitor import NEUTRAL, STAY, LinkMonitor, SafetyMonitorKnobs
@@ -22,6 +22,7 @@ from hindrax_core.events import Stamp
 from hindrax_core.input_checks import TIMELESS, Refusals, order_window
 from hindrax_core.text.screen_text import print_stderr
 from hindrax_core.topics import DIAGNOSTICS, HEARTBEAT, THRUSTER_HEALTH, THRUSTER_HEALTH_ORDER, THRUSTER_STATE, Topic
+from hindrax_msgs.msg import ThrusterHealth
 from hindrax_msgs.srv import Arm
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.diagnostics import DiagnosticsPublisher, status
@@ -152,7 +153,7 @@ class SafetyMonitor(BatchedNode):
         values = {"wall clock ahead [s]": f"{step_s:.3f}"}
         self._reporter.publish(self.now(), status("hindrax: clock", level, text, values))
 
-    def _on_health(self, message: Any) -> None:
+    def _on_health(self, message: ThrusterHealth) -> None:
         """Latch the newest list as an order, for a pilot that restarts without one."""
         stamp, now = stamp_from_msg(message.header.stamp), self.now()
         if now <= 0:
@@ -166,7 +167,7 @@ class SafetyMonitor(BatchedNode):
             self._listed_at = stamp
             self._order.publish(message)
 
-    def _on_diagnostics(self, message: Any) -> None:
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for one in message.status:
             name = one.name.removeprefix("hindrax: ")
             if name == LINK:  # reported here; a lost operator is no fault of the vehicle

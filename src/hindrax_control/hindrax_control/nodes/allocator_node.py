@@ -1,7 +1,9 @@
 """The allocator node: wrenches in, pulses out; and what the applied pulses achieve, every cycle."""
 
 from collections.abc import Callable
-from typing import Any
+
+from geometry_msgs.msg import WrenchStamped
+from sensor_msgs.msg import BatteryState
 
 from hindrax_control.allocation.allocation_cycle import AllocationCycle, SupplyKnobs
 from hindrax_control.allocation.allocator import AllocationKnobs
@@ -71,7 +73,7 @@ class AllocatorNode(BatchedNode):
             self._command.publish(self._command_bytes(stamp, command.sequence, command.pulses_us))
         return command is not None
 
-    def _on_wrench_message(self, message: Any) -> None:
+    def _on_wrench_message(self, message: WrenchStamped) -> None:
         """Obey the only publisher; its wrenches are judged like those of the pilot."""
         unfit = self._commander.judge(publishers_of(self, WRENCH), armed=self._armed)
         stamp, now = stamp_from_msg(message.header.stamp), self._now()
@@ -97,7 +99,7 @@ class AllocatorNode(BatchedNode):
             listener(applied.stamp, achieved)
         self._status.publish(self._status_bytes(applied, achieved, self._cycle.supply_V))
 
-    def _on_battery(self, message: Any) -> None:
+    def _on_battery(self, message: BatteryState) -> None:
         unfit = self._cycle.supply.update(float(message.voltage), self._cycle.now)
         if unfit:
             self._reporter.refusals.add(BATTERY.name, unfit)

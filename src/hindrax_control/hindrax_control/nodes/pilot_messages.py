@@ -14,7 +14,7 @@ from hindrax_core.readings import vec6
 from hindrax_core.signals import NAN, UNKNOWN6, Allocation, Estimate
 from hindrax_core.vehicle import AXES
 from hindrax_msgs.action import FlyManeuver
-from hindrax_msgs.msg import HoldStatus, ManeuverStatus, MotionPlans, PoolPlace
+from hindrax_msgs.msg import AllocationStatus, HoldStatus, ManeuverStatus, ModelEstimate, MotionPlans, PoolPlace
 from hindrax_ros.graph import end_goal
 from hindrax_ros.messages.convert import header
 
@@ -24,7 +24,7 @@ FRESH_S = 2.0
 """Age from which on an estimate counts as no longer learning."""
 
 
-def goal_from_msg(message: Any) -> Goal:
+def goal_from_msg(message: FlyManeuver.Goal) -> Goal:
     """Motions and how to fly them."""
     levels = tuple(map(float, message.levels))
     return Goal(tuple(message.motions), message.excitation, int(message.seed), message.on_cancel, levels)
@@ -36,7 +36,7 @@ def result_of(aborted: str, handle: Any) -> Any:
     return FlyManeuver.Result(completed=not aborted, aborted=aborted)
 
 
-def unfit_estimate(message: Any) -> str:
+def unfit_estimate(message: ModelEstimate) -> str:
     """Reason why a ModelEstimate cannot be one; empty when it can."""
     count = len(message.values)
     if message.motion not in LEARNED:
@@ -49,7 +49,7 @@ def unfit_estimate(message: Any) -> str:
     return ""
 
 
-def allocation_from_msg(message: Any, thrusters: int) -> Allocation:
+def allocation_from_msg(message: AllocationStatus, thrusters: int) -> Allocation:
     """Fields of an AllocationStatus for the pilot: shortfall [N, Nm], forces [N], lost axes. ValueError if unfit."""
     forces_N, shortfall = tuple(message.forces), tuple(map(float, message.shortfall))
     if len(forces_N) != thrusters or not all(map(math.isfinite, (*forces_N, *shortfall))):

@@ -5,8 +5,11 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeAlias
 
+from geometry_msgs.msg import WrenchStamped
+from nav_msgs.msg import Odometry
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.subscription import Subscription
+from std_msgs.msg import Bool
 
 from hindrax_control.allocation.allocation_cycle import SupplyVoltage
 from hindrax_control.allocation.thrust_curve import check_pulses
@@ -28,7 +31,7 @@ from hindrax_core.rotation import FSD
 from hindrax_core.signals import NAN, Allocation, AppliedOutput, Estimate, Navigation
 from hindrax_core.vehicle import Vehicle
 from hindrax_msgs.action import FlyManeuver
-from hindrax_msgs.msg import ThrusterHealth, ThrusterState
+from hindrax_msgs.msg import AllocationStatus, HoldSetpoint, ModelEstimate, ThrusterHealth, ThrusterState
 from hindrax_msgs.srv import Recentre
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.diagnostics import DiagnosticsPublisher
@@ -176,7 +179,7 @@ class PilotNode(BatchedNode):
         elif seconds_between(self._obeyed_at, applied.stamp) > UNOBEYED_S:
             self._unobeyed = deserialized(data, ThrusterState).reason
 
-    def _on_estimate(self, message: Any) -> None:
+    def _on_estimate(self, message: ModelEstimate) -> None:
         """Keep the estimate of a motion, for the feedback of its maneuver."""
         unfit = pilot_messages.unfit_estimate(message)
         if unfit:
@@ -188,7 +191,7 @@ class PilotNode(BatchedNode):
         """Keep the allocation of the last wrench."""
         self._allocation = allocation
 
-    def _on_allocation_message(self, message: Any) -> None:
+    def _on_allocation_message(self, message: AllocationStatus) -> None:
         """Keep what an allocator elsewhere reports of the last wrench, and the supply that it measured."""
         try:
             self._allocation = pilot_messages.allocation_from_msg(message, len(self._names))
@@ -198,7 +201,7 @@ class PilotNode(BatchedNode):
         if message.supply_measured:
             self._supply.update(message.supply_voltage, self.now())
 
-    def _on_leak(self, message: Any) -> None:
+    def _on_leak(self, message: Bool) -> None:
         """Keep whether there is water in the hull. Several probes share the topic: all must be dry to be so."""
         self._dry_looks = 0 if message.data else self._dry_looks + 1
         if message.data or self._leak_probes < 2 or self._dry_looks >= 2 * self._leak_probes:
@@ -215,7 +218,7 @@ class PilotNode(BatchedNode):
         range_m = reading.range_m if isinstance(reading, Echo) else reading.altitude_m
         self._odometry.range(found.stamp, range_m)
 
-    def _on_odometry(self, message: Any) -> None:
+    def _on_odometry(self, message: Odometry) -> None:
         """Fly one cycle on the odometry of the one who publishes it."""
         if self._altimeter is None and self._ranges:
             topic = self._ranges[0]
@@ -235,7 +238,7 @@ class PilotNode(BatchedNode):
         if state is not None:
             self.on_navigation(state)
 
-    def _on_health_order(self, message: Any) -> None:
+    def _on_health_order(self, message: ThrusterHealth) -> None:
         """Take a list that was made later than the one in force; a sender may repeat an old one.
 
         The safety monitor's list comes at the start, on a mock maybe before the first time: such a list is judged as
@@ -299,7 +302,7 @@ class PilotNode(BatchedNode):
 
     # ---- from the operator
 
-    def _on_setpoint(self, message: Any) -> None:
+    def _on_setpoint(self, message: HoldSetpoint) -> None:
         """Keep a setpoint for the next cycle, which knows whether the thrusters are armed by now."""
         untimely = self._window.judge(stamp_from_msg(message.header.stamp), self.now())
         if message.axis not in HOLDS:
@@ -317,7 +320,7 @@ class PilotNode(BatchedNode):
                 self._refuse(topics.HOLD_SETPOINT, refused)
         self._setpoints.clear()
 
-    def _on_operator_wrench(self, message: Any) -> None:
+    def _on_operator_wrench(self, message: WrenchStamped) -> None:
         stamp = stamp_from_msg(message.header.stamp)
         wrench, frame = wrench_from_msg(message), message.header.frame_id
         for refused in self._pilot.set_operator_wrench(wrench, frame, stamp, self.now()):

@@ -6,7 +6,9 @@ belongs behind this node, not before it. Whatever stops, the vehicle forgets the
 
 import sys
 import time
-from typing import Any
+
+from geometry_msgs.msg import Twist
+from sensor_msgs.msg import Joy
 
 from hindrax_control.teleop import Teleop, TeleopKnobs
 from hindrax_core.events import to_s
@@ -35,11 +37,11 @@ class TeleopNode(CheckedNode):
         subscription(self, JOYSTICK, self._on_joystick)
         subscription(self, TWIST, self._on_twist)
 
-    def _on_joystick(self, message: Any) -> None:
+    def _on_joystick(self, message: Joy) -> None:
         made_s = to_s(stamp_from_msg(message.header.stamp))
         self._publish(self._teleop.joystick(message.axes, message.buttons, made_s, time.monotonic()))
 
-    def _on_twist(self, message: Any) -> None:
+    def _on_twist(self, message: Twist) -> None:
         linear, angular = message.linear, message.angular
         self._publish(self._teleop.twist((linear.x, linear.y, linear.z), (angular.x, angular.y, angular.z)))
 

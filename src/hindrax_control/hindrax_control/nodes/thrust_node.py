@@ -1,12 +1,12 @@
 """The thrust node: pulses of anybody's output channels in, the wrench that they achieve by the thrust curves out."""
 
 from dataclasses import replace
-from typing import Any
 
 from hindrax_control.allocation.thrust_curve import PULSE_FIELDS, AppliedWrench, pulses_of_channels
 from hindrax_core.events import Stamp
 from hindrax_core.topics import Quality, Topic
 from hindrax_core.vehicle import load_vehicle
+from hindrax_msgs.msg import ThrusterCommand
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.diagnostics import DiagnosticsPublisher
 from hindrax_ros.graph import optional_class, publisher, subscription
@@ -45,7 +45,7 @@ class ThrustNode(BatchedNode):
         well = f"listening to {self._type}" if self._type else "waiting for pulses"
         self._reporter.report(self.now(), (), well, {})
 
-    def _on_pulses(self, message: Any) -> None:
+    def _on_pulses(self, message: ThrusterCommand) -> None:
         stamp = stamp_from_msg(message.header.stamp) if hasattr(message, "header") else Stamp(0)
         try:
             pulses_us = pulses_of_channels(self._vehicle, list(getattr(message, PULSE_FIELDS[self._type])))

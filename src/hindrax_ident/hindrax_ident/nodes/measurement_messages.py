@@ -2,7 +2,10 @@
 
 import math
 from collections.abc import Callable
-from typing import Any, TypeAlias
+from typing import TypeAlias
+
+from geometry_msgs.msg import WrenchStamped
+from nav_msgs.msg import Odometry
 
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.rotation import FLU, FSD
@@ -56,7 +59,7 @@ LARGEST_VARIANCE = 1e3
 """Variances from here on, or below zero, mean that a velocity is not measured."""
 
 
-def velocities_from_odometry(message: Any, now: Stamp) -> tuple[Stamped[IdentEvent], ...]:
+def velocities_from_odometry(message: Odometry, now: Stamp) -> tuple[Stamped[IdentEvent], ...]:
     """Attitude and velocities of a REP-105 odometry; without a stamp, of `now`. ValueError for other frames."""
     found = odometry_from_msg(message)
     stamp = _sensible(found.stamp, now)
@@ -68,7 +71,7 @@ def velocities_from_odometry(message: Any, now: Stamp) -> tuple[Stamped[IdentEve
     return Stamped(stamp, Attitude((roll, pitch, NAN))), Stamped(stamp, Velocity(nu, "odometry"))
 
 
-def thrust_from_wrench(message: Any, now: Stamp) -> tuple[Stamped[IdentEvent], ...]:
+def thrust_from_wrench(message: WrenchStamped, now: Stamp) -> tuple[Stamped[IdentEvent], ...]:
     """Thrust in `base_link` (also where no frame is named) or `base_link_fsd`. ValueError for other frames."""
     frame, wrench = message.header.frame_id.rpartition("/")[2], wrench_from_msg(message)
     if frame not in (FSD, FLU, ""):

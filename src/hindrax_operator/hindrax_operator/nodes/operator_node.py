@@ -9,6 +9,7 @@ from typing import Any, Self
 import rclpy
 from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.action import ActionClient
 from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
@@ -23,7 +24,7 @@ from hindrax_core.signals import Estimate, Navigation
 from hindrax_drivers.output.output_guard import TRY_AGAIN, UNOBEYED
 from hindrax_ident.online.aim import ExperimentGoal
 from hindrax_msgs.action import FlyManeuver, RunExperiment
-from hindrax_msgs.msg import Heartbeat
+from hindrax_msgs.msg import Heartbeat, ModelEstimate, ThrusterState
 from hindrax_msgs.srv import Arm
 from hindrax_ros.batched_node import BatchedNode, events_executor
 from hindrax_ros.graph import publisher, subscription
@@ -125,7 +126,7 @@ class Operator:
         message.header.stamp = stamp_to_msg(now)
         self._heartbeats.publish(message)
 
-    def _on_thrusters(self, message: Any) -> None:
+    def _on_thrusters(self, message: ThrusterState) -> None:
         self.thrusters, stamp = message, stamp_from_msg(message.header.stamp)
         if not (message.armed and message.reason):
             self._obeyed_at = stamp
@@ -142,7 +143,7 @@ class Operator:
     def _on_navigation(self, data: bytes) -> None:
         self.navigation = navigation_from_bytes(data)
 
-    def _on_estimate(self, message: Any) -> None:
+    def _on_estimate(self, message: ModelEstimate) -> None:
         self.estimates[message.motion] = estimate_from_msg(message)
 
     @property
@@ -153,7 +154,7 @@ class Operator:
             self._allocations = subscription(self.node, topics.ALLOCATION, keep, queue=1)
         return self._allocation
 
-    def _on_diagnostics(self, message: Any) -> None:
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
         self.diagnostics.update({one.name: one for one in message.status})
 
     def next(self) -> int:
@@ -289,13 +290,20 @@ class Operator:
         Returns the guard's sentence, empty when all was flown, and what an experiment has reached. A goal that arrived
         too late is sent again: mock time runs so fast that a busy machine is late now and then.
         """
-        words = {"motions": list(goal.motions), "on_cancel": goal.on_cancel}
+        motions, on_cancel = list(goal.motions), goal.on_cancel
         if isinstance(goal, Goal):
             self.wait(self._fly.server_is_ready, ANSWER_S, lambda: f"the pilot to offer maneuver/fly; {UP}")
-            asked = FlyManeuver.Goal(excitation=goal.excitation, levels=goal.levels, seed=goal.seed, **words)
+            asked = FlyManeuver.Goal(
+                motions=motions,
+                excitation=goal.excitation,
+                levels=goal.levels,
+                seed=goal.seed,
+                on_cancel=on_cancel,
+            )
             return self._asked(self._fly, asked, seconds)[0], ""
         self.wait(self._run.server_is_ready, ANSWER_S, lambda: f"the identifier to offer ident/run; {UP}")
-        experiment = RunExperiment.Goal(until=goal.aim.until or 0.0, minutes=goal.aim.minutes or 0.0, **words)
+        until, minutes = goal.aim.until or 0.0, goal.aim.minutes or 0.0
+        experiment = RunExperiment.Goal(motions=motions, until=until, minutes=minutes, on_cancel=on_cancel)
         aborted, result = self._asked(self._run, experiment, seconds)
         if result is None:
             return aborted or "identifier: its result was lost; see whether its process is up", ""

@@ -115,8 +115,8 @@ def applied_writer(output: str) -> Callable[[AppliedOutput], bytes]:
     def write(applied: AppliedOutput) -> bytes:
         shape = (applied.phase, applied.reason, len(applied.pulses_us))
         if writer.key != shape:
-            texts = {"state": str(applied.phase), "reason": applied.reason, "output": output}
-            writer.learn(shape, ThrusterState(pulses=applied.pulses_us, **texts))
+            state, reason = str(applied.phase), applied.reason
+            writer.learn(shape, ThrusterState(pulses=applied.pulses_us, state=state, reason=reason, output=output))
         return writer.write(
             (*divmod(applied.stamp, NS_PER_S), applied.armed, *applied.pulses_us, applied.sequence, applied.armings),
         )
@@ -134,10 +134,17 @@ def allocation_writer(
     def write(applied: AppliedOutput, found: Allocation, supply_V: float | None) -> bytes:
         texts = (found.disabled, found.lost_axes, found.refused)
         if writer.key != texts:
-            arrays = {"forces": found.forces_N, "pulses": applied.pulses_us, "saturated": found.saturated}
-            named = dict(zip(("disabled", "lost_axes", "refused"), texts, strict=True))
-            header = convert.header(0, FSD)
-            writer.learn(texts, AllocationStatus(header=header, thrusters=list(thrusters), **arrays, **named))
+            example = AllocationStatus(
+                header=convert.header(0, FSD),
+                thrusters=thrusters,
+                forces=found.forces_N,
+                pulses=applied.pulses_us,
+                saturated=found.saturated,
+                disabled=found.disabled,
+                lost_axes=found.lost_axes,
+                refused=found.refused,
+            )
+            writer.learn(texts, example)
         return writer.write(
             (
                 *divmod(applied.stamp, NS_PER_S),

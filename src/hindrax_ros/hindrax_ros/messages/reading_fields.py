@@ -174,8 +174,10 @@ def _temperature(field: str, *kinds: type) -> Fields:
 
 def _battery(_frame: str) -> BatteryState:
     """Supply voltage and current, which is negative while the battery discharges; NaN is what is not measured."""
-    names = ("temperature", "current", "charge", "capacity", "design_capacity", "percentage")
-    return BatteryState(present=True, **dict.fromkeys(names, math.nan))
+    message = BatteryState(present=True)
+    for name in ("temperature", "current", "charge", "capacity", "design_capacity", "percentage"):
+        setattr(message, name, math.nan)
+    return message
 
 
 _BEAM = ("range", "range_covar", "quality", "velocity", "velocity_covar", "locked")

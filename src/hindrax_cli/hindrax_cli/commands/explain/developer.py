@@ -81,7 +81,7 @@ def code_of(process: subprocess.Popen[bytes]) -> int:
 def _what(parser: argparse.ArgumentParser) -> None:
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--check", action="store_true", help="only list stale pages (the default); exit code 1 if any")
-    what.add_argument("--write", action="store_true", help="write the pages that are stale, and the access policies")
+    what.add_argument("--write", action="store_true", help="write what is stale: pages, access policies, stubs")
     what.add_argument("--figures", action="store_true", help="redraw the figures of the explanation")
     what.add_argument("--fly", action="store_true", help="repeat the flights of the figures, then draw them")
 
@@ -102,6 +102,8 @@ def reference(arguments: argparse.Namespace) -> int:
             print_fitted(folder / name)
         if arguments.out is None:
             _write_policies()
+            for file in developer_module("reference.message_stubs").write(clone_root()):
+                print_fitted(file)
         return 0
     stale = pages.stale(folder)
     if stale:
