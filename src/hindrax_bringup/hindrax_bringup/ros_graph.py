@@ -6,6 +6,7 @@ command has that of its stack: what the stack has is set, and what it does not h
 
 import os
 import re
+import shutil
 from collections.abc import Mapping, MutableMapping
 from pathlib import Path
 
@@ -29,6 +30,8 @@ OF_THE_INSTALLATION = frozenset(
 SECURITY = "ROS_SECURITY_"
 HIGHEST_DOMAIN = 232
 """Above it the ports of a domain do not exist (OMG DDSI-RTPS 2.3, section 9.6.1.1)."""
+SHARED_MEMORY, LEAST_BYTES = Path("/dev/shm"), 1 << 16  # noqa: S108  # not ours to make files in
+"""The client library maps two pages there as it is imported (LTTng), and dies of a bus error where there are none."""
 RMW_RESOURCES = "share/ament_index/resource_index/rmw_typesupport"
 
 
@@ -82,3 +85,14 @@ def without_missing_rmw(environment: MutableMapping[str, str]) -> None:
 def set_aside(shell: Mapping[str, str], graph: Mapping[str, str]) -> list[str]:
     """Settings of a shell that a graph does not have: a ROS tool in that shell would look elsewhere."""
     return sorted(name for name, value in shell.items() if value and is_graph_setting(name) and name not in graph)
+
+
+def full_shared_memory(place: Path = SHARED_MEMORY) -> str:
+    """Why the client library cannot be imported here, with the remedy; empty where it can."""
+    try:
+        free = shutil.disk_usage(place).free
+    except OSError:  # there is none: then nothing is mapped
+        return ""
+    remedy = "remove what ended processes left there (`ls -l`), or give a container more (`--shm-size`)"
+    found = f"{place} is full: {free // 1000} kB are free, {LEAST_BYTES // 1000} kB are wanted"
+    return f"{found}; {remedy}" if free < LEAST_BYTES else ""

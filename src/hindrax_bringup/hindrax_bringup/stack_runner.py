@@ -26,7 +26,7 @@ from hindrax_bringup.liveness import STARTING, LivenessFile, reported_armed, too
 from hindrax_bringup.network.tether import FOREVER_S, Tether, address_of, wait_for_address
 from hindrax_bringup.process_state import is_stopped
 from hindrax_bringup.processes import MOCK, ONBOARD, REPLAY, SAFETY_MONITOR, THRUSTERS
-from hindrax_bringup.ros_graph import PROFILE, graph_settings, set_aside
+from hindrax_bringup.ros_graph import PROFILE, full_shared_memory, graph_settings, set_aside
 from hindrax_bringup.stack import Stack, adopted, own_domain, stack_environment
 from hindrax_bringup.stack_lock import CLONE, StackLock, announced, runtime_folder, stacks
 from hindrax_bringup.stack_process import LAST_WORDS, UpOptions
@@ -48,6 +48,8 @@ SETTLED_S = 3.0
 def run_up(options: UpOptions, over: Callable[[], bool]) -> None:
     """Start everything, say how to reach it, look after it until it is `over`."""
     load_vehicle(options.vehicle_file).output_channels()
+    if full := full_shared_memory():
+        raise HindraxError(full)
     mock, namespace = options.hardware is not None, options.tuning.namespace
     with own_domain(mock=mock, namespace=namespace) as domain, tool_liveness() as beating:
         run = 1

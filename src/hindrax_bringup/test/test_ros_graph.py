@@ -3,6 +3,7 @@
 import os
 import socket
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -164,3 +165,18 @@ def test_an_order_is_for_a_stack_that_its_terminal_can_mean(terminal: dict[str, 
         return
     with pytest.raises(UsageError, match=r"found v \(mock\), ROS domain 62, process 5, runs/a, " + wrong):
         require_meant(STACK, terminal)
+
+
+@pytest.mark.parametrize(("free", "found"), [(0, "is full: 0 kB are free, 65 kB are wanted; remove"), (1 << 20, "")])
+def test_shared_memory_without_room_is_named_with_the_remedy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, free: int, found: str
+) -> None:
+    """`import rclpy` dies there of a bus error, without a word."""
+    monkeypatch.setattr("hindrax_bringup.ros_graph.shutil.disk_usage", lambda _place: SimpleNamespace(free=free))
+    why = ros_graph.full_shared_memory(tmp_path)
+    assert found in why
+    assert bool(why) == bool(found)
+
+
+def test_where_there_is_no_shared_memory_none_is_full(tmp_path: Path) -> None:
+    assert not ros_graph.full_shared_memory(tmp_path / "none")

@@ -17,6 +17,7 @@ from hindrax_bag.run_folder import FIRST_YEAR, FREE_BYTES_WANTED
 from hindrax_bringup.network.tether import Tether, address_of
 from hindrax_bringup.process_state import Running, running
 from hindrax_bringup.processes import EVERY
+from hindrax_bringup.ros_graph import SHARED_MEMORY, full_shared_memory
 from hindrax_bringup.stack_lock import FOLDER
 from hindrax_bringup.stack_process import RUNNER
 from hindrax_cli.health_checks import Check
@@ -62,6 +63,12 @@ def disk(folder: Path) -> Check:
     if free < FREE_BYTES_WANTED:
         return Check("disk", text, f"wanted {FREE_BYTES_WANTED / 1e9:.1f} GB; move old bags away or use --out")
     return Check("disk", text)
+
+
+def shared_memory(place: Path = SHARED_MEMORY) -> Check:
+    """Room for what ROS maps: without any it ends with a bus error."""
+    found, _, remedy = full_shared_memory(place).partition("; ")
+    return Check("shared memory", found or f"room in {place}", remedy)
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +150,8 @@ def leftovers(found: list[Running], user: int, place: str = "") -> Check:
 
 def machine(folder: Path) -> list[Check]:
     """All checks of the machine that hold in mock too."""
-    return [python(), ros(), disk(folder), leftovers(list(running()), os.getuid(), os.environ.get(FOLDER, ""))]
+    processes = leftovers(list(running()), os.getuid(), os.environ.get(FOLDER, ""))
+    return [python(), ros(), disk(folder), shared_memory(), processes]
 
 
 def tether(named: Tether | None) -> list[Check]:

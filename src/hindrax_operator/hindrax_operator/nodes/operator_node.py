@@ -21,7 +21,7 @@ from hindrax_core import topics
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.signals import Estimate, Navigation
-from hindrax_drivers.output.output_guard import TRY_AGAIN, UNOBEYED
+from hindrax_drivers.output.output_guard import TRY_AGAIN, UNOBEYED, ArmingPhase
 from hindrax_ident.online.aim import ExperimentGoal
 from hindrax_msgs.action import FlyManeuver, RunExperiment
 from hindrax_msgs.msg import Heartbeat, ModelEstimate, ThrusterState
@@ -258,7 +258,21 @@ class Operator:
             answer = self._request_arming(arm=arm)
         if not answer.accepted:
             raise HindraxError(f"the thrusters refused to {'arm' if arm else 'disarm'}: {answer.reason}")
-        self.wait(lambda: self.thrusters is not None and self.thrusters.armed is arm, seconds, self._thruster_state)
+        since, began = self.thrusters, False
+
+        def ended() -> bool:
+            """Whether they are as asked for, or arm no more; what they said before the answer may come after it."""
+            nonlocal since, began
+            since, now = since or self.thrusters, self.thrusters
+            if now is None or now.armed is arm:
+                return now is not None
+            began = began or now.state == ArmingPhase.ARMING
+            begin, last = stamp_from_msg(since.header.stamp), stamp_from_msg(now.header.stamp)
+            return now.state == ArmingPhase.DISARMED and (began or seconds_between(begin, last) > FLOWN_s)
+
+        self.wait(ended, seconds, self._thruster_state)
+        if self.thrusters.armed is not arm:
+            raise HindraxError(f"the thrusters stopped arming: {self.thrusters.reason}")
         if arm and self.thrusters.reason:
             self._require_obedience()
 

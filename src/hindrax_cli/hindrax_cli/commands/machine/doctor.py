@@ -13,6 +13,7 @@ from rich.text import Text
 from hindrax_analysis.terminal import console, print_answer
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.network.tether import add_tether, tether_setting
+from hindrax_bringup.ros_graph import full_shared_memory
 from hindrax_bringup.stack import FAULT_HELP, MockOptions, Stack, environment
 from hindrax_bringup.stack_lock import UP, StackLock, stacks
 from hindrax_bringup.supervisor import Supervisor
@@ -52,7 +53,9 @@ def doctor(arguments: argparse.Namespace) -> int:
     up = [one for one in stacks() if one.mock is arguments.mock and (one.purpose == UP or not one.mock)]
     if not arguments.mock:
         checks += machine.vehicle_machine() + board()
-    if arguments.topside:
+    if full_shared_memory():
+        print_stderr("nothing else can be asked: see `shared memory`")
+    elif arguments.topside:
         checks += from_topside(vehicle, arguments)
     elif up:
         checks += wires.ports(vehicle, up[0].ports) + of_stack(up[0])
