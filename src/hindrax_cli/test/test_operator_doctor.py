@@ -17,7 +17,10 @@ import pytest
 from vehicle_files import hindrax_file
 
 from hindrax_bag.run_folder import RunFolder
+from hindrax_bringup.network import security
+from hindrax_bringup.network.tether import Tether
 from hindrax_bringup.process_state import Running, running
+from hindrax_bringup.ros_graph import PROFILE
 from hindrax_bringup.share_files import default_vehicle, hindrax_with
 from hindrax_bringup.stack import MockOptions, Stack, environment
 from hindrax_bringup.stack_lock import FOLDER
@@ -259,3 +262,26 @@ def test_a_chip_of_lines_is_there_or_given(monkeypatch: pytest.MonkeyPatch, tmp_
     (there,) = (one for one in wires.ports(vehicle, {}) if one.name == line)
     assert there.ok
     assert there.found == "there, it is /dev/gpiochip0 of pinctrl-bcm2711"
+
+
+def test_what_protects_the_graph(tmp_path: Path) -> None:
+    open_graph = machine.protection(None, {})
+    assert open_graph.ok
+    assert open_graph.found.startswith("network only: this machine may command; nothing is signed")
+    tethered = machine.protection(Tether("eth0"), {PROFILE: "/mine.xml"})
+    assert "this machine and everybody on eth0 may command" in tethered.found
+    assert machine.protection(None, {PROFILE: "/mine.xml"}).found.startswith("your profile /mine.xml decides")
+    wheels = machine.protection(None, {security.KEYSTORE: str(tmp_path), security.FROM_WHEELS: "1"})
+    assert not wheels.ok
+    assert "ROS from wheels has no DDS security" in wheels.found
+    missing = machine.protection(None, {security.KEYSTORE: str(tmp_path)})
+    assert (missing.ok, "make one with" in missing.remedy) == (False, True)
+    for enclave in security.enclaves():
+        (tmp_path / f"enclaves{enclave}").mkdir(parents=True)
+        (tmp_path / f"enclaves{enclave}" / "key.pem").touch()
+    whole = machine.protection(None, {security.KEYSTORE: str(tmp_path)})
+    assert whole.ok
+    assert "SROS2 enforced" in whole.found
+    assert "keys of every process" in whole.found
+    (tmp_path / "enclaves/hindrax/thrusters/key.pem").unlink()
+    assert "keys of the operator only" in machine.protection(None, {security.KEYSTORE: str(tmp_path)}).found

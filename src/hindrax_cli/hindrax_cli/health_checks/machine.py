@@ -14,10 +14,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hindrax_bag.run_folder import FIRST_YEAR, FREE_BYTES_WANTED
+from hindrax_bringup.network import security
 from hindrax_bringup.network.tether import Tether, address_of
 from hindrax_bringup.process_state import Running, running
 from hindrax_bringup.processes import EVERY
-from hindrax_bringup.ros_graph import SHARED_MEMORY, full_shared_memory
+from hindrax_bringup.ros_graph import PROFILES, SHARED_MEMORY, full_shared_memory
 from hindrax_bringup.stack_lock import FOLDER
 from hindrax_bringup.stack_process import RUNNER
 from hindrax_cli.health_checks import Check
@@ -54,6 +55,24 @@ def ros(environment: Mapping[str, str] = os.environ) -> Check:
     if distribution != "jazzy":
         return Check("ros", f"ROS 2 {distribution}", "wanted jazzy; open a terminal that sources no other ROS")
     return Check("ros", f"ROS 2 jazzy, {middleware}, {graph}")
+
+
+def protection(tether: Tether | None, environment: Mapping[str, str] = os.environ) -> Check:
+    """What keeps others from commanding the vehicle in the graph of this terminal."""
+    name, keystore = "protection", environment.get(security.KEYSTORE, "")
+    if keystore:
+        try:
+            security.settings(keystore, environment)
+        except HindraxError as error:
+            found, _, remedy = str(error).partition("; ")
+            return Check(name, found, remedy or f"unset {security.KEYSTORE}")
+        lacking = [one for one in security.enclaves() if not (Path(keystore) / f"enclaves{one}" / "key.pem").is_file()]
+        of_whom = "of the operator only" if "/hindrax/operator" not in lacking and lacking else "of every process"
+        return Check(name, f"SROS2 enforced: every process proves who it is ({keystore}, keys {of_whom})")
+    if (profile := next((environment[one] for one in PROFILES if environment.get(one)), "")) and tether is None:
+        return Check(name, f"your profile {profile} decides who is reached; nothing is signed")
+    reach = "this machine" if tether is None else f"this machine and everybody on {tether.interface}"
+    return Check(name, f"network only: {reach} may command; nothing is signed (docs/how-to/sign-the-graph.md)")
 
 
 def disk(folder: Path) -> Check:
@@ -166,6 +185,6 @@ def tether(named: Tether | None) -> list[Check]:
     return [Check("tether", f"{named.interface} is {address}; at its other end {', '.join(named.peers) or 'any peer'}")]
 
 
-def vehicle_machine() -> list[Check]:
+def vehicle_machine(named: Tether | None = None) -> list[Check]:
     """Checks that only a machine with real devices must pass."""
-    return [clock(kernel_time(), time.time()), groups()]
+    return [clock(kernel_time(), time.time()), groups(), protection(named)]

@@ -52,7 +52,7 @@ def doctor(arguments: argparse.Namespace) -> int:
     checks += machine.tether(tether_setting())
     up = [one for one in stacks() if one.mock is arguments.mock and (one.purpose == UP or not one.mock)]
     if not arguments.mock:
-        checks += machine.vehicle_machine() + board()
+        checks += machine.vehicle_machine(tether_setting()) + board()
     if full_shared_memory():
         print_stderr("nothing else can be asked: see `shared memory`")
     elif arguments.topside:
