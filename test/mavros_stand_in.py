@@ -23,6 +23,7 @@ from hindrax_bag.metadata import Channel
 from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_core.topics import Quality
 from hindrax_ros.messages.convert import stamp_to_msg
+from hindrax_ros.messages.share import share_lookup
 
 VELOCITY_mps, RATE_radps = 0.003, 0.002
 """Noise."""
@@ -53,7 +54,7 @@ def main(seconds: float, rate: float, folder: str = "") -> None:
     while not all(out.get_subscription_count() for out in outs):
         time.sleep(0.1)
     with ExitStack() as closing:
-        bag = BagWriter(Path(folder)) if folder else None
+        bag = BagWriter(Path(folder), share_lookup) if folder else None
         if bag is not None:
             bag.open()
             closing.callback(bag.close)

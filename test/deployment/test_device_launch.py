@@ -39,7 +39,7 @@ PATIENT_S = 60.0
 def stand_in(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     put_in_place(monkeypatch)
     yield
-    sys.modules.pop("hindrax_drivers.launch_description", None)
+    sys.modules.pop("hindrax_drivers.nodes.launch_description", None)
 
 
 def described(name: str) -> tuple[dict[str, Said], Said]:

@@ -12,13 +12,14 @@ from typing import Any
 
 from mcap_ros2._dynamic import serialize_dynamic
 
-from hindrax_bag.definitions import STEPS, VERSION, definition, share_lookup
+from hindrax_bag.definitions import STEPS, VERSION, definition
 from hindrax_bag.metadata import Channel
 from hindrax_bag.read.bag_reader import attachments, messages
 from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_bag.write.limits import BagLimits
 from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import TOPICS, resolved
+from hindrax_ros.messages.share import share_lookup
 
 HERE = Path(__file__).parent
 SPAN_NS = 12 * NS_PER_S

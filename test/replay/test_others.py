@@ -15,6 +15,7 @@ from hindrax_cli import command_line
 from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import ODOMETRY
 from hindrax_ros.messages.serialization import serialized
+from hindrax_ros.messages.share import share_lookup
 
 SURGE = clone_root() / "test" / "replay" / "bags" / "surge"
 NAMES = {
@@ -27,7 +28,7 @@ NAMES = {
 
 def others_bag(folder: Path, *, more: dict[str, str] | None = None, spoil: float = 0.0) -> Path:
     """Fourteen seconds as another vehicle would have recorded them, with its own odometry beside."""
-    bag = BagWriter(folder, limits=BagLimits(keep_free_MB=0.0))
+    bag = BagWriter(folder, share_lookup, limits=BagLimits(keep_free_MB=0.0))
     bag.open()
     names, begin = NAMES | (more or {}), 0
     for one in messages(SURGE):

@@ -43,6 +43,7 @@ from hindrax_replay.bag_replay import Replayed, check_reference, reference_file,
 from hindrax_ros.messages import reading_fields
 from hindrax_ros.messages.convert import estimate_to_msg
 from hindrax_ros.messages.serialization import current_bytes, serialized
+from hindrax_ros.messages.share import share_lookup
 
 BAGS = sorted((clone_root() / "test" / "replay" / "bags").iterdir())
 SURGE = clone_root() / "test" / "replay" / "bags" / "surge"
@@ -173,7 +174,7 @@ def test_messages_alone_are_replayed_from_their_topics(tmp_path: Path) -> None:
 
 def test_bursts_that_were_recorded_topic_by_topic_are_matched(tmp_path: Path) -> None:
     """Where bytes come a quarter of a second at a time, so do navigation states, and odometry lies before status."""
-    bag = BagWriter(tmp_path / "bursts", limits=BagLimits(keep_free_MB=0.0))
+    bag = BagWriter(tmp_path / "bursts", share_lookup, limits=BagLimits(keep_free_MB=0.0))
     bag.open()
     for name, data in attachments(SURGE).items():
         bag.attach(name, "application/yaml", data, 0)
@@ -240,7 +241,7 @@ def test_estimates_that_lack_late_measurements_are_explained_in_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], late: int
 ) -> None:
     """The live identifier says in /diagnostics how many measurements came too late for it; no bag can repeat that."""
-    copy = BagWriter(tmp_path / "late", limits=BagLimits(keep_free_MB=0.0))
+    copy = BagWriter(tmp_path / "late", share_lookup, limits=BagLimits(keep_free_MB=0.0))
     copy.open()
     for name, data in attachments(ESTIMATES).items():
         copy.attach(name, "application/yaml", data, 0)

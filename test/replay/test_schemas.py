@@ -5,12 +5,13 @@ import math
 import pytest
 from rosbags.typesys import get_types_from_msg
 
-from hindrax_bag.definitions import VERSION, definition, share_lookup, steps_of
+from hindrax_bag.definitions import VERSION, definition, steps_of
 from hindrax_bag.read.bag_reader import messages
 from hindrax_bag.read.mcap_records import records
 from hindrax_bringup.clone import clone_root
 from hindrax_replay.bag_replay import replay
 from hindrax_ros.messages.serialization import message_class
+from hindrax_ros.messages.share import share_lookup
 
 FOLDER = clone_root() / "test" / "replay" / "schemas"
 VERSIONS = sorted(int(one.name) for one in FOLDER.iterdir())

@@ -22,6 +22,7 @@ from hindrax_bringup.network.link_monitor import HOLD, NEUTRAL, STAY
 from hindrax_bringup.nodes import safety_monitor
 from hindrax_bringup.nodes.safety_monitor import SafetyMonitor
 from hindrax_bringup.stack import adopted, environment, own_domain
+from hindrax_core.stack_time import VARIABLE, StackTime, epoch_ns
 from hindrax_core.topics import (
     DIAGNOSTICS,
     HEARTBEAT,
@@ -34,7 +35,6 @@ from hindrax_msgs.msg import Heartbeat, ThrusterHealth, ThrusterState
 from hindrax_msgs.srv import Arm
 from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.messages.convert import stamp_to_msg
-from hindrax_ros.stack_time import VARIABLE, StackTime, epoch_ns
 
 pytestmark = pytest.mark.ros
 PATIENT_S = 60.0

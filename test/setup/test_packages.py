@@ -18,23 +18,25 @@ PACKAGES = sorted(path.parent for path in ROOT.glob("src/*/package.xml"))
 PYTHON_PACKAGES = [package for package in PACKAGES if (package / "setup.cfg").exists()]
 INTERFACES = sorted(path for kind in ("msg", "srv", "action") for path in (ROOT / "src/hindrax_msgs" / kind).iterdir())
 
-# Module -> rosdep key. rosdep has none for mcap, lz4 and zstandard: mcap-ros2-support requires all three.
-# Nor for segno, which only draws an address for a phone: it comes from setup/runtime.in.
+# Module -> rosdep key. Those of the second table have none that apt can serve (rosdep would call pip, which refuses on
+# Ubuntu 24.04): they are named for pip in the exports of package.xml, and come from the locks or with the wheel.
 KEY_OF_MODULE = {
-    "lz4": "mcap-ros2-support",
     "matplotlib": "python3-matplotlib",
-    "mcap": "mcap-ros2-support",
-    "mcap_ros2": "mcap-ros2-support",
     "numpy": "python3-numpy",
     "rich": "python3-rich",
     "scipy": "python3-scipy",
     "serial": "python3-serial",
-    "segno": None,
     "smbus2": "python3-smbus2",
     "textual": "python3-textual",
     "tornado": "python3-tornado",
     "yaml": "python3-yaml",
-    "zstandard": "mcap-ros2-support",
+}
+PIP_OF_MODULE = {
+    "lz4": "lz4",
+    "mcap": "mcap",
+    "mcap_ros2": "mcap-ros2-support",
+    "segno": "segno",
+    "zstandard": "zstandard",
 }
 RUNTIME = (ROOT / "setup/runtime.in").read_text(encoding="utf-8")
 EXTRAS = {"hindrax_i2c_file"}
@@ -58,16 +60,16 @@ def modules_imported(package: Path) -> Iterator[tuple[str, Path]]:
 
 def dependencies(package: Path) -> set[str]:
     manifest = ET.parse(package / "package.xml").getroot()
-    return {element.text or "" for kind in ("depend", "exec_depend") for element in manifest.findall(kind)}
+    kinds = ("depend", "exec_depend", "export/pip_depend")
+    return {element.text or "" for kind in kinds for element in manifest.findall(kind)}
 
 
 def keys_needed(package: Path) -> Iterator[tuple[str, Path]]:
     for module, source in modules_imported(package):
         if module in sys.stdlib_module_names or module in {package.name, *DEVELOPMENT_MODULES, *EXTRAS}:
             continue
-        key = KEY_OF_MODULE.get(module, module)  # packages of ROS and our own have their own name for a key
-        if key is not None:
-            yield key, source
+        known = KEY_OF_MODULE | PIP_OF_MODULE
+        yield known.get(module, module), source  # packages of ROS and our own have their own name for a key
     if package.name == "hindrax_ros":  # imports the messages of the table of topics by their names
         yield from ((topic.type.partition("/")[0], Path(topics.__file__)) for topic in topics.TOPICS)
     if package.name == "hindrax_bringup":  # starts the executables of these packages
@@ -87,10 +89,10 @@ def test_every_declared_dependency_is_imported(package: Path) -> None:
     assert dependencies(package) - {key for key, _ in keys_needed(package)} == set()
 
 
-PROJECT_OF_MODULE = {"mcap_ros2": "mcap-ros2-support", "serial": "pyserial", "yaml": "pyyaml"}
+PROJECT_OF_MODULE = PIP_OF_MODULE | {"serial": "pyserial", "yaml": "pyyaml"}
 
 
-@pytest.mark.parametrize("module", KEY_OF_MODULE)
+@pytest.mark.parametrize("module", KEY_OF_MODULE | PIP_OF_MODULE)
 def test_a_module_from_elsewhere_is_locked_too(module: str) -> None:
     assert re.search(rf"^{PROJECT_OF_MODULE.get(module, module)}\b", RUNTIME, re.MULTILINE)
 

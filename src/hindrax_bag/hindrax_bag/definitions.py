@@ -6,33 +6,19 @@ migrated, so that old bags stay readable. When a message changes: add a step her
 """
 
 import math
-import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from pathlib import Path
 from typing import Any
 
-SEPARATOR = "=" * 80
-BUILTIN = frozenset(
-    ["bool", "byte", "char", "float32", "float64", "string", "wstring"]
-    + [f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)]
-)
-_FIELD = re.compile(r"^\s*([A-Za-z][\w/]*)(?:<=\d+)?(?:\[[^\]]*\])?\s+([A-Za-z]\w*)\s*(=?)")
+from hindrax_core.messages.definition import SEPARATOR, fields_of
 
 Lookup = Callable[[str, str], str]
 """(package, name) -> text of the .msg file."""
 
 
-def share_lookup(package: str, name: str) -> str:
-    """Find a definition in the installed packages of the ROS environment."""
-    from ament_index_python.packages import get_package_share_directory  # noqa: PLC0415  # only where ROS is
-
-    return (Path(get_package_share_directory(package)) / "msg" / f"{name}.msg").read_text(encoding="utf-8")
-
-
 @cache
-def definition(type_name: str, lookup: Lookup = share_lookup) -> str:
+def definition(type_name: str, lookup: Lookup) -> str:
     """Full text of a type given as `package/msg/Type`: encoding `ros2msg` of the MCAP registry."""
     package, _, name = type_name.split("/")
     parts: dict[tuple[str, str], str] = {}
@@ -42,23 +28,9 @@ def definition(type_name: str, lookup: Lookup = share_lookup) -> str:
         if one not in parts:
             text = lookup(*one)
             parts[one] = f"{SEPARATOR}\nMSG: {one[0]}/{one[1]}\n{text}" if parts else text
-            waiting.extend(_dependencies(one[0], text))
+            kinds = (field.kind for field in fields_of(one[0], text))
+            waiting.extend((owner, name) for owner, slash, name in (kind.partition("/") for kind in kinds) if slash)
     return "\n".join(part.rstrip("\n") for part in parts.values()) + "\n"
-
-
-def _dependencies(package: str, text: str) -> Iterator[tuple[str, str]]:
-    for line in text.splitlines():
-        found = _FIELD.match(line.partition("#")[0])
-        if found is not None and found[1] not in BUILTIN:
-            owner, _, name = found[1].rpartition("/")
-            yield (owner.removesuffix("/msg") or package, name)
-
-
-def field_kinds(text: str) -> dict[str, str]:
-    """Type by name of the fields of a definition, for arrays that of their elements; without constants."""
-    own = text.partition(SEPARATOR[:40])[0]
-    found = (_FIELD.match(line.partition("#")[0]) for line in own.splitlines())
-    return {one[2]: one[1] for one in found if one is not None and not one[3]}
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,5 +83,5 @@ def steps_of(type_name: str, text: str) -> tuple[SchemaChange, ...]:
     steps = [step for step in STEPS if step.type == type_name]
     if not steps:
         return ()
-    kinds = field_kinds(text)
+    kinds = {field.name: field.kind for field in fields_of(type_name, text.partition(SEPARATOR)[0])}
     return tuple(step for step in steps if step.wanted(kinds))

@@ -3,6 +3,7 @@
 import sqlite3
 import struct
 import tracemalloc
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -48,15 +49,8 @@ def sqlite_bag(folder: Path, *, with_definitions: bool) -> Path:
     return path
 
 
-@pytest.mark.parametrize("with_definitions", [True, False])
-def test_sqlite_bag(tmp_path: Path, with_definitions: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    sqlite_bag(tmp_path / "other", with_definitions=with_definitions)
-
-    def nothing(package: str, name: str) -> str:
-        raise LookupError(f"{package}/{name}")
-
-    known = nothing if with_definitions else lookup
-    monkeypatch.setattr("hindrax_bag.read.bag_reader.definition", lambda kind: definition(kind, known))
+def test_sqlite_bag(tmp_path: Path) -> None:
+    sqlite_bag(tmp_path / "other", with_definitions=True)
     found = list(messages(tmp_path / "other"))
     assert [one.decoded().level for one in found] == [2.0, 4.0, 6.0, 8.0, 10.0]
     assert found[0].received == 100
@@ -73,9 +67,21 @@ def test_a_recovered_sqlite_bag_is_mcap_with_the_same_messages(tmp_path: Path) -
     assert {(one.topic, one.type) for one in found} == {(LEVEL.topic, LEVEL.type)}
 
 
-def test_sqlite_bag_of_an_unknown_type_states_what_to_install(tmp_path: Path) -> None:
+def test_standard_types_are_known_where_the_bag_has_no_definitions(tmp_path: Path) -> None:
+    """Bags of before Iron, as of every Humble vehicle."""
     path = sqlite_bag(tmp_path / "other", with_definitions=False)
-    with pytest.raises(UsageError, match="demo_msgs/msg/Level is neither in the bag nor installed"):
+    vector = struct.pack("<4s3d", b"\0\1\0\0", 1.0, 2.0, 3.0)
+    with closing(sqlite3.connect(path)) as base:
+        base.execute("UPDATE topics SET type = 'geometry_msgs/msg/Vector3'")
+        base.execute("UPDATE messages SET data = ?", (vector,))
+        base.commit()
+    found = [one.decoded() for one in messages(path)]
+    assert [(one.x, one.y, one.z) for one in found] == 5 * [(1.0, 2.0, 3.0)]
+
+
+def test_sqlite_bag_of_an_unknown_type_names_the_remedy(tmp_path: Path) -> None:
+    path = sqlite_bag(tmp_path / "other", with_definitions=False)
+    with pytest.raises(UsageError, match=r"demo_msgs/msg/Level is not in the bag.* ros2 bag convert"):
         list(messages(path))
 
 

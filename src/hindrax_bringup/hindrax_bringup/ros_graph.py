@@ -10,8 +10,8 @@ import shutil
 from collections.abc import Mapping, MutableMapping
 from pathlib import Path
 
+from hindrax_core import stack_time
 from hindrax_core.errors import UsageError
-from hindrax_ros import stack_time
 
 DOMAIN, RMW, RANGE = "ROS_DOMAIN_ID", "RMW_IMPLEMENTATION", "ROS_AUTOMATIC_DISCOVERY_RANGE"
 PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"

@@ -22,10 +22,10 @@ from hindrax_bringup.processes import CONTROL, MOCK, ONBOARD, PILOT_STATUS_ASIDE
 from hindrax_bringup.ros_graph import PROFILE, graph_settings, without_graph
 from hindrax_bringup.stack_lock import StackLock
 from hindrax_bringup.supervisor import SupervisedProcess, Supervisor, last_words
+from hindrax_core import stack_time
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_stderr
 from hindrax_core.topics import NAMESPACE
-from hindrax_ros import stack_time
 
 MOCK_READY_S, LOOK_S = 60.0, 0.1
 DOMAINS = range(1, 101)

@@ -32,9 +32,9 @@ from hindrax_bringup.stack_lock import CLONE, StackLock, announced, runtime_fold
 from hindrax_bringup.stack_process import LAST_WORDS, UpOptions
 from hindrax_bringup.supervisor import Supervisor, stop_signals
 from hindrax_core.errors import INTERRUPTED, HindraxError, cause
+from hindrax_core.stack_time import STEP_S, StackTime
 from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whole
 from hindrax_core.vehicle import load_vehicle
-from hindrax_ros.stack_time import STEP_S, StackTime
 
 VITAL = {MOCK.name, REPLAY.name, THRUSTERS.name, SAFETY_MONITOR.name}
 """Without these nothing is left to operate; without another one the rest still serves."""

@@ -18,6 +18,7 @@ from rclpy.serialization import serialize_message
 from hindrax_bringup.network.link_monitor import HOLD, NEUTRAL, STAY
 from hindrax_bringup.nodes import safety_monitor
 from hindrax_bringup.nodes.safety_monitor import SafetyMonitor
+from hindrax_core import stack_time
 from hindrax_core.events import NS_PER_S, Stamp
 from hindrax_core.topics import (
     DIAGNOSTICS,
@@ -29,7 +30,6 @@ from hindrax_core.topics import (
 )
 from hindrax_msgs.msg import Heartbeat, ThrusterHealth, ThrusterState
 from hindrax_msgs.srv import Arm
-from hindrax_ros import stack_time
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.messages.convert import stamp_to_msg
 

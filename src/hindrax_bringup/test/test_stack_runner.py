@@ -12,7 +12,7 @@ from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_bag.write.limits import BagLimits
 from hindrax_bringup.liveness import LATE_S, NODES, LivenessFile, reported_armed
 from hindrax_bringup.stack_runner import SETTLED_S, ClockStep, complete_earlier
-from hindrax_ros.stack_time import StackTime, epoch_ns
+from hindrax_core.stack_time import StackTime, epoch_ns
 
 WORD = Channel("/demo/word", "demo_msgs/msg/Word")
 

@@ -1,5 +1,5 @@
 """A leak probe on a GPIO line alone: ros2 launch hindrax_drivers sos_leak.launch.py port:=gpio:pinctrl-bcm2711."""
 
-from hindrax_drivers.launch_description import device
+from hindrax_drivers.nodes.launch_description import device
 
 generate_launch_description = device("sos_leak")

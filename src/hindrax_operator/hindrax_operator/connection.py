@@ -13,9 +13,9 @@ from hindrax_bringup.network.tether import add_tether, tether_setting, wait_for_
 from hindrax_bringup.ros_graph import DOMAIN
 from hindrax_bringup.stack import adopted, environment, environment_beside
 from hindrax_bringup.stack_lock import StackLock, choose, require_meant, stacks
+from hindrax_core.stack_time import StackTime
 from hindrax_core.text.screen_text import print_stderr
 from hindrax_core.topics import NAMESPACE, namespace_fault
-from hindrax_ros.stack_time import StackTime
 
 if TYPE_CHECKING:
     from hindrax_operator.nodes.operator_node import Operator

@@ -21,7 +21,7 @@ from rclpy.parameter_service import ParameterService
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp
 from hindrax_core.knobs import Knob, build, knob_of
-from hindrax_ros.stack_time import StackTime
+from hindrax_core.stack_time import StackTime
 
 T = TypeVar("T")
 

@@ -7,14 +7,14 @@ from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
 from hindrax_core.events import Stamped
-from hindrax_core.rotation import FLU
+from hindrax_core.messages.frames import Frame, frames_of, urdf_of
+from hindrax_core.rotation import FLU, xyzw
 from hindrax_core.signals import Navigation
 from hindrax_core.topics import ROBOT_DESCRIPTION, TF, TF_STATIC
 from hindrax_core.vehicle import Vehicle
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.graph import publisher
-from hindrax_ros.messages.convert import header, quaternion_from_sname, vector_to_msg, xyzw
-from hindrax_ros.messages.frames import Frame, frames_of, urdf_of
+from hindrax_ros.messages.convert import header, quaternion_from_sname, vector_to_msg
 
 
 def base_of(stamped: Stamped[Navigation]) -> TransformStamped:

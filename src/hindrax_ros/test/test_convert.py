@@ -13,6 +13,7 @@ from state_messages import navigation_from_msg, navigation_to_msg, odometry_to_m
 
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import Vec3
+from hindrax_core.rotation import sname_from_xyzw, xyzw_from_sname
 from hindrax_core.signals import Estimate, Navigation
 from hindrax_ros.messages import convert
 
@@ -63,7 +64,7 @@ def test_orientation_is_rep_103_in_east_north_up(
 
 def test_orientation_there_and_back() -> None:
     angles = (0.3, -0.4, -2.0)
-    assert convert.sname_from_xyzw(*convert.xyzw_from_sname(*angles)) == pytest.approx(angles)
+    assert sname_from_xyzw(*xyzw_from_sname(*angles)) == pytest.approx(angles)
 
 
 def test_odometry_is_rep_105() -> None:

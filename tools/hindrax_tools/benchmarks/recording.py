@@ -24,6 +24,7 @@ from hindrax_bringup.processes import RECORDER, Process
 from hindrax_bringup.stack import environment, first_line, own_domain
 from hindrax_bringup.supervisor import Supervisor
 from hindrax_core.topics import IMU, resolved
+from hindrax_ros.messages.share import share_lookup
 from hindrax_tools.benchmarks import cpu_s, family, interleaved_us, row
 
 RATE_Hz, SECONDS, BYTES = 2000, 60.0, 300
@@ -51,7 +52,7 @@ def rows() -> list[dict[str, Any]]:
 
 
 def _ours(folder: Path) -> Span:
-    bag = BagWriter(folder, limits=BagLimits(keep_free_MB=0.0))
+    bag = BagWriter(folder, share_lookup, limits=BagLimits(keep_free_MB=0.0))
     bag.open()
     channel = Channel(resolved(IMU), IMU.type, (IMU.quality,))
     return _span(lambda data, stamp: bag.write(channel, data, stamp, stamp), bag.flush)
@@ -60,7 +61,7 @@ def _ours(folder: Path) -> Span:
 def _mcap(path: Path) -> Span:
     writer = Writer(path.open("wb"), chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, enable_data_crcs=True)
     writer.start(profile="ros2", library="benchmark")
-    schema = writer.register_schema(IMU.type, "ros2msg", definition(IMU.type).encode())
+    schema = writer.register_schema(IMU.type, "ros2msg", definition(IMU.type, share_lookup).encode())
     number = writer.register_channel(resolved(IMU), "cdr", schema)
     return _span(lambda data, stamp: writer.add_message(number, stamp, data, stamp), writer.flush)
 

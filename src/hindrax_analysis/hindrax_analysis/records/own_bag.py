@@ -10,16 +10,16 @@ from typing import Any
 from mcap.records import Metadata
 
 from hindrax_bag.metadata import DESCRIPTION
-from hindrax_bag.read.bag_reader import bag_files, beside_messages, messages
+from hindrax_bag.read.bag_reader import MessageDecoder, bag_files, beside_messages, messages
 from hindrax_core.events import Stamped
+from hindrax_core.messages.contents import Contents, Read
 from hindrax_core.signals import BLOCKED, IdentEvent
 from hindrax_core.topics import MANEUVER, resolved
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import truth_of
-from hindrax_ident.nodes.measurement_messages import readers
 from hindrax_ident.records.feed import Feed
+from hindrax_ident.records.measurements import measurements
 from hindrax_ident.tuning import Tuning
-from hindrax_ros.messages.serialization import current_bytes
 
 LATEST_S = 30.0
 """Largest delay of a message against its neighbors in a bag. At nine times real time, a process that pauses briefly is
@@ -35,9 +35,17 @@ FIRST_YEAR = 2000
 
 def bag_events(bag: str | Path, vehicle: Vehicle, tuning: Tuning | None = None) -> Iterator[Stamped[IdentEvent]]:
     """Events of a bag, in the order of their stamps."""
-    by_topic = {resolved(topic): read for topic, read in readers(vehicle).items()}
-    measurements = (by_topic[one.topic](current_bytes(one)) for one in messages(bag, by_topic))
-    return Feed(vehicle, replace(tuning or Tuning(), reorder_s=LATEST_S)).all(measurements)
+    by_topic = {resolved(topic): contents for topic, contents in measurements(vehicle).items()}
+    return Feed(vehicle, replace(tuning or Tuning(), reorder_s=LATEST_S)).all(_measurements(bag, by_topic))
+
+
+def _measurements(bag: str | Path, by_topic: Mapping[str, Contents]) -> Iterator[Stamped[Any]]:
+    """What the messages of these topics hold, in the order of the bag; by the definitions in it."""
+    readers: dict[MessageDecoder, Read] = {}
+    for one in messages(bag, by_topic):
+        if one.form not in readers:
+            readers[one.form] = one.form.reader(by_topic[one.topic])
+        yield readers[one.form](one.data)
 
 
 @dataclass(frozen=True, slots=True)

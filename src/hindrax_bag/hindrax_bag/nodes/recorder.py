@@ -32,6 +32,7 @@ from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.diagnostics import DiagnosticsPublisher, status
 from hindrax_ros.graph import profile
 from hindrax_ros.messages.serialization import message_class
+from hindrax_ros.messages.share import share_lookup
 from hindrax_ros.parameters import knobs, text
 from hindrax_ros.process import spin
 
@@ -80,7 +81,7 @@ class Recorder(BatchedNode):
         vehicle = text(self, "vehicle", "", "vehicle file, stored in the bag [-]")
         notes = text(self, "notes", "", "description of this run, stored in the bag [-]")
         truth = text(self, "truth", "", "true coefficients of a mock vehicle as JSON, stored in the bag [-]")
-        self._bag = BagWriter(folder)
+        self._bag = BagWriter(folder, share_lookup)
         self._bag.limits = knobs(self, BagLimits, partial(setattr, self._bag, "limits"))
         unfinished = self._bag.open(resume=True)
         self._describe({"notes": notes, "truth": truth}, vehicle)

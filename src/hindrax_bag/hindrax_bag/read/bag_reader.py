@@ -14,11 +14,13 @@ from typing import Any, NamedTuple
 from mcap.records import Attachment, Channel, Message, Metadata, Schema
 from mcap_ros2.decoder import DecoderFactory
 
-from hindrax_bag.definitions import definition, steps_of
+from hindrax_bag.definitions import steps_of
 from hindrax_bag.metadata import DESCRIPTION, part_number
 from hindrax_bag.read.mcap_records import Damage, records
 from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S
+from hindrax_core.messages.contents import Contents, Read, bytes_reader, of_message
+from hindrax_core.messages.definition import parsed
 from hindrax_core.topics import NAMESPACE, in_default_namespace
 from hindrax_core.vehicle import Vehicle, vehicle_from_text
 
@@ -46,6 +48,12 @@ class MessageDecoder:
         self.old = bool(self._steps)
         """The type has changed since: `decode` brings messages to today's form, their bytes are not those of today."""
         self.decode: Decode = self._first_decode
+
+    def reader(self, contents: Contents) -> Read:
+        """Make the reader of what the messages hold: in place, unless they have to be migrated."""
+        if self.old:
+            return lambda data: of_message(self.decode(data), contents)
+        return bytes_reader(parsed(self.type, self.definition), contents)
 
     def _first_decode(self, data: bytes) -> Any:
         """Decode by the schema of the bag and migrate the message to the current form."""
@@ -154,7 +162,7 @@ def _sqlite_messages(file: Path, topics: Collection[str] | None) -> Iterator[Bag
             query = "SELECT id, name, type, serialization_format FROM topics"
             for number, topic, kind, encoding in database.execute(query):
                 if topics is None or topic in topics:
-                    text = texts[kind] if kind in texts else _installed_definition(file, kind)
+                    text = texts[kind] if kind in texts else _standard_definition(file, kind)
                     schema = Schema(id=number, name=kind, encoding="ros2msg", data=text.encode())
                     forms[number] = (topic, MessageDecoder(Channel(number, topic, encoding, {}, number), schema))
             query = "SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id"
@@ -177,12 +185,18 @@ def _definitions(database: sqlite3.Connection) -> dict[str, str]:
     return {str(kind): str(text) for kind, text in database.execute(query) if text}
 
 
-def _installed_definition(file: Path, kind: str) -> str:
+def _standard_definition(file: Path, kind: str) -> str:
+    """Definition of a type of the standard packages, for bags of before Iron, which hold none; else UsageError."""
+    why = f"{file}: the definition of {kind} is not in the bag"
     try:
-        return definition(kind)
-    except (LookupError, OSError, ImportError, ValueError) as error:
-        why = f"the definition of {kind} is neither in the bag nor installed; install its package"
-        raise UsageError(f"{file}: {why}") from error
+        from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415  # only such bags want it
+    except ImportError as error:
+        raise UsageError(f"{why}; install those of the standard types: pip install rosbags") from error
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    if kind not in store.types:
+        remedy = "convert the bag to MCAP where its package is installed: ros2 bag convert"
+        raise UsageError(f"{why}, and it is no standard type; {remedy}")
+    return store.generate_msgdef(kind, ros_version=2)[0]
 
 
 def attachments(path: str | Path) -> dict[str, bytes]:

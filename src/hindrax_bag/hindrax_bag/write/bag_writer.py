@@ -17,7 +17,7 @@ from pathlib import Path
 
 from mcap.writer import CompressionType, Writer
 
-from hindrax_bag.definitions import Lookup, definition, share_lookup
+from hindrax_bag.definitions import Lookup, definition
 from hindrax_bag.metadata import (
     Channel,
     Contents,
@@ -112,7 +112,7 @@ class BagWriter:
     """Writes one bag folder. Channels are opened when they are first needed."""
 
     folder: Path
-    lookup: Lookup = share_lookup
+    lookup: Lookup
     limits: BagLimits = field(default_factory=BagLimits)
     counts: Counter[str] = field(default_factory=Counter)
     stopped: str = ""

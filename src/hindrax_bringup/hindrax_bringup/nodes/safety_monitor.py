@@ -20,6 +20,7 @@ from hindrax_bringup.liveness import LivenessFile, health_change, nodes_liveness
 from hindrax_bringup.network.link_monitor import NEUTRAL, STAY, LinkMonitor, SafetyMonitorKnobs
 from hindrax_core.events import Stamp
 from hindrax_core.input_checks import TIMELESS, Refusals, order_window
+from hindrax_core.stack_time import STEP_S
 from hindrax_core.text.screen_text import print_stderr
 from hindrax_core.topics import DIAGNOSTICS, HEARTBEAT, THRUSTER_HEALTH, THRUSTER_HEALTH_ORDER, THRUSTER_STATE, Topic
 from hindrax_msgs.msg import ThrusterHealth
@@ -31,7 +32,6 @@ from hindrax_ros.messages.convert import stamp_from_msg, stamp_to_msg
 from hindrax_ros.messages.fast_serialization import applied_from_bytes
 from hindrax_ros.parameters import SAFETY, knobs
 from hindrax_ros.process import spin
-from hindrax_ros.stack_time import STEP_S
 
 CHECK_S, AGAIN_S, REPORT_S = 0.1, 0.5, 1.0
 TURN_S = 0.1

@@ -11,7 +11,7 @@ from typing import Protocol, TypeAlias
 
 from hindrax_core.bus_operations import Transaction
 from hindrax_core.events import NS_PER_S, Stamp, after
-from hindrax_ros.stack_time import StackTime
+from hindrax_core.stack_time import StackTime
 
 MOCK_PREFIX = "mock:"
 EPOCH = Stamp(0)

@@ -15,6 +15,7 @@ from std_srvs.srv import Trigger
 
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.input_checks import Refusals
+from hindrax_core.messages.contents import Read
 from hindrax_core.signals import Estimate, IdentEvent
 from hindrax_core.text.digits import measured
 from hindrax_core.topics import ESTIMATE, Topic
@@ -24,7 +25,6 @@ from hindrax_ident.nodes.experiment_server import ExperimentServer
 from hindrax_ident.nodes.measurement_messages import (
     ANY_ODOMETRY,
     ANY_WRENCH,
-    Read,
     readers,
     thrust_from_wrench,
     velocities_from_odometry,

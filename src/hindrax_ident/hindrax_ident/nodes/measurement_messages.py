@@ -1,50 +1,29 @@
-"""Topics of the identification, and the measurement in each message; used live and over a bag."""
+"""Topics that the identifier reads: those of this stack by the bytes of their messages, and those of another stack."""
 
 import math
-from collections.abc import Callable
-from typing import TypeAlias
 
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
 
 from hindrax_core.events import Stamp, Stamped, seconds_between
+from hindrax_core.messages.contents import Read
 from hindrax_core.rotation import FLU, FSD
-from hindrax_core.sensor_table import Capability
-from hindrax_core.signals import NAN, Attitude, IdentEvent, Phase, Thrust, Velocity
-from hindrax_core.topics import ALLOCATION, MANEUVER, NAVIGATION, Quality, Topic, carriers
+from hindrax_core.signals import NAN, Attitude, IdentEvent, Thrust, Velocity
+from hindrax_core.topics import Quality, Topic
 from hindrax_core.vehicle import Vehicle
-from hindrax_ident.records.feed import Measurement
-from hindrax_msgs.msg import ManeuverStatus
+from hindrax_ident.records.measurements import measurements
 from hindrax_ros.messages.convert import (
     half_turn,
     odometry_from_msg,
     stamp_from_msg,
     wrench_from_msg,
 )
-from hindrax_ros.messages.fast_serialization import (
-    navigation_from_bytes,
-    thrust_from_bytes,
-)
-from hindrax_ros.messages.reading_fields import reader
-from hindrax_ros.messages.serialization import deserialized
-
-Read: TypeAlias = Callable[[bytes], Stamped[Measurement]]
-"""Reads the measurement in the bytes of a message of today's form; ValueError for bytes of another kind."""
-
-
-def _phase(data: bytes) -> Stamped[Measurement]:
-    message = deserialized(data, ManeuverStatus)
-    return Stamped(stamp_from_msg(message.header.stamp), Phase(message.motion, message.phase))
-
-
-MEASURED: tuple[Capability, ...] = ("velocity", "depth")
+from hindrax_ros.messages.serialization import contents_reader
 
 
 def readers(vehicle: Vehicle) -> dict[Topic, Read]:
-    """Topics that the identification of a vehicle reads, and the reader of each."""
-    first = (next(iter(carriers(vehicle, capability).values())) for capability in MEASURED)
-    sensors: dict[Topic, Read] = {topic: reader(topic) for topic in first}
-    return sensors | {NAVIGATION: navigation_from_bytes, ALLOCATION: thrust_from_bytes, MANEUVER: _phase}
+    """Topics that the identification of a vehicle reads, and the reader of each; ValueError for other bytes."""
+    return {topic: contents_reader(topic.type, contents) for topic, contents in measurements(vehicle).items()}
 
 
 # ---- of another stack

@@ -22,7 +22,7 @@ from std_msgs.msg import Header
 
 from hindrax_core.events import NS_PER_S, Stamp, Stamped
 from hindrax_core.readings import Vec3, Vec6
-from hindrax_core.rotation import FLU, FSD, wrapped
+from hindrax_core.rotation import FLU, FSD, sname_from_xyzw, xyzw_from_sname
 from hindrax_core.signals import Consistency, Estimate, Navigation
 from hindrax_msgs.msg import ModelEstimate
 
@@ -65,32 +65,6 @@ def quaternion_from_sname(roll: float, pitch: float, yaw: float) -> QuaternionMs
     """Orientation of the REP-103 body in east, north, up, from SNAME angles."""
     x, y, z, w = xyzw_from_sname(roll, pitch, yaw)
     return QuaternionMsg(x=x, y=y, z=z, w=w)
-
-
-def xyzw_from_sname(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
-    """Numbers of `quaternion_from_sname`."""
-    return xyzw(roll, -pitch, math.pi / 2.0 - yaw)
-
-
-def xyzw(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
-    """Quaternion of a z-y-x rotation."""
-    cr, sr = math.cos(roll / 2.0), math.sin(roll / 2.0)
-    cp, sp = math.cos(pitch / 2.0), math.sin(pitch / 2.0)
-    cy, sy = math.cos(yaw / 2.0), math.sin(yaw / 2.0)
-    return (
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-        cr * cp * cy + sr * sp * sy,
-    )
-
-
-def sname_from_xyzw(x: float, y: float, z: float, w: float) -> Vec3:
-    """SNAME roll, pitch, yaw from the quaternion of a REP-103 body in east, north, up."""
-    roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-    pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
-    yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    return (roll, -pitch, wrapped(math.pi / 2.0 - yaw))
 
 
 def odometry_from_msg(message: Odometry) -> Stamped[Navigation]:

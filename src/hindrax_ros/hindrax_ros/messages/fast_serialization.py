@@ -11,28 +11,23 @@ from collections.abc import Callable, Sequence
 from nav_msgs.msg import Odometry
 
 from hindrax_core.events import NS_PER_S, Stamp, Stamped
+from hindrax_core.messages import contents
+from hindrax_core.messages.cdr import ENCAPSULATION, LITTLE_ENDIAN
+from hindrax_core.messages.contents import STAMP, Read, parts
 from hindrax_core.readings import Vec6
-from hindrax_core.rotation import FLU, FSD
-from hindrax_core.signals import Allocation, AppliedOutput, Command, Navigation, Thrust
+from hindrax_core.rotation import FLU, FSD, xyzw_from_sname
+from hindrax_core.signals import Allocation, AppliedOutput, Command, Navigation
+from hindrax_core.topics import ALLOCATION, NAVIGATION, THRUSTER_COMMAND, THRUSTER_STATE
 from hindrax_msgs.msg import AllocationStatus, NavigationStatus, ThrusterCommand, ThrusterState
 from hindrax_ros.messages import convert
-from hindrax_ros.messages.serialization import ENCAPSULATION, LITTLE_ENDIAN, STAMP, CdrReader, CdrWriter, parts
+from hindrax_ros.messages.serialization import CdrWriter, contents_reader, fields_reader
 
 _ZERO6, _ZERO28 = (0.0,) * 6, (0.0,) * 28
 
 
-_NAVIGATION = (
-    *STAMP,
-    *("depth", "depth_age", "depth_valid", "altitude", "altitude_age", "altitude_valid"),
-    *("heave_velocity", "heave_velocity_age", "heave_velocity_valid", "heading", "roll", "pitch"),
-    *("surge_velocity", "sway_velocity", "surge_velocity_sigma", "sway_velocity_sigma", "heave_velocity_sigma"),
-    *("roll_rate", "pitch_rate", "yaw_rate", "position_north", "position_east", "dvl_locked"),
-)
-
-
 def navigation_writer() -> Callable[[Stamped[Navigation]], bytes]:
     """Make a writer of NavigationStatus: full navigation state, SNAME."""
-    writer = CdrWriter(*_NAVIGATION, "ages")
+    writer = CdrWriter(*STAMP, *contents.NAVIGATION.paths, "ages")
 
     def write(stamped: Stamped[Navigation]) -> bytes:
         state, ages = stamped.reading, stamped.reading.ages_s
@@ -83,7 +78,7 @@ def odometry_writer() -> Callable[[Stamped[Navigation]], bytes]:
             (
                 *divmod(stamped.stamp, NS_PER_S),
                 *(east, north, -state.depth_m),
-                *convert.xyzw_from_sname(*state.attitude_rad),
+                *xyzw_from_sname(*state.attitude_rad),
                 *(variance, *_ZERO6, variance, *_ZERO28),
                 *convert.half_turn(state.velocity_mps),
                 *convert.half_turn(state.rate_radps),
@@ -179,54 +174,11 @@ def raw_frames_bytes(
     return LITTLE_ENDIAN.ljust(ENCAPSULATION, b"\0") + packed
 
 
-_navigation = CdrReader(NavigationStatus, *_NAVIGATION).read
-_command = CdrReader(ThrusterCommand, *STAMP, "sequence", "pulses").read
-_lamps = CdrReader(ThrusterCommand, "lights").read
-_applied = CdrReader(ThrusterState, *STAMP, "armed", "pulses", "sequence", "armings").read
-_thrust = CdrReader(AllocationStatus, *STAMP, "achieved", "forces", "supply_measured").read
-
-
-def navigation_from_bytes(data: bytes) -> Stamped[Navigation]:
-    """Full navigation state, SNAME, but for the ages of single sensors."""
-    s, ns, *found = _navigation(data)
-    (
-        depth_m,
-        depth_s,
-        _,
-        altitude_m,
-        altitude_s,
-        _,
-        w,
-        _,
-        _,
-        yaw,
-        roll,
-        pitch,
-        u,
-        v,
-        su,
-        sv,
-        sw,
-        p,
-        q,
-        r,
-        north,
-        east,
-        locked,
-    ) = found
-    state = Navigation(
-        attitude_rad=(roll, pitch, yaw),
-        rate_radps=(p, q, r),
-        velocity_mps=(u, v, w),
-        depth_m=depth_m,
-        altitude_m=altitude_m,
-        position_m=(north, east),
-        dvl_locked=locked,
-        velocity_sigma_mps=(su, sv, sw),
-        depth_age_s=depth_s,
-        altitude_age_s=altitude_s,
-    )
-    return Stamped(Stamp(s * NS_PER_S + ns), state)
+_command = fields_reader(THRUSTER_COMMAND.type, *STAMP, "sequence", "pulses")
+_lamps = fields_reader(THRUSTER_COMMAND.type, "lights")
+_applied = fields_reader(THRUSTER_STATE.type, *STAMP, "armed", "pulses", "sequence", "armings")
+navigation_from_bytes: Read = contents_reader(NAVIGATION.type, contents.NAVIGATION)
+thrust_from_bytes: Read = contents_reader(ALLOCATION.type, contents.THRUST)
 
 
 def command_from_bytes(data: bytes) -> Command:
@@ -239,9 +191,3 @@ def applied_from_bytes(data: bytes) -> AppliedOutput:
     """Read the numbers of a ThrusterState."""
     s, ns, armed, *pulses, sequence, armings = _applied(data)
     return AppliedOutput(Stamp(s * NS_PER_S + ns), armed, tuple(pulses), sequence, armings)
-
-
-def thrust_from_bytes(data: bytes) -> Stamped[Thrust]:
-    """Read the achieved wrench of an AllocationStatus, and the forces behind it."""
-    s, ns, X, Y, Z, K, M, N, *forces, measured = _thrust(data)
-    return Stamped(Stamp(s * NS_PER_S + ns), Thrust((X, Y, Z, K, M, N), tuple(forces), bool(measured)))

@@ -21,7 +21,8 @@ from sensor_msgs.msg import (
     Temperature,
 )
 
-from hindrax_core.events import NS_PER_S, Stamp, Stamped
+from hindrax_core.events import NS_PER_S, Stamped
+from hindrax_core.messages.contents import BEAMS, SENSORS, STAMP, Read, of_sensor, parts
 from hindrax_core.readings import (
     Air,
     Battery,
@@ -33,13 +34,13 @@ from hindrax_core.readings import (
     Magnetic,
     Position,
     Pressure,
-    Reading,
     SonarHealth,
 )
+from hindrax_core.rotation import xyzw_from_sname
 from hindrax_core.topics import Topic
 from hindrax_msgs.msg import Dvl
-from hindrax_ros.messages.convert import UNKNOWN_COVARIANCE, half_turn, header, sname_from_xyzw, xyzw_from_sname
-from hindrax_ros.messages.serialization import STAMP, CdrReader, CdrWriter, message_class, parts
+from hindrax_ros.messages.convert import UNKNOWN_COVARIANCE, half_turn, header
+from hindrax_ros.messages.serialization import CdrWriter, contents_reader
 
 # ICM-20948 datasheet table 1 and 2: 0.015 dps/sqrt(Hz) and 230 ug/sqrt(Hz), over the noise bandwidth of a 50 Hz filter.
 SIGMA_RATE_radps = math.radians(0.015) * math.sqrt(1.57 * 50.0)
@@ -54,7 +55,6 @@ PING_VIEW_rad = math.radians(25.0)
 DVL_LIMITS_m = (0.15, 75.0)
 DVL_VIEW_rad = math.radians(22.5)
 
-BEAMS = 4
 _NO_BEAM = (*(0.0,) * 5, False)
 _NOT_MOVING = (*(math.nan,) * 3, *(UNKNOWN_COVARIANCE,) * 9)
 _UNKNOWN = [UNKNOWN_COVARIANCE, *[0.0] * 8]
@@ -64,14 +64,13 @@ _UNKNOWN = [UNKNOWN_COVARIANCE, *[0.0] * 8]
 class Fields(NamedTuple):
     """Kinds of readings; message in a frame with all that stays; paths of the other fields, as in the definition.
 
-    `values` gives these from a reading, arrays flattened, None if it has no message; `reading` is the way back.
+    `values` gives these from a reading, arrays flattened, None if it has no message. The way back is in `contents`.
     """
 
     kinds: tuple[type, ...]
     example: Callable[[str], Any]
     paths: Sequence[str]
     values: Callable[..., Sequence[Any] | None]
-    reading: Callable[..., Reading] | None = None
 
 
 def _diagonal(sigma: float) -> list[float]:
@@ -156,12 +155,6 @@ def _beam(beam: Beam) -> tuple[Any, ...]:
     return (range_m, UNKNOWN_COVARIANCE, beam.gain_dB, beam.velocity_mps, UNKNOWN_COVARIANCE, beam.locked)
 
 
-def _bottom_velocity(u: float, v: float, w: float, variance: float, *others: Any) -> BottomVelocity:
-    *_, confidence, device_us, interval_s = others
-    velocity = None if variance < 0.0 else (u, v, w)
-    return BottomVelocity(velocity, math.sqrt(max(0.0, variance)), confidence, interval_s, device_us)
-
-
 def _temperature(field: str, *kinds: type) -> Fields:
     """Temperature of the water or inside a device, which a field of the reading holds."""
     return Fields(
@@ -180,49 +173,42 @@ def _battery(_frame: str) -> BatteryState:
     return message
 
 
-_BEAM = ("range", "range_covar", "quality", "velocity", "velocity_covar", "locked")
 FIELDS: Mapping[str, Fields] = {
     "data_raw": Fields(
         (Inertial,),
         _inertial,
-        (*parts("angular_velocity"), *parts("linear_acceleration")),
+        SENSORS["data_raw"].paths,
         values=lambda found: (*found.rate_radps, *found.specific_force_mps2),
-        reading=lambda p, q, r, x, y, z: Inertial((x, y, z), (p, q, r), math.nan),
     ),
     "mag": Fields(
         (Magnetic,),
         lambda frame: MagneticField(header=header(0, frame), magnetic_field_covariance=_diagonal(SIGMA_FIELD_T)),
-        parts("magnetic_field"),
+        SENSORS["mag"].paths,
         values=lambda found: found.field_T,
-        reading=lambda x, y, z: Magnetic((x, y, z)),
     ),
     "pressure": Fields(
         (Pressure, Air),
         lambda frame: FluidPressure(header=header(0, frame), variance=SIGMA_PRESSURE_Pa**2),
-        ("fluid_pressure",),
+        SENSORS["pressure"].paths,
         values=lambda found: (found.pressure_Pa,),
-        reading=lambda pressure_Pa: Pressure(pressure_Pa, math.nan),
     ),
     "range": Fields(  # only confident echoes travel
         (Echo,),
         lambda frame: _range(frame, PING_LIMITS_m, PING_VIEW_rad),
         ("range",),
         values=lambda found: (found.range_m,),
-        reading=lambda range_m: Echo(range_m, 1.0),
     ),
     "altitude": Fields(
         (BottomTrack, Echo),
         lambda frame: _range(frame, DVL_LIMITS_m, DVL_VIEW_rad),
         ("range",),
         _altitude,
-        reading=lambda range_m: BottomTrack(True, *(math.nan,) * 3, range_m, (math.nan, math.nan), (), "", 0),
     ),
     "attitude": Fields(
         (BottomTrack,),
         _attitude,
-        parts("orientation", "xyzw"),
+        SENSORS["attitude"].paths,
         values=lambda found: xyzw_from_sname(found.roll_rad, found.pitch_rad, found.heading_rad),
-        reading=lambda *xyzw: BottomTrack(True, *sname_from_xyzw(*xyzw), None, (math.nan, math.nan), (), "", 0),
     ),
     "velocity": Fields(
         (BottomVelocity,),
@@ -233,14 +219,8 @@ FIELDS: Mapping[str, Fields] = {
     "detail": Fields(
         (BottomVelocity, BottomTrack),
         lambda frame: Dvl(header=header(0, frame), velocity_mode=Dvl.DVL_MODE_BOTTOM, dvl_type=Dvl.DVL_TYPE_PISTON),
-        (
-            *(*parts("velocity"), "velocity_covar", "altitude", "course_gnd", "speed_gnd"),
-            *("num_good_beams", "sound_speed", "beam_ranges_valid", "beam_velocities_valid"),
-            *(f"beams.{index}.{name}" for index in range(BEAMS) for name in _BEAM),
-            *("confidence", "device_time", "interval"),
-        ),
+        SENSORS["detail"].paths,
         values=_detail,
-        reading=_bottom_velocity,
     ),
     "position": Fields(
         (Position,),
@@ -289,17 +269,9 @@ def writer(quantity: str, frame: str = "") -> Callable[..., bytes | None]:
     return write
 
 
-def reader(topic: Topic) -> Callable[[bytes], Stamped[Any]]:
+def reader(topic: Topic) -> Read:
     """Make the reader of a sensor's topic: what its messages hold of a reading, NaN for the rest.
 
     ValueError for bytes of another kind.
     """
-    row = FIELDS[topic.name.rpartition("/")[2]]
-    assert row.reading is not None
-    read, back = CdrReader(message_class(topic.type), *STAMP, *row.paths).read, row.reading
-
-    def reading(data: bytes) -> Stamped[Any]:
-        found = read(data)
-        return Stamped(Stamp(found[0] * NS_PER_S + found[1]), back(*found[2:]))
-
-    return reading
+    return contents_reader(topic.type, of_sensor(topic))

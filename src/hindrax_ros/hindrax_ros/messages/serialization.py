@@ -1,9 +1,7 @@
-"""Messages as CDR bytes; fields of these read and written in place, for topics too fast for message objects.
+"""Messages as CDR bytes: by rclpy, and for topics too fast for message objects in place (see `hindrax_core.messages`).
 
-Messages of one shape (the same lengths of all strings and sequences) have every field at the same place. A
-`CdrLayout` finds these places from an example; `CdrReader` and `CdrWriter` use them, and learn a new shape by the
-ordinary way when one comes along. Little-endian CDR as of XCDR1: alignment counts from behind the four bytes of
-encapsulation.
+A `CdrWriter` writes the numbers of a message into the bytes of an example. The definition by which bytes are read or
+written here is that of the installed class.
 """
 
 import importlib
@@ -15,25 +13,15 @@ from typing import Any
 
 from rclpy.serialization import deserialize_message, serialize_message
 
-STAMP = ("header.stamp.sec", "header.stamp.nanosec")
-ENCAPSULATION = 4
-LITTLE_ENDIAN = b"\x00\x01"
-PRIMITIVES = {
-    "boolean": "?",
-    "octet": "B",
-    "uint8": "B",
-    "int8": "b",
-    "uint16": "H",
-    "int16": "h",
-    "uint32": "I",
-    "int32": "i",
-    "uint64": "Q",
-    "int64": "q",
-    "float": "f",
-    "double": "d",
-}
+from hindrax_core.messages.cdr import CdrLayout, CdrReader, stretches
+from hindrax_core.messages.contents import Contents, Read, bytes_reader
+from hindrax_core.messages.definition import ONE, SEQUENCE, Definition, Field
+
+_KINDS = {"boolean": "bool", "octet": "byte", "float": "float32", "double": "float64"}
+"""Names of builtin types in a definition, where rosidl has others."""
 _ARRAY = re.compile(r"(?P<of>.+)\[(?P<count>\d+)\]")
-_SEQUENCE = re.compile(r"sequence<(?P<of>[^,>]+)(, \d+)?>")
+_SEQUENCE = re.compile(r"sequence<(?P<of>.+?)(, \d+)?>")
+_BOUND = re.compile(r"<\d+>")
 
 
 @cache
@@ -43,9 +31,43 @@ def message_class(type_name: str) -> Any:
     return getattr(importlib.import_module(f"{package}.{kind}"), name)
 
 
-def parts(path: str, names: str = "xyz") -> tuple[str, ...]:
-    """Paths of the fields of a vector or quaternion."""
-    return tuple(f"{path}.{name}" for name in names)
+@cache
+def definition_of(kind: Any) -> Definition:
+    """Definition of a class of messages."""
+    return dict(_definitions(kind))
+
+
+def _definitions(kind: Any) -> Iterator[tuple[str, tuple[Field, ...]]]:
+    """Fields by type: of a class of messages, then of those within."""
+    package = kind.__module__.partition(".")[0]
+    fields = tuple(_field(name, text) for name, text in kind.get_fields_and_field_types().items())
+    yield f"{package}/{kind.__name__}", fields
+    for field in fields:
+        owner, slash, name = field.kind.partition("/")
+        if slash:
+            yield from _definitions(message_class(f"{owner}/msg/{name}"))
+
+
+def _field(name: str, text: str) -> Field:
+    """A field, from what `get_fields_and_field_types` says of it."""
+    if found := _SEQUENCE.fullmatch(text):
+        count = SEQUENCE
+    elif found := _ARRAY.fullmatch(text):
+        count = int(found["count"])
+    else:
+        count = ONE
+    kind = _BOUND.sub("", found["of"] if found else text)
+    return Field(name, _KINDS.get(kind, kind), count)
+
+
+def fields_reader(type_name: str, *paths: str) -> Callable[[bytes], tuple[Any, ...]]:
+    """Make the reader of the fields at `paths` of an installed type."""
+    return CdrReader(definition_of(message_class(type_name)), *paths).read
+
+
+def contents_reader(type_name: str, contents: Contents) -> Read:
+    """Make the reader of messages of an installed type."""
+    return bytes_reader(definition_of(message_class(type_name)), contents)
 
 
 def serialized(message: Any) -> bytes:
@@ -81,113 +103,6 @@ def current_bytes(message: Any) -> bytes:
     return serialized(as_message(message.decoded(), message_class(message.type)))
 
 
-class CdrLayout:
-    """Offset of each field of an example message in its CDR bytes.
-
-    `fields` gives offset, struct format and count by path, such as `header.stamp.sec`; `lengths` gives the lengths
-    of strings and sequences by offset, which together are the shape.
-    """
-
-    def __init__(self, example: Any) -> None:
-        self.fields: dict[str, tuple[int, str, int]] = {}
-        self.lengths: list[tuple[int, int]] = []
-        self._at = 0
-        self._message(example, "")
-        self.size = ENCAPSULATION + self._at
-
-    def _message(self, message: Any, prefix: str) -> None:
-        for name, kind in message.get_fields_and_field_types().items():
-            self._value(getattr(message, name), kind, prefix + name)
-
-    def _value(self, value: Any, kind: str, path: str) -> None:
-        if kind in PRIMITIVES:
-            self._numbers(PRIMITIVES[kind], 1, path)
-        elif kind == "string":
-            self._length(len(value.encode()) + 1)
-            self._at += len(value.encode()) + 1
-        elif found := _ARRAY.fullmatch(kind):
-            self._many(value, found["of"], path)
-        elif found := _SEQUENCE.fullmatch(kind):
-            self._length(len(value))
-            self._many(value, found["of"], path)
-        else:
-            self._message(value, path + ".")
-
-    def _many(self, values: Sequence[Any], kind: str, path: str) -> None:
-        if kind in PRIMITIVES:
-            self._numbers(PRIMITIVES[kind], len(values), path)
-            return
-        for index, value in enumerate(values):
-            self._value(value, kind, f"{path}.{index}")
-
-    def _numbers(self, code: str, count: int, path: str) -> None:
-        size = struct.calcsize(code)
-        if count:
-            self._at += -self._at % size
-        self.fields[path] = (ENCAPSULATION + self._at, code, count)
-        self._at += size * count
-
-    def _length(self, length: int) -> None:
-        self._at += -self._at % 4
-        self.lengths.append((ENCAPSULATION + self._at, length))
-        self._at += 4
-
-
-def _runs(layout: CdrLayout, paths: Sequence[str]) -> Iterator[tuple[int, str, int]]:
-    """Offset, format and number of values of each stretch of fields that lie side by side, in the order of `paths`."""
-    begin, end, codes, count = 0, -1, "", 0
-    for path in paths:
-        at, code, number = layout.fields[path]
-        if at != end:
-            if codes:
-                yield begin, codes, count
-            begin, codes, count = at, "", 0
-        codes += f"{number}{code}"
-        count += number
-        end = at + struct.calcsize(code) * number
-    yield begin, codes, count
-
-
-class CdrReader:
-    """Reads the fields at `paths` out of the bytes of messages of one type, arrays flattened, in the order of `paths`.
-
-    The paths are named in the order of the definition. ValueError names what is wrong with bytes of another kind.
-    """
-
-    def __init__(self, message_type: Any, *paths: str) -> None:
-        self._type, self._paths = message_type, paths
-        self._size = -1
-        self._shape = struct.Struct("")
-        self._lengths: tuple[int, ...] = ()
-        self._fields = struct.Struct("")
-
-    def read(self, data: bytes) -> tuple[Any, ...]:
-        """Values of the fields."""
-        if len(data) != self._size or self._shape.unpack_from(data) != self._lengths:
-            self._learn(data)
-        return self._fields.unpack_from(data)
-
-    def _learn(self, data: bytes) -> None:
-        if data[:2] != LITTLE_ENDIAN:
-            raise ValueError(f"found encapsulation {data[:2].hex()}, wanted little-endian CDR (0001)")
-        layout = CdrLayout(deserialized(data, self._type))
-        if len(data) < layout.size:
-            raise ValueError(f"found {len(data)} bytes, wanted {layout.size}")
-        self._size = len(data)
-        self._shape = struct.Struct("<" + _padded([(at, "I") for at, _ in layout.lengths]))
-        self._lengths = tuple(length for _, length in layout.lengths)
-        self._fields = struct.Struct("<" + _padded([(at, codes) for at, codes, _ in _runs(layout, self._paths)]))
-
-
-def _padded(parts: Sequence[tuple[int, str]]) -> str:
-    """Format of a struct from the first byte on, with the parts at their offsets."""
-    made, end = "", 0
-    for at, codes in parts:
-        made += f"{at - end}x{codes}"
-        end = at + struct.calcsize("<" + codes)
-    return made
-
-
 class CdrWriter:
     """Writes the fields at `paths` into the bytes of an example; the rest stays as it is there.
 
@@ -203,10 +118,11 @@ class CdrWriter:
     def learn(self, key: object, example: Any) -> None:
         """Set the example: a message of the new shape or with the new text."""
         self.key = key
-        self._bytes = bytearray(serialize_message(example))
+        data = serialize_message(example)
+        self._bytes = bytearray(data)
         self._parts = []
         begin = 0
-        for at, codes, count in _runs(CdrLayout(example), self._paths):
+        for at, codes, count in stretches(CdrLayout(definition_of(example.__class__), data), self._paths):
             self._parts.append((struct.Struct("<" + codes).pack_into, at, slice(begin, begin + count)))
             begin += count
 

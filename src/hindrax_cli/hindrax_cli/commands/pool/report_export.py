@@ -18,10 +18,10 @@ from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.argument_types import at_least, named_vehicle
 from hindrax_cli.command import command, option
 from hindrax_core.errors import UsageError
+from hindrax_core.messages.frames import urdf_of
 from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whole
 from hindrax_core.text.text_file import require_place, writing
 from hindrax_core.vehicle import Vehicle, load_vehicle
-from hindrax_ros.messages.frames import urdf_of
 
 
 @command(

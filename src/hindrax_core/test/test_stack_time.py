@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import pytest
 
+from hindrax_core.stack_time import VARIABLE, StackTime, epoch_ns
 from hindrax_drivers.buses.clock import SystemClock
-from hindrax_ros.stack_time import VARIABLE, StackTime, epoch_ns
 
 S = 10**9
 

@@ -1,0 +1,140 @@
+"""What messages hold: for each kind the paths of its fields, and the reading, state or phase that their values are.
+
+The same rows read live bytes, by the definitions of the installed messages, and recorded ones, by those in the bag.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from operator import attrgetter
+from typing import Any, NamedTuple, TypeAlias
+
+from hindrax_core.events import NS_PER_S, Stamp, Stamped
+from hindrax_core.messages.cdr import CdrReader
+from hindrax_core.messages.definition import Definition
+from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure
+from hindrax_core.rotation import sname_from_xyzw
+from hindrax_core.signals import Navigation, Phase, Thrust
+from hindrax_core.topics import Topic
+
+STAMP = ("header.stamp.sec", "header.stamp.nanosec")
+BEAMS = 4
+_BEAM = ("range", "range_covar", "quality", "velocity", "velocity_covar", "locked")
+
+
+def parts(path: str, names: str = "xyz") -> tuple[str, ...]:
+    """Paths of the fields of a vector or quaternion."""
+    return tuple(f"{path}.{name}" for name in names)
+
+
+class Contents(NamedTuple):
+    """Fields of a kind of message: their paths, in the order of the definition, and what their values make."""
+
+    paths: Sequence[str]
+    made: Callable[..., Any]
+
+    def of_values(self, values: Sequence[Any]) -> Stamped[Any]:
+        """Make it of seconds and nanoseconds of the stamp and of the values at `paths`, arrays flattened."""
+        return Stamped(Stamp(values[0] * NS_PER_S + values[1]), self.made(*values[2:]))
+
+
+Read: TypeAlias = Callable[[bytes], Stamped[Any]]
+"""Reads the bytes of a message; ValueError for bytes of another kind."""
+
+
+def bytes_reader(definition: Definition, contents: Contents) -> Read:
+    """Make the reader of CDR bytes of messages of this definition."""
+    read, made = CdrReader(definition, *STAMP, *contents.paths).read, contents.made
+
+    def stamped(data: bytes) -> Stamped[Any]:
+        found = read(data)
+        return Stamped(Stamp(found[0] * NS_PER_S + found[1]), made(*found[2:]))
+
+    return stamped
+
+
+def of_message(message: Any, contents: Contents) -> Stamped[Any]:
+    """Read a decoded message, an object with the fields of its type; arrays of messages are not read."""
+    values: list[Any] = []
+    for path in (*STAMP, *contents.paths):
+        found = attrgetter(path)(message)
+        many = not isinstance(found, str) and hasattr(found, "__len__")
+        values.extend(found) if many else values.append(found)
+    return contents.of_values(values)
+
+
+def _bottom_velocity(u: float, v: float, w: float, variance: float, *others: Any) -> BottomVelocity:
+    *_, confidence, device_us, interval_s = others
+    velocity = None if variance < 0.0 else (u, v, w)
+    return BottomVelocity(velocity, math.sqrt(max(0.0, variance)), confidence, interval_s, device_us)
+
+
+SENSORS: Mapping[str, Contents] = {
+    "data_raw": Contents(
+        (*parts("angular_velocity"), *parts("linear_acceleration")),
+        lambda p, q, r, x, y, z: Inertial((x, y, z), (p, q, r), math.nan),
+    ),
+    "mag": Contents(parts("magnetic_field"), lambda x, y, z: Magnetic((x, y, z))),
+    "pressure": Contents(("fluid_pressure",), lambda pressure_Pa: Pressure(pressure_Pa, math.nan)),
+    "range": Contents(("range",), lambda range_m: Echo(range_m, 1.0)),  # only confident echoes travel
+    "altitude": Contents(
+        ("range",),
+        lambda range_m: BottomTrack(True, *(math.nan,) * 3, range_m, (math.nan, math.nan), (), "", 0),
+    ),
+    "attitude": Contents(
+        parts("orientation", "xyzw"),
+        lambda *xyzw: BottomTrack(True, *sname_from_xyzw(*xyzw), None, (math.nan, math.nan), (), "", 0),
+    ),
+    "detail": Contents(
+        (
+            *(*parts("velocity"), "velocity_covar", "altitude", "course_gnd", "speed_gnd"),
+            *("num_good_beams", "sound_speed", "beam_ranges_valid", "beam_velocities_valid"),
+            *(f"beams.{index}.{name}" for index in range(BEAMS) for name in _BEAM),
+            *("confidence", "device_time", "interval"),
+        ),
+        _bottom_velocity,
+    ),
+}
+"""By quantity of the table of topics: what its messages hold of a reading, NaN for the rest."""
+
+
+def of_sensor(topic: Topic) -> Contents:
+    """Contents of the messages of a sensor, by the last word of its topic."""
+    return SENSORS[topic.name.rpartition("/")[2]]
+
+
+def _navigation(*found: Any) -> Navigation:
+    depth_m, depth_s, _, altitude_m, altitude_s, _, w, _, _, *rest = found
+    yaw, roll, pitch, u, v, su, sv, sw, p, q, r, north, east, locked = rest
+    return Navigation(
+        attitude_rad=(roll, pitch, yaw),
+        rate_radps=(p, q, r),
+        velocity_mps=(u, v, w),
+        depth_m=depth_m,
+        altitude_m=altitude_m,
+        position_m=(north, east),
+        dvl_locked=locked,
+        velocity_sigma_mps=(su, sv, sw),
+        depth_age_s=depth_s,
+        altitude_age_s=altitude_s,
+    )
+
+
+def _thrust(*found: Any) -> Thrust:
+    X, Y, Z, K, M, N, *forces_N, measured = found
+    return Thrust((X, Y, Z, K, M, N), tuple(forces_N), bool(measured))
+
+
+NAVIGATION = Contents(
+    (
+        *("depth", "depth_age", "depth_valid", "altitude", "altitude_age", "altitude_valid"),
+        *("heave_velocity", "heave_velocity_age", "heave_velocity_valid", "heading", "roll", "pitch"),
+        *("surge_velocity", "sway_velocity", "surge_velocity_sigma", "sway_velocity_sigma", "heave_velocity_sigma"),
+        *("roll_rate", "pitch_rate", "yaw_rate", "position_north", "position_east", "dvl_locked"),
+    ),
+    _navigation,
+)
+"""NavigationStatus: full navigation state, SNAME, but for the ages of single sensors."""
+THRUST = Contents(("achieved", "forces", "supply_measured"), _thrust)
+"""AllocationStatus: the achieved wrench and the forces behind it."""
+PHASE = Contents(("motion", "phase"), Phase)
+"""ManeuverStatus."""
