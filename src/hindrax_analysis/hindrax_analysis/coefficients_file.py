@@ -33,8 +33,9 @@ class ResultConditions:
 
     `date` is that of the record (ISO 8601), not of the evaluation; `bag_sha256` is over the files of the bag. `aborted`
     is "guard: sentence" where the flight was aborted, `flown_s` the excitation of each motion [s], where it is known;
-    `blocked_s` its thrust without motion, as against a wall [s], which is not in the data; `predicted` the calibrated
-    deviation of its drag at the highest speed, as a share of it [-], where a rehearsal predicted it before the flight.
+    `blocked_s` its thrust without motion, as against a wall [s], which is not in the data; `left_out` thrusters that
+    were taken out of use meanwhile, with the reasons; `predicted` the calibrated deviation of its drag at the highest
+    speed, as a share of it [-], where a rehearsal predicted it before the flight.
     """
 
     vehicle: str = ""
@@ -50,6 +51,7 @@ class ResultConditions:
     bag_sha256: str = ""
     software: str = ""
     assumptions: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
     aborted: str = ""
     flown_s: Mapping[str, float] = field(default_factory=dict)
     blocked_s: Mapping[str, float] = field(default_factory=dict)
@@ -70,6 +72,7 @@ def document(results: Results, conditions: ResultConditions) -> dict[str, Any]:
     """Plain data of the file: the abort where there was one, conditions, then motions."""
     block = asdict(conditions)
     block |= {"motions": list(conditions.motions), "assumptions": list(conditions.assumptions)}
+    block |= {"left_out": list(conditions.left_out)}
     for name in ("flown_s", "blocked_s"):
         block[name] = {motion: round(seconds, 1) for motion, seconds in block[name].items()}
     block["predicted"] = {motion: round(share, 4) for motion, share in conditions.predicted.items()}
@@ -149,7 +152,7 @@ def _conditions(data: Mapping[str, Any], source: str) -> ResultConditions:
     block = data.get("conditions")
     block = block if isinstance(block, Mapping) else {}
     known = {one.name: block[one.name] for one in fields(ResultConditions) if block.get(one.name) is not None}
-    for name in ("motions", "assumptions"):
+    for name in ("motions", "assumptions", "left_out"):
         known[name] = _words(block.get(name), f"{source}: conditions.{name}")
     known["aborted"] = str(data.get("aborted") or "")
     return ResultConditions(**known)

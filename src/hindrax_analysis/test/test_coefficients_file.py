@@ -164,3 +164,11 @@ def test_an_export_of_an_aborted_run_reports_it(tmp_path: Path, vehicle: Vehicle
     file = an_aborted_file(tmp_path, vehicle, {"surge": a_result()})
     notes = export_model(read_coefficients(file), vehicle, str(file), complete=True).notes
     assert notes[0] == f"aborted by {BOUNDS}; the results are of what was flown until then"
+
+
+def test_thrusters_that_were_left_out_come_back(vehicle: Vehicle, tmp_path: Path) -> None:
+    out = ("T3: 82 % of its thrust is missing, left out from 18 s on",)
+    file = tmp_path / "coefficients.yaml"
+    conditions = replace(conditions_of(vehicle, mock=True), left_out=out)
+    file.write_text(as_yaml(Results({}, vehicle), conditions), encoding="utf-8")
+    assert read_coefficients(file).conditions.left_out == out

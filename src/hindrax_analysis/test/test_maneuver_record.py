@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from hindrax_analysis.records.own_bag import ManeuverRecord, record_of
+from hindrax_analysis.records.own_bag import ManeuverRecord, left_out_of, record_of
 
 BOUNDS = "pool_bounds: 0.4 m to the wall; give it room"
 
@@ -58,3 +58,19 @@ def test_the_pause_between_two_flights_is_not_flown() -> None:
 @pytest.mark.parametrize("statuses", [[], [status(0.0, "settle"), status(0.1, "aborted", "")]])
 def test_what_only_settles_flies_nothing(statuses: list[types.SimpleNamespace]) -> None:
     assert record_of(statuses) == ManeuverRecord()
+
+
+def health(at_s: float, **reasons: str) -> types.SimpleNamespace:
+    stamp = SimpleNamespace(sec=int(at_s), nanosec=0)
+    return SimpleNamespace(header=SimpleNamespace(stamp=stamp), disabled=list(reasons), reasons=list(reasons.values()))
+
+
+def test_a_thruster_that_was_left_out_is_in_the_record_with_its_reason_and_the_time_of_the_first_time() -> None:
+    missing = "T3: 82 % of its thrust is missing"
+    lists = [health(0.0), *flight(10.0, 1.0), health(28.0, T3=missing), health(30.0, T3=missing, T5="broken", T6="")]
+    assert left_out_of([*lists, health(40.0)]) == (
+        f"{missing}, left out from 18 s on",
+        "T5: broken, left out from 20 s on",
+        "T6: disabled, left out from 20 s on",
+    )
+    assert left_out_of([health(0.0), *flight(0.0, 1.0)]) == ()

@@ -528,3 +528,11 @@ def test_what_was_predicted_stands_beside_what_was_reached(report: RunReport) ->
     text = run_page(replace(report, conditions=replace(report.conditions, predicted={"surge": 0.0412})))
     assert re.search(r"4\.1% predicted, \d+\.\d% reached", text)
     assert "predicted, " not in run_page(report)
+
+
+def test_a_thruster_that_was_left_out_stands_at_the_top(report: RunReport) -> None:
+    out = "T3: 82 % of its thrust is missing, left out from 18 s on"
+    text = run_page(replace(report, conditions=replace(report.conditions, left_out=(out,))))
+    assert '<span class="chip bad">left out: T3</span>' in text
+    assert f"<b>{out}.</b>" in text
+    assert "left out" not in run_page(report)

@@ -28,7 +28,7 @@ from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ident.online.aim import Aim, ExperimentGoal, check_experiment, plan_text
 from hindrax_operator.progress import Progress
-from hindrax_operator.snapshot import node_problems, troubles
+from hindrax_operator.snapshot import left_out, node_problems, troubles
 
 if TYPE_CHECKING:
     from hindrax_analysis.identification.bag_identification import Identified
@@ -92,7 +92,7 @@ class FlownManeuver:
 
 
 def run_pool_test(options: PoolOptions) -> int:
-    """Fly, identify, print; 0 when all was flown and identified, INTERRUPTED after Ctrl-C."""
+    """Fly, identify, print; 0 when all was flown and identified, with all thrusters; INTERRUPTED after Ctrl-C."""
     vehicle = load_vehicle(options.vehicle_file)
     vehicle.output_channels()
     servable = motions_to_fly(options.motions, vehicle)
@@ -132,7 +132,7 @@ def run_pool_test(options: PoolOptions) -> int:
         finish(identified, folder, flight)
     if flight.interrupted:
         return INTERRUPTED
-    return 1 if flight.aborted or not identified.complete else 0
+    return 1 if flight.aborted or identified.left_out or not identified.complete else 0
 
 
 def planned(vehicle: Vehicle, options: PoolOptions) -> list[str]:
@@ -204,12 +204,14 @@ def _operate(options: PoolOptions, flight: FlownManeuver, stack: StackProcess, p
 
     deaths: list[str] = []
     reported: dict[str, str] = {}
+    told: set[str] = set()
 
     def tick() -> None:
         for sentence in stack.check():
             progress.report(sentence)
             deaths.append(sentence)
         if flight.armed:
+            watch_thrusters(operator, told, progress)
             watch_record(operator, reported, progress, options.without_record)
         else:
             report_devices(operator, reported, progress)
@@ -306,6 +308,14 @@ def report_devices(operator: Any, reported: dict[str, str], progress: Progress) 
         if change := health_change(name, reported.get(name), trouble):
             progress.report(change)
     reported.update(now)
+
+
+def watch_thrusters(operator: Any, told: set[str], progress: Progress) -> None:
+    """Say at once that the vehicle flies on without a thruster; `told`: what was said before."""
+    for sentence in left_out(operator):
+        if sentence not in told:
+            told.add(sentence)
+            progress.report(f"{sentence}; it is left out, and the flight goes on without it")
 
 
 def watch_record(operator: Any, reported: dict[str, str], progress: Progress, without_record: str) -> None:

@@ -110,6 +110,13 @@ def troubles(operator: Any) -> dict[str, str]:
     return {name.removeprefix("hindrax: "): str(one.message) if one.level != b"\x00" else "" for name, one in found}
 
 
+def left_out(operator: Any) -> list[str]:
+    """Thrusters out of use, each with its reason."""
+    found = operator.health
+    rows = zip(found.disabled, found.reasons, strict=False) if found is not None else ()
+    return [why if why.startswith(f"{name}: ") else f"{name}: {why or 'disabled'}" for name, why in rows]
+
+
 def node_problems(operator: Any) -> list[str]:
     """Every problem in /diagnostics, as `node: problem`."""
     return [f"{name}: {trouble}" for name, trouble in troubles(operator).items() if trouble]

@@ -6,7 +6,14 @@ from typing import Any
 import pytest
 
 from hindrax_core.errors import HindraxError
-from hindrax_operator.pool_run import ABORT, CONTINUE, report_devices, state_before_arming, watch_record
+from hindrax_operator.pool_run import (
+    ABORT,
+    CONTINUE,
+    report_devices,
+    state_before_arming,
+    watch_record,
+    watch_thrusters,
+)
 
 OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
 
@@ -47,3 +54,15 @@ def test_what_is_not_well_is_not_called_up_before_the_arming() -> None:
     assert state_before_arming(well) == "sensors and thrusters are up"
     silent = well | {"dvl75": "no byte for 1 s", "ms5837": "absent"}
     assert state_before_arming(silent) == "the thrusters are up, but not healthy: dvl75, ms5837"
+
+
+def test_a_thruster_that_is_left_out_in_flight_is_told_of_at_once_and_once() -> None:
+    reports: list[str] = []
+    progress: Any = SimpleNamespace(report=reports.append)
+    told: set[str] = set()
+    missing = "T3: 82 % of its thrust is missing"
+    for disabled, reasons in (([], []), (["T3"], [missing]), (["T3"], [missing]), (["T3", "T5"], [missing, "broken"])):
+        health = SimpleNamespace(disabled=disabled, reasons=reasons)
+        watch_thrusters(SimpleNamespace(health=health), told, progress)
+    ending = "it is left out, and the flight goes on without it"
+    assert reports == [f"{missing}; {ending}", f"T5: broken; {ending}"]

@@ -17,7 +17,7 @@ from hindrax_analysis.coefficients_file import (
     read_coefficients,
 )
 from hindrax_analysis.published import CITATION, PAPER, published_of
-from hindrax_analysis.records.own_bag import bag_events, date_of, maneuver_record, truth_in
+from hindrax_analysis.records.own_bag import bag_events, date_of, left_out, maneuver_record, truth_in
 from hindrax_analysis.report.comparison import RunScatter
 from hindrax_analysis.report.figures import Trace
 from hindrax_analysis.report.run_page import RunReport, run_page
@@ -53,6 +53,8 @@ class Identified:
     """Deviation of the drag of each motion as a share of it, as a rehearsal predicted before the flight [-]."""
     traces: Mapping[str, Trace] = field(default_factory=dict)
     runs: tuple[Results, ...] = ()
+    left_out: tuple[str, ...] = ()
+    """Thrusters taken out of use in the record, each with its reason."""
     spreads: Mapping[str, Mapping[str, RunScatter]] = field(default_factory=dict)
 
     @property
@@ -64,7 +66,8 @@ class Identified:
     def document(self, bag: Path, report: Path | None, factor: float | None, aborted: str) -> dict[str, Any]:
         """The JSON document of `pool-test` and `identify`."""
         ends = {"bag": str(bag), "report": str(report) if report else None}
-        return {**self.results.to_json(), **ends, "real_time_factor": factor, "aborted": aborted or None}
+        out = {"thrusters_left_out": list(self.left_out)} if self.left_out else {}
+        return {**self.results.to_json(), **ends, "real_time_factor": factor, "aborted": aborted or None, **out}
 
 
 def identify_bag(bag: Path, vehicle: Vehicle, *, mock: bool = False, tuning: Tuning | None = None) -> Identified:
@@ -76,7 +79,7 @@ def identify_bag(bag: Path, vehicle: Vehicle, *, mock: bool = False, tuning: Tun
         session.step(event)
     outcome = session.finalize()
     results = with_truth(outcome.results, truth_in(bag, vehicle)) if mock else outcome.results
-    return Identified(outcome, results, mock, origin)
+    return Identified(outcome, results, mock, origin, left_out=left_out(bag))
 
 
 def show(identified: Identified) -> None:
@@ -99,8 +102,7 @@ def show(identified: Identified) -> None:
     if rows and papers:
         print_fitted(f"{PAPER}: {CITATION}")
     _show_budgets(motions, identified.predicted)
-    for names, warning in shared_warnings(motions):
-        print_fitted(f"{', '.join(names)}: {warning}")
+    _show_warnings(identified)
     for motion, result in motions.items():
         if not result.identifiable:
             print_fitted(f"{motion}: not identifiable")
@@ -113,6 +115,14 @@ def show(identified: Identified) -> None:
                     for at in (0, -1)
                 ]
                 print_fitted(f"  drag: {', '.join(ends)}")
+
+
+def _show_warnings(identified: Identified) -> None:
+    """Print what makes all results doubtful, then the warnings of the motions."""
+    for sentence in identified.left_out:
+        print_fitted(f"{sentence}: what was identified before may count force that it did not give")
+    for names, warning in shared_warnings(identified.results.motions):
+        print_fitted(f"{', '.join(names)}: {warning}")
 
 
 def shared_warnings(motions: Mapping[str, MotionResult]) -> list[tuple[list[str], str]]:
@@ -198,6 +208,7 @@ def recorded_conditions(
         bag_sha256=", ".join(map(bag_hash, files)),
         software=software_version(),
         assumptions=tuple(assumed),
+        left_out=identified.left_out,
         aborted="; ".join(dict.fromkeys(filter(None, ends))),
         flown_s=total([one.flown_s for one in flown]),
         blocked_s=total([one.blocked_s for one in flown]),

@@ -14,7 +14,7 @@ from hindrax_bag.read.bag_reader import MessageDecoder, bag_files, beside_messag
 from hindrax_core.events import Stamped
 from hindrax_core.messages.contents import Contents, Read
 from hindrax_core.signals import BLOCKED, IdentEvent
-from hindrax_core.topics import MANEUVER, resolved
+from hindrax_core.topics import MANEUVER, THRUSTER_HEALTH, resolved
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import truth_of
 from hindrax_ident.records.feed import Feed
@@ -82,6 +82,30 @@ def record_of(statuses: Iterable[Any]) -> ManeuverRecord:
         cut = "" if status.phase in ENDED else f"record: it ends within the maneuver ({status.motion}, {status.phase})"
         aborted = str(status.aborted) or cut
     return ManeuverRecord(aborted, flown_s, blocked_s)
+
+
+def left_out(bag: Path) -> tuple[str, ...]:
+    """Thrusters taken out of use in a bag of ours, each with its reason and the time since the first maneuver."""
+    return left_out_of(one.decoded() for one in messages(bag, {resolved(THRUSTER_HEALTH), resolved(MANEUVER)}))
+
+
+def left_out_of(statuses: Iterable[Any]) -> tuple[str, ...]:
+    """Fold ThrusterHealth and ManeuverStatus messages, in their order."""
+    found: dict[str, str] = {}
+    begin_s: float | None = None
+    for message in statuses:
+        at_s = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+        if begin_s is None and at_s > 0.0:
+            begin_s = at_s
+        for name, reason in zip(getattr(message, "disabled", ()), getattr(message, "reasons", ()), strict=False):
+            since_s = max(0.0, at_s - (at_s if begin_s is None else begin_s))
+            found.setdefault(str(name), f"{_reason(str(name), str(reason))}, left out from {since_s:.0f} s on")
+    return tuple(found.values())
+
+
+def _reason(name: str, reason: str) -> str:
+    """A reason that begins with the name of its thruster; a suspicion of the vehicle does already."""
+    return reason if reason.startswith(f"{name}: ") else f"{name}: {reason or 'disabled'}"
 
 
 def date_of(bag: Path) -> str:

@@ -68,6 +68,9 @@ def _header(report: RunReport) -> str:
     conditions, vehicle = report.conditions, report.results.vehicle
     labels = [("mock vehicle: simulated data", "mock")] if conditions.mock else []
     labels += [(f"aborted: {_guard(conditions.aborted)}", "bad")] if conditions.aborted else []
+    labels += [(f"left out: {', '.join(one.partition(':')[0] for one in conditions.left_out)}", "bad")] * bool(
+        conditions.left_out
+    )
     for motion, result in report.results.motions.items():
         good = result.identifiable
         labels.append(
@@ -91,6 +94,9 @@ def _end(report: RunReport) -> str:
     """Reason why the flight ended early, and what was flown until then; empty for one that was flown to its end."""
     conditions = report.conditions
     rows = [f"<b>Aborted by {prose(conditions.aborted)}</b>"] if conditions.aborted else []
+    rows += [
+        f"<b>{prose(one)}.</b> Results before may count force that it did not give." for one in conditions.left_out
+    ]
     until, blocked = _times(conditions.flown_s), _times(conditions.blocked_s)
     if conditions.aborted and until:
         rows.append(f"Flown until then: {until}. The results below are of that part only.")

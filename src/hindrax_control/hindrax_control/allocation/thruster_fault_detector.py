@@ -29,6 +29,8 @@ AT_WORK_N = 0.1
 """Force below which all thrusters stand: nothing is learned while the vehicle is held."""
 FIRST_S = 5.0
 """Time under thrust for which ballast and trim are the mean of all that was seen."""
+REVERSED = 1.5
+"""Missing share of its force from which on a thruster is not dead, but wired the wrong way round."""
 JUDGED_S = 0.09
 """Between two judgements: the balance is filtered at every step, its evidence over seconds."""
 
@@ -51,7 +53,7 @@ class FaultDetectorKnobs:
 
 @dataclass(frozen=True, slots=True)
 class SuspectedFault:
-    """A thruster and the share of its force that seems to be missing."""
+    """A thruster and the share of its force that seems to be missing: 2 where it pushes the wrong way round."""
 
     name: str
     missing: float
@@ -59,7 +61,9 @@ class SuspectedFault:
     @property
     def sentence(self) -> str:
         """Message for the operator."""
-        return f"{self.name}: {100.0 * self.missing:.0f} % of its thrust is missing"
+        if self.missing > REVERSED:
+            return f"{self.name}: it pushes the wrong way round"
+        return f"{self.name}: {100.0 * min(1.0, self.missing):.0f} % of its thrust is missing"
 
 
 class ThrusterFaultDetector:
@@ -167,4 +171,4 @@ class ThrusterFaultDetector:
         index = int(np.argmax(explained * (self._since_s > knobs.patience_s)))
         if self._since_s[index] <= knobs.patience_s:
             return None
-        return SuspectedFault(self._names[index % len(self._names)], float(min(1.0, missing[index])))
+        return SuspectedFault(self._names[index % len(self._names)], float(missing[index]))

@@ -9,9 +9,10 @@ for this vehicle: another source, a step back in time or a jump is a restart, wh
 """
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
+from hindrax_control.allocation.divergence_guard import DivergenceGuard, DivergenceKnobs
 from hindrax_control.sensors import SensorMount, altimeters
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.input_checks import StampWindow
@@ -28,7 +29,7 @@ BEYOND_deg = 25.0
 
 SILENT_S = 1.0
 """Without pressure for longer, the depth is that of the accelerometer and of the floor."""
-AT_ONCE = ("gravity",)
+AT_ONCE = ("gravity", "divergence")
 """Checks of what is smoothed already: an attitude that turns away at 40 deg/s leaves no time for patience."""
 WINDOW = StampWindow(0.5, 0.1)
 """For the stamps of an odometry; those of a wrench have the same limits."""
@@ -52,6 +53,7 @@ class EstimatorHealthKnobs:
     frozen_s: float = knob(0.2, 0.05, 60.0, "longest time for which the inertial sensor may repeat one sample [s]")
     patience_s: float = knob(0.1, 0.0, 5.0, "time for which a check must fail [s]")
     recovery_s: float = knob(1.0, 0.0, 60.0, "time for which all checks must hold before arming [s]")
+    divergence: DivergenceKnobs = field(default_factory=DivergenceKnobs)
 
 
 REMEDIES: Mapping[str, str] = {
@@ -66,6 +68,7 @@ REMEDIES: Mapping[str, str] = {
     "rate": "check the inertial sensor (`./hindrax doctor`)",
     "speed": "let it come to rest; check the sensors (`./hindrax monitor`)",
     "tilt": "bring it upright, and check its trim",
+    "divergence": "bring it upright, run each thruster alone (`./hindrax thruster`), correct its wiring or sign",
 }
 """Remedy of each failed check."""
 
@@ -77,17 +80,21 @@ class EstimatorHealth:
         self._knobs = knobs or EstimatorHealthKnobs()
         self._limits = vehicle.limits
         self._has_depth = bool(vehicle.measuring("depth"))
+        self._divergence = DivergenceGuard(vehicle, self._knobs.divergence)
         self._failing_since: dict[str, Stamp] = {}
         self._held: tuple[str, ...] = ()
         self._failed_at = NEVER
         self._began: Stamp | None = None
 
-    def step(self, navigation: Navigation, stamp: Stamp, *, armed: bool) -> tuple[str, ...]:
+    def step(
+        self, navigation: Navigation, stamp: Stamp, forces_N: Sequence[float] = (), *, armed: bool
+    ) -> tuple[str, ...]:
         """Return "name: found, wanted; remedy" for every reason against thrust; nothing when all is well.
 
-        `armed` are thrusters that may turn or are about to.
+        `armed` are thrusters that may turn or are about to; `forces_N`: what each should give now, where it is known.
         """
-        found = self._restarted(navigation, armed=armed) + self._failing(navigation, stamp)
+        diverging = self._divergence.step(navigation, stamp, forces_N if armed else ())
+        found = self._restarted(navigation, armed=armed) + self._failing(navigation, stamp, diverging)
         if found:
             self._failed_at = stamp
             self._held = found
@@ -103,9 +110,9 @@ class EstimatorHealth:
             return ()
         return ("restart: the state of the vehicle restarted in flight, wanted a continuous one; disarm and arm again",)
 
-    def _failing(self, navigation: Navigation, stamp: Stamp) -> tuple[str, ...]:
+    def _failing(self, navigation: Navigation, stamp: Stamp, diverging: str) -> tuple[str, ...]:
         found = []
-        for name, text in self._checks(navigation):
+        for name, text in (("divergence", diverging), *self._checks(navigation)):
             patience_s = 0.0 if name in AT_ONCE else self._knobs.patience_s
             if not text:
                 self._failing_since.pop(name, None)

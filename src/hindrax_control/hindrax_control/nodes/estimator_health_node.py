@@ -7,7 +7,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from hindrax_control.navigation.estimator_health import EstimatorHealth, EstimatorHealthKnobs
 from hindrax_core.events import Stamp, Stamped, seconds_between
-from hindrax_core.signals import AppliedOutput, Navigation
+from hindrax_core.signals import Allocation, AppliedOutput, Navigation
 from hindrax_core.vehicle import Vehicle
 from hindrax_msgs.msg import ThrusterState
 from hindrax_msgs.srv import Arm
@@ -33,6 +33,7 @@ class EstimatorHealthNode(BatchedNode):
         self._health = EstimatorHealth(vehicle, knobs(self, EstimatorHealthKnobs, fixed={"": SAFETY}))
         self._now = now
         self._failed: tuple[str, ...] = ()
+        self._forces_N: tuple[float, ...] = ()
         self._armed = False
         self._asked = Stamp(0)
         self._turn = 0
@@ -42,12 +43,16 @@ class EstimatorHealthNode(BatchedNode):
     def on_navigation(self, stamped: Stamped[Navigation]) -> None:
         """Check a state, before the pilot receives it."""
         before = self._failed
-        self._failed = self._health.step(stamped.reading, stamped.stamp, armed=self._armed)
+        self._failed = self._health.step(stamped.reading, stamped.stamp, self._forces_N, armed=self._armed)
         if self._failed and not before:
             self.get_logger().error(f"the state of the vehicle is not plausible: {'; '.join(self._failed)}")
         self._turn += 1
         if bool(self._failed) != bool(before) or self._turn % REPORT_EVERY == 0:
             self._report(stamped)
+
+    def on_allocation(self, allocation: Allocation) -> None:
+        """Keep the forces that the applied pulses should give."""
+        self._forces_N = allocation.forces_N
 
     def failed(self) -> bool:
         """Whether the last state is not plausible."""

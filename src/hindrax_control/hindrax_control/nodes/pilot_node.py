@@ -102,6 +102,7 @@ class PilotNode(BatchedNode):
         self._names = frozenset(one.name for one in vehicle.thrusters)
         self._goal: ActiveGoal | None = None
         self._window = order_window(mock=bool(self.get_parameter("use_sim_time").value))
+        self._suspects: dict[str, str] = {}
         self._untimed: list[Any] = []
         self._setpoints: list[Setpoint] = []
         self._phase = ("", "")
@@ -190,11 +191,13 @@ class PilotNode(BatchedNode):
     def on_allocation(self, _: Stamp, allocation: Allocation) -> None:
         """Keep the allocation of the last wrench."""
         self._allocation = allocation
+        if self.health is not None:
+            self.health.on_allocation(allocation)
 
     def _on_allocation_message(self, message: AllocationStatus) -> None:
         """Keep what an allocator elsewhere reports of the last wrench, and the supply that it measured."""
         try:
-            self._allocation = pilot_messages.allocation_from_msg(message, len(self._names))
+            self.on_allocation(Stamp(0), pilot_messages.allocation_from_msg(message, len(self._names)))
         except ValueError as error:
             self._refuse(topics.ALLOCATION, str(error))
             return
@@ -278,6 +281,7 @@ class PilotNode(BatchedNode):
         """Add a suspected thruster to the list of those out of use; the operator may enable it again."""
         reasons = self._disabled | {suspect.name: suspect.sentence}
         self._publish_disabled(reasons, Stamp(max(stamp, self._listed_at + 1)))
+        self._suspects[suspect.name] = suspect.sentence
         self.get_logger().error(f"{suspect.sentence}: it is left out")
 
     def on_navigation(self, stamped: Stamped[Navigation]) -> None:
@@ -448,7 +452,8 @@ class PilotNode(BatchedNode):
         refused = [f"by hand: {output.refused}"] if output.refused else []
         others = names_of_others(publishers_of(self, topics.ODOMETRY), self.navigator) if self.navigator else ""
         ignored = [f"ignored: {others}, because {self.navigator} navigates"] if others else []
-        wrong = (*output.guards, *notes, *refused, *ignored)
+        out = (f"left out: {sentence}" for name, sentence in self._suspects.items() if name in self._disabled)
+        wrong = (*out, *output.guards, *notes, *refused, *ignored)
         held = ", ".join(state.axis for state in output.holds if state.engaged)
         values = {"holds": held, "state from": self.navigator or self._source.name}
         self._reporter.report(stamp, wrong, "armed" if self._armed else "disarmed", values)

@@ -113,6 +113,12 @@ _KINDS = (
         "range_short", "an echo half a meter too near, as of a fish", on_truth=truth.range_short, measuring="range"
     ),
     FaultKind("thruster_fails", "a thruster gives no thrust", on_world=truth.thruster_fails, others=(EACH_THRUSTER,)),
+    FaultKind(
+        "thruster_reversed",
+        "a thruster is wired the wrong way round",
+        on_world=truth.thruster_reversed,
+        others=(EACH_THRUSTER,),
+    ),
     FaultKind("lock_lost", "no DVL finds the bottom", on_world=truth.lock_lost, measuring="velocity"),
     FaultKind("leak", "water comes into the dry hull", on_world=truth.leak, others=("hull",)),
     FaultKind("current", "0.15 m/s across the pool", on_world=truth.current, others=("water",)),

@@ -29,6 +29,11 @@ def thruster_fails(world: World, target: str, on: bool) -> None:
     world.fail_thruster(target, 0.0 if on else 1.0)
 
 
+def thruster_reversed(world: World, target: str, on: bool) -> None:
+    """Turn the force of the thruster `target` round, as two exchanged phases do, or restore it."""
+    world.fail_thruster(target, -1.0 if on else 1.0)
+
+
 def lock_lost(world: World, _target: str, on: bool) -> None:
     """Take the DVL its bottom lock."""
     world.dvl_silenced = on

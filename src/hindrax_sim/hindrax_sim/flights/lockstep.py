@@ -98,7 +98,8 @@ class Onboard:
         events.append(navigation)
         self._learn(navigation, events)
         active = self._state.phase in {"arming", "armed"}
-        self.unhealthy = self._health.step(navigation.reading, navigation.stamp, armed=active)
+        forces_N = self._became.forces_N if self._became else ()
+        self.unhealthy = self._health.step(navigation.reading, navigation.stamp, forces_N, armed=active)
         order = self.order = self._pilot.step(navigation, self._became, armed=self.armed)
         if order.phase != self._phase:
             self._phase = order.phase

@@ -11,10 +11,10 @@ from hindrax_cli.command import command, option
 from hindrax_control.hold.holds import HOLDS, STATION
 from hindrax_core.errors import UsageError
 from hindrax_core.readings import Vec6
-from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.vehicle import WRENCH_SYMBOLS, WRENCH_UNITS, load_vehicle
 from hindrax_operator.connection import add_stack, meant_stack, operator_of
-from hindrax_operator.snapshot import ANGLES
+from hindrax_operator.snapshot import ANGLES, left_out
 
 ARMING_S = 60.0
 OFF = "off"
@@ -66,8 +66,10 @@ def hold(arguments: argparse.Namespace) -> int:
         from hindrax_operator.nodes import orders  # noqa: PLC0415  # rclpy reads the environment of the stack
 
         found = orders.hold(operator, axes, value, engaged=engaged)
+        without = left_out(operator) if engaged else ()
     for axis in axes:
         print_fitted(f"holding {axis} at {shown(axis, found[axis])}" if engaged else f"released {axis}")
+    warn_of(without)
     return 0
 
 
@@ -153,7 +155,14 @@ def wrench(arguments: argparse.Namespace) -> int:
         require_armed(operator)
         print_fitted(f"pushing {wrench_text(pushed)} for {arguments.seconds:g} s; Ctrl-C ends it")
         print_fitted(outcome_text(apply_wrench(operator, pushed, arguments.seconds)))
+        warn_of(left_out(operator))
     return 0
+
+
+def warn_of(without: Sequence[str]) -> None:
+    """Say which thrusters are out of use: what was ordered is served without them."""
+    for sentence in without:
+        print_stderr(f"without a thruster: {sentence}")
 
 
 def checked(values: Sequence[float]) -> Vec6:
