@@ -101,11 +101,13 @@ class Sensor:
 _DVL = dict.fromkeys(("velocity", "attitude", "detail", "altitude", "position"), 20)
 _AIR = dict.fromkeys(("pressure", "temperature", "humidity"), 5)
 _PING = {"range": 20, "profile": 0, "supply": 0.1, "processor_temperature": 0.1, "board_temperature": 0.1}
+_A50 = dict.fromkeys(("velocity", "detail", "altitude"), 10)
 _IMU = {"data_raw": 225, "mag": 25, "die_temperature": 1}
 _DEPTH = {"pressure": 50, "temperature": 5}
 
 SENSORS: tuple[Sensor, ...] = (
     Sensor("dvl75", "serial", _DVL, "Cerulean DVL-75", ("velocity", "altitude", "attitude")),
+    Sensor("a50", "serial", _A50, "Water Linked DVL A50 or A125, over Ethernet", ("velocity", "altitude")),
     Sensor("ping1d", "serial", _PING, "Blue Robotics Ping", ("range",)),
     Sensor("icm20948", "i2c", _IMU, "TDK ICM-20948 with AK09916", ("rates", "field")),
     Sensor("ms5837", "i2c", _DEPTH, "TE MS5837 (Bar30, Bar02)", ("depth", "temperature")),

@@ -132,7 +132,9 @@ class Mount:
     """
 
     device: str = fact(meaning="kind of sensor: of the table of sensors, or of an installed package")
-    port: str = knob("", meaning="port, such as /dev/i2c-1, udp://0.0.0.0:27000 (a DVL), gpio:pinctrl-bcm2711")
+    port: str = knob(
+        "", meaning="port: /dev/i2c-1, udp://0.0.0.0:27000, tcp://192.168.2.95:16171, gpio:pinctrl-bcm2711"
+    )
     address: int | None = knob(None, 0, 127, ADDRESS_MEANING)
     position_m: Vec3 = knob((0.0, 0.0, 0.0), -100.0, 100.0, "position from the body origin [m]")
     rotation_deg: Vec3 = knob((0.0, 0.0, 0.0), -360.0, 360.0, "roll, pitch, yaw of the sensor in body axes [deg]")

@@ -10,7 +10,7 @@ from hindrax_core.bus_operations import Transaction
 from hindrax_core.events import Stamp, seconds_between, to_s
 from hindrax_sim.buses.mock_server import BusServer
 from hindrax_sim.buses.mounted_file import MountedFile, Transfer
-from hindrax_sim.buses.serial_ends import Pty, UdpEnd
+from hindrax_sim.buses.serial_ends import Pty, TcpEnd, UdpEnd
 from hindrax_sim.hardware import THRUSTERS, Hardware, STEP_ns, STEP_s
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ class Ports:
         self.hardware = hardware
         self.governor = Governor(rate, hardware.turns)
         self._socket = folder / "i2c"
-        self._ends: dict[str, Pty | UdpEnd] = {}
+        self._ends: dict[str, Pty | UdpEnd | TcpEnd] = {}
         try:
             for name in self.hardware.serial:
                 self._ends[name] = Pty(folder / name)
@@ -151,9 +151,8 @@ class Ports:
         self._server.register(file.fileno(), file.serve)
         return file
 
-    def put_on_network(self, name: str) -> None:
+    def put_on_network(self, name: str, end: UdpEnd | TcpEnd) -> None:
         """Put a DVL on the network, in place of its pty."""
-        end = UdpEnd()
         self._ends[name].close()
         self._ends[name] = end
 

@@ -20,7 +20,7 @@ from hindrax_core.vehicle import Mount, Vehicle, chip_and_line
 from hindrax_drivers.bus_capture import capture
 from hindrax_drivers.buses.clock import MOCK_PREFIX, Clock
 from hindrax_drivers.buses.gpio import GPIO_PREFIX, find_chip
-from hindrax_drivers.buses.line import UDP_PREFIX, at_baud, open_line
+from hindrax_drivers.buses.line import TCP_PREFIX, UDP_PREFIX, at_baud, is_network, open_line
 from hindrax_drivers.buses.ports import open_clock
 from hindrax_drivers.driver_registry import driver_of
 from hindrax_drivers.nodes.thruster_settings import Settings
@@ -63,6 +63,8 @@ def port(path: str) -> Check:
     """Whether a port exists and can be opened."""
     if path.startswith(UDP_PREFIX):
         return Check(path, "an address to listen at; whether a device sends is seen below")
+    if path.startswith(TCP_PREFIX):
+        return Check(path, "an address in the network; whether a device answers is seen below")
     return _chip(path) if path.startswith(GPIO_PREFIX) else _file(path)
 
 
@@ -124,7 +126,11 @@ def devices(settings: Settings, instead: Ports, clock: str) -> list[Check]:
 
 def _asked(name: str, where: str, ask: Callable[[], str]) -> Check:
     """Ask a device; an error becomes a failed check."""
-    if not where.startswith((UDP_PREFIX, GPIO_PREFIX)) and not Path(where.removeprefix(MOCK_PREFIX)).exists():
+    if (
+        not is_network(where)
+        and not where.startswith(GPIO_PREFIX)
+        and not Path(where.removeprefix(MOCK_PREFIX)).exists()
+    ):
         return Check(name, f"not identified: {where} is missing", f"see {where}")
     try:
         return Check(name, f"{ask()} at {where}")

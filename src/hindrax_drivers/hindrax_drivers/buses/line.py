@@ -1,4 +1,4 @@
-"""Line to a device that sends unprompted: a serial port, 8N1, or network datagrams with the same bytes."""
+"""Line to a device that sends unprompted: a serial port, 8N1, or the same bytes in datagrams or over a connection."""
 
 import contextlib
 import errno
@@ -33,7 +33,12 @@ _REMEDY = {
     errno.EISDIR: "not a serial port but a directory; check the port in the vehicle file",
 }
 
-UDP_PREFIX = "udp://"
+UDP_PREFIX, TCP_PREFIX = "udp://", "tcp:"
+CONNECT_S = 1.0
+"""A device in the same network answers in milliseconds; who is not there is tried again."""
+QUIET_S, PROBES = 2, 3
+"""A connection without data is probed after so long, and is lost after so many probes, a second apart: pulled cables
+send no farewell."""
 LARGEST_DATAGRAM = 65536
 MOST_AT_ONCE = 100
 MOST_KEPT = 8
@@ -94,12 +99,19 @@ class Line(ABC):
 
 def at_baud(path: str, baud: int) -> str:
     """Speed of a line, for sentences; Ethernet has none."""
-    return "" if path.startswith(UDP_PREFIX) else f" at {baud} baud"
+    return "" if is_network(path) else f" at {baud} baud"
+
+
+def is_network(path: str) -> bool:
+    """Whether a port is an address in a network, which no file stands for."""
+    return path.startswith((UDP_PREFIX, TCP_PREFIX))
 
 
 def open_line(path: str, baud: int, clock: Clock) -> Line:
-    """Open a serial port, or `udp://ADDRESS:PORT` to listen there. DeviceError with the reason."""
-    return UdpPort(path, clock) if path.startswith(UDP_PREFIX) else SerialPort(path, baud, clock)
+    """Open a serial port, listen at `udp://ADDRESS:PORT`, or connect to `tcp://HOST:PORT`. DeviceError says why not."""
+    if path.startswith(UDP_PREFIX):
+        return UdpPort(path, clock)
+    return TcpPort(path, clock) if path.startswith(TCP_PREFIX) else SerialPort(path, baud, clock)
 
 
 class SerialPort(Line):
@@ -151,6 +163,45 @@ class UdpPort(Line):
     def _send_kept(self) -> None:
         while self._kept and self._device is not None:
             self._socket.sendto(self._kept.pop(0), self._device)
+
+
+class TcpPort(Line):
+    """A connection to a device that listens, such as a Water Linked DVL at port 16171."""
+
+    def __init__(self, path: str, clock: Clock) -> None:
+        self._socket = _connected(path)
+        super().__init__(path, clock, self._socket, "network and power")
+
+    def _receive(self) -> bytes:
+        try:
+            data = self._socket.recv(LARGEST_DATAGRAM)
+        except BlockingIOError:
+            return b""
+        if not data:
+            raise ConnectionResetError("the device has closed the connection")
+        return data
+
+    def _transmit(self, order: Send) -> None:
+        self._socket.sendall(order.data)
+
+
+def _connected(path: str) -> socket.socket:
+    host, colon, port = path.removeprefix(TCP_PREFIX).removeprefix("//").rpartition(":")
+    if not colon or not host or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise DeviceError(f"{path}: wanted tcp://HOST:PORT, such as tcp://192.168.2.95:16171")
+    try:
+        one = socket.create_connection((host.strip("[]"), int(port)), timeout=CONNECT_S)
+    except OSError as error:
+        raise DeviceError(
+            f"{path}: cannot connect ({cause(error)}); check power and network of the device, and its address in the"
+            " vehicle file"
+        ) from error
+    one.setblocking(False)
+    one.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    one.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for option, value in ((socket.TCP_KEEPIDLE, QUIET_S), (socket.TCP_KEEPINTVL, 1), (socket.TCP_KEEPCNT, PROBES)):
+        one.setsockopt(socket.IPPROTO_TCP, option, value)
+    return one
 
 
 def _opened(path: str, baud: int) -> serial.Serial:

@@ -9,10 +9,10 @@ import tty
 from pathlib import Path
 
 from hindrax_core.errors import HindraxError, cause
-from hindrax_drivers.buses.line import UDP_PREFIX
+from hindrax_drivers.buses.line import TCP_PREFIX, UDP_PREFIX
 
 HERE = "127.0.0.1"
-TO_HOST, OF_DEVICE = 27000, 50000
+TO_HOST, OF_DEVICE, SERVED = 27000, 50000, 16171
 LONGEST_LINE, READ_AT_MOST = 4096, 65536
 
 
@@ -107,3 +107,71 @@ class UdpEnd:
     def close(self) -> None:
         """Close the socket."""
         self._socket.close()
+
+
+class TcpEnd:
+    """A DVL that serves its reports over TCP, in place of a pty: to every client, and takes commands of each.
+
+    Source: docs.waterlinked.com, "DVL A50/A125 TCP JSON API", section "Overview".
+    """
+
+    def __init__(self, port: int = SERVED) -> None:
+        self.path = f"{TCP_PREFIX}//{HERE}:{port}"
+        self._clients: list[socket.socket] = []
+        self._listener: socket.socket | None = None
+        self._port = port
+        self.plug(in_place=True)
+
+    def plug(self, *, in_place: bool) -> None:
+        """Plug in, or unplug: clients then lose their connection."""
+        if in_place and self._listener is None:
+            try:
+                self._listener = socket.create_server((HERE, self._port))
+            except OSError as error:
+                raise HindraxError(f"tcp {self._port} for a DVL: {cause(error)}; another mock may have it") from error
+            self._listener.setblocking(False)
+        elif not in_place:
+            self.close()
+
+    def write(self, data: bytes) -> None:
+        """Send to every client; one that does not read is disconnected."""
+        self._accept()
+        for client in list(self._clients):
+            try:
+                client.sendall(data)
+            except OSError:
+                self._drop(client)
+
+    def read(self) -> bytes:
+        """Return the commands of all clients."""
+        self._accept()
+        found = b""
+        for client in list(self._clients):
+            try:
+                data = client.recv(LONGEST_LINE)
+            except BlockingIOError:
+                continue
+            except OSError:  # it went without a farewell
+                data = b""
+            found += data
+            if not data:
+                self._drop(client)
+        return found
+
+    def _accept(self) -> None:
+        if self._listener is None:
+            return
+        with contextlib.suppress(BlockingIOError):
+            client, _ = self._listener.accept()
+            client.setblocking(False)
+            self._clients.append(client)
+
+    def _drop(self, client: socket.socket) -> None:
+        client.close()
+        self._clients.remove(client)
+
+    def close(self) -> None:
+        """Close all sockets."""
+        for one in (*self._clients, *filter(None, [self._listener])):
+            one.close()
+        self._clients, self._listener = [], None

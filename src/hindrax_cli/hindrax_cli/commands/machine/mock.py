@@ -19,8 +19,9 @@ from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.bus_capture import mount_of
 from hindrax_drivers.buses.line import UDP_PREFIX
+from hindrax_drivers.devices.a50 import A50
 from hindrax_drivers.devices.dvl75 import Dvl75
-from hindrax_sim.buses.serial_ends import OF_DEVICE
+from hindrax_sim.buses.serial_ends import OF_DEVICE, TcpEnd, UdpEnd
 from hindrax_sim.conditions.world_table import sizes_of
 from hindrax_sim.faults.fault_registry import parse_fault
 from hindrax_sim.hardware import Hardware
@@ -40,12 +41,14 @@ from hindrax_sim.world import Conditions
         action="store_true",
         help="the DVL sends by UDP to port 27000 of this machine and listens at 50000",
     ),
+    option("--dvl-tcp", action="store_true", help="the A50 of the vehicle serves TCP port 16171 of this machine"),
     add_mock_options,
 )
 def mock(arguments: argparse.Namespace) -> int:
     """The mock vehicle's devices alone (serial ports, I2C bus), until Ctrl-C."""
     words = document if arguments.json else plain if arguments.print_paths else table
     faces = {"place": arguments.folder, "i2c_device": arguments.i2c_device, "dvl_udp": arguments.dvl_udp}
+    faces["dvl_tcp"] = arguments.dvl_tcp
     with asked_to_end() as over:
         serve(Path(arguments.vehicle), mock_options(arguments), lambda ports: print_fitted(words(ports)), over, **faces)
     return 0
@@ -60,10 +63,12 @@ def serve(
     place: Path | None = None,
     i2c_device: str | None = None,
     dvl_udp: bool = False,
+    dvl_tcp: bool = False,
 ) -> None:
     """Serve until `over`; `announce` is called with every port by name once all are up.
 
-    `place`: folder of the ports; `i2c_device`: a file to mount as the bus too; `dvl_udp`: the DVL is on the network.
+    `place`: folder of the ports; `i2c_device`: a file to mount as the bus too; `dvl_udp`,
+    `dvl_tcp`: the DVL-75, or the A50, is on the network.
     """
     vehicle = load_vehicle(vehicle_file)
     faults = [parse_fault(fault, vehicle) for fault in options.faults]
@@ -74,7 +79,9 @@ def serve(
         _offered(mock, i2c_device),
     ):
         if dvl_udp:
-            mock.put_on_network(mount_of(vehicle, Dvl75)[0])
+            mock.put_on_network(mount_of(vehicle, Dvl75)[0], UdpEnd())
+        if dvl_tcp:
+            mock.put_on_network(mount_of(vehicle, A50)[0], TcpEnd())
         announce(mock.ports | {"clock": mock.clock} | ({"i2c-device": i2c_device} if i2c_device is not None else {}))
         while not over():
             mock.step()
