@@ -7,7 +7,7 @@ from typing import Any
 from contract.serial_bench import Bench, world_s
 from register_rig import START, STEP_S, Rig
 
-from hindrax_bringup.share_files import default_vehicle, hindrax_with
+from hindrax_bringup.share_files import default_vehicle, hindrax_with, optional_sensors
 from hindrax_core.bus_operations import EDGES
 from hindrax_core.driver_interface import Identity, Output, RegisterDevice, SerialDevice, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, seconds_between, to_s
@@ -23,8 +23,10 @@ Truth = Callable[[float], Any]
 
 
 def mount_of(name: str) -> tuple[Vehicle, Mount]:
-    """Vehicle and mount of a sensor, which is on board or among the optional ones."""
+    """Vehicle and mount of a sensor, which is on board, among the optional ones, or of an installed package."""
     on_board = load_vehicle(default_vehicle())
+    if name not in on_board.sensors and name not in optional_sensors():
+        return on_board, Mount(name, address=emulator_of(name).address)
     vehicle = on_board if name in on_board.sensors else hindrax_with(name)
     return vehicle, vehicle.sensors[name]
 

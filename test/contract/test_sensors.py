@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from hindrax_core.events import Stamp
 from hindrax_core.readings import DeviceText
-from hindrax_core.sensor_table import SENSORS, Sensor
+from hindrax_core.sensor_table import SENSORS, Sensor, all_sensors
 from hindrax_core.testing import chunks
 from hindrax_drivers.driver_registry import driver_of
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec
@@ -26,10 +26,12 @@ OVER_S = BEGIN_S + LASTS_S
 MID_CYCLE_S = BEGIN_S + 0.005
 """In a conversion: between two of them a part that loses its power for a moment does no harm and is not reported."""
 WITHOUT_POWER = {"reset", "wrong_identity"}
-NAMES = [sensor.name for sensor in SENSORS]
+EVERY = all_sensors()
+"""Also those of installed packages, so that their authors can hold them to the contract."""
+NAMES = [sensor.name for sensor in EVERY]
 SWEEP = [
     (sensor.name, fault)
-    for sensor in SENSORS
+    for sensor in EVERY
     for fault, kind in FAULTS.items()
     if kind.falls_on(sensor) and (kind.make or kind.on_bus)
 ]
@@ -53,6 +55,32 @@ def kinds(plugged: Plugged, since_s: float, until_s: float) -> Counter[type]:
     return found
 
 
+def _reads(plugged: Plugged, since_s: float, until_s: float) -> None:
+    """Readings come; where not, say what was said instead."""
+    told = plugged.complaints(since_s, until_s)[:3] or plugged.complaints()[-3:]
+    assert kinds(plugged, since_s, until_s), (
+        f"no reading from {since_s:g} to {until_s:g} s, with the device well; the driver said {told or 'nothing'}:"
+        " check period, set-up, and what it refuses"
+    )
+
+
+def _is_content(plugged: Plugged, until_s: float = 1e9) -> None:
+    """Nothing is complained of while nothing is wrong."""
+    told = plugged.complaints(until_s=until_s)
+    assert not told, (
+        f"complains without a fault: {told[:3]}; check limits and patience of the driver against the data sheet"
+    )
+
+
+def _is_true(plugged: Plugged) -> None:
+    """No reading is false."""
+    found = plugged.false()
+    assert not found, (
+        f"{len(found)} false readings, such as {found[0] if found else ''}: refuse what cannot be a measurement"
+        " (checksum, limits, a second read that differs), or widen `agrees` of the emulator where the data sheet does"
+    )
+
+
 def fresh(name: str) -> Any:
     """The driver as it is when its port has just been opened."""
     vehicle, mount = mount_of(name)
@@ -70,15 +98,19 @@ def recorded(name: str) -> bytes:
     return plugged.received()
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [sensor.name for sensor in SENSORS])
 def test_golden_cases_are_there(name: str) -> None:
-    assert list((GOLDEN / name).glob("test_*.py"))
-    assert (GOLDEN / name / "cases.yaml").exists()
+    wanted = f"wanted test/golden/{name}/cases.yaml, and a test_*.py beside it that holds the driver against it"
+    assert list((GOLDEN / name).glob("test_*.py")), wanted
+    assert (GOLDEN / name / "cases.yaml").exists(), wanted
 
 
-@pytest.mark.parametrize("sensor", SENSORS, ids=lambda sensor: sensor.name)
+@pytest.mark.parametrize("sensor", EVERY, ids=lambda sensor: sensor.name)
 def test_every_fault_of_its_wire_falls_on_it(sensor: Sensor) -> None:
-    assert {fault for name, fault in SWEEP if name == sensor.name} >= FAULTS_OF[sensor.wire]
+    left_out = FAULTS_OF[sensor.wire] - {fault for name, fault in SWEEP if name == sensor.name}
+    assert not left_out, (
+        f"no fault {', '.join(sorted(left_out))} falls on a {sensor.wire} sensor: see fault_registry.py"
+    )
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -89,14 +121,14 @@ def test_a_truth_that_is_reported_is_read(name: str) -> None:
         truth = emulator_of(name).example(seconds)
         plugged = Plugged(name, truth=lambda _: truth)
         plugged.run(2.5)
-        assert kinds(plugged, 1.5, 2.5)
-        assert not plugged.complaints()
-        assert not plugged.false()
+        _reads(plugged, 1.5, 2.5)
+        _is_content(plugged)
+        _is_true(plugged)
 
     still()
 
 
-@pytest.mark.parametrize("name", [sensor.name for sensor in SENSORS if sensor.serial])
+@pytest.mark.parametrize("name", [sensor.name for sensor in EVERY if sensor.serial])
 def test_the_same_bytes_say_the_same_however_they_are_cut(name: str) -> None:
     stream = recorded(name)
     whole = [fresh(name).feed(stream, Stamp(10**9))]
@@ -111,7 +143,7 @@ def test_the_same_bytes_say_the_same_however_they_are_cut(name: str) -> None:
     cut()
 
 
-@pytest.mark.parametrize("name", [sensor.name for sensor in SENSORS if sensor.serial])
+@pytest.mark.parametrize("name", [sensor.name for sensor in EVERY if sensor.serial])
 def test_damaged_bytes_never_end_in_an_exception(name: str) -> None:
     stream, dice = recorded(name), random.Random(name)
     driver = fresh(name)
@@ -128,10 +160,13 @@ def test_damaged_bytes_never_end_in_an_exception(name: str) -> None:
 def test_a_truth_that_moves_is_read_as_it_was_at_the_stamp(name: str) -> None:
     plugged = Plugged(name)
     plugged.run(10.0)
-    assert len(plugged.identities()) == 1
-    assert kinds(plugged, 5.0, 10.0)
-    assert not plugged.complaints()
-    assert not plugged.false()
+    found = plugged.identities()
+    assert len(found) == 1, (
+        f"identified {len(found)} times in 10 s ({found}), wanted once: after `configure`, or `start`"
+    )
+    _reads(plugged, 5.0, 10.0)
+    _is_content(plugged)
+    _is_true(plugged)
 
 
 TIMED = [("icm20948", fault, {"data_ready": "pinctrl-bcm2711:17"}) for fault in ("bit_flips", "reset")]
@@ -144,33 +179,49 @@ def test_a_fault_is_survived_given_and_over_when_it_is_over(name: str, fault: st
     plugged = Plugged(name, [FaultSpec(fault, (name,), begin_s, LASTS_S)], **wired)
     plugged.run(OVER_S + BACK_WITHIN_S + AFTER_S)
     before = kinds(plugged, BEGIN_S - AFTER_S, BEGIN_S)
-    assert before, "worked before"
-    assert not plugged.complaints(until_s=BEGIN_S)
-    assert not plugged.false(), f"false readings: {plugged.false()[:3]}"
+    _reads(plugged, BEGIN_S - AFTER_S, BEGIN_S)
+    _is_content(plugged, until_s=BEGIN_S)
+    _is_true(plugged)
     reported = plugged.complaints(BEGIN_S, OVER_S + BACK_WITHIN_S)
-    assert bool(reported) == (fault not in QUIET)
+    if fault in QUIET:
+        assert not reported, f"{fault} only changes when bytes arrive, and the driver complains of it: {reported[:3]}"
+    else:
+        by_s = LASTS_S + BACK_WITHIN_S
+        assert reported, (
+            f"{fault} was not reported within {by_s:g} s of its beginning, it lasted {LASTS_S:g} s: yield a Rejected"
+            " for data that cannot be true, a Trouble for a device that is silent, and raise a DeviceError for one that"
+            " is not what it should be"
+        )
     back = kinds(plugged, OVER_S + BACK_WITHIN_S, OVER_S + BACK_WITHIN_S + AFTER_S)
-    assert all(back[kind] >= 0.6 * count for kind, count in before.items()), (
-        f"was {before}, is {back}; told: {reported}"
-    )
+    for kind, count in before.items():
+        assert back[kind] >= 0.6 * count, (
+            f"{kind.__name__}: {back[kind]} readings in a second, {BACK_WITHIN_S:g} s after {fault} was over, and"
+            f" {count} before it: the driver must find it again by itself, and set it up anew (told: {reported[:3]})"
+        )
     for kind in before:
         stamps = [one.stamp for one in plugged.readings() if isinstance(one.reading, kind)]
-        assert stamps == sorted(stamps)
+        assert stamps == sorted(stamps), f"{kind.__name__}: stamps go back; never give one before the last"
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_sensor_that_is_absent_from_the_start_is_found_when_it_comes(name: str) -> None:
     plugged = Plugged(name, [FaultSpec("absent", (name,), 0.0, LASTS_S)])
     plugged.run(LASTS_S + BACK_WITHIN_S + AFTER_S)
-    assert plugged.complaints(until_s=LASTS_S)
-    assert kinds(plugged, LASTS_S + BACK_WITHIN_S, 1e9)
+    told = plugged.complaints(until_s=LASTS_S)
+    assert told, (
+        f"absent for {LASTS_S:g} s from the start, and nothing was reported: a Trouble is wanted, or a DeviceError"
+    )
+    _reads(plugged, LASTS_S + BACK_WITHIN_S, 1e9)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_long_fault_is_not_given_again_and_again(name: str) -> None:
     plugged = Plugged(name, [FaultSpec("wrong_identity", (name,), MID_CYCLE_S, 12.0)])
     plugged.run(BEGIN_S + 12.0)
-    assert 0 < len(plugged.troubles()) <= 20
+    count = len(plugged.troubles())
+    assert 0 < count <= 20, (
+        f"another device for 12 s: reported {count} times, wanted once, and again at most every second"
+    )
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -179,5 +230,5 @@ def test_several_faults_at_once(name: str) -> None:
     chosen = [fault for fault in ("garbage", "nack", "bit_flips", "short_read", "bytewise", "reset") if fault in mine]
     plugged = Plugged(name, [FaultSpec(fault, (name,), BEGIN_S, LASTS_S) for fault in chosen])
     plugged.run(OVER_S + BACK_WITHIN_S + AFTER_S)
-    assert not plugged.false()
-    assert kinds(plugged, OVER_S + BACK_WITHIN_S, 1e9)
+    _is_true(plugged)
+    _reads(plugged, OVER_S + BACK_WITHIN_S, 1e9)

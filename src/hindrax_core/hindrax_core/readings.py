@@ -46,6 +46,13 @@ class Pressure(Reading):
 
 
 @dataclass(frozen=True, slots=True)
+class Thermal(Reading):
+    """Temperature alone, of whatever the sensor is in."""
+
+    temperature_C: float
+
+
+@dataclass(frozen=True, slots=True)
 class Air(Reading):
     """Air in a dry hull: absolute pressure, temperature and relative humidity (0 to 1; NaN where not measured)."""
 

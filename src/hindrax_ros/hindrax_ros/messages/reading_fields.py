@@ -35,6 +35,7 @@ from hindrax_core.readings import (
     Position,
     Pressure,
     SonarHealth,
+    Thermal,
 )
 from hindrax_core.rotation import xyzw_from_sname
 from hindrax_core.topics import Topic
@@ -238,7 +239,7 @@ FIELDS: Mapping[str, Fields] = {
         ("relative_humidity",),
         values=lambda found: None if math.isnan(found.humidity) else (found.humidity,),
     ),
-    "temperature": _temperature("temperature_C", Pressure, Air),
+    "temperature": _temperature("temperature_C", Pressure, Air, Thermal),
     "die_temperature": _temperature("temperature_C", Inertial),
     "processor_temperature": _temperature("processor_C", SonarHealth),
     "board_temperature": _temperature("board_C", SonarHealth),

@@ -1,0 +1,1 @@
+"""A package of somebody else that brings a sensor: a water thermometer, TE TSYS01."""
