@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -23,6 +24,7 @@ from sensor_msgs.msg import FluidPressure
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
+from hindrax_core.errors import UsageError
 from hindrax_core.sensor_table import SENSORS, Sensor
 from hindrax_core.topics import TOPICS_OF
 from hindrax_core.vehicle import load_vehicle
@@ -64,6 +66,24 @@ def words_of(folder: Path, name: str, **given: str) -> list[str]:
     file = folder / "parameters.yaml"
     file.write_text(yaml.safe_dump({"/**": {"ros__parameters": typed}}), encoding="utf-8")
     return [*node.keywords["arguments"], "--ros-args", "-r", f"__ns:={values['namespace']}", "--params-file", str(file)]
+
+
+@pytest.mark.usefixtures("stand_in")
+def test_any_sensor_is_started_by_its_kind() -> None:
+    """One file for all: a sensor of another package has none of its own."""
+    *arguments, opaque = actions_of(FOLDER / "sensor.launch.py")
+    assert [one.words[0] for one in arguments] == ["device", "port", "namespace", "parameters"]
+
+    def nodes(**given: str) -> Any:
+        made = {"port": "", "namespace": "/rov1", "parameters": ""} | given
+        return opaque.keywords["function"](SimpleNamespace(launch_configurations=made))
+
+    (node,) = nodes(device="ms5837", port="/dev/i2c-3")
+    assert (node.keywords["executable"], node.keywords["arguments"]) == ("device", ["ms5837"])
+    assert (node.keywords["parameters"], node.keywords["namespace"]) == ([{"port": "/dev/i2c-3"}], "/rov1")
+    assert nodes(device="ms5837", parameters="mine.yaml")[0].keywords["parameters"] == ["mine.yaml"]
+    with pytest.raises(UsageError, match="found 'ms58', wanted one of dvl75, "):
+        nodes(device="ms58")
 
 
 @pytest.mark.usefixtures("stand_in")

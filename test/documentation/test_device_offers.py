@@ -12,7 +12,7 @@ from hindrax_tools.reference.devices import offers
 
 NAMES = [sensor.name for sensor in SENSORS]
 TOPIC_NAMES = {topic.name for topic in TOPICS}
-SERVICES = {"ping1d/request_profile"}
+SERVICES = {f"{sensor.name}/{service}" for sensor in SENSORS for service in sensor.services}
 
 
 @pytest.mark.parametrize("name", [*NAMES, "pca9685", "stm32"])

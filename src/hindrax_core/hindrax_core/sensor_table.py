@@ -75,6 +75,8 @@ class Sensor:
     measures: tuple[Capability, ...] = ()
     driver: str = ""
     emulator: str = ""
+    services: tuple[str, ...] = ()
+    """Methods of a serial driver that its node offers as services, `NAME/SERVICE`; each returns what to send."""
 
     def __post_init__(self) -> None:
         """Quantities are those of the table. ValueError names one that is not."""
@@ -105,10 +107,19 @@ _A50 = dict.fromkeys(("velocity", "detail", "altitude"), 10)
 _IMU = {"data_raw": 225, "mag": 25, "die_temperature": 1}
 _DEPTH = {"pressure": 50, "temperature": 5}
 
+_OWN_WAY = ("reset_dead_reckoning", "calibrate_gyro")
+
 SENSORS: tuple[Sensor, ...] = (
     Sensor("dvl75", "serial", _DVL, "Cerulean DVL-75", ("velocity", "altitude", "attitude")),
-    Sensor("a50", "serial", _A50, "Water Linked DVL A50 or A125, over Ethernet", ("velocity", "altitude")),
-    Sensor("ping1d", "serial", _PING, "Blue Robotics Ping", ("range",)),
+    Sensor(
+        "a50",
+        "serial",
+        _A50,
+        "Water Linked DVL A50 or A125",
+        ("velocity", "altitude"),
+        services=_OWN_WAY,
+    ),
+    Sensor("ping1d", "serial", _PING, "Blue Robotics Ping", ("range",), services=("request_profile",)),
     Sensor("icm20948", "i2c", _IMU, "TDK ICM-20948 with AK09916", ("rates", "field")),
     Sensor("ms5837", "i2c", _DEPTH, "TE MS5837 (Bar30, Bar02)", ("depth", "temperature")),
     Sensor("bme280", "i2c", _AIR, "Bosch BME280 or BMP280, air in the hull", ("air",)),

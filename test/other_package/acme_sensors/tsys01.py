@@ -34,10 +34,10 @@ def temperature_C(conversion: int, k: Sequence[int]) -> float:
 
 
 class Tsys01:
-    """The sensor at an address (0 for 0x77)."""
+    """The sensor at an address (0x77 where none is named)."""
 
-    def __init__(self, knobs: Tsys01Knobs, address: int) -> None:
-        self._knobs, self._address = knobs, address or ADDRESS
+    def __init__(self, knobs: Tsys01Knobs, address: int | None) -> None:
+        self._knobs, self._address = knobs, ADDRESS if address is None else address
         self._k: tuple[int, ...] = ()
         self._words: list[bytes] = []
         self._turn, self._last = 0, -1

@@ -30,7 +30,7 @@ TYPES: Mapping[str, str] = {
     RUN: "hindrax_msgs/action/RunExperiment",
     ASSESS: "std_srvs/srv/Trigger",
     RECENTRE: "hindrax_msgs/srv/Recentre",
-    "request_profile": "std_srvs/srv/Trigger",
+    **{service: "std_srvs/srv/Trigger" for sensor in SENSORS for service in sensor.services},
     "dvl": "marine_acoustic_msgs/msg/Dvl",
     "odometry": "nav_msgs/msg/Odometry",
     "wrench": "geometry_msgs/msg/WrenchStamped",

@@ -13,7 +13,7 @@ from pathlib import Path
 from hindrax_bringup.share_files import share_folder
 from hindrax_core import topics as t
 from hindrax_core.errors import HindraxError
-from hindrax_core.sensor_table import SENSORS, Capability
+from hindrax_core.sensor_table import SENSORS, Capability, row_of
 from hindrax_core.topics import NAMESPACE, Topic, resolved
 from hindrax_core.vehicle import Vehicle, load_vehicle
 
@@ -58,9 +58,9 @@ class Role:
 def _sensor(name: str, device: str) -> Role:
     own = t.sensor_topics(name, device)
     dvl = (f"{NAMESPACE}/{name}/dvl",) if "detail" in own else ()
-    profile = (f"{name}/request_profile",) if "profile" in own else ()
+    services = tuple(f"{name}/{one}" for one in row_of(device).services)
     published = (*own.values(), t.raw_topic(name), t.DIAGNOSTICS, *dvl)
-    return Role(name, "sensors", publishes=published, serves=profile, lifecycle=True)
+    return Role(name, "sensors", publishes=published, serves=services, lifecycle=True)
 
 
 _STATE = (

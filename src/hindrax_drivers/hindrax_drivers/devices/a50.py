@@ -19,9 +19,10 @@ from typing import Any
 
 from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, seconds_between
+from hindrax_core.hydrostatics import Water
 from hindrax_core.knobs import knob
 from hindrax_core.readings import BottomTrack, BottomVelocity
-from hindrax_drivers.driver import Driver, SilenceMonitor, in_water
+from hindrax_drivers.driver import Driver, SilenceMonitor, sound_mps
 from hindrax_drivers.protocols import waterlinked_protocol as protocol
 from hindrax_drivers.protocols.waterlinked_protocol import VelocityReport
 from hindrax_drivers.timebase import Break, Timebase
@@ -38,7 +39,9 @@ class A50Knobs:
     """Settings of the driver, and of the DVL itself as far as `configure` lets it."""
 
     configure: bool = knob(True, meaning="set what differs in the device at the start; off: only report it")
-    speed_of_sound_mps: float = knob(1484.0, 1000.0, 2000.0, "speed of sound that the device uses [m/s]")
+    speed_of_sound_mps: float | None = knob(
+        None, 1000.0, 2000.0, "speed of sound that the device uses; none: that of the vehicle's water [m/s]"
+    )
     range_mode: str = knob("auto", meaning="altitudes to search: auto, =1 (0.3 to 3 m), 0<=1 (0.05 to 3 m) ...")
     max_fom_mps: float = knob(0.1, 0.001, 10.0, "figure of merit above which there is no velocity [m/s]")
     sigma_floor_mps: float = knob(0.005, 0.0, 1.0, "standard deviation beside that of the covariance [m/s]")
@@ -48,7 +51,7 @@ class A50Knobs:
     stall_s: float = knob(1.0, 0.6, 60.0, "silence that is reported [s]")
 
 
-DEFAULT_KNOBS = A50Knobs()
+DEFAULT_KNOBS, FRESH_WATER = A50Knobs(), Water()
 
 
 class A50:
@@ -57,8 +60,8 @@ class A50:
     baud = 115200
     """Of no meaning over Ethernet."""
 
-    def __init__(self, knobs: A50Knobs = DEFAULT_KNOBS) -> None:
-        self._knobs = knobs
+    def __init__(self, knobs: A50Knobs = DEFAULT_KNOBS, water: Water = FRESH_WATER) -> None:
+        self._knobs, self._sound_mps = knobs, sound_mps(knobs, water)
         self._silence = SilenceMonitor("DVL", "reports of a Water Linked DVL", knobs.stall_s)
         drift_ppm, latency_s = knobs.clock_drift_ppm, knobs.latency_s
         self._clock = Timebase(1e-6, drift_ppm=drift_ppm, latency_s=latency_s, on_break=self._on_clock_break)
@@ -193,7 +196,7 @@ class A50:
     def wanted_settings(self) -> dict[str, Any]:
         """Settings that this driver wants. The frame is turned by the vehicle file, not also by the device."""
         return {
-            "speed_of_sound": round(self._knobs.speed_of_sound_mps),
+            "speed_of_sound": round(self._sound_mps),
             "acoustic_enabled": True,
             "mounting_rotation_offset": 0,
             "range_mode": self._knobs.range_mode,
@@ -242,4 +245,4 @@ def _same(found: Any, wanted: Any) -> bool:
     return isinstance(found, int | float) and not isinstance(found, bool) and abs(found - wanted) < 1.0
 
 
-DRIVER = Driver(A50Knobs, lambda knobs, _mount, vehicle: A50(in_water(knobs, vehicle)), looking={"configure": False})
+DRIVER = Driver(A50Knobs, lambda knobs, _mount, vehicle: A50(knobs, vehicle.water), looking={"configure": False})

@@ -8,7 +8,7 @@ from dataclasses import fields
 from functools import partial
 from typing import Any
 
-from launch.actions import DeclareLaunchArgument
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
@@ -18,10 +18,16 @@ from hindrax_core.vehicle import ADDRESS_MEANING, Output
 from hindrax_drivers.driver_registry import PORTS, driver_of
 from hindrax_drivers.nodes.thruster_settings import OutputAlone
 from hindrax_drivers.output.output_guard import OutputGuardKnobs
-from launch import LaunchDescription
+from launch import LaunchContext, LaunchDescription
 
 Argument = tuple[Any, str]
 """Default and meaning."""
+ANY: dict[str, tuple[str | None, str]] = {
+    "device": (None, "kind of sensor, of the table or of an installed package"),
+    "port": ("", "port; empty: that of its parameters, or the usual one"),
+    "namespace": ("/", "namespace of its topics and services"),
+    "parameters": ("", "ROS parameter file with its settings"),
+}
 
 
 def device(kind: str) -> Callable[[], LaunchDescription]:
@@ -34,6 +40,21 @@ def device(kind: str) -> Callable[[], LaunchDescription]:
     if not row.serial:
         arguments["address"] = (None, ADDRESS_MEANING)
     return partial(_described, "device", [kind], arguments | _knobs(row.knobs()))
+
+
+def any_device() -> LaunchDescription:
+    """One sensor whose kind is an argument; its settings are in a ROS parameter file, for only a kind has its own."""
+
+    def start(context: LaunchContext) -> list[Node]:
+        given = {name: str(context.launch_configurations[name]) for name in ANY}
+        driver_of(given["device"])  # a UsageError names those that there are
+        settings: list[Any] = [given["parameters"]] if given["parameters"] else []
+        if given["port"]:
+            settings.append({"port": given["port"]})
+        return [_node("device", [given["device"]], given["namespace"], settings)]
+
+    declared = [DeclareLaunchArgument(name, default_value=one, description=why) for name, (one, why) in ANY.items()]
+    return LaunchDescription([*declared, OpaqueFunction(function=start)])
 
 
 def thrusters() -> LaunchDescription:
@@ -56,20 +77,24 @@ def _described(executable: str, words: list[str], arguments: dict[str, Argument]
     parameters, declared = {}, {"namespace": ("/", "namespace of its topics and services")} | arguments
     for name, (default, _) in arguments.items():
         parameters[name] = ParameterValue(LaunchConfiguration(name), value_type=_kind(default))
-    node = Node(
-        package="hindrax_drivers",
-        executable=executable,
-        arguments=words,
-        namespace=LaunchConfiguration("namespace"),
-        parameters=[parameters],
-        respawn=True,
-        respawn_delay=1.0,
-        output="screen",
-    )
+    node = _node(executable, words, LaunchConfiguration("namespace"), [parameters])
     actions = [
         DeclareLaunchArgument(name, default_value=_text(one), description=why) for name, (one, why) in declared.items()
     ]
     return LaunchDescription([*actions, node])
+
+
+def _node(executable: str, words: list[str], namespace: Any, parameters: list[Any]) -> Node:
+    return Node(
+        package="hindrax_drivers",
+        executable=executable,
+        arguments=words,
+        namespace=namespace,
+        parameters=parameters,
+        respawn=True,
+        respawn_delay=1.0,
+        output="screen",
+    )
 
 
 def _kind(default: Any) -> Any:

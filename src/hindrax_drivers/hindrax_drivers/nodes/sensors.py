@@ -14,6 +14,7 @@ from std_srvs.srv import Trigger
 from hindrax_core.bus_operations import DeviceError, Transaction, pack_transaction
 from hindrax_core.driver_interface import Output, RegisterDevice, SerialDevice
 from hindrax_core.events import Stamp
+from hindrax_core.sensor_table import row_of
 from hindrax_core.vehicle import ADDRESS_MEANING, Mount, Vehicle, load_vehicle
 from hindrax_drivers.buses.bus_schedule import BusSchedule
 from hindrax_drivers.buses.port_threads import BusThread, SerialThread, ServingThread
@@ -48,11 +49,11 @@ class WireHosts:
         device: Any = row.make(knobs(node, row.knobs), mount, vehicle)
         self.nodes.append(node)
         if row.serial:
-            self._serial(node, port, clock, device)
+            self._serial(node, port, clock, device, mount.device)
         else:
             self._buses[port].append((node, device))
 
-    def _serial(self, node: DeviceNode, port: str, clock_port: str, device: SerialDevice) -> None:
+    def _serial(self, node: DeviceNode, port: str, clock_port: str, device: SerialDevice, kind: str) -> None:
         def serve() -> SerialThread:
             clock = open_clock(clock_port, node.get_name())
             thread = SerialThread(port, device, clock, node.deliver, node.frame)
@@ -62,8 +63,8 @@ class WireHosts:
             return thread
 
         wire = WireHost(port, [node], serve)
-        if hasattr(device, "request_profile"):
-            _offer_profile(node, wire, device.request_profile)
+        for service in row_of(kind).services:
+            _offer(node, wire, service, getattr(device, service))
         wire.start()
 
     def open_buses(self) -> None:
@@ -135,8 +136,10 @@ def serve_bus(port: str, listeners: Sequence[tuple[DeviceNode, RegisterDevice]])
     return thread
 
 
-def _offer_profile(node: DeviceNode, wire: WireHost[SerialThread], request: Callable[[], Iterable[Output]]) -> None:
-    """Serve `DEVICE/request_profile`: the next echo comes with its profile."""
+def _offer(
+    node: DeviceNode, wire: WireHost[SerialThread], service: str, request: Callable[[], Iterable[Output]]
+) -> None:
+    """Serve `NAME/SERVICE`: success says that it was sent; what the device answers is in its topics or diagnostics."""
 
     def answer(_request: Any, response: Any) -> Any:
         thread = wire.thread
@@ -147,7 +150,7 @@ def _offer_profile(node: DeviceNode, wire: WireHost[SerialThread], request: Call
             response.success = True
         return response
 
-    node.create_service(Trigger, f"{node.get_name()}/request_profile", answer)
+    node.create_service(Trigger, f"{node.get_name()}/{service}", answer)
 
 
 def make_nodes() -> Sequence[Node]:
