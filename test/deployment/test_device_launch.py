@@ -117,7 +117,7 @@ def test_a_word_that_is_no_device_is_reported() -> None:
         [sys.executable, "-m", "hindrax_drivers.nodes.device", "dvl76"], check=False, capture_output=True, text=True
     )
     assert done.returncode == 2
-    assert done.stderr.startswith("device: found 'dvl76', wanted one of dvl75, ping1d")
+    assert done.stderr.startswith("device: found 'dvl76', wanted one of dvl75, a50, ping1d")
 
 
 @pytest.mark.ros
