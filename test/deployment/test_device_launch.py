@@ -60,7 +60,7 @@ def words_of(folder: Path, name: str, **given: str) -> list[str]:
     arguments, node = described(name)
     values = {key: given.get(key, one.keywords["default_value"]) for key, one in arguments.items()}
     typed = {
-        key: values[key] if one.keywords["value_type"] is str else yaml.safe_load(values[key])
+        key: values[key] if one.keywords["value_type"] is str or not values[key] else yaml.safe_load(values[key])
         for key, one in node.keywords["parameters"][0].items()
     }
     file = folder / "parameters.yaml"
