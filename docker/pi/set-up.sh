@@ -83,14 +83,19 @@ keep /etc/modules-load.d/hindrax.conf <<<'i2c-dev' || true
 
 if keep /etc/udev/rules.d/60-hindrax.rules <"$here/60-hindrax.rules"; then
   act udevadm control --reload
-  act udevadm trigger --subsystem-match=tty --subsystem-match=i2c-dev
+  act udevadm trigger --subsystem-match=tty --subsystem-match=i2c-dev --subsystem-match=gpio
 fi
-getent group i2c >/dev/null || act groupadd --system i2c
-id "$user" >/dev/null 2>&1 || act useradd --system --user-group --home-dir /var/lib/hindrax --groups dialout,i2c "$user"
+for group in i2c gpio; do
+  getent group "$group" >/dev/null || act groupadd --system "$group"
+done
+id "$user" >/dev/null 2>&1 || act useradd --system --user-group --home-dir /var/lib/hindrax --groups dialout,i2c,gpio "$user"
 # A user who runs the doctor or a pool test needs access to the devices too.
-if [ -n "${SUDO_USER-}" ] && ! id -nG "$SUDO_USER" | grep -qw i2c; then
-  act usermod --append --groups dialout,i2c "$SUDO_USER"
-fi
+for name in "$user" "${SUDO_USER-}"; do
+  if [ -n "$name" ] && groups=$(id -nG "$name" 2>/dev/null) \
+    && [[ " $groups " != *' i2c '* || " $groups " != *' gpio '* ]]; then
+    act usermod --append --groups dialout,i2c,gpio "$name"
+  fi
+done
 if [ -n "$tether" ]; then
   sed "s/TOPSIDE/${tether#*:}/" "$here/chrony-vehicle.conf" | keep /etc/chrony/conf.d/hindrax.conf \
     && act systemctl try-restart chrony
@@ -103,7 +108,12 @@ words=$(cat "$root$settings" 2>/dev/null || cat "$here/hindrax.env")
 if [ -n "$tether" ]; then words=$(sed "s/^HINDRAX_TETHER=.*/HINDRAX_TETHER=$tether/" - <<<"$words"); fi
 keep "$settings" <<<"$words" || true
 if [ "$kind" = container ]; then
-  echo "I2C_GID=$(getent group i2c | cut -d: -f3 | grep . || echo 998)" | keep "${clone:?}/docker/.env" || true
+  # The kernel gives the number of gpiochip; on a Pi it is 254.
+  {
+    echo "I2C_GID=$(getent group i2c | cut -d: -f3 | grep . || echo 998)"
+    echo "GPIO_GID=$(getent group gpio | cut -d: -f3 | grep . || echo 997)"
+    echo "GPIO_MAJOR=$(awk '$2 == "gpiochip" { print $1 }' /proc/devices | grep . || echo 254)"
+  } | keep "${clone:?}/docker/.env" || true
 else
   sed "s|/opt/hindrax|$clone|" "$here/hindrax.service" | keep /etc/systemd/system/hindrax.service || true
   if [ -n "$tether" ]; then

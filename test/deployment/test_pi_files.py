@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,9 @@ import yaml
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.command import MODULES
-from hindrax_core.vehicle import load_vehicle
+from hindrax_core.knobs import knob_of
+from hindrax_core.sensor_table import SENSORS
+from hindrax_core.vehicle import Output, load_vehicle
 
 ROOT = Path(__file__).parents[2]
 PI = ROOT / "docker/pi"
@@ -20,8 +23,15 @@ SET_UP = PI / "set-up.sh"
 COMPOSE = yaml.safe_load((ROOT / "docker/compose.yaml").read_text())["services"]["hindrax"]
 OVERLAY_OF_ADDRESS = {"fe201600": "uart3", "fe201800": "uart4", "fe201a00": "uart5"}
 """UARTs of the BCM2711 as Raspberry Pi's documentation of its overlays and the kernel's messages name them."""
-MAJOR_OF_KIND = {"i2c": "89", "ttyAMA": "204", "ttyACM": "166", "ttyUSB": "188"}
-"""Linux, Documentation/admin-guide/devices.txt."""
+MAJOR_OF_KIND = {"i2c": "89", "ttyAMA": "204", "ttyACM": "166", "ttyUSB": "188", "gpiochip": "${GPIO_MAJOR"}
+"""Linux, Documentation/admin-guide/devices.txt; the number of gpiochip is given by the kernel as it starts."""
+KINDS = {"serial": ("ttyAMA", "ttyACM", "ttyUSB"), "i2c": ("i2c",), "gpio": ("gpiochip",)}
+SUBSYSTEM = {"serial": "tty", "i2c": "i2c-dev", "gpio": "gpio"}
+GROUP = {"serial": "dialout", "i2c": "i2c", "gpio": "gpio"}
+LIBRARY = {"serial": "pyserial", "i2c": "smbus2", "gpio": "gpiod"}
+"""By the wire of a sensor: kinds of device, their subsystem, the group that may open them, the library that does."""
+WIRES_OF_OUTPUT = {"pca9685": ("i2c", "gpio"), "stm32": ("serial",)}
+"""A PCA9685 may have a line that enables its outputs, which may drive a timer."""
 
 
 class CasedParser(configparser.ConfigParser):
@@ -96,7 +106,7 @@ def test_settings_of_the_owner_survive_a_new_tether(pi: Path) -> None:
 
 def test_whoever_sets_it_up_may_open_the_wires_too(pi: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SUDO_USER", "nobody")
-    assert "would run usermod --append --groups dialout,i2c nobody" in set_up(pi)
+    assert "would run usermod --append --groups dialout,i2c,gpio nobody" in set_up(pi)
     monkeypatch.delenv("SUDO_USER")
     assert "usermod" not in set_up(pi)
 
@@ -109,7 +119,7 @@ def test_a_container_gets_the_group_of_its_bus_and_no_service(tmp_path: Path) ->
     subprocess.run(command, check=True, capture_output=True, timeout=60)
     assert list(root.rglob("hindrax.service")) == []
     (settings,) = root.rglob(".env")
-    assert re.fullmatch(r"I2C_GID=\d+\n", settings.read_text())
+    assert re.fullmatch(r"I2C_GID=\d+\nGPIO_GID=\d+\nGPIO_MAJOR=\d+\n", settings.read_text())
 
 
 def test_a_machine_that_is_no_pi_gets_no_boot_settings(tmp_path: Path) -> None:
@@ -182,10 +192,41 @@ def test_the_core_clock_stands_still() -> None:
 
 
 def test_service_and_container_may_open_the_same_kinds_of_device() -> None:
-    allowed = {words.split()[1].partition(":")[0] for words in COMPOSE["device_cgroup_rules"]}
+    allowed = {words.removeprefix("c ").partition(":")[0] for words in COMPOSE["device_cgroup_rules"]}
     assert allowed == set(MAJOR_OF_KIND.values())
     service = (PI / "hindrax.service").read_text()
     assert set(re.findall(r"DeviceAllow=char-(\w+) rw", service)) == set(MAJOR_OF_KIND)
+
+
+USERS = [
+    *(pytest.param((row.wire,), id=row.name) for row in SENSORS),
+    *(pytest.param(WIRES_OF_OUTPUT[name], id=name) for name in knob_of(fields(Output)[0]).choices),
+    pytest.param(("gpio",), id="data_ready"),
+]
+"""Whatever a vehicle file can name, by its wires."""
+
+
+@pytest.mark.parametrize("wires", USERS)
+def test_whatever_a_vehicle_file_names_may_be_opened_as_deployed(wires: tuple[str, ...]) -> None:
+    """A leak probe could not work: neither unit nor container allowed its chip, and no lock had gpiod."""
+    service, set_up_script = (PI / "hindrax.service").read_text(), SET_UP.read_text()
+    (groups,) = re.findall(r"^SupplementaryGroups=(.*)$", service, re.MULTILINE)
+    for wire in wires:
+        for kind in KINDS[wire]:
+            assert f"DeviceAllow=char-{kind} rw\n" in service, f"hindrax.service: {kind} is shut off"
+            major = MAJOR_OF_KIND[kind]
+            assert any(rule.startswith(f"c {major}:") for rule in COMPOSE["device_cgroup_rules"]), f"compose: {kind}"
+        group = GROUP[wire]
+        assert group in groups.split(), f"hindrax.service: {group}"
+        assert any(group == one or f"{{{group.upper()}_GID:" in one for one in COMPOSE["group_add"]), (
+            f"compose: {group}"
+        )
+        assert re.search(rf"--groups \S*\b{group}\b", set_up_script), f"set-up.sh: {group}"
+        ruled = [rule for rule in rules() if f'SUBSYSTEM=="{SUBSYSTEM[wire]}"' in rule and f'GROUP="{group}"' in rule]
+        assert ruled, f"60-hindrax.rules: {group}"
+        for lock in ("native.lock", "wheels.lock"):
+            locked = (ROOT / "setup" / lock).read_text()
+            assert re.search(rf"^{LIBRARY[wire]}==", locked, re.MULTILINE), f"{lock}: {LIBRARY[wire]}"
 
 
 def test_the_container_is_kept_up_and_held_back() -> None:

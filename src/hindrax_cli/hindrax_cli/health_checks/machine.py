@@ -26,7 +26,7 @@ from hindrax_core.errors import HindraxError
 
 LIBRARIES = ("numpy", "scipy", "yaml", "rich", "textual", "serial", "smbus2", "mcap")
 PYTHONS = ((3, 11), (3, 12))
-GROUPS = ("dialout", "i2c")
+GROUPS = ("dialout", "i2c", "gpio")
 TIME_ERROR, STA_UNSYNC, MAX_ERROR_s = 5, 0x0040, 0.5
 NODE_WORDS = tuple(f"hindrax_{room}.nodes." for room in ("drivers", "control", "ident", "bag", "sim"))
 NODE_NAMES = tuple(process.name for process in EVERY)
