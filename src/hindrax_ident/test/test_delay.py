@@ -316,46 +316,41 @@ def test_the_delays_of_a_fit_are_between_what_it_shows_and_what_is_accepted(late
 
 
 class Rounds:
-    """In the place of search, fit and score: delays that the residuals tell, one round after the other."""
+    """In the place of searches and fit: delays that whitened searches find, one round after the other."""
 
-    def __init__(self, patch: pytest.MonkeyPatch, first: tuple[float, float], *reported: tuple[float, float]) -> None:
-        self.fitted, self._told, self.problem = list[tuple[float, float]](), iter(reported), build_problem
-        self.model, self.theta, self._first = SURGE, THETA, first
-        self.information = array(np.diag([50.0, 200.0]))
-        patch.setattr(module, "search_delay", lambda *_: DelayEstimate(0.0, *self._first, THETA))
+    def __init__(self, patch: pytest.MonkeyPatch, *found: tuple[float, float]) -> None:
+        self.fitted, self._found = list[tuple[float, float]](), iter(found)
+        self.problem = self.whitener = None
+        self.model, self.theta = SURGE, THETA
+        patch.setattr(module, "search_delay", lambda *_: DelayEstimate(0.0, 0.5, -0.2, THETA))
         patch.setattr(module, "refine", self.refine)
-        patch.setattr(module, "score", lambda *_: self)
-        patch.setattr(module, "delay_impulses", lambda *_: None)
+        patch.setattr(module, "_Search", lambda *_, **__: self)
 
     def refine(self, _model: Model, record: Record, _start: Array, _belief: Prior) -> Rounds:
         self.fitted.append((record.lag_s, record.latency_s))
-        self.problem = build_problem(SURGE, record)  # type: ignore[assignment]  # for its grid
         return self
 
-    @property
-    def values(self) -> Array:
-        """What is told less what the record has."""
-        return array(np.array(next(self._told)) - self.fitted[-1])
+    def run(self, _theta: Array, delays: Array) -> DelayEstimate:
+        assert tuple(delays) == self.fitted[-1]
+        lag_s, latency_s = next(self._found)
+        return DelayEstimate(0.0 if math.isfinite(lag_s) else math.inf, lag_s, latency_s, THETA)
 
 
 @pytest.mark.parametrize(
-    ("reported", "rounds"),
+    ("found", "rounds"),
     [
-        # Priors of 100 each: what is told of the lag has a third of the weight, of the latency two thirds.
-        ([(0.45, 0.35)], [(0.25, 0.25)]),
-        ([(0.45, 0.35), (0.4473, 0.35)], [(0.25, 0.25)]),
-        ([(0.75, 0.35), (0.75, 0.36), (0.75, 0.36)], [(0.35, 0.25), (0.35, 0.2566666)]),
-        ([(0.75, 0.35), (0.45, 0.35), (0.75, 0.35), (0.45, 0.35), (0.75, 0.35)], [(0.35, 0.25), (0.25, 0.25)] * 2),
-        ([(9.0, 9.0)], [(1.0, 1.0)]),
-        ([(-9.0, -9.0)], [(0.0, -1.0)]),
+        ([(0.5004, -0.1996)], []),
+        ([(0.25, 0.25), (0.2504, 0.25)], [(0.25, 0.25)]),
+        ([(0.25, 0.25), (0.25, 0.26), (0.25, 0.26)], [(0.25, 0.25), (0.25, 0.26)]),
+        ([(0.35, 0.25), (0.25, 0.25)] * 3, [(0.35, 0.25), (0.25, 0.25)] * 2),
+        ([(0.25, 0.25), (math.nan, math.nan)], [(0.25, 0.25)]),
     ],
 )
-def test_delays_are_weighed_until_they_stay_but_four_times_at_most(
-    late: Record, reported: list[tuple[float, float]], rounds: list[tuple[float, float]]
+def test_delays_are_searched_until_they_stay_but_four_times_at_most(
+    late: Record, found: list[tuple[float, float]], rounds: list[tuple[float, float]]
 ) -> None:
     with pytest.MonkeyPatch.context() as patch:
-        one = Rounds(patch, (0.5, -0.2), *reported, *reported[-1:] * 5)
+        one = Rounds(patch, *found)
         record, _ = fit_with_delays(late, THETA, SURGE, PRIOR, 0.1)
-    assert one.fitted[0] == (0.5, -0.2)
-    assert np.array(one.fitted[1:]) == pytest.approx(np.array(rounds), abs=1e-6)
+    assert one.fitted == [(0.5, -0.2), *rounds]
     assert (record.lag_s, record.latency_s) == one.fitted[-1]

@@ -10,7 +10,18 @@ from synthetic_runs import back_and_forth, fly
 
 from hindrax_core.vehicle import AxisGain, Mount, Vehicle
 from hindrax_ident.arrays import Array, Flags, array
-from hindrax_ident.assess.influences import GAIN, INFLUENCES, MODEL, RUN, Case, Influence, _coasts, _root, acting
+from hindrax_ident.assess.influences import (
+    GAIN,
+    INFLUENCES,
+    MODEL,
+    OTHER_AXES,
+    RUN,
+    Case,
+    Influence,
+    _coasts,
+    _root,
+    acting,
+)
 from hindrax_ident.assess.thrust_calibration import thrust_shares
 from hindrax_ident.fit.delay import lag_impulse, latency_impulse
 from hindrax_ident.fit.output_error import OutputErrorFit, refine
@@ -378,6 +389,33 @@ def test_masses_of_other_axes_err_by_their_own_columns(case: Case) -> None:
     assert (row("masses of other axes").sigma(case), row("masses of other axes").sigma(known)) == (0.0, 1.0)
 
 
+def with_others(case: Case, **moved: Array) -> Case:
+    """The case beside velocities of other axes."""
+    still = array(np.zeros(len(TIMES)))
+    others = tuple(Series(TIMES, moved.get(name, still)) for name in "uvwpqr")
+    return replace(case, record=replace(case.record, others=others))
+
+
+def test_the_other_axes_act_by_a_tenth_of_the_own_mass_and_drag_and_by_the_whole_speed(case: Case) -> None:
+    """Of one axis at constant speed across: no acceleration; two columns, in any rotation."""
+    across = array(np.full(len(TIMES), 0.4))
+    found = row(OTHER_AXES).effect(with_others(case, v=across))
+    k_q = TOP / SPEED**2
+    whole = -0.5 * k_q * (np.hypot(V, 0.4) - np.abs(V)) * V
+    wanted = of_force(array(whole), array(0.1 * k_q * 0.16 * np.ones(len(TIMES))))
+    assert found @ found.T == pytest.approx(wanted @ wanted.T, abs=1e-9)
+    # A turn by the length of the vehicle, and its acceleration by a tenth of the own mass.
+    turning = replace(with_others(case, r=array(np.where(TIMES < 3.0, 0.5 * TIMES, 0.0))), vehicle=case.vehicle)
+    pushed = row(OTHER_AXES).effect(turning)[5]
+    assert abs(pushed[0]) == pytest.approx(0.1 * 27.0 * 0.5 * 0.1 * case.vehicle.characteristic_length_m, rel=0.1)
+
+
+def test_without_motion_beside_it_nothing_acts_from_the_other_axes(case: Case) -> None:
+    assert row(OTHER_AXES).sigma(case) == 0.0
+    assert row(OTHER_AXES).sigma(with_others(case)) == 0.0
+    assert row(OTHER_AXES).sigma(with_others(case, v=array(np.full(len(TIMES), 1e-4)))) == 0.0
+
+
 def test_a_tilt_is_a_share_of_the_net_buoyancy_or_of_the_stiffness(case: Case) -> None:
     for name in ("tilt of the accelerometer", "tilt of the mount"):
         assert_effect(case, name, of_force(np.full(32, case.vehicle.net_buoyancy_N)))
@@ -509,7 +547,7 @@ def test_every_influence_that_acts_has_the_prior_of_a_usual_pool(case: Case) -> 
         scope, wanted, considered, near, alone, loss = PRIORS[one.name]
         assert sigma == pytest.approx(wanted), one.name
         assert (one.scope, one.considered, one.near, one.alone, one.loss) == (scope, considered, near, alone, loss)
-    assert all(one.considered for one in INFLUENCES if one.name not in PRIORS)
+    assert all(one.considered for one in INFLUENCES if one.name not in (*PRIORS, OTHER_AXES))
     plain = {one.name for one, _ in acting(case)}
     doubts = {"dead band of the thrust", "exponent of the thrust", "friction of the tether", "stamps of the record"}
     assert row(losses).sigma(case) == PRIORS[losses][1]

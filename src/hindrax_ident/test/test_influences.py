@@ -10,7 +10,7 @@ from synthetic_runs import back_and_forth, fly
 from hindrax_core.vehicle import AxisGain, Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.influences import GAIN, INFLUENCES, MEASURED_THRUST, MODEL, RUN, Case, Influence
-from hindrax_ident.assess.uncertainty_budget import ALL, _Likelihood, _posterior, _prior, budget_of
+from hindrax_ident.assess.uncertainty_budget import ALL, Budget, _Likelihood, _posterior, _prior, budget_of
 from hindrax_ident.fit.output_error import refine
 from hindrax_ident.model.model_parameters import wide_prior
 from hindrax_ident.model.motion_model import model_of
@@ -40,7 +40,8 @@ def flight_of(vehicle: Vehicle, axis: int, theta: Array) -> Case:
     measured = Series(t, v + 0.004 * rng.standard_normal(len(t)))
     thrust = Series(flight.times_s, flight.commands)
     idling = Series(thrust.t, thrust.y**2 + 8.0)
-    record = Record(measured, thrust, (Stretch(0.0, 63.9),), effort=idling, lag_s=0.15)
+    others = tuple(Series(t, array((one != axis) * 0.1 * np.sin((0.3 + 0.1 * one) * t))) for one in range(6))
+    record = Record(measured, thrust, (Stretch(0.0, 63.9),), effort=idling, others=others, lag_s=0.15)
     prior = wide_prior(vehicle, model)
     return Case(vehicle, record, refine(model, record, prior.values, prior), TUNING)
 
@@ -128,7 +129,8 @@ def test_thrusters_that_oppose_each_other_damp_by_inflow_however_little_they_pus
     assert k_l * top > 5.0 * k_q * top**2
 
 
-def test_what_is_far_beyond_any_pool_is_no_explanation(flown: Case) -> None:
+def test_what_is_far_beyond_any_pool_is_no_explanation(flown: Case, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Budget, "_needs", lambda *_: True)
     budget = budget_of(flown)
     (at,) = (columns.start for columns, row, _ in budget.rows if row.name == "sag over the run")
     for times, words in ((-5.0, "the record shows sag over the run (-0.5"), (-59.0, "what no influence explains")):
@@ -138,6 +140,16 @@ def test_what_is_far_beyond_any_pool_is_no_explanation(flown: Case) -> None:
         (informative,) = replace(budget, mean=mean, covariance=covariance).warnings()
         assert words in informative
     assert "59 times what a pool has" in informative
+
+
+def test_what_may_not_be_judged_and_explains_a_record_as_well_leaves_no_cause(flown: Case) -> None:
+    """Inflow loss, in the place of which a sag would be named."""
+    (inflow,) = (one for one in INFLUENCES if one.name == "inflow loss")
+    budget = budget_of(with_influence(flown, inflow, 3.0 * inflow.sigma(flown)))
+    mean = np.zeros(len(budget.mean))
+    for row, one, _ in budget.rows:
+        mean[row] = 6.0 * (one.name == "sag under load")
+    assert replace(budget, mean=mean, covariance=0.01 * np.eye(len(mean))).warnings() == ()
 
 
 def test_a_loss_that_a_record_hardly_shows_is_never_greater_than_the_thrust() -> None:

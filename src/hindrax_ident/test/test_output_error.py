@@ -102,13 +102,13 @@ def test_a_fit_may_be_repeated_with_another_noise(fit: OutputErrorFit) -> None:
 def test_another_record_is_fitted_with_the_noise_of_the_first_and_without_its_outliers(
     record: Record, fit: OutputErrorFit
 ) -> None:
-    theta, sigmas = retrained(fit, record, PRIOR)
+    theta, _, sigmas = retrained(fit, record, PRIOR)
     assert theta == pytest.approx(fit.theta, rel=1e-3, abs=1e-3)
     assert sigmas[0] == pytest.approx(fit.sigmas[0], rel=1e-3)
     assert math.isnan(sigmas[1])
     v = record.velocity.y.copy()
     v[[20, 90, 150]] += np.array([0.2, -0.2, 0.3])
-    spoiled, deviations = retrained(fit, replace(record, velocity=Series(record.velocity.t, array(v))), PRIOR)
+    spoiled, _, deviations = retrained(fit, replace(record, velocity=Series(record.velocity.t, array(v))), PRIOR)
     assert np.all(np.abs(spoiled - theta) < 0.5 * np.sqrt(np.diag(fit.covariance)))
     assert deviations[0] == pytest.approx(sigmas[0], rel=0.05)
 
@@ -121,7 +121,7 @@ def test_positions_have_deviations_of_their_own(record: Record, recwarn: pytest.
     found = refine(SURGE, both, PRIOR.values, PRIOR)
     assert found.sigmas == pytest.approx((SIGMA_mps, 0.02), rel=0.15)
     assert found.noise.position == pytest.approx(4e-4, rel=0.5)
-    _, sigmas = retrained(found, both, PRIOR)
+    _, _, sigmas = retrained(found, both, PRIOR)
     assert sigmas == pytest.approx(found.sigmas, rel=1e-3)
     alone = replace(record, velocity=NOTHING, position=placed)
     deviations = refine(SURGE, alone, PRIOR.values, PRIOR).sigmas
@@ -228,6 +228,11 @@ def test_a_search_without_an_end_ends_after_forty_steps(fit: OutputErrorFit, pat
     assert steps[:3] == pytest.approx([0.5 / (1.0 + 1e-3 * 0.02**k) for k in range(3)])
 
 
+def test_what_is_left_decides_not_that_the_steps_are_over(fit: OutputErrorFit, patch: pytest.MonkeyPatch) -> None:
+    falling = Landscape(patch, 0.003, itertools.count(1000.0, -1.0))
+    assert falling.searched(fit) == (40, True)
+
+
 @pytest.mark.parametrize("nothing", [None, 1000.0, 1001.0])
 def test_a_search_that_finds_nothing_lower_ends_unconverged(
     fit: OutputErrorFit, patch: pytest.MonkeyPatch, nothing: float | None
@@ -252,9 +257,9 @@ def test_after_good_steps_the_damping_begins_at_a_millionth(fit: OutputErrorFit,
 
 @pytest.mark.parametrize("scale", [1.0, 100.0])
 @pytest.mark.parametrize(
-    ("steps", "found"), [(0.9e-3, (1, True)), (1.1e-3, (13, True)), (0.049, (13, True)), (0.051, (13, False))]
+    ("steps", "found"), [(0.9e-3, (1, True)), (1.1e-3, (13, True)), (0.249, (13, True)), (0.251, (13, False))]
 )
-def test_what_is_less_than_a_twentieth_of_a_deviation_off_has_converged(
+def test_what_is_less_than_a_quarter_of_a_deviation_off_has_converged(
     fit: OutputErrorFit, patch: pytest.MonkeyPatch, scale: float, steps: float, found: tuple[int, bool]
 ) -> None:
     """Where nothing decreases the cost; a thousandth off, no other step is tried."""
@@ -271,7 +276,7 @@ def test_a_step_within_the_tolerance_ends_the_search(
     """One of 1.02 tolerances does not, however small damping makes it."""
     limit = 0.01 * math.sqrt(1.0 + samples)
     near = Landscape(patch, beyond * limit, itertools.chain([1000.0] * 2, itertools.repeat(None)), scale)
-    assert near.searched(fit, samples, 0.01) == ((0, True) if beyond < 1.0 else (13, beyond * limit < 0.05))
+    assert near.searched(fit, samples, 0.01) == ((0, True) if beyond < 1.0 else (13, beyond * limit < 0.25))
 
 
 # ---- the noise at first

@@ -71,7 +71,9 @@ def rows_with(gains: Influence) -> tuple[BudgetRow, ...]:
 
 
 @pytest.fixture
-def budget(case: Case) -> Budget:
+def budget(case: Case, monkeypatch: pytest.MonkeyPatch) -> Budget:
+    """Numbers made up for a record of which nothing is known: whether it needs an influence is not asked."""
+    monkeypatch.setattr(Budget, "_needs", lambda *_: True)
     return Budget(
         case=case,
         rows=rows_with(GAINS),
@@ -80,6 +82,7 @@ def budget(case: Case) -> Budget:
         covariance=COVARIANCE,
         evidence=array(np.zeros(3)),
         likelihood=budget_of(case, ()).likelihood,
+        whole=budget_of(case, ()).whole,
     )
 
 

@@ -18,7 +18,7 @@ from hindrax_core.signals import NAN, Attitude, IdentEvent, Phase, Thrust, Veloc
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array, Flags, array
 from hindrax_ident.model.motion_model import motions_of
-from hindrax_ident.online.record_session import SOURCE, on_axis_only
+from hindrax_ident.online.record_session import SOURCE, finite_wrench
 from hindrax_ident.tuning import Tuning, for_foreign_records
 
 FEWEST = 20
@@ -231,8 +231,8 @@ def events(recording: Recording, axis: int, begin_s: float = 0.0) -> Iterator[St
     """Events of one axis in the order of time, the record's origin at `begin_s`; the last one ends the motion."""
     motion = motions_of(axis)[0].name
     parts: list[tuple[float, int, IdentEvent]] = [(recording.begin_s, 1, Phase(motion, "excite"))]
-    forces = zip(recording.wrench_t.tolist(), recording.wrench[:, axis].tolist(), strict=True)
-    parts += [(t, 0, Thrust(on_axis_only(axis, force))) for t, force in forces if math.isfinite(force)]
+    forces = zip(recording.wrench_t.tolist(), recording.wrench.tolist(), strict=True)
+    parts += [(t, 0, Thrust(finite_wrench(wrench))) for t, wrench in forces if math.isfinite(wrench[axis])]
     known = np.isfinite(recording.velocity).any(axis=1)
     rows = zip(recording.velocity_t[known].tolist(), recording.velocity[known].tolist(), strict=True)
     # Of all axes: motion along the others causes forces on this one.

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hindrax_core.text.digits import measured
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.influences import LAG, LATENCY, MODEL, RUN, Case
@@ -228,7 +229,25 @@ def result_of(motion: Motion, assessment: Assessment) -> MotionResult:
         quality=_quality(assessment),
         budget={**_budget(assessment, reported), "drag": drag.budget},
         next_step=drag.next_step,
-        warnings=(*assessment.budget.warnings(), *_unseen(assessment, reported, drag)),
+        warnings=(
+            *_at_bounds(theta, covariance, model.rigid, reported),
+            *assessment.budget.warnings(),
+            *_unseen(assessment, reported, drag),
+        ),
+    )
+
+
+def _at_bounds(theta: Array, covariance: Array, rigid: float, reported: ReportedParameters) -> tuple[str, ...]:
+    """One sentence for each coefficient that is reported at its bound, and what the record alone would make of it."""
+    values = theta[reported.rows]
+    values[reported.mass] -= rigid
+    sigmas, within = _sigmas(covariance), _within(values, covariance, reported)
+    return tuple(
+        f"{name} is at its bound, {least:g} {unit}: the record alone would make it {measured(value, sigma)} {unit}"
+        for name, unit, least, value, sigma, shown in zip(
+            reported.names, reported.units, reported.low, values.tolist(), sigmas.tolist(), within.tolist(), strict=True
+        )
+        if shown == least and value < least
     )
 
 

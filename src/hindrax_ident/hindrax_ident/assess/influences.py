@@ -45,12 +45,21 @@ TETHER = 0.04
 """Standard deviation of the pull or drag of a tether, as a share of the largest thrust [-]."""
 STUCK = 0.02
 """Share of the highest speed below which dry friction is less than that of motion [-]."""
+CROSS_DRAG, OFF_DIAGONAL = 0.5, 0.1
+"""Standard deviations of the drag that an axis has from the speed across it, of that of one speed, and of off-diagonal
+terms of added mass and drag, of the own ones [-]."""
+LEAST_CROSSING = 0.003
+"""Impulse of another axis, of those of the thrust, below which it is nothing [-]."""
+MOST_CROSSINGS = 4
+SMOOTH_S = 0.4
+"""Mean of a velocity before its change: that of one sample is noise."""
 SURGE, HEAVE, YAW = 0, 2, 5
 NEAR = 0.03
 """Share of the influences of a usual pool that is left in water near the model [-]."""
 IDLING = 10.0
 """Percentile of the effort that is that of idle thrusters."""
 NOT_WEIGHED = AxisGain(load=1.0, sigma=0.0)
+OTHER_AXES = "forces of the other axes"
 LAG, LATENCY = "thrust lag", "latency of the velocity"
 GAIN, RUN, MODEL = "gain", "run", "model"
 """Scope of a row: scales all forces; differs in each run, so it belongs to `std`; is missing in the model."""
@@ -114,6 +123,40 @@ class Case:
         for index, (per_newton, share) in thrust_shares(vehicle, self.axis).items():
             out += per_newton**2 * np.sqrt(np.abs(share * self.thrust + holding.get(index, 0.0) * held_N))
         return array(out)
+
+    @cached_property
+    def others(self) -> Array:
+        """Velocities of all axes in units of this one's, by the length of the vehicle; its own zero: (n, 6)."""
+        t = self.fit.problem.grid.times_s
+        if not self.record.others:
+            return np.zeros((len(t), 6))
+        length = self.vehicle.characteristic_length_m
+        to_own = np.where(np.arange(6) >= 3, length, 1.0) / (length if self.axis >= 3 else 1.0)
+        kernel = np.ones(max(1, round(SMOOTH_S / max(1e-9, float(np.median(self.steps_s[self.steps_s > 0.0]))))))
+        weight = np.convolve(np.ones(len(t)), kernel, "same")
+        rows = [np.convolve(np.interp(t, one.t, one.y), kernel, "same") / weight for one in self.record.others]
+        return array(np.stack(rows, axis=1) * to_own)
+
+    @cached_property
+    def crossing(self) -> Array:
+        """Impulses of what the other axes do to this one, each of one deviation: (n, k), k at most MOST_CROSSINGS.
+
+        Off-diagonal added mass and drag of each axis, and the drag that grows with the whole speed; of all these the
+        combinations that do most, as unknowns of one deviation may be rotated.
+        """
+        others, starts = self.others, self.fit.problem.grid.starts
+        own_kind = others[:, :3] if self.axis < 3 else others[:, 3:]
+        whole = np.sqrt(self.v**2 + np.sum(own_kind**2, axis=1))
+        across = -self.top_drag / max(1e-9, self.speed**2) * (whole - np.abs(self.v)) * self.v
+        drags = self.top_drag / max(1e-9, self.speed**2) * np.abs(others) * others
+        columns = [
+            self.of_force(CROSS_DRAG * across),
+            self.of_force(OFF_DIAGONAL * drags),
+            OFF_DIAGONAL * self.mass * per_step(others, starts),
+        ]
+        U, sizes, _ = np.linalg.svd(np.hstack(columns), full_matrices=False)
+        matters = sizes[:MOST_CROSSINGS] > LEAST_CROSSING * np.linalg.norm(self.of_force(self.thrust))
+        return array((U * sizes)[:, :MOST_CROSSINGS][:, matters])
 
     @cached_property
     def speed(self) -> float:
@@ -570,6 +613,11 @@ INFLUENCES: tuple[Influence, ...] = (
         "exponent of the drag", "-", MODEL, _always(0.17),
         lambda case: case.of_force(-_exponent(case, case.v)),
         "fly the speeds at which the coefficients will be used", drag=_exponent, near=NEAR,
+    ),
+    Influence(
+        OTHER_AXES, "sigma", MODEL,
+        lambda case: 1.0 if case.crossing.shape[1] else 0.0, lambda case: case.crossing,
+        "fly one axis at a time, and hold the others",
     ),
     Influence(
         "masses of other axes", "sigma", RUN,

@@ -3,19 +3,22 @@
 Each reason against a result is a sentence with the number behind it.
 """
 
+import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hindrax_core.text.digits import measured
-from hindrax_ident.arrays import Array
+from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.prediction import WINDOW_S, Prediction, predict, windows_of
 from hindrax_ident.assess.results import Contribution
 from hindrax_ident.fit.autoregression import autocorrelation, ljung_box
 from hindrax_ident.fit.output_error import OutputErrorFit, retrained
 from hindrax_ident.model.model_parameters import Prior
-from hindrax_ident.records.axis_record import Record, Stretch
+from hindrax_ident.model.motion_model import Model
+from hindrax_ident.records.axis_record import EMPTY, Record, Series, Stretch
 
 FEWEST_EFFECTIVE = 10.0
 FORCE_SHARE = 0.20
@@ -27,6 +30,7 @@ SAME_SPEED = 0.1
 ONE_SPEED_SHARE = 0.7
 LINEAR_SHARE = 0.1
 HELD_OUT_SHARE = 0.25
+STILL = Series(EMPTY, EMPTY)
 MOST_HELD_OUT = 0.51
 """Share of the time that the last of several runs may have; two runs are seldom of one length."""
 BETWEEN_RUNS_S = 300.0
@@ -106,7 +110,8 @@ class Validation:
     """Prediction of the last part of a record by a model fitted to the first, over windows of WINDOW_S.
 
     `fit` is 1 minus the ratio of the error to the motion (root mean squares), over whole stretches: 1 is perfect, 0 no
-    better than the mean. `excess` is the ratio of that error to that of the fitted part.
+    better than the mean. `excess` is the ratio of that error to what was to be expected: that of the fitted part, and
+    what the first part alone does not know of the coefficients.
     """
 
     prediction: Prediction
@@ -115,43 +120,68 @@ class Validation:
 
 
 def validation(record: Record, fit: OutputErrorFit, prior: Prior) -> Validation | None:
-    """Hold out the last run of several, or the last quarter of one; None when either part is too short."""
-    first, last = held_out(record.stretches)
+    """Hold out the last run of several, or the last quarter of the motion of one; None when a part is too short."""
+    first, last = held_out(record.stretches, record.motion())
     try:
-        theta, sigmas = retrained(fit, record.with_stretches(first), prior)
+        theta, covariance, sigmas = retrained(fit, record.with_stretches(first), prior)
         whole = predict(fit.model, theta, record.with_stretches(last))
         windows = windows_of(last, WINDOW_S)
         shown = predict(fit.model, theta, record.with_stretches(windows)) if windows else whole
     except ValueError:
         return None
     motion, error = float(np.std(whole.measured)), whole.rmse(whole.predicted)
+    unknown = _unknown(fit.model, theta, covariance, record.with_stretches(last), whole)
+    expected = math.hypot(sigmas[1 if whole.of_position else 0], unknown)
     return Validation(
         shown,
         fit=1.0 - error / motion if motion > 0.0 else 0.0,
-        excess=error / max(sigmas[1 if whole.of_position else 0], 1e-12),
+        excess=error / max(expected, 1e-12),
     )
 
 
-def held_out(stretches: tuple[Stretch, ...]) -> tuple[tuple[Stretch, ...], tuple[Stretch, ...]]:
-    """Stretches split so that the later part has a quarter of their time; a stretch may be cut.
+def _unknown(model: Model, theta: Array, covariance: Array, record: Record, predicted: Prediction) -> float:
+    """Root mean square of what one deviation of each combination of the parameters changes of a prediction."""
+    sizes, axes = np.linalg.eigh(covariance)
+    changes = (math.sqrt(max(0.0, size)) * axis for size, axis in zip(sizes.tolist(), axes.T, strict=True))
+    total = 0.0
+    for change in changes:
+        try:
+            other = predict(model, array(theta + change), record)
+        except ValueError:
+            return math.inf
+        total += float(np.mean((other.predicted - predicted.predicted) ** 2))
+    return math.sqrt(total)
 
-    Of several runs the later part is the last run, where that is no more than half of the time.
+
+def held_out(stretches: tuple[Stretch, ...], moved: Series = STILL) -> tuple[tuple[Stretch, ...], tuple[Stretch, ...]]:
+    """Stretches split so that the later part has a quarter of the motion; a stretch may be cut.
+
+    `moved`: integral of the squared velocity (see `Record.motion`), without which a quarter of the time is held out. A
+    quarter of the clock may be one in which the axis rested, and then any error is more than its motion. Of several
+    runs the later part is the last run, where that is no more than half of the time.
     """
     total = sum(one.end_s - one.start_s for one in stretches)
     runs = [at for at in range(1, len(stretches)) if stretches[at].start_s - stretches[at - 1].end_s > BETWEEN_RUNS_S]
     if runs and sum(one.end_s - one.start_s for one in stretches[runs[-1] :]) <= MOST_HELD_OUT * total:
         return stretches[: runs[-1]], stretches[runs[-1] :]
-    left = (1.0 - HELD_OUT_SHARE) * total
-    first: list[Stretch] = []
-    last: list[Stretch] = []
-    for one in stretches:
-        cut = min(one.end_s, max(one.start_s, one.start_s + left))
-        if cut > one.start_s:
-            first.append(replace(one, end_s=cut))
-        if cut < one.end_s:
-            last.append(replace(one, start_s=cut))
-        left -= one.end_s - one.start_s
-    return tuple(first), tuple(last)
+    cut_s = _cut_s(stretches, moved)
+    first = tuple(replace(one, end_s=min(one.end_s, cut_s)) for one in stretches if one.start_s < cut_s)
+    last = tuple(replace(one, start_s=max(one.start_s, cut_s)) for one in stretches if one.end_s > cut_s)
+    return first, last
+
+
+def _cut_s(stretches: Sequence[Stretch], moved: Series) -> float:
+    """Time at which all but HELD_OUT_SHARE of the motion, or of the time, is over."""
+    if not len(moved) or not moved.y[-1] > 0.0:
+        ends = np.cumsum([0.0, *(one.end_s - one.start_s for one in stretches)])
+        moved = Series(
+            np.ravel([[one.start_s, one.end_s] for one in stretches]),
+            np.ravel(list(itertools.pairwise(ends.tolist()))),
+        )
+    wanted = (1.0 - HELD_OUT_SHARE) * float(moved.y[-1])
+    at = int(np.searchsorted(moved.y, wanted))
+    (before_s, after_s), (less, more) = moved.t[at - 1 : at + 1].tolist(), moved.y[at - 1 : at + 1].tolist()
+    return float(before_s + (after_s - before_s) * (wanted - less) / (more - less))
 
 
 @dataclass(frozen=True, slots=True)

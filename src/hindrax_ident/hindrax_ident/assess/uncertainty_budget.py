@@ -39,6 +39,8 @@ MOST_INFORMATION, MOST_VARIANCE = 1e6, 1e4
 """Limits in prior units: beyond them the inverse would lose its digits, and nothing would change."""
 MOST = 0.5
 """Share of a variance above which it is mostly that of its cause."""
+NEEDED = 1.6
+"""Logarithm of the odds that a record has an influence, against all others, above which it is named: five to one."""
 SURPRISE = 3.0
 """Standard deviations from zero beyond which an influence seen in a record is reported."""
 
@@ -49,7 +51,7 @@ class Budget:
 
     `shifts` (p, m): error of the parameters per unit; `mean` (m,) and `covariance` (m, m): what is known of them
     after the record. `evidence` (k,): log evidence of this record for each nearness of the water to the model.
-    `likelihood`: what the residuals show of all influences together, and the prior.
+    `likelihood`: what the residuals show of the influences that they may judge, and the prior; `whole`: of all.
     """
 
     case: Case
@@ -59,6 +61,7 @@ class Budget:
     covariance: Array
     evidence: Array
     likelihood: _Likelihood
+    whole: _Likelihood
 
     def in_water(self, water: Array) -> Budget:
         """The budget in the water of a run: (k,), the sum of the evidence of all its motions."""
@@ -143,23 +146,31 @@ class Budget:
         return math.nan, math.nan
 
     def warnings(self) -> tuple[str, ...]:
-        """One sentence for each influence that the record shows beyond chance, the clearest first."""
-        out = []
+        """One sentence for each influence that the record shows beyond chance, the clearest first.
+
+        None where the record needs none of them: then what it may not judge, such as inflow, explains it as well.
+        """
+        surprise = self._surprise
+        clear = []
         for row, influence, sigma in self.rows:
-            at = row.start + int(np.argmax(self._surprise[row]))
-            surprise = float(self._surprise[at])
-            if surprise > SURPRISE and abs(self.mean[at]) > 1.0:
-                value, spread = sigma * float(self.mean[at]), sigma * math.sqrt(self.covariance[at, at])
-                unit = "N m" if influence.unit == "N" and self.case.axis >= 3 else influence.unit
-                shown = f"{influence.name} ({measured(value, spread)} {unit})"
-                sentence = f"the record shows {shown}: {influence.remedy}"
-                if (times := abs(float(self.mean[at]))) > GREAT:
-                    sentence = (
-                        f"the record shows what no influence explains; the nearest, {shown}, is {times:.0f} times "
-                        "what a pool has: it is in the band, but hardly the cause"
-                    )
-                out.append((surprise, sentence))
-        return tuple(text for _, text in sorted(out, reverse=True))
+            at = row.start + int(np.argmax(surprise[row]))
+            if surprise[at] > SURPRISE and abs(self.mean[at]) > 1.0:
+                clear.append((float(surprise[at]), at, row, self._named(at, influence, sigma)))
+        if not clear or not self._needs([row for _, _, row, _ in clear]):
+            return ()
+        return tuple(text for *_, text in sorted(clear, key=lambda one: one[:2], reverse=True))
+
+    def _named(self, at: int, influence: Influence, sigma: float) -> str:
+        """Sentence about an influence, by the value of one of its unknowns."""
+        value, spread = sigma * float(self.mean[at]), sigma * math.sqrt(self.covariance[at, at])
+        unit = "N m" if influence.unit == "N" and self.case.axis >= 3 else influence.unit
+        shown = f"{influence.name} ({measured(value, spread)} {unit})"
+        if (times := abs(float(self.mean[at]))) > GREAT:
+            return (
+                f"the record shows what no influence explains; the nearest, {shown}, is {times:.0f} times "
+                "what a pool has: it is in the band, but hardly the cause"
+            )
+        return f"the record shows {shown}: {influence.remedy}"
 
     def unseen(self, quantities: Mapping[str, tuple[Array, float]]) -> tuple[str, ...]:
         """One sentence for each remedy of what no record shows and what makes most of the variance of quantities.
@@ -183,6 +194,13 @@ class Budget:
                     f"most of the band of {widened} comes from what this record does not show ({causes}): {remedy}"
                 )
         return tuple(out)
+
+    def _needs(self, rows: Sequence[slice]) -> bool:
+        """Whether the record needs any of these influences: without them the others explain it worse."""
+        kept = np.ones(len(self.mean))
+        for row in rows:
+            kept[row] = 0.0
+        return _evidence(self.whole) - _evidence(_only(self.whole, kept)) > NEEDED
 
     @property
     def _surprise(self) -> Array:
@@ -219,11 +237,13 @@ def budget_of(case: Case, influences: Sequence[Influence] = INFLUENCES) -> Budge
     for row, influence, _ in rows:
         judged[row] = not influence.considered or influence.shown(case)
     weighed = _weighed(case, found.shifts)
+    prior = _prior(rows)
     likelihood = _Likelihood(
         array(found.information * np.outer(judged, judged) + weighed[0]),
         array(found.gradient * judged + weighed[1]),
-        _prior(rows),
+        prior,
     )
+    whole = _Likelihood(array(found.information + weighed[0]), array(found.gradient + weighed[1]), prior)
     mean, covariance, evidence = _posterior(likelihood)
     return Budget(
         case=case,
@@ -233,6 +253,7 @@ def budget_of(case: Case, influences: Sequence[Influence] = INFLUENCES) -> Budge
         covariance=covariance,
         evidence=evidence,
         likelihood=likelihood,
+        whole=whole,
     )
 
 
@@ -266,6 +287,18 @@ class _Likelihood(NamedTuple):
     information: Array
     gradient: Array
     prior: _Prior
+
+
+def _only(data: _Likelihood, kept: Array) -> _Likelihood:
+    """The likelihood of a record without the influences whose place in `kept`, (m,), is zero."""
+    return _Likelihood(array(data.information * np.outer(kept, kept)), array(data.gradient * kept), data.prior)
+
+
+def _evidence(data: _Likelihood) -> float:
+    """Logarithm of the evidence of a record in whatever water."""
+    evidence = _posterior(data).evidence
+    odds = np.array([*[NEAR_ODDS] * (len(evidence) - 1), 0.0])
+    return float(np.logaddexp.reduce(evidence + odds))
 
 
 class _Posterior(NamedTuple):

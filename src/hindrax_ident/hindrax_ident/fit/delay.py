@@ -1,11 +1,13 @@
 """Joint estimation of thrust lag, latency of the stamps and coefficients, for records that give neither delay.
 
 An unmodeled lag appears as mass: 0.2 s may double that of a small vehicle. Lag and latency differ only in the rounding
-of the delayed signal, which an alternating search does not find: so both are unknowns of one fit, first with all
-measurements and without whitening. Samples rejected or explained as disturbance at a wrong lag would be just those
-that reveal it.
+of the delayed signal, which an alternating search does not find: so both are unknowns of one fit. It begins with all
+measurements and without whitening: samples rejected or explained as disturbance at a wrong lag would be just those
+that reveal it. It ends with the whitening of the fit at the delays found: slow forces that nobody knows look like a
+delay to a search that takes each residual for new.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
@@ -21,13 +23,15 @@ from hindrax_ident.fit.output_error_problem import (
     linearize,
     restarted,
 )
-from hindrax_ident.fit.score_test import score
-from hindrax_ident.model.model_parameters import Prior
+from hindrax_ident.fit.whitening import Whitener
+from hindrax_ident.model.model_parameters import Prior, newton_step
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.model.simulation import Grid, Trajectory, per_step
 from hindrax_ident.model.thrust_lag import LaggedThrust
 from hindrax_ident.records.axis_record import Record
 
+MASS = -3
+"""Index of the total mass among the unknowns of a search: lag and latency follow it."""
 SMALL_S = 1e-4
 LONGEST_S = 1.0
 STEPS = 25
@@ -84,11 +88,22 @@ def search_delay(model: Model, record: Record, start: Array, prior: Prior, sigma
 
 
 class _Search:
-    """Levenberg-Marquardt over parameters, lag and latency."""
+    """Levenberg-Marquardt over parameters, lag and latency; weighted by residuals, or by a `whitener`."""
 
-    def __init__(self, problem: OutputErrorProblem, record: Record, prior: Prior, sigma_s: float) -> None:
+    def __init__(
+        self,
+        problem: OutputErrorProblem,
+        record: Record,
+        prior: Prior,
+        sigma_s: float,
+        *,
+        usual_s: Array | None = None,
+        whitener: Whitener | None = None,
+    ) -> None:
+        """`sigma_s`: prior deviation of lag and latency; `usual_s`: their values, (2,), by default for the record."""
         self._problem, self._record, self._size = problem, record, len(prior.values)
-        self._mean = np.concatenate([prior.values, prior_delays(record)])
+        self._whitener = whitener
+        self._mean = np.concatenate([prior.values, prior_delays(record) if usual_s is None else usual_s])
         self._information = np.concatenate([1.0 / prior.sigmas**2, np.full(2, 1.0 / sigma_s**2)])
 
     def run(self, theta: Array, delays: Array) -> DelayEstimate:
@@ -125,15 +140,16 @@ class _Search:
         normal = linear.information + np.diag(self._information)
         gradient = linear.gradient + self._information * (self._mean - x)
         scale = np.sqrt(np.diag(normal))
-        damped = normal / np.outer(scale, scale) + damping * np.eye(len(x))
-        return self._bounded(x + np.linalg.solve(damped, gradient / scale) / scale)
+        damped = array(normal / np.outer(scale, scale) + damping * np.eye(len(x)))
+        room = scale[MASS] * (self._problem.model.least_mass - x[MASS])
+        return self._bounded(x + newton_step(damped, array(gradient / scale), float(room), MASS) / scale)
 
     def _at(self, x: Array, path: Trajectory, weigh: Callable[[Array], Array]) -> LinearizedProblem | None:
         record = replace(self._record, lag_s=float(x[-2]), latency_s=float(x[-1]))
         grid = self._problem.grid
         moved = Grid(grid.times_s, grid.starts, per_step(record.impulse(grid.times_s), grid.starts))
         problem = replace(self._problem, grid=moved)
-        return linearize(problem, x[: self._size], path, weigh, delay_impulses(record, grid)) if x[-3] > 0.0 else None
+        return linearize(problem, x[: self._size], path, weigh, delay_impulses(record, grid)) if x[MASS] > 0.0 else None
 
     def _bounded(self, x: Array) -> Array:
         """Unknowns with both delays within limits: (p + 2,)."""
@@ -141,7 +157,9 @@ class _Search:
         return x
 
     def _weights(self, linear: LinearizedProblem | None) -> Callable[[Array], Array]:
-        """Robust weighting of measurements by their residuals."""
+        """Whitening, or robust weighting of measurements by their residuals."""
+        if self._whitener is not None:
+            return self._whitener
         if linear is None:
             return lambda table: table
         weights = np.ones(len(linear.raw))
@@ -165,18 +183,18 @@ def fit_with_delays(
     record: Record, start: Array, model: Model, prior: Prior, sigma_s: float
 ) -> tuple[Record, OutputErrorFit]:
     """Record and fit once lag and latency agree with the whitened residuals and with their prior."""
-    usual, information = prior_delays(record), np.eye(2) / sigma_s**2
+    usual_s = prior_delays(record)
     first = search_delay(model, record, start, prior, sigma_s)
     record = replace(record, lag_s=first.lag_s, latency_s=first.latency_s)
     fit = refine(model, record, first.theta, prior)
     for _ in range(ROUNDS):
-        found = score(fit, delay_impulses(record, fit.problem.grid))
         before = np.array([record.lag_s, record.latency_s])
-        known = found.information
-        after = np.linalg.solve(known + information, known @ (before + found.values) + information @ usual)
-        after = np.clip(after, [0.0, -LONGEST_S], LONGEST_S)
-        if float(np.abs(after - before).max()) < SETTLED_S:
+        search = _Search(fit.problem, record, prior, sigma_s, usual_s=usual_s, whitener=fit.whitener)
+        found = search.run(fit.theta, before)
+        if not math.isfinite(found.error):
             break
-        record = replace(record, lag_s=float(after[0]), latency_s=float(after[1]))
-        fit = refine(fit.model, record, fit.theta, prior)
+        if max(abs(found.lag_s - record.lag_s), abs(found.latency_s - record.latency_s)) < SETTLED_S:
+            break
+        record = replace(record, lag_s=found.lag_s, latency_s=found.latency_s)
+        fit = refine(fit.model, record, found.theta, prior)
     return record, fit

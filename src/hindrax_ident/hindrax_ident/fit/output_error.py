@@ -25,7 +25,7 @@ from hindrax_ident.fit.output_error_problem import (
     whitener_of,
 )
 from hindrax_ident.fit.whitening import Noise, Whitener
-from hindrax_ident.model.model_parameters import Prior
+from hindrax_ident.model.model_parameters import Prior, newton_step
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.model.simulation import Trajectory
 from hindrax_ident.records.axis_record import Record
@@ -35,9 +35,10 @@ TOLERANCE = 1e-10
 ROUGH = 1e-4
 """Step, in standard deviations per square root of the samples, that ends a search before outliers and noise are known;
 TOLERANCE is that of the final search."""
-NEGLIGIBLE, LEFT = 1e-3, 0.05
-"""Largest final steps, in standard deviations: where rounding keeps the cost from decreasing, and where no step at all
-decreases it, because the fit of the initial conditions is not exact."""
+NEGLIGIBLE, LEFT = 1e-3, 0.25
+"""Largest final steps, in standard deviations: where rounding keeps the cost from decreasing; and of a search that has
+converged, whatever ended it: the last of STEPS, or no step that decreases the cost, because the sensitivities of a fast
+motion and the fit of the initial conditions are not exact. A band has many such steps."""
 OUTLIER_ROUNDS = 2
 REWEIGHTINGS = 3
 SIMILAR = 0.2
@@ -108,8 +109,8 @@ def reweighted(fit: OutputErrorFit, noise: Noise, prior: Prior) -> OutputErrorFi
     return _fit_of(problem, linear, theta, white, prior, converged=converged)
 
 
-def retrained(fit: OutputErrorFit, record: Record, prior: Prior) -> tuple[Array, tuple[float, float]]:
-    """Parameters, (p,), of another record with the noise of this fit, and the deviations of its residuals."""
+def retrained(fit: OutputErrorFit, record: Record, prior: Prior) -> tuple[Array, Array, tuple[float, float]]:
+    """Parameters, (p,), and covariance, (p, p), of another record with this noise, and deviations of its residuals."""
     problem = build_problem(fit.model, record)
     theta, path = fit.theta, problem.guess
     for _ in range(OUTLIER_ROUNDS):
@@ -118,7 +119,7 @@ def retrained(fit: OutputErrorFit, record: Record, prior: Prior) -> tuple[Array,
         kept, problem, path = problem.samples, _without_outliers(problem, linear), linear.path
         if problem.samples == kept:
             break
-    return theta, _deviations(problem, linear)
+    return theta, array(np.linalg.inv(linear.information + prior.information)), _deviations(problem, linear)
 
 
 def _first_noise(problem: OutputErrorProblem) -> Noise:
@@ -153,22 +154,30 @@ def _descend(
     theta, linear = _feasible_start(problem, start, path, white, prior)
     damping = 1e-3
     for _ in range(STEPS):
-        information = linear.information + prior.information
-        gradient = linear.gradient + prior.information @ (prior.values - theta)
-        scale = array(np.sqrt(np.diag(information)))
-        normal = array(information / np.outer(scale, scale))
-        wanted = float(np.abs(np.linalg.solve(normal, gradient / scale)).max())
+        normal, gradient, scale = _scaled(linear, theta, prior)
+        room = scale[-1] * (problem.model.least_mass - theta[-1])
+        wanted = float(np.abs(newton_step(normal, gradient, room)).max())
         if wanted < tolerance * math.sqrt(1.0 + problem.samples):
             return linear, theta, True
-        step = np.linalg.solve(normal + damping * np.eye(len(theta)), gradient / scale) / scale
+        step = newton_step(array(normal + damping * np.eye(len(theta))), gradient, room) / scale
         tried = linearize(problem, theta + step, restarted(problem, linear, step), white)
         if tried is not None and _total(tried, theta + step, prior) < _total(linear, theta, prior):
             theta, linear, damping = theta + step, tried, damping * 0.02
         elif wanted < NEGLIGIBLE or damping > 1e8:
-            return linear, theta, wanted < LEFT
+            break
         else:
             damping = max(1e-6, damping) * 10.0
-    return linear, theta, False
+    normal, gradient, scale = _scaled(linear, theta, prior)
+    left = newton_step(normal, gradient, scale[-1] * (problem.model.least_mass - theta[-1]))
+    return linear, theta, float(np.abs(left).max()) < LEFT
+
+
+def _scaled(linear: LinearizedProblem, theta: Array, prior: Prior) -> tuple[Array, Array, Array]:
+    """Normal matrix (p, p), gradient (p,), and the deviations' inverses that scale both, (p,)."""
+    information = linear.information + prior.information
+    gradient = linear.gradient + prior.information @ (prior.values - theta)
+    scale = array(np.sqrt(np.diag(information)))
+    return array(information / np.outer(scale, scale)), array(gradient / scale), scale
 
 
 def _total(linear: LinearizedProblem, theta: Array, prior: Prior) -> float:

@@ -94,6 +94,19 @@ def bounded(values: Array, covariance: Array, low: Sequence[float]) -> Array:
     return array(np.maximum(theta, low))
 
 
+def newton_step(normal: Array, gradient: Array, room: float, at: int = -1) -> Array:
+    """Solution of the normal equations, (p,), where parameter `at` may fall by no more than -`room`.
+
+    At its bound it stays, and the others take their best step.
+    """
+    step = array(np.linalg.solve(normal, gradient))
+    if step[at] < room:
+        others = np.delete(np.arange(len(step)), at)
+        step[others] = np.linalg.solve(normal[np.ix_(others, others)], gradient[others] - normal[others, at] * room)
+        step[at] = room
+    return step
+
+
 @dataclass(frozen=True, slots=True)
 class Prior:
     """Values and standard deviations of a model's parameters, (p,) each, in the model's order."""

@@ -20,6 +20,10 @@ HORIZONTAL = (0, 1)
 """Axes with possible unmeasured current, and with a component of net buoyancy when tilted."""
 
 
+LEAST_MASS = 0.5
+"""Share of the mass of the body; less contradicts the vehicle file, and is reported [-]."""
+
+
 @dataclass(frozen=True, slots=True)
 class Motion:
     """One row of COB-2023-1394 Table 3: axis 0 to 5 (surge to yaw) and direction of motion (0: both)."""
@@ -73,6 +77,11 @@ class Model:
     rigid: float
     split: bool = False
     restores: bool = False
+
+    @property
+    def least_mass(self) -> float:
+        """Smallest total mass that a fit may try: without any, nothing would be left of the thrust's lag."""
+        return LEAST_MASS * self.rigid
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ import numpy as np
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6, Estimate, Thrust
 from hindrax_core.vehicle import Vehicle
+from hindrax_ident.arrays import Array, array
 from hindrax_ident.model.coriolis import Masses, coriolis, coriolis_errors
 from hindrax_ident.model.model_parameters import Prior, bounded, reported_parameters
 from hindrax_ident.model.motion_model import Model, Motion, known_force, lag_s, motions_of, unit_wrench
@@ -171,6 +172,12 @@ class AxisSession:
             innovation=verdict.innovation * self.estimator.regression.rate * float(theta[-1]),
         )
 
+    @property
+    def wrenches(self) -> tuple[Array, Array]:
+        """Times [s] and thrusts on all axes [N, N m]: (n,), (n, 6)."""
+        times, wrenches = [t for t, _ in self._thrusts], [one.wrench for _, one in self._thrusts]
+        return array(times), array(wrenches).reshape(-1, 6)
+
     def record(self, stretches: tuple[Stretch, ...], plateaus: tuple[Stretch, ...], masses: Masses) -> Record:
         """Record of the axis, with the stretches of time in which it may be used."""
         velocities = Samples() if self._is_derived else self._velocities.get(self._speed_source.name, Samples())
@@ -183,6 +190,7 @@ class AxisSession:
             inflow=inflow,
             stretches=stretches,
             known=series(self._hydrostatics),
+            others=tuple(Series(moved_s, one) for one in nu),
             coriolis=Series(moved_s, coriolis(self.model.axis, masses.values, nu)),
             coriolis_errors=tuple(Series(moved_s, error) for error in coriolis_errors(self.model.axis, masses, nu)),
             position=series(self._positions.get(self._depth_source.name or "attitude", [])),

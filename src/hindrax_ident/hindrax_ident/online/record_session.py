@@ -62,11 +62,10 @@ class RecordSession:
 def of_axis(reading: IdentEvent, axis: int) -> IdentEvent | None:
     """Part of a measurement for the session of one axis, or None.
 
-    Velocities are those of all axes, for motion along the others causes forces on this one.
+    Velocities and thrusts are those of all axes: motion along the others causes forces on this one.
     """
     if isinstance(reading, Thrust):
-        force = reading.wrench[axis]
-        return Thrust(on_axis_only(axis, force)) if math.isfinite(force) else None
+        return Thrust(finite_wrench(reading.wrench)) if math.isfinite(reading.wrench[axis]) else None
     if isinstance(reading, Velocity):
         return Velocity(reading.nu, SOURCE) if any(map(math.isfinite, reading.nu)) else None
     if isinstance(reading, Attitude) and axis != 2:
@@ -75,8 +74,7 @@ def of_axis(reading: IdentEvent, axis: int) -> IdentEvent | None:
     return None
 
 
-def on_axis_only(axis: int, value: float) -> Vec6:
-    """Six numbers with a value on one axis, zero on the others."""
-    six = [0.0] * 6
-    six[axis] = value
-    return (six[0], six[1], six[2], six[3], six[4], six[5])
+def finite_wrench(wrench: Sequence[float]) -> Vec6:
+    """Six forces and moments; zero where one is unknown: those of other axes show when they were flown."""
+    X, Y, Z, K, M, N = (force if math.isfinite(force) else 0.0 for force in wrench)
+    return (X, Y, Z, K, M, N)

@@ -33,6 +33,7 @@ from hindrax_ident.model.motion_model import MOTIONS, Motion, model_of, motions_
 from hindrax_ident.online.axis_estimator import SampleVerdict
 from hindrax_ident.online.axis_session import AxisSession
 from hindrax_ident.records.axis_record import PhaseLog, Record, side_of, usable
+from hindrax_ident.records.excited_time import excited_stretches
 from hindrax_ident.tuning import Tuning
 
 JOIN_S = 1.0
@@ -219,9 +220,11 @@ class Session:
         axis_session, tuning = self._axes[axis], self.tuning
         names = [motion.name for motion in motions_of(axis)]
         phases = ("plateau",) if tuning.plateaus_only else tuning.phases
-        spans = self._log.stretches(names, phases, self._now_s, JOIN_S)
         plateaus = tuple(self._log.stretches(names, ("plateau",), self._now_s))
         kept = axis_session.record((), plateaus, masses or self._estimated_masses({}))
+        spans = self._log.stretches(names, phases, self._now_s, JOIN_S)
+        if self._log.undivided:
+            spans = excited_stretches(spans, *axis_session.wrenches, axis)
         measured = kept.velocity.t if len(kept.velocity) else kept.position.t
         return kept.with_stretches(usable(spans, measured, kept.thrust, tuning))
 

@@ -63,7 +63,8 @@ class Record:
     """One axis of one run, times in seconds from the run's first event.
 
     `thrust` is the commanded thrust, `known` the hydrostatic force, `coriolis` that due to motion along other axes,
-    `coriolis_errors` its errors (see `model.coriolis.coriolis_errors`); all hold until their next sample. `position` is
+    `coriolis_errors` its errors (see `model.coriolis.coriolis_errors`); all hold until their next sample. `others` are
+    the velocities of all six axes, that of its own zero, or none. `position` is
     the depth [m] in heave, the angle [rad] in roll and pitch, empty elsewhere. `effort` is the sum of the squared
     contributions of all thrusters on the axis [N^2, N^2 m^2], `inflow` that of the squared wrench per newton times the
     root of the force [N^0.5, N^0.5 m^2]; they hold like thrust, and are empty where unknown.
@@ -73,6 +74,7 @@ class Record:
     thrust: Series
     stretches: tuple[Stretch, ...]
     known: Series = Series(EMPTY, EMPTY)
+    others: tuple[Series, ...] = ()
     coriolis: Series = Series(EMPTY, EMPTY)
     coriolis_errors: tuple[Series, ...] = ()
     position: Series = Series(EMPTY, EMPTY)
@@ -110,23 +112,37 @@ class Record:
 
     def mean_velocities(self) -> Array:
         """Mean velocities over spans of SPAN_S within the stretches, of what measures the motion: (n,) [m/s, rad/s]."""
+        way = self._way()
+        parts = [_slopes(way.between(one.start_s, one.end_s)).y for one in self.stretches]
+        return array(np.concatenate(parts)) if parts else EMPTY
+
+    def motion(self) -> Series:
+        """Integral of the squared velocity within the stretches, by spans of SPAN_S: how much the axis has moved."""
+        way, total, times, sums = self._way(), 0.0, [EMPTY], [EMPTY]
+        for one in self.stretches:
+            moved = _slopes(way.between(one.start_s, one.end_s))
+            sums.append(array(total + np.concatenate([[0.0], np.cumsum(moved.y**2)])))
+            times.append(array(np.linspace(one.start_s, one.end_s, len(sums[-1]))))
+            total = float(sums[-1][-1])
+        return Series(array(np.concatenate(times)), array(np.concatenate(sums)))
+
+    def _way(self) -> Series:
+        """Distance, by the velocity where it was measured."""
         t, v = self.velocity.t, self.velocity.y
         way = Series(t, np.cumsum(np.diff(t, prepend=t[:1]) * 0.5 * (v + np.append(v[:1], v[:-1]))))
-        placed = way if len(way) else self.position
-        parts = [_slopes(placed.between(one.start_s, one.end_s)) for one in self.stretches]
-        return array(np.concatenate(parts)) if parts else EMPTY
+        return way if len(way) else self.position
 
     def with_stretches(self, stretches: tuple[Stretch, ...]) -> Record:
         """The same record with other stretches."""
         return replace(self, stretches=stretches)
 
 
-def _slopes(placed: Series) -> Array:
-    """Slopes of positions over spans of SPAN_S: (n,)."""
+def _slopes(placed: Series) -> Series:
+    """Slopes of positions over spans of SPAN_S, at their ends."""
     if len(placed) < 2:
-        return EMPTY
+        return Series(EMPTY, EMPTY)
     times = np.arange(placed.t[0], placed.t[-1], SPAN_S)
-    return array(np.diff(np.interp(times, placed.t, placed.y)) / SPAN_S)
+    return Series(array(times[1:]), array(np.diff(np.interp(times, placed.t, placed.y)) / SPAN_S))
 
 
 def side_of(record: Record) -> int:
@@ -152,6 +168,11 @@ class PhaseLog:
             t_s -= BEFORE_BLOCKED_S
             self.changes = [one for one in self.changes if one[0] < t_s]
         self.changes.append((t_s, motion, phase))
+
+    @property
+    def undivided(self) -> bool:
+        """Whether all motion is one excitation: the record is not that of maneuvers."""
+        return {phase for _, motion, phase in self.changes if motion} == {"excite"}
 
     def stretches(
         self, motions: Sequence[str], phases: Sequence[str], end_s: float, join_s: float = 0.0

@@ -1,0 +1,75 @@
+"""The time in which an axis is excited by thrust of its own, in a record that is not divided into maneuvers.
+
+Such a record belongs to all axes. While others are flown, this one is moved by their cross drag, lift and off-diagonal
+added mass, and its own small thrust answers them: it is a controller that holds. Minutes of that say little about the
+coefficients, and what they say is wrong (closed-loop identification, Ljung 1999 section 13.4).
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hindrax_ident.arrays import Array, Flags, array
+from hindrax_ident.model.thrust_lag import LaggedThrust
+from hindrax_ident.records.axis_record import Stretch
+
+STRONG, WEAK = 0.2, 0.05
+"""Smallest mean thrust that excites, as a share of the largest: whatever the others do, and where they do less [-]."""
+IDLE_AXIS = 0.1
+"""An axis whose largest thrust is less than this, of that of its kind, was never flown [-]."""
+LARGEST = 98.0
+"""Percentile of the thrust that is the largest."""
+GRID_S, MEAN_S = 0.1, 0.5
+"""Steps and time constant of the mean: holding has spikes, and a maneuver passes zero."""
+AROUND_S = 0.5
+"""What belongs to an excitation, before it and after the mean has decayed."""
+PAUSE_S = 7.0
+"""Longest pause within a maneuver: another axis is not flown in so short a time."""
+WHOLE = 0.8
+"""Share of a record above which all of it belongs to the axis."""
+SHORTEST_S = 5.0
+"""An excitation shorter than this, with what belongs to it, is a disturbance that was held."""
+
+
+def excited_stretches(spans: Sequence[Stretch], t: Array, wrenches: Array, axis: int) -> list[Stretch]:
+    """Parts of spans in which the thrust on the axis excites it; all of them where that is nearly all of their time.
+
+    `wrenches` (n, 6) [N, N m], each from its time `t` (n,) on. The thrust at rest is that of the longest time: it holds
+    the net buoyancy.
+    """
+    if not len(t) or not spans:
+        return list(spans)
+    own = _excitations(t, wrenches, axis, spans[-1].end_s)
+    parts = [
+        Stretch(max(span.start_s, one.start_s), min(span.end_s, one.end_s))
+        for span in spans
+        for one in own
+        if min(span.end_s, one.end_s) - max(span.start_s, one.start_s) > SHORTEST_S
+    ]
+    return parts if 0.0 < _duration(parts) < WHOLE * _duration(spans) else list(spans)
+
+
+def _duration(spans: Sequence[Stretch]) -> float:
+    return sum(one.end_s - one.start_s for one in spans)
+
+
+def _excitations(t: Array, wrenches: Array, axis: int, end_s: float) -> list[Stretch]:
+    """Spans of time with thrust beyond that at rest, with what belongs to them."""
+    times = np.arange(t[0], max(end_s, t[-1]) + GRID_S, GRID_S)
+    means = np.stack([_mean_thrust(t, one, times) for one in wrenches.T], axis=1)
+    largest = np.percentile(means, LARGEST, axis=0)
+    of_kind = np.repeat([largest[:3].max(), largest[3:].max()], 3)
+    shares = np.divide(means, largest, out=np.zeros_like(means), where=largest > IDLE_AXIS * of_kind)
+    own = means[:, axis] / max(1e-12, float(largest[axis]))
+    others = np.delete(shares, axis, axis=1).max(axis=1)
+    acts: Flags = (own > STRONG) | ((own > WEAK) & (own > others))
+    runs = np.split(times[acts], np.flatnonzero(np.diff(times[acts]) > PAUSE_S) + 1)
+    return [Stretch(float(run[0]) - AROUND_S, float(run[-1]) + AROUND_S) for run in runs if len(run)]
+
+
+def _mean_thrust(t: Array, thrust: Array, at_s: Array) -> Array:
+    """Mean of a thrust beyond that at rest, without its sign: (n,)."""
+    order = np.argsort(thrust)
+    held = np.cumsum(np.diff(np.append(t, at_s[-1]))[order])
+    at_rest = thrust[order][min(len(thrust) - 1, int(np.searchsorted(held, 0.5 * held[-1])))]
+    return LaggedThrust(t, array(np.abs(thrust - at_rest)), MEAN_S).force(at_s)
