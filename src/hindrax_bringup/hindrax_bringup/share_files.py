@@ -7,6 +7,7 @@ import yaml
 
 from hindrax_core.errors import UsageError
 from hindrax_core.knobs import build
+from hindrax_core.text.nearest import did_you_mean
 from hindrax_core.vehicle import Vehicle
 
 VEHICLE = "HINDRAX_VEHICLE"
@@ -66,8 +67,9 @@ def vehicle_file(name: str) -> Path:
             return folder / f"{name}.yaml"
     if path.exists():
         return path
-    known = ", ".join(sorted({file.stem for folder in folders[1:] for file in folder.glob("*.yaml")}))
+    names = sorted({file.stem for folder in folders[1:] for file in folder.glob("*.yaml")})
+    meant, known = did_you_mean(name, names), ", ".join(names)
     raise UsageError(
-        f"vehicle {name}: found no {name}.yaml here, in {own_vehicles()} or in the clone; wanted one of {known}, or a"
-        " file; `./hindrax vehicle new` makes one"
+        f"vehicle {name}{meant}: found no {name}.yaml here, in {own_vehicles()} or in the clone; wanted one of {known},"
+        " or a file; `./hindrax vehicle new` makes one"
     )

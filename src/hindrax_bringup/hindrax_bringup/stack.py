@@ -34,6 +34,7 @@ WORLD_HELP = (
     "mock: effects outside the model: ideal, pool (all drawn from the seed), or NAME[=SIZE],... such as tether=1; "
     "any other name lists all"
 )
+OTHER_WORLD = "pool-test flies in pool where none is named; --world chooses"
 DOMAIN_ADDRESS = "\0hindrax-domain-{}"
 """Abstract socket that a tool binds while it uses a domain (unix(7)): no file, so nothing that a link could lead to."""
 

@@ -27,7 +27,7 @@ from hindrax_bringup.network.tether import FOREVER_S, Tether, address_of, wait_f
 from hindrax_bringup.process_state import is_stopped
 from hindrax_bringup.processes import MOCK, ONBOARD, REPLAY, SAFETY_MONITOR, THRUSTERS
 from hindrax_bringup.ros_graph import PROFILE, full_shared_memory, graph_settings, set_aside
-from hindrax_bringup.stack import Stack, adopted, own_domain, stack_environment
+from hindrax_bringup.stack import OTHER_WORLD, Stack, adopted, own_domain, stack_environment
 from hindrax_bringup.stack_lock import CLONE, StackLock, announced, runtime_folder, stacks
 from hindrax_bringup.stack_process import LAST_WORDS, UpOptions
 from hindrax_bringup.supervisor import Supervisor, stop_signals
@@ -67,6 +67,8 @@ def _run(options: UpOptions, run: int, domain: int | None, over: Callable[[], bo
     made = stack_environment(mock=options.hardware is not None, domain=domain, tether=options.tether)
     lock = _entry(options, folder, made)
     how_to_reach_it = startup_text(lock, folder, record=options.record)
+    if options.mock is not None:
+        how_to_reach_it += f"\n  world of the mock: {options.mock.world} ({OTHER_WORLD}), seed {options.mock.seed}"
     if options.client:
         _tell(asdict(lock))
     else:

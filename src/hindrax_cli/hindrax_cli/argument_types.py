@@ -24,7 +24,7 @@ def checked(kind: type[NumberT], wanted: str, fits: Callable[[NumberT], bool]) -
     def read(text: str) -> NumberT:
         number = kind(text)
         if not fits(number):
-            bound = "" if math.isfinite(number) else ", and finite"
+            bound = "" if math.isfinite(number) or "finite" in wanted else ", and finite"
             raise argparse.ArgumentTypeError(f"found {text}, wanted {wanted}{bound}")
         return number
 
@@ -42,6 +42,7 @@ def at_least(low: int) -> Callable[[str], int]:
     return checked(int, f"{low} or more", lambda number: number >= low)
 
 
+finite = checked(float, "a finite number", math.isfinite)
 positive = checked(float, "more than 0", lambda number: 0.0 < number < math.inf)
 pace = checked(float, "0 (no bound) or more", lambda number: 0.0 <= number < math.inf)
 """Times real time."""

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import argparse
 import ast
-import difflib
 import errno
 import importlib
 import importlib.util
 import os
 import re
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NoReturn
 
@@ -19,6 +18,7 @@ from hindrax_bag import software_version
 from hindrax_cli.command import GROUPS, MODULES, ToolCommand, example_text, help_text
 from hindrax_cli.interrupt import interruptible, sentence
 from hindrax_core.errors import INTERRUPTED, HindraxError, UsageError, cause
+from hindrax_core.text.nearest import did_you_mean
 from hindrax_core.text.screen_text import (
     fitted,
     fitted_description,
@@ -70,7 +70,11 @@ class Parser(argparse.ArgumentParser):
         stray = re.fullmatch(r"unrecognized arguments: (.*)", message)
         if stray:
             word = stray[1].split()[0]
-            message = f"no option {word!r}{meant(word, self._option_string_actions)}"
+            message = f"no option {word!r}{did_you_mean(word, self._option_string_actions)}"
+        unknown = re.fullmatch(r"(argument .*: invalid choice: '(.*)') \(choose from (.*)\)", message)
+        if unknown:
+            known = [word.strip("' ") for word in unknown[3].split(",")]
+            message = f"{unknown[1]}{did_you_mean(unknown[2], known)}, choose from {', '.join(known)}"
         unread = re.fullmatch(r"argument (.*): invalid (\w+) value: (.*)", message)
         if unread:
             wanted = "a whole number" if unread[2] == "int" else "a number"
@@ -78,12 +82,6 @@ class Parser(argparse.ArgumentParser):
             message = f"argument {unread[1]}: found {unread[3]}, wanted {wanted}{point}"
         print_stderr(f"{self.prog}: {message}; ./{self.prog} --help shows how")
         self.exit(UsageError.exit_code)
-
-
-def meant(word: str, known: Iterable[str]) -> str:
-    """Question after the known word that is nearest to an unknown one; empty when none is near."""
-    near = difflib.get_close_matches(word.replace("_", "-"), list(known), n=1)
-    return f" (did you mean {near[0]}?)" if near else ""
 
 
 def load(name: str) -> ToolCommand:
@@ -126,7 +124,7 @@ def _main(words: list[str]) -> int:
         print_fitted(software_version())
         return 0
     if words[0] not in MODULES:
-        known = meant(words[0], MODULES)
+        known = did_you_mean(words[0], MODULES)
         print_stderr(f"hindrax: no command {words[0]!r}{known}; ./hindrax --help lists all")
         return UsageError.exit_code
     return run_command(load(words[0]), words[1:])

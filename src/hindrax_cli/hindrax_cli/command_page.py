@@ -27,6 +27,8 @@ _hindrax() {
   local known="${COMP_WORDS[1]}${COMP_WORDS[2]:+ ${COMP_WORDS[2]}}" words
   if [ "$COMP_CWORD" -eq 1 ]; then
     words='@COMMANDS@'
+  elif [ "${COMP_WORDS[COMP_CWORD-1]}" = --vehicle ]; then
+    words='@VEHICLES@'
   else
     case $known in
 @CASES@
@@ -110,17 +112,24 @@ def _offered(form: str) -> list[str]:
     return [one for word in words for one in word.split("|") if re.fullmatch(r"[-a-z][-a-z0-9_]*", one)]
 
 
-def completion(page: str, shell: str) -> str:
-    """Return the script by which a shell completes commands, subcommands and options."""
+def vehicles_of(root: Path) -> list[str]:
+    """Names of the vehicles of a clone."""
+    return sorted(file.stem for file in (root / "src" / "hindrax_bringup" / "vehicles").glob("*.yaml"))
+
+
+def completion(page: str, shell: str, vehicles: Sequence[str] = ()) -> str:
+    """Return the script by which a shell completes commands, subcommands, options and names of vehicles."""
     known = dict(words_of(page), setup=["--check", "--vehicle", "--all", "--help"])
     commands = [*(name for name in known if " " not in name), "help", "--help", "--version"]
     if shell == "fish":
         lines = (_fish_command(name, known) for name in known)
-        return "\n".join([FISH, _fish("__fish_use_subcommand", commands, files=False), *lines, ""])
+        named = f"complete -c hindrax -l vehicle -r -a '{' '.join(vehicles)}'"
+        return "\n".join([FISH, _fish("__fish_use_subcommand", commands, files=False), named, *lines, ""])
     # Patterns of subcommands come before those of commands, which match them too.
     narrow_first = sorted(known.items(), key=lambda one: " " not in one[0])
     cases = "\n".join(starmap(_case, narrow_first))
     bash = BASH.replace("@COMMANDS@", " ".join(commands)).replace("@CASES@", cases)
+    bash = bash.replace("@VEHICLES@", " ".join(vehicles))
     return ZSH + bash.partition("\n")[2] if shell == "zsh" else bash
 
 

@@ -34,13 +34,6 @@ def test_more_than_there_is_saturates(capsys: pytest.CaptureFixture[str]) -> Non
     assert found["saturated"] == ["T5", "T6", "T7", "T8"]
 
 
-def test_axis_that_is_no_number_is_named(capsys: pytest.CaptureFixture[str]) -> None:
-    assert document(capsys, "--wrench", "5", "nan", "0", "0", "0", "-inf")["refused"] == [
-        "Y: found nan, wanted a finite number",
-        "N: found -inf, wanted a finite number",
-    ]
-
-
 @pytest.mark.parametrize("words", [["T3", "T4"], ["T3,T4"], ["T3", "--disable", "T4"]])
 def test_several_thrusters_are_left_out_however_they_are_listed(
     capsys: pytest.CaptureFixture[str], words: list[str]

@@ -22,6 +22,7 @@ from hindrax_cli.command_page import main
 sys.exit(main(Path(sys.argv[1]), sys.argv[2:]))
 """
 PAGE = command_page.page_of(clone_root())
+VEHICLES = command_page.vehicles_of(clone_root())
 COMPLETE = """
 COMP_WORDS=(./hindrax "$@") COMP_CWORD=$#
 _hindrax
@@ -40,7 +41,7 @@ def asked(*words: str) -> subprocess.CompletedProcess[str]:
 
 
 def completed(*words: str) -> list[str]:
-    script = command_page.completion(PAGE, "bash") + COMPLETE
+    script = command_page.completion(PAGE, "bash", VEHICLES) + COMPLETE
     done = subprocess.run(
         ["bash", "-c", script, "bash", *words], capture_output=True, text=True, check=True, timeout=60
     )
@@ -100,6 +101,8 @@ def test_bash_completes_commands_their_words_options_and_choices() -> None:
     assert completed("bag", "extract", "--c") == ["--csv"]
     assert completed("pool-test", "--dof", "sur") == ["surge"]
     assert completed("--v") == ["--version"]
+    assert completed("pool-test", "--mock", "--vehicle", "hin") == ["hindrax"]
+    assert set(completed("up", "--vehicle", "")) == set(VEHICLES) >= {"hindrax", "bluerov2-heavy"}
 
 
 def test_the_options_of_the_set_up_are_completed_as_its_help_names_them() -> None:
@@ -155,7 +158,7 @@ def test_a_zsh_without_completion_of_its_own_gets_it_and_keeps_its_home_clean(tm
 def test_every_shell_gets_its_script_before_a_set_up(shell: str) -> None:
     done = asked("completion", shell)
     assert done.returncode == 0, done.stderr
-    assert done.stdout == command_page.completion(PAGE, shell)
+    assert done.stdout == command_page.completion(PAGE, shell, VEHICLES)
     assert done.stdout.startswith(f"# Completion of hindrax for {shell}")
     assert all(f"--{option}" in done.stdout for option in ("mock", "dof", "json"))
 

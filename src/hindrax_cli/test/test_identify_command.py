@@ -165,7 +165,7 @@ def test_the_table_states_what_is_known_and_what_is_not(desk: Desk) -> None:
     record = desk.csv(levels=(0.3, 0.5), noise=0.003)
     assert main(["identify", str(record), "--vehicle", str(desk.small)]) == 0
     printed = desk.capsys.readouterr().out
-    assert "surge: not identifiable" in printed
+    assert "* surge: not identifiable" in printed
     assert re.search(r"drag: 0\.\d+ \+- 0\.\d+ N at 0\.\d+ m/s, 0\.\d+ \+- 0\.\d+ N at 0\.\d+ m/s", printed)
     assert re.search(r"surge: thrust lags by 0\.\d\d s, velocities come 0\.\d\d s (late|early)", printed)
     assert "COB-2023" not in printed
@@ -440,6 +440,7 @@ def as_bag(
 def test_every_type_of_velocity_serves(desk: Desk, velocity: str) -> None:
     bag = as_bag(desk.folder / "a.mcap", (velocity, "/a/velocity", "rov/base_link"))
     document = desk.of_small(bag, "--dof", "surge")
+    assert desk.of_small(bag, "--dof", "all")["motions"].keys() == desk.of_small(bag)["motions"].keys()
     assert document["motions"]["surge"]["identifiable"]
     assert is_true(document["motions"]["surge"])
     assert any("REP-103" in one for one in document["assumptions"])

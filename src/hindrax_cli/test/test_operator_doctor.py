@@ -9,7 +9,6 @@ import tty
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from types import SimpleNamespace as Message
 from typing import Any
 
@@ -82,7 +81,7 @@ def test_room_for_bags(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("free", "remedy"), [(0, "remove what ended processes left there"), (1 << 20, "")])
 def test_shared_memory_without_room_is_named(monkeypatch: pytest.MonkeyPatch, free: int, remedy: str) -> None:
-    monkeypatch.setattr("hindrax_bringup.ros_graph.shutil.disk_usage", lambda _place: SimpleNamespace(free=free))
+    monkeypatch.setattr("hindrax_bringup.ros_graph.shutil.disk_usage", lambda _place: Message(free=free))
     found = machine.shared_memory()
     assert found.ok == (not remedy)
     assert found.remedy.startswith(remedy)

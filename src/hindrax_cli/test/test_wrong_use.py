@@ -13,6 +13,9 @@ import yaml
 from vehicle_files import hindrax_file
 
 from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.stack import MockOptions
+from hindrax_bringup.stack_process import UpOptions
+from hindrax_bringup.stack_runner import run_up
 from hindrax_cli import command_line
 from hindrax_cli.command import MODULES
 from hindrax_cli.commands.data.bag import WORDS as BAG
@@ -53,8 +56,8 @@ NEITHER = (
         (["pool_test"], "did you mean pool-test?"),
         (["frobnicate"], "no command 'frobnicate'; ./hindrax --help lists all"),
         (["pool-test", "--mok"], "no option '--mok' (did you mean --mock?); ./hindrax pool-test --help shows how"),
-        (["pool-test", "--dof", "surg"], "invalid choice: 'surg' (choose from 'surge', 'sway'"),
-        (["pool-test", "--mock", "--excitation", "sinus"], "invalid choice: 'sinus' (choose from 'plateaus'"),
+        (["pool-test", "--dof", "surg"], "invalid choice: 'surg' (did you mean surge?), choose from surge, sway"),
+        (["pool-test", "--mock", "--excitation", "sinus"], "invalid choice: 'sinus', choose from plateaus"),
         (["pool-test", "--seed", "x"], "--seed: found 'x', wanted a whole number; "),
         (["montecarlo", "--runs", "1.5"], "--runs: found '1.5', wanted a whole number; "),
         (["montecarlo", "--runs", "0"], "--runs: found 0"),
@@ -82,7 +85,17 @@ NEITHER = (
         (["montecarlo", "--workers", "0"], "--workers: found 0, wanted 1 or more"),
         (["pool-test", "--until", "5"], "--until: found 5, wanted more than 0, at most 1 or 100%; "),
         (["pool-test", "--mock", "--out", "/proc/nowhere"], "/proc/nowhere: cannot be written"),
-        (["bag", "inof"], "invalid choice: 'inof'"),
+        (["bag", "inof"], "invalid choice: 'inof' (did you mean info?)"),
+        (["pool-test", "--mock", "--world", "pol"], "--world pol: found 'pol' (did you mean pool?), wanted one of"),
+        (["up", "--mock", "--world", "tehter=1"], "found 'tehter' (did you mean tether?)"),
+        (["pool-test", "--mock", "--fault", "garbege:dvl75"], "found 'garbege' (did you mean garbage?)"),
+        (["up", "--mock", "--fault", "garbage:dvl"], "garbage on 'dvl', wanted one of"),
+        (["pool-test", "--mock", "--start", "5", "60"], "--start y: found 60 m, wanted 0."),
+        (
+            ["pool-test", "--mock", "--vehicle", "hindrx"],
+            "vehicle hindrx (did you mean hindrax?): found no",
+        ),
+        (["allocate", "--wrench", *"50000", "nan"], "--wrench: found nan, wanted a finite number; "),
         (["bag", "info"], "hindrax bag info: the following arguments are required: BAG"),
         (["monitor"], "found no terminal to draw on, wanted one; over ssh use `ssh -t`"),
         (["hold", "depht"], "invalid choice: 'depht'"),
@@ -117,7 +130,7 @@ NEITHER = (
         (["weigh", "yaw", "--load", "90", "--lever", "0.5"], "found a load of 45 N m, wanted less than the "),
         (["allocate", "--wrench", *"000000", "--vehicle", "/no.yaml"], "/no.yaml: cannot be read (No such file or"),
         (["allocate", "--wrench", *"000000", "--disable", "T9"], "found 'T9', wanted some of T1"),
-        (["allocate", "--wrench", *"100000", "--supply", "-3"], "found -3 V, wanted more than zero"),
+        (["allocate", "--wrench", *"100000", "--supply", "-3"], "--supply: found -3, wanted more than 0"),
         (["thruster", "fit", "/no.csv", "--lever-ratio", "2"], "/no.csv: cannot be read (No such file or directory)"),
     ],
 )
@@ -125,16 +138,29 @@ def test_one_sentence(capsys: pytest.CaptureFixture[str], words: list[str], sent
     assert sentence in refused(capsys, *words)
 
 
-@pytest.mark.parametrize("command", ["up", "pool-test"])
-def test_a_stack_that_is_refused_leaves_no_folder_behind(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, command: str
-) -> None:
+REFUSAL = "ROS domain 7: found the nodes of a stack"
+
+
+def test_a_stack_that_is_refused_leaves_no_folder_behind(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     def refuse(_domain: int, _namespace: str, _environment: dict[str, str]) -> None:
-        raise HindraxError("ROS domain 7: found the nodes of a stack")
+        raise HindraxError(REFUSAL)
 
     monkeypatch.setattr("hindrax_bringup.stack.require_no_stack", refuse)
     monkeypatch.setenv("ROS_DOMAIN_ID", "7")
-    assert command_line.main([command, "--mock", "--out", str(tmp_path / "run")]) == 1
+    options = UpOptions(default_vehicle(), MockOptions(), out=str(tmp_path / "run"))
+    with pytest.raises(HindraxError, match=REFUSAL):
+        run_up(options, lambda: True)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_pool_test_whose_stack_is_refused_leaves_no_folder_behind(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "refusing.py").write_text(f"import sys; sys.exit('hindrax up: {REFUSAL}')")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setattr("hindrax_bringup.stack_process.RUNNER", "refusing")
+    assert command_line.main(["pool-test", "--mock", "--out", str(tmp_path / "run")]) == 1
+    assert capsys.readouterr().err.splitlines()[-1] == f"hindrax pool-test: {REFUSAL}"
     assert not (tmp_path / "run").exists()
 
 

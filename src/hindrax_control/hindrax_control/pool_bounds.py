@@ -87,12 +87,16 @@ class PoolBounds:
         heading_rad, sigma_m = navigation.attitude_rad[2], navigation.position_sigma_m
         self.axis_rad = self.axis_rad if math.isnan(turned_rad) else heading_rad - turned_rad
         self.start_m = (x_m, y_m)
-        reach_m, extent_m = self.reach_m(heading_rad - self.axis_rad), (self.length_m, self.width_m)
-        for name, at_m, half_m, whole_m in zip("xy", self.start_m, reach_m, extent_m, strict=True):
+        self.require_inside(x_m, y_m, heading_rad - self.axis_rad)
+        self._reckoned_m, self._variance_m2 = navigation.position_m, sigma_m**2 if math.isfinite(sigma_m) else 0.0
+
+    def require_inside(self, x_m: float, y_m: float, heading_rad: float) -> None:
+        """UsageError for a position at which the hull, with this heading from the length, is not within the pool."""
+        reach_m, extent_m = self.reach_m(heading_rad), (self.length_m, self.width_m)
+        for name, at_m, half_m, whole_m in zip("xy", (x_m, y_m), reach_m, extent_m, strict=True):
             if not half_m <= at_m <= whole_m - half_m:
                 wanted = f"{half_m:.2f} to {whole_m - half_m:.2f} m, the hull within the pool"
                 raise UsageError(f"{name}: found {at_m:g} m, wanted {wanted}")
-        self._reckoned_m, self._variance_m2 = navigation.position_m, sigma_m**2 if math.isfinite(sigma_m) else 0.0
 
     def place(self, navigation: Navigation) -> PoolPosition:
         """Position by dead reckoning; velocities are NaN where the navigator has none."""

@@ -160,6 +160,11 @@ def finish(identified: Identified, folder: RunFolder, flight: FlownManeuver) -> 
         hits = flight.facts["wall_hits"]
         print_stderr(f"the mock vehicle ran into a wall of its pool (contacts: {hits})")
     print_fitted(f"flown at {flight.real_time_factor:.1f} times real time ({flight.vehicle_s:.0f} s of vehicle time)")
+    if flight.facts:
+        print_fitted(
+            "the seed repeats the world and the noise, not when processes run on this computer: a second run differs "
+            "within its +-; --plan repeats exactly"
+        )
     for path in (folder.report, folder.coefficients, folder.bag):
         print_fitted(f"  {path}")
 
@@ -180,7 +185,12 @@ def fly(options: PoolOptions, folder: RunFolder, progress: Progress) -> FlownMan
     )
     progress.report(f"starting {'the mock vehicle and ' if mock else ''}the stack")
     with _nothing_kept(flight, folder), StackProcess(up) as stack:
-        with adopted(environment_beside(stack.entry)):
+        try:
+            entry = stack.entry
+        except HindraxError:  # refused before anything of the run has begun
+            shutil.rmtree(folder.path, ignore_errors=True)
+            raise
+        with adopted(environment_beside(entry)):
             _operate(options, flight, stack, progress)
         flight.facts = stack.end()
     return flight

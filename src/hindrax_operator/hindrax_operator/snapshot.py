@@ -11,6 +11,8 @@ from hindrax_core.signals import NAN, Estimate, Navigation
 
 ANGLES = ("heading", "roll", "pitch")
 """Holds whose values are angles."""
+SILENT_s = 2.0
+"""Without a status for this long a maneuver is over: the pilot sends ten a second."""
 LEVELS = {b"\x00": "ok", b"\x01": "warning", b"\x02": "error", b"\x03": "stale"}
 USUAL_STOP_us = 1500.0
 """Pulse at rest, before the thrusters have been seen at rest."""
@@ -95,7 +97,7 @@ def snapshot(operator: Any, stops_us: tuple[float, ...] = ()) -> Snapshot:
         navigation=stamped.reading if stamped else None,
         thrusters=_thrusters(operator.thrusters, operator.allocation, stops_us),
         holds=holds_of(operator.holds),
-        flight=_flight(operator.maneuver),
+        flight=_flight(operator.maneuver, operator.now() / 1e9),
         health={name.removeprefix("hindrax: "): _health(one) for name, one in sorted(operator.diagnostics.items())},
         estimates={motion: one.reading for motion, one in operator.estimates.items()},
         plans=dict(zip(operator.plans.motions, operator.plans.plans, strict=False)) if operator.plans else {},
@@ -147,11 +149,15 @@ def holds_of(status: Any) -> tuple[HoldState, ...]:
     return tuple(HoldState(*row) for row in rows)
 
 
-def _flight(status: Any) -> ManeuverView | None:
+def _flight(status: Any, now_s: float) -> ManeuverView | None:
+    """The maneuver; one of which nothing came for a while has ended without a word, as after a stop."""
     if status is None:
         return None
     where = status.wall_distance, status.force, status.velocity
-    return ManeuverView(status.motion, status.phase, status.aborted, status.progress, status.remaining, *where)
+    silent_s = now_s - status.header.stamp.sec - 1e-9 * status.header.stamp.nanosec
+    reported = status.phase in ("done", "aborted") or silent_s <= SILENT_s
+    aborted = status.aborted if reported else f"silence: no status for {silent_s:.0f} s, as after a stop"
+    return ManeuverView(status.motion, status.phase, aborted, status.progress, status.remaining, *where)
 
 
 def place_of(message: Any) -> GuardedPlace | None:

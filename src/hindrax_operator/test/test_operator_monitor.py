@@ -26,7 +26,7 @@ from hindrax_core.signals import Estimate
 from hindrax_operator.monitor import draw
 from hindrax_operator.monitor.app import Monitor
 from hindrax_operator.monitor.graph_link import GraphLink
-from hindrax_operator.snapshot import ManeuverView, NodeHealth, Snapshot, _thrusters, holds_of, snapshot
+from hindrax_operator.snapshot import ManeuverView, NodeHealth, Snapshot, _flight, _thrusters, holds_of, snapshot
 
 NAVIGATION = replace(
     web_rig.NAVIGATION,
@@ -287,6 +287,29 @@ def test_an_aborted_maneuver_names_its_guard() -> None:
     with console.capture() as found:
         console.print(draw.maneuver(ManeuverView("sway", "aborted", "pool_box: 0.2 m to the north wall")))
     assert "sway aborted by pool_box: 0.2 m to the north wall" in found.get()
+
+
+@pytest.mark.parametrize(
+    ("phase", "now_s", "aborted"),
+    [
+        ("plateau", 6.0, ""),
+        ("plateau", 8.0, "silence: no status for 3 s, as after a stop"),
+        ("done", 60.0, ""),
+    ],
+)
+def test_a_maneuver_that_a_stop_has_ended_does_not_look_as_if_it_flew_on(
+    phase: str, now_s: float, aborted: str
+) -> None:
+    header = Message(stamp=Message(sec=5, nanosec=0))
+    numbers = {"progress": 0.3, "remaining": 60.0, "wall_distance": math.nan, "force": 14.0, "velocity": 0.3}
+    status = Message(header=header, motion="surge", phase=phase, aborted="", **numbers)
+    view = _flight(status, now_s)
+    assert view is not None
+    assert view.aborted == aborted
+    console = Console(width=78)
+    with console.capture() as drawn:
+        console.print(draw.maneuver(view))
+    assert ("60 s to go" in drawn.get()) == (phase == "plateau" and not aborted)
 
 
 def test_a_picture_is_copied_out_of_messages() -> None:

@@ -82,6 +82,10 @@ def identify_bag(bag: Path, vehicle: Vehicle, *, mock: bool = False, tuning: Tun
     return Identified(outcome, results, mock, origin, left_out=left_out(bag))
 
 
+REJECTED = "*"
+"""Mark of a motion that is not identifiable, in the table and before its reasons."""
+
+
 def show(identified: Identified) -> None:
     """Print coefficients with the true values of the mock and the paper's; then unidentifiable motions with reasons."""
     motions = identified.results.motions
@@ -96,7 +100,8 @@ def show(identified: Identified) -> None:
             truth = () if not identified.mock else ("" if number.truth is None else f"{number.truth:.4g}",)
             printed = f"{paper[key][0]:.2f} +- {paper[key][1]:.2f}" if key in paper else ""
             found = measured(number.value, number.std_calibrated)
-            rows.append((motion, f"{key} [{number.unit}]", found, *truth, *((printed,) if papers else ())))
+            name = motion if result.identifiable else f"{motion} {REJECTED}"
+            rows.append((name, f"{key} [{number.unit}]", found, *truth, *((printed,) if papers else ())))
     if rows:
         print_table("Identified coefficients, SNAME axes", ("motion", "coefficient"), numbers, rows)
     if rows and papers:
@@ -105,7 +110,7 @@ def show(identified: Identified) -> None:
     _show_warnings(identified)
     for motion, result in motions.items():
         if not result.identifiable:
-            print_fitted(f"{motion}: not identifiable")
+            print_fitted(f"{REJECTED} {motion}: not identifiable")
             for reason in result.reasons:
                 print_fitted(f"  {reason}")
             if (drag := result.drag) is not None:

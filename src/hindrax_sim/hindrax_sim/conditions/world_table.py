@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from hindrax_core.errors import UsageError
+from hindrax_core.text.nearest import did_you_mean
 from hindrax_core.vehicle import Vehicle
 from hindrax_sim.conditions import hull, sensing, thrust, water
 from hindrax_sim.conditions.realization import Realization
@@ -112,7 +113,9 @@ def _named(text: str, world: str) -> tuple[str, float]:
     name, equals, written = text.partition("=")
     row = CONDITIONS.get(name)
     if row is None:
-        raise UsageError(f"--world {world}: found {name!r}, wanted one of {', '.join(CONDITIONS)}; the form is {FORM}")
+        known = did_you_mean(name, (IDEAL, POOL, *CONDITIONS))
+        wanted = f"wanted one of {', '.join(CONDITIONS)}; the form is {FORM}"
+        raise UsageError(f"--world {world}: found {name!r}{known}, {wanted}")
     try:
         size = float(written) if equals else row.size
     except ValueError:

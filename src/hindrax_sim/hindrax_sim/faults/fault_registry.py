@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 from hindrax_core.errors import UsageError
 from hindrax_core.sensor_table import SENSORS, Capability, Sensor, Wire, row_of
+from hindrax_core.text.nearest import did_you_mean
 from hindrax_core.vehicle import Vehicle
 from hindrax_sim.devices.emulator import RegisterEmulator, SerialEmulator
 from hindrax_sim.faults import bus_faults as bus
@@ -136,7 +137,8 @@ def parse_fault(text: str, vehicle: Vehicle | None = None) -> FaultSpec:
     name, colon, device = head.partition(":")
     kind = FAULTS.get(name)
     if kind is None:
-        raise UsageError(f"--fault {text}: found {name!r}, wanted one of {', '.join(FAULTS)}; the form is {FORM}")
+        found = f"found {name!r}{did_you_mean(name, FAULTS)}"
+        raise UsageError(f"--fault {text}: {found}, wanted one of {', '.join(FAULTS)}; the form is {FORM}")
     devices = kind.devices(vehicle)
     if not devices:
         raise UsageError(f"--fault {text}: {name} falls on nothing aboard; see `sensors` in the vehicle file")

@@ -45,6 +45,7 @@ UNNAMED = "unnamed vehicle"
 """Not by the name of the Hindrax: what the paper has of that would stand beside it."""
 GAIN_SIGMA = 0.1
 """Relative uncertainty of a wrench without a thrust curve in the vehicle file [-]."""
+ALL = "all"
 CHOICES = (*AXES, *(name for name in MOTIONS if name not in AXES))
 ABOUT = """
 Bags of this stack reproduce the numbers of their pool test. In third-party bags (MCAP or sqlite3) velocities are
@@ -71,7 +72,7 @@ def add_selection(parser: argparse.ArgumentParser) -> None:
     add("--wrench", default="", metavar="TOPIC", help="forces; default: found by type")
     axes = "axes, instead of those of the frame name; world: velocities of an odometry"
     add("--frame", choices=FRAMES, default="", help=axes)
-    add("--dof", nargs="+", default=[], choices=CHOICES, metavar="MOTION", help="default: all that moved")
+    add("--dof", nargs="+", default=[], choices=(*CHOICES, ALL), metavar="MOTION", help="default: all that moved")
     add("--from", dest="from_s", type=float, default=0.0, metavar="S", help="begin here [s]")
     add("--to", dest="to_s", type=float, default=float("inf"), metavar="S", help="end here [s]")
 
@@ -82,7 +83,8 @@ def opened(arguments: argparse.Namespace) -> tuple[Vehicle | None, list[RecordSo
         raise UsageError(f"--to {arguments.to_s:g}: wanted more than --from {arguments.from_s:g}")
     topics = TopicSelection(arguments.odometry, arguments.wrench, arguments.frame)
     named = load_vehicle(arguments.vehicle) if arguments.vehicle else None
-    task = IdentificationTask(tuple(axes_named(arguments.dof)), Span(arguments.from_s, arguments.to_s))
+    axes = tuple(axes_named([] if ALL in arguments.dof else arguments.dof))
+    task = IdentificationTask(axes, Span(arguments.from_s, arguments.to_s))
     return named, open_sources(arguments.records, topics, named), task
 
 

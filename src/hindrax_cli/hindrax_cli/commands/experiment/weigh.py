@@ -12,7 +12,7 @@ from pathlib import Path
 from hindrax_analysis.identification.known_weight import Hold, LoadSpan, Weighing, holds_of
 from hindrax_analysis.identification.known_weight import weigh as weighed
 from hindrax_analysis.terminal import print_answer, print_table, print_values, working
-from hindrax_bringup.stack import WORLD_HELP
+from hindrax_bringup.stack import OTHER_WORLD, WORLD_HELP
 from hindrax_cli.argument_types import add_json, add_vehicle, positive, seed
 from hindrax_cli.command import command, option
 from hindrax_cli.vehicle_edit import keep, require_editable
@@ -90,6 +90,7 @@ def _holds(arguments: argparse.Namespace, vehicle: Vehicle, axis: int) -> list[H
 
         load = f"={arguments.load}" if arguments.load else ""
         world = f"{arguments.world},{MOCK_LOADS[arguments.axis]}{load}"
+        print_stderr(f"world of the mock: {arguments.world} ({OTHER_WORLD}), seed {arguments.seed}")
         with working(f"holding {arguments.axis} in lock-step against each load"):
             flight = fly_weighing(vehicle, axis, world, arguments.seed, shares)
         return holds_of(flight.events, axis, [LoadSpan(*one) for one in flight.spans])

@@ -5,7 +5,7 @@ import re
 from typing import Any
 
 from hindrax_analysis.terminal import print_answer, print_table
-from hindrax_cli.argument_types import add_json, add_vehicle
+from hindrax_cli.argument_types import add_json, add_vehicle, finite, positive
 from hindrax_cli.command import command, option
 from hindrax_control.allocation.allocator import Allocator
 from hindrax_core.errors import UsageError
@@ -22,9 +22,9 @@ def _negative_numbers(parser: argparse.ArgumentParser) -> None:
 @command(
     "./hindrax allocate --wrench 14 0 2 0 0 0.5 --disable T3",
     _negative_numbers,
-    option("--wrench", nargs=6, type=float, required=True, metavar=WRENCH_SYMBOLS, help="wanted, SNAME axes [N, Nm]"),
+    option("--wrench", nargs=6, type=finite, required=True, metavar=WRENCH_SYMBOLS, help="wanted, SNAME axes [N, Nm]"),
     option("--disable", action="extend", nargs="+", default=[], metavar="NAME", help="leave out thrusters"),
-    option("--supply", type=float, metavar="V", help="supply voltage; default: of the vehicle file"),
+    option("--supply", type=positive, metavar="V", help="supply voltage; default: of the vehicle file"),
     add_vehicle,
     add_json,
 )

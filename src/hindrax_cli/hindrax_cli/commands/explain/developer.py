@@ -32,7 +32,9 @@ TYPES = [sys.executable, "-m", "mypy"]
 @command("./hindrax completion bash", option("shell", choices=command_page.SHELLS, help="which shell"))
 def completion(arguments: argparse.Namespace) -> int:
     """Print the completion script for a shell; its first line says where to save it."""
-    print_whole(command_page.completion(command_page.page_of(clone_root()), arguments.shell), end="")
+    root = clone_root()
+    page, vehicles = command_page.page_of(root), command_page.vehicles_of(root)
+    print_whole(command_page.completion(page, arguments.shell, vehicles), end="")
     return 0
 
 

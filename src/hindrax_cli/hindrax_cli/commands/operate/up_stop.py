@@ -25,6 +25,7 @@ from hindrax_cli.argument_types import (
 from hindrax_cli.command import command, option
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_fitted, print_stderr
+from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_drivers.nodes.deadman import write_neutral
 from hindrax_operator.connection import add_stack, chosen_stack, find_stack
 from hindrax_operator.stopping import OutputStop, stop_lost_outputs, stop_outputs, stop_over_ros
@@ -43,7 +44,21 @@ def mock_options(arguments: argparse.Namespace) -> MockOptions:
     rate = 1.0 if arguments.rate is None else arguments.rate
     seed_of_all = 1 if arguments.seed is None else arguments.seed
     world = "ideal" if arguments.world is None else arguments.world
-    return MockOptions(seed_of_all, rate, tuple(arguments.fault), world)
+    made = MockOptions(seed_of_all, rate, tuple(arguments.fault), world)
+    require_known(made, load_vehicle(arguments.vehicle))
+    return made
+
+
+def require_known(options: MockOptions, vehicle: Vehicle) -> None:
+    """UsageError for a world or a fault that there is not, before anything starts."""
+    from hindrax_sim.conditions.world_table import sizes_of  # noqa: PLC0415  # no simulator on the vehicle
+
+    sizes_of(options.world, options.seed)
+    if options.faults:
+        from hindrax_sim.faults.fault_registry import parse_fault  # noqa: PLC0415  # as above; takes 0.2 s
+
+        for fault in options.faults:
+            parse_fault(fault, vehicle)
 
 
 @command(
@@ -74,6 +89,7 @@ def up(arguments: argparse.Namespace) -> int:
     # A mock is for this machine alone, unless it is asked for by name here.
     tether = tether_setting() if arguments.tether or not arguments.mock else None
     vehicle, without, tuning = Path(arguments.vehicle), arguments.without_operator, tuning_of(arguments)
+    load_vehicle(vehicle).output_channels()
     keep_bytes = math.inf if arguments.keep is None else arguments.keep * 1e9
     become(UpOptions(vehicle, mock, arguments.record, arguments.out, tether, without, tuning, keep_bytes))
 

@@ -1,6 +1,7 @@
 """`hindrax pool-test`: the main job, from arming to a report."""
 
 import argparse
+import math
 import signal
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,9 +10,11 @@ from hindrax_bringup.stack import FAULT_HELP, WORLD_HELP, MockOptions
 from hindrax_cli.argument_types import add_json, add_tuning, add_vehicle, pace, positive, seed, share, tuning_of
 from hindrax_cli.command import command, option
 from hindrax_cli.commands.operate.manual_control import PLACE_HELP, place_of
+from hindrax_cli.commands.operate.up_stop import require_known
 from hindrax_control.maneuver.goal import EXCITATIONS, PLATEAUS
+from hindrax_control.pool_bounds import PoolBounds
 from hindrax_core.errors import UsageError
-from hindrax_core.vehicle import AXES, load_vehicle
+from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 from hindrax_ident.online.aim import Aim
 from hindrax_operator.pool_run import ABORT, CONTINUE, PoolOptions, run_pool_test
 
@@ -26,6 +29,15 @@ def aim_of(arguments: argparse.Namespace) -> Aim | None:
         found = f"--excitation {arguments.excitation}"
         raise UsageError(f"--until, --minutes: found {found}, wanted {PLATEAUS}, of which single legs can be chosen")
     return Aim(arguments.until, arguments.minutes)
+
+
+def require_start(vehicle: Vehicle, start: tuple[float, float, float]) -> None:
+    """UsageError for a start outside the pool, before anything starts."""
+    x_m, y_m, heading_rad = start
+    try:
+        PoolBounds(vehicle, 0.0).require_inside(x_m, y_m, 0.0 if math.isnan(heading_rad) else heading_rad)
+    except UsageError as error:
+        raise UsageError(f"--start {error}") from error
 
 
 @command(
@@ -85,19 +97,24 @@ def pool_test(arguments: argparse.Namespace) -> int:
         from hindrax_cli.health_checks.wires import require_ports  # noqa: PLC0415  # every driver: a mock starts without them
 
         require_ports(load_vehicle(Path(arguments.vehicle)), arguments.vehicle)
+    rate, world = arguments.rate or 0.0, "pool" if arguments.world is None else arguments.world
+    mock = MockOptions(arguments.seed, rate, tuple(arguments.fault), world) if arguments.mock else None
+    vehicle, tuning, start = load_vehicle(arguments.vehicle), tuning_of(arguments), place_of(arguments.start or [])
+    if mock is not None:
+        require_known(mock, vehicle)
+    if arguments.start:
+        require_start(vehicle, start)
     predicted: Mapping[str, float] = {}
     if aim is not None:
         from hindrax_cli.pool_plan import predicted_of  # noqa: PLC0415  # as above
 
         predicted = predicted_of(arguments, aim)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    rate, world = arguments.rate or 0.0, "pool" if arguments.world is None else arguments.world
-    options = MockOptions(arguments.seed, rate, tuple(arguments.fault), world)
     return run_pool_test(
         PoolOptions(
             motions=tuple(arguments.dof),
             vehicle_file=Path(arguments.vehicle),
-            mock=options if arguments.mock else None,
+            mock=mock,
             out=arguments.out,
             seed=arguments.seed,
             excitation=arguments.excitation,
@@ -107,7 +124,7 @@ def pool_test(arguments: argparse.Namespace) -> int:
             json=arguments.json,
             aim=aim,
             predicted=predicted,
-            tuning=tuning_of(arguments),
-            start=place_of(arguments.start) if arguments.start else None,
+            tuning=tuning,
+            start=start if arguments.start else None,
         )
     )
