@@ -1,7 +1,7 @@
 """Files of a bag, their completeness, and metadata.yaml as rosbag2 of ROS 2 Jazzy writes it beside them (version 9)."""
 
-import fcntl
 import os
+import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -19,6 +19,9 @@ from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S
 from hindrax_core.text.yaml_text import read_yaml
 from hindrax_core.topics import TOPICS, Quality, resolved
+
+if sys.platform != "win32":
+    import fcntl
 
 METADATA_VERSION = 9
 FOREVER = {"sec": 9223372036, "nsec": 854775807}
@@ -177,11 +180,19 @@ def is_whole(file: Path) -> bool:
 
 def try_lock(stream: IO[Any] | int) -> bool:
     """Lock an open file or folder until it is closed; False if another process holds the lock."""
-    try:
-        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
+    # On Windows no recorder runs against which a bag would have to be locked.
+    if sys.platform != "win32":
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
     return True
+
+
+def lock(stream: IO[Any]) -> None:
+    """Lock an open file until it is closed; wait for whoever has it locked."""
+    if sys.platform != "win32":
+        fcntl.flock(stream, fcntl.LOCK_EX)
 
 
 def channel_of(record: ChannelRecord, schema: Schema | None) -> Channel:

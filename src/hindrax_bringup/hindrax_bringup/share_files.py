@@ -15,10 +15,11 @@ VEHICLE = "HINDRAX_VEHICLE"
 
 
 def share_folder(name: str) -> Path:
-    """Folder of the package: in the source tree, or in the package's share folder after an install."""
-    beside = Path(__file__).resolve().parent.parent / name
-    if beside.is_dir():
-        return beside
+    """Folder of the package: in the source tree, within the package (the wheel), or else in its share folder."""
+    here = Path(__file__).resolve().parent
+    for folder in (here.parent / name, here / name):
+        if folder.is_dir():
+            return folder
     from ament_index_python.packages import get_package_share_directory  # noqa: PLC0415  # exists only under ROS
 
     return Path(get_package_share_directory("hindrax_bringup")) / name

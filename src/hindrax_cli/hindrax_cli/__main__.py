@@ -16,5 +16,13 @@ def main() -> int:
     return run()
 
 
+def without_ros() -> int:
+    """Run the tool of the wheel, which joins no graph."""
+    interrupt.listen()
+    from hindrax_cli.command_line import main as run  # noqa: PLC0415  # as above
+
+    return run()
+
+
 if __name__ == "__main__":
     sys.exit(main())

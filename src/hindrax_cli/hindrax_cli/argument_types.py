@@ -5,13 +5,13 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
-from hindrax_bringup.node_options import ParameterOverrides
 from hindrax_bringup.share_files import usual_vehicle, vehicle_file
 from hindrax_cli.command import Declare, option
 from hindrax_core.topics import NAMESPACE, namespace_arguments
 from hindrax_core.vehicle import load_vehicle
 
 if TYPE_CHECKING:
+    from hindrax_bringup.node_options import ParameterOverrides
     from hindrax_drivers.nodes.thruster_settings import Settings
 
 NumberT = TypeVar("NumberT", int, float)
@@ -88,8 +88,10 @@ def add_parameters(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--set", action="append", default=[], metavar="NODE.NAME:=VALUE", help=one)
 
 
-def tuning_of(arguments: argparse.Namespace) -> ParameterOverrides:
+def tuning_of(arguments: argparse.Namespace) -> "ParameterOverrides":
     """Read them back."""
+    from hindrax_bringup.node_options import ParameterOverrides  # noqa: PLC0415  # the wheel has no nodes
+
     sensors = tuple(load_vehicle(arguments.vehicle).sensors) if arguments.vehicle else ()
     return ParameterOverrides(arguments.namespace, arguments.params, tuple(arguments.set), sensors)
 

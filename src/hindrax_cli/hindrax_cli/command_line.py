@@ -80,12 +80,30 @@ class Parser(argparse.ArgumentParser):
             wanted = "a whole number" if unread[2] == "int" else "a number"
             point = " with a decimal point" if "," in unread[3] else ""
             message = f"argument {unread[1]}: found {unread[3]}, wanted {wanted}{point}"
-        print_stderr(f"{self.prog}: {message}; ./{self.prog} --help shows how")
+        print_stderr(as_called(f"{self.prog}: {message}; ./{self.prog} --help shows how"))
         self.exit(UsageError.exit_code)
 
 
+NEEDS_ROS = "needs ROS 2 and a clone of hindrax; this installation analyzes records (docs/how-to/without-ros.md)"
+
+
+def is_here(name: str) -> bool:
+    """Whether a command is installed; the wheel has none that needs ROS."""
+    try:
+        return importlib.util.find_spec(MODULES[name]) is not None
+    except ModuleNotFoundError:  # not even the folder
+        return False
+
+
+def as_called(text: str) -> str:
+    """Text with the name by which this installation is called: `./hindrax` in a clone, `hindrax` from the wheel."""
+    return text if is_here("up") else text.replace("./hindrax", "hindrax")
+
+
 def load(name: str) -> ToolCommand:
-    """Import one command; only the one that is wanted pays for its imports."""
+    """Import one command; only the one that is wanted pays for its imports. UsageError where it is not installed."""
+    if not is_here(name):
+        raise UsageError(NEEDS_ROS)
     found: ToolCommand = getattr(importlib.import_module(MODULES[name]), name.replace("-", "_"))
     return found
 
@@ -125,9 +143,14 @@ def _main(words: list[str]) -> int:
         return 0
     if words[0] not in MODULES:
         known = did_you_mean(words[0], MODULES)
-        print_stderr(f"hindrax: no command {words[0]!r}{known}; ./hindrax --help lists all")
+        print_stderr(as_called(f"hindrax: no command {words[0]!r}{known}; ./hindrax --help lists all"))
         return UsageError.exit_code
-    return run_command(load(words[0]), words[1:])
+    try:
+        found = load(words[0])
+    except UsageError as error:
+        print_stderr(f"hindrax {words[0]}: {error}")
+        return error.exit_code
+    return run_command(found, words[1:])
 
 
 def parser_of(command: ToolCommand) -> argparse.ArgumentParser:
@@ -135,7 +158,7 @@ def parser_of(command: ToolCommand) -> argparse.ArgumentParser:
     parser = Parser(
         prog=f"hindrax {command.name}",
         description=help_text(command.run.__doc__),
-        epilog=example_text(command),
+        epilog=as_called(example_text(command)),
         formatter_class=HelpText,
     )
     for declare in command.arguments:
@@ -156,7 +179,7 @@ def run_command(command: ToolCommand, words: list[str]) -> int:
             return command.run(arguments)
     except HindraxError as error:
         why = str(error).removeprefix(f"{command.name}: ")
-        print_stderr(f"hindrax {command.name}: {why}")
+        print_stderr(as_called(f"hindrax {command.name}: {why}"))
         return error.exit_code
     except KeyboardInterrupt:
         print_stderr(sentence(f"hindrax {command.name}"))
@@ -165,13 +188,19 @@ def run_command(command: ToolCommand, words: list[str]) -> int:
 
 def print_overview() -> None:
     """Print every command with its one line of help."""
-    print_fitted("usage: ./hindrax COMMAND [OPTIONS]   (./hindrax COMMAND --help shows an example)")
+    print_fitted(as_called("usage: ./hindrax COMMAND [OPTIONS]   (./hindrax COMMAND --help shows an example)"))
     width = screen_width(sys.stdout)
     for title, group in GROUPS.items():
-        print_fitted(f"\n{title}")
-        for name in " ".join(group.values()).split():
+        names = [name for name in " ".join(group.values()).split() if is_here(name)]
+        if names:
+            print_fitted(f"\n{title}")
+        for name in names:
             print_whole(fitted(f"  {name:12} {declared(name)}", width, hang=15))
-    print_fitted("\nVersion: ./hindrax --version")
+    print_fitted(as_called("\nVersion: ./hindrax --version"))
+    lacking = [name for name in MODULES if not is_here(name)]
+    if lacking:
+        print_fitted(f"With ROS 2 and a clone of hindrax also: {', '.join(lacking)}")
+        return
     print_fitted("To set the machine up early, or to repair it: ./hindrax setup; other commands do so when needed")
 
 

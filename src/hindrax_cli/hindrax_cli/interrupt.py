@@ -6,6 +6,7 @@ import atexit
 import contextlib
 import os
 import signal
+import sys
 from collections.abc import Iterator
 from typing import Any
 
@@ -38,7 +39,8 @@ def listen() -> None:
         signal.signal(signal.SIGINT, end_now)
         # Called last: beyond it Python gives signals back to the kernel, which would kill with another code.
         atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    if sys.platform != "win32":
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 
 
 @contextlib.contextmanager

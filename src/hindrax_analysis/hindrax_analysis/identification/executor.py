@@ -8,6 +8,7 @@ import contextlib
 import multiprocessing
 import os
 import signal
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any, TypeVar
@@ -48,6 +49,9 @@ def in_processes(work: Callable[[ItemT], ResultT], items: Sequence[ItemT], worke
 @contextlib.contextmanager
 def _interrupts_deferred() -> Iterator[None]:
     """A Ctrl-C comes afterwards; processes that are started meanwhile get it when they have begun."""
+    if sys.platform == "win32":  # there, no process inherits what is blocked
+        yield
+        return
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -60,7 +64,8 @@ def _begin() -> None:
     os.environ["OPENBLAS_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = "1"
     # A terminal sends Ctrl-C to every process; the parent process ends the others.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    if sys.platform != "win32":
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 
 
 def on_cluster(

@@ -188,7 +188,8 @@ def _replaced(file: Path, target: Path) -> str:
 def main() -> int:
     """Complete the files that are named, and write metadata.yaml of their bags."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.nice(NICENESS)
+    if sys.platform != "win32":
+        os.nice(NICENESS)
     files = [Path(word) for word in sys.argv[1:]]
     for file in files:
         sys.stderr.write(f"{complete(file)}\n")

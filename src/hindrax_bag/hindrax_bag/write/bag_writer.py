@@ -6,7 +6,6 @@ The caller flushes it at least every second of wall time, so that a power cut co
 the disk and what is done when it is used up are decided at a flush; each decision is returned as a sentence.
 """
 
-import fcntl
 import os
 import re
 from collections import Counter
@@ -23,6 +22,7 @@ from hindrax_bag.metadata import (
     Contents,
     channel_metadata,
     is_whole,
+    lock,
     part_number,
     parts,
     try_lock,
@@ -51,7 +51,7 @@ class BagFile:
         self._numbers: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._file = path.open("xb")
-        fcntl.flock(self._file, fcntl.LOCK_EX)
+        lock(self._file)
         self._mcap = Writer(self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, enable_data_crcs=True)
         self._mcap.start("ros2", LIBRARY)
 
