@@ -19,6 +19,7 @@ LEASE_S = 4.0
 
 pytestmark = [
     pytest.mark.ros,
+    pytest.mark.long,
     pytest.mark.skipif(
         importlib.util.find_spec("hindrax_msgs") is None, reason="needs the built workspace: run ./hindrax test"
     ),
@@ -26,7 +27,7 @@ pytestmark = [
 
 
 def stall(pids: Sequence[int], seconds: float) -> None:
-    """Stop processes, and meanwhile their supervisor, which is this process."""
+    """Stop processes for a while; they continue in their order, supervisors first."""
     for number in (signal.SIGSTOP, signal.SIGCONT):
         for pid in pids:
             with suppress(ProcessLookupError):
@@ -49,8 +50,11 @@ def holds_again(stack: FaultyStack) -> bool:
 def test_after_a_stall_of_control_and_of_all_commands_are_obeyed_again(tmp_path: Path) -> None:
     with faulty_stack(tmp_path, 1, record=False) as stack:
         assert holds_again(stack)
-        # While control stands still, the others lose it for sure: its endpoints come back, the name of its node not.
-        stall(stack.pids(CONTROL.name), LEASE_S + 1.0)
+        # While control and its supervisor stand still, the others lose control for sure: its endpoints come back, the
+        # name of its node does not.
+        control = stack.pids(CONTROL.name)
+        above = [pid for pid in descendants(os.getpid()) if control[0] in descendants(pid)]
+        stall([*above, *control], LEASE_S + 1.0)
         assert holds_again(stack)
         stall(descendants(os.getpid()), 2.0 * LEASE_S)
         assert holds_again(stack)

@@ -127,6 +127,8 @@ LIES = {
         DVL,
         lambda reported: (reported.velocity_mps, reported.travel_m) == ((0.55, 0.0, 0.1), (1.0, 0.0, 0.0)),
     ),
+    "velocity_turned": (DVL, lambda reported: reported.velocity_mps == (0.0, 0.3, 0.1)),
+    "velocity_scaled": (DVL, lambda reported: reported.velocity_mps == pytest.approx((0.45, 0.0, 0.15))),
     "velocity_frozen": (DVL, lambda reported: reported.frozen),
     "false_lock": (DVL, lambda reported: (reported.velocity_mps, reported.altitude_m) == ((0.0, 0.0, 0.0), 0.3)),
     "gyro_offset": (ImuTruth(), lambda reported: reported.rate_radps == (math.radians(40.0), 0.0, 0.0)),

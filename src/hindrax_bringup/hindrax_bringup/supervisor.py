@@ -39,6 +39,8 @@ HUNG_S = 15.0
 """Without a heartbeat for this long it hangs. A disk may stall a recorder for seconds; thrusters have a dead man."""
 GAP_S = 2.0
 """After a gap of our own the others get time to beat: the machine may have stood still as a whole."""
+LATE_S, CONTINUED_S = 0.75, 0.5
+"""A gap of our own after which a signal may have stopped all of us, and the time that the others get to continue."""
 LAST_WORDS_S = 0.3
 """For those below a process that was killed, to end by themselves: the node of the thrusters then leaves neutral."""
 LAST_RESORT_S = 10.0
@@ -80,6 +82,7 @@ class Supervisor:
     _heartbeats: Path = field(init=False)
     _looked_s: float = 0.0
     _awake_s: float = 0.0
+    _late_s: float = 0.0
 
     def __enter__(self) -> Self:
         self.logs.mkdir(parents=True, exist_ok=True)
@@ -134,17 +137,22 @@ class Supervisor:
             self._looked_s = now_s
         if since_s > GAP_S:
             self._awake_s = now_s
+        if since_s > LATE_S:
+            self._late_s = now_s
         return since_s >= LOOK_S
 
     def _look(self, child: SupervisedProcess, now_s: float) -> str:
         """Kill a process that is frozen; report one below it, which is its own to look after."""
         if child.frozen or child.handle.poll() is not None:
             return ""
-        child.frozen = _frozen(child, now_s, self._awake_s)
+        alone = now_s - self._late_s > CONTINUED_S
+        child.frozen = _frozen(child, now_s, self._awake_s, stops_count=alone)
         if child.frozen:
             _kill(child)
             held = child.handle.poll() is None
             return f"{child.process.name} is frozen ({child.frozen}); killed, but it does not end" if held else ""
+        if not alone:
+            return ""
         before = child.stopped
         child.stopped = frozenset(pid for pid in descendants(child.handle.pid) if is_stopped(pid))
         frozen = [f"{child.process.name}: its process {pid} is frozen" for pid in sorted(child.stopped - before)]
@@ -264,9 +272,12 @@ def _heartbeat_folder() -> Path:
     return Path(tempfile.mkdtemp(prefix=f"{os.getpid()}-", suffix=HEARTBEATS, dir=place))
 
 
-def _frozen(child: SupervisedProcess, now_s: float, awake_s: float) -> str:
-    """Reason why a process that runs does nothing; empty when it does. Before its first beat it may take its time."""
-    if is_stopped(child.handle.pid):
+def _frozen(child: SupervisedProcess, now_s: float, awake_s: float, *, stops_count: bool) -> str:
+    """Reason why a process that runs does nothing; empty when it does. Before its first beat it may take its time.
+
+    `stops_count`: not while those who were stopped together with the supervisor are continued, one after the other.
+    """
+    if stops_count and is_stopped(child.handle.pid):
         return "stopped by a signal"
     last_s = beaten_s(child.heartbeat)
     silent_s = 0.0 if last_s is None else now_s - max(last_s, awake_s)

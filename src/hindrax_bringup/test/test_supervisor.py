@@ -168,6 +168,25 @@ def test_a_stopped_process_and_what_is_below_it_are_killed_and_it_starts_again(s
     held.kill(0.0)
 
 
+def test_whoever_was_stopped_together_with_it_gets_time_to_continue(
+    supervisor: Supervisor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    child = start(supervisor)
+    supervisor.check()
+    stop(child)
+    supervisor._looked_s -= 10.0  # it was stopped too, and is continued first
+    monkeypatch.setattr(module, "CONTINUED_S", 1e9)
+    assert supervisor.check() == []
+    os.kill(child.handle.pid, signal.SIGCONT)
+    until(lambda: not is_stopped(child.handle.pid))
+    monkeypatch.setattr(module, "CONTINUED_S", 0.0)
+    supervisor._looked_s = 0.0
+    assert supervisor.check() == []
+    assert child.handle.poll() is None
+    stop(child)
+    assert reported(supervisor)[0].startswith("lamps was frozen (stopped by a signal), and killed")
+
+
 def test_a_process_below_that_is_stopped_is_reported_once(supervisor: Supervisor) -> None:
     child = start(supervisor)
     (below,) = descendants(child.handle.pid)

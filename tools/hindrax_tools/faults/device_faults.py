@@ -1,7 +1,8 @@
 """Faults of devices, in lock-step and by bytes: every emulator, every driver, the whole stack without its processes."""
 
+import math
 import random
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from hindrax_bringup.share_files import default_vehicle
@@ -9,13 +10,27 @@ from hindrax_control.hold.holds import Setpoint
 from hindrax_control.maneuver.goal import Goal
 from hindrax_control.maneuver.maneuver import ManeuverOutput
 from hindrax_control.pilot import Pilot
+from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.signals import Allocation, Navigation
-from hindrax_core.vehicle import load_vehicle
+from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec
 from hindrax_sim.flights.lockstep import Lockstep, LockstepCommand
 from hindrax_sim.flights.lockstep_rigs import BytesRig
-from hindrax_tools.faults.fault_outcome import DISARMED, HELD, HOLD, MANEUVER, OPERATOR, WRENCH, FaultOutcome, Judge
+from hindrax_tools.faults.fault_outcome import (
+    ARMING,
+    BRAKING,
+    DISARMED,
+    HELD,
+    HOLD,
+    MANEUVER,
+    OPERATOR,
+    RECENTRE,
+    WRENCH,
+    FaultOutcome,
+    Judge,
+    WORST_TILT_deg,
+)
 
 READY_S = 4.0
 FROM_S = {MANEUVER: 24.0, HOLD: 14.0, OPERATOR: 14.0, DISARMED: 6.0}
@@ -24,6 +39,10 @@ AFTER_S = {MANEUVER: 16.0, HOLD: 12.0, OPERATOR: 12.0, DISARMED: 4.0}
 WITHIN_S = 6.0
 """A fault comes when it flies: in a maneuver on the first plateau."""
 LASTS_S = 9999.0
+CAPSIZED_deg = 75.0
+"""Where thrust ended before 45 degrees, the vehicle still turns on, and comes back upright by itself."""
+ORDERED_S = 15.0
+"""Time after the arming at which the pilot of `BRAKING` cancels and that of `RECENTRE` restarts its dead reckoning."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +53,8 @@ class DeviceFault:
     what: str
     fault: str
     lasts_s: float = LASTS_S
+    worst_deg: float = WORST_TILT_deg
+    """True tilt that it may not reach: more where a thruster turns it until thrust ends."""
 
 
 LIES = {
@@ -44,6 +65,9 @@ LIES = {
     "false lock": "false_lock",
     "depth stuck": "depth_stuck",
     "short range": "range_short",
+    "turned velocity": "velocity_turned",
+    "scaled velocity": "velocity_scaled",
+    "dead supply": "supply_dies",
     "turns without thrust": "thruster_fails",
 }
 """Faults of what a device measures or does, of which one falls on the vehicle."""
@@ -58,20 +82,25 @@ ROWS = (
         DeviceFault("T3" if fault == "thruster_fails" else FAULTS[fault].devices(_VEHICLE)[0], what, fault)
         for what, fault in LIES.items()
     ),
+    *(DeviceFault(name, "wired backwards", "thruster_reversed", worst_deg=CAPSIZED_deg) for name in ("T3", "T5")),
 )
 
 
 class ModePilot:
     """Flies one mode with the vehicle's own pilot. Once it was disarmed it does not arm again."""
 
-    def __init__(self, mode: str, seed: int) -> None:
-        self.vehicle = load_vehicle(default_vehicle())
+    def __init__(self, mode: str, seed: int, vehicle: Vehicle | None = None) -> None:
+        self.vehicle = vehicle or load_vehicle(default_vehicle())
         self.pilot = Pilot(self.vehicle)
         self.mode, self.goal = mode, Goal(("surge",), seed=seed)
         self.maneuver: ManeuverOutput | None = None
         self.estimated: Navigation | None = None
-        self._was_armed = self._ended = False
+        self.left_out: dict[str, str] = {}
+        """Thrusters that the vehicle has taken out of use itself, with its sentences."""
+        self.refused = ""
+        self._was_armed = self._ended = self._ordered = False
         self._started_at: Stamp | None = None
+        self._armed_at = Stamp(0)
 
     def step(self, navigation: Stamped[Navigation], became: Allocation | None, *, armed: bool) -> LockstepCommand:
         """Arm, begin, and go on."""
@@ -81,45 +110,88 @@ class ModePilot:
             self.pilot.set_operator_wrench(WRENCH, "base_link_fsd", stamp, stamp)
         flight = self.pilot.step(navigation.reading, stamp, became, armed=armed)
         self.maneuver = flight.maneuver
+        if (suspect := flight.suspected_fault) is not None:
+            self.left_out[suspect.name] = suspect.sentence
+            self.pilot.disable(frozenset(self.left_out))
         if armed and not self._was_armed:
+            self._armed_at = stamp
             self._begin()
+        elif armed and not self._ordered and seconds_between(self._armed_at, stamp) >= ORDERED_S:
+            self._ordered = True
+            self._order()
         self._ended = self._ended or (self._was_armed and not armed)
         self._was_armed = self._was_armed or armed
         ready = seconds_between(self._started_at, stamp) >= READY_S
-        return LockstepCommand(flight.wrench, armed=ready and self.mode != DISARMED and not self._ended)
+        wanted = ready and self.mode != DISARMED and not self._ended
+        return LockstepCommand(flight.wrench, armed=wanted, disabled=frozenset(self.left_out))
 
     def _begin(self) -> None:
-        if self.mode == MANEUVER:
-            self.pilot.fly(self.goal)
-        elif self.mode == HOLD:
+        if self.mode in (MANEUVER, BRAKING):
+            try:
+                self.pilot.fly(self.goal)
+            except HindraxError as error:
+                self.refused = str(error)
+        elif self.mode in (HOLD, ARMING, RECENTRE):
             for axis, value in HELD:
                 self.pilot.set(Setpoint(axis, value=value))
+
+    def _order(self) -> None:
+        if self.mode == BRAKING:
+            self.pilot.cancel("hold")
+        elif self.mode == RECENTRE:
+            self.refused = self.pilot.recentre()
+
+
+@dataclass(slots=True)
+class Watched:
+    """A flight with its faults, as the truth shows it from the first of them on."""
+
+    judge: Judge
+    reason: str = ""
+    """What the vehicle reported; empty when nothing."""
+    lost: str = ""
+    thrust: bool = False
+    """Whether there was thrust when the first fault came, or later."""
+    disarmed_thrust_s: float = 0.0
+    """The longest thrust in one go after it was disarmed."""
+
+
+def watched(pilot: ModePilot, faults: Sequence[FaultSpec], seed: int, until_s: float) -> Watched:
+    """Fly in lock-step, by bytes, and judge every step of the hardware from the first fault on."""
+    step = Lockstep(pilot.vehicle, pilot, seed, by_bytes=True, faults=faults)
+    assert isinstance(step.rig, BytesRig)
+    hardware, advance, onboard = step.rig.hardware, step.rig.hardware.advance, step.onboard
+    from_s = min(fault.start_s for fault in faults)
+    found, unhealthy, since_s = Watched(Judge(hardware.true_state())), "", math.inf
+
+    def watch(stamp: Stamp) -> dict[str, bytes]:
+        nonlocal unhealthy, since_s
+        data, true = advance(stamp), hardware.true_state()
+        if step.elapsed_s < from_s:
+            found.judge = Judge(true)
+            found.lost = "no thrust before the fault: nothing is shown" if true.neutral else ""
+        else:
+            found.judge.observe(true, pilot.estimated)
+            found.thrust = found.thrust or not true.neutral
+            disarmed = not onboard.armed and not true.neutral
+            since_s = true.now_s if not disarmed or math.isinf(since_s) else since_s
+            found.disarmed_thrust_s = max(found.disarmed_thrust_s, true.now_s - since_s)
+            unhealthy = unhealthy or next(iter(onboard.unhealthy), "")
+        return data
+
+    hardware.advance = watch  # type: ignore[method-assign]
+    for _ in step.run(until_s):
+        pass
+    aborted = pilot.maneuver.aborted if pilot.maneuver is not None else ""
+    ended = "" if found.judge.flies_on else onboard.reason
+    found.reason = unhealthy or aborted or pilot.refused or "; ".join(pilot.left_out.values()) or ended
+    return found
 
 
 def fly(row: DeviceFault, mode: str, seed: int) -> Iterator[FaultOutcome]:
     """Fly, break, and judge every step of the hardware."""
     at_s = random.Random(f"{row} {mode} {seed}").uniform(0.0, WITHIN_S) + FROM_S[mode]  # noqa: S311  # no secret
-    pilot = ModePilot(mode, seed)
     fault = FaultSpec(row.fault, (row.who,), at_s, row.lasts_s)
-    step = Lockstep(pilot.vehicle, pilot, seed, by_bytes=True, faults=[fault])
-    assert isinstance(step.rig, BytesRig)
-    hardware, advance, onboard = step.rig.hardware, step.rig.hardware.advance, step.onboard
-    judge, lost, unhealthy = Judge(hardware.true_state()), "", ""
-
-    def watch(stamp: Stamp) -> dict[str, bytes]:
-        nonlocal judge, lost, unhealthy
-        data, true = advance(stamp), hardware.true_state()
-        if step.elapsed_s < at_s:
-            judge = Judge(true)
-            lost = "no thrust before the fault: nothing is shown" if true.neutral and mode != DISARMED else ""
-        else:
-            judge.observe(true, pilot.estimated)
-            unhealthy = unhealthy or next(iter(onboard.unhealthy), "")
-        return data
-
-    hardware.advance = watch  # type: ignore[method-assign]
-    for _ in step.run(at_s + AFTER_S[mode]):
-        pass
-    aborted = pilot.maneuver.aborted if pilot.maneuver is not None else ""
-    reason = unhealthy or aborted or ("" if judge.flies_on else onboard.reason)
-    yield judge.cell(row.who, row.what, mode, seed, reason, lost=lost)
+    found = watched(ModePilot(mode, seed), [fault], seed, at_s + AFTER_S[mode])
+    lost = "" if mode == DISARMED else found.lost
+    yield found.judge.cell(row.who, row.what, mode, seed, found.reason, lost=lost, worst_deg=row.worst_deg)

@@ -7,6 +7,8 @@ from hindrax_core.signals import Navigation
 from hindrax_sim.hardware import TrueState
 
 MANEUVER, HOLD, OPERATOR, DISARMED = MODES = ("maneuver", "hold", "operator", "disarmed")
+ARMING, BRAKING, RECENTRE = MOMENTS = ("arming", "braking", "recentre")
+"""Moments at which faults come besides: while it arms, brakes after a cancelled maneuver, restarts dead reckoning."""
 WRENCH = (12.0, 0.0, 6.0, 0.0, 0.0, 1.0)
 """Wrench of the operator: forward, down, and turning."""
 HELD = (("depth", 0.8), ("heading", math.nan), ("roll", 0.0), ("pitch", 0.0))
@@ -17,6 +19,8 @@ LONGEST_WRONG_S = 0.5
 """Thrust on a state that is wrong: never for longer."""
 WORST_TILT_deg = 30.0
 """True tilt that no cell may reach. It leans by 21 to 23 where it loses its thrust in the fastest surge."""
+WORST_THRUST_deg = 45.0
+"""True tilt beyond which there is no thrust."""
 AT_END_S = 0.2
 
 
@@ -48,7 +52,7 @@ class Judge:
         """`begin`: the true state when the fault came."""
         self._begin = self._last = begin
         self._thrust_s = self._right_s = begin.now_s
-        self._wrong_s = self._tilt_deg = 0.0
+        self._wrong_s = self._tilt_deg = self.thrust_tilt_deg = 0.0
 
     def observe(self, true: TrueState, estimated: Navigation | None) -> None:
         """Take notice of one step."""
@@ -56,6 +60,7 @@ class Judge:
         self._tilt_deg = max(self._tilt_deg, true.tilt_deg)
         if not true.neutral:
             self._thrust_s = true.now_s
+            self.thrust_tilt_deg = max(self.thrust_tilt_deg, true.tilt_deg)
         if true.neutral or estimated is None or not is_wrong(estimated, true):
             self._right_s = true.now_s
         self._wrong_s = max(self._wrong_s, true.now_s - self._right_s)
@@ -76,15 +81,20 @@ class Judge:
         within_s: float = math.inf,
         lost: str = "",
         armed: bool = False,
+        worst_deg: float = WORST_TILT_deg,
     ) -> FaultOutcome:
-        """The judgement. `within_s`: until neutral; `lost`: what never came; `armed`: it flies on though at rest."""
+        """The judgement. `within_s`: until neutral; `lost`: what never came; `armed`: it flies on though at rest.
+
+        `worst_deg`: true tilt that it may not reach.
+        """
         took_s, wall = self._thrust_s - self._begin.now_s, self._last.wall_hits > self._begin.wall_hits
         found = {
             lost: bool(lost),
             "thrust while disarmed": mode == DISARMED and took_s > 0.0,
             f"neutral after {took_s:.2f} s, wanted {within_s:g} s": took_s > within_s,
             f"thrust for {self._wrong_s:.2f} s on a state that is wrong": self._wrong_s > LONGEST_WRONG_S,
-            f"tilted by {self._tilt_deg:.0f} deg": self._tilt_deg > WORST_TILT_deg,
+            f"tilted by {self._tilt_deg:.0f} deg": self._tilt_deg > worst_deg,
+            f"thrust at a tilt of {self.thrust_tilt_deg:.0f} deg": self.thrust_tilt_deg > WORST_THRUST_deg,
             "ran into a wall unnoticed": wall and mode == MANEUVER and not reason,
         }
         violated = tuple(sentence for sentence, so in found.items() if so)

@@ -114,6 +114,9 @@ _KINDS = (
         "range_short", "an echo half a meter too near, as of a fish", on_truth=truth.range_short, measuring="range"
     ),
     FaultKind("thruster_fails", "a thruster gives no thrust", on_world=truth.thruster_fails, others=(EACH_THRUSTER,)),
+    FaultKind("velocity_turned", "turned by a quarter", on_truth=truth.velocity_turned, measuring="velocity"),
+    FaultKind("velocity_scaled", "half as large again", on_truth=truth.velocity_scaled, measuring="velocity"),
+    FaultKind("supply_dies", "no thruster has power", on_world=truth.supply_dies, others=("supply",)),
     FaultKind(
         "thruster_reversed",
         "a thruster is wired the wrong way round",

@@ -14,6 +14,7 @@ from hindrax_sim.world import World
 
 CURRENT_mps = 0.15
 """Across the pool: what a vehicle that flies along it feels most."""
+SCALE = 1.5
 NEAR_m, SHORT_m = 0.3, 0.5
 GYRO_OFFSET_radps: Vec3 = (math.radians(40.0), 0.0, 0.0)
 FORCE_OFFSET_mps2: Vec3 = (0.0, 3.0, 0.0)
@@ -32,6 +33,12 @@ def thruster_fails(world: World, target: str, on: bool) -> None:
 def thruster_reversed(world: World, target: str, on: bool) -> None:
     """Turn the force of the thruster `target` round, as two exchanged phases do, or restore it."""
     world.fail_thruster(target, -1.0 if on else 1.0)
+
+
+def supply_dies(world: World, _target: str, on: bool) -> None:
+    """Take all thrusters their power, while the computer has its own."""
+    for thruster in world.vehicle.thrusters:
+        world.fail_thruster(thruster.name, 0.0 if on else 1.0)
 
 
 def lock_lost(world: World, _target: str, on: bool) -> None:
@@ -53,6 +60,19 @@ def velocity_bias(truth: DvlTruth, was: DvlTruth, dt_s: float) -> DvlTruth:
     """A velocity with an offset forward, and the way that belongs to it."""
     velocity = plus(BIAS_mps, truth.velocity_mps)
     return replace(truth, velocity_mps=velocity, travel_m=plus(was.travel_m or NOWHERE, velocity, dt_s))
+
+
+def velocity_turned(truth: DvlTruth, was: DvlTruth, dt_s: float) -> DvlTruth:
+    """The velocity of an instrument that was mounted a quarter turn off, and the way that belongs to it."""
+    u, v, w = truth.velocity_mps
+    velocity = (-v, u, w)
+    return replace(truth, velocity_mps=velocity, travel_m=plus(was.travel_m or NOWHERE, velocity, dt_s))
+
+
+def velocity_scaled(truth: DvlTruth, was: DvlTruth, dt_s: float) -> DvlTruth:
+    """A velocity that is half as large again, as with the sound speed of another medium, and the way of it."""
+    u, v, w = (SCALE * one for one in truth.velocity_mps)
+    return replace(truth, velocity_mps=(u, v, w), travel_m=plus(was.travel_m or NOWHERE, (u, v, w), dt_s))
 
 
 def velocity_frozen(truth: DvlTruth, _was: DvlTruth, _dt_s: float) -> DvlTruth:

@@ -1,0 +1,173 @@
+"""Fuzzer of faults: pairs and triples of device faults at random moments, in random modes, on every vehicle.
+
+    PYTHONPATH=tools python -m hindrax_tools.fault_fuzzer --minutes 120
+    PYTHONPATH=tools python -m hindrax_tools.fault_fuzzer --repeat "hindrax hold 7 depth_stuck:ms5837@15+9999"
+
+Each case is flown in lock-step, by bytes, and judged by the truth: thrust on a wrong state, beyond a tilt, after it was
+disarmed; contact with a wall, or an end, of which the operator is told nothing; a defect in the code. What is found is
+shrunk to fewer faults, and printed as a line that repeats it. A finding that is mended stays as a line of
+`faults/kept_cases.txt`.
+"""
+
+import argparse
+import random
+import sys
+import time
+import traceback
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from hindrax_bringup.share_files import share_folder, vehicle_file
+from hindrax_core.errors import UsageError
+from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, parse_fault
+from hindrax_tools.faults.device_faults import ModePilot, watched
+from hindrax_tools.faults.fault_outcome import (
+    ARMING,
+    BRAKING,
+    DISARMED,
+    HOLD,
+    MANEUVER,
+    MODES,
+    MOMENTS,
+    OPERATOR,
+    RECENTRE,
+)
+
+EVERY_MODE = (*MODES, *MOMENTS)
+FROM_S = {
+    **dict.fromkeys((HOLD, OPERATOR), (12.0, 20.0)),
+    MANEUVER: (16.0, 40.0),
+    DISARMED: (5.0, 8.0),
+    ARMING: (3.0, 12.0),
+    BRAKING: (20.0, 30.0),
+    RECENTRE: (22.0, 28.0),
+}
+"""Span in which the faults of a mode begin; the maneuver is cancelled, and dead reckoning restarted, at 26 s."""
+KEPT_CASES = Path(__file__).parent / "faults" / "kept_cases.txt"
+AFTER_S = 12.0
+OUTPUT = "thrusters"
+"""What checks and sets up the output again is no part of the lock-step: its faults are rows of `process_faults`."""
+LONGEST_DISARMED_S = 0.2
+"""Time that a failed write of neutral may take."""
+LASTING_S = (0.1, 1.0, 5.0, 9999.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One flight: the vehicle's file, the mode, the seed, and its faults."""
+
+    vehicle: str
+    mode: str
+    seed: int
+    faults: tuple[FaultSpec, ...]
+
+    def __str__(self) -> str:
+        """The line that repeats it."""
+        faults = (f"{one.name}:{one.devices[0]}@{one.start_s:g}+{one.duration_s:g}" for one in self.faults)
+        return " ".join((self.vehicle, self.mode, str(self.seed), *faults))
+
+    @classmethod
+    def parse(cls, line: str) -> "Case":
+        """Undo `str`; UsageError names what is wrong."""
+        try:
+            vehicle, mode, seed, *faults = line.split()
+            number = int(seed)
+        except ValueError as error:
+            raise UsageError(f"found {line!r}, wanted VEHICLE MODE SEED FAULT...") from error
+        if mode not in EVERY_MODE or not faults:
+            raise UsageError(f"found {line!r}, wanted a mode of {', '.join(EVERY_MODE)}, and faults")
+        aboard = load_vehicle(vehicle_file(vehicle))
+        return cls(vehicle, mode, number, tuple(parse_fault(one, aboard) for one in faults))
+
+
+def drawn(vehicles: dict[str, Vehicle], random_: random.Random) -> Case:
+    """A random case of two or three faults."""
+    name, mode = random_.choice(sorted(vehicles)), random_.choice(EVERY_MODE)
+    targets = [(kind.name, device) for kind in FAULTS.values() for device in kind.devices(vehicles[name])]
+    targets = [one for one in targets if one[1] != OUTPUT]
+    faults = tuple(
+        FaultSpec(kind, (device,), round(random_.uniform(*FROM_S[mode]), 1), random_.choice(LASTING_S))
+        for kind, device in random_.sample(targets, random_.choice((2, 2, 3)))
+    )
+    return Case(name, mode, random_.randrange(1000), faults)
+
+
+def violations(case: Case) -> tuple[str, ...]:
+    """Fly one case; what must not have happened, empty when nothing."""
+    pilot = ModePilot(case.mode, case.seed, load_vehicle(vehicle_file(case.vehicle)))
+    until_s = max(one.start_s for one in case.faults) + AFTER_S
+    try:
+        found = watched(pilot, case.faults, case.seed, until_s)
+    except Exception:  # noqa: BLE001  # a defect in the code, whatever it is, is a finding
+        return (f"defect: {traceback.format_exc().splitlines()[-1]}",)
+    mode = MANEUVER if case.mode == BRAKING else case.mode
+    cell = found.judge.cell(case.vehicle, "", mode, case.seed, found.reason, worst_deg=180.0)
+    silent = mode != DISARMED and not found.judge.flies_on and found.thrust and not found.reason
+    disarmed_s = found.disarmed_thrust_s
+    return (
+        *cell.violated,
+        *(("it ended, and nobody is told why",) if silent else ()),
+        *((f"thrust for {disarmed_s:.2f} s after it was disarmed",) if disarmed_s > LONGEST_DISARMED_S else ()),
+    )
+
+
+def kinds(violated: Sequence[str]) -> frozenset[str]:
+    """Violations without their numbers."""
+    return frozenset("".join(letter for letter in one if not letter.isdigit()) for one in violated)
+
+
+def shrunk(case: Case) -> Case:
+    """The case with as few faults as still violate the same, and with plain numbers where they do too."""
+    wanted = kinds(violations(case))
+
+    def same(one: Case) -> bool:
+        return bool(kinds(violations(one)) & wanted)
+
+    for fault in case.faults:
+        smaller = replace(case, faults=tuple(one for one in case.faults if one is not fault))
+        if smaller.faults and same(smaller):
+            case = smaller
+    plain = replace(case, seed=0, faults=tuple(replace(one, start_s=float(round(one.start_s))) for one in case.faults))
+    return plain if plain != case and same(plain) else case
+
+
+def fuzzed(minutes: float, seed: int) -> Iterator[tuple[Case, tuple[str, ...]]]:
+    """Draw and fly cases for so long; yields each with what it violates."""
+    random_ = random.Random(seed)  # noqa: S311  # no secret
+    loaded = {file.stem: load_vehicle(file) for file in sorted(share_folder("vehicles").glob("*.yaml"))}
+    vehicles = {name: one for name, one in loaded.items() if one.output.device == "pca9685"}  # as the rig wants
+    deadline_s = time.monotonic() + 60.0 * minutes
+    while time.monotonic() < deadline_s:
+        case = drawn(vehicles, random_)
+        yield case, violations(case)
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Print each finding, shrunk; 1 when there is one."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--minutes", type=float, default=10.0, help="default 10")
+    parser.add_argument("--seed", type=int, default=0, help="of the draws; default 0")
+    parser.add_argument("--repeat", metavar="LINE", help="fly this case, as it was printed, and nothing else")
+    arguments = parser.parse_args(words)
+    if arguments.repeat is not None:
+        try:
+            violated = violations(Case.parse(arguments.repeat))
+        except UsageError as error:
+            parser.error(str(error))
+        print("\n".join(violated) or "nothing is violated")
+        return int(bool(violated))
+    flown = bad = 0
+    for case, violated in fuzzed(arguments.minutes, arguments.seed):
+        flown += 1
+        print(f"{flown} flights, {bad} findings: {case}", file=sys.stderr, flush=True)
+        if violated:
+            bad += 1
+            print(f"{shrunk(case)}\n  {'; '.join(violated)}", flush=True)
+    print(f"{flown} flights, {bad} findings")
+    return int(bool(bad))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
