@@ -9,6 +9,10 @@ STAMP_SIGMA_S = 0.03
 """Prior standard deviation between stamps of different topics: delays, jitter and slow sampling resemble a lag."""
 LAG_SIGMA_S = 0.1
 """Prior standard deviation of the thrust lag, and of the latency of the velocities."""
+USUAL_LAG_S = 0.15
+"""Usual thrust lag of small vehicles, where the vehicle file has none."""
+USUAL_LATENCY_S = 0.05
+"""Usual latency of velocities from a filter or a camera, where unknown."""
 THRUST_SHARE = 0.025
 """Unmodeled dead band of the thrusters or pull of a tether, share of the largest thrust [-]."""
 

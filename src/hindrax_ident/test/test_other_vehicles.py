@@ -84,6 +84,18 @@ def test_lag_and_latency_that_nobody_given_are_found_together(lag_s: float, late
     assert found.coefficients["added_mass"].std_calibrated < 2.0
 
 
+@pytest.mark.parametrize(
+    ("lag_s", "latency_s"), [(0.0, 0.0), (0.05, 0.0), (0.12, 0.0), (0.25, 0.0), (0.1, 0.1), (0.1, 0.2)]
+)
+def test_the_live_estimate_does_not_take_a_delay_for_mass_or_drag(lag_s: float, latency_s: float) -> None:
+    """Of the live deviations alone; without the delay among its unknowns it was up to 17 of them off."""
+    recording = recorded(flight(lag_s=lag_s), latency_s)
+    session = Session(OTHER, tuned([recording]))
+    last = [one for event in events(recording, 0) for one in session.step(event)][-1].reading
+    for name, value, sigma in zip(last.names, last.values, last.sigmas, strict=True):
+        assert abs(value - TRUTH.get(name, 0.0)) < 3.0 * sigma, name
+
+
 def test_smooth_commands_show_the_lag_too() -> None:
     found = surge(recorded(flight("smooth", 0.12)))
     assert found.quality["lag_s"] + found.quality["latency_s"] == pytest.approx(0.12, abs=0.02)

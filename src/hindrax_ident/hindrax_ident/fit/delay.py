@@ -29,6 +29,7 @@ from hindrax_ident.model.motion_model import Model
 from hindrax_ident.model.simulation import Grid, Trajectory, per_step
 from hindrax_ident.model.thrust_lag import LaggedThrust
 from hindrax_ident.records.axis_record import Record
+from hindrax_ident.tuning import USUAL_LAG_S, USUAL_LATENCY_S
 
 MASS = -3
 """Index of the total mass among the unknowns of a search: lag and latency follow it."""
@@ -40,10 +41,6 @@ ROUNDS = 4
 ROBUST = 3.0
 """Standard deviations beyond which residuals get less weight, but never zero: delayed thrust is among them, as are
 glitches."""
-USUAL_LAG_S = 0.15
-"""Usual thrust lag of small vehicles, where the vehicle file has none."""
-USUAL_LATENCY_S = 0.05
-"""Usual latency of velocities from a filter or a camera, where unknown."""
 STARTS = ((0.1, 0.0), (0.3, 0.0), (0.0, 0.2))
 """Initial lags and latencies of the search [s]."""
 

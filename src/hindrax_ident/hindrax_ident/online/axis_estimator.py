@@ -14,7 +14,7 @@ from hindrax_ident.online.filtered_regression import FilteredRegression, RowWhit
 from hindrax_ident.online.joint_ekf import JointFilter
 from hindrax_ident.online.rls import Rls
 from hindrax_ident.records.binning import DEPTH_S
-from hindrax_ident.tuning import Tuning
+from hindrax_ident.tuning import USUAL_LAG_S, USUAL_LATENCY_S, Tuning
 
 NOISE = 0.01
 """Noise of a velocity [m/s, rad/s] assumed of the first samples, and to weight the prior against them."""
@@ -49,17 +49,29 @@ class AxisEstimator:
     """Inputs in time order. Times in seconds, forces in N or N m, velocities in m/s or rad/s."""
 
     def __init__(self, model: Model, lag_s: float, prior: Prior, tuning: Tuning) -> None:
-        """With `tuning.plateaus_only` the mass stays at its prior, and three coefficients are estimated."""
+        """With `tuning.plateaus_only` the mass stays at its prior, and three coefficients are estimated.
+
+        With `tuning.lag_doubt_s` the delay of the thrust is estimated too, about the usual one where the lag is zero.
+        """
+        lag_doubt_s = tuning.lag_doubt_s or 0.0
+        if lag_doubt_s > 0.0:
+            lag_s = lag_s or USUAL_LAG_S
         self.model, self._tuning = model, tuning
         self.regression = FilteredRegression(model, lag_s, tuning.filter_rate)
         # Without any, the noise of the first samples would choose the direction: heave begins at rest.
         self.regression.noise_variance = NOISE**2
         self._fixed_mass = float(prior.values[-1]) if tuning.plateaus_only else 0.0
-        values, covariance = scaled(prior.values.tolist(), np.diag(prior.sigmas**2))
-        known = len(values) - bool(self._fixed_mass)
-        sigmas = np.sqrt(np.diag(covariance))[:known] / NOISE
-        self._rls = Rls(values[:known].tolist(), sigmas.tolist(), tuning.forgetting)
-        self._whitener = RowWhitener(known + 1, lag_s, float(prior.values[-1]))
+        scaled_values, covariance = scaled(prior.values.tolist(), np.diag(prior.sigmas**2))
+        known = len(scaled_values) - bool(self._fixed_mass)
+        values = scaled_values[:known].tolist()
+        sigmas = (np.sqrt(np.diag(covariance))[:known] / NOISE).tolist()
+        # F(t - d) is F - d F': the delay of the thrust against the velocity, over the mass, is one more coefficient.
+        self._delayed = lag_doubt_s > 0.0 and not self._fixed_mass
+        if self._delayed:
+            sigmas.append(math.sqrt(2.0) * lag_doubt_s * values[-1] / NOISE)
+            values.append(USUAL_LATENCY_S * values[-1])
+        self._rls = Rls(values, sigmas, tuning.forgetting)
+        self._whitener = RowWhitener(len(values) + 1, lag_s, float(prior.values[-1]))
         self.correlator = Correlator()
         self._filter = JointFilter(model, lag_s) if tuning.estimator == "ekf" and not self._fixed_mass else None
         self._inputs: deque[tuple[float, str, float]] = deque()
@@ -142,10 +154,11 @@ class AxisEstimator:
     def _summed(self, sample: Sample, pause: float) -> Sample:
         """Leaky integral of the rows, which turns differences of measured positions back into positions."""
         keep = math.exp(-pause / SUMMED_S)
-        row = (*sample.x, sample.y)
+        row = (*sample.x, sample.rise, sample.y)
         past = self._sum or (0.0,) * len(row)
         self._sum = tuple(keep * old + new for old, new in zip(past, row, strict=True))
-        return replace(sample, x=self._sum[:-1], y=self._sum[-1])
+        *x, rise, y = self._sum
+        return replace(sample, x=tuple(x), rise=rise, y=y)
 
     def _refusal(self, sample: Sample | None, pause: float, age: float) -> str:
         if math.isnan(age):
@@ -158,6 +171,8 @@ class AxisEstimator:
 
     def _learn(self, sample: Sample, t_s: float, *, derived: bool) -> SampleVerdict:
         x, y = sample.x, sample.y
+        if self._delayed:
+            x = (*x, -sample.rise)
         if self._fixed_mass:
             x, y = x[:-1], y - x[-1] / self._fixed_mass
         scale = 1.0
@@ -172,7 +187,8 @@ class AxisEstimator:
             return SampleVerdict(learned=False, reason="outlier", innovation=innovation / scale)
         if self.samples > KNOWN_AFTER * self._rls.n and not derived:
             # The noise of a velocity is in x as well as in y: subtract the unexpected part from x.
-            x = tuple(value - scale**2 * slope * innovation for value, slope in zip(x, sample.slope, strict=False))
+            slopes = (*sample.slope, 0.0) if self._delayed else sample.slope
+            x = tuple(value - scale**2 * slope * innovation for value, slope in zip(x, slopes, strict=False))
         self._rls.update(x, y)
         self.correlator.add(innovation / (1.0 + information))
         if not derived and math.isfinite(innovation):
@@ -224,7 +240,8 @@ class AxisEstimator:
         values = np.array(self._rls.values)
         if self._fixed_mass:
             return self._with_fixed_mass(values, covariance)
-        return physical(values.tolist(), covariance)
+        p = len(self.model.names)
+        return physical(values[:p].tolist(), covariance[:p, :p])
 
     @property
     def _noise_variance(self) -> float:

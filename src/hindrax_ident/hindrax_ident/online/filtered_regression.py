@@ -45,7 +45,7 @@ class Sample:
     """One row of the regression: y = x . (theta / M, 1 / M) + noise of the velocity [m/s, rad/s].
 
     `slope` is the derivative of x by this velocity; `speed` is the filtered velocity; `settled`: the initial
-    transient of the filters has decayed.
+    transient of the filters has decayed; `rise` is the derivative of the filtered force [N/s, N m/s].
     """
 
     x: tuple[float, ...]
@@ -53,6 +53,7 @@ class Sample:
     slope: tuple[float, ...]
     speed: float
     settled: bool
+    rise: float = 0.0
 
 
 class FilteredRegression:
@@ -115,7 +116,12 @@ class FilteredRegression:
         ramp = self._advance_velocity(t_s - before, v, terms)
         x = (*(-total for total in self._sums), self._force_f + 0.5 * spread_s2 * self._force_curvature)
         return Sample(
-            x, v + self._z, self._slope(ramp, v, terms), self._linear(self._sums) * self.rate, self._start < SETTLED
+            x,
+            v + self._z,
+            self._slope(ramp, v, terms),
+            self._linear(self._sums) * self.rate,
+            self._start < SETTLED,
+            self._lagged + self._known - self.rate * self._force_f,
         )
 
     def _terms_at(self, t_s: float, v: float) -> tuple[float, ...]:
