@@ -97,6 +97,14 @@ def test_a_module_from_elsewhere_is_locked_too(module: str) -> None:
     assert re.search(rf"^{PROJECT_OF_MODULE.get(module, module)}\b", RUNTIME, re.MULTILINE)
 
 
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda package: package.name)
+def test_rosdep_asks_pip_for_nothing(package: Path) -> None:
+    """Ubuntu 24.04 refuses pip outside of an environment, and the documented installation would stop there."""
+    elements = ET.parse(package / "package.xml").getroot()
+    keys = {one.text for one in elements if one.tag.endswith("depend")}
+    assert not keys & set(PIP_OF_MODULE.values())
+
+
 @pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=lambda package: package.name)
 def test_manifest_and_setup_agree(package: Path) -> None:
     manifest = ET.parse(package / "package.xml").getroot()
@@ -104,6 +112,11 @@ def test_manifest_and_setup_agree(package: Path) -> None:
     setup.read(package / "setup.cfg")
     assert setup["metadata"]["name"] == manifest.findtext("name") == package.name
     assert setup["metadata"]["version"] == manifest.findtext("version")
+    assert manifest.findtext("author") == setup["metadata"]["author"] == setup["metadata"]["maintainer"]
+    assert manifest.findtext("url") == setup["metadata"]["url"]
+    assert (package / "LICENSE").read_text(encoding="utf-8") == (ROOT / "LICENSE").read_text(encoding="utf-8")
+    assert f"{manifest.findtext('version')} (" in (package / "CHANGELOG.rst").read_text(encoding="utf-8")
+    assert "package_format3.xsd" in (package / "package.xml").read_text(encoding="utf-8").splitlines()[1]
     assert setup["metadata"]["license"] == manifest.findtext("license") == "Apache-2.0"
     assert setup["metadata"]["description"] == manifest.findtext("description")
     assert (package / "resource" / package.name).exists()
