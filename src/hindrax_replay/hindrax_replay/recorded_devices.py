@@ -134,7 +134,7 @@ class ReplayedDevice:
         row = driver_of(mount.device)
         device = row.make(knobs_of(row.knobs, parameters, name), mount, vehicle)
         self.wire = SerialWire(device) if row.serial else RegisterWire(name, device)
-        self._messages = ReadingMessages(name, mount.device, vehicle, str(parameters.get(name, {}).get("frame_id", "")))
+        self._messages = ReadingMessages(name, mount.device, vehicle, parameters.get(name, {}).get("frame_id"))
         # Topics outside the table were not recorded and are not compared.
         self.topics = {topic.name: resolved(topic) for topic in self._messages.topics if topic.recorded}
 

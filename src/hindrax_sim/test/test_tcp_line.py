@@ -89,3 +89,16 @@ def test_a_device_that_closes_the_connection_is_lost_and_one_that_is_not_there_i
 def test_an_address_that_is_none_is_refused(address: str) -> None:
     with closing(SystemClock()) as clock, pytest.raises(DeviceError, match="wanted tcp://HOST:PORT"):
         open_line(address, 0, clock)
+
+
+@pytest.mark.parametrize("end", [b"\n", b"\r\n", b""], ids=["LF", "CR LF", "none"])
+def test_commands_are_taken_however_they_end(wired: Wired, end: bytes) -> None:
+    """One public client ends no command with a line; another writes two at once."""
+    asked = b'{"command": "get_config"}' + end
+    answers = wired.device.receive(asked[:9], 0.0) + wired.device.receive(asked[9:] + asked, 0.0)
+    assert [json.loads(line)["response_to"] for line in answers.splitlines()] == ["get_config"] * 2
+    assert wired.device.receive(b"no order" + end, 0.0) == b""
+    wanted = b'{"command": "set_config", "parameters": {"speed_of_sound": 1480}}' + end
+    (answer,) = wired.device.receive(b"\n" + wanted, 0.0).splitlines()
+    assert json.loads(answer)["success"]
+    assert wired.device.settings.speed_of_sound == 1480

@@ -215,16 +215,26 @@ class A50(Part[DvlTruth]):
     # ---- commands
 
     def receive(self, data: bytes, _now_s: float) -> bytes:
-        """Commands are JSON objects, one a line."""
-        *lines, rest = (self._line + data).split(b"\n")
-        self._line = rest[-LONGEST_COMMAND:]
-        return b"".join(self._answer(line) for line in lines if line.strip()) if not self._disguised else b""
+        """Commands are JSON objects. Not all clients end them with a line, so that each counts when it is complete."""
+        text, answers = (self._line + data).decode("utf-8", "replace"), []
+        while text := text.lstrip():
+            try:
+                order, end = json.JSONDecoder().raw_decode(text)
+            except ValueError:
+                _, newline, after = text.partition("\n")
+                if not newline:  # it may become one
+                    break
+                text = after
+                continue
+            answers.append(self._answer(order))
+            text = text[end:]
+        self._line = text.encode()[-LONGEST_COMMAND:]
+        return b"".join(answers) if not self._disguised else b""
 
-    def _answer(self, line: bytes) -> bytes:
+    def _answer(self, order: Any) -> bytes:
         try:
-            order = json.loads(line)
             name, given = order["command"], order.get("parameters", {})
-        except (ValueError, TypeError, KeyError, AttributeError):
+        except (TypeError, KeyError, AttributeError):
             return b""
         wrong, result = "", None
         if name == "get_config":
