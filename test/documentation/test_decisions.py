@@ -22,4 +22,4 @@ def test_a_decision_is_listed_with_its_number_title_and_status(record: Path) -> 
 
 
 def test_the_index_lists_nothing_else() -> None:
-    assert re.findall(r"\]\((\d\d\d\d-[^)]+)\)", INDEX) == [record.name for record in RECORDS]
+    assert re.findall(r"^\| \[\d+\]\(([^)]+)\)", INDEX, re.MULTILINE) == [record.name for record in RECORDS]

@@ -7,6 +7,7 @@ import ast
 import errno
 import importlib
 import importlib.util
+import itertools
 import os
 import re
 import sys
@@ -29,6 +30,8 @@ from hindrax_core.text.screen_text import (
 )
 
 NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+MAY_BE_EMPTY = ("--remote",)
+"""Options for which nothing is an answer: no folder below the one that the host names."""
 LONGEST_WORD = 24
 """Of what there is to choose from, in the usage of a command."""
 
@@ -174,8 +177,10 @@ def run_command(command: ToolCommand, words: list[str]) -> int:
     try:
         with interruptible():
             arguments = parser.parse_args(words)
-            if "" in words and not command.passes_on:
-                raise UsageError("found an empty argument, wanted a value; is a variable of the shell unset?")
+            pairs = itertools.pairwise(words)
+            empty = [name for name, value in pairs if name[:1] == "-" and not value and name not in MAY_BE_EMPTY]
+            if empty and not command.passes_on:
+                raise UsageError(f"{empty[0]}: found nothing, wanted a value; is a variable of the shell unset?")
             return command.run(arguments)
     except HindraxError as error:
         why = str(error).removeprefix(f"{command.name}: ")

@@ -13,7 +13,7 @@ import termios
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace as Message
-from typing import cast
+from typing import Any, cast
 
 import pytest
 import web_rig
@@ -313,7 +313,7 @@ def test_a_maneuver_that_a_stop_has_ended_does_not_look_as_if_it_flew_on(
 
 
 def test_a_picture_is_copied_out_of_messages() -> None:
-    operator = Message(
+    operator: Any = Message(
         navigation=Stamped(Stamp(0), NAVIGATION),
         now=lambda: 5_000_000_000,
         thrusters=Message(armed=True, state="armed", reason="", pulses=[1500.0, 1600.0]),

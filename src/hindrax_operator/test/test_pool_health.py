@@ -18,6 +18,11 @@ from hindrax_operator.pool_run import (
 OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
 
 
+def hearing(diagnostics: dict[str, SimpleNamespace]) -> Any:
+    """An operator of which nothing is needed but what it has heard."""
+    return SimpleNamespace(diagnostics=diagnostics)
+
+
 def test_each_device_is_reported_of_once_when_it_is_up_and_when_its_reason_to_wait_changes() -> None:
     reports: list[str] = []
     progress: Any = SimpleNamespace(report=reports.append)
@@ -31,7 +36,7 @@ def test_each_device_is_reported_of_once_when_it_is_up_and_when_its_reason_to_wa
         (OK, "measuring"),
     ):
         one = SimpleNamespace(level=level, message=message)
-        report_devices(SimpleNamespace(diagnostics={"hindrax: icm20948": one}), reported, progress)
+        report_devices(hearing({"hindrax: icm20948": one}), reported, progress)
     assert reports == ["icm20948: has not answered yet", "icm20948: gyroscope: resting for 1 s", "icm20948: well"]
 
 
@@ -43,10 +48,10 @@ def test_a_flight_that_is_no_longer_recorded_reports_it_at_once_and_ends_by_defa
     lossy = SimpleNamespace(level=WARN, message="recording; 3 messages lost")
     for status in (None, lossy, full, full, lossy, full):
         found = {"hindrax: recorder": status} if status else {}
-        watch_record(SimpleNamespace(diagnostics=found), reported, progress, CONTINUE)
+        watch_record(hearing(found), reported, progress, CONTINUE)
     assert reports == ["recorder: well", f"recorder: {full.message}", "recorder: well", f"recorder: {full.message}"]
     with pytest.raises(HindraxError, match="200 MB are free on the disk; --without-record continue flies on"):
-        watch_record(SimpleNamespace(diagnostics={"hindrax: recorder": full}), reported, progress, ABORT)
+        watch_record(hearing({"hindrax: recorder": full}), reported, progress, ABORT)
 
 
 def test_what_is_not_well_is_not_called_up_before_the_arming() -> None:

@@ -558,7 +558,7 @@ def test_only_one_address_is_served_and_it_is_reported_in_numbers(
     with pytest.raises(UsageError, match=words):
         hosts_of(address)
     assert main(["web", "--address", address]) == 2
-    assert (words if address else "found an empty argument") in capsys.readouterr().err
+    assert (words if address else "found nothing, wanted a value") in capsys.readouterr().err
 
 
 def test_a_port_that_is_taken_or_is_none_is_named_with_the_remedy(

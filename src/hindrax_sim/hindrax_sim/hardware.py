@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from typing import Any, Self
+from typing import Self
 
 from hindrax_core.bus_operations import EDGES
 from hindrax_core.errors import UsageError, cause
@@ -95,7 +95,7 @@ class Hardware:
         self.world = World(vehicle, seed, conditions)
         self.i2c = VirtualI2c()
         self.serial: dict[str, SerialEmulator] = {}
-        self.registers: dict[str, Any] = {}
+        self.registers: dict[str, object] = {}
         self.output: Pca9685 | Stm32
         self._channels = tuple(thruster.channel for thruster in vehicle.thrusters)
         self._truth_setters: list[Callable[[float], None]] = []

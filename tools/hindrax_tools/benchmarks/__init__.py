@@ -4,12 +4,11 @@ import statistics
 import time
 import timeit
 from collections.abc import Callable, Iterable
-from typing import Any
 
 import psutil
 
 
-def row(name: str, ours_us: float, peer: str, peer_us: float) -> dict[str, Any]:
+def row(name: str, ours_us: float, peer: str, peer_us: float) -> dict[str, object]:
     """Row of a figure and its peer."""
     return {"name": name, "ours_us": ours_us, "peer": peer, "peer_us": peer_us, "ratio": peer_us / ours_us}
 

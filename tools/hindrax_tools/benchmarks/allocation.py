@@ -28,13 +28,13 @@ GRADING = (3e-3, 1e-4, 3e-6)
 """Weight of the first part, of the second, and of forces without wrench, against one of the direction."""
 
 
-def rows() -> list[dict[str, Any]]:
+def rows() -> list[dict[str, object]]:
     """One row per figure and peer: name, ours_us, peer, peer_us, ratio. Medians over repeats."""
     vehicle = load_vehicle(default_vehicle())
     return [*_allocation(vehicle), *_inverse(vehicle)]
 
 
-def _allocation(vehicle: Vehicle) -> list[dict[str, Any]]:
+def _allocation(vehicle: Vehicle) -> list[dict[str, object]]:
     """Wrench to forces; with each the count of demands whose wrench is not the best in order of priority."""
     allocator = Allocator(vehicle)
     wrenches = _wrenches(allocator)
@@ -143,7 +143,7 @@ def _parts(wrench: Vec6) -> tuple[Matrix, Matrix]:
     return parts / np.maximum(sizes, 1e-300), sizes
 
 
-def _inverse(vehicle: Vehicle) -> list[dict[str, Any]]:
+def _inverse(vehicle: Vehicle) -> list[dict[str, object]]:
     """Force to pulse for eight thrusters."""
     curves = thrust_curves(vehicle)
     rng = np.random.default_rng(SEED)

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from functools import reduce
 from itertools import cycle
 from operator import xor
-from typing import Any
 
 import pynmea2
 
@@ -42,7 +41,7 @@ class EXT(pynmea2.TalkerSentence):  # type: ignore[misc]  # pynmea2 has no types
     fields = tuple((f"f{i}", f"f{i}", str if i in EXTENDED_WORDS else float) for i in range(1, 36))
 
 
-def rows() -> list[dict[str, Any]]:
+def rows() -> list[dict[str, object]]:
     """One row per figure and peer: name, ours_us, peer, peer_us, ratio. Medians over interleaved spans of lines."""
     deltas, tracks = _lines(DELTA_BODY), _lines(EXTENDED_BODY)
     numbers = "$DVPDL, checksum verified, to numbers"
@@ -89,7 +88,7 @@ def _peer_track(line: bytes) -> object:
 
 def _figure(
     name: str, ours: Callable[[bytes], object], lines: list[bytes], peer: str, theirs: Callable[[bytes], object]
-) -> dict[str, Any]:
+) -> dict[str, object]:
     def over(call: Callable[[bytes], object]) -> Callable[[], object]:
         spans = cycle([lines[at : at + SPAN] for at in range(0, LINES, SPAN)])
         return lambda: [call(line) for line in next(spans)]

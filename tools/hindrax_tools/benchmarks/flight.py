@@ -4,7 +4,6 @@ import contextlib
 import io
 import json
 import tempfile
-from typing import Any
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import MockOptions
@@ -14,7 +13,7 @@ from hindrax_tools.benchmarks import row
 SEED = 7
 
 
-def rows() -> list[dict[str, Any]]:
+def rows() -> list[dict[str, object]]:
     """One row: wall time [us] of a second of the vehicle, from arming to disarming."""
     output = io.StringIO()
     with tempfile.TemporaryDirectory() as place, contextlib.redirect_stdout(output):

@@ -5,20 +5,19 @@ has written them there. Without it, displaced volume and a box of its envelope s
 """
 
 from dataclasses import asdict, replace
-from typing import Any
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_sim.flights.step_flight import EACH_S, STEPS, SetpointStep, StepOutcome, step_flight
 
 
-def rows() -> list[dict[str, Any]]:
+def rows() -> list[dict[str, object]]:
     """A row per vehicle and step: settling time and hold error with the model, beside those without it."""
     vehicles = [load_vehicle(file) for file in sorted(default_vehicle().parent.glob("*.yaml"))]
     return [_row(vehicle, step) for vehicle in vehicles for step in STEPS]
 
 
-def _row(vehicle: Vehicle, step: SetpointStep) -> dict[str, Any]:
+def _row(vehicle: Vehicle, step: SetpointStep) -> dict[str, object]:
     known, unknown = (
         step_flight(vehicle, vehicle, step),
         step_flight(vehicle, replace(vehicle, hydrodynamics=None), step),

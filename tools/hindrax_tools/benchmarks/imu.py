@@ -9,7 +9,6 @@ import math
 import struct
 import timeit
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 from smbus2 import SMBus, i2c_msg
@@ -37,7 +36,7 @@ GYRO = registers.gyro_radps_per_lsb(1)
 ACCEL = registers.accel_mps2_per_lsb(1)
 
 
-def rows() -> list[dict[str, Any]]:
+def rows() -> list[dict[str, object]]:
     """Cost per sample [us], best of 15 passes: a shared machine must not be measured instead of the code."""
     batches = _noise()
     ours = _best_us(lambda: _decode(batches))
@@ -78,7 +77,7 @@ def _by_struct(data: bytes) -> list[tuple[list[float], list[float]]]:
     return found
 
 
-def _by_numpy(data: bytes) -> tuple[Any, Any]:
+def _by_numpy(data: bytes) -> tuple[object, object]:
     raw = np.frombuffer(data, dtype=">i2").reshape(-1, 6)
     return raw[:, :3] * ACCEL, raw[:, 3:] * GYRO
 

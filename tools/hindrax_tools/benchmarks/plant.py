@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,7 @@ STEPS, REPEATS = 500, 15
 Array = NDArray[np.float64]
 
 
-def rows() -> list[dict[str, Any]]:
+def rows() -> list[dict[str, object]]:
     """One row: name, ours_us, peer, peer_us, ratio. Medians over repeats, both in the same run."""
     vehicle = load_vehicle(default_vehicle())
     ours, peer = (median_us(partial(step, DT_S), STEPS, REPEATS) for step in (_scalar(vehicle), _arrays(vehicle)))

@@ -2,7 +2,6 @@
 
 import importlib.metadata
 from pathlib import Path
-from typing import Any
 
 from mcap.reader import make_reader
 
@@ -16,7 +15,7 @@ PASSES = 5
 REAL_TIME_WANTED = 50.0
 
 
-def rows() -> list[dict[str, Any]]:
+def rows() -> list[dict[str, object]]:
     """Rows of reading and replaying a reference bag, per second of the record. Medians over interleaved passes."""
     bag = clone_root() / "test" / "replay" / "bags" / "surge"
     if not bag.is_dir():

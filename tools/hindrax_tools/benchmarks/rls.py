@@ -2,7 +2,6 @@
 
 from importlib.metadata import version
 from itertools import cycle
-from typing import Any
 
 import numpy as np
 import padasip
@@ -17,12 +16,12 @@ WINDOW = 100
 SEED = 1
 
 
-def rows() -> list[dict[str, Any]]:
+def rows() -> list[dict[str, object]]:
     """One row per number of parameters and peer: name, ours_us, peer, peer_us, ratio. Medians over repeats."""
     return [one for n in (3, 6) for one in _compared(n)]
 
 
-def _compared(n: int) -> list[dict[str, Any]]:
+def _compared(n: int) -> list[dict[str, object]]:
     rng = np.random.default_rng(SEED)
     X = rng.standard_normal((SAMPLES, n))
     y = X @ np.arange(1.0, n + 1.0) + 0.1 * rng.standard_normal(SAMPLES)

@@ -23,7 +23,7 @@ SUPERVISOR = "supervisor"
 LISTENER = [sys.executable, "-m", "hindrax_tools.benchmarks.peers", "listen"]
 
 
-def rows() -> list[dict[str, Any]]:
+def rows() -> list[dict[str, object]]:
     """One row per process and one for all: CPU time [us] in a second of a vehicle that holds its depth, memory [MB]."""
     with tempfile.TemporaryDirectory() as place, mock_stack(Path(place), MockOptions(rate=1.0)) as stack:
         spans = _measure(stack)
@@ -33,7 +33,7 @@ def rows() -> list[dict[str, Any]]:
     return [row(name, us, size_MB, peer, peer_us) for name, (us, size_MB) in spans.items()]
 
 
-def row(name: str, us: float, size_MB: float, peer: str, peer_us: float) -> dict[str, Any]:
+def row(name: str, us: float, size_MB: float, peer: str, peer_us: float) -> dict[str, object]:
     """One row of the table; a process below the resolution of the clock has no ratio."""
     return {
         "name": f"CPU of 1 s at vehicle rates: {name}, {size_MB:.0f} MB",

@@ -129,7 +129,7 @@ def _class(name: str, part: Any, others: set[str]) -> str:
     return f"class {name}:\n" + "\n".join(lines) + "\n"
 
 
-def _constants(part: Any) -> dict[str, Any]:
+def _constants(part: Any) -> dict[str, object]:
     return {name: getattr(part, name) for name in vars(type(part)) if re.fullmatch(r"[A-Z][A-Z0-9_]*", name)}
 
 

@@ -107,7 +107,7 @@ class Machine:
 
     def run(self, script: str) -> subprocess.CompletedProcess[str]:
         """Run a script there, and wait for its end."""
-        options: dict[str, Any] = {"timeout": LONGEST_S, "stdin": subprocess.DEVNULL}
+        options: dict[str, object] = {"timeout": LONGEST_S, "stdin": subprocess.DEVNULL}
         try:
             return _call([str(self._ssh), HOST, script], capture_output=True, text=True, **options)
         except subprocess.TimeoutExpired:

@@ -63,7 +63,7 @@ class Identified:
         motions = self.results.motions
         return bool(motions) and all(one.identifiable for one in motions.values())
 
-    def document(self, bag: Path, report: Path | None, factor: float | None, aborted: str) -> dict[str, Any]:
+    def document(self, bag: Path, report: Path | None, factor: float | None, aborted: str) -> dict[str, object]:
         """The JSON document of `pool-test` and `identify`."""
         ends = {"bag": str(bag), "report": str(report) if report else None}
         out = {"thrusters_left_out": list(self.left_out)} if self.left_out else {}

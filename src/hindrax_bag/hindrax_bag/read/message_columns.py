@@ -8,7 +8,6 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
 
 from hindrax_bag.message_comparison import flat
 from hindrax_bag.read.bag_reader import BagMessage, messages, stamp_of
@@ -53,7 +52,9 @@ def _unused(folder: Path, name: str, used: Collection[Path]) -> Path:
     return next(path for path in numbered if path not in used)
 
 
-def message_rows(bag: Path, topics: Collection[str] | None) -> Iterator[tuple[BagMessage, float, int, dict[str, Any]]]:
+def message_rows(
+    bag: Path, topics: Collection[str] | None
+) -> Iterator[tuple[BagMessage, float, int, dict[str, object]]]:
     """Messages of these topics or of all: seconds since the first of the bag, own stamp or receipt [ns], fields."""
     begin: int | None = None
     for message in messages(bag):
@@ -70,7 +71,7 @@ class _Table:
 
     path: Path
     names: Sequence[str]
-    write: Callable[[Sequence[Any]], object]
+    write: Callable[[Sequence[object]], object]
     rows: int = 0
 
 
@@ -118,7 +119,7 @@ def _place(word: str) -> tuple[str, str]:
     return topic, name
 
 
-def _number(row: Mapping[str, Any], name: str, topic: str) -> float:
+def _number(row: Mapping[str, object], name: str, topic: str) -> float:
     value = row.get(name)
     if not isinstance(value, int | float):
         numbers = [key for key, one in row.items() if isinstance(one, int | float)]

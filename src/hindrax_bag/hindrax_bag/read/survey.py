@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
 
 from mcap.writer import MCAP0_MAGIC
 
@@ -53,7 +52,7 @@ class Survey:
         """Size of the files."""
         return sum(file.stat().st_size for file in self.files)
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> dict[str, object]:
         """JSON document."""
         return {
             "bag": str(self.bag),
@@ -102,7 +101,7 @@ class ListedBag:
     note: str = ""
     """Text instead of length and messages."""
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> dict[str, object]:
         """JSON document."""
         return asdict(self) | {"bag": str(self.bag)}
 

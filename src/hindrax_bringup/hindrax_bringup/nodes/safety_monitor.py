@@ -23,7 +23,7 @@ from hindrax_core.input_checks import TIMELESS, Refusals, order_window
 from hindrax_core.stack_time import STEP_S
 from hindrax_core.text.screen_text import print_stderr
 from hindrax_core.topics import DIAGNOSTICS, HEARTBEAT, THRUSTER_HEALTH, THRUSTER_HEALTH_ORDER, THRUSTER_STATE, Topic
-from hindrax_msgs.msg import ThrusterHealth
+from hindrax_msgs.msg import Heartbeat, ThrusterHealth
 from hindrax_msgs.srv import Arm
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.diagnostics import DiagnosticsPublisher, status
@@ -84,7 +84,7 @@ class SafetyMonitor(BatchedNode):
             message, self._untimed_list = self._untimed_list, None
             self._on_health(message)
 
-    def _on_heartbeat(self, beat: Any) -> None:
+    def _on_heartbeat(self, beat: Heartbeat) -> None:
         """Accept a heartbeat unless it is stale (queued on a dead link) or its clock is wrong."""
         untimely = self._window.judge(stamp_from_msg(beat.header.stamp), self.now())
         if untimely is None:

@@ -59,7 +59,7 @@ def clocks(ages_s: Sequence[float]) -> Check:
     return Check("clocks", f"the vehicle's stamps arrive {1e3 * least:.0f} to {1e3 * most:.0f} ms old")
 
 
-def judged(diagnostics: Mapping[str, Any], wanted: Iterable[str], title: str) -> list[Check]:
+def judged(diagnostics: Mapping[str, object], wanted: Iterable[str], title: str) -> list[Check]:
     """One check for the stack, one for each node."""
     if not diagnostics:
         return [Check("stack", f"{title}, but no node reports", "restart it; its logs say why")]

@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+
+from rclpy.action.server import ServerGoalHandle
 
 from hindrax_control.hold.holds import HoldState
 from hindrax_control.maneuver.goal import Goal
@@ -30,7 +31,7 @@ def goal_from_msg(message: FlyManeuver.Goal) -> Goal:
     return Goal(tuple(message.motions), message.excitation, int(message.seed), message.on_cancel, levels)
 
 
-def result_of(aborted: str, handle: Any) -> Any:
+def result_of(aborted: str, handle: ServerGoalHandle) -> FlyManeuver.Result:
     """Bring the handle of a goal into its last state and return the result."""
     end_goal(handle, aborted)
     return FlyManeuver.Result(completed=not aborted, aborted=aborted)
@@ -110,7 +111,9 @@ def plans_to_msg(plans: Mapping[str, Plan | str], stamp: Stamp) -> MotionPlans:
     )
 
 
-def feedback_to_msg(output: ManeuverOutput, estimates: Mapping[str, Stamped[Estimate]], stamp: Stamp) -> Any:
+def feedback_to_msg(
+    output: ManeuverOutput, estimates: Mapping[str, Stamped[Estimate]], stamp: Stamp
+) -> FlyManeuver.Feedback:
     """Feedback of FlyManeuver with the estimate of its motion; `estimates`: by motion."""
     feedback = FlyManeuver.Feedback(
         motion=output.phase.motion,

@@ -330,7 +330,7 @@ class PilotNode(BatchedNode):
         for refused in self._pilot.set_operator_wrench(wrench, frame, stamp, self.now()):
             self._refuse(topics.OPERATOR_WRENCH, refused)
 
-    def _on_recentre(self, request: Any, response: Any) -> Any:
+    def _on_recentre(self, request: Recentre.Request, response: Recentre.Response) -> Recentre.Response:
         """Restart dead reckoning at the position given by the operator."""
         untimely = self._window.judge(stamp_from_msg(request.stamp), self.now())
         refused = untimely.sentence if untimely else self._pilot.recentre(request.x, request.y, request.turned)
@@ -353,7 +353,7 @@ class PilotNode(BatchedNode):
         else:
             self._goal = goal
 
-    def _unflyable(self, request: Any) -> str:
+    def _unflyable(self, request: FlyManeuver.Goal) -> str:
         """Reason why a goal is not even kept, as "guard: sentence"; empty when it is."""
         untimely = self._window.judge(stamp_from_msg(request.stamp), self.now())
         if untimely is not None:

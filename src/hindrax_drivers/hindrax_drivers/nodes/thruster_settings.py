@@ -7,7 +7,6 @@ later wins.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
-from typing import Any
 
 import yaml
 
@@ -55,7 +54,7 @@ class OutputAlone:
 
 def read_settings(arguments: Sequence[str]) -> Settings:
     """Read vehicle file and output port; UsageError names what is missing."""
-    found: dict[str, Any] = {}
+    found: dict[str, object] = {}
     for values in _parameters(arguments, f"{namespace_of(arguments)}/{NODE}"):
         found |= values
     file = str(found.get("vehicle", ""))
@@ -68,7 +67,7 @@ def read_settings(arguments: Sequence[str]) -> Settings:
     return Settings(vehicle, port, clock, alone=not file, knobs=knobs)
 
 
-def _vehicle_of(found: Mapping[str, Any]) -> Vehicle:
+def _vehicle_of(found: Mapping[str, object]) -> Vehicle:
     """A vehicle of which nothing is known but its output."""
     output = {name.removeprefix("output."): value for name, value in found.items() if name.startswith("output.")}
     alone = build(OutputAlone, {"channels": found["channels"], "output": output}, "thrusters")
@@ -88,7 +87,7 @@ def namespace_of(arguments: Sequence[str]) -> str:
     return found[-1].rstrip("/") if found else NAMESPACE
 
 
-def _parameters(arguments: Sequence[str], node: str) -> Iterator[Mapping[str, Any]]:
+def _parameters(arguments: Sequence[str], node: str) -> Iterator[Mapping[str, object]]:
     """Parameters of this node, source by source."""
     for word, value in pairwise(arguments):
         if word == "--params-file":

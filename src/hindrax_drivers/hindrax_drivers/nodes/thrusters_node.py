@@ -16,7 +16,6 @@ import time
 from collections.abc import Iterable, Sequence
 from concurrent.futures import TimeoutError as NoAnswerError
 from dataclasses import dataclass
-from typing import Any
 
 from rclpy.node import Node
 
@@ -182,7 +181,7 @@ class ThrustersNode(DeviceNode):
         self._unfit = f"{THRUSTER_COMMAND.name}: {unfit}" if unfit else ""
         self._inhibit("commander", self._unfit if self._commander.is_contested(publishers) else "")
 
-    def _on_arm(self, request: Any, response: Any) -> Any:
+    def _on_arm(self, request: Arm.Request, response: Arm.Response) -> Arm.Response:
         if request.arm:  # the disturber may have left, and no command arrived since
             self._look_for_commanders()
         asked = Request(stamp_from_msg(request.stamp), request.sequence, request.reason)

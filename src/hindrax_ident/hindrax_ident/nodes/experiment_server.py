@@ -80,7 +80,7 @@ class ExperimentServer:
             self._run = _Run(handle, experiment)
             self._choose(self._run)
 
-    def _refused(self, request: Any, experiment: Experiment) -> str:
+    def _refused(self, request: RunExperiment.Goal, experiment: Experiment) -> str:
         """Reason why a goal is not begun, as "guard: sentence"; empty when it is."""
         try:
             check_experiment(experiment.motions, experiment.aim, request.on_cancel or "hold")

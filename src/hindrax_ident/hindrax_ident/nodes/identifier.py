@@ -116,7 +116,7 @@ class Identifier(BatchedNode):
         for estimate in self._any.step(*waiting):
             self._publish(estimate)
 
-    def _on_assess(self, _request: Any, response: Any) -> Any:
+    def _on_assess(self, _request: object, response: Trigger.Response) -> Trigger.Response:
         """Verdict on every motion so far, a line each; success if there is any."""
         motions = self._judged(_motions, self._any if self._any_received else self._session)
         response.success = bool(motions)

@@ -18,7 +18,7 @@ from hindrax_core.readings import Vec6
 from hindrax_core.rotation import wrapped
 from hindrax_core.signals import ZERO6
 from hindrax_core.topics import HOLD_SETPOINT, LIGHTS, OPERATOR_WRENCH, THRUSTER_COMMAND, THRUSTER_HEALTH_ORDER
-from hindrax_msgs.msg import HoldSetpoint, ThrusterCommand, ThrusterHealth
+from hindrax_msgs.msg import HoldSetpoint, HoldStatus, ThrusterCommand, ThrusterHealth
 from hindrax_msgs.srv import Recentre
 from hindrax_operator.nodes.operator_node import UP, Operator
 from hindrax_operator.snapshot import ANGLES, holds_of
@@ -80,7 +80,7 @@ def hold(operator: Operator, axes: Sequence[str], value: float, *, engaged: bool
     return {axis: found[axis] for axis in axes} if engaged else {}
 
 
-def _send_until_held(operator: Operator, send: Callable[[Any], None], wanted: HoldSetpoint) -> None:
+def _send_until_held(operator: Operator, send: Callable[[HoldSetpoint], None], wanted: HoldSetpoint) -> None:
     """Repeat a setpoint until the pilot reports it: the first matched reader may have been the recorder."""
     started = operator.now()
 
@@ -106,11 +106,11 @@ def _send_until_held(operator: Operator, send: Callable[[Any], None], wanted: Ho
         operator.wait(held, SEEN_S, lambda: f"the {wanted.axis} hold to {verb}{_note(operator.holds, wanted.axis)}")
 
 
-def _hold(status: Any, axis: str) -> HoldState | None:
+def _hold(status: HoldStatus, axis: str) -> HoldState | None:
     return next((one for one in holds_of(status) if one.axis == axis), None)
 
 
-def _holds_as(status: Any, wanted: HoldSetpoint) -> bool:
+def _holds_as(status: HoldStatus, wanted: HoldSetpoint) -> bool:
     if (found := _hold(status, wanted.axis)) is None:
         return False
     if not (found.engaged and wanted.engaged):
@@ -121,7 +121,7 @@ def _holds_as(status: Any, wanted: HoldSetpoint) -> bool:
     return abs(wrapped(off) if wanted.axis in ANGLES else off) < NEAR
 
 
-def _note(status: Any, axis: str) -> str:
+def _note(status: HoldStatus, axis: str) -> str:
     if (found := _hold(status, axis)) is None:
         return "; the pilot does not answer: it waits for a navigation solution (`./hindrax monitor`)"
     if found.note:
@@ -232,7 +232,7 @@ def run_alone(operator: Operator, pulses_us: Sequence[float], seconds: float) ->
 
 def set_lights(operator: Operator, levels: Sequence[float]) -> None:
     """Publish the brightness of each lamp, 0 to 1, three times: the lamps do not answer."""
-    message: Any = Float32MultiArray(data=levels)
+    message = Float32MultiArray(data=levels)
     with operator.sender(LIGHTS, "the thrusters, which have the lamps") as send:
         for _ in range(3):
             send(message)

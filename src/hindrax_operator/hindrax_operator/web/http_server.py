@@ -14,7 +14,7 @@ import socket
 import threading
 from collections.abc import Mapping
 from http import HTTPStatus
-from typing import Any, cast
+from typing import cast
 from urllib.parse import unquote
 
 from tornado.http1connection import HTTP1Connection
@@ -111,7 +111,7 @@ class RequestHandler(HTTPMessageDelegate):
             raise RefusedRequest(HTTPStatus.NOT_FOUND, "no such command")
         check_body(headers)
 
-    def _post(self, words: Mapping[str, Any]) -> None:
+    def _post(self, words: Mapping[str, object]) -> None:
         controller = self._site.controller
         if self._order == "here":
             controller.note_viewer()
@@ -196,7 +196,7 @@ def check_body(headers: HTTPHeaders) -> None:
         raise RefusedRequest(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"body: wanted at most {BODY_bytes} bytes")
 
 
-def _object(body: bytes | bytearray) -> Mapping[str, Any]:
+def _object(body: bytes | bytearray) -> Mapping[str, object]:
     try:
         found = json.loads(body)
     except (ValueError, RecursionError):

@@ -9,7 +9,6 @@ import json
 import math
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any
 
 from hindrax_control.hold.holds import HoldState
 from hindrax_control.maneuver.goal import EXCITATIONS, PLATEAUS
@@ -41,7 +40,7 @@ PAGE = (
 )
 
 
-Json = dict[str, Any]
+Json = dict[str, object]
 
 
 def summary(view: Snapshot) -> Json:

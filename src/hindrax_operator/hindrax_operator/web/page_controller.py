@@ -6,7 +6,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from http import HTTPStatus
-from typing import Any
 
 from hindrax_analysis.plain import plain
 from hindrax_control.maneuver.goal import Goal, check_goal
@@ -41,7 +40,7 @@ class PageController:
         self._seen_s = float("-inf")
         vehicle.present = self.is_watched
         self._lock = threading.Lock()
-        self._outcomes: deque[Mapping[str, Any]] = deque(maxlen=OUTCOMES)
+        self._outcomes: deque[Mapping[str, object]] = deque(maxlen=OUTCOMES)
         self._number = 0
         self._flying = False
         self._update, self._updated_s = "", float("-inf")
@@ -77,7 +76,7 @@ class PageController:
         """Whether an operator watched a moment ago: pages report that with every update."""
         return time.monotonic() - self._seen_s < VIEWER_LOST_S
 
-    def order(self, name: str, words: Mapping[str, Any]) -> None:
+    def order(self, name: str, words: Mapping[str, object]) -> None:
         """Pass an order on; Refused where it may not be, or makes no sense. Its outcome is part of a later update."""
         if self.read_only:
             raise RefusedRequest(HTTPStatus.FORBIDDEN, f"{name}: this page is read-only (`./hindrax web --read-only`)")
@@ -115,7 +114,7 @@ class PageController:
             self._outcomes.append({"number": self._number, "sentence": f"{name}: {sentence}", "well": well})
 
 
-def goal_of(words: Mapping[str, Any]) -> Goal | ExperimentGoal:
+def goal_of(words: Mapping[str, object]) -> Goal | ExperimentGoal:
     """Read a goal from a request, of an experiment where it has `until` or `minutes`; Refused names an invalid key."""
     experiment = "until" in words or "minutes" in words
     known = ("motions", *(("until", "minutes") if experiment else ("excitation", "seed")), "on_cancel")
@@ -141,7 +140,7 @@ def goal_of(words: Mapping[str, Any]) -> Goal | ExperimentGoal:
     return goal
 
 
-def _number(words: Mapping[str, Any], name: str) -> float | None:
+def _number(words: Mapping[str, object], name: str) -> float | None:
     if (found := words.get(name)) is None:
         return None
     if isinstance(found, bool) or not isinstance(found, (int, float)) or not abs(found) < LARGEST:

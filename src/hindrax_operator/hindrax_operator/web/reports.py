@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from http import HTTPStatus
 from pathlib import Path
-from typing import Any
 
 from hindrax_bag.run_folder import RunFolder
 from hindrax_core.errors import HindraxError, cause
@@ -23,7 +22,7 @@ class Reports:
     def __init__(self, runs: Path) -> None:
         self.runs = runs
 
-    def listed(self) -> Sequence[Mapping[str, Any]]:
+    def listed(self) -> Sequence[Mapping[str, object]]:
         """Name of every run with a bag or a report, and whether it has the report; the newest first.
 
         The newest report comes with its uncertainty budget: a line per coefficient.

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any
 
 from hindrax_control.maneuver.goal import PLATEAUS
 from hindrax_control.maneuver.maneuver import ManeuverOutput
@@ -70,7 +69,7 @@ class Rehearsal:
         """Charge that the thrusters draw."""
         return sum(one.charge_Ah for one in self.flown)
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> dict[str, object]:
         """Plain data for JSON."""
         return {
             "vehicle": self.vehicle,

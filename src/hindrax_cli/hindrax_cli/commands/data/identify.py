@@ -4,7 +4,6 @@ import argparse
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from hindrax_analysis.coefficients_file import ResultConditions, SavedCoefficients, as_yaml
 from hindrax_analysis.identification.bag_identification import (
@@ -166,7 +165,7 @@ def _saved(source: RecordSource, results: Results, conditions: ResultConditions)
     return SavedCoefficients(label, conditions, results.motions)
 
 
-def _runs(sources: list[RecordSource], found: Identified) -> dict[str, Any]:
+def _runs(sources: list[RecordSource], found: Identified) -> dict[str, object]:
     """With several records, each by itself and the spread between them."""
     if not found.runs:
         return {}

@@ -2,7 +2,6 @@
 
 import argparse
 import re
-from typing import Any
 
 from hindrax_analysis.terminal import print_answer, print_table
 from hindrax_cli.argument_types import add_json, add_vehicle, finite, positive
@@ -41,7 +40,7 @@ def allocate(arguments: argparse.Namespace) -> int:
     return print_answer(found, lambda: _show(allocator.names, allocation), as_json=arguments.json)
 
 
-def _document(names: tuple[str, ...], allocation: Allocation) -> dict[str, Any]:
+def _document(names: tuple[str, ...], allocation: Allocation) -> dict[str, object]:
     return {
         "forces": dict(zip(names, allocation.forces_N, strict=True)),
         "pulses": dict(zip(names, allocation.pulses_us, strict=True)),

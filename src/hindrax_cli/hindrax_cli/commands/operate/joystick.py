@@ -3,7 +3,6 @@
 import argparse
 import signal
 from collections.abc import Sequence
-from typing import Any
 
 import yaml
 
@@ -54,7 +53,7 @@ def joystick(arguments: argparse.Namespace) -> int:
 
 def check(words: Sequence[str]) -> None:
     """UsageError for a parameter that the node does not have, or cannot have at this value."""
-    given: dict[str, Any] = {}
+    given: dict[str, object] = {}
     for word in words:
         name, assigned, value = word.partition(":=")
         if not assigned:

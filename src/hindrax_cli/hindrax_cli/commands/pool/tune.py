@@ -4,7 +4,6 @@ import argparse
 import math
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from hindrax_analysis.coefficients_file import read_coefficients
 from hindrax_analysis.gains.gain_files import ardusub_file, ardusub_parameters, parameter_file
@@ -82,7 +81,7 @@ def _require_settled(rehearsal: Rehearsal) -> None:
             )
 
 
-def _document(gains: HoldGains, rehearsal: Rehearsal) -> dict[str, Any]:
+def _document(gains: HoldGains, rehearsal: Rehearsal) -> dict[str, object]:
     return {
         "axes": {
             axis: {
