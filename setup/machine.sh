@@ -159,16 +159,24 @@ check() {
 
 # Runs a command with its output in the log, and shows that it is alive.
 attempt() { # SENTENCE COMMAND...
-  local sentence=$1 failed=0 pulse
+  local sentence=$1 failed=0 pulse begun
   shift
   say "$sentence"
+  begun=$(wc -l 2>/dev/null <"$log" || echo 0)
   # The pulse holds neither the lock nor a pipe that a caller may wait for, and ends with the script.
-  (while sleep 10 2>/dev/null && kill -0 $$ 2>/dev/null; do say "... still $sentence"; done) 9>&- <&- >/dev/null &
+  (while sleep 10 2>/dev/null && kill -0 $$ 2>/dev/null; do say "... still $sentence$(built_since "$begun")"; done) 9>&- <&- >/dev/null &
   pulse=$!
   "$@" >>"$log" 2>&1 </dev/null || failed=1
   kill $pulse
   wait $pulse 2>/dev/null || true
   return $failed
+}
+
+# How many packages colcon has built since a line of the log; nothing where it builds none.
+built_since() { # LINES
+  local built
+  built=$(tail -n "+$(($1 + 1))" "$log" 2>/dev/null | grep -c '^Finished <<<') || return 0
+  echo ": $built of $(find "$root/src" "$root/setup" -maxdepth 2 -name package.xml | wc -l) packages"
 }
 
 # The same for what must succeed: says why it did not, and ends.

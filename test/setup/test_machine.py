@@ -34,6 +34,22 @@ def test_progress_goes_to_stderr_with_the_seconds(clone: Clone) -> None:
     assert outcome.stderr.endswith("hindrax is set up\n")
 
 
+def test_while_packages_are_built_it_is_told_how_many(tmp_path: Path) -> None:
+    """Those that an earlier attempt has built, and what builds none, are not counted."""
+    lines = ["Finished <<< hindrax_core [1s]", "again", "Starting >>> hindrax_ros", "Finished <<< hindrax_ros [2s]"]
+    (tmp_path / "log").write_text("\n".join(lines) + "\n")
+    for package in ("src/one", "src/two", "setup/tf2_msgs"):
+        (tmp_path / package).mkdir(parents=True)
+        (tmp_path / package / "package.xml").touch()
+    script = (ROOT / "setup" / "machine.sh").read_text(encoding="utf-8")
+    function = script[script.index("built_since() {") :].partition("\n}\n")[0] + "\n}\n"
+    told = (
+        f'set -euo pipefail; log=log root=.; {function} echo "still building$(built_since 2)"; echo "x$(built_since 4)"'
+    )
+    done = subprocess.run(["bash", "-c", told], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout == "still building: 1 of 3 packages\nx\n"
+
+
 @pytest.mark.parametrize("step", ALL_STEPS[:-1])
 def test_a_kill_at_any_step_is_repaired_by_the_next_run(clone: Clone, step: str) -> None:
     assert clone.run("setup", DIE_IN=step).returncode == -signal.SIGKILL

@@ -30,9 +30,15 @@ def rehearse_and_show(arguments: argparse.Namespace, aim: Aim | None) -> int:
     print_stderr(f"{vehicle.name} {servable}")
     if aim is not None:
         check_experiment(servable.flown, aim)
-    with working("rehearsing in lock-step"):
+    with working("rehearsing in lock-step") as reached:
         found = rehearse(
-            servable.flown, arguments.seed, world, vehicle=vehicle, excitation=arguments.excitation, aim=aim
+            servable.flown,
+            arguments.seed,
+            world,
+            vehicle=vehicle,
+            excitation=arguments.excitation,
+            aim=aim,
+            report=reached,
         )
     print_answer(found.document(), lambda: show(found), as_json=arguments.json)
     if found.aborted:
@@ -46,8 +52,8 @@ def predicted_of(arguments: argparse.Namespace, aim: Aim) -> Mapping[str, float]
     motions = motions_to_fly(arguments.dof, vehicle).flown
     check_experiment(motions, aim)
     print_stderr("rehearsing in lock-step what to expect")
-    with working("rehearsing"):
-        found = rehearse(motions, arguments.seed, vehicle=vehicle, aim=aim)
+    with working("rehearsing") as reached:
+        found = rehearse(motions, arguments.seed, vehicle=vehicle, aim=aim, report=reached)
     bands = {motion: band.calibrated for motion, band in found.bands.items() if math.isfinite(band.calibrated)}
     each = ", ".join(f"{motion} {share:.1%}" for motion, share in bands.items())
     ended = f"aborted by {found.aborted}" if found.aborted else found.ended

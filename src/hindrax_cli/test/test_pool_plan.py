@@ -1,5 +1,6 @@
 """The dress rehearsal: a timetable that adds up, clearances that fit the pool, bands that hold the truth."""
 
+import contextlib
 import itertools
 import json
 from dataclasses import replace
@@ -9,6 +10,7 @@ import pytest
 from vehicle_files import hindrax_file
 
 from hindrax_bringup.share_files import default_vehicle
+from hindrax_cli import pool_plan
 from hindrax_cli.command_line import main
 from hindrax_control.maneuver.plan import plans_of
 from hindrax_core.vehicle import load_vehicle
@@ -61,7 +63,11 @@ def test_the_clearance_is_that_of_the_hull() -> None:
     )
 
 
-def test_an_experiment_is_rehearsed_and_its_minutes_cut_what_flies(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_experiment_is_rehearsed_and_its_minutes_cut_what_flies(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reached: list[object] = []
+    monkeypatch.setattr(pool_plan, "working", lambda _sentence: contextlib.nullcontext(reached.append))
     assert main(["pool-test", "--plan", "--dof", "yaw", "surge", "--until", "5%", "--minutes", "0.9", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     fastest, slowest, *_ = next(plan["rates"] for plan in found["plan"] if plan["motion"] == "yaw")
@@ -69,6 +75,8 @@ def test_an_experiment_is_rehearsed_and_its_minutes_cut_what_flies(capsys: pytes
     assert found["bands"]["yaw"]["noise"] < 0.05
     assert found["aborted"] is None
     assert found["ended"] == "0.9 minutes are over; more was wanted of surge"
+    assert len(reached) >= 10
+    assert str(reached[-1]).startswith("surge, 5"), "the motion and the time of what is rehearsed"
 
 
 @pytest.mark.parametrize(

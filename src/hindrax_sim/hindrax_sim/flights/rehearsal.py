@@ -1,7 +1,7 @@
 """A dress rehearsal: a pool test flown in lock-step, reported as a timetable with clearances, charge and bands."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 
 from hindrax_control.maneuver.goal import PLATEAUS
@@ -17,6 +17,7 @@ from hindrax_sim.flights.pool_flight import fly
 from hindrax_sim.world import World
 
 S_PER_H = 3600.0
+REPORT_S = 5.0
 
 
 @dataclass(slots=True)
@@ -92,15 +93,18 @@ def rehearse(
     vehicle: Vehicle,
     excitation: str = PLATEAUS,
     aim: Aim | None = None,
+    report: Callable[[str], object] = lambda _: None,
 ) -> Rehearsal:
     """Fly motions in lock-step with the vehicle file as the truth; UsageError when they cannot be flown.
 
-    A vehicle without hydrodynamics is given those that its plans suppose.
+    `report`: called with how far it is, once per `REPORT_S` of the vehicle. A vehicle without hydrodynamics is given
+    those that its plans suppose.
     """
     if vehicle.hydrodynamics is None:
         vehicle = replace(vehicle, hydrodynamics=guessed(vehicle))
     rows: list[Flown] = []
     started: Stamp | None = None
+    reported = [0]
 
     def watch(truth: World, output: ManeuverOutput) -> None:
         """Keep a row for every motion, in the order in which they are flown."""
@@ -108,6 +112,9 @@ def rehearse(
         started = truth.stamp if started is None else started
         now_s = seconds_between(started, truth.stamp)
         motion = output.phase.motion.partition("_")[0]
+        if now_s >= REPORT_S * reported[0]:
+            reported[0] += 1
+            report(f"{motion or 'begins'}, {now_s:.0f} s in the water")
         if motion and (not rows or rows[-1].motion != motion):
             rows.append(Flown(motion, now_s, now_s))
         row = rows[-1]
