@@ -1,5 +1,6 @@
 """Fault specifications and each stream fault by itself."""
 
+from dataclasses import replace
 from itertools import groupby
 
 import pytest
@@ -8,6 +9,7 @@ from hindrax_bringup.share_files import hindrax_with
 from hindrax_core.errors import UsageError
 from hindrax_core.events import after
 from hindrax_core.readings import Leak
+from hindrax_core.vehicle import Mount
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, parse_fault, with_faults
 from hindrax_sim.faults.fault_schedule import Scheduled
 from hindrax_sim.faults.stream_faults import BitFlips, FaultyLine, StreamFault
@@ -18,23 +20,35 @@ from hindrax_sim.flights.lockstep_rigs import BytesRig
     ("text", "spec"),
     [
         ("garbage:dvl75@30+5", FaultSpec("garbage", ("dvl75",), 30.0, 5.0)),
-        ("garbage", FaultSpec("garbage", ("dvl75", "ping1d"), 10.0, 5.0)),
+        ("garbage", FaultSpec("garbage", ("dvl75", "a50", "ping1d"), 10.0, 5.0)),
         ("reset:ping1d", FaultSpec("reset", ("ping1d",), 10.0, 5.0)),
-        ("clock_jump@0.5", FaultSpec("clock_jump", ("dvl75",), 0.5, 5.0)),
-        ("merged@0+600", FaultSpec("merged", ("dvl75", "ping1d"), 0.0, 600.0)),
+        ("clock_jump@0.5", FaultSpec("clock_jump", ("dvl75", "a50"), 0.5, 5.0)),
+        ("merged@0+600", FaultSpec("merged", ("dvl75", "a50", "ping1d"), 0.0, 600.0)),
     ],
 )
 def test_what_is_asked_for(text: str, spec: FaultSpec) -> None:
     assert parse_fault(text) == spec
 
 
+def test_a_fault_falls_on_the_sensors_of_the_vehicle_by_their_names() -> None:
+    ahead = Mount("ping1d", "/dev/hindrax/ahead", rotation_deg=(0.0, 90.0, 0.0))
+    vehicle = replace(hindrax_with(), sensors={"ahead": ahead, **hindrax_with().sensors})
+    assert parse_fault("garbage", vehicle).devices == ("ahead", "dvl75", "ping1d")
+    assert parse_fault("range_short:ahead", vehicle).devices == ("ahead",)
+    assert parse_fault("velocity_frozen", vehicle).devices == ("dvl75",)
+    with pytest.raises(UsageError, match="garbage on 'a50', wanted one of ahead, dvl75, ping1d"):
+        parse_fault("garbage:a50", vehicle)
+    with pytest.raises(UsageError, match="velocity_frozen falls on nothing aboard"):
+        parse_fault("velocity_frozen", replace(vehicle, sensors={}))
+
+
 @pytest.mark.parametrize(
     ("text", "error"),
     [
-        ("garbge:dvl75", "found 'garbge', wanted one of absent, "),
+        ("garbge:dvl75", "found 'garbge' (did you mean garbage?), wanted one of absent, "),
         ("", "found '', wanted one of absent, "),
-        ("garbage:icm20948", "garbage on 'icm20948', wanted one of dvl75, ping1d"),
-        ("clock_jump:ping1d", "clock_jump on 'ping1d', wanted one of dvl75"),
+        ("garbage:icm20948", "garbage on 'icm20948', wanted one of dvl75, a50, ping1d"),
+        ("clock_jump:ping1d", "clock_jump on 'ping1d', wanted one of dvl75, a50"),
         ("garbage:@3", "garbage on '', wanted one of"),
         ("garbage@soon", "found 'soon', wanted seconds"),
         ("garbage@-1", "found '-1', wanted seconds"),
