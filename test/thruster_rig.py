@@ -15,13 +15,13 @@ from typing import Any
 
 import psutil
 import pytest
-from lifecycle_client import LifecycleClient
 
 from hindrax_bringup.stack import environment
 from hindrax_core.events import Stamp, after, stamp_from_s, to_s
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.devices.pca9685 import pca9685_of
 from hindrax_drivers.output.output_guard import guard_of
+from hindrax_ros.testing.lifecycle_client import LifecycleClient
 from hindrax_sim.buses.mock_server import BusServer
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.devices.pca9685 import Pca9685

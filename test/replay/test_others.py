@@ -4,7 +4,6 @@ import json
 from pathlib import Path
 
 import pytest
-from state_messages import navigation_from_msg, odometry_to_msg
 
 from hindrax_bag.metadata import Channel
 from hindrax_bag.read.bag_reader import attachments, messages
@@ -16,6 +15,7 @@ from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import ODOMETRY
 from hindrax_ros.messages.serialization import serialized
 from hindrax_ros.messages.share import share_lookup
+from hindrax_ros.testing.state_messages import navigation_from_msg, odometry_to_msg
 
 SURGE = clone_root() / "test" / "replay" / "bags" / "surge"
 NAMES = {

@@ -13,7 +13,6 @@ from typing import Any
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from state_messages import navigation_from_msg, odometry_to_msg
 
 from hindrax_bag.message_comparison import ComparisonReport, Rules, load_rules
 from hindrax_bag.metadata import Channel
@@ -44,6 +43,7 @@ from hindrax_ros.messages import reading_fields
 from hindrax_ros.messages.convert import estimate_to_msg
 from hindrax_ros.messages.serialization import current_bytes, serialized
 from hindrax_ros.messages.share import share_lookup
+from hindrax_ros.testing.state_messages import navigation_from_msg, odometry_to_msg
 
 BAGS = sorted((clone_root() / "test" / "replay" / "bags").iterdir())
 SURGE = clone_root() / "test" / "replay" / "bags" / "surge"

@@ -15,13 +15,13 @@ pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
 
 import rclpy
 from action_msgs.msg import GoalStatus
-from ideal_vehicle import IdealVehicle
 from rclpy.executors import SingleThreadedExecutor
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
 from hindrax_control.allocation.allocation_cycle import SupplyVoltage
 from hindrax_control.nodes.pilot_node import PilotNode
+from hindrax_control.testing.ideal_vehicle import IdealVehicle
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.vehicle import load_vehicle
 from hindrax_msgs.msg import ThrusterState

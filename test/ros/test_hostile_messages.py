@@ -18,14 +18,11 @@ import ardusub
 import hostile
 import numpy as np
 import rclpy
-import sensor_messages
 from builtin_interfaces.msg import Time
 from documentation.pages import ROOT, block_of
 from geometry_msgs.msg import Twist
-from ideal_vehicle import IdealVehicle
 from rclpy.node import Node
 from sensor_msgs.msg import BatteryState, Joy
-from state_messages import odometry_to_msg
 from std_msgs.msg import Bool, Header
 from std_srvs.srv import Trigger
 
@@ -38,6 +35,7 @@ from hindrax_control.nodes.navigator_node import NavigatorNode
 from hindrax_control.nodes.pilot_node import PilotNode
 from hindrax_control.nodes.teleop_node import TeleopNode
 from hindrax_control.nodes.thrust_node import ThrustNode
+from hindrax_control.testing.ideal_vehicle import IdealVehicle
 from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure
 from hindrax_core.signals import ZERO6, Estimate, Navigation
@@ -76,6 +74,8 @@ from hindrax_ros.messages import convert
 from hindrax_ros.messages.convert import stamp_from_msg, stamp_to_msg, wrench_from_msg, wrench_to_msg
 from hindrax_ros.messages.fast_serialization import command_from_bytes
 from hindrax_ros.messages.serialization import message_class, serialized
+from hindrax_ros.testing import sensor_messages
+from hindrax_ros.testing.state_messages import odometry_to_msg
 
 pytestmark = pytest.mark.ros
 

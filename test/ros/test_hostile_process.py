@@ -19,7 +19,6 @@ import rclpy
 from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from sensor_messages import inertial_to_msg
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
@@ -44,6 +43,7 @@ from hindrax_msgs.msg import HoldSetpoint, ThrusterHealth, ThrusterState
 from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.messages.convert import stamp_to_msg, wrench_to_msg
 from hindrax_ros.messages.serialization import message_class
+from hindrax_ros.testing.sensor_messages import inertial_to_msg
 
 pytestmark = pytest.mark.ros
 

@@ -15,7 +15,6 @@ pytest.importorskip("rclpy", reason="needs the ROS environment")
 pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
 
 import rclpy
-from lifecycle_client import LifecycleClient
 from rclpy.executors import SingleThreadedExecutor
 
 from hindrax_bag.run_folder import write_parameters
@@ -27,6 +26,7 @@ from hindrax_core.topics import NAMESPACE, TOPICS
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.graph import subscription
+from hindrax_ros.testing.lifecycle_client import LifecycleClient
 from hindrax_sim.hardware import Hardware
 from hindrax_sim.mock_vehicle import MockVehicle
 

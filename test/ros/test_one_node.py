@@ -22,7 +22,6 @@ from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from state_messages import navigation_to_msg
 from std_msgs.msg import UInt16MultiArray
 from std_srvs.srv import Trigger
 
@@ -48,6 +47,7 @@ from hindrax_msgs.msg import AllocationStatus, HoldSetpoint, ManeuverStatus, Mod
 from hindrax_msgs.srv import Arm
 from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.messages.convert import stamp_from_msg, stamp_to_msg, wrench_from_msg
+from hindrax_ros.testing.state_messages import navigation_to_msg
 
 pytestmark = pytest.mark.ros
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic_runs import back_and_forth, fly
 
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import Vehicle
@@ -15,6 +14,7 @@ from hindrax_ident.assess.results import Number
 from hindrax_ident.model.model_parameters import parameters_of
 from hindrax_ident.model.motion_model import model_of
 from hindrax_ident.records.axis_record import Record, Series, Stretch
+from hindrax_ident.testing.synthetic_runs import back_and_forth, fly
 
 ROV = Vehicle("rov", mass_kg=20.0, volume_m3=0.0203, envelope_m=(0.6, 0.5, 0.4))
 TRUE = {"k_q": 60.0, "k_l": 2.0, "b": 0.5, "added_mass": 12.0}

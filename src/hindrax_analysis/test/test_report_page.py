@@ -11,7 +11,6 @@ import pytest
 from browser import browser, browser_at_hand
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthetic_runs import DVL, back_and_forth, events, fly
 
 from hindrax_analysis.coefficients_file import ResultConditions, SavedCoefficients, conditions_of
 from hindrax_analysis.identification.bag_identification import shared_warnings
@@ -42,6 +41,7 @@ from hindrax_ident.arrays import array
 from hindrax_ident.assess.results import Contribution, DragBand, MotionResult, Number, Results, truth_of, with_truth
 from hindrax_ident.model.motion_model import model_of
 from hindrax_ident.online.session import Outcome, Session
+from hindrax_ident.testing.synthetic_runs import DVL, back_and_forth, events, fly
 
 finite = st.floats(-1e6, 1e6, allow_nan=False)
 LONGEST_LABEL = 30

@@ -14,7 +14,6 @@ import ardusub
 import numpy as np
 import pytest
 from mcap_ros2.writer import Writer
-from synthetic_runs import Flight, back_and_forth, fly
 from ulog import ulog
 
 from hindrax_analysis.coefficients_file import read_coefficients
@@ -30,6 +29,7 @@ from hindrax_core.topics import MANEUVER, resolved
 from hindrax_core.vehicle import Drag, Vehicle, load_vehicle
 from hindrax_ident.arrays import Array
 from hindrax_ident.model.motion_model import Model
+from hindrax_ident.testing.synthetic_runs import Flight, back_and_forth, fly
 
 MASS_kg = 20.0
 TRUTH = {"k_q": 66.48, "k_l": 1.25, "added_mass": 12.0}

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 import pytest
-from ideal_vehicle import IdealVehicle
 
+from hindrax_control.testing.ideal_vehicle import IdealVehicle
 from hindrax_core.vehicle import Vehicle, load_vehicle
 
 

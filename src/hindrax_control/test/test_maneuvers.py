@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
-from ideal_vehicle import IdealVehicle
 
 from hindrax_control.allocation.allocator import Allocator
 from hindrax_control.hold.holds import HOLDS, STATION, Setpoint
@@ -15,6 +14,7 @@ from hindrax_control.maneuver.maneuver import ManeuverOutput, abandoned
 from hindrax_control.maneuver.plan import PlanKnobs
 from hindrax_control.pilot import Pilot, PilotKnobs, PilotOutput
 from hindrax_control.pool_bounds import PoolBounds, PoolPosition
+from hindrax_control.testing.ideal_vehicle import IdealVehicle
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import Stamp
 from hindrax_core.signals import UNKNOWN6, ZERO6, Allocation, Phase

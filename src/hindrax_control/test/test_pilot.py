@@ -5,7 +5,6 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from ideal_vehicle import IdealVehicle
 
 from hindrax_control.allocation.allocator import AllocationKnobs
 from hindrax_control.allocation.thruster_fault_detector import (
@@ -18,6 +17,7 @@ from hindrax_control.hold.holds import HoldKnobs, Setpoint
 from hindrax_control.maneuver.goal import Goal
 from hindrax_control.maneuver.maneuver import ManeuverOutput
 from hindrax_control.pilot import REFUSAL_S, Pilot, PilotKnobs, PilotOutput
+from hindrax_control.testing.ideal_vehicle import IdealVehicle
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6, Allocation

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from ideal_vehicle import IdealVehicle
 
 from hindrax_control.hold.station_keeping import StationKeeping
 from hindrax_control.pool_bounds import PoolBounds, PoolPosition
+from hindrax_control.testing.ideal_vehicle import IdealVehicle
 from hindrax_core.vehicle import Vehicle, load_vehicle
 
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from ideal_vehicle import IdealVehicle
 
 from hindrax_control.allocation.effectiveness import effectiveness
 from hindrax_control.allocation.thruster_fault_detector import SuspectedFault, ThrusterFaultDetector
+from hindrax_control.testing.ideal_vehicle import IdealVehicle
 from hindrax_core.vehicle import Drag, Vehicle
 
 

@@ -11,7 +11,6 @@ pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from lifecycle_client import GRAPH, LifecycleClient
 from rclpy.executors import SingleThreadedExecutor
 
 from hindrax_bringup.share_files import default_vehicle
@@ -24,6 +23,7 @@ from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.nodes.device_node import LIFECYCLE_PERIOD_S, DeviceNode
 from hindrax_ros.batched_node import events_executor
 from hindrax_ros.graph import subscription
+from hindrax_ros.testing.lifecycle_client import GRAPH, LifecycleClient
 
 PATIENT_S = 30.0
 NAME = "ms5837"

@@ -10,8 +10,6 @@ import pytest
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
 
-from sensor_messages import dvl_to_msg
-
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import Beam, BottomTrack, BottomVelocity
@@ -19,6 +17,7 @@ from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.nodes.reading_messages import MARINE_ACOUSTIC, ReadingMessages, fill
 from hindrax_ros.graph import optional_class
 from hindrax_ros.messages.serialization import message_class
+from hindrax_ros.testing.sensor_messages import dvl_to_msg
 
 
 class Dvl:

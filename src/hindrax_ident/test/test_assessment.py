@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from synthetic_runs import back_and_forth, fly
 
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
@@ -39,6 +38,7 @@ from hindrax_ident.fit.whitening import Noise
 from hindrax_ident.model.model_parameters import Prior, wide_prior
 from hindrax_ident.model.motion_model import MOTIONS, Model, model_of
 from hindrax_ident.records.axis_record import Record, Series, Stretch
+from hindrax_ident.testing.synthetic_runs import back_and_forth, fly
 from hindrax_ident.tuning import Tuning
 
 SURGE = array(np.array([66.48, 1.25, 0.3, 27.3]))

@@ -4,13 +4,13 @@ import math
 
 import numpy as np
 import pytest
-from synthetic_runs import STEP_S, Plan, back_and_forth, fly
 
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.model.model_parameters import Prior
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.online.axis_estimator import AxisEstimator, SampleVerdict
 from hindrax_ident.records.binning import DEPTH_S
+from hindrax_ident.testing.synthetic_runs import STEP_S, Plan, back_and_forth, fly
 from hindrax_ident.tuning import Tuning
 
 MODEL, THETA = Model(0, 15.22), np.array([66.48, 1.25, 0.0, 27.3])

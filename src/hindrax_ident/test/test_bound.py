@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from synthetic_runs import DVL, back_and_forth, events, fly
 
 from hindrax_analysis.identification.montecarlo import trial_of
 from hindrax_core.vehicle import Vehicle
@@ -13,6 +12,7 @@ from hindrax_ident.model.model_parameters import parameters_of, wide_prior
 from hindrax_ident.model.motion_model import model_of
 from hindrax_ident.online.session import Session
 from hindrax_ident.records.axis_record import Record, Series, Stretch
+from hindrax_ident.testing.synthetic_runs import DVL, back_and_forth, events, fly
 
 SURGE = np.array([66.48, 1.25, 0.0, 27.3])
 

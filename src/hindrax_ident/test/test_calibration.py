@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic_runs import back_and_forth, fly
 
 from hindrax_core.curves import Branch
 from hindrax_core.vehicle import Vehicle
@@ -16,6 +15,7 @@ from hindrax_ident.fit.output_error import OutputErrorFit, refine
 from hindrax_ident.model.model_parameters import wide_prior
 from hindrax_ident.model.motion_model import Model, model_of
 from hindrax_ident.records.axis_record import Record, Series, Stretch
+from hindrax_ident.testing.synthetic_runs import back_and_forth, fly
 from hindrax_ident.tuning import Tuning
 
 MIRROR = np.polynomial.Polynomial([3000.0, -1.0])

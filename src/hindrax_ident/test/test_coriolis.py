@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from synthetic_runs import GYRO, back_and_forth, events, fly
 
 from hindrax_core.events import Stamped, stamp_from_s
 from hindrax_core.readings import Vec6
@@ -20,6 +19,7 @@ from hindrax_ident.model.coriolis import Masses, VelocityHistory, coriolis, cori
 from hindrax_ident.model.motion_model import MOTIONS, model_of
 from hindrax_ident.model.thrust_lag import LaggedThrust
 from hindrax_ident.online.session import Session
+from hindrax_ident.testing.synthetic_runs import GYRO, back_and_forth, events, fly
 
 six = st.tuples(*[st.floats(-3.0, 3.0)] * 6)
 masses_six = st.tuples(*[st.floats(0.1, 60.0)] * 6)

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from synthetic_runs import back_and_forth, fly
 
 from hindrax_ident.arrays import Array, Index, array
 from hindrax_ident.fit import delay as module
@@ -31,6 +30,7 @@ from hindrax_ident.model.model_parameters import Prior
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.model.simulation import Grid, per_step
 from hindrax_ident.records.axis_record import Record, Series, Stretch
+from hindrax_ident.testing.synthetic_runs import back_and_forth, fly
 
 SURGE, THETA = Model(0, 15.22), array(np.array([66.48, 1.25, 0.0, 27.3]))
 PRIOR = Prior(array(np.array([60.0, 2.0, 0.0, 25.0])), array(np.array([60.0, 30.0, 5.0, 30.0])))

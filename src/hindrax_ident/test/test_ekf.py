@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from synthetic_runs import back_and_forth, fly
 
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.online.joint_ekf import JointFilter
+from hindrax_ident.testing.synthetic_runs import back_and_forth, fly
 
 HEAVE = np.array([93.52, 5.26, 56.57, 11.84, 0.78, 37.7])
 CASES = {

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from synthetic_runs import COMMAND_S, STEP_S, back_and_forth, fly
 
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.fit.disturbance_noise import common_noise
@@ -10,6 +9,7 @@ from hindrax_ident.fit.output_error import OutputErrorFit, refine, reweighted
 from hindrax_ident.model.model_parameters import wide_prior
 from hindrax_ident.model.motion_model import model_of
 from hindrax_ident.records.axis_record import Record, Series, Stretch
+from hindrax_ident.testing.synthetic_runs import COMMAND_S, STEP_S, back_and_forth, fly
 
 SURGE = np.array([66.48, 1.25, 0.0, 27.3])
 YAW = np.array([0.55, 1.47, 0.0, 0.76])

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthetic_runs import DVL, Plan, Sensors, back_and_forth, events, fly
 
 from hindrax_core.events import Stamped
 from hindrax_core.readings import Vec3, Vec6
@@ -17,6 +16,7 @@ from hindrax_ident.assess.quality import Evidence, Excitation, reasons_against
 from hindrax_ident.assess.results import Contribution, MotionResult
 from hindrax_ident.model.motion_model import model_of
 from hindrax_ident.online.session import Session
+from hindrax_ident.testing.synthetic_runs import DVL, Plan, Sensors, back_and_forth, events, fly
 
 SURGE = np.array([66.48, 1.25, 0.0, 27.3])
 

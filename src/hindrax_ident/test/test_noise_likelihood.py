@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from error_covariance import MEMORY_S, covariance_of, error_dynamics_of
 
 from hindrax_ident.arrays import Array, Flags, array
 from hindrax_ident.fit.noise_likelihood import (
@@ -17,6 +16,7 @@ from hindrax_ident.fit.noise_likelihood import (
     fit_noise,
 )
 from hindrax_ident.fit.whitening import ErrorDynamics, Noise, transitions
+from hindrax_ident.testing.error_covariance import MEMORY_S, covariance_of, error_dynamics_of
 
 WIDE = 1e3
 """Variance of the motion at the start of a piece, in measurement variances."""

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from synthetic_runs import Flight, Plan, back_and_forth, fly
 
 from hindrax_analysis.records.recording import Recording, events, tuned
 from hindrax_core.events import to_s
@@ -15,6 +14,7 @@ from hindrax_ident.assess.results import MotionResult
 from hindrax_ident.fit.score_test import slow_force_ratio
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.online.session import Outcome, Session
+from hindrax_ident.testing.synthetic_runs import Flight, Plan, back_and_forth, fly
 from hindrax_ident.tuning import Tuning
 
 OTHER = Vehicle("other", 11.5, 0.0117, (0.457, 0.338, 0.254))

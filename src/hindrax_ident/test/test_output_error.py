@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.stats import chi2
-from synthetic_runs import back_and_forth, fly
 
 from hindrax_ident.arrays import Array, Index, array
 from hindrax_ident.fit import output_error as module
@@ -34,6 +33,7 @@ from hindrax_ident.fit.whitening import Noise
 from hindrax_ident.model.model_parameters import Prior
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.records.axis_record import Record, Series, Stretch
+from hindrax_ident.testing.synthetic_runs import back_and_forth, fly
 
 SURGE, THETA = Model(0, 15.22), array(np.array([66.48, 1.25, 0.3, 27.3]))
 PRIOR = Prior(array(np.array([50.0, 5.0, 0.0, 30.0])), array(np.array([30.0, 20.0, 2.0, 20.0])))

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from synthetic_runs import Plan, back_and_forth, fly
 
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
@@ -30,6 +29,7 @@ from hindrax_ident.model.model_parameters import Prior, wide_prior
 from hindrax_ident.model.motion_model import axis_units, model_of
 from hindrax_ident.model.simulation import Grid, Trajectory
 from hindrax_ident.records.axis_record import Record, Series, Stretch
+from hindrax_ident.testing.synthetic_runs import Plan, back_and_forth, fly
 
 SURGE = np.array([66.48, 1.25, 0.0, 27.3])
 DRAG_N = 66.48 * 0.45**2 + 1.25 * 0.45

@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from synthetic_runs import DVL, Flight, back_and_forth, events, fly
 
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array
@@ -13,6 +12,7 @@ from hindrax_ident.fit.output_error_problem import build_problem
 from hindrax_ident.model.model_parameters import wide_prior
 from hindrax_ident.model.motion_model import Model, model_of
 from hindrax_ident.records.axis_record import Record, Series, Stretch
+from hindrax_ident.testing.synthetic_runs import DVL, Flight, back_and_forth, events, fly
 
 SURGE = np.array([66.48, 1.25, 0.0, 27.3])
 PLAN = back_and_forth((3.2, 6.0, 9.5, 13.5), 10.0, 80.0)

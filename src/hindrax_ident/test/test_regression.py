@@ -5,12 +5,12 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from synthetic_runs import STEP_S, Flight, back_and_forth, fly
 
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.online.filtered_regression import FilteredRegression, Sample, _two_poles, physical, scaled
 from hindrax_ident.online.rls import Rls
+from hindrax_ident.testing.synthetic_runs import STEP_S, Flight, back_and_forth, fly
 
 THETA = np.array([66.48, 1.25, 0.3, 27.3])
 ROLL = np.array([1.29, 0.05, 0.02, 3.0, 0.733])

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from synthetic_runs import back_and_forth, events, fly, sensors_of
 
 from hindrax_core.events import Stamped, after, stamp_from_s
 from hindrax_core.signals import Attitude, Estimate, Phase, Thrust, Velocity
@@ -16,6 +15,7 @@ from hindrax_ident.assess.results import truth_of, with_truth
 from hindrax_ident.model.motion_model import Model, model_of, motions_of, unit_wrench
 from hindrax_ident.online.session import Session
 from hindrax_ident.records.feed import Feed
+from hindrax_ident.testing.synthetic_runs import back_and_forth, events, fly, sensors_of
 from hindrax_ident.tuning import Tuning
 
 pytestmark = pytest.mark.long

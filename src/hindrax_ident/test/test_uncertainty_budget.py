@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic_runs import back_and_forth, fly
 
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
@@ -29,6 +28,7 @@ from hindrax_ident.model.model_parameters import wide_prior
 from hindrax_ident.model.motion_model import model_of
 from hindrax_ident.model.simulation import sensitivities
 from hindrax_ident.records.axis_record import Record, Series, Stretch
+from hindrax_ident.testing.synthetic_runs import back_and_forth, fly
 from hindrax_ident.tuning import Tuning
 
 SURGE = np.array([66.48, 1.25, 0.0, 27.3])

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from error_covariance import covariance_of, error_dynamics_of, moved
 
 from hindrax_ident.fit.whitening import Noise, Whitener, gains, transitions
+from hindrax_ident.testing.error_covariance import covariance_of, error_dynamics_of, moved
 
 
 @pytest.mark.parametrize("channels", [(0,), (1,), (0, 1)], ids=["velocity", "position", "both"])

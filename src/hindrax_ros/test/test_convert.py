@@ -9,13 +9,13 @@ pytest.importorskip("rclpy", reason="needs the ROS environment")
 
 from geometry_msgs.msg import Quaternion
 from nav_msgs.msg import Odometry
-from state_messages import navigation_from_msg, navigation_to_msg, odometry_to_msg
 
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import Vec3
 from hindrax_core.rotation import sname_from_xyzw, xyzw_from_sname
 from hindrax_core.signals import Estimate, Navigation
 from hindrax_ros.messages import convert
+from hindrax_ros.testing.state_messages import navigation_from_msg, navigation_to_msg, odometry_to_msg
 
 STAMP = Stamp(1_234_567_890_123_456_789)
 NAVIGATION = Navigation(

@@ -7,12 +7,10 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 
-import sensor_messages
 from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import FluidPressure, Imu, Range
-from state_messages import navigation_from_msg, navigation_to_msg, odometry_to_msg
 from std_msgs.msg import Header
 
 from hindrax_core.events import Stamp, Stamped
@@ -36,6 +34,8 @@ from hindrax_msgs.msg import AllocationStatus, NavigationStatus, ThrusterCommand
 from hindrax_ros.messages import convert, fast_serialization
 from hindrax_ros.messages.reading_fields import reader
 from hindrax_ros.messages.serialization import definition_of
+from hindrax_ros.testing import sensor_messages
+from hindrax_ros.testing.state_messages import navigation_from_msg, navigation_to_msg, odometry_to_msg
 
 counts = st.integers(0, 2**32 - 1)
 number = st.floats(width=32, allow_nan=False)

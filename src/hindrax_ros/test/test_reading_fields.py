@@ -9,7 +9,6 @@ import pytest
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
 
-import sensor_messages
 from geometry_msgs.msg import TwistWithCovarianceStamped
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -35,6 +34,7 @@ from hindrax_core.topics import ALTITUDE, DVL_ATTITUDE, DVL_DETAIL, IMU, MAGNETI
 from hindrax_msgs.msg import Dvl
 from hindrax_ros.messages import reading_fields
 from hindrax_ros.messages.reading_fields import FIELDS, reader, writer
+from hindrax_ros.testing import sensor_messages
 
 number = st.floats(width=32, allow_nan=False)
 three = st.tuples(*[number] * 3)

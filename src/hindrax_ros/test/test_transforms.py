@@ -12,13 +12,13 @@ pytest.importorskip("rclpy", reason="needs the ROS environment")
 
 from ament_index_python.packages import get_package_share_directory
 from geometry_msgs.msg import Quaternion
-from state_messages import odometry_to_msg
 
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.messages.frames import frames_of, urdf_of
 from hindrax_core.signals import Navigation
 from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
 from hindrax_ros import transforms
+from hindrax_ros.testing.state_messages import odometry_to_msg
 from hindrax_ros.transforms import fixed
 
 HINDRAX = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml")

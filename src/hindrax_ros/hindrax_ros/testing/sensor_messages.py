@@ -2,10 +2,6 @@
 
 import math
 
-import pytest
-
-pytest.importorskip("rclpy", reason="needs the ROS environment")
-
 from geometry_msgs.msg import TwistWithCovarianceStamped
 from sensor_msgs.msg import (
     BatteryState,

@@ -2,10 +2,6 @@
 
 import math
 
-import pytest
-
-pytest.importorskip("rclpy", reason="needs the ROS environment")
-
 from nav_msgs.msg import Odometry
 
 from hindrax_core.events import Stamped

@@ -7,6 +7,9 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+
 GRAPH = {
     "unconfigured": {"configure": "inactive", "shutdown": "finalized"},
     "inactive": {"activate": "active", "cleanup": "unconfigured", "shutdown": "finalized"},
@@ -37,6 +40,7 @@ def invalid(state: str) -> list[tuple[str, int]]:
 
 
 def done(futures: Sequence[Any]) -> bool:
+    """Whether all have an answer."""
     return all(one.done() for one in futures)
 
 
@@ -44,8 +48,6 @@ class LifecycleClient:
     """Asks one node; `until` turns whatever has to turn until it holds."""
 
     def __init__(self, node: Any, name: str, until: Callable[[Callable[[], Any], str], None]) -> None:
-        from lifecycle_msgs.srv import ChangeState, GetState
-
         self._until, self.name = until, name
         self._change = node.create_client(ChangeState, f"{name}/change_state")
         self._get = node.create_client(GetState, f"{name}/get_state")
@@ -61,16 +63,11 @@ class LifecycleClient:
 
     def state(self) -> str:
         """Name of the state it is in."""
-        from lifecycle_msgs.srv import GetState
-
         (answer,) = self._ask(self._get, GetState.Request())
         return str(answer.current_state.label)
 
     def request(self, *wanted: tuple[str, int]) -> list[bool]:
         """Ask for transitions (label, number) one behind the other; whether each was made."""
-        from lifecycle_msgs.msg import Transition
-        from lifecycle_msgs.srv import ChangeState
-
         transitions = [Transition(id=number, label=label) for label, number in wanted]
         answers = self._ask(self._change, *[ChangeState.Request(transition=one) for one in transitions])
         return [one.success for one in answers]

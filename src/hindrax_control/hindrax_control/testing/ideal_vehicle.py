@@ -32,6 +32,7 @@ class IdealVehicle:
 
     @property
     def stamp(self) -> Stamp:
+        """Time since the start of the run."""
         return stamp_from_s(self.time_s)
 
     def ground_velocity(self) -> tuple[float, float]:
@@ -41,6 +42,7 @@ class IdealVehicle:
         return self.rate["surge"] + cos * north + sin * east, self.rate["sway"] - sin * north + cos * east
 
     def navigation(self) -> Navigation:
+        """State as a navigator without errors has it."""
         u, v = self.ground_velocity()
         return Navigation(
             attitude_rad=(self.roll, self.pitch, math.remainder(self.heading, math.tau)),
@@ -65,6 +67,7 @@ class IdealVehicle:
             net = self.thrust[axis] - freedom.drag_force(rate) - freedom.bias
             net -= freedom.restoring * math.sin(angles.get(axis, 0.0))
             self.rate[axis] += net / freedom.inertia * self.step_s
+        """State as a navigator without errors has it."""
         u, v = self.ground_velocity()
         cos, sin = math.cos(self.heading), math.sin(self.heading)
         self.north += (cos * u - sin * v) * self.step_s
