@@ -10,9 +10,11 @@ from hindrax_analysis.records.recording import Recording, events, tuned
 from hindrax_core.events import to_s
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array
+from hindrax_ident.assess import assessment as assessment_module
 from hindrax_ident.assess.results import MotionResult
 from hindrax_ident.fit.score_test import slow_force_ratio
 from hindrax_ident.model.motion_model import Model
+from hindrax_ident.online import session as session_module
 from hindrax_ident.online.session import Outcome, Session
 from hindrax_ident.testing.synthetic_runs import Flight, Plan, back_and_forth, fly
 from hindrax_ident.tuning import Tuning
@@ -168,3 +170,19 @@ def test_linear_drag_that_pushes_is_no_drag() -> None:
 def test_thrusters_that_nobody_described_may_be_unsteady_all_the_same() -> None:
     fit = finalized(recorded(flight(lag_s=0.1)))[0].assessments[0].fit
     assert np.any(fit.problem.efforts > 0.0)
+
+
+@pytest.mark.parametrize("step", ["result_of", "combine_drafts"])
+def test_what_no_algebra_solves_is_a_sentence(monkeypatch: pytest.MonkeyPatch, step: str) -> None:
+    """As flipped bits of a log may be; a common noise that cannot be had is none."""
+
+    def singular(*_: object, **__: object) -> None:
+        raise np.linalg.LinAlgError("Singular matrix")
+
+    if step == "result_of":
+        monkeypatch.setattr(session_module, step, singular)
+        found = surge(recorded(flight()))
+        assert (found.identifiable, found.reasons) == (False, (session_module.NO_FIT,))
+    else:
+        monkeypatch.setattr(assessment_module, "common_noise", singular)
+        assert surge(recorded(flight())).identifiable

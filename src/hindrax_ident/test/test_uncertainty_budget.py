@@ -140,16 +140,19 @@ def test_a_remedy_leaves_what_the_others_do(budget: Budget) -> None:
         assert left[remedy] == pytest.approx(variance + shift**2)
 
 
-def test_a_contribution_is_what_would_be_lost_if_it_were_known_and_what_is_shown(budget: Budget) -> None:
+def test_a_contribution_is_what_the_band_would_lose_if_it_were_known_and_never_more_than_the_band(
+    budget: Budget,
+) -> None:
     sensitivity = SHIFTS[0]
     listed = budget.contributions(sensitivity)
-    whole = float(sensitivity @ COVARIANCE @ sensitivity)
+    error, band = float(MEAN @ sensitivity), float(budget.variance(sensitivity[None])[0])
     wanted = {}
     for name, known in (("current", [0, 1]), ("gain", [2]), ("law", [3])):
         shown = float(MEAN[known] @ sensitivity[known])
-        wanted[name] = math.sqrt(whole - left_if_known(sensitivity, known)[0] + shown**2)
+        wanted[name] = math.sqrt(max(0.0, band - left_if_known(sensitivity, known)[0] - (error - shown) ** 2))
     assert {one.influence: one.std for one in listed} == pytest.approx(wanted)
     assert [one.std for one in listed] == pytest.approx(sorted(wanted.values(), reverse=True))
+    assert listed[0].std <= math.sqrt(band)
     assert [one.remedy for one in listed if one.influence == "gain"] == ["weigh"]
     (gain,) = budget.contributions(sensitivity, (GAIN,))
     assert gain.std == pytest.approx(abs(sensitivity[2]) * math.hypot(math.sqrt(COVARIANCE[2, 2]), MEAN[2]))

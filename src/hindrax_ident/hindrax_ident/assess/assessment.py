@@ -108,7 +108,11 @@ def draft(
 def combine_drafts(drafts: Mapping[int, DraftFit]) -> dict[int, DraftFit]:
     """Drafts of all axes of a run, refitted with a common thruster noise."""
     known = {axis: one.fit for axis, one in drafts.items() if len(one.record.effort)}
-    better = {axis: reweighted(known[axis], noise, drafts[axis].prior) for axis, noise in common_noise(known).items()}
+    try:
+        noises = common_noise(known)
+        better = {axis: reweighted(known[axis], noise, drafts[axis].prior) for axis, noise in noises.items()}
+    except ValueError:  # one of them is no motion of the model; each keeps its own noise
+        better = {}
     return {axis: replace(one, fit=better.get(axis, one.fit)) for axis, one in drafts.items()}
 
 

@@ -119,17 +119,20 @@ class Budget:
     def contributions(self, sensitivity: Array, scopes: Collection[str] = ALL) -> list[Contribution]:
         """Contribution of each influence to a quantity with this sensitivity (m,), largest first.
 
-        What the record shows of it, and the standard deviation that the quantity would lose if the rest were known:
-        for an independent one sensitivity times deviation (GUM eq. 11a). Only those of the scopes.
+        Root of what the second moment of the quantity would lose if the influence were known, so never more than the
+        band: for an independent one sensitivity times deviation (GUM eq. 11a). Only those of the scopes.
         """
         out = []
         sensitivity = sensitivity * self._within(scopes)
+        error = float(self.mean @ sensitivity)
         for row, influence, _ in self.rows:
             if influence.scope not in scopes:
                 continue
             lost = self._lost(range(row.start, row.stop), sensitivity)
-            shown = float(self.mean[row] @ sensitivity[row])
-            out.append(Contribution(influence.name, math.hypot(math.sqrt(max(0.0, lost)), shown), influence.remedy))
+            rest = error - float(self.mean[row] @ sensitivity[row])
+            # What opposes the others is a gain: without it the error would be greater.
+            gained = max(0.0, lost + error**2 - rest**2)
+            out.append(Contribution(influence.name, math.sqrt(gained), influence.remedy))
         return sorted(out, key=lambda one: -one.std)
 
     def _lost(self, at: Sequence[int], sensitivity: Array) -> float:

@@ -176,8 +176,11 @@ class Session:
         for axis, reason in failed.items():
             motions |= self._unidentified(axis, reason)
         for axis, assessment in assessments.items():
-            for motion in self._reported_motions(axis, assessment):
-                motions[motion.name] = result_of(motion, assessment)
+            try:
+                found = {one.name: result_of(one, assessment) for one in self._reported_motions(axis, assessment)}
+            except np.linalg.LinAlgError as error:
+                found = self._unidentified(axis, error)
+            motions |= found
         return Outcome(Results(motions, self.vehicle), assessments)
 
     def _unidentified(self, axis: int, error: ValueError) -> dict[str, MotionResult]:
