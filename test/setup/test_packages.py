@@ -146,3 +146,17 @@ def test_every_field_ends_with_its_unit(path: Path) -> None:
 def test_every_interface_is_built_and_states_what_for(path: Path) -> None:
     assert f"{path.parent.name}/{path.name}" in (ROOT / "src/hindrax_msgs/CMakeLists.txt").read_text(encoding="utf-8")
     assert path.read_text(encoding="utf-8").startswith("# ")
+
+
+STAND_ALONE = ("bag", "control", "core", "drivers", "ident", "laboratory", "ros")
+HELPERS = {path.stem for path in (ROOT / "test").glob("*.py")}
+
+
+@pytest.mark.parametrize("name", STAND_ALONE)
+def test_tests_of_a_package_collect_from_a_copy_of_src_alone(name: str) -> None:
+    """Their helpers are in the package or beside them, not in the folder of the whole system."""
+    for source in (ROOT / f"src/hindrax_{name}/test").glob("*.py"):
+        tree = ast.parse(source.read_text(encoding="utf-8"))
+        found = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+        found |= {node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+        assert not found & HELPERS, source

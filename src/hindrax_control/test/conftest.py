@@ -1,11 +1,14 @@
 """What the tests of control share."""
 
+import sys
 from pathlib import Path
 
 import pytest
 
 from hindrax_control.testing.ideal_vehicle import IdealVehicle
 from hindrax_core.vehicle import Vehicle, load_vehicle
+
+sys.path.insert(0, str(Path(__file__).parent))  # the helpers of these tests
 
 
 @pytest.fixture(scope="session")

@@ -16,7 +16,7 @@ from hindrax_core.signals import Navigation
 from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
 
 T = TypeVar("T")
-VEHICLE = load_vehicle(Path(__file__).parents[1] / "src/hindrax_bringup/vehicles/hindrax.yaml")
+VEHICLE = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml")
 CENTERED = replace(VEHICLE, sensors={name: Mount(name) for name in ("icm20948", "ms5837", "ping1d", "dvl75")})
 MOUNTED = replace(
     VEHICLE,
