@@ -23,6 +23,7 @@ GROUPS = {
         "operate.manual_control": "arm disarm hold recentre wrench lights",
         "operate.joystick": "joystick",
         "operate.thruster": "thruster",
+        "operate.commission": "commission",
     },
     "the machine and its devices": {
         "machine.doctor": "doctor",

@@ -18,9 +18,15 @@ def set_key(file: Path, keys: Sequence[str], value: object) -> None:
 
     UsageError when the file cannot be read or written, or holds no such block.
     """
+    set_keys(file, [(keys, value)])
+
+
+def set_keys(file: Path, values: Sequence[tuple[Sequence[str], object]]) -> None:
+    """Set several values at once: all of them, or none. Errors as of `set_key`."""
     try:
-        text = file.read_text(encoding="utf-8")
-        changed = edited(text, keys, value, str(file))
+        changed = file.read_text(encoding="utf-8")
+        for keys, value in values:
+            changed = edited(changed, keys, value, str(file))
         vehicle_from_text(changed, str(file))
         replace_text(file, changed)
     except OSError as error:
@@ -45,11 +51,11 @@ def keep(arguments: argparse.Namespace, keys: Sequence[str], value: object, wher
 
 
 def edited(text: str, keys: Sequence[str], value: object, source: str) -> str:
-    """Return the text with the value at the key path set."""
+    """Return the text with the value at the key path set; the key of an entry of a list is its `name`."""
     node: Any = yaml.compose(text, Loader=yaml.SafeLoader)
     for depth, key in enumerate(keys[:-1]):
         node = _child(node, key)
-        if not isinstance(node, yaml.MappingNode):
+        if not isinstance(node, yaml.CollectionNode):
             raise UsageError(f"{source}: found no block {'.'.join(keys[: depth + 1])}, wanted one to change")
     found = _child(node, keys[-1])
     if found is not None:
@@ -64,6 +70,8 @@ def edited(text: str, keys: Sequence[str], value: object, source: str) -> str:
 
 
 def _child(node: Any, key: str) -> Any:
+    if isinstance(node, yaml.SequenceNode):
+        return next((one for one in node.value if getattr(_child(one, "name"), "value", None) == key), None)
     pairs = node.value if isinstance(node, yaml.MappingNode) else []
     return next((value for name, value in pairs if name.value == key), None)
 

@@ -24,6 +24,7 @@ from hindrax_control.maneuver.goal import (
 from hindrax_control.maneuver.maneuver import Maneuver, ManeuverKnobs, ManeuverOutput
 from hindrax_control.maneuver.maneuver_guards import ManeuverGuardKnobs, ManeuverGuards, Situation
 from hindrax_control.maneuver.plan import Plan, PlanKnobs, Planner
+from hindrax_control.maneuver.pulses import PulseManeuver, believed
 from hindrax_control.pool_bounds import GuardedPlace, PoolBounds, PoolBoundsKnobs
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, seconds_between, to_s
@@ -63,6 +64,7 @@ class PilotOutput:
 
     `refused`: why a recent operator wrench was refused.
     `suspected_fault`: a thruster in use that does not seem to push; the caller decides whether to disable it.
+    `forces_N`: what the thrusters are to give one by one, instead of the wrench; empty: the wrench is allocated.
     """
 
     wrench: Vec6
@@ -71,6 +73,7 @@ class PilotOutput:
     guards: tuple[str, ...]
     suspected_fault: SuspectedFault | None = None
     refused: str = ""
+    forces_N: tuple[float, ...] = ()
 
 
 class Pilot:
@@ -88,7 +91,7 @@ class Pilot:
         self._origin_m: tuple[float, float] | None = None
         self._maneuver_guards = ManeuverGuards(vehicle, knobs.guards)
         self._fault_detector = ThrusterFaultDetector(vehicle, knobs.fault_detector)
-        self._maneuver: Maneuver | None = None
+        self._maneuver: Maneuver | PulseManeuver | None = None
         self._keeping_station = False
         self._station: StationKeeping | None = None
         self._station_s = 0.0
@@ -180,8 +183,10 @@ class Pilot:
         """Set the thrusters that must not be used."""
         self._disabled = disabled
 
-    def fly(self, goal: Goal) -> Maneuver:
+    def fly(self, goal: Goal) -> Maneuver | PulseManeuver:
         """Begin a maneuver with the next step; HindraxError with the reason if it cannot be flown now or at all."""
+        if goal.pulses:
+            return self._fly_pulses(goal)
         pool, knobs = self.pool, self._knobs
         require_ready(
             flying=self.flying,
@@ -197,6 +202,14 @@ class Pilot:
         )
         self._station = None
         return self._maneuver
+
+    def _fly_pulses(self, goal: Goal) -> PulseManeuver:
+        self.check(goal)
+        guards, knobs = believed(self._guards), self._knobs
+        require_ready(flying=self.flying, armed=self._armed, unarmed=self._unarmed, guards=guards, heading_known=True)
+        made = PulseManeuver(self._vehicle, goal, knobs=knobs.maneuver, safety_knobs=knobs.guards)
+        self._maneuver, self._station, self._operator_wrench = made, None, None
+        return made
 
     def guarded_place(self) -> GuardedPlace | None:
         """Position in the pool, as the guard of the walls uses it; None while the heading is unknown."""
@@ -285,6 +298,9 @@ class Pilot:
         self._unserved = ZERO6
         if not armed:
             return PilotOutput(ZERO6, states, flown, self._guards, refused=self._refusal(OPERATOR))
+        if flown is not None and flown.forces_N and not flown.done:
+            # No dead thruster is looked for meanwhile, and nothing held: all of that believes the vehicle file.
+            return PilotOutput(wrench, states, flown, self._guards, forces_N=flown.forces_N)
         total = _sum(_sum(_sum(held.wrench, wrench), keeping), self._current_operator_wrench(stamp))
         if flown is not None and flown.resting:
             total, self._unserved = ZERO6, total

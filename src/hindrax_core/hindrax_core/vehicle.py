@@ -212,6 +212,15 @@ class AxisGain:
 
 
 @dataclass(frozen=True, slots=True)
+class Commissioned:
+    """Written by `./hindrax commission --write` when every claim of the file was proven."""
+
+    geometry: str = fact(meaning="hash of the thrusters, mounts and outputs that were proven")
+    date: str = fact(meaning="day on which they were, such as 2026-11-25")
+    bag: str = knob("", meaning="record of it")
+
+
+@dataclass(frozen=True, slots=True)
 class Vehicle:
     """The whole file. Derived quantities (weight, buoyancy, inertia where none is given) are properties."""
 
@@ -234,6 +243,7 @@ class Vehicle:
     limits: Limits = field(default_factory=Limits)
     sensors: Mapping[str, Mount] = block(dict, "sensors by name, see below")
     output: Output = field(default_factory=Output)
+    commissioned: Commissioned | None = knob(None, meaning="record of its proof, as `./hindrax commission` writes it")
 
     def __post_init__(self) -> None:
         """Check that names are unique and refer to existing things, and that every curve is valid."""

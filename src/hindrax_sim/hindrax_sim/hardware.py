@@ -90,9 +90,11 @@ class Hardware:
         seed: int,
         conditions: Conditions | None = None,
         faults: Sequence[fault_registry.FaultSpec] = (),
+        built: Vehicle | None = None,
     ) -> None:
+        """`built`: the vehicle as it is, where its file does not say so."""
         self.vehicle = vehicle
-        self.world = World(vehicle, seed, conditions)
+        self.world = World(fault_registry.as_built(built or vehicle, faults), seed, conditions)
         self.i2c = VirtualI2c()
         self.serial: dict[str, SerialEmulator] = {}
         self.registers: dict[str, object] = {}
@@ -120,7 +122,7 @@ class Hardware:
         """Advance time; return the bytes of each serial device."""
         pulses = self.output.pulses_us()
         self._inject(to_s(stamp))
-        self.world.drive([pulses[channel] or 0.0 for channel in self._channels])
+        self.world.drive([pulses[one.channel] or 0.0 for one in self.world.vehicle.thrusters])
         self.world.advance(stamp)
         now_s = self._set_truths()
         return {name: device.step(now_s) for name, device in self.serial.items()}
@@ -164,7 +166,7 @@ class Hardware:
     def _attach(self, name: str, mount: Mount, seed: int) -> None:
         row = emulator_of(mount.device)
         device = row.make(seed)
-        at = self.world.mounting(mount)
+        at = self.world.mounting(self.world.vehicle.sensors[name])  # as it is mounted, whatever the file says
         observed = fault_registry.altered_truth(name, self._faults, to_s(START))
         self._truth_setters.append(lambda now_s: device.set_truth(observed(row.truth(self.world, at), now_s), now_s))
         if row_of(mount.device).serial:

@@ -112,8 +112,13 @@ class AllocationCycle:
         """Use other knobs from now on."""
         self._allocator = Allocator(self._vehicle, knobs)
 
-    def command(self, wrench: Vec6, frame: str, stamp: Stamp, now: Stamp) -> Command | None:
-        """Guard and allocate a wrench [N, Nm], made at `stamp` in the axes of `frame`; None when it is refused."""
+    def command(
+        self, wrench: Vec6, frame: str, stamp: Stamp, now: Stamp, forces_N: Sequence[float] = ()
+    ) -> Command | None:
+        """Guard and allocate a wrench [N, Nm], made at `stamp` in the axes of `frame`; None when it is refused.
+
+        With `forces_N` the thrusters get these, and the wrench is only what they should give.
+        """
         self.now = now
         supply_V = self.supply.measured_V(now)
         if supply_V != self.supply_V:
@@ -123,7 +128,12 @@ class AllocationCycle:
         self._unserved = accepted.refused if accepted.wrench is None else ()
         if accepted.wrench is None:
             return None
-        plan = self._allocator.allocate(accepted.wrench, self.disabled, self._last.pulses_us, self.supply_V)
+        previous = (self.disabled, self._last.pulses_us, self.supply_V)
+        plan = (
+            self._allocator.drive(forces_N, *previous)
+            if forces_N
+            else self._allocator.allocate(accepted.wrench, *previous)
+        )
         if accepted.refused:  # what the guard took is missing as well
             missing = difference(accepted.asked, plan.achieved)
             plan = replace(plan, wanted=accepted.asked, shortfall=missing, refused=accepted.refused + plan.refused)

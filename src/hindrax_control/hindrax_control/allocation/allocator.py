@@ -155,6 +155,34 @@ class Allocator:
         accepted, refused = bounded_axes(wrench)
         enabled = self._enabled(disabled, self.vehicle.supply_V if supply_V is None else supply_V)
         forces, exact = enabled.forces(accepted, previous_us)
+        return self._plan(enabled, accepted, forces, previous_us, refused=refused, exact=exact)
+
+    def drive(
+        self,
+        forces_N: Sequence[float],
+        disabled: frozenset[str] = frozenset(),
+        previous_us: Sequence[float] = (),
+        supply_V: float | None = None,
+    ) -> Allocation:
+        """Return the integer pulses for given forces of the thrusters [N], and the wrench that they should give.
+
+        A force that is not finite, or of a disabled thruster, is zero.
+        """
+        enabled = self._enabled(disabled, self.vehicle.supply_V if supply_V is None else supply_V)
+        named = zip(self.names, forces_N, strict=True)
+        forces = [force_N if math.isfinite(force_N) and name not in disabled else 0.0 for name, force_N in named]
+        return self._plan(enabled, vec6(self.B.dot(forces).tolist()), forces, previous_us)
+
+    def _plan(
+        self,
+        enabled: _ThrusterSet,
+        accepted: Vec6,
+        forces: Sequence[float],
+        previous_us: Sequence[float],
+        *,
+        refused: tuple[str, ...] = (),
+        exact: bool = True,
+    ) -> Allocation:
         pulses = tuple(
             [
                 round(curve.pulse(force, before))

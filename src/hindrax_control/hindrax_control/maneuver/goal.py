@@ -4,6 +4,7 @@ A vehicle flies the motions that its thrusters serve independently. A plan that 
 planner, and an order that comes late by the node.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -27,11 +28,25 @@ SHARE = 0.05
 """A lost axis counts as bound to a served one that makes at least this share of its row."""
 
 
+MOST_PULSES, LONGEST_PULSE_S, MOST_PULSE_N = 100, 2.0, 3.0
+"""Limits of pulses of single thrusters: nothing that they do may need a guard to be harmless."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pulse:
+    """Forces of the thrusters in the order of the vehicle file for some seconds; `calm`: it begins at rest only."""
+
+    forces_N: tuple[float, ...]
+    seconds: float
+    calm: bool = True
+
+
 @dataclass(frozen=True, slots=True)
 class Goal:
     """Motions to fly, in order, how they are excited, and how a cancelled or aborted maneuver ends.
 
     `levels`: plateaus of the one motion, from 0, the slowest, to 1, the fastest; empty: those of the plan.
+    `pulses`: of single thrusters, to fly instead of motions.
     """
 
     motions: tuple[str, ...]
@@ -39,10 +54,14 @@ class Goal:
     seed: int = 0
     on_cancel: str = "hold"
     levels: tuple[float, ...] = ()
+    pulses: tuple[Pulse, ...] = ()
 
 
 def require_flyable(goal: Goal, vehicle: Vehicle, disabled: frozenset[str] = frozenset()) -> None:
     """UsageError with the reason if this vehicle, without the disabled thrusters, can never fly a goal."""
+    if goal.pulses:
+        _check_pulses(goal, vehicle)
+        return
     check_goal(goal)
     require_servable(goal.motions, vehicle, disabled)
     require_lift(vehicle)
@@ -88,6 +107,24 @@ def check_goal(goal: Goal) -> None:
     if goal.on_cancel not in ENDINGS:
         raise UsageError(f"goal: ending {goal.on_cancel!r} unknown, wanted {' or '.join(ENDINGS)}")
     _check_levels(goal)
+
+
+def _check_pulses(goal: Goal, vehicle: Vehicle) -> None:
+    if goal.motions:
+        raise UsageError(f"goal: pulses and {', '.join(goal.motions)}, wanted one or the other")
+    if len(goal.pulses) > MOST_PULSES:
+        raise UsageError(f"goal: {len(goal.pulses)} pulses, wanted at most {MOST_PULSES}; fly the rest after them")
+    for pulse in goal.pulses:
+        if len(pulse.forces_N) != len(vehicle.thrusters):
+            found, wanted = len(pulse.forces_N), len(vehicle.thrusters)
+            raise UsageError(f"goal: a pulse of {found} forces, wanted {wanted}, those of {vehicle.name}")
+        if not all(abs(force_N) <= MOST_PULSE_N for force_N in pulse.forces_N):  # nor is NaN
+            largest_N = max(pulse.forces_N, key=lambda one: math.inf if math.isnan(one) else abs(one))
+            raise UsageError(f"goal: a pulse of {largest_N:g} N, wanted at most {MOST_PULSE_N:g} N of each thruster")
+        if not 0.0 < pulse.seconds <= LONGEST_PULSE_S:
+            raise UsageError(
+                f"goal: a pulse of {pulse.seconds:g} s, wanted more than 0 and at most {LONGEST_PULSE_S:g} s"
+            )
 
 
 def _check_levels(goal: Goal) -> None:

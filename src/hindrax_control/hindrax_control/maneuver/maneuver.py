@@ -54,6 +54,7 @@ class ManeuverOutput:
     `wrench` [N, Nm] adds to that of the holds; `setpoints` are events for the holds; `force` and `velocity` are
     along the motion; `wall_distance_m` is ahead of the hull; `aborted` is "guard: sentence", once `done`, and `neutral`
     says whether it has ended without holding anything. `resting`: all thrusters rest, whatever the holds want.
+    `forces_N`: of the thrusters, where it commands them one by one; `wrench` is then what they should give by the file.
     """
 
     wrench: Vec6
@@ -68,6 +69,7 @@ class ManeuverOutput:
     aborted: str
     neutral: bool
     resting: bool = False
+    forces_N: tuple[float, ...] = ()
 
 
 def abandoned(reason: str) -> ManeuverOutput:

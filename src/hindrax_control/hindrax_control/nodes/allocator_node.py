@@ -12,6 +12,7 @@ from hindrax_control.allocation.wrench_guard import WrenchGuardKnobs
 from hindrax_core.events import Stamp
 from hindrax_core.input_checks import SinglePublisher, impossible, names_of_others
 from hindrax_core.readings import Vec6
+from hindrax_core.rotation import FSD
 from hindrax_core.signals import ZERO6, Allocation
 from hindrax_core.topics import ALLOCATION, BATTERY, THRUSTER_COMMAND, THRUSTER_HEALTH, THRUSTER_STATE, WRENCH
 from hindrax_core.vehicle import Vehicle
@@ -72,6 +73,13 @@ class AllocatorNode(BatchedNode):
         if command is not None:
             self._command.publish(self._command_bytes(stamp, command.sequence, command.pulses_us))
         return command is not None
+
+    def on_forces(self, wrench: Vec6, forces_N: tuple[float, ...], stamp: Stamp) -> None:
+        """Give the thrusters these forces [N]; `wrench` is what they should give. Only the pilot of this process."""
+        wrench, forces_N = (ZERO6, ()) if self.inhibited() else (wrench, forces_N)
+        command = self._cycle.command(wrench, FSD, stamp, stamp, forces_N)
+        if command is not None:
+            self._command.publish(self._command_bytes(stamp, command.sequence, command.pulses_us))
 
     def _on_wrench_message(self, message: WrenchStamped) -> None:
         """Obey the only publisher; its wrenches are judged like those of the pilot."""

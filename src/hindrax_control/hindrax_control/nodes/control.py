@@ -39,7 +39,8 @@ def make_nodes(wanted: Collection[str] = EVERY) -> Sequence[Node]:
     if allocator and health:
         allocator.inhibited = health.failed
     if allocator and pilot and allocator.bypass(pilot, WRENCH, shown=True):
-        pilot.send_wrench, allocator.pilot = allocator.on_wrench, pilot.get_fully_qualified_name()
+        pilot.send_wrench, pilot.send_forces = allocator.on_wrench, allocator.on_forces
+        allocator.pilot = pilot.get_fully_qualified_name()
     if navigator and pilot and pilot.bypass(navigator, ODOMETRY, shown=True):
         navigator.on_state, pilot.navigator = pilot.on_navigation, navigator.get_fully_qualified_name()
         pilot.confirm_position = navigator.confirm_position

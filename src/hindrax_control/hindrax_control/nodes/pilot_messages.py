@@ -6,10 +6,11 @@ from collections.abc import Mapping, Sequence
 from rclpy.action.server import ServerGoalHandle
 
 from hindrax_control.hold.holds import HoldState
-from hindrax_control.maneuver.goal import Goal
+from hindrax_control.maneuver.goal import Goal, Pulse
 from hindrax_control.maneuver.maneuver import ManeuverOutput
 from hindrax_control.maneuver.plan import Plan
 from hindrax_control.pool_bounds import GuardedPlace
+from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.readings import vec6
 from hindrax_core.signals import NAN, UNKNOWN6, Allocation, Estimate
@@ -25,10 +26,22 @@ FRESH_S = 2.0
 """Age from which on an estimate counts as no longer learning."""
 
 
-def goal_from_msg(message: FlyManeuver.Goal) -> Goal:
-    """Motions and how to fly them."""
+def goal_from_msg(message: FlyManeuver.Goal, thrusters: int) -> Goal:
+    """Motions and how to fly them, or pulses of so many thrusters. UsageError where their numbers do not fit."""
     levels = tuple(map(float, message.levels))
-    return Goal(tuple(message.motions), message.excitation, int(message.seed), message.on_cancel, levels)
+    pulses = _pulses_from_msg(message, thrusters)
+    return Goal(tuple(message.motions), message.excitation, int(message.seed), message.on_cancel, levels, pulses)
+
+
+def _pulses_from_msg(message: FlyManeuver.Goal, thrusters: int) -> tuple[Pulse, ...]:
+    count, forces_N = len(message.pulse_seconds), tuple(map(float, message.pulse_forces))
+    if len(forces_N) != count * thrusters or len(message.pulse_calm) != count:
+        found = f"{len(forces_N)} forces and {len(message.pulse_calm)} times of rest for {count} pulses"
+        raise UsageError(f"goal: {found}, wanted {count * thrusters} and {count}")
+    return tuple(
+        Pulse(forces_N[at * thrusters : (at + 1) * thrusters], float(seconds), bool(calm))
+        for at, (seconds, calm) in enumerate(zip(message.pulse_seconds, message.pulse_calm, strict=True))
+    )
 
 
 def result_of(aborted: str, handle: ServerGoalHandle) -> FlyManeuver.Result:

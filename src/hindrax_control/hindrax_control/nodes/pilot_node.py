@@ -17,6 +17,7 @@ from hindrax_control.allocation.thruster_fault_detector import SuspectedFault
 from hindrax_control.hold.holds import HOLDS, Setpoint
 from hindrax_control.maneuver.goal import BUSY, LATE, SENSELESS, Goal
 from hindrax_control.maneuver.maneuver import Maneuver, ManeuverOutput, abandoned
+from hindrax_control.maneuver.pulses import PulseManeuver
 from hindrax_control.navigation.estimator_health import ExternalOdometry
 from hindrax_control.nodes import pilot_messages
 from hindrax_control.nodes.estimator_health_node import EstimatorHealthNode
@@ -44,6 +45,9 @@ from hindrax_ros.parameters import SAFETY, knobs
 
 SendWrench: TypeAlias = Callable[[Vec6, str, Stamp, Stamp], object]
 """Called with a wrench, its frame, its stamp and the time."""
+SendForces: TypeAlias = Callable[[Vec6, tuple[float, ...], Stamp], object]
+"""Called with a wrench, the forces of the thrusters that should give it, and the stamp of both."""
+ELSEWHERE = "start: the allocator runs in another process, and pulses of single thrusters need it in the pilot's"
 
 STATUS_EVERY = 5
 PLACE_EVERY = 10
@@ -70,7 +74,7 @@ class ActiveGoal:
 
     handle: Any
     goal: Goal
-    maneuver: Maneuver | None = None
+    maneuver: Maneuver | PulseManeuver | None = None
     patience: int = ARMED_WITHIN
 
 
@@ -79,12 +83,14 @@ class PilotNode(BatchedNode):
 
     It flies on the one publisher of `navigation/odometry`. A navigator of the same process calls `on_navigation`
     instead and is `navigator`; `confirm_position` resets its position uncertainty. An allocator calls `on_allocation`,
-    each cycle calls `send_wrench`. `health` checks every state before it is used.
+    each cycle calls `send_wrench`, or `send_forces` for pulses of single thrusters. `health` checks every state before
+    it is used.
     """
 
     def __init__(self, vehicle: Vehicle, supply: SupplyVoltage, send_wrench: SendWrench = lambda *_: None) -> None:
         super().__init__("pilot")
         self.send_wrench = send_wrench
+        self.send_forces: SendForces | None = None
         self.health: EstimatorHealthNode | None = None
         self.navigator = ""
         self.confirm_position: Callable[[], None] = lambda: None
@@ -299,7 +305,10 @@ class PilotNode(BatchedNode):
         if output.suspected_fault is not None:
             self._disable_suspect(output.suspected_fault, stamped.stamp)
         self._apply_setpoints()
-        self.send_wrench(output.wrench, FSD, stamped.stamp, stamped.stamp)
+        if output.forces_N and self.send_forces is not None:
+            self.send_forces(output.wrench, output.forces_N, stamped.stamp)
+        else:
+            self.send_wrench(output.wrench, FSD, stamped.stamp, stamped.stamp)
         self._wrench.publish(self._wrench_bytes(stamped.stamp, output.wrench))
         self._publish_status(output, stamped.stamp)
         self._follow_goal(stamped.stamp)
@@ -343,15 +352,15 @@ class PilotNode(BatchedNode):
 
     def _accept(self, handle: Any) -> None:
         """Keep a goal until the vehicle can begin it, or finish it at once: a rejection cannot carry a reason."""
-        goal, refused = (
-            ActiveGoal(handle, pilot_messages.goal_from_msg(handle.request)),
-            self._unflyable(handle.request),
-        )
+        refused = self._unflyable(handle.request)
         if refused:
             self._reporter.refusals.add(GOAL, refused)
-            self._finish_goal(goal, refused)
+            self._finish_goal(ActiveGoal(handle, Goal(())), refused)
         else:
-            self._goal = goal
+            self._goal = ActiveGoal(handle, self._goal_of(handle.request))
+
+    def _goal_of(self, request: Any) -> Goal:
+        return pilot_messages.goal_from_msg(request, len(self._names))
 
     def _unflyable(self, request: FlyManeuver.Goal) -> str:
         """Reason why a goal is not even kept, as "guard: sentence"; empty when it is."""
@@ -361,10 +370,11 @@ class PilotNode(BatchedNode):
         if self._goal is not None:
             return f"start: {BUSY}"
         try:
-            self._pilot.check(pilot_messages.goal_from_msg(request))
+            goal = self._goal_of(request)
+            self._pilot.check(goal)
         except HindraxError as error:
             return str(error)
-        return ""
+        return ELSEWHERE if goal.pulses and self.send_forces is None else ""
 
     def _follow_goal(self, stamp: Stamp) -> None:
         """Begin the goal that waits, or send its client the state of this cycle."""
@@ -390,7 +400,8 @@ class PilotNode(BatchedNode):
         except HindraxError as error:
             self._finish_goal(goal, f"start: {error}")
             return
-        self.get_logger().info(f"flying {', '.join(goal.goal.motions)}: {goal.maneuver.seconds:.0f} s planned")
+        what = ", ".join(goal.goal.motions) or f"{len(goal.goal.pulses)} pulses"
+        self.get_logger().info(f"flying {what}: {goal.maneuver.seconds:.0f} s planned")
 
     def _finish_goal(self, goal: ActiveGoal, aborted: str) -> None:
         """Send the result of a goal, with the reason if it was aborted; the next goal may come.

@@ -313,6 +313,9 @@ class Operator:
                 levels=goal.levels,
                 seed=goal.seed,
                 on_cancel=on_cancel,
+                pulse_forces=[force_N for pulse in goal.pulses for force_N in pulse.forces_N],
+                pulse_seconds=[pulse.seconds for pulse in goal.pulses],
+                pulse_calm=[pulse.calm for pulse in goal.pulses],
             )
             return self._asked(self._fly, asked, seconds)[0], ""
         self.wait(self._run.server_is_ready, ANSWER_S, lambda: f"the identifier to offer ident/run; {UP}")

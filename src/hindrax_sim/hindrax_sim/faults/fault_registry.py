@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import combinations
 from typing import Any, TypeVar
 
 from hindrax_core.errors import UsageError
@@ -15,6 +16,7 @@ from hindrax_core.sensor_table import SENSORS, Capability, Sensor, Wire, row_of
 from hindrax_core.text.nearest import did_you_mean
 from hindrax_core.vehicle import Vehicle
 from hindrax_sim.devices.emulator import RegisterEmulator, SerialEmulator
+from hindrax_sim.faults import build_faults as build
 from hindrax_sim.faults import bus_faults as bus
 from hindrax_sim.faults import stream_faults as line
 from hindrax_sim.faults import truth_faults as truth
@@ -26,7 +28,9 @@ SERIAL: tuple[Wire, ...] = ("serial",)
 I2C: tuple[Wire, ...] = ("i2c",)
 GPIO: tuple[Wire, ...] = ("gpio",)
 OUTPUT = ("thrusters",)
-EACH_THRUSTER = "thruster"
+EACH_THRUSTER, EACH_PAIR = "thruster", "pair of thrusters"
+DIRECTED: tuple[Capability, ...] = ("rates", "velocity", "range")
+"""What is measured along an axis: how such a sensor is mounted matters."""
 DEFAULT_START_S, DEFAULT_DURATION_S = 10.0, 5.0
 FORM = "NAME[:DEVICE][@START[+SECONDS]], such as garbage:dvl75@30+5"
 
@@ -36,7 +40,7 @@ class FaultKind:
     """A row of the registry: what it does on a serial line and on a bus (made of a seed), to the world, to a truth.
 
     It falls on the sensors of some wires, on those that measure something, and on `others`: the output, a thruster of
-    the vehicle, hull or water.
+    the vehicle, a pair of them (T1-T2), hull or water. `on_vehicle`: how the vehicle is built, without begin and end.
     """
 
     name: str
@@ -45,13 +49,16 @@ class FaultKind:
     on_bus: Callable[[int], bus.BusFault] | None = None
     on_world: truth.WorldFault | None = None
     on_truth: truth.SensorFault | None = None
+    on_vehicle: build.BuildFault | None = None
     wires: tuple[Wire, ...] = ()
     measuring: Capability | None = None
+    also_measuring: tuple[Capability, ...] = ()
     others: tuple[str, ...] = ()
 
     def falls_on(self, row: Sensor) -> bool:
         """Whether it falls on sensors of a kind."""
-        return row.wire in self.wires or self.measuring in row.measures
+        wanted = (self.measuring, *self.also_measuring)
+        return row.wire in self.wires or any(one in row.measures for one in wanted)
 
     def devices(self, vehicle: Vehicle | None = None) -> tuple[str, ...]:
         """Names of what it falls on aboard a vehicle; without one, of every kind of sensor of this stack."""
@@ -60,7 +67,9 @@ class FaultKind:
         if vehicle is not None:
             rows = {name: row_of(mount.device) for name, mount in vehicle.sensors.items()}
             thrusters = [one.name for one in vehicle.thrusters]
-        others = [name for one in self.others for name in (thrusters if one == EACH_THRUSTER else [one])]
+        pairs = ["-".join(pair) for pair in combinations(thrusters, 2)]
+        named = {EACH_THRUSTER: thrusters, EACH_PAIR: pairs}
+        others = [name for one in self.others for name in named.get(one, [one])]
         return (*(name for name, row in rows.items() if self.falls_on(row)), *others)
 
 
@@ -126,6 +135,22 @@ _KINDS = (
     FaultKind("lock_lost", "no DVL finds the bottom", on_world=truth.lock_lost, measuring="velocity"),
     FaultKind("leak", "water comes into the dry hull", on_world=truth.leak, others=("hull",)),
     FaultKind("current", "0.15 m/s across the pool", on_world=truth.current, others=("water",)),
+    FaultKind(
+        "thruster_reversed", "it pushes the other way", on_vehicle=build.thruster_reversed, others=(EACH_THRUSTER,)
+    ),
+    FaultKind(
+        "thrusters_swapped", "they have each other's cable", on_vehicle=build.thrusters_swapped, others=(EACH_PAIR,)
+    ),
+    *(
+        FaultKind(
+            f"turned_{axis}_{angle}",
+            f"mounted with a {axis} of {angle} deg that the file does not know",
+            on_vehicle=build.turned((angle * (axis == "roll"), angle * (axis == "pitch"), angle * (axis == "yaw"))),
+            also_measuring=DIRECTED,
+        )
+        for axis in ("roll", "pitch", "yaw")
+        for angle in (90, 180)
+    ),
 )
 
 FAULTS: Mapping[str, FaultKind] = {kind.name: kind for kind in _KINDS}
@@ -198,6 +223,15 @@ def fault_injector(world: World, specs: Sequence[FaultSpec], start_s: float = 0.
             fault(world, target, on)
 
     return inject
+
+
+def as_built(vehicle: Vehicle, specs: Sequence[FaultSpec]) -> Vehicle:
+    """Return the vehicle as it is wired and mounted with these faults; its own file does not know them."""
+    for spec in specs:
+        change = FAULTS[spec.name].on_vehicle
+        for one in spec.devices if change else ():
+            vehicle = change(vehicle, one) if change else vehicle
+    return vehicle
 
 
 def altered_truth(name: str, specs: Sequence[FaultSpec], start_s: float = 0.0) -> Callable[[Any, float], Any]:

@@ -36,7 +36,7 @@ Event: TypeAlias = Stamped[Navigation] | Stamped[Allocation] | Stamped[Phase] | 
 class LockstepCommand:
     """Command of a pilot: a wrench about the center of mass [N, Nm], the phase of its motion, armed thrusters.
 
-    `disabled` are thrusters to exclude permanently.
+    `disabled` are thrusters to exclude permanently. `forces_N`: of the thrusters one by one, instead of the wrench.
     """
 
     wrench: Vec6 = ZERO6
@@ -44,6 +44,7 @@ class LockstepCommand:
     armed: bool = False
     finished: bool = False
     disabled: frozenset[str] = frozenset()
+    forces_N: tuple[float, ...] = ()
 
 
 class LockstepPilot(Protocol):
@@ -126,8 +127,9 @@ class Onboard:
         self._arm(order.armed and not self.unhealthy, now)
         if not order.disabled <= self.cycle.disabled:
             self.cycle.disable(self.cycle.disabled | order.disabled)
-        wanted = order.wrench if self.armed and not self.unhealthy else ZERO6
-        planned = self.cycle.command(wanted, FSD, stamp, now)
+        moves = self.armed and not self.unhealthy
+        wanted, forces_N = (order.wrench, order.forces_N) if moves else (ZERO6, ())
+        planned = self.cycle.command(wanted, FSD, stamp, now, forces_N)
         if planned is None:
             return
         command = planned._replace(pulses_us=tuple(map(float, planned.pulses_us)), stamp=now)
@@ -169,9 +171,16 @@ class Lockstep:
         conditions: Conditions | None = None,
         faults: Sequence[FaultSpec] = (),
         session: Session | None = None,
+        listen: Callable[[str, Stamped[Reading]], None] = lambda _source, _reading: None,
+        built: Vehicle | None = None,
     ) -> None:
+        """`listen` is called with every reading before the stack gets it.
+
+        `built`: the vehicle as it is, where its file does not say so.
+        """
+        self._listen = listen
         rig = BytesRig if by_bytes else ReadingsRig
-        self.rig: LockstepRig = rig(vehicle, seed, conditions, faults)
+        self.rig: LockstepRig = rig(vehicle, seed, conditions, faults, built)
         self.session = session or Session(vehicle)
         self.onboard = Onboard(vehicle, pilot, self.session, self.rig.drive)
         self.world: World = self.rig.world
@@ -190,6 +199,7 @@ class Lockstep:
             readings = self.rig.advance()
             self.onboard.tick(self.world.stamp)
             for source, reading in readings:
+                self._listen(source, reading)
                 yield from self.onboard.on_reading(source, reading, self.world.stamp)
                 if self.onboard.order.finished:
                     break

@@ -19,7 +19,7 @@ from hindrax_drivers.buses.bus_schedule import BusSchedule
 from hindrax_drivers.devices.pca9685 import pca9685_of
 from hindrax_drivers.driver_registry import driver_of
 from hindrax_drivers.output.output_guard import guard_of
-from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, fault_injector
+from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, as_built, fault_injector
 from hindrax_sim.flights.sensor_models import SensorModel, SensorNoise, sensors
 from hindrax_sim.hardware import START, Hardware, STEP_ns
 from hindrax_sim.world import Conditions, World
@@ -35,12 +35,21 @@ class ReadingsRig:
     """
 
     def __init__(
-        self, vehicle: Vehicle, seed: int, conditions: Conditions | None = None, faults: Sequence[FaultSpec] = ()
+        self,
+        vehicle: Vehicle,
+        seed: int,
+        conditions: Conditions | None = None,
+        faults: Sequence[FaultSpec] = (),
+        built: Vehicle | None = None,
     ) -> None:
+        """`built`: the vehicle as it is, where its file does not say so."""
         for fault in faults:
-            if FAULTS[fault.name].on_world is None:
+            kind = FAULTS[fault.name]
+            if kind.on_world is None and kind.on_vehicle is None:
                 raise UsageError(f"fault {fault.name}: is one of wires, which readings do not have; fly by bytes")
-        self.world = World(vehicle, seed, conditions)
+        self.world = World(as_built(built or vehicle, faults), seed, conditions)
+        channels = [one.channel for one in vehicle.thrusters]
+        self._order = [channels.index(one.channel) for one in self.world.vehicle.thrusters]
         self.world.settle(START)
         self._inject = fault_injector(self.world, faults, to_s(START))
         self._queue: list[tuple[int, int, SensorModel, Sequence[Stamped[Reading]]]] = []
@@ -67,9 +76,9 @@ class ReadingsRig:
                 self._push(when + sensor.latency_ns, sensor, readings)
 
     def drive(self, pulses_us: Sequence[float]) -> tuple[float, ...]:
-        """Apply thruster pulses, unrounded."""
+        """Apply thruster pulses, unrounded: each to the motor at its channel."""
         pulses = tuple(pulses_us)
-        self.world.drive(pulses)
+        self.world.drive([pulses[index] for index in self._order])
         return pulses
 
 
@@ -77,11 +86,17 @@ class BytesRig:
     """Every byte: emulators on wires and a virtual bus, read by the real drivers."""
 
     def __init__(
-        self, vehicle: Vehicle, seed: int, conditions: Conditions | None = None, faults: Sequence[FaultSpec] = ()
+        self,
+        vehicle: Vehicle,
+        seed: int,
+        conditions: Conditions | None = None,
+        faults: Sequence[FaultSpec] = (),
+        built: Vehicle | None = None,
     ) -> None:
+        """`built`: the vehicle as it is, where its file does not say so."""
         if vehicle.output.device != "pca9685":
             raise UsageError(f"output.device: found {vehicle.output.device}, in lock-step by bytes wanted pca9685")
-        self.hardware = Hardware(vehicle, seed, conditions, faults)
+        self.hardware = Hardware(vehicle, seed, conditions, faults, built)
         self.world = self.hardware.world
         self.log: list[tuple[str, Output]] = []
         """Outputs of the drivers that are no readings."""

@@ -10,6 +10,7 @@ from typing import TypeAlias
 from hindrax_control.maneuver.goal import PLATEAUS, Goal
 from hindrax_control.maneuver.maneuver import Maneuver, ManeuverOutput
 from hindrax_control.maneuver.plan import Plan
+from hindrax_control.maneuver.pulses import PulseManeuver
 from hindrax_control.pilot import Pilot, PilotKnobs
 from hindrax_core.events import Stamp, Stamped, seconds_between, to_s
 from hindrax_core.signals import NAN, Allocation, Navigation
@@ -127,7 +128,7 @@ class GoalPilot:
         self.pilot = Pilot(vehicle, knobs)
         self._goal, self._following = goal, following
         self.plans: tuple[Plan, ...] = ()
-        self.maneuver: Maneuver | None = None
+        self.maneuver: Maneuver | PulseManeuver | None = None
         self.output: ManeuverOutput | None = None
         self._cancel_at_s = cancel_at_s
         self.refused = ""

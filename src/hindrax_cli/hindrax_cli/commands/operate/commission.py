@@ -1,0 +1,121 @@
+"""`hindrax commission`: the vehicle proves in the water what its file claims."""
+
+import argparse
+from dataclasses import asdict, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from hindrax_analysis.terminal import print_answer, print_table
+from hindrax_bag.run_folder import RunFolder, make_run_folder
+from hindrax_bringup.stack import MockOptions
+from hindrax_cli.argument_types import add_json, add_vehicle
+from hindrax_cli.command import command, option
+from hindrax_cli.commands.operate.up_stop import add_mock_options
+from hindrax_cli.vehicle_edit import add_write, require_editable, set_keys
+from hindrax_control.commissioning.findings import Findings
+from hindrax_control.commissioning.picture import svg
+from hindrax_core.commissioned import geometry_hash
+from hindrax_core.errors import UsageError
+from hindrax_core.text.screen_text import print_fitted, print_stderr
+from hindrax_core.vehicle import Commissioned, load_vehicle
+from hindrax_operator.connection import add_stack, joined, ordered_stack
+
+AGAIN = "the file has changed: end the stack, start it with this file, and commission it again"
+
+
+@command(
+    "# beside a stack that `./hindrax up` started, disarmed, with the vehicle afloat in the middle of the pool:\n"
+    "./hindrax commission --write\n"
+    "./hindrax commission --mock --fault thruster_reversed:T3\n"
+    "./hindrax commission --mock --fault thrusters_swapped:T1-T4 --world pool --seed 3 --json",
+    option("--mock", action="store_true", help="the mock vehicle, in a stack of its own"),
+    option("--arm", action="store_true", help="arm it here; default: wait until its operator does"),
+    add_vehicle,
+    add_write,
+    option(
+        "--out",
+        metavar="DIR",
+        help="new or empty folder for the picture (in mock for the bag too); default runs/<time>",
+    ),
+    add_mock_options,
+    add_json,
+    add_stack,
+)
+def commission(arguments: argparse.Namespace) -> int:
+    """Prove the vehicle file in the water, in a minute or two: thrusters one by one, then sensors, depth and trim."""
+    require_editable(arguments)
+    of_mock = arguments.fault or arguments.world or arguments.rate is not None or arguments.seed is not None
+    if of_mock and not arguments.mock:
+        raise UsageError("--fault, --world, --rate and --seed are for --mock only")
+    findings, folder, bag = _in_mock(arguments) if arguments.mock else _beside(arguments)
+    vehicle = load_vehicle(arguments.vehicle)
+    picture = folder.path / "commissioning.svg"
+    picture.write_text(svg(vehicle, findings), encoding="utf-8")
+    kept = _keep(arguments, findings, bag)
+    document = _document(findings) | {"bag": bag, "picture": str(picture), "written": arguments.write and bool(kept)}
+    print_answer(document, lambda: _show(findings, [*kept, f"  {picture}"]), as_json=arguments.json)
+    return 0 if findings.complete else 1
+
+
+def _in_mock(arguments: argparse.Namespace) -> tuple[Findings, RunFolder, str]:
+    from hindrax_operator.commissioning_run import commission_mock  # noqa: PLC0415  # invalid arguments are refused before rclpy loads
+
+    pace = 0.0 if arguments.rate is None else arguments.rate
+    seed = 1 if arguments.seed is None else arguments.seed
+    mock = MockOptions(seed, pace, tuple(arguments.fault), arguments.world or "ideal")
+    findings, folder = commission_mock(Path(arguments.vehicle), mock, arguments.out, print_stderr)
+    return findings, folder, str(folder.bag)
+
+
+def _beside(arguments: argparse.Namespace) -> tuple[Findings, RunFolder, str]:
+    from hindrax_operator.commissioning_run import commission_beside  # noqa: PLC0415  # as above
+
+    found = ordered_stack(arguments)
+    vehicle = load_vehicle(arguments.vehicle)
+    if found is not None and geometry_hash(load_vehicle(found.vehicle)) != geometry_hash(vehicle):
+        raise UsageError(
+            f"--vehicle {arguments.vehicle}: the stack flies another file ({found.vehicle}); name that one"
+        )
+    with joined(found, sim_time=arguments.sim_time, namespace=arguments.namespace) as operator:
+        findings = commission_beside(operator, vehicle, print_stderr, arm=arguments.arm)
+    folder = make_run_folder(arguments.out, Path(arguments.vehicle))
+    return findings, folder, found.bag if found is not None else ""
+
+
+def _keep(arguments: argparse.Namespace, findings: Findings, bag: str) -> list[str]:
+    """Write what mends the file, or the record of its proof; returns what was done, or what can be."""
+    file = Path(arguments.vehicle)
+    if findings.mends:
+        lines = [f"  {mend.line}" for mend in findings.mends]
+        if not arguments.write:
+            return ["these lines mend the file; --write puts them into it:", *lines]
+        set_keys(file, [(mend.keys, mend.value) for mend in findings.mends])
+        return [f"written to {file}:", *lines, AGAIN]
+    if not findings.complete:
+        return []
+    record = Commissioned(geometry_hash(load_vehicle(file)), datetime.now(UTC).date().isoformat(), bag)
+    if not arguments.write:
+        return ["everything is proven; --write puts the record of it into the file"]
+    set_keys(file, [(("commissioned",), asdict(record))])
+    return [f"everything is proven; the record stands in {file}"]
+
+
+def _document(findings: Findings) -> dict[str, Any]:
+    """Findings for JSON."""
+    rows = [asdict(replace(row, mends=())) | {"mends": [mend.line for mend in row.mends]} for row in findings.rows]
+    return {"findings": rows, "ended": findings.ended, "complete": findings.complete, "wrenches": findings.wrenches}
+
+
+def _show(findings: Findings, kept: list[str]) -> None:
+    rows = [
+        (row.verdict, row.claim, row.claimed, f"{row.found}{f'; {row.remedy}' if row.remedy else ''}")
+        for row in findings.rows
+    ]
+    print_table(
+        "What the vehicle file claims, and what was found", ["verdict", "claim", "claimed"], [], rows, ["found"]
+    )
+    if findings.ended:
+        print_stderr(f"ended early: {findings.ended}")
+    for line in kept:
+        print_fitted(line)

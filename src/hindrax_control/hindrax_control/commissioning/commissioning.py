@@ -1,0 +1,296 @@
+"""A commissioning, without ports and clock: pulses to fly out, readings in, findings at the end.
+
+    work = Commissioning(vehicle)
+    work.on_reading(source, reading); work.on_forces(stamp, forces_N)      # all the time
+    work.rest(stamp, stamp)                                                # before arming, afloat and still
+    while (pulses := work.next_pulses(now)) is not None: fly Goal((), pulses=pulses)
+    findings = work.finalize()
+
+Before arming, gravity says whether the inertial sensor is turned out of the vertical, and the DVL and the sonar whether
+they see the floor. Where gravity is wrong nothing is armed: the attitude is false then, and the vehicle would refuse.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import TypeAlias
+
+import numpy as np
+
+from hindrax_control.allocation.effectiveness import Matrix, effectiveness
+from hindrax_control.commissioning import sensor_claims
+from hindrax_control.commissioning.findings import MEASURED, OPEN, PROVEN, WRONG, Finding, Findings, Mend
+from hindrax_control.commissioning.hypotheses import RIGHT_TURNS, TURNED, Wiring, explain, turn_of
+from hindrax_control.commissioning.probes import body_pulses, single_pulses
+from hindrax_control.commissioning.recording import Recording
+from hindrax_control.commissioning.response import (
+    AFTER_s,
+    Answer,
+    BEFORE_s,
+    MotionView,
+    Prior,
+    Window,
+    grid,
+    lagged,
+)
+from hindrax_control.maneuver.goal import Pulse
+from hindrax_core.events import Stamp, Stamped, to_s
+from hindrax_core.hydrostatics import GRAVITY_mps2
+from hindrax_core.readings import Reading
+from hindrax_core.vehicle import Vehicle
+
+Model: TypeAlias = tuple[Matrix, tuple[Matrix, Matrix]]
+"""Times (n,); accelerations and rates (n, 6)."""
+UPRIGHT = 0.8
+"""Cosine of the largest tilt at rest that is trim; a right angle is a mount."""
+QUIET_N = 0.05
+"""Force below which a thruster stands still."""
+LAGS_s = (0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.45)
+SURE = 0.9
+"""Likelihood from which on a wiring is told as found."""
+SUNK_m = 0.2
+"""Deeper than at rest by this, it climbs instead of diving."""
+
+
+class Commissioning:
+    """One commissioning of one vehicle file."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self.vehicle, self.recording = vehicle, Recording()
+        self.B = effectiveness(vehicle)
+        self._prior = Prior(vehicle)
+        self._lag_s = float(np.median([one.lag_s for one in vehicle.thrusters])) if vehicle.thrusters else 0.15
+        self._rest: Window | None = None
+        self._round = 0
+        self._begun_s = 0.0
+        self.turn: Matrix = np.eye(3)
+        """Correction of the inertial sensor: body as it is from body as its mount says."""
+        self.wirings: tuple[Wiring, ...] = ()
+        self.answers: dict[int, Answer] = {}
+        self.ended = ""
+        self._seen: dict[int, MotionView] = {}
+        self._models: dict[tuple[int, float], Model] = {}
+
+    # ---- what comes in
+
+    def on_reading(self, source: str, reading: Stamped[Reading]) -> None:
+        """Keep a reading of a sensor of the vehicle file."""
+        self.recording.on_reading(source, reading)
+
+    def on_forces(self, stamp: Stamp, forces_N: Sequence[float]) -> None:
+        """Keep the forces of the thrusters by the curves of the file, from this stamp on [N]."""
+        self.recording.on_forces(stamp, forces_N)
+
+    def rest(self, begin: Stamp, end: Stamp) -> None:
+        """Say when the vehicle floated at rest, disarmed."""
+        self._rest = Window(to_s(begin), to_s(end))
+
+    # ---- what is to be flown
+
+    def next_pulses(self, now: Stamp) -> tuple[Pulse, ...] | None:
+        """Pulses to fly now; None when all was flown, or nothing may be."""
+        self._round += 1
+        if self._round == 1:
+            self._begun_s = to_s(now)
+            return single_pulses(self.vehicle, self.B) if self.upright else None
+        if self._round == 2 and not self.ended:
+            self._judge_thrusters()
+            return body_pulses(self.vehicle, self.found, deep=self._sunk_m(to_s(now)) > SUNK_m) or None
+        return None
+
+    def _sunk_m(self, now_s: float) -> float:
+        """How much deeper it is than at rest; 0 where nothing shows it."""
+        water, pressure = self.vehicle.water, self.recording.pressure
+        _, before = pressure.between(self._rest.begin_s, self._rest.end_s) if self._rest else (0, np.zeros((0, 1)))
+        _, after = pressure.between(now_s - 1.0, now_s + 1.0)
+        if not (len(before) and len(after)):
+            return 0.0
+        return float(after[:, 0].mean() - before[:, 0].mean()) / (water.density_kgpm3 * GRAVITY_mps2)
+
+    @property
+    def upright(self) -> bool:
+        """Whether gravity is where the mount of the inertial sensor has it, with the vehicle at rest."""
+        down = self._down()
+        return down is not None and float(down[2]) > UPRIGHT
+
+    @property
+    def found(self) -> Matrix:
+        """Effectiveness (6, n) by output, as it was found."""
+        return np.column_stack([wiring.column(self.B) for wiring in self.wirings])
+
+    # ---- what follows
+
+    def finalize(self, ended: str = "") -> Findings:
+        """Everything that was found; `ended`: why the flight ended early."""
+        self.ended = self.ended or ended
+        if self._round and self.upright and not self.wirings:
+            self._judge_thrusters()
+        rows = [*self._inertial_claims(), *self._thruster_claims()]
+        view = sensor_claims.Evidence(
+            self.vehicle,
+            self.recording,
+            self._prior,
+            self._rest,
+            self.turn,
+            self.upright,
+            self._body_windows(),
+            self.found if self.wirings else np.zeros((6, 0)),
+            self._lag_s,
+            self._offset(),
+        )
+        rows += sensor_claims.claims(view)
+        names = [one.name for one in self.vehicle.thrusters]
+        wrenches = {names[at]: tuple(map(float, one.wrench)) for at, one in self.answers.items()}
+        return Findings(tuple(rows), self.ended, wrenches)
+
+    # ---- the inertial sensor
+
+    def _mount(self) -> Matrix:
+        source = self.recording.inertial.source
+        mount = self.vehicle.sensors.get(source)
+        return turn_of(mount.rotation_deg) if mount else np.eye(3)
+
+    def _lever_m(self) -> Matrix:
+        mount = self.vehicle.sensors.get(self.recording.inertial.source)
+        return np.subtract(mount.position_m, self.vehicle.center_of_mass_m) if mount else np.zeros(3)
+
+    def _down(self) -> Matrix | None:
+        """Direction of gravity at rest in body axes by the mount of the file; None without a rest."""
+        if self._rest is None:
+            return None
+        _, rows = self.recording.inertial.between(self._rest.begin_s, self._rest.end_s)
+        if len(rows) < 20:
+            return None
+        mean = self._mount() @ rows[:, :3].mean(axis=0)
+        return np.asarray(-mean / (float(np.linalg.norm(mean)) or 1.0))
+
+    def _offset(self) -> Matrix:
+        """Offset of the gyroscope at rest, in the sensor's axes."""
+        if self._rest is None:
+            return np.zeros(3)
+        _, rows = self.recording.inertial.between(self._rest.begin_s, self._rest.end_s)
+        return rows[:, 3:].mean(axis=0) if len(rows) else np.zeros(3)
+
+    def _inertial_claims(self) -> list[Finding]:
+        source, down = self.recording.inertial.source, self._down()
+        mount = self.vehicle.sensors.get(source)
+        if mount is None or down is None:
+            return [Finding("inertial sensor", OPEN, "on board", "sends nothing at rest", remedy="`./hindrax doctor`")]
+        claim, claimed = f"{source} mount", str(list(mount.rotation_deg))
+        if not self.upright:
+            # Of the turns that bring gravity back, the one by the smallest angle; what it is about the vertical, the
+            # pulses show once this is mended.
+            turn = max(RIGHT_TURNS, key=lambda one: (round(float((one @ down)[2]), 3), float(np.trace(one))))
+            return [sensor_claims.turned(source, mount, turn, "gravity comes from the side or from above")]
+        roll_deg, pitch_deg = (float(np.degrees(np.arctan2(down[1], down[2]))), float(np.degrees(-np.arcsin(down[0]))))
+        trim = Finding("trim at rest", MEASURED, "level", f"roll {roll_deg:+.1f}, pitch {pitch_deg:+.1f} deg")
+        if not self.wirings:
+            return [Finding(claim, OPEN, claimed, "upright; nothing was pulsed to show more"), trim]
+        if np.allclose(self.turn, np.eye(3)):
+            return [Finding(claim, PROVEN, claimed, "gravity, rates and pulses agree"), trim]
+        return [sensor_claims.turned(source, mount, self.turn, "the vehicle turns and moves otherwise"), trim]
+
+    # ---- the thrusters
+
+    def _windows(self) -> list[tuple[int, Window]]:
+        """Index and window of each thruster that ran alone."""
+        at_s, rows = self.recording.forces.between(self._begun_s, np.inf)
+        found: list[tuple[int, Window]] = []
+        running = np.abs(rows) > QUIET_N if len(rows) else np.zeros((0, 0), bool)
+        alone = np.where(running.sum(axis=1) == 1, running.argmax(axis=1), -1) if len(rows) else np.zeros(0, int)
+        together = running.sum(axis=1) > 1 if len(rows) else np.zeros(0, bool)
+        for index in range(len(self.vehicle.thrusters)):
+            mine = np.flatnonzero(alone == index)
+            stop = np.flatnonzero(together)
+            mine = mine[mine < stop[0]] if len(stop) else mine
+            if len(mine) > 5:
+                found.append((index, Window(at_s[mine[0]] - BEFORE_s, at_s[mine[-1]] + AFTER_s)))
+        return found
+
+    def _body_windows(self) -> list[Window]:
+        """Windows in which more than one thruster ran, each from rest to rest."""
+        at_s, rows = self.recording.forces.between(self._begun_s, np.inf)
+        alone = self._windows()
+        since = max((window.end_s for _, window in alone), default=self._begun_s) - AFTER_s + 0.1
+        busy = at_s[(np.abs(rows) > QUIET_N).any(axis=1) & (at_s > since)] if len(rows) else np.zeros(0)
+        windows: list[Window] = []
+        for moment in busy:
+            if windows and moment - windows[-1].end_s < sensor_claims.JOINED_s - AFTER_s:
+                windows[-1] = Window(windows[-1].begin_s, moment + AFTER_s)
+            else:
+                windows.append(Window(moment - BEFORE_s, moment + AFTER_s))
+        return windows
+
+    def _judge_thrusters(self) -> None:
+        """Choose the turn of the inertial sensor and the wiring of every output that explain all answers together."""
+        windows = self._windows()
+        turns = [turn for turn in RIGHT_TURNS if turn[2, 2] > 0.5]
+        # Once with the lag of the file, to know who moves; then the lag that fits them best.
+        best = max((self._explained(turn, windows, self._lag_s) for turn in turns), key=lambda one: one[0])
+        self.turn = best[1]
+        lags = {lag_s: self._misfit(windows, lag_s) for lag_s in (*LAGS_s, self._lag_s)}
+        self._lag_s = min(lags, key=lambda one: lags[one])
+        _, self.turn, self.wirings, self.answers = self._explained(self.turn, windows, self._lag_s)
+
+    def _explained(
+        self, turn: Matrix, windows: Sequence[tuple[int, Window]], lag_s: float
+    ) -> tuple[float, Matrix, tuple[Wiring, ...], dict[int, Answer]]:
+        answers = {index: self._answer(turn, view, model) for index, view, model in self._views(windows, lag_s)}
+        wirings = tuple(
+            explain(index, answers[index], self.B) if index in answers else Wiring(None, 1, 0.0)
+            for index in range(len(self.vehicle.thrusters))
+        )
+        beforehand = 0.0 if np.allclose(turn, np.eye(3)) else TURNED
+        return beforehand + sum(wiring.log for wiring in wirings), turn, wirings, answers
+
+    def _views(self, windows: Sequence[tuple[int, Window]], lag_s: float) -> Iterator[tuple[int, MotionView, Model]]:
+        """Motion in each window, and what the prior makes of one newton in the course of the thruster's force."""
+        for index, window in windows:
+            view = self._seen.get(index) or MotionView(self.recording, window, self._offset())
+            self._seen[index] = view
+            if (index, lag_s) not in self._models:
+                at_s = grid(window)
+                force = lagged(at_s, self.recording.forces, window, lag_s)[:, index]
+                self._models[index, lag_s] = (at_s, self._prior.respond(at_s, force))
+            if view.known:
+                yield index, view, self._models[index, lag_s]
+
+    def _answer(self, turn: Matrix, view: MotionView, model: Model) -> Answer:
+        return view.answer(turn @ self._mount(), self._lever_m(), *model)
+
+    def _misfit(self, windows: Sequence[tuple[int, Window]], lag_s: float) -> float:
+        return sum(self._answer(self.turn, view, model).misfit for _, view, model in self._views(windows, lag_s))
+
+    def _thruster_claims(self) -> list[Finding]:
+        if not self.wirings:
+            return [Finding(one.name, OPEN, "", "was not pulsed") for one in self.vehicle.thrusters]
+        rows = [self._thruster_claim(index) for index in range(len(self.wirings))]
+        lags = sorted({one.lag_s for one in self.vehicle.thrusters})
+        claimed = ", ".join(f"{lag_s:g} s" for lag_s in lags)
+        return [*rows, Finding("lag of the thrusters", MEASURED, claimed, f"{self._lag_s:g} s, roughly")]
+
+    def _thruster_claim(self, index: int) -> Finding:
+        thrusters, wiring = self.vehicle.thrusters, self.wirings[index]
+        mine = thrusters[index]
+        claimed = f"channel {mine.channel}{', reversed' if mine.reversed else ''}"
+        share = f"{100.0 * wiring.strength:.0f} % of its curve"
+        if index not in self.answers:
+            return Finding(mine.name, OPEN, claimed, "was not pulsed")
+        if wiring.drives is None:
+            remedy = "look for a loose cable, a blocked propeller, a controller without power"
+            return Finding(mine.name, WRONG, claimed, "does not push", wiring.likelihood, remedy)
+        if wiring.likelihood < SURE:
+            return Finding(mine.name, OPEN, claimed, "its pulses explain nothing surely", wiring.likelihood)
+        other = thrusters[wiring.drives]
+        if wiring.drives == index and wiring.sign > 0:
+            found = f"pushes as claimed, {share}"
+            return Finding(mine.name, PROVEN, claimed, found, wiring.likelihood)
+        backwards = " backwards" if wiring.sign < 0 else ""
+        what = (
+            f"pushes{backwards}" if wiring.drives == index else f"channel {mine.channel} drives {other.name}{backwards}"
+        )
+        mends = []
+        if wiring.drives != index:
+            mends.append(Mend(("thrusters", other.name, "channel"), mine.channel))
+        reversed_now = mine.reversed is not (wiring.sign < 0)
+        if reversed_now is not other.reversed:
+            mends.append(Mend(("thrusters", other.name, "reversed"), reversed_now))
+        return Finding(mine.name, WRONG, claimed, f"{what}, {share}", wiring.likelihood, mends=tuple(mends))

@@ -1,0 +1,118 @@
+"""The pulses of a commissioning: each thruster alone, back and forth; then the whole vehicle, by what was found.
+
+One thruster pushes forth for a quarter of a second, back for half, forth for a quarter: rate and angle end where they
+began, so the next one can follow soon, and the vehicle hardly leaves its place or its attitude.
+"""
+
+import math
+
+import numpy as np
+
+from hindrax_control.allocation.effectiveness import Matrix
+from hindrax_control.allocation.thrust_curve import thrust_curves
+from hindrax_control.commissioning.response import Prior
+from hindrax_control.maneuver.goal import LONGEST_PULSE_S, MOST_PULSE_N, Pulse
+from hindrax_core.vehicle import Vehicle
+
+QUARTER_s = 0.25
+SWING_rad = math.radians(8.0)
+"""Largest angle that a pulse of a single thruster may make."""
+RUNNING = 1.3
+"""Forces are at least this multiple of the smallest that a thruster can give."""
+TURN_radps, AHEAD_mps, DIVE_mps = 0.6, 0.2, 0.2
+LEAN_rad = math.radians(6.0)
+"""Tilt of the whole vehicle's motions at rest, where thrusters cannot push without it; it swings to twice of it."""
+START_s = 0.25
+"""What the lag of the thrusters takes off a pulse."""
+LEAST_SHARE = 0.15
+"""A push along an axis is worth it from this share of a thruster's force on."""
+COAST_s = 1.5
+
+
+def probe_N(vehicle: Vehicle, B: Matrix) -> tuple[float, ...]:
+    """Force of each thruster's pulses: up to 3 N, less where it would swing the vehicle too far [N]."""
+    inertia = Prior(vehicle).inertia[3:]
+    # Forth, back, forth: the angle peaks in the middle, at the acceleration times the square of a quarter.
+    swing = np.max(np.abs(B[3:]) / inertia[:, None], axis=0, initial=0.0) * QUARTER_s**2
+    found = []
+    for curve, per_newton in zip(thrust_curves(vehicle), swing, strict=True):
+        least_N = RUNNING * max(abs(gap) for gap in curve.gap_N)
+        wanted_N = min(MOST_PULSE_N, SWING_rad / per_newton if per_newton > 0.0 else MOST_PULSE_N)
+        found.append(min(MOST_PULSE_N, max(least_N, wanted_N)))
+    return tuple(found)
+
+
+def single_pulses(vehicle: Vehicle, B: Matrix) -> tuple[Pulse, ...]:
+    """Pulses of each thruster alone, in the order of the vehicle file."""
+    pulses: list[Pulse] = []
+    for index, force_N in enumerate(probe_N(vehicle, B)):
+        for share, quarters in ((1.0, 1), (-1.0, 2), (1.0, 1)):
+            forces_N = tuple(share * force_N * (at == index) for at in range(len(vehicle.thrusters)))
+            pulses.append(Pulse(forces_N, quarters * QUARTER_s, calm=len(pulses) % 3 == 0))
+    return tuple(pulses)
+
+
+def body_pulses(vehicle: Vehicle, found: Matrix, *, deep: bool = False) -> tuple[Pulse, ...]:
+    """Pulses that turn, move and dive the vehicle with thrusters of this effectiveness (6, n), as it was found.
+
+    One that has sunk meanwhile (`deep`) climbs instead, and first.
+    """
+    prior = Prior(vehicle)
+    pulses: list[Pulse] = []
+    down_N, down_s = _push(vehicle, prior, found, 2, DIVE_mps)
+    if deep:
+        down_N = tuple(-force_N for force_N in down_N)
+    rest = _rest(vehicle)
+    dive = (Pulse(down_N, down_s), rest, Pulse(tuple(-force_N for force_N in down_N), down_s, calm=False), rest)
+    pulses += dive if deep and down_s else ()
+    for axis, speed in ((5, TURN_radps), (0, AHEAD_mps), (1, AHEAD_mps)):
+        forces_N, seconds = _push(vehicle, prior, found, axis, speed)
+        if seconds:
+            back_N = tuple(-force_N for force_N in forces_N)
+            pulses.append(Pulse(forces_N, seconds))
+            if axis == 5:
+                pulses.append(rest)
+            pulses.append(Pulse(back_N, seconds, calm=False))
+    pulses += dive if down_s and not deep else ()
+    return tuple(pulses)
+
+
+def _rest(vehicle: Vehicle) -> Pulse:
+    return Pulse((0.0,) * len(vehicle.thrusters), COAST_s, calm=False)
+
+
+def _push(vehicle: Vehicle, prior: Prior, found: Matrix, axis: int, speed: float) -> tuple[tuple[float, ...], float]:
+    """Forces along one axis and their duration, for a speed at its end; no duration where they do not serve it."""
+    none = (0.0,) * found.shape[1]
+    reach = 0.999 * MOST_PULSE_N * float(np.sum(np.abs(found[axis])))
+    if reach < LEAST_SHARE * (MOST_PULSE_N if axis < 3 else 1.0):
+        return none, 0.0
+    least_N = np.array([max(abs(gap) for gap in curve.gap_N) for curve in thrust_curves(vehicle)])
+    used = np.ones(found.shape[1], bool)
+    forces: Matrix = np.zeros(found.shape[1])
+    while used.any():
+        # One that should give less than it can is left out, and the others share its part.
+        forces = _shared(prior, found * used, axis, reach)
+        weak = used & (np.abs(forces) < least_N)
+        if not weak.any():
+            break
+        used &= ~weak
+        forces = np.zeros(found.shape[1])
+    given_axis = float(found[axis] @ forces)
+    if given_axis < LEAST_SHARE * (MOST_PULSE_N if axis < 3 else 0.5):
+        return none, 0.0
+    seconds = speed * float(prior.inertia[axis]) / given_axis + START_s
+    return tuple(map(float, forces)), min(LONGEST_PULSE_S, seconds)
+
+
+def _shared(prior: Prior, found: Matrix, axis: int, reach: float) -> Matrix:
+    """Forces (n,) that reach furthest along an axis within 3 N each, and lean the vehicle no further than LEAN."""
+    # What nobody asked for is kept small: tilt at rest within LEAN, other forces and moments within these.
+    righting = np.maximum(prior.restoring[3:5], 0.3) * LEAN_rad
+    allowed = np.array([4.0, 4.0, 4.0, *righting, 0.4])
+    weight, wanted = 1.0 / allowed, np.zeros(6)
+    weight[axis], wanted[axis] = 3.0 / reach, reach
+    rows = weight[:, None] * found
+    forces = np.linalg.solve(rows.T @ rows + 0.01 * np.eye(found.shape[1]), rows.T @ (weight * wanted))
+    most, lean = float(np.max(np.abs(forces))), float(np.max(np.abs((found @ forces)[3:5]) / righting))
+    return np.asarray(forces * 0.999 / max(most / MOST_PULSE_N, lean, 1e-9))

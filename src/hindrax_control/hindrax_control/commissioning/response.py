@@ -1,0 +1,148 @@
+"""How a vehicle answers a pulse, by the prior of its file: the shape in time; and what of it a recording shows.
+
+For a second or two about rest each degree of freedom answers on its own: M x'' + D x' + G x = F(t), the force being
+that after the lag of the thrusters. The response to one newton is the regressor; its coefficient in the rates of the
+gyroscope and in the specific force is the wrench that the thruster really gives: six numbers, each with a deviation.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from hindrax_control.allocation.effectiveness import Matrix
+from hindrax_control.commissioning.recording import Recording, Series
+from hindrax_control.prior_dynamics import prior_dynamics
+from hindrax_core.hydrostatics import GRAVITY_mps2
+from hindrax_core.vehicle import AXES, Vehicle
+
+STEP_s = 0.004
+BEFORE_s, AFTER_s = 0.25, 0.6
+"""Rest before a pulse, and what is looked at after it."""
+SLOW = (0.1, 0.1, 0.1, 0.3, 0.3, 0.3)
+"""Rates at which the quadratic drag is taken as linear [m/s, rad/s]."""
+LEAST_SAMPLES = 20
+CORRELATED = 4.0
+"""Samples of a filtered sensor that count as one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """An interval [s], begun at rest `BEFORE_s` ahead of the first pulse."""
+
+    begin_s: float
+    end_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """Wrench (6,) that explains the motion in a window, per newton or as a whole [-, m or N, Nm], its deviation (6,).
+
+    `misfit`: sum of squared residuals of the rates over their noise.
+    """
+
+    wrench: Matrix
+    sigma: Matrix
+    misfit: float
+
+
+class Prior:
+    """Inertia, linear drag and restoring of each axis, as arrays (6,)."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        freedoms = [prior_dynamics(vehicle)[axis] for axis in AXES]
+        self.inertia = np.array([one.inertia for one in freedoms])
+        self.drag = np.array([one.drag.resistance(v) / v for one, v in zip(freedoms, SLOW, strict=True)])
+        self.restoring = np.array([max(0.0, one.restoring) for one in freedoms])
+
+    def respond(self, times_s: Matrix, force: Matrix) -> tuple[Matrix, Matrix]:
+        """Accelerations and rates (n, 6) of all axes under one force (n,) or a wrench (n, 6), from rest."""
+        force = force[:, None] * np.ones(6) if force.ndim == 1 else force
+        accelerations, rates = np.zeros((len(times_s), 6)), np.zeros((len(times_s), 6))
+        x, v = np.zeros(6), np.zeros(6)
+        for at in range(1, len(times_s)):
+            dt = times_s[at] - times_s[at - 1]
+            a = (0.5 * (force[at] + force[at - 1]) - self.drag * v - self.restoring * x) / self.inertia
+            v = v + a * dt
+            x = x + v * dt
+            accelerations[at], rates[at] = a, v
+        return accelerations, rates
+
+
+def lagged(times_s: Matrix, forces: Series, window: Window, lag_s: float) -> Matrix:
+    """Forces of all thrusters (n, thrusters) after a lag of first order at these times [N]."""
+    at_s, rows = forces.between(window.begin_s - 1.0, window.end_s)
+    count = rows.shape[1] if len(rows) else 0
+    wanted = np.zeros((len(times_s), count))
+    before = np.searchsorted(at_s, times_s, side="right") - 1
+    wanted[before >= 0] = rows[before[before >= 0]]
+    given = np.zeros_like(wanted)
+    for at in range(1, len(times_s)):
+        dt = times_s[at] - times_s[at - 1]
+        keep = np.exp(-dt / lag_s) if lag_s > 0.0 else 0.0
+        given[at] = wanted[at] + (given[at - 1] - wanted[at]) * keep
+    return given
+
+
+def grid(window: Window) -> Matrix:
+    """Times of the model in a window."""
+    return np.asarray(np.arange(window.begin_s, window.end_s, STEP_s))
+
+
+class MotionView:
+    """The motion in a window as the inertial sensor shows it, in its own axes.
+
+    `offset_radps`: of the gyroscope. `acceleration` (n, 3), `rates` (n, 3).
+    """
+
+    def __init__(self, recording: Recording, window: Window, offset_radps: Matrix) -> None:
+        self.times_s, rows = recording.inertial.between(window.begin_s, window.end_s)
+        self.rates = rows[:, 3:] - offset_radps
+        self.known = len(self.times_s) > LEAST_SAMPLES
+        self.acceleration = _without_gravity(self.times_s, rows[:, :3], self.rates, window) if self.known else rows
+
+    def answer(self, turn: Matrix, lever_m: Matrix, model_s: Matrix, model: tuple[Matrix, Matrix]) -> Answer:
+        """Wrench per unit of a force that explains the motion, with the sensor turned into the body by `turn` (3, 3).
+
+        `model`: accelerations and rates (n, 6) at `model_s` under the force. `lever_m`: of the sensor from the center
+        of mass.
+        """
+        at_s, rates = self.times_s, self.rates @ turn.T
+        shapes = [[np.interp(at_s, model_s, part[:, axis]) for axis in range(6)] for part in model]
+        since, even = at_s - at_s[0], np.ones_like(at_s)
+        wrench, sigma, misfit = np.zeros(6), np.zeros(6), 0.0
+        for axis in range(3, 6):
+            wrench[axis], sigma[axis], left = _fit(rates[:, axis - 3], shapes[1][axis], even)
+            misfit += left
+        turning = np.column_stack([wrench[axis] * shapes[0][axis] for axis in range(3, 6)])
+        linear = self.acceleration @ turn.T - np.cross(turning, lever_m)
+        for axis in range(3):
+            wrench[axis], sigma[axis], _ = _fit(linear[:, axis], shapes[0][axis], even, since)
+        return Answer(wrench, sigma, misfit)
+
+
+def _without_gravity(times_s: Matrix, force: Matrix, rates: Matrix, window: Window) -> Matrix:
+    """Acceleration (n, 3): gravity, as it was before the pulse, is carried on by the gyroscope and taken off."""
+    quiet = times_s < window.begin_s + BEFORE_s
+    rest = force[quiet].mean(axis=0) if quiet.any() else force[0]
+    size = float(np.linalg.norm(rest)) or GRAVITY_mps2
+    x, y, z = (-rest / size).tolist()
+    found = np.empty_like(force)
+    before_s = float(times_s[0])
+    for at, (now_s, (p, q, r)) in enumerate(zip(times_s.tolist(), rates.tolist(), strict=True)):
+        dt, before_s = now_s - before_s, now_s
+        x, y, z = x - (q * z - r * y) * dt, y - (r * x - p * z) * dt, z - (p * y - q * x) * dt
+        norm = math.sqrt(x * x + y * y + z * z)
+        x, y, z = x / norm, y / norm, z / norm
+        found[at] = (size * x, size * y, size * z)
+    return force + found
+
+
+def _fit(signal: Matrix, shape: Matrix, *others: Matrix) -> tuple[float, float, float]:
+    """Coefficient of a shape in a signal beside other regressors, its deviation, the sum of squares that is left."""
+    columns = np.column_stack((shape, *others))
+    found, *_ = np.linalg.lstsq(columns, signal, rcond=None)
+    left = float(np.sum((signal - columns @ found) ** 2))
+    normal = np.linalg.pinv(columns.T @ columns)
+    noise = CORRELATED * left / max(1, len(signal) - columns.shape[1])
+    return float(found[0]), float(np.sqrt(noise * normal[0, 0])), left

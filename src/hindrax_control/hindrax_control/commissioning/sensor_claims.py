@@ -1,0 +1,324 @@
+"""What the sensors claim of themselves, judged by gravity, by the rates and by what the thrusters were found to do."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from hindrax_control.allocation.effectiveness import Matrix
+from hindrax_control.commissioning.findings import MEASURED, OPEN, PROVEN, WRONG, Finding, Mend
+from hindrax_control.commissioning.hypotheses import RIGHT_TURNS, angles_deg, turn_of
+from hindrax_control.commissioning.recording import Recording, Series
+from hindrax_control.commissioning.response import Prior, Window, grid, lagged
+from hindrax_core.hydrostatics import GRAVITY_mps2
+from hindrax_core.vehicle import Mount, Vehicle
+
+JOINED_s = 2.5
+"""Pulses of the body that follow each other sooner are one motion."""
+LOCKED = 0.5
+"""Share of the velocities with a lock below which a DVL does not look at the floor."""
+AGREES, DECIDES = 0.6, 0.2
+"""Least correlation of a mount with the motion, and its lead over the next best."""
+DEEPER_m = 0.06
+"""A dive that shows which way the depth counts."""
+ZERO_m = 0.15
+STEEPEST, FLATTEST = -1.6, -0.55
+"""Change of a range by the depth of a sonar that looks down; one that looks along the floor sees it change faster."""
+LEAST_TURN_rad = 0.15
+FOLLOWS, ASTRAY = 0.6, 1.0
+"""Part of the turning of the field that the gyroscope leaves: with this it follows, beyond that it turns elsewhere."""
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """Everything that the claims of sensors are judged by; `found`: effectiveness (6, n) by output, (6, 0) unknown."""
+
+    vehicle: Vehicle
+    recording: Recording
+    prior: Prior
+    rest: Window | None
+    turn: Matrix
+    upright: bool
+    windows: list[Window]
+    found: Matrix
+    lag_s: float
+    offset_radps: Matrix
+
+    @property
+    def moved(self) -> bool:
+        """Whether the body was moved, and by which wrench is known."""
+        return bool(self.windows) and self.found.shape[1] > 0
+
+    def motion(self, window: Window) -> tuple[Matrix, Matrix, Matrix]:
+        """Times (n,), rates of all axes (n, 6), and forces along them (n, 6), by the prior and what was found."""
+        times_s = grid(window)
+        wrench = lagged(times_s, self.recording.forces, window, self.lag_s) @ self.found.T
+        return times_s, self.prior.respond(times_s, wrench)[1], wrench
+
+    def rates(self, window: Window) -> tuple[Matrix, Matrix]:
+        """Times and rates of the gyroscope in body axes (n, 3)."""
+        mount = self.vehicle.sensors[self.recording.inertial.source]
+        times_s, rows = self.recording.inertial.between(window.begin_s, window.end_s)
+        return times_s, (rows[:, 3:] - self.offset_radps) @ (self.turn @ turn_of(mount.rotation_deg)).T
+
+
+def claims(evidence: Evidence) -> list[Finding]:
+    """Findings of DVL, sonar, magnetometer, depth and supply."""
+    return [*_velocity(evidence), *_echo(evidence), *_depth(evidence), *_magnetic(evidence), *_supply(evidence)]
+
+
+def turned(source: str, mount: Mount, turn: Matrix, why: str, likelihood: float = 1.0) -> Finding:
+    """Finding that a sensor is mounted with this turn on top of that of its file."""
+    claimed = str(list(mount.rotation_deg))
+    rotation_deg = list(angles_deg(turn @ turn_of(mount.rotation_deg)))
+    mend = Mend(("sensors", source, "rotation_deg"), rotation_deg)
+    return Finding(f"{source} mount", WRONG, claimed, f"{why}: turned to {rotation_deg}", likelihood, mends=(mend,))
+
+
+def _seen(series: Series, window: Window | None) -> Matrix:
+    """Values at rest (n, k)."""
+    return series.between(window.begin_s, window.end_s)[1] if window else np.zeros((0, 1))
+
+
+def _blind(source: str, claimed: str, what: str) -> Finding:
+    remedy = "see that it sends (`./hindrax monitor`), mount it so that it looks down, and commission again"
+    return Finding(f"{source} mount", WRONG, claimed, what, remedy=remedy)
+
+
+def _velocity(evidence: Evidence) -> Iterator[Finding]:
+    for source in evidence.vehicle.measuring("velocity"):
+        series, mount = evidence.recording.velocity, evidence.vehicle.sensors[source]
+        claim, claimed = f"{source} mount", str(list(mount.rotation_deg))
+        values = _seen(series, evidence.rest) if series.source == source else np.zeros((0, 3))
+        if not len(values) or float(np.isfinite(values[:, 0]).mean()) < LOCKED:
+            yield _blind(source, claimed, "no bottom lock at rest: it does not look at the floor")
+        elif not evidence.moved:
+            yield Finding(claim, OPEN, claimed, "locked; the vehicle was not moved")
+        else:
+            yield _velocity_turn(evidence, source, mount, claimed)
+
+
+def _velocity_turn(evidence: Evidence, source: str, mount: Mount, claimed: str) -> Finding:
+    """Which turn about the vertical brings its velocities into line with the motions of the body."""
+    turns = [turn for turn in RIGHT_TURNS if turn[2, 2] > 0.5]
+    claim = f"{source} mount"
+    scores: Matrix = np.zeros(len(turns))
+    power: Matrix = np.zeros(2)
+    lever_m = np.subtract(mount.position_m, evidence.vehicle.center_of_mass_m)
+    for window in evidence.windows:
+        times_s, rows = evidence.recording.velocity.between(window.begin_s, window.end_s)
+        known = np.isfinite(rows[:, 0])
+        times_s, rows = times_s[known], rows[known, :3]
+        if len(times_s) < 10:
+            continue
+        model_s, rates, _ = evidence.motion(window)
+        gyro_s, gyro = evidence.rates(window)
+        turning = np.column_stack([np.interp(times_s, gyro_s, gyro[:, axis]) for axis in range(3)])
+        at_sensor = np.column_stack([np.interp(times_s, model_s, rates[:, axis]) for axis in range(3)])
+        at_sensor = at_sensor + np.cross(turning, lever_m)
+        body = _without_spikes(rows) @ turn_of(mount.rotation_deg).T
+        at_sensor, body = _level(at_sensor)[:, :2], _level(body)
+        power += np.array([np.sum(at_sensor**2), np.sum(body[:, :2] ** 2)])
+        scores += [float(np.sum((body @ turn.T)[:, :2] * at_sensor)) for turn in turns]
+    if not power.all():
+        return Finding(claim, OPEN, claimed, "no lock while the vehicle moved")
+    scores = scores / math.sqrt(float(power[0] * power[1]))
+    best, next_best = np.sort(scores)[::-1][:2]
+    if best < AGREES or best - next_best < DECIDES:
+        return Finding(
+            claim, OPEN, claimed, f"its velocities follow the motion by {best:.0%} only", float(max(0.0, best))
+        )
+    turn = turns[int(np.argmax(scores))]
+    if np.allclose(turn, np.eye(3)):
+        return Finding(claim, PROVEN, claimed, f"its velocities follow the motion ({best:.0%})", float(best))
+    return turned(source, mount, turn, "its velocities point elsewhere", float(best))
+
+
+def _without_spikes(rows: Matrix) -> Matrix:
+    """Median of each sample and its neighbours: a false lock is one sample."""
+    padded = np.vstack((rows[:1], rows, rows[-1:]))
+    return np.asarray(np.median(np.stack((padded[:-2], padded[1:-1], padded[2:])), axis=0))
+
+
+def _level(rows: Matrix) -> Matrix:
+    """Values about their mean: a current and an offset are no motion."""
+    return np.asarray(rows - rows.mean(axis=0))
+
+
+def _dive(evidence: Evidence) -> Window | None:
+    """Window in which the vehicle was pushed down and up most."""
+    if not evidence.moved:
+        return None
+    heave = [float(np.max(np.abs(evidence.motion(one)[1][:, 2]), initial=0.0)) for one in evidence.windows]
+    best = int(np.argmax(heave))
+    return evidence.windows[best] if heave[best] > 0.05 else None
+
+
+def _depths_m(evidence: Evidence, window: Window) -> tuple[Matrix, Matrix]:
+    times_s, rows = evidence.recording.pressure.between(window.begin_s, window.end_s)
+    return times_s, _depth_m(evidence, rows[:, 0])
+
+
+def _depth_m(evidence: Evidence, pressure_Pa: Matrix) -> Matrix:
+    water = evidence.vehicle.water
+    return (pressure_Pa - water.surface_pressure_Pa) / (water.density_kgpm3 * GRAVITY_mps2)
+
+
+def _depth(evidence: Evidence) -> Iterator[Finding]:
+    for source in evidence.vehicle.measuring("depth"):
+        series, vehicle = evidence.recording.pressure, evidence.vehicle
+        values = _seen(series, evidence.rest) if series.source == source else np.zeros((0, 1))
+        if not len(values):
+            yield Finding(f"{source} depth", OPEN, "", "sends nothing", remedy="`./hindrax doctor`")
+            continue
+        found_m = float(np.median(_depth_m(evidence, values[:, 0])))
+        afloat = min(1.0, vehicle.weight_N / vehicle.buoyancy_N) - 0.5
+        wanted_m = max(0.0, afloat * vehicle.envelope_m[2] + vehicle.sensors[source].position_m[2])
+        claimed = f"{wanted_m:.2f} m afloat"
+        if vehicle.net_buoyancy_N <= 0.0:
+            words = f"{found_m:.2f} m at rest; it does not float, so nothing shows the zero"
+            yield Finding(f"{source} zero", MEASURED, "sinks", words)
+        elif abs(found_m - wanted_m) <= ZERO_m:
+            yield Finding(f"{source} zero", PROVEN, claimed, f"{found_m:.2f} m")
+        else:
+            surface_Pa = round(
+                vehicle.water.surface_pressure_Pa + (found_m - wanted_m) * vehicle.water.density_kgpm3 * 9.81
+            )
+            mend = Mend(("water", "surface_pressure_Pa"), float(surface_Pa))
+            yield Finding(f"{source} zero", WRONG, claimed, f"{found_m:.2f} m", mends=(mend,))
+        yield from _dive_claims(evidence, source)
+
+
+def _dive_claims(evidence: Evidence, source: str) -> Iterator[Finding]:
+    """Direction of the depth, and net buoyancy, by the dive."""
+    claim, claimed, window = f"{source} direction", "deeper is more", _dive(evidence)
+    if window is None:
+        yield Finding(claim, OPEN, claimed, "the vehicle was not dived")
+        return
+    times_s, depths_m = _depths_m(evidence, window)
+    if len(times_s) < 10:
+        yield Finding(claim, OPEN, claimed, "no pressure in the dive")
+        return
+    by_thrust, net_N, follows = _dive_fit(evidence, times_s, depths_m, window)
+    span_m = float(np.ptp(depths_m))
+    if span_m < DEEPER_m or follows < AGREES:
+        words = f"the dive changed the depth by {span_m:.2f} m, and explains {follows:.0%} of that"
+        yield Finding(claim, OPEN, claimed, words)
+    elif by_thrust > 0.0:
+        yield Finding(claim, PROVEN, claimed, f"follows the dive over {span_m:.2f} m", follows)
+    else:
+        yield Finding(claim, WRONG, claimed, "rises when it is pushed down", follows, "check sensor and driver")
+    yield Finding("net buoyancy", MEASURED, f"{evidence.vehicle.net_buoyancy_N:+.1f} N", f"{net_N:+.1f} N, roughly")
+
+
+def _dive_fit(evidence: Evidence, times_s: Matrix, depths_m: Matrix, window: Window) -> tuple[float, float, float]:
+    """Gain of the thrust in the way of a dive [-], net buoyancy [N], and the share of the way that both explain.
+
+    They act beside the depth and the speed with which the window begins.
+    """
+    model_s, rates, _ = evidence.motion(window)
+    constant = evidence.prior.respond(model_s, np.ones(len(model_s)))[1][:, 2]
+    step_s = model_s[1] - model_s[0]
+    by_thrust, by_newton = (np.interp(times_s, model_s, np.cumsum(one) * step_s) for one in (rates[:, 2], constant))
+    since = times_s - times_s[0]
+    columns = np.column_stack((by_thrust, by_newton, since, np.ones_like(since)))
+    found, *_ = np.linalg.lstsq(columns, depths_m, rcond=None)
+    left = depths_m - columns @ found
+    explained = 1.0 - float(np.sum(left**2)) / max(1e-9, float(np.sum((depths_m - depths_m.mean()) ** 2)))
+    return float(found[0]), -float(found[1]), explained
+
+
+def _sonars(vehicle: Vehicle) -> list[str]:
+    """Sensors that look at the floor by their mount, but for DVLs."""
+    others = vehicle.measuring("velocity")
+    return [name for name in vehicle.measuring("altitude") if name not in others]
+
+
+def _echo(evidence: Evidence) -> Iterator[Finding]:
+    for source in _sonars(evidence.vehicle):
+        series, mount = evidence.recording.echo, evidence.vehicle.sensors[source]
+        claim, claimed = f"{source} mount", str(list(mount.rotation_deg))
+        values = _seen(series, evidence.rest) if series.source == source else np.zeros((0, 1))
+        window = _dive(evidence)
+        if not len(values):
+            yield _blind(source, claimed, "no echo at rest: it does not look at the floor")
+        elif window is None:
+            yield Finding(claim, OPEN, claimed, "has an echo; the vehicle was not dived")
+        else:
+            yield _echo_slope(evidence, source, claimed, window)
+
+
+def _echo_slope(evidence: Evidence, source: str, claimed: str, window: Window) -> Finding:
+    """How its range changes with the depth: by as much, the other way, if it looks down."""
+    claim = f"{source} mount"
+    times_s, rows = evidence.recording.echo.between(window.begin_s, window.end_s)
+    pressure_s, depths_m = _depths_m(evidence, window)
+    if len(times_s) < 10 or len(pressure_s) < 10 or float(np.ptp(depths_m)) < DEEPER_m:
+        return Finding(claim, OPEN, claimed, "too little of a dive to show where it looks")
+    depths = np.interp(times_s, pressure_s, depths_m)
+    off = depths - depths.mean()
+    # The median keeps single echoes of something else out.
+    slope = float(np.polyfit(off, rows[:, 0], 1)[0])
+    if STEEPEST < slope < FLATTEST:
+        return Finding(claim, PROVEN, claimed, f"its range falls by {-slope:.2f} m per metre of depth")
+    where = "it looks up" if slope > 0.5 else "it looks aside"
+    return _blind(source, claimed, f"its range changes by {slope:+.2f} m per metre of depth: {where}")
+
+
+def _magnetic(evidence: Evidence) -> Iterator[Finding]:
+    """Whether the field turns in the magnetometer as the gyroscope turns."""
+    for source in evidence.vehicle.measuring("field"):
+        claim, claimed = f"{source} magnetometer", "turns with the gyroscope"
+        if not evidence.moved or evidence.recording.magnetic.source != source:
+            yield Finding(claim, OPEN, claimed, "the vehicle was not turned, or it sends nothing")
+            continue
+        off = np.zeros(2)
+        for window in evidence.windows:
+            off += _field_errors(evidence, source, window)
+        if not off[1] > 0.0:
+            yield Finding(claim, OPEN, claimed, "the vehicle did not turn enough")
+            continue
+        left = math.sqrt(float(off[0] / off[1]))
+        if left < FOLLOWS:
+            yield Finding(claim, PROVEN, claimed, f"explains {1.0 - left * left:.0%} of the turning of the field")
+        elif left < ASTRAY:
+            words = f"explains only {1.0 - left * left:.0%} of the turning of the field"
+            yield Finding(claim, OPEN, claimed, words, remedy="turn it further from what disturbs the field")
+        else:
+            remedy = "look for a magnet or a current near it; `./hindrax imu` calibrates it"
+            yield Finding(claim, WRONG, claimed, "the field turns otherwise", remedy=remedy)
+
+
+def _field_errors(evidence: Evidence, source: str, window: Window) -> Matrix:
+    """Squared changes of the field that the gyroscope does not explain, and all of them."""
+    times_s, rows = evidence.recording.magnetic.between(window.begin_s, window.end_s)
+    gyro_s, gyro = evidence.rates(window)
+    if len(times_s) < 10 or len(gyro_s) < 20:
+        return np.zeros(2)
+    mount = evidence.vehicle.sensors[source]
+    field = rows[:, :3] @ (evidence.turn @ turn_of(mount.rotation_deg)).T
+    angle = np.cumsum(gyro * np.gradient(gyro_s)[:, None], axis=0)
+    turned_rad = np.column_stack([np.interp(times_s, gyro_s, angle[:, axis]) for axis in range(3)])
+    if float(np.ptp(turned_rad[:, 2])) < LEAST_TURN_rad:
+        return np.zeros(2)
+    wanted = field[0] - np.cumsum(np.vstack((np.zeros(3), np.cross(np.diff(turned_rad, axis=0), field[:-1]))), axis=0)
+    off, change = _level(field - wanted), _level(field)
+    return np.array([np.sum(off[:, :2] ** 2), np.sum(change[:, :2] ** 2)])
+
+
+def _supply(evidence: Evidence) -> Iterator[Finding]:
+    if not evidence.vehicle.measuring("supply"):
+        return
+    times_s, rows = evidence.recording.battery.between(-math.inf, math.inf)
+    at_rest = _seen(evidence.recording.battery, evidence.rest)
+    claimed = f"{evidence.vehicle.supply_V:g} V"
+    if not len(at_rest) or not len(times_s):
+        yield Finding("supply", OPEN, claimed, "the battery sensor sends nothing", remedy="`./hindrax doctor`")
+        return
+    rest_V, least_V = float(np.median(at_rest[:, 0])), float(np.min(rows[:, 0]))
+    current_A = float(np.nanmax(rows[:, 1])) if np.isfinite(rows[:, 1]).any() else math.nan
+    with_A = f" at {current_A:.1f} A" if math.isfinite(current_A) else ""
+    yield Finding(
+        "supply", MEASURED, claimed, f"{rest_V:.1f} V at rest, {rest_V - least_V:.2f} V less under load{with_A}"
+    )

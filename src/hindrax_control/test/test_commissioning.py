@@ -1,0 +1,219 @@
+"""Commissioning: pulses behind their guards, and the inference from answers to wirings and lines of YAML."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hindrax_control.allocation.effectiveness import effectiveness
+from hindrax_control.commissioning.findings import OPEN, PROVEN, WRONG, Finding, Findings, Mend, mended
+from hindrax_control.commissioning.hypotheses import RIGHT_TURNS, angles_deg, explain, turn_of
+from hindrax_control.commissioning.picture import BAD, svg
+from hindrax_control.commissioning.probes import body_pulses, probe_N, single_pulses
+from hindrax_control.commissioning.response import Answer, Prior
+from hindrax_control.maneuver.goal import MOST_PULSE_N, Goal, Pulse, require_flyable
+from hindrax_control.maneuver.pulses import CALM_PATIENCE_s, PulseManeuver, believed
+from hindrax_control.pilot import Pilot
+from hindrax_core.commissioned import UNPROVEN_mps, geometry_hash, slowed, unproven
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.events import stamp_from_s
+from hindrax_core.signals import Navigation
+from hindrax_core.vehicle import Commissioned, Vehicle, load_vehicle
+
+VEHICLES = Path(__file__).parents[2] / "hindrax_bringup" / "vehicles"
+HINDRAX = load_vehicle(VEHICLES / "hindrax.yaml")
+EVERY = tuple(load_vehicle(path) for path in sorted(VEHICLES.glob("*.yaml")))
+AGES = dict.fromkeys(("icm20948", "ms5837", "dvl75", "ping1d"), 0.0)
+QUIET = Navigation(
+    (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.3, 1.5, (0.0, 0.0), dvl_locked=True, ages_s=AGES
+)
+by_vehicle = pytest.mark.parametrize("vehicle", EVERY, ids=lambda one: one.name)
+
+
+def flown(
+    maneuver: PulseManeuver, navigation: Navigation, seconds: float, start_s: float = 10.0
+) -> list[tuple[float, ...]]:
+    """Forces of every cycle."""
+    found = []
+    for cycle in range(round(seconds * 50.0)):
+        output = maneuver.step(navigation, stamp_from_s(start_s + 0.02 * cycle))
+        found.append(output.forces_N)
+        if output.done:
+            break
+    return found
+
+
+@by_vehicle
+def test_each_thruster_runs_alone_and_within_its_limit(vehicle: Vehicle) -> None:
+    goal = Goal((), pulses=single_pulses(vehicle, effectiveness(vehicle)))
+    require_flyable(goal, vehicle)
+    forces = flown(PulseManeuver(vehicle, goal), QUIET, 200.0)
+    running = [tuple(np.flatnonzero(one)) for one in forces if any(one)]
+    assert all(len(one) == 1 for one in running)
+    assert [one for (one,) in dict.fromkeys(running)] == list(range(len(vehicle.thrusters)))
+    assert max(map(abs, np.ravel(forces))) <= MOST_PULSE_N
+    assert forces[-1] == (0.0,) * len(vehicle.thrusters)
+
+
+@by_vehicle
+def test_forth_and_back_are_the_same(vehicle: Vehicle) -> None:
+    for index, force_N in enumerate(probe_N(vehicle, effectiveness(vehicle))):
+        mine = [one for one in single_pulses(vehicle, effectiveness(vehicle)) if one.forces_N[index]]
+        assert sum(one.forces_N[index] * one.seconds for one in mine) == pytest.approx(0.0)
+        assert max(one.forces_N[index] for one in mine) == force_N
+
+
+@by_vehicle
+def test_body_pulses_hardly_tilt_a_vehicle_at_rest(vehicle: Vehicle) -> None:
+    B, prior = effectiveness(vehicle), Prior(vehicle)
+    pulses = body_pulses(vehicle, B)
+    require_flyable(Goal((), pulses=pulses), vehicle)
+    for pulse in pulses:
+        moments = (B @ np.array(pulse.forces_N))[3:5]
+        assert np.all(np.abs(moments) <= np.maximum(prior.restoring[3:5], 0.3) * math.radians(6.5))
+
+
+def test_a_body_with_dead_thrusters_is_moved_by_the_others() -> None:
+    B = effectiveness(HINDRAX)
+    B[:, [0, 5]] = 0.0
+    forces = [pulse.forces_N for pulse in body_pulses(HINDRAX, B)]
+    assert forces
+    assert not any(one[0] or one[5] for one in forces)
+
+
+def test_a_pulse_waits_for_rest_but_not_for_ever() -> None:
+    goal = Goal((), pulses=(Pulse((2.0, *(0.0,) * 7), 0.5),))
+    swinging = replace(QUIET, rate_radps=(0.2, 0.0, 0.0))
+    forces = flown(PulseManeuver(HINDRAX, goal), swinging, 20.0)
+    begin = next(at for at, one in enumerate(forces) if any(one))
+    assert begin == pytest.approx(CALM_PATIENCE_s * 50.0, abs=2)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"attitude_rad": (math.radians(25.0), 0.0, 0.0)}, "commission: tilted by 25 deg"),
+        ({"rate_radps": (0.0, 0.0, 2.0)}, "commission: turns at"),
+        ({"attitude_rad": (math.nan, 0.0, 0.0)}, "commission: attitude or rate unknown"),
+        ({"altitude_m": 0.2}, "altitude_band"),
+    ],
+)
+def test_a_guard_ends_it_neutral(change: dict[str, object], said: str) -> None:
+    maneuver = PulseManeuver(HINDRAX, Goal((), pulses=single_pulses(HINDRAX, effectiveness(HINDRAX))))
+    flown(maneuver, QUIET, 1.0)
+    output = maneuver.step(replace(QUIET, **change), stamp_from_s(11.0))  # type: ignore[arg-type]  # any field of it
+    assert output.done
+    assert output.neutral
+    assert output.aborted.startswith(said)
+    assert not any(output.forces_N)
+
+
+def test_a_turned_sensor_does_not_end_it() -> None:
+    """An inertial sensor on its side, a position far away, no bottom lock: that is what it is to find."""
+    lying = replace(QUIET, attitude_rad=(1.5, 0.0, 0.0), dvl_locked=False, position_m=(50.0, 0.0))
+    maneuver = PulseManeuver(HINDRAX, Goal((), pulses=(Pulse((2.0, *(0.0,) * 7), 0.5),)))
+    forces = flown(maneuver, lying, 20.0)
+    assert maneuver.last is not None
+    assert maneuver.last.aborted == ""
+    assert any(map(any, forces))
+    assert believed(("attitude: x", "pool_box: y", "leak: z")) == ("leak: z",)
+
+
+@pytest.mark.parametrize(
+    ("pulse", "said"),
+    [
+        (Pulse((3.5, *(0.0,) * 7), 0.5), "3.5 N"),
+        (Pulse((math.nan, *(0.0,) * 7), 0.5), "nan N"),
+        (Pulse((1.0,), 0.5), "1 forces"),
+        (Pulse((1.0, *(0.0,) * 7), 2.5), "2.5 s"),
+        (Pulse((1.0, *(0.0,) * 7), math.nan), "nan s"),
+    ],
+)
+def test_a_goal_beyond_what_is_harmless_is_refused(pulse: Pulse, said: str) -> None:
+    with pytest.raises(UsageError, match=said):
+        require_flyable(Goal((), pulses=(pulse,)), HINDRAX)
+
+
+def test_only_an_armed_vehicle_is_pulsed_and_no_hold_acts_meanwhile() -> None:
+    pilot, goal = Pilot(HINDRAX), Goal((), pulses=(Pulse((2.0, *(0.0,) * 7), 0.5),))
+    pilot.step(QUIET, stamp_from_s(10.0), armed=False)
+    with pytest.raises(HindraxError, match="not armed"):
+        pilot.fly(goal)
+    pilot.step(QUIET, stamp_from_s(10.02), armed=True)
+    pilot.fly(goal)
+    outputs = [pilot.step(QUIET, stamp_from_s(10.04 + 0.02 * cycle), armed=True) for cycle in range(100)]
+    assert {one.forces_N for one in outputs if any(one.forces_N)} == {goal.pulses[0].forces_N}
+    assert not any(state.engaged for one in outputs for state in one.holds)
+    assert not pilot.flying
+    assert outputs[-1].forces_N == ()
+    assert outputs[-1].wrench == (0.0,) * 6
+
+
+def answer_of(column: np.ndarray[tuple[int, ...], np.dtype[np.float64]], rng: np.random.Generator) -> Answer:
+    """Answer of a thruster with this column, 15 % off and with noise."""
+    sigma = np.array([0.02, 0.02, 0.03, 0.003, 0.003, 0.003])
+    return Answer(column * rng.normal(1.0, 0.15, 6) + rng.normal(0.0, sigma), sigma, 0.0)
+
+
+@by_vehicle
+def test_every_wiring_of_every_thruster_is_told(vehicle: Vehicle) -> None:
+    B, rng = effectiveness(vehicle), np.random.default_rng(5)
+    for index in range(B.shape[1]):
+        for other in range(B.shape[1]):
+            for sign in (1, -1):
+                found = explain(index, answer_of(sign * B[:, other], rng), B)
+                assert (found.drives, found.sign) == (other, sign)
+        dead = explain(index, answer_of(np.zeros(6), rng), B)
+        assert dead.drives is None
+
+
+def test_there_are_24_right_turns_and_their_angles_make_them() -> None:
+    assert len({tuple(map(float, turn.ravel())) for turn in RIGHT_TURNS}) == 24
+    for turn in RIGHT_TURNS:
+        assert np.linalg.det(turn) == pytest.approx(1.0)
+        assert np.allclose(turn_of(angles_deg(turn)), turn, atol=1e-9)
+
+
+def test_mends_change_the_vehicle_and_say_how() -> None:
+    mends = (
+        Mend(("thrusters", "T3", "reversed"), True),
+        Mend(("sensors", "dvl75", "rotation_deg"), [0.0, 0.0, 90.0]),
+        Mend(("water", "surface_pressure_Pa"), 100000.0),
+    )
+    vehicle = mended(HINDRAX, mends)
+    assert vehicle.thrusters[2].reversed
+    assert vehicle.sensors["dvl75"].rotation_deg == (0.0, 0.0, 90.0)
+    assert vehicle.water.surface_pressure_Pa == 100000.0
+    assert mends[0].line == "thrusters.T3.reversed: true"
+    assert mends[1].line == "sensors.dvl75.rotation_deg: [0.0, 0.0, 90.0]"
+
+
+def test_findings_are_complete_only_without_doubt() -> None:
+    good = Finding("T1", PROVEN, "", "")
+    assert Findings((good,)).complete
+    assert not Findings((good,), "tilted").complete
+    assert not Findings((good, Finding("T2", OPEN, "", ""))).complete
+    assert not Findings((good, Finding("T2", WRONG, "", ""))).complete
+
+
+@by_vehicle
+def test_the_picture_shows_what_is_wrong(vehicle: Vehicle) -> None:
+    name = vehicle.thrusters[0].name
+    wrenches = {name: tuple(map(float, -effectiveness(vehicle)[:, 0]))}
+    good, bad = (svg(vehicle, Findings((Finding(name, verdict, "", ""),), "", wrenches)) for verdict in (PROVEN, WRONG))
+    assert good.count(BAD) < bad.count(BAD)
+    assert all(one.name in bad for one in vehicle.thrusters)
+
+
+def test_the_record_holds_for_its_geometry_only() -> None:
+    assert unproven(HINDRAX) == "never commissioned"
+    proven = replace(HINDRAX, commissioned=Commissioned(geometry_hash(HINDRAX), "2026-11-25"))
+    assert unproven(proven) == ""
+    assert unproven(replace(proven, mass_kg=16.0)) == ""
+    turned = mended(proven, (Mend(("sensors", "dvl75", "rotation_deg"), [0.0, 0.0, 90.0]),))
+    swapped = mended(proven, (Mend(("thrusters", "T3", "channel"), 9),))
+    assert unproven(turned).startswith("changed since it was commissioned on 2026-11-25")
+    assert unproven(swapped).startswith("changed since")
+    assert slowed(HINDRAX).limits.speed_mps == UNPROVEN_mps

@@ -1,0 +1,42 @@
+"""The record of a commissioning, which is part of the vehicle file: of which geometry, when, and by which bag.
+
+A file without it, or with one of another geometry, was never proven: maneuvers fly it slowly until it is.
+"""
+
+import hashlib
+from dataclasses import replace
+
+from hindrax_core.vehicle import Vehicle
+
+UNPROVEN_mps = 0.1
+"""Largest speed of a vehicle whose file is not proven."""
+DIGITS = 12
+REMEDY = "`./hindrax commission --write` proves it, --uncommissioned flies it as it is"
+
+
+def geometry_hash(vehicle: Vehicle) -> str:
+    """Hash of what a commissioning proves: thrusters with their channels, mounts of sensors, center of mass, output."""
+    thrusters = [
+        (one.name, one.channel, one.position_m, one.azimuth_deg, one.elevation_deg, one.reversed, one.curve)
+        for one in vehicle.thrusters
+    ]
+    mounts = sorted((name, one.device, one.position_m, one.rotation_deg) for name, one in vehicle.sensors.items())
+    text = repr((thrusters, mounts, vehicle.center_of_mass_m, vehicle.output.device))
+    return hashlib.sha256(text.encode()).hexdigest()[:DIGITS]
+
+
+def unproven(vehicle: Vehicle) -> str:
+    """Reason why a vehicle file counts as not proven; empty when it is."""
+    record = vehicle.commissioned
+    if record is None:
+        return "never commissioned"
+    found = geometry_hash(vehicle)
+    if record.geometry != found:
+        return f"changed since it was commissioned on {record.date} (geometry {found}, proven {record.geometry})"
+    return ""
+
+
+def slowed(vehicle: Vehicle) -> Vehicle:
+    """Return the vehicle with the speed limit of one that is not proven."""
+    limits = vehicle.limits
+    return replace(vehicle, limits=replace(limits, speed_mps=min(limits.speed_mps, UNPROVEN_mps)))

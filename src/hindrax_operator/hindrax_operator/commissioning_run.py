@@ -1,0 +1,166 @@
+"""A commissioning over the ROS graph: rest, arm, fly the pulses that the readings ask for, disarm.
+
+In mock it starts a stack of its own; a real vehicle is commissioned beside a stack that runs, armed by its operator.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hindrax_bag.run_folder import RunFolder, make_run_folder
+from hindrax_bringup.processes import EVERY
+from hindrax_bringup.stack import MockOptions, adopted, environment_beside
+from hindrax_bringup.stack_process import StackProcess, UpOptions
+from hindrax_control.commissioning.commissioning import Commissioning
+from hindrax_control.commissioning.findings import Findings
+from hindrax_control.maneuver.goal import Goal
+from hindrax_core.errors import HindraxError
+from hindrax_core.events import Stamp, Stamped, after, seconds_between
+from hindrax_core.readings import Battery
+from hindrax_core.sensor_table import Capability
+from hindrax_core.topics import ALLOCATION, BATTERY, Topic, carriers
+from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_operator.pool_run import disarmed_at_the_end, interrupted_once, missing_solution
+from hindrax_operator.snapshot import node_problems
+
+if TYPE_CHECKING:
+    from hindrax_operator.nodes.operator_node import Operator
+
+Report = Callable[[str], None]
+UP_S, ARMING_S, ARMED_BY_HAND_S = 30.0, 60.0, 600.0
+SETTLED_S, REST_S = 1.0, 3.0
+"""Vehicle time until the readings count, and that of the rest."""
+SLOWEST_PACE = 0.2
+OWN_ALTITUDE = "/altitude"
+"""Of a DVL: no echo."""
+FLY_S = 1200.0
+HEARD: tuple[Capability, ...] = ("rates", "field", "velocity", "depth", "altitude")
+
+
+def commission_mock(
+    vehicle_file: Path, mock: MockOptions, out: str | None, report: Report
+) -> tuple[Findings, RunFolder]:
+    """Commission the mock vehicle in a stack of its own, recorded in a run folder."""
+    vehicle = load_vehicle(vehicle_file)
+    vehicle.output_channels()
+    folder = make_run_folder(out, vehicle_file)
+    needed = tuple(one.name for one in EVERY)
+    up = UpOptions(folder.vehicle, mock, record=True, out=str(folder.path), client="commission in mock", needed=needed)
+    report("starting the mock vehicle and the stack")
+    with StackProcess(up) as stack:
+        with adopted(environment_beside(stack.entry)):
+            from hindrax_operator.nodes.operator_node import Operator  # noqa: PLC0415  # rclpy reads the environment as it is imported
+
+            def tick() -> None:
+                for sentence in stack.check():
+                    report(sentence)
+
+            with Operator(mock=True, tick=tick) as operator:
+                operator.wait(lambda: operator.navigation is not None, UP_S, lambda: missing_solution(operator))
+                operator.wait(lambda: operator.thrusters is not None, UP_S, lambda: "a message from the thrusters")
+                findings = commission_beside(operator, vehicle, report, arm=True)
+        stack.end()
+    return findings, folder
+
+
+def commission_beside(operator: Operator, vehicle: Vehicle, report: Report, *, arm: bool) -> Findings:
+    """Commission the vehicle of a running stack; with `arm` it is armed here, else its operator is waited for."""
+    work = Commissioning(vehicle)
+    with _listening(operator, work):
+        if operator.thrusters is not None and operator.thrusters.armed:
+            raise HindraxError(
+                "the thrusters are armed, wanted a vehicle at rest first; `./hindrax disarm`, let it float, try again"
+            )
+        _rest(operator, work, report)
+        ended = _pulse(operator, work, report, arm=arm)
+    return work.finalize(ended)
+
+
+@contextlib.contextmanager
+def _listening(operator: Operator, work: Commissioning) -> Iterator[None]:
+    """Feed the commissioning with the readings of every sensor and with the forces of the thrusters."""
+    from hindrax_ros.graph import subscription  # noqa: PLC0415  # rclpy reads the environment first
+    from hindrax_ros.messages.convert import stamp_from_msg  # noqa: PLC0415  # as above
+    from hindrax_ros.messages.fast_serialization import thrust_from_bytes  # noqa: PLC0415  # as above
+    from hindrax_ros.messages.reading_fields import reader  # noqa: PLC0415  # as above
+
+    vehicle = work.vehicle
+
+    def on_reading(source: str, read: Callable[[bytes], Any], data: bytes) -> None:
+        with contextlib.suppress(ValueError):  # what is not a message of the topic proves nothing
+            work.on_reading(source, read(data))
+
+    def on_forces(data: bytes) -> None:
+        thrust = thrust_from_bytes(data)
+        if len(thrust.reading.forces_N) == len(vehicle.thrusters):
+            work.on_forces(thrust.stamp, thrust.reading.forces_N)
+
+    def on_battery(message: Any) -> None:
+        battery = Battery(float(message.voltage), -float(message.current))
+        work.on_reading(vehicle.measuring("supply")[0], Stamped(stamp_from_msg(message.header.stamp), battery))
+
+    taken: list[tuple[Topic, Callable[[bytes], None]]] = [(ALLOCATION, on_forces)]
+    for capability in HEARD:
+        for source, topic in carriers(vehicle, capability).items():
+            if topic.name.endswith(OWN_ALTITUDE) or source not in vehicle.sensors:
+                continue
+            taken.append((topic, partial(on_reading, source, reader(topic))))
+    made = [subscription(operator.node, topic, heard, raw=True) for topic, heard in taken]
+    if vehicle.measuring("supply"):
+        made.append(subscription(operator.node, BATTERY, on_battery))
+    try:
+        yield
+    finally:
+        for one in made:
+            operator.node.destroy_subscription(one)
+
+
+def _rest(operator: Operator, work: Commissioning, report: Report) -> None:
+    report(f"keep your hands off: at rest for {SETTLED_S + REST_S:.0f} s, afloat and disarmed")
+    begin = after(operator.now(), SETTLED_S)
+    end = after(begin, REST_S)
+    seconds = (SETTLED_S + REST_S) / SLOWEST_PACE
+    operator.wait(lambda: operator.now() >= end, seconds, lambda: "the rest to end; the clock has stopped")
+    work.rest(begin, end)
+
+
+def _pulse(operator: Operator, work: Commissioning, report: Report, *, arm: bool) -> str:
+    """Fly what the commissioning asks for, and disarm; returns why it ended early, else an empty text."""
+    pulses = work.next_pulses(operator.now())
+    if pulses is None:
+        return "gravity is not where the file has it: nothing was armed; mend that and commission again"
+    with interrupted_once(), disarmed_at_the_end(operator):
+        _arm(operator, report, arm=arm)
+        begin = operator.now()
+        while pulses is not None:
+            report(f"{len(pulses)} pulses, about {_seconds(pulses):.0f} s; keep clear, pull no tether")
+            try:
+                aborted, _ = operator.fly(Goal((), on_cancel="neutral", pulses=pulses), FLY_S)
+            except KeyboardInterrupt:
+                return "operator: stopped by Ctrl-C"
+            if aborted:
+                return "; ".join([str(aborted), *node_problems(operator)])
+            pulses = work.next_pulses(Stamp(operator.now()))
+        report(f"flown in {seconds_between(begin, operator.now()):.0f} s; disarming")
+    return ""
+
+
+def _seconds(pulses: tuple[Any, ...]) -> float:
+    return float(sum(pulse.seconds + pulse.calm * 1.5 for pulse in pulses))
+
+
+def _arm(operator: Operator, report: Report, *, arm: bool) -> None:
+    if arm:
+        report("arming; single thrusters will turn, keep clear")
+        operator.arm(seconds=ARMING_S)
+        return
+    report("now arm it: `./hindrax arm` in another terminal, or the page; single thrusters will turn, keep clear")
+    operator.wait(
+        lambda: operator.thrusters is not None and operator.thrusters.armed,
+        ARMED_BY_HAND_S,
+        lambda: "the operator to arm (`./hindrax arm`)",
+    )

@@ -1,0 +1,43 @@
+"""A few of the draws of commissioning: every kind of fault once, found and named, and no vehicle tilted too far."""
+
+import pytest
+
+from hindrax_sim.faults.fault_registry import FaultSpec
+from hindrax_tools.commissioning_draws import ALWAYS_S, MOST_TILT_deg, VEHICLES, Draw, cases, draws, judge, vehicle_of
+
+pytestmark = pytest.mark.long
+
+FLOWN = (
+    ("lbv", ("thrusters_swapped:PORT-STARBOARD",), 3),
+    ("bluerov2", ("thruster_fails:T5", "thruster_reversed:T2"), 4),
+    ("bluerov2-heavy", ("turned_yaw_90:dvl75",), 5),
+    ("hindrax", ("turned_roll_180:icm20948",), 6),
+    ("hindrax", ("turned_pitch_90:ping1d",), 7),
+)
+
+
+def spec(text: str) -> FaultSpec:
+    """A fault from the start, for good."""
+    name, _, target = text.partition(":")
+    return FaultSpec(name, (target,), 0.0, ALWAYS_S)
+
+
+@pytest.mark.parametrize(("vehicle", "faults", "seed"), FLOWN)
+def test_the_fault_is_named(vehicle: str, faults: tuple[str, ...], seed: int) -> None:
+    judged = judge(Draw(vehicle, "any", tuple(map(spec, faults)), seed))
+    assert judged.named, judged.said
+    assert judged.tilt_deg < MOST_TILT_deg
+
+
+def test_nothing_is_found_where_nothing_is_wrong() -> None:
+    judged = judge(Draw("lbv", "none", (), 8))
+    assert judged.named
+    assert judged.said == "nothing wrong; "
+
+
+def test_draws_cover_every_vehicle_and_kind() -> None:
+    made = draws(48, 1)
+    for name in VEHICLES:
+        kinds = {kind for kind, _ in cases(vehicle_of(name))}
+        assert {one.kind for one in made if one.vehicle == name} == kinds
+    assert draws(5, 2) == draws(5, 2) != draws(5, 3)
