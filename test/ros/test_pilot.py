@@ -20,7 +20,7 @@ from rclpy.parameter import Parameter
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
 from hindrax_control.allocation.allocation_cycle import SupplyVoltage
-from hindrax_control.maneuver.goal import Goal
+from hindrax_control.maneuver.goal import Goal, Pulse
 from hindrax_control.maneuver.plan import plans_of
 from hindrax_control.nodes import pilot_node
 from hindrax_control.nodes.pilot_node import PilotNode
@@ -265,6 +265,12 @@ def test_a_goal_that_nobody_can_fly_is_reported_why(bench: Bench) -> None:
     assert bench.fly(["loop"]) == "goal: motion 'loop' unknown, wanted one of surge, sway, heave, roll, pitch, yaw"
     assert bench.fly([]).startswith("goal: no motion, wanted some of surge, ")
     assert bench.fly(excitation="noise").startswith("goal: excitation 'noise' unknown, wanted plateaus or ")
+
+
+def test_pulses_of_thrusters_need_the_allocator_in_the_process_of_the_pilot(bench: Bench) -> None:
+    bench.say_armed(armed=True)
+    goal = Goal((), on_cancel="neutral", pulses=(Pulse((2.0, *(0.0,) * 7), 0.5),))
+    assert bench.operator.fly(goal, PATIENT_S)[0].startswith("start: the allocator runs in another process")
 
 
 def test_a_goal_that_was_late_is_asked_again_and_given_its_age_in_the_end(

@@ -3,7 +3,7 @@
 import pytest
 
 from hindrax_sim.faults.fault_registry import FaultSpec
-from hindrax_tools.commissioning_draws import ALWAYS_S, MOST_TILT_deg, VEHICLES, Draw, cases, draws, judge, vehicle_of
+from hindrax_tools.commissioning_draws import ALWAYS_S, VEHICLES, Draw, MOST_TILT_deg, cases, draws, judge, vehicle_of
 
 pytestmark = pytest.mark.long
 

@@ -93,7 +93,8 @@ def tuning_of(arguments: argparse.Namespace) -> "ParameterOverrides":
     from hindrax_bringup.node_options import ParameterOverrides  # noqa: PLC0415  # the wheel has no nodes
 
     sensors = tuple(load_vehicle(arguments.vehicle).sensors) if arguments.vehicle else ()
-    return ParameterOverrides(arguments.namespace, arguments.params, tuple(arguments.set), sensors)
+    unproven = ("pilot.guards.unproven:=fly",) if getattr(arguments, "uncommissioned", False) else ()
+    return ParameterOverrides(arguments.namespace, arguments.params, (*arguments.set, *unproven), sensors)
 
 
 def output_settings(arguments: argparse.Namespace) -> "Settings":
@@ -108,6 +109,11 @@ def output_settings(arguments: argparse.Namespace) -> "Settings":
     return read_settings(words)
 
 
+add_uncommissioned = option(
+    "--uncommissioned",
+    action="store_true",
+    help="fly maneuvers as fast as the vehicle file says although `commission` has not proven it",
+)
 add_json = option("--json", action="store_true", help="one JSON document on stdout")
 add_sensor = option(
     "--sensor", metavar="NAME", help="its name in the vehicle file, where that has several; default: the first"

@@ -206,7 +206,14 @@ class Pilot:
     def _fly_pulses(self, goal: Goal) -> PulseManeuver:
         self.check(goal)
         guards, knobs = believed(self._guards), self._knobs
-        require_ready(flying=self.flying, armed=self._armed, unarmed=self._unarmed, guards=guards, heading_known=True)
+        require_ready(
+            flying=self.flying,
+            armed=self._armed,
+            unarmed=self._unarmed,
+            guards=guards,
+            unobeyed=self._unobeyed,
+            heading_known=True,
+        )
         made = PulseManeuver(self._vehicle, goal, knobs=knobs.maneuver, safety_knobs=knobs.guards)
         self._maneuver, self._station, self._operator_wrench = made, None, None
         return made

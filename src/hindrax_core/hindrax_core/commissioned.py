@@ -36,6 +36,12 @@ def unproven(vehicle: Vehicle) -> str:
     return ""
 
 
+def slow_sentence(vehicle: Vehicle) -> str:
+    """One line for the operator of a vehicle that flies slowly for that reason; empty when it does not have to."""
+    reason = unproven(vehicle)
+    return f"vehicle file {reason}: maneuvers no faster than {UNPROVEN_mps:g} m/s; {REMEDY}" if reason else ""
+
+
 def slowed(vehicle: Vehicle) -> Vehicle:
     """Return the vehicle with the speed limit of one that is not proven."""
     limits = vehicle.limits

@@ -23,6 +23,7 @@ from hindrax_bringup.stack_process import StackProcess, UpOptions
 from hindrax_bringup.supervisor import stop_signals
 from hindrax_control.maneuver.goal import PLATEAUS, Goal, motions_to_fly
 from hindrax_control.maneuver.plan import plans_of
+from hindrax_core.commissioned import slow_sentence, slowed, unproven
 from hindrax_core.errors import INTERRUPTED, HindraxError
 from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.vehicle import Vehicle, load_vehicle
@@ -62,6 +63,8 @@ class PoolOptions:
     predicted: Mapping[str, float] = field(default_factory=dict)
     """Deviation of the drag of each motion as a share of it, by a rehearsal [-]."""
     tuning: ParameterOverrides = field(default_factory=ParameterOverrides)
+    uncommissioned: bool = False
+    """Whether a vehicle whose file is not proven flies as fast as that file says."""
     start: tuple[float, float, float] | None = None
     """Position in the pool before arming, as for `recentre`; none: by the pilot's parameters."""
 
@@ -70,6 +73,14 @@ class PoolOptions:
         """Whether only the pilot knows the plan: its parameters were set."""
         own = self.tuning != ParameterOverrides(self.tuning.namespace)
         return own and self.aim is None and self.excitation == PLATEAUS
+
+
+@dataclass(frozen=True, slots=True)
+class Proof:
+    """Whether the vehicle file was proven, in a sentence, and whether maneuvers are slow because it was not."""
+
+    text: str
+    slow: bool = False
 
 
 @dataclass(slots=True)
@@ -99,12 +110,14 @@ def run_pool_test(options: PoolOptions) -> int:
     options = replace(options, motions=servable.flown)
     if options.aim is not None:
         check_experiment(options.motions, options.aim)
-    plan = planned(vehicle, options)
+    proof = proof_of(vehicle, options)
+    plan = planned(slowed(vehicle) if proof.slow else vehicle, options)
     mock = options.mock is not None
     folder = make_run_folder(options.out, options.vehicle_file)
     BagLimits(planned_s=MOTION_S * len(options.motions)).check_space(folder.path)
     with Progress(headless=options.headless) as progress:
         progress.report(f"{vehicle.name} {servable}")
+        progress.report(proof.text)
         for line in plan:
             progress.report(line)
         flight = fly(options, folder, progress)
@@ -122,6 +135,7 @@ def run_pool_test(options: PoolOptions) -> int:
             raise HindraxError(f"{end}; but {error}; {later}") from error
     factor = round(flight.real_time_factor, 2)
     document = identified.document(folder.bag, folder.report, factor, flight.aborted)
+    document |= {"commissioned": proof.text}
     document |= {"mock": flight.facts} if mock else {}
     document |= {"predicted": dict(options.predicted)} if options.predicted else {}
     if options.json:
@@ -133,6 +147,17 @@ def run_pool_test(options: PoolOptions) -> int:
     if flight.interrupted:
         return INTERRUPTED
     return 1 if flight.aborted or identified.left_out or not identified.complete else 0
+
+
+def proof_of(vehicle: Vehicle, options: PoolOptions) -> Proof:
+    """How the vehicle file counts in this run: a mock is built by its file, so that is proven."""
+    if options.mock is not None:
+        return Proof("vehicle file: counts as commissioned, a mock is built by it")
+    if not (reason := unproven(vehicle)):
+        return Proof(f"vehicle file: commissioned on {vehicle.commissioned.date if vehicle.commissioned else ''}")
+    if options.uncommissioned:
+        return Proof(f"vehicle file: {reason}; flown as fast as it says, by --uncommissioned")
+    return Proof(slow_sentence(vehicle), slow=True)
 
 
 def planned(vehicle: Vehicle, options: PoolOptions) -> list[str]:

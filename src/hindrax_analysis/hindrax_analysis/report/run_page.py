@@ -31,6 +31,8 @@ from hindrax_analysis.report.report_tables import (
     title_of,
     units_of,
 )
+from hindrax_core.commissioned import unproven
+from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.assessment import Assessment
 from hindrax_ident.assess.results import MotionResult, Number, Results, truth_of
 from hindrax_ident.model.motion_model import MOTIONS, axis_units
@@ -60,7 +62,7 @@ def run_page(report: RunReport) -> str:
     if report.results.motions:
         parts += [_headline(report.results, report.conditions.predicted), _how_to_read(report), _tables(report)]
     parts += [_motion(report, result) for result in report.results.motions.values()]
-    parts.append(_conditions(report.conditions))
+    parts.append(_conditions(report.conditions, report.results.vehicle))
     return page(f"{report.results.vehicle.name}: hydrodynamic identification", "\n".join(parts))
 
 
@@ -246,9 +248,11 @@ def _entries(report: RunReport, result: MotionResult, name: str) -> list[Entry]:
 # ---- the end
 
 
-def _conditions(of: ResultConditions) -> str:
+def _conditions(of: ResultConditions, vehicle: Vehicle) -> str:
+    proof = unproven(vehicle) or "commissioned"
     pairs = [
         ("vehicle", of.vehicle),
+        ("vehicle file", "counts as commissioned: a mock is built by it" if of.mock else proof),
         ("mass, volume", f"{of.mass_kg:g} kg, {of.volume_m3:g} m\u00b3"),
         ("water", f"{of.density_kgpm3:g} kg/m\u00b3, \u03bd = {of.kinematic_viscosity_m2ps:g} m\u00b2/s"),
         ("data", "mock vehicle (simulated)" if of.mock else "recorded on a vehicle"),

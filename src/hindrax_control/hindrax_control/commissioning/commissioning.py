@@ -93,8 +93,18 @@ class Commissioning:
             return single_pulses(self.vehicle, self.B) if self.upright else None
         if self._round == 2 and not self.ended:
             self._judge_thrusters()
-            return body_pulses(self.vehicle, self.found, deep=self._sunk_m(to_s(now)) > SUNK_m) or None
+            return (
+                body_pulses(
+                    self.vehicle, self.found, deep=self._sunk_m(to_s(now)) > SUNK_m, listing_rad=self._listing_rad()
+                )
+                or None
+            )
         return None
+
+    def _listing_rad(self) -> float:
+        """Angle between the vertical of the body and gravity at rest."""
+        down = self._down()
+        return 0.0 if down is None else float(np.arccos(np.clip(down[2], -1.0, 1.0)))
 
     def _sunk_m(self, now_s: float) -> float:
         """How much deeper it is than at rest; 0 where nothing shows it."""

@@ -15,13 +15,15 @@ from hindrax_control.maneuver.goal import LONGEST_PULSE_S, MOST_PULSE_N, Pulse
 from hindrax_core.vehicle import Vehicle
 
 QUARTER_s = 0.25
-SWING_rad = math.radians(8.0)
+SWING_rad = math.radians(5.0)
 """Largest angle that a pulse of a single thruster may make."""
 RUNNING = 1.3
 """Forces are at least this multiple of the smallest that a thruster can give."""
 TURN_radps, AHEAD_mps, DIVE_mps = 0.6, 0.2, 0.2
 LEAN_rad = math.radians(6.0)
 """Tilt of the whole vehicle's motions at rest, where thrusters cannot push without it; it swings to twice of it."""
+LISTING_rad, GENTLEST = math.radians(7.0), 0.5
+"""List at rest up to which it is allowed, and the part of it that is left of it at the most."""
 START_s = 0.25
 """What the lag of the thrusters takes off a pulse."""
 LEAST_SHARE = 0.15
@@ -52,21 +54,22 @@ def single_pulses(vehicle: Vehicle, B: Matrix) -> tuple[Pulse, ...]:
     return tuple(pulses)
 
 
-def body_pulses(vehicle: Vehicle, found: Matrix, *, deep: bool = False) -> tuple[Pulse, ...]:
+def body_pulses(vehicle: Vehicle, found: Matrix, *, deep: bool = False, listing_rad: float = 0.0) -> tuple[Pulse, ...]:
     """Pulses that turn, move and dive the vehicle with thrusters of this effectiveness (6, n), as it was found.
 
-    One that has sunk meanwhile (`deep`) climbs instead, and first.
+    One that has sunk meanwhile (`deep`) climbs instead, and first. One that lists at rest is pushed more gently.
     """
     prior = Prior(vehicle)
+    lean_rad = LEAN_rad * max(GENTLEST, min(1.0, 2.0 - listing_rad / LISTING_rad))
     pulses: list[Pulse] = []
-    down_N, down_s = _push(vehicle, prior, found, 2, DIVE_mps)
+    down_N, down_s = _push(vehicle, prior, found, 2, DIVE_mps, lean_rad)
     if deep:
         down_N = tuple(-force_N for force_N in down_N)
     rest = _rest(vehicle)
     dive = (Pulse(down_N, down_s), rest, Pulse(tuple(-force_N for force_N in down_N), down_s, calm=False), rest)
     pulses += dive if deep and down_s else ()
     for axis, speed in ((5, TURN_radps), (0, AHEAD_mps), (1, AHEAD_mps)):
-        forces_N, seconds = _push(vehicle, prior, found, axis, speed)
+        forces_N, seconds = _push(vehicle, prior, found, axis, speed, lean_rad)
         if seconds:
             back_N = tuple(-force_N for force_N in forces_N)
             pulses.append(Pulse(forces_N, seconds))
@@ -81,7 +84,9 @@ def _rest(vehicle: Vehicle) -> Pulse:
     return Pulse((0.0,) * len(vehicle.thrusters), COAST_s, calm=False)
 
 
-def _push(vehicle: Vehicle, prior: Prior, found: Matrix, axis: int, speed: float) -> tuple[tuple[float, ...], float]:
+def _push(  # noqa: PLR0917  # a vehicle and how it is pushed
+    vehicle: Vehicle, prior: Prior, found: Matrix, axis: int, speed: float, lean_rad: float
+) -> tuple[tuple[float, ...], float]:
     """Forces along one axis and their duration, for a speed at its end; no duration where they do not serve it."""
     none = (0.0,) * found.shape[1]
     reach = 0.999 * MOST_PULSE_N * float(np.sum(np.abs(found[axis])))
@@ -92,7 +97,7 @@ def _push(vehicle: Vehicle, prior: Prior, found: Matrix, axis: int, speed: float
     forces: Matrix = np.zeros(found.shape[1])
     while used.any():
         # One that should give less than it can is left out, and the others share its part.
-        forces = _shared(prior, found * used, axis, reach)
+        forces = _shared(prior, found * used, axis, reach, lean_rad)
         weak = used & (np.abs(forces) < least_N)
         if not weak.any():
             break
@@ -105,10 +110,10 @@ def _push(vehicle: Vehicle, prior: Prior, found: Matrix, axis: int, speed: float
     return tuple(map(float, forces)), min(LONGEST_PULSE_S, seconds)
 
 
-def _shared(prior: Prior, found: Matrix, axis: int, reach: float) -> Matrix:
+def _shared(prior: Prior, found: Matrix, axis: int, reach: float, lean_rad: float) -> Matrix:
     """Forces (n,) that reach furthest along an axis within 3 N each, and lean the vehicle no further than LEAN."""
     # What nobody asked for is kept small: tilt at rest within LEAN, other forces and moments within these.
-    righting = np.maximum(prior.restoring[3:5], 0.3) * LEAN_rad
+    righting = np.maximum(prior.restoring[3:5], 0.3) * lean_rad
     allowed = np.array([4.0, 4.0, 4.0, *righting, 0.4])
     weight, wanted = 1.0 / allowed, np.zeros(6)
     weight[axis], wanted[axis] = 3.0 / reach, reach

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from hindrax_control.maneuver.plan import LAG_S
 from hindrax_control.pool_bounds import GuardedPlace, PoolPosition
 from hindrax_control.prior_dynamics import prior_dynamics
-from hindrax_core.knobs import knob
+from hindrax_core.knobs import choice, knob
 from hindrax_core.signals import NAN, Navigation
 from hindrax_core.text.digits import above, below, unlike
 from hindrax_core.vehicle import Vehicle
@@ -25,6 +25,7 @@ BLOCKED_PHASE_S = 1.5
 LEAST_UNCERTAINTY_m = 0.01
 """Margin for an uncertain position that is worth mentioning."""
 
+AUTO, SLOW, FLY = "auto", "slow", "fly"
 REMEDIES: Mapping[str, str] = {
     "pool_box": "bring it to the middle of the pool and `./hindrax recentre` it, or correct `pool` in the vehicle file",
     "depth_band": "bring it to a depth between, or tare the depth sensor (`./hindrax depth tare`)",
@@ -56,6 +57,9 @@ class ManeuverGuardKnobs:
     braking_mps2: float = knob(0.35, 0.01, 10.0, "guaranteed deceleration [m/s^2]")
     blocked_s: float = knob(5.0, 0.5, 60.0, "longest time of thrust without motion [s]")
     patience_s: float = knob(0.3, 0.0, 10.0, "time for which tilt, speed and age must be wrong [s]")
+    unproven: str = choice(
+        AUTO, (AUTO, SLOW, FLY), "a vehicle file that was never commissioned: slow, but for a mock; slow; fly"
+    )
 
 
 @dataclass(frozen=True, slots=True)

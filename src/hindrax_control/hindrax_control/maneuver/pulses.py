@@ -27,8 +27,11 @@ COMMISSION = "commission"
 """What status and record call the motion."""
 BELIEVED = ("depth_band", "altitude_band", "battery", "leak", "time_out", "sensor_age")
 """Guards that hold although the vehicle file may be wrong."""
-MOST_TILT_rad = math.radians(20.0)
-"""From where it was at the start. Neutral from here, a vehicle that rights itself stays below 30 degrees."""
+MOST_TILT_rad, MOST_LIST_rad, LEAST_TILT_rad = math.radians(20.0), math.radians(27.0), math.radians(8.0)
+"""From where it was at the start; less for one that lists there, by as much as both exceed the second, but at least
+the third. Neutral from here, a vehicle that rights itself stays below 30 degrees."""
+UPRIGHT = 0.8
+"""Cosine of a list; beyond it, it is the sensor that is turned."""
 MOST_RATE_radps = math.radians(90.0)
 CALM_radps, CALM_s, CALM_PATIENCE_s = math.radians(2.5), 0.3, 6.0
 """Rates that count as rest, for how long they must last, and how long they are waited for."""
@@ -131,7 +134,7 @@ class PulseManeuver:
         tilt_rad = math.acos(max(-1.0, min(1.0, cosine)))
         rate_radps = math.hypot(*navigation.rate_radps)
         own = (
-            above("tilted by {} deg from rest, wanted at most {} deg", *_deg(tilt_rad, MOST_TILT_rad), 0),
+            above("tilted by {} deg from rest, wanted at most {} deg", *_deg(tilt_rad, self._most_tilt_rad()), 0),
             above("turns at {} deg/s, wanted at most {} deg/s", *_deg(rate_radps, MOST_RATE_radps), 0),
             "" if math.isfinite(cosine + rate_radps) else "attitude or rate unknown, wanted both",
         )
@@ -146,6 +149,12 @@ class PulseManeuver:
         )
         found = tuple(f"{COMMISSION}: {text}; {TILTED}" for text in own if text)
         return found + believed(self._safety.step(situation))
+
+    def _most_tilt_rad(self) -> float:
+        """Largest tilt from rest, by the list there."""
+        upright = self._down[2] if self._down is not None else 1.0
+        list_rad = math.acos(min(1.0, upright)) if upright > UPRIGHT else 0.0
+        return max(LEAST_TILT_rad, min(MOST_TILT_rad, MOST_LIST_rad - list_rad))
 
     def _put_out(
         self, forces_N: tuple[float, ...], phase: str, now_s: float, *, done: bool, begins: bool = False

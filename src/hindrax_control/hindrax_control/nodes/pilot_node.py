@@ -17,6 +17,7 @@ from hindrax_control.allocation.thruster_fault_detector import SuspectedFault
 from hindrax_control.hold.holds import HOLDS, Setpoint
 from hindrax_control.maneuver.goal import BUSY, LATE, SENSELESS, Goal
 from hindrax_control.maneuver.maneuver import Maneuver, ManeuverOutput, abandoned
+from hindrax_control.maneuver.maneuver_guards import AUTO, SLOW
 from hindrax_control.maneuver.pulses import PulseManeuver
 from hindrax_control.navigation.estimator_health import ExternalOdometry
 from hindrax_control.nodes import pilot_messages
@@ -24,6 +25,7 @@ from hindrax_control.nodes.estimator_health_node import EstimatorHealthNode
 from hindrax_control.pilot import SAFETY_GROUPS, Pilot, PilotKnobs, PilotOutput
 from hindrax_control.sensors import altimeters
 from hindrax_core import topics
+from hindrax_core.commissioned import slow_sentence, slowed
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.input_checks import EXPIRED, SinglePublisher, names_of_others, order_window
@@ -41,7 +43,7 @@ from hindrax_ros.messages.convert import estimate_from_msg, header, odometry_fro
 from hindrax_ros.messages.fast_serialization import applied_from_bytes, wrench_writer
 from hindrax_ros.messages.reading_fields import reader
 from hindrax_ros.messages.serialization import deserialized
-from hindrax_ros.parameters import SAFETY, knobs
+from hindrax_ros.parameters import CLOCK, SAFETY, knobs
 
 SendWrench: TypeAlias = Callable[[Vec6, str, Stamp, Stamp], object]
 """Called with a wrench, its frame, its stamp and the time."""
@@ -99,7 +101,8 @@ class PilotNode(BatchedNode):
         self._altimeter: Subscription | None = None
         self._leak_probes, self._dry_looks = len(vehicle.measuring("leak")), 0
         fixed = dict.fromkeys(SAFETY_GROUPS, SAFETY)
-        self._pilot = Pilot(vehicle, knobs(self, PilotKnobs, self._tune, fixed=fixed))
+        tuned, mock = knobs(self, PilotKnobs, self._tune, fixed=fixed), bool(self.get_parameter(CLOCK).value)
+        self._pilot = Pilot(self._as_proven(vehicle, tuned.guards.unproven, mock=mock), tuned)
         self._armed, self._unarmed, self._thrusters_known = False, "", False
         self._obeyed_at, self._unobeyed = Stamp(0), ""
         self._last_state = Stamp(0)
@@ -107,7 +110,7 @@ class PilotNode(BatchedNode):
         self._allocation: Allocation | None = None
         self._names = frozenset(one.name for one in vehicle.thrusters)
         self._goal: ActiveGoal | None = None
-        self._window = order_window(mock=bool(self.get_parameter("use_sim_time").value))
+        self._window = order_window(mock=mock)
         self._suspects: dict[str, str] = {}
         self._untimed: list[Any] = []
         self._setpoints: list[Setpoint] = []
@@ -143,6 +146,13 @@ class PilotNode(BatchedNode):
         )
         self.every(CHECK_S, self._check_navigator)
         self.every(CHECK_S, self._publish_plans)
+
+    def _as_proven(self, vehicle: Vehicle, unproven: str, *, mock: bool) -> Vehicle:
+        """Return the vehicle with the speed limit that its file has earned; a mock is built by its file."""
+        why = slow_sentence(vehicle) if unproven == SLOW or (unproven == AUTO and not mock) else ""
+        if why:
+            self.get_logger().warning(why)
+        return slowed(vehicle) if why else vehicle
 
     def _tune(self, tuned: PilotKnobs) -> None:
         self._pilot.tune(tuned)

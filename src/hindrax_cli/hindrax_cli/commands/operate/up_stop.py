@@ -15,6 +15,7 @@ from hindrax_bringup.stack_process import UpOptions, become
 from hindrax_cli.argument_types import (
     add_parameters,
     add_tuning,
+    add_uncommissioned,
     add_vehicle,
     output_settings,
     pace,
@@ -79,6 +80,7 @@ def require_known(options: MockOptions, vehicle: Vehicle) -> None:
     ),
     add_mock_options,
     add_tuning,
+    add_uncommissioned,
 )
 def up(arguments: argparse.Namespace) -> int:
     """Start the stack and keep it up until Ctrl-C; other terminals operate it."""

@@ -7,7 +7,17 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from hindrax_bringup.stack import FAULT_HELP, WORLD_HELP, MockOptions
-from hindrax_cli.argument_types import add_json, add_tuning, add_vehicle, pace, positive, seed, share, tuning_of
+from hindrax_cli.argument_types import (
+    add_json,
+    add_tuning,
+    add_uncommissioned,
+    add_vehicle,
+    pace,
+    positive,
+    seed,
+    share,
+    tuning_of,
+)
 from hindrax_cli.command import command, option
 from hindrax_cli.commands.operate.manual_control import PLACE_HELP, place_of
 from hindrax_cli.commands.operate.up_stop import require_known
@@ -81,6 +91,7 @@ def require_start(vehicle: Vehicle, start: tuple[float, float, float]) -> None:
     option("--out", metavar="DIR", help="new or empty folder for the results; default runs/<time>"),
     add_vehicle,
     add_tuning,
+    add_uncommissioned,
     option("--headless", action="store_true", help="no live progress, one line per phase"),
     add_json,
 )
@@ -125,6 +136,7 @@ def pool_test(arguments: argparse.Namespace) -> int:
             aim=aim,
             predicted=predicted,
             tuning=tuning,
+            uncommissioned=arguments.uncommissioned,
             start=start if arguments.start else None,
         )
     )
