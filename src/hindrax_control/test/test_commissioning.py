@@ -27,7 +27,15 @@ HINDRAX = load_vehicle(VEHICLES / "hindrax.yaml")
 EVERY = tuple(load_vehicle(path) for path in sorted(VEHICLES.glob("*.yaml")))
 AGES = dict.fromkeys(("icm20948", "ms5837", "dvl75", "ping1d"), 0.0)
 QUIET = Navigation(
-    (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.3, 1.5, (0.0, 0.0), dvl_locked=True, ages_s=AGES
+    (0.0, 0.0, 0.0),
+    (0.0, 0.0, 0.0),
+    (0.0, 0.0, 0.0),
+    0.3,
+    1.5,
+    (0.0, 0.0),
+    dvl_locked=True,
+    ages_s=AGES,
+    depth_age_s=0.0,
 )
 by_vehicle = pytest.mark.parametrize("vehicle", EVERY, ids=lambda one: one.name)
 
