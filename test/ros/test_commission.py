@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 
 from hindrax_bringup.share_files import default_vehicle
-from hindrax_core.commissioned import unproven
+from hindrax_control.commissioning.record import unproven
 from hindrax_core.vehicle import load_vehicle
 
 pytestmark = [pytest.mark.ros, pytest.mark.long]

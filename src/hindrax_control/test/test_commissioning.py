@@ -12,11 +12,11 @@ from hindrax_control.commissioning.findings import OPEN, PROVEN, WRONG, Finding,
 from hindrax_control.commissioning.hypotheses import RIGHT_TURNS, angles_deg, explain, turn_of
 from hindrax_control.commissioning.picture import BAD, svg
 from hindrax_control.commissioning.probes import body_pulses, probe_N, single_pulses
+from hindrax_control.commissioning.record import UNPROVEN_mps, geometry_hash, slowed, unproven
 from hindrax_control.commissioning.response import Answer, Prior
 from hindrax_control.maneuver.goal import MOST_PULSE_N, Goal, Pulse, require_flyable
 from hindrax_control.maneuver.pulses import CALM_PATIENCE_s, PulseManeuver, believed
 from hindrax_control.pilot import Pilot
-from hindrax_core.commissioned import UNPROVEN_mps, geometry_hash, slowed, unproven
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import stamp_from_s
 from hindrax_core.signals import Navigation

@@ -21,9 +21,9 @@ from hindrax_bringup.processes import EVERY, RECORDER
 from hindrax_bringup.stack import MockOptions, adopted, environment_beside
 from hindrax_bringup.stack_process import StackProcess, UpOptions
 from hindrax_bringup.supervisor import stop_signals
+from hindrax_control.commissioning.record import slow_sentence, slowed, unproven
 from hindrax_control.maneuver.goal import PLATEAUS, Goal, motions_to_fly
 from hindrax_control.maneuver.plan import plans_of
-from hindrax_core.commissioned import slow_sentence, slowed, unproven
 from hindrax_core.errors import INTERRUPTED, HindraxError
 from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.vehicle import Vehicle, load_vehicle

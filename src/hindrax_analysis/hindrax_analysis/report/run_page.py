@@ -31,7 +31,7 @@ from hindrax_analysis.report.report_tables import (
     title_of,
     units_of,
 )
-from hindrax_core.commissioned import unproven
+from hindrax_control.commissioning.record import unproven
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.assessment import Assessment
 from hindrax_ident.assess.results import MotionResult, Number, Results, truth_of

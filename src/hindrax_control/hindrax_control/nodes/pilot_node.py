@@ -14,6 +14,7 @@ from std_msgs.msg import Bool
 from hindrax_control.allocation.allocation_cycle import SupplyVoltage
 from hindrax_control.allocation.thrust_curve import check_pulses
 from hindrax_control.allocation.thruster_fault_detector import SuspectedFault
+from hindrax_control.commissioning.record import slow_sentence, slowed
 from hindrax_control.hold.holds import HOLDS, Setpoint
 from hindrax_control.maneuver.goal import BUSY, LATE, SENSELESS, Goal
 from hindrax_control.maneuver.maneuver import Maneuver, ManeuverOutput, abandoned
@@ -25,7 +26,6 @@ from hindrax_control.nodes.estimator_health_node import EstimatorHealthNode
 from hindrax_control.pilot import SAFETY_GROUPS, Pilot, PilotKnobs, PilotOutput
 from hindrax_control.sensors import altimeters
 from hindrax_core import topics
-from hindrax_core.commissioned import slow_sentence, slowed
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.input_checks import EXPIRED, SinglePublisher, names_of_others, order_window

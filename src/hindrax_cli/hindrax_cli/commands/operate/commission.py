@@ -15,7 +15,7 @@ from hindrax_cli.commands.operate.up_stop import add_mock_options
 from hindrax_cli.vehicle_edit import add_write, require_editable, set_keys
 from hindrax_control.commissioning.findings import Findings
 from hindrax_control.commissioning.picture import svg
-from hindrax_core.commissioned import geometry_hash
+from hindrax_control.commissioning.record import geometry_hash
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.vehicle import Commissioned, load_vehicle
