@@ -49,7 +49,7 @@ class Wiring:
 
 
 def right_turns() -> tuple[Matrix, ...]:
-    """The 24 rotations by right angles, the identity first."""
+    """The 24 rotations (3, 3) by right angles, the identity first."""
     found = []
     for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
         turn = np.zeros((3, 3))

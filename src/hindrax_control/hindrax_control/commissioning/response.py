@@ -85,7 +85,7 @@ def lagged(times_s: Matrix, forces: Series, window: Window, lag_s: float) -> Mat
 
 
 def grid(window: Window) -> Matrix:
-    """Times of the model in a window."""
+    """Times (n,) of the model in a window [s]."""
     return np.asarray(np.arange(window.begin_s, window.end_s, STEP_s))
 
 
