@@ -129,7 +129,7 @@ def test_a_weighed_buoyancy_narrows_the_gain_and_with_it_the_drag(vehicle: Vehic
     fit = fitted(vehicle, record, Model(2, 15.22))
     known, weighed = (
         budget(vehicle, record, fit, "thrust calibration", tuning=Tuning(buoyancy_sigma_N=sigma)).band()
-        for sigma in (0.0, 0.005)
+        for sigma in (None, 0.005)
     )
     assert np.sqrt(known[0, 0]) == pytest.approx(0.02 * 93.5, rel=0.03)
     assert weighed[0, 0] < 0.8 * known[0, 0]
