@@ -52,18 +52,33 @@ def working(sentence: str) -> Iterator[Callable[[object], None]]:
         yield lambda reached: progress.update(task, description=f"{sentence}: {reached}")
 
 
+class ResultTable(Table):
+    """A table that can do without some of its columns, and may show the name of a group once."""
+
+    spare: Sequence[str] = ()
+    """Headings of columns that a narrow screen does without, the first to go last."""
+    grouped = False
+    """Whether rows with the same first cell are a group."""
+
+
 def print_table(
     title: str,
     words: Sequence[str],
     numbers: Sequence[str],
     rows: Iterable[Sequence[object]],
     prose: Sequence[str] = (),
-) -> None:
+    *,
+    spare: Sequence[str] = (),
+    grouped: bool = False,
+) -> list[str]:
     """Print rows below the headings of words (left), numbers (right) and prose, which may wrap.
 
-    Brackets are text, also in a cell; a Text keeps its style, a float has five digits, None and NaN are empty.
+    Brackets are text, also in a cell; a Text keeps its style, a float has five digits, None and NaN are empty. A screen
+    that is too narrow does without the columns of `spare`, the last first, which are returned. `grouped`: the first
+    cell names a group.
     """
-    table = Table(title=Text(printable(title), style="table.title"), title_justify="left")
+    table = ResultTable(title=Text(printable(title), style="table.title"), title_justify="left")
+    table.spare, table.grouped = spare, grouped
     for heading in words:
         table.add_column(Text(heading), no_wrap=True)
     for heading in numbers:
@@ -72,21 +87,50 @@ def print_table(
         table.add_column(Text(heading))
     for row in rows:
         table.add_row(*(cell if isinstance(cell, Text) else Text(printable(_text(cell))) for cell in row))
-    _print_whole_or_stacked(table)
+    return _print_whole_or_stacked(table)
 
 
-def _print_whole_or_stacked(table: Table) -> None:
-    """Print a table; on a screen that is too narrow row by row, so that nothing is ever cut."""
+def _print_whole_or_stacked(table: ResultTable) -> list[str]:
+    """Print a table; on a narrow screen with fewer columns, else row by row. Returns the headings left out."""
     screen = console()
     # A column without remarks would be a stripe of nothing.
     table.columns = [column for column in table.columns if any(column.cells) or (column.header and column.no_wrap)]
-    if _least_width(table) <= screen.width:
-        screen.print(table)
-        return
+    present = [name for name in table.spare if any(str(column.header) == name for column in table.columns)]
+    # Headings on several lines before columns go, and columns before the table falls into lines.
+    for count, broken in ((len(present), False), *((count, True) for count in range(len(present), -1, -1))):
+        shown = _narrowed(table, present[count:], broken=broken)
+        if _least_width(shown) <= screen.width:
+            screen.print(shown)
+            if present[count:]:
+                print_fitted(f"(no room here for: {', '.join(present[count:])}; a wider screen shows it)")
+            return present[count:]
     lines = [fitted(str(table.title), screen.width)] if table.title else []
     for cells in zip(*(column.cells for column in table.columns), strict=True):
         lines += _stacked(table.columns, [str(cell) for cell in cells], screen.width)
     print_whole("\n".join(lines))
+    return []
+
+
+def _narrowed(table: ResultTable, left_out: Sequence[str], *, broken: bool) -> Table:
+    """The same table without some columns, each group named once; `broken`: long headings have several lines."""
+    made = Table(title=table.title, title_justify="left")
+    columns = [column for column in table.columns if str(column.header) not in left_out]
+    for column in columns:
+        heading = _broken(column) if broken and column.no_wrap else column.header
+        made.add_column(heading, justify=column.justify, no_wrap=column.no_wrap)
+    before = ""
+    for first, *others in zip(*(column.cells for column in columns), strict=True):
+        repeated = table.grouped and str(first) == before
+        before = str(first)
+        made.add_row(Text() if repeated else first, *others)
+    return made
+
+
+def _broken(column: Column) -> Text:
+    """Heading of a column on as many lines as make it no wider than its cells, or its longest word."""
+    words = str(column.header).split()
+    width = max(map(len, (*words, *map(str, column.cells))), default=1)
+    return Text("\n".join(TextWrapper(width, break_long_words=False, break_on_hyphens=False).wrap(" ".join(words))))
 
 
 def _stacked(columns: Sequence[Column], cells: Sequence[str], width: int) -> list[str]:

@@ -29,7 +29,7 @@ from hindrax_core.text.screen_text import fitted
 from hindrax_core.vehicle import load_vehicle
 from hindrax_operator import one_thruster
 from hindrax_operator.one_thruster import pulses_of
-from hindrax_operator.pool_run import FlownManeuver, finish
+from hindrax_operator.pool_run import FlownManeuver, finish, simulated_world
 
 
 @pytest.fixture(autouse=True)
@@ -251,13 +251,16 @@ def test_a_mock_that_ran_into_a_wall_reports_it_at_the_end(tmp_path: Path, capsy
     assert capsys.readouterr().err == "the mock vehicle ran into a wall of its pool (contacts: 2)\n"
 
 
-def test_the_world_that_was_drawn_is_reported_with_its_units(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    nothing: Any = Message(results=Message(motions={}))
+def test_the_world_that_was_drawn_is_for_the_report_with_its_units() -> None:
     facts = {"world": {"tether": 0.52449, "wake": 0.00172}, "world_units": {"tether": "N", "wake": "-"}}
-    finish(nothing, RunFolder(tmp_path), FlownManeuver(facts=facts))
-    assert capsys.readouterr().out.startswith("the mock's world: tether 0.524 N, wake 0.00172\n")
+    assert simulated_world(facts) == ["the mock's world: tether 0.524 N, wake 0.00172"]
+    assert simulated_world({}) == []
+
+
+def test_the_last_line_of_a_run_is_its_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    nothing: Any = Message(results=Message(motions={}))
+    finish(nothing, RunFolder(tmp_path), FlownManeuver())
+    assert capsys.readouterr().out == f"report: {tmp_path / 'report.html'}\n"
 
 
 # ---- up and mock

@@ -128,7 +128,14 @@ def run_pool_test(options: PoolOptions) -> int:
         predicted = options.predicted
         try:
             with working("identifying"):
-                identified = identify_run(folder, vehicle, mock=mock, aborted=flight.aborted, predicted=predicted)
+                identified = identify_run(
+                    folder,
+                    vehicle,
+                    mock=mock,
+                    aborted=flight.aborted,
+                    predicted=predicted,
+                    assumed=simulated_world(flight.facts),
+                )
         except HindraxError as error:
             end = f"aborted by {flight.aborted}" if flight.aborted else "flown"
             later = f"the record is stored; then `./hindrax identify {folder.bag}` gives the results"
@@ -143,7 +150,7 @@ def run_pool_test(options: PoolOptions) -> int:
     else:
         if identified.results.motions:
             show(identified)
-        finish(identified, folder, flight)
+        finish(identified, folder, flight, mock=mock)
     if flight.interrupted:
         return INTERRUPTED
     return 1 if flight.aborted or identified.left_out or not identified.complete else 0
@@ -169,29 +176,36 @@ def planned(vehicle: Vehicle, options: PoolOptions) -> list[str]:
     return [f"plan: {plan}" for plan in plans_of(vehicle, options.motions)]
 
 
-def finish(identified: Identified, folder: RunFolder, flight: FlownManeuver) -> None:
-    """Print how a run went, below its results."""
+def simulated_world(facts: Mapping[str, Any]) -> list[str]:
+    """Effects that the mock has simulated beside the model, for the report; none for a real vehicle."""
+    world = facts.get("world") or {}
+    sizes = (f"{name} {size:.3g} {facts['world_units'][name]}".removesuffix(" -") for name, size in world.items())
+    return [f"the mock's world: {', '.join(sizes)}"] if world else []
+
+
+def finish(identified: Identified, folder: RunFolder, flight: FlownManeuver, *, mock: bool = False) -> None:
+    """Print how a run ended, the next experiment, and where the report is."""
+    from hindrax_analysis.identification.verdict import show_next  # noqa: PLC0415  # SciPy is loaded after the flight
+
     if flight.aborted:
         print_stderr(f"aborted by {flight.aborted}")
         for line in flight.node_problems:
             print_stderr(f"  {line}")
         if not identified.results.motions:
             print_stderr("nothing was flown: there is no data, so there are no coefficients")
-    if world := flight.facts.get("world"):
-        units = flight.facts["world_units"]
-        sizes = (f"{name} {size:.3g} {units[name]}".removesuffix(" -") for name, size in world.items())
-        print_fitted(f"the mock's world: {', '.join(sizes)}")
     if flight.facts.get("wall_hits"):
         hits = flight.facts["wall_hits"]
         print_stderr(f"the mock vehicle ran into a wall of its pool (contacts: {hits})")
-    print_fitted(f"flown at {flight.real_time_factor:.1f} times real time ({flight.vehicle_s:.0f} s of vehicle time)")
+    if flight.vehicle_s:
+        pace = f"{flight.real_time_factor:.1f} times real time"
+        print_stderr(f"flown at {pace} ({flight.vehicle_s:.0f} s of vehicle time)")
     if flight.facts:
         print_fitted(
             "the seed repeats the world and the noise, not when processes run on this computer: a second run differs "
             "within its +-; --plan repeats exactly"
         )
-    for path in (folder.report, folder.coefficients, folder.bag):
-        print_fitted(f"  {path}")
+    show_next(identified.results.motions, ["./hindrax", "pool-test", *(["--mock"] if mock else [])])
+    print_fitted(f"report: {folder.report}")
 
 
 def fly(options: PoolOptions, folder: RunFolder, progress: Progress) -> FlownManeuver:

@@ -13,7 +13,7 @@ from rich.table import Table
 from hindrax_control.maneuver.plan import TURNING
 from hindrax_core.events import Stamped
 from hindrax_core.signals import Estimate
-from hindrax_core.text.digits import measured
+from hindrax_core.text.digits import IN_FLIGHT, measured
 from hindrax_core.text.screen_text import fitted, screen_width
 
 REFRESH_S = 0.2
@@ -29,6 +29,7 @@ class Progress:
         self._begin = time.monotonic()
         self._shown = 0.0
         self._phase = ("", "")
+        self._named = False
 
     def __enter__(self) -> Self:
         if self._live is not None:
@@ -62,6 +63,9 @@ class Progress:
         if phase != self._phase:
             self._phase = phase
             if maneuver.phase == "plateau":
+                if not self._named and maneuver.motion in estimates:
+                    self._named = True
+                    self.report(IN_FLIGHT)
                 self.report(plateau_line(maneuver, estimates))
 
 
@@ -81,6 +85,8 @@ def panel(maneuver: Any, navigation: Any, estimates: dict[str, Stamped[Estimate]
         table.add_row("vehicle", where)
     for motion, stamped in estimates.items():
         table.add_row(motion, coefficients_line(stamped.reading))
+    if estimates:
+        table.add_row("", IN_FLIGHT)
     return table
 
 

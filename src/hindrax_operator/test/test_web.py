@@ -446,7 +446,7 @@ def test_every_number_of_the_news_is_json() -> None:
     silent: Any = plain(summary(Snapshot()))
     assert silent["silent_s"] is None
     (value, _) = found["estimates"][0]["values"]
-    assert value == {"name": "k_q", "unit": "N s2/m2", "value": 66.1, "band": pytest.approx(1.96 * 0.4)}
+    assert value == {"name": "k_q", "unit": "N s2/m2", "value": 66.1, "std": 0.4, "band": pytest.approx(1.96 * 0.4)}
 
 
 def test_the_page_shows_the_plans_of_the_pilot() -> None:

@@ -16,6 +16,7 @@ from hindrax_analysis.coefficients_file import (
     conditions_of,
     read_coefficients,
 )
+from hindrax_analysis.identification.verdict import show_verdicts
 from hindrax_analysis.published import CITATION, PAPER, published_of
 from hindrax_analysis.records.own_bag import bag_events, date_of, left_out, maneuver_record, truth_in
 from hindrax_analysis.report.comparison import RunScatter
@@ -27,7 +28,7 @@ from hindrax_bag.read.bag_reader import bag_files, messages
 from hindrax_bag.run_folder import RunFolder
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp
-from hindrax_core.text.digits import measured
+from hindrax_core.text.digits import PLUS_MINUS, measured
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.text.text_file import replace_text, writing
 from hindrax_core.topics import ESTIMATE, resolved
@@ -36,8 +37,6 @@ from hindrax_ident.assess.results import MotionResult, Results, with_truth
 from hindrax_ident.model.motion_model import MOTIONS, axis_units
 from hindrax_ident.online.session import Outcome, Session
 from hindrax_ident.tuning import Tuning
-
-LARGEST = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,26 +86,28 @@ REJECTED = "*"
 
 
 def show(identified: Identified) -> None:
-    """Print coefficients with the true values of the mock and the paper's; then unidentifiable motions with reasons."""
+    """Print coefficients with the true values of the mock and the paper's, reasons of what is not, then verdicts."""
     motions = identified.results.motions
     name = identified.results.vehicle.name
     papers = (PAPER,) if any(published_of(name, motion) for motion in motions) else ()
-    numbers = ("value +- std", *(("truth",) if identified.mock else ()), *papers)
+    truths = [one.truth for result in motions.values() for one in result.coefficients.values()]
+    has_truth = any(one is not None for one in truths)
+    numbers = ("value +- std", *(("truth",) if has_truth else ()), *papers)
     rows = []
     for motion, result in motions.items():
         published = published_of(name, motion)
         paper = published.in_our_axes if published else {}
         for key, number in result.coefficients.items():
-            truth = () if not identified.mock else ("" if number.truth is None else f"{number.truth:.4g}",)
+            truth = () if not has_truth else ("" if number.truth is None else f"{number.truth:.4g}",)
             printed = f"{paper[key][0]:.2f} +- {paper[key][1]:.2f}" if key in paper else ""
             found = measured(number.value, number.std_calibrated)
-            name = motion if result.identifiable else f"{motion} {REJECTED}"
-            rows.append((name, f"{key} [{number.unit}]", found, *truth, *((printed,) if papers else ())))
+            marked = motion if result.identifiable else f"{motion} {REJECTED}"
+            rows.append((marked, f"{key} [{number.unit}]", found, *truth, *((printed,) if papers else ())))
     if rows:
-        print_table("Identified coefficients, SNAME axes", ("motion", "coefficient"), numbers, rows)
-    if rows and papers:
+        title = f"Identified coefficients, SNAME axes ({PLUS_MINUS}, calibration, water and tether included)"
+        lacking = print_table(title, ("motion", "coefficient"), numbers, rows, spare=papers, grouped=True)
+    if rows and papers and not lacking:
         print_fitted(f"{PAPER}: {CITATION}")
-    _show_budgets(motions, identified.predicted)
     _show_warnings(identified)
     for motion, result in motions.items():
         if not result.identifiable:
@@ -120,6 +121,7 @@ def show(identified: Identified) -> None:
                     for at in (0, -1)
                 ]
                 print_fitted(f"  drag: {', '.join(ends)}")
+    show_verdicts(motions, identified.predicted)
 
 
 def _show_warnings(identified: Identified) -> None:
@@ -139,33 +141,21 @@ def shared_warnings(motions: Mapping[str, MotionResult]) -> list[tuple[list[str]
     return [(of, warning) for warning, of in names.items()]
 
 
-def _show_budgets(motions: Mapping[str, MotionResult], predicted: Mapping[str, float]) -> None:
-    """Print the largest contributions to the uncertainty of each motion's drag, and what would shrink it most."""
-    prose = ("largest contributions", "what would shrink it most, and to what")
-    numbers = ("predicted", "calibrated") if predicted else ("calibrated",)
-    rows = []
-    for motion, result in motions.items():
-        budget = result.budget.get("drag")
-        step = result.next_step
-        if budget and step and result.drag is not None and result.drag.force[-1] > 0.0:
-            force = float(result.drag.force[-1])
-            largest = ", ".join(f"{row.influence} {row.std / force:.1%}" for row in budget[:LARGEST])
-            before = (f"{predicted[motion]:.1%}" if motion in predicted else "",) if predicted else ()
-            calibrated = f"{result.drag.std_calibrated[-1] / force:.1%}"
-            rows.append((motion, *before, calibrated, largest, f"{step.remedy}: {step.std / force:.1%}"))
-    if rows:
-        print_table("Uncertainty of the drag at the highest speed", ("motion",), numbers, rows, prose)
-
-
 def identify_run(
-    folder: RunFolder, vehicle: Vehicle, *, mock: bool, aborted: str = "", predicted: Mapping[str, float]
+    folder: RunFolder,
+    vehicle: Vehicle,
+    *,
+    mock: bool,
+    aborted: str = "",
+    predicted: Mapping[str, float],
+    assumed: Sequence[str] = (),
 ) -> Identified:
     """Identify over the bag of a run and write its coefficients and its report.
 
-    Both contain why it was `aborted`, and what was `predicted`.
+    Both contain why it was `aborted`, what was `predicted`, and what is `assumed` or simulated.
     """
     identified = replace(identify_bag(folder.bag, vehicle, mock=mock), predicted=predicted)
-    conditions = recorded_conditions(identified, [folder.bag], [folder.bag], aborted=aborted)
+    conditions = recorded_conditions(identified, [folder.bag], [folder.bag], assumed, aborted=aborted)
     write(folder.coefficients, as_yaml(identified.results, conditions))
     write_report(folder.report, identified, conditions, folder.bag)
     return identified

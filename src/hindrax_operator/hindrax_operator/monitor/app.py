@@ -53,7 +53,7 @@ class Monitor(App[int]):
             yield places["health"]
         yield places["maneuver"]
         with VerticalScroll(id="rest") as rest:
-            rest.border_title = "estimate with 95 % bands, SI units; number of samples"
+            rest.border_title = "estimate ± std (noise so far), SI units; samples"
             yield places["estimates"]
         yield Footer()
 

@@ -140,7 +140,7 @@ def maneuver(flight: ManeuverView | None) -> RenderableType:
 
 
 def estimates(found: Mapping[str, Estimate]) -> RenderableType:
-    """Each motion: a dot while it learns, coefficients with 95 % bands, then its samples or why it does not learn."""
+    """Each motion: a dot while it learns, coefficients with deviations, then its samples or why it does not learn."""
     if not found:
         return Text("none yet; they come with the first plateau of a maneuver", style=DIM)
     width = max(len(motion) for motion in found)
@@ -154,7 +154,7 @@ def _estimate(motion: str, one: Estimate) -> Text:
         band = TWO_SIDED_95 * sigma
         style = GOOD if band < 0.1 * abs(value) else WARN if band < abs(value) else DIM
         short = SHORT_NAMES.get(name, name)
-        number, plus_minus = rounded(value, band) if math.isfinite(value) and math.isfinite(band) else ("?", "?")
+        number, plus_minus = rounded(value, sigma) if math.isfinite(value) and math.isfinite(sigma) else ("?", "?")
         text.append(f"{short} ", DIM).append(number, VALUE).append(f"\u00b1{plus_minus} ", style)
     return text.append(f"{one.samples} {one.reason}".rstrip(), DIM)
 

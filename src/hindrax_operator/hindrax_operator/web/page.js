@@ -26,11 +26,11 @@ const number = (value, digits, unit, sign) => {
 };
 const short = value => value === null ? "?"
   : Math.abs(value) >= 1000 ? value.toFixed(0) : String(+value.toPrecision(3));
-/* A value with the digits that its band, rounded to two, leaves it. */
-const banded = (value, band) => {
-  if (value === null || !(band > 0)) return `${short(value)} \u00b1${short(band)}`;
-  const digits = Math.min(9, Math.max(0, 1 - Math.floor(Math.log10(Number(band.toPrecision(2))))));
-  return `${fixed(value, digits)} \u00b1${band.toFixed(digits)}`;
+/* A value with the digits that its standard deviation, rounded to two, leaves it. */
+const measured = (value, std) => {
+  if (value === null || !(std > 0)) return `${short(value)} \u00b1${short(std)}`;
+  const digits = Math.min(9, Math.max(0, 1 - Math.floor(Math.log10(Number(std.toPrecision(2))))));
+  return `${fixed(value, digits)} \u00b1${std.toFixed(digits)}`;
 };
 const rows = (place, found) => place.replaceChildren(...found.flatMap(([name, text, kind]) =>
   [make("dt", name), make("dd", text, kind)]));
@@ -287,7 +287,7 @@ function estimates(found) {
     row.append(make("td", one.motion));
     const cell = make("td", undefined, "many");
     cell.append(...one.values.map(v =>
-      make("span", `${v.name} ${banded(v.value, v.band)} ${v.unit}`, "coefficient")));
+      make("span", `${v.name} ${measured(v.value, v.std)} ${v.unit}`, "coefficient")));
     row.append(cell, make("td", one.samples), make("td", one.learning ? "learning" : one.reason || "resting",
       one.learning ? "good" : "soft"));
     return row;
@@ -395,7 +395,7 @@ function keep(found) {
   course.samples = found.samples;
   for (const one of found.values) {
     const kept = course.lines[one.name] ||= {unit: one.unit, points: []};
-    kept.points.push({at: heard_ms, value: one.value, band: one.band});
+    kept.points.push({at: heard_ms, value: one.value, std: one.std, band: one.band});
     if (kept.points.length > 800) kept.points = kept.points.filter((_, index) => index % 2);
   }
   at("course").dataset.newest = found.motion;
@@ -418,9 +418,9 @@ function plotCourses() {
     }));
   }
   place.querySelectorAll("canvas").forEach((canvas, index) => {
-    const {points, unit} = course.lines[names[index]], {value, band} = points.at(-1);
+    const {points, unit} = course.lines[names[index]], {value, std} = points.at(-1);
     plot(canvas, [points], points[0].at, Math.abs(value || 1) * 0.02);
-    canvas.setAttribute("aria-label", `${picked} ${names[index]} over time, now ${banded(value, band)} ${unit}`);
+    canvas.setAttribute("aria-label", `${picked} ${names[index]} over time, now ${measured(value, std)} ${unit}`);
   });
 }
 

@@ -77,8 +77,9 @@ def _hold(hold: HoldState) -> Json:
 
 
 def _estimate(motion: str, found: Estimate) -> Json:
-    rows = zip(found.names, found.units, found.values, (TWO_SIDED_95 * sigma for sigma in found.sigmas), strict=True)
-    keys = ("name", "unit", "value", "band")
+    bands = (TWO_SIDED_95 * sigma for sigma in found.sigmas)
+    rows = zip(found.names, found.units, found.values, found.sigmas, bands, strict=True)
+    keys = ("name", "unit", "value", "std", "band")
     return {
         "motion": motion,
         "learning": found.learning,

@@ -42,7 +42,7 @@ def _show_info(found: Survey) -> None:
         (name, one.type, one.count, f"{found.rate_Hz(one):g}", one.bytes // max(1, one.count))
         for name, one in sorted(found.topics.items())
     ]
-    print_table(title, ("topic", "type"), ("messages", "Hz", "bytes each"), rows)
+    print_table(title, ("topic", "type"), ("messages", "Hz", "bytes each"), rows, spare=("bytes each", "type"))
     print_fitted(f"inside: {', '.join(found.inside) or 'no files'}")
     for note in found.damage.notes:
         print_fitted(note)

@@ -22,6 +22,7 @@ from hindrax_analysis.identification.record_identification import (
     open_sources,
     recorded_vehicle,
 )
+from hindrax_analysis.identification.verdict import show_next
 from hindrax_analysis.records.csv_columns import COLUMNS
 from hindrax_analysis.records.third_party_bag import FRAMES, TopicSelection
 from hindrax_analysis.terminal import print_answer, working
@@ -196,6 +197,7 @@ def _show(arguments: argparse.Namespace, found: Identified, conditions: ResultCo
         for key, one in spreads.items():
             times = f"{one.ratio:.1f} times their deviations, expected 1"
             print_fitted(f"{motion} {key}: {one.runs} runs differ by {times}; by {one.between:.3g} from run to run")
-    for path in (arguments.report, arguments.coefficients):
+    show_next(found.results.motions, [])
+    for name, path in (("coefficients", arguments.coefficients), ("report", arguments.report)):
         if path:
-            print_fitted(f"  {path}")
+            print_fitted(f"{name}: {path}")

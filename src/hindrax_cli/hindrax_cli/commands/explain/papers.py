@@ -47,4 +47,11 @@ def _show_paper(title: str, cells: Sequence[Cell]) -> None:
         values = (f"{cell.printed:.6g}", f"{cell.recomputed:.6g}", difference, cell.unit)
         verdict = Text(cell.verdict, style=COLORS[cell.verdict])
         rows.append((cell.table, cell.row, cell.quantity, *values, verdict, cell.note))
-    print_table(title, ("table", "row", "quantity"), numbers, rows, ("unit", "verdict", "note"))
+    print_table(
+        title,
+        ("table", "row", "quantity"),
+        numbers,
+        rows,
+        ("unit", "verdict", "note"),
+        spare=("table", "difference", "note"),
+    )

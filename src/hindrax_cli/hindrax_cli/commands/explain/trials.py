@@ -70,7 +70,7 @@ def print_montecarlo(document: dict[str, Any]) -> None:
     headings = (*numbers, *(f"RMSE / bound, {method}" for method in methods))
     rows = [(*_row(cell), *(_ratio(cells, cell) for cells in methods.values())) for cell in document["cells"]]
     title = f"{document['runs']} runs; RMSE / bound: 1 is the limit of what can be known"
-    print_table(title, ("motion", "coefficient"), headings, rows)
+    print_table(title, ("motion", "coefficient"), headings, rows, spare=("bias", "truth"), grouped=True)
     low, high = document["ratio_by_chance"]
     print_fitted(f"{document['runs']} runs at the bound give {low:.2f} to {high:.2f} by chance, 95 times in 100")
     title = "Drag force at shares of the tested speed: relative error"
