@@ -170,7 +170,7 @@ def test_hostile_goals_are_refused_in_one_sentence_and_fly_nothing(bench: Bench)
         "goal: motion 'loop' unknown, wanted one of surge, ": bench.goal("surge", "loop"),
         "goal: 3000 motions, one of them twice, wanted each once": bench.goal(*["surge"] * 3000),
         "goal: until nan, wanted 0.0001 to 1": bench.goal("surge", until=float("nan")),
-        "goal: minutes -1, wanted 0 to 50": bench.goal("surge", minutes=-1.0),
+        "goal: minutes -1, wanted more than 0, at most 50": bench.goal("surge", minutes=-1.0),
         "goal: ending 'drift' unknown, wanted hold or neutral": RunExperiment.Goal(
             motions=["surge"], plan=True, on_cancel="drift"
         ),

@@ -252,8 +252,11 @@ def sweep_setting(client: Client, name: str, wanted: list[Parameter]) -> None:
     results = client.ask(SetParameters, service, SetParameters.Request(parameters=wanted)).results
     assert len(results) == len(wanted)
     for one, result in zip(wanted, results, strict=True):
-        # Zero and false fit some parameters that can be changed while the node runs, which lives on with them.
+        # Zero, false and an empty text (not set) fit some parameters of a running node, which lives on with them.
         fits = one.value.type == ParameterType.PARAMETER_BOOL or one.value == ParameterValue(type=one.value.type)
+        fits = fits or (
+            one.value.type == ParameterType.PARAMETER_STRING and not one.value.string_value.strip("\0\u2620")
+        )
         assert result.reason or (result.successful and fits), f"{name}: {one}"
         strange = one.value.type not in range(1, ParameterType.PARAMETER_STRING_ARRAY + 1)
         if one.name not in NAMES and strange:

@@ -210,6 +210,7 @@ def helmsman(kind: str, rng: np.random.Generator) -> tuple[Helmsman, float]:
     rates = rng.uniform(0.8, 1.2, 6)
 
     def wanted(t: float) -> Array:
+        """Wrench at a time, (6,) [N, N m]; NaN where the axis is held."""
         out = np.full(6, np.nan)
         axis, since = int(t // AXIS_S), t % AXIS_S
         if axis < 6:
@@ -228,6 +229,7 @@ def _pilot(rng: np.random.Generator) -> Helmsman:
         sticks[axis] = ends, np.where(rng.random(200) < 0.5, rng.uniform(-1.0, 1.0, 200), np.nan)
 
     def wanted(t: float) -> Array:
+        """Wrench at a time, (6,) [N, N m]; NaN where the axis is held."""
         out = np.full(6, np.nan)
         for axis, (ends, pushes) in sticks.items():
             out[axis] = pushes[np.searchsorted(ends, t)]
@@ -317,6 +319,7 @@ def _move(now: _Motion, plant: Plant, fluid: Fluid, inverse: Array, thrust: Arra
     B = plant.directions
 
     def acceleration(nu: Array) -> Array:
+        """Acceleration at a velocity, (6,) [m/s^2, rad/s^2]."""
         along = B[:3].T @ nu[:3] + B[3:].T @ nu[3:]
         lost = plant.lost * math.sqrt(10.0) / 0.5 * np.sqrt(np.abs(thrust)) * along
         down = now.R[2]

@@ -12,6 +12,7 @@ from ulog import ulog
 
 from hindrax_analysis.records.ardupilot_log import CHANNELS, WRAP_s
 from hindrax_analysis.records.autopilot_log import read_log
+from hindrax_analysis.records.autopilot_vehicle import logged_wiring, wired
 from hindrax_analysis.records.recording import Recording, reason_to_skip
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.allocation.thrust_curve import AppliedWrench
@@ -220,3 +221,41 @@ def test_each_start_of_the_autopilot_is_a_record(tmp_path: Path) -> None:
 
 def test_channels_are_those_of_the_messages() -> None:
     assert hasattr(ardupilotmega.MAVLink_servo_output_raw_message(0, 0, *range(8)), f"servo{CHANNELS}_raw")
+
+
+PARAMETERS = {"FRAME_CONFIG": 2.0} | {f"SERVO{n}_FUNCTION": 32.0 + n for n in range(1, 9)} | {"MOT_3_DIRECTION": -1.0}
+SWAPPED = PARAMETERS | {"SERVO1_FUNCTION": 38.0, "SERVO6_FUNCTION": 33.0, "SERVO6_REVERSED": 1.0}
+
+
+def with_parameters(parameters: dict[str, float]) -> bytes:
+    records = [packed("PARM", 1_000_000, name.encode(), value) for name, value in parameters.items()]
+    log = list(dataflash())
+    return b"".join([*log[: len(FORMATS)], *records, *log[len(FORMATS) :]])
+
+
+def test_the_wiring_of_an_ardusub_is_in_its_log(tmp_path: Path) -> None:
+    file = tmp_path / "dive.bin"
+    file.write_bytes(with_parameters(SWAPPED))
+    wiring = logged_wiring([tmp_path / "not.csv", file])
+    assert wiring is not None
+    assert wiring.kind == "bluerov2-heavy"
+    assert wiring.motors[1] == (5, True)  # motor 1 at output 6, which is reversed
+    assert wiring.motors[6] == (0, False)
+    assert wiring.turned == (1, 3)
+    heavy = load_vehicle(default_vehicle().parent / "bluerov2-heavy.yaml")
+    found = wired(heavy, wiring).thrusters
+    assert [one.channel for one in found] == [5, 1, 2, 3, 4, 0, 6, 7]
+    assert [one.name for one in found if one.reversed] == ["T1", "T3"]
+    with pytest.raises(UsageError, match=r"has 6 thrusters, the autopilot drives 8"):
+        wired(load_vehicle(default_vehicle().parent / "bluerov2.yaml"), wiring)
+    file.write_bytes(with_parameters({"SERVO1_FUNCTION": 33.0}))
+    assert logged_wiring([file]) is None
+
+
+@pytest.mark.parametrize(("name", "motors"), [("bluerov2", 6), ("bluerov2-heavy", 8)])
+def test_vehicles_in_the_box_push_as_ardusubs_frames_do(name: str, motors: int) -> None:
+    """AP_Motors6DOF: T1 135, T2 -135, T3 45, T4 -45 degrees of azimuth; T5 and up -90 degrees of elevation."""
+    thrusters = load_vehicle(default_vehicle().parent / f"{name}.yaml").thrusters
+    assert len(thrusters) == motors
+    assert [one.azimuth_deg for one in thrusters[:4]] == [135.0, -135.0, 45.0, -45.0]
+    assert {one.elevation_deg for one in thrusters[4:]} == {-90.0}

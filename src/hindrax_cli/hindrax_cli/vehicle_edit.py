@@ -1,7 +1,8 @@
-"""Changes one value of a vehicle file; comments, order and style stay."""
+"""Changes values of a vehicle file; comments, order and style stay."""
 
 import argparse
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -98,3 +99,18 @@ def _end(text: str, node: Any) -> int:
     while end > node.start_mark.index and text[end - 1] in " \n":
         end -= 1
     return end
+
+
+def with_outputs(text: str, name: str, motors: Mapping[int, tuple[int, bool]]) -> str:
+    """Text of a vehicle file with another name, and the thrusters T1 to Tn at these channels and in these senses."""
+    lines = []
+    for line in text.splitlines():
+        found = re.match(r"( *- \{name: T(\d+), channel: )\d+(.*)\}(.*)$", line)
+        if line.startswith("name:"):
+            lines.append(f"name: {name}")
+        elif found and int(found[2]) in motors:
+            channel, backwards = motors[int(found[2])]
+            lines.append(f"{found[1]}{channel}{found[3]}{', reversed: true' if backwards else ''}}}{found[4]}")
+        else:
+            lines.append(line)
+    return "\n".join(lines) + "\n"

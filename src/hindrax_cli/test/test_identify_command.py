@@ -6,6 +6,7 @@ import math
 import re
 import shutil
 import sqlite3
+import struct
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -707,3 +708,47 @@ def test_a_place_that_cannot_be_written_is_reported_before_the_work(desk: Desk, 
     printed = desk.capsys.readouterr().err
     assert f"{words[-1]}: cannot be written (No such file or directory)" in printed
     assert "no-record" not in printed
+
+
+def test_the_log_of_an_ardusub_says_which_vehicle_it_is_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`identify dive.bin` and no other file; and the vehicle file that `vehicle new --from` makes of it."""
+    log = tmp_path / "dive.bin"
+    parameters = {"FRAME_CONFIG": 2.0, "MOT_4_DIRECTION": -1.0} | {f"SERVO{n}_FUNCTION": 32.0 + n for n in range(1, 9)}
+    log.write_bytes(dataflash_of_yaw(parameters))
+    assert main(["identify", str(log)]) in (0, 1)
+    told = capsys.readouterr().err
+    assert "the log's frame is that of bluerov2-heavy, whose hull is assumed" in told
+    made = tmp_path / "mine.yaml"
+    assert main(["vehicle", "new", "mine", "--from", str(log), "--out", str(made)]) == 0
+    vehicle = load_vehicle(made)
+    assert vehicle.name == "mine"
+    assert [one.name for one in vehicle.thrusters if one.reversed] == ["T4"]
+    log.write_bytes(dataflash_of_yaw({"FRAME_CONFIG": 5.0}))
+    assert main(["vehicle", "new", "other", "--from", str(log), "--out", str(tmp_path / "o.yaml")]) == 2
+    assert "found FRAME_CONFIG 5, wanted a log of an ArduSub with the frame 1" in capsys.readouterr().err
+
+
+def dataflash_of_yaw(parameters: dict[str, float]) -> bytes:
+    """A DataFlash log of an ArduSub without a DVL that yaws: parameters, attitude, rates and pulses."""
+    formats = {
+        "FMT": (128, "BBnNZ", "Type,Length,Name,Format,Columns", "<BB4s16s64s"),
+        "PARM": (1, "QNf", "TimeUS,Name,Value", "<Q16sf"),
+        "ATT": (2, "Qccc", "TimeUS,Roll,Pitch,Yaw", "<Qhhh"),
+        "IMU": (3, "QBfff", "TimeUS,I,GyrX,GyrY,GyrZ", "<QBfff"),
+        "RCOU": (4, "Q" + "H" * 8, "TimeUS," + ",".join(f"C{n}" for n in range(1, 9)), "<Q8H"),
+    }
+
+    def packed(name: str, *values: float | bytes) -> bytes:
+        return b"\xa3\x95" + bytes([formats[name][0]]) + struct.pack(formats[name][3], *values)
+
+    log = [
+        packed("FMT", number, 3 + struct.calcsize(layout), name.encode(), kinds.encode(), columns.encode())
+        for name, (number, kinds, columns, layout) in formats.items()
+    ]
+    log += [packed("PARM", 1_000_000, name.encode(), value) for name, value in parameters.items()]
+    for step in range(400):
+        at_us, turning = 1_000_000 + 50_000 * step, 1 if step // 80 % 2 else -1
+        log.append(packed("ATT", at_us, 0, 0, 0))
+        log.append(packed("IMU", at_us, 0, 0.0, 0.0, 0.5 * turning))
+        log.append(packed("RCOU", at_us, *(1500 + 80 * turning * side for side in (-1, 1, -1, 1)), *[1500] * 4))
+    return b"".join(log)

@@ -15,10 +15,12 @@ import yaml
 from rich.console import Console
 
 from hindrax_analysis import terminal
+from hindrax_analysis.gains.hold_gains import designed
 from hindrax_analysis.identification.known_weight import Weighing
 from hindrax_analysis.identification.montecarlo import CoefficientError, DragError, Trial, summary
 from hindrax_analysis.terminal import ResultTable
 from hindrax_bringup.clone import clone_root
+from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli import command_line, pool_plan
 from hindrax_cli.command import MODULES
 from hindrax_cli.command_line import load, main, parser_of, print_overview
@@ -27,14 +29,16 @@ from hindrax_cli.commands.explain import trials
 from hindrax_cli.commands.machine import doctor
 from hindrax_cli.commands.operate import status
 from hindrax_cli.commands.operate.status import StackStatus
+from hindrax_cli.commands.pool import tune
 from hindrax_cli.health_checks import Check
 from hindrax_core.text import screen_text
 from hindrax_core.text.screen_text import COMMAND, UNBOUNDED
-from hindrax_core.vehicle import AxisGain
+from hindrax_core.vehicle import AxisGain, load_vehicle
 from hindrax_ident.arrays import array
 from hindrax_ident.assess.assessment import METHOD
 from hindrax_laboratory import pendulum
 from hindrax_sim.flights.rehearsal import ExpectedBand, Flown, Rehearsal
+from hindrax_sim.flights.step_flight import StepOutcome
 from hindrax_tools.faults import table as fault_table
 from hindrax_tools.faults.fault_outcome import MODES, FaultOutcome
 from hindrax_tools.reference.commands import words_of
@@ -86,6 +90,12 @@ def show_weighing() -> None:
     weigh.show(Weighing("surge", gain, {"alignment": 0.0006}, 0.0, 0.5), "not saved")
 
 
+def show_gains() -> None:
+    gains = designed(load_vehicle(default_vehicle()), [])
+    outcome = StepOutcome(3.2, 0.001, settled=True), StepOutcome(14.0, 0.1, settled=False)
+    tune._show(gains, {"1 m along": outcome})
+
+
 def show_plan() -> None:
     band = ExpectedBand(0.45, 0.023, 0.21, 0.26, ("the DVL loses the bottom",))
     flown = Flown("surge", 0.0, 115.0, 1.54, 0.66, 0.17)
@@ -99,6 +109,7 @@ PRINTERS: dict[str, Callable[[], None]] = {
     "bench": show_bench,
     "weigh": show_weighing,
     "pool-test": show_plan,
+    "tune": show_gains,
 }
 """What the others print; they need minutes, a stack or a person. Results of a pool test are those of `identify`."""
 WITHOUT_UNIT = {

@@ -236,7 +236,9 @@ class Vehicle:
     center_of_mass_m: Vec3 = knob((0.0, 0.0, 0.0), -10.0, 10.0, "center of mass from the body origin [m]")
     center_of_buoyancy_m: Vec3 = knob((0.0, 0.0, 0.0), -10.0, 10.0, "center of buoyancy from the body origin [m]")
     depth_rating_m: float = knob(60.0, 0.0, 12000.0, "depth rating [m]")
-    supply_V: float = knob(14.8, 5.0, 60.0, "supply voltage assumed without a battery sensor [V]")
+    supply_V: float = knob(
+        14.8, 5.0, 60.0, "supply without a battery sensor; in a file the default is that of its curves [V]"
+    )
     projected_areas_m2: Vec3 | None = knob(None, meaning="seen along x, y, z; for estimates from geometry [m^2]")
     water: Water = field(default_factory=Water)
     pool: Pool = field(default_factory=Pool)
@@ -356,4 +358,13 @@ def load_vehicle(path: str | Path) -> Vehicle:
 
 def vehicle_from_text(text: str, source: str) -> Vehicle:
     """Check the text of a vehicle file; errors name `source`."""
-    return build(Vehicle, read_yaml(text, f"vehicle file {source}"), f"{source}:")
+    return build(Vehicle, _with_supply(read_yaml(text, f"vehicle file {source}")), f"{source}:")
+
+
+def _with_supply(data: object) -> object:
+    """The file with the supply of its curves, where it names none: thrust as measured, not scaled in silence."""
+    curves = data.get("curves") if isinstance(data, Mapping) else None
+    if not isinstance(data, Mapping) or "supply_V" in data or not isinstance(curves, Mapping):
+        return data
+    volts = next((one["supply_V"] for one in curves.values() if isinstance(one, Mapping) and "supply_V" in one), None)
+    return data if volts is None else {**data, "supply_V": volts}

@@ -235,7 +235,7 @@ def tested_speeds(top: float) -> Array:
 
 
 def law_of(k_q: float, k_l: float) -> Callable[[Array], Array]:
-    """Force of a drag over the speed, one direction."""
+    """Force (n,) [N, N m] of a drag over the speed (n,), one direction."""
     return lambda speed: np.asarray((k_q * speed + k_l) * speed)
 
 

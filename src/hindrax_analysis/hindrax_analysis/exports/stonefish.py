@@ -230,6 +230,7 @@ def _quality(model: ExportModel, law: Law, boxes: tuple[DragBox, DragBox]) -> It
     for axis, name in enumerate(AXES):
 
         def given(speed: Array, axis: int = axis) -> Array:
+            """Resistance of both boxes, (n,) [N, N m]."""
             return boxes[0].resistance(axis, speed) + boxes[1].resistance(axis, speed)
 
         top = model.top_speed[axis]

@@ -104,9 +104,9 @@ def _kind(default: Any) -> Any:
 
 
 def _text(default: Any) -> str:
-    """As YAML, which launch reads it as."""
+    """As YAML, which launch reads it as; it refuses a null, so what is not set is an empty text in quotes."""
     if default is None:
-        return ""
+        return "''"
     if isinstance(default, bool):
         return str(default).lower()
     return str(list(default)) if isinstance(default, list | tuple) else str(default)

@@ -2,6 +2,7 @@
 
 import argparse
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,10 +24,11 @@ from hindrax_analysis.identification.record_identification import (
     recorded_vehicle,
 )
 from hindrax_analysis.identification.verdict import show_next
+from hindrax_analysis.records.autopilot_vehicle import BOX, logged_wiring, wired
 from hindrax_analysis.records.csv_columns import COLUMNS
 from hindrax_analysis.records.third_party_bag import FRAMES, TopicSelection
 from hindrax_analysis.terminal import print_answer, working
-from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.share_files import default_vehicle, vehicle_file
 from hindrax_cli.argument_types import add_json, named_vehicle, within
 from hindrax_cli.command import command, option
 from hindrax_core.errors import UsageError
@@ -82,10 +84,26 @@ def opened(arguments: argparse.Namespace) -> tuple[Vehicle | None, list[RecordSo
     if not arguments.to_s > arguments.from_s:
         raise UsageError(f"--to {arguments.to_s:g}: wanted more than --from {arguments.from_s:g}")
     topics = TopicSelection(arguments.odometry, arguments.wrench, arguments.frame)
-    named = load_vehicle(arguments.vehicle) if arguments.vehicle else None
+    named = _with_wiring(arguments.records, load_vehicle(arguments.vehicle) if arguments.vehicle else None)
     axes = tuple(axes_named([] if ALL in arguments.dof else arguments.dof))
     task = IdentificationTask(axes, Span(arguments.from_s, arguments.to_s))
     return named, open_sources(arguments.records, topics, named), task
+
+
+def _with_wiring(records: Sequence[Path], named: Vehicle | None) -> Vehicle | None:
+    """The vehicle that an ArduSub's log describes, where none is named; one of the box is wired as the log says."""
+    wiring = logged_wiring(records)
+    if wiring is None:
+        return named
+    if named is None and wiring.kind:
+        print_stderr(f"note: no --vehicle was named; the log's frame is that of {wiring.kind}, whose hull is assumed")
+        return wired(load_vehicle(vehicle_file(wiring.kind)), wiring)
+    if named is not None and named.name in BOX:
+        return wired(named, wiring)
+    if named is not None and (turned := wiring.turned):
+        names = ", ".join(f"T{motor}" for motor in turned)
+        print_stderr(f"note: by the log's parameters {names} turn the other way; is that in {named.name}'s file?")
+    return named
 
 
 def _about(parser: argparse.ArgumentParser) -> None:

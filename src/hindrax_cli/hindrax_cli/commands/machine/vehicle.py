@@ -5,10 +5,12 @@ import sys
 from functools import partial
 from pathlib import Path
 
+from hindrax_analysis.records.autopilot_vehicle import logged_wiring, wired
 from hindrax_analysis.terminal import print_answer, print_table
 from hindrax_bringup.share_files import VEHICLE, own_vehicles, usual_vehicle, vehicle_file
 from hindrax_cli.argument_types import add_json
 from hindrax_cli.command import add_words, command, option
+from hindrax_cli.vehicle_edit import with_outputs
 from hindrax_cli.vehicle_questions import ask, file_text
 from hindrax_cli.vehicle_review import findings, picture, same_positions
 from hindrax_control.allocation.thrust_curve import thrust_curves
@@ -22,7 +24,7 @@ UPRIGHT_deg = 90.0
 
 
 def new(arguments: argparse.Namespace) -> int:
-    """Ask ten questions and write the vehicle file; an empty line accepts the answer in brackets."""
+    """Write a vehicle file: by ten questions (an empty line accepts the answer in brackets), or by an ArduSub's log."""
     name = arguments.vehicle
     if not name.replace("-", "").replace("_", "").isalnum():
         raise UsageError(f"vehicle {name}: wanted letters, digits, - and _; --out names the file")
@@ -30,7 +32,7 @@ def new(arguments: argparse.Namespace) -> int:
     if out.exists():
         raise UsageError(f"{out}: exists already; use another name, or remove it")
     require_place(next(folder for folder in out.absolute().parents if folder.exists()) / out.name)
-    text = file_text(name, ask(_line, _print_or_raise))
+    text = _text_from_log(name, arguments.log) if arguments.log else file_text(name, ask(_line, _print_or_raise))
     vehicle = vehicle_from_text(text, str(out))
     with writing(out, "name another place with --out", UsageError):
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -38,6 +40,26 @@ def new(arguments: argparse.Namespace) -> int:
     _show_checks(vehicle, out)
     print_fitted(f"written: {out}\n  ./hindrax vehicle show {name}\n  ./hindrax pool-test --mock --vehicle {name}")
     return 0
+
+
+def _text_from_log(name: str, log: Path) -> str:
+    """Vehicle file by the parameters in a log of an ArduSub: frame, outputs, senses; hull and curves of a BlueROV2."""
+    if not log.is_file():
+        raise UsageError(f"--from {log}: cannot be read, there is no such file")
+    wiring = logged_wiring([log])
+    if wiring is None or not wiring.kind:
+        found = f"FRAME_CONFIG {wiring.frame}" if wiring else "no FRAME_CONFIG"
+        raise UsageError(
+            f"--from {log}: found {found}, wanted a log of an ArduSub with the frame 1 (vectored) or 2 (vectored 6DOF)"
+            " that holds its parameters, as every .bin does; without --from ten questions make the file"
+        )
+    file = vehicle_file(wiring.kind)
+    wired(load_vehicle(file), wiring)
+    head = (
+        f"# Frame, outputs and senses of the thrusters by {log.name}; hull, water and curves are those of a\n"
+        f"# {wiring.kind} as sold: weigh yours as it flies, and correct mass_kg and volume_m3.\n"
+    )
+    return head + with_outputs(file.read_text(encoding="utf-8"), name, wiring.motors)
 
 
 def _line(prompt: str) -> str:
@@ -119,9 +141,10 @@ def _usual(parser: argparse.ArgumentParser) -> None:
 
 WORDS = {
     "new": command(
-        "./hindrax vehicle new myrov",
+        "./hindrax vehicle new myrov\n./hindrax vehicle new myrov --from dive.bin",
         option("vehicle", metavar="NAME", help="its name, or its file"),
         option("--out", type=Path, metavar="FILE", help="default: NAME.yaml in ~/.config/hindrax"),
+        option("--from", dest="log", type=Path, metavar="LOG", help="by the parameters in an ArduSub's .bin or .tlog"),
     )(new),
     "check": command("./hindrax vehicle check myrov", _usual, add_json)(check),
     "show": command("./hindrax vehicle show myrov", _usual, add_json)(show),

@@ -24,7 +24,7 @@ NEEDS = {"1 m along": ("surge", "heave"), "0.4 m down": ("heave",), "90 deg": ("
 
 
 @command(
-    "./hindrax tune runs/2026-05-04_10-00-00 --to hindrax --out gains.yaml\n./hindrax up --params gains.yaml",
+    "./hindrax tune runs/2026-05-04_10-00-00 --to hindrax --out gains.yaml",
     option("coefficients", type=Path, metavar="COEFFICIENTS", help="coefficients.yaml, or a run's folder"),
     option("--to", choices=TARGETS, default="table", help="default: table"),
     option("--out", type=Path, metavar="FILE", help="default: stdout"),

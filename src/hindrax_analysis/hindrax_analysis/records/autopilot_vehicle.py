@@ -1,0 +1,85 @@
+"""The vehicle that an ArduSub says it has: frame, which output drives which thruster, and its sense.
+
+ArduSub's public sources and parameter list: `FRAME_CONFIG` (1 vectored, 2 vectored with six degrees of freedom),
+`SERVOn_FUNCTION` 33 to 40 (motor 1 to 8 at output n), `SERVOn_REVERSED`, `MOT_n_DIRECTION` (1 or -1). What no
+parameter knows (hull, positions, curves) is that of the vehicle file, or of the BlueROV2 in the box.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from hindrax_analysis.records.ardupilot_log import read_starts
+from hindrax_core.errors import UsageError
+from hindrax_core.vehicle import Thruster, Vehicle
+
+FRAMES = {1: "bluerov2", 2: "bluerov2-heavy"}
+"""Frame of ArduSub -> vehicle in the box."""
+BOX = frozenset(FRAMES.values())
+"""Vehicles in the box that an ArduSub drives: their files have ArduSub's own directions and outputs."""
+FIRST_MOTOR, MOST_MOTORS, OUTPUTS = 33, 8, 16
+LOGS = (".bin", ".tlog")
+
+
+@dataclass(frozen=True, slots=True)
+class Wiring:
+    """Frame of an ArduSub; for each motor (from 1) its channel (from 0) and whether it turns the other way."""
+
+    frame: int
+    motors: Mapping[int, tuple[int, bool]]
+
+    @property
+    def kind(self) -> str:
+        """Vehicle in the box with this frame; empty for another."""
+        return FRAMES.get(self.frame, "")
+
+    @property
+    def turned(self) -> tuple[int, ...]:
+        """Motors that turn the other way than those of the frame."""
+        return tuple(motor for motor, (_, backwards) in sorted(self.motors.items()) if backwards)
+
+
+def wiring_of(parameters: Mapping[str, float]) -> Wiring | None:
+    """Wiring by the parameters of an ArduSub; None where they hold no frame, as in a log that began before them."""
+    if "FRAME_CONFIG" not in parameters:
+        return None
+    motors = {}
+    for output in range(1, OUTPUTS + 1):
+        motor = round(parameters.get(f"SERVO{output}_FUNCTION", 0.0)) - FIRST_MOTOR + 1
+        if 1 <= motor <= MOST_MOTORS:
+            backwards = parameters.get(f"MOT_{motor}_DIRECTION", 1.0) < 0.0
+            turned = parameters.get(f"SERVO{output}_REVERSED", 0.0) > 0.0
+            motors[motor] = (output - 1, backwards != turned)
+    return Wiring(round(parameters["FRAME_CONFIG"]), motors)
+
+
+def logged_wiring(paths: Sequence[Path]) -> Wiring | None:
+    """Wiring in the first of some logs that has it."""
+    for path in paths:
+        if path.suffix.lower() in LOGS and path.is_file() and path.stat().st_size:
+            for start in read_starts(path):
+                found = wiring_of(start.parameters)
+                if found is not None:
+                    return found
+    return None
+
+
+def wired(vehicle: Vehicle, wiring: Wiring) -> Vehicle:
+    """The vehicle with its thrusters, T1 to Tn in their order, at the outputs and in the senses of an ArduSub.
+
+    UsageError where the file has another number of thrusters.
+    """
+    if wiring.motors and len(wiring.motors) != len(vehicle.thrusters):
+        raise UsageError(
+            f"{vehicle.name}: has {len(vehicle.thrusters)} thrusters, the autopilot drives {len(wiring.motors)};"
+            " name the vehicle file of this vehicle with --vehicle"
+        )
+    thrusters = tuple(_wired(one, wiring.motors.get(index)) for index, one in enumerate(vehicle.thrusters, start=1))
+    return replace(vehicle, thrusters=thrusters)
+
+
+def _wired(thruster: Thruster, output: tuple[int, bool] | None) -> Thruster:
+    if output is None:
+        return thruster
+    channel, reversed_ = output
+    return replace(thruster, channel=channel, reversed=reversed_)
