@@ -27,10 +27,11 @@ from hindrax_cli.command_line import load, main, parser_of, print_overview
 from hindrax_cli.commands.experiment import weigh
 from hindrax_cli.commands.explain import trials
 from hindrax_cli.commands.machine import doctor
-from hindrax_cli.commands.operate import status
+from hindrax_cli.commands.operate import commission, status
 from hindrax_cli.commands.operate.status import StackStatus
 from hindrax_cli.commands.pool import tune
 from hindrax_cli.health_checks import Check
+from hindrax_control.commissioning.findings import Finding, Findings, Mend
 from hindrax_core.text import screen_text
 from hindrax_core.text.screen_text import COMMAND, UNBOUNDED
 from hindrax_core.vehicle import AxisGain, load_vehicle
@@ -96,6 +97,14 @@ def show_gains() -> None:
     tune._show(gains, {"1 m along": outcome})
 
 
+def show_findings() -> None:
+    rows = (
+        Finding("T3 (channel 2)", "wrong", "55 deg", "pushes the other way", 0.99, "turn it", (Mend(("name",), 1),)),
+        Finding("depth", "proven", "down", "down"),
+    )
+    commission._show(Findings(rows, "", {}), ["  runs/a/commissioning.svg"])
+
+
 def show_plan() -> None:
     band = ExpectedBand(0.45, 0.023, 0.21, 0.26, ("the DVL loses the bottom",))
     flown = Flown("surge", 0.0, 115.0, 1.54, 0.66, 0.17)
@@ -110,6 +119,7 @@ PRINTERS: dict[str, Callable[[], None]] = {
     "weigh": show_weighing,
     "pool-test": show_plan,
     "tune": show_gains,
+    "commission": show_findings,
 }
 """What the others print; they need minutes, a stack or a person. Results of a pool test are those of `identify`."""
 WITHOUT_UNIT = {
@@ -124,6 +134,7 @@ WITHOUT_UNIT = {
     "RMSE / band",
     "ROS domain",
     "error (still)",
+    "gain",
 }
 """Headings of numbers that count something, are a ratio, or are a unit themselves."""
 FRAME = re.compile("[\u2500-\u257f;]")

@@ -55,7 +55,7 @@ def test_files_for_our_nodes_and_for_an_ardusub(
     assert command_line.main([*words, "ardusub"]) == 0
     assert "\nATC_RAT_YAW_P," in capsys.readouterr().out
     assert command_line.main([*words, "table"]) == 0
-    assert "margins of the worst vehicle" in capsys.readouterr().out
+    assert "and margins of the worst vehicle" in capsys.readouterr().out
     assert command_line.main(["tune", str(tmp_path / "nothing.yaml")]) == 2
 
 

@@ -28,6 +28,7 @@ from hindrax_core.readings import (
     Position,
     Pressure,
     SonarHealth,
+    Thermal,
     Vec3,
 )
 from hindrax_core.topics import ALTITUDE, DVL_ATTITUDE, DVL_DETAIL, IMU, MAGNETIC, PRESSURE
@@ -50,6 +51,7 @@ READINGS = {
     Inertial: st.builds(Inertial, three, three, number),
     Magnetic: st.builds(Magnetic, three),
     Pressure: st.builds(Pressure, number, number),
+    Thermal: st.builds(Thermal, number),
     Air: st.builds(Air, number, number, number),
     Echo: st.builds(Echo, number, number),
     BottomTrack: tracks,

@@ -55,7 +55,7 @@ class Plan:
     end_s: float
 
     def commands(self) -> tuple[Array, Array]:
-        """Commands at the rate of the allocator: times and forces."""
+        """Commands at the rate of the allocator: times (n,) [s] and forces (n, ...) [N]."""
         times = array(np.arange(0.0, self.end_s, COMMAND_S))
         index = np.searchsorted(self.times_s, times + 1e-9, side="right") - 1
         return times, self.forces[index]

@@ -25,7 +25,7 @@ AGAIN = "the file has changed: end the stack, start it with this file, and commi
 
 
 @command(
-    "# beside a stack that `./hindrax up` started, disarmed, with the vehicle afloat in the middle of the pool:\n"
+    "# beside a stack, disarmed and afloat mid-pool:\n"
     "./hindrax commission --write\n"
     "./hindrax commission --mock --fault thruster_reversed:T3\n"
     "./hindrax commission --mock --fault thrusters_swapped:T1-T4 --world pool --seed 3 --json",

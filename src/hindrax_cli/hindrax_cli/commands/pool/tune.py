@@ -122,13 +122,13 @@ def _show(gains: HoldGains, rehearsal: Rehearsal) -> None:
         )
         for axis, one in gains.axes.items()
     ]
-    columns = ("w [rad/s]", "K_p", "K_d", "T_i [s]", "rate", "gain m.", "phase m. [deg]")
-    print_table("Gains [N, Nm; m, rad]; margins of the worst vehicle", ("axis",), columns, rows)
+    columns = ("w [rad/s]", "K_p [N/m]", "K_d [N s/m]", "T_i [s]", "rate [m/s]", "gain", "phase [deg]")
+    print_table("Gains (of turns Nm and rad) and margins of the worst vehicle", ("axis",), columns, rows)
     steps = [
         (name, *(f"{one.settled_s:.1f}" if one.settled else "never" for one in pair))
         for name, pair in rehearsal.items()
     ]
-    print_table("Rehearsal: settled after [s]", ("step",), ("these gains", "as shipped"), steps)
+    print_table("Rehearsal: settled after", ("step",), ("these gains [s]", "as shipped [s]"), steps)
     for axis in gains.left_out:
         print_fitted(f"{axis}: no thruster serves it")
     print_fitted(f"The margins hold for {gains.drawn} vehicles drawn from the uncertainty of the result.")
