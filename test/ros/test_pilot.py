@@ -20,6 +20,7 @@ from rclpy.parameter import Parameter
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
 from hindrax_control.allocation.allocation_cycle import SupplyVoltage
+from hindrax_control.commissioning.record import geometry_hash
 from hindrax_control.maneuver.goal import Goal, Pulse
 from hindrax_control.maneuver.plan import plans_of
 from hindrax_control.nodes import pilot_node
@@ -29,7 +30,7 @@ from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.signals import Estimate, Navigation
 from hindrax_core.topics import ESTIMATE, PLANS, THRUSTER_STATE
-from hindrax_core.vehicle import AXES, load_vehicle
+from hindrax_core.vehicle import AXES, Commissioned, load_vehicle
 from hindrax_drivers.output.output_guard import TRY_AGAIN
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import ManeuverStatus, ThrusterState
@@ -65,6 +66,7 @@ class Bench:
     def __init__(self) -> None:
         self.operator = Operator(mock=False, tick=self.turn)
         vehicle = load_vehicle(default_vehicle())
+        vehicle = replace(vehicle, commissioned=Commissioned(geometry_hash(vehicle), "2026-01-31", ""))
         self.pilot = PilotNode(vehicle, SupplyVoltage(vehicle.supply_V), send_wrench=lambda *_: None)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self.pilot)
