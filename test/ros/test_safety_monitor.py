@@ -97,15 +97,16 @@ class Vehicle:
 
 
 @pytest.fixture
-def real(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A stack with a time of its own, which a mock has not."""
-    monkeypatch.setenv(VARIABLE, str(epoch_ns()))
+def real() -> None:
+    """A stack with a time of its own, which a mock has not; `watched` sets it."""
 
 
 @pytest.fixture
 def watched(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Vehicle]:
     """Not `vehicle`: a fixture of that name lives as long as the session, and its parameters would too."""
     with own_domain(mock=True) as domain, adopted(environment(mock=True, domain=domain)):
+        if "real" in request.fixturenames:
+            monkeypatch.setenv(VARIABLE, str(epoch_ns()))
         rclpy.init(args=["--ros-args", "-p", f"without_operator:={request.param}"])
         made = Vehicle(SafetyMonitor(LivenessFile(tmp_path / "pulse")))
         monkeypatch.setattr(safety_monitor, "time", SimpleNamespace(monotonic=lambda: made.now_s))
