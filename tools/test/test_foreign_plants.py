@@ -18,7 +18,7 @@ FALSE = ("dead band", "friction of the tether", "sag", "current")
 """Causes that none of these plants has."""
 
 
-MOST = 2.5
+MOST = 3.0
 """Deviations: of 24 records, 95 % are within two, and nothing identified is above three."""
 
 

@@ -51,6 +51,7 @@ NODES_OF_FILE = {
     "hindrax_bringup/nodes/safety_monitor.py": ("safety_monitor",),
     "hindrax_operator/nodes/operator_node.py": ("operator",),
     "hindrax_operator/nodes/orders.py": ("operator",),
+    "hindrax_operator/commissioning_run.py": ("operator",),
     "hindrax_cli/health_checks/nodes.py": ("operator",),
 }
 """Files that name a topic of the table and publish or subscribe it."""

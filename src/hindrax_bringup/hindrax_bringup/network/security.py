@@ -128,7 +128,7 @@ STACK: tuple[Role, ...] = (
         "operator",
         "operator",
         publishes=(t.HEARTBEAT, t.HOLD_SETPOINT, t.OPERATOR_WRENCH, t.THRUSTER_HEALTH_ORDER, t.LIGHTS),
-        subscribes=_STATE,
+        subscribes=(*_STATE, t.BATTERY),
         requests=(ARM, CANCEL, RECENTRE),
         calls=(FLY, RUN),
     ),

@@ -74,7 +74,7 @@ class MotionResult:
     speeds: tuple[float, float] = (0.0, 0.0)
     names: tuple[str, ...] = ()
     covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    covariance_calibrated: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    covariance_calibrated: Array = field(default_factory=lambda: np.zeros((0, 0)), compare=False)
     """With all influences of the budget; `covariance` has the noise of this run alone. Rows and columns as `names`."""
     samples: int = 0
     effective_samples: float = 0.0
