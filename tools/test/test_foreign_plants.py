@@ -18,7 +18,7 @@ FALSE = ("dead band", "friction of the tether", "sag", "current")
 """Causes that none of these plants has."""
 
 
-MOST = 3.0
+MOST = 2.5
 """Deviations: of 24 records, 95 % are within two, and nothing identified is above three."""
 
 
@@ -35,10 +35,13 @@ def test_a_foreign_plant_is_within_the_bands_and_no_false_cause_is_named(name: s
     found = [one for axis in axes for one in scores(record, (axis,))]
     assert {MOTIONS[one.motion].axis for one in found} == set(axes)
     for one in found:
-        assert len(one.drag) == 3, one.reasons
+        assert not false_causes(one.warnings), one
+    identified = [one for one in found if one.identified]
+    assert identified, "of every record one motion at least"
+    for one in identified:
+        assert len(one.drag) == 3
         assert np.abs(one.drag).max() < MOST, one
         assert not abs(one.added_mass) > MOST, one
-        assert not false_causes(one.warnings), one
 
 
 def test_minutes_of_other_axes_do_not_make_an_axis_confidently_wrong() -> None:
