@@ -60,6 +60,12 @@ def test_a_true_file_gets_its_record(tmp_path: Path) -> None:
     file = tmp_path / "mine.yaml"
     shutil.copyfile(default_vehicle(), file)
     code, found = commissioned(file, tmp_path / "run")
+    if not found["complete"]:
+        # A stack that shares its cores may leave a claim open, which the vehicle is asked for once more.
+        assert code == 1
+        assert not [row for row in found["findings"] if row["verdict"] == "wrong"], found
+        assert unproven(load_vehicle(file)) == "never commissioned"
+        code, found = commissioned(file, tmp_path / "again")
     assert (code, found["complete"]) == (0, True), found
     vehicle = load_vehicle(file)
     assert unproven(vehicle) == ""
