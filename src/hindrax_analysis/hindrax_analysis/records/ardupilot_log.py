@@ -10,8 +10,11 @@ be late by half a second and wanders; the messages' own times since power-up are
 placed by the shortest delay between the two clocks that was seen so far.
 """
 
+import functools
 import math
+import os
 from collections.abc import Iterator, Mapping
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -67,14 +70,28 @@ class ArduPilotLog:
 
 
 def read_starts(path: Path) -> list[ArduPilotLog]:
-    """Tables of each start of the autopilot in a log. UsageError for what is no such log."""
+    """Tables of each start of the autopilot in a log. UsageError for what is no such log.
+
+    A log is asked twice, for its wiring and for its record, and read once: pymavlink takes minutes for a long dive.
+    """
+    status = path.stat()
+    return _read_starts(path, status.st_size, status.st_mtime_ns)
+
+
+@functools.lru_cache(maxsize=2)
+def _read_starts(path: Path, _size: int, _changed_ns: int) -> list[ArduPilotLog]:
+    # pymavlink prints each byte that it skips.
+    with Path(os.devnull).open("w") as nowhere, redirect_stdout(nowhere), redirect_stderr(nowhere):
+        return _starts(path)
+
+
+def _starts(path: Path) -> list[ArduPilotLog]:
     clock = _Clock() if path.suffix.lower() == ".tlog" else None
     starts: list[_Rows] = []
     for message in _messages(path):
         kind = message.get_type()
         if kind in PARAMETERS:
-            if starts or kind == "PARM":
-                _rows_of(starts).parameters[_name(message)] = float(_value(message))
+            _rows_of(starts).parameters[_name(message)] = _value(message)
             continue
         at_s = float(message._timestamp) if clock is None else clock.read(message)  # noqa: SLF001  # pymavlink's name
         if starts and at_s < starts[-1].newest_s - RESTART_s:
@@ -159,8 +176,8 @@ class _Clock:
         return at_s
 
 
-def claimed(tables: Tables) -> tuple[Array, Array, Array] | None:
-    """Times and velocities of a log, NaN where its estimator does not claim them; and which of both (2,) it ever did.
+def claimed(tables: Tables) -> tuple[Array, Array] | None:
+    """Times (n,) [s] and velocities (n, 3) [m/s] of a log, NaN where its estimator does not claim them.
 
     None without velocities. A log without the estimator's status is believed.
     """
@@ -175,8 +192,7 @@ def claimed(tables: Tables) -> tuple[Array, Array, Array] | None:
         horizontal = ((flags & HORIZONTAL) != 0) & ((flags & CONSTANT_POSITION) == 0)
         rows[~horizontal, :2] = np.nan
         rows[(flags & VERTICAL) == 0, 2] = np.nan
-    ever = np.array([np.isfinite(rows[:, 0]).any(), np.isfinite(rows[:, 2]).any()], dtype=np.float64)
-    return t, array(rows), array(ever)
+    return t, array(rows)
 
 
 def _messages(path: Path) -> Iterator[Any]:

@@ -57,12 +57,12 @@ def read_log(path: Path, vehicle: Vehicle | None) -> list[Recording]:
         raise UsageError(f"{path}: holds pulses; name a vehicle file with thrusters and curves by --vehicle")
     if not path.stat().st_size:
         raise UsageError(f"{path}: is empty")
-    # pymavlink prints each byte that it skips, pyulog what is corrupt.
-    with Path(os.devnull).open("w") as nowhere, redirect_stdout(nowhere), redirect_stderr(nowhere):
-        if path.suffix.lower() == ULOG:
+    if path.suffix.lower() == ULOG:
+        # pyulog prints what is corrupt.
+        with Path(os.devnull).open("w") as nowhere, redirect_stdout(nowhere), redirect_stderr(nowhere):
             starts = [_px4_tables(path, [thruster.channel for thruster in vehicle.thrusters])]
-        else:
-            starts = [one.tables for one in read_starts(path)]
+    else:
+        starts = [one.tables for one in read_starts(path)]
     lacks = [_lacking(tables) for tables in starts]
     usable = [tables for tables, lacking in zip(starts, lacks, strict=True) if not lacking]
     if not usable:
@@ -111,8 +111,8 @@ def _body_velocities(tables: Tables) -> tuple[list[tuple[Array, Array]], list[st
     known = claimed(tables)
     if known is None:
         return [], ["no velocities are logged: surge and sway cannot be identified"]
-    t, world, (horizontal, _) = known
-    if not horizontal:
+    t, world = known
+    if not np.isfinite(world[:, 0]).any():
         return [], ["the estimator had no velocities (constant-position mode): surge and sway cannot be identified"]
     attitude_t, attitude = tables["attitude"]
     steady = np.unwrap(attitude, axis=0)

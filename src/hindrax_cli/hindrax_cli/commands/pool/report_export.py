@@ -125,12 +125,17 @@ def export(arguments: argparse.Namespace) -> int:
     if _wants_folder(arguments.to, arguments.out):
         return _fill_folder(arguments)
     text = _text(arguments.coefficients, arguments.to, arguments.vehicle)
-    if arguments.out is None:
+    return print_or_write(text, arguments.out)
+
+
+def print_or_write(text: str, out: Path | None) -> int:
+    """Print a text, or write it where --out names a file; the exit code."""
+    if out is None:
         print_whole(text, end="")
         return 0
-    with writing(f"--out {arguments.out}", "name another place", UsageError):
-        arguments.out.write_text(text, encoding="utf-8")
-    print_stderr(f"written: {arguments.out}")
+    with writing(f"--out {out}", "name another place", UsageError):
+        out.write_text(text, encoding="utf-8")
+    print_stderr(f"written: {out}")
     return 0
 
 
@@ -145,9 +150,7 @@ def _fill_folder(arguments: argparse.Namespace) -> int:
     file, folder = results_file(arguments.coefficients, arguments.to), arguments.out
     files = FOLDERS[arguments.to](_model(read_coefficients(file), file, arguments.vehicle))
     with writing(f"--out {folder}", "name another place", UsageError):
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, text in files.items():
-            (folder / name).write_text(text, encoding="utf-8")
+        _write_files(folder, files)
     print_stderr(f"written: {folder} ({', '.join(files)})")
     return 0
 
@@ -163,16 +166,18 @@ def _fill_samples(arguments: argparse.Namespace) -> int:
     saved = read_coefficients(file)
     table = samples.sample_table(saved, count, seed=arguments.seed)
     with writing(f"--out {out}", "name another place", UsageError):
-        out.mkdir(parents=True, exist_ok=True)
-        (out / "samples.csv").write_text(table, encoding="utf-8")
+        _write_files(out, {"samples.csv": table})
         for index, model in enumerate(_drawn(saved, file, arguments) if to != "csv" else (), start=1):
             files = FOLDERS[to](model) if to in FOLDERS else {f"model{SUFFIXES[to]}": FORMATS[to](model)}
-            folder = out / f"{index:0{len(str(count))}d}"
-            folder.mkdir(exist_ok=True)
-            for name, text in files.items():
-                (folder / name).write_text(text, encoding="utf-8")
+            _write_files(out / f"{index:0{len(str(count))}d}", files)
     print_stderr(f"written: {out} (samples.csv{f', {count} models' if to != 'csv' else ''})")
     return 0
+
+
+def _write_files(folder: Path, files: Mapping[str, str]) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in files.items():
+        (folder / name).write_text(text, encoding="utf-8")
 
 
 def _drawn(saved: SavedCoefficients, file: Path, arguments: argparse.Namespace) -> Iterable[ExportModel]:

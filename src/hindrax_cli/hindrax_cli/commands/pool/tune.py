@@ -11,11 +11,11 @@ from hindrax_analysis.gains.hold_gains import HoldGains, hold_gains
 from hindrax_analysis.terminal import print_answer, print_table, working
 from hindrax_cli.argument_types import add_json, named_vehicle
 from hindrax_cli.command import command, option
-from hindrax_cli.commands.pool.report_export import results_file, vehicle_of
+from hindrax_cli.commands.pool.report_export import print_or_write, results_file, vehicle_of
 from hindrax_control.maneuver.goal import servable_motions
-from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whole
-from hindrax_core.text.text_file import require_place, writing
+from hindrax_core.errors import HindraxError
+from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.text_file import require_place
 from hindrax_sim.flights.step_flight import STEPS, SetpointStep, StepOutcome, step_flight
 
 TARGETS = ("table", "hindrax", "ardusub")
@@ -48,13 +48,7 @@ def tune(arguments: argparse.Namespace) -> int:
     text = (parameter_file if arguments.to == "hindrax" else ardusub_file)(gains, str(file))
     if arguments.json:
         return print_answer(_document(gains, rehearsal), lambda: None, as_json=True)
-    if arguments.out is None:
-        print_whole(text, end="")
-        return 0
-    with writing(f"--out {arguments.out}", "name another place", UsageError):
-        arguments.out.write_text(text, encoding="utf-8")
-    print_stderr(f"written: {arguments.out}")
-    return 0
+    return print_or_write(text, arguments.out)
 
 
 Rehearsal = dict[str, tuple[StepOutcome, StepOutcome]]
