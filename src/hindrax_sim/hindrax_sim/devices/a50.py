@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 
 from hindrax_core.readings import BottomTrack, BottomVelocity, Vec3
+from hindrax_sim.devices.dvl75 import dvl_truth
 from hindrax_sim.devices.dvl75_sentences import DvlTruth
 from hindrax_sim.devices.emulator import Emulator, Part
 from hindrax_sim.physics.geometry import minus, plus
-from hindrax_sim.world import Mounting, World
 
 RANGE_MODES = ((0.05, 0.6, 15.0), (0.3, 3.0, 10.0), (1.5, 14.0, 5.5), (7.7, 36.0, 7.5), (15.0, 50.0, 3.0))
 """Lower and upper altitude [m], reports a second. Page "Range mode"; the A50 reaches 50 m."""
@@ -274,18 +274,6 @@ class A50(Part[DvlTruth]):
         self._jumped_us += 1e6 * seconds
 
 
-def _truth(world: World, at: Mounting) -> DvlTruth:
-    turned, travel = world.travel(at)
-    return DvlTruth(
-        velocity_mps=world.velocity_mps(at),
-        attitude_rad=world.attitude_rad,
-        altitude_m=None if world.dvl_silenced else world.range_m(at),
-        travel_m=travel,
-        turned_rad=turned,
-        speed_of_sound_mps=world.vehicle.water.speed_of_sound_mps,
-    )
-
-
 def _agrees(truth: DvlTruth, reading: Any) -> bool:
     """Five sigma and what a ping's mean differs by; altitude to centimeters."""
     if isinstance(reading, BottomVelocity):
@@ -298,7 +286,7 @@ def _agrees(truth: DvlTruth, reading: Any) -> bool:
 
 EMULATOR = Emulator(
     lambda seed: A50(seed=seed),
-    _truth,
+    dvl_truth,
     lambda s: DvlTruth((0.4 * math.sin(0.5 * s), -0.3, 0.1), (0.05, -0.1, 2.0), 2.0 + 0.1 * math.sin(s)),
     _agrees,
 )

@@ -291,7 +291,8 @@ def _numbers(text: str, count: int) -> tuple[float, ...]:
     return values if len(values) == count and all(map(math.isfinite, values)) else ()
 
 
-def _truth(world: World, at: Mounting) -> DvlTruth:
+def dvl_truth(world: World, at: Mounting) -> DvlTruth:
+    """What a DVL at a place of the vehicle would see, whatever its make."""
     turned, travel = world.travel(at)
     return DvlTruth(
         velocity_mps=world.velocity_mps(at),
@@ -318,7 +319,7 @@ def _agrees(truth: DvlTruth, reading: Any) -> bool:
 
 EMULATOR = Emulator(
     lambda seed: Dvl75(seed=seed),
-    _truth,
+    dvl_truth,
     lambda s: DvlTruth((0.4 * math.sin(0.5 * s), -0.3, 0.1), (0.05, -0.1, 2.0), 2.0 + 0.1 * math.sin(s)),
     _agrees,
 )
