@@ -282,7 +282,8 @@ def test_tables_of_every_vehicle_are_tables_on_80_columns(
     main(command.format(vehicle).split())
     printed = capsys.readouterr().out
     assert "\u250f" in printed
-    assert max(map(len, printed.splitlines())) <= 80
+    path_of_file = [line for line in printed.splitlines() if line.strip().endswith(".yaml")]  # copied whole
+    assert max(len(line) for line in printed.splitlines() if line not in path_of_file) <= 80
 
 
 @pytest.mark.parametrize("command", sorted({*COMMANDS, *PRINTERS} - {"papers"}))

@@ -131,10 +131,10 @@ def test_check_and_show_say_which_file_they_read(
     assert answer(monkeypatch) == 0
     capsys.readouterr()
     main(["vehicle", word, "myrov"])
-    assert f"myrov (by {home / 'myrov.yaml'})" in capsys.readouterr().out
+    assert f"myrov\n  {home / 'myrov.yaml'}\n" in capsys.readouterr().out
     Path("myrov.yaml").write_text("{name: small, mass_kg: 1.0, volume_m3: 0.001, envelope_m: [0.1, 0.1, 0.1]}")
     main(["vehicle", word, "myrov"])
-    assert "small (by myrov.yaml)" in capsys.readouterr().out
+    assert "small\n  myrov.yaml\n" in capsys.readouterr().out
 
 
 def test_a_name_is_looked_for_here_then_among_ones_own_then_in_the_clone(

@@ -87,8 +87,14 @@ def check(arguments: argparse.Namespace) -> int:
     return 0 if all(one.ok for one in found) else 1
 
 
+def _print_title(vehicle: Vehicle, file: Path) -> None:
+    """Print the vehicle's name, and its file on a line of its own: a path is as long as it is, and is copied whole."""
+    print_fitted(vehicle.name)
+    print_whole(f"  {file}")
+
+
 def _show_checks(vehicle: Vehicle, file: Path) -> None:
-    print_fitted(f"{vehicle.name} (by {file})")
+    _print_title(vehicle, file)
     rows = [(one.name, one.found, one.remedy) for one in findings(vehicle)]
     print_table("", ["check"], [], rows, ["found", "to do"])
 
@@ -107,7 +113,7 @@ def show(arguments: argparse.Namespace) -> int:
 
 
 def _show(vehicle: Vehicle, file: Path, reach: dict[str, float], reasons: dict[str, str]) -> None:
-    print_fitted(f"{vehicle.name} (by {file})")
+    _print_title(vehicle, file)
     print_whole(picture(vehicle))
     if not vehicle.thrusters:
         print_fitted("no thrusters: enough to identify from a record, not to fly")
