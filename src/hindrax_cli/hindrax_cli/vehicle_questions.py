@@ -1,15 +1,31 @@
 """Ten questions about a vehicle, and the vehicle file that their answers make."""
 
+import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from hindrax_analysis.exports.vehicle_block import block_text
 from hindrax_cli.vehicle_edit import on_one_line
+from hindrax_cli.vehicle_plausibility import (
+    ANGLE,
+    FORCE,
+    LENGTH,
+    MASS,
+    Units,
+    hull_objection,
+    likely_unit,
+    mount_outside,
+    outside,
+    pull_objection,
+    thrust_objection,
+)
 from hindrax_cli.vehicle_review import MARGIN, upright_speed_mps
 from hindrax_core.errors import UsageError
 from hindrax_core.hydrostatics import GRAVITY_mps2, Water
+from hindrax_core.readings import Vec3
 from hindrax_core.sensor_table import SENSORS, Capability
 from hindrax_core.vehicle import Limits, vehicle_from_text
 from hindrax_ident.model.empirical_model import Dimensions, empirical, hydrodynamics_of
@@ -36,43 +52,98 @@ PORTS: Mapping[Capability, str] = {
 ASSUMED = "# Assumed: an open frame fills 0.8 of its box; center of buoyancy 50 mm above the center of mass."
 ESTIMATED = "# Estimated from the dimensions: prior of plans, truth of the mock; never given to the estimator."
 Answers = Mapping[str, tuple[float, ...]]
+BACK = "<"
+"""Answer that returns to the question before."""
+Bounds = tuple[float, float]
+
+
+def _agrees(_: Answers) -> str:
+    return ""
 
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """One question: how many numbers, their bounds, and what an empty line means (nothing: it must be answered)."""
+    """One question: bounds of its numbers, how they must agree with earlier answers, and what an empty line means."""
 
     key: str
-    count: int
-    low: float
-    high: float
+    bounds: tuple[Bounds, ...]
+    """Of each number."""
     text: str
     usual: Callable[[Answers], Sequence[float]] | Sequence[float] = ()
+    """Meaning of an empty line; nothing: it must be answered."""
+    objection: Callable[[Answers], str] = _agrees
+    """Why the answers up to this one do not agree; empty when they do."""
+    units: Units = ()
+    """Units in which it may have been answered by mistake."""
+    against: str = ""
+    """Key of the earlier question that may be the wrong one; it is put again too."""
 
-    def _usual(self, answers: Answers) -> tuple[float, ...]:
-        return tuple(self.usual(answers) if callable(self.usual) else self.usual)
+    def suggestion(self, answers: Answers, typed: Answers) -> tuple[float, ...]:
+        """Meaning of an empty line: what was typed earlier, else the usual answer where it agrees with the others."""
+        usual = tuple(self.usual(answers) if callable(self.usual) else self.usual)
+        return typed.get(self.key, usual if usual and not self._problem(usual, answers) else ())
 
-    def read(self, line: str, answers: Answers) -> tuple[float, ...]:
-        """Numbers of a line; UsageError with what was found and what was wanted."""
-        words = line.replace(",", " ").split()
-        if not words and (usual := self._usual(answers)):
-            return usual
+    def numbers(self, line: str, answers: Answers, typed: Answers) -> tuple[float, ...]:
+        """Numbers of a line, of an empty one what it means; none where it holds something else."""
         try:
-            found = tuple(float(word) for word in words)
+            return tuple(float(word) for word in line.replace(",", " ").split()) or self.suggestion(answers, typed)
         except ValueError:
-            found = ()
-        if len(found) != self.count or not all(self.low <= one <= self.high for one in found):
-            wanted = f"{self.count} number{'s' if self.count > 1 else ''} from {self.low:g} to {self.high:g}"
-            wanted += ", with decimal points" if "," in line else ""
-            raise UsageError(f"{self.text}: found {line.strip() or 'nothing'!r}, wanted {wanted}")
-        if self.key == "layout" and found[0] not in LAYOUTS:
-            raise UsageError(f"{self.text}: found {line.strip()!r}, wanted one of {', '.join(map(str, LAYOUTS))}")
-        return found
+            return ()
 
-    def prompt(self, answers: Answers) -> str:
-        """The question with its usual answer."""
-        usual = " ".join(f"{one:g}" for one in self._usual(answers))
-        return f"{self.text} [{usual}]:" if usual else f"{self.text}:"
+    def wrong(self, line: str, found: tuple[float, ...], answers: Answers) -> str:
+        """What was found, what was wanted and the unit that was likely meant; empty for a good answer."""
+        problem = self._problem(found, answers, ", with decimal points" if "," in line else "")
+        shown = line.strip() or " ".join(f"{one:g}" for one in found) or "nothing"
+        return f"{self.text}: found {shown!r}, {problem}{self._likely(found, answers)}" if problem else ""
+
+    def _problem(self, found: tuple[float, ...], answers: Answers, hint: str = "") -> str:
+        if not self.is_within(found):
+            count = len(self.bounds)
+            ranges = dict.fromkeys(f"{low:g} to {high:g}" for low, high in self.bounds)
+            return f"wanted {count} number{'s' if count > 1 else ''} from {', '.join(ranges)}{hint}"
+        if self.key == "layout" and found[0] not in LAYOUTS:
+            return f"wanted one of {', '.join(map(str, LAYOUTS))}"
+        return self.objection({**answers, self.key: found})
+
+    def is_within(self, found: tuple[float, ...]) -> bool:
+        """Whether it is as many numbers as wanted, each within its bounds."""
+        return len(found) == len(self.bounds) and all(
+            low <= one <= high for one, (low, high) in zip(found, self.bounds, strict=True)
+        )
+
+    def _likely(self, found: tuple[float, ...], answers: Answers) -> str:
+        """Sentence that names the unit in which this answer, or the one that it is held against, would be right."""
+        if len(found) != len(self.bounds):
+            return ""
+        if meant := likely_unit(found, self.units, lambda tried: not self._problem(tried, answers)):
+            return f"; likely it is in {meant}"
+        earlier = next((one for one in QUESTIONS if one.key == self.against), self)
+        if earlier is self or not self.is_within(found):
+            return ""
+        meant = likely_unit(
+            answers[earlier.key],
+            earlier.units,
+            lambda tried: earlier.is_within(tried) and not self._problem(found, {**answers, earlier.key: tried}),
+        )
+        return f"; likely the {earlier.key} is in {meant}" if meant else ""
+
+    def prompt(self, answers: Answers, typed: Answers) -> str:
+        """The question with the meaning of an empty line."""
+        shown = " ".join(f"{one:g}" for one in self.suggestion(answers, typed))
+        return f"{self.text} [{shown}]:" if shown else f"{self.text}:"
+
+
+def _size(answers: Answers) -> Vec3:
+    length, width, height = answers["size"]
+    return (length, width, height)
+
+
+def _weight_N(answers: Answers) -> float:
+    return answers["mass"][0] * GRAVITY_mps2
+
+
+def _volume_m3(answers: Answers) -> float:
+    return (answers["mass"][0] + answers["buoyancy"][0] / GRAVITY_mps2) / Water().density_kgpm3
 
 
 def _across(answers: Answers) -> tuple[float, float]:
@@ -85,61 +156,133 @@ def _upright(answers: Answers) -> tuple[float, float]:
     return (0.0 if answers["layout"][0] == 6 else ahead, across)  # a row of LAYOUTS
 
 
-def _below(answers: Answers) -> tuple[float, float, float]:
+def _below(answers: Answers) -> Vec3:
     return (0.0, 0.0, round(0.5 * answers["size"][2], 3))
+
+
+def _apart_objection(key: str) -> Callable[[Answers], str]:
+    def objection(answers: Answers) -> str:
+        ahead, across = answers[key]
+        length, width, height = _size(answers)
+        far = outside((0.5 * ahead, 0.5 * across), (length, width))
+        return f"far outside of an envelope of {length:g} x {width:g} x {height:g} m" if far else ""
+
+    return objection
+
+
+def _mount_objection(answers: Answers) -> str:
+    ahead, across, down = answers["dvl"]
+    size = _size(answers)
+    far = mount_outside((ahead, across, down), size)
+    return f"far outside of an envelope of {' x '.join(f'{one:g}' for one in size)} m" if far else ""
+
+
+def _pool_objection(answers: Answers) -> str:
+    size = _size(answers)
+    holds = all(one >= most for one, most in zip(answers["pool"], (max(size[:2]), max(size[:2]), size[2]), strict=True))
+    return "" if holds else f"too small for a vehicle of {' x '.join(f'{one:g}' for one in size)} m"
 
 
 APART = "front to rear and port to starboard"
 ORIGIN = "the center of the envelope: forward, starboard, down"
 ROWS = "; ".join(f"{n}: {text}" for n, text in LAYOUTS.items())
+APART_BOUNDS = ((0.0, 50.0),) * 2
+LARGEST_m = 3.5
+"""More than a work-class ROV; estimates of larger plates exceed the ranges of a vehicle file."""
 QUESTIONS = (
-    Question("mass", 1, 0.1, 1e5, "1. mass in kg, dry, trimmed as it flies"),
-    Question("buoyancy", 1, -1e4, 1e4, "2. pull in N on a scale when held under water, floating is positive", (1.0,)),
-    Question("size", 3, 0.01, 50.0, "3. length, width, height in m"),
-    Question("layout", 1, 0, 8, f"4. thrusters ({ROWS})", (6,)),
-    Question("angle", 1, 1.0, 89.0, "5. angle in degrees of the vectored thrusters off the x axis", (45.0,)),
-    Question("vectored", 2, 0.0, 50.0, f"6. distance in m of the vectored thrusters, {APART}", _across),
-    Question("vertical", 2, 0.0, 50.0, f"7. distance in m of the vertical thrusters, {APART}", _upright),
-    Question("thrust", 1, 0.1, 1e4, "8. thrust in N of one thruster at full command", (30.0,)),
-    Question("dvl", 3, -50.0, 50.0, f"9. position in m of the DVL from {ORIGIN}", _below),
-    Question("pool", 3, 0.5, 1e4, "10. pool: length, width, depth in m", (10.0, 6.0, 1.8)),
-)
+    Question("mass", ((0.1, 1e5),), "1. mass in kg, dry, trimmed as it flies", units=MASS),
+    Question(
+        "buoyancy", ((-1e5, 1e5),), "2. pull in N on a scale when held under water, floating is positive", (1.0,),
+        lambda answers: pull_objection(answers["buoyancy"][0], _weight_N(answers)), FORCE, "mass",
+    ),
+    Question(
+        "size", ((0.01, LARGEST_m),) * 3, "3. length, width, height in m", (),
+        lambda answers: hull_objection(_volume_m3(answers), _size(answers)), LENGTH, "mass",
+    ),
+    Question("layout", ((0, 8),), f"4. thrusters ({ROWS})", (6,)),
+    Question(
+        "angle", ((1.0, 89.0),), "5. angle in degrees of the vectored thrusters off the x axis", (45.0,), units=ANGLE
+    ),
+    Question(
+        "vectored", APART_BOUNDS, f"6. distance in m of the vectored thrusters, {APART}", _across,
+        _apart_objection("vectored"), LENGTH, "size",
+    ),
+    Question(
+        "vertical", APART_BOUNDS, f"7. distance in m of the vertical thrusters, {APART}", _upright,
+        _apart_objection("vertical"), LENGTH, "size",
+    ),
+    Question(
+        "thrust", ((0.01, 1e5),), "8. thrust in N of one thruster at full command", (30.0,),
+        lambda answers: thrust_objection(answers["thrust"][0], _weight_N(answers)), FORCE, "mass",
+    ),
+    Question(
+        "dvl", ((-50.0, 50.0),) * 3, f"9. position in m of the DVL from {ORIGIN}", _below,
+        _mount_objection, LENGTH, "size",
+    ),
+    Question(
+        "pool", ((1.0, 1e3), (1.0, 1e3), (0.5, 6e3)), "10. pool: length, width, depth in m", (10.0, 6.0, 1.8),
+        _pool_objection,
+    ),
+)  # fmt: skip
 
 
-def ask(line_of: Callable[[str], str], on_wrong: Callable[[UsageError], None]) -> Answers:
+def ask(
+    line_of: Callable[[str], str],
+    on_wrong: Callable[[UsageError], None],
+    earlier: Answers | None = None,
+    on_answer: Callable[[Answers], None] = lambda _: None,
+) -> Answers:
     """Put the questions; `line_of` shows a prompt and returns the line that was typed.
 
-    After an invalid answer `on_wrong` raises, or prints it and the question is repeated; the end of the input raises.
+    After an invalid answer `on_wrong` raises, or prints it and the question is put again, with the earlier one that it
+    does not agree with. What was typed, now or `earlier`, stands in brackets then. `on_answer` gets all that was typed
+    after each answer. The end of the input raises.
     """
     answers: dict[str, tuple[float, ...]] = {}
-    for question in QUESTIONS:
-        if question.key in ("angle", "vectored", "vertical", "thrust") and answers["layout"] == (0.0,):
+    typed = dict(earlier or {})
+    while question := next((one for one in QUESTIONS if one.key not in answers and _is_put(one, answers)), None):
+        line = line_of(question.prompt(answers, typed))
+        if not line:
+            raise UsageError(
+                f"{question.text}: found 'nothing', the input has ended; wanted an answer to each question"
+            )
+        if line.strip() == BACK:
+            answers.pop(next(reversed(answers), ""), None)
             continue
-        while question.key not in answers:
-            line = line_of(question.prompt(answers))
-            if not line:
-                raise UsageError(
-                    f"{question.text}: found 'nothing', the input has ended; wanted an answer to each question"
-                )
-            try:
-                answers[question.key] = question.read(line, answers)
-            except UsageError as error:
-                on_wrong(error)
+        found = question.numbers(line, answers, typed)
+        if wrong := question.wrong(line, found, answers):
+            on_wrong(UsageError(wrong))
+            answers.pop(question.against, None)
+        else:
+            answers[question.key] = found
+        if line.strip() and question.is_within(found):
+            typed[question.key] = found
+            on_answer(typed)
     return answers
+
+
+def _is_put(question: Question, answers: Answers) -> bool:
+    """Whether a question has a meaning after the earlier answers."""
+    return question.key not in ("angle", "vectored", "vertical", "thrust") or answers["layout"] != (0.0,)
+
+
+def kept_answers(file: Path) -> Answers:
+    """Answers that an unfinished start has left in a file; none where it left none that can be read."""
+    try:
+        data = json.loads(file.read_text(encoding="utf-8"))
+        return {one.key: tuple(map(float, data[one.key])) for one in QUESTIONS if one.key in data}
+    except (OSError, ValueError, TypeError):
+        return {}
 
 
 def file_text(name: str, answers: Answers) -> str:
     """Vehicle file: what was answered, and for the rest assumptions that are marked as such."""
-    (mass_kg,), (pull_N,), size = answers["mass"], answers["buoyancy"], answers["size"]
-    density = Water().density_kgpm3
-    volume_m3 = (mass_kg + pull_N / GRAVITY_mps2) / density
-    if volume_m3 <= 0.0:
-        raise UsageError(f"a vehicle of {mass_kg:g} kg that pulls {pull_N:g} N displaces nothing; check both")
+    (mass_kg,), size, density = answers["mass"], answers["size"], Water().density_kgpm3
     length, width, height = size
     known: dict[str, Any] = {
         "name": name,
         "mass_kg": mass_kg,
-        "volume_m3": float(f"{volume_m3:.6g}"),
+        "volume_m3": float(f"{_volume_m3(answers):.6g}"),
         "envelope_m": list(size),
     }
     known["pool"] = dict(zip(("length_m", "width_m", "depth_m"), answers["pool"], strict=True))

@@ -4,6 +4,16 @@ import math
 from collections.abc import Mapping
 
 from hindrax_cli.health_checks import Check
+from hindrax_cli.vehicle_plausibility import (
+    FORCE,
+    hull_remedy,
+    likely_unit,
+    mount_outside,
+    outside,
+    thrust_objection,
+    volume_text,
+)
+from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_control.maneuver.goal import largest_wrench, servable_motions
 from hindrax_core.errors import UsageError
 from hindrax_core.sensor_table import Capability, all_sensors
@@ -16,8 +26,7 @@ NEEDED: Mapping[Capability, str] = {
 }
 FLOATS_AT_MOST = 0.1
 """Net buoyancy over weight beyond which trim is implausible."""
-OUTSIDE = 1.5
-"""Position over half the envelope beyond which unit or origin is implausible."""
+POSITIONS = "check unit and origin of position_m"
 MARGIN = 0.8
 """Speed limit over the speed up to which a vehicle rights itself."""
 ARROWS = "\u2191\u2197\u2192\u2198\u2193\u2199\u2190\u2196"
@@ -48,7 +57,10 @@ def _body(vehicle: Vehicle) -> list[Check]:
     remedy = "" if abs(net_N) <= FLOATS_AT_MOST * weight_N else "weigh it again, dry and under water"
     arm_m = vehicle.center_of_mass_m[2] - vehicle.center_of_buoyancy_m[2]
     upright = "" if arm_m > 0.0 else "put center_of_buoyancy_m above center_of_mass_m: z is down"
+    filled = vehicle.volume_m3 / math.prod(vehicle.envelope_m)
+    displaced = f"{volume_text(vehicle.volume_m3)} displaced, {filled:.2g} of its box"
     return [
+        Check("hull", displaced, hull_remedy(vehicle)),
         Check("net buoyancy", f"{net_N:+.2f} N, {'floats' if net_N > 0.0 else 'sinks'}", remedy),
         Check("righting arm", f"{1e3 * arm_m:.0f} mm", upright),
     ]
@@ -63,10 +75,11 @@ def _thrusters(vehicle: Vehicle) -> list[Check]:
         *(Check("does not fly", f"{motion}: {reason}") for motion, reason in motions.left_out),
     ]
     found.append(Check("channels", ", ".join(str(one.channel) for one in vehicle.thrusters), _shared(vehicle)))
-    far = [one.name for one in vehicle.thrusters if _outside(vehicle, one.position_m)]
+    far = [one.name for one in vehicle.thrusters if outside(one.position_m, vehicle.envelope_m)]
     where = f"{', '.join(far)} far outside of it" if far else "within the envelope"
-    found.append(Check("thruster positions", where, "check unit and origin of position_m" if far else ""))
+    found.append(Check("thruster positions", where, POSITIONS if far else ""))
     found += [Check("one position", text, "measure position_m of each") for text in same_positions(vehicle)]
+    found.append(_hardest(vehicle))
     reach = largest_wrench(vehicle)
     reach_N, need_N = reach["heave"], abs(vehicle.net_buoyancy_N)
     weak = "" if reach_N > 2.0 * need_N else "trim it: the vertical thrusters have too little reserve"
@@ -82,6 +95,15 @@ def _thrusters(vehicle: Vehicle) -> list[Check]:
     assumed = [name for name, curve in vehicle.curves.items() if curve.positive is None]
     found += [Check(f"curve {name}", "positive branch assumed to mirror the negative one") for name in assumed]
     return found
+
+
+def _hardest(vehicle: Vehicle) -> Check:
+    """The strongest thruster against the weight: a curve in grams or kilograms of force is found here."""
+    most_N = max(max(map(abs, curve.range_N)) for curve in thrust_curves(vehicle))
+    wrong = thrust_objection(most_N, vehicle.weight_N)
+    meant = likely_unit([most_N], FORCE, lambda one: not thrust_objection(one[0], vehicle.weight_N))
+    remedy = f"check the unit of curves{f': likely {meant}' if meant else ''}" if wrong else ""
+    return Check("thrust", f"up to {most_N:.3g} N of a thruster, {most_N / vehicle.weight_N:.2g} of the weight", remedy)
 
 
 def same_positions(vehicle: Vehicle) -> list[str]:
@@ -104,12 +126,9 @@ def _shared(vehicle: Vehicle) -> str:
     return ""
 
 
-def _outside(vehicle: Vehicle, position_m: tuple[float, float, float]) -> bool:
-    return any(abs(at) > 0.5 * OUTSIDE * size for at, size in zip(position_m, vehicle.envelope_m, strict=True))
-
-
 def _sensors(vehicle: Vehicle) -> list[Check]:
-    found: list[Check] = []
+    far = [name for name, one in vehicle.sensors.items() if mount_outside(one.position_m, vehicle.envelope_m)]
+    found = [Check("sensor positions", f"{', '.join(far)} far outside of the envelope", POSITIONS)] if far else []
     for capability, what in NEEDED.items():
         names = vehicle.measuring(capability)
         found += [Check(name, vehicle.sensors[name].port or "no port") for name in names]

@@ -2,21 +2,24 @@
 
 import io
 import json
+import math
 from pathlib import Path
 
 import pytest
 import yaml
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
 from hindrax_bringup.share_files import VEHICLE, default_vehicle, usual_vehicle, vehicle_file
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.machine import vehicle
-from hindrax_cli.vehicle_questions import QUESTIONS, ask
+from hindrax_cli.vehicle_questions import BACK, QUESTIONS, ask, file_text
 from hindrax_cli.vehicle_review import DOWN, UP, findings, picture, same_positions
 from hindrax_control.allocation.allocator import Allocator
 from hindrax_control.maneuver.goal import largest_wrench
 from hindrax_core.errors import UsageError
 from hindrax_core.knobs import build
-from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
+from hindrax_core.vehicle import AXES, Vehicle, load_vehicle, vehicle_from_text
 from hindrax_ident.model.empirical_model import Dimensions, empirical
 
 MUST = {"mass": "11.5", "size": "0.457, 0.338 0.254"}
@@ -67,15 +70,91 @@ def test_ten_answers_make_a_vehicle_that_passes_its_check_and_is_found_by_name(
         ({"mass": "11,5"}, "found '11,5', wanted 1 number from 0.1 to 100000, with decimal points"),
         ({"layout": "7"}, "wanted one of 0, 6, 8"),
         ({"thrust": "nan"}, "found 'nan'"),
-        ({"buoyancy": "-9000"}, "displaces nothing"),
+        ({"buoyancy": "-9000"}, "-9000 N for a weight of 113 N: wanted at most 50% of it"),
+        ({"buoyancy": "200"}, "likely it is in grams of force: 1.961"),
+        ({"mass": "11500"}, "11.5 m^3 displaced, and a box of 39.2 litres: more than it holds; likely the mass is in"),
+        ({"mass": "11500"}, "in grams: 11.5"),
+        ({"size": "2.57 3.38 2500"}, "wanted 3 numbers from 0.01 to 3.5"),
+        ({"size": "45.7 33.8 25.4"}, "likely it is in centimeters: 0.457 0.338 0.254"),
+        ({"size": "457 338 254"}, "wanted 3 numbers from 0.01 to 3.5; likely it is in millimeters: 0.457 0.338 0.254"),
+        ({"angle": "0.785"}, "wanted 1 number from 1 to 89; likely it is in radians: 44.98"),
+        ({"vectored": "31 22"}, "far outside of an envelope of 0.457 x 0.338 x 0.254 m; likely it is in centimeters"),
+        ({"thrust": "3000"}, "wanted 1.1 to 564 N; likely it is in grams of force: 29.42"),
+        ({"dvl": "0 0 13"}, "likely it is in centimeters: 0 0 0.13"),
+        ({"pool": "5000 6 2"}, "wanted 3 numbers from 1 to 1000, 0.5 to 6000"),
+        ({"pool": "10 6 0.2"}, "wanted 3 numbers"),
+        ({"size": "1.8 1.2 0.9", "mass": "300", "pool": "1.5 6 2"}, "too small for a vehicle of 1.8 x 1.2 x 0.9 m"),
     ],
 )
 def test_an_answer_that_makes_no_sense_is_refused(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], home: Path, given: dict[str, str], wanted: str
 ) -> None:
     assert answer(monkeypatch, **given) == 2
-    assert wanted in capsys.readouterr().err
-    assert not home.exists()
+    said = capsys.readouterr().err
+    assert wanted in said
+    assert "_" not in said.partition("hindrax vehicle: ")[2].replace("myrov", ""), "no key of the file: none was typed"
+    assert not (home / "myrov.yaml").exists()
+
+
+def test_answers_of_a_start_that_failed_stand_in_brackets_at_the_next(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], home: Path
+) -> None:
+    assert answer(monkeypatch, mass="12.5", layout="8", thrust="40", pool="0 0 0") == 2
+    assert f"kept in {home / 'myrov.answers'}" in capsys.readouterr().err
+    monkeypatch.setattr("sys.stdin", io.StringIO("\n" * 10))
+    assert main(["vehicle", "new", "myrov"]) == 0
+    assert "1. mass in kg, dry, trimmed as it flies [12.5]:" in capsys.readouterr().err
+    made = load_vehicle(home / "myrov.yaml")
+    assert (made.mass_kg, len(made.thrusters)) == (12.5, 8)
+    assert made.curves["main"].negative.force_N(1100.0) == pytest.approx(-40.0, abs=0.01)
+    assert not (home / "myrov.answers").exists(), "it has made its file"
+
+
+@pytest.mark.parametrize("damage", ["", "[1, 2]", "{}", '{"mass": "x"}', '{"mass": [null]}', "\x00"])
+def test_a_damaged_file_of_answers_is_none(monkeypatch: pytest.MonkeyPatch, home: Path, damage: str) -> None:
+    home.mkdir()
+    (home / "myrov.answers").write_text(damage)
+    assert answer(monkeypatch) == 0
+
+
+def test_a_person_is_asked_both_answers_that_disagree_and_can_go_back() -> None:
+    lines = ["11500", "", "0.457 0.338 0.254", "11.5", "", "8", BACK, "6", *[""] * 10]
+    prompts: list[str] = []
+    wrong: list[str] = []
+
+    def line_of(prompt: str) -> str:
+        prompts.append(prompt.partition(".")[0] + prompt[prompt.rfind("[") :])
+        return lines[len(prompts) - 1] + "\n"
+
+    answers = ask(line_of, lambda error: wrong.append(str(error)))
+    assert len(wrong) == 1
+    shown = ["1[11500]:", "3[0.457 0.338 0.254]:", "4[6]:", "5[45]:", "4[8]:", "5[45]:"]
+    assert prompts[3:9] == shown
+    assert (answers["mass"], answers["layout"]) == ((11.5,), (6.0,))
+
+
+BOUNDED = st.fixed_dictionaries(
+    {one.key: st.tuples(*(st.floats(low, high) for low, high in one.bounds)) for one in QUESTIONS}
+)
+
+
+@given(BOUNDED, st.sampled_from([0.0, 6.0, 8.0]), st.floats(0.05, 1.0), st.floats(-0.3, 0.3))
+@settings(max_examples=60, deadline=None)
+def test_answers_that_agree_make_a_valid_file(
+    drawn: dict[str, tuple[float, ...]], layout: float, filled: float, pull: float
+) -> None:
+    """No answer that was accepted fails at the end, by the name of a key that nobody typed."""
+    mass_kg = 1e3 * filled * math.prod(drawn["size"]) / (1.0 + pull)
+    assume(0.1 <= mass_kg <= 1e5)
+    drawn |= {"layout": (layout,), "mass": (mass_kg,), "buoyancy": (pull * mass_kg * 9.80665,)}
+    accepted: dict[str, tuple[float, ...]] = {}
+    for one in QUESTIONS:
+        drawn_or_usual = drawn[one.key]
+        if one.wrong("", drawn_or_usual, accepted):
+            drawn_or_usual = one.suggestion(accepted, {})
+        assume(drawn_or_usual)
+        accepted[one.key] = drawn_or_usual
+    vehicle_from_text(file_text("drawn", accepted), "drawn")
 
 
 def test_an_input_that_ends_is_no_consent_to_what_is_in_brackets(
@@ -84,13 +163,13 @@ def test_an_input_that_ends_is_no_consent_to_what_is_in_brackets(
     monkeypatch.setattr("sys.stdin", io.StringIO("11.5\n\n0.4 0.3 0.2\n"))
     assert main(["vehicle", "new", "myrov"]) == 2
     assert "4. thrusters" in capsys.readouterr().err
-    assert not home.exists()
+    assert not (home / "myrov.yaml").exists()
 
 
 def test_a_bracket_in_a_question_is_an_answer() -> None:
-    answers = {"size": (1.0, 1.0, 1.0), "layout": (6.0,)}
+    answers = {"mass": (200.0,), "buoyancy": (1.0,), "size": (1.0, 1.0, 1.0), "layout": (6.0,)}
     for one in QUESTIONS:
-        assert ("[" in one.prompt(answers)) == (one.key not in MUST), one.text
+        assert ("[" in one.prompt(answers, {})) == (one.key not in MUST), one.text
 
 
 def test_nobody_answers_ten_questions_for_a_file_that_cannot_be_written(
@@ -178,6 +257,35 @@ def test_what_looks_wrong_is_named_with_a_remedy() -> None:
     wrong = changed(thrusters=thrusters, sensors={}, **body)
     remedies = {one.name for one in findings(wrong) if not one.ok}
     assert remedies >= {"net buoyancy", "righting arm", "channels", "thruster positions", "velocity", "hydrodynamics"}
+
+
+@pytest.mark.parametrize(
+    ("keys", "name", "remedy"),
+    [
+        (
+            {"mass_kg": 11500.0, "volume_m3": 11.5},
+            "hull",
+            "correct mass_kg and volume_m3, likely in grams: 11.5 0.0115",
+        ),
+        ({"mass_kg": 15220.0}, "hull", "correct mass_kg, likely in grams: 15.22"),
+        ({"volume_m3": 15.3}, "hull", "correct volume_m3, likely in litres: 0.0153"),
+        ({"envelope_m": [5.9, 4.7, 4.0]}, "hull", "correct mass_kg, volume_m3 or envelope_m"),
+        ({"envelope_m": [50.0, 47.0, 40.0]}, "hull", "correct envelope_m, likely in centimeters: 0.5 0.47 0.4"),
+        ({"mass_kg": 1522.0, "volume_m3": 1.53, "envelope_m": [5.9, 4.7, 4.0]}, "thrust", "check the unit of curves"),
+        (
+            {"sensors": {"dvl75": {"device": "dvl75", "position_m": [0.0, 0.0, 15.0]}}},
+            "sensor positions",
+            "check unit and origin of position_m",
+        ),
+    ],
+)
+def test_numbers_that_do_not_fit_each_other_fail_the_check(
+    keys: dict[str, object], name: str, remedy: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("odd.yaml").write_text(yaml.safe_dump(yaml.safe_load(default_vehicle().read_text()) | keys))
+    assert main(["vehicle", "check", "odd.yaml", "--json"]) == 1
+    checks = {one["name"]: one["remedy"] for one in json.loads(capsys.readouterr().out)["checks"]}
+    assert checks[name].startswith(remedy)
 
 
 def test_a_limit_below_what_the_thrusters_reach_is_reported() -> None:

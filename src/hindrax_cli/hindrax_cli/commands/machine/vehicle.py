@@ -1,6 +1,7 @@
 """`hindrax vehicle`: make, check and show vehicle files."""
 
 import argparse
+import json
 import sys
 from functools import partial
 from pathlib import Path
@@ -11,7 +12,7 @@ from hindrax_bringup.share_files import VEHICLE, own_vehicles, usual_vehicle, ve
 from hindrax_cli.argument_types import add_json
 from hindrax_cli.command import add_words, command, option
 from hindrax_cli.vehicle_edit import with_outputs
-from hindrax_cli.vehicle_questions import ask, file_text
+from hindrax_cli.vehicle_questions import BACK, Answers, ask, file_text, kept_answers
 from hindrax_cli.vehicle_review import findings, picture, same_positions
 from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_control.maneuver.goal import largest_wrench, servable_motions
@@ -21,6 +22,8 @@ from hindrax_core.text.text_file import replace_text, require_place, writing
 from hindrax_core.vehicle import AXES, Thruster, Vehicle, load_vehicle, vehicle_from_text
 
 UPRIGHT_deg = 90.0
+KEPT = ".answers"
+"""Suffix of the file of answers that have not made a vehicle file yet."""
 
 
 def new(arguments: argparse.Namespace) -> int:
@@ -32,14 +35,35 @@ def new(arguments: argparse.Namespace) -> int:
     if out.exists():
         raise UsageError(f"{out}: exists already; use another name, or remove it")
     require_place(next(folder for folder in out.absolute().parents if folder.exists()) / out.name)
-    text = _text_from_log(name, arguments.log) if arguments.log else file_text(name, ask(_line, _print_or_raise))
+    answers = out.with_suffix(KEPT)
+    text = _text_from_log(name, arguments.log) if arguments.log else file_text(name, _answers(answers))
     vehicle = vehicle_from_text(text, str(out))
     with writing(out, "name another place with --out", UsageError):
         out.parent.mkdir(parents=True, exist_ok=True)
         replace_text(out, text)
+        answers.unlink(missing_ok=True)
     _show_checks(vehicle, out)
     print_fitted(f"written: {out}\n  ./hindrax vehicle show {name}\n  ./hindrax pool-test --mock --vehicle {name}")
     return 0
+
+
+def _answers(file: Path) -> Answers:
+    """The ten answers; each is kept in a file until the vehicle file is written, and is offered at the next start."""
+
+    def keep(typed: Answers) -> None:
+        with writing(file, "name another place with --out", UsageError):
+            file.parent.mkdir(parents=True, exist_ok=True)
+            replace_text(file, json.dumps(typed))
+
+    earlier = kept_answers(file)
+    again = f"; {len(earlier)} of an earlier start are from {file}, remove it to begin anew" if earlier else ""
+    print_stderr(f"Enter accepts the answer in brackets{again}; {BACK} returns to the question before.")
+    try:
+        return ask(_line, _print_or_raise, earlier, keep)
+    except (UsageError, KeyboardInterrupt):
+        if file.exists():
+            print_stderr(f"The answers so far are kept in {file}; the same command continues with them.")
+        raise
 
 
 def _text_from_log(name: str, log: Path) -> str:
