@@ -29,6 +29,8 @@ SHORTEST_FOREVER_S = 2_000_000_000
 """A duration this long is no limit: middlewares and versions of rosbag2 have several."""
 NAME = "metadata.yaml"
 OFFERED, TYPE_HASH = "offered_qos_profiles", "topic_type_hash"
+COMPRESSED = (".zstd", ".zst", ".lz4")
+"""Suffixes of a file that is compressed as a whole, behind its own: bag_0.mcap.zstd."""
 DESCRIPTION = "hindrax"
 """Name of the metadata record in which the recorder describes the run."""
 QUALITIES = {resolved(topic): topic.quality for topic in TOPICS}
@@ -167,7 +169,8 @@ def parts(folder: Path) -> list[Path]:
 
 def part_number(path: Path) -> tuple[int, str]:
     """Number at the end of the name of a file of a bag, 0 without one; and the name."""
-    number = path.stem.rpartition("_")[2]
+    stem = Path(path.stem).stem if path.suffix in COMPRESSED else path.stem
+    number = stem.rpartition("_")[2]
     return (int(number) if number.isdigit() else 0, path.name)
 
 

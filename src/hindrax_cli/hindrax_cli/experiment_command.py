@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hindrax_bag.read.bag_reader import is_bag
 from hindrax_bag.read.message_columns import series
 from hindrax_cli.argument_types import add_json, positive
 from hindrax_cli.command import Declare, option
@@ -61,7 +62,7 @@ def read_record(path: Path, columns: Sequence[Column], fields: Sequence[str]) ->
     """Columns by name, each (n,) in SI, of a CSV file, or of a bag if fields are given. UsageError: cannot be read."""
     if fields:
         return _read_bag(path, fields, columns)
-    if path.is_dir() or path.suffix == ".mcap":
+    if is_bag(path):
         raise UsageError(f"{path}: is a bag; name its columns with --field COLUMN=TOPIC:PATH")
     try:
         text = path.read_text(encoding="utf-8")

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -355,3 +356,20 @@ def test_a_pool_test_checks_the_disk_for_its_whole_length_before_it_starts(
     assert command_line.main(words) == 1
     assert "24 MB for 240 s of recording" in capsys.readouterr().err
     assert not (tmp_path / "run" / "logs").exists()
+
+
+@pytest.mark.parametrize("word", ["recover", "export"])
+def test_a_copy_that_nobody_can_read_ends_with_1_and_names_the_topic(
+    word: str, bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    damaged = tmp_path / "damaged.mcap"
+    with damaged.open("wb") as stream:
+        made = McapWriter(stream)
+        made.start("ros2")
+        schema = made.register_schema("demo_msgs/msg/Level", "ros2msg", b"float64 level\n")
+        channel = made.register_channel("/demo/level", "cdr", schema)
+        made.add_message(channel, 1, b"\x00\x01\x00\x00", 1)
+        made.finish()  # type: ignore[no-untyped-call]  # mcap leaves out its annotation
+    assert command_line.main(["bag", word, str(damaged), "--out", str(tmp_path / "copy")]) == 1
+    assert "/demo/level: its messages are not of demo_msgs/msg/Level" in capsys.readouterr().out
+    assert command_line.main(["bag", word, str(bag), "--out", str(tmp_path / "whole")]) == 0

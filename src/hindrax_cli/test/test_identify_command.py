@@ -25,7 +25,7 @@ from hindrax_bringup.clone import clone_root
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.data import identify
-from hindrax_control.allocation.thrust_curve import AppliedWrench
+from hindrax_control.allocation.thrust_curve import AppliedWrench, thrust_curves
 from hindrax_core.topics import MANEUVER, resolved
 from hindrax_core.vehicle import Drag, Vehicle, load_vehicle
 from hindrax_ident.arrays import Array
@@ -57,6 +57,7 @@ DEFINITIONS = {
     "nav_msgs/msg/Odometry": f"{STAMPED}string child_frame_id\ngeometry_msgs/PoseWithCovariance pose\n"
     f"geometry_msgs/TwistWithCovariance twist\n{PARTS}",
     "mavros_msgs/msg/RCOut": f"{STAMPED}uint16[] channels\n{PARTS}",
+    "my_msgs/msg/Escs": f"{STAMPED}Set set\nstring mode\n{PARTS}{'=' * 80}\nMSG: my_msgs/Set\nfloat32[] throttle\n",
 }
 START_S = 1_700_000_000.0
 
@@ -575,6 +576,58 @@ def test_pulses_that_do_not_serve_are_refused_with_the_remedy(
     desk: Desk, channels: list[int], words: list[str], wanted: str
 ) -> None:
     assert wanted in desk.refused(pulses_bag(desk.folder / "a.mcap", channels), *words)
+
+
+def own_message_bag(path: Path, values: list[float]) -> Path:
+    """Velocities, and an array in a message that only this vehicle has."""
+    velocities, (t_w, _) = flown(end_s=10.0)
+    rows = [(t, {"header": header_of(START_S + t, ""), "set": {"throttle": values}, "mode": "x"}) for t in t_w.tolist()]
+    return bag_of(path, [reported(velocity_message, ODOMETRY, velocities), ("my_msgs/msg/Escs", "/escs", rows)])
+
+
+FORWARD = [1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("named", "values"),
+    [
+        ("/escs:set.throttle=ratio", [-0.5 * one for one in FORWARD]),
+        ("/escs:set.throttle=N", [-1.0 * one for one in FORWARD]),
+        ("/escs:set.throttle=us", [1500.0 + 200.0 * one for one in FORWARD]),
+        ("/escs:set.throttle", [1500.0 + 200.0 * one for one in FORWARD]),
+    ],
+)
+def test_arrays_of_any_message_become_forces_by_field_and_unit(tmp_path: Path, named: str, values: list[float]) -> None:
+    bag = own_message_bag(tmp_path / "a.mcap", values)
+    vehicle = load_vehicle(default_vehicle())
+    found = read_bag(bag, TopicSelection(wrench=named), topics_of(bag), vehicle)
+    first = thrust_curves(vehicle)[0]
+    low, high = sorted(first.pulse(force) for force in first.range_N)
+    force = {
+        "ratio": first.force(first.stop_us - 0.5 * (first.stop_us - low)),
+        "N": -1.0,
+    }.get(named.partition("=")[2], first.force(1700.0))
+    assert low < 1700.0 < high
+    assert found.wrench[:, 0] == pytest.approx(2.0 * math.cos(math.radians(55.0)) * force)
+
+
+@pytest.mark.parametrize(
+    ("named", "values", "wanted"),
+    [
+        ("/escs:set.throttle", FORWARD, "say what they are: --wrench /escs:set.throttle=N for newtons"),
+        ("/escs:set.throttle=ratio", [2.0] * 8, "holds 2, wanted shares of full throttle from -1 to 1"),
+        ("/escs:set.throttle=rpm", FORWARD, "found the unit 'rpm', wanted one of us, N, ratio"),
+        ("/escs:set.speed=N", FORWARD, "has no 'speed' at 'set.speed'; there are throttle"),
+        ("/escs:mode=N", FORWARD, "mode is str, wanted an array of numbers"),
+        ("/escs:set.throttle=N", FORWARD[:3], "holds 3 channels, wanted 8"),
+        ("/ecs:set.throttle=N", FORWARD, "found no such topic"),
+    ],
+)
+def test_arrays_that_do_not_serve_are_refused_with_what_is_there(
+    desk: Desk, named: str, values: list[float], wanted: str
+) -> None:
+    bag = own_message_bag(desk.folder / "a.mcap", values)
+    assert wanted in desk.refused(bag, "--vehicle", default_vehicle(), "--wrench", named)
 
 
 def test_poses_alone_give_the_velocity(desk: Desk) -> None:

@@ -24,7 +24,7 @@ from hindrax_analysis.report.figures import Trace
 from hindrax_analysis.report.run_page import RunReport, run_page
 from hindrax_analysis.terminal import print_table
 from hindrax_bag import software_version
-from hindrax_bag.read.bag_reader import bag_files, messages
+from hindrax_bag.read.bag_reader import bag_files, is_bag, messages
 from hindrax_bag.run_folder import RunFolder
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp
@@ -191,14 +191,13 @@ def recorded_conditions(
     """
     results, flown = identified.results, [maneuver_record(bag) for bag in ours]
     ends = [aborted or recorded_end(bag) or one.aborted for bag, one in zip(ours, flown, strict=True)]
-    is_bag = files[0].is_dir() or files[0].suffix in (".mcap", ".db3")
 
     def total(seconds: Sequence[Mapping[str, float]]) -> dict[str, float]:
         return {motion: sum(one.get(motion, 0.0) for one in seconds) for one in seconds for motion in one}
 
     return replace(
         conditions_of(results.vehicle, mock=identified.mock, motions=tuple(results.motions)),
-        date=date_of(files[0]) if is_bag else "",
+        date=date_of(files[0]) if is_bag(files[0]) else "",
         bag=", ".join(map(str, files)),
         bag_sha256=", ".join(map(bag_hash, files)),
         software=software_version(),

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from hindrax_analysis.records.thruster_values import ThrusterValues
 from hindrax_bag.read.bag_reader import BagMessage
-from hindrax_control.allocation.thrust_curve import PULSE_FIELDS
 from hindrax_ident.arrays import Array, array
 
 VELOCITY_TYPES = (
@@ -50,6 +50,8 @@ class Track:
     poses: list[list[float]] = field(default_factory=list)
     """Position and quaternion x, y, z, w; empty where the topic has none."""
     frame: str = ""
+    values: ThrusterValues | None = None
+    """Where the messages hold numbers of single thrusters instead of a wrench."""
 
     def add(self, message: BagMessage) -> None:
         """Append one message."""
@@ -58,11 +60,11 @@ class Track:
         self.stamped.append(header.stamp.sec * 1_000_000_000 + header.stamp.nanosec if header else 0)
         self.received.append(message.received)
         self.frame = header.frame_id if header else ""
-        if self.kind in WRENCH_TYPES:
+        if self.values is not None:
+            self.rows.append(self.values.row(self.kind, content))
+        elif self.kind in WRENCH_TYPES:
             wrench = getattr(content, "wrench", content)
             self.rows.append(_six(wrench.force, wrench.torque))
-        elif self.kind in PULSE_FIELDS:
-            self.rows.append([float(value) for value in getattr(content, PULSE_FIELDS[self.kind])])
         else:
             self._add_motion(content)
 

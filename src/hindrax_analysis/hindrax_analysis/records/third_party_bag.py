@@ -4,7 +4,7 @@ Topics are found by type. Ambiguous axes follow REP-103 and REP-105, and are rep
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,8 @@ from hindrax_analysis.records.bag_track import (
     to_body,
     velocities_from_poses,
 )
-from hindrax_analysis.records.recording import HALF_TURN, Recording, wrenches_of_pulses
+from hindrax_analysis.records.recording import HALF_TURN, Recording
+from hindrax_analysis.records.thruster_values import PULSES, UNITS, ThrusterValues, wrenches_of_thrusters
 from hindrax_bag.read.bag_reader import messages
 from hindrax_control.allocation.thrust_curve import PULSE_FIELDS
 from hindrax_core.errors import UsageError
@@ -82,8 +83,13 @@ def read_bag(bag: Path, wanted: TopicSelection, topics: Mapping[str, str], vehic
     `vehicle`: converts pulses to newtons.
     """
     velocity = _choose(bag, topics, (VELOCITY_TYPES, NAMED_VELOCITY_TYPES), wanted.odometry, ("velocity", "--odometry"))
-    wrench = _choose(bag, topics, (WRENCH_TYPES, tuple(PULSE_FIELDS)), wanted.wrench, ("force", "--wrench"))
+    named = ThrusterValues.named(wanted.wrench)
+    possible = tuple({*PULSE_FIELDS, topics[named.topic]} if named.field and named.topic in topics else PULSE_FIELDS)
+    wrench = _choose(bag, topics, (WRENCH_TYPES, possible), named.topic, ("force", "--wrench"))
     tracks = {name: Track(name, topics[name]) for name in (velocity, wrench)}
+    if named.path(topics[wrench]):
+        unit = named.unit or (PULSES if topics[wrench].startswith("mavros_msgs/") else "")
+        tracks[wrench].values = replace(named, topic=wrench, unit=unit)
     for message in messages(bag, set(tracks)):
         tracks[message.topic].add(message)
     return _recording(bag, tracks[velocity], tracks[wrench], wanted.frame, vehicle)
@@ -147,13 +153,13 @@ def _recording(bag: Path, velocity: Track, wrench: Track, frame: str, vehicle: V
 
 def _forces(wrench: Track, velocity: Track, signs: Array, axes: _FrameChoice, vehicle: Vehicle | None) -> Array:
     """Wrenches in SNAME axes, in the order of the bag: (n, 6) [N, N m]."""
-    if wrench.kind in PULSE_FIELDS:
-        note = "holds pulses of the channels, converted to newtons by the curves of the vehicle file"
-        axes.notes.append(f"{wrench.topic} {note}")
+    if wrench.values is not None:
+        unit = wrench.values.unit_of(wrench.rows)
+        axes.notes.append(f"{wrench.topic} holds one value per output channel: {UNITS[unit]}")
         if vehicle is None or not vehicle.thrusters:
             remedy = "name a vehicle file with thrusters and curves by --vehicle"
-            raise UsageError(f"{wrench.topic}: holds pulses, wanted newtons; {remedy}")
-        return wrenches_of_pulses(wrench.topic, wrench.rows, [vehicle.supply_V] * len(wrench.rows), vehicle)
+            raise UsageError(f"{wrench.topic}: holds values of single thrusters, wanted a wrench; {remedy}")
+        return wrenches_of_thrusters(wrench.values, wrench.rows, vehicle)
     if wrench.frame or axes.is_given:
         signs = _signs_to_sname(wrench, axes)
     else:

@@ -1,7 +1,7 @@
 """Read bags as messages: complete or not, one file or a folder, decoded by their embedded schema.
 
 Nothing here needs a ROS installation or our generated messages, so bags of other vehicles and of older versions of this
-stack open too: MCAP, and the older sqlite3 format of rosbag2.
+stack open too: MCAP, the older sqlite3 format of rosbag2, either of them compressed, and bags of ROS 1 (`ros1`).
 """
 
 import sqlite3
@@ -15,8 +15,10 @@ from mcap.records import Attachment, Channel, Message, Metadata, Schema
 from mcap_ros2.decoder import DecoderFactory
 
 from hindrax_bag.definitions import steps_of
-from hindrax_bag.metadata import DESCRIPTION, part_number
-from hindrax_bag.read.mcap_records import Damage, records
+from hindrax_bag.metadata import COMPRESSED, DESCRIPTION, part_number
+from hindrax_bag.read.compression import unpacked, unpacked_file
+from hindrax_bag.read.mcap_records import BROKEN, Damage, records
+from hindrax_bag.read.ros1 import ENCODING, ros1_bag, ros1_type
 from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S
 from hindrax_core.messages.contents import Contents, Read, bytes_reader, of_message
@@ -24,15 +26,16 @@ from hindrax_core.messages.definition import parsed
 from hindrax_core.topics import NAMESPACE, in_default_namespace
 from hindrax_core.vehicle import Vehicle, vehicle_from_text
 
-PATTERNS = ("*.mcap", "*.db3")
+KINDS = (".mcap", ".db3", ".bag")
+PATTERNS = tuple(f"*{kind}{packed}" for packed in ("", *COMPRESSED) for kind in KINDS)
 RUN_BAG = "bag"
 """Place of the bag in the folder of a run."""
 VEHICLE_FILE = "vehicle.yaml"
 """Its name in the folder of a run, and inside a bag."""
-COMPRESSED = (".zstd", ".zst", ".lz4")
 EVERY = 10_000
 """Messages between two reports of how far the reading of a bag is."""
 Decode = Callable[[bytes], Any]
+Unpack = Callable[[bytes], bytes]
 _STAMP = struct.Struct("<iI")
 CDR_HEAD, LITTLE_ENDIAN = 4, b"\x00\x01"
 
@@ -90,6 +93,11 @@ class BagMessage(NamedTuple):
         return self.form.decode(self.data)
 
 
+def is_bag(path: Path) -> bool:
+    """Whether a path is that of a bag by its name: a folder, or a file of one of the kinds, compressed or not."""
+    return path.is_dir() or any(path.match(pattern) for pattern in PATTERNS)
+
+
 def bag_files(path: str | Path) -> list[Path]:
     """Files of a bag given as a file or as a folder, in order; UsageError when there is none.
 
@@ -103,16 +111,13 @@ def bag_files(path: str | Path) -> list[Path]:
             files = sorted(folder.glob(pattern), key=part_number)
             if files:
                 return files
-    raise UsageError(f"{place}: {_found(place)}, wanted a bag: a folder with .mcap or .db3 files, or such a file")
+    raise UsageError(f"{place}: {_found(place)}, wanted a bag: a folder with .mcap, .db3 or .bag files, or such a file")
 
 
 def _found(place: Path) -> str:
     if not place.is_dir():
         return "does not exist"
     names = sorted(file.name for file in place.iterdir())
-    packed = [name for name in names if name.endswith(COMPRESSED)]
-    if packed:
-        return f"found only {packed[0]}, which is compressed as a whole (unpack it)"
     return f"found a folder with {names[0]}{' and others' * (len(names) > 1)}" if names else "found an empty folder"
 
 
@@ -126,23 +131,32 @@ def messages(
     An unfinished file is read up to its last whole record, and damaged chunks are left out; `damage` receives a report.
     UsageError when a file is no bag at all.
     """
+    noted = Damage() if damage is None else damage
     for file in bag_files(path):
-        if file.suffix == ".db3":
-            yield from _sqlite_messages(file, topics)
-        else:
-            yield from _mcap_messages(file, topics, damage)
+        with unpacked_file(file) as place:
+            if place.suffix == ".db3":
+                yield from _sqlite_messages(place, topics, noted)
+            elif place.suffix == ".bag":
+                yield from _ros1_messages(place, topics)
+            else:
+                yield from _mcap_messages(place, topics, noted)
 
 
-def _mcap_messages(file: Path, topics: Collection[str] | None, damage: Damage | None) -> Iterator[BagMessage]:
+def _mcap_messages(file: Path, topics: Collection[str] | None, damage: Damage) -> Iterator[BagMessage]:
     schemas: dict[int, Schema] = {}
     namespace = NAMESPACE
-    channels: dict[int, tuple[str, MessageDecoder] | None] = {}
+    channels: dict[int, tuple[str, MessageDecoder, Unpack] | None] = {}
     for record in records(file, damage):
         if isinstance(record, Message):
             channel = channels.get(record.channel_id)
             if channel is not None:
-                topic, form = channel
-                yield BagMessage(topic, form.type, record.data, record.log_time, record.publish_time, form)
+                topic, form, unpack = channel
+                try:
+                    data = unpack(record.data)
+                except BROKEN as error:
+                    damage.skip(_damaged_message(file, topic, error), record.log_time, record.log_time)
+                    continue
+                yield BagMessage(topic, form.type, data, record.log_time, record.publish_time, form)
         elif isinstance(record, Schema):
             schemas[record.id] = record
         elif isinstance(record, Metadata):
@@ -150,10 +164,41 @@ def _mcap_messages(file: Path, topics: Collection[str] | None, damage: Damage | 
         elif isinstance(record, Channel):
             topic = in_default_namespace(record.topic, namespace)
             wanted = topics is None or topic in topics
-            channels[record.id] = (topic, MessageDecoder(record, schemas.get(record.schema_id))) if wanted else None
+            channels[record.id] = (topic, *_form(file, record, schemas.get(record.schema_id))) if wanted else None
 
 
-def _sqlite_messages(file: Path, topics: Collection[str] | None) -> Iterator[BagMessage]:
+def _form(file: Path, channel: Channel, schema: Schema | None) -> tuple[MessageDecoder, Unpack]:
+    """Decoder of a channel, and what makes CDR of its bytes."""
+    if channel.message_encoding != ENCODING or schema is None:
+        return MessageDecoder(channel, schema), unpacked
+    old = ros1_type(file, schema.name, schema.data.decode("utf-8", "replace"))
+    return _modern_form(channel.id, channel.topic, "cdr", old.name, old.definition), old.convert
+
+
+def _modern_form(number: int, topic: str, encoding: str, kind: str, definition: str) -> MessageDecoder:
+    """Decoder of a topic that no channel of MCAP declares."""
+    schema = Schema(id=number, name=kind, encoding="ros2msg", data=definition.encode())
+    return MessageDecoder(Channel(number, topic, encoding, {}, number), schema)
+
+
+def _damaged_message(file: Path, topic: str, error: Exception) -> str:
+    return f"{file.name}: a message of {topic} is damaged ({type(error).__name__}) and left out"
+
+
+def _ros1_messages(file: Path, topics: Collection[str] | None) -> Iterator[BagMessage]:
+    """Messages of a bag of ROS 1, as CDR."""
+    forms: dict[tuple[str, str], MessageDecoder] = {}
+    for message in ros1_bag(file):
+        if topics is None or message.topic in topics:
+            key = message.topic, message.form.definition
+            if key not in forms:
+                forms[key] = _modern_form(len(forms), message.topic, "cdr", message.form.name, message.form.definition)
+            yield BagMessage(
+                message.topic, message.form.name, message.data, message.received, message.received, forms[key]
+            )
+
+
+def _sqlite_messages(file: Path, topics: Collection[str] | None, damage: Damage) -> Iterator[BagMessage]:
     """Messages of a .db3 file, tables `topics` and `messages`, in the order of their times."""
     forms: dict[int, tuple[str, MessageDecoder]] = {}
     try:
@@ -163,13 +208,17 @@ def _sqlite_messages(file: Path, topics: Collection[str] | None) -> Iterator[Bag
             for number, topic, kind, encoding in database.execute(query):
                 if topics is None or topic in topics:
                     text = texts[kind] if kind in texts else _standard_definition(file, kind)
-                    schema = Schema(id=number, name=kind, encoding="ros2msg", data=text.encode())
-                    forms[number] = (topic, MessageDecoder(Channel(number, topic, encoding, {}, number), schema))
+                    forms[number] = (topic, _modern_form(number, topic, encoding, kind, text))
             query = "SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id"
-            for number, stamp, data in database.execute(query):
+            for number, stamp, packed in database.execute(query):
                 if number in forms:
                     topic, form = forms[number]
-                    yield BagMessage(topic, form.type, bytes(data), int(stamp), int(stamp), form)
+                    try:
+                        data = unpacked(bytes(packed))
+                    except BROKEN as error:
+                        damage.skip(_damaged_message(file, topic, error), int(stamp), int(stamp))
+                        continue
+                    yield BagMessage(topic, form.type, data, int(stamp), int(stamp), form)
     except sqlite3.DatabaseError as error:
         raise UsageError(
             f"{file}: cannot be read as a sqlite3 bag ({error}); copy it again, or name another"
@@ -209,10 +258,11 @@ def attachments(path: str | Path) -> dict[str, bytes]:
 
 
 def beside_messages(path: str | Path) -> Iterator[Any]:
-    """Records of a bag that are not in its chunks: attachments, metadata. None of an sqlite3 bag."""
+    """Records of a bag that are not in its chunks: attachments, metadata. None of other kinds of bag."""
     for file in bag_files(path):
-        if file.suffix != ".db3":
-            yield from records(file, chunks=False)
+        if ".mcap" in file.suffixes or file.suffix not in (*KINDS, *COMPRESSED):
+            with unpacked_file(file) as place:
+                yield from records(place, chunks=False)
 
 
 def attached_vehicle(bag: str | Path, inside: Mapping[str, bytes]) -> Vehicle:

@@ -28,7 +28,7 @@ from hindrax_bag.metadata import (
     write_metadata,
 )
 from hindrax_bag.read.bag_reader import EVERY, BagMessage, bag_files, beside_messages, messages
-from hindrax_bag.read.mcap_records import Damage
+from hindrax_bag.read.mcap_records import BROKEN, Damage
 from hindrax_bag.write.bag_writer import BagFile
 from hindrax_bag.write.limits import free_bytes
 from hindrax_core.errors import HindraxError, UsageError
@@ -47,6 +47,8 @@ class Recovered:
     messages: int
     lost_s: float
     notes: tuple[str, ...]
+    unreadable: tuple[str, ...] = ()
+    """Topics whose messages nobody can decode: neither in the bag, nor in its copy."""
 
 
 def everything(_topic: str, _after_s: float) -> bool:
@@ -64,7 +66,8 @@ def recover(
 
     `keep` chooses messages by topic, named as `messages` names it, and seconds since the first message of the bag.
 
-    UsageError when the output exists or the path is no bag; HindraxError when it cannot be written.
+    UsageError when the output exists or the path is no bag; HindraxError when it cannot be written, or when what was
+    written does not read back.
     """
     files = bag_files(bag)
     if output.exists() and any(output.iterdir() if output.is_dir() else [output]):
@@ -74,7 +77,17 @@ def recover(
         output.mkdir(parents=True, exist_ok=True)
         contents = [copy.file(file, output / f"{output.name}_{number}.mcap") for number, file in enumerate(files)]
         (output / NAME).write_text(metadata_text(contents), encoding="utf-8")
-    return Recovered(output, copy.total, copy.damage.lost_s, tuple(copy.damage.notes))
+        _require_same(output, copy.total)
+    return Recovered(output, copy.total, copy.damage.lost_s, tuple(copy.damage.notes), tuple(copy.unreadable))
+
+
+def _require_same(written: Path, count: int) -> None:
+    """Read a copy back, with its checksums; HindraxError when it holds less than was written."""
+    damage = Damage()
+    found = sum(1 for _ in messages(written, damage=damage))
+    if found != count or damage.notes:
+        why = f" ({damage.notes[0]})" if damage.notes else ""
+        raise HindraxError(f"{written}: {count} messages were written, {found} can be read back{why}; check the disk")
 
 
 @contextlib.contextmanager
@@ -98,11 +111,12 @@ class _Copy:
 
     def __init__(self, progress: Callable[[int], None], keep: Callable[[str, float], bool]) -> None:
         self.total, self.damage = 0, Damage()
+        self.unreadable: list[str] = []
         self._begin: int | None = None
         self._progress, self._keep = progress, keep
 
     def file(self, source: Path, target: Path) -> Contents:
-        """Copy the readable part of one file; a file of an sqlite3 bag becomes MCAP."""
+        """Copy the readable part of one file; other kinds of bag become MCAP, and compressed messages plain ones."""
         part = BagFile(target)
         for record in beside_messages(source):
             if isinstance(record, Attachment):
@@ -124,10 +138,21 @@ class _Copy:
         if not part.has(topic):
             encoding = form.schema.encoding if form.schema else ""
             part.open_channel(channel_of(form.channel, form.schema), form.definition, encoding)
+            self._try_to_decode(message)
         part.write(topic, message.data, message.received, message.sent)
         self.total += 1
         if self.total % EVERY == 0:
             self._progress(self.total)
+
+    def _try_to_decode(self, message: BagMessage) -> None:
+        """Note a topic whose first message does not fit its definition: it is copied, and nobody can read it."""
+        try:
+            message.decoded()
+        except (HindraxError, *BROKEN) as error:
+            self.unreadable.append(message.topic)
+            self.damage.notes.append(
+                f"{message.topic}: its messages are not of {message.type} ({error}); copied unread"
+            )
 
 
 def begin_completion(files: Sequence[Path]) -> subprocess.Popen[bytes] | None:

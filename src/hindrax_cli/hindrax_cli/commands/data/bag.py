@@ -13,7 +13,7 @@ from rich.console import Console
 
 from hindrax_analysis.terminal import print_answer, print_table, working
 from hindrax_bag.read.message_columns import FieldSeries, extract, series
-from hindrax_bag.read.recovery import recover
+from hindrax_bag.read.recovery import Recovered, recover
 from hindrax_bag.read.survey import ListedBag, Survey, find_bags, survey
 from hindrax_cli.argument_types import add_json
 from hindrax_cli.bag_fetch import Progress, fetch, remote_of
@@ -81,7 +81,14 @@ def recovered(arguments: argparse.Namespace) -> int:
         made = recover(bag, arguments.out or bag.with_name(f"{bag.stem}_recovered"), progress)
     document = {"recovered_messages": made.messages, "lost_seconds": made.lost_s, "output": str(made.output)}
     outcome = f"{made.output}: {made.messages} messages recovered, {made.lost_s:.2f} s known to be lost"
-    return print_answer(document, "\n".join([*made.notes, outcome]), as_json=arguments.json)
+    return _answer_copy(made, document, outcome, as_json=arguments.json)
+
+
+def _answer_copy(made: Recovered, document: dict[str, object], outcome: str, *, as_json: bool) -> int:
+    """Print what became of a copy; 1 when a topic of it cannot be read by anybody."""
+    unreadable = {"unreadable": list(made.unreadable)} if made.unreadable else {}
+    print_answer(document | unreadable, "\n".join([*made.notes, outcome]), as_json=as_json)
+    return 1 if made.unreadable else 0
 
 
 @command(
@@ -163,7 +170,7 @@ def exported(arguments: argparse.Namespace) -> int:
                 f"{bag}: none of its messages was wanted; `./hindrax bag info {bag}` shows topics and length"
             )
     document = {"messages": made.messages, "output": str(made.output)}
-    return print_answer(document, f"{made.output}: {made.messages} messages", as_json=arguments.json)
+    return _answer_copy(made, document, f"{made.output}: {made.messages} messages", as_json=arguments.json)
 
 
 @command(

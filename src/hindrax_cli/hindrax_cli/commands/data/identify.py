@@ -71,7 +71,8 @@ def add_selection(parser: argparse.ArgumentParser) -> None:
     """Options that select from the records, for `opened`."""
     add = parser.add_argument
     add("--odometry", default="", metavar="TOPIC", help="velocities; default: found by type")
-    add("--wrench", default="", metavar="TOPIC", help="forces; default: found by type")
+    forces = "forces, or TOPIC:FIELD=us, N or ratio for an array with a value per output; default: found by type"
+    add("--wrench", default="", metavar="TOPIC", help=forces)
     axes = "axes, instead of those of the frame name; world: velocities of an odometry"
     add("--frame", choices=FRAMES, default="", help=axes)
     add("--dof", nargs="+", default=[], choices=(*CHOICES, ALL), metavar="MOTION", help="default: all that moved")

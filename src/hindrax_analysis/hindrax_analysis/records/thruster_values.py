@@ -1,0 +1,116 @@
+"""Values of single thrusters in the messages of any type: pulses, forces, or shares of full throttle.
+
+`--wrench /esc/set:throttle=ratio` names the topic, the field that holds one number per output channel, and what the
+numbers are. Nearly every vehicle has a message of its own for them, and none of these types can be known before.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hindrax_analysis.records.recording import wrenches_of_pulses
+from hindrax_control.allocation.thrust_curve import PULSE_FIELDS, SERVO_US, AppliedWrench, ThrustCurve, thrust_curves
+from hindrax_core.errors import UsageError
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.arrays import Array
+
+PULSES, FORCES, THROTTLES = "us", "N", "ratio"
+UNITS = {
+    PULSES: "pulses [us], converted to newtons by the curves of the vehicle file",
+    FORCES: "forces of the thrusters [N], positive along their directions in the vehicle file",
+    THROTTLES: "shares of the way from the stop to the last pulse of the curve (-1 to 1)",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class ThrusterValues:
+    """A topic with one number per output channel: the path of the field (empty: by its type) and the unit, if named."""
+
+    topic: str
+    field: str = ""
+    unit: str = ""
+
+    @classmethod
+    def named(cls, text: str) -> "ThrusterValues":
+        """From `TOPIC`, `TOPIC:FIELD`, `TOPIC=UNIT` or `TOPIC:FIELD=UNIT`; UsageError for an unknown unit."""
+        place, _, unit = text.partition("=")
+        topic, _, field = place.partition(":")
+        if "=" in text and unit not in UNITS:
+            raise UsageError(f"--wrench {text}: found the unit {unit!r}, wanted one of {', '.join(UNITS)}")
+        return cls(topic, field, unit)
+
+    def path(self, kind: str) -> str:
+        """Path of the field in a message of this type; empty where it is neither named nor known."""
+        return self.field or PULSE_FIELDS.get(kind, "")
+
+    def row(self, kind: str, content: Any) -> list[float]:
+        """Numbers of a decoded message; UsageError when its field holds none."""
+        found: Any = content
+        for name in self.path(kind).split("."):
+            if not hasattr(found, name):
+                fields = ", ".join(getattr(found, "__slots__", ())) or "no fields"
+                raise UsageError(f"{self.topic}: {kind} has no {name!r} at {self.path(kind)!r}; there are {fields}")
+            found = getattr(found, name)
+        try:
+            return [float(value) for value in found]
+        except (TypeError, ValueError) as error:
+            shown = type(found).__name__
+            raise UsageError(f"{self.topic}: {self.path(kind)} is {shown}, wanted an array of numbers") from error
+
+    def unit_of(self, rows: Sequence[Sequence[float]]) -> str:
+        """The named unit, or microseconds where all numbers are servo pulses; else UsageError: nothing is guessed."""
+        low, high = SERVO_US
+        values = [value for row in rows for value in row]
+        if self.unit or all(low <= value <= high or value == 0.0 for value in values):
+            return self.unit or PULSES
+        name = f"--wrench {self.topic}{':' * bool(self.field)}{self.field}"
+        raise UsageError(
+            f"{self.topic}: holds {min(values):g} to {max(values):g}, no pulses in microseconds; say what they are: "
+            f"{name}={FORCES} for newtons, {name}={THROTTLES} for shares of full throttle"
+        )
+
+
+def wrenches_of_thrusters(values: ThrusterValues, rows: Sequence[Sequence[float]], vehicle: Vehicle) -> Array:
+    """Wrenches (n, 6) [N, N m] in SNAME axes of numbers per output channel, at the supply of the vehicle file.
+
+    UsageError for numbers that cannot be those of the vehicle.
+    """
+    unit = values.unit_of(rows)
+    if unit == FORCES:
+        forces = [_of_channels(values, row, vehicle) for row in rows]
+        wrench = AppliedWrench(vehicle).wrench
+        return np.array([wrench(row) for row in forces])
+    if unit == THROTTLES:
+        rows = _pulses(values, rows, vehicle)
+    return wrenches_of_pulses(values.topic, rows, [vehicle.supply_V] * len(rows), vehicle)
+
+
+def _of_channels(values: ThrusterValues, row: Sequence[float], vehicle: Vehicle) -> list[float]:
+    """Numbers in the order of the thrusters out of those of the channels."""
+    wanted = max((one.channel + 1 for one in vehicle.thrusters), default=0)
+    if len(row) < wanted:
+        raise UsageError(f"{values.topic}: holds {len(row)} channels, wanted {wanted} for {vehicle.name}")
+    return [row[one.channel] for one in vehicle.thrusters]
+
+
+def _pulses(values: ThrusterValues, rows: Sequence[Sequence[float]], vehicle: Vehicle) -> list[list[float]]:
+    """Pulses per output channel [us] of shares of full throttle."""
+    largest = max((abs(value) for row in rows for value in row), default=0.0)
+    if largest > 1.0:
+        raise UsageError(f"{values.topic}: holds {largest:g}, wanted shares of full throttle from -1 to 1")
+    travels = {
+        one.channel: _travel(curve) for one, curve in zip(vehicle.thrusters, thrust_curves(vehicle), strict=True)
+    }
+    stops = {one.channel: vehicle.curves[one.curve].stop_us for one in vehicle.thrusters}
+    return [
+        [stops[channel] + travels[channel](share) if channel in stops else 0.0 for channel, share in enumerate(row)]
+        for row in rows
+    ]
+
+
+def _travel(curve: ThrustCurve) -> Callable[[float], float]:
+    """Way from the stop [us] of a share of full throttle: positive is a longer pulse, as ESCs are driven."""
+    ends = sorted(curve.pulse(force) - curve.stop_us for force in curve.range_N)
+    return lambda share: share * ends[1] if share >= 0.0 else -share * ends[0]
