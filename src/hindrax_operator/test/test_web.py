@@ -483,18 +483,22 @@ def test_the_pool_is_drawn_as_the_pilot_shows_it() -> None:
 # ---- reports
 
 
-def test_the_newest_report_comes_with_the_largest_contributions_to_its_uncertainty(tmp_path: Path) -> None:
-    number = "{value: 66.366, std: 0.24, std_calibrated: 1.88, unit: N s^2/m^2}"
-    budget = "{k_q: {tether: 0.18, thrust calibration: 1.33, inflow loss: 0.63, own wake: 0.3}, drag: {tether: 0.1}}"
+def test_the_newest_report_comes_with_verdict_and_drag_of_each_motion(tmp_path: Path) -> None:
+    surge = "{identifiable: true, drag_force: {speed: [0.1, 0.45], force: [0.7, 14.66], std_calibrated: [0.3, 3.04]}}"
     (tmp_path / "report.html").write_text("<p>", encoding="utf-8")
     file = tmp_path / "coefficients.yaml"
-    file.write_text(f"motions:\n  surge:\n    k_q: {number}\n    budget: {budget}\n", encoding="utf-8")
+    file.write_text(f"motions:\n  surge: {surge}\n  yaw: {{identifiable: false, drag_force: null}}\n", encoding="utf-8")
     listed = Reports(tmp_path.parent).listed()
-    want = "surge k_q, 66.4 +- 1.9 N s^2/m^2, from thrust calibration 1.3, inflow loss 0.63, own wake 0.3"
-    assert [one["budget"] for one in listed if one["name"] == tmp_path.name] == [[want]]
-    for damaged in ("motions: {surge: {budget: [1]}}", "motions: 1", "{", "", "motions: {surge: {}}", "\0"):
+    assert [one["motions"] for one in listed if one["name"] == tmp_path.name] == [
+        [
+            {"motion": "surge", "verdict": "identified", "drag": "14.7 +- 3.0 N at 0.45 m/s"},
+            {"motion": "yaw", "verdict": "not identifiable", "drag": ""},
+        ]
+    ]
+    damages = ("motions: {surge: {identifiable: true, drag_force: {speed: []}}}", "motions: 1", "{", "", "\0")
+    for damaged in (*damages, "motions: {surge: {}}"):
         file.write_text(damaged, encoding="utf-8")
-        assert Reports(tmp_path.parent).listed()[0]["budget"] == []
+        assert Reports(tmp_path.parent).listed()[0]["motions"] == []
 
 
 def test_reports_come_from_the_folder_of_runs_and_nowhere_else(tmp_path: Path) -> None:

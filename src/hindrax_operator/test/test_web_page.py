@@ -20,7 +20,8 @@ pytestmark = pytest.mark.skipif(
 )
 SHOWN = (
     *("heading", "30.0 deg", "+0.312 m/s", "unknown", "1640 us", "lost: sway", "at 270.0 deg", "no echo"),
-    *("no reading for <b>3.2 s</b>", "k_q 66.10 ±0.78", "20 Hz", "m along"),
+    *("no reading for <b>3.2 s</b>", "k_q 66.10 ±0.40", "20 Hz", "x 4.20 m, y 2.90 m ±0.20 m"),
+    *("2.50 m", "disabled", "heave_down", "8.7 ±2.5 N at 0.28 m/s"),
 )
 """What the page must show; what a node says is text, not markup."""
 STOP_RED = "rgb(179, 38, 30)"
@@ -46,25 +47,39 @@ TOO_SMALL = """[...document.querySelectorAll('button,select,#seed,.pick,#reports
 .filter(([_, size]) => size.width < 44 || size.height < 44)"""
 """What is smaller than 44 pixels, the least that WCAG 2.1 (success criterion 2.5.5) wants for a finger."""
 
+ORDER = """[...document.querySelectorAll('main > section')].filter(one => one.offsetParent)
+.sort((a, b) => a.offsetTop - b.offsetTop).slice(0, 3)
+.map(one => one.querySelector('h2').firstChild.textContent.trim())"""
+"""What a phone shows first, below STOP."""
+
 
 def text(place: str) -> str:
     return f"document.getElementById('{place}').textContent"
 
 
-def test_the_page_in_a_browser(tmp_path: Path) -> None:
-    runs = tmp_path / "runs"
+def two_runs(folder: Path) -> Path:
+    """A folder of one run with a report, and one that has only a bag."""
+    runs = folder / "runs"
     (runs / "first day").mkdir(parents=True)
     (runs / "second day" / "bag").mkdir(parents=True)
     report = "<!doctype html><h1 style='color:rgb(1,2,3)'>A report</h1><script>window.ran = true</script>"
     (runs / "first day" / "report.html").write_text(report, encoding="utf-8")
-    with served(runs) as page, browser(str(PROGRAM), tmp_path / "profile") as seen:
+    drag = "{speed: [0.28], force: [8.7], std_calibrated: [2.5]}"
+    motions = f"heave_down: {{identifiable: true, drag_force: {drag}}}\n"
+    (runs / "first day" / "coefficients.yaml").write_text(f"motions:\n  {motions}")
+    return runs
+
+
+def test_the_page_in_a_browser(tmp_path: Path) -> None:
+    with served(two_runs(tmp_path)) as page, browser(str(PROGRAM), tmp_path / "profile") as seen:
         seen.look(1400, 900)
         seen.open(f"{page.url}#{TOKEN}")
         seen.wait(f"{text('armed')} === 'ARMED'")
         assert seen.run(COLOR_OF_STOP) == STOP_RED
         # The token is not left in the address.
         assert seen.run("location.href") == page.url
-        shown = seen.run("document.body.innerText")
+        seen.wait("document.querySelector('#reports table') !== null")
+        shown = seen.run("document.body.innerText + document.getElementById('pool').textContent")
         for words in SHOWN:
             assert words in shown, words
         seen.wait("document.querySelector('#pool polyline') !== null")
@@ -106,12 +121,13 @@ def test_the_page_in_a_browser(tmp_path: Path) -> None:
                 "[...document.querySelectorAll('.scroll')].every(one => one.scrollWidth <= one.clientWidth)"
             )
             assert seen.run(TOO_SMALL) == []
+            assert seen.run(ORDER) == ["Health", "Maneuver", "Estimate"]
             seen.picture(tmp_path / f"phone-{scheme}.png")
         assert not seen.complaints
 
         assert "second day\u00a0 recorded, no report yet" in seen.run(text("reports"))
         seen.run("document.querySelector('#reports a').click()")
-        seen.wait("document.querySelector('h1') !== null")
+        seen.wait("document.querySelector('h1').textContent === 'A report'")
         assert seen.run("getComputedStyle(document.querySelector('h1')).color") == "rgb(1, 2, 3)"
         assert seen.run("window.ran") is None, "a report's script must not run with the rights of the page"
 

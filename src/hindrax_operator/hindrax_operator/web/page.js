@@ -4,6 +4,8 @@ const at = id => document.getElementById(id);
 const SVG = "http://www.w3.org/2000/svg", KEPT_ms = 120000, BEAT_ms = 500, SILENT_s = 2, PATIENCE_ms = 3000;
 /* A band this many times as wide as the present one leaves the plot. */
 const WIDEST = 5;
+/* Runs that are listed at once; the rest is folded. */
+const RECENT = 5;
 const past = [], trace = [], courses = {};
 let token = "", last = null, heard_ms = 0, beaten_ms = 0, notified = null, readOnly = null, locked = false, watching = false;
 
@@ -13,6 +15,7 @@ const make = (name, text, kind) => {
   if (kind) made.className = kind;
   return made;
 };
+const heading = word => Object.assign(make("th", word), {scope: "col"});
 const draw = (name, attributes) => {
   const made = document.createElementNS(SVG, name);
   for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
@@ -205,16 +208,26 @@ function pool({size, hull: sides}, found) {
       draw("path", {d: `M${a + 0.22} 0L${a - 0.1} ${-b * 0.7}L${a - 0.1} ${b * 0.7}Z`, class: "bow"}));
     parts.push(hull);
   }
+  const walls = Object.entries(found ? found.walls_m : {}).filter(one => one[1] !== null);
+  const nearest = Math.min(...walls.map(one => one[1])), pixel_m = (length + 0.2) / (svg.clientWidth || 400);
+  parts.push(...walls.map(([name, left_m]) => number_at(name, left_m, length, width, 14 * pixel_m,
+    left_m < edge ? "bad" : left_m === nearest ? "near" : "")));
   svg.replaceChildren(...parts);
-  const [near, left] = Object.entries(found ? found.walls_m : {}).filter(one => one[1] !== null)
-    .sort((a, b) => a[1] - b[1])[0] || [];
-  const text = !place || place.x_m === null ? "no position yet" :
-    `${place.x_m.toFixed(2)} m along, ${place.y_m.toFixed(2)} m across, by dead reckoning` +
-    (place.sigma_m === null ? "" : `, give or take ${place.sigma_m.toFixed(2)} m`) +
-    (near ? `; ${left.toFixed(2)} m to the ${near} wall after braking, the guard wants ${edge.toFixed(2)} m (dashed)` : "") +
-    (found.unplaced ? "; " + found.unplaced : "");
-  at("where").textContent = `${length} m by ${width} m, a square is 1 m; ${text}`;
-  svg.setAttribute("aria-label", "the vehicle in the pool: " + text);
+  const placed = place && place.x_m !== null;
+  const position = placed ? `x ${place.x_m.toFixed(2)} m, y ${place.y_m.toFixed(2)} m` +
+    (place.sigma_m === null ? "" : ` \u00b1${place.sigma_m.toFixed(2)} m`) : "no position yet";
+  at("where").textContent = [position, ...(found && found.unplaced ? [found.unplaced] : [])].join("; ");
+  svg.setAttribute("aria-label", `the vehicle in the pool of ${length} by ${width} m: ${position}` +
+    walls.map(([name, left_m]) => `, ${left_m.toFixed(2)} m to the ${name} wall`).join(""));
+}
+
+/* The way that is left to a wall after braking, written at it. */
+function number_at(wall, left_m, length, width, size, kind) {
+  const [x, y, anchor] = {south: [size / 3, width / 2, "start"], north: [length - size / 3, width / 2, "end"],
+    west: [length / 2, size * 1.1, "middle"], east: [length / 2, width - size * 0.4, "middle"]}[wall];
+  const made = draw("text", {x, y, "font-size": size, "text-anchor": anchor, class: "distance " + kind});
+  made.textContent = left_m.toFixed(2) + " m";
+  return made;
 }
 
 function thrusters(found) {
@@ -227,9 +240,8 @@ function thrusters(found) {
     bar.style.left = (part < 0 ? 50 + part : 50) + "%";
     bar.style.width = Math.abs(part) + "%";
     track.append(bar);
-    row.append(make("b", name), track, make("span", disabled ? "out" : pulse.toFixed(0) + " us",
-      disabled ? "bad" : "soft"), make("span", disabled ? "of use" : number(found.forces_N[index], 1, "N", true),
-      disabled ? "bad" : ""));
+    row.append(make("b", name), track, make("span", disabled ? "" : pulse.toFixed(0) + " us", "soft"),
+      make("span", disabled ? "disabled" : number(found.forces_N[index], 1, "N", true), disabled ? "bad" : ""));
     return row;
   }));
 }
@@ -274,7 +286,7 @@ const KINDS = {ok: "good", warning: "warn"};
 const health = found => at("health").replaceChildren(...Object.entries(found)
   .sort(([, a], [, b]) => (a.level === "ok") - (b.level === "ok"))
   .map(([name, one]) => {
-    const line = make("li"), kind = KINDS[one.level] || "bad";
+    const kind = KINDS[one.level] || "bad", line = make("li", undefined, one.level === "ok" ? "" : "wrong");
     line.append(make("span", one.level === "ok" ? "\u2713 " : "\u2717 ", kind), make("b", name),
       make("span", (one.rate_Hz === null ? "" : " " + one.rate_Hz.toFixed(0) + " Hz") +
         (one.level === "ok" ? "" : " " + one.message), one.level === "ok" ? "soft" : kind));
@@ -293,7 +305,7 @@ function estimates(found) {
     return row;
   });
   const head = make("tr");
-  head.append(...["motion", "coefficients", "samples", ""].map(word => make("th", word)));
+  head.append(...["motion", "coefficients", "samples", "state"].map(heading));
   at("estimates").replaceChildren(...(body.length ? [head, ...body]
     : [make("caption", "none yet; they come with the first plateau of a maneuver", "soft")]));
 }
@@ -484,16 +496,32 @@ async function listReports() {
   const answer = await ask("/reports").catch(() => null);
   if (!answer || !answer.ok) return;
   const runs = await answer.json();
-  at("reports").replaceChildren(...(runs.length ? runs.map(run => {
+  const lines = runs.length ? runs.map(run => {
     const line = make("li"), link = make(run.report ? "a" : "span", run.name);
     line.append(link);
     if (run.report) {
       link.href = "#";
       link.addEventListener("click", event => { event.preventDefault(); openReport(run.name); });
     } else line.append(make("span", "\u00a0 recorded, no report yet", "soft"));
-    line.append(...(run.budget || []).map(row => make("div", row, "soft")));
+    if (run.motions && run.motions.length) line.append(results(run.motions));
     return line;
-  }) : [make("li", "none in the folder of runs", "soft")]));
+  }) : [make("li", "none in the folder of runs", "soft")];
+  at("reports").replaceChildren(...lines.slice(0, RECENT));
+  at("older").replaceChildren(...lines.slice(RECENT));
+  at("earlier").hidden = lines.length <= RECENT;
+}
+
+/* Motion, verdict, and drag at the highest speed. */
+function results(motions) {
+  const table = make("table"), head = make("tr");
+  head.append(...["motion", "verdict", "drag at the highest speed"].map(heading));
+  table.append(head, ...motions.map(one => {
+    const row = make("tr");
+    row.append(make("td", one.motion), make("td", one.verdict, one.verdict === "identified" ? "good" : "warn"),
+      make("td", one.drag.replace("+- ", "\u00b1"), "many"));
+    return row;
+  }));
+  return table;
 }
 
 async function openReport(name) {

@@ -8,12 +8,11 @@ from hindrax_bag.run_folder import RunFolder
 from hindrax_core.errors import HindraxError, cause
 from hindrax_core.text.digits import measured
 from hindrax_core.text.yaml_text import read_yaml
+from hindrax_operator.progress import units
 from hindrax_operator.web.access import RefusedRequest
 
 LARGEST_bytes = 50_000_000
 MOST = 200
-CONTRIBUTIONS = 3
-"""Rows of a budget that are shown, the largest first."""
 
 
 class Reports:
@@ -25,12 +24,12 @@ class Reports:
     def listed(self) -> Sequence[Mapping[str, object]]:
         """Name of every run with a bag or a report, and whether it has the report; the newest first.
 
-        The newest report comes with its uncertainty budget: a line per coefficient.
+        The newest report comes with a row per motion: verdict, drag at the highest speed with its standard deviation.
         """
         found = [{"name": name, "report": file.is_file()} for name, file in self._files().items()]
         newest = next((one for one in found if one["report"]), None)
         if newest is not None:
-            newest["budget"] = _budget(RunFolder(self.runs / str(newest["name"])).coefficients)
+            newest["motions"] = _motions(RunFolder(self.runs / str(newest["name"])).coefficients)
         return found
 
     def read(self, name: str) -> bytes:
@@ -62,21 +61,26 @@ class Reports:
         return {name: file for _, name, file in sorted(found, reverse=True)[:MOST]}
 
 
-def _budget(file: Path) -> Sequence[str]:
-    """Each coefficient with its calibrated band and the largest contributions to it; none where the file has none."""
+def _motions(file: Path) -> Sequence[Mapping[str, str]]:
+    """Verdict and drag of each motion, as in a report's first table; none where the file has none."""
     try:
         with file.open(encoding="utf-8") as opened:
             motions = read_yaml(opened.read(LARGEST_bytes), file.name)["motions"]
         return [
-            f"{motion} {name}, {measured(one['value'], one['std_calibrated'])} {one['unit']}, from {_largest(rows)}"
+            {
+                "motion": motion,
+                "verdict": "identified" if body["identifiable"] else "not identifiable",
+                "drag": _drag(body.get("drag_force"), motion),
+            }
             for motion, body in motions.items()
-            for name, rows in body["budget"].items()
-            if (one := body.get(name)) is not None
         ]
     except (OSError, ValueError, LookupError, TypeError, AttributeError, HindraxError):
         return []  # of another version, damaged, or being written: its report shows more
 
 
-def _largest(rows: Mapping[str, float]) -> str:
-    ordered = sorted(rows.items(), key=lambda row: -row[1])[:CONTRIBUTIONS]
-    return ", ".join(f"{influence} {std:.2g}" for influence, std in ordered)
+def _drag(found: Mapping[str, Sequence[float]] | None, motion: str) -> str:
+    if found is None:
+        return ""
+    speed, force, std = (found[name][-1] for name in ("speed", "force", "std_calibrated"))
+    unit, rate = units(motion)
+    return f"{measured(force, std)} {unit} at {speed:.2g} {rate}"
