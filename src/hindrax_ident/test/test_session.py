@@ -78,7 +78,9 @@ def test_a_record_knows_what_each_thruster_did_unless_one_thrust_does_not_tell(
 @pytest.mark.parametrize("axis", range(6), ids=NAMES)
 def test_truth_lies_within_three_standard_deviations(vehicle: Vehicle, axis: int) -> None:
     session, _ = run(vehicle, received(vehicle, axis, plateau_s=3.0))
-    results = with_truth(session.finalize().results, truth_of(vehicle))
+    begun: list[str] = []
+    results = with_truth(session.finalize(begun.append).results, truth_of(vehicle))
+    assert begun == [f"{step} of {NAMES[axis]}, 1 of 1" for step in ("fit", "uncertainty")]
     assert set(results.motions) == {motion.name for motion in motions_of(axis)}
     for result in results.motions.values():
         assert result.identifiable, result.reasons

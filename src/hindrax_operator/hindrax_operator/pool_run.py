@@ -127,7 +127,7 @@ def run_pool_test(options: PoolOptions) -> int:
 
         predicted = options.predicted
         try:
-            with working("identifying"):
+            with working("identifying") as reached:
                 identified = identify_run(
                     folder,
                     vehicle,
@@ -135,6 +135,7 @@ def run_pool_test(options: PoolOptions) -> int:
                     aborted=flight.aborted,
                     predicted=predicted,
                     assumed=simulated_world(flight.facts),
+                    progress=reached,
                 )
         except HindraxError as error:
             end = f"aborted by {flight.aborted}" if flight.aborted else "flown"

@@ -2,7 +2,7 @@
 
 import contextlib
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -69,14 +69,22 @@ class Identified:
         return {**self.results.to_json(), **ends, "real_time_factor": factor, "aborted": aborted or None, **out}
 
 
-def identify_bag(bag: Path, vehicle: Vehicle, *, mock: bool = False, tuning: Tuning | None = None) -> Identified:
+def identify_bag(
+    bag: Path,
+    vehicle: Vehicle,
+    *,
+    mock: bool = False,
+    tuning: Tuning | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Identified:
     """Run the session over a bag of this stack; in mock with the true value of each coefficient."""
+    progress("reading the bag")
     session = Session(vehicle, tuning)
     origin: Stamp | None = None
     for event in bag_events(bag, vehicle, tuning):
         origin = event.stamp if origin is None else min(origin, event.stamp)
         session.step(event)
-    outcome = session.finalize()
+    outcome = session.finalize(progress)
     results = with_truth(outcome.results, truth_in(bag, vehicle)) if mock else outcome.results
     return Identified(outcome, results, mock, origin, left_out=left_out(bag))
 
@@ -149,13 +157,15 @@ def identify_run(
     aborted: str = "",
     predicted: Mapping[str, float],
     assumed: Sequence[str] = (),
+    progress: Callable[[str], None] = lambda _: None,
 ) -> Identified:
     """Identify over the bag of a run and write its coefficients and its report.
 
     Both contain why it was `aborted`, what was `predicted`, and what is `assumed` or simulated.
     """
-    identified = replace(identify_bag(folder.bag, vehicle, mock=mock), predicted=predicted)
+    identified = replace(identify_bag(folder.bag, vehicle, mock=mock, progress=progress), predicted=predicted)
     conditions = recorded_conditions(identified, [folder.bag], [folder.bag], assumed, aborted=aborted)
+    progress("writing the report")
     write(folder.coefficients, as_yaml(identified.results, conditions))
     write_report(folder.report, identified, conditions, folder.bag)
     return identified

@@ -165,29 +165,35 @@ def identify_sources(
     vehicle: Vehicle,
     task: IdentificationTask,
     progress: Callable[[str], None] = lambda _text: None,
+    reached: Callable[[str], None] = lambda _text: None,
 ) -> Identified:
-    """Identify over one record, or over several pooled; `progress` receives what begins."""
+    """Identify over one record, or over several pooled; `progress` gets records that begin, `reached` steps."""
     if len(sources) > 1:
         progress(f"identifying over {len(sources)} records together")
-    whole = _identify(sources, vehicle, task)
+    whole = _identify(sources, vehicle, task, reached)
     if len(sources) == 1:
         return whole
     runs = []
     for index, one in enumerate(sources, start=1):
         progress(f"identifying over {one.path} alone, {index} of {len(sources)}")
-        runs.append(_identify([one], vehicle, task).results)
+        runs.append(_identify([one], vehicle, task, reached).results)
     results, spreads = _with_spread(whole.results, runs)
     return replace(whole, results=results, runs=tuple(runs), spreads=spreads)
 
 
-def _identify(sources: Sequence[RecordSource], vehicle: Vehicle, task: IdentificationTask) -> Identified:
+def _identify(
+    sources: Sequence[RecordSource],
+    vehicle: Vehicle,
+    task: IdentificationTask,
+    progress: Callable[[str], None] = lambda _text: None,
+) -> Identified:
     axes, span = task.axes or tuple(range(6)), task.span
     if len(sources) == 1 and sources[0].recording is None and span.whole:
-        found = identify_bag(sources[0].path, vehicle, mock=sources[0].mock, tuning=task.tuning)
+        found = identify_bag(sources[0].path, vehicle, mock=sources[0].mock, tuning=task.tuning, progress=progress)
         return _with_axes_only(found, axes)
     ours = _own(sources)
     if ours:
-        outcome = _session_over(_own_events(ours, vehicle, span), vehicle, task.tuning).finalize()
+        outcome = _session_over(_own_events(ours, vehicle, span), vehicle, task.tuning).finalize(progress)
         if not outcome.results.motions:
             end = "on" if math.isinf(span.to_s) else f"to {span.to_s:g} s"
             found_none = f"no motion was flown from {span.from_s:g} s {end}"
@@ -204,7 +210,7 @@ def _identify(sources: Sequence[RecordSource], vehicle: Vehicle, task: Identific
         raise UsageError(
             f"nothing was measured from {span.from_s:g} s to {span.to_s:g} s: the record lasts {lasts:.4g} s"
         )
-    return _identify_recordings(recordings, vehicle, task)
+    return _identify_recordings(recordings, vehicle, task, progress)
 
 
 def _own(sources: Sequence[RecordSource]) -> list[RecordSource]:
@@ -272,7 +278,9 @@ def _cut(found: Iterator[Stamped[IdentEvent]], span: Span, begin: Stamp) -> Iter
         yield moved
 
 
-def _identify_recordings(recordings: Sequence[Recording], vehicle: Vehicle, task: IdentificationTask) -> Identified:
+def _identify_recordings(
+    recordings: Sequence[Recording], vehicle: Vehicle, task: IdentificationTask, progress: Callable[[str], None]
+) -> Identified:
     """Identify each axis in a separate session: in such a record all axes may move at once."""
     tuning, axes = tuned(recordings, task.tuning), task.axes or tuple(range(6))
     motions: dict[str, MotionResult] = {}
@@ -281,6 +289,7 @@ def _identify_recordings(recordings: Sequence[Recording], vehicle: Vehicle, task
     for axis in axes:
         usable = [one for one in recordings if not reason_to_skip(one, axis)]
         if usable:
+            progress(f"fit and uncertainty of {AXES[axis]}")
             outcome, seen = _axis(usable, vehicle, axis, tuning)
             against = plausibility.wrong_thrust_sign(usable, axis)
             for name, one in outcome.results.motions.items():

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from hindrax_core.text.digits import measured
-from hindrax_core.vehicle import Vehicle
+from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.influences import LAG, LATENCY, MODEL, RUN, Case
 from hindrax_ident.assess.quality import (
@@ -117,15 +117,20 @@ def combine_drafts(drafts: Mapping[int, DraftFit]) -> dict[int, DraftFit]:
 
 
 def assess(
-    vehicle: Vehicle, drafts: Mapping[int, DraftFit], *, tuning: Tuning
+    vehicle: Vehicle,
+    drafts: Mapping[int, DraftFit],
+    *,
+    tuning: Tuning,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[dict[int, Assessment], dict[int, ValueError]]:
     """Bands of the drafts of a run from their uncertainty budgets, and why there are none.
 
-    All motions were flown in one water: what one record shows of it counts for all.
+    All motions were flown in one water: what one record shows of it counts for all. `progress` gets what begins.
     """
     budgets: dict[int, Budget] = {}
     failed: dict[int, ValueError] = {}
-    for axis, one in drafts.items():
+    for index, (axis, one) in enumerate(drafts.items(), start=1):
+        progress(f"uncertainty of {AXES[axis]}, {index} of {len(drafts)}")
         try:
             budgets[axis] = budget_of(_case(vehicle, one, tuning))
         except ValueError as error:

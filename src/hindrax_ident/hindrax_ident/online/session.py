@@ -8,7 +8,7 @@
 It is deterministic. Its events are in the order of their stamps; the feed sorts them.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -163,16 +163,20 @@ class Session:
 
     # ---- after the run
 
-    def finalize(self) -> Outcome:
-        """Refine every motion flown. May be called at any time; it changes nothing that was learned."""
+    def finalize(self, progress: Callable[[str], None] = lambda _: None) -> Outcome:
+        """Refine every motion flown. May be called at any time; it changes nothing that was learned.
+
+        `progress` gets what begins, such as "fit of surge, 1 of 6".
+        """
         motions: dict[str, MotionResult] = {}
         drafts: dict[int, DraftFit] = {}
-        for axis in sorted(self._axes):
+        for index, axis in enumerate(sorted(self._axes), start=1):
+            progress(f"fit of {AXES[axis]}, {index} of {len(self._axes)}")
             try:
                 drafts[axis] = self._draft(axis, self._estimated_masses(drafts))
             except ValueError as error:
                 motions |= self._unidentified(axis, error)
-        assessments, failed = assess(self.vehicle, combine_drafts(drafts), tuning=self.tuning)
+        assessments, failed = assess(self.vehicle, combine_drafts(drafts), tuning=self.tuning, progress=progress)
         for axis, reason in failed.items():
             motions |= self._unidentified(axis, reason)
         for axis, assessment in assessments.items():

@@ -140,8 +140,8 @@ def identify(arguments: argparse.Namespace) -> int:
     began = time.monotonic()
     gain_sigma = _gain_sigma(arguments.gain_sigma, vehicle, sources[0], notes)
     task = replace(task, mass_known=NO_VEHICLE not in notes, tuning=Tuning(wrench_gain_sigma=gain_sigma))
-    with working(f"identifying over {', '.join(str(path) for path in arguments.records)}"):
-        found = identify_sources(sources, vehicle, task, print_stderr)
+    with working(f"identifying over {', '.join(str(path) for path in arguments.records)}") as reached:
+        found = identify_sources(sources, vehicle, task, print_stderr, reached)
     took_s = time.monotonic() - began
     ours = [source.path for source in sources if source.recording is None]
     files = [file for source in sources for file in source.files]

@@ -36,8 +36,8 @@ def report(arguments: argparse.Namespace) -> int:
     if len(runs) == 1:
         _require_run(runs[0])
         require_place(arguments.out or RunFolder(runs[0]).report)
-        with working(f"identifying over {runs[0]} again"):
-            out = _again(runs[0], [_saved(path) for path in arguments.earlier], arguments.out)
+        with working(f"identifying over {runs[0]} again") as reached:
+            out = _again(runs[0], [_saved(path) for path in arguments.earlier], arguments.out, reached)
     else:
         out = arguments.out or Path("comparison.html")
         require_place(out)
@@ -67,10 +67,10 @@ def _require_run(path: Path) -> None:
         raise UsageError(f"{path}: holds no folder `bag`, wanted the folder of a run such as runs/2026-05-04_10-00-00")
 
 
-def _again(path: Path, earlier: list[SavedCoefficients], out: Path | None) -> Path:
+def _again(path: Path, earlier: list[SavedCoefficients], out: Path | None, reached: Callable[[str], None]) -> Path:
     folder = RunFolder(path)
     vehicle = recorded_vehicle(RecordSource(folder.bag)) or load_vehicle(default_vehicle())
-    identified = identify_bag(folder.bag, vehicle, mock=is_mock(folder.bag))
+    identified = identify_bag(folder.bag, vehicle, mock=is_mock(folder.bag), progress=reached)
     if folder.coefficients.is_file():  # only they contain the prediction
         identified = replace(identified, predicted=read_coefficients(folder.coefficients).conditions.predicted)
     conditions = recorded_conditions(identified, [folder.bag], [folder.bag])
