@@ -18,6 +18,8 @@ from hindrax_core.text.screen_text import UNBOUNDED, fitted, print_fitted, print
 NO_BREAK = "\0"
 PROSE_WIDTH = 24
 """Least width of a column of sentences."""
+NAME_WIDTH = 12
+"""Least width of a column of names that wrap."""
 
 
 def console() -> Console:
@@ -96,9 +98,10 @@ def _print_whole_or_stacked(table: ResultTable) -> list[str]:
     # A column without remarks would be a stripe of nothing.
     table.columns = [column for column in table.columns if any(column.cells) or (column.header and column.no_wrap)]
     present = [name for name in table.spare if any(str(column.header) == name for column in table.columns)]
-    # Headings on several lines before columns go, and columns before the table falls into lines.
-    for count, broken in ((len(present), False), *((count, True) for count in range(len(present), -1, -1))):
-        shown = _narrowed(table, present[count:], broken=broken)
+    # First headings get several lines, then columns go, then names wrap, and at last the table falls into lines.
+    steps = [(count, True, False) for count in range(len(present), -1, -1)]
+    for count, broken, folded in ((len(present), False, False), *steps, (0, True, True)):
+        shown = _narrowed(table, present[count:], broken=broken, folded=folded)
         if _least_width(shown) <= screen.width:
             screen.print(shown)
             if present[count:]:
@@ -111,19 +114,31 @@ def _print_whole_or_stacked(table: ResultTable) -> list[str]:
     return []
 
 
-def _narrowed(table: ResultTable, left_out: Sequence[str], *, broken: bool) -> Table:
-    """The same table without some columns, each group named once; `broken`: long headings have several lines."""
+def _narrowed(table: ResultTable, left_out: Sequence[str], *, broken: bool, folded: bool) -> Table:
+    """The same table without some columns, each group named once.
+
+    `broken`: long headings have several lines; `folded`: long names too.
+    """
     made = Table(title=table.title, title_justify="left")
     columns = [column for column in table.columns if str(column.header) not in left_out]
     for column in columns:
         heading = _broken(column) if broken and column.no_wrap else column.header
-        made.add_column(heading, justify=column.justify, no_wrap=column.no_wrap)
+        name = folded and column.no_wrap and column.justify == "left"
+        least = _least_of_name(column) if name else None
+        made.add_column(heading, justify=column.justify, no_wrap=column.no_wrap and not name, min_width=least)
     before = ""
     for first, *others in zip(*(column.cells for column in columns), strict=True):
         repeated = table.grouped and str(first) == before
         before = str(first)
         made.add_row(Text() if repeated else first, *others)
     return made
+
+
+def _least_of_name(column: Column) -> int:
+    """Width of a column of names that wrap: as wide as its longest word, and no wider than its longest name."""
+    cells = [str(one) for one in (*column.cells, *str(column.header).split())]
+    longest = max((len(word) for cell in cells for word in cell.split()), default=1)
+    return min(max(map(len, cells), default=1), max(NAME_WIDTH, longest))
 
 
 def _broken(column: Column) -> Text:
@@ -158,8 +173,11 @@ def _stacked(columns: Sequence[Column], cells: Sequence[str], width: int) -> lis
 def _least_width(table: Table) -> int:
     """Characters a line at which no name and no number is cut; prose counts with the least it is readable in."""
     wide = Console(width=UNBOUNDED)
-    prose = [(column.header, *column.cells) for column in table.columns if not column.no_wrap]
-    spare = sum(max(0, *(wide.measure(cell).maximum - PROSE_WIDTH for cell in cells)) for cells in prose)
+    spare = 0
+    for column in table.columns:
+        if not column.no_wrap:
+            widest = max((wide.measure(cell).maximum for cell in column.cells), default=0)
+            spare += max(0, widest - (column.min_width or PROSE_WIDTH))
     return wide.measure(table).maximum - spare
 
 

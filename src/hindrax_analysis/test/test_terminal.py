@@ -54,7 +54,7 @@ def test_a_narrow_screen_gets_every_value_behind_its_heading(
 def test_a_narrow_screen_keeps_the_unit_of_a_column_of_words(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(terminal, "console", lambda: Console(width=40, file=sys.stdout))
+    monkeypatch.setattr(terminal, "console", lambda: Console(width=34, file=sys.stdout))
     row = ("T1", "+0.183  -0.135  +0.000", "-30.0 to +30.0")
     print_table("Thrusters", ("name", "forward, starboard, down [m]"), ("force [N]",), [row])
     printed = capsys.readouterr().out.splitlines()

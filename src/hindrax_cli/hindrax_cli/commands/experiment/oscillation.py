@@ -117,7 +117,8 @@ def _show_forced(motion: str, found: list[Coefficient]) -> None:
         cells = [text for one in (item.fourier, item.direct) for text in cells_of(one)]
         numbers = (*cells, f"{item.difference_percent:.2f}", f"{item.dimensionless:.5f}")
         rows.append((item.name, *numbers, item.unit))
-    print_table(f"Forced {motion}: force = derivative x motion", ["coefficient"], headings, rows, ["unit"])
+    title, spare = f"Forced {motion}: force = derivative x motion", ("dimensionless", "apart [%]")
+    print_table(title, ["coefficient"], headings, rows, ["unit"], spare=spare)
 
 
 def _buoyancy(parser: argparse.ArgumentParser) -> None:

@@ -54,4 +54,5 @@ def _show_paper(title: str, cells: Sequence[Cell]) -> None:
         rows,
         ("unit", "verdict", "note"),
         spare=("table", "difference", "note"),
+        grouped=True,
     )
