@@ -12,7 +12,7 @@ from hindrax_core.driver_interface import Output
 from hindrax_core.events import Stamp, stamp_from_s
 from hindrax_core.signals import AppliedOutput, Command
 from hindrax_core.vehicle import Vehicle, load_vehicle
-from hindrax_drivers.output.output_guard import ArmingPhase, OutputGuardKnobs, Refusal, Request, guard_of
+from hindrax_drivers.output.output_guard import ArmingPhase, OutputGuardKnobs, RefusedCommand, Request, guard_of
 from hindrax_drivers.output.output_ports import open_output
 from hindrax_drivers.output.output_thread import OutputThread
 from hindrax_sim.hardware import Hardware
@@ -36,7 +36,7 @@ class Ears:
     def applied(self, applied: AppliedOutput) -> None:
         self.last = applied
 
-    def refused(self, refusal: Refusal, stamp: Stamp) -> None:
+    def refused(self, refusal: RefusedCommand, stamp: Stamp) -> None:
         raise AssertionError(f"{refusal.text} at {stamp}")
 
     def found(self, identity: str) -> None:

@@ -16,7 +16,7 @@ from hindrax_core.signals import AppliedOutput, Command
 from hindrax_drivers.buses.clock import Meanwhile, nothing
 from hindrax_drivers.devices.pca9685 import Pca9685
 from hindrax_drivers.output.enable_line import EnableLine
-from hindrax_drivers.output.output_guard import ArmingPhase, OutputGuard, OutputGuardKnobs, Refusal, Request
+from hindrax_drivers.output.output_guard import ArmingPhase, OutputGuard, OutputGuardKnobs, RefusedCommand, Request
 from hindrax_drivers.output.output_ports import RegisterOutput
 from hindrax_drivers.output.output_thread import OutputThread
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
@@ -93,7 +93,7 @@ class Bench:
     def applied(self, applied: AppliedOutput) -> None:
         self.told.append(applied)
 
-    def refused(self, refusal: Refusal, stamp: Stamp) -> None:
+    def refused(self, refusal: RefusedCommand, stamp: Stamp) -> None:
         raise AssertionError(f"{refusal.text} at {stamp}")
 
     def found(self, identity: str) -> None:

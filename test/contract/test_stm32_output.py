@@ -12,7 +12,14 @@ from hindrax_core.readings import Battery
 from hindrax_core.signals import AppliedOutput, Command
 from hindrax_drivers.buses.clock import Meanwhile, nothing
 from hindrax_drivers.devices.stm32 import Stm32
-from hindrax_drivers.output.output_guard import ArmingPhase, OutputGuard, OutputGuardKnobs, Pulses, Refusal, Request
+from hindrax_drivers.output.output_guard import (
+    ArmingPhase,
+    OutputGuard,
+    OutputGuardKnobs,
+    Pulses,
+    RefusedCommand,
+    Request,
+)
 from hindrax_drivers.output.output_host import OutputHost
 from hindrax_drivers.output.output_ports import SerialOutput
 from hindrax_sim.buses.serial_ends import Pty
@@ -74,7 +81,7 @@ class Bench:
     def applied(self, applied: AppliedOutput) -> None:
         self.told.append(applied)
 
-    def refused(self, refusal: Refusal, _stamp: Stamp) -> None:
+    def refused(self, refusal: RefusedCommand, _stamp: Stamp) -> None:
         raise AssertionError(refusal.text)
 
     def found(self, _identity: str) -> None:

@@ -13,10 +13,18 @@ from hindrax_core.bus_operations import Transaction, Write
 from hindrax_core.driver_interface import Output
 from hindrax_core.events import Stamp, after, seconds_between, stamp_from_s
 from hindrax_core.signals import AppliedOutput, Command
+from hindrax_core.text.refusals import Reason, Refusal
 from hindrax_drivers.buses.clock import Meanwhile, nothing
 from hindrax_drivers.devices.pca9685 import LED0, Pca9685
 from hindrax_drivers.output.enable_line import EnableLine
-from hindrax_drivers.output.output_guard import Answer, ArmingPhase, OutputGuard, OutputGuardKnobs, Refusal, Request
+from hindrax_drivers.output.output_guard import (
+    Answer,
+    ArmingPhase,
+    OutputGuard,
+    OutputGuardKnobs,
+    RefusedCommand,
+    Request,
+)
 from hindrax_drivers.output.output_host import OutputHost
 from hindrax_drivers.output.output_ports import RegisterOutput
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
@@ -90,8 +98,8 @@ class Flight:
     def applied(self, applied: AppliedOutput) -> None:
         self.told.append(applied)
 
-    def refused(self, refusal: Refusal, _stamp: Stamp) -> None:
-        self.refusals.append(refusal.reason)
+    def refused(self, refusal: RefusedCommand, _stamp: Stamp) -> None:
+        self.refusals.append(refusal.fault)
 
     def found(self, identity: str) -> None:
         self.identities.append(identity)
@@ -330,7 +338,7 @@ def test_inhibited_is_neutral_disarmed_and_obeys_nobody_until_it_ends() -> None:
     assert flight.wire() == flight.neutral()
     assert commanded - refused >= 50
     assert flight.refusals[refused:] == ["inhibited"] * (commanded - refused + 1)
-    assert flight.arm() == Answer(accepted=False, reason=WHY)
+    assert flight.arm() == Answer(accepted=False, reason=Refusal(Reason.FAULTED, WHY))
     assert flight.phase is ArmingPhase.DISARMED
     flight.host.inhibit("")
     flight.run(0.1)
@@ -356,4 +364,4 @@ def test_an_inhibition_ends_arming_and_outlasts_a_fault_of_the_bus() -> None:
     assert {one.phase for one in flight.told[3:]} <= {ArmingPhase.DISARMED, ArmingPhase.FAULTED, ArmingPhase.ARMING}
     assert flight.phase is ArmingPhase.DISARMED
     assert flight.wire() == flight.neutral()
-    assert flight.arm() == Answer(accepted=False, reason=WHY)
+    assert flight.arm() == Answer(accepted=False, reason=Refusal(Reason.FAULTED, WHY))

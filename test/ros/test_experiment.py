@@ -16,8 +16,10 @@ from rclpy.executors import SingleThreadedExecutor
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
+from hindrax_control.maneuver.goal import BUSY as PILOT_BUSY
 from hindrax_control.nodes.pilot_messages import result_of
 from hindrax_core.input_checks import MOCK_ORDER
+from hindrax_core.text.refusals import CANCELLED, told
 from hindrax_ident.nodes import experiment_server
 from hindrax_ident.nodes.identifier import Identifier
 from hindrax_ident.online.aim import Aim, ExperimentGoal
@@ -28,8 +30,7 @@ from hindrax_ros.messages.convert import stamp_to_msg
 pytestmark = pytest.mark.ros
 
 PATIENT_S = 60.0
-CANCELLED = "cancelled: by the operator"
-BUSY = "start: a maneuver is being flown; `./hindrax stop` ends it"
+BUSY = PILOT_BUSY.within("start: ")
 
 
 class StandInPilot:
@@ -64,7 +65,7 @@ class StandInPilot:
             return
         self.flying = None
         handle.publish_feedback(FlyManeuver.Feedback(motion=handle.request.motions[0], phase="plateau"))
-        handle.execute(partial(result_of, CANCELLED if handle.is_cancel_requested else self.words.pop(0)))
+        handle.execute(partial(result_of, CANCELLED if handle.is_cancel_requested else told(self.words.pop(0))))
 
     def close(self) -> None:
         """Go; twice is once."""

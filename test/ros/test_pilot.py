@@ -29,9 +29,9 @@ from hindrax_control.pool_bounds import PoolPosition
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.signals import Estimate, Navigation
+from hindrax_core.text.refusals import Reason, Refusal
 from hindrax_core.topics import ESTIMATE, PLANS, THRUSTER_STATE
 from hindrax_core.vehicle import AXES, Commissioned, load_vehicle
-from hindrax_drivers.output.output_guard import TRY_AGAIN
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import ManeuverStatus, ThrusterState
 from hindrax_msgs.srv import Arm
@@ -90,7 +90,7 @@ class Bench:
     def until(self, done: Callable[[], object]) -> None:
         self.operator.wait(lambda: bool(done()), PATIENT_S, lambda: "the bench")
 
-    def fly(self, motions: Sequence[str] = ("surge",), *, excitation: str = "plateaus") -> str:
+    def fly(self, motions: Sequence[str] = ("surge",), *, excitation: str = "plateaus") -> Refusal:
         """The operator's last message."""
         return self.operator.fly(Goal(tuple(motions), excitation, seed=1, on_cancel="neutral"), PATIENT_S)[0]
 
@@ -242,7 +242,8 @@ def test_an_arm_request_that_came_too_late_is_made_again_for_a_mock_alone(
 
     def answer(request: Any, response: Any) -> Any:
         response.accepted = len(answers) == patience
-        response.reason = "" if response.accepted else f"request is 1.2 s old, wanted at most 1 s; {TRY_AGAIN}"
+        response.reason = "" if response.accepted else "request is 1.2 s old, wanted at most 1 s"
+        response.error_code = 0 if response.accepted else Reason.LATE
         answers.append(request.sequence)
         bench.state.armed = response.accepted
         return response
@@ -265,14 +266,14 @@ def test_an_arm_request_that_came_too_late_is_made_again_for_a_mock_alone(
 def test_a_goal_that_nobody_can_fly_is_reported_why(bench: Bench) -> None:
     bench.say_armed(armed=True)
     assert bench.fly(["loop"]) == "goal: motion 'loop' unknown, wanted one of surge, sway, heave, roll, pitch, yaw"
-    assert bench.fly([]).startswith("goal: no motion, wanted some of surge, ")
-    assert bench.fly(excitation="noise").startswith("goal: excitation 'noise' unknown, wanted plateaus or ")
+    assert bench.fly([]).reason is Reason.GOAL
+    assert bench.fly(excitation="noise").reason is Reason.GOAL
 
 
 def test_pulses_of_thrusters_need_the_allocator_in_the_process_of_the_pilot(bench: Bench) -> None:
     bench.say_armed(armed=True)
     goal = Goal((), on_cancel="neutral", pulses=(Pulse((2.0, *(0.0,) * 7), 0.5),))
-    assert bench.operator.fly(goal, PATIENT_S)[0].startswith("start: the allocator runs in another process")
+    assert bench.operator.fly(goal, PATIENT_S)[0].reason is Reason.ELSEWHERE
 
 
 def test_a_goal_that_was_late_is_asked_again_and_given_its_age_in_the_end(
@@ -303,10 +304,14 @@ def test_a_goal_that_was_late_is_asked_again_and_given_its_age_in_the_end(
 
 
 def test_before_arming_and_while_a_guard_objects_nothing_begins(bench: Bench) -> None:
-    assert bench.fly() == "start: the vehicle is not armed (not armed since start); `./hindrax arm` first"
+    refused = bench.fly()
+    assert refused == "start: the vehicle is not armed (not armed since start); `./hindrax arm` first"
+    assert refused.reason is Reason.NOT_ARMED
     bench.say_armed(armed=True)
     bench.navigation = replace(ADRIFT, altitude_m=0.3)
-    assert re.fullmatch(r"start: altitude_band: 0\.10 m of water .*, wanted 0\.15 m; let it rise .*", bench.fly())
+    refused = bench.fly()
+    assert re.fullmatch(r"start: altitude_band: 0\.10 m of water .*, wanted 0\.15 m; let it rise .*", refused)
+    assert refused.reason is Reason.ALTITUDE_BAND
 
 
 def test_one_goal_at_a_time_and_the_second_is_reported_so(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -323,7 +328,7 @@ def test_one_goal_at_a_time_and_the_second_is_reported_so(bench: Bench, monkeypa
     bench.say_armed(armed=True)
     bench.navigation = ADRIFT
     bench.until(lambda: bench.operator.flying == "surge")
-    assert bench.fly() == "start: a maneuver is being flown; `./hindrax stop` ends it"
+    assert bench.fly().reason is Reason.BUSY
     assert bench.operator.flying == "surge"
     client.destroy()
 
@@ -331,7 +336,9 @@ def test_one_goal_at_a_time_and_the_second_is_reported_so(bench: Bench, monkeypa
 def test_disarming_ends_it_with_the_thrusters_own_reason(bench: Bench) -> None:
     bench.say_armed(armed=True)
     bench.when_flying(lambda: setattr(bench, "state", DISARMED))
-    assert bench.fly() == "disarmed: the thrusters were disarmed (output is faulted: no answer); arm and fly again"
+    ended = bench.fly()
+    assert ended == "disarmed: the thrusters were disarmed (output is faulted: no answer); arm and fly again"
+    assert (ended.reason, bench.operator.maneuver.error_code) == (Reason.DISARMED, Reason.DISARMED)
 
 
 def test_without_a_state_of_the_vehicle_a_maneuver_ends_and_reports_it(bench: Bench) -> None:
@@ -340,7 +347,7 @@ def test_without_a_state_of_the_vehicle_a_maneuver_ends_and_reports_it(bench: Be
     wanted = r"navigation: no state of the vehicle for [567] s, so the thrusters are neutral; .*`\./hindrax doctor`.*"
     assert re.fullmatch(wanted, bench.fly())
     assert (bench.operator.maneuver.phase, bench.operator.flying) == ("aborted", "")
-    assert re.fullmatch(r"navigation: no state of the vehicle for \d+ s.*", bench.fly())
+    assert bench.fly().reason is Reason.NAVIGATION
     bench.navigation = ADRIFT
     bench.when_flying(bench.operator.cancel_all)
     assert bench.fly() == "cancelled: by the operator"

@@ -72,6 +72,7 @@ STEPS: tuple[SchemaChange, ...] = (
     SchemaChange(3, "hindrax_msgs/msg/ThrusterState", turned=_FRACTIONS),
     SchemaChange(3, "hindrax_msgs/msg/ThrusterCommand", turned=_FRACTIONS | {"lights": ("uint16", _floats)}),
     SchemaChange(4, "hindrax_msgs/msg/ThrusterState", added={"armings": 0}),
+    SchemaChange(5, "hindrax_msgs/msg/ManeuverStatus", added={"error_code": 0}),
 )
 """In the order of their versions."""
 VERSION = max(step.version for step in STEPS)

@@ -149,7 +149,7 @@ def test_csv_gives_the_truth_with_the_smallest_vehicle_file(desk: Desk) -> None:
     surge = document["motions"]["surge"]
     assert surge["identifiable"]
     assert is_true(surge)
-    assert document["aborted"] is None
+    assert (document["aborted"], document["aborted_by"]) == (None, None)
     assert document["report"] is None
     assert set(document["motions"]) == {"surge"}
 
@@ -715,7 +715,8 @@ def test_an_aborted_run_reports_it_whoever_shows_it(desk: Desk) -> None:
     printed_text = "aborted by operator: stopped by Ctrl-C; the results are of what was flown until then\n"
     assert printed_text in desk.capsys.readouterr().err
     assert read_coefficients(desk.folder / "again.yaml").conditions.aborted == "operator: stopped by Ctrl-C"
-    assert desk.identified(bag)["aborted"] == "operator: stopped by Ctrl-C"
+    document = desk.identified(bag)
+    assert (document["aborted"], document["aborted_by"]) == ("operator: stopped by Ctrl-C", "operator")
 
 
 def test_a_span_of_our_own_bag_in_which_nothing_was_flown(desk: Desk) -> None:

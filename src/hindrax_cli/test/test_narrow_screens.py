@@ -33,6 +33,7 @@ from hindrax_cli.commands.pool import tune
 from hindrax_cli.health_checks import Check
 from hindrax_control.commissioning.findings import Finding, Findings, Mend
 from hindrax_core.text import screen_text
+from hindrax_core.text.refusals import NOTHING
 from hindrax_core.text.screen_text import COMMAND, UNBOUNDED
 from hindrax_core.vehicle import AxisGain, load_vehicle
 from hindrax_ident.arrays import array
@@ -108,7 +109,7 @@ def show_findings() -> None:
 def show_plan() -> None:
     band = ExpectedBand(0.45, 0.023, 0.21, 0.26, ("the DVL loses the bottom",))
     flown = Flown("surge", 0.0, 115.0, 1.54, 0.66, 0.17)
-    pool_plan.show(Rehearsal("hindrax", "pool", (), (flown,), {"surge": band}, "", ""))
+    pool_plan.show(Rehearsal("hindrax", "pool", (), (flown,), {"surge": band}, "", NOTHING))
 
 
 PRINTERS: dict[str, Callable[[], None]] = {

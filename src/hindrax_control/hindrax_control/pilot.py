@@ -14,12 +14,12 @@ from hindrax_control.hold.holds import STATION, HoldKnobs, Holds, HoldState, Set
 from hindrax_control.hold.station_keeping import StationKeeping, StationKeepingKnobs
 from hindrax_control.maneuver.goal import (
     BUSY,
-    SENSELESS,
+    HEADING_UNKNOWN,
     Goal,
     not_armed,
     require_flyable,
     require_ready,
-    unobeyed_text,
+    unobeyed,
 )
 from hindrax_control.maneuver.maneuver import Maneuver, ManeuverKnobs, ManeuverOutput
 from hindrax_control.maneuver.maneuver_guards import ManeuverGuardKnobs, ManeuverGuards, Situation
@@ -30,6 +30,7 @@ from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, seconds_between, to_s
 from hindrax_core.readings import Vec6, vec6
 from hindrax_core.signals import NAN, ZERO6, Allocation, Navigation
+from hindrax_core.text.refusals import SENSELESS, Reason, Refusal
 from hindrax_core.vehicle import AXES, Vehicle
 
 REFUSAL_S = 5.0
@@ -70,7 +71,7 @@ class PilotOutput:
     wrench: Vec6
     holds: tuple[HoldState, ...]
     maneuver: ManeuverOutput | None
-    guards: tuple[str, ...]
+    guards: tuple[Refusal, ...]
     suspected_fault: SuspectedFault | None = None
     refused: str = ""
     forces_N: tuple[float, ...] = ()
@@ -99,8 +100,8 @@ class Pilot:
         """Wrench of holds and station while thrusters rested: to them it is a shortfall."""
         self._operator_wrench: tuple[Stamp, Vec6] | None = None
         self._armed = self._was_armed = False
-        self._unarmed = self._unobeyed = ""
-        self._guards: tuple[str, ...] = ()
+        self._unarmed = self._disobeying = ""
+        self._guards: tuple[Refusal, ...] = ()
         self._disabled: frozenset[str] = frozenset()
         self._refused: dict[str, tuple[Stamp, str]] = {}
         self._stamp = Stamp(0)
@@ -141,8 +142,8 @@ class Pilot:
     def _reason_to_refuse(self, setpoint: Setpoint) -> str:
         if not self._armed and setpoint.engaged:
             return f"hold {setpoint.axis}: {not_armed(self._unarmed)}"
-        if self._unobeyed and setpoint.engaged:
-            return f"hold {setpoint.axis}: {unobeyed_text(self._unobeyed)}"
+        if self._disobeying and setpoint.engaged:
+            return f"hold {setpoint.axis}: {unobeyed(self._disobeying)}"
         if self.flying:
             return f"hold {setpoint.axis}: {BUSY}"
         return ""
@@ -184,7 +185,7 @@ class Pilot:
         self._disabled = disabled
 
     def fly(self, goal: Goal) -> Maneuver | PulseManeuver:
-        """Begin a maneuver with the next step; HindraxError with the reason if it cannot be flown now or at all."""
+        """Begin a maneuver with the next step; HindraxError with the refusal if it cannot be flown now or at all."""
         if goal.pulses:
             return self._fly_pulses(goal)
         pool, knobs = self.pool, self._knobs
@@ -192,7 +193,7 @@ class Pilot:
             flying=self.flying,
             armed=self._armed,
             unarmed=self._unarmed,
-            unobeyed=self._unobeyed,
+            disobeying=self._disobeying,
             guards=self._guards,
             heading_known=pool is not None,
         )
@@ -210,8 +211,8 @@ class Pilot:
             flying=self.flying,
             armed=self._armed,
             unarmed=self._unarmed,
+            disobeying=self._disobeying,
             guards=guards,
-            unobeyed=self._unobeyed,
             heading_known=True,
         )
         made = PulseManeuver(self._vehicle, goal, knobs=knobs.maneuver, safety_knobs=knobs.guards)
@@ -244,7 +245,7 @@ class Pilot:
         if self.flying:
             return BUSY
         if self.pool is None or self._navigation is None:
-            return f"the heading is unknown; {SENSELESS}"
+            return HEADING_UNKNOWN
         if not all(map(math.isfinite, (*self._navigation.position_m, self._navigation.attitude_rad[2]))):
             return f"the position is unknown; {SENSELESS}"
         try:
@@ -284,15 +285,15 @@ class Pilot:
         *,
         armed: bool,
         unarmed: str = "",
-        unobeyed: str = "",
+        disobeying: str = "",
         battery_V: float = NAN,
     ) -> PilotOutput:
         """Return the wrench for this state; `allocation` is that of the last wrench.
 
         With the thrusters' forces in it, dead thrusters are detected. `unarmed`: why the thrusters are not armed;
-        `unobeyed`: why they are armed and follow no command.
+        `disobeying`: why they are armed and follow no command.
         """
-        self._stamp, self._unobeyed = stamp, unobeyed
+        self._stamp, self._disobeying = stamp, disobeying
         self._update(navigation, stamp, battery_V, armed=armed, unarmed=unarmed)
         shortfall = _sum(allocation.shortfall, self._unserved) if allocation else self._unserved
         lost = allocation.lost_axes if allocation else ()
@@ -300,7 +301,7 @@ class Pilot:
         held = self._holds.step(navigation, stamp, shortfall, armed=armed)
         station, keeping = self._keep_station(navigation, stamp, shortfall)
         states = (*held.states, station)
-        states = tuple(map(self._without_effort, states)) if unobeyed else states
+        states = tuple(map(self._without_effort, states)) if disobeying else states
         states = tuple(map(self._with_refusal, states)) if self._refused else states
         self._unserved = ZERO6
         if not armed:
@@ -328,7 +329,7 @@ class Pilot:
 
     def _without_effort(self, state: HoldState) -> HoldState:
         """Say in the note of an engaged hold that nothing is held."""
-        return replace(state, note=unobeyed_text(self._unobeyed)) if state.engaged else state
+        return replace(state, note=unobeyed(self._disobeying)) if state.engaged else state
 
     def _update(self, navigation: Navigation, stamp: Stamp, battery_V: float, *, armed: bool, unarmed: str) -> None:
         self._navigation = navigation
@@ -350,7 +351,8 @@ class Pilot:
             self._operator_wrench = None
             if self._maneuver is not None:
                 why = f" ({unarmed})" if unarmed else ""
-                self._maneuver.cancel(f"disarmed: the thrusters were disarmed{why}; arm and fly again", "neutral")
+                sentence = f"disarmed: the thrusters were disarmed{why}; arm and fly again"
+                self._maneuver.cancel(Refusal(Reason.DISARMED, sentence), "neutral")
         self._armed, self._unarmed = armed, unarmed
         self._was_armed = self._was_armed or armed
 
@@ -362,7 +364,7 @@ class Pilot:
             return None, ZERO6
         if not maneuver.done:
             if self.water_in_hull:
-                maneuver.cancel(next(found for found in self._guards if found.startswith("leak")))
+                maneuver.cancel(next(one for one in self._guards if one.reason is Reason.LEAK))
             output = maneuver.step(navigation, stamp, shortfall=shortfall, lost_axes=lost, battery_V=battery_V)
             for setpoint in output.setpoints:
                 self._holds.set(setpoint)

@@ -20,6 +20,7 @@ from hindrax_control.pilot import Pilot
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import stamp_from_s
 from hindrax_core.signals import Navigation
+from hindrax_core.text.refusals import Reason, found
 from hindrax_core.vehicle import Commissioned, Vehicle, load_vehicle
 
 VEHICLES = Path(__file__).parents[2] / "hindrax_bringup" / "vehicles"
@@ -126,7 +127,9 @@ def test_a_turned_sensor_does_not_end_it() -> None:
     assert maneuver.last is not None
     assert maneuver.last.aborted == ""
     assert any(map(any, forces))
-    assert believed(("attitude: x", "pool_box: y", "leak: z")) == ("leak: z",)
+    assert believed([found(one, "x") for one in (Reason.ATTITUDE, Reason.POOL_BOX, Reason.LEAK)]) == (
+        found(Reason.LEAK, "x"),
+    )
 
 
 @pytest.mark.parametrize(

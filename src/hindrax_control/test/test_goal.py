@@ -16,7 +16,7 @@ from hindrax_control.maneuver.goal import (
     check_goal,
     not_armed,
     require_ready,
-    unobeyed_text,
+    unobeyed,
 )
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import AXES
@@ -78,7 +78,7 @@ READY = {
     "flying": False,
     "armed": True,
     "unarmed": "",
-    "unobeyed": "",
+    "disobeying": "",
     "guards": (),
     "heading_known": True,
 }
@@ -89,8 +89,8 @@ READY = {
     [
         ({"flying": True, "armed": False}, BUSY),
         ({"armed": False, "unarmed": "leak"}, "the vehicle is not armed (leak); `./hindrax arm` first"),
-        ({"armed": False, "unobeyed": "two publishers"}, "the vehicle is not armed; `./hindrax arm` first"),
-        ({"unobeyed": "two publishers", "guards": ("a",)}, unobeyed_text("two publishers")),
+        ({"armed": False, "disobeying": "two publishers"}, "the vehicle is not armed; `./hindrax arm` first"),
+        ({"disobeying": "two publishers", "guards": ("a",)}, unobeyed("two publishers")),
         ({"guards": ("depth_band: 9 m", "speed"), "heading_known": False}, "depth_band: 9 m"),
         (
             {"heading_known": False},
@@ -106,4 +106,4 @@ def test_a_maneuver_begins_when_nothing_speaks_against_it(change: dict[str, obje
 
 def test_what_keeps_the_thrusters_from_turning_is_named() -> None:
     assert not_armed("") == "the vehicle is not armed; `./hindrax arm` first"
-    assert unobeyed_text("no command is taken").startswith("the thrusters are armed, but no command is taken; disarm")
+    assert unobeyed("no command is taken").startswith("the thrusters are armed, but no command is taken; disarm")

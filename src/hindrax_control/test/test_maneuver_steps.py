@@ -18,6 +18,7 @@ from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.events import stamp_from_s
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6, Navigation
+from hindrax_core.text.refusals import CANCELLED, STOPPED, Reason, found
 from hindrax_core.vehicle import Vehicle
 
 AT_START = Navigation(
@@ -62,19 +63,20 @@ def stepped(
 def test_only_the_first_reason_ends_it_and_its_ending_may_be_another(make: Make) -> None:
     maneuver = make("yaw", on_cancel="hold")
     stepped(maneuver, 1.0)
-    maneuver.cancel("stopped: by the safety monitor", "neutral")
-    maneuver.cancel("cancelled: by the operator")
+    maneuver.cancel(STOPPED, "neutral")
+    maneuver.cancel(CANCELLED)
     *_, last = stepped(maneuver, 20.0, begin_s=1.0)
-    assert (last.aborted, last.neutral, last.wrench) == ("stopped: by the safety monitor", True, ZERO6)
+    assert (last.aborted, last.neutral, last.wrench) == (STOPPED, True, ZERO6)
     assert maneuver.done
-    maneuver.cancel("too late")
+    maneuver.cancel(found(Reason.LEAK, "too late"))
     assert maneuver.step(AT_START, stamp_from_s(60.0)) is last
 
 
 def test_a_maneuver_without_a_state_is_abandoned_at_once() -> None:
-    reported = abandoned("navigation: lost")
+    lost = found(Reason.NAVIGATION, "lost")
+    reported = abandoned(lost)
     assert (reported.wrench, reported.force, reported.velocity, reported.setpoints) == (ZERO6, 0.0, 0.0, RELEASED)
-    assert (reported.done, reported.neutral, reported.aborted) == (True, True, "navigation: lost")
+    assert (reported.done, reported.neutral, reported.aborted) == (True, True, lost)
 
 
 BRAKED = (Setpoint("heading"), Setpoint("roll", value=0.0), Setpoint("pitch", value=0.0), Setpoint("depth"))
@@ -139,14 +141,14 @@ def test_what_is_cancelled_before_its_first_step_has_made_no_progress(make: Make
     maneuver.cancel()
     reported = stepped(maneuver, 20.0)
     assert {(one.progress, one.phase.motion) for one in reported} == {(0.0, "")}
-    assert reported[-1].aborted == "cancelled: by the operator"
+    assert reported[-1].aborted.reason is Reason.CANCELLED
 
 
 def test_it_is_given_up_some_time_after_it_should_be_over(make: Make) -> None:
     maneuver = make("roll", knobs=ManeuverKnobs(overtime=1.5, overtime_s=10.0))
     reported = stepped(maneuver, 70.0, TOO_LOW)
     ended = next(index for index, one in enumerate(reported) if one.remaining_s < 3.0)
-    assert reported[-1].aborted.startswith("time_out: ")
+    assert reported[-1].aborted.reason is Reason.TIME_OUT
     assert STEP_s * ended == pytest.approx(1.5 * maneuver.seconds + 10.0, abs=0.2)
 
 
@@ -190,7 +192,7 @@ def pushed_for(make: Make, seconds: float, shortfall: Callable[[Vec6], Vec6]) ->
 def test_only_thrust_that_is_there_can_be_blocked(make: Make) -> None:
     blocked = pushed_for(make, 20.0, lambda _wrench: ZERO6)
     assert any(one.phase.phase == "blocked" for one in blocked)
-    assert blocked[-1].aborted.startswith("blocked: ")
+    assert blocked[-1].aborted.reason is Reason.BLOCKED
     without = pushed_for(make, 20.0, lambda wrench: wrench)
     assert not any(one.phase.phase == "blocked" or one.aborted for one in without)
 

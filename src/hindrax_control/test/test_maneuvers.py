@@ -9,7 +9,7 @@ import pytest
 
 from hindrax_control.allocation.allocator import Allocator
 from hindrax_control.hold.holds import HOLDS, STATION, Setpoint
-from hindrax_control.maneuver.goal import SENSELESS, Goal, check_goal
+from hindrax_control.maneuver.goal import HEADING_UNKNOWN, Goal, check_goal
 from hindrax_control.maneuver.maneuver import ManeuverOutput, abandoned
 from hindrax_control.maneuver.plan import PlanKnobs
 from hindrax_control.pilot import Pilot, PilotKnobs, PilotOutput
@@ -18,6 +18,7 @@ from hindrax_control.testing.ideal_vehicle import IdealVehicle
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import Stamp
 from hindrax_core.signals import UNKNOWN6, ZERO6, Allocation, Phase
+from hindrax_core.text.refusals import CANCELLED, SENSELESS, Reason
 from hindrax_core.vehicle import Vehicle
 
 SHORT = PilotKnobs(plan=PlanKnobs(levels=2, turning_levels=2, repeats=(1,) * 6, plateau_s=5.0, turns=1.0))
@@ -181,8 +182,8 @@ def test_what_is_flown_to_its_end_is_held_there(rig: Rig) -> None:
 
 
 def test_a_maneuver_that_ends_without_a_state_releases_every_hold() -> None:
-    output = abandoned("disarmed: by the operator")
-    assert (output.done, output.neutral, output.aborted) == (True, True, "disarmed: by the operator")
+    output = abandoned(CANCELLED)
+    assert (output.done, output.neutral, output.aborted) == (True, True, CANCELLED)
     assert (output.wrench, output.progress, output.remaining_s) == (ZERO6, 0.0, 0.0)
     assert {(one.axis, one.engaged) for one in output.setpoints} == {(axis, False) for axis in HOLDS if axis != STATION}
 
@@ -262,7 +263,7 @@ def test_lying_dead_reckoning_is_caught_before_the_wall(rig: Rig) -> None:
         rig.ideal.current = (0.0, 0.95) if rig.ideal.time_s > 20.0 else (0.0, 0.0)
 
     output, _ = rig.fly(Goal(("surge",)), torrent)
-    assert output.aborted.startswith("pool_box: ")
+    assert output.aborted.reason is Reason.POOL_BOX
     assert "east wall" in output.aborted
 
 
@@ -302,7 +303,7 @@ def test_pushing_a_wall_that_is_elsewhere_is_reported_and_ended(rig: Rig) -> Non
             rig.ideal.rate["surge"] = 0.0
 
     output, phases = rig.fly(Goal(("surge",)), wall)
-    assert output.aborted.startswith("blocked: ")
+    assert output.aborted.reason is Reason.BLOCKED
     assert [one.phase for one in phases].count("blocked") == 1
     assert "blocked" not in {one.phase for one in rig_without_wall(rig)}
 
@@ -329,7 +330,7 @@ def test_a_recentred_position_is_used_and_its_sigma_begins_anew(rig: Rig) -> Non
 
 
 def test_a_given_place_holds_before_arming_too_and_turns_the_pool_when_asked(rig: Rig) -> None:
-    assert rig.pilot.recentre() == f"the heading is unknown; {SENSELESS}"
+    assert rig.pilot.recentre() == HEADING_UNKNOWN
     rig.step()
     assert rig.pilot.recentre(3.0, 2.0, math.pi / 2.0) == ""
     rig.ideal.north = 0.5
@@ -376,7 +377,7 @@ def test_cancel_at_any_moment_ends_as_asked(rig: Rig, motion: str, ending: str, 
             rig.pilot.cancel()
 
     output, phases = rig.fly(Goal((motion,), on_cancel=ending), cancel)
-    assert output.aborted == "cancelled: by the operator"
+    assert output.aborted.reason is Reason.CANCELLED
     assert rig.ideal.time_s < at_s + 9.0
     held = rig.step()
     engaged = {state.axis for state in held.holds if state.engaged}
@@ -397,7 +398,7 @@ def test_cancel_at_any_moment_ends_as_asked(rig: Rig, motion: str, ending: str, 
 @pytest.mark.parametrize(
     ("end", "reason"),
     [
-        (lambda rig: rig.pilot.cancel(), "cancelled: by the operator"),
+        (lambda rig: rig.pilot.cancel(), CANCELLED),
         (lambda rig: setattr(rig, "armed", False), "disarmed: the thrusters were disarmed; arm and fly again"),
     ],
 )

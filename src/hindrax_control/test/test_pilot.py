@@ -21,6 +21,7 @@ from hindrax_control.testing.ideal_vehicle import IdealVehicle
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6, Allocation
+from hindrax_core.text.refusals import Reason
 from hindrax_core.vehicle import Vehicle
 
 
@@ -73,9 +74,9 @@ def test_nothing_is_said_to_be_held_or_begins_while_armed_thrusters_obey_no_comm
     assert hovering.step() == {}
     why = "no command is obeyed: found 2 publishers, wanted one"
     sentence = f"the thrusters are armed, but {why}; disarm, find the cause (`./hindrax health`) and arm again"
-    assert hovering.step(unobeyed=why) == {"depth": sentence}
+    assert hovering.step(disobeying=why) == {"depth": sentence}
     assert hovering.pilot.set(Setpoint("roll", value=0.0)) == f"hold roll: {sentence}"
-    assert hovering.step(unobeyed=why) == {"depth": sentence, "roll": f"refused: hold roll: {sentence}"}
+    assert hovering.step(disobeying=why) == {"depth": sentence, "roll": f"refused: hold roll: {sentence}"}
     with pytest.raises(HindraxError, match="no command is obeyed"):
         hovering.pilot.fly(Goal(("surge",)))
     assert hovering.pilot.set(Setpoint("depth", engaged=False)) == "", "letting go is always possible"
@@ -126,7 +127,7 @@ def test_water_in_the_hull_ends_a_maneuver_refuses_the_next_and_leaves_the_holds
     assert maneuver.last is not None
     while not maneuver.done:
         hovering.fly()
-    assert maneuver.last.aborted.startswith("leak: found water in the hull")
+    assert maneuver.last.aborted.reason is Reason.LEAK
     with pytest.raises(HindraxError, match=r"leak: .*surface, disarm and open the hull"):
         hovering.pilot.fly(Goal(("surge",)))
     assert hovering.pilot.set(Setpoint("depth", value=0.2)) == ""
@@ -167,7 +168,7 @@ def test_a_cancelled_maneuver_ends_in_its_place_or_neutral_as_it_is_given(hoveri
     for _ in range(100):  # 2 s
         hovering.fly()
     assert maneuver.last is not None
-    assert maneuver.last.aborted == "cancelled: by the operator"
+    assert maneuver.last.aborted.reason is Reason.CANCELLED
     hovering.ideal.north += 0.5
     assert (hovering.fly().wrench[0] < -1.0) is (ending == "hold")
     assert (hovering.fly(armed=False).wrench, hovering.fly().wrench[0]) == (ZERO6, 0.0)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 
 from hindrax_core.events import Stamp, seconds_between, to_s
 from hindrax_core.text.digits import above
+from hindrax_core.text.refusals import Reason, Refusal
 
 EXPIRED, FUTURE, UNSTAMPED, TIMELESS = "expired", "from the future", "not stamped", "no clock"
 REMEDIES = {
@@ -87,6 +88,12 @@ have received the time at different moments."""
 def order_window(*, mock: bool) -> StampWindow:
     """Window for orders of an operator, on the system's clock or on a mock's."""
     return MOCK_ORDER if mock else ORDER
+
+
+def late_goal(untimely: Untimely) -> Refusal:
+    """Refusal of a goal that came at the wrong time; one that only came late may be sent again."""
+    reason = Reason.LATE if untimely.kind == EXPIRED else Reason.CLOCK
+    return Refusal(reason, f"{reason.word}: the goal is {untimely.sentence}")
 
 
 def impossible(stamp: Stamp) -> str:

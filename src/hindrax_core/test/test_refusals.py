@@ -1,23 +1,77 @@
-"""What was refused is counted by thing, and is news once."""
+"""Codes of refusals: every one has a word and, as a guard, a remedy; older records and messages are understood."""
 
-from hindrax_core.input_checks import LONGEST, Refusals
+import copy
+import json
+import pickle
+from collections.abc import Callable
+
+import pytest
+
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.text.refusals import (
+    CANCELLED,
+    NOTHING,
+    REMEDIES,
+    Reason,
+    Refusal,
+    found,
+    received,
+    refusal_of,
+    told,
+)
 
 
-def test_refusals_are_counted_by_thing_and_are_news_once() -> None:
-    refusals = Refusals()
-    assert (refusals.values(), refusals.new_refusals()) == ({}, [])
-    assert refusals.add("joy", "found 3 axes, wanted 6") == "joy: found 3 axes, wanted 6"
-    refusals.add("joy", "found 2 axes, wanted 6")
-    refusals.add("battery", "found -1 V, wanted 3 V or more")
-    assert refusals.values() == {
-        "refused: battery": "1",
-        "refused: joy": "2",
-        "last refused": "battery: found -1 V, wanted 3 V or more",
-    }
-    assert refusals.new_refusals() == ["refused: battery: found -1 V, wanted 3 V or more"]
-    assert refusals.new_refusals() == []
+def test_what_a_guard_finds_begins_with_its_word_and_ends_with_the_remedy() -> None:
+    leak = found(Reason.LEAK, "found water in the hull, wanted it dry")
+    assert leak == "leak: found water in the hull, wanted it dry; surface, disarm and open the hull"
+    assert (leak.reason, leak.word) == (Reason.LEAK, "leak")
+    assert all(remedy and not remedy.endswith(".") for remedy in REMEDIES.values())
 
 
-def test_a_flood_of_text_is_cut() -> None:
-    refusals = Refusals()
-    assert len(refusals.add("joy", "x" * 10_000)) == LONGEST
+def test_nothing_is_refused_by_an_empty_sentence() -> None:
+    assert not NOTHING
+    assert (NOTHING.reason, NOTHING.word) == (Reason.NONE, None)
+    assert NOTHING.meanwhile(["the sensors died"]) is NOTHING
+
+
+def test_words_around_a_sentence_do_not_change_its_reason() -> None:
+    start = CANCELLED.within("start: ")
+    assert (start, start.reason) == ("start: cancelled: by the operator", Reason.CANCELLED)
+    later = CANCELLED.meanwhile(["one", "the sensors died"])
+    assert (later, later.reason) == ("cancelled: by the operator; meanwhile the sensors died", Reason.CANCELLED)
+    assert CANCELLED.meanwhile([]) is CANCELLED
+
+
+@pytest.mark.parametrize("again", [copy.copy, copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
+def test_a_copy_keeps_the_reason(again: Callable[[Refusal], Refusal]) -> None:
+    assert (again(CANCELLED), again(CANCELLED).reason) == (CANCELLED, Reason.CANCELLED)
+    assert json.dumps(CANCELLED) == '"cancelled: by the operator"'
+
+
+def test_an_error_carries_the_refusal_that_it_was_raised_with() -> None:
+    assert refusal_of(UsageError(CANCELLED)) is CANCELLED
+    assert str(UsageError(CANCELLED)) == CANCELLED
+    other = refusal_of(HindraxError("no room"))
+    assert (other, other.reason) == ("no room", Reason.UNNAMED)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "reason"),
+    [
+        ("", Reason.NONE),
+        ("leak: found water in the hull", Reason.LEAK),
+        ("start: pool_box: 0.1 m to the north wall", Reason.POOL_BOX),
+        ("start: the vehicle is not armed", Reason.UNNAMED),
+        ("none: a word that is no reason", Reason.UNNAMED),
+        ("surge: no thruster serves it", Reason.UNNAMED),
+    ],
+)
+def test_the_sentence_of_an_older_record_names_its_reason(sentence: str, reason: Reason) -> None:
+    assert (told(sentence), told(sentence).reason) == (sentence, reason)
+
+
+@pytest.mark.parametrize(
+    ("code", "reason"), [(44, Reason.LEAK), (0, Reason.BATTERY), (60_000, Reason.BATTERY), (1, Reason.UNNAMED)]
+)
+def test_a_code_counts_more_than_the_sentence_and_an_unknown_one_less(code: int, reason: Reason) -> None:
+    assert received(code, "battery: 11 V").reason is reason

@@ -11,16 +11,18 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, after, seconds_between, stamp_from_s
 from hindrax_core.signals import Command
+from hindrax_core.text.refusals import Reason, Refusal
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_drivers.output.output_guard import (
     UNOBEYED,
     Answer,
     ArmingPhase,
+    CommandFault,
     OutputGuard,
     OutputGuardKnobs,
     OutputGuardState,
     Pulses,
-    Refusal,
+    RefusedCommand,
     Request,
     guard_of,
 )
@@ -96,8 +98,8 @@ def test_lamps_leave_running_thrusters_alone() -> None:
 @pytest.mark.parametrize("levels", [(), (1.0,), *((1.0, wrong) for wrong in (1.01, -0.01, float("nan"), float("inf")))])
 def test_what_is_no_brightness_is_refused(levels: tuple[float, ...]) -> None:
     state, decision = GUARD.light(GUARD.start(at(0.0)), levels, at(0.0))
-    assert isinstance(decision, Refusal)
-    assert decision.reason == "not a brightness"
+    assert isinstance(decision, RefusedCommand)
+    assert decision.fault == "not a brightness"
     assert decision.text.startswith(
         f"lamps: found {', '.join(f'{level:g}' for level in levels) or 'none'}, wanted 2 from 0"
     )
@@ -303,7 +305,7 @@ def test_an_armed_output_that_refuses_commands_says_so_and_why_it_disarmed() -> 
     assert state.unobeyed == ""
     state, _ = GUARD.tick(state, at(8.5))
     assert state.unobeyed == "no command arrives"
-    other = Refusal("sender", "found 2 publishers, wanted one")
+    other = RefusedCommand(CommandFault.SENDER, "found 2 publishers, wanted one")
     for tenth in range(85, 126):
         state, _ = GUARD.tick(GUARD.refuse(state, other, at(tenth / 10)), at(tenth / 10))
         assert state.unobeyed == f"{UNOBEYED}: found 2 publishers, wanted one"
@@ -316,7 +318,7 @@ def test_an_armed_output_that_refuses_commands_says_so_and_why_it_disarmed() -> 
 def test_a_refusal_among_obeyed_commands_explains_no_later_silence() -> None:
     state = armed()
     state, refused = GUARD.command(state, command(6.0, 80), at(8.0))
-    assert isinstance(refused, Refusal)
+    assert isinstance(refused, RefusedCommand)
     assert state.unobeyed == ""
     state, _ = accepted_command(state, command(8.1, 90), 8.1)
     state, _ = GUARD.tick(state, at(8.7))
@@ -376,8 +378,8 @@ def test_neutral_is_repeated() -> None:
 )
 def test_command_is_refused_with_its_reason(wanted: Command, seconds: float, reason: str) -> None:
     _, refusal = GUARD.command(armed(), wanted, at(seconds))
-    assert isinstance(refusal, Refusal)
-    assert refusal.reason == reason
+    assert isinstance(refusal, RefusedCommand)
+    assert refusal.fault == reason
 
 
 def test_a_malformed_command_makes_neutral_until_the_next_good_one() -> None:
@@ -395,7 +397,7 @@ def test_a_malformed_command_makes_neutral_until_the_next_good_one() -> None:
 def test_a_sender_that_starts_again_is_received_once_the_old_one_is_silent_but_must_be_armed_anew() -> None:
     state = armed()
     _, refusal = GUARD.command(state, command(8.1, 1), at(8.1))
-    assert isinstance(refusal, Refusal)
+    assert isinstance(refusal, RefusedCommand)
     state, pulses = accepted_command(state, command(8.45, 1), 8.45)
     assert pulses.thrusters == GUARD.neutral.thrusters
     assert state.phase is ArmingPhase.DISARMED
@@ -446,7 +448,7 @@ def test_writes_that_keep_failing_fault_the_output_and_it_comes_back_disarmed() 
     state = GUARD.failed(state, "bus is stuck", at(8.2))
     assert (state.phase, state.reason) == (ArmingPhase.FAULTED, "bus is stuck")
     _, answer = GUARD.arm(state, Request(at(8.3), 7), at(8.3))
-    assert answer == Answer(accepted=False, reason="output is faulted: bus is stuck")
+    assert answer == Answer(accepted=False, reason=Refusal(Reason.FAULTED, "output is faulted: bus is stuck"))
     state, pulses = accepted_command(state, command(8.4, 99), 8.4)
     assert pulses.thrusters == NEUTRAL
     state = GUARD.restored(state, at(9.0))
@@ -508,7 +510,7 @@ class HostileHost(RuleBasedStateMachine):
         self.arm_at: Stamp | None = None
         self.write(GUARD.tick(self.state, self.now))
 
-    def write(self, decided: tuple[OutputGuardState, Pulses | Refusal | None]) -> None:
+    def write(self, decided: tuple[OutputGuardState, Pulses | RefusedCommand | None]) -> None:
         self.state, decision = decided
         if not isinstance(decision, Pulses):
             return

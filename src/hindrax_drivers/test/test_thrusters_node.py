@@ -25,6 +25,7 @@ from hindrax_core.driver_interface import Identity
 from hindrax_core.events import Rejected, Stamp, Stamped
 from hindrax_core.readings import AppliedPulses, Battery
 from hindrax_core.signals import AppliedOutput, Command
+from hindrax_core.text.refusals import Reason, Refusal
 from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
 from hindrax_drivers.lifecycle import ON_REQUEST, State
 from hindrax_drivers.nodes import thrusters_node
@@ -34,10 +35,11 @@ from hindrax_drivers.output.output_guard import (
     UNOBEYED,
     Answer,
     ArmingPhase,
+    CommandFault,
     OutputGuard,
     OutputGuardKnobs,
     Pulses,
-    Refusal,
+    RefusedCommand,
     Request,
 )
 from hindrax_msgs.msg import ThrusterCommand, ThrusterState
@@ -225,7 +227,7 @@ def test_whoever_commands_beside_another_is_not_obeyed_and_disarms(make: Make) -
     assert bench.command(2) == [command_of(2)], "the graph was just looked at"
     bench.now_s += LOOK_S
     why = f"thrusters/command: found 2 publishers ({ONE}, {OTHER}), wanted one"
-    refused = ("refuse", Refusal("sender", why))
+    refused = ("refuse", RefusedCommand(CommandFault.SENDER, why))
     assert bench.command(3) == [("inhibit", why), refused]
     assert bench.command(4) == [refused]
     assert bench.looks == 2
@@ -257,7 +259,7 @@ def test_an_armed_output_that_obeys_no_command_is_an_error_in_diagnostics_and_is
     bench.becomes(ArmingPhase.ARMED)
     assert bench.node.health.alarm == ""
     for age in ("0.31", "0.35"):
-        bench.node.refused(Refusal("expired", f"command is {age} s old"), Stamp(1))
+        bench.node.refused(RefusedCommand(CommandFault.EXPIRED, f"command is {age} s old"), Stamp(1))
         bench.becomes(ArmingPhase.ARMED, f"{UNOBEYED}: command is {age} s old")
         assert bench.node.health.alarm == f"armed, but neutral: {UNOBEYED}: command is {age} s old"
     assert bench.log == ["armed", "command refused: command is 0.31 s old", f"armed: {UNOBEYED}: command is 0.31 s old"]
@@ -272,7 +274,7 @@ def test_who_asks_to_arm_is_judged_by_the_graph_of_now_and_answered_as_the_guard
     assert (bench.looks, bench.thread.calls[-1]) == (2, ("arm", Request(Stamp(7_000_000_000), 3, "")))
     assert bench.ask(arm=False, sequence=4, reason="tether cut") == (True, "")
     assert (bench.looks, bench.thread.calls[-1]) == (2, ("disarm", Request(Stamp(7_000_000_000), 4, "tether cut")))
-    bench.thread.answer = Answer(accepted=False, reason="late")
+    bench.thread.answer = Answer(accepted=False, reason=Refusal(Reason.LATE, "late"))
     assert bench.ask(arm=True, sequence=5) == (False, "late")
     assert bench.log == ["arm: accepted", "disarm: tether cut", "arm: late"]
 
@@ -313,10 +315,10 @@ def test_what_was_applied_is_published_and_a_change_of_phase_is_reported_once(ma
 
 def test_refusals_are_counted_by_reason_and_the_first_of_each_is_reported(make: Make) -> None:
     bench = make()
-    for reason in ("late", "late", "malformed"):
-        bench.node.refused(Refusal(reason, f"it is {reason}"), Stamp(1))
-    assert bench.node.health.rejects == {"late": 2, "malformed": 1}
-    assert bench.log == ["command refused: it is late", "command refused: it is malformed"]
+    for reason in (CommandFault.EXPIRED, CommandFault.EXPIRED, CommandFault.SENDER):
+        bench.node.refused(RefusedCommand(reason, f"it is {reason}"), Stamp(1))
+    assert bench.node.health.rejects == {"expired": 2, "sender": 1}
+    assert bench.log == ["command refused: it is expired", "command refused: it is sender"]
 
 
 BOARD_OUTPUTS = (

@@ -22,6 +22,7 @@ from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, after, seconds_between
 from hindrax_core.readings import Battery
 from hindrax_core.sensor_table import Capability
+from hindrax_core.text.refusals import STOPPED
 from hindrax_core.topics import ALLOCATION, BATTERY, Topic, carriers
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_operator.pool_run import disarmed_at_the_end, interrupted_once, missing_solution
@@ -141,9 +142,9 @@ def _pulse(operator: Operator, work: Commissioning, report: Report, *, arm: bool
             try:
                 aborted, _ = operator.fly(Goal((), on_cancel="neutral", pulses=pulses), FLY_S)
             except KeyboardInterrupt:
-                return "operator: stopped by Ctrl-C"
+                return STOPPED
             if aborted:
-                return "; ".join([str(aborted), *node_problems(operator)])
+                return "; ".join([aborted, *node_problems(operator)])
             pulses = work.next_pulses(Stamp(operator.now()))
         report(f"flown in {seconds_between(begin, operator.now()):.0f} s; disarming")
     return ""

@@ -25,6 +25,7 @@ from hindrax_control.commissioning.record import slow_sentence, slowed, unproven
 from hindrax_control.maneuver.goal import PLATEAUS, Goal, motions_to_fly
 from hindrax_control.maneuver.plan import plans_of
 from hindrax_core.errors import INTERRUPTED, HindraxError
+from hindrax_core.text.refusals import NOTHING, STOPPED, Reason, Refusal
 from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ident.online.aim import Aim, ExperimentGoal, check_experiment, plan_text
@@ -87,7 +88,7 @@ class Proof:
 class FlownManeuver:
     """Outcome of a flight, besides the bag."""
 
-    aborted: str = ""
+    aborted: Refusal = NOTHING
     armed: bool = False
     interrupted: bool = False
     node_problems: list[str] = field(default_factory=list)
@@ -287,12 +288,12 @@ def _operate(options: PoolOptions, flight: FlownManeuver, stack: StackProcess, p
             try:
                 flight.aborted = _fly_motions(options, operator, progress)
             except KeyboardInterrupt:
-                flight.aborted, flight.interrupted = "operator: stopped by Ctrl-C", True
+                flight.aborted, flight.interrupted = STOPPED, True
             except HindraxError as error:
                 # The bag holds the flight up to here, which can still be identified.
-                flight.aborted = f"stack: {error}"
+                flight.aborted = Refusal(Reason.STACK, f"stack: {error}")
             else:
-                flight.aborted += f"; meanwhile {deaths[-1]}" if flight.aborted and deaths else ""
+                flight.aborted = flight.aborted.meanwhile(deaths)
             flight.node_problems = node_problems(operator) if flight.aborted else []
             flight.wall_s = time.monotonic() - wall
             flight.vehicle_s = (operator.now() - begin) / 1e9
@@ -300,15 +301,16 @@ def _operate(options: PoolOptions, flight: FlownManeuver, stack: StackProcess, p
         progress.report("disarmed")
 
 
-def _fly_motions(options: PoolOptions, operator: Any, progress: Progress) -> str:
-    """Have the identifier run the experiment that was asked for, else the pilot its plan; the guard's sentence."""
+def _fly_motions(options: PoolOptions, operator: Any, progress: Progress) -> Refusal:
+    """Have the identifier run the experiment that was asked for, else the pilot its plan; why it was aborted."""
     goal: Goal | ExperimentGoal = Goal(options.motions, options.excitation, options.seed, options.on_cancel)
     if options.aim is not None:
         goal = ExperimentGoal(options.motions, options.aim, options.on_cancel)
+    aborted: Refusal
     aborted, reached = operator.fly(goal, FLY_S)
     if reached:
         progress.report(f"experiment: {reached}")
-    return str(aborted)
+    return aborted
 
 
 @contextlib.contextmanager

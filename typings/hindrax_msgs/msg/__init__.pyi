@@ -151,12 +151,13 @@ class ManeuverStatus:
     motion: str
     phase: str
     aborted: str
+    error_code: int
     progress: float
     remaining: float
     wall_distance: float
     force: float
     velocity: float
-    def __init__(self, *, header: std_msgs.msg.Header = ..., motion: str = ..., phase: str = ..., aborted: str = ..., progress: float = ..., remaining: float = ..., wall_distance: float = ..., force: float = ..., velocity: float = ...) -> None: ...
+    def __init__(self, *, header: std_msgs.msg.Header = ..., motion: str = ..., phase: str = ..., aborted: str = ..., error_code: int = ..., progress: float = ..., remaining: float = ..., wall_distance: float = ..., force: float = ..., velocity: float = ...) -> None: ...
     @classmethod
     def get_fields_and_field_types(cls) -> dict[str, str]: ...
 
@@ -302,6 +303,52 @@ class RawFrames:
     @data.setter
     def data(self, value: Iterable[int]) -> None: ...
     def __init__(self, *, header: std_msgs.msg.Header = ..., source: str = ..., stamps: Iterable[int] = ..., directions: Iterable[int] = ..., lengths: Iterable[int] = ..., data: Iterable[int] = ...) -> None: ...
+    @classmethod
+    def get_fields_and_field_types(cls) -> dict[str, str]: ...
+
+class Reason:
+    NONE: ClassVar[int]
+    UNNAMED: ClassVar[int]
+    GOAL: ClassVar[int]
+    MOTION: ClassVar[int]
+    LIFT: ClassVar[int]
+    POOL: ClassVar[int]
+    LATE: ClassVar[int]
+    CLOCK: ClassVar[int]
+    OUT_OF_ORDER: ClassVar[int]
+    BUSY: ClassVar[int]
+    ELSEWHERE: ClassVar[int]
+    REPEAT: ClassVar[int]
+    NOT_ARMED: ClassVar[int]
+    UNOBEYED: ClassVar[int]
+    HEADING: ClassVar[int]
+    FAULTED: ClassVar[int]
+    INHIBITED: ClassVar[int]
+    POOL_BOX: ClassVar[int]
+    DEPTH_BAND: ClassVar[int]
+    ALTITUDE_BAND: ClassVar[int]
+    BATTERY: ClassVar[int]
+    LEAK: ClassVar[int]
+    TIME_OUT: ClassVar[int]
+    THRUSTERS: ClassVar[int]
+    ATTITUDE: ClassVar[int]
+    SPEED: ClassVar[int]
+    SENSOR_AGE: ClassVar[int]
+    BLOCKED: ClassVar[int]
+    DVL_LOCK: ClassVar[int]
+    SETTLE: ClassVar[int]
+    NAVIGATION: ClassVar[int]
+    COMMISSION: ClassVar[int]
+    CANCELLED: ClassVar[int]
+    DISARMED: ClassVar[int]
+    OPERATOR: ClassVar[int]
+    STACK: ClassVar[int]
+    LINK: ClassVar[int]
+    PILOT: ClassVar[int]
+    IDENTIFIER: ClassVar[int]
+    RECORD: ClassVar[int]
+    code: int
+    def __init__(self, *, code: int = ...) -> None: ...
     @classmethod
     def get_fields_and_field_types(cls) -> dict[str, str]: ...
 

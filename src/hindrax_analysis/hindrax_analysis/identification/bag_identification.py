@@ -29,6 +29,7 @@ from hindrax_bag.run_folder import RunFolder
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp
 from hindrax_core.text.digits import PLUS_MINUS, measured
+from hindrax_core.text.refusals import Refusal
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.text.text_file import replace_text, writing
 from hindrax_core.topics import ESTIMATE, resolved
@@ -62,11 +63,12 @@ class Identified:
         motions = self.results.motions
         return bool(motions) and all(one.identifiable for one in motions.values())
 
-    def document(self, bag: Path, report: Path | None, factor: float | None, aborted: str) -> dict[str, object]:
+    def document(self, bag: Path, report: Path | None, factor: float | None, aborted: Refusal) -> dict[str, object]:
         """The JSON document of `pool-test` and `identify`."""
         ends = {"bag": str(bag), "report": str(report) if report else None}
         out = {"thrusters_left_out": list(self.left_out)} if self.left_out else {}
-        return {**self.results.to_json(), **ends, "real_time_factor": factor, "aborted": aborted or None, **out}
+        ended = {"aborted": aborted or None, "aborted_by": aborted.word}
+        return {**self.results.to_json(), **ends, "real_time_factor": factor, **ended, **out}
 
 
 def identify_bag(

@@ -13,6 +13,7 @@ import numpy as np
 from hindrax_control.allocation.effectiveness import Matrix, effectiveness, served_axes
 from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.text.refusals import SENSELESS, Reason, Refusal
 from hindrax_core.vehicle import AXES, Vehicle
 
 ENDINGS = ("hold", "neutral")
@@ -20,10 +21,8 @@ PLATEAUS = "plateaus"
 EXCITATIONS = ("steps", "doublets", "chirp", "multisine")
 MOST_MOTIONS, MOST_LEVELS = 12, 20
 """Limits per goal: planning blocks the control cycle."""
-BUSY = "a maneuver is being flown; `./hindrax stop` ends it"
-SENSELESS = "see which sensor is silent (`./hindrax doctor`), then fly again"
-LATE = "late"
-"""Guard of goals that arrive late; the client may send them again."""
+BUSY = Refusal(Reason.BUSY, "a maneuver is being flown; `./hindrax stop` ends it")
+HEADING_UNKNOWN = Refusal(Reason.HEADING, f"the heading is unknown; {SENSELESS}")
 SHARE = 0.05
 """A lost axis counts as bound to a served one that makes at least this share of its row."""
 
@@ -58,7 +57,7 @@ class Goal:
 
 
 def require_flyable(goal: Goal, vehicle: Vehicle, disabled: frozenset[str] = frozenset()) -> None:
-    """UsageError with the reason if this vehicle, without the disabled thrusters, can never fly a goal."""
+    """UsageError with the refusal if this vehicle, without the disabled thrusters, can never fly a goal."""
     if goal.pulses:
         _check_pulses(goal, vehicle)
         return
@@ -67,75 +66,79 @@ def require_flyable(goal: Goal, vehicle: Vehicle, disabled: frozenset[str] = fro
     require_lift(vehicle)
 
 
-def not_armed(why: str) -> str:
-    """Sentence that nothing can be done as long as the thrusters are not armed, and `why` they are not, if known."""
-    return f"the vehicle is not armed{f' ({why})' if why else ''}; `./hindrax arm` first"
+def not_armed(why: str) -> Refusal:
+    """Nothing can be done as long as the thrusters are not armed, and `why` they are not, if known."""
+    sentence = f"the vehicle is not armed{f' ({why})' if why else ''}; `./hindrax arm` first"
+    return Refusal(Reason.NOT_ARMED, sentence)
 
 
-def unobeyed_text(why: str) -> str:
-    """Sentence that the thrusters are armed and neutral, and `why` they follow no command."""
-    return f"the thrusters are armed, but {why}; disarm, find the cause (`./hindrax health`) and arm again"
+def unobeyed(why: str) -> Refusal:
+    """The thrusters are armed and neutral, and `why` they follow no command."""
+    sentence = f"the thrusters are armed, but {why}; disarm, find the cause (`./hindrax health`) and arm again"
+    return Refusal(Reason.UNOBEYED, sentence)
 
 
 def require_ready(
-    *, flying: bool, armed: bool, unarmed: str, unobeyed: str, guards: Sequence[str], heading_known: bool
+    *, flying: bool, armed: bool, unarmed: str, disobeying: str, guards: Sequence[Refusal], heading_known: bool
 ) -> None:
-    """HindraxError with the reason if no maneuver can begin now; `guards`: violations, the first first."""
+    """HindraxError with the refusal if no maneuver can begin now; `guards`: what they find, the first first."""
     if flying:
         raise HindraxError(BUSY)
     if not armed:
         raise HindraxError(not_armed(unarmed))
-    if unobeyed:
-        raise HindraxError(unobeyed_text(unobeyed))
+    if disobeying:
+        raise HindraxError(unobeyed(disobeying))
     if guards:
         raise HindraxError(guards[0])
     if not heading_known:
-        raise HindraxError(f"the heading is unknown; {SENSELESS}")
+        raise HindraxError(HEADING_UNKNOWN)
+
+
+def _malformed(text: str) -> UsageError:
+    return UsageError(Refusal(Reason.GOAL, f"goal: {text}"))
 
 
 def check_goal(goal: Goal) -> None:
     """UsageError that names what is invalid in a goal."""
     if not goal.motions:
-        raise UsageError(f"goal: no motion, wanted some of {', '.join(AXES)}")
+        raise _malformed(f"no motion, wanted some of {', '.join(AXES)}")
     if len(goal.motions) > MOST_MOTIONS:
-        raise UsageError(f"goal: {len(goal.motions)} motions, wanted at most {MOST_MOTIONS}; fly the rest after them")
+        raise _malformed(f"{len(goal.motions)} motions, wanted at most {MOST_MOTIONS}; fly the rest after them")
     for motion in goal.motions:
         if motion not in AXES:
-            raise UsageError(f"goal: motion {motion!r} unknown, wanted one of {', '.join(AXES)}")
+            raise _malformed(f"motion {motion!r} unknown, wanted one of {', '.join(AXES)}")
     if goal.excitation not in (PLATEAUS, *EXCITATIONS):
-        raise UsageError(f"goal: excitation {goal.excitation!r} unknown, wanted {PLATEAUS} or {', '.join(EXCITATIONS)}")
+        raise _malformed(f"excitation {goal.excitation!r} unknown, wanted {PLATEAUS} or {', '.join(EXCITATIONS)}")
     if goal.on_cancel not in ENDINGS:
-        raise UsageError(f"goal: ending {goal.on_cancel!r} unknown, wanted {' or '.join(ENDINGS)}")
+        raise _malformed(f"ending {goal.on_cancel!r} unknown, wanted {' or '.join(ENDINGS)}")
     _check_levels(goal)
 
 
 def _check_pulses(goal: Goal, vehicle: Vehicle) -> None:
     if goal.motions:
-        raise UsageError(f"goal: pulses and {', '.join(goal.motions)}, wanted one or the other")
+        raise _malformed(f"pulses and {', '.join(goal.motions)}, wanted one or the other")
     if len(goal.pulses) > MOST_PULSES:
-        raise UsageError(f"goal: {len(goal.pulses)} pulses, wanted at most {MOST_PULSES}; fly the rest after them")
+        raise _malformed(f"{len(goal.pulses)} pulses, wanted at most {MOST_PULSES}; fly the rest after them")
     for pulse in goal.pulses:
         if len(pulse.forces_N) != len(vehicle.thrusters):
             found, wanted = len(pulse.forces_N), len(vehicle.thrusters)
-            raise UsageError(f"goal: a pulse of {found} forces, wanted {wanted}, those of {vehicle.name}")
+            raise _malformed(f"a pulse of {found} forces, wanted {wanted}, those of {vehicle.name}")
         if not all(abs(force_N) <= MOST_PULSE_N for force_N in pulse.forces_N):  # nor is NaN
             largest_N = max(pulse.forces_N, key=lambda one: math.inf if math.isnan(one) else abs(one))
-            raise UsageError(f"goal: a pulse of {largest_N:g} N, wanted at most {MOST_PULSE_N:g} N of each thruster")
+            raise _malformed(f"a pulse of {largest_N:g} N, wanted at most {MOST_PULSE_N:g} N of each thruster")
         if not 0.0 < pulse.seconds <= LONGEST_PULSE_S:
-            raise UsageError(
-                f"goal: a pulse of {pulse.seconds:g} s, wanted more than 0 and at most {LONGEST_PULSE_S:g} s"
-            )
+            raise _malformed(f"a pulse of {pulse.seconds:g} s, wanted more than 0 and at most {LONGEST_PULSE_S:g} s")
 
 
 def _check_levels(goal: Goal) -> None:
     if goal.levels and (len(goal.motions) > 1 or goal.excitation != PLATEAUS):
         found = f"{', '.join(goal.motions)} by {goal.excitation}"
-        raise UsageError(f"goal: levels of {found}, wanted those of one motion by {PLATEAUS}")
+        raise _malformed(f"levels of {found}, wanted those of one motion by {PLATEAUS}")
     if len(goal.levels) > MOST_LEVELS:
-        raise UsageError(f"goal: {len(goal.levels)} levels, wanted at most {MOST_LEVELS}; fly the rest after them")
+        raise _malformed(f"{len(goal.levels)} levels, wanted at most {MOST_LEVELS}; fly the rest after them")
     for level in goal.levels:
         if not 0.0 <= level <= 1.0:
-            raise UsageError(f"goal: level {level:g}, wanted 0 (the slowest plateau) to 1 (the fastest)")
+            raise _malformed(f"level {level:g}, wanted 0 (the slowest plateau) to 1 (the fastest)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +183,8 @@ def require_servable(motions: Sequence[str], vehicle: Vehicle, disabled: frozens
     wanted = f"some of {', '.join(flown)}" if flown else "thrusters that do"
     disables = reason.startswith("without ")
     mend = "`./hindrax thruster enable` what works" if disables else "correct `thrusters` in the vehicle file"
-    raise UsageError(f"{motion}: {reason}, wanted {wanted}; {mend}{', or fly those' if flown else ''}")
+    sentence = f"{motion}: {reason}, wanted {wanted}; {mend}{', or fly those' if flown else ''}"
+    raise UsageError(Refusal(Reason.MOTION, sentence))
 
 
 def largest_wrench(vehicle: Vehicle) -> dict[str, float]:
@@ -203,10 +207,11 @@ def require_lift(vehicle: Vehicle) -> None:
     net_N, reach_N = vehicle.net_buoyancy_N, largest_wrench(vehicle)["heave"]
     if abs(net_N) >= reach_N > 0.0:
         pull = "net buoyancy" if net_N > 0.0 else "net weight"
-        raise UsageError(
+        sentence = (
             f"{vehicle.name}: found {abs(net_N):.0f} N of {pull}, wanted less than the {reach_N:.0f} N that its "
             "thrusters give in heave; trim it, or correct mass_kg and volume_m3 in the vehicle file"
         )
+        raise UsageError(Refusal(Reason.LIFT, sentence))
 
 
 def motions_to_fly(dof: Sequence[str], vehicle: Vehicle) -> ServableMotions:

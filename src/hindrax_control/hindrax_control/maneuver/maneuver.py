@@ -12,7 +12,7 @@ from hindrax_control.hold.station_keeping import StationKeeping, StationKeepingK
 from hindrax_control.maneuver.excitation import Bounds, Excite, signal
 from hindrax_control.maneuver.goal import PLATEAUS, Goal, require_flyable
 from hindrax_control.maneuver.leg import LegController
-from hindrax_control.maneuver.maneuver_guards import REMEDIES, ManeuverGuardKnobs, ManeuverGuards, Situation, nearest
+from hindrax_control.maneuver.maneuver_guards import ManeuverGuardKnobs, ManeuverGuards, Situation, nearest
 from hindrax_control.maneuver.plan import CHARACTERS, Plan, Planner
 from hindrax_control.maneuver.stages import (
     RELEASED,
@@ -30,6 +30,7 @@ from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import BLOCKED, NAN, ZERO6, Navigation, Phase
+from hindrax_core.text.refusals import CANCELLED, NOTHING, Reason, Refusal, found
 
 SETTLING_s = 2.5
 """Time to come to rest at a place, beside the way to it."""
@@ -66,13 +67,13 @@ class ManeuverOutput:
     force: float
     velocity: float
     done: bool
-    aborted: str
+    aborted: Refusal
     neutral: bool
     resting: bool = False
     forces_N: tuple[float, ...] = ()
 
 
-def abandoned(reason: str) -> ManeuverOutput:
+def abandoned(reason: Refusal) -> ManeuverOutput:
     """Output of a maneuver that ends without a vehicle state."""
     phase = Phase("", "aborted")
     return ManeuverOutput(ZERO6, RELEASED, phase, 0.0, 0.0, NAN, 0.0, 0.0, done=True, aborted=reason, neutral=True)
@@ -109,7 +110,7 @@ class Maneuver:
         self._last: Stamp | None = None
         self._turned_rad = 0.0
         self._passed = 0.0
-        self._aborted = ""
+        self._aborted = NOTHING
         self._stopping = self._neutral = False
         self.last: ManeuverOutput | None = None
         """Its last output; None before its first step."""
@@ -126,7 +127,7 @@ class Maneuver:
         X, Y = self.station.step(moment.place, moment.dt)
         return (X, Y, 0.0, 0.0, 0.0, 0.0)
 
-    def cancel(self, reason: str = "cancelled: by the operator", ending: str = "") -> None:
+    def cancel(self, reason: Refusal = CANCELLED, ending: str = "") -> None:
         """Stop now; ends in a hold or neutral by `ending` (default: that of the goal)."""
         if self._stopping or self.done:
             return
@@ -187,7 +188,7 @@ class Maneuver:
             force=act.force,
             velocity=act.velocity,
             done=done,
-            aborted=self._aborted if done else "",
+            aborted=self._aborted if done else NOTHING,
             neutral=neutral,
             resting=act.resting,
         )
@@ -202,15 +203,15 @@ class Maneuver:
         self._entered_s = moment.time_s
         return self._stages[self._at].begin(moment)
 
-    def _too_near(self, stage: Stage, place: PoolPosition) -> str:
-        """Reason why a stage is not flown from here, as its guard would give it in flight; else empty."""
+    def _too_near(self, stage: Stage, place: PoolPosition) -> Refusal:
+        """What the guard of the walls would find at an end of a stage that begins here."""
         wanted_m, words = self._safety.margin(place)
         for end in stage.ends:
             wall, left_m = nearest(self._pool.walls_m(end))
             if left_m < wanted_m:
-                found = f"{stage.motion} would end {left_m:.2f} m from the {wall} wall"
-                return f"pool_box: {found}, wanted {words}; {REMEDIES['pool_box']}"
-        return ""
+                end_text = f"{stage.motion} would end {left_m:.2f} m from the {wall} wall"
+                return found(Reason.POOL_BOX, f"{end_text}, wanted {words}")
+        return NOTHING
 
     def _moment(self, navigation: Navigation, stamp: Stamp, shortfall: Vec6) -> StageInput:
         self._started_at = stamp if self._started_at is None else self._started_at

@@ -1,4 +1,4 @@
-"""The guards of a maneuver: from before arming to after disarming, each with a name and a sentence.
+"""The guards of a maneuver: from before arming to after disarming, each with a reason and a sentence.
 
 A guard checks one quantity and returns the found and the wanted value, or nothing. Guards of things that flicker must
 find the same for a while before they count.
@@ -14,6 +14,7 @@ from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.knobs import choice, knob
 from hindrax_core.signals import NAN, Navigation
 from hindrax_core.text.digits import above, below, unlike
+from hindrax_core.text.refusals import Reason, Refusal, found
 from hindrax_core.vehicle import Vehicle
 
 MOVES_mps = 0.2
@@ -26,21 +27,6 @@ LEAST_UNCERTAINTY_m = 0.01
 """Margin for an uncertain position that is worth mentioning."""
 
 AUTO, SLOW, FLY = "auto", "slow", "fly"
-REMEDIES: Mapping[str, str] = {
-    "pool_box": "bring it to the middle of the pool and `./hindrax recentre` it, or correct `pool` in the vehicle file",
-    "depth_band": "bring it to a depth between, or tare the depth sensor (`./hindrax depth tare`)",
-    "altitude_band": "let it rise (`./hindrax hold altitude`)",
-    "battery": "charge the battery",
-    "leak": "surface, disarm and open the hull",
-    "time_out": "find what held it back (a current, a cable, a weak thruster) and fly it again",
-    "thrusters": "repair them and `./hindrax thruster enable` them, or fly other motions",
-    "attitude": "bring it upright (`./hindrax hold roll 0`, `hold pitch 0`) and check its trim",
-    "speed": "let it come to rest, and check the DVL (`./hindrax monitor`)",
-    "sensor_age": "check the sensor (`./hindrax doctor`), then fly again",
-    "blocked": "look for a wall, a cable or a rope, bring it to the middle of the pool and `./hindrax recentre` it",
-    "dvl_lock": "give the DVL more water above a flat floor, or check it (`./hindrax doctor`)",
-}
-"""Remedy of each guard."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,46 +81,46 @@ class ManeuverGuards:
         self._depth = vehicle.measuring("depth")
         self._velocity = vehicle.measuring("velocity")
         self._freedoms = prior_dynamics(vehicle)
-        self._patience_s = dict.fromkeys(("attitude", "speed", "sensor_age"), self._knobs.patience_s)
+        self._patience_s = dict.fromkeys((Reason.ATTITUDE, Reason.SPEED, Reason.SENSOR_AGE), self._knobs.patience_s)
         """The other guards act at once."""
-        self._patience_s |= {"dvl_lock": self._knobs.unlocked_s, "blocked": self._knobs.blocked_s}
-        self._wrong_since_s: dict[str, float] = {}
+        self._patience_s |= {Reason.DVL_LOCK: self._knobs.unlocked_s, Reason.BLOCKED: self._knobs.blocked_s}
+        self._wrong_since_s: dict[Reason, float] = {}
 
-    def step(self, situation: Situation) -> tuple[str, ...]:
+    def step(self, situation: Situation) -> tuple[Refusal, ...]:
         """Return "guard: what is wrong; what to do" for everything that is wrong now; nothing when all is well."""
-        wrong = ((name, text) for name, text in self._guards(situation) if self._lasts(name, text, situation.time_s))
-        return tuple(f"{name}: {text}; {REMEDIES[name]}" for name, text in wrong)
+        judged = self._guards(situation)
+        return tuple(found(guard, text) for guard, text in judged if self._lasts(guard, text, situation.time_s))
 
-    def _guards(self, situation: Situation) -> Iterator[tuple[str, str]]:
-        """Yield the name of each guard, and what it found and wanted: nothing where all is well."""
+    def _guards(self, situation: Situation) -> Iterator[tuple[Reason, str]]:
+        """Yield each guard, and what it found and wanted: nothing where all is well."""
         navigation, limits = situation.navigation, self._vehicle.limits
-        yield "pool_box", situation.unplaced or self._pool_box(situation.place, situation.walls_m)
-        yield "depth_band", self._depth_band(navigation.depth_m)
+        yield Reason.POOL_BOX, situation.unplaced or self._pool_box(situation.place, situation.walls_m)
+        yield Reason.DEPTH_BAND, self._depth_band(navigation.depth_m)
         under_m, least_m = navigation.altitude_m - self._half_height_m, self._knobs.floor_m
-        yield "altitude_band", below("{} m of water under the hull, wanted {} m", under_m, least_m, 2)
-        found, least = situation.battery_V, limits.battery_V
-        yield "battery", below("{} V, wanted at least {} V", found, least, 1)
-        yield "leak", "found water in the hull, wanted it dry" if situation.water_in_hull else ""
+        yield Reason.ALTITUDE_BAND, below("{} m of water under the hull, wanted {} m", under_m, least_m, 2)
+        least_V = limits.battery_V
+        yield Reason.BATTERY, below("{} V, wanted at least {} V", situation.battery_V, least_V, 1)
+        yield Reason.LEAK, "found water in the hull, wanted it dry" if situation.water_in_hull else ""
         late_s = situation.time_s - situation.deadline_s
-        yield "time_out", f"{late_s:.0f} s later than it should long be over" if late_s > 0.0 else ""
+        yield Reason.TIME_OUT, f"{late_s:.0f} s later than it should long be over" if late_s > 0.0 else ""
         lost = [axis for axis in dict.fromkeys(situation.needed_axes) if axis in situation.lost_axes]
-        yield "thrusters", f"{', '.join(lost)} cannot be served without the disabled ones" if lost else ""
-        yield "attitude", self._attitude(navigation)
-        found = math.sqrt(sum(v * v for v in navigation.velocity_mps if math.isfinite(v)))
-        yield "speed", above("{} m/s, wanted at most {} m/s", found, limits.speed_mps, 2)
-        yield "sensor_age", self._sensor_age(navigation)
-        yield "blocked", self._blocked(situation)
-        yield "dvl_lock", self._dvl_lock(situation)
+        yield Reason.THRUSTERS, f"{', '.join(lost)} cannot be served without the disabled ones" if lost else ""
+        yield Reason.ATTITUDE, self._attitude(navigation)
+        speed_mps = math.sqrt(sum(v * v for v in navigation.velocity_mps if math.isfinite(v)))
+        yield Reason.SPEED, above("{} m/s, wanted at most {} m/s", speed_mps, limits.speed_mps, 2)
+        yield Reason.SENSOR_AGE, self._sensor_age(navigation)
+        yield Reason.BLOCKED, self._blocked(situation)
+        yield Reason.DVL_LOCK, self._dvl_lock(situation)
 
     def is_blocked(self, time_s: float) -> bool:
         """Whether thrust has not moved it for a while, even if not yet long enough for the guard."""
-        return time_s - self._wrong_since_s.get("blocked", time_s) >= BLOCKED_PHASE_S
+        return time_s - self._wrong_since_s.get(Reason.BLOCKED, time_s) >= BLOCKED_PHASE_S
 
-    def _lasts(self, name: str, text: str, time_s: float) -> bool:
+    def _lasts(self, guard: Reason, text: str, time_s: float) -> bool:
         if not text:
-            self._wrong_since_s.pop(name, None)
+            self._wrong_since_s.pop(guard, None)
             return False
-        return time_s - self._wrong_since_s.setdefault(name, time_s) >= self._patience_s.get(name, 0.0)
+        return time_s - self._wrong_since_s.setdefault(guard, time_s) >= self._patience_s.get(guard, 0.0)
 
     def _pool_box(self, place: PoolPosition | None, walls_m: Mapping[str, float]) -> str:
         """Walls, with the way that braking takes: a fast vehicle is stopped earlier than a slow one."""
@@ -142,8 +128,8 @@ class ManeuverGuards:
             return ""
         wanted_m, words = self.margin(place)
         wall, left_m = nearest(walls_after_braking_m(place, walls_m, self._knobs))
-        found, _ = unlike(left_m, wanted_m, 2)
-        return f"{found} m to the {wall} wall after braking, wanted {words}" if left_m < wanted_m else ""
+        near, _ = unlike(left_m, wanted_m, 2)
+        return f"{near} m to the {wall} wall after braking, wanted {words}" if left_m < wanted_m else ""
 
     def guarded(self, place: PoolPosition, walls_m: Mapping[str, float], unplaced: str) -> GuardedPlace:
         """A place as the guard sees it, with the distance to each wall [m]."""
@@ -192,9 +178,9 @@ class ManeuverGuards:
     def _dvl_lock(self, situation: Situation) -> str:
         if situation.navigation.dvl_locked or not self._velocity:
             return ""
-        since_s = situation.time_s - self._wrong_since_s.get("dvl_lock", situation.time_s)
-        found, most = unlike(since_s, self._knobs.unlocked_s, 1)
-        return f"no bottom lock for {found} s, wanted less than {most} s"
+        since_s = situation.time_s - self._wrong_since_s.get(Reason.DVL_LOCK, situation.time_s)
+        since, most = unlike(since_s, self._knobs.unlocked_s, 1)
+        return f"no bottom lock for {since} s, wanted less than {most} s"
 
 
 def nearest(walls_m: Mapping[str, float]) -> tuple[str, float]:

@@ -16,6 +16,7 @@ from hindrax_control.pool_bounds import PoolBounds
 from hindrax_control.prior_dynamics import PriorDynamics, prior_dynamics
 from hindrax_core.errors import UsageError
 from hindrax_core.knobs import knob
+from hindrax_core.text.refusals import Reason, Refusal
 from hindrax_core.vehicle import AXES, Vehicle
 
 ALONG = ("surge", "sway")
@@ -175,14 +176,15 @@ class Planner:
         `levels`: plateaus to fly, from 0, the slowest, to 1, the fastest; without them, those of the knobs.
         """
         if motion not in AXES:
-            raise UsageError(f"motion {motion!r}: unknown, wanted one of {', '.join(AXES)}")
+            raise UsageError(Refusal(Reason.GOAL, f"motion {motion!r}: unknown, wanted one of {', '.join(AXES)}"))
         require_servable((motion,), self.vehicle, self.disabled)
         low, high = self._span(motion, pool)
         if high <= low:
-            raise UsageError(
+            sentence = (
                 f"{motion}: the pool leaves {high - low:.2f} m of room, wanted more; "
                 "check `pool` in the vehicle file and the margins among the pilot's parameters"
             )
+            raise UsageError(Refusal(Reason.POOL, sentence))
         legs = self._legs(motion, low, high, levels)
         along_m = legs[0].start if motion in ALONG else 0.5 * pool.length_m
         return Plan(
@@ -200,7 +202,7 @@ class Planner:
         found_m, half_height_m = self.knobs.altitude_m, 0.5 * self.vehicle.envelope_m[2]
         if not half_height_m <= found_m <= pool.depth_m - half_height_m:
             wanted = f"{half_height_m:.2f} to {pool.depth_m - half_height_m:.2f} m, the hull within the pool"
-            raise UsageError(f"plan.altitude_m: found {found_m:g} m, wanted {wanted}")
+            raise UsageError(Refusal(Reason.POOL, f"plan.altitude_m: found {found_m:g} m, wanted {wanted}"))
         return found_m
 
     def force_limit(self, axis: str, sign: float) -> float:

@@ -21,11 +21,14 @@ from hindrax_core.events import Stamp, seconds_between, to_s
 from hindrax_core.readings import Vec3, Vec6, vec6
 from hindrax_core.signals import NAN, ZERO6, Navigation, Phase
 from hindrax_core.text.digits import above
+from hindrax_core.text.refusals import CANCELLED, NOTHING, Reason, Refusal, found
 from hindrax_core.vehicle import Vehicle
 
 COMMISSION = "commission"
 """What status and record call the motion."""
-BELIEVED = ("depth_band", "altitude_band", "battery", "leak", "time_out", "sensor_age")
+BELIEVED = frozenset(
+    (Reason.DEPTH_BAND, Reason.ALTITUDE_BAND, Reason.BATTERY, Reason.LEAK, Reason.TIME_OUT, Reason.SENSOR_AGE)
+)
 """Guards that hold although the vehicle file may be wrong."""
 MOST_TILT_rad, MOST_LIST_rad, LEAST_TILT_rad = math.radians(20.0), math.radians(27.0), math.radians(8.0)
 """From where it was at the start; less for one that lists there, by as much as both exceed the second, but at least
@@ -35,12 +38,11 @@ UPRIGHT = 0.8
 MOST_RATE_radps = math.radians(90.0)
 CALM_radps, CALM_s, CALM_PATIENCE_s = math.radians(2.5), 0.3, 6.0
 """Rates that count as rest, for how long they must last, and how long they are waited for."""
-TILTED = "let it come to rest, check its trim and what is written of the thrusters, and commission again"
 
 
-def believed(guards: Sequence[str]) -> tuple[str, ...]:
+def believed(guards: Sequence[Refusal]) -> tuple[Refusal, ...]:
     """Those findings of the guards that count in a commissioning."""
-    return tuple(found for found in guards if found.partition(":")[0] in BELIEVED)
+    return tuple(one for one in guards if one.reason in BELIEVED)
 
 
 class PulseManeuver:
@@ -68,7 +70,7 @@ class PulseManeuver:
         self._restless_s = 0.0
         self._started_at: Stamp | None = None
         self._down: Vec3 | None = None
-        self._aborted = ""
+        self._aborted = NOTHING
         self.last: ManeuverOutput | None = None
         """Its last output; None before its first step."""
 
@@ -81,7 +83,7 @@ class PulseManeuver:
         """Nothing is kept after it."""
         return ZERO6
 
-    def cancel(self, reason: str = "cancelled: by the operator", ending: str = "neutral") -> None:  # noqa: ARG002  # what every maneuver takes
+    def cancel(self, reason: Refusal = CANCELLED, ending: str = "neutral") -> None:  # noqa: ARG002  # what every maneuver takes
         """End with the next step, whatever the `ending`: neutral."""
         if not self.done:
             self._aborted = self._aborted or reason
@@ -102,7 +104,7 @@ class PulseManeuver:
         self._started_at = stamp if self._started_at is None else self._started_at
         now_s = seconds_between(self._started_at, stamp)
         if not self._aborted:
-            self._aborted = next(iter(self._wrong(navigation, stamp, battery_V)), "")
+            self._aborted = next(iter(self._wrong(navigation, stamp, battery_V)), NOTHING)
         if self._aborted:
             return self._put_out(self._rest, "aborted", now_s, done=True)
         forces, phase = self._act(navigation, now_s)
@@ -125,7 +127,7 @@ class PulseManeuver:
         self._at, self._since_s = following, now_s
         return pulses[following].forces_N, "excite"
 
-    def _wrong(self, navigation: Navigation, stamp: Stamp, battery_V: float) -> tuple[str, ...]:
+    def _wrong(self, navigation: Navigation, stamp: Stamp, battery_V: float) -> tuple[Refusal, ...]:
         """What must end it: the guards that are believed, and its own of tilt and rate."""
         roll, pitch, _ = navigation.attitude_rad
         down = (-math.sin(pitch), math.sin(roll) * math.cos(pitch), math.cos(roll) * math.cos(pitch))
@@ -147,8 +149,10 @@ class PulseManeuver:
             battery_V=battery_V,
             deadline_s=to_s(self._started_at) + self._longest_s,
         )
-        found = tuple(f"{COMMISSION}: {text}; {TILTED}" for text in own if text)
-        return found + believed(self._safety.step(situation))
+        return (
+            *(found(Reason.COMMISSION, text) for text in own if text),
+            *believed(self._safety.step(situation)),
+        )
 
     def _most_tilt_rad(self) -> float:
         """Largest tilt from rest, by the list there."""
@@ -171,7 +175,7 @@ class PulseManeuver:
             force=max(map(abs, forces_N), default=0.0),
             velocity=NAN,
             done=done,
-            aborted=self._aborted if done else "",
+            aborted=self._aborted if done else NOTHING,
             neutral=done,
             forces_N=forces_N,
         )

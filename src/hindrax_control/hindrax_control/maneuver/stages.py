@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 from hindrax_control.hold.holds import Setpoint, down_rate
 from hindrax_control.hold.station_keeping import StationKeeping
 from hindrax_control.maneuver.excitation import Excite
-from hindrax_control.maneuver.goal import SENSELESS
 from hindrax_control.maneuver.leg import LegController
 from hindrax_control.maneuver.plan import ALONG, RESTING, motion_name
 from hindrax_control.pool_bounds import PoolPosition
 from hindrax_control.prior_dynamics import PriorDynamics
 from hindrax_core.readings import Vec6, vec6
 from hindrax_core.signals import ZERO6, Navigation
+from hindrax_core.text.refusals import NOTHING, Reason, Refusal, found
 from hindrax_core.vehicle import AXES
 
 HOLD_OF = {"heave": ("depth", "altitude"), "roll": ("roll",), "pitch": ("pitch",), "yaw": ("heading",)}
@@ -50,7 +50,7 @@ class StageOutput:
     force: float = 0.0
     velocity: float = 0.0
     finished: bool = False
-    trouble: str = ""
+    trouble: Refusal = NOTHING
     """Reason why the maneuver cannot continue; empty while it can."""
     resting: bool = False
     """Whether all thrusters rest, whatever the holds want."""
@@ -121,7 +121,6 @@ REST_mps, REST_radps = 0.04, math.radians(3.0)
 """Residual motion allowed at the end of a stage of rest."""
 LASTING_s, PATIENCE_s = 0.8, 75.0
 """For how long it must be so, and how long that may take."""
-UNSETTLED = "look for a current, a cable that pulls, or a thruster that does not push (`./hindrax monitor`)"
 
 
 class SettleAtPose(Stage):
@@ -153,7 +152,8 @@ class SettleAtPose(Stage):
         if off:
             self._still_since_s = moment.time_s
         waited_s = moment.time_s - self._started_s
-        trouble = f"settle: {off} after {waited_s:.0f} s; {UNSETTLED}" if off and waited_s > PATIENCE_s else ""
+        late = off and waited_s > PATIENCE_s
+        trouble = found(Reason.SETTLE, f"{off} after {waited_s:.0f} s") if late else NOTHING
         finished = moment.time_s - self._still_since_s >= LASTING_s
         return StageOutput(wrench, "settle", finished=finished, trouble=trouble)
 
@@ -211,7 +211,7 @@ class ExciteMotion(Stage):
         """Drive the axis, with what holds it against buoyancy and righting moment; keep station in the others."""
         coordinate, rate = along(self._axis, moment)
         if not all(map(math.isfinite, (coordinate, rate))):
-            return StageOutput(ZERO6, "transient", trouble=f"navigation: {self._axis} unknown; {SENSELESS}")
+            return StageOutput(ZERO6, "transient", trouble=found(Reason.NAVIGATION, f"{self._axis} unknown"))
         trusted = self._axis not in ALONG or self._straight(moment.navigation)
         drive = self._driver.step(coordinate, rate, moment.time_s, trusted=trusted)
         if not isinstance(self._driver, LegController):

@@ -14,6 +14,7 @@ from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.readings import vec6
 from hindrax_core.signals import NAN, UNKNOWN6, Allocation, Estimate
+from hindrax_core.text.refusals import Reason, Refusal
 from hindrax_core.vehicle import AXES
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import AllocationStatus, HoldStatus, ManeuverStatus, ModelEstimate, MotionPlans, PoolPlace
@@ -37,17 +38,17 @@ def _pulses_from_msg(message: FlyManeuver.Goal, thrusters: int) -> tuple[Pulse, 
     count, forces_N = len(message.pulse_seconds), tuple(map(float, message.pulse_forces))
     if len(forces_N) != count * thrusters or len(message.pulse_calm) != count:
         found = f"{len(forces_N)} forces and {len(message.pulse_calm)} times of rest for {count} pulses"
-        raise UsageError(f"goal: {found}, wanted {count * thrusters} and {count}")
+        raise UsageError(Refusal(Reason.GOAL, f"goal: {found}, wanted {count * thrusters} and {count}"))
     return tuple(
         Pulse(forces_N[at * thrusters : (at + 1) * thrusters], float(seconds), bool(calm))
         for at, (seconds, calm) in enumerate(zip(message.pulse_seconds, message.pulse_calm, strict=True))
     )
 
 
-def result_of(aborted: str, handle: ServerGoalHandle) -> FlyManeuver.Result:
+def result_of(aborted: Refusal, handle: ServerGoalHandle) -> FlyManeuver.Result:
     """Bring the handle of a goal into its last state and return the result."""
     end_goal(handle, aborted)
-    return FlyManeuver.Result(completed=not aborted, aborted=aborted)
+    return FlyManeuver.Result(completed=not aborted, aborted=str(aborted), error_code=aborted.reason)
 
 
 def unfit_estimate(message: ModelEstimate) -> str:
@@ -90,7 +91,8 @@ def maneuver_to_msg(output: ManeuverOutput, stamp: Stamp) -> ManeuverStatus:
         header=header(stamp),
         motion=output.phase.motion,
         phase=output.phase.phase,
-        aborted=output.aborted,
+        aborted=str(output.aborted),
+        error_code=output.aborted.reason,
         progress=output.progress,
         remaining=output.remaining_s,
         wall_distance=output.wall_distance_m,

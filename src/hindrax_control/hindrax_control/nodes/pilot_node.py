@@ -16,7 +16,7 @@ from hindrax_control.allocation.thrust_curve import check_pulses
 from hindrax_control.allocation.thruster_fault_detector import SuspectedFault
 from hindrax_control.commissioning.record import slow_sentence, slowed
 from hindrax_control.hold.holds import HOLDS, Setpoint
-from hindrax_control.maneuver.goal import BUSY, LATE, SENSELESS, Goal
+from hindrax_control.maneuver.goal import BUSY, Goal
 from hindrax_control.maneuver.maneuver import Maneuver, ManeuverOutput, abandoned
 from hindrax_control.maneuver.maneuver_guards import AUTO, SLOW
 from hindrax_control.maneuver.pulses import PulseManeuver
@@ -28,10 +28,18 @@ from hindrax_control.sensors import altimeters
 from hindrax_core import topics
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
-from hindrax_core.input_checks import EXPIRED, SinglePublisher, names_of_others, order_window
+from hindrax_core.input_checks import SinglePublisher, late_goal, names_of_others, order_window
 from hindrax_core.readings import Echo, Vec6
 from hindrax_core.rotation import FSD
 from hindrax_core.signals import NAN, Allocation, AppliedOutput, Estimate, Navigation
+from hindrax_core.text.refusals import (
+    CANCELLED,
+    NOTHING,
+    SENSELESS,
+    Reason,
+    Refusal,
+    refusal_of,
+)
 from hindrax_core.vehicle import Vehicle
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import AllocationStatus, HoldSetpoint, ModelEstimate, ThrusterHealth, ThrusterState
@@ -49,7 +57,10 @@ SendWrench: TypeAlias = Callable[[Vec6, str, Stamp, Stamp], object]
 """Called with a wrench, its frame, its stamp and the time."""
 SendForces: TypeAlias = Callable[[Vec6, tuple[float, ...], Stamp], object]
 """Called with a wrench, the forces of the thrusters that should give it, and the stamp of both."""
-ELSEWHERE = "start: the allocator runs in another process, and pulses of single thrusters need it in the pilot's"
+ELSEWHERE = Refusal(
+    Reason.ELSEWHERE,
+    "start: the allocator runs in another process, and pulses of single thrusters need it in the pilot's",
+)
 
 STATUS_EVERY = 5
 PLACE_EVERY = 10
@@ -140,7 +151,7 @@ class PilotNode(BatchedNode):
             self,
             FlyManeuver,
             GOAL,
-            lambda handle: pilot_messages.result_of("", handle),
+            lambda handle: pilot_messages.result_of(NOTHING, handle),
             handle_accepted_callback=self._accept,
             cancel_callback=lambda _goal: CancelResponse.ACCEPT,
         )
@@ -310,8 +321,8 @@ class PilotNode(BatchedNode):
             goal.maneuver.cancel()
         battery_V = self._supply.measured_V(stamped.stamp) or NAN
         state, armed = (stamped.reading, stamped.stamp, self._allocation), self._armed
-        unarmed, unobeyed = self._unarmed, self._unobeyed
-        output = self._pilot.step(*state, armed=armed, unarmed=unarmed, unobeyed=unobeyed, battery_V=battery_V)
+        unarmed, disobeying = self._unarmed, self._unobeyed
+        output = self._pilot.step(*state, armed=armed, unarmed=unarmed, disobeying=disobeying, battery_V=battery_V)
         if output.suspected_fault is not None:
             self._disable_suspect(output.suspected_fault, stamped.stamp)
         self._apply_setpoints()
@@ -372,19 +383,19 @@ class PilotNode(BatchedNode):
     def _goal_of(self, request: Any) -> Goal:
         return pilot_messages.goal_from_msg(request, len(self._names))
 
-    def _unflyable(self, request: FlyManeuver.Goal) -> str:
-        """Reason why a goal is not even kept, as "guard: sentence"; empty when it is."""
+    def _unflyable(self, request: FlyManeuver.Goal) -> Refusal:
+        """Return why a goal is not even kept, as "guard: sentence"; nothing when it is."""
         untimely = self._window.judge(stamp_from_msg(request.stamp), self.now())
         if untimely is not None:
-            return f"{LATE if untimely.kind == EXPIRED else 'clock'}: the goal is {untimely.sentence}"
+            return late_goal(untimely)
         if self._goal is not None:
-            return f"start: {BUSY}"
+            return BUSY.within("start: ")
         try:
             goal = self._goal_of(request)
             self._pilot.check(goal)
         except HindraxError as error:
-            return str(error)
-        return ELSEWHERE if goal.pulses and self.send_forces is None else ""
+            return refusal_of(error)
+        return ELSEWHERE if goal.pulses and self.send_forces is None else NOTHING
 
     def _follow_goal(self, stamp: Stamp) -> None:
         """Begin the goal that waits, or send its client the state of this cycle."""
@@ -400,7 +411,7 @@ class PilotNode(BatchedNode):
 
     def _begin(self, goal: ActiveGoal) -> None:
         if goal.handle.is_cancel_requested:
-            self._finish_goal(goal, "cancelled: by the operator")
+            self._finish_goal(goal, CANCELLED)
             return
         goal.patience -= 1
         if not self._armed and goal.patience >= 0:
@@ -408,12 +419,12 @@ class PilotNode(BatchedNode):
         try:
             goal.maneuver = self._pilot.fly(goal.goal)
         except HindraxError as error:
-            self._finish_goal(goal, f"start: {error}")
+            self._finish_goal(goal, refusal_of(error).within("start: "))
             return
         what = ", ".join(goal.goal.motions) or f"{len(goal.goal.pulses)} pulses"
         self.get_logger().info(f"flying {what}: {goal.maneuver.seconds:.0f} s planned")
 
-    def _finish_goal(self, goal: ActiveGoal, aborted: str) -> None:
+    def _finish_goal(self, goal: ActiveGoal, aborted: Refusal) -> None:
         """Send the result of a goal, with the reason if it was aborted; the next goal may come.
 
         A goal is executed when it is over: a coroutine that waits would keep the events executor busy for the whole
@@ -435,10 +446,11 @@ class PilotNode(BatchedNode):
         if silent_s <= SILENT_S or self._goal is None:
             return
         since = f"for {silent_s:.0f} s" if self._last_state else "yet"
-        reason = f"navigation: no state of the vehicle {since}, so the thrusters are neutral; {SENSELESS}"
+        text = f"navigation: no state of the vehicle {since}, so the thrusters are neutral; {SENSELESS}"
+        lost = Refusal(Reason.NAVIGATION, text)
         self._pilot.abandon()
-        self._maneuver.publish(pilot_messages.maneuver_to_msg(abandoned(reason), self.now()))
-        self._finish_goal(self._goal, reason)
+        self._maneuver.publish(pilot_messages.maneuver_to_msg(abandoned(lost), self.now()))
+        self._finish_goal(self._goal, lost)
 
     # ---- published
 

@@ -24,6 +24,7 @@ from hindrax_core.events import Rejected, Stamp, Stamped, seconds_between
 from hindrax_core.input_checks import SinglePublisher
 from hindrax_core.readings import AppliedPulses, Battery
 from hindrax_core.signals import AppliedOutput
+from hindrax_core.text.refusals import Reason, Refusal
 from hindrax_core.topics import BATTERY, LIGHTS, THRUSTER_COMMAND, THRUSTER_STATE
 from hindrax_drivers.lifecycle import ON_REQUEST, State
 from hindrax_drivers.nodes.device_node import DeviceNode
@@ -35,7 +36,15 @@ from hindrax_drivers.nodes.thruster_settings import (
     Settings,
     read_settings,
 )
-from hindrax_drivers.output.output_guard import UNOBEYED, ArmingPhase, OutputGuardKnobs, Refusal, Request, guard_of
+from hindrax_drivers.output.output_guard import (
+    UNOBEYED,
+    ArmingPhase,
+    CommandFault,
+    OutputGuardKnobs,
+    RefusedCommand,
+    Request,
+    guard_of,
+)
 from hindrax_drivers.output.output_ports import ThrusterOutput, open_output
 from hindrax_drivers.output.output_thread import OutputThread
 from hindrax_msgs.srv import Arm
@@ -136,11 +145,11 @@ class ThrustersNode(DeviceNode):
         """Send the queued messages."""
         self.publish_queue.flush()
 
-    def refused(self, refusal: Refusal, stamp: Stamp) -> None:
+    def refused(self, refusal: RefusedCommand, stamp: Stamp) -> None:
         """Count a refused command."""
-        if not self.health.rejects[refusal.reason]:
+        if not self.health.rejects[refusal.fault]:
             self.get_logger().warning(f"command refused: {refusal.text}")
-        self.health.reject(Rejected(stamp, refusal.reason))
+        self.health.reject(Rejected(stamp, refusal.fault))
 
     def found(self, identity: str) -> None:
         """Report the identity of the output."""
@@ -164,13 +173,13 @@ class ThrustersNode(DeviceNode):
         try:
             ordered = command_from_bytes(data)
         except ValueError as error:
-            self.refused(Refusal("not a command", str(error)), self._thread.now)
+            self.refused(RefusedCommand(CommandFault.NOT_A_COMMAND, str(error)), self._thread.now)
             return
         if (now_s := time.monotonic()) >= self._look_s:
             self._look_s = now_s + LOOK_S
             self._look_for_commanders()
         if self._unfit:  # as the graph was at most LOOK_S ago
-            self._thread.refuse(Refusal("sender", self._unfit))
+            self._thread.refuse(RefusedCommand(CommandFault.SENDER, self._unfit))
             return
         self._thread.command(ordered)
 
@@ -189,9 +198,10 @@ class ThrustersNode(DeviceNode):
         try:
             answer = future.result(ANSWER_S)
         except NoAnswerError:
-            response.accepted, response.reason = False, "the output does not answer; see /diagnostics"
-            return response
-        response.accepted, response.reason = answer.accepted, answer.reason
+            silent = Refusal(Reason.FAULTED, "the output does not answer; see /diagnostics")
+            return Arm.Response(accepted=False, reason=str(silent), error_code=silent.reason)
+        response.accepted = answer.accepted
+        response.reason, response.error_code = str(answer.reason), answer.reason.reason
         self.get_logger().info(f"{'arm' if request.arm else 'disarm'}: {answer.reason or request.reason or 'accepted'}")
         return response
 

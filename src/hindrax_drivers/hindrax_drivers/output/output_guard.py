@@ -17,9 +17,10 @@ from enum import StrEnum
 
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, after, seconds_between
-from hindrax_core.input_checks import StampWindow
+from hindrax_core.input_checks import EXPIRED, FUTURE, TIMELESS, UNSTAMPED, StampWindow
 from hindrax_core.knobs import knob
 from hindrax_core.signals import Command
+from hindrax_core.text.refusals import NOTHING, Reason, Refusal
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.devices.stm32 import BOARD_NEUTRAL_us
 
@@ -29,8 +30,8 @@ UNOBEYED = "no command is obeyed"
 """Begins the reason why an armed output is neutral although it is commanded."""
 REFUSING_S = 1.0
 """Time for which the last refusal explains why nothing is obeyed."""
-TRY_AGAIN = "try again"
-"""Ends the refusal of a request that would be taken if it were made now."""
+AGAIN = frozenset((Reason.LATE, Reason.CLOCK, Reason.OUT_OF_ORDER))
+"""Refusals of a request that would be taken if it were made now."""
 LEAST_REST_us = 1000.0
 """No speed controller rests at a shorter pulse."""
 
@@ -109,11 +110,27 @@ class Pulses:
         return self.thrusters + self.lights
 
 
-@dataclass(frozen=True, slots=True)
-class Refusal:
-    """A refused command: a short reason to count by, and a sentence."""
+class CommandFault(StrEnum):
+    """Why a command is refused, as the counters in /diagnostics have it."""
 
-    reason: str
+    WRONG_COUNT = "wrong count"
+    NOT_A_COMMAND = "not a command"
+    NOT_A_PULSE = "not a pulse"
+    NOT_A_BRIGHTNESS = "not a brightness"
+    SENDER = "sender"
+    INHIBITED = "inhibited"
+    OUT_OF_ORDER = "out of order"
+    EXPIRED = EXPIRED
+    FUTURE = FUTURE
+    UNSTAMPED = UNSTAMPED
+    TIMELESS = TIMELESS
+
+
+@dataclass(frozen=True, slots=True)
+class RefusedCommand:
+    """A refused command: its fault to count by, and a sentence."""
+
+    fault: CommandFault
     text: str
 
 
@@ -122,7 +139,7 @@ class Answer:
     """Answer to a request."""
 
     accepted: bool
-    reason: str = ""
+    reason: Refusal = NOTHING
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,7 +213,7 @@ class OutputGuard:
 
     def command(
         self, state: OutputGuardState, command: Command, now: Stamp
-    ) -> tuple[OutputGuardState, Pulses | Refusal]:
+    ) -> tuple[OutputGuardState, Pulses | RefusedCommand]:
         """Check a command. A malformed one makes the output neutral until the next valid one; an old one is dropped.
 
         While not armed, good commands set the lights and keep the line alive, and the thrusters stay neutral.
@@ -217,13 +234,13 @@ class OutputGuard:
         pulses = self._applied(state, held, command, now)
         return replace(state, pulses=pulses, written_at=now, moved_at=now), pulses
 
-    def refuse(self, state: OutputGuardState, refusal: Refusal, now: Stamp) -> OutputGuardState:
+    def refuse(self, state: OutputGuardState, refusal: RefusedCommand, now: Stamp) -> OutputGuardState:
         """Record a refused command, by this guard or by its host: the reason when no other one is obeyed."""
         return replace(state, refused=refusal.text, refused_at=now)
 
     def light(
         self, state: OutputGuardState, levels: tuple[float, ...], now: Stamp
-    ) -> tuple[OutputGuardState, Pulses | Refusal]:
+    ) -> tuple[OutputGuardState, Pulses | RefusedCommand]:
         """Set the brightness of every lamp, 0 (dark) to 1, armed or not, and nothing else.
 
         Lamps keep their level as long as commands arrive.
@@ -231,9 +248,8 @@ class OutputGuard:
         state, now = self._observe(state, now)
         if len(levels) != self.lights or not all(0.0 <= level <= 1.0 for level in levels):
             found = ", ".join(f"{level:g}" for level in levels)
-            return state, Refusal(
-                "not a brightness", f"lamps: found {found or 'none'}, wanted {self.lights} from 0 to 1"
-            )
+            text = f"lamps: found {found or 'none'}, wanted {self.lights} from 0 to 1"
+            return state, RefusedCommand(CommandFault.NOT_A_BRIGHTNESS, text)
         span_us = self.knobs.light_full_us - self.knobs.light_off_us
         lights = tuple(self.knobs.light_off_us + span_us * level for level in levels)
         pulses = replace(self._held(state), lights=lights)
@@ -273,24 +289,25 @@ class OutputGuard:
             return state, Answer(accepted=True)
         return self._enter(state, ArmingPhase.ARMING, "waiting for the ESCs", now), Answer(accepted=True)
 
-    def _challenged(self, state: OutputGuardState, request: Request, now: Stamp) -> tuple[OutputGuardState, str]:
+    def _challenged(self, state: OutputGuardState, request: Request, now: Stamp) -> tuple[OutputGuardState, Refusal]:
         """Judge a request without a stamp by the number that it repeats; the reason of a refusal has a new number.
 
         A number counts once, and not after a disarm: whatever waited in a link finds it expired or gone.
         """
         given, state = state.challenge, replace(state, challenge=None)
         if state.phase is ArmingPhase.FAULTED:
-            return state, f"output is faulted: {state.reason}"
+            return state, _faulted(state)
         if given is not None and request.sequence == given.number:
             age_s = seconds_between(given.made, now)
             if age_s <= self.knobs.challenge_s:
-                return state, ""
+                return state, NOTHING
             why = f"the number {given.number} is {age_s:.1f} s old"
         else:
             why = "request has no stamp"
         made = Challenge(self.fresh_number(), now)
         within = f"within {self.knobs.challenge_s:g} s with sequence: {made.number}"
-        return replace(state, challenge=made), f"{why}; to arm without one, call again {within}"
+        sentence = f"{why}; to arm without one, call again {within}"
+        return replace(state, challenge=made), Refusal(Reason.REPEAT, sentence)
 
     def disarm(self, state: OutputGuardState, request: Request, now: Stamp) -> tuple[OutputGuardState, Answer]:
         """Disarm at once, however old the request is; arm requests made before it are refused from now on."""
@@ -392,45 +409,51 @@ class OutputGuard:
     def _clip(self, pulse_us: float) -> float:
         return max(self.knobs.low_us, min(self.knobs.high_us, float(pulse_us)))
 
-    def _malformed(self, command: Command) -> Refusal | None:
+    def _malformed(self, command: Command) -> RefusedCommand | None:
         if len(command.pulses_us) != len(self.rest_us) or len(command.lights_us) not in (0, self.lights):
             found = f"{len(command.pulses_us)} pulses and {len(command.lights_us)} lights"
-            return Refusal("wrong count", f"found {found}, wanted {len(self.rest_us)} and {self.lights}, or no lights")
+            text = f"found {found}, wanted {len(self.rest_us)} and {self.lights}, or no lights"
+            return RefusedCommand(CommandFault.WRONG_COUNT, text)
         for index, pulse in enumerate((*command.pulses_us, *command.lights_us)):
             if not math.isfinite(pulse) or not SERVO_LOW_us <= pulse <= SERVO_HIGH_us:
                 wanted = f"{SERVO_LOW_us:g} to {SERVO_HIGH_us:g} us"
-                return Refusal("not a pulse", f"pulse {index}: found {pulse:g}, wanted {wanted}")
+                return RefusedCommand(CommandFault.NOT_A_PULSE, f"pulse {index}: found {pulse:g}, wanted {wanted}")
         return None
 
-    def _untimely(self, state: OutputGuardState, command: Command, now: Stamp) -> Refusal | None:
+    def _untimely(self, state: OutputGuardState, command: Command, now: Stamp) -> RefusedCommand | None:
         untimely = StampWindow(self.knobs.command_lifespan_s, self.knobs.future_s).judge(command.stamp, now)
         if untimely is not None:
-            return Refusal(untimely.kind, f"command is {untimely.sentence}")
+            return RefusedCommand(CommandFault(untimely.kind), f"command is {untimely.sentence}")
         last = state.last_command
         if last is None:
             return None
         # A restarted sender counts from the beginning: its lower numbers are accepted once the old one is silent.
         again = state.fresh and not _newer(command.sequence, last.sequence)
         if command.stamp < last.stamp or again:
-            return Refusal("out of order", f"command {command.sequence} came after {last.sequence}")
+            return RefusedCommand(CommandFault.OUT_OF_ORDER, f"command {command.sequence} came after {last.sequence}")
         return None
 
-    def _request_fault(self, state: OutputGuardState, request: Request, now: Stamp) -> str:
+    def _request_fault(self, state: OutputGuardState, request: Request, now: Stamp) -> Refusal:
         untimely = StampWindow(self.knobs.arm_lifespan_s, self.knobs.future_s).judge(request.stamp, now)
         if untimely is not None:
             clocks = untimely.remedy if untimely.other_clock else "set the clocks of both machines if this lasts"
-            return f"request is {untimely.text}; {clocks}, and {TRY_AGAIN}"
+            reason = Reason.LATE if untimely.kind == EXPIRED else Reason.CLOCK
+            return Refusal(reason, f"request is {untimely.text}; {clocks}, and try again")
         last = state.last_request
         if last is not None:
             # A restarted console counts from the beginning: accepted once no late request can still arrive.
             again = seconds_between(last.stamp, request.stamp) <= self.knobs.arm_lifespan_s
             if request.stamp <= last.stamp or (again and not _newer(request.sequence, last.sequence)):
-                return f"request {request.sequence} is not newer than {last.sequence}, the last one; {TRY_AGAIN}"
+                found = f"request {request.sequence} is not newer than {last.sequence}, the last one"
+                return Refusal(Reason.OUT_OF_ORDER, f"{found}; try again")
         if state.monitor_disarmed_at is not None and request.stamp <= state.monitor_disarmed_at:
-            return f"request {request.sequence} was made before the vehicle disarmed itself; {TRY_AGAIN}"
-        if state.phase is ArmingPhase.FAULTED:
-            return f"output is faulted: {state.reason}"
-        return ""
+            found = f"request {request.sequence} was made before the vehicle disarmed itself"
+            return Refusal(Reason.OUT_OF_ORDER, f"{found}; try again")
+        return _faulted(state) if state.phase is ArmingPhase.FAULTED else NOTHING
+
+
+def _faulted(state: OutputGuardState) -> Refusal:
+    return Refusal(Reason.FAULTED, f"output is faulted: {state.reason}")
 
 
 def guard_of(vehicle: Vehicle, knobs: OutputGuardKnobs | None = None) -> OutputGuard:

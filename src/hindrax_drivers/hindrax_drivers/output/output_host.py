@@ -11,13 +11,15 @@ from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Output
 from hindrax_core.events import Stamp, after, seconds_between
 from hindrax_core.signals import AppliedOutput, Command
+from hindrax_core.text.refusals import Reason, Refusal
 from hindrax_drivers.output.output_guard import (
     Answer,
     ArmingPhase,
+    CommandFault,
     OutputGuard,
     OutputGuardState,
     Pulses,
-    Refusal,
+    RefusedCommand,
     Request,
 )
 from hindrax_drivers.output.output_ports import ThrusterOutput
@@ -33,7 +35,7 @@ class OutputListener(Protocol):
     def applied(self, applied: AppliedOutput) -> None:
         """Pulses were written, or could not be (then the phase shows it)."""
 
-    def refused(self, refusal: Refusal, stamp: Stamp) -> None:
+    def refused(self, refusal: RefusedCommand, stamp: Stamp) -> None:
         """A command was refused."""
 
     def found(self, identity: str) -> None:
@@ -71,7 +73,7 @@ class OutputHost:
         """Check a command; the next `turn` writes it."""
         self._judge(self._guard.command, command)
 
-    def refuse(self, refusal: Refusal) -> None:
+    def refuse(self, refusal: RefusedCommand) -> None:
         """Refuse a command for a reason of the caller's own: it is not checked."""
         now = self._output.now()
         self._state = self._guard.refuse(self._state, refusal, now)
@@ -81,12 +83,12 @@ class OutputHost:
         """Set the lamps, 0 (dark) to 1; the next `turn` writes it."""
         self._judge(self._guard.light, levels)
 
-    def _judge(self, rule: Callable[..., tuple[OutputGuardState, Pulses | Refusal]], asked: object) -> None:
+    def _judge(self, rule: Callable[..., tuple[OutputGuardState, Pulses | RefusedCommand]], asked: object) -> None:
         now = self._output.now()
-        decision: Pulses | Refusal = Refusal("inhibited", self._inhibited_because)
+        decision: Pulses | RefusedCommand = RefusedCommand(CommandFault.INHIBITED, self._inhibited_because)
         if not self._inhibited_because:
             self._state, decision = rule(self._state, asked, now)
-        if isinstance(decision, Refusal):
+        if isinstance(decision, RefusedCommand):
             self._listener.refused(decision, now)
         else:
             self._pending = decision
@@ -94,7 +96,7 @@ class OutputHost:
     def arm(self, request: Request) -> Answer:
         """Start arming, or return the reason of a refusal."""
         if self._inhibited_because:
-            return Answer(accepted=False, reason=self._inhibited_because)
+            return Answer(accepted=False, reason=Refusal(Reason.INHIBITED, self._inhibited_because))
         self._state, answer = self._guard.arm(self._state, request, self._output.now())
         return answer
 

@@ -9,8 +9,9 @@ from typing import Any
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.signals import Command
+from hindrax_core.text.refusals import Reason, Refusal
 from hindrax_drivers.buses.port_threads import ServingThread
-from hindrax_drivers.output.output_guard import Answer, OutputGuard, Refusal, Request
+from hindrax_drivers.output.output_guard import Answer, OutputGuard, RefusedCommand, Request
 from hindrax_drivers.output.output_host import OutputHost, OutputListener
 from hindrax_drivers.output.output_ports import ThrusterOutput
 
@@ -48,7 +49,7 @@ class OutputThread(ServingThread):
         """Check and apply a command at once. From any thread."""
         self._post(lambda host: host.command(command))
 
-    def refuse(self, refusal: Refusal) -> None:
+    def refuse(self, refusal: RefusedCommand) -> None:
         """Refuse a command that is not even checked. From any thread."""
         self._post(lambda host: host.refuse(refusal))
 
@@ -95,7 +96,8 @@ class OutputThread(ServingThread):
     def _drain(self, host: OutputHost | None) -> None:
         while not self._inbox.empty():
             action, future = self._inbox.get()
-            answer = action(host) if host else Answer(accepted=False, reason=self._closed_because)
+            closed = Answer(accepted=False, reason=Refusal(Reason.FAULTED, self._closed_because))
+            answer = action(host) if host else closed
             if future is not None:
                 future.set_result(answer)
 

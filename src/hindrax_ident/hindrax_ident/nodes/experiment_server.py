@@ -15,7 +15,8 @@ from rclpy.action import ActionClient, ActionServer, CancelResponse
 
 from hindrax_core.errors import UsageError
 from hindrax_core.events import to_s
-from hindrax_core.input_checks import EXPIRED, order_window
+from hindrax_core.input_checks import late_goal, order_window
+from hindrax_core.text.refusals import CANCELLED, NOTHING, Reason, Refusal, received
 from hindrax_ident.online.aim import Aim, Choice, check_experiment, plan_text
 from hindrax_ident.online.experiment import DragEstimate, Experiment
 from hindrax_ident.online.session import Session
@@ -25,17 +26,20 @@ from hindrax_ros.graph import end_goal
 from hindrax_ros.messages.convert import stamp_from_msg, stamp_to_msg
 
 RUN, FLY = "ident/run", "maneuver/fly"
-PLATEAUS, LATE = "plateaus", "late"
-"""Words of the pilot: the excitation whose levels may be chosen, and the guard of goals that may be sent again."""
+PLATEAUS = "plateaus"
+"""Word of the pilot for the excitation whose levels may be chosen."""
 ASKED_AT_MOST = 5
 WATCH_S = 0.05
 SILENT_S = 10.0
 """Wall time without a message of the pilot after which it counts as gone; it reports several times a second."""
-BUSY = "start: an experiment is being run; `./hindrax stop` ends it"
-CANCELLED = "cancelled: by the operator"
-GONE = "pilot: does not offer maneuver/fly; start it"
-NO_FEEDBACK = f"pilot: no feedback of the maneuver for {SILENT_S:.0f} s; see whether its process is up, and run again"
-VERSION = "pilot: rejected the maneuver without a reason; it is of another version: restart it"
+BUSY = Refusal(Reason.BUSY, "start: an experiment is being run; `./hindrax stop` ends it")
+GONE = Refusal(Reason.PILOT, "pilot: does not offer maneuver/fly; start it")
+NO_FEEDBACK = Refusal(
+    Reason.PILOT,
+    f"pilot: no feedback of the maneuver for {SILENT_S:.0f} s; see whether its process is up, and run again",
+)
+VERSION = Refusal(Reason.PILOT, "pilot: rejected the maneuver without a reason; it is of another version: restart it")
+WITHOUT_REASON = Refusal(Reason.UNNAMED, "maneuver: ended without a reason")
 
 
 Judge: TypeAlias = Callable[[Callable[[Session], Choice | None]], Choice | None]
@@ -56,7 +60,7 @@ class ExperimentServer:
             node,
             RunExperiment,
             RUN,
-            lambda handle: _result(handle, "", "", {}),
+            lambda handle: _result(handle, NOTHING, "", {}),
             handle_accepted_callback=self._accept,
             cancel_callback=lambda _goal: CancelResponse.ACCEPT,
         )
@@ -80,20 +84,20 @@ class ExperimentServer:
             self._run = _Run(handle, experiment)
             self._choose(self._run)
 
-    def _refused(self, request: RunExperiment.Goal, experiment: Experiment) -> str:
-        """Reason why a goal is not begun, as "guard: sentence"; empty when it is."""
+    def _refused(self, request: RunExperiment.Goal, experiment: Experiment) -> Refusal:
+        """Return why a goal is not begun, as "guard: sentence"; nothing when it is."""
         try:
             check_experiment(experiment.motions, experiment.aim, request.on_cancel or "hold")
         except UsageError as error:
-            return str(error)
+            return Refusal(Reason.GOAL, str(error))
         if request.plan:
-            return ""
+            return NOTHING
         untimely = self._window.judge(stamp_from_msg(request.stamp), self._node.now())
         if untimely is not None:
-            return f"{LATE if untimely.kind == EXPIRED else 'clock'}: the goal is {untimely.sentence}"
+            return late_goal(untimely)
         if self._run is not None:
             return BUSY
-        return "" if self._fly.server_is_ready() else GONE
+        return NOTHING if self._fly.server_is_ready() else GONE
 
     def _now_s(self) -> float:
         return to_s(self._node.now())
@@ -102,7 +106,7 @@ class ExperimentServer:
         """Send what is chosen next to the pilot, or finish."""
         choice = self._judge(partial(run.experiment.next, now_s=self._now_s()))
         if choice is None:
-            self._finish(run, "")
+            self._finish(run, NOTHING)
         else:
             run.choice, run.tries = choice, 0
             self._node.get_logger().info(f"chosen: {choice}")
@@ -130,15 +134,16 @@ class ExperimentServer:
         if run is not self._run:
             return
         flown = outcome.result().result
+        aborted = received(flown.error_code, flown.aborted)
         cut = run.experiment.left_s(self._now_s()) <= 0.0 and run.stopping
         if run.handle.is_cancel_requested:
-            self._finish(run, flown.aborted or CANCELLED)
-        elif flown.aborted.startswith(f"{LATE}: ") and run.tries < ASKED_AT_MOST:
+            self._finish(run, aborted or CANCELLED)
+        elif aborted.reason is Reason.LATE and run.tries < ASKED_AT_MOST:
             self._send(run)
-        elif flown.completed or (cut and flown.aborted == CANCELLED):
+        elif flown.completed or (cut and aborted.reason is Reason.CANCELLED):
             self._choose(run)
         else:
-            self._finish(run, flown.aborted or "maneuver: ended without a reason")
+            self._finish(run, aborted or WITHOUT_REASON)
 
     def _on_feedback(self, run: _Run, message: Any) -> None:
         if run is self._run:
@@ -161,7 +166,7 @@ class ExperimentServer:
             if run.stopping:
                 run.maneuver.cancel_goal_async()
 
-    def _finish(self, run: _Run, aborted: str) -> None:
+    def _finish(self, run: _Run, aborted: Refusal) -> None:
         self._run = None
         known, ended = run.experiment.known, run.experiment.ended
         self._node.get_logger().info(f"experiment aborted by {aborted}" if aborted else f"experiment ended: {ended}")
@@ -180,9 +185,10 @@ class _Run:
         self.received_s = 0.0
 
 
-def _result(handle: Any, aborted: str, ended: str, known: Mapping[str, DragEstimate]) -> Any:
+def _result(handle: Any, aborted: Refusal, ended: str, known: Mapping[str, DragEstimate]) -> Any:
     """Bring the handle of a goal into its last state and return the result."""
     end_goal(handle, aborted)
-    found = RunExperiment.Result(completed=not aborted, aborted=aborted, ended=ended, known=list(known))
+    found = RunExperiment.Result(completed=not aborted, aborted=str(aborted), ended=ended, known=list(known))
+    found.error_code = aborted.reason
     found.noise, found.wanted = [drag.noise for drag in known.values()], [drag.wanted for drag in known.values()]
     return found

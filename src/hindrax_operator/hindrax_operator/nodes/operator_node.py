@@ -16,12 +16,14 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from hindrax_bringup.supervisor import deferred_signals
-from hindrax_control.maneuver.goal import LATE, Goal
+from hindrax_control.maneuver.goal import Goal
 from hindrax_core import topics
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.signals import Estimate, Navigation
-from hindrax_drivers.output.output_guard import TRY_AGAIN, UNOBEYED, ArmingPhase
+from hindrax_core.text.refusals import NOTHING, Reason, Refusal, received
+from hindrax_drivers.output.output_guard import AGAIN as ASK_AGAIN
+from hindrax_drivers.output.output_guard import UNOBEYED, ArmingPhase
 from hindrax_ident.online.aim import ExperimentGoal
 from hindrax_msgs.action import FlyManeuver, RunExperiment
 from hindrax_msgs.msg import Heartbeat, ModelEstimate, ThrusterState
@@ -35,6 +37,8 @@ UP = "`./hindrax up` starts the stack"
 ANSWER_S = 5.0
 AGAIN = "find the cause (`./hindrax doctor`), arm and fly again"
 ASKED_AT_MOST = 5
+RESULT_LOST = Refusal(Reason.IDENTIFIER, "identifier: its result was lost; see whether its process is up")
+WITHOUT_REASON = Refusal(Reason.UNNAMED, "maneuver: ended without a reason")
 LINK_S = 0.3
 """Time for the last messages to reach their subscribers before the node is destroyed."""
 FLOWN_s = 1.0
@@ -253,11 +257,12 @@ class Operator:
         # In mock, time runs so fast that a busy machine is late now and then. A real vehicle is never asked again: a
         # person may have disarmed it meanwhile.
         for _ in range(ASKED_AT_MOST - 1 if self._mock else 0):
-            if answer.accepted or not answer.reason.endswith(TRY_AGAIN):
+            if answer.accepted or received(answer.error_code, answer.reason).reason not in ASK_AGAIN:
                 break
             answer = self._request_arming(arm=arm)
         if not answer.accepted:
-            raise HindraxError(f"the thrusters refused to {'arm' if arm else 'disarm'}: {answer.reason}")
+            refused = received(answer.error_code, answer.reason)
+            raise HindraxError(refused.within(f"the thrusters refused to {'arm' if arm else 'disarm'}: "))
         since, began = self.thrusters, False
 
         def ended() -> bool:
@@ -298,11 +303,11 @@ class Operator:
             return "a message from the thrusters"
         return f"the thrusters, which are {self.thrusters.state} ({self.thrusters.reason})"
 
-    def fly(self, goal: Goal | ExperimentGoal, seconds: float) -> tuple[str, str]:
+    def fly(self, goal: Goal | ExperimentGoal, seconds: float) -> tuple[Refusal, str]:
         """Fly motions to their end, or have the identifier run an experiment. Ctrl-C cancels.
 
-        Returns the guard's sentence, empty when all was flown, and what an experiment has reached. A goal that arrived
-        too late is sent again: mock time runs so fast that a busy machine is late now and then.
+        Returns why it was aborted, `NOTHING` when all was flown, and what an experiment has reached. A goal that
+        arrived too late is sent again: mock time runs so fast that a busy machine is late now and then.
         """
         motions, on_cancel = list(goal.motions), goal.on_cancel
         if isinstance(goal, Goal):
@@ -323,21 +328,21 @@ class Operator:
         experiment = RunExperiment.Goal(motions=motions, until=until, minutes=minutes, on_cancel=on_cancel)
         aborted, result = self._asked(self._run, experiment, seconds)
         if result is None:
-            return aborted or "identifier: its result was lost; see whether its process is up", ""
+            return aborted or RESULT_LOST, ""
         rows = zip(result.known, result.noise, result.wanted, strict=True)
         known = ", ".join(f"{motion} {100 * noise:.2g} % of {100 * wanted:.2g} %" for motion, noise, wanted in rows)
         return aborted, "; ".join(filter(None, [result.ended, known and f"noise of the drag: {known}"]))
 
-    def _asked(self, client: Any, goal: Any, seconds: float) -> tuple[str, Any]:
+    def _asked(self, client: Any, goal: Any, seconds: float) -> tuple[Refusal, Any]:
         """Send a goal, again when it was late; returns why it was aborted, and its result where there is one."""
-        aborted, result = "", None
+        aborted, result = NOTHING, None
         for _ in range(ASKED_AT_MOST):
             aborted, result = self._fly_to_its_end(client, goal, seconds)
-            if not aborted.startswith(f"{LATE}: "):
+            if aborted.reason is not Reason.LATE:
                 break
         return aborted, result
 
-    def _fly_to_its_end(self, client: Any, goal: Any, seconds: float) -> tuple[str, Any]:
+    def _fly_to_its_end(self, client: Any, goal: Any, seconds: float) -> tuple[Refusal, Any]:
         goal.stamp = self.order_stamp()
         self.maneuver = None
         future = client.send_goal_async(goal)
@@ -357,20 +362,22 @@ class Operator:
             return self._lost_outcome(), None
         outcome = result.result()
         if outcome.status == GoalStatus.STATUS_SUCCEEDED and outcome.result.completed:
-            return "", outcome.result
-        return str(outcome.result.aborted) or "maneuver: ended without a reason", outcome.result
+            return NOTHING, outcome.result
+        aborted = received(outcome.result.error_code, outcome.result.aborted)
+        return aborted or WITHOUT_REASON, outcome.result
 
     def _not_ended(self) -> str:
         at = f", now at {self.maneuver.motion} {self.maneuver.phase}" if self.maneuver is not None else ""
         return f"the maneuver to end{at}; it is cancelled"
 
-    def _lost_outcome(self) -> str:
+    def _lost_outcome(self) -> Refusal:
         if self.maneuver.phase in ("done", "aborted"):
-            return str(self.maneuver.aborted)
+            return received(self.maneuver.error_code, self.maneuver.aborted)
         now, found = "the thrusters are silent", self.thrusters
         if found is not None:
             now = f"the thrusters are {found.state}" + (f" ({found.reason})" if found.reason else "")
-        return f"link: no status of the maneuver for {MANEUVER_LOST_s:.0f} s, and {now}; {AGAIN}"
+        text = f"link: no status of the maneuver for {MANEUVER_LOST_s:.0f} s, and {now}; {AGAIN}"
+        return Refusal(Reason.LINK, text)
 
     def _maneuver_lost(self) -> bool:
         """Whether the vehicle still publishes, but no maneuver status: the result was lost with the link."""

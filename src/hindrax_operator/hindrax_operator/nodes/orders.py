@@ -11,7 +11,7 @@ from typing import Any
 from std_msgs.msg import Float32MultiArray
 
 from hindrax_control.hold.holds import HoldState
-from hindrax_control.maneuver.goal import unobeyed_text
+from hindrax_control.maneuver.goal import unobeyed
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import after
 from hindrax_core.readings import Vec6
@@ -66,7 +66,7 @@ def require_armed(operator: Operator) -> None:
 def require_obedience(operator: Operator) -> None:
     """HindraxError while armed thrusters follow no command: nothing would be held or pushed."""
     if operator.unobeyed:
-        raise HindraxError(unobeyed_text(operator.unobeyed))
+        raise HindraxError(unobeyed(operator.unobeyed))
 
 
 def hold(operator: Operator, axes: Sequence[str], value: float, *, engaged: bool) -> dict[str, float]:

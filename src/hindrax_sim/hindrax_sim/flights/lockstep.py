@@ -20,7 +20,7 @@ from hindrax_core.readings import Battery, BottomVelocity, Pressure, Reading, Ve
 from hindrax_core.rotation import FSD
 from hindrax_core.signals import ZERO6, Allocation, Estimate, Navigation, Phase, Thrust
 from hindrax_core.vehicle import Vehicle
-from hindrax_drivers.output.output_guard import Refusal, Request, guard_of
+from hindrax_drivers.output.output_guard import RefusedCommand, Request, guard_of
 from hindrax_ident.online.session import Session
 from hindrax_ident.records.feed import Feed, Measurement
 from hindrax_sim.faults.fault_registry import FaultSpec
@@ -134,7 +134,7 @@ class Onboard:
             return
         command = planned._replace(pulses_us=tuple(map(float, planned.pulses_us)), stamp=now)
         self._state, answer = self._guard.command(self._state, command, now)
-        if isinstance(answer, Refusal):
+        if isinstance(answer, RefusedCommand):
             return
         applied = self.cycle.achieved(planned.sequence, self._write(answer.thrusters))
         self._state = self._guard.written(self._state)

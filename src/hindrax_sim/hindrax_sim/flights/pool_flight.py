@@ -14,6 +14,7 @@ from hindrax_control.maneuver.pulses import PulseManeuver
 from hindrax_control.pilot import Pilot, PilotKnobs
 from hindrax_core.events import Stamp, Stamped, seconds_between, to_s
 from hindrax_core.signals import NAN, Allocation, Navigation
+from hindrax_core.text.refusals import NOTHING, Reason, Refusal
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import truth_of
 from hindrax_ident.model.motion_model import MOTIONS
@@ -40,7 +41,7 @@ class PoolFlight:
     vehicle: Vehicle
     world: World
     session: Session
-    aborted: str
+    aborted: Refusal
     plans: tuple[Plan, ...] = ()
     experiment: Experiment | None = None
 
@@ -90,10 +91,10 @@ def fly(
     for event in step.run(LONGEST_S):
         if isinstance(event.reading, Navigation) and pilot.output is not None:
             watch(step.world, pilot.output)
-    never = pilot.refused or "start: the maneuver did not begin"
+    never = pilot.refused or Refusal(Reason.UNNAMED, "start: the maneuver did not begin")
     aborted = pilot.output.aborted if pilot.output is not None else never
-    if experiment is not None and aborted.startswith("cancelled: "):
-        aborted, _ = "", experiment.next(session, to_s(step.world.stamp))
+    if experiment is not None and aborted.reason is Reason.CANCELLED:
+        aborted, _ = NOTHING, experiment.next(session, to_s(step.world.stamp))
     return PoolFlight(vehicle, step.world, session, aborted, pilot.plans, experiment)
 
 
@@ -131,7 +132,7 @@ class GoalPilot:
         self.maneuver: Maneuver | PulseManeuver | None = None
         self.output: ManeuverOutput | None = None
         self._cancel_at_s = cancel_at_s
-        self.refused = ""
+        self.refused = NOTHING
         self._first: Stamp | None = None
         self._ready_since: Stamp | None = None
         self._started_at: Stamp | None = None
@@ -160,7 +161,7 @@ class GoalPilot:
         phase = self.output.phase if self.output is not None else IDLE
         self._first = stamp if self._first is None else self._first
         if self.maneuver is None and flight.guards and seconds_between(self._first, stamp) > PATIENCE_S:
-            self.refused = f"start: {flight.guards[0]}"
+            self.refused = flight.guards[0].within("start: ")
             return LockstepCommand(phase=phase, finished=True)
         return LockstepCommand(flight.wrench, phase, self._ready(stamp, flight.guards), disabled=self._disabled)
 

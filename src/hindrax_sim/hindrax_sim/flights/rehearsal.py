@@ -9,6 +9,7 @@ from hindrax_control.maneuver.maneuver import ManeuverOutput
 from hindrax_control.maneuver.plan import Plan
 from hindrax_control.prior_dynamics import guessed
 from hindrax_core.events import Stamp, seconds_between
+from hindrax_core.text.refusals import Refusal
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import MotionResult
 from hindrax_ident.online.aim import Aim
@@ -58,7 +59,7 @@ class Rehearsal:
     bands: Mapping[str, ExpectedBand]
     ended: str
     """Reason why an experiment chose nothing more."""
-    aborted: str
+    aborted: Refusal
 
     @property
     def seconds(self) -> float:
@@ -82,6 +83,7 @@ class Rehearsal:
             "bands": {motion: asdict(band) for motion, band in self.bands.items()},
             "ended": self.ended,
             "aborted": self.aborted or None,
+            "aborted_by": self.aborted.word,
         }
 
 

@@ -32,6 +32,7 @@ from hindrax_bringup.share_files import default_vehicle, vehicle_file
 from hindrax_cli.argument_types import add_json, named_vehicle, within
 from hindrax_cli.command import command, option
 from hindrax_core.errors import UsageError
+from hindrax_core.text.refusals import told
 from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.text.text_file import require_place
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
@@ -154,7 +155,7 @@ def identify(arguments: argparse.Namespace) -> int:
         write(arguments.coefficients, as_yaml(found.results, conditions))
     recorded_s = sum(source.recording.duration_s for source in sources if source.recording)
     factor = round(recorded_s / took_s, 2) if recorded_s and took_s > 0.0 else None
-    document = found.document(sources[0].path, arguments.report, factor, conditions.aborted)
+    document = found.document(sources[0].path, arguments.report, factor, told(conditions.aborted))
     document |= {"assumptions": conditions.assumptions, **_runs(sources, found)}
     return print_answer(document, lambda: _show(arguments, found, conditions), as_json=arguments.json)
 

@@ -1,0 +1,158 @@
+"""Why something is refused or ended early: a code for programs, a sentence for people, made in one place.
+
+A `Refusal` is its sentence, so it can be printed, published and kept like any other; what decides by the reason reads
+`reason`, never the words. The numbers are those of `hindrax_msgs/msg/Reason`, the words begin the sentences of bags and
+are the `aborted_by` of JSON: neither is ever given to another reason.
+"""
+
+from collections.abc import Mapping, Sequence
+from enum import IntEnum
+from typing import Self
+
+
+class Reason(IntEnum):
+    """Code of a refusal: tens are what has to change before it is asked for again."""
+
+    NONE = 0
+    UNNAMED = 1
+    """A sentence without a code, as of another version."""
+
+    # ---- the request itself: wrong at any time
+    GOAL = 10
+    MOTION = 11
+    LIFT = 12
+    POOL = 13
+
+    # ---- when and by whom it was asked: ask again, or one at a time
+    LATE = 20
+    CLOCK = 21
+    OUT_OF_ORDER = 22
+    BUSY = 23
+    ELSEWHERE = 24
+    REPEAT = 25
+
+    # ---- the state of the vehicle at the start
+    NOT_ARMED = 30
+    UNOBEYED = 31
+    HEADING = 32
+    FAULTED = 33
+    INHIBITED = 34
+
+    # ---- the guards of a maneuver, before it and in flight
+    POOL_BOX = 40
+    DEPTH_BAND = 41
+    ALTITUDE_BAND = 42
+    BATTERY = 43
+    LEAK = 44
+    TIME_OUT = 45
+    THRUSTERS = 46
+    ATTITUDE = 47
+    SPEED = 48
+    SENSOR_AGE = 49
+    BLOCKED = 50
+    DVL_LOCK = 51
+    SETTLE = 52
+    NAVIGATION = 53
+    COMMISSION = 54
+
+    # ---- from outside the maneuver
+    CANCELLED = 60
+    DISARMED = 61
+    OPERATOR = 62
+    STACK = 63
+    LINK = 64
+    PILOT = 65
+    IDENTIFIER = 66
+    RECORD = 67
+
+    @property
+    def word(self) -> str:
+        """Its name as sentences and JSON have it, such as pool_box."""
+        return self.name.lower()
+
+
+SENSELESS = "see which sensor is silent (`./hindrax doctor`), then fly again"
+
+REMEDIES: Mapping[Reason, str] = {
+    Reason.POOL_BOX: "bring it to the middle of the pool and `./hindrax recentre` it, or correct `pool` in the "
+    "vehicle file",
+    Reason.DEPTH_BAND: "bring it to a depth between, or tare the depth sensor (`./hindrax depth tare`)",
+    Reason.ALTITUDE_BAND: "let it rise (`./hindrax hold altitude`)",
+    Reason.BATTERY: "charge the battery",
+    Reason.LEAK: "surface, disarm and open the hull",
+    Reason.TIME_OUT: "find what held it back (a current, a cable, a weak thruster) and fly it again",
+    Reason.THRUSTERS: "repair them and `./hindrax thruster enable` them, or fly other motions",
+    Reason.ATTITUDE: "bring it upright (`./hindrax hold roll 0`, `hold pitch 0`) and check its trim",
+    Reason.SPEED: "let it come to rest, and check the DVL (`./hindrax monitor`)",
+    Reason.SENSOR_AGE: "check the sensor (`./hindrax doctor`), then fly again",
+    Reason.BLOCKED: "look for a wall, a cable or a rope, bring it to the middle of the pool and `./hindrax recentre` "
+    "it",
+    Reason.DVL_LOCK: "give the DVL more water above a flat floor, or check it (`./hindrax doctor`)",
+    Reason.SETTLE: "look for a current, a cable that pulls, or a thruster that does not push (`./hindrax monitor`)",
+    Reason.NAVIGATION: SENSELESS,
+    Reason.COMMISSION: "let it come to rest, check its trim and what is written of the thrusters, and commission again",
+}
+"""What to do about each guard that finds something."""
+
+
+class Refusal(str):
+    """The sentence of a refusal, "what was found, what was wanted; remedy", which knows its reason.
+
+    It is false when nothing is refused (`NOTHING`).
+    """
+
+    __slots__ = ("reason",)
+    reason: Reason
+
+    def __new__(cls, reason: Reason, sentence: str) -> Self:
+        """Make the sentence of a reason."""
+        made = super().__new__(cls, sentence)
+        made.reason = reason
+        return made
+
+    def __getnewargs__(self) -> tuple[Reason, str]:  # type: ignore[override]  # what makes a copy of it
+        return self.reason, str(self)
+
+    @property
+    def word(self) -> str | None:
+        """The word of its reason, for JSON; None when nothing is refused."""
+        return self.reason.word if self else None
+
+    def within(self, before: str) -> "Refusal":
+        """Return the same refusal with words before it."""
+        return Refusal(self.reason, f"{before}{self}")
+
+    def meanwhile(self, events: Sequence[str]) -> "Refusal":
+        """Return the same refusal with the last thing that happened beside it; nothing stays nothing."""
+        return Refusal(self.reason, f"{self}; meanwhile {events[-1]}") if self and events else self
+
+
+NOTHING = Refusal(Reason.NONE, "")
+CANCELLED = Refusal(Reason.CANCELLED, "cancelled: by the operator")
+STOPPED = Refusal(Reason.OPERATOR, "operator: stopped by Ctrl-C")
+
+
+def found(reason: Reason, text: str) -> Refusal:
+    """Return the refusal of a guard: its word, what it found and wanted, and the remedy."""
+    return Refusal(reason, f"{reason.word}: {text}; {REMEDIES[reason]}")
+
+
+def refusal_of(error: Exception) -> Refusal:
+    """Return the refusal that an error was raised with; one without a code is `UNNAMED`."""
+    given = error.args[0] if error.args else ""
+    return given if isinstance(given, Refusal) else Refusal(Reason.UNNAMED, str(error))
+
+
+def received(code: int, sentence: str) -> Refusal:
+    """Return the refusal that a message carries. A code of a later version, or none, is found by the sentence."""
+    known = code != Reason.NONE and any(code == one for one in Reason)
+    return Refusal(Reason(code), sentence) if known else told(sentence)
+
+
+def told(sentence: str) -> Refusal:
+    """Return the refusal of a sentence alone, as older records have it: its first word names the reason."""
+    if not sentence:
+        return NOTHING
+    word = sentence.removeprefix("start: ").partition(":")[0]
+    reason = Reason.__members__.get(word.upper(), Reason.UNNAMED)
+    return Refusal(Reason.UNNAMED if reason is Reason.NONE else reason, sentence)
