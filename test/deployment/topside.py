@@ -6,6 +6,7 @@ import time
 
 from hindrax_operator.connection import joined
 from hindrax_operator.nodes.operator_node import Operator
+from hindrax_operator.snapshot import holds_of
 from hindrax_ros.batched_node import BatchedNode
 
 PATIENT_S = 90.0
@@ -22,7 +23,7 @@ class Received:
     """How long ago the vehicle was heard, on the clock of the wall: the mock's own time stops with the tether."""
 
     def __init__(self, operator: Operator) -> None:
-        self._operator, self._last, self._at = operator, None, time.monotonic()
+        self._operator, self._last, self._at = operator, operator.thrusters, time.monotonic()
 
     def silent_s(self) -> float:
         now = time.monotonic()
@@ -86,8 +87,8 @@ def main() -> None:
         tell("back", cut_s=time.monotonic() - begin + SILENT_S)
         before = operator.holds
         operator.wait(lambda: operator.holds is not before, PATIENT_S, lambda: "the holds")
-        held = [axis for axis, on in zip(operator.holds.axes, operator.holds.engaged, strict=True) if on]
-        tell("found", armed=operator.thrusters.armed, held=held, depth_m=depth_m(operator))
+        held = [one.axis for one in holds_of(operator.holds) if one.engaged]
+        tell("found", armed=operator.armed, held=held, depth_m=depth_m(operator))
         # Its result was told into the cut and is lost: what flies is seen in the topic alone.
         operator.wait(lambda: not operator.flying, PATIENT_S, lambda: "the end of the maneuver")
         operator.wait(lambda: seen_by_vehicle(operator), PATIENT_S, lambda: "the vehicle to hear its operator again")

@@ -44,7 +44,7 @@ def holds_again(stack: FaultyStack) -> bool:
     stack.prepare(HOLD)
     hold(stack.operator, ["depth"], 0.8, engaged=True)
     stack.operator.pause(6.0)
-    return not stack.neutral and stack.operator.thrusters.armed and not stack.operator.unobeyed
+    return not stack.neutral and stack.operator.armed and not stack.operator.unobeyed
 
 
 def test_after_a_stall_of_control_and_of_all_commands_are_obeyed_again(tmp_path: Path) -> None:

@@ -86,4 +86,4 @@ def test_what_systemd_runs_after_it_has_killed_everything_puts_neutral_on_the_wi
     )
     assert done.stdout == "neutral is on the wire\n"
     flying.wait(lambda: flying.neutral, "neutral in the log of the mock")
-    flying.wait(lambda: not operator.thrusters.armed, "the thrusters to be disarmed")
+    flying.wait(lambda: not operator.armed, "the thrusters to be disarmed")

@@ -33,8 +33,8 @@ def soak(folder: Path, minutes: float) -> Iterator[dict[str, float]]:
         nodes = node_processes(stack)
         for _ in range(round(minutes * 60.0 / LOOK_EVERY_S)):
             operator.pause(LOOK_EVERY_S)
-            if not operator.thrusters.armed:
-                raise HindraxError(f"disarmed: {operator.thrusters.reason}; {stack.folder.path}")
+            if not operator.armed:
+                raise HindraxError(f"disarmed: {operator.reason}; {stack.folder.path}")
             yield {name: sum(one.memory_info().rss for one in family(pid)) / 1e6 for name, pid in nodes.items()}
 
 

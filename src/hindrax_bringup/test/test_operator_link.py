@@ -12,7 +12,7 @@ from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.topics import OPERATOR_WRENCH
 from hindrax_msgs.action import FlyManeuver
-from hindrax_msgs.msg import ManeuverStatus
+from hindrax_msgs.msg import ManeuverStatus, ThrusterState
 from hindrax_operator.nodes.operator_node import Operator
 from hindrax_ros.graph import subscription
 from hindrax_ros.messages.convert import stamp_to_msg
@@ -77,7 +77,7 @@ def test_ctrl_c_in_a_callback_waits_for_its_end(monkeypatch: pytest.MonkeyPatch)
             ended.append(None)
 
     with Operator(mock=False) as operator, operator.repeating(0.02, interrupted):
-        operator.thrusters = True
+        operator.thrusters = ThrusterState()
         with pytest.raises(KeyboardInterrupt):
             operator.pause(10.0)
         assert ended == [None]
@@ -122,7 +122,7 @@ def test_orders_wait_for_the_clock_but_not_a_disarm(monkeypatch: pytest.MonkeyPa
 
     def answer(request: Any) -> Any:
         asked.append(request.stamp.sec)
-        reply = SimpleNamespace(accepted=False, reason="that is all")
+        reply = SimpleNamespace(accepted=False, reason="that is all", error_code=0)
         return SimpleNamespace(done=lambda: True, result=lambda: reply)
 
     with Operator(mock=True) as operator:

@@ -129,7 +129,7 @@ def test_the_graph_of_a_stack_that_waits_is_asked_without_a_heartbeat(
             raise HindraxError("waited 3 s for the clock of the mock")
         health = SimpleNamespace(level=b"\x01", message="no lock")
         yield SimpleNamespace(
-            wait=lambda *_: None,
+            awaited=lambda look, *_: look(),
             pause=lambda _: None,
             thrusters=SimpleNamespace(state="disarmed"),
             diagnostics={"hindrax: dvl75": health},

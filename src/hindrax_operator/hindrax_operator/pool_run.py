@@ -29,6 +29,7 @@ from hindrax_core.text.refusals import NOTHING, STOPPED, Reason, Refusal
 from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ident.online.aim import Aim, ExperimentGoal, check_experiment, plan_text
+from hindrax_operator.operator_view import OperatorLink, OperatorView
 from hindrax_operator.progress import Progress
 from hindrax_operator.snapshot import left_out, node_problems, troubles
 
@@ -274,8 +275,8 @@ def _operate(options: PoolOptions, flight: FlownManeuver, stack: StackProcess, p
         operator.wait(lambda: operator.thrusters is not None, UP_S, lambda: "a message from the thrusters")
         progress.report(f"{state_before_arming(reported)}; arming, which holds neutral for the time that the ESCs need")
         if options.plan_is_the_pilots:
-            operator.wait(lambda: operator.plans is not None, UP_S, lambda: "the plans of the pilot")
-            plans = dict(zip(operator.plans.motions, operator.plans.plans, strict=True))
+            found = operator.awaited(lambda: operator.plans, UP_S, lambda: "the plans of the pilot")
+            plans = dict(zip(found.motions, found.plans, strict=True))
             for motion in options.motions:
                 progress.report(f"plan: {plans[motion]}")
         if options.start is not None:
@@ -301,12 +302,11 @@ def _operate(options: PoolOptions, flight: FlownManeuver, stack: StackProcess, p
         progress.report("disarmed")
 
 
-def _fly_motions(options: PoolOptions, operator: Any, progress: Progress) -> Refusal:
+def _fly_motions(options: PoolOptions, operator: OperatorLink, progress: Progress) -> Refusal:
     """Have the identifier run the experiment that was asked for, else the pilot its plan; why it was aborted."""
     goal: Goal | ExperimentGoal = Goal(options.motions, options.excitation, options.seed, options.on_cancel)
     if options.aim is not None:
         goal = ExperimentGoal(options.motions, options.aim, options.on_cancel)
-    aborted: Refusal
     aborted, reached = operator.fly(goal, FLY_S)
     if reached:
         progress.report(f"experiment: {reached}")
@@ -314,7 +314,7 @@ def _fly_motions(options: PoolOptions, operator: Any, progress: Progress) -> Ref
 
 
 @contextlib.contextmanager
-def disarmed_at_the_end(operator: Any) -> Iterator[None]:
+def disarmed_at_the_end(operator: OperatorLink) -> Iterator[None]:
     """Disarm whatever happens; a failure to do so must not hide what went wrong before (the silence does it then)."""
     try:
         yield
@@ -348,12 +348,12 @@ def state_before_arming(reported: Mapping[str, str]) -> str:
     )
 
 
-def missing_solution(operator: Any) -> str:
+def missing_solution(operator: OperatorView) -> str:
     """Missing parts of the stack, from /diagnostics."""
     return "a navigation solution\n  " + ("\n  ".join(node_problems(operator)) or "no node has reported anything")
 
 
-def report_devices(operator: Any, reported: dict[str, str], progress: Progress) -> None:
+def report_devices(operator: OperatorView, reported: dict[str, str], progress: Progress) -> None:
     """One line when a device or node is up, and one for what it still waits for; `reported`: their last reports."""
     now = troubles(operator)
     for name, trouble in now.items():
@@ -362,7 +362,7 @@ def report_devices(operator: Any, reported: dict[str, str], progress: Progress) 
     reported.update(now)
 
 
-def watch_thrusters(operator: Any, told: set[str], progress: Progress) -> None:
+def watch_thrusters(operator: OperatorView, told: set[str], progress: Progress) -> None:
     """Say at once that the vehicle flies on without a thruster; `told`: what was said before."""
     for sentence in left_out(operator):
         if sentence not in told:
@@ -370,7 +370,7 @@ def watch_thrusters(operator: Any, told: set[str], progress: Progress) -> None:
             progress.report(f"{sentence}; it is left out, and the flight goes on without it")
 
 
-def watch_record(operator: Any, reported: dict[str, str], progress: Progress, without_record: str) -> None:
+def watch_record(operator: OperatorView, reported: dict[str, str], progress: Progress, without_record: str) -> None:
     """Say at once that a flight is no longer recorded; HindraxError when it then is to end."""
     name = RECORDER.name
     status = operator.diagnostics.get(f"hindrax: {name}")

@@ -1,10 +1,12 @@
 """Progress of a maneuver on stderr: a live view on a terminal, else one line per phase."""
 
+from __future__ import annotations
+
 import contextlib
 import math
 import sys
 import time
-from typing import Any, Self
+from typing import TYPE_CHECKING, Self
 
 from rich.console import Console
 from rich.live import Live
@@ -12,9 +14,12 @@ from rich.table import Table
 
 from hindrax_control.maneuver.plan import TURNING
 from hindrax_core.events import Stamped
-from hindrax_core.signals import Estimate
+from hindrax_core.signals import Estimate, Navigation
 from hindrax_core.text.digits import IN_FLIGHT, measured
 from hindrax_core.text.screen_text import fitted, screen_width
+
+if TYPE_CHECKING:
+    from hindrax_msgs.msg import ManeuverStatus
 
 REFRESH_S = 0.2
 
@@ -51,7 +56,12 @@ class Progress:
         with contextlib.suppress(OSError):  # as for all output on stderr
             self._console.print(text, highlight=False, markup=False, soft_wrap=True)
 
-    def show(self, maneuver: Any, navigation: Any, estimates: dict[str, Stamped[Estimate]]) -> None:
+    def show(
+        self,
+        maneuver: ManeuverStatus | None,
+        navigation: Stamped[Navigation] | None,
+        estimates: dict[str, Stamped[Estimate]],
+    ) -> None:
         """Show the state of the maneuver, at most five times a second."""
         if maneuver is None or time.monotonic() - self._shown < REFRESH_S:
             return
@@ -69,7 +79,9 @@ class Progress:
                 self.report(plateau_line(maneuver, estimates))
 
 
-def panel(maneuver: Any, navigation: Any, estimates: dict[str, Stamped[Estimate]]) -> Table:
+def panel(
+    maneuver: ManeuverStatus, navigation: Stamped[Navigation] | None, estimates: dict[str, Stamped[Estimate]]
+) -> Table:
     """The live view: maneuver, vehicle, estimates so far."""
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     done = round(20 * min(1.0, max(0.0, maneuver.progress)))
@@ -90,7 +102,7 @@ def panel(maneuver: Any, navigation: Any, estimates: dict[str, Stamped[Estimate]
     return table
 
 
-def plateau_line(maneuver: Any, estimates: dict[str, Stamped[Estimate]]) -> str:
+def plateau_line(maneuver: ManeuverStatus, estimates: dict[str, Stamped[Estimate]]) -> str:
     """One line for a plateau that begins: where the maneuver is, and what is known of this motion by now."""
     line = f"{maneuver.motion}: plateau at {maneuver.force:+z.1f} {units(maneuver.motion)[0]}"
     line += f", {100.0 * maneuver.progress:.0f} %, {maneuver.remaining:.0f} s to go{wall(maneuver)}"
@@ -103,7 +115,7 @@ def units(motion: str) -> tuple[str, str]:
     return ("Nm", "rad/s") if motion in TURNING else ("N", "m/s")
 
 
-def wall(maneuver: Any) -> str:
+def wall(maneuver: ManeuverStatus) -> str:
     """Distance to the wall ahead, where known."""
     return "" if math.isnan(maneuver.wall_distance) else f", wall {maneuver.wall_distance:.1f} m ahead"
 

@@ -1,13 +1,21 @@
 """Values of the live view: copied from the messages once per snapshot, so that drawing needs no ROS."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 from hindrax_control.hold.holds import HoldState
 from hindrax_control.pool_bounds import GuardedPlace, PoolPosition
 from hindrax_core.signals import NAN, Estimate, Navigation
+from hindrax_operator.operator_view import OperatorView
+
+if TYPE_CHECKING:
+    from diagnostic_msgs.msg import DiagnosticStatus
+
+    from hindrax_msgs.msg import AllocationStatus, HoldStatus, ManeuverStatus, PoolPlace, ThrusterState
 
 ANGLES = ("heading", "roll", "pitch")
 """Holds whose values are angles."""
@@ -89,7 +97,7 @@ OnDone: TypeAlias = Callable[[str, bool], None]
 """Outcome of an order: a sentence, and whether the order succeeded."""
 
 
-def snapshot(operator: Any, stops_us: tuple[float, ...] = ()) -> Snapshot:
+def snapshot(operator: OperatorView, stops_us: tuple[float, ...] = ()) -> Snapshot:
     """Copy the last message of every topic that an operator node watches; `stops_us`: pulses at rest, where known."""
     stamped = operator.navigation
     return Snapshot(
@@ -106,25 +114,27 @@ def snapshot(operator: Any, stops_us: tuple[float, ...] = ()) -> Snapshot:
     )
 
 
-def troubles(operator: Any) -> dict[str, str]:
+def troubles(operator: OperatorView) -> dict[str, str]:
     """Problem of each node in /diagnostics, by name: empty where it is healthy."""
     found = operator.diagnostics.items()
     return {name.removeprefix("hindrax: "): str(one.message) if one.level != b"\x00" else "" for name, one in found}
 
 
-def left_out(operator: Any) -> list[str]:
+def left_out(operator: OperatorView) -> list[str]:
     """Thrusters out of use, each with its reason."""
     found = operator.health
     rows = zip(found.disabled, found.reasons, strict=False) if found is not None else ()
     return [why if why.startswith(f"{name}: ") else f"{name}: {why or 'disabled'}" for name, why in rows]
 
 
-def node_problems(operator: Any) -> list[str]:
+def node_problems(operator: OperatorView) -> list[str]:
     """Every problem in /diagnostics, as `node: problem`."""
     return [f"{name}: {trouble}" for name, trouble in troubles(operator).items() if trouble]
 
 
-def _thrusters(state: Any, allocation: Any, stops_us: tuple[float, ...]) -> Thrusters:
+def _thrusters(
+    state: ThrusterState | None, allocation: AllocationStatus | None, stops_us: tuple[float, ...]
+) -> Thrusters:
     if state is None:
         return Thrusters()
     pulses = tuple(float(one) for one in state.pulses)
@@ -137,11 +147,12 @@ def _thrusters(state: Any, allocation: Any, stops_us: tuple[float, ...]) -> Thru
         count = len(pulses)
         names = tuple(f"T{number + 1}" for number in range(count))
         return Thrusters(*arming, names, pulses, stops_us, (NAN,) * count, (False,) * count)
-    rows = allocation.forces, allocation.saturated, allocation.disabled, allocation.lost_axes
-    return Thrusters(*arming, tuple(allocation.thrusters), pulses, stops_us, *map(tuple, rows))
+    forces, names = tuple(allocation.forces), tuple(allocation.thrusters)
+    out, lost = tuple(allocation.disabled), tuple(allocation.lost_axes)
+    return Thrusters(*arming, names, pulses, stops_us, forces, tuple(allocation.saturated), out, lost)
 
 
-def holds_of(status: Any) -> tuple[HoldState, ...]:
+def holds_of(status: HoldStatus | None) -> tuple[HoldState, ...]:
     """Content of a HoldStatus, as far as all of its lists reach; empty without one."""
     if status is None:
         return ()
@@ -149,7 +160,7 @@ def holds_of(status: Any) -> tuple[HoldState, ...]:
     return tuple(HoldState(*row) for row in rows)
 
 
-def _flight(status: Any, now_s: float) -> ManeuverView | None:
+def _flight(status: ManeuverStatus | None, now_s: float) -> ManeuverView | None:
     """The maneuver; one of which nothing came for a while has ended without a word, as after a stop."""
     if status is None:
         return None
@@ -160,7 +171,7 @@ def _flight(status: Any, now_s: float) -> ManeuverView | None:
     return ManeuverView(status.motion, status.phase, aborted, status.progress, status.remaining, *where)
 
 
-def place_of(message: Any) -> GuardedPlace | None:
+def place_of(message: PoolPlace | None) -> GuardedPlace | None:
     """Content of a PoolPlace, which has no velocity; None without one."""
     if message is None:
         return None
@@ -169,6 +180,6 @@ def place_of(message: Any) -> GuardedPlace | None:
     return GuardedPlace(position, walls_m, message.margin, message.unplaced)
 
 
-def _health(one: Any) -> NodeHealth:
+def _health(one: DiagnosticStatus) -> NodeHealth:
     rates = [pair.value for pair in one.values if pair.key == "rate [Hz]"]
     return NodeHealth(LEVELS.get(one.level, "error"), one.message, float(rates[0]) if rates else NAN)

@@ -263,13 +263,15 @@ def test_a_bar_astern_ends_at_the_middle() -> None:
 
 def test_a_hold_status_whose_lists_differ_in_length_is_read_as_far_as_they_reach() -> None:
     """A pilot of someone else, or of another version: it ended `hold` and the live view with a traceback."""
-    status = Message(axes=["depth", "roll"], engaged=[True, False], setpoints=[1.0], errors=[0.1, 0.0], notes=["", ""])
+    status: Any = Message(
+        axes=["depth", "roll"], engaged=[True, False], setpoints=[1.0], errors=[0.1, 0.0], notes=["", ""]
+    )
     assert holds_of(status) == (HoldState("depth", True, 1.0, 0.1),)
 
 
 def test_a_bar_begins_at_the_pulse_that_its_thruster_had_at_rest() -> None:
     def seen(found: Snapshot, *pulses: float, armed: bool) -> Snapshot:
-        state = Message(armed=armed, state="", reason="", pulses=list(pulses))
+        state: Any = Message(armed=armed, state="", reason="", pulses=list(pulses))
         return replace(found, thrusters=_thrusters(state, None, found.thrusters.stops_us))
 
     unknown = seen(Snapshot(), 1500.0, 1530.0, armed=True)
@@ -302,7 +304,7 @@ def test_a_maneuver_that_a_stop_has_ended_does_not_look_as_if_it_flew_on(
 ) -> None:
     header = Message(stamp=Message(sec=5, nanosec=0))
     numbers = {"progress": 0.3, "remaining": 60.0, "wall_distance": math.nan, "force": 14.0, "velocity": 0.3}
-    status = Message(header=header, motion="surge", phase=phase, aborted="", **numbers)
+    status: Any = Message(header=header, motion="surge", phase=phase, aborted="", **numbers)
     view = _flight(status, now_s)
     assert view is not None
     assert view.aborted == aborted

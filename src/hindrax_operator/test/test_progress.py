@@ -31,10 +31,14 @@ FLOWN = {
 }
 
 
+def flown(**changes: str | float) -> Any:
+    return SimpleNamespace(**(FLOWN | changes))
+
+
 def shown(estimates: dict[str, Any], **changes: str | float) -> str:
     console = Console(width=120)
     with console.capture() as captured:
-        console.print(panel(SimpleNamespace(**(FLOWN | changes)), None, estimates))
+        console.print(panel(flown(**changes), None, estimates))
     return captured.get()
 
 
@@ -42,7 +46,7 @@ def headless(
     capsys: pytest.CaptureFixture[str], estimates: dict[str, Stamped[Estimate]], **changes: str | float
 ) -> str:
     with Progress(headless=True) as progress:
-        progress.show(SimpleNamespace(**(FLOWN | changes)), None, estimates)
+        progress.show(flown(**changes), None, estimates)
     return capsys.readouterr().err.rstrip().partition("s] ")[2]
 
 
@@ -82,7 +86,7 @@ def test_the_live_view_is_gone_when_the_flight_is_over(monkeypatch: pytest.Monke
     monkeypatch.setattr(written, "isatty", lambda: True)
     monkeypatch.setenv("TERM", "xterm")
     with Progress(headless=False) as progress:
-        progress.show(SimpleNamespace(**FLOWN), None, {})
+        progress.show(flown(), None, {})
         progress.end_view()
         progress.report("identifying")
     view, erase_line, last = written.getvalue().rpartition("\x1b[2K")

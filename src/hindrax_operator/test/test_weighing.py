@@ -32,6 +32,10 @@ class PushingStack:
         return self._now
 
     @property
+    def armed(self) -> bool:
+        return bool(self.thrusters.armed)
+
+    @property
     def allocation(self) -> Any:
         header = SimpleNamespace(stamp=stamp_to_msg(self._now))
         return SimpleNamespace(achieved=[-self.load / GAIN, 0.0, 0.0, 0.0, 0.0, 0.0], header=header)

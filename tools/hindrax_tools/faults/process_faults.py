@@ -200,7 +200,8 @@ class FaultyStack:
         from hindrax_msgs.msg import ThrusterCommand, ThrusterState  # noqa: PLC0415  # as the operator's
         from hindrax_ros.messages.convert import stamp_to_msg  # noqa: PLC0415
 
-        count, operator = len(self.operator.thrusters.pulses), self.operator
+        operator = self.operator
+        count = len(operator.thrusters.pulses) if operator.thrusters is not None else 0
         message: ThrusterCommand | ThrusterState
         if who == CONTROL.name:
             message = ThrusterCommand(pulses=[1900.0] * count, sequence=operator.next())
@@ -217,14 +218,14 @@ class FaultyStack:
         """Arm, or disarm, when the state is there again; HindraxError when it cannot be armed."""
         operator, since = self.operator, self.operator.now()
         self.wait(lambda: operator.navigation is not None and operator.navigation.stamp > since, "navigation")
-        if mode == DISARMED and operator.thrusters.armed:
+        if mode == DISARMED and operator.armed:
             operator.arm(arm=False, seconds=PATIENT_S)
         deadline_s = time.monotonic() + PATIENT_S
-        while mode != DISARMED and not operator.thrusters.armed:
+        while mode != DISARMED and not operator.armed:
             with contextlib.suppress(HindraxError):  # the state is not accepted for a second after a restart
                 operator.arm(seconds=5.0)
             if time.monotonic() > deadline_s:
-                raise HindraxError(f"could not be armed: {operator.thrusters.reason}")
+                raise HindraxError(f"could not be armed: {operator.reason}")
 
     def fly(self, mode: str, seed: int, tick: Callable[[Sequence[TrueState]], None]) -> None:
         """Fly in one mode until the tick ends it. What is refused is asked for again: a busy machine is late."""
@@ -294,7 +295,7 @@ class _Seen:
         operator = self._stack.operator
         if self._harmed_s < math.inf:
             self._true += lines
-            self._reason = "" if operator.thrusters.armed else str(operator.thrusters.reason)
+            self._reason = "" if operator.armed else operator.reason
             if self._true and self._true[-1].now_s - self._harmed_s > AFTER_S and self._ended():
                 raise _SeenError
         elif any(map(self._flew_long_enough, lines)):
@@ -318,7 +319,7 @@ class _Seen:
 
     def _ended(self) -> bool:
         """Whether all is at work again, and disarmed where that is wanted."""
-        return self._whole() and (self._row.within_s == math.inf or not self._stack.operator.thrusters.armed)
+        return self._whole() and (self._row.within_s == math.inf or not self._stack.operator.armed)
 
     def cell(self, seed: int, last: TrueState) -> FaultOutcome:
         """The judgement: each true state beside the state that was estimated then."""

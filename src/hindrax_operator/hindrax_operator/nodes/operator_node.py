@@ -4,16 +4,18 @@ import contextlib
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import rclpy
 from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
-from diagnostic_msgs.msg import DiagnosticArray
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.action import ActionClient
 from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import Subscription
 
 from hindrax_bringup.supervisor import deferred_signals
 from hindrax_control.maneuver.goal import Goal
@@ -26,12 +28,24 @@ from hindrax_drivers.output.output_guard import AGAIN as ASK_AGAIN
 from hindrax_drivers.output.output_guard import UNOBEYED, ArmingPhase
 from hindrax_ident.online.aim import ExperimentGoal
 from hindrax_msgs.action import FlyManeuver, RunExperiment
-from hindrax_msgs.msg import Heartbeat, ModelEstimate, ThrusterState
+from hindrax_msgs.msg import (
+    AllocationStatus,
+    Heartbeat,
+    HoldStatus,
+    ManeuverStatus,
+    ModelEstimate,
+    MotionPlans,
+    PoolPlace,
+    ThrusterHealth,
+    ThrusterState,
+)
 from hindrax_msgs.srv import Arm
 from hindrax_ros.batched_node import BatchedNode, events_executor
 from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.messages.convert import estimate_from_msg, stamp_from_msg, stamp_to_msg
 from hindrax_ros.messages.fast_serialization import navigation_from_bytes
+
+T = TypeVar("T")
 
 UP = "`./hindrax up` starts the stack"
 ANSWER_S = 5.0
@@ -69,16 +83,16 @@ class Operator:
         self._sequence = time.time_ns() // 1_000_000 % (1 << 32)
         self.navigation: Stamped[Navigation] | None = None
         self.estimates: dict[str, Stamped[Estimate]] = {}
-        self.thrusters: Any = None
+        self.thrusters: ThrusterState | None = None
         self._obeyed_at = Stamp(0)
-        self.maneuver: Any = None
-        self._allocation: Any = None
-        self._allocations: Any = None
-        self.holds: Any = None
-        self.place: Any = None
-        self.plans: Any = None
-        self.health: Any = None
-        self.diagnostics: dict[str, Any] = {}
+        self.maneuver: ManeuverStatus | None = None
+        self._allocation: AllocationStatus | None = None
+        self._allocations: Subscription | None = None
+        self.holds: HoldStatus | None = None
+        self.place: PoolPlace | None = None
+        self.plans: MotionPlans | None = None
+        self.health: ThrusterHealth | None = None
+        self.diagnostics: dict[str, DiagnosticStatus] = {}
         self._subscribe()
         self._arm = self.node.create_client(Arm, "thrusters/arm")
         self._fly = ActionClient(self.node, FlyManeuver, "maneuver/fly")
@@ -136,13 +150,28 @@ class Operator:
             self._obeyed_at = stamp
 
     @property
+    def armed(self) -> bool:
+        """Whether the thrusters are armed, by their last message."""
+        return self.thrusters is not None and self.thrusters.armed
+
+    @property
+    def reason(self) -> str:
+        """Reason of the thrusters for their state, by their last message; empty without one."""
+        return self.thrusters.reason if self.thrusters is not None else ""
+
+    @property
+    def output(self) -> str:
+        """Name of the output that drives the thrusters, by their last message; empty without one."""
+        return self.thrusters.output if self.thrusters is not None else ""
+
+    @property
     def unobeyed(self) -> str:
         """Reason why armed thrusters have followed no command for a while; empty when they do, or are not armed."""
         found = self.thrusters
         if found is None or not found.armed:
             return ""
         silent_s = seconds_between(self._obeyed_at, stamp_from_msg(found.header.stamp))
-        return str(found.reason) if silent_s > UNOBEYED_S else ""
+        return found.reason if silent_s > UNOBEYED_S else ""
 
     def _on_navigation(self, data: bytes) -> None:
         self.navigation = navigation_from_bytes(data)
@@ -151,7 +180,7 @@ class Operator:
         self.estimates[message.motion] = estimate_from_msg(message)
 
     @property
-    def allocation(self) -> Any:
+    def allocation(self) -> AllocationStatus | None:
         """The last allocation; subscribed on first use, since it comes at 50 Hz and few callers need it."""
         if self._allocations is None:
             keep = partial(setattr, self, "_allocation")
@@ -177,7 +206,7 @@ class Operator:
         if seen is None or seen.phase in ("done", "aborted"):
             return ""
         age_s = seconds_between(stamp_from_msg(seen.header.stamp), self.now())
-        return str(seen.motion) if age_s < FLOWN_s else ""
+        return seen.motion if age_s < FLOWN_s else ""
 
     @property
     def stoppable(self) -> bool:
@@ -188,7 +217,7 @@ class Operator:
         """Wait for the clock: system time is known at once, a mock's when /clock arrives."""
         self.wait(lambda: self.now() > 0, seconds, lambda: "the clock of the mock; is its stack still up?")
 
-    def order_stamp(self) -> Any:
+    def order_stamp(self) -> Time:
         """Return the stamp of an order that is given now. An order without time is refused, so wait for the clock."""
         self.wait_for_time()
         return stamp_to_msg(self.now())
@@ -246,6 +275,13 @@ class Operator:
                 raise HindraxError(f"waited {seconds:.0f} s for {what()}")
             self.spin()
 
+    def awaited(self, look: Callable[[], T | None], seconds: float, what: Callable[[], str]) -> T:
+        """Wait until `look` finds something, and return it; HindraxError as `wait`."""
+        self.wait(lambda: look() is not None, seconds, what)
+        seen = look()
+        assert seen is not None, "what was found is there until the next spin"
+        return seen
+
     def wait_for_thrusters(self) -> None:
         """Wait until the thrusters node can be asked to arm: before that, there is no stack."""
         self.wait(self._arm.service_is_ready, ANSWER_S, lambda: f"the thrusters node to offer thrusters/arm; {UP}")
@@ -269,29 +305,29 @@ class Operator:
             """Whether they are as asked for, or arm no more; what they said before the answer may come after it."""
             nonlocal since, began
             since, now = since or self.thrusters, self.thrusters
-            if now is None or now.armed is arm:
+            if now is None or since is None or now.armed is arm:
                 return now is not None
             began = began or now.state == ArmingPhase.ARMING
             begin, last = stamp_from_msg(since.header.stamp), stamp_from_msg(now.header.stamp)
             return now.state == ArmingPhase.DISARMED and (began or seconds_between(begin, last) > FLOWN_s)
 
         self.wait(ended, seconds, self._thruster_state)
-        if self.thrusters.armed is not arm:
-            raise HindraxError(f"the thrusters stopped arming: {self.thrusters.reason}")
-        if arm and self.thrusters.reason:
+        if self.armed is not arm:
+            raise HindraxError(f"the thrusters stopped arming: {self.reason}")
+        if arm and self.reason:
             self._require_obedience()
 
     def _require_obedience(self) -> None:
         """Disarm, and HindraxError, when armed thrusters go on refusing what they are commanded."""
         with contextlib.suppress(HindraxError):
-            self.wait(lambda: not self.thrusters.reason or bool(self.unobeyed), ANSWER_S, lambda: "a command")
+            self.wait(lambda: not self.reason or bool(self.unobeyed), ANSWER_S, lambda: "a command")
         why = self.unobeyed
         if why.startswith(UNOBEYED):
             with contextlib.suppress(HindraxError):  # they disarm by themselves when nothing is obeyed
                 self.arm(arm=False, seconds=ANSWER_S)
             raise HindraxError(f"the thrusters were armed, but {why}; disarmed again")
 
-    def _request_arming(self, *, arm: bool) -> Any:
+    def _request_arming(self, *, arm: bool) -> Arm.Response:
         stamp = self.order_stamp() if arm else stamp_to_msg(self.now())  # to disarm, no time is waited for or wanted
         request = Arm.Request(arm=arm, stamp=stamp, sequence=self.next())
         future = self._arm.call_async(request)
@@ -371,7 +407,7 @@ class Operator:
         return f"the maneuver to end{at}; it is cancelled"
 
     def _lost_outcome(self) -> Refusal:
-        if self.maneuver.phase in ("done", "aborted"):
+        if self.maneuver is not None and self.maneuver.phase in ("done", "aborted"):
             return received(self.maneuver.error_code, self.maneuver.aborted)
         now, found = "the thrusters are silent", self.thrusters
         if found is not None:

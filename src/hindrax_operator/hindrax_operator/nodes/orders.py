@@ -6,7 +6,6 @@ Every order expires on board: nothing moves for longer than half a second after 
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 from std_msgs.msg import Float32MultiArray
 
@@ -18,7 +17,14 @@ from hindrax_core.readings import Vec6
 from hindrax_core.rotation import wrapped
 from hindrax_core.signals import ZERO6
 from hindrax_core.topics import HOLD_SETPOINT, LIGHTS, OPERATOR_WRENCH, THRUSTER_COMMAND, THRUSTER_HEALTH_ORDER
-from hindrax_msgs.msg import HoldSetpoint, HoldStatus, ThrusterCommand, ThrusterHealth
+from hindrax_msgs.msg import (
+    AllocationStatus,
+    HoldSetpoint,
+    HoldStatus,
+    ThrusterCommand,
+    ThrusterHealth,
+    ThrusterState,
+)
 from hindrax_msgs.srv import Recentre
 from hindrax_operator.nodes.operator_node import UP, Operator
 from hindrax_operator.snapshot import ANGLES, holds_of
@@ -53,10 +59,9 @@ def stop(operator: Operator) -> list[str]:
 
 def require_armed(operator: Operator) -> None:
     """HindraxError unless the thrusters are armed and nothing is being flown."""
-    operator.wait(lambda: operator.thrusters is not None, SEEN_S, lambda: f"the thrusters; {UP}")
-    if not operator.thrusters.armed:
-        state, reason = operator.thrusters.state, operator.thrusters.reason
-        raise HindraxError(f"the thrusters are {state} ({reason}), wanted armed; `./hindrax arm` first")
+    found = operator.awaited(lambda: operator.thrusters, SEEN_S, lambda: f"the thrusters; {UP}")
+    if not found.armed:
+        raise HindraxError(f"the thrusters are {found.state} ({found.reason}), wanted armed; `./hindrax arm` first")
     operator.pause(0.3)
     require_obedience(operator)
     if operator.flying:
@@ -76,7 +81,7 @@ def hold(operator: Operator, axes: Sequence[str], value: float, *, engaged: bool
     with operator.sender(HOLD_SETPOINT, "the pilot, which serves the holds") as send:
         for axis in axes:
             _send_until_held(operator, send, HoldSetpoint(axis=axis, engaged=engaged, value=value))
-    found = dict(zip(operator.holds.axes, operator.holds.setpoints, strict=True))
+    found = {one.axis: one.setpoint for one in holds_of(operator.holds)}
     return {axis: found[axis] for axis in axes} if engaged else {}
 
 
@@ -106,11 +111,11 @@ def _send_until_held(operator: Operator, send: Callable[[HoldSetpoint], None], w
         operator.wait(held, SEEN_S, lambda: f"the {wanted.axis} hold to {verb}{_note(operator.holds, wanted.axis)}")
 
 
-def _hold(status: HoldStatus, axis: str) -> HoldState | None:
+def _hold(status: HoldStatus | None, axis: str) -> HoldState | None:
     return next((one for one in holds_of(status) if one.axis == axis), None)
 
 
-def _holds_as(status: HoldStatus, wanted: HoldSetpoint) -> bool:
+def _holds_as(status: HoldStatus | None, wanted: HoldSetpoint) -> bool:
     if (found := _hold(status, wanted.axis)) is None:
         return False
     if not (found.engaged and wanted.engaged):
@@ -121,7 +126,7 @@ def _holds_as(status: HoldStatus, wanted: HoldSetpoint) -> bool:
     return abs(wrapped(off) if wanted.axis in ANGLES else off) < NEAR
 
 
-def _note(status: HoldStatus, axis: str) -> str:
+def _note(status: HoldStatus | None, axis: str) -> str:
     if (found := _hold(status, axis)) is None:
         return "; the pilot does not answer: it waits for a navigation solution (`./hindrax monitor`)"
     if found.note:
@@ -139,20 +144,20 @@ def recentre(operator: Operator, x_m: float, y_m: float, turned_rad: float) -> N
         operator.wait(future.done, SEEN_S, lambda: "an answer from maneuver/recentre")
     finally:
         operator.node.destroy_client(client)
-    answer: Any = future.result()
+    answer: Recentre.Response = future.result()
     if not answer.accepted:
         raise HindraxError(f"recentre: {answer.reason}")
 
 
-def apply_wrench(operator: Operator, wrench: Vec6, seconds: float) -> Any:
+def apply_wrench(operator: Operator, wrench: Vec6, seconds: float) -> AllocationStatus:
     """Command a wrench [N, Nm] for a span of vehicle time; returns the last allocation, ends with a zero wrench."""
-    operator.wait(lambda: operator.allocation is not None, SEEN_S, lambda: f"the allocator; {UP}")
+    operator.awaited(lambda: operator.allocation, SEEN_S, lambda: f"the allocator; {UP}")
     with operator.sender(OPERATOR_WRENCH, "the pilot, which accepts operator wrenches") as send:
         end = after(operator.now(), seconds)
         try:
             with operator.repeating(WRENCH_PERIOD_S, lambda: send(wrench_to_msg(operator.now(), wrench))):
                 until(operator, lambda: operator.now() >= end, seconds, "the wrench")
-            return operator.allocation
+            return operator.awaited(lambda: operator.allocation, 0.0, lambda: "the allocation")
         finally:
             send(wrench_to_msg(operator.now(), ZERO6))
 
@@ -161,8 +166,9 @@ def until(operator: Operator, over: Callable[[], bool], seconds: float, what: st
     """Spin until it is over, about `seconds` of vehicle time; HindraxError when the thrusters are disarmed before."""
 
     def done() -> bool:
-        if not operator.thrusters.armed:
-            raise HindraxError(f"{what} ended early: the thrusters are {operator.thrusters.state}")
+        if not operator.armed:
+            state = operator.thrusters.state if operator.thrusters is not None else "silent"
+            raise HindraxError(f"{what} ended early: the thrusters are {state}")
         require_obedience(operator)
         return over()
 
@@ -172,9 +178,10 @@ def until(operator: Operator, over: Callable[[], bool], seconds: float, what: st
 def set_health(operator: Operator, names: set[str], reason: str, *, usable: bool) -> list[str]:
     """Take thrusters into use or out of it; returns all that are out, as the allocator has it, with their reasons."""
     listed = _list_in_force(operator)
-    unknown = sorted(names - set(operator.allocation.thrusters))
+    known_names = operator.awaited(lambda: operator.allocation, SEEN_S, lambda: "the allocator").thrusters
+    unknown = sorted(names - set(known_names))
     if unknown:
-        known = ", ".join(operator.allocation.thrusters)
+        known = ", ".join(known_names)
         raise HindraxError(f"found no thruster {', '.join(unknown)}; the vehicle has {known}")
     wanted = sorted(set(listed.disabled) - names if usable else names.union(listed.disabled))
     kept: Mapping[str, str] = dict(zip(listed.disabled, listed.reasons, strict=False))
@@ -186,23 +193,22 @@ def set_health(operator: Operator, names: set[str], reason: str, *, usable: bool
         operator.repeating(AGAIN_S, lambda: send(message)),
     ):
         operator.wait(
-            lambda: sorted(operator.health.disabled) == sorted(operator.allocation.disabled) == wanted,
+            lambda: all(
+                one is not None and sorted(one.disabled) == wanted for one in (operator.health, operator.allocation)
+            ),
             SEEN_S,
             lambda: "the allocator to take the list",
         )
     return wanted
 
 
-def _list_in_force(operator: Operator) -> Any:
+def _list_in_force(operator: Operator) -> ThrusterHealth:
     """Return the pilot's list; after a restart of the pilot, wait until the safety monitor has sent the list again."""
-    operator.wait(
-        lambda: operator.allocation is not None and operator.health is not None,
-        SEEN_S,
-        lambda: f"the allocator and the pilot; {UP}",
-    )
-    if stamp_from_msg(operator.health.header.stamp) == 0:
+    operator.awaited(lambda: operator.allocation, SEEN_S, lambda: f"the allocator and the pilot; {UP}")
+    found = operator.awaited(lambda: operator.health, SEEN_S, lambda: f"the allocator and the pilot; {UP}")
+    if stamp_from_msg(found.header.stamp) == 0:
         operator.pause(KEPT_S)
-    return operator.health
+    return operator.health or found
 
 
 def require_sole(operator: Operator) -> None:
@@ -215,7 +221,7 @@ def require_sole(operator: Operator) -> None:
         )
 
 
-def run_alone(operator: Operator, pulses_us: Sequence[float], seconds: float) -> Any:
+def run_alone(operator: Operator, pulses_us: Sequence[float], seconds: float) -> ThrusterState:
     """Command pulses for a span of vehicle time as the only master; returns the last thruster state of the span."""
     with operator.sender(THRUSTER_COMMAND, "the thrusters") as send:
 
@@ -227,7 +233,7 @@ def run_alone(operator: Operator, pulses_us: Sequence[float], seconds: float) ->
         end = after(operator.now(), seconds)
         with operator.repeating(COMMAND_PERIOD_S, lambda: command(pulses_us)):
             until(operator, lambda: operator.now() >= end, seconds, "the thruster's run")
-        return operator.thrusters
+        return operator.awaited(lambda: operator.thrusters, SEEN_S, lambda: "the thrusters")
 
 
 def set_lights(operator: Operator, levels: Sequence[float]) -> None:

@@ -36,7 +36,7 @@ def arm(arguments: argparse.Namespace) -> int:
         operator.wait_for_thrusters()
         print_fitted("arming; keep hands off the thrusters")
         operator.arm(seconds=ARMING_S)
-        print_fitted(f"armed ({operator.thrusters.output}); `./hindrax stop` ends it at any time")
+        print_fitted(f"armed ({operator.output}); `./hindrax stop` ends it at any time")
     return 0
 
 
@@ -45,7 +45,7 @@ def disarm(arguments: argparse.Namespace) -> int:
     """Disarm the thrusters at once."""
     with operator_of(arguments, moves=False) as operator:
         operator.arm(arm=False)
-        print_fitted(f"disarmed ({operator.thrusters.output})")
+        print_fitted(f"disarmed ({operator.output})")
     return 0
 
 

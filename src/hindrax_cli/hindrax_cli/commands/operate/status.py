@@ -80,8 +80,8 @@ def _ask(stack: StackLock, made: StackStatus) -> None:
     made.thrusters = UNKNOWN
     try:
         with joined(stack, beating=False) as operator:
-            operator.wait(lambda: operator.thrusters is not None, THRUSTERS_S, lambda: "the state of the thrusters")
-            made.thrusters = operator.thrusters.state
+            found = operator.awaited(lambda: operator.thrusters, THRUSTERS_S, lambda: "the state of the thrusters")
+            made.thrusters = found.state
             if made.health == WELL:
                 operator.pause(DIAGNOSTICS_S)
                 made.health = "; ".join(node_problems(operator)) or WELL

@@ -81,6 +81,6 @@ def _set_health(arguments: argparse.Namespace) -> int:
         from hindrax_operator.nodes.orders import set_health  # noqa: PLC0415  # rclpy reads the environment of the stack
 
         left_out = set_health(operator, names, arguments.reason, usable=arguments.what == "enable")
-        lost = list(operator.allocation.lost_axes)
+        lost = list(operator.allocation.lost_axes) if operator.allocation is not None else []
     text = f"out of use: {', '.join(left_out) or 'none'}" + (f"; lost axes: {', '.join(lost)}" if lost else "")
     return print_answer({"disabled": left_out, "lost_axes": lost}, text, as_json=arguments.json)
