@@ -17,6 +17,7 @@ lock() { # OUTPUT OPTION... INPUT...
 # Resolved for 3.11, the older of the two: whatever it admits, 3.12 admits as well. The wheels of ROS are x86-64 only.
 lock bootstrap.lock --python-version 3.11 --universal bootstrap.in
 lock wheels.lock --python-version 3.11 --python-platform x86_64-manylinux_2_28 ros.in runtime.in development.in
+lock site.lock --python-version 3.11 --universal site.in
 
 # A ROS installation brings ROS, colcon and numpy; the C extensions of ROS are built for that numpy (Ubuntu 24.04 has
 # 1.26.4), so ours must not hide it, and everything else has to be of a version that runs with it.

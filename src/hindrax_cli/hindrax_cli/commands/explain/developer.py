@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import subprocess
@@ -26,7 +27,11 @@ QUICK = (
     ("format", [sys.executable, "-m", "ruff", "format", "--check", "--quiet"]),
     ("rooms", [sys.executable, "-c", "from importlinter.cli import lint_imports_command as c; c()"]),
 )
-TYPES = [sys.executable, "-m", "mypy"]
+BESIDE = {
+    "types": [sys.executable, "-m", "mypy"],
+    "site": [sys.executable, "-m", "hindrax_tools.site.build"],
+}
+"""What runs beside the tests: neither prints anything as long as all is good."""
 
 
 @command("./hindrax completion bash", option("shell", choices=command_page.SHELLS, help="which shell"))
@@ -52,14 +57,25 @@ def test(arguments: argparse.Namespace) -> int:
     if words:
         return 0 if good("tests", [*PYTEST, *words], root) else 1
     passed = [good(name, command, root) for name, command in QUICK]
-    with tempfile.TemporaryFile("w+") as output:
-        print_fitted("== types: checked beside the tests")
-        types = subprocess.Popen(TYPES, cwd=root, stdin=subprocess.DEVNULL, stdout=output, stderr=output)  # noqa: S603  # our own command
+    with contextlib.ExitStack() as running:
+        beside = {name: _Beside(running, command, root) for name, command in BESIDE.items()}
+        print_fitted(f"== {' and '.join(BESIDE)}: checked beside the tests")
         passed.append(good("tests", ALL, root))
-        passed.append(code_of(types) == 0)
-        output.seek(0)
-        print_whole(f"{output.read()}== types: {'good' if passed[-1] else 'FAILED'}")
+        for name, one in beside.items():
+            passed.append(code_of(one.process) == 0)
+            one.output.seek(0)
+            print_whole(f"{one.output.read()}== {name}: {'good' if passed[-1] else 'FAILED'}")
     return 0 if all(passed) else 1
+
+
+class _Beside:
+    """A check that runs while the tests do; its output is kept until they have ended."""
+
+    def __init__(self, running: contextlib.ExitStack, command: list[str], root: Path) -> None:
+        self.output = tempfile.TemporaryFile("w+")  # noqa: SIM115  # the stack of contexts closes it
+        running.enter_context(self.output)
+        out = self.output
+        self.process = subprocess.Popen(command, cwd=root, stdin=subprocess.DEVNULL, stdout=out, stderr=out)  # noqa: S603  # our own commands
 
 
 def good(name: str, command: list[str], root: Path) -> bool:
@@ -85,16 +101,20 @@ def _what(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--check", action="store_true", help="only list stale pages (the default); exit code 1 if any")
     what.add_argument("--write", action="store_true", help="write what is stale: pages, access policies, stubs")
     what.add_argument("--figures", action="store_true", help="redraw the figures of the explanation")
+    what.add_argument("--site", action="store_true", help="build the site of the documentation into --out")
     what.add_argument("--fly", action="store_true", help="repeat the flights of the figures, then draw them")
 
 
 @command(
     "./hindrax reference --write\n# flies sixteen pool tests, then draws the figures:\n./hindrax reference --fly",
     _what,
-    option("--out", type=Path, metavar="DIR", help="folder of the pages, or of the figures"),
+    option("--out", type=Path, metavar="DIR", help="folder of the pages, of the figures, or of the site"),
+    option("--repository", default="", metavar="URL", help="with --site: where its files are, such as .../blob/v0.2.0"),
 )
 def reference(arguments: argparse.Namespace) -> int:
     """Write the reference pages in docs/reference from the code, or check that they are up to date."""
+    if arguments.site:
+        return int(developer_module("site.build").build(clone_root(), _required(arguments), arguments.repository))
     docs, pages = clone_root() / "docs", developer_module("reference")
     if arguments.figures or arguments.fly:
         return _draw(arguments.out or docs / "explanation" / "figures", again=arguments.fly)
@@ -112,6 +132,13 @@ def reference(arguments: argparse.Namespace) -> int:
         raise HindraxError(f"{folder}: stale are {', '.join(stale)}; `{pages.COMMAND}` writes them")
     print_stderr(f"{folder}: up to date")
     return 0
+
+
+def _required(arguments: argparse.Namespace) -> Path:
+    if arguments.out is None:
+        raise UsageError("reference --site: found no --out, wanted the folder that the site goes to")
+    out: Path = arguments.out
+    return out
 
 
 def _write_policies() -> None:
