@@ -104,7 +104,7 @@ def _head(conditions: ResultConditions) -> str:
     return "".join(f"# {line}\n" for line in lines) + "\n"
 
 
-def _dump(data: Mapping[str, Any]) -> str:
+def _dump(data: Mapping[str, object]) -> str:
     return str(yaml.safe_dump(dict(data), sort_keys=False, default_flow_style=None, width=110, allow_unicode=True))
 
 
@@ -147,7 +147,7 @@ def coefficients_of(data: object, source: str, label: str = "") -> SavedCoeffici
     return SavedCoefficients(label, _conditions(data, source), motions)
 
 
-def _conditions(data: Mapping[str, Any], source: str) -> ResultConditions:
+def _conditions(data: Mapping[str, object], source: str) -> ResultConditions:
     """Conditions of a file; older files have gaps."""
     block = data.get("conditions")
     block = block if isinstance(block, Mapping) else {}

@@ -39,12 +39,12 @@ class SchemaChange:
 
     version: int
     type: str
-    added: Mapping[str, Any] = field(default_factory=dict)
+    added: Mapping[str, object] = field(default_factory=dict)
     """New fields, with the value that says that it is not known."""
-    turned: Mapping[str, tuple[str, Callable[[Any], Any]]] = field(default_factory=dict)
+    turned: Mapping[str, tuple[str, Callable[[object], object]]] = field(default_factory=dict)
     """Fields of another kind since: the kind they had before, and how they become today's."""
 
-    def apply(self, message: Any) -> None:
+    def apply(self, message: object) -> None:
         """Migrate a decoded message to the newer form."""
         for name, value in self.added.items():
             setattr(message, name, value)

@@ -92,11 +92,11 @@ class Difference:
     field: str
     count: int
     first: int
-    recorded: Any
-    replayed: Any
+    recorded: object
+    replayed: object
     worst: float
 
-    def document(self, begin: int) -> dict[str, Any]:
+    def document(self, begin: int) -> dict[str, object]:
         """JSON document; times in seconds since the begin of the bag."""
         return {
             "topic": self.topic,
@@ -114,7 +114,7 @@ class Difference:
         return f"{self.topic} {self.field}: {self.count} times, first at {when}; worst: {values}"
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     finite = isinstance(value, float) and math.isfinite(value)
     return value if finite or isinstance(value, bool | int | str) else str(value)
 
@@ -133,7 +133,7 @@ class ComparisonReport:
         self._tolerances: dict[str, dict[str, Tolerance | None]] = {}
 
     def compare_bytes(
-        self, topic: str, stamp: int, recorded: bytes, replayed: bytes, decode: Callable[[bytes], Any]
+        self, topic: str, stamp: int, recorded: bytes, replayed: bytes, decode: Callable[[bytes], object]
     ) -> bool:
         """Compare two CDR messages, decoded only when their bytes differ; True when only padding differs."""
         if recorded == replayed or self._padding.same(topic, recorded, replayed, decode):
@@ -145,11 +145,13 @@ class ComparisonReport:
         self.compare_messages(topic, stamp, decode(recorded), decode(replayed))
         return False
 
-    def compare_messages(self, topic: str, stamp: int, recorded: Any, replayed: Any) -> None:
+    def compare_messages(self, topic: str, stamp: int, recorded: object, replayed: object) -> None:
         """Compare two decoded messages of one type."""
         self.compare_values(topic, stamp, dict(flat(recorded)), dict(flat(replayed)))
 
-    def compare_values(self, topic: str, stamp: int, recorded: Mapping[str, Any], replayed: Mapping[str, Any]) -> None:
+    def compare_values(
+        self, topic: str, stamp: int, recorded: Mapping[str, object], replayed: Mapping[str, object]
+    ) -> None:
         """Compare two sets of named values; a name in only one of them is a difference."""
         tolerances = self._tolerances.setdefault(topic, {})
         rule = self.rules.of(topic)
@@ -201,7 +203,7 @@ class ComparisonReport:
         self.fields_compared += compared
         self.messages[topic] += 1
 
-    def _differ(self, topic: str, name: str, stamp: int, recorded: Any, replayed: Any) -> None:
+    def _differ(self, topic: str, name: str, stamp: int, recorded: object, replayed: object) -> None:
         apart = _distance(recorded, replayed)
         known = self._differences.get((topic, name))
         if known is None:
@@ -222,7 +224,7 @@ class Padding:
     def __init__(self) -> None:
         self._masks: dict[tuple[str, int], int] = {}
 
-    def same(self, topic: str, one: bytes, other: bytes, decode: Callable[[bytes], Any]) -> bool:
+    def same(self, topic: str, one: bytes, other: bytes, decode: Callable[[bytes], object]) -> bool:
         """Whether two messages differ in padding only."""
         if len(one) != len(other):
             return False
@@ -238,7 +240,7 @@ class Padding:
         return True
 
 
-def _without_effect(data: bytes, offsets: Iterable[int], decode: Callable[[bytes], Any]) -> bool:
+def _without_effect(data: bytes, offsets: Iterable[int], decode: Callable[[bytes], object]) -> bool:
     turned = bytearray(data)
     for index in offsets:
         turned[index] ^= 0xFF
@@ -248,13 +250,13 @@ def _without_effect(data: bytes, offsets: Iterable[int], decode: Callable[[bytes
         return False
 
 
-def _equal(recorded: Any, replayed: Any, tolerance: Tolerance) -> bool:
+def _equal(recorded: object, replayed: object, tolerance: Tolerance) -> bool:
     if isinstance(recorded, float | int) and isinstance(replayed, float | int):
         return tolerance.allows(float(recorded), float(replayed))
     return bool(recorded == replayed)
 
 
-def _distance(recorded: Any, replayed: Any) -> float:
+def _distance(recorded: object, replayed: object) -> float:
     if isinstance(recorded, float | int) and isinstance(replayed, float | int):
         apart = abs(float(recorded) - float(replayed))
         return math.inf if math.isnan(apart) else apart
@@ -285,7 +287,7 @@ def _names(message: Any) -> Iterable[str]:
     return found
 
 
-def _flat_value(name: str, value: Any) -> Iterator[tuple[str, Any]]:
+def _flat_value(name: str, value: object) -> Iterator[tuple[str, object]]:
     if isinstance(value, bool | int | float | str | bytes):
         yield name, value
     elif isinstance(value, list | tuple):

@@ -94,7 +94,7 @@ def metadata_text(files: Sequence[Contents]) -> str:
     return yaml.dump({"rosbag2_bagfile_information": information}, Dumper=_NoAliases, sort_keys=False)
 
 
-def _topic(channel: Channel, count: int) -> dict[str, Any]:
+def _topic(channel: Channel, count: int) -> dict[str, object]:
     return {
         "topic_metadata": {
             "name": channel.topic,
@@ -158,7 +158,7 @@ def _duration(seconds: float) -> dict[str, int]:
 
 
 class _NoAliases(yaml.SafeDumper):
-    def ignore_aliases(self, _data: Any) -> bool:
+    def ignore_aliases(self, _data: object) -> bool:
         return True
 
 

@@ -57,7 +57,7 @@ class NodeOptions:
     bag: str = ""
     notes: str = ""
     without_operator: str = ""
-    wires: Mapping[str, Any] | None = None
+    wires: Mapping[str, object] | None = None
     """Ports of simulated hardware, its clock, and the truth about it where it is known; None for the real one."""
     more: Mapping[str, Sequence[str]] = field(default_factory=dict)
     """Further ROS arguments by process."""

@@ -128,12 +128,12 @@ class Stack:
         child = self.supervisor.start(process, words, pipe=True)
         self.mock_facts = first_line(child, MOCK_READY_S, self.folder.logs / f"{process.name}.log", over)
 
-    def last_facts(self) -> Mapping[str, Any]:
+    def last_facts(self) -> Mapping[str, object]:
         """End all of it and return the ground truth of the mock; empty without one."""
         child = self.supervisor.children.get(MOCK.name)
         self.supervisor.close()
         lines = child.output.read().splitlines() if child is not None and child.output is not None else []
-        found: Mapping[str, Any] = json.loads(lines[-1]) if lines else {}
+        found: Mapping[str, object] = json.loads(lines[-1]) if lines else {}
         return found
 
 
@@ -149,7 +149,7 @@ def first_line(
         if time.monotonic() > deadline_s:
             raise HindraxError(f"the mock vehicle did not come up; {last_words(log)}")
     if line := pipe.readline():
-        found: Mapping[str, Any] = json.loads(line)
+        found: Mapping[str, object] = json.loads(line)
         return found
     if child.handle.wait(seconds) == UsageError.exit_code:
         raise UsageError(f"the mock vehicle refused; {last_words(log)}")

@@ -145,7 +145,7 @@ class StackProcess:
         found = whole.decode(errors="replace").splitlines()
         return [line for line in found if not line.startswith(LAST_WORDS)]
 
-    def end(self) -> Mapping[str, Any]:
+    def end(self) -> Mapping[str, object]:
         """End it in order, however often Ctrl-C is pressed; returns the ground truth of its mock.
 
         HindraxError when an output could not be left safe.
@@ -162,7 +162,7 @@ class StackProcess:
         if self._handle.returncode and not self._reported:
             raise self._ended()
         line = self._line()
-        found: Mapping[str, Any] = json.loads(line) if line else {}
+        found: Mapping[str, object] = json.loads(line) if line else {}
         return found
 
     def _line(self) -> bytes:

@@ -17,7 +17,6 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from hindrax_bag.read.recovery import begin_completion, unfinished_files
 from hindrax_bag.run_folder import RUNS, RunFolder, make_run_folder, remove_oldest
@@ -120,7 +119,7 @@ def _entry(options: UpOptions, folder: RunFolder, made: Mapping[str, str]) -> St
     )
 
 
-def _tell(document: Mapping[str, Any]) -> None:
+def _tell(document: Mapping[str, object]) -> None:
     with contextlib.suppress(OSError):  # the client has died; so will this process, in order
         print_whole(json.dumps(document))
 

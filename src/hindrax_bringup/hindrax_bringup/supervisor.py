@@ -236,7 +236,7 @@ class Supervisor:
 
 
 @contextlib.contextmanager
-def stop_signals(handler: Callable[[int, Any], object]) -> Iterator[None]:
+def stop_signals(handler: Callable[[int, object], object]) -> Iterator[None]:
     """Have SIGINT and SIGTERM handled like this meanwhile; in another thread than the main one nothing changes."""
     main = threading.current_thread() is threading.main_thread()
     numbers = (signal.SIGINT, signal.SIGTERM) if main else ()

@@ -26,7 +26,7 @@ def _go_below_the_key() -> None:
         os.write(STDERR, b"\n")
 
 
-def end_now(_number: int, _frame: Any) -> None:
+def end_now(_number: int, _frame: object) -> None:
     """End where nothing is begun yet, or all is done; an exception within an import would come out as another."""
     _go_below_the_key()
     os.write(STDERR, f"{sentence()}\n".encode())

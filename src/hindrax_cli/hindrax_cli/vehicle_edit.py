@@ -77,7 +77,7 @@ def _child(node: Any, key: str) -> Any:
     return next((value for name, value in pairs if name.value == key), None)
 
 
-def _in_the_style_of(node: Any, value: object) -> str:
+def _in_the_style_of(node: object, value: object) -> str:
     """The value as text: a block on separate lines where it replaces a block, else on one line."""
     if not (isinstance(value, dict) and value and isinstance(node, yaml.MappingNode) and not node.flow_style):
         return on_one_line(value)

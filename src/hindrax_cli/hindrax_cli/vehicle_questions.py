@@ -279,7 +279,7 @@ def file_text(name: str, answers: Answers) -> str:
     """Vehicle file: what was answered, and for the rest assumptions that are marked as such."""
     (mass_kg,), size, density = answers["mass"], answers["size"], Water().density_kgpm3
     length, width, height = size
-    known: dict[str, Any] = {
+    known: dict[str, object] = {
         "name": name,
         "mass_kg": mass_kg,
         "volume_m3": float(f"{_volume_m3(answers):.6g}"),
@@ -306,7 +306,7 @@ def file_text(name: str, answers: Answers) -> str:
     return "\n".join([*parts, ""])
 
 
-def _thrusters(answers: Answers) -> list[dict[str, Any]]:
+def _thrusters(answers: Answers) -> list[dict[str, object]]:
     """T1 to T4 vectored (front port, front starboard, rear port, rear starboard), then those that push up."""
     (angle,), corners = answers["angle"], ((1, -1), (1, 1), (-1, -1), (-1, 1))
     (ahead, across), (above_ahead, above_across) = answers["vectored"], answers["vertical"]
@@ -322,7 +322,7 @@ def _thrusters(answers: Answers) -> list[dict[str, Any]]:
     return [{"name": f"T{index + 1}", "channel": index} | one for index, one in enumerate(made)]
 
 
-def _curve(full_N: float) -> dict[str, Any]:
+def _curve(full_N: float) -> dict[str, object]:
     """A parabola from the stop pulse to full thrust astern, mirrored: F = -T ((P0 - P) / (P0 - P1))^2."""
     start = STOP_us - DEAD_BAND_us
     scale = full_N / (STOP_us - FULL_us) ** 2
@@ -341,7 +341,7 @@ def _dump(block: dict[str, Any]) -> str:
     return "".join(_entry(key, value) for key, value in block.items())
 
 
-def _entry(key: str, value: Any) -> str:
+def _entry(key: str, value: object) -> str:
     if isinstance(value, list) and isinstance(value[0], dict):
         return f"{key}:\n" + "".join(f"  - {on_one_line(row)}\n" for row in value)
     if isinstance(value, dict) and isinstance(next(iter(value.values())), dict):

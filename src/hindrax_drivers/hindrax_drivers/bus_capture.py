@@ -36,7 +36,7 @@ class CapturedReadings:
         return [one.reading for one in self.readings if isinstance(one.reading, kind)]
 
 
-def mount_of(vehicle: Vehicle, driver: type[Any], name: str | None = None) -> tuple[str, Mount]:
+def mount_of(vehicle: Vehicle, driver: type[object], name: str | None = None) -> tuple[str, Mount]:
     """Name and mount of the sensor that a driver serves: of several the one called `name`, or the first.
 
     UsageError when there is none.

@@ -49,7 +49,7 @@ class AllocationStage:
         self._cycle = AllocationCycle(vehicle, *knobs)
         names = [thruster.name for thruster in vehicle.thrusters]
         self._command_bytes, self._status_bytes = command_writer(len(names)), allocation_writer(names, vehicle.supply_V)
-        self._wrenches: deque[tuple[Stamp, Any]] = deque()
+        self._wrenches: deque[tuple[Stamp, object]] = deque()
         self._commands: dict[int, BagMessage] = {}
         self._states: dict[tuple[int, int], list[AppliedOutput]] = {}
         """By stamp and sequence number of the command; lists, for several states may have both in common."""

@@ -54,7 +54,7 @@ class Replayed:
     wall_s: float = 0.0
     samples: ReferenceSamples = field(default_factory=ReferenceSamples)
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> dict[str, object]:
         """As it appears in JSON."""
         differences = [one.document(self.begin) for one in self.ledger.differences()]
         found = {"bag": str(self.bag), "fields_compared": self.ledger.fields_compared, "differences": differences}
@@ -193,7 +193,7 @@ def write_reference(replayed: Replayed, file: Path) -> None:
     file.write_text("{\n" + ",\n".join(topics) + "\n}\n", encoding="utf-8")
 
 
-def _as_read(values: Mapping[str, Any]) -> dict[str, Any]:
+def _as_read(values: Mapping[str, object]) -> dict[str, object]:
     """Bytes have no JSON; everything else comes back as it was."""
     return {name: value.hex() if isinstance(value, bytes) else value for name, value in values.items()}
 
@@ -208,7 +208,7 @@ class SecondStage:
     that the replayed devices publish differently.
     """
 
-    def __init__(self, bag: Iterable[BagMessage], follow: Callable[[Iterator[SettledMessage]], Any]) -> None:
+    def __init__(self, bag: Iterable[BagMessage], follow: Callable[[Iterator[SettledMessage]], object]) -> None:
         """`bag`: the messages that the first stage will forward; `follow` processes them and returns its result."""
         self._pipe, theirs = _fork.Pipe()
         self._settled, self._replacements = 0, dict[int, bytes]()

@@ -126,7 +126,7 @@ class ReplayedDevice:
     """One device of the vehicle on its recorded wire; its readings become messages."""
 
     def __init__(
-        self, name: str, vehicle: Vehicle, parameters: Parameters, add_made: Callable[[str, int, Any], None]
+        self, name: str, vehicle: Vehicle, parameters: Parameters, add_made: Callable[[str, int, object], None]
     ) -> None:
         """`add_made` is called with all that the device publishes: full topic, stamp, message or its CDR bytes."""
         mount = vehicle.sensors[name]
@@ -138,7 +138,7 @@ class ReplayedDevice:
         # Topics outside the table were not recorded and are not compared.
         self.topics = {topic.name: resolved(topic) for topic in self._messages.topics if topic.recorded}
 
-    def frames(self, batch: Any) -> None:
+    def frames(self, batch: object) -> None:
         """Feed one RawFrames message to the device."""
         for stamp, direction, data in frames_in(batch):
             for output in self.wire.frame(stamp, direction, data):
@@ -154,10 +154,10 @@ def knobs_of(kind: type[Any], parameters: Parameters, name: str) -> Any:
     return build(kind, {one.name: given[one.name] for one in fields(kind) if one.name in given}, name)
 
 
-def parameters_of(inside: Mapping[str, bytes]) -> dict[str, dict[str, Any]]:
+def parameters_of(inside: Mapping[str, bytes]) -> dict[str, dict[str, object]]:
     """Parameters by node, from the ROS parameter file among the attachments of a bag."""
     text = inside.get("parameters.yaml", b"").decode("utf-8", "replace")
-    found: dict[str, dict[str, Any]] = {}
+    found: dict[str, dict[str, object]] = {}
     for node, block in (read_yaml(text, "parameters of the bag") or {}).items():
         name = node.rpartition("/")[2]
         found.setdefault(name, {}).update(block.get("ros__parameters", {}))

@@ -13,7 +13,6 @@ from bisect import bisect_left
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 from hindrax_bag.message_comparison import ComparisonReport, Rule, Rules, flat
 from hindrax_bag.read.bag_reader import VEHICLE_FILE, attached_vehicle, attachments, messages
@@ -48,7 +47,7 @@ SETTLING_NS = 3 * NS_PER_S
 ALLOCATION_NAME = resolved(ALLOCATION)
 COMPUTED = {resolved(topic) for topic in (NAVIGATION, ALLOCATION, ESTIMATE)}
 STAMP = ("header.stamp.sec", "header.stamp.nanosec")
-Row = tuple[int, dict[str, Any]]
+Row = tuple[int, dict[str, object]]
 """Stamp [ns] and values by name; the stamp is also among them, as `stamp_s`."""
 
 
@@ -101,7 +100,7 @@ def _run(bag: Path, folder: RunFolder, vehicle_file: str | None, seconds: float)
 
 
 def _parameters(
-    folder: RunFolder, tuned: dict[str, dict[str, Any]], ports: dict[str, dict[str, object]]
+    folder: RunFolder, tuned: dict[str, dict[str, object]], ports: dict[str, dict[str, object]]
 ) -> dict[str, dict[str, object]]:
     """Parameters of the recorded run, at the ports of this one."""
     made: dict[str, dict[str, object]] = {
@@ -166,7 +165,7 @@ def _compare(
     """
     exact = [name for name in there[0][1] if by_values and rule.is_sharp(name)]
 
-    def key(values: dict[str, Any]) -> tuple[str, ...]:
+    def key(values: dict[str, object]) -> tuple[str, ...]:
         return tuple(repr(values.get(name)) for name in exact)
 
     candidates: dict[tuple[str, ...], list[Row]] = defaultdict(list)

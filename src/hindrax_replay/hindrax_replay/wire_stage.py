@@ -55,11 +55,11 @@ class _Stream:
 
     def __init__(self, topic: str, device: ReplayedDevice) -> None:
         self.topic, self.device = topic, device
-        self.made: dict[int, list[Any]] = {}
+        self.made: dict[int, list[object]] = {}
         """Lists, for several messages may have one stamp."""
         self.first = self.last = 0
 
-    def pop(self, stamp: int) -> Any:
+    def pop(self, stamp: int) -> object:
         """Remove and return the next replayed message with this stamp; None when there is none."""
         made = self.made.pop(stamp, [None])
         if len(made) > 1:
@@ -142,7 +142,7 @@ class WireStage:
             self._streams |= {topic: _Stream(topic, device) for topic in device.topics.values()}
         return self._devices.get(name)
 
-    def _add_made(self, topic: str, stamp: int, made: Any) -> None:
+    def _add_made(self, topic: str, stamp: int, made: object) -> None:
         self._streams[topic].made.setdefault(stamp, []).append(made)
 
     def _drain(self) -> None:
@@ -178,7 +178,7 @@ class WireStage:
         return AS_RECORDED
 
 
-def compare_lazily(ledger: ComparisonReport, message: BagMessage, stamp: int, made: Any) -> bool:
+def compare_lazily(ledger: ComparisonReport, message: BagMessage, stamp: int, made: object) -> bool:
     """Compare bytes first and fields only when they differ; True when nothing differs."""
     form = message.form
     if form.old:

@@ -55,7 +55,7 @@ class PublishQueue:
                 send, data = self._held.popleft()
                 send(data)
 
-    def add(self, send: Callable[[bytes], None], message: Any) -> None:
+    def add(self, send: Callable[[bytes], None], message: object) -> None:
         """Serialize a message now and queue it for the next flush."""
         self._held.append((send, serialized(message)))
 
@@ -67,7 +67,7 @@ class DeferredPublisher:
         self._enqueue, self._send = publish_queue.add, publisher.publish
         self.get_subscription_count = publisher.get_subscription_count
 
-    def publish(self, message: Any) -> None:
+    def publish(self, message: object) -> None:
         """Serialize a message now; it is sent when the queue is flushed."""
         self._enqueue(self._send, message)
 
@@ -133,7 +133,7 @@ class BatchedNode(CheckedNode):
         """Whether it subscribes to anything."""
         return any(super().subscriptions)
 
-    def create_subscription(self, *arguments: Any, **options: Any) -> Subscription:
+    def create_subscription(self, *arguments: object, **options: object) -> Subscription:
         """As rclpy does; `drain` reads it from its next call on."""
         self._read = None
         return super().create_subscription(*arguments, **options)

@@ -136,7 +136,7 @@ def _leaves(cls: Any, prefix: str = "") -> dict[str, Knob]:
     return found
 
 
-def _nested(values: Mapping[str, Any]) -> dict[str, Any]:
+def _nested(values: Mapping[str, object]) -> dict[str, object]:
     """Nested blocks instead of names with dots."""
     found: dict[str, Any] = {}
     for name, value in values.items():
@@ -148,11 +148,11 @@ def _nested(values: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     return list(value) if isinstance(value, Sequence) and not isinstance(value, str) else value
 
 
-def _descriptor(knob: Knob, value: Any, fixed: str) -> ParameterDescriptor:
+def _descriptor(knob: Knob, value: object, fixed: str) -> ParameterDescriptor:
     descriptor = ParameterDescriptor(description=knob.meaning, read_only=bool(fixed), dynamic_typing=value is None)
     words = ["one of " + ", ".join(knob.choices)] if knob.choices else []
     descriptor.additional_constraints = "; ".join(words + [ONLY + fixed] * bool(fixed))
@@ -167,7 +167,7 @@ def _descriptor(knob: Knob, value: Any, fixed: str) -> ParameterDescriptor:
 class CheckedNode(Node):
     """A node whose parameter services, where it has them, answer every request, also an invalid one."""
 
-    def __init__(self, name: str, *, start_parameter_services: bool = True, **options: Any) -> None:
+    def __init__(self, name: str, *, start_parameter_services: bool = True, **options: object) -> None:
         super().__init__(name, start_parameter_services=False, **options)
         if start_parameter_services:
             CheckedParameterService(self)  # kept alive by its services
@@ -191,7 +191,7 @@ class CheckedParameterService(ParameterService):
         response.result = self._set(request.parameters)
         return response
 
-    def _set(self, messages: Sequence[Any]) -> SetParametersResult:
+    def _set(self, messages: Sequence[object]) -> SetParametersResult:
         node = self._get_node()
         try:
             wanted = [_parameter(node, one) for one in messages]

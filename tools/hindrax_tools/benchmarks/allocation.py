@@ -41,7 +41,7 @@ def _allocation(vehicle: Vehicle) -> list[dict[str, object]]:
     peers = _Peers(allocator.B, np.array([curve.range_N for curve in thrust_curves(vehicle)]))
     best = [peers.best(wrench) for wrench in wrenches]
 
-    def figures(call: Callable[[Vec6], Any]) -> tuple[float, int]:
+    def figures(call: Callable[[Vec6], object]) -> tuple[float, int]:
         off = [np.max(np.abs(allocator.B @ np.array(call(w)) - it)) for w, it in zip(wrenches, best, strict=True)]
         return _pass_us(call, wrenches), sum(not one <= EXACT_N for one in off)
 

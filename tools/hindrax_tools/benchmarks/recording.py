@@ -8,7 +8,6 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from mcap.writer import CompressionType, Writer
 from rosbags.rosbag2 import StoragePlugin
@@ -39,7 +38,7 @@ Span = Callable[[], None]
 """Writes so many messages, and flushes."""
 
 
-def rows() -> list[dict[str, Any]]:
+def rows() -> list[dict[str, object]]:
     """One row per peer: name, ours_us, peer, peer_us, ratio. Medians over interleaved spans, flush included."""
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
@@ -85,12 +84,12 @@ def _span(write: Callable[[bytes, int], object], flush: Callable[[], object]) ->
     return write_all
 
 
-def _figure(ours: Span, peer: str, theirs: Span) -> dict[str, Any]:
+def _figure(ours: Span, peer: str, theirs: Span) -> dict[str, object]:
     ours_us, peer_us = interleaved_us((ours, theirs), SPANS, time.process_time)
     return row(f"record a message of {BYTES} bytes, chunk and flush included", ours_us / SPAN, peer, peer_us / SPAN)
 
 
-def _recorder(folder: Path, peer: str, theirs: Span) -> dict[str, Any]:
+def _recorder(folder: Path, peer: str, theirs: Span) -> dict[str, object]:
     """CPU time per message of the real recorder process, from the graph to the disk, and what it lost."""
     bag, load = folder / "bag", Process("hindrax_tools.benchmarks.peers", ())
     logs = folder / "logs"

@@ -14,7 +14,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from hindrax_bringup.liveness import processes_of
 from hindrax_bringup.process_state import is_stopped
@@ -196,7 +196,7 @@ class FaultyStack:
 
         yield whole
 
-    def _false_message(self, who: str) -> Any:
+    def _false_message(self, who: str) -> object:
         from hindrax_msgs.msg import ThrusterCommand, ThrusterState  # noqa: PLC0415  # as the operator's
         from hindrax_ros.messages.convert import stamp_to_msg  # noqa: PLC0415
 

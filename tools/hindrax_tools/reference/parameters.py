@@ -46,7 +46,7 @@ VEHICLE_FILE = """What a vehicle *is*: one YAML file, `src/hindrax_bringup/vehic
 units, SNAME axes (x forward, y starboard, z down), positions from the body origin, the center of the envelope. A
 file that is wrong is refused with the key path, what was found and what was wanted."""
 
-NODES: Mapping[str, tuple[type[Any], ...]] = {
+NODES: Mapping[str, tuple[type[object], ...]] = {
     **{row.name: (driver_of(row.name).knobs,) for row in SENSORS},
     "thrusters": (OutputGuardKnobs, OutputAlone),
     "navigator": (NavigatorKnobs,),
@@ -85,11 +85,11 @@ def vehicle_page() -> str:
     return head("Vehicle file", VEHICLE_FILE) + "".join(blocks)
 
 
-def _first_line(kind: type[Any]) -> str:
+def _first_line(kind: type[object]) -> str:
     return (kind.__doc__ or "").partition("\n")[0]
 
 
-def knob_table(*kinds: type[Any]) -> str:
+def knob_table(*kinds: type[object]) -> str:
     """One table of all knobs of some dataclasses."""
     return table(("name", "default", "range", "unit", "meaning"), [row for kind in kinds for row in rows(kind)])
 
@@ -105,13 +105,13 @@ def rows(kind: type[Any], prefix: str = "") -> Iterator[tuple[str, ...]]:
             yield _row(prefix + declared.name, declared, inner)
 
 
-def _row(name: str, declared: Field[Any], hint: Any) -> tuple[str, ...]:
+def _row(name: str, declared: Field[object], hint: object) -> tuple[str, ...]:
     knob = knob_of(declared)
     meaning = knob.meaning.removesuffix(f"[{knob.unit}]").strip() if knob.unit else knob.meaning
     return code(name), _default(declared), _range(knob, hint), "" if knob.unit == "-" else knob.unit, meaning
 
 
-def _default(declared: Field[Any]) -> str:
+def _default(declared: Field[object]) -> str:
     if declared.default is not MISSING:
         return _plain(declared.default)
     if declared.default_factory is not MISSING:
@@ -119,7 +119,7 @@ def _default(declared: Field[Any]) -> str:
     return "required"
 
 
-def _plain(value: Any) -> str:
+def _plain(value: object) -> str:
     if isinstance(value, tuple):
         return f"[{', '.join(map(_plain, value))}]"
     if isinstance(value, bool):
@@ -135,7 +135,7 @@ def double(value: float) -> str:
     return text if set(text) & set(".en") else f"{text}.0"
 
 
-def _range(knob: Knob, hint: Any) -> str:
+def _range(knob: Knob, hint: object) -> str:
     if knob.choices:
         return ", ".join(map(code, knob.choices))
     if bool in (hint, *typing.get_args(hint)):

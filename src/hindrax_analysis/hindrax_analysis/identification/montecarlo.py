@@ -143,7 +143,7 @@ def by_chance(runs: int) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def drag_bias(trials: Sequence[Trial]) -> list[dict[str, Any]]:
+def drag_bias(trials: Sequence[Trial]) -> list[dict[str, object]]:
     """Relative error of the drag force at shares of the tested speed, per motion: mean, scatter, calibrated bands.
 
     `rmse_per_band` is the root mean square error over the median calibrated deviation.

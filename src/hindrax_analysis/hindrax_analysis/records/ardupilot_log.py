@@ -123,7 +123,7 @@ class _Rows:
         self.found: dict[tuple[Quantity, str], tuple[list[float], list[list[float]]]] = {}
         self.newest_s = -math.inf
 
-    def add(self, path: Path, kind: str, message: Any, at_s: float) -> None:
+    def add(self, path: Path, kind: str, message: object, at_s: float) -> None:
         """Take the quantities of one message."""
         instance = next((getattr(message, name) for name in INSTANCES if getattr(message, name, 0)), 0)
         self.newest_s = max(self.newest_s, at_s)

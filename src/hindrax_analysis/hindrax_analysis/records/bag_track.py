@@ -68,7 +68,7 @@ class Track:
         else:
             self._add_motion(content)
 
-    def _add_motion(self, content: Any) -> None:
+    def _add_motion(self, content: object) -> None:
         if hasattr(content, "pose"):
             pose = getattr(content.pose, "pose", content.pose)
             self.poses.append([*_six(pose.position, pose.orientation), float(pose.orientation.w)])

@@ -45,7 +45,7 @@ class ThrusterValues:
         """Path of the field in a message of this type; empty where it is neither named nor known."""
         return self.field or PULSE_FIELDS.get(kind, "")
 
-    def row(self, kind: str, content: Any) -> list[float]:
+    def row(self, kind: str, content: object) -> list[float]:
         """Numbers of a decoded message; UsageError when its field holds none."""
         found: Any = content
         for name in self.path(kind).split("."):

@@ -58,14 +58,14 @@ class MessageDecoder:
             return lambda data: of_message(self.decode(data), contents)
         return bytes_reader(parsed(self.type, self.definition), contents)
 
-    def _first_decode(self, data: bytes) -> Any:
+    def _first_decode(self, data: bytes) -> object:
         """Decode by the schema of the bag and migrate the message to the current form."""
         encoding = self.channel.message_encoding
         made: Decode | None = DecoderFactory().decoder_for(encoding, self.schema)
         if made is None:
             raise UsageError(f"topic {self.channel.topic}: encoding {encoding!r} cannot be decoded, wanted cdr")
 
-        def decode(data: bytes) -> Any:
+        def decode(data: bytes) -> object:
             message = made(data)
             for step in self._steps:
                 step.apply(message)
@@ -257,7 +257,7 @@ def attachments(path: str | Path) -> dict[str, bytes]:
     return found
 
 
-def beside_messages(path: str | Path) -> Iterator[Any]:
+def beside_messages(path: str | Path) -> Iterator[object]:
     """Records of a bag that are not in its chunks: attachments, metadata. None of other kinds of bag."""
     for file in bag_files(path):
         if ".mcap" in file.suffixes or file.suffix not in (*KINDS, *COMPRESSED):

@@ -30,7 +30,7 @@ MOST_B = 128 * 2**20
 _RECORD_HEAD = struct.Struct("<BQ")
 _CHUNK_TIMES = struct.Struct("<QQ")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
-_READERS: dict[int, Callable[[ReadDataStream], Any]] = {
+_READERS: dict[int, Callable[[ReadDataStream], object]] = {
     Opcode.HEADER: Header.read,
     Opcode.SCHEMA: Schema.read,
     Opcode.CHANNEL: Channel.read,
@@ -87,7 +87,7 @@ def records(file: Path, damage: Damage | None = None, *, chunks: bool = True) ->
             noted.unfinished = True
 
 
-def _whole_records(file: Path, stream: BinaryIO, damage: Damage, *, chunks: bool) -> Iterator[Any]:
+def _whole_records(file: Path, stream: BinaryIO, damage: Damage, *, chunks: bool) -> Iterator[object]:
     """Records from here up to the footer or to the first that is cut off."""
     size = os.fstat(stream.fileno()).st_size
     while True:
@@ -120,7 +120,7 @@ def _whole_records(file: Path, stream: BinaryIO, damage: Damage, *, chunks: bool
             return
 
 
-def _record(code: int, body: bytes) -> Any:
+def _record(code: int, body: bytes) -> object:
     """Record from its code and content; None for skipped kinds."""
     stream = ReadDataStream(BytesIO(body))
     if code == Opcode.MESSAGE:
@@ -140,7 +140,7 @@ def _note_cut(file: Path, stream: BinaryIO, whole: int, damage: Damage) -> None:
         damage.notes.append(f"{file.name}: the file ends in the middle of a record, at byte {whole}")
 
 
-def _opened(file: Path, record: Any, damage: Damage) -> Iterator[Any]:
+def _opened(file: Path, record: object, damage: Damage) -> Iterator[object]:
     if not isinstance(record, Chunk):
         yield record
         return
@@ -171,9 +171,9 @@ def _content(chunk: Chunk) -> bytes:
     return data
 
 
-def _inside(data: bytes) -> list[Any]:
+def _inside(data: bytes) -> list[object]:
     """Records of an opened chunk. Messages, nearly all records, are read here: twice as fast as one by one."""
-    found: list[Any] = []
+    found: list[object] = []
     at, end = 0, len(data)
     while at < end:
         code, length = _RECORD_HEAD.unpack_from(data, at)

@@ -30,7 +30,7 @@ class Contents(NamedTuple):
     """Fields of a kind of message: their paths, in the order of the definition, and what their values make."""
 
     paths: Sequence[str]
-    made: Callable[..., Any]
+    made: Callable[..., object]
 
     def of_values(self, values: Sequence[Any]) -> Stamped[Any]:
         """Make it of seconds and nanoseconds of the stamp and of the values at `paths`, arrays flattened."""
@@ -45,16 +45,16 @@ def bytes_reader(definition: Definition, contents: Contents) -> Read:
     """Make the reader of CDR bytes of messages of this definition."""
     read, made = CdrReader(definition, *STAMP, *contents.paths).read, contents.made
 
-    def stamped(data: bytes) -> Stamped[Any]:
+    def stamped(data: bytes) -> Stamped[object]:
         found = read(data)
         return Stamped(Stamp(found[0] * NS_PER_S + found[1]), made(*found[2:]))
 
     return stamped
 
 
-def of_message(message: Any, contents: Contents) -> Stamped[Any]:
+def of_message(message: object, contents: Contents) -> Stamped[object]:
     """Read a decoded message, an object with the fields of its type; arrays of messages are not read."""
-    values: list[Any] = []
+    values: list[object] = []
     for path in (*STAMP, *contents.paths):
         found = attrgetter(path)(message)
         many = not isinstance(found, str) and hasattr(found, "__len__")

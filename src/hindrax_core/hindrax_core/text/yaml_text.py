@@ -16,7 +16,7 @@ _SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 class _Loader(_SafeLoader):  # type: ignore[misc]  # either of two classes
     """A safe loader that refuses numbers to the base 60 and numbers without end."""
 
-    def construct_number(self, node: yaml.ScalarNode) -> Any:
+    def construct_number(self, node: yaml.ScalarNode) -> object:
         """Check how a number is written, then read it."""
         if ":" in node.value:
             _refuse(

@@ -32,7 +32,7 @@ class _Task:
 
     name: str
     device: RegisterDevice
-    program: Program[Any] | None = None
+    program: Program[object] | None = None
     configured: bool = False
     planned: Stamp = EPOCH
     failures: int = 0

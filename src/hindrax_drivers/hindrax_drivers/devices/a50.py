@@ -15,7 +15,6 @@ that of the vehicle file, water tracking) are set, unless the knob `configure` i
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, seconds_between
@@ -65,13 +64,13 @@ class A50:
         self._silence = SilenceMonitor("DVL", "reports of a Water Linked DVL", knobs.stall_s)
         drift_ppm, latency_s = knobs.clock_drift_ppm, knobs.latency_s
         self._clock = Timebase(1e-6, drift_ppm=drift_ppm, latency_s=latency_s, on_break=self._on_clock_break)
-        self._handlers: Mapping[str, Callable[[Mapping[str, Any], Stamp], Iterable[Output]]] = {
+        self._handlers: Mapping[str, Callable[[Mapping[str, object], Stamp], Iterable[Output]]] = {
             "velocity": self._on_velocity,
             "velocity_water": self._on_velocity,
             "position_local": self._on_position,
             "response": self._on_response,
         }
-        self.configuration: Mapping[str, Any] = {}
+        self.configuration: Mapping[str, object] = {}
         """Last reported settings of the device; empty before the first report."""
         self._reset(Stamp(0))
 
@@ -120,7 +119,7 @@ class A50:
         self._troubles = []
         return outputs
 
-    def _on_velocity(self, report: Mapping[str, Any], stamp: Stamp) -> Sequence[Output]:
+    def _on_velocity(self, report: Mapping[str, object], stamp: Stamp) -> Sequence[Output]:
         found = protocol.velocity_report(report)
         if found.validity_us == self._last_us:
             raise protocol.ReportError("velocity: repeated")
@@ -158,14 +157,14 @@ class A50:
         share = sum(beam.locked for beam in found.beams) / len(found.beams)
         return track, BottomVelocity(found.velocity_mps, sigma, share, interval_s, found.validity_us)
 
-    def _on_position(self, report: Mapping[str, Any], _: Stamp) -> Sequence[Output]:
+    def _on_position(self, report: Mapping[str, object], _: Stamp) -> Sequence[Output]:
         """Check a dead reckoning report. Its yaw is no heading and its place has no north: nothing is made of it."""
         at_s, self._last_position_s = self._last_position_s, protocol.dead_reckoning(report).time_s
         if at_s == self._last_position_s:
             raise protocol.ReportError("position: repeated")
         return ()
 
-    def _on_response(self, report: Mapping[str, Any], stamp: Stamp) -> list[Output]:
+    def _on_response(self, report: Mapping[str, object], stamp: Stamp) -> list[Output]:
         order, done = report.get("response_to"), report.get("success")
         if not isinstance(order, str) or not isinstance(done, bool):
             raise protocol.ReportError("response: fields")
@@ -178,7 +177,7 @@ class A50:
             return [Send(protocol.command("get_config"))]
         return []
 
-    def _on_settings(self, found: Mapping[str, Any], form: str, stamp: Stamp) -> list[Output]:
+    def _on_settings(self, found: Mapping[str, object], form: str, stamp: Stamp) -> list[Output]:
         self.configuration, self._configured = dict(found), True
         outputs = self._identify(form)
         wrong = {name: one for name, one in self.wanted_settings().items() if not _same(found.get(name), one)}
@@ -193,7 +192,7 @@ class A50:
             *(Trouble(stamp, f"DVL {sentence}; set it, or let the driver (configure)") for sentence in sentences),
         ]
 
-    def wanted_settings(self) -> dict[str, Any]:
+    def wanted_settings(self) -> dict[str, object]:
         """Settings that this driver wants. The frame is turned by the vehicle file, not also by the device."""
         return {
             "speed_of_sound": round(self._sound_mps),
@@ -233,12 +232,12 @@ class A50:
         return outputs
 
 
-def _refuse(_report: Mapping[str, Any], _stamp: Stamp) -> Sequence[Output]:
+def _refuse(_report: Mapping[str, object], _stamp: Stamp) -> Sequence[Output]:
     """Refuse a report of another kind."""
     raise protocol.ReportError("report: type")
 
 
-def _same(found: Any, wanted: Any) -> bool:
+def _same(found: object, wanted: object) -> bool:
     """Whether a setting is as wanted; the speed of sound is a whole number in some firmware, in others not."""
     if isinstance(wanted, bool) or not isinstance(wanted, int):
         return bool(found == wanted)

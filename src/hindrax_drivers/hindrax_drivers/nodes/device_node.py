@@ -78,7 +78,7 @@ class DeviceNode(BatchedNode, LifecycleNode):
         """Whether an operator has finalized the node."""
         return self._wanted is State.FINALIZED
 
-    def _publisher(self, topic: Topic) -> Callable[[Any], None]:
+    def _publisher(self, topic: Topic) -> Callable[[object], None]:
         publish = publisher(self, topic, held=topic.recorded).publish
         many = round(self._pressures_Hz / topic.rate_Hz) if topic.name.endswith("/temperature") else 1
         return one_of_many(many, publish) if many > 1 else publish
@@ -98,7 +98,7 @@ class DeviceNode(BatchedNode, LifecycleNode):
         if self._messages.accepts(Inertial):
             self.publish_queue.flush()
 
-    def _reading(self, stamped: Stamped[Any]) -> None:
+    def _reading(self, stamped: Stamped[object]) -> None:
         self.health.reading(stamped.stamp)
         if isinstance(stamped.reading, Leak):
             self._leak(wet=stamped.reading.wet)
@@ -183,7 +183,7 @@ def one_of_many(many: int, publish: Callable[[Any], None]) -> Callable[[Any], No
     """Publish only the last of every `many` messages."""
     turns = cycle((*[False] * (many - 1), True))
 
-    def sometimes(message: Any) -> None:
+    def sometimes(message: object) -> None:
         if next(turns):
             publish(message)
 

@@ -20,7 +20,7 @@ from hindrax_drivers.nodes.thruster_settings import OutputAlone
 from hindrax_drivers.output.output_guard import OutputGuardKnobs
 from launch import LaunchContext, LaunchDescription
 
-Argument = tuple[Any, str]
+Argument = tuple[object, str]
 """Default and meaning."""
 ANY: dict[str, tuple[str | None, str]] = {
     "device": (None, "kind of sensor, of the table or of an installed package"),
@@ -48,7 +48,7 @@ def any_device() -> LaunchDescription:
     def start(context: LaunchContext) -> list[Node]:
         given = {name: str(context.launch_configurations[name]) for name in ANY}
         driver_of(given["device"])  # a UsageError names those that there are
-        settings: list[Any] = [given["parameters"]] if given["parameters"] else []
+        settings: list[object] = [given["parameters"]] if given["parameters"] else []
         if given["port"]:
             settings.append({"port": given["port"]})
         return [_node("device", [given["device"]], given["namespace"], settings)]
@@ -84,7 +84,7 @@ def _described(executable: str, words: list[str], arguments: dict[str, Argument]
     return LaunchDescription([*actions, node])
 
 
-def _node(executable: str, words: list[str], namespace: Any, parameters: list[Any]) -> Node:
+def _node(executable: str, words: list[str], namespace: object, parameters: list[object]) -> Node:
     return Node(
         package="hindrax_drivers",
         executable=executable,
@@ -97,13 +97,13 @@ def _node(executable: str, words: list[str], namespace: Any, parameters: list[An
     )
 
 
-def _kind(default: Any) -> Any:
+def _kind(default: object) -> object:
     if default is None:
         return None  # whatever YAML makes of it; the node takes an empty text as not set
     return list[type(default[0])] if isinstance(default, list | tuple) else type(default)  # type: ignore[misc]  # at run time
 
 
-def _text(default: Any) -> str:
+def _text(default: object) -> str:
     """As YAML, which launch reads it as; it refuses a null, so what is not set is an empty text in quotes."""
     if default is None:
         return "''"

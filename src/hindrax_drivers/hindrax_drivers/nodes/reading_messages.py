@@ -122,7 +122,7 @@ def _first_of_second(write: Write) -> Write:
     """Write one message a second, with its first sample: a process that started earlier or later writes the same."""
     second: int | None = None
 
-    def sometimes(stamped: Stamped[Any]) -> Any:
+    def sometimes(stamped: Stamped[object]) -> object:
         nonlocal second
         before, second = second, stamped.stamp // NS_PER_S
         return None if before in (None, second) else write(stamped)
@@ -130,7 +130,9 @@ def _first_of_second(write: Write) -> Write:
     return sometimes
 
 
-def _with_track(write: Callable[[Stamped[BottomVelocity], BottomTrack | None, float], Any], sound_mps: float) -> Write:
+def _with_track(
+    write: Callable[[Stamped[BottomVelocity], BottomTrack | None, float], object], sound_mps: float
+) -> Write:
     """Combine every velocity with the last sentence about the beams."""
     latest: BottomTrack | None = None
 

@@ -31,7 +31,9 @@ class OutputThread(ServingThread):
     ) -> None:
         super().__init__("output")
         self._make, self._guard, self._listener, self._beat = make, guard, listener, beat
-        self._inbox: queue.SimpleQueue[tuple[Callable[[OutputHost], Any], Future[Any] | None]] = queue.SimpleQueue()
+        self._inbox: queue.SimpleQueue[tuple[Callable[[OutputHost], object], Future[object] | None]] = (
+            queue.SimpleQueue()
+        )
         self._output: ThrusterOutput | None = None
         self.ready = False
         """Whether the output is set up and follows commands."""
@@ -85,11 +87,11 @@ class OutputThread(ServingThread):
                 output.wake()
 
     def _ask(self, action: Callable[[OutputHost], Any]) -> Future[Any]:
-        future: Future[Any] = Future()
+        future: Future[object] = Future()
         self._post(action, future)
         return future
 
-    def _post(self, action: Callable[[OutputHost], Any], future: Future[Any] | None = None) -> None:
+    def _post(self, action: Callable[[OutputHost], object], future: Future[object] | None = None) -> None:
         self._inbox.put((action, future))
         self._wake()
 

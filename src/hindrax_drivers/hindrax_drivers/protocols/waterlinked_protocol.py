@@ -69,7 +69,7 @@ class VelocityReport:
     format: str
 
 
-def parse(line: bytes) -> Mapping[str, Any]:
+def parse(line: bytes) -> Mapping[str, object]:
     """Object of a line. ReportError for anything else."""
     try:
         found = json.loads(line, parse_constant=_refuse)
@@ -85,7 +85,7 @@ def _refuse(name: str) -> float:
     raise ValueError(name)
 
 
-def velocity_report(report: Mapping[str, Any]) -> VelocityReport:
+def velocity_report(report: Mapping[str, object]) -> VelocityReport:
     """Read a velocity report. ReportError names the field that is wrong."""
     form = text(report, "format")
     if not form.startswith("json_v3"):
@@ -127,7 +127,7 @@ def _sigma(covariance: Any) -> float:
         raise ReportError("velocity: covariance") from error
 
 
-def _beams(transducers: Any) -> tuple[Beam, ...]:
+def _beams(transducers: object) -> tuple[Beam, ...]:
     """Four beams in the order of their numbers; one without lock has no range."""
     if not isinstance(transducers, list) or len(transducers) != BEAMS:
         raise ReportError("velocity: transducers")
@@ -155,7 +155,7 @@ class DeadReckoning:
     attitude_rad: Vec3
 
 
-def dead_reckoning(report: Mapping[str, Any]) -> DeadReckoning:
+def dead_reckoning(report: Mapping[str, object]) -> DeadReckoning:
     """Read a dead reckoning report. ReportError names the field that is wrong."""
     far = 1e6
     x, y, z = (_number(report, name, -far, far, "position") for name in ("x", "y", "z"))
@@ -165,7 +165,7 @@ def dead_reckoning(report: Mapping[str, Any]) -> DeadReckoning:
     return DeadReckoning(time_s, (x, y, z), _number(report, "std", 0.0, far, "position"), (roll, pitch, yaw))
 
 
-def settings(response: Mapping[str, Any]) -> dict[str, Any]:
+def settings(response: Mapping[str, object]) -> dict[str, object]:
     """Configuration in the answer to `get_config`. Section "Fetching current configuration"."""
     found = response.get("result")
     if not isinstance(found, dict):
@@ -173,15 +173,15 @@ def settings(response: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def command(name: str, **parameters: Any) -> bytes:
+def command(name: str, **parameters: object) -> bytes:
     """A command, with its parameters where it has any. Section "Setting configuration parameters"."""
-    order: dict[str, Any] = {"command": name}
+    order: dict[str, object] = {"command": name}
     if parameters:
         order["parameters"] = parameters
     return json.dumps(order).encode("ascii") + b"\n"
 
 
-def text(report: Mapping[str, Any], name: str) -> str:
+def text(report: Mapping[str, object], name: str) -> str:
     """Field that is a text."""
     found = report.get(name)
     if not isinstance(found, str):
@@ -189,25 +189,25 @@ def text(report: Mapping[str, Any], name: str) -> str:
     return found
 
 
-def _number(report: Mapping[str, Any], name: str, low: float, high: float, kind: str = "velocity") -> float:
+def _number(report: Mapping[str, object], name: str, low: float, high: float, kind: str = "velocity") -> float:
     found = report.get(name)
     if isinstance(found, bool) or not isinstance(found, int | float) or not low <= found <= high:
         raise ReportError(f"{kind}: {name}")
     return float(found)
 
 
-def _speed(report: Mapping[str, Any], name: str) -> float:
+def _speed(report: Mapping[str, object], name: str) -> float:
     return _number(report, name, -FASTEST_mps, FASTEST_mps)
 
 
-def _whole(report: Mapping[str, Any], name: str) -> int:
+def _whole(report: Mapping[str, object], name: str) -> int:
     found = report.get(name)
     if isinstance(found, bool) or not isinstance(found, int) or not 0 <= found < 1 << 63:
         raise ReportError(f"velocity: {name}")
     return found
 
 
-def _flag(report: Mapping[str, Any], name: str) -> bool:
+def _flag(report: Mapping[str, object], name: str) -> bool:
     found = report.get(name)
     if not isinstance(found, bool):
         raise ReportError(f"velocity: {name}")

@@ -22,9 +22,9 @@ class Number:
     truth: float | None = None
     unit: str = ""
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, object]:
         """Plain data; `truth` is null where unknown."""
-        out: dict[str, Any] = {"value": self.value, "std": self.std, "truth": self.truth, "unit": self.unit}
+        out: dict[str, object] = {"value": self.value, "std": self.std, "truth": self.truth, "unit": self.unit}
         if math.isfinite(self.std_calibrated):
             out["std_calibrated"] = self.std_calibrated
         return out
@@ -100,7 +100,7 @@ class MotionResult:
         k = np.array([self.coefficients["k_q"].value, self.coefficients["k_l"].value])
         return float(k @ gradient), math.sqrt(max(0.0, float(gradient @ block @ gradient)))
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, object]:
         """Shape of `pool-test` and `identify`: coefficients by name, and their quality."""
         return {
             **{name: number.to_json() for name, number in self.coefficients.items()},

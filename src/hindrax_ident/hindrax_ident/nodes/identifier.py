@@ -98,7 +98,7 @@ class Identifier(BatchedNode):
         return on_message
 
     def _any_listener(self, topic: Topic, events_of: Callable[[Any, Stamp], Events]) -> Callable[[Any], None]:
-        def on_message(message: Any) -> None:
+        def on_message(message: object) -> None:
             try:
                 events = events_of(message, self.now())
             except ValueError as error:

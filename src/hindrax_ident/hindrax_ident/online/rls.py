@@ -11,7 +11,7 @@ vehicle is parked or repeats one motion. Quantities are in units of the noise: t
 import functools
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, TypeAlias, cast
+from typing import TypeAlias, cast
 
 import numpy as np
 
@@ -96,7 +96,7 @@ def _unrolled(n: int) -> tuple[Update, Evaluate]:
         *_block("def evaluate(state, x, y):", [*project, "return e, r"]),
         *_block("def update(state, x, y, mu):", [*project, *update, f"return ({state}), e"]),
     ]
-    scope: dict[str, Any] = {}
+    scope: dict[str, object] = {}
     exec(compile("\n".join(text), f"<rls of {n}>", "exec"), scope)  # noqa: S102  # our own text
     return cast("tuple[Update, Evaluate]", (scope["update"], scope["evaluate"]))
 

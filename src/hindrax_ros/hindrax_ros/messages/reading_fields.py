@@ -6,7 +6,7 @@ Each row is tested against a message object that is filled field by field.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from geometry_msgs.msg import TwistWithCovarianceStamped
 from sensor_msgs.msg import (
@@ -69,9 +69,9 @@ class Fields(NamedTuple):
     """
 
     kinds: tuple[type, ...]
-    example: Callable[[str], Any]
+    example: Callable[[str], object]
     paths: Sequence[str]
-    values: Callable[..., Sequence[Any] | None]
+    values: Callable[..., Sequence[object] | None]
 
 
 def _diagonal(sigma: float) -> list[float]:
@@ -127,7 +127,7 @@ def _place(frame: str) -> NavSatFix:
     return NavSatFix(header=header(0, frame), status=status, altitude=math.nan)
 
 
-def _detail(found: BottomVelocity, track: BottomTrack | None, sound_mps: float) -> Sequence[Any]:
+def _detail(found: BottomVelocity, track: BottomTrack | None, sound_mps: float) -> Sequence[object]:
     """One message per velocity, also while there is none (NaN, covariance -1), with the beams of the track before.
 
     Laid out like marine_acoustic_msgs/Dvl: x forward, y starboard, z along the beam axis.
@@ -151,7 +151,7 @@ def _detail(found: BottomVelocity, track: BottomTrack | None, sound_mps: float) 
     )
 
 
-def _beam(beam: Beam) -> tuple[Any, ...]:
+def _beam(beam: Beam) -> tuple[object, ...]:
     range_m = math.nan if beam.range_m is None else beam.range_m
     return (range_m, UNKNOWN_COVARIANCE, beam.gain_dB, beam.velocity_mps, UNKNOWN_COVARIANCE, beam.locked)
 
@@ -263,7 +263,7 @@ def writer(quantity: str, frame: str = "") -> Callable[..., bytes | None]:
     made = CdrWriter(*STAMP, *row.paths)
     made.learn(None, row.example(frame))
 
-    def write(stamped: Stamped[Any], *more: Any) -> bytes | None:
+    def write(stamped: Stamped[object], *more: object) -> bytes | None:
         numbers = row.values(stamped.reading, *more)
         return None if numbers is None else made.write((*divmod(stamped.stamp, NS_PER_S), *numbers))
 

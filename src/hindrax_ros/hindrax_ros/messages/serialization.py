@@ -32,7 +32,7 @@ def message_class(type_name: str) -> Any:
 
 
 @cache
-def definition_of(kind: Any) -> Definition:
+def definition_of(kind: object) -> Definition:
     """Definition of a class of messages."""
     return dict(_definitions(kind))
 
@@ -70,7 +70,7 @@ def contents_reader(type_name: str, contents: Contents) -> Read:
     return bytes_reader(definition_of(message_class(type_name)), contents)
 
 
-def serialized(message: Any) -> bytes:
+def serialized(message: object) -> bytes:
     """CDR bytes of a message; bytes are returned unchanged."""
     return message if isinstance(message, bytes) else bytes(serialize_message(message))
 
@@ -126,7 +126,7 @@ class CdrWriter:
             self._parts.append((struct.Struct("<" + codes).pack_into, at, slice(begin, begin + count)))
             begin += count
 
-    def write(self, values: Sequence[Any]) -> bytes:
+    def write(self, values: Sequence[object]) -> bytes:
         """Bytes of a message; `values` are those at `paths`, arrays flattened."""
         for pack, at, part in self._parts:
             pack(self._bytes, at, *values[part])

@@ -54,7 +54,7 @@ class LifecycleClient:
 
     def _ask(self, client: Any, *requests: Any) -> list[Any]:
         self._until(client.service_is_ready, f"{client.srv_name}")
-        answers: list[Any] = []
+        answers: list[object] = []
         for begin in range(0, len(requests), TOGETHER):
             futures = [client.call_async(request) for request in requests[begin : begin + TOGETHER]]
             self._until(partial(done, futures), f"answers of {client.srv_name}")

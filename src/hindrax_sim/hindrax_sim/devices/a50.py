@@ -159,7 +159,7 @@ class A50(Part[DvlTruth]):
 
     def _velocity(
         self, velocity: Vec3, locked: bool, interval_s: float, *, validity_us: int, sent_us: int
-    ) -> dict[str, Any]:
+    ) -> dict[str, object]:
         """Section "Velocity-and-transducer report"."""
         variance, altitude = self._noise_mps**2, self._truth.altitude_m if locked else None
         scale = self.settings.speed_of_sound / self._truth.speed_of_sound_mps
@@ -181,7 +181,7 @@ class A50(Part[DvlTruth]):
             "time_of_transmission": sent_us,
         }
 
-    def _beam(self, number: int, velocity: Vec3, altitude_m: float | None) -> dict[str, Any]:
+    def _beam(self, number: int, velocity: Vec3, altitude_m: float | None) -> dict[str, object]:
         u, v, w = velocity
         azimuth = AZIMUTHS_rad[number]
         along = math.sin(BEAM_rad) * (math.cos(azimuth) * u + math.sin(azimuth) * v) + math.cos(BEAM_rad) * w
@@ -194,7 +194,7 @@ class A50(Part[DvlTruth]):
             "beam_valid": altitude_m is not None,
         }
 
-    def _position(self, sent_us: int) -> dict[str, Any]:
+    def _position(self, sent_us: int) -> dict[str, object]:
         """Section "Dead reckoning report"; the way of the truth, in the axes of the start while it flies level."""
         x, y, z = minus(self._travel_m, self._reckoned_from_m)
         roll, pitch, yaw = (math.degrees(angle) for angle in self._truth.attitude_rad)
@@ -248,7 +248,7 @@ class A50(Part[DvlTruth]):
         answer = {"response_to": name, "success": not wrong, "error_message": wrong, "result": result}
         return json.dumps(answer | {"format": "json_v3.1", "type": "response"}).encode("ascii") + b"\r\n"
 
-    def _set(self, given: Any) -> str:
+    def _set(self, given: object) -> str:
         """Change settings, all or none; returns why not."""
         known = asdict(self.settings)
         if not isinstance(given, dict) or not given.keys() <= known.keys():

@@ -304,7 +304,7 @@ def dvl_truth(world: World, at: Mounting) -> DvlTruth:
     )
 
 
-def _agrees(truth: DvlTruth, reading: Any) -> bool:
+def _agrees(truth: DvlTruth, reading: object) -> bool:
     """Five sigma of velocity and half a millimeter per interval; angles to 0.1 degrees, altitude to centimeters."""
     if isinstance(reading, BottomVelocity):
         pairs = zip(reading.velocity_mps or truth.velocity_mps, truth.velocity_mps, strict=True)

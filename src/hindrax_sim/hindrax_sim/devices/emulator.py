@@ -24,8 +24,8 @@ class Emulator:
     """
 
     make: Callable[[int], Any]
-    truth: Callable[[World, Mounting], Any]
-    example: Callable[[float], Any]
+    truth: Callable[[World, Mounting], object]
+    example: Callable[[float], object]
     agrees: Callable[[Any, Any], bool]
     address: int = 0
     """Its I2C address, or line of a GPIO chip, where the vehicle file gives none; 0 for a part on a serial line."""

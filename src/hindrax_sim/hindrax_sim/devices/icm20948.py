@@ -5,7 +5,6 @@ Samples are computed on access, from the history of truths. Source: TDK DS-00018
 
 import math
 import struct
-from typing import Any
 
 from hindrax_core.bus_operations import EDGES
 from hindrax_core.readings import DeviceText, Inertial, Magnetic
@@ -244,7 +243,7 @@ class DataReadyLine:
         return struct.pack(">Iq", self._edges, round(1e9 * self._newest_s))[:count]
 
 
-def _also_at(part: Icm20948, mount: Mount) -> dict[int, Any]:
+def _also_at(part: Icm20948, mount: Mount) -> dict[int, object]:
     line = {EDGES + chip_and_line(mount.data_ready, "data_ready")[1]: part.data_ready} if mount.data_ready else {}
     return {MAG_ADDRESS: part.magnetometer, **line}
 
@@ -254,7 +253,7 @@ def _truth(world: World, at: Mounting) -> ImuTruth:
     return ImuTruth(force, rate, world.magnetic_T(at), 24.0)
 
 
-def _agrees(truth: ImuTruth, reading: Any) -> bool:
+def _agrees(truth: ImuTruth, reading: object) -> bool:
     """Offsets (25 mg an axis) and noise are small; the rest is damage that looks like motion, which no check finds.
 
     One flipped bit of half a g is such damage: a contact of the vehicle gives as much.

@@ -9,7 +9,6 @@ import math
 import struct
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -266,7 +265,7 @@ def _frame(message: int, payload: bytes) -> bytes:
 HALF_BEAM_rad = math.radians(12.5)
 
 
-def _agrees(truth: PingTruth, reading: Any) -> bool:
+def _agrees(truth: PingTruth, reading: object) -> bool:
     """Five sigma of half a percent, and the way of the bottom within a ping interval."""
     if not isinstance(reading, Echo):
         return isinstance(reading, DeviceText | SonarHealth)

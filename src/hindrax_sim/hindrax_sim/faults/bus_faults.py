@@ -7,7 +7,6 @@ the device. Random faults draw from their seed. Faults compose, in the order giv
 import random
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 from hindrax_sim.devices.emulator import BusStuckError, NackError, RegisterEmulator
 from hindrax_sim.faults.fault_schedule import FaultSchedule, Switch
@@ -74,7 +73,7 @@ BitFlips = partial(BusFault, reads=_flipped)
 class FaultyPort:
     """One address of a part, and the faults of the part between that and the bus."""
 
-    def __init__(self, device: Any, schedule: FaultSchedule[BusFault], port: RegisterEmulator) -> None:
+    def __init__(self, device: object, schedule: FaultSchedule[BusFault], port: RegisterEmulator) -> None:
         self._device, self._schedule, self._port = device, schedule, port
 
     def write(self, data: bytes, now_s: float) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from hindrax_core.errors import UsageError
 from hindrax_core.sensor_table import SENSORS, Capability, Sensor, Wire, row_of
@@ -204,7 +204,7 @@ def with_faults(
 
 
 def with_bus_faults(
-    name: str, device: Any, specs: Sequence[FaultSpec], seed: int = 0, start_s: float = 0.0
+    name: str, device: object, specs: Sequence[FaultSpec], seed: int = 0, start_s: float = 0.0
 ) -> Callable[[RegisterEmulator], RegisterEmulator]:
     """Return what wraps every address of the I2C part `name` with its faults. Times count from `start_s`."""
     schedule = _schedule(name, specs, start_s, lambda kind, at: kind.on_bus and kind.on_bus(seed * 1009 + at))
@@ -234,12 +234,12 @@ def as_built(vehicle: Vehicle, specs: Sequence[FaultSpec]) -> Vehicle:
     return vehicle
 
 
-def altered_truth(name: str, specs: Sequence[FaultSpec], start_s: float = 0.0) -> Callable[[Any, float], Any]:
+def altered_truth(name: str, specs: Sequence[FaultSpec], start_s: float = 0.0) -> Callable[[object, float], object]:
     """Return the truth as the device `name` senses it, from the truth and the time. Times count from `start_s`."""
     schedule = FaultSchedule(_schedule(name, specs, start_s, lambda kind, _at: kind.on_truth))
-    before: dict[truth.SensorFault, tuple[Any, float]] = {}
+    before: dict[truth.SensorFault, tuple[object, float]] = {}
 
-    def observed(true: Any, now_s: float) -> Any:
+    def observed(true: object, now_s: float) -> object:
         for fault, _ in schedule.advance(now_s):
             before.pop(fault, None)
         for fault in schedule.active:

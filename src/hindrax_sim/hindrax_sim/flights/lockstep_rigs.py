@@ -172,7 +172,7 @@ class BytesRig:
             self._made_us = self._pca.applied(pulses_us)
         return self._made_us
 
-    def _run_output(self, program: Program[Any]) -> bool:
+    def _run_output(self, program: Program[object]) -> bool:
         """Run a program of the output; its pauses take no time of the world. False when it failed, which is logged."""
         now = self.hardware.stamp
 

@@ -94,7 +94,7 @@ def _row(cell: dict[str, Any]) -> tuple[str, ...]:
     return (cell["motion"], f"{cell['coefficient']} [{unit}]", *numbers, f"{cell['ratio']:.2f}", *held)
 
 
-def _ratio(cells: list[dict[str, Any]], wanted: dict[str, Any]) -> str:
+def _ratio(cells: list[dict[str, object]], wanted: dict[str, object]) -> str:
     same = [one for one in cells if (one["motion"], one["coefficient"]) == (wanted["motion"], wanted["coefficient"])]
     return f"{same[0]['ratio']:.2f}" if same else ""
 
@@ -140,14 +140,14 @@ def bench(arguments: argparse.Namespace) -> int:
     unknown = [name for name in wanted if name not in known]
     if unknown:
         raise UsageError(f"no benchmark {unknown[0]!r}; there are {', '.join(known)}")
-    rows: list[dict[str, Any]] = []
+    rows: list[dict[str, object]] = []
     for name in wanted:
         print_stderr(f"measuring {name} ...")
         rows += developer_module(f"benchmarks.{name}").rows()
     return print_answer({"rows": rows}, lambda: print_bench(rows), as_json=arguments.json)
 
 
-def print_bench(rows: list[dict[str, Any]]) -> None:
+def print_bench(rows: list[dict[str, object]]) -> None:
     """Print a table."""
     cells = [(row["name"], *(_cell(row.get(key)) for key in ("ours_us", "peer_us", "ratio", "peer"))) for row in rows]
     numbers = ("ours [us]", "peer [us]", "ratio")

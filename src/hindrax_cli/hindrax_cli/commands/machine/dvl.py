@@ -112,14 +112,14 @@ class DvlConversation:
         """Give the port back."""
         self._port.close()
 
-    def show(self) -> dict[str, Any]:
+    def show(self) -> dict[str, object]:
         """Identity and settings, as far as the device reports them."""
         settings = self._ask()
         return {"port": self._path, "identity": self._identity, "settings": settings}
 
     def set_up(
         self, before: Sequence[bytes], named: Mapping[str, str], last: Sequence[bytes], *, always: bool, dry_run: bool
-    ) -> dict[str, Any]:
+    ) -> dict[str, object]:
         """Send what differs (or everything), then query again and report what still differs.
 
         `named`: settings that were asked for; `before` and `last`: orders around them. What the device does not report
@@ -128,7 +128,7 @@ class DvlConversation:
         current = self._ask()
         wanted = {**flash.wanted_settings(self._knobs, current["Model"], self._water), **named}
         first = [*before, *flash.commands(current, wanted, always)]
-        report: dict[str, Any] = {"port": self._path, "identity": self._identity}
+        report: dict[str, object] = {"port": self._path, "identity": self._identity}
         report["orders"] = _texts([*first, *last])
         if dry_run:
             return report | {"sent": False}

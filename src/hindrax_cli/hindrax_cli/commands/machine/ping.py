@@ -61,7 +61,7 @@ def ask(path: str, sonar: Ping1d, wanted: type[ReadingT], order: bytes = b"") ->
     """Wake the sonar, give it the order, set it up; who it is, and its reading. HindraxError when none comes."""
     identity, trouble = "", "silence"
     with closing(SystemClock()) as clock, closing(SerialPort(path, sonar.baud, clock)) as port:
-        outputs: list[Any] = list(sonar.start(clock.now()))
+        outputs: list[object] = list(sonar.start(clock.now()))
         end = after(clock.now(), PATIENCE_S)
         while clock.now() < end:
             for one in outputs:
@@ -80,7 +80,7 @@ def ask(path: str, sonar: Ping1d, wanted: type[ReadingT], order: bytes = b"") ->
     raise HindraxError(f"{path}: no answer in {PATIENCE_S:g} s ({trouble}); check power, cable and speed")
 
 
-def document(port: str, identity: str, echo: EchoProfile, round_trip_s: float) -> dict[str, Any]:
+def document(port: str, identity: str, echo: EchoProfile, round_trip_s: float) -> dict[str, object]:
     """Return the answer for a program; strengths from 0 to 255, evenly over the scan."""
     return {
         "port": port,

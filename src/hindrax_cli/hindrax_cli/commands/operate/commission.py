@@ -4,7 +4,6 @@ import argparse
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from hindrax_analysis.terminal import print_answer, print_table
 from hindrax_bag.run_folder import RunFolder, make_run_folder
@@ -101,7 +100,7 @@ def _keep(arguments: argparse.Namespace, findings: Findings, bag: str) -> list[s
     return [f"everything is proven; the record stands in {file}"]
 
 
-def _document(findings: Findings) -> dict[str, Any]:
+def _document(findings: Findings) -> dict[str, object]:
     """Findings for JSON."""
     rows = [asdict(replace(row, mends=())) | {"mends": [mend.line for mend in row.mends]} for row in findings.rows]
     return {"findings": rows, "ended": findings.ended, "complete": findings.complete, "wrenches": findings.wrenches}
