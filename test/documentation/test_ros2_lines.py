@@ -17,7 +17,7 @@ from hindrax_core.topics import TOPICS
 
 LINE = re.compile(r"(?:^|`)(ros2 [a-z]+ [^`\n]*)", re.MULTILINE)
 READMES = sorted(ROOT.glob("src/*/README.md"))
-OTHERS = ("joy", "teleop_twist_keyboard", "mavros_msgs")
+OTHERS = ("joy", "teleop_twist_keyboard", "mavros_msgs", "ros_gz_bridge")
 """Packages of others, which are not installed everywhere."""
 NAMES = {topic.name.removeprefix("/") for topic in TOPICS} | {"odometry", "wrench", "pulses", "__ns"}
 """What can be remapped in a node of ours."""

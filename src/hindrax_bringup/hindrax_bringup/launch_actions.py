@@ -28,7 +28,13 @@ ARGUMENTS: dict[str, tuple[str | None, str]] = {
 }
 """Arguments of every stack: default and meaning."""
 OF_HARDWARE: dict[type[MockOptions | ReplayOptions], dict[str, Callable[[str], Any]]] = {
-    MockOptions: {"seed": int, "rate": float, "world": str, "faults": lambda words: tuple(words.split())},
+    MockOptions: {
+        "seed": int,
+        "rate": float,
+        "world": str,
+        "faults": lambda words: tuple(words.split()),
+        "simulator": str,
+    },
     ReplayOptions: {"bag": str, "rate": float},
 }
 """How the arguments of what replaces the vehicle are read."""

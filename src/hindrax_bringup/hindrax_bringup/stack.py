@@ -34,6 +34,10 @@ WORLD_HELP = (
     "mock: effects outside the model: ideal, pool (all drawn from the seed), or NAME[=SIZE],... such as tether=1; "
     "any other name lists all"
 )
+SIMULATOR_HELP = (
+    "mock: the vehicle of another simulator moves instead of ours, over topics: mujoco, gz, stonefish, or one with its "
+    "prefix such as gz:/model/rov (docs/how-to/fly-a-simulated-vehicle.md)"
+)
 OTHER_WORLD = "pool-test flies in pool where none is named; --world chooses"
 DOMAIN_ADDRESS = "\0hindrax-domain-{}"
 """Abstract socket that a tool binds while it uses a domain (unix(7)): no file, so nothing that a link could lead to."""
@@ -43,7 +47,8 @@ DOMAIN_ADDRESS = "\0hindrax-domain-{}"
 class MockOptions:
     """Options of the mock vehicle: seed, upper bound of its pace (0: as fast as the stack follows), faults, world.
 
-    `truth`: file for the log of true states and pulses.
+    `truth`: file for the log of true states and pulses. `simulator`: another simulator that moves the vehicle over
+    topics, as KIND or KIND:/PREFIX.
     """
 
     seed: int = 1
@@ -51,11 +56,13 @@ class MockOptions:
     faults: tuple[str, ...] = ()
     world: str = "ideal"
     truth: str = ""
+    simulator: str = ""
 
     def words(self) -> list[str]:
         """Arguments of its process."""
         words = ["--seed", str(self.seed), "--rate", str(self.rate), "--world", self.world]
         words += [word for fault in self.faults for word in ("--fault", fault)]
+        words += ["--simulator", self.simulator] if self.simulator else []
         return [*words, "--truth", self.truth] if self.truth else words
 
 

@@ -11,6 +11,7 @@ def generate_launch_description() -> LaunchDescription:
         "seed": ("1", "of the mock's noise"),
         "rate": ("1", "times real time at most; 0: no bound"),
         "world": ("ideal", "effects outside the model, as for `./hindrax up --world`"),
+        "simulator": ("", "another simulator that moves it, as for `./hindrax up --simulator`"),
         "faults": ("", "faults, as for `./hindrax up --fault`; several separated by blanks"),
     }
     return stack(arguments, MockOptions)

@@ -170,11 +170,23 @@ def test_export_writes_every_format(kind: str, tmp_path: Path, capsys: pytest.Ca
     assert capsys.readouterr().out == out.read_text()
 
 
+def test_a_vehicle_file_alone_is_exported_as_what_nobody_has_identified(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert command_line.main(["export", "--vehicle", "lbv", "--to", "gz", "--out", str(tmp_path / "lbv.sdf")]) == 0
+    assert "those of the vehicle file: nobody has identified them" in (tmp_path / "lbv.sdf").read_text()
+    bare = tmp_path / "bare.yaml"
+    bare.write_text("{name: bare, mass_kg: 1.0, volume_m3: 0.001, envelope_m: [0.1, 0.1, 0.1]}")
+    capsys.readouterr()
+    assert command_line.main(["export", "--vehicle", str(bare), "--to", "gz"]) == 1
+    assert "has no hydrodynamics, wanted some, or results of a run" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("kind", "files"),
     [
-        ("gz", ["README.md", "model.config", "model.sdf", "world.sdf"]),
-        ("mujoco", ["README.md", "hydrodynamics.py", "mujoco_vehicle.py", "vehicle.xml"]),
+        ("gz", ["README.md", "bridge.yaml", "model.config", "model.sdf", "world.sdf"]),
+        ("mujoco", ["README.md", "hydrodynamics.py", "mujoco_vehicle.py", "ros_vehicle.py", "vehicle.xml"]),
     ],
 )
 def test_a_name_without_an_ending_is_a_folder_that_can_be_driven(kind: str, files: list[str], tmp_path: Path) -> None:
@@ -241,7 +253,11 @@ def test_the_results_of_another_vehicle_are_not_put_on_ours(tmp_path: Path, caps
     [
         (["towing", "nothing.csv"], 2, "nothing.csv: cannot be read"),
         (["export", "nothing.yaml", "--to", "gz"], 2, "nothing.yaml: cannot be read"),
-        (["export", "--to", "gz"], 2, "--to gz: found no results, wanted a coefficients.yaml or a run's folder"),
+        (
+            ["export", "--to", "gz"],
+            2,
+            "--to gz: found no results, wanted a coefficients.yaml, a run's folder, or --vehicle",
+        ),
         (["towing", "{}/bad.csv"], 1, "line 3, column drag_N: found 'x'"),
         (["towing", "{}/good.csv", "--plot", "{}/a.bmp"], 2, "wanted one of .png"),
         (["towing", "{}/good.csv", "--plot", "{}/no/a.png"], 2, "cannot be written"),

@@ -187,6 +187,11 @@ def namespace_fault(text: str) -> str:
     return f"found {text!r}, wanted names of letters, digits and _, as /rov1"
 
 
+def ros_name(name: str) -> str:
+    """Name of a vehicle as part of a topic, where ROS allows letters, digits and underscores."""
+    return re.sub(r"\W", "_", name, flags=re.ASCII)
+
+
 def namespace_arguments(namespace: str, *, own_clock: bool) -> list[str]:
     """ROS arguments that put a process into a namespace; none for the default one.
 

@@ -18,6 +18,7 @@ from hindrax_sim.devices.emulator import Emulator, SerialEmulator
 from hindrax_sim.devices.pca9685 import LoopBack, Pca9685
 from hindrax_sim.devices.stm32 import Stm32
 from hindrax_sim.faults import fault_registry
+from hindrax_sim.physics.plant import Plant
 from hindrax_sim.world import Conditions, World
 
 START = stamp_from_s(10.0)
@@ -91,10 +92,12 @@ class Hardware:
         conditions: Conditions | None = None,
         faults: Sequence[fault_registry.FaultSpec] = (),
         built: Vehicle | None = None,
+        *,
+        plant: type[Plant] = Plant,
     ) -> None:
-        """`built`: the vehicle as it is, where its file does not say so."""
+        """`built`: the vehicle as it is, where its file does not say so. `plant`: what moves it."""
         self.vehicle = vehicle
-        self.world = World(fault_registry.as_built(built or vehicle, faults), seed, conditions)
+        self.world = World(fault_registry.as_built(built or vehicle, faults), seed, conditions, plant)
         self.i2c = VirtualI2c()
         self.serial: dict[str, SerialEmulator] = {}
         self.registers: dict[str, object] = {}

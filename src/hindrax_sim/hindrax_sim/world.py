@@ -62,12 +62,14 @@ class Mounting:
 class World:
     """Vehicle, pool and time. `advance` brings it to a stamp exactly, so all truths of one stamp belong together."""
 
-    def __init__(self, vehicle: Vehicle, seed: int = 0, conditions: Conditions | None = None) -> None:
+    def __init__(
+        self, vehicle: Vehicle, seed: int = 0, conditions: Conditions | None = None, plant: type[Plant] = Plant
+    ) -> None:
         self.conditions = conditions or Conditions()
         self.truth = realize(vehicle, self.conditions.sizes, seed)
         self.vehicle = vehicle = self.truth.vehicle
         """The true vehicle, which the vehicle file does not know."""
-        self.plant = Plant(vehicle, self.truth.influences, self.truth.thrust_losses)
+        self.plant = plant(vehicle, self.truth.influences, self.truth.thrust_losses)
         self.box = PoolWalls(vehicle)
         self.stamp = Stamp(0)
         self.dvl_silenced = False
@@ -114,7 +116,8 @@ class World:
         step, confine, plant, dt = self.plant.step, self.box.confine, self.plant, left_s / count
         for _ in range(count):
             step(dt)
-            confine(plant)
+            if plant.confined:
+                confine(plant)
         self.stamp = stamp
 
     def _disturb(self) -> None:

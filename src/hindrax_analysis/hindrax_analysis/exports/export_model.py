@@ -137,6 +137,19 @@ def export_model(saved: SavedCoefficients, vehicle: Vehicle, source: str, *, com
     return ExportModel(vehicle, hydrodynamics, cast("Vec6", tuple(tops)), source, tuple(notes))
 
 
+def unidentified_model(vehicle: Vehicle, source: str) -> ExportModel:
+    """Make an export model of a vehicle file alone: to try a tool against numbers that one has put in oneself.
+
+    HindraxError when the file has no hydrodynamics.
+    """
+    if vehicle.hydrodynamics is None:
+        remedy = f"`./hindrax estimate --vehicle {source}` prints a block to add"
+        raise HindraxError(f"{source}: has no hydrodynamics, wanted some, or results of a run; {remedy}")
+    top: Vec6 = (vehicle.limits.speed_mps,) * 3 + (1.0,) * 3
+    note = "drag and added mass are those of the vehicle file: nobody has identified them"
+    return ExportModel(vehicle, vehicle.hydrodynamics, top, source, (note,))
+
+
 Sides: TypeAlias = Sequence[MotionResult | None]
 
 

@@ -22,6 +22,7 @@ from typing import Literal
 from xml.etree import ElementTree as ET
 
 import numpy as np
+import yaml
 from scipy.optimize import nnls
 
 from hindrax_analysis.exports.export_model import (
@@ -38,7 +39,8 @@ from hindrax_analysis.exports.export_model import (
 )
 from hindrax_core.errors import HindraxError
 from hindrax_core.readings import Vec3
-from hindrax_core.vehicle import AXES, Drag, Thruster
+from hindrax_core.topics import ros_name
+from hindrax_core.vehicle import AXES, Drag, Thruster, Vehicle
 from hindrax_ident.arrays import Array
 
 TURN = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
@@ -50,6 +52,7 @@ PROPELLER_kg, PROPELLER_kgm2 = 0.01, 1e-5
 """Of every propeller link; taken from the hull, so that the whole keeps its mass and its center."""
 PROPELLER_m, PROPELLER_K_T = 0.076, 0.25
 """Only turn the drawn propeller: the system is commanded in newton, and these give the rate that it shows."""
+ODOMETRY_Hz = 100.0
 NOTED = 1e-3
 """Misfit of a terminal speed from which the header states it."""
 UNSTABLE, SLOW = 1.0, 0.5
@@ -84,17 +87,21 @@ def write(model: ExportModel, added_mass: Literal["inertial", "plugin"] = "inert
             add(plugin, f"{FORCES[row]}Dot{VELOCITIES[column]}", numbers(-matrix[row, column]))
     for thruster in model.vehicle.thrusters:
         _thruster(body, model, thruster)
+    _odometry(body, model.vehicle)
     return commented(sdf, model, CONVENTIONS + notes)
 
 
 def folder(model: ExportModel) -> Mapping[str, str]:
-    """Files of a folder that `gz sim world.sdf` opens: model, world of water, three lines of help."""
+    """Files of a folder that `gz sim world.sdf` opens: model, world of water, bridge to ROS, lines of help."""
     name = model.vehicle.name
     return {
         "model.sdf": write(model),
         "model.config": MODEL_CONFIG.format(name=name),
         "world.sdf": WORLD.format(name=name, density=numbers(model.vehicle.water.density_kgpm3)),
-        "README.md": README.format(name=name, thruster=next((t.name for t in model.vehicle.thrusters), "T1")),
+        "bridge.yaml": _bridge(model),
+        "README.md": README.format(
+            name=name, ros=ros_name(name), thruster=next((t.name for t in model.vehicle.thrusters), "T1")
+        ),
     }
 
 
@@ -253,6 +260,35 @@ def _thruster(body: ET.Element, model: ExportModel, thruster: Thruster) -> None:
         add(plugin, key, value)
 
 
+def _odometry(body: ET.Element, vehicle: Vehicle) -> None:
+    """Pose of the center of mass in the world, and velocities in body axes: the model's own origin is another point."""
+    system = "gz-sim-odometry-publisher-system", "gz::sim::systems::OdometryPublisher"
+    plugin = ET.SubElement(body, "plugin", filename=system[0], name=system[1])
+    for key, value in (
+        ("odom_frame", "odom"),
+        ("robot_base_frame", LINK),
+        ("odom_topic", f"/model/{vehicle.name}/odometry"),
+        ("odom_publish_frequency", numbers(ODOMETRY_Hz)),
+        ("dimensions", "3"),
+        ("xyz_offset", _pose(vehicle.center_of_mass_m).rsplit(" ", 3)[0]),
+    ):
+        add(plugin, key, value)
+
+
+def _bridge(model: ExportModel) -> str:
+    """Topics for ros_gz_bridge; ROS names have no hyphen."""
+    name, ros = model.vehicle.name, ros_name(model.vehicle.name)
+    rows = [
+        (f"/model/{name}/odometry", f"/model/{ros}/odometry", "nav_msgs/msg/Odometry", "gz.msgs.Odometry", "GZ_TO_ROS")
+    ]
+    rows += [
+        (f"/model/{name}/{topic}", f"/model/{ros}/{topic}", "std_msgs/msg/Float64", "gz.msgs.Double", "ROS_TO_GZ")
+        for topic in (f"joint/{one.name}_joint/cmd_thrust" for one in model.vehicle.thrusters)
+    ]
+    keys = ("gz_topic_name", "ros_topic_name", "ros_type_name", "gz_type_name", "direction")
+    return yaml.safe_dump([dict(zip(keys, row, strict=True)) for row in rows], sort_keys=False)
+
+
 def _pose(position_m: Vec3, rpy_rad: Vec3 = (0.0, 0.0, 0.0)) -> str:
     x, y, z = position_m
     return numbers(x, -y, -z, *rpy_rad)
@@ -297,5 +333,7 @@ WORLD = """<?xml version="1.0"?>
 
 README = """Open: `gz sim world.sdf` in this folder (gz-sim 8 or later, DART engine), then start the clock.
 Drive: `gz topic -t /model/{name}/joint/{thruster}_joint/cmd_thrust -m gz.msgs.Double -p 'data: 5'` pushes with 5 N.
+With hindrax: `ros2 run ros_gz_bridge parameter_bridge --ros-args -p config_file:=$PWD/bridge.yaml`, and in another
+terminal `./hindrax pool-test --mock --simulator gz:/model/{ros} --vehicle FILE` flies and identifies it.
 Numbers, signs, reference point and their uncertainty: the comment on top of `model.sdf`.
 """

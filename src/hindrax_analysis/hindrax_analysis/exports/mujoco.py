@@ -16,6 +16,7 @@ from xml.etree import ElementTree as ET
 from hindrax_analysis.exports import python_model
 from hindrax_analysis.exports.export_model import ExportModel, commented, numbers, thrust_range_N
 from hindrax_core.readings import Vec3
+from hindrax_core.topics import ros_name
 from hindrax_core.vehicle import Thruster
 
 CONVENTIONS = (
@@ -27,7 +28,7 @@ CONVENTIONS = (
     "Controls are thrusts in newton, one per thruster, behind a first-order lag.",
 )
 STEP_s = 0.002
-FOLDER = ("vehicle.xml", "hydrodynamics.py", "mujoco_vehicle.py", "README.md")
+FOLDER = ("vehicle.xml", "hydrodynamics.py", "mujoco_vehicle.py", "ros_vehicle.py", "README.md")
 
 
 def write(model: ExportModel) -> str:
@@ -71,9 +72,11 @@ def write(model: ExportModel) -> str:
 
 
 def folder(model: ExportModel) -> Mapping[str, str]:
-    """Files of a folder that `python mujoco_vehicle.py` drives: vehicle, water, steps, three lines of help."""
+    """Files of a folder that `python mujoco_vehicle.py` drives: vehicle, water, steps, node, four lines of help."""
     first = model.vehicle.thrusters[0].name if model.vehicle.thrusters else "T1"
-    texts = (write(model), python_model.write(model), STEPS, README.format(thruster=first))
+    name = ros_name(model.vehicle.name)
+    node = ON_THE_GRAPH.replace("VEHICLE", name)
+    texts = (write(model), python_model.write(model), STEPS, node, README.format(thruster=first, name=name))
     return dict(zip(FOLDER, texts, strict=True))
 
 
@@ -190,7 +193,88 @@ if __name__ == "__main__":
         vehicle.step()
 '''
 
+ON_THE_GRAPH = '''"""Puts the vehicle of this folder on the ROS graph. Needs rclpy beside mujoco and numpy.
+
+    python ros_vehicle.py --ros-args -p rate:=1.0
+
+out  /VEHICLE/odometry    nav_msgs/Odometry of the center of mass, 100 Hz of its own time
+in   /VEHICLE/thrusters   std_msgs/Float64MultiArray, the thrust of each thruster [N]
+
+Time begins when somebody computes thrusts, and goes on with the answer to each odometry, or after `patience` (s): who
+computes them may be slow.
+"""
+
+import time
+from pathlib import Path
+
+import mujoco_vehicle
+import rclpy
+from nav_msgs.msg import Odometry
+from std_msgs.msg import Float64MultiArray
+
+PERIOD = 0.01
+
+
+class RosVehicle:
+    """Node, vehicle, and the clock of both."""
+
+    def __init__(self, node):
+        self.node = node
+        self.vehicle = mujoco_vehicle.UnderwaterVehicle.from_folder(Path(__file__).parent)
+        self.rate = node.declare_parameter("rate", 1.0).value  # times real time at most; 0: no bound
+        self.patience = node.declare_parameter("patience", 1.0).value
+        self.out = node.create_publisher(Odometry, "/VEHICLE/odometry", 10)
+        self.inlet = node.create_subscription(Float64MultiArray, "/VEHICLE/thrusters", self.take, 1)
+        self.answered = False
+
+    def take(self, message):
+        self.vehicle.data.ctrl[:] = message.data
+        self.answered = True
+
+    def publish(self):
+        data, message = self.vehicle.data, Odometry(child_frame_id="base_link")
+        seconds = 1.0 + data.time  # a stamp of zero means that there is none
+        message.header.frame_id = "odom"
+        message.header.stamp.sec = int(seconds)
+        message.header.stamp.nanosec = int(1e9 * (seconds % 1.0))
+        pose, twist = message.pose.pose, message.twist.twist
+        pose.position.x, pose.position.y, pose.position.z = map(float, data.sensor("position").data)
+        w, x, y, z = map(float, data.sensor("attitude").data)
+        pose.orientation.w, pose.orientation.x, pose.orientation.y, pose.orientation.z = w, x, y, z
+        u, v, w, p, q, r = map(float, self.vehicle.velocity)  # z down; the message has z up
+        twist.linear.x, twist.linear.y, twist.linear.z = u, -v, -w
+        twist.angular.x, twist.angular.y, twist.angular.z = p, -q, -r
+        self.out.publish(message)
+
+    def turn(self):
+        """Publish, wait for the answer, and go on by one period."""
+        began = time.monotonic()
+        self.answered = False
+        self.publish()
+        while not self.answered and time.monotonic() < began + self.patience:
+            rclpy.spin_once(self.node, timeout_sec=0.01)
+        if not self.answered:
+            self.vehicle.data.ctrl[:] = 0.0
+        if self.node.count_publishers("/VEHICLE/thrusters"):
+            until = self.vehicle.data.time + PERIOD - 1e-9
+            while self.vehicle.data.time < until:
+                self.vehicle.step()
+        if self.rate > 0.0:
+            time.sleep(max(0.0, began + PERIOD / self.rate - time.monotonic()))
+
+
+if __name__ == "__main__":
+    rclpy.init()
+    try:
+        vehicle = RosVehicle(rclpy.create_node("mujoco_vehicle"))
+        while rclpy.ok():
+            vehicle.turn()
+    except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
+        pass
+'''
+
 README = """Open: `python -m mujoco.viewer --mjcf=vehicle.xml` shows it dry, `python mujoco_vehicle.py` moves it.
 Drive: `UnderwaterVehicle.from_folder(".")`, `vehicle.data.actuator("{thruster}").ctrl = 5.0` (N), `vehicle.step()`.
+On the ROS graph: `python ros_vehicle.py`, then `./hindrax pool-test --mock --simulator mujoco:/{name} --vehicle FILE`.
 Numbers, signs, reference point and their uncertainty: the comment on top of `vehicle.xml` and of `hydrodynamics.py`.
 """

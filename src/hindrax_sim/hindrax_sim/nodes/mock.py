@@ -8,14 +8,16 @@ import os
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import rclpy
+from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 
 from hindrax_core.events import Stamp, to_s
 from hindrax_core.topics import CLOCK, NAMESPACE
-from hindrax_core.vehicle import load_vehicle
+from hindrax_core.vehicle import Hydrodynamics, load_vehicle
 from hindrax_ident.assess.results import truth_of
 from hindrax_ros.heartbeat import HeartbeatFile
 from hindrax_ros.messages.convert import stamp_to_msg
@@ -25,9 +27,15 @@ from hindrax_sim.faults.fault_registry import parse_fault
 from hindrax_sim.hardware import Hardware, STEP_ns
 from hindrax_sim.mock_vehicle import MockVehicle
 from hindrax_sim.nodes.hardware_process import graph, main_of, outlast_output
+from hindrax_sim.nodes.simulator_link import SimulatorLink
+from hindrax_sim.physics.followed_plant import FollowedPlant
+from hindrax_sim.physics.plant import Plant
+from hindrax_sim.simulators import simulator_of
 from hindrax_sim.world import Conditions
 
 CLOCK_EVERY = 8
+TURN_S = 0.002
+"""Wall time for which a simulator's next state is awaited before the clients of the bus are served again."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -41,12 +49,13 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--folder", help="where sockets and ptys lie; default a temporary folder")
     made.add_argument("--namespace", default=NAMESPACE, help="of the vehicle; its clock is there, or at /clock")
     made.add_argument("--truth", help="file for true states and pulses, a line per step")
+    made.add_argument("--simulator", default="", help="another simulator moves the vehicle, over topics")
     made.add_argument("--no-ros", action="store_true", help="devices only, no /clock")
     return made
 
 
 @contextlib.contextmanager
-def clock_publisher(mock: MockVehicle, namespace: str) -> Iterator[None]:
+def clock_publisher(mock: MockVehicle, namespace: str) -> Iterator[Node]:
     """Publish /clock at 25 Hz of the mock's time."""
     with graph(namespace):
         node = rclpy.create_node("mock", namespace=NAMESPACE, enable_rosout=False, start_parameter_services=False)
@@ -58,7 +67,7 @@ def clock_publisher(mock: MockVehicle, namespace: str) -> Iterator[None]:
 
         mock.after_step.append(show)
         try:
-            yield
+            yield node
         finally:
             node.destroy_node()
 
@@ -69,20 +78,37 @@ def run(words: argparse.Namespace, folder: Path) -> int:
     vehicle = load_vehicle(words.vehicle)
     faults = [parse_fault(fault, vehicle) for fault in words.fault]
     conditions = Conditions(sizes=sizes_of(words.world, words.seed))
-    with MockVehicle(Hardware(vehicle, words.seed, conditions, faults), folder, rate=words.rate) as mock:
+    elsewhere = simulator_of(words.simulator, vehicle.name) if words.simulator else None
+    moved_by = Plant if elsewhere is None else FollowedPlant
+    built = vehicle if vehicle.hydrodynamics else replace(vehicle, hydrodynamics=Hydrodynamics((0.0,) * 6))
+    hardware = Hardware(vehicle, words.seed, conditions, faults, None if elsewhere is None else built, plant=moved_by)
+    with MockVehicle(hardware, folder, rate=words.rate) as mock:
         with (
             Path(words.truth or os.devnull).open("w", buffering=1, encoding="ascii") as log,
-            contextlib.nullcontext() if words.no_ros else clock_publisher(mock, words.namespace),
+            contextlib.nullcontext() if words.no_ros else clock_publisher(mock, words.namespace) as node,
         ):
+            link = None
+            if elsewhere is not None and node is not None and isinstance(hardware.world.plant, FollowedPlant):
+                link = SimulatorLink(node, elsewhere, vehicle, hardware.world.plant)
+                link.wait_for_first(lambda: stop.asked)
+                mock.after_step.append(link.push)
             if words.truth:
                 mock.after_step.append(lambda _now: log.write(mock.hardware.true_state().line()))
-            facts = {"ports": mock.ports, "clock": mock.clock, "truth": truth_of(mock.hardware.world.truth.described())}
+            known = truth_of(hardware.world.truth.described()) if vehicle.hydrodynamics else {}
+            facts = {"ports": mock.ports, "clock": mock.clock, "truth": known}
             print(json.dumps(facts), flush=True)  # noqa: T201  # for the parent
             gc.freeze()
             while not stop.asked:
-                mock.step()
+                if link is None or link.may_step():
+                    mock.step()
+                else:  # its time stands, and so does that of the stack
+                    mock.serve_clients(0.0)
+                if link is not None:
+                    link.serve(0.0 if link.may_step() else TURN_S)
                 heartbeat.beat(time.monotonic())
             outlast_output(mock)
+            if link is not None:
+                link.rest()
         print(json.dumps(ground_truth(mock)), flush=True)  # noqa: T201  # for the parent
     return 0
 

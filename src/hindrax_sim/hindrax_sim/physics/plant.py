@@ -48,6 +48,8 @@ class Plant:
         "dw", "p", "pulses_us", "q", "qw", "qx", "qy", "qz", "r", "sx", "sy", "sz", "targets_N", "time_s", "u", "v",
         "w", "x", "y", "z",
     )  # fmt: skip
+    confined = True
+    """Whether walls and floor of the pool stop it."""
 
     def __init__(
         self, vehicle: Vehicle, influences: Sequence[Influence] = (), losses: Sequence[ThrustLoss] = ()

@@ -9,7 +9,7 @@ from pathlib import Path
 from hindrax_bringup.liveness import PERIOD_S, beats
 from hindrax_bringup.network.tether import add_tether, tether_setting
 from hindrax_bringup.processes import THRUSTERS
-from hindrax_bringup.stack import FAULT_HELP, WORLD_HELP, MockOptions
+from hindrax_bringup.stack import FAULT_HELP, SIMULATOR_HELP, WORLD_HELP, MockOptions
 from hindrax_bringup.stack_lock import StackLock, runtime_folder, stacks, vehicle_stack
 from hindrax_bringup.stack_process import UpOptions, become
 from hindrax_cli.argument_types import (
@@ -38,6 +38,7 @@ def add_mock_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rate", type=pace, help="mock: times real time at most (0: no bound); default 1")
     parser.add_argument("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP)
     parser.add_argument("--world", help=f"{WORLD_HELP}. Default: ideal")
+    parser.add_argument("--simulator", default="", metavar="KIND", help=SIMULATOR_HELP)
 
 
 def mock_options(arguments: argparse.Namespace) -> MockOptions:
@@ -45,16 +46,22 @@ def mock_options(arguments: argparse.Namespace) -> MockOptions:
     rate = 1.0 if arguments.rate is None else arguments.rate
     seed_of_all = 1 if arguments.seed is None else arguments.seed
     world = "ideal" if arguments.world is None else arguments.world
-    made = MockOptions(seed_of_all, rate, tuple(arguments.fault), world)
+    made = MockOptions(seed_of_all, rate, tuple(arguments.fault), world, simulator=arguments.simulator)
     require_known(made, load_vehicle(arguments.vehicle))
     return made
 
 
 def require_known(options: MockOptions, vehicle: Vehicle) -> None:
-    """UsageError for a world or a fault that there is not, before anything starts."""
+    """UsageError for a world, a fault or a simulator that there is not, before anything starts."""
     from hindrax_sim.conditions.world_table import sizes_of  # noqa: PLC0415  # no simulator on the vehicle
 
     sizes_of(options.world, options.seed)
+    if options.simulator:
+        from hindrax_sim.simulators import simulator_of  # noqa: PLC0415  # as above
+
+        simulator_of(options.simulator, vehicle.name)
+        if options.world != "ideal":
+            raise UsageError(f"--world {options.world}: the water is that of --simulator; leave it out, or say ideal")
     if options.faults:
         from hindrax_sim.faults.fault_registry import parse_fault  # noqa: PLC0415  # as above; takes 0.2 s
 
@@ -85,8 +92,9 @@ def require_known(options: MockOptions, vehicle: Vehicle) -> None:
 def up(arguments: argparse.Namespace) -> int:
     """Start the stack and keep it up until Ctrl-C; other terminals operate it."""
     of_mock = (arguments.world, arguments.rate, arguments.seed)
-    if (arguments.fault or any(one is not None for one in of_mock)) and not arguments.mock:
-        raise UsageError("--fault, --world, --rate and --seed are for --mock only")
+    given = arguments.fault or arguments.simulator or any(one is not None for one in of_mock)
+    if given and not arguments.mock:
+        raise UsageError("--fault, --world, --rate, --seed and --simulator are for --mock only")
     mock = mock_options(arguments) if arguments.mock else None
     # A mock is for this machine alone, unless it is asked for by name here.
     tether = tether_setting() if arguments.tether or not arguments.mock else None

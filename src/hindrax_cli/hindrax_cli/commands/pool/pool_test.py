@@ -6,7 +6,7 @@ import signal
 from collections.abc import Mapping
 from pathlib import Path
 
-from hindrax_bringup.stack import FAULT_HELP, WORLD_HELP, MockOptions
+from hindrax_bringup.stack import FAULT_HELP, SIMULATOR_HELP, WORLD_HELP, MockOptions
 from hindrax_cli.argument_types import (
     add_json,
     add_tuning,
@@ -41,6 +41,13 @@ def aim_of(arguments: argparse.Namespace) -> Aim | None:
     return Aim(arguments.until, arguments.minutes)
 
 
+def _mock(arguments: argparse.Namespace) -> MockOptions:
+    """Options of the mock: in a pool where nothing else is named, and where its water is ours."""
+    usual = "ideal" if arguments.simulator else "pool"
+    world, rate = usual if arguments.world is None else arguments.world, arguments.rate or 0.0
+    return MockOptions(arguments.seed, rate, tuple(arguments.fault), world, simulator=arguments.simulator)
+
+
 def require_start(vehicle: Vehicle, start: tuple[float, float, float]) -> None:
     """UsageError for a start outside the pool, before anything starts."""
     x_m, y_m, heading_rad = start
@@ -73,7 +80,8 @@ def require_start(vehicle: Vehicle, start: tuple[float, float, float]) -> None:
     option("--seed", type=seed, default=1, help="of the mock's noise and of the excitation; default 1"),
     option("--rate", type=pace, help="mock: times real time at most; default, and 0: as fast as the stack follows"),
     option("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP),
-    option("--world", help=f"{WORLD_HELP}. Default: pool"),
+    option("--world", help=f"{WORLD_HELP}. Default: pool; with --simulator: ideal"),
+    option("--simulator", default="", metavar="KIND", help=SIMULATOR_HELP),
     option("--excitation", default=PLATEAUS, choices=(PLATEAUS, *EXCITATIONS), help="default: plateaus"),
     option(
         "--on-cancel",
@@ -102,14 +110,14 @@ def pool_test(arguments: argparse.Namespace) -> int:
         from hindrax_cli.pool_plan import rehearse_and_show  # noqa: PLC0415  # a flight needs neither SciPy nor the simulator
 
         return rehearse_and_show(arguments, aim)
-    if not arguments.mock and (arguments.fault or arguments.world is not None or arguments.rate is not None):
-        raise UsageError("--fault, --world and --rate are for --mock only")
+    of_mock = arguments.fault or arguments.world is not None or arguments.rate is not None or arguments.simulator
+    if not arguments.mock and of_mock:
+        raise UsageError("--fault, --world, --rate and --simulator are for --mock only")
     if not arguments.mock:
         from hindrax_cli.health_checks.wires import require_ports  # noqa: PLC0415  # every driver: a mock starts without them
 
         require_ports(load_vehicle(Path(arguments.vehicle)), arguments.vehicle)
-    rate, world = arguments.rate or 0.0, "pool" if arguments.world is None else arguments.world
-    mock = MockOptions(arguments.seed, rate, tuple(arguments.fault), world) if arguments.mock else None
+    mock = _mock(arguments) if arguments.mock else None
     vehicle, tuning, start = load_vehicle(arguments.vehicle), tuning_of(arguments), place_of(arguments.start or [])
     if mock is not None:
         require_known(mock, vehicle)

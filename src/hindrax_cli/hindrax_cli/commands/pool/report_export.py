@@ -7,7 +7,13 @@ from pathlib import Path
 
 from hindrax_analysis.coefficients_file import SavedCoefficients, read_coefficients
 from hindrax_analysis.exports import fossen, gz, mujoco, python_model, samples, stonefish, tables, uuv, vehicle_block
-from hindrax_analysis.exports.export_model import ExportModel, abort_notes, assumption_notes, export_model
+from hindrax_analysis.exports.export_model import (
+    ExportModel,
+    abort_notes,
+    assumption_notes,
+    export_model,
+    unidentified_model,
+)
 from hindrax_analysis.identification.bag_identification import identify_bag, recorded_conditions, write, write_report
 from hindrax_analysis.identification.record_identification import RecordSource, recorded_vehicle
 from hindrax_analysis.records.own_bag import is_mock
@@ -110,7 +116,7 @@ URDF = "urdf"
         type=Path,
         nargs="?",
         metavar="COEFFICIENTS",
-        help="coefficients.yaml, or a run's folder; not needed for urdf",
+        help="coefficients.yaml, or a run's folder; without it, --vehicle as it is",
     ),
     option("--to", choices=[*FORMATS, *TABLES, URDF], required=True, help="format"),
     option("--out", type=Path, metavar="FILE_OR_FOLDER", help="default: stdout; gz and mujoco also fill a folder"),
@@ -147,8 +153,8 @@ def _wants_folder(to: str, out: Path | None) -> bool:
 
 
 def _fill_folder(arguments: argparse.Namespace) -> int:
-    file, folder = results_file(arguments.coefficients, arguments.to), arguments.out
-    files = FOLDERS[arguments.to](_model(read_coefficients(file), file, arguments.vehicle))
+    folder = arguments.out
+    files = FOLDERS[arguments.to](_model_named(arguments.coefficients, arguments.to, arguments.vehicle))
     with writing(f"--out {folder}", "name another place", UsageError):
         _write_files(folder, files)
     print_stderr(f"written: {folder} ({', '.join(files)})")
@@ -188,7 +194,7 @@ def _drawn(saved: SavedCoefficients, file: Path, arguments: argparse.Namespace) 
 def results_file(path: Path | None, to: str) -> Path:
     """File of results that is named, or lies in the folder that is; UsageError where there is none."""
     if path is None:
-        raise UsageError(f"--to {to}: found no results, wanted a coefficients.yaml or a run's folder")
+        raise UsageError(f"--to {to}: found no results, wanted a coefficients.yaml, a run's folder, or --vehicle")
     file = RunFolder(path).coefficients if path.is_dir() else path
     if not file.is_file():
         raise UsageError(f"{file}: cannot be read, there is no such file")
@@ -200,18 +206,28 @@ def _text(path: Path | None, to: str, named: str | None) -> str:
         if named or path is None:
             return urdf_of(load_vehicle(named or default_vehicle()))
         return urdf_of(_vehicle_beside(RunFolder(path).coefficients if path.is_dir() else path))
-    file = results_file(path, to)
-    saved = read_coefficients(file)
     if to in TABLES:
+        file = results_file(path, to)
+        saved = read_coefficients(file)
         table = tables.result_table(saved, str(file))
         _note([*abort_notes(saved), *assumption_notes(saved)])
         return TABLES[to](table)
-    return FORMATS[to](_model(saved, file, named))
+    return FORMATS[to](_model_named(path, to, named))
 
 
 def _note(notes: Iterable[str]) -> None:
     for note in notes:
         print_stderr(f"note: {note}")
+
+
+def _model_named(path: Path | None, to: str, named: str | None) -> ExportModel:
+    """Model of results; without any, that of the named vehicle file, whose numbers nobody has identified."""
+    if path is None and named:
+        model = unidentified_model(load_vehicle(named), named)
+        _note(model.notes)
+        return model
+    file = results_file(path, to)
+    return _model(read_coefficients(file), file, named)
 
 
 def _model(saved: SavedCoefficients, file: Path, named: str | None) -> ExportModel:
