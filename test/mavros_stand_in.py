@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import rclpy
-from ardusub import STEP_S, flight
 from mavros_msgs.msg import RCOut
 from nav_msgs.msg import Odometry
 from rclpy.qos import qos_profile_sensor_data
@@ -24,6 +23,7 @@ from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_core.topics import Quality
 from hindrax_ros.messages.convert import stamp_to_msg
 from hindrax_ros.messages.share import share_lookup
+from hindrax_tools.ardusub import STEP_S, flight
 
 VELOCITY_mps, RATE_radps = 0.003, 0.002
 """Noise."""

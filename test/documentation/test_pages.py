@@ -3,7 +3,6 @@
 import re
 from pathlib import Path
 
-import ardusub
 import pytest
 from documentation.pages import PAGES, ROOT, Command, block_of, commands_of, links_of, paths_of
 
@@ -12,6 +11,7 @@ from hindrax_cli.command_line import main
 from hindrax_control.allocation.thrust_curve import AppliedWrench, pulses_of_channels
 from hindrax_core.vehicle import AXES, load_vehicle
 from hindrax_sim.hardware import Hardware
+from hindrax_tools import ardusub
 
 HOW_TO = ROOT / "docs" / "how-to"
 BY_THE_SCRIPT = ("setup",)

@@ -14,7 +14,6 @@ import pytest
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
 
-import ardusub
 import hostile
 import numpy as np
 import rclpy
@@ -76,6 +75,7 @@ from hindrax_ros.messages.fast_serialization import command_from_bytes
 from hindrax_ros.messages.serialization import message_class, serialized
 from hindrax_ros.testing import sensor_messages
 from hindrax_ros.testing.state_messages import odometry_to_msg
+from hindrax_tools import ardusub
 
 pytestmark = pytest.mark.ros
 

@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import ardusub
 import numpy as np
 import pytest
 from mcap_ros2.writer import Writer
@@ -31,6 +30,7 @@ from hindrax_core.vehicle import Drag, Vehicle, load_vehicle
 from hindrax_ident.arrays import Array
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.testing.synthetic_runs import Flight, back_and_forth, fly
+from hindrax_tools import ardusub
 
 MASS_kg = 20.0
 TRUTH = {"k_q": 66.48, "k_l": 1.25, "added_mass": 12.0}
@@ -169,7 +169,7 @@ def test_the_table_states_what_is_known_and_what_is_not(desk: Desk) -> None:
     printed = desk.capsys.readouterr().out
     assert "* surge: not identifiable" in printed
     assert re.search(r"drag: 0\.\d+ \+- 0\.\d+ N at 0\.\d+ m/s, 0\.\d+ \+- 0\.\d+ N at 0\.\d+ m/s", printed)
-    assert re.search(r"surge: thrust lags by 0\.\d\d s, velocities come 0\.\d\d s (late|early)", printed)
+    assert re.search(r"surge: estimated delays: thrust 0\.\d\d s; velocity stamps 0\.\d\d s too (late|early)", printed)
     assert "COB-2023" not in printed
 
 
@@ -733,9 +733,9 @@ def test_our_own_bag_without_a_maneuver_is_called_so(desk: Desk) -> None:
     assert "--odometry /hindrax/navigation/odometry" in printed
 
 
-@pytest.mark.parametrize(("latency_s", "printed_text"), [(0.07, "0.07 s late"), (-0.07, "0.07 s early")])
+@pytest.mark.parametrize(("latency_s", "printed_text"), [(0.07, "0.07 s too late"), (-0.07, "0.07 s too early")])
 def test_velocities_come_late_or_early(latency_s: float, printed_text: str) -> None:
-    assert identify._delays(0.01, latency_s) == f"thrust lags by 0.01 s, velocities come {printed_text}"
+    assert identify._delays(0.01, latency_s) == f"thrust 0.01 s; velocity stamps {printed_text}"
 
 
 def test_without_a_vehicle_file_the_assumption_is_reported(desk: Desk) -> None:

@@ -43,8 +43,11 @@ def build(root: Path, out: Path, repository: str = "") -> int:
     programs = Path(made.stdout.strip()) / "bin"
     with tempfile.TemporaryDirectory() as folder:
         prepare(root, Path(folder), programs, repository)
-        done = subprocess.run([programs / "zensical", "build", "--strict"], cwd=folder, check=False)  # noqa: S603  # our own
-        if done.returncode == 0:
+        words = [str(programs / "zensical"), "build", "--strict"]
+        done = subprocess.run(words, cwd=folder, check=False, capture_output=True, text=True)  # noqa: S603  # our own
+        if done.returncode:
+            print(done.stdout, done.stderr)
+        else:
             shutil.copytree(Path(folder, "site"), out, dirs_exist_ok=True)
         return done.returncode
 

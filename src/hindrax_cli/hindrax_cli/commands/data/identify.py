@@ -197,7 +197,7 @@ def _runs(sources: list[RecordSource], found: Identified) -> dict[str, object]:
 def _delays(lag_s: float, latency_s: float) -> str:
     """Delays of thrust and velocities to the commands and to each other."""
     late = "early" if round(latency_s, 2) < 0.0 else "late"
-    return f"thrust lags by {lag_s:.2f} s, velocities come {abs(latency_s):.2f} s {late}"
+    return f"thrust {lag_s:.2f} s; velocity stamps {abs(latency_s):.2f} s too {late}"
 
 
 def _show(arguments: argparse.Namespace, found: Identified, conditions: ResultConditions) -> None:
@@ -210,9 +210,9 @@ def _show(arguments: argparse.Namespace, found: Identified, conditions: ResultCo
         print_stderr("no motion was flown in this record; `./hindrax bag info` shows what it holds")
     foreign = not conditions.mock and found.origin is None
     for motion, result in found.results.motions.items() if foreign else ():
-        if result.quality:
+        if result.quality and result.identifiable:
             delays = _delays(result.quality["lag_s"], result.quality["latency_s"])
-            print_fitted(f"{motion}: {delays}, as the record has it")
+            print_fitted(f"{motion}: estimated delays: {delays}")
     for motion, spreads in found.spreads.items():
         for key, one in spreads.items():
             times = f"{one.ratio:.1f} times their deviations, expected 1"

@@ -31,7 +31,7 @@ BESIDE = {
     "types": [sys.executable, "-m", "mypy"],
     "site": [sys.executable, "-m", "hindrax_tools.site.build"],
 }
-"""What runs beside the tests: neither prints anything as long as all is good."""
+"""What runs while the tests do."""
 
 
 @command("./hindrax completion bash", option("shell", choices=command_page.SHELLS, help="which shell"))
@@ -102,19 +102,23 @@ def _what(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--write", action="store_true", help="write what is stale: pages, access policies, stubs")
     what.add_argument("--figures", action="store_true", help="redraw the figures of the explanation")
     what.add_argument("--site", action="store_true", help="build the site of the documentation into --out")
+    what.add_argument("--example-data", action="store_true", help="make the example data in --out: a run, and a log")
     what.add_argument("--fly", action="store_true", help="repeat the flights of the figures, then draw them")
 
 
 @command(
     "./hindrax reference --write\n# flies sixteen pool tests, then draws the figures:\n./hindrax reference --fly",
     _what,
-    option("--out", type=Path, metavar="DIR", help="folder of the pages, of the figures, or of the site"),
+    option("--out", type=Path, metavar="DIR", help="folder of what is written"),
     option("--repository", default="", metavar="URL", help="with --site: where its files are, such as .../blob/v0.2.0"),
 )
 def reference(arguments: argparse.Namespace) -> int:
     """Write the reference pages in docs/reference from the code, or check that they are up to date."""
     if arguments.site:
         return int(developer_module("site.build").build(clone_root(), _required(arguments), arguments.repository))
+    if arguments.example_data:
+        developer_module("example_data").make(_required(arguments))
+        return 0
     docs, pages = clone_root() / "docs", developer_module("reference")
     if arguments.figures or arguments.fly:
         return _draw(arguments.out or docs / "explanation" / "figures", again=arguments.fly)
@@ -136,7 +140,7 @@ def reference(arguments: argparse.Namespace) -> int:
 
 def _required(arguments: argparse.Namespace) -> Path:
     if arguments.out is None:
-        raise UsageError("reference --site: found no --out, wanted the folder that the site goes to")
+        raise UsageError("reference: found no --out, wanted the folder to write to")
     out: Path = arguments.out
     return out
 
