@@ -56,9 +56,9 @@ def _held_out(result: MotionResult) -> str:
 
 def show_next(motions: Mapping[str, MotionResult], fly: Sequence[str]) -> None:
     """Print the experiment that improves the worst drag most, and what it buys; `fly`: words of a flight, if any."""
-    # What was not identified has its own remedies; of a motion that hardly moved none would be worth a flight.
-    chosen = [one for one in motions.values() if one.identifiable] or list(motions.values())
-    known = [(share, one) for one in chosen if (share := _share(one)) is not None]
+    known = [(share, one) for one in motions.values() if (share := _share(one)) is not None]
+    # Of a motion that hardly moved nothing would be known after the next step either.
+    known = [(share, one) for share, one in known if share < 1.0] or known
     if not known:
         return
     share, worst = max(known, key=lambda pair: pair[0])
