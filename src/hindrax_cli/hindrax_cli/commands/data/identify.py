@@ -210,7 +210,7 @@ def _show(arguments: argparse.Namespace, found: Identified, conditions: ResultCo
         print_stderr("no motion was flown in this record; `./hindrax bag info` shows what it holds")
     foreign = not conditions.mock and found.origin is None
     for motion, result in found.results.motions.items() if foreign else ():
-        if result.quality and result.identifiable:
+        if result.quality:
             delays = _delays(result.quality["lag_s"], result.quality["latency_s"])
             print_fitted(f"{motion}: estimated delays: {delays}")
     for motion, spreads in found.spreads.items():
