@@ -8,7 +8,7 @@ import os
 import signal
 import sys
 from collections.abc import Iterator
-from typing import Any
+from types import FrameType
 
 from hindrax_core.errors import INTERRUPTED, HindraxError
 
@@ -51,7 +51,7 @@ def interruptible() -> Iterator[None]:
         return
     interrupted = False
 
-    def interrupt(number: int, frame: Any) -> None:
+    def interrupt(number: int, frame: FrameType | None) -> None:
         nonlocal interrupted
         interrupted = True
         _go_below_the_key()

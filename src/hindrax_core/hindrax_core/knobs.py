@@ -34,7 +34,7 @@ class Knob:
         return self.meaning.rpartition("[")[2].rstrip("]") if self.meaning.endswith("]") else ""
 
 
-def knob(default: Any, low: float = -math.inf, high: float = math.inf, meaning: str = "") -> Any:
+def knob(default: object, low: float = -math.inf, high: float = math.inf, meaning: str = "") -> Any:
     """Declare a number (or a tuple of numbers) with its default, closed range and meaning [unit]."""
     return field(default=default, metadata={META: Knob(low, high, meaning)})
 
@@ -44,7 +44,7 @@ def fact(low: float = -math.inf, high: float = math.inf, meaning: str = "") -> A
     return field(metadata={META: Knob(low, high, meaning)})
 
 
-def block(factory: Callable[[], Any], meaning: str) -> Any:
+def block(factory: Callable[[], object], meaning: str) -> Any:
     """Declare an optional block of keys, or an optional list; `factory` makes its default."""
     return field(default_factory=factory, metadata={META: Knob(meaning=meaning)})
 
@@ -54,7 +54,7 @@ def choice(default: str | tuple[str, ...], choices: Sequence[str], meaning: str)
     return field(default=default, metadata={META: Knob(meaning=meaning, choices=tuple(choices))})
 
 
-def knob_of(declared: Field[Any]) -> Knob:
+def knob_of(declared: Field[object]) -> Knob:
     """Return the declaration of a field; without one it has no limits and no meaning."""
     found: Knob = declared.metadata.get(META, Knob())
     return found
@@ -87,14 +87,14 @@ def _inside(path: str, name: str) -> str:
     return f"{path} {name}" if path.endswith(":") else f"{path}.{name}"
 
 
-def _value(hint: Any, declared: Field[Any], data: object, path: str) -> Any:
+def _value(hint: object, declared: Field[object], data: object, path: str) -> object:
     origin = typing.get_origin(hint)
     if origin in (types.UnionType, typing.Union):
         inner = [one for one in typing.get_args(hint) if one is not type(None)]
         unset = data is None or (data == "" and inner[0] is not str)  # a launch file cannot leave a parameter out
         return None if unset else _value(inner[0], declared, data, path)
     if is_dataclass(hint):
-        return build(typing.cast("type[Any]", hint), data, path)
+        return build(typing.cast("type[object]", hint), data, path)
     if origin is tuple:
         return _tuple(hint, declared, data, path)
     if origin in (dict, Mapping):
@@ -102,7 +102,7 @@ def _value(hint: Any, declared: Field[Any], data: object, path: str) -> Any:
     return _scalar(hint, knob_of(declared), data, path)
 
 
-def _tuple(hint: Any, declared: Field[Any], data: object, path: str) -> tuple[Any, ...]:
+def _tuple(hint: object, declared: Field[object], data: object, path: str) -> tuple[object, ...]:
     arguments = typing.get_args(hint)
     many = len(arguments) == 2 and arguments[1] is Ellipsis
     if isinstance(data, str) or not isinstance(data, Sequence):
@@ -114,7 +114,7 @@ def _tuple(hint: Any, declared: Field[Any], data: object, path: str) -> tuple[An
     return tuple(_value(kind, declared, one, f"{path}[{index}]") for index, (kind, one) in pairs)
 
 
-def _mapping(hint: Any, declared: Field[Any], data: object, path: str) -> dict[str, Any]:
+def _mapping(hint: object, declared: Field[object], data: object, path: str) -> dict[str, object]:
     if not isinstance(data, Mapping):
         raise UsageError(f"{path}: found {data!r}, wanted a block of names")
     kind = typing.get_args(hint)[1]

@@ -18,7 +18,7 @@ def vec6(values: Iterable[float]) -> Vec6:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """Any of the readings below."""
+    """One of the readings below."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -75,7 +75,7 @@ class RegisterWire:
     """Transactions of the record that the device did not ask for."""
     opened: list[Stamp] = field(default_factory=list)
     _asked: Transaction | None = None
-    _program: Program[Any] | None = None
+    _program: Program[object] | None = None
     _operation: Operation | None = None
     _configured: bool = False
 

@@ -45,7 +45,7 @@ class ReferenceSamples(dict[str, dict[str, Any]]):
         self._next[topic] = stamp + SAMPLE_NS
         return True
 
-    def keep(self, topic: str, key: object, message: Any) -> None:
+    def keep(self, topic: str, key: object, message: object) -> None:
         """Keep the values of a message."""
         self.setdefault(topic, {})[str(key)] = dict(flat(message))
 

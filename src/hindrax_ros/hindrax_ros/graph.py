@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from rclpy.action.server import ServerGoalHandle
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -70,7 +71,7 @@ def _full_name(namespace: str, name: str) -> str:
     return "" if name == UNKNOWN else f"{namespace.rstrip('/')}/{name}"
 
 
-def optional_class(type_name: str) -> Any:
+def optional_class(type_name: str) -> type | None:
     """Class of a message type written as `package/msg/Type`; None where its package is not installed."""
     try:
         return message_class(type_name)
@@ -80,7 +81,7 @@ def optional_class(type_name: str) -> Any:
         return None
 
 
-def end_goal(handle: Any, aborted: str) -> None:
+def end_goal(handle: ServerGoalHandle, aborted: str) -> None:
     """Bring the handle of an action's goal into its last state; `aborted`: the reason, empty when it succeeded."""
     if not aborted:
         handle.succeed()

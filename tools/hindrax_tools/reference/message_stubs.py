@@ -1,6 +1,6 @@
 """Type stubs of the messages, services and actions that our sources import: generated from their definitions.
 
-What rosidl generates for Python has no annotations, so to mypy every field was Any. The stubs are in `typings/`.
+What rosidl generates for Python has no annotations, so to mypy every field was anything. The stubs are in `typings/`.
 """
 
 import ast

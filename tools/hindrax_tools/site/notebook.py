@@ -6,7 +6,6 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 from pprint import pformat
-from typing import Any
 
 import matplotlib as mpl
 
@@ -18,7 +17,7 @@ def notebook_page(notebook: Path, figures: Path, root: Path) -> str:
     """Markdown of a notebook run from its first cell to its last; figures go to a folder beside the page."""
     mpl.use("Agg")
     os.environ["HINDRAX_ROOT"] = str(root)
-    known: dict[str, Any] = {"__name__": "__main__"}
+    known: dict[str, object] = {"__name__": "__main__"}
     parts = []
     for number, cell in enumerate(json.loads(notebook.read_text(encoding="utf-8"))["cells"]):
         source = "".join(cell["source"])
@@ -29,7 +28,7 @@ def notebook_page(notebook: Path, figures: Path, root: Path) -> str:
     return "\n\n".join([*parts, ""])
 
 
-def _outputs(source: str, known: dict[str, Any], figure: Path) -> Iterator[str]:
+def _outputs(source: str, known: dict[str, object], figure: Path) -> Iterator[str]:
     """Run a cell: the value of its last expression, and what it has drawn."""
     from matplotlib import pyplot as plt  # noqa: PLC0415  # after the choice of what draws
 
@@ -37,7 +36,7 @@ def _outputs(source: str, known: dict[str, Any], figure: Path) -> Iterator[str]:
     end = body[-1] if body else None
     last = ast.Expression(end.value) if isinstance(end, ast.Expr) else None
     exec(compile(ast.Module(body[:-1] if last else body, []), str(figure), "exec"), known)  # noqa: S102  # our own notebook
-    value: Any = eval(compile(last, str(figure), "eval"), known) if last else None  # noqa: S307  # the same
+    value: object = eval(compile(last, str(figure), "eval"), known) if last else None  # noqa: S307  # the same
     if plt.get_fignums():
         figure.parent.mkdir(parents=True, exist_ok=True)
         plt.gcf().savefig(figure, bbox_inches="tight")

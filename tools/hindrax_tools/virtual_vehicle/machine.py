@@ -152,7 +152,7 @@ class Machine:
         return (self.folder / name).open("ab")
 
 
-def _call(words: Sequence[str], **options: Any) -> subprocess.CompletedProcess[Any]:
+def _call(words: Sequence[str], **options: Any) -> subprocess.CompletedProcess[str]:
     return subprocess.run(words, **{"check": False, **options})  # noqa: S603, PLW1510  # our own words
 
 

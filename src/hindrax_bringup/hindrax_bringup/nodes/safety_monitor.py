@@ -11,7 +11,6 @@ have expired by then. It disarms an armed vehicle when the wall clock is set. Wh
 
 import sys
 import time
-from typing import Any
 
 from action_msgs.srv import CancelGoal
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -52,7 +51,7 @@ class SafetyMonitor(BatchedNode):
         self._listed_at = Stamp(0)
         self._window = order_window(mock=bool(self.get_parameter("use_sim_time").value))
         self._refusals = Refusals()
-        self._untimed_list: Any = None
+        self._untimed_list: ThrusterHealth | None = None
         self._troubles: dict[str, str] = {}
         """Problem that each node reports; empty when it is well."""
         subscription(self, THRUSTER_HEALTH, self._on_health)

@@ -9,6 +9,14 @@ as a sum can have that no pattern without wrench changes: the wrench alone decid
 least and the most that the limits allow. Every other such sum is one of these without cancellation (elementary vectors
 of a subspace, Rockafellar 1969), so it is kept with them. The facets are worked out once for a set of thrusters; each
 demand leaves a linear program in two unknowns: see `_newton`.
+
+Symbols. m thrusters in use, with forces f [N] within low <= f <= high, and B (6, m) of `effectiveness`. The k patterns
+without wrench span the null space of B: f + pattern makes the same wrench as f. A facet y (m,) is orthogonal to all of
+them, so y'f = y'B+ w depends on the wrench w alone, B+ the pseudo-inverse. There are comb(m, k + 1) of them at
+most, 56 for the eight thrusters of the Hindrax, of which 12 differ.
+
+A solver of linear programs gives the same answer (a test holds it against one), in a time that depends on the demand:
+ADR 23.
 """
 
 from collections.abc import Sequence
@@ -39,7 +47,12 @@ Row: TypeAlias = tuple[float, float, float, float]
 
 
 def facets(patterns: Matrix) -> Matrix:
-    """Facets (F, m), rows [-], of thrusters whose patterns without wrench are the columns (m, k) [-]."""
+    """Facets (F, m), rows [-], of thrusters whose patterns without wrench are the columns (m, k) [-].
+
+    Of any k + 1 thrusters, the patterns have k columns, so one sum over those thrusters is blind to all k patterns: the
+    left singular vector without a singular value. Where the columns depend on each other there are several such sums,
+    and each is found again over fewer thrusters. Opposite and repeated rows are one facet: the largest entry is made 1.
+    """
     m, k = patterns.shape
     if k == 0:
         return np.eye(m)
@@ -63,6 +76,10 @@ class AttainableSet:
         for j, pattern in enumerate(layout.patterns):
             for index, share in pattern.shares:
                 patterns[index, j] = share
+        # A demand is w = s_1 w_1 + s_2 w_2; facet y allows low <= s_1 a + s_2 b <= high, with a and b its share in each
+        # group's least forces. Rows that the second group does not touch bound s_1 alone: their a over the limit are
+        # ratios, of which the largest above one is what s_1 has to be divided by. All that is linear in the demand is
+        # one matrix, so that a demand costs one product and a few comparisons in Python's own numbers.
         rows = facets(patterns)
         low, high = _ranges(rows, self._limits)
         low, high = low - SLACK_N, high + SLACK_N
@@ -80,6 +97,8 @@ class AttainableSet:
 
     def forces(self, wrench: Sequence[float]) -> list[float]:
         """Return the least forces that give the largest part of a wrench [N, Nm] that can be had."""
+        # Rows that hold wherever both parts are given whole, or one of them, need no look: s_1, s_2 <= 1 and all bounds
+        # are linear, so only corners can break them. A demand within reach leaves none.
         values: list[float] = self._gains.dot(wrench).tolist()
         alone, shared, seconds = self._ends
         first = 1.0 / max([1.0, *values[:alone]])
@@ -98,6 +117,9 @@ class AttainableSet:
         """Return forces within limits with the wrench of these, and whether there are any; else as near as can be.
 
         Pattern by pattern the size that moves least, among those that leave the later patterns a way.
+
+        Fourier and Motzkin's elimination, prepared once: the facets of the patterns after this one say how far it may
+        go so that those can still mend the rest.
         """
         forces = np.array(forces_N)
         for pattern, rows, slopes, low, high in self._stages:

@@ -5,6 +5,16 @@ out, because filterpy takes 1.4 s to import (scipy.stats), which every restart o
 test holds it against filterpy.
 COB-2023-1394 took the derivative of the sonar's altitude instead and found that it oscillates.
 Pressure becomes depth in `hindrax_core/vehicle.py` (`Water.depth_m`), and is brought here by `aiding.py`.
+
+Symbols, as in every textbook: state x = (z, z', b, h), covariance P (4, 4), transition F, input B of the measured
+acceleration, process noise Q, measurement row H (1, 4) with variance R. z and h grow downward: z is the depth of the
+center of mass, h that of the floor, b [m/s^2] what the accelerometer reads too little of the downward acceleration.
+
+    z'' = a + b + white noise,    b' = white noise,    h' = white noise
+    depth measures z,    altitude measures h - z
+
+The floor is a state because the vehicle moves over it: with the altitude as a measurement of z alone, every step in the
+floor would be a step in depth. Pressure and sonar then correct the same rate, and the accelerometer carries it between.
 """
 
 import math
@@ -67,7 +77,10 @@ class VerticalFilter:
         self._P = F @ self._P @ F.T + Q
 
     def _model(self, dt: float) -> Model:
-        """Transition, input and noise of a tick; kept, because ticks come in a few lengths only."""
+        """Transition, input and noise of a tick; kept, because ticks come in a few lengths only.
+
+        Q is that of white acceleration over the tick, exactly; the walk of the bias adds far less to z and z'.
+        """
         half = 0.5 * dt * dt
         F = np.array([[1.0, dt, half, 0.0], [0.0, 1.0, dt, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
         knobs = self._knobs
@@ -81,6 +94,8 @@ class VerticalFilter:
         if not self.has_depth:
             self.has_depth = True
             self._x[0, 0] = depth_m
+        # It measured the depth of then: z - delay z', plus the bend of `_depth_then_m`. The state is not wound back and
+        # the ticks since not repeated: delays are tens of milliseconds, in which the covariance hardly moves.
         H = np.array([[1.0, -delay_s, 0.0, 0.0]])
         used = self._fuse("depth", depth_m - self._depth_then_m(delay_s), sigma_m, H)
         self.refused_depths = max(0, self.refused_depths - 1) if used else self.refused_depths + 1
@@ -101,7 +116,8 @@ class VerticalFilter:
         return float(z - delay_s * rate + 0.5 * delay_s * delay_s * self._acceleration_mps2)
 
     def _fuse(self, source: str, off: float, sigma: float, H: Matrix) -> bool:
-        # One measurement at a time: its innovation covariance is a number. The covariance in Joseph's form stays one.
+        # One measurement at a time, so its innovation covariance is a number and nothing is inverted. Joseph's form of
+        # P stays symmetric and positive whatever the rounding; the short form (I - K H) P does not, in a run of hours.
         cross, R = self._P @ H.T, sigma * sigma
         variance = (H @ cross).item() + R
         if not off * off <= self._knobs.gate**2 * variance:
@@ -114,7 +130,11 @@ class VerticalFilter:
         return True
 
     def _refuse(self, source: str, off: float) -> bool:
-        """Drop a measurement; after many in a row, reset its state instead."""
+        """Drop a measurement; after many in a row, reset its state instead.
+
+        The gate would refuse for ever what has really moved (a floor that fell away, a tare): then it is the state that
+        is wrong. Its variance grows by the square of what is off, and the next measurement takes it there.
+        """
         self._refused[source] += 1
         if self._refused[source] >= self._knobs.patience:
             self._refused[source] = 0

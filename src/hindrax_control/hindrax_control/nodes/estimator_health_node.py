@@ -1,7 +1,6 @@
 """The node `estimator_health`: checks each state before the pilot uses it, and disarms on an implausible one."""
 
 from collections.abc import Callable
-from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
@@ -64,7 +63,7 @@ class EstimatorHealthNode(BatchedNode):
         if not self._failed:
             return
         # Arming is rare, and its text is slow to decode.
-        state: Any = deserialized(data, ThrusterState)
+        state = deserialized(data, ThrusterState)
         self._armed = state.armed or state.state == "arming"
         if self._armed and abs(seconds_between(self._asked, applied.stamp)) >= ASK_AGAIN_S:
             self._asked = applied.stamp

@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
 from rclpy.action import ActionServer, CancelResponse
+from rclpy.action.server import ServerGoalHandle
 from rclpy.subscription import Subscription
 from std_msgs.msg import Bool
 
@@ -85,7 +86,7 @@ ARMED_WITHIN = 25
 class ActiveGoal:
     """A goal, the handle of its client, and the maneuver flown for it; None while the goal waits."""
 
-    handle: Any
+    handle: ServerGoalHandle
     goal: Goal
     maneuver: Maneuver | PulseManeuver | None = None
     patience: int = ARMED_WITHIN
@@ -123,7 +124,7 @@ class PilotNode(BatchedNode):
         self._goal: ActiveGoal | None = None
         self._window = order_window(mock=mock)
         self._suspects: dict[str, str] = {}
-        self._untimed: list[Any] = []
+        self._untimed: list[ThrusterHealth] = []
         self._setpoints: list[Setpoint] = []
         self._phase = ("", "")
         self._estimates: dict[str, Stamped[Estimate]] = {}
@@ -371,7 +372,7 @@ class PilotNode(BatchedNode):
         response.accepted, response.reason = not refused, refused
         return response
 
-    def _accept(self, handle: Any) -> None:
+    def _accept(self, handle: ServerGoalHandle) -> None:
         """Keep a goal until the vehicle can begin it, or finish it at once: a rejection cannot carry a reason."""
         refused = self._unflyable(handle.request)
         if refused:
@@ -380,7 +381,7 @@ class PilotNode(BatchedNode):
         else:
             self._goal = ActiveGoal(handle, self._goal_of(handle.request))
 
-    def _goal_of(self, request: Any) -> Goal:
+    def _goal_of(self, request: FlyManeuver.Goal) -> Goal:
         return pilot_messages.goal_from_msg(request, len(self._names))
 
     def _unflyable(self, request: FlyManeuver.Goal) -> Refusal:

@@ -2,6 +2,7 @@
 
 import importlib
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from hindrax_core.bus_operations import EDGE, EDGES, DeviceError, Read, Transaction, Write
@@ -14,7 +15,7 @@ CONSUMER = "hindrax"
 BIASES = ("AS_IS", "PULL_UP", "PULL_DOWN")
 
 
-def library() -> Any:
+def library() -> ModuleType:
     """Return libgpiod; DeviceError with the remedy where it is missing."""
     try:
         return importlib.import_module("gpiod")

@@ -2,6 +2,16 @@
 
 The Kalman filter of `whitening` runs over many short pieces of the record and many candidates at once, which maps the
 whole likelihood, so none of its several maxima is missed.
+
+Symbols are those of `whitening`. The unknowns are not the four variances of `Noise` but, because the likelihood is then
+smooth and its scale can be maximized in closed form:
+
+    ratio  decades of (mean density of the unknown acceleration / variance of the main channel)
+    part   share of that density that grows with the thrust, 0 to 1
+    other  decades of (variance of positions / of velocities), where both are measured
+
+The main channel is the velocity, or the position where there is no velocity. g candidates are filtered side by side, so
+arrays of the filter are (pieces, g).
 """
 
 from __future__ import annotations
@@ -13,7 +23,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hindrax_ident.arrays import Array, Flags, Index, array
-from hindrax_ident.fit.whitening import LEAST_MEMORY_S, ErrorDynamics, Noise, transitions
+from hindrax_ident.fit.whitening import ErrorDynamics, Noise, transitions
+from hindrax_ident.model.thrust_lag import LEAST_MEMORY_s
 
 ENOUGH = 5000
 """Samples sufficient to estimate the noise; a longer record is subsampled by pieces."""
@@ -37,6 +48,8 @@ OTHERS = np.linspace(-2.0, 2.0, 21)
 
 def fit_noise(chain: ErrorDynamics, residual: Array, before: Noise, *, given_position: bool = False) -> Noise:
     """Most likely noise of a residual (n,). With `given_position` the position variance stays fixed."""
+    # The variance of the positions is found in turns with the other two: all three at once would be a grid of 21 times
+    # as many candidates, and one turn moves it by less than the spacing of OTHERS.
     main = _main(chain)
     both = bool(np.any(chain.channel != main)) and not given_position
     pieces = _Pieces(chain, residual, main)
@@ -75,6 +88,10 @@ def _best(pieces: _Pieces, ratios: ArrayLike, parts: ArrayLike, others: ArrayLik
 def disturbance_profile(chain: ErrorDynamics, residual: Array, noise: Noise, thrusts: Array) -> tuple[Array, Array]:
     """Likelihood of a residual (n,) over thrust noise densities (m,) [s]; the measurement variances stay fixed.
 
+    For a fit over several motions: the thrust noise is one of the thrusters, so their profiles add up, while each
+    motion has unknown forces of its own, over which its profile is maximized here. Of two explanations that are as
+    likely, the one without such forces counts (PENALTY).
+
     Twice the negative log-likelihood, and the most likely density of the other unknown acceleration: (m,) each.
     """
     main = _main(chain)
@@ -98,6 +115,7 @@ def _piece_rows(starts: Flags) -> tuple[Index, Flags]:
         cut = list(range(begin, end, PIECE))
         firsts += cut
         ends += [*cut[1:], end]
+    # Every so many pieces over the whole record, rather than its beginning: noise differs between slow and fast legs.
     every = max(1, round(len(starts) / ENOUGH))
     first, end = np.array(firsts[::every]), np.array(ends[::every])
     rows = first + np.arange(int((end - first).max()))[:, None]
@@ -114,7 +132,7 @@ class _Pieces:
         self._channel, self._counts = chain.channel[rows], chain.counts[rows] & present
         self._thrust, self._residual = chain.thrust[rows], residual[rows]
         self.mean_thrust = max(1e-300, float(self._thrust.mean()))
-        self._memory_s, self._main = max(LEAST_MEMORY_S, chain.memory_s), main
+        self._memory_s, self._main = max(LEAST_MEMORY_s, chain.memory_s), main
 
     def scores(self, ratio: Array, part: Array, other: Array) -> tuple[Array, Array]:
         """Twice the negative log-likelihood per sample, and the main channel's variance: (g,) each.
@@ -123,6 +141,8 @@ class _Pieces:
         unknown acceleration; `part`: share proportional to the thrust; `other`: decades of the variance of positions
         where velocities are the main channel. The likelihood is maximized over the scale of the noise.
         """
+        # With variances in units of the main channel's, sigma^2 = squares / n maximizes the likelihood over the scale;
+        # put in, what is left is n log sigma^2 + sum of log S + n.
         total = np.where(ratio <= DECADES[0], 0.0, 10.0**ratio)
         squares, logs, n = self.filtered(total * (1.0 - part), total * part / self.mean_thrust, other)
         return np.log(np.maximum(1e-300, squares / n)) + logs / n, squares / n
@@ -134,6 +154,8 @@ class _Pieces:
         For densities `force` and `thrust` (see `Noise`), in units of the main channel's variance, (g,) each. Both are
         infinite where the filter diverges: such a candidate is never the most likely one.
         """
+        # The recursion of `whitening.gains` and of its state (v, s, a) together, one entry per piece and candidate.
+        # A piece begins in the middle of a motion, so its state is unknown: variances WIDE, not zero.
         density = force + self._thrust[:, :, None] * thrust
         variances = np.ones_like([force, force])
         variances[1 - self._main] = 10.0**other

@@ -10,6 +10,10 @@ import numpy as np
 
 from hindrax_ident.arrays import Array, Index
 
+LEAST_MEMORY_s = 0.02
+"""Shortest time constant of an unknown force, where the thrusters have no lag: it is a state of the filters of
+`fit.whitening` and `online.filtered_regression`, and white noise cannot be one."""
+
 
 class LaggedThrust:
     """Thrust on one axis over a whole record: `times_s` (n,) increasing, `commands` (n,) [N, N m] from each time on."""

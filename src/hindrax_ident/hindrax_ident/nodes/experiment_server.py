@@ -9,9 +9,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 from rclpy.action import ActionClient, ActionServer, CancelResponse
+from rclpy.action.client import ClientGoalHandle
+from rclpy.action.server import ServerGoalHandle
+from rclpy.task import Future
 
 from hindrax_core.errors import UsageError
 from hindrax_core.events import to_s
@@ -71,7 +74,7 @@ class ExperimentServer:
         self._server.destroy()
         self._fly.destroy()
 
-    def _accept(self, handle: Any) -> None:
+    def _accept(self, handle: ServerGoalHandle) -> None:
         """Begin an experiment, or finish it at once: a rejection cannot carry a reason."""
         request = handle.request
         aim = Aim(request.until or None, request.minutes or None)  # 0 in a message, which has no None
@@ -119,7 +122,7 @@ class ExperimentServer:
         sent = self._fly.send_goal_async(goal, feedback_callback=partial(self._on_feedback, run))
         sent.add_done_callback(partial(self._on_sent, run))
 
-    def _on_sent(self, run: _Run, sent: Any) -> None:
+    def _on_sent(self, run: _Run, sent: Future) -> None:
         maneuver = sent.result()
         if run is not self._run:
             if maneuver.accepted:  # it was given up before the pilot answered
@@ -130,7 +133,7 @@ class ExperimentServer:
             run.maneuver, run.received_s = maneuver, time.monotonic()
             maneuver.get_result_async().add_done_callback(partial(self._on_flown, run))
 
-    def _on_flown(self, run: _Run, outcome: Any) -> None:
+    def _on_flown(self, run: _Run, outcome: Future) -> None:
         if run is not self._run:
             return
         flown = outcome.result().result
@@ -145,7 +148,7 @@ class ExperimentServer:
         else:
             self._finish(run, aborted or WITHOUT_REASON)
 
-    def _on_feedback(self, run: _Run, message: Any) -> None:
+    def _on_feedback(self, run: _Run, message: FlyManeuver.Impl.FeedbackMessage) -> None:
         if run is self._run:
             flown, run.received_s = message.feedback, time.monotonic()
             feedback = RunExperiment.Feedback(chosen=str(run.choice), motion=flown.motion, phase=flown.phase)
@@ -176,16 +179,18 @@ class ExperimentServer:
 class _Run:
     """One goal: its client, its experiment, and what is being flown for it."""
 
-    def __init__(self, handle: Any, experiment: Experiment) -> None:
+    def __init__(self, handle: ServerGoalHandle, experiment: Experiment) -> None:
         self.handle, self.experiment = handle, experiment
         self.choice = Choice("")
-        self.maneuver: Any = None
+        self.maneuver: ClientGoalHandle | None = None
         self.tries = 0
         self.stopping = False
         self.received_s = 0.0
 
 
-def _result(handle: Any, aborted: Refusal, ended: str, known: Mapping[str, DragEstimate]) -> Any:
+def _result(
+    handle: ServerGoalHandle, aborted: Refusal, ended: str, known: Mapping[str, DragEstimate]
+) -> RunExperiment.Result:
     """Bring the handle of a goal into its last state and return the result."""
     end_goal(handle, aborted)
     found = RunExperiment.Result(completed=not aborted, aborted=str(aborted), ended=ended, known=list(known))

@@ -19,7 +19,7 @@ import numpy as np
 
 from hindrax_ident.arrays import Array
 from hindrax_ident.model.motion_model import Model
-from hindrax_ident.model.thrust_lag import LaggedInput
+from hindrax_ident.model.thrust_lag import LaggedInput, LEAST_MEMORY_s
 
 SETTLED = 0.05
 """Largest share of the filters' initial transient when samples are used: three time constants."""
@@ -32,8 +32,6 @@ THRUST_NOISE_s = 1e-4
 """Density of the thrust noise per squared thrust: 3 % for a tenth of a second."""
 RATE_NOISE_radps = 0.0025
 """Noise of a gyroscope's mean over 15 ms, which weighs least against the thrust noise; a Doppler log [m/s] has more."""
-LEAST_MEMORY_s = 0.02
-"""Shortest time constant of the thrust noise behind the lag of the thrusters."""
 MOST_EFFORT = 1e12
 """Effort [N^2, N^2 m^2] beyond that of any vehicle: a message may contain anything, also NaN."""
 UNKNOWN = 1e6

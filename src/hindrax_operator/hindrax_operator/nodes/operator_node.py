@@ -4,7 +4,7 @@ import contextlib
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import Any, Self, TypeVar
+from typing import Any, Self, TypeAlias, TypeVar
 
 import rclpy
 from action_msgs.msg import GoalStatus
@@ -12,6 +12,7 @@ from action_msgs.srv import CancelGoal
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.action import ActionClient
+from rclpy.action.client import ClientGoalHandle
 from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
@@ -46,6 +47,7 @@ from hindrax_ros.messages.convert import estimate_from_msg, stamp_from_msg, stam
 from hindrax_ros.messages.fast_serialization import navigation_from_bytes
 
 T = TypeVar("T")
+ActionGoal: TypeAlias = FlyManeuver.Goal | RunExperiment.Goal
 
 UP = "`./hindrax up` starts the stack"
 ANSWER_S = 5.0
@@ -98,7 +100,7 @@ class Operator:
         self._fly = ActionClient(self.node, FlyManeuver, "maneuver/fly")
         self._run = ActionClient(self.node, RunExperiment, "ident/run")
         self._cancel = self.node.create_client(CancelGoal, "maneuver/fly/_action/cancel_goal")
-        self._goal: Any = None
+        self._goal: ClientGoalHandle | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -223,7 +225,7 @@ class Operator:
         return stamp_to_msg(self.now())
 
     @contextlib.contextmanager
-    def sender(self, topic: topics.Topic, reader: str) -> Iterator[Callable[[Any], None]]:
+    def sender(self, topic: topics.Topic, reader: str) -> Iterator[Callable[[object], None]]:
         """Yield a function that publishes on a topic that has a subscriber; HindraxError names the missing `reader`."""
         out = publisher(self.node, topic, held=False)
         try:
@@ -369,7 +371,7 @@ class Operator:
         known = ", ".join(f"{motion} {100 * noise:.2g} % of {100 * wanted:.2g} %" for motion, noise, wanted in rows)
         return aborted, "; ".join(filter(None, [result.ended, known and f"noise of the drag: {known}"]))
 
-    def _asked(self, client: Any, goal: Any, seconds: float) -> tuple[Refusal, Any]:
+    def _asked(self, client: ActionClient, goal: ActionGoal, seconds: float) -> tuple[Refusal, Any]:
         """Send a goal, again when it was late; returns why it was aborted, and its result where there is one."""
         aborted, result = NOTHING, None
         for _ in range(ASKED_AT_MOST):
@@ -378,7 +380,7 @@ class Operator:
                 break
         return aborted, result
 
-    def _fly_to_its_end(self, client: Any, goal: Any, seconds: float) -> tuple[Refusal, Any]:
+    def _fly_to_its_end(self, client: ActionClient, goal: ActionGoal, seconds: float) -> tuple[Refusal, Any]:
         goal.stamp = self.order_stamp()
         self.maneuver = None
         future = client.send_goal_async(goal)

@@ -9,6 +9,9 @@ from typing import Any
 
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
+from rclpy.client import Client
+from rclpy.node import Node
+from rclpy.task import Future
 
 GRAPH = {
     "unconfigured": {"configure": "inactive", "shutdown": "finalized"},
@@ -39,7 +42,7 @@ def invalid(state: str) -> list[tuple[str, int]]:
     return labels + [("", number) for number in (*range(13), *range(20, 70, 10), 99, 255) if number not in valid]
 
 
-def done(futures: Sequence[Any]) -> bool:
+def done(futures: Sequence[Future]) -> bool:
     """Whether all have an answer."""
     return all(one.done() for one in futures)
 
@@ -47,12 +50,12 @@ def done(futures: Sequence[Any]) -> bool:
 class LifecycleClient:
     """Asks one node; `until` turns whatever has to turn until it holds."""
 
-    def __init__(self, node: Any, name: str, until: Callable[[Callable[[], Any], str], None]) -> None:
+    def __init__(self, node: Node, name: str, until: Callable[[Callable[[], object], str], None]) -> None:
         self._until, self.name = until, name
         self._change = node.create_client(ChangeState, f"{name}/change_state")
         self._get = node.create_client(GetState, f"{name}/get_state")
 
-    def _ask(self, client: Any, *requests: Any) -> list[Any]:
+    def _ask(self, client: Client, *requests: Any) -> list[Any]:
         self._until(client.service_is_ready, f"{client.srv_name}")
         answers: list[object] = []
         for begin in range(0, len(requests), TOGETHER):

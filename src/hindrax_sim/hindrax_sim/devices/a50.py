@@ -274,7 +274,7 @@ class A50(Part[DvlTruth]):
         self._jumped_us += 1e6 * seconds
 
 
-def _agrees(truth: DvlTruth, reading: Any) -> bool:
+def _agrees(truth: DvlTruth, reading: BottomVelocity) -> bool:
     """Five sigma and what a ping's mean differs by; altitude to centimeters."""
     if isinstance(reading, BottomVelocity):
         pairs = zip(reading.velocity_mps or truth.velocity_mps, truth.velocity_mps, strict=True)

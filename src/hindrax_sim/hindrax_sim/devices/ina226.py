@@ -1,7 +1,6 @@
 """TI INA226 as a register model. Source: TI SBOS547 (June 2011), register maps of pages 17 to 24."""
 
 import math
-from typing import Any
 
 from hindrax_core.readings import Battery
 from hindrax_sim.devices.emulator import Emulator, Part
@@ -85,7 +84,7 @@ class Ina226(Part[Battery]):
         self._begin(now_s)
 
 
-def _agrees(truth: Battery, reading: Any) -> bool:
+def _agrees(truth: Battery, reading: Battery) -> bool:
     """Noise is a millivolt and some milliamperes; the truth moves by less in a conversion."""
     off = abs(reading.voltage_V - truth.voltage_V), abs(reading.current_A - truth.current_A)
     return bool(off[0] < 0.05 and off[1] < 0.2)

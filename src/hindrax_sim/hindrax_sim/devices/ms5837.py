@@ -7,7 +7,7 @@ compensation. Sources: TE MS5837-30BA rev C2 pages 7, 9, 11; MS5837-02BA pages 6
 import math
 from bisect import bisect_left
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 from hindrax_core.readings import Pressure
 from hindrax_sim.devices.emulator import Emulator, Part
@@ -140,7 +140,7 @@ def _clip(value: float) -> int:
     return max(1, min(FULL_SCALE, round(value)))
 
 
-def _agrees(truth: Pressure, reading: Any) -> bool:
+def _agrees(truth: Pressure, reading: Pressure) -> bool:
     """Noise is some tens of pascals; the rest is damage that looks like a wave, and that no check can detect."""
     near = abs(reading.pressure_Pa - truth.pressure_Pa) < 1_000.0
     return near and bool(abs(reading.temperature_C - truth.temperature_C) < 2.0)
