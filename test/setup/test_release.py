@@ -51,7 +51,7 @@ def commit(clone: Path) -> None:
 
 def release(clone: Path, *words: str) -> subprocess.CompletedProcess[str]:
     who = {f"GIT_{one}_{what}": "a@b.invalid" for one in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")}
-    command = [clone / "setup/release.sh", *words]
+    command = [str(clone / "setup/release.sh"), *words]
     return subprocess.run(command, env=os.environ | who, capture_output=True, text=True, check=False)
 
 
