@@ -53,6 +53,8 @@ class UpOptions:
     needed: tuple[str, ...] | None = None
     """Processes without which it ends; None: those without which nothing is left to operate."""
     restarts: int = RESTARTS_AT_MOST
+    processes: tuple[str, ...] | None = None
+    """Onboard processes to start, beside what replaces the vehicle; None: all."""
 
     @property
     def hardware(self) -> MockOptions | ReplayOptions | None:

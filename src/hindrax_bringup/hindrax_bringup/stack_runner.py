@@ -24,7 +24,7 @@ from hindrax_bringup.child_process import STOP_SIGNALS, end_with
 from hindrax_bringup.liveness import STARTING, LivenessFile, reported_armed, tool_liveness
 from hindrax_bringup.network.tether import FOREVER_S, Tether, address_of, wait_for_address
 from hindrax_bringup.process_state import is_stopped
-from hindrax_bringup.processes import MOCK, ONBOARD, REPLAY, SAFETY_MONITOR, THRUSTERS
+from hindrax_bringup.processes import EVERY, MOCK, ONBOARD, REPLAY, SAFETY_MONITOR, THRUSTERS
 from hindrax_bringup.ros_graph import PROFILE, full_shared_memory, graph_settings, set_aside
 from hindrax_bringup.stack import OTHER_WORLD, Stack, adopted, own_domain, stack_environment
 from hindrax_bringup.stack_lock import CLONE, StackLock, announced, runtime_folder, stacks
@@ -78,7 +78,10 @@ def _run(options: UpOptions, run: int, domain: int | None, over: Callable[[], bo
         beating.beat(options.purpose, STARTING)
         stack = Stack(folder, supervisor, options.client or "up", options.tuning)
         without_operator = options.without_operator if options.tether else ""
-        stack.start(options.hardware, record=options.record, without_operator=without_operator, over=over)
+        onboard = None if options.processes is None else [one for one in EVERY if one.name in options.processes]
+        stack.start(
+            options.hardware, record=options.record, onboard=onboard, without_operator=without_operator, over=over
+        )
         lock = replace(lock, ports=stack.mock_facts.get("ports", {}))
         clock = ClockStep(StackTime.of(made))
         with announced(lock):

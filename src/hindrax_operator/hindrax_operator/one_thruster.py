@@ -16,12 +16,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hindrax_bag.run_folder import RunFolder
-from hindrax_bringup.liveness import tool_liveness
 from hindrax_bringup.processes import THRUSTERS
-from hindrax_bringup.ros_graph import DOMAIN, graph_settings
-from hindrax_bringup.stack import MockOptions, Stack, own_domain, stack_environment
-from hindrax_bringup.stack_lock import StackLock, choose, require_meant, stacks
-from hindrax_bringup.supervisor import Supervisor
+from hindrax_bringup.ros_graph import DOMAIN
+from hindrax_bringup.stack import MockOptions
+from hindrax_bringup.stack_lock import choose, require_meant, stacks
+from hindrax_bringup.stack_process import StackProcess, UpOptions
 from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_stderr
@@ -133,27 +132,19 @@ def require_port(port: str) -> None:
 
 @contextlib.contextmanager
 def _own_thrusters(vehicle_file: Path, *, mock: bool) -> Iterator[Operator]:
-    with (
-        tempfile.TemporaryDirectory(prefix="hindrax-") as place,
-        own_domain(mock=mock) as domain,
-        tool_liveness() as beat,
-    ):
+    with tempfile.TemporaryDirectory(prefix="hindrax-") as place:
         folder = RunFolder(Path(place))
         shutil.copyfile(vehicle_file, folder.vehicle)
-        made = stack_environment(mock=mock, domain=domain)
-        with Supervisor(folder.logs, made) as supervisor:
-            stack = Stack(folder, supervisor)
-            stack.start(MockOptions(rate=1.0) if mock else None, record=False, onboard=(THRUSTERS,))
-            lock = StackLock(os.getpid(), mock, str(folder.vehicle), place, graph_settings(made))
-            print_stderr(f"vehicle: {lock.whole_title}; only its thrusters, started for this")
+        hardware = MockOptions(rate=1.0) if mock else None
+        up = UpOptions(folder.vehicle, hardware, out=place, client="thruster", processes=(THRUSTERS.name,))
+        with StackProcess(up) as stack:
+            print_stderr(f"vehicle: {stack.entry.whole_title}; only its thrusters, started for this")
 
             def look_after() -> None:
-                for sentence in supervisor.check():
+                for sentence in stack.check():
                     print_stderr(sentence)
-                supervisor.require()
-                beat.beat("one thruster alone", {})
 
-            with joined(lock, tick=look_after) as operator:
+            with joined(stack.entry, tick=look_after) as operator:
                 operator.wait(lambda: operator.thrusters is not None, UP_S, lambda: _missing(operator))
                 yield operator
 

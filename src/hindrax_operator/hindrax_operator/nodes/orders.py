@@ -230,8 +230,10 @@ def run_alone(operator: Operator, pulses_us: Sequence[float], seconds: float) ->
             message.header.stamp = stamp_to_msg(operator.now())
             send(message)
 
-        end = after(operator.now(), seconds)
         with operator.repeating(COMMAND_PERIOD_S, lambda: command(pulses_us)):
+            # Armed for a while without a command, they say that they obey none: until the first one has arrived.
+            operator.wait(lambda: not operator.unobeyed, SEEN_S, lambda: f"a command to be obeyed: {operator.unobeyed}")
+            end = after(operator.now(), seconds)
             until(operator, lambda: operator.now() >= end, seconds, "the thruster's run")
         return operator.awaited(lambda: operator.thrusters, SEEN_S, lambda: "the thrusters")
 
