@@ -49,7 +49,7 @@ def vehicle(machines: Machines) -> Machines:
     machines.start(machines.vehicle, [*UP, "--tether", f"tether:{TOPSIDE}", "--out", str(machines.folder / "run")])
     wait_for_words(machines.errors(machines.vehicle), "waiting for the tether; tether: no carrier")
     machines.tether("up")
-    wait_for_words(machines.errors(machines.vehicle), "thrusters: well")
+    wait_for_words(machines.errors(machines.vehicle), "thrusters: ok")
     return machines
 
 

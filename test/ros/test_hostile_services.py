@@ -162,7 +162,7 @@ def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[psutil.Process]:
     with contextlib.ExitStack() as running:
         child = start(up, made, folder / "up.log", running, 130)
         deadline = time.monotonic() + PATIENT_S
-        while "thrusters: well" not in (folder / "up.log").read_text():
+        while "thrusters: ok" not in (folder / "up.log").read_text():
             assert time.monotonic() < deadline, (folder / "up.log").read_text()
             assert child.poll() is None, (folder / "up.log").read_text()
             time.sleep(0.2)

@@ -92,7 +92,7 @@ def up(terminal: Terminal) -> Iterator[psutil.Process]:
     child = terminal.start("up", "--mock", "--record", "--out", str(out))
     first = line_of(child)
     assert "mock vehicle, ROS domain" in first, terminal.errors("up")
-    wait_for(lambda: {"pilot: well", "thrusters: well"} <= set(terminal.errors("up").splitlines()), terminal)
+    wait_for(lambda: {"pilot: ok", "thrusters: ok"} <= set(terminal.errors("up").splitlines()), terminal)
     yield psutil.Process(child.pid)
     family = psutil.Process(child.pid).children(recursive=True)
     child.send_signal(signal.SIGINT)

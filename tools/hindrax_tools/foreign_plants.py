@@ -441,7 +441,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _line(one: Score) -> str:
     drag = " ".join(f"{off:+5.1f}" for off in one.drag) or "none"
     verdict = "identified" if one.identified else "; ".join(one.reasons)
-    causes = " | ".join(warning for warning in one.warnings if warning.startswith("the record shows"))
+    causes = " | ".join(
+        warning for warning in one.warnings if warning.startswith(("evidence of", "no influence explains"))
+    )
     return (
         f"{one.record:18} {one.motion:11} drag {drag:18} mass {one.added_mass:+5.1f} {one.band:6.1%} {verdict} {causes}"
     )

@@ -23,7 +23,7 @@ MOST = 2.5
 
 
 def false_causes(warnings: tuple[str, ...]) -> list[str]:
-    named = tuple(f"the record shows {cause}" for cause in FALSE)
+    named = tuple(f"evidence of {cause}" for cause in FALSE)
     return [warning for warning in warnings if warning.startswith(named)]
 
 

@@ -124,7 +124,7 @@ def plot(results: Results, motion: str, axes: "Axes | None" = None) -> "Axes":
     shown = plt.subplots()[1] if axes is None else axes
     drag, (speed_unit, force_unit) = result.drag, axis_units(MOTIONS[motion].axis)
     band = TWO_SIDED_95 * np.where(np.isfinite(drag.std_calibrated), drag.std_calibrated, drag.std)
-    shown.fill_between(drag.speed, drag.force - band, drag.force + band, alpha=0.25, label="95 % band")
+    shown.fill_between(drag.speed, drag.force - band, drag.force + band, alpha=0.25, label="95 % interval")
     shown.plot(drag.speed, drag.force, label=motion)
     shown.set_xlabel(f"speed [{speed_unit}]")
     shown.set_ylabel(f"drag [{force_unit}]")

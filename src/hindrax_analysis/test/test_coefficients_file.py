@@ -163,7 +163,7 @@ def test_an_aborted_run_in_which_nothing_was_flown_reports_it(tmp_path: Path, ve
 def test_an_export_of_an_aborted_run_reports_it(tmp_path: Path, vehicle: Vehicle) -> None:
     file = an_aborted_file(tmp_path, vehicle, {"surge": a_result()})
     notes = export_model(read_coefficients(file), vehicle, str(file), complete=True).notes
-    assert notes[0] == f"aborted by {BOUNDS}; the results are of what was flown until then"
+    assert notes[0] == f"aborted by {BOUNDS}; the results are of the part flown until then"
 
 
 def test_thrusters_that_were_left_out_come_back(vehicle: Vehicle, tmp_path: Path) -> None:

@@ -161,7 +161,7 @@ def health_change(name: str, before: str | None, now: str) -> str:
     """
     if now:
         return f"{name}: {now}" if _words(now) != _words(before or "") else ""
-    return f"{name}: well" if before != "" else ""
+    return f"{name}: ok" if before != "" else ""
 
 
 def _words(text: str) -> str:

@@ -232,8 +232,8 @@ def test_where_the_lines_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 @pytest.mark.parametrize(
     ("before", "now", "reported"),
     [
-        (None, "", "dvl75: well"),
-        ("silence", "", "dvl75: well"),
+        (None, "", "dvl75: ok"),
+        ("silence", "", "dvl75: ok"),
         ("", "", ""),
         ("", "no reading for 1.5 s", "dvl75: no reading for 1.5 s"),
         (None, "no reading for 1.5 s", "dvl75: no reading for 1.5 s"),

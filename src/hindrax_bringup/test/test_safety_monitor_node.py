@@ -391,7 +391,7 @@ def test_news_of_the_nodes_are_reported_and_their_troubles_are_in_the_pulse(make
     bench.diagnosed("hindrax: dvl75", DiagnosticStatus.OK, "measuring")
     bench.thrusters(armed=False)
     bench.every(REPORT_S)
-    assert bench.said == ["dvl75: no reading for 1.5 s", "pilot: well", "dvl75: well"]
+    assert bench.said == ["dvl75: no reading for 1.5 s", "pilot: ok", "dvl75: ok"]
     assert bench.beats == [
         ("nodes in /hindrax", {"dvl75": "no reading for 2.5 s", "pilot": ""}, True),
         ("nodes in /hindrax", {"dvl75": "", "pilot": ""}, False),

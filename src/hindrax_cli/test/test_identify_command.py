@@ -614,7 +614,7 @@ def test_arrays_of_any_message_become_forces_by_field_and_unit(tmp_path: Path, n
 @pytest.mark.parametrize(
     ("named", "values", "wanted"),
     [
-        ("/escs:set.throttle", FORWARD, "say what they are: --wrench /escs:set.throttle=N for newtons"),
+        ("/escs:set.throttle", FORWARD, "name their unit: --wrench /escs:set.throttle=N for newtons"),
         ("/escs:set.throttle=ratio", [2.0] * 8, "holds 2, wanted shares of full throttle from -1 to 1"),
         ("/escs:set.throttle=rpm", FORWARD, "found the unit 'rpm', wanted one of us, N, ratio"),
         ("/escs:set.speed=N", FORWARD, "has no 'speed' at 'set.speed'; there are throttle"),
@@ -712,7 +712,7 @@ def test_an_aborted_run_reports_it_whoever_shows_it(desk: Desk) -> None:
     assert "aborted by record: it ends within the maneuver (surge, plateau);" in desk.capsys.readouterr().err
     (desk.folder / "run" / "coefficients.yaml").write_text("aborted: 'operator: stopped by Ctrl-C'\nmotions: {}\n")
     assert main(["identify", str(desk.folder / "run"), "--coefficients", str(desk.folder / "again.yaml")]) == 0
-    printed_text = "aborted by operator: stopped by Ctrl-C; the results are of what was flown until then\n"
+    printed_text = "aborted by operator: stopped by Ctrl-C; the results are of the part flown until then\n"
     assert printed_text in desk.capsys.readouterr().err
     assert read_coefficients(desk.folder / "again.yaml").conditions.aborted == "operator: stopped by Ctrl-C"
     document = desk.identified(bag)

@@ -132,7 +132,7 @@ WITHOUT_UNIT = {
     "windows",
     "ratio",
     "RMSE / bound",
-    "RMSE / band",
+    "RMSE / std",
     "ROS domain",
     "error (still)",
     "gain",

@@ -129,7 +129,7 @@ MANEUVER = _row("maneuver/status", "hindrax_msgs/msg/ManeuverStatus", STATE, 10,
 PLACE = _row(
     "maneuver/place", "hindrax_msgs/msg/PoolPlace", STATE, 5, "position in the pool, and the walls of the guard"
 )
-PLANS = _row("maneuver/plans", "hindrax_msgs/msg/MotionPlans", LATCHED, 0, "what each motion would fly now")
+PLANS = _row("maneuver/plans", "hindrax_msgs/msg/MotionPlans", LATCHED, 0, "plan of each motion as it would fly now")
 THRUSTER_COMMAND = _row("thrusters/command", "hindrax_msgs/msg/ThrusterCommand", COMMAND, 50, "pulses wanted")
 THRUSTER_STATE = _row("thrusters/state", "hindrax_msgs/msg/ThrusterState", STATE, 50, "armed, pulses applied")
 THRUSTER_HEALTH = _row(

@@ -53,15 +53,19 @@ class Tuning:
     raw_tilt_sigma_rad: float = knob(
         0.0125, 0.0, 0.5, "error of roll and pitch from an uncalibrated accelerometer [rad]"
     )
-    mount_sigma_rad: float = knob(0.02, 0.0, 0.5, "error of roll and pitch from the mount, calibrated band [rad]")
-    velocity_gain_sigma: float = knob(0.0, 0.0, 0.5, "standard deviation of the velocity gain, calibrated band [-]")
+    mount_sigma_rad: float = knob(
+        0.02, 0.0, 0.5, "error of roll and pitch from the mount, part of the calibrated uncertainty [rad]"
+    )
+    velocity_gain_sigma: float = knob(
+        0.0, 0.0, 0.5, "standard deviation of the velocity gain, part of the calibrated uncertainty [-]"
+    )
     wrench_gain_sigma: float = knob(
-        0.0, 0.0, 1.0, "standard deviation of the gain of a wrench without thrust curves, calibrated band [-]"
+        0.0, 0.0, 1.0, "standard deviation of the gain of a wrench without thrust curves, calibrated uncertainty [-]"
     )
     thrust_doubt: float | None = knob(
         None, 0.0, 0.5, "unmodeled dead band or pull, share of the largest thrust; none: by its stack [-]"
     )
-    current_sigma_mps: float = knob(0.02, 0.0, 1.0, "unmeasured steady current, calibrated band and verdict [m/s]")
+    current_sigma_mps: float = knob(0.02, 0.0, 1.0, "unmeasured steady current, for uncertainty and verdict [m/s]")
     plateaus_only: bool = knob(False, meaning="learn only from the plateaus of a maneuver")
     phases: tuple[str, ...] = choice(
         ("hover", "transient", "plateau", "coast", "excite"), PHASES, "phases used for learning"

@@ -165,16 +165,16 @@ def test_what_was_found_is_in_the_unit_of_the_influence(budget: Budget) -> None:
 
 def test_warnings_name_what_the_record_shows_clearest_first(budget: Budget) -> None:
     gain, law = budget.warnings()
-    assert gain == "the record shows gain (-6.0 +- 1.0 %): weigh"
-    assert law == "the record shows law (0.150 +- 0.040 N): wait"
+    assert gain == "evidence of gain (-6.0 +- 1.0 %): weigh"
+    assert law == "evidence of law (0.150 +- 0.040 N): wait"
     turning = replace(budget.case.fit, model=replace(budget.case.fit.model, axis=5))
     _, law = replace(budget, case=replace(budget.case, fit=turning)).warnings()
-    assert law == "the record shows law (0.150 +- 0.040 N m): wait"
+    assert law == "evidence of law (0.150 +- 0.040 N m): wait"
     # Two deviations, or clearly seen but within what a pool has: no word.
     assert replace(budget, mean=array(np.array([0.0, 0.0, -1.4, 0.0]))).warnings() == ()
     assert replace(budget, mean=array(np.array([0.0, 0.0, 0.0, 0.9])), covariance=0.01 * COVARIANCE).warnings() == ()
     second = replace(budget, mean=array(np.array([0.0, 5.0, 0.0, 0.0])))
-    assert second.warnings() == ("the record shows current (2.50 +- 0.45 m/s): wait",)
+    assert second.warnings() == ("evidence of current (2.50 +- 0.45 m/s): wait",)
 
 
 def test_what_no_record_shows_is_named_where_it_makes_most_of_a_band(budget: Budget) -> None:
@@ -182,14 +182,12 @@ def test_what_no_record_shows_is_named_where_it_makes_most_of_a_band(budget: Bud
     hidden = replace(budget, rows=rows_with(replace(GAINS, considered=True)))
     rest, total = budget.variance_without(own)["weigh"], float(budget.variance(own[None])[0])
     assert rest < 1e-9 * total
-    expected = ("most of the band of the drag comes from what this record does not show (gain): weigh",)
+    expected = ("most of the uncertainty of the drag cannot be observed in the data (gain): weigh",)
     # Noise of half of the variance, and a bit less.
     assert hidden.unseen({"the drag": (own, 1.01 * total)}) == ()
     assert hidden.unseen({"the drag": (own, 0.99 * total), "the mass": (0.0 * own, 1.0)}) == expected
     both = hidden.unseen({"the drag": (own, 0.0), "the mass": (2.0 * own, 0.0)})
-    assert both == (
-        "most of the band of the drag and the mass comes from what this record does not show (gain): weigh",
-    )
+    assert both == ("most of the uncertainty of the drag and the mass cannot be observed in the data (gain): weigh",)
     # What the record may judge, what it was flown to show, and what was measured is no matter of belief.
     assert budget.unseen({"the drag": (own, 0.0)}) == ()
     for plain in (
@@ -424,4 +422,4 @@ def test_a_weighed_net_buoyancy_adds_to_what_the_record_shows(vehicle: Vehicle) 
 @pytest.mark.parametrize(("times", "explained"), [(9.5, True), (10.5, False)])
 def test_ten_times_what_a_pool_has_is_no_explanation(budget: Budget, times: float, explained: bool) -> None:
     (warning,) = replace(budget, mean=array(np.array([0.0, 0.0, -times, 0.0]))).warnings()
-    assert warning.startswith("the record shows gain (") is explained
+    assert warning.startswith("evidence of gain (") is explained

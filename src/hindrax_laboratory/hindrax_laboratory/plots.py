@@ -103,7 +103,7 @@ def bollard(pulse_us: Array, thrust_N: Array, curve: BollardCurve) -> Figure:
     stop, dead_band = curve.stop_us, curve.dead_band_us
     above.axvspan(stop - dead_band, stop + dead_band, color="0.93", label="dead band")
     above.legend(frameon=False)
-    label(above, "", "thrust [N]", "thrust curve, band of two standard deviations")
+    label(above, "", "thrust [N]", "thrust curve, two standard deviations")
     label(below, "pulse [us]", "measured - curve [N]")
     return figure
 

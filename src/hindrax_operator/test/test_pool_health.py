@@ -37,7 +37,7 @@ def test_each_device_is_reported_of_once_when_it_is_up_and_when_its_reason_to_wa
     ):
         one = SimpleNamespace(level=level, message=message)
         report_devices(hearing({"hindrax: icm20948": one}), reported, progress)
-    assert reports == ["icm20948: has not answered yet", "icm20948: gyroscope: resting for 1 s", "icm20948: well"]
+    assert reports == ["icm20948: has not answered yet", "icm20948: gyroscope: resting for 1 s", "icm20948: ok"]
 
 
 def test_a_flight_that_is_no_longer_recorded_reports_it_at_once_and_ends_by_default() -> None:
@@ -49,7 +49,7 @@ def test_a_flight_that_is_no_longer_recorded_reports_it_at_once_and_ends_by_defa
     for status in (None, lossy, full, full, lossy, full):
         found = {"hindrax: recorder": status} if status else {}
         watch_record(hearing(found), reported, progress, CONTINUE)
-    assert reports == ["recorder: well", f"recorder: {full.message}", "recorder: well", f"recorder: {full.message}"]
+    assert reports == ["recorder: ok", f"recorder: {full.message}", "recorder: ok", f"recorder: {full.message}"]
     with pytest.raises(HindraxError, match="200 MB are free on the disk; --without-record continue flies on"):
         watch_record(hearing({"hindrax: recorder": full}), reported, progress, ABORT)
 

@@ -107,7 +107,7 @@ def learning(flights: Flights) -> Figure:
     for index, (axis, (label, truth, room)) in enumerate(zip(axes, rows, strict=True)):
         value = np.array([one["values"][index] for one in course])
         band = TWO_SIDED_95 * np.array([one["stds"][index] for one in course])
-        axis.fill_between(time, value - band, value + band, color=MEASURED, alpha=0.25, lw=0, label="95 % band")
+        axis.fill_between(time, value - band, value + band, color=MEASURED, alpha=0.25, lw=0, label="95 % interval")
         axis.plot(time, value, color=MEASURED, label="online estimate")
         axis.axhline(truth, color=TRUTH, ls="--", lw=1.2, label="truth of the mock")
         axis.set(xlabel="time [s]", ylabel=label, ylim=(truth - room, truth + room))

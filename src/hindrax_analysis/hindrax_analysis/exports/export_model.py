@@ -101,7 +101,7 @@ def identified(saved: SavedCoefficients) -> dict[str, MotionResult]:
 def abort_notes(saved: SavedCoefficients) -> list[str]:
     """Note on a flight that was aborted, if it was."""
     aborted = saved.conditions.aborted
-    return [f"aborted by {aborted}; the results are of what was flown until then"] if aborted else []
+    return [f"aborted by {aborted}; the results are of the part flown until then"] if aborted else []
 
 
 def assumption_notes(saved: SavedCoefficients) -> list[str]:

@@ -137,7 +137,7 @@ def show(identified: Identified) -> None:
 def _show_warnings(identified: Identified) -> None:
     """Print what makes all results doubtful, then the warnings of the motions."""
     for sentence in identified.left_out:
-        print_fitted(f"{sentence}: what was identified before may count force that it did not give")
+        print_fitted(f"{sentence}: earlier results may count force that it did not give")
     for names, warning in shared_warnings(identified.results.motions):
         print_fitted(f"{', '.join(names)}: {warning}")
 

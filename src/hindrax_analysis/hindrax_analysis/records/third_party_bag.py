@@ -175,7 +175,7 @@ def _velocities(
     if not track.rows and poses is not None:
         known = np.isfinite(poses[1]).all(axis=1)
         if known.sum() < 2:
-            raise UsageError(f"{track.topic}: holds no attitudes, wanted unit quaternions beside the positions")
+            raise UsageError(f"{track.topic}: holds no attitudes, wanted unit quaternions with the positions")
         axes.notes.append(f"{track.topic} holds no velocities: they are derived from its poses")
         return velocities_from_poses(array(at_s[known]), poses[0][known], poses[1][known])
     rows = array(np.array(track.rows)[order])

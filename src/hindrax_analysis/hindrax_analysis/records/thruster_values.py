@@ -67,7 +67,7 @@ class ThrusterValues:
             return self.unit or PULSES
         name = f"--wrench {self.topic}{':' * bool(self.field)}{self.field}"
         raise UsageError(
-            f"{self.topic}: holds {min(values):g} to {max(values):g}, no pulses in microseconds; say what they are: "
+            f"{self.topic}: holds {min(values):g} to {max(values):g}, no pulses in microseconds; name their unit: "
             f"{name}={FORCES} for newtons, {name}={THROTTLES} for shares of full throttle"
         )
 

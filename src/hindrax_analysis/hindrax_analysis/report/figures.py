@@ -96,7 +96,7 @@ def _force_velocity(figures: MotionFigures) -> Chart:
         title=f"{force.capitalize()} against {speed}",
         x_label=f"{speed} [{speed_unit}]",
         y_label=f"steady {force} [{force_unit}]",
-        caption=f"The fitted drag curve k_q|x|x + k_l x + b over the tested range of {speed}, with its 95 % bands.",
+        caption=f"The fitted drag curve k_q|x|x + k_l x + b over the tested range of {speed}, with its 95 % intervals.",
         layers=tuple(layers),
         y_range=data_range([layer.y for layer in layers if not isinstance(layer, Band)]),
     )
@@ -111,7 +111,7 @@ def _distance_from_fit(figures: MotionFigures) -> Chart:
         whole,
         title="Distance from the fitted curve",
         y_label=f"{figures.words[1]} \u2212 fitted [{figures.units[1]}]",
-        caption="The same minus the fitted curve, which makes the bands visible.",
+        caption="The same minus the fitted curve, which makes the intervals visible.",
         layers=tuple(layers),
         y_range=data_range(close, margin=0.15),
     )
@@ -239,7 +239,7 @@ def _convergence(figures: MotionFigures, trace: Trace, name: str) -> Chart:
     t = _clock(figures, trace.t_s)
     number = figures.result.coefficients.get(name)
     layers: list[Layer] = [
-        Band(t, np.stack([value - half_width, value + half_width]), "online", "95 % band"),
+        Band(t, np.stack([value - half_width, value + half_width]), "online", "95 % interval"),
         Line(t, _broken(t, value), "online", "online estimate"),
     ]
     ends = array(np.array([t[0], t[-1]]))

@@ -18,8 +18,8 @@ from hindrax_ident.model.motion_model import MOTIONS, coefficient_units
 
 HEADINGS = ("k<sub>q</sub>", "k<sub>l</sub>", "b", "added mass")
 CONTRIBUTIONS = (
-    "A row is the part of the band that vanishes if its influence is known. Losses have one sign and may all be large, "
-    "so their rows do not add up in squares to the band."
+    "A row is the part of the uncertainty that vanishes if its influence is known. Losses have one sign and may all "
+    "be large, so their rows do not add up in squares to the total."
 )
 SIGN_OF_B = (
     "The paper prints b of heave along the motion; here it is along the axis, so its sign is reversed for heave, up."
@@ -212,7 +212,7 @@ def table_budget(result: MotionResult) -> str:
         cells = [two_digits(std) if band is None or std >= 0.05 * band else "" for std, band in stds]
         rows += [[influence, *cells, prose(remedy)]] if any(cells) else []
     heads = headings_of(result.motion)
-    total = ["calibrated band", *(two_digits(wide[name]) if name in wide else "" for name in columns), ""]
-    heading = ["influence", *(heads[name] for name in columns), "what would shrink it"]
+    total = ["calibrated", *(two_digits(wide[name]) if name in wide else "" for name in columns), ""]
+    heading = ["influence", *(heads[name] for name in columns), "best next step"]
     shown = table(heading, [total, *rows], own=(0,), words=(0, len(heading) - 1))
     return f'{shown}<p class="soft">{CONTRIBUTIONS}</p>'

@@ -161,7 +161,7 @@ def _tables(report: RunReport) -> str:
         )
     predictions = table_predictions(report.assessments)
     if predictions:
-        text += f"<h3>Prediction of what was not fitted</h3>{predictions}{PREDICTED}"
+        text += f"<h3>Prediction of the held-out part</h3>{predictions}{PREDICTED}"
     return text
 
 

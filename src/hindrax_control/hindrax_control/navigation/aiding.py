@@ -29,7 +29,7 @@ REMEMBERED_S = 5.0
 class AidingKnobs(AttitudeKnobs, HeadingKnobs, VerticalKnobs, HorizontalKnobs):
     """Trust in the sensors, those beside the IMU first."""
 
-    heading_from: str = choice("magnetometer", ("magnetometer", "dvl", "both", "none"), "what the heading follows")
+    heading_from: str = choice("magnetometer", ("magnetometer", "dvl", "both", "none"), "source of the heading")
     compass_tilt_deg: float = knob(15.0, 1.0, 90.0, "tilt above which the magnetometer is not used [deg]")
     dvl_heading_sigma_deg: float = knob(5.0, 0.1, 180.0, "standard deviation of the DVL's own heading [deg]")
     declination_deg: float = knob(0.0, -180.0, 180.0, "true north minus magnetic north [deg]")

@@ -28,7 +28,7 @@ class Smbus2Bus(SystemClock):
         except OSError as error:
             super().close()
             remedy = _REMEDY.get(error.errno or 0, str(error))
-            raise DeviceError(f"{port}: {remedy}; `./hindrax doctor` lists what is there") from error
+            raise DeviceError(f"{port}: {remedy}; `./hindrax doctor` lists the devices") from error
 
     def transfer(self, transaction: Transaction) -> bytes:
         """One I2C_RDWR call: START to STOP."""

@@ -209,7 +209,7 @@ def _opened(path: str, baud: int) -> serial.Serial:
         port = serial.Serial(path, baud, timeout=0, write_timeout=WRITE_TIMEOUT_S, exclusive=True)
     except (OSError, ValueError) as error:
         remedy = _REMEDY.get(_code(error), f"cannot be opened ({error})")
-        raise DeviceError(f"{path}: {remedy}; `./hindrax doctor` lists what is there") from error
+        raise DeviceError(f"{path}: {remedy}; `./hindrax doctor` lists the devices") from error
     with contextlib.suppress(ValueError, OSError, NotImplementedError):
         port.set_low_latency_mode(True)  # FTDI adapters otherwise hold bytes back for 16 ms
     return port

@@ -43,7 +43,7 @@ class A50Knobs:
     )
     range_mode: str = knob("auto", meaning="altitudes to search: auto, =1 (0.3 to 3 m), 0<=1 (0.05 to 3 m) ...")
     max_fom_mps: float = knob(0.1, 0.001, 10.0, "figure of merit above which there is no velocity [m/s]")
-    sigma_floor_mps: float = knob(0.005, 0.0, 1.0, "standard deviation beside that of the covariance [m/s]")
+    sigma_floor_mps: float = knob(0.005, 0.0, 1.0, "standard deviation added to the covariance [m/s]")
     max_speed_mps: float = knob(3.7, 0.1, 20.0, "largest velocity along an axis; its scale ends at 3.75 [m/s]")
     clock_drift_ppm: float = knob(200.0, 0.0, 1000.0, "largest accepted error of the device's clock rate [ppm]")
     latency_s: float = knob(0.004, 0.0, 0.5, "transmission to arrival; the page measured 4 ms [s]")

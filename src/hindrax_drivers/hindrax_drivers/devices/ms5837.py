@@ -201,9 +201,9 @@ class Ms5837(RegisterPart):
         reading = stamped.reading
         lowest_Pa, highest_Pa = LIMITS_Pa[self._prom.model]
         if not lowest_Pa <= reading.pressure_Pa <= highest_Pa:
-            return f"{reading.pressure_Pa:.0f} Pa is outside what an MS5837-{self._prom.model} measures"
+            return f"{reading.pressure_Pa:.0f} Pa is outside the range of an MS5837-{self._prom.model}"
         if not LIMITS_C[0] <= reading.temperature_C <= LIMITS_C[1]:
-            return f"{reading.temperature_C:.1f} C is outside what an MS5837-{self._prom.model} measures"
+            return f"{reading.temperature_C:.1f} C is outside the range of an MS5837-{self._prom.model}"
         self._repeats = self._repeats + 1 if d1 == self._last_d1 else 0
         self._last_d1 = d1
         if self._repeats >= REPEATS:

@@ -524,7 +524,7 @@ INFLUENCES: tuple[Influence, ...] = (
     ),
     Influence(
         "inflow loss", "of 10 N at 0.5 m/s", GAIN, _always(0.12), _inflow,
-        "legs with the thrust off at speed, beside boosts from rest and plateaus, separate it from drag",
+        "legs with the thrust off at speed, together with boosts from rest and plateaus, separate it from drag",
         considered=True, shown=_coasts, near=0.005, alone="inflow", loss=True,
     ),
     Influence(

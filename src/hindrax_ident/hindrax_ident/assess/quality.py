@@ -251,13 +251,13 @@ def _separation(evidence: Evidence, force: float) -> list[str]:
         return [f"at speeds up to {high:.2g} {evidence.units[0]} {change}: k_q and k_l cannot be separated"]
     if evidence.excitation.share_at_one_speed > ONE_SPEED_SHARE:
         share_at_one_speed = f"{evidence.excitation.share_at_one_speed:.0%} of the motion was at nearly one speed"
-        return [f"{share_at_one_speed}: only the transients separate k_q from k_l; use the drag-force band"]
+        return [f"{share_at_one_speed}: only the transients separate k_q from k_l; use the drag with its interval"]
     shares = np.sqrt(np.maximum(0.0, np.diag(evidence.covariance))) * np.array([high * high, high]) / force
     if shares.max() <= SPLIT_SHARE:
         return []
     either = f"either is uncertain by {shares.max():.0%} of the drag"
     span = f"{low:.2g} to {high:.2g} {evidence.units[0]}"
-    return [f"speeds of {span} do not separate k_q from k_l ({either}); use the drag-force band"]
+    return [f"speeds of {span} do not separate k_q from k_l ({either}); use the drag with its interval"]
 
 
 def _physics(evidence: Evidence, force: float) -> list[str]:

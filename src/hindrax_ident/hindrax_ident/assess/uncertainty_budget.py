@@ -170,10 +170,10 @@ class Budget:
         shown = f"{influence.name} ({measured(value, spread)} {unit})"
         if (times := abs(float(self.mean[at]))) > GREAT:
             return (
-                f"the record shows what no influence explains; the nearest, {shown}, is {times:.0f} times "
-                "what a pool has: it is in the band, but hardly the cause"
+                f"no influence explains the residuals; the nearest, {shown}, is {times:.0f} times "
+                "the size in a pool: it is part of the uncertainty, but hardly the cause"
             )
-        return f"the record shows {shown}: {influence.remedy}"
+        return f"evidence of {shown}: {influence.remedy}"
 
     def unseen(self, quantities: Mapping[str, tuple[Array, float]]) -> tuple[str, ...]:
         """One sentence for each remedy of what no record shows and what makes most of the variance of quantities.
@@ -193,9 +193,7 @@ class Budget:
             wide = [name for name, (rest, noise, total) in left.items() if noise + rest[remedy] < (1.0 - MOST) * total]
             if wide:
                 causes, widened = " and ".join(names), " and ".join(wide)
-                out.append(
-                    f"most of the band of {widened} comes from what this record does not show ({causes}): {remedy}"
-                )
+                out.append(f"most of the uncertainty of {widened} cannot be observed in the data ({causes}): {remedy}")
         return tuple(out)
 
     def _needs(self, rows: Sequence[slice]) -> bool:

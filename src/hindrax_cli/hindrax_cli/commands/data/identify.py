@@ -176,7 +176,9 @@ def _gain_sigma(given: float | None, vehicle: Vehicle, source: RecordSource, not
     if given is None and (source.recording is None or vehicle.thrusters):
         return 0.0
     sigma = GAIN_SIGMA if given is None else given
-    notes.append(f"the gain of the wrench is assumed within {sigma:.0%} (--gain-sigma): see the calibrated band")
+    notes.append(
+        f"the gain of the wrench is assumed within {sigma:.0%} (--gain-sigma): it is part of the calibrated uncertainty"
+    )
     return sigma
 
 
@@ -204,10 +206,10 @@ def _show(arguments: argparse.Namespace, found: Identified, conditions: ResultCo
     for assumption in conditions.assumptions:
         print_stderr(f"assumed: {assumption}")
     if conditions.aborted:
-        print_stderr(f"aborted by {conditions.aborted}; the results are of what was flown until then")
+        print_stderr(f"aborted by {conditions.aborted}; the results are of the part flown until then")
     show(found)
     if not found.results.motions:
-        print_stderr("no motion was flown in this record; `./hindrax bag info` shows what it holds")
+        print_stderr("no motion was flown in this record; `./hindrax bag info` lists its contents")
     foreign = not conditions.mock and found.origin is None
     for motion, result in found.results.motions.items() if foreign else ():
         if result.quality:

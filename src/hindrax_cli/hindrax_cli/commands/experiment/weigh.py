@@ -48,7 +48,7 @@ def _elsewhere(parser: argparse.ArgumentParser) -> None:
 
 
 @command(
-    "# beside an armed stack, guided:\n"
+    "# with an armed stack, guided:\n"
     "./hindrax weigh surge --load 15 --write\n"
     "./hindrax weigh heave --load 18 --mock --world pool --seed 3\n"
     "./hindrax weigh surge --bag runs/1/bag --hold 0:20:50 --hold 15:80:110 --hold=-15:140:170",

@@ -59,7 +59,7 @@ def test(arguments: argparse.Namespace) -> int:
     passed = [good(name, command, root) for name, command in QUICK]
     with contextlib.ExitStack() as running:
         beside = {name: _Beside(running, command, root) for name, command in BESIDE.items()}
-        print_fitted(f"== {' and '.join(BESIDE)}: checked beside the tests")
+        print_fitted(f"== {' and '.join(BESIDE)}: checked during the tests")
         passed.append(good("tests", ALL, root))
         for name, one in beside.items():
             passed.append(code_of(one.process) == 0)

@@ -66,7 +66,7 @@ def trial(seed: int, motions: tuple[str, ...], excitation: str, vehicle_file: st
 def print_montecarlo(document: dict[str, Any]) -> None:
     """Print the tables: refined result and the other methods, then the drag force."""
     methods = document["methods"]
-    numbers = ("truth", "bias", "RMSE", "bound", "RMSE / bound", "in the 95 % band", "in the calibrated")
+    numbers = ("truth", "bias", "RMSE", "bound", "RMSE / bound", "in the 95 % interval", "in the calibrated")
     headings = (*numbers, *(f"RMSE / bound, {method}" for method in methods))
     rows = [(*_row(cell), *(_ratio(cells, cell) for cells in methods.values())) for cell in document["cells"]]
     title = f"{document['runs']} runs; RMSE / bound: 1 is the limit of what can be known"
@@ -74,7 +74,7 @@ def print_montecarlo(document: dict[str, Any]) -> None:
     low, high = document["ratio_by_chance"]
     print_fitted(f"{document['runs']} runs at the bound give {low:.2f} to {high:.2f} by chance, 95 times in 100")
     title = "Drag force at shares of the tested speed: relative error"
-    shares = ("share", "bias [%]", "RMSE [%]", "in the calibrated 95 % band", "RMSE / band")
+    shares = ("share", "bias [%]", "RMSE [%]", "in the calibrated 95 % interval", "RMSE / std")
     drag = []
     for row in document["drag"]:
         percents = (f"{100 * row[key]:.2f}" for key in ("bias", "rmse"))

@@ -24,7 +24,7 @@ AGAIN = "the file has changed: end the stack, start it with this file, and commi
 
 
 @command(
-    "# beside a stack, disarmed and afloat mid-pool:\n"
+    "# with a stack, disarmed and afloat mid-pool:\n"
     "./hindrax commission --write\n"
     "./hindrax commission --mock --fault thruster_reversed:T3\n"
     "./hindrax commission --mock --fault thrusters_swapped:T1-T4 --world pool --seed 3 --json",

@@ -15,7 +15,7 @@ from hindrax_core.text.screen_text import print_fitted
 
 THRUSTERS_S, DIAGNOSTICS_S = 3.0, 1.5
 """Longest wait for the state of the thrusters, and time in which every node reports once."""
-WELL = "well"
+WELL = "ok"
 UNKNOWN = "unknown"
 
 

@@ -28,7 +28,7 @@ from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 from hindrax_ident.online.aim import Aim
 from hindrax_operator.pool_run import ABORT, CONTINUE, PoolOptions, run_pool_test
 
-PLAN_HELP = "only rehearse it in lock-step: timetable, clearances, charge and bands, without ROS and devices"
+PLAN_HELP = "only rehearse it in lock-step: timetable, clearances, charge and uncertainty, without ROS and devices"
 
 
 def aim_of(arguments: argparse.Namespace) -> Aim | None:

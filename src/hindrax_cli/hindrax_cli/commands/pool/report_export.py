@@ -33,7 +33,7 @@ from hindrax_core.vehicle import Vehicle, load_vehicle
 @command(
     "./hindrax report runs/2026-05-04_10-00-00 runs/2026-05-05_09-30-00 --out comparison.html",
     option("runs", nargs="+", type=Path, metavar="RUN", help="run folder; for a comparison also coefficients.yaml"),
-    option("--earlier", nargs="+", type=Path, default=[], metavar="RUN", help="earlier runs to show beside one"),
+    option("--earlier", nargs="+", type=Path, default=[], metavar="RUN", help="earlier runs to compare with"),
     option("--out", type=Path, metavar="FILE", help="default: report.html of the run, or comparison.html"),
 )
 def report(arguments: argparse.Namespace) -> int:
