@@ -13,6 +13,7 @@ from importlib import metadata
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parents[2]
 VERSION = (ROOT / "VERSION").read_text(encoding="utf-8").strip()
@@ -23,6 +24,11 @@ import sys
 sys.path.insert(0, sys.argv.pop(1))
 from hindrax_cli.__main__ import without_ros
 sys.exit(without_ros())
+"""
+TESTS = """
+import runpy, sys
+sys.path[:0] = sys.argv[1:3]
+runpy.run_path(sys.argv[3], run_name="__main__")
 """
 EVERYTHING = """
 import importlib, pkgutil, sys
@@ -60,9 +66,18 @@ def distributions(names: set[str]) -> Iterator[metadata.Distribution]:
         found = metadata.distribution(name)
         yield found
         for line in found.requires or ():
-            wanted, _, marker = line.partition(";")
-            if "extra" not in marker and "python_version" not in marker and "platform" not in marker:
-                names.add(re.split(r"[^\w.-]", wanted.strip())[0])
+            wanted = Requirement(line)
+            if wanted.marker is None or wanted.marker.evaluate({"extra": ""}):
+                names.add(wanted.name)
+
+
+def link(names: set[str], folder: Path) -> None:
+    """Make links to the contents of distributions and of all that they require."""
+    for one in distributions(names):
+        tops = {file.parts[0] for file in one.files or () if file.parts[0] not in ("..", "__pycache__")}
+        for top in tops:
+            if not (folder / top).exists():
+                (folder / top).symlink_to(Path(str(one.locate_file(top))))
 
 
 @pytest.fixture(scope="module")
@@ -73,12 +88,7 @@ def site(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         archive.extractall(folder)
     (found,) = metadata.distributions(path=[str(folder)])
     assert found.requires
-    plain = {re.split(r"[^\w.-]", line)[0] for line in found.requires if "extra" not in line}
-    for one in distributions(plain):
-        tops = {file.parts[0] for file in one.files or () if file.parts[0] not in ("..", "__pycache__")}
-        for top in tops:
-            if not (folder / top).exists():
-                (folder / top).symlink_to(Path(str(one.locate_file(top))))
+    link({re.split(r"[^\w.-]", line)[0] for line in found.requires if "extra" not in line}, folder)
     return folder
 
 
@@ -102,6 +112,15 @@ def test_every_module_of_it_imports_without_ros(site: Path) -> None:
     words = [sys.executable, "-I", "-S", "-c", EVERYTHING, str(site), *names]
     done = subprocess.run(words, capture_output=True, text=True, check=False, env={})
     assert done.returncode == 0, done.stderr
+
+
+def test_the_tests_of_its_packages_pass_where_nothing_else_is(site: Path, tmp_path: Path) -> None:
+    """Without ROS, and without the clone: `test/wheel_tests.py` copies them."""
+    link({"pytest", "hypothesis"}, tmp_path)
+    words = [sys.executable, "-I", "-S", "-c", TESTS, str(site), str(tmp_path), str(ROOT / "test/wheel_tests.py")]
+    done = subprocess.run(words, cwd=tmp_path, env={"HOME": str(tmp_path)}, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-1000:]
+    assert int(re.findall(r"(\d+) passed", done.stdout)[0]) > 300
 
 
 def test_no_module_of_it_needs_posix_at_import(site: Path) -> None:

@@ -139,7 +139,7 @@ def test_what_is_far_beyond_any_pool_is_no_explanation(flown: Case, monkeypatch:
         covariance = 0.01 * np.eye(len(mean))
         (informative,) = replace(budget, mean=mean, covariance=covariance).warnings()
         assert words in informative
-    assert "59 times what a pool has" in informative
+    assert "59 times the size in a pool" in informative
 
 
 def test_what_may_not_be_judged_and_explains_a_record_as_well_leaves_no_cause(flown: Case) -> None:
