@@ -31,7 +31,9 @@ class Tuning:
     bin_s: float = knob(0.015, 0.0, 1.0, "faster velocities are averaged over this time [s]")
     reorder_s: float = knob(0.5, 0.0, 5.0, "time a measurement waits for others with an earlier stamp [s]")
     lagging_s: float = knob(5.0, 0.0, 60.0, "longest wait for a topic whose messages lag behind the others' [s]")
-    velocity_latency_s: float = knob(0.0, -1.0, 1.0, "latency of the velocity stamps [s]")
+    velocity_latency_s: float | None = knob(
+        None, -1.0, 1.0, "latency of the velocity stamps, which is taken off them; none: not known [s]"
+    )
     gap_s: float = knob(1.0, 0.1, 60.0, "pause between velocities after which the filters restart [s]")
     thrust_age_s: float = knob(2.0, 0.1, 3600.0, "age above which the last thrust is no longer used [s]")
     outlier_sigmas: float = knob(5.0, 2.0, 100.0, "innovation above which a sample is rejected [standard deviations]")

@@ -104,6 +104,7 @@ def test_a_new_axis_has_nothing(vehicle: Vehicle, axis: int) -> None:
     assert record.coriolis_errors == ()
     assert (record.stretches, record.plateaus) == ((Stretch(0.0, 1.0),), (Stretch(0.2, 0.8),))
     assert record.lag_s == session.lag_s > 0.0
+    assert record.prior_delays_s == (session.lag_s, 0.05)
 
 
 def test_thrust_of_its_axis_counts_with_what_each_thruster_did(vehicle: Vehicle) -> None:

@@ -80,9 +80,9 @@ def test_more_latency_is_less_of_the_force_at_the_end(lag_s: float) -> None:
     )
 
 
-def test_a_record_without_delays_has_those_of_a_usual_vehicle() -> None:
+def test_a_record_without_delays_has_those_of_a_usual_vehicle_and_a_given_zero_stays_zero() -> None:
     assert prior_delays(stepped(0.0)).tolist() == [0.15, 0.05]
-    assert prior_delays(stepped(0.3, -0.1)).tolist() == [0.3, -0.1]
+    assert prior_delays(replace(stepped(0.0), prior_delays_s=(0.0, 0.0))).tolist() == [0.0, 0.0]
 
 
 @pytest.fixture(scope="module")
@@ -292,7 +292,7 @@ def test_the_best_of_the_starts_counts(late: Record) -> None:
 
 
 def test_delays_that_are_accepted_stay(late: Record) -> None:
-    found = search_delay(SURGE, replace(late, lag_s=0.4, latency_s=-0.1), PRIOR.values, PRIOR, 1e-6)
+    found = search_delay(SURGE, replace(late, prior_delays_s=(0.4, -0.1)), PRIOR.values, PRIOR, 1e-6)
     assert (found.lag_s, found.latency_s) == pytest.approx((0.4, -0.1), abs=1e-3)
 
 

@@ -89,3 +89,6 @@ def test_a_floating_vehicle_is_pushed_towards_the_high_end(vehicle: Vehicle) -> 
 
 def test_lag_of_an_axis_is_that_of_its_thrusters(vehicle: Vehicle) -> None:
     assert [lag_s(vehicle, axis) for axis in range(6)] == pytest.approx([0.15] * 6)
+    at_once = replace(vehicle, thrusters=tuple(replace(one, lag_s=0.0) for one in vehicle.thrusters))
+    assert lag_s(at_once, 0) == 0.0
+    assert lag_s(replace(vehicle, thrusters=()), 0) is None

@@ -167,5 +167,5 @@ def _branch_block(branch: Branch) -> dict[str, object]:
         "c": [float(f"{c:.9g}") for c in branch.c],
         "from_us": float(np.ceil(branch.from_us)),
         "to_us": float(np.floor(branch.to_us)),
-        "sigma": [float(f"{s:.4g}") for s in branch.sigma or ()],
+        "sigma": [float(f"{s:.4g}") for s in (() if branch.sigma is None else branch.sigma)],
     }

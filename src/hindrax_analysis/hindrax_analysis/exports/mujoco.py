@@ -91,7 +91,7 @@ def _thruster(actuator: ET.Element, model: ExportModel, thruster: Thruster) -> N
         ctrllimited="true",
         ctrlrange=numbers(low, high),
         dyntype="filterexact" if thruster.lag_s > 0.0 else "none",
-        dynprm=numbers(thruster.lag_s or 1.0),
+        dynprm=numbers(thruster.lag_s if thruster.lag_s > 0.0 else 1.0),
         gainprm="1",
     )
 

@@ -63,7 +63,7 @@ class _ThrusterSet:
         self.inside_N = [(least + ROUNDING_N, most - ROUNDING_N) for least, most in limits]
         """Between these a force stands at no limit."""
         mine = [limits[i] for i in used]
-        gaps = [self.running[i].gap_N if knobs.idle_bias_N else (0.0, 0.0) for i in used]
+        gaps = [self.running[i].gap_N if knobs.idle_bias_N > 0.0 else (0.0, 0.0) for i in used]
         self.spreads = [DeadbandBias(one, mine, gaps, knobs.idle_bias_N, knobs.hop_N) for one in layout.patterns]
         self.unchecked = _unchecked(layout, mine)
         """Thrusters in use, with their limits, that the spreads do not keep within them."""

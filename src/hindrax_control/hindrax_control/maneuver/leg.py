@@ -53,7 +53,7 @@ class LegController:
         forward = rate * leg.sign
         # Thrust that is lost to inflow may never bring it up to speed; it swings all the same.
         driven = ("boost", "hold", "push") if leg.natural_radps else ("hold",)
-        if leg.coast_s and self._stretch in driven and self._may_coast(coordinate, forward):
+        if leg.coast_s > 0.0 and self._stretch in driven and self._may_coast(coordinate, forward):
             self._enter("coast", time_s)
         if self._stretch != "brake" and self._at_an_end(coordinate, forward):
             self._enter("brake", time_s)

@@ -263,7 +263,7 @@ class Maneuver:
         pose = Pose(place, self._pool.axis_rad + plan.heading_rad, plan.vertical, self._pool.depth_m)
         seconds = SETTLING_s + math.dist(before_m, plan.start_m) / self.station.speed_mps
         begin: list[Stage] = [SettleAtPose(plan.motion, self.station, pose, seconds=seconds)]
-        if plan.hover_s:
+        if plan.hover_s > 0.0:
             begin.append(Hover(plan.legs[0].name, self.station, plan.hover_s))
         if self.goal.excitation != PLATEAUS:
             return [*begin, self._excite(plan, pose)]

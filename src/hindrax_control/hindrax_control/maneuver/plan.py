@@ -156,7 +156,7 @@ class Plan:
         """One line: rates in their order, and how long they should take."""
         rates = ", ".join(f"{rate:.2f}" for rate in self.rates)
         unit = "rad/s" if self.motion in TURNING else "m/s"
-        hover = f"hover {self.hover_s:.0f} s, then " if self.hover_s else ""
+        hover = f"hover {self.hover_s:.0f} s, then " if self.hover_s > 0.0 else ""
         return f"{self.motion}: {hover}{rates} {unit}, each out and back; {self.seconds:.0f} s"
 
 

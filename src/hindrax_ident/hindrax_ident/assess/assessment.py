@@ -147,7 +147,7 @@ def assess(
 
 def _case(vehicle: Vehicle, drafted: DraftFit, tuning: Tuning) -> Case:
     fit = drafted.fit
-    if (tuning.thrust_doubt or 0.0) > 0.0:
+    if tuning.thrust_doubt is not None and tuning.thrust_doubt > 0.0:
         fit = replace(fit, covariance=array(slow_force_ratio(fit) * fit.covariance))
     return Case(vehicle, drafted.record, fit, tuning, drafted.moved)
 

@@ -173,9 +173,14 @@ class Case:
         return self.fit.problem.grid.times_s - self.record.latency_s
 
     @property
+    def stamp_doubt_s(self) -> float:
+        """Standard deviation of the stamps that residuals cannot correct [s]."""
+        return 0.0 if self.tuning.stamp_doubt_s is None else self.tuning.stamp_doubt_s
+
+    @property
     def thrust_doubt(self) -> float:
         """Unmodeled dead band or pull as a share of the largest thrust [-]."""
-        return self.tuning.thrust_doubt or 0.0
+        return 0.0 if self.tuning.thrust_doubt is None else self.tuning.thrust_doubt
 
     @property
     def delay_sigma_s(self) -> float:
@@ -565,7 +570,7 @@ INFLUENCES: tuple[Influence, ...] = (
         "set velocity_latency_s to the latency of the instrument",
     ),
     Influence(
-        "stamps of the record", "s", RUN, lambda case: case.tuning.stamp_doubt_s or 0.0, _lag,
+        "stamps of the record", "s", RUN, lambda case: case.stamp_doubt_s, _lag,
         "record thrust and velocity with stamps of one clock", considered=True,
     ),
     Influence(

@@ -29,7 +29,6 @@ from hindrax_ident.model.motion_model import Model
 from hindrax_ident.model.simulation import Grid, Trajectory, per_step
 from hindrax_ident.model.thrust_lag import LaggedThrust
 from hindrax_ident.records.axis_record import Record
-from hindrax_ident.tuning import USUAL_LAG_S, USUAL_LATENCY_S
 
 MASS = -3
 """Index of the total mass among the unknowns of a search: lag and latency follow it."""
@@ -66,7 +65,7 @@ def delay_impulses(record: Record, grid: Grid) -> Array:
 
 def prior_delays(record: Record) -> Array:
     """Prior lag and latency: (2,) [s]."""
-    return np.array([record.lag_s or USUAL_LAG_S, record.latency_s or USUAL_LATENCY_S])
+    return np.array(record.prior_delays_s)
 
 
 class DelayEstimate(NamedTuple):

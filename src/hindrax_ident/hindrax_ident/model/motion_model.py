@@ -156,11 +156,14 @@ def known_force(vehicle: Vehicle, axis: int, attitude_rad: Vec3) -> float:
     return 0.0
 
 
-def lag_s(vehicle: Vehicle, axis: int) -> float:
-    """Time constant of the thrust on an axis: mean over the thrusters, weighted by their contributions [s]."""
+def lag_s(vehicle: Vehicle, axis: int) -> float | None:
+    """Time constant of the thrust on an axis [s]: mean over the thrusters, weighted by their contributions.
+
+    None where none of them acts on it: not known, which is not the same as 0.
+    """
     shares = [(abs(unit_wrench(vehicle, thruster)[axis]), thruster.lag_s) for thruster in vehicle.thrusters]
     total = sum(share for share, _ in shares)
-    return sum(share * lag for share, lag in shares) / total if total > 0.0 else 0.0
+    return sum(share * lag for share, lag in shares) / total if total > 0.0 else None
 
 
 def unit_wrench(vehicle: Vehicle, thruster: Thruster) -> tuple[float, ...]:

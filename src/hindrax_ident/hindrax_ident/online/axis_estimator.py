@@ -48,14 +48,21 @@ class SampleVerdict:
 class AxisEstimator:
     """Inputs in time order. Times in seconds, forces in N or N m, velocities in m/s or rad/s."""
 
-    def __init__(self, model: Model, lag_s: float, prior: Prior, tuning: Tuning) -> None:
+    def __init__(
+        self,
+        model: Model,
+        lag_s: float,
+        prior: Prior,
+        tuning: Tuning,
+        prior_delays_s: tuple[float, float] = (USUAL_LAG_S, USUAL_LATENCY_S),
+    ) -> None:
         """With `tuning.plateaus_only` the mass stays at its prior, and three coefficients are estimated.
 
-        With `tuning.lag_doubt_s` the delay of the thrust is estimated too, about the usual one where the lag is zero.
+        With `tuning.lag_doubt_s` the delay of the thrust is estimated too, about `prior_delays_s`: lag and latency.
         """
-        lag_doubt_s = tuning.lag_doubt_s or 0.0
+        lag_doubt_s = 0.0 if tuning.lag_doubt_s is None else tuning.lag_doubt_s
         if lag_doubt_s > 0.0:
-            lag_s = lag_s or USUAL_LAG_S
+            lag_s = prior_delays_s[0]
         self.model, self._tuning = model, tuning
         self.regression = FilteredRegression(model, lag_s, tuning.filter_rate)
         # Without any, the noise of the first samples would choose the direction: heave begins at rest.
@@ -69,7 +76,7 @@ class AxisEstimator:
         self._delayed = lag_doubt_s > 0.0 and not self._fixed_mass
         if self._delayed:
             sigmas.append(math.sqrt(2.0) * lag_doubt_s * values[-1] / NOISE)
-            values.append(USUAL_LATENCY_S * values[-1])
+            values.append(prior_delays_s[1] * values[-1])
         self._rls = Rls(values, sigmas, tuning.forgetting)
         self._whitener = RowWhitener(len(values) + 1, lag_s, float(prior.values[-1]))
         self.correlator = Correlator()

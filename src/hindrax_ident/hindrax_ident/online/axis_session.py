@@ -15,7 +15,7 @@ from hindrax_ident.model.motion_model import Model, Motion, known_force, lag_s, 
 from hindrax_ident.online.axis_estimator import AxisEstimator, SampleVerdict
 from hindrax_ident.records.axis_record import Record, Series, Stretch, series
 from hindrax_ident.records.binning import DEPTH_S, NAVIGATORS, Bin, SourceSelector, mean
-from hindrax_ident.tuning import Tuning
+from hindrax_ident.tuning import USUAL_LAG_S, USUAL_LATENCY_S, Tuning
 
 ANGLE_S = 0.5
 """Interval at which measured angles are kept: their errors are slow."""
@@ -39,8 +39,12 @@ class AxisSession:
     def __init__(self, vehicle: Vehicle, model: Model, prior: Prior, tuning: Tuning) -> None:
         self.model, self.prior = model, prior
         self._vehicle, self._tuning = vehicle, tuning
-        self.lag_s = lag_s(vehicle, model.axis)
-        self.estimator = AxisEstimator(model, self.lag_s, prior, tuning)
+        lag = lag_s(vehicle, model.axis)
+        self.lag_s = 0.0 if lag is None else lag
+        # What the velocities were late by was taken off their stamps where it is known (`feed`).
+        latency_s = USUAL_LATENCY_S if tuning.velocity_latency_s is None else 0.0
+        self._prior_delays_s = (USUAL_LAG_S if lag is None else lag), latency_s
+        self.estimator = AxisEstimator(model, self.lag_s, prior, tuning, self._prior_delays_s)
         self._speed_source, self._depth_source = SourceSelector(), SourceSelector()
         self._speed_bin = Bin(tuning.bin_s)
         self._position_s = ANGLE_S if model.restores else 0.0
@@ -195,6 +199,7 @@ class AxisSession:
             coriolis_errors=tuple(Series(moved_s, error) for error in coriolis_errors(self.model.axis, masses, nu)),
             position=series(self._positions.get(self._depth_source.name or "attitude", [])),
             lag_s=self.lag_s,
+            prior_delays_s=self._prior_delays_s,
             plateaus=plateaus,
             supply_measured=self._is_measured(stretches),
         )

@@ -14,7 +14,7 @@ import numpy as np
 from hindrax_core.signals import BLOCKED
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.model.thrust_lag import LaggedThrust
-from hindrax_ident.tuning import Tuning
+from hindrax_ident.tuning import USUAL_LAG_S, USUAL_LATENCY_S, Tuning
 
 EMPTY: Array = np.zeros(0)
 SPAN_S = 0.5
@@ -84,6 +84,8 @@ class Record:
     plateaus: tuple[Stretch, ...] = ()
     latency_s: float = 0.0
     """Known latency of the stamps of velocity and position; the series have the stamps as received."""
+    prior_delays_s: tuple[float, float] = (USUAL_LAG_S, USUAL_LATENCY_S)
+    """Lag and latency to expect where a fit is to find both: what is given, also where it is 0, else the usual ones."""
     supply_measured: bool = False
     """Whether the supply voltage behind the thrust was measured all the time; else it was assumed."""
 

@@ -95,7 +95,7 @@ class Feed:
 
     def __init__(self, vehicle: Vehicle, tuning: Tuning | None = None) -> None:
         tuning = tuning or Tuning()
-        self._latency_s = tuning.velocity_latency_s
+        self._latency_s = 0.0 if tuning.velocity_latency_s is None else tuning.velocity_latency_s
         self._sorter: StampSorter[Measurement] = StampSorter(tuning.reorder_s + abs(self._latency_s), tuning.lagging_s)
         mount = _first_mount(vehicle, "velocity")
         roll, pitch, yaw = (math.radians(angle) for angle in mount.rotation_deg)

@@ -160,7 +160,7 @@ def _show(vehicle: Vehicle, file: Path, reach: dict[str, float], reasons: dict[s
 def _pointing(thruster: Thruster) -> str:
     if abs(thruster.elevation_deg) == UPRIGHT_deg:
         return "up" if thruster.elevation_deg > 0.0 else "down"
-    return f"{thruster.azimuth_deg:g}" + (f", {thruster.elevation_deg:+g} up" if thruster.elevation_deg else "")
+    return f"{thruster.azimuth_deg:g}" + (f", {thruster.elevation_deg:+g} up" if thruster.elevation_deg != 0.0 else "")
 
 
 def _usual(parser: argparse.ArgumentParser) -> None:
