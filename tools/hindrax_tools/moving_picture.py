@@ -58,14 +58,14 @@ def recorded(words: Sequence[str], folder: Path) -> list[Line]:
             break
         *whole, rest = (rest + read).split(b"\n")
         at_s = time.monotonic() - begin
-        lines += [Line(at_s, text) for one in whole if not SPINNER.match(text := _text(one))]
+        lines += [Line(at_s, text) for one in whole if not SPINNER.search(text := _text(one))]
     os.close(terminal)
     os.waitpid(child, 0)
     return lines
 
 
 def _text(line: bytes) -> str:
-    return ESCAPE.sub(b"", line).decode().rstrip("\r ")
+    return ESCAPE.sub(b"", line).decode().strip("\r").rstrip()
 
 
 def animated(command: str, lines: Sequence[Line]) -> str:
