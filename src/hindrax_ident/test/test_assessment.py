@@ -33,7 +33,7 @@ from hindrax_ident.assess.uncertainty_budget import budget_of
 from hindrax_ident.fit.output_error import OutputErrorFit, refine
 from hindrax_ident.fit.plateaus import fit as fit_plateaus
 from hindrax_ident.fit.plateaus import measure
-from hindrax_ident.fit.score_test import slow_force_ratio
+from hindrax_ident.fit.scores import slow_force_ratio
 from hindrax_ident.fit.whitening import Noise
 from hindrax_ident.model.model_parameters import Prior, wide_prior
 from hindrax_ident.model.motion_model import MOTIONS, Model, model_of

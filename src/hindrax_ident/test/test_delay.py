@@ -25,7 +25,7 @@ from hindrax_ident.fit.delay import (
     search_delay,
 )
 from hindrax_ident.fit.output_error_problem import LinearizedProblem, build_problem, linearize
-from hindrax_ident.fit.score_test import score
+from hindrax_ident.fit.scores import score
 from hindrax_ident.model.model_parameters import Prior
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.model.simulation import Grid, per_step

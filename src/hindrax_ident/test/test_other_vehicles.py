@@ -12,7 +12,7 @@ from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array
 from hindrax_ident.assess import assessment as assessment_module
 from hindrax_ident.assess.results import MotionResult
-from hindrax_ident.fit.score_test import slow_force_ratio
+from hindrax_ident.fit.scores import slow_force_ratio
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.online import session as session_module
 from hindrax_ident.online.session import Outcome, Session

@@ -23,7 +23,7 @@ from hindrax_ident.assess.uncertainty_budget import (
     budget_of,
 )
 from hindrax_ident.fit.output_error import refine
-from hindrax_ident.fit.score_test import score
+from hindrax_ident.fit.scores import score
 from hindrax_ident.model.model_parameters import wide_prior
 from hindrax_ident.model.motion_model import model_of
 from hindrax_ident.model.simulation import sensitivities

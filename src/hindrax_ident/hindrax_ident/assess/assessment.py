@@ -32,7 +32,7 @@ from hindrax_ident.fit.disturbance_noise import common_noise
 from hindrax_ident.fit.output_error import OutputErrorFit, refine, reweighted
 from hindrax_ident.fit.plateaus import Plateaus, measure
 from hindrax_ident.fit.plateaus import fit as fit_plateaus
-from hindrax_ident.fit.score_test import slow_force_ratio
+from hindrax_ident.fit.scores import slow_force_ratio
 from hindrax_ident.model.model_parameters import (
     OnlineEstimates,
     Prior,

@@ -19,7 +19,7 @@ from hindrax_core.text.digits import measured
 from hindrax_ident.arrays import Array, Flags, array
 from hindrax_ident.assess.influences import GAIN, HEAVE, INFLUENCES, MODEL, NEAR, RUN, Case, Influence, acting
 from hindrax_ident.assess.results import Contribution
-from hindrax_ident.fit.score_test import score
+from hindrax_ident.fit.scores import score
 
 BudgetRow: TypeAlias = tuple[slice, Influence, float]
 """Columns of an influence, itself, and its prior standard deviation in its unit."""
