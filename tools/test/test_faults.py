@@ -108,7 +108,9 @@ def test_the_command_ends_with_1_when_a_cell_is_violated(
 @pytest.mark.parametrize(
     ("who", "fault", "mode", "guard"),
     [
-        ("icm20948", "gyro_offset", HOLD, "gravity"),
+        ("icm20948", "gyro_offset", HOLD, "velocity"),
+        ("dvl75", "velocity_turned", OPERATOR, "velocity"),
+        ("dvl75", "velocity_scaled", MANEUVER, "velocity"),
         ("icm20948", "repeated", OPERATOR, "frozen"),
         ("ms5837", "depth_stuck", OPERATOR, "sinking"),
     ],

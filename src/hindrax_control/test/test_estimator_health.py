@@ -124,7 +124,7 @@ def test_where_the_lines_are_drawn() -> None:
         "gravity": (wrong(gravity_off_rad=math.radians(19.9)), wrong(gravity_off_rad=math.radians(20.1))),
         "attitude": (wrong(tilt_sigma_rad=math.radians(2.9)), wrong(tilt_sigma_rad=math.radians(3.1))),
         "depth": (wrong(refused_depths=19), wrong(refused_depths=20)),
-        "velocity": (wrong(refused_velocities=19), wrong(refused_velocities=20)),
+        "velocity": (wrong(refused_velocities=7), wrong(refused_velocities=8)),
         "sinking": (wrong(sunk_off_m=0.2), wrong(sunk_off_m=0.201)),
         "floor": (replace(WRONG["floor"], altitude_m=-0.3), replace(WRONG["floor"], altitude_m=-0.301)),
         "frozen": (wrong(frozen_s=0.2), wrong(frozen_s=0.201)),

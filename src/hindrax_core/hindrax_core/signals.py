@@ -24,7 +24,8 @@ class Consistency:
     `began`: when this state began, from nothing; `gravity_off_rad`: angle between gravity as measured and as estimated,
     smoothed; `refused_depths`, `refused_velocities`: how many more were refused than accepted lately; `sunk_off_m`: way
     down by DVL less that by pressure and accelerometer, of the last seconds; `frozen_s`: time for which the inertial
-    sensor has repeated one sample.
+    sensor has repeated one sample; `velocity_gain`: changes of velocity by DVL over those by the accelerometer, as
+    north + i east, which is 1 but for a wrong scale or mount, and its standard deviation.
     """
 
     began: Stamp = NEVER
@@ -34,6 +35,8 @@ class Consistency:
     refused_velocities: int = 0
     sunk_off_m: float = 0.0
     frozen_s: float = 0.0
+    velocity_gain: complex = 1.0 + 0j
+    velocity_gain_sigma: float = math.inf
 
 
 CONSISTENT = Consistency()

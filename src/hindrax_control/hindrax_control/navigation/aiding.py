@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from hindrax_control.navigation.attitude_filter import AttitudeFilter, AttitudeKnobs
 from hindrax_control.navigation.heading_filter import HeadingFilter, HeadingKnobs
 from hindrax_control.navigation.horizontal_filter import HorizontalFilter, HorizontalKnobs
+from hindrax_control.navigation.velocity_gain import VelocityGain
 from hindrax_control.navigation.vertical_filter import VerticalFilter, VerticalKnobs
 from hindrax_control.sensors import SensorMount
 from hindrax_core.knobs import choice, knob
@@ -62,6 +63,8 @@ class Aiding:
         self.forces_N: Sequence[float] = ()
         """Of each thruster: their currents disturb the compass."""
         self.yaw_rate_radps = 0.0
+        self.gain = VelocityGain()
+        """Of the DVL's changes of velocity over those of the accelerometer."""
         self.sunk_off_m = 0.0
         """Way down by DVL less that by pressure and accelerometer, of the last seconds."""
         self._sunk_s = -math.inf
@@ -82,6 +85,8 @@ class Aiding:
         by_rotation = cross(way.rate_radps, mount.lever_m)
         u, v, w = u - by_rotation[0], v - by_rotation[1], w - by_rotation[2]
         self._compare_sinking((u, v, w), valid_s)
+        (a, b, c), (d, e, f), _ = self.attitude.rotation
+        self.gain.measured(complex(a * u + b * v + c * w, d * u + e * v + f * w), valid_s)
         return self.horizontal.fuse(u, v, reading.sigma_mps, way, repeated=repeated_s > 0.0)
 
     def _repeated_s(self, velocity_mps: Vec3, valid_s: float, source: str) -> float:

@@ -13,12 +13,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from hindrax_control.allocation.divergence_guard import DivergenceGuard, DivergenceKnobs
+from hindrax_control.navigation.velocity_gain import described
 from hindrax_control.sensors import SensorMount, altimeters
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.input_checks import StampWindow
 from hindrax_core.knobs import knob
 from hindrax_core.rotation import matrix
-from hindrax_core.signals import NAN, NEVER, Navigation
+from hindrax_core.signals import NAN, NEVER, Consistency, Navigation
 from hindrax_core.text.digits import above
 from hindrax_core.vehicle import Vehicle
 
@@ -46,7 +47,10 @@ class EstimatorHealthKnobs:
 
     tilt_sigma_deg: float = knob(3.0, 0.1, 90.0, "largest standard deviation of the tilt [deg]")
     gravity_deg: float = knob(20.0, 1.0, 90.0, "largest angle between gravity as measured and as estimated [deg]")
-    refused: int = knob(20, 2, 1000, "surplus of refused depths or velocities over accepted ones [-]")
+    refused: int = knob(20, 2, 1000, "surplus of refused depths over accepted ones [-]")
+    refused_velocities: int = knob(8, 2, 1000, "surplus of refused velocities over accepted ones [-]")
+    gain_off: float = knob(0.35, 0.05, 10.0, "largest distance of the velocity gain from 1, beyond its noise [-]")
+    gain_sigmas: float = knob(3.0, 1.0, 20.0, "deviations by which that distance must stand out [-]")
     rate_dps: float = knob(450.0, 10.0, 4000.0, "fastest plausible turn; the gyroscope ends at 500 [deg/s]")
     sunk_m: float = knob(0.2, 0.01, 5.0, "largest difference of the descent by DVL and by pressure, over 5 s [m]")
     below_floor_m: float = knob(0.3, 0.01, 5.0, "depth below the floor accepted without pressure [m]")
@@ -62,6 +66,7 @@ REMEDIES: Mapping[str, str] = {
     "gravity": "let the vehicle rest; check the mount of the inertial sensor",
     "depth": "let it rest at the surface; check the pressure sensor (`./hindrax doctor`)",
     "velocity": "let it rest; check the DVL (`./hindrax monitor`)",
+    "gain": "check the DVL's mount and scale (`./hindrax commission`)",
     "sinking": "check pressure sensor and DVL (`./hindrax monitor`)",
     "floor": "bring it up; check the pressure sensor (`./hindrax doctor`)",
     "frozen": "check the inertial sensor (`./hindrax doctor`)",
@@ -134,9 +139,10 @@ class EstimatorHealth:
         refused, fewest = evidence.refused_depths, knobs.refused
         words = "depths by pressure contradict depth and heave velocity, wanted fewer than"
         yield "depth", f"{refused} {words} {fewest}" if refused >= fewest else ""
-        refused = evidence.refused_velocities
+        refused, fewest = evidence.refused_velocities, knobs.refused_velocities
         words = "velocities of the DVL contradict the accelerometer, wanted fewer than"
         yield "velocity", f"{refused} {words} {fewest}" if refused >= fewest else ""
+        yield "gain", self._wrong_gain(evidence)
         words = "DVL and pressure differ by {} m, wanted at most {} m"
         yield "sinking", above(words, abs(evidence.sunk_off_m), knobs.sunk_m, 2)
         words = "{} m below it without pressure, wanted at most {} m"
@@ -153,6 +159,13 @@ class EstimatorHealth:
         leans = math.isfinite(roll) and math.isfinite(pitch)
         found = math.degrees(math.acos(math.cos(roll) * math.cos(pitch))) if leans else 0.0
         yield "tilt", above("{} deg, wanted at most {} deg", found, limits.tilt_deg + BEYOND_deg, 0)
+
+    def _wrong_gain(self, evidence: Consistency) -> str:
+        """Say that the DVL is turned or scaled, where its changes of velocity show it beyond doubt."""
+        off, sigma = abs(evidence.velocity_gain - 1.0), evidence.velocity_gain_sigma
+        if off <= self._knobs.gain_off or off <= self._knobs.gain_sigmas * sigma:
+            return ""
+        return f"changes of velocity by the DVL are {described(evidence.velocity_gain)}, wanted as by the accelerometer"
 
 
 class ExternalOdometry:

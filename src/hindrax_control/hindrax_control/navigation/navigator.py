@@ -226,18 +226,26 @@ class Navigator:
         p, q, r = rate = (angle[0] / dt, angle[1] / dt, angle[2] / dt)
         if at.away:
             force = self._at_origin(force, rate, dt, at.lever_m)
-        before = attitude.rotation[2]
+        north_was, east_was, before = attitude.rotation
         attitude.turn(angle, dt)
         self._heading.predict(dt)
         attitude.level(force, dt)
-        now = attitude.rotation[2]
+        north, east, now = attitude.rotation
         # A mean over the tick belongs to the attitude in its middle.
         dx, dy, dz = 0.5 * (before[0] + now[0]), 0.5 * (before[1] + now[1]), 0.5 * (before[2] + now[2])
         self._vertical.predict(force[0] * dx + force[1] * dy + force[2] * dz + GRAVITY_mps2, round(dt, 4))
         u, v = horizontal.u_mps, horizontal.v_mps
         w = self._heave(now) if self._vertical.has_depth and now[2] > LEAST_UPRIGHT else 0.0
         acceleration = (force[0] + GRAVITY_mps2 * dx - q * w + r * v, force[1] + GRAVITY_mps2 * dy - r * u + p * w)
-        horizontal.predict(acceleration, angle, (self._imu - self._began) / NS_PER_S, dt)
+        now_s = (self._imu - self._began) / NS_PER_S
+        horizontal.predict(acceleration, angle, now_s, dt)
+        fx, fy, fz = force
+        half = 0.5 * dt
+        change = complex(
+            half * ((north_was[0] + north[0]) * fx + (north_was[1] + north[1]) * fy + (north_was[2] + north[2]) * fz),
+            half * ((east_was[0] + east[0]) * fx + (east_was[1] + east[1]) * fy + (east_was[2] + east[2]) * fz),
+        )
+        self._aiding.gain.accelerated(change, r, now_s)
         self._rate_radps = rate
         self._aiding.yaw_rate_radps = r
         if horizontal.known:
@@ -348,6 +356,7 @@ class Navigator:
                 horizontal.refused,
                 self._aiding.sunk_off_m,
                 (stamp - self._changed) / NS_PER_S,
+                *self._aiding.gain.gain,
             ),
         )
 
