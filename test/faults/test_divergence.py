@@ -21,7 +21,7 @@ def tilted_deg(step: Lockstep) -> float:
 @pytest.mark.parametrize(("mode", "name"), CASES)
 def test_thrust_ends_before_it_capsizes_and_the_thruster_is_named(mode: str, name: str) -> None:
     pilot = ModePilot(mode, 1)
-    fault = parse_fault(f"thruster_reversed:{name}@{FROM_S[mode]}+999")
+    fault = parse_fault(f"thruster_reverses:{name}@{FROM_S[mode]}+999")
     step = Lockstep(pilot.vehicle, pilot, 1, faults=[fault])
     thrust_deg = 0.0
     for _ in step.run(FROM_S[mode] + 4.0):

@@ -10,7 +10,7 @@ from hindrax_core.errors import UsageError
 from hindrax_core.events import after
 from hindrax_core.readings import Leak
 from hindrax_core.vehicle import Mount
-from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, parse_fault, with_faults
+from hindrax_sim.faults.fault_registry import FAULTS, KINDS, FaultSpec, parse_fault, with_faults
 from hindrax_sim.faults.fault_schedule import Scheduled
 from hindrax_sim.faults.stream_faults import BitFlips, FaultyLine, StreamFault
 from hindrax_sim.flights.lockstep_rigs import BytesRig
@@ -68,6 +68,7 @@ def test_the_registry_has_every_stream_fault_of_the_sweep() -> None:
     names = "absent wrong_identity cut_frames bytewise merged garbage bit_flips baud_mismatch unplug_replug reset"
     assert set(FAULTS) >= {*names.split(), "clock_jump", "saturated", "repeated"}
     assert all(kind.name == name and kind.meaning and kind.devices() for name, kind in FAULTS.items())
+    assert len(FAULTS) == len(KINDS), "two kinds have one name"
 
 
 class Clockwork:

@@ -82,7 +82,7 @@ ROWS = (
         DeviceFault("T3" if fault == "thruster_fails" else FAULTS[fault].devices(_VEHICLE)[0], what, fault)
         for what, fault in LIES.items()
     ),
-    *(DeviceFault(name, "wired backwards", "thruster_reversed", worst_deg=CAPSIZED_deg) for name in ("T3", "T5")),
+    *(DeviceFault(name, "wired backwards", "thruster_reverses", worst_deg=CAPSIZED_deg) for name in ("T3", "T5")),
 )
 
 

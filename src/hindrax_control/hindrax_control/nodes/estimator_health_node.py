@@ -5,6 +5,7 @@ from collections.abc import Callable
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from hindrax_control.navigation.estimator_health import EstimatorHealth, EstimatorHealthKnobs
+from hindrax_control.navigation.velocity_gain import described
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.signals import Allocation, AppliedOutput, Navigation
 from hindrax_core.vehicle import Vehicle
@@ -78,6 +79,7 @@ class EstimatorHealthNode(BatchedNode):
             "gravity off [rad]": f"{found.gravity_off_rad:.4f}",
             "refused depths": str(found.refused_depths),
             "refused velocities": str(found.refused_velocities),
+            "velocity gain of the DVL": described(found.velocity_gain),
             "sunk off [m]": f"{found.sunk_off_m:.3f}",
             "inertial sensor frozen [s]": f"{found.frozen_s:.2f}",
         }

@@ -83,7 +83,7 @@ class FaultSpec:
     duration_s: float = DEFAULT_DURATION_S
 
 
-_KINDS = (
+KINDS = (
     FaultKind("absent", "nothing is plugged in", line.Absent, bus.Absent, wires=SERIAL + I2C + GPIO, others=OUTPUT),
     FaultKind(
         "wrong_identity", "another device answers", line.WrongIdentity, bus.WrongIdentity, wires=SERIAL + I2C + GPIO
@@ -127,8 +127,8 @@ _KINDS = (
     FaultKind("velocity_scaled", "half as large again", on_truth=truth.velocity_scaled, measuring="velocity"),
     FaultKind("supply_dies", "no thruster has power", on_world=truth.supply_dies, others=("supply",)),
     FaultKind(
-        "thruster_reversed",
-        "a thruster is wired the wrong way round",
+        "thruster_reverses",
+        "a thruster begins to push the other way",
         on_world=truth.thruster_reversed,
         others=(EACH_THRUSTER,),
     ),
@@ -153,7 +153,7 @@ _KINDS = (
     ),
 )
 
-FAULTS: Mapping[str, FaultKind] = {kind.name: kind for kind in _KINDS}
+FAULTS: Mapping[str, FaultKind] = {kind.name: kind for kind in KINDS}
 
 
 def parse_fault(text: str, vehicle: Vehicle | None = None) -> FaultSpec:
