@@ -58,7 +58,8 @@ def test_late_and_repeated_velocities_are_left_out() -> None:
 
 
 def judged(vehicle: Vehicle, consistency: Consistency) -> tuple[str, ...]:
-    health, found = EstimatorHealth(vehicle), ()
+    health = EstimatorHealth(vehicle)
+    found: tuple[str, ...] = ()
     state = Navigation(
         attitude_rad=(0.0, 0.0, 0.0), rate_radps=(0.0, 0.0, 0.0), velocity_mps=(0.3, 0.0, 0.0), depth_m=1.0,
         altitude_m=2.0, position_m=(0.0, 0.0), dvl_locked=True, ages_s={}, consistency=consistency,
