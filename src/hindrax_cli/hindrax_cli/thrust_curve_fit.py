@@ -1,21 +1,32 @@
-"""Fit of a thruster's curve to a sweep, for `hindrax bollard` and `hindrax thruster fit`: options, block, output."""
+"""Fit of a thruster's curve to a sweep, for `hindrax bollard` and `hindrax thruster fit`: options, block, output.
+
+Data as manufacturers publish them become a table, a sweep of one's own becomes cubics, or a table where asked for.
+"""
 
 import argparse
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import yaml
 
-from hindrax_analysis.terminal import print_answer, print_values
+from hindrax_analysis.terminal import print_answer, print_table, print_values
 from hindrax_cli.argument_types import positive
 from hindrax_cli.experiment_command import read_record, save_plot
 from hindrax_core.curves import Curve, problems_of
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.knobs import build
 from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whole
+from hindrax_ident.arrays import Array
 from hindrax_laboratory import plots
-from hindrax_laboratory.bollard import COEFFICIENTS, COLUMNS, BollardCurve, Direction, fit, vehicle_block
+from hindrax_laboratory.bollard import COEFFICIENTS, COLUMNS, BASIC_ESC_us, BollardCurve, Direction, fit, vehicle_block
+from hindrax_laboratory.measured_table import MeasuredTable, measured_table
+from hindrax_laboratory.thruster_sheets import Sheet, is_published, sheets_of
 
 OUTLIERS = "remove outliers (--plot shows them)"
+SUCH_AS = "such as 0.02 of kitchen or luggage scales, or 0.005 of a load cell that was checked with a known weight [-]"
+MANUFACTURER_SIGMA = 0.05
+"""Another specimen of the thruster, in another tank, at another speed controller; our estimate."""
+MOST_MISSED = 0.1
 UNFIT = f"look for another unit, or {OUTLIERS}"
 
 
@@ -23,27 +34,34 @@ def add_rig(parser: argparse._ActionsContainer) -> None:
     """Setup of the sweep, and the name of its curve."""
     parser.add_argument("--lever-ratio", type=positive, default=1.0, metavar="RATIO", help="thrust over load [-]")
     parser.add_argument("--stop", type=positive, default=1500.0, metavar="US", help="stop pulse [us]")
-    parser.add_argument("--dead-band", type=positive, default=25.0, metavar="US", help="half width without thrust [us]")
+    found = f"half width without thrust [us]; default: that of the data, or {BASIC_ESC_us:g} of a Basic ESC"
+    parser.add_argument("--dead-band", type=positive, metavar="US", help=found)
     parser.add_argument("--supply", type=positive, metavar="V", help="supply voltage [V]; default: the column's mean")
+    how = f"deviation of the load cell's gain [-]; needed, but for data of a manufacturer ({MANUFACTURER_SIGMA:g})"
+    parser.add_argument("--load-cell-std", type=positive, metavar="PART", help=how)
     parser.add_argument(
-        "--load-cell-std", type=float, default=0.0, metavar="PART", help="deviation of the load cell's gain [-]"
+        "--table", action="store_true", help="a table in place of cubics, as data of a manufacturer get"
     )
     parser.add_argument("--name", default="main", help="name of the curve in the vehicle file")
 
 
-def fitted(arguments: argparse.Namespace) -> tuple[BollardCurve, str]:
-    """Curve of the sweep, drawn where asked for, and its block for the vehicle file."""
+def fitted(arguments: argparse.Namespace) -> tuple[BollardCurve | MeasuredTable, str]:
+    """Curve of the sweep or of published data, drawn where asked for, and its block for the vehicle file."""
+    published = not arguments.field and is_published(arguments.record)
+    if not published and arguments.load_cell_std is None and arguments.record.exists():
+        raise UsageError(f"--load-cell-std: found none, wanted how far the load cell may be off, {SUCH_AS}")
+    if published or arguments.table:
+        return _tabulated(
+            arguments, sheets_of(arguments.record, arguments.supply) if published else [_sweep(arguments)]
+        )
     columns = read_record(arguments.record, COLUMNS, arguments.field)
-    supply = arguments.supply
-    if supply is None and "supply_V" in columns:
-        supply = float(np.mean(columns["supply_V"]))
     curve = fit(
         columns["pulse_us"],
         columns["load_N"],
         lever_ratio=arguments.lever_ratio,
         stop_us=arguments.stop,
         dead_band_us=arguments.dead_band,
-        supply_V=supply,
+        supply_V=_supply(arguments, columns),
         load_cell_sigma=arguments.load_cell_std,
     )
     thrust = columns["load_N"] * arguments.lever_ratio
@@ -53,6 +71,41 @@ def fitted(arguments: argparse.Namespace) -> tuple[BollardCurve, str]:
     return curve, block
 
 
+def _supply(arguments: argparse.Namespace, columns: Mapping[str, Array]) -> float | None:
+    if arguments.supply is None and "supply_V" in columns:
+        return float(np.mean(columns["supply_V"]))
+    given: float | None = arguments.supply
+    return given
+
+
+def _sweep(arguments: argparse.Namespace) -> Sheet:
+    """Our own sweep as one sheet; its voltage must be known, as that of each row of a table."""
+    columns = read_record(arguments.record, COLUMNS, arguments.field)
+    volts = _supply(arguments, columns)
+    if volts is None:
+        raise UsageError(
+            f"{arguments.record}: found no column supply_V, wanted the voltage of the sweep; give --supply V"
+        )
+    return Sheet(round(volts, 3), columns["pulse_us"], columns["load_N"] * arguments.lever_ratio)
+
+
+def _tabulated(arguments: argparse.Namespace, sheets: Sequence[Sheet]) -> tuple[MeasuredTable, str]:
+    found = measured_table(sheets, arguments.stop)
+    save_plot(arguments.plot, plots.thrust_table, sheets, found)
+    sigma = MANUFACTURER_SIGMA if arguments.load_cell_std is None else arguments.load_cell_std
+    table = found.table
+    rows = {"pulse_us": list(table.pulse_us), "supply_V": list(table.supply_V), "force_N": [*map(list, table.force_N)]}
+    block = {
+        "stop_us": arguments.stop,
+        "gain_sigma": sigma,
+        "source": f"table of {arguments.record.name}",
+        "table": {**rows, "sigma_N": round(found.residual_N, 3)},
+    }
+    text = yaml.safe_dump({"curves": {arguments.name: block}}, sort_keys=False, width=120, default_flow_style=None)
+    _check_block(text, arguments.name)
+    return found, text
+
+
 def _check_block(block: str, name: str) -> None:
     """HindraxError where a vehicle file with this block would be refused: load cell not tared, volts in millivolts."""
     try:
@@ -60,16 +113,37 @@ def _check_block(block: str, name: str) -> None:
     except UsageError as error:
         raise HindraxError(f"bollard: the sweep gives no curve for a vehicle file: {error}; {UNFIT}") from error
     if problems:
-        raise HindraxError(f"bollard: {'; '.join(problems)}; tare the load cell, widen --dead-band, or {OUTLIERS}")
+        raise HindraxError(
+            f"bollard: {'; '.join(problems)}; tare the load cell, widen --dead-band, take --table, or {OUTLIERS}"
+        )
 
 
-def print_curve(arguments: argparse.Namespace, curve: BollardCurve, block: str) -> None:
-    """Print the curve, the block, and a warning where the cubic falls."""
+def print_curve(arguments: argparse.Namespace, curve: BollardCurve | MeasuredTable, block: str) -> None:
+    """Print the curve, the block, and a warning where a cubic falls or does not follow the smallest forces."""
+    if isinstance(curve, MeasuredTable):
+        print_answer({"curve": curve, "block": block}, lambda: _show_table(curve, block), as_json=arguments.json)
+        return
     for direction, name in ((curve.negative, "negative"), (curve.positive, "positive")):
         if not direction.monotone:
             low, high = direction.monotone_from_us, direction.monotone_to_us
             print_stderr(f"warning: the {name} cubic rises only from {low:.0f} to {high:.0f} us")
+    if curve.missed_at_low > MOST_MISSED:
+        part = 100.0 * curve.missed_at_low
+        print_stderr(f"warning: below 2 N the cubics miss up to {part:.0f} % of the force; --table follows it")
     print_answer({"curve": curve, "block": block}, lambda: _show_curve(curve, block), as_json=arguments.json)
+
+
+def _show_table(found: MeasuredTable, block: str) -> None:
+    rows = [
+        (f"{volts:g} V", f"{below:g} to {above:g}", f"{row[0]:.2f}", f"{row[-1]:.2f}")
+        for volts, (below, above), row in zip(found.table.supply_V, found.dead_us, found.table.force_N, strict=True)
+    ]
+    print_table("Thrust", ["supply"], ["dead band [us]", "at full astern [N]", "at full ahead [N]"], rows)
+    knots = len(found.table.pulse_us)
+    print_fitted(
+        f"{found.samples} samples, {knots} knots; deviation of a sample from the table: {found.residual_N:.2g} N"
+    )
+    print_whole(block, end="")  # a list that goes on below is YAML still
 
 
 def _show_curve(curve: BollardCurve, block: str) -> None:

@@ -15,6 +15,7 @@ from hindrax_ident.arrays import Array, array
 from hindrax_laboratory import pendulum, step
 
 CFD = (6.204, 12.416, 18.636, 24.864, 31.1, 37.344, 43.596, 49.856, 56.124, 62.40)
+CELL = ["--load-cell-std", "0.02"]
 BENCH = ["--mass", "0.39", "--volume", "0.00056", "--stiffness", "1127.7"]
 
 
@@ -142,7 +143,9 @@ def test_towing_and_bollard(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
 
     pulse = np.concatenate((np.arange(1100.0, 1470.0, 20.0), np.arange(1540.0, 1901.0, 20.0)))
     file = write_csv(tmp_path / "b.csv", pulse_us=pulse, load_N=(pulse - 1500.0) / 26.0)
-    found = run_json(capsys, "bollard", file, "--lever-ratio", "2.0", "--supply", "14.8", *plot(tmp_path, "bollard"))
+    found = run_json(
+        capsys, "bollard", file, "--lever-ratio", "2.0", "--supply", "14.8", *CELL, *plot(tmp_path, "bollard")
+    )
     assert {file.stem for file in tmp_path.glob("*.svg")} == {"towing", "bollard"}
     assert yaml.safe_load(found["block"])["curves"]["main"]["positive"]["to_us"] == 1900.0
 

@@ -62,7 +62,7 @@ RECORDS = {
     "pendulum": "pendulum {}/pendulum.csv --mass 3.739 --arm 0.4 --buoyancy-kgf 2.24",
     "step": "step --mass 3.739 --added-mass 1.66 --k-l 61.89 --k-q 0.398",
     "towing": "towing {}/towing.csv",
-    "bollard": "bollard {}/bollard.csv --supply 14.8",
+    "bollard": "bollard {}/bollard.csv --supply 14.8 --load-cell-std 0.02",
     "predict": f"predict {{}}/coefficients.yaml {BAGS / 'surge'} --window 3",
 }
 """Commands that read a record."""

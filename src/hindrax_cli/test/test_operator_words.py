@@ -24,6 +24,8 @@ from hindrax_bringup.stack_runner import asked_to_end, startup_text
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.machine import mock
 from hindrax_cli.commands.operate import manual_control
+from hindrax_control.allocation.allocator import Allocator
+from hindrax_control.allocation.thrust_curve import ThrustCurve
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import fitted
 from hindrax_core.vehicle import load_vehicle
@@ -208,7 +210,7 @@ def sweep_file(folder: Path, offset_N: float, volts: float, linear: float) -> Pa
 
 def test_a_sweep_becomes_the_curve_of_the_vehicle_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file, sweep = hindrax_file(tmp_path), sweep_file(tmp_path, 0.0, 15.2, 4e-3)
-    words = ["thruster", "fit", str(sweep), "--lever-ratio", "2", "--vehicle", str(file)]
+    words = ["thruster", "fit", str(sweep), "--lever-ratio", "2", "--load-cell-std", "0.02", "--vehicle", str(file)]
     assert main(words) == 0
     assert "--write saves it to" in capsys.readouterr().out
     assert load_vehicle(file).curves["main"].supply_V == 14.8
@@ -219,6 +221,61 @@ def test_a_sweep_becomes_the_curve_of_the_vehicle_file(tmp_path: Path, capsys: p
     assert curve.positive.force_N(1800.0) == pytest.approx(2 * (2e-7 * 300**3 + 4e-3 * 300), rel=1e-6)
     before, after = (yaml.safe_load(path.read_text(encoding="utf-8")) for path in (default_vehicle(), file))
     assert after | {"curves": before["curves"]} == before
+
+
+def test_data_of_a_manufacturer_become_a_table_that_allocates(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, data = hindrax_file(tmp_path), tmp_path / "T200 16V.csv"
+    pulses = [*range(1100, 1901, 4)]
+    kgf = [math.copysign(max(0.0, abs(pulse - 1500) - 28) ** 1.5 / 1500.0, pulse - 1500) for pulse in pulses]
+    lines = [
+        f"{pulse},0,0.1,{volts},1,{force * volts / 16:.6f},1"
+        for volts in (12, 16)
+        for pulse, force in zip(pulses, kgf, strict=True)
+    ]
+    header = " PWM (µs), RPM, Current (A), Voltage (V), Power (W), Force (Kg f), Efficiency (g/W)"
+    data.write_text("\n".join([header, *lines]), encoding="utf-8")
+    assert main(["thruster", "fit", str(data), "--vehicle", str(file), "--write"]) == 0
+    told = capsys.readouterr().out
+    assert "1472 to 1528" in told
+    vehicle = load_vehicle(file)
+    table = vehicle.curves["main"].table
+    assert table is not None
+    assert table.supply_V == (12.0, 16.0)
+    assert (vehicle.supply_V, vehicle.curves["main"].gain_sigma) == (14.8, 0.05)
+    for volts in (12.0, 14.0, 16.0):
+        found = Allocator(vehicle).allocate((10.0, 0.0, 5.0, 0.0, 0.0, 1.0), supply_V=volts)
+        assert found.achieved == pytest.approx(found.wanted, abs=0.15)
+    assert main(["vehicle", "check", str(file)]) == 0
+
+
+def test_the_deviation_of_the_load_cell_is_asked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sweep = sweep_file(tmp_path, 0.0, 15.2, 4e-3)
+    for words in (["thruster", "fit", str(sweep)], ["bollard", str(sweep)]):
+        assert main(words) == 2
+        assert (
+            "--load-cell-std: found none, wanted how far the load cell may be off, such as 0.02"
+            in capsys.readouterr().err
+        )
+
+
+def test_low_thrust_that_a_cubic_misses_is_said_and_a_table_follows_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, sweep = hindrax_file(tmp_path), tmp_path / "sweep.csv"
+    pulses = [*range(1100, 1901, 20)]
+    loads = [math.copysign(max(0.0, abs(pulse - 1500) - 20) ** 1.5 / 300.0, pulse - 1500) for pulse in pulses]
+    sweep.write_text(
+        "\n".join(["pulse_us,load_N", *(f"{p},{f}" for p, f in zip(pulses, loads, strict=True))]), encoding="utf-8"
+    )
+    words = ["thruster", "fit", str(sweep), "--load-cell-std", "0.02", "--supply", "14.8", "--vehicle", str(file)]
+    main(words)
+    assert "--table" in capsys.readouterr().err
+    assert main([*words, "--table", "--write"]) == 0
+    curve = ThrustCurve(load_vehicle(file).curves["main"])
+    for pulse, load in zip(pulses, loads, strict=True):
+        assert curve.force(pulse) == pytest.approx(load, abs=0.06 + 0.015 * abs(load)), pulse
 
 
 @pytest.mark.parametrize(
@@ -236,7 +293,7 @@ def test_a_sweep_that_makes_no_curve_is_refused_before_it_is_written(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], offset_N: float, volts: float, reason: str
 ) -> None:
     sweep = sweep_file(tmp_path, offset_N, volts, 0.07)
-    assert main(["thruster", "fit", str(sweep)]) == 1
+    assert main(["thruster", "fit", str(sweep), "--load-cell-std", "0.02"]) == 1
     assert re.search(reason, capsys.readouterr().err)
 
 

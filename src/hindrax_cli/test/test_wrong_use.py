@@ -331,7 +331,7 @@ def test_arm_warns_only_of_thrusters_that_can_be_armed(
 def test_an_error_names_its_command_once(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     sweep = tmp_path / "sweep.csv"
     sweep.write_text("pulse_us,load_N\n" + "\n".join(f"{pulse},5" for pulse in range(1100, 1901, 20)))
-    assert command_line.main(["bollard", str(sweep)]) == HindraxError.exit_code
+    assert command_line.main(["bollard", str(sweep), "--load-cell-std", "0.02"]) == HindraxError.exit_code
     assert capsys.readouterr().err.startswith("hindrax bollard: thrust is 5 N at 1100 us")
 
 

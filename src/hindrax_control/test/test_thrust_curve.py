@@ -13,8 +13,7 @@ from hindrax_core.curves import (
     Curve,
     inverse,
     problems_of,
-    reflected,
-    running_branches,
+    running,
     slope,
     stationary_points,
 )
@@ -77,8 +76,8 @@ def test_each_branch_is_judged_by_its_own_sign() -> None:
 def test_branches_end_at_the_dead_band_or_before(dead_band_us: float, below: float, above: float) -> None:
     negative = Branch(c=(-15.0, 0.01, 0.0, 0.0), from_us=1100.0, to_us=1480.0)
     positive = Branch(c=(-15.0, 0.01, 0.0, 0.0), from_us=1530.0, to_us=1900.0)
-    cut = running_branches(Curve(negative, positive, stop_us=1510.0, dead_band_us=dead_band_us))
-    assert cut == (replace(negative, to_us=below), replace(positive, from_us=above))
+    cut = running(Curve(negative, positive, stop_us=1510.0, dead_band_us=dead_band_us))
+    assert (cut.negative, cut.positive) == (replace(negative, to_us=below), replace(positive, from_us=above))
 
 
 @pytest.mark.parametrize("supply_V", [math.nan, math.inf, 0.0, -12.0])
@@ -199,7 +198,7 @@ def test_between_dead_band_and_the_first_point_of_the_curve_thrust_grows_in_prop
 
 
 def test_reflected_twice_is_the_branch() -> None:
-    twice = reflected(reflected(NEGATIVE, 1500.0), 1500.0)
+    twice = NEGATIVE.reflected(1500.0).reflected(1500.0)
     assert twice.c == pytest.approx(NEGATIVE.c, rel=1e-9)
     assert (twice.from_us, twice.to_us) == (1100.0, 1475.0)
 

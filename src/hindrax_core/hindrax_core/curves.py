@@ -1,6 +1,6 @@
 """Thrust curves of the vehicle file, the check of their validity, and the inverse of a cubic in closed form.
 
-COB-2023-1394 eq. 1: F = c4 P^3 + c3 P^2 + c2 P + c1 with one cubic per direction.
+COB-2023-1394 eq. 1: F = c4 P^3 + c3 P^2 + c2 P + c1 with one cubic per direction; or a table (`thrust_table.py`).
 """
 
 import math
@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from hindrax_core.knobs import fact, knob
+from hindrax_core.thrust_table import Polyline, ThrustTable
 
 Coefficients: TypeAlias = tuple[float, float, float, float]
 """c1, c2, c3, c4 of c4 x^3 + c3 x^2 + c2 x + c1, the order of COB-2023-1394 Table 2."""
@@ -29,19 +30,40 @@ class Branch:
         """Value of the cubic (Horner); no check of validity."""
         return value(self.c, pulse_us)
 
+    def scaled(self, gain: float) -> "Branch":
+        """The branch with every force multiplied by a gain."""
+        c1, c2, c3, c4 = self.c
+        return replace(self, c=(gain * c1, gain * c2, gain * c3, gain * c4))
+
+    def reflected(self, stop_us: float) -> "Branch":
+        """The branch with its pulses reflected about the stop: G(P) = F(2 stop - P), multiplied out."""
+        c3, c4 = self.c[2:]
+        a = 2.0 * stop_us
+        c = (value(self.c, a), -slope(self.c, a), 3.0 * c4 * a + c3, -c4)
+        return replace(self, c=c, from_us=a - self.to_us, to_us=a - self.from_us)
+
+    def inverse(self) -> Inverse:
+        """Pulse [us] of a force [N] within the branch, exactly; that of the end for a force beyond it."""
+        return inverse(self.c, self.from_us, self.to_us)
+
+
+NO_CUBIC = Branch((0.0, 0.0, 0.0, 0.0), 0.0, 0.0)
+"""The branch of a curve that is a table."""
+
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """Thrust of one kind of thruster against the pulse at one supply voltage.
+    """Thrust of one kind of thruster against the pulse: cubics at one supply voltage, or a table of one or several.
 
     Between dead band and branch, thrust rises evenly from nothing at the band to the branch's weakest.
 
     `positive: null` in the file means the mirror image of the negative branch about the stop pulse: an assumption,
     and marked as one. Thrust is scaled by (V / supply_V) ** supply_exponent; the default is what the published bollard
     data of a comparable thruster show at full command from 10 to 20 V (Blue Robotics T200, 2019: 28.7 to 65.9 N).
+    A table is interpolated between its voltages and scaled by that law beyond them; its zeros are the dead band.
     """
 
-    negative: Branch
+    negative: Branch = knob(NO_CUBIC, meaning="negative branch; needed unless there is a table")
     positive: Branch | None = knob(None, meaning="positive branch; null: the mirror image of the negative one")
     stop_us: float = knob(1500.0, 1000.0, 2000.0, "stop pulse, which the output also writes at start and end [us]")
     dead_band_us: float = knob(25.0, 0.0, 200.0, "half width of the band about the stop pulse without thrust [us]")
@@ -49,37 +71,72 @@ class Curve:
     supply_exponent: float = knob(1.2, 0.0, 3.0, "power of the supply voltage with which thrust grows [-]")
     gain_sigma: float = knob(0.02, 0.0, 0.5, "standard deviation of the gain of the whole curve [-]")
     source: str = knob("", meaning="source of the curve")
+    table: ThrustTable | None = knob(None, meaning="measured forces in place of cubics, see below")
+
+    def __post_init__(self) -> None:
+        """Either cubics or a table, for two answers to one question would be one too many."""
+        if (self.table is None) == (self.negative == NO_CUBIC):
+            found = "neither" if self.table is None else "both"
+            raise ValueError(f"found {found} of negative (a cubic) and table, wanted one of them")
+        if self.table is not None and self.positive is not None:
+            raise ValueError(
+                "found positive (a cubic) beside a table, wanted the table alone: it holds both directions"
+            )
 
 
-def scaled(branch: Branch, gain: float) -> Branch:
-    """Return the branch with every force multiplied by a gain."""
-    c1, c2, c3, c4 = branch.c
-    return replace(branch, c=(gain * c1, gain * c2, gain * c3, gain * c4))
+@dataclass(frozen=True, slots=True)
+class Running:
+    """A curve at one supply voltage: both directions where they run, and the ends of the dead band between [us].
+
+    From an end of the dead band to a branch that begins later, thrust rises evenly from nothing.
+    """
+
+    negative: Branch | Polyline
+    positive: Branch | Polyline
+    dead_us: tuple[float, float]
+
+    @property
+    def range_N(self) -> tuple[float, float]:
+        """Largest force in each direction."""
+        return self.negative.force_N(self.negative.from_us), self.positive.force_N(self.positive.to_us)
 
 
-def reflected(branch: Branch, stop_us: float) -> Branch:
-    """Return the branch with its pulses reflected about the stop: G(P) = F(2 stop - P), multiplied out."""
-    c3, c4 = branch.c[2:]
-    a = 2.0 * stop_us
-    c = (value(branch.c, a), -slope(branch.c, a), 3.0 * c4 * a + c3, -c4)
-    return replace(branch, c=c, from_us=a - branch.to_us, to_us=a - branch.from_us)
+def running(curve: Curve, supply_V: float | None = None, margin_us: float = 0.0) -> Running:
+    """A valid curve at a supply voltage (None: that at which it was measured), with a margin about the dead band.
 
-
-def running_branches(curve: Curve) -> tuple[Branch, Branch]:
-    """Negative and positive branch, cut where the dead band begins; a missing positive one is the mirror image."""
+    A missing positive cubic is the mirror image of the negative one.
+    """
+    if curve.table is not None:
+        volts = curve.table.supply_V[0] if supply_V is None else supply_V
+        back, forth, (below, above) = curve.table.at(volts, curve.stop_us, curve.supply_exponent)
+        below, above = below - margin_us, above + margin_us
+        if margin_us:
+            back, forth = back.cut(back.from_us, below), forth.cut(above, forth.to_us)
+        return Running(back, forth, (below, above))
+    gain = 1.0 if supply_V is None else float((supply_V / curve.supply_V) ** curve.supply_exponent)
+    half_us = curve.dead_band_us + margin_us
+    below, above = curve.stop_us - half_us, curve.stop_us + half_us
     negative = curve.negative
-    positive = curve.positive or scaled(reflected(negative, curve.stop_us), -1.0)
-    below = min(negative.to_us, curve.stop_us - curve.dead_band_us)
-    above = max(positive.from_us, curve.stop_us + curve.dead_band_us)
-    return replace(negative, to_us=below), replace(positive, from_us=above)
+    positive = curve.positive or negative.reflected(curve.stop_us).scaled(-1.0)
+    return Running(
+        replace(negative, to_us=min(negative.to_us, below)).scaled(gain),
+        replace(positive, from_us=max(positive.from_us, above)).scaled(gain),
+        (below, above),
+    )
 
 
 def problems_of(curve: Curve) -> list[str]:
     """Reasons why a curve is not a valid thrust curve, one sentence each; empty when it is valid."""
-    negative, positive = running_branches(curve)
-    found = [f"negative branch {text}" for text in _branch_problems(negative, -1.0)]
-    found += [f"positive branch {text}" for text in _branch_problems(positive, 1.0)]
-    return found
+    if curve.table is not None:
+        return curve.table.problems(curve.stop_us)
+    cubics = running(curve)
+    sides = (("negative", cubics.negative, -1.0), ("positive", cubics.positive, 1.0))
+    return [
+        f"{name} branch {text}"
+        for name, branch, sign in sides
+        if isinstance(branch, Branch)
+        for text in _branch_problems(branch, sign)
+    ]
 
 
 def _branch_problems(branch: Branch, sign: float) -> list[str]:

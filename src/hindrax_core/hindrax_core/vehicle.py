@@ -21,6 +21,9 @@ from hindrax_core.text.yaml_text import read_yaml
 
 MOST_THRUSTERS = 16
 """Servo outputs of a PCA9685 (its datasheet, section 2) and of an autopilot."""
+USUAL_V = 14.8
+"""Four lithium cells, nominal."""
+
 LAST_LINE = 127
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 NAMED_OTHERWISE = frozenset(
@@ -237,7 +240,7 @@ class Vehicle:
     center_of_buoyancy_m: Vec3 = knob((0.0, 0.0, 0.0), -10.0, 10.0, "center of buoyancy from the body origin [m]")
     depth_rating_m: float = knob(60.0, 0.0, 12000.0, "depth rating [m]")
     supply_V: float = knob(
-        14.8, 5.0, 60.0, "supply without a battery sensor; in a file the default is that of its curves [V]"
+        USUAL_V, 5.0, 60.0, "supply without a battery sensor; in a file the default is that of its curves [V]"
     )
     projected_areas_m2: Vec3 | None = knob(None, meaning="seen along x, y, z; for estimates from geometry [m^2]")
     water: Water = field(default_factory=Water)
@@ -366,5 +369,16 @@ def _with_supply(data: object) -> object:
     curves = data.get("curves") if isinstance(data, Mapping) else None
     if not isinstance(data, Mapping) or "supply_V" in data or not isinstance(curves, Mapping):
         return data
-    volts = next((one["supply_V"] for one in curves.values() if isinstance(one, Mapping) and "supply_V" in one), None)
+    volts = next(filter(None, map(_supply_of, curves.values())), None)
     return data if volts is None else {**data, "supply_V": volts}
+
+
+def _supply_of(curve: object) -> object:
+    """The supply that a curve names, or the one nearest to the usual one of those in its table; None without."""
+    if not isinstance(curve, Mapping):
+        return None
+    table = curve.get("table")
+    rows = table.get("supply_V") if isinstance(table, Mapping) else None
+    if isinstance(rows, list) and rows and all(isinstance(one, int | float) for one in rows):
+        return min(max(USUAL_V, min(rows)), max(rows))
+    return curve.get("supply_V")

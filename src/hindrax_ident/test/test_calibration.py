@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hindrax_core.curves import Branch
+from hindrax_core.curves import Branch, Curve
+from hindrax_core.thrust_table import ThrustTable
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array
 from hindrax_ident.assess.influences import INFLUENCES, Case
-from hindrax_ident.assess.thrust_calibration import branch_covariance, modes
+from hindrax_ident.assess.thrust_calibration import branch_covariance, modes, thrust_shares
 from hindrax_ident.assess.uncertainty_budget import Budget, budget_of
 from hindrax_ident.fit.output_error import OutputErrorFit, refine
 from hindrax_ident.model.model_parameters import wide_prior
@@ -93,6 +94,23 @@ def test_branches_with_standard_deviations_add_modes(vehicle: Vehicle, surge: tu
     assert modes(doubtful, 0)[1].error(np.array([5.0, -5.0])).shape == (2, 4)
     narrow, wide = (calibration(one, record, fit) for one in (vehicle, doubtful))
     assert wide[0, 0] > narrow[0, 0]
+
+
+def test_a_table_adds_a_mode_for_the_zero_of_each_direction(vehicle: Vehicle) -> None:
+    rows = ((-20.0, -1.0, 0.0, 1.0, 20.0),)
+    table = ThrustTable((1100.0, 1470.0, 1500.0, 1530.0, 1900.0), (14.8,), rows, sigma_N=0.2)
+    doubtful = replace(vehicle, curves={"main": Curve(table=table)})
+    gain, back, forth = modes(doubtful, 0)
+    assert gain.covariance.tolist() == [[0.02**2]]
+    assert back.covariance.tolist() == forth.covariance.tolist() == [[0.2**2]]
+    for mode, sign in ((back, -1.0), (forth, 1.0)):
+        for force, error in zip((8.0, -8.0), mode.error(np.array([8.0, -8.0]))[:, 0], strict=True):
+            pushing = [
+                per_newton for per_newton, share in thrust_shares(vehicle, 0).values() if share * force * sign > 0.0
+            ]
+            assert error == pytest.approx(sum(pushing))
+    exact = replace(vehicle, curves={"main": Curve(table=replace(table, sigma_N=0.0))})
+    assert len(modes(exact, 0)) == 1
 
 
 def test_a_doubtful_positive_branch_widens_the_band_by_the_forces_ahead(

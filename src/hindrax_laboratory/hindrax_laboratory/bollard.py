@@ -17,6 +17,7 @@ from hindrax_ident.arrays import Array
 from hindrax_ident.assess.thrust_calibration import powers_from_scaled
 from hindrax_laboratory.experiment_record import Column
 from hindrax_laboratory.least_squares import least_squares
+from hindrax_laboratory.measured_table import quiet
 
 COLUMNS = (
     Column("pulse_us", "pulse [us]"),
@@ -26,6 +27,9 @@ COLUMNS = (
 
 COEFFICIENTS = ("c1", "c2", "c3", "c4")
 HALF_RANGE_us = 400.0
+BASIC_ESC_us = 25.0
+"""Half width of the dead band of a Basic ESC."""
+LOW_N = 2.0
 SERVO_us = (500.0, 2500.0)
 """No servo pulse is shorter or longer."""
 
@@ -75,6 +79,8 @@ class BollardCurve:
     stop_us: float
     dead_band_us: float
     supply_V: float | None
+    missed_at_low: float
+    """Largest part of a force below 2 N that its cubic misses; 0 where there is none."""
     gain_sigma: float
     """Relative deviation of the force at full thrust, the larger of both directions and of the load cell's own."""
 
@@ -85,11 +91,13 @@ def fit(
     *,
     lever_ratio: float = 1.0,
     stop_us: float = 1500.0,
-    dead_band_us: float = 25.0,
+    dead_band_us: float | None = None,
     supply_V: float | None = None,
     load_cell_sigma: float = 0.0,
 ) -> BollardCurve:
     """Cubic per direction from a sweep; points inside the dead band belong to neither.
+
+    Without a dead band it is that of the data: out to the last pulse without thrust, or that of a Basic ESC.
 
     HindraxError when pulses are not in microseconds, or a direction has too few points or thrust of the wrong sign.
     """
@@ -100,7 +108,13 @@ def fit(
             f"from {SERVO_us[0]:.0f} to {SERVO_us[1]:.0f}"
         )
     thrust = load_N * lever_ratio
-    below, above = pulse_us <= stop_us - dead_band_us, pulse_us >= stop_us + dead_band_us
+    idle = quiet(thrust)
+    if dead_band_us is None:
+        about = np.abs(pulse_us[idle] - stop_us)
+        dead_band_us = float(about.max()) if np.any(about) else BASIC_ESC_us
+    running = ~idle | (np.abs(pulse_us - stop_us) > dead_band_us)
+    below = (pulse_us <= stop_us - dead_band_us) & running
+    above = (pulse_us >= stop_us + dead_band_us) & running
     negative = _direction(pulse_us[below], thrust[below], "negative")
     positive = _direction(pulse_us[above], thrust[above], "positive")
     ends = (negative.force_N(negative.from_us), positive.force_N(positive.to_us))
@@ -110,7 +124,17 @@ def fit(
             f"{positive.to_us:.0f} us, wanted below and above 0; check the sign of the load, and remove outliers"
         )
     relative = max(end.std / abs(end.value) for end in ends)
-    return BollardCurve(negative, positive, stop_us, dead_band_us, supply_V, float(np.hypot(relative, load_cell_sigma)))
+    missed = max(_missed(one, pulse_us[at], thrust[at]) for one, at in ((negative, below), (positive, above)))
+    gain_sigma = float(np.hypot(relative, load_cell_sigma))
+    return BollardCurve(negative, positive, stop_us, dead_band_us, supply_V, missed, gain_sigma)
+
+
+def _missed(direction: Direction, pulse_us: Array, thrust_N: Array) -> float:
+    """Largest part of a small force that the cubic misses."""
+    low = np.abs(thrust_N) < LOW_N
+    c1, c2, c3, c4 = (c.value for c in direction.c)
+    cubic = np.polynomial.Polynomial([c1, c2, c3, c4])(pulse_us[low])
+    return float(np.max(np.abs(cubic / thrust_N[low] - 1.0), initial=0.0))
 
 
 def _direction(pulse_us: Array, thrust_N: Array, name: str) -> Direction:

@@ -22,8 +22,10 @@ if TYPE_CHECKING:
     from hindrax_laboratory.bollard import BollardCurve, Direction
     from hindrax_laboratory.forced import Coefficient
     from hindrax_laboratory.free_decay import FreeDecay
+    from hindrax_laboratory.measured_table import MeasuredTable
     from hindrax_laboratory.pendulum import PendulumFit
     from hindrax_laboratory.step import StepPlant, StepTest
+    from hindrax_laboratory.thruster_sheets import Sheet
     from hindrax_laboratory.towing import Towing
 
 
@@ -85,6 +87,20 @@ def pendulum(fit: PendulumFit) -> Figure:
     label(above, "", "angle [rad]", title)
     below.plot(fit.time_s, 1e3 * (fit.theta_rad - fit.model_rad), color=MEASURED)
     label(below, "time [s]", "recorded - simulated [mrad]")
+    return figure
+
+
+def thrust_table(sheets: Sequence[Sheet], found: MeasuredTable) -> Figure:
+    """Sweeps at several voltages, the table through them, and the residuals."""
+    figure, (above, below) = new_figure(2, 1, 8.0, 6.0)
+    for sheet, row in zip(sheets, found.table.force_N, strict=True):
+        (line,) = above.plot(found.table.pulse_us, row, label=f"{sheet.supply_V:g} V")
+        above.plot(sheet.pulse_us, sheet.force_N, "o", color=line.get_color(), markersize=1.5)
+        residual = sheet.force_N - np.interp(sheet.pulse_us, found.table.pulse_us, row)
+        below.plot(sheet.pulse_us, residual, "o", color=line.get_color(), markersize=1.5)
+    above.legend(frameon=False)
+    label(above, "", "thrust [N]", "thrust table, and the sweeps it is made of")
+    label(below, "pulse [us]", "measured - table [N]")
     return figure
 
 

@@ -2,15 +2,18 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
 
 from hindrax_bringup.share_files import default_vehicle
+from hindrax_core.curves import Curve
 from hindrax_core.errors import UsageError
 from hindrax_core.events import stamp_from_s
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import Vec6
+from hindrax_core.thrust_table import ThrustTable
 from hindrax_core.vehicle import AXES, Hydrodynamics, Vehicle, load_vehicle
 from hindrax_sim.conditions.realization import TESTED, Realization
 from hindrax_sim.conditions.world_table import CONDITIONS, SIGNED, realize, sizes_of
@@ -22,8 +25,8 @@ VEHICLE = load_vehicle(default_vehicle())
 AHEAD = [1650.0, 1650.0, 1350.0, 1350.0, 1440.0, 1440.0, 1440.0, 1440.0]
 
 
-def made(**sizes: float) -> Realization:
-    return realize(VEHICLE, sizes, seed=3)
+def made(vehicle: Vehicle = VEHICLE, /, **sizes: float) -> Realization:
+    return realize(vehicle, sizes, seed=3)
 
 
 def hydrodynamics_of(vehicle: Vehicle) -> Hydrodynamics:
@@ -148,6 +151,27 @@ def test_a_wider_dead_band_moves_the_whole_curve_outward() -> None:
         for pulse, outward in ((1600.0, wider), (1350.0, -wider)):
             assert force(world, index, pulse) == pytest.approx(assumed(index, pulse - outward))
         assert force(world, index, 1500.0 + 24.9 + wider) == 0.0
+
+
+TABLE = ThrustTable(
+    (1100.0, 1470.0, 1480.0, 1500.0, 1520.0, 1530.0, 1900.0), (14.8,), ((-30.0, -1.0, 0, 0, 0, 1.0, 40.0),)
+)
+
+
+def test_gain_and_dead_band_change_a_table_as_they_change_cubics() -> None:
+    tabulated = replace(VEHICLE, curves={"main": Curve(table=TABLE)})
+    gained = force(made(tabulated, thrust_gain=0.05), 0, 1900.0)
+    assert gained == pytest.approx(42.0)
+    world = made(tabulated, dead_bands=5.0)
+    for index, thruster in enumerate(world.vehicle.thrusters):
+        table = world.vehicle.curves[thruster.curve].table
+        assert table is not None
+        wider = table.pulse_us[4] - 1520.0
+        assert wider != 0.0
+        assert table.pulse_us == pytest.approx(
+            [p + wider * math.copysign(p != 1500.0, p - 1500.0) for p in TABLE.pulse_us]
+        )
+        assert force(world, index, 1620.0 + wider) == pytest.approx(1.0 + 39.0 * 90.0 / 370.0)
 
 
 def test_inflow_takes_its_share_of_ten_newtons_and_goes_with_the_root_of_thrust() -> None:

@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hindrax_control.allocation.thrust_curve import ThrustCurve
-from hindrax_core.curves import Curve, reflected, scaled
+from hindrax_core.curves import Curve
 from hindrax_core.errors import UsageError
 from hindrax_core.readings import Vec3, Vec6
+from hindrax_core.thrust_table import ThrustTable
 from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle, load_vehicle
 from hindrax_ident.arrays import Array
 from hindrax_sim.conditions.realization import Realization
@@ -319,8 +320,14 @@ NEGATIVE = CURVE.negative
 CURVES = [
     replace(CURVE, dead_band_us=band, negative=replace(NEGATIVE, to_us=1460.0), positive=positive)
     for band in (0.0, 25.0, 40.0, 60.0)
-    for positive in (None, replace(scaled(reflected(NEGATIVE, 1500.0), -0.8), from_us=1550.0))
+    for positive in (None, replace(NEGATIVE.reflected(1500.0).scaled(-0.8), from_us=1550.0))
 ]
+TABLE = ThrustTable(
+    (1100.0, 1110.0, 1300.0, 1460.0, 1470.0, 1500.0, 1530.0, 1540.0, 1900.0),
+    (12.0, 16.0),
+    ((-28.0, -28.0, -10.0, -0.3, 0.0, 0.0, 0.0, 0.4, 36.0), (-40.0, -39.0, -15.0, -0.7, -0.3, 0.0, 0.4, 0.8, 51.0)),
+)
+CURVES += [Curve(table=TABLE), Curve(table=replace(TABLE, supply_V=(14.0, 16.0)))]
 
 
 @pytest.mark.parametrize("curve", CURVES)

@@ -19,6 +19,7 @@ from hindrax_control.teleop import TeleopKnobs
 from hindrax_core.curves import Branch, Curve
 from hindrax_core.knobs import Knob, knob_of
 from hindrax_core.sensor_table import SENSORS
+from hindrax_core.thrust_table import ThrustTable
 from hindrax_core.vehicle import Drag, Hydrodynamics, Mount, Output, Thruster, Vehicle
 from hindrax_drivers.driver_registry import driver_of
 from hindrax_drivers.nodes.thruster_settings import OutputAlone
@@ -64,6 +65,7 @@ BLOCKS = (
     ("thrusters: a list of", Thruster),
     ("curves: by name", Curve),
     ("negative and positive of a curve", Branch),
+    ("table of a curve", ThrustTable),
     ("hydrodynamics", Hydrodynamics),
     ("surge to yaw of hydrodynamics", Drag),
     ("sensors: by name", Mount),

@@ -13,7 +13,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from hindrax_analysis.coefficients_file import TABULATED, SavedCoefficients
-from hindrax_core.curves import running_branches
+from hindrax_core.curves import running
 from hindrax_core.errors import HindraxError
 from hindrax_core.readings import Vec3, Vec6
 from hindrax_core.text.digits import measured
@@ -266,9 +266,7 @@ def terminal_misfit(wanted: Callable[[Array], Array], given: Callable[[Array], A
 def thrust_range_N(vehicle: Vehicle, thruster: Thruster) -> tuple[float, float]:
     """Weakest (most negative) and strongest steady thrust of a thruster at the vehicle's supply voltage [N]."""
     curve = vehicle.curves[thruster.curve]
-    negative, positive = running_branches(curve)
-    gain = (vehicle.supply_V / curve.supply_V) ** curve.supply_exponent
-    return gain * negative.force_N(negative.from_us), gain * positive.force_N(positive.to_us)
+    return running(curve, vehicle.supply_V).range_N
 
 
 # ---- the little XML that three formats share

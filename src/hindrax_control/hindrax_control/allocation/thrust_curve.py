@@ -1,16 +1,16 @@
 """Thrust curves: force from pulse, pulse from force, both exact, checked when they are made; wrench of applied pulses.
 
-COB-2023-1394 eq. 1: F = c4 P^3 + c3 P^2 + c2 P + c1 with one cubic per direction. Around the stop pulse lies the dead
-band of the speed controller; the cubics do not pass through zero at its edges, so the smallest forces cannot be had.
+COB-2023-1394 eq. 1: F = c4 P^3 + c3 P^2 + c2 P + c1 with one cubic per direction; or a measured table. Around
+the stop pulse lies the dead band of the speed controller; the cubics do not pass through zero at its edges, so the
+smallest forces cannot be had.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from operator import mul
 
 from hindrax_control.allocation.effectiveness import effectiveness
-from hindrax_core.curves import Curve, inverse, problems_of, reflected, running_branches, scaled
+from hindrax_core.curves import Curve, problems_of, running
 from hindrax_core.errors import UsageError
 from hindrax_core.readings import Vec6, vec6
 from hindrax_core.vehicle import Vehicle
@@ -33,10 +33,19 @@ class ThrustCurve:
     thrust axis, microseconds. `mirrored` is for a thruster that turns the other way round: its force at a pulse is
     that of the curve at the pulse reflected about the stop.
 
-    `range_N` holds the largest force in each direction, `gap_N` the smallest running one.
+    With a margin the dead band is wider [us]. `range_N` holds the largest force in each direction, `gap_N` the smallest
+    running one.
     """
 
-    def __init__(self, curve: Curve, supply_V: float | None = None, *, mirrored: bool = False, name: str = "") -> None:
+    def __init__(
+        self,
+        curve: Curve,
+        supply_V: float | None = None,
+        *,
+        mirrored: bool = False,
+        name: str = "",
+        margin_us: float = 0.0,
+    ) -> None:
         label = f"thrust curve {name}".rstrip()
         problems = problems_of(curve)
         if problems:
@@ -45,14 +54,13 @@ class ThrustCurve:
         if not (math.isfinite(self.supply_V) and self.supply_V > 0.0):
             raise UsageError(f"{label}: found a supply of {self.supply_V:g} V, wanted more than zero")
         self.stop_us = curve.stop_us
-        self._dead_us = (curve.stop_us - curve.dead_band_us, curve.stop_us + curve.dead_band_us)
-        gain = float((self.supply_V / curve.supply_V) ** curve.supply_exponent)
-        back, forth = (scaled(branch, gain) for branch in running_branches(curve))
+        now = running(curve, self.supply_V, margin_us)
+        self._dead_us, back, forth = now.dead_us, now.negative, now.positive
         if mirrored:
-            back, forth = reflected(back, self.stop_us), reflected(forth, self.stop_us)
+            back, forth = back.reflected(self.stop_us), forth.reflected(self.stop_us)
+            self._dead_us = (2.0 * self.stop_us - now.dead_us[1], 2.0 * self.stop_us - now.dead_us[0])
         self._lower, self._upper = (forth, back) if mirrored else (back, forth)
-        self._back = inverse(back.c, back.from_us, back.to_us)
-        self._forth = inverse(forth.c, forth.from_us, forth.to_us)
+        self._back, self._forth = back.inverse(), forth.inverse()
         weak_back, strong_back = sorted((back.force_N(back.from_us), back.force_N(back.to_us)), reverse=True)
         weak_forth, strong_forth = sorted((forth.force_N(forth.from_us), forth.force_N(forth.to_us)))
         self.range_N, self.gap_N = (strong_back, strong_forth), (weak_back, weak_forth)
@@ -104,13 +112,13 @@ def thrust_curves(vehicle: Vehicle, supply_V: float | None = None, margin_us: fl
     volts = vehicle.supply_V if supply_V is None else supply_V
     return tuple(
         ThrustCurve(
-            replace(curve, dead_band_us=curve.dead_band_us + margin_us),
+            vehicle.curves[one.curve],
             volts,
             mirrored=one.reversed,
             name=f"curves.{one.curve} ({one.name})",
+            margin_us=margin_us,
         )
         for one in vehicle.thrusters
-        for curve in (vehicle.curves[one.curve],)
     )
 
 

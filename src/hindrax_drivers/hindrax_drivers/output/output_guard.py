@@ -15,6 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
+from hindrax_core.curves import running
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, after, seconds_between
 from hindrax_core.input_checks import EXPIRED, FUTURE, TIMELESS, UNSTAMPED, StampWindow
@@ -468,7 +469,8 @@ def guard_of(vehicle: Vehicle, knobs: OutputGuardKnobs | None = None) -> OutputG
         if not chosen.low_us <= pulse_us <= chosen.high_us:
             wanted = f"{chosen.low_us:g} to {chosen.high_us:g} us (low_us, high_us)"
             raise UsageError(f"thrusters: {thruster.name} rests at {pulse_us:g} us, wanted {wanted}")
-        if vehicle.output.device == "stm32" and abs(pulse_us - BOARD_NEUTRAL_us) > curve.dead_band_us:
+        below_us, above_us = running(curve, vehicle.supply_V).dead_us
+        if vehicle.output.device == "stm32" and not below_us <= BOARD_NEUTRAL_us <= above_us:
             raise UsageError(
                 f"thrusters: {thruster.name} rests at {pulse_us:g} us, and the stm32 by itself at {BOARD_NEUTRAL_us:g}"
                 " us, which would turn it; calibrate the speed controller (`./hindrax esc calibrate`), then correct "

@@ -1,6 +1,7 @@
 """Errors of the thruster curves: what they do to the thrust on an axis, and their covariance from the vehicle file.
 
-A gain per kind of thruster; the coefficients of each cubic, where the vehicle file gives their standard deviations.
+A gain per kind of thruster; the coefficients of each cubic, or the zero of each direction of a table, where the vehicle
+file gives their standard deviations.
 """
 
 from collections.abc import Callable
@@ -57,13 +58,26 @@ def thrust_shares(vehicle: Vehicle, axis: int) -> dict[int, tuple[float, float]]
 
 
 def _branch_modes(curve: Curve, allocation: list[tuple[float, float]]) -> list[ThrustErrorMode]:
-    """One mode of four unknowns per direction whose coefficients have standard deviations."""
+    """One mode per direction: of four unknowns where the coefficients have standard deviations, of one in a table."""
+    if curve.table is not None:
+        variance = np.array([[curve.table.sigma_N**2]])
+        return [ThrustErrorMode(_offset_error(sign, allocation), variance) for sign in (-1.0, 1.0) if variance > 0.0]
     mirrored = curve.positive is None
     return [
         ThrustErrorMode(_branch_error(branch, sign, allocation, mirrored=mirrored), branch_covariance(branch))
         for branch, sign in ((curve.negative, -1.0), (curve.positive, 1.0))
         if branch is not None and branch.sigma is not None
     ]
+
+
+def _offset_error(sign: float, allocation: list[tuple[float, float]]) -> Callable[[Array], Array]:
+    """All forces of one direction of a table are wrong by the same: a load cell that was tared wrongly."""
+
+    def error(force: Array) -> Array:
+        """Thrust error per newton of the table: (n, 1)."""
+        return np.asarray(sum(per_newton * (share * force * sign > 0.0) for per_newton, share in allocation))[:, None]
+
+    return error
 
 
 def branch_covariance(branch: Branch) -> Array:

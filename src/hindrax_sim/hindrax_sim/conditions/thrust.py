@@ -5,7 +5,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from hindrax_core.curves import Branch, Curve, scaled, slope, value
+from hindrax_core.curves import Branch, Curve, running, slope, value
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6
 from hindrax_sim.conditions.realization import Realization
@@ -43,7 +43,7 @@ def dead_bands(world: Realization, size: float, draws: NormalDraws) -> None:
     Size: A fifth of the speed controller's dead band; our estimate.
     """
     curves = (world.vehicle.curves[thruster.curve] for thruster in world.vehicle.thrusters)
-    wider = [max(size * draws.normal(), -curve.dead_band_us) for curve in curves]
+    wider = [max(size * draws.normal(), -_narrowest_us(curve)) for curve in curves]
     _change_curves(world, lambda index, curve: _later(curve, wider[index]))
 
 
@@ -56,11 +56,32 @@ def _change_curves(world: Realization, change: Callable[[int, Curve], Curve]) ->
 
 
 def _gained(curve: Curve, gain: float) -> Curve:
-    positive = curve.positive and scaled(curve.positive, gain)
-    return replace(curve, negative=scaled(curve.negative, gain), positive=positive)
+    if curve.table is not None:
+        rows = tuple(tuple(gain * force for force in row) for row in curve.table.force_N)
+        return replace(curve, table=replace(curve.table, force_N=rows))
+    positive = curve.positive and curve.positive.scaled(gain)
+    return replace(curve, negative=curve.negative.scaled(gain), positive=positive)
+
+
+def _narrowest_us(curve: Curve) -> float:
+    """Half width of the dead band on its narrower side, of a table the part that no knot may leave."""
+    if curve.table is None:
+        return curve.dead_band_us
+    ends = [running(curve, volts).dead_us for volts in curve.table.supply_V]
+    return 0.9 * min(min(curve.stop_us - below, above - curve.stop_us) for below, above in ends)
 
 
 def _later(curve: Curve, wider_us: float) -> Curve:
+    if curve.table is not None:
+        narrowest_us = _narrowest_us(curve)
+
+        def moved(pulse_us: float) -> float:
+            """Knots in the dead band move in proportion, so that they stay in order."""
+            offset_us = pulse_us - curve.stop_us
+            part = min(1.0, abs(offset_us) / narrowest_us) if narrowest_us else 1.0
+            return pulse_us + math.copysign(part * wider_us, offset_us)
+
+        return replace(curve, table=replace(curve.table, pulse_us=tuple(map(moved, curve.table.pulse_us))))
     negative, positive = _shifted(curve.negative, -wider_us), curve.positive and _shifted(curve.positive, wider_us)
     return replace(curve, negative=negative, positive=positive, dead_band_us=curve.dead_band_us + wider_us)
 

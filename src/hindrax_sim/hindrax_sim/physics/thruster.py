@@ -6,9 +6,12 @@ Independent of the allocator's curve on purpose: the mock shares only the vehicl
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from hindrax_core.curves import Curve
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6
+from hindrax_core.thrust_table import ThrustTable
 from hindrax_core.vehicle import Thruster, Vehicle
 from hindrax_sim.physics.geometry import combined, lever_wrench, minus
 
@@ -22,11 +25,13 @@ def thruster_A(force_N: float) -> float:
 
 
 def steady_force(curve: Curve, pulse_us: float, supply_V: float) -> float:
-    """Force [N] that a thruster settles at. COB-2023-1394 eq. 1, scaled by a power of the supply voltage.
+    """Force [N] that a thruster settles at. COB-2023-1394 eq. 1, scaled by a power of the supply voltage; or a table.
 
     Inside the dead band the force is zero, and rises evenly from there to a branch that begins later; beyond a branch
     it is that of the end. Without a positive branch the negative one is mirrored about the stop pulse.
     """
+    if curve.table is not None:
+        return _table_force(curve.table, pulse_us, supply_V, curve.supply_exponent)
     offset_us = pulse_us - curve.stop_us
     if abs(offset_us) < curve.dead_band_us or offset_us == 0.0:
         return 0.0
@@ -38,6 +43,13 @@ def steady_force(curve: Curve, pulse_us: float, supply_V: float) -> float:
     gap_us = abs(begin_us - curve.stop_us) - curve.dead_band_us
     force_N *= min(1.0, (abs(offset_us) - curve.dead_band_us) / gap_us) if gap_us > 0.0 else 1.0
     return float(force_N * (supply_V / curve.supply_V) ** curve.supply_exponent)
+
+
+def _table_force(table: ThrustTable, pulse_us: float, supply_V: float, exponent: float) -> float:
+    """Along the pulses of each row first, then between the voltages, or by the power of the voltage beyond them."""
+    forces = [float(np.interp(pulse_us, table.pulse_us, row)) for row in table.force_N]
+    held_V = min(max(supply_V, table.supply_V[0]), table.supply_V[-1])
+    return float(np.interp(supply_V, table.supply_V, forces) * (supply_V / held_V) ** exponent)
 
 
 def thruster_force(vehicle: Vehicle, thruster: Thruster, pulse_us: float, supply_V: float) -> float:

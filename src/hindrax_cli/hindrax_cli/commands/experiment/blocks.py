@@ -20,7 +20,10 @@ AREAS = ("front", "side", "top")
 
 
 @command(
-    "./hindrax bollard sweep.csv --lever-ratio 2.0 --supply 14.8 --plot curve.png", record(COLUMNS), add_rig, add_output
+    "./hindrax bollard sweep.csv --lever-ratio 2.0 --supply 14.8 --load-cell-std 0.005 --plot curve.png",
+    record(COLUMNS),
+    add_rig,
+    add_output,
 )
 def bollard(arguments: argparse.Namespace) -> int:
     """Thrust curve from a bollard-pull sweep, with the block for the vehicle file."""

@@ -24,7 +24,9 @@ def _groups(parser: argparse.ArgumentParser) -> None:
     alone.add_argument("--mock", action="store_true", help="of the mock vehicle")
     health = parser.add_argument_group("disable")
     health.add_argument("--reason", default="disabled by the operator", help="one sentence for the bag and the display")
-    sweep = parser.add_argument_group("fit", "columns of the sweep: pulse_us, load_N, supply_V where measured")
+    sweep = parser.add_argument_group(
+        "fit", "a sweep with columns pulse_us, load_N, supply_V; or a workbook or CSV of the manufacturer"
+    )
     add_rig(sweep)
     sweep.add_argument("--write", action="store_true", help="put the curve into the vehicle file")
     sweep.add_argument("--plot", type=Path, metavar="FILE", help="draw the sweep and the curve")
@@ -35,11 +37,12 @@ def _groups(parser: argparse.ArgumentParser) -> None:
 @command(
     "# armed for it alone, so not beside a running stack:\n"
     "./hindrax thruster 3 --force 5 --for 2\n"
-    "./hindrax thruster fit sweep.csv --lever-ratio 2 --write\n"
+    "./hindrax thruster fit sweep.csv --lever-ratio 2 --load-cell-std 0.005 --write\n"
+    "./hindrax thruster fit T200-Public-Performance-Data.xlsx --write\n"
     "./hindrax thruster disable T3 --reason 'blade lost'\n"
     "./hindrax thruster enable T3",
     option("what", metavar="N|fit|disable|enable", help="a thruster (3 or T3), or an action"),
-    option("which", nargs="*", metavar="SWEEP.csv|T3", help="sweep to fit, thrusters to disable or enable"),
+    option("which", nargs="*", metavar="FILE|T3", help="sweep to fit, thrusters to disable or enable"),
     add_vehicle,
     add_stack,
     _groups,
@@ -61,7 +64,9 @@ def thruster(arguments: argparse.Namespace) -> int:
 
 def _fit(arguments: argparse.Namespace) -> int:
     if len(arguments.which) != 1:
-        raise UsageError(f"thruster fit: found {len(arguments.which)} files, wanted one sweep (CSV)")
+        raise UsageError(
+            f"thruster fit: found {len(arguments.which)} files, wanted one sweep (CSV, or a workbook .xlsx)"
+        )
     arguments.record = Path(arguments.which[0])
     require_editable(arguments)
     curve, block = fitted(arguments)
