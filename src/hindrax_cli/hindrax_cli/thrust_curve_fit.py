@@ -12,10 +12,10 @@ import yaml
 from hindrax_analysis.terminal import print_answer, print_table, print_values
 from hindrax_cli.argument_types import positive
 from hindrax_cli.experiment_command import read_record, save_plot
-from hindrax_core.curves import Curve, problems_of
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.knobs import build
 from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whole
+from hindrax_core.thrust.curves import Curve, problems_of
 from hindrax_ident.arrays import Array
 from hindrax_laboratory import plots
 from hindrax_laboratory.bollard import COEFFICIENTS, COLUMNS, BASIC_ESC_us, BollardCurve, Direction, fit, vehicle_block

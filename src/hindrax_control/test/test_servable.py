@@ -15,8 +15,8 @@ from hindrax_control.maneuver.goal import (
     require_servable,
     servable_motions,
 )
-from hindrax_core.curves import Branch, Curve
 from hindrax_core.errors import UsageError
+from hindrax_core.thrust.curves import Branch, Curve
 from hindrax_core.vehicle import AXES, Vehicle
 
 

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hindrax_control.allocation.thrust_curve import ThrustCurve, thrust_curves
-from hindrax_core.curves import (
+from hindrax_core.errors import UsageError
+from hindrax_core.thrust.curves import (
     Branch,
     Curve,
     inverse,
@@ -17,7 +18,6 @@ from hindrax_core.curves import (
     slope,
     stationary_points,
 )
-from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Vehicle
 
 # COB-2023-1394 Table 2.

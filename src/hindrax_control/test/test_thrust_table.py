@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hindrax_control.allocation.thrust_curve import ThrustCurve
-from hindrax_core.curves import Branch, Curve, problems_of
 from hindrax_core.errors import UsageError
-from hindrax_core.thrust_table import ThrustTable
+from hindrax_core.thrust.curves import Branch, Curve, problems_of
+from hindrax_core.thrust.table import ThrustTable
 from hindrax_core.vehicle import vehicle_from_text
 
 PULSES = (1100.0, 1110.0, 1300.0, 1460.0, 1468.0, 1500.0, 1532.0, 1540.0, 1700.0, 1900.0)

@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from hindrax_core.curves import Curve, problems_of
 from hindrax_core.errors import UsageError, cause
 from hindrax_core.hydrostatics import GRAVITY_mps2, Water
 from hindrax_core.knobs import block, build, choice, fact, knob
@@ -18,6 +17,7 @@ from hindrax_core.readings import Vec3, Vec6
 from hindrax_core.rotation import matrix, rotate
 from hindrax_core.sensor_table import Capability, row_of
 from hindrax_core.text.yaml_text import read_yaml
+from hindrax_core.thrust.curves import Curve, problems_of
 
 MOST_THRUSTERS = 16
 """Servo outputs of a PCA9685 (its datasheet, section 2) and of an autopilot."""

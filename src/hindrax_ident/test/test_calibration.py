@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hindrax_core.curves import Branch, Curve
-from hindrax_core.thrust_table import ThrustTable
+from hindrax_core.thrust.curves import Branch, Curve
+from hindrax_core.thrust.table import ThrustTable
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array
 from hindrax_ident.assess.influences import INFLUENCES, Case

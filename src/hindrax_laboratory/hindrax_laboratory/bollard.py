@@ -10,9 +10,9 @@ from itertools import pairwise
 import numpy as np
 import yaml
 
-from hindrax_core.curves import Branch
 from hindrax_core.errors import HindraxError
 from hindrax_core.text.digits import Value
+from hindrax_core.thrust.curves import Branch
 from hindrax_ident.arrays import Array
 from hindrax_ident.assess.thrust_calibration import powers_from_scaled
 from hindrax_laboratory.experiment_record import Column

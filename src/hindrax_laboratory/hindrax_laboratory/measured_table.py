@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
 
 from hindrax_core.errors import HindraxError
-from hindrax_core.thrust_table import ThrustTable
+from hindrax_core.thrust.table import ThrustTable
 from hindrax_ident.arrays import Array, array
 from hindrax_laboratory.thruster_sheets import Sheet
 

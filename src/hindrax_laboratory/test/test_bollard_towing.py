@@ -6,9 +6,9 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hindrax_core.curves import Curve
 from hindrax_core.errors import HindraxError
 from hindrax_core.knobs import build
+from hindrax_core.thrust.curves import Curve
 from hindrax_ident.arrays import Array
 from hindrax_laboratory import bollard, towing
 

@@ -9,8 +9,8 @@ import numpy as np
 import openpyxl
 import pytest
 
-from hindrax_core.curves import Curve, running
 from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.thrust.curves import Curve, running
 from hindrax_ident.arrays import Array, array
 from hindrax_laboratory.measured_table import measured_table
 from hindrax_laboratory.thruster_sheets import Sheet, is_published, sheets_of

@@ -8,12 +8,12 @@ from itertools import pairwise
 import pytest
 
 from hindrax_bringup.share_files import default_vehicle
-from hindrax_core.curves import Curve
 from hindrax_core.errors import UsageError
 from hindrax_core.events import stamp_from_s
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import Vec6
-from hindrax_core.thrust_table import ThrustTable
+from hindrax_core.thrust.curves import Curve
+from hindrax_core.thrust.table import ThrustTable
 from hindrax_core.vehicle import AXES, Hydrodynamics, Vehicle, load_vehicle
 from hindrax_sim.conditions.realization import TESTED, Realization
 from hindrax_sim.conditions.world_table import CONDITIONS, SIGNED, realize, sizes_of

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hindrax_control.allocation.thrust_curve import ThrustCurve
-from hindrax_core.curves import Curve
 from hindrax_core.errors import UsageError
 from hindrax_core.readings import Vec3, Vec6
-from hindrax_core.thrust_table import ThrustTable
+from hindrax_core.thrust.curves import Curve
+from hindrax_core.thrust.table import ThrustTable
 from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle, load_vehicle
 from hindrax_ident.arrays import Array
 from hindrax_sim.conditions.realization import Realization

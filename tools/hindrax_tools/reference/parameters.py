@@ -16,10 +16,10 @@ from hindrax_control.navigation.estimator_health import EstimatorHealthKnobs
 from hindrax_control.navigation.navigator import NavigatorKnobs
 from hindrax_control.pilot import PilotKnobs
 from hindrax_control.teleop import TeleopKnobs
-from hindrax_core.curves import Branch, Curve
 from hindrax_core.knobs import Knob, knob_of
 from hindrax_core.sensor_table import SENSORS
-from hindrax_core.thrust_table import ThrustTable
+from hindrax_core.thrust.curves import Branch, Curve
+from hindrax_core.thrust.table import ThrustTable
 from hindrax_core.vehicle import Drag, Hydrodynamics, Mount, Output, Thruster, Vehicle
 from hindrax_drivers.driver_registry import driver_of
 from hindrax_drivers.nodes.thruster_settings import OutputAlone

@@ -15,7 +15,7 @@ ELSEWHERE = {
 """Files of the clone that have a page of another name, or one although they lie outside of `docs`."""
 API: Mapping[str, Sequence[str]] = {
     "Analysis": ("hindrax_analysis.api",),
-    "Vehicle": ("hindrax_core.vehicle", "hindrax_core.curves", "hindrax_core.hydrostatics"),
+    "Vehicle": ("hindrax_core.vehicle", "hindrax_core.thrust.curves", "hindrax_core.hydrostatics"),
     "Identification": (
         "hindrax_ident.model.motion_model",
         "hindrax_ident.model.simulation",

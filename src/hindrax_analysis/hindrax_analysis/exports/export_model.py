@@ -13,10 +13,10 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from hindrax_analysis.coefficients_file import TABULATED, SavedCoefficients
-from hindrax_core.curves import running
 from hindrax_core.errors import HindraxError
 from hindrax_core.readings import Vec3, Vec6
 from hindrax_core.text.digits import measured
+from hindrax_core.thrust.curves import running
 from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Thruster, Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.results import MotionResult

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from operator import mul
 
 from hindrax_control.allocation.effectiveness import effectiveness
-from hindrax_core.curves import Curve, problems_of, running
 from hindrax_core.errors import UsageError
 from hindrax_core.readings import Vec6, vec6
+from hindrax_core.thrust.curves import Curve, problems_of, running
 from hindrax_core.vehicle import Vehicle
 
 HYSTERESIS = 0.1

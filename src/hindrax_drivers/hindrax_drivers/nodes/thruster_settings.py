@@ -10,9 +10,9 @@ from itertools import pairwise
 
 import yaml
 
-from hindrax_core.curves import Branch, Curve
 from hindrax_core.errors import UsageError
 from hindrax_core.knobs import build, knob
+from hindrax_core.thrust.curves import Branch, Curve
 from hindrax_core.topics import NAMESPACE
 from hindrax_core.vehicle import Output, Thruster, Vehicle, load_vehicle
 from hindrax_drivers.output.output_guard import OutputGuard, OutputGuardKnobs, guard_of

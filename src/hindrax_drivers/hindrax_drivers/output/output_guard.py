@@ -15,13 +15,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from hindrax_core.curves import running
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, after, seconds_between
 from hindrax_core.input_checks import EXPIRED, FUTURE, TIMELESS, UNSTAMPED, StampWindow
 from hindrax_core.knobs import knob
 from hindrax_core.signals import Command
 from hindrax_core.text.refusals import NOTHING, Reason, Refusal
+from hindrax_core.thrust.curves import running
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.devices.stm32 import BOARD_NEUTRAL_us
 
@@ -469,8 +469,8 @@ def guard_of(vehicle: Vehicle, knobs: OutputGuardKnobs | None = None) -> OutputG
         if not chosen.low_us <= pulse_us <= chosen.high_us:
             wanted = f"{chosen.low_us:g} to {chosen.high_us:g} us (low_us, high_us)"
             raise UsageError(f"thrusters: {thruster.name} rests at {pulse_us:g} us, wanted {wanted}")
-        below_us, above_us = running(curve, vehicle.supply_V).dead_us
-        if vehicle.output.device == "stm32" and not below_us <= BOARD_NEUTRAL_us <= above_us:
+        below_us, above_us = (end_us - curve.stop_us for end_us in running(curve, vehicle.supply_V).dead_us)
+        if vehicle.output.device == "stm32" and not below_us <= BOARD_NEUTRAL_us - pulse_us <= above_us:
             raise UsageError(
                 f"thrusters: {thruster.name} rests at {pulse_us:g} us, and the stm32 by itself at {BOARD_NEUTRAL_us:g}"
                 " us, which would turn it; calibrate the speed controller (`./hindrax esc calibrate`), then correct "

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hindrax_core.curves import Branch, Curve
+from hindrax_core.thrust.curves import Branch, Curve
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array
 from hindrax_ident.model.motion_model import unit_wrench

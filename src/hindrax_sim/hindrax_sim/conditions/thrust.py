@@ -5,9 +5,9 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from hindrax_core.curves import Branch, Curve, running, slope, value
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6
+from hindrax_core.thrust.curves import Branch, Curve, running, slope, value
 from hindrax_sim.conditions.realization import Realization
 from hindrax_sim.physics.geometry import combined, unit
 from hindrax_sim.physics.normal_draws import NormalDraws

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hindrax_core.curves import Curve
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6
-from hindrax_core.thrust_table import ThrustTable
+from hindrax_core.thrust.curves import Curve
+from hindrax_core.thrust.table import ThrustTable
 from hindrax_core.vehicle import Thruster, Vehicle
 from hindrax_sim.physics.geometry import combined, lever_wrench, minus
 

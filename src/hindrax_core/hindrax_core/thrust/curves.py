@@ -1,6 +1,6 @@
 """Thrust curves of the vehicle file, the check of their validity, and the inverse of a cubic in closed form.
 
-COB-2023-1394 eq. 1: F = c4 P^3 + c3 P^2 + c2 P + c1 with one cubic per direction; or a table (`thrust_table.py`).
+COB-2023-1394 eq. 1: F = c4 P^3 + c3 P^2 + c2 P + c1 with one cubic per direction; or a table (`table.py`).
 """
 
 import math
@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from hindrax_core.knobs import fact, knob
-from hindrax_core.thrust_table import Polyline, ThrustTable
+from hindrax_core.thrust.table import Polyline, ThrustTable
 
 Coefficients: TypeAlias = tuple[float, float, float, float]
 """c1, c2, c3, c4 of c4 x^3 + c3 x^2 + c2 x + c1, the order of COB-2023-1394 Table 2."""

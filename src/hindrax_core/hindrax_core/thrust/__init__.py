@@ -1,0 +1,1 @@
+"""Thrust over pulse: cubics and tables, their checks and inverses."""
