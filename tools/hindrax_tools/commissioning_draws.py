@@ -1,6 +1,7 @@
 """Commissionings of vehicles that are built otherwise than their files say, and whether every fault is named.
 
     python -m hindrax_tools.commissioning_draws --draws 100 --seed 1
+    python -m hindrax_tools.commissioning_draws --draws 100 --seed 1 --keep draws.jsonl    # goes on where it was ended
 
 Draws are evenly spread over the vehicles in the box and over the faults: each thruster reversed, dead, with the cable
 of another, or in a ring of three; each sensor that measures along an axis turned by 90 and 180 degrees about each axis
@@ -10,12 +11,14 @@ the inertial sensor is turned, nothing is armed: the file is mended and commissi
 """
 
 import argparse
+import json
 import random
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -104,6 +107,55 @@ def draws(count: int, seed: int, vehicles: Sequence[str] = VEHICLES) -> list[Dra
     return made
 
 
+def every(seed: int, vehicles: Sequence[str] = VEHICLES) -> list[Draw]:
+    """Every fault of these vehicles once, each in its own pool."""
+    found = [(name, kind, faults) for name in vehicles for kind, faults in cases(vehicle_of(name))]
+    return [Draw(*one, seed * 1000 + number) for number, one in enumerate(found)]
+
+
+def kept(made: Sequence[Draw], file: Path | None, world: str, fly: Callable[[Draw, str], Judged]) -> Iterator[Judged]:
+    """Verdict on every draw; one that stands in the file is not flown again, and others are appended to it."""
+    known = _read(file, world) if file and file.exists() else {}
+    for draw in made:
+        if (line := known.get(_name(draw, world))) is not None:
+            yield Judged(draw, line["named"], line["tilt_deg"], line["seconds"], line["said"])
+            continue
+        one = fly(draw, world)
+        if file:
+            line = _name(draw, world)._asdict() | {
+                "named": one.named,
+                "tilt_deg": one.tilt_deg,
+                "seconds": one.seconds,
+                "said": one.said,
+            }
+            with file.open("a", encoding="utf-8") as stream:
+                stream.write(f"{json.dumps(line)}\n")
+        yield one
+
+
+class Name(NamedTuple):
+    """What makes a draw the same."""
+
+    vehicle: str
+    text: str
+    seed: int
+    world: str
+
+
+def _name(draw: Draw, world: str) -> Name:
+    return Name(draw.vehicle, draw.text, draw.seed, world)
+
+
+def _read(file: Path, world: str) -> dict[Name, dict[str, Any]]:
+    """Lines of a file by their draws; the last may be half of one, where its run was ended."""
+    text = file.read_text(encoding="utf-8")
+    whole = text[: text.rfind("\n") + 1]
+    if whole != text:
+        file.write_text(whole, encoding="utf-8")
+    lines = [json.loads(line) for line in whole.splitlines()]
+    return {Name(*(line[key] for key in Name._fields)): line for line in lines if line["world"] == world}
+
+
 def judge(draw: Draw, world: str = POOL) -> Judged:
     """Commission, mend and commission again until there is nothing to mend, as an operator would."""
     file = vehicle_of(draw.vehicle)
@@ -169,10 +221,15 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--world", default=POOL)
     parser.add_argument("--vehicle", nargs="+", default=VEHICLES, choices=VEHICLES)
+    parser.add_argument("--keep", type=Path, metavar="FILE", help="verdicts, by line; those in it are not flown again")
+    parser.add_argument("--every", action="store_true", help="every fault of every vehicle once, instead of draws")
     arguments = parser.parse_args()
+    made = draws(arguments.draws, arguments.seed, arguments.vehicle)
+    if arguments.every:
+        made = every(arguments.seed, arguments.vehicle)
     judged = []
-    for draw in draws(arguments.draws, arguments.seed, arguments.vehicle):
-        one = judge(draw, arguments.world)
+    for one in kept(made, arguments.keep, arguments.world, judge):
+        draw = one.draw
         judged.append(one)
         verdict = "named " if one.named else "MISSED"
         print(f"{verdict} {draw.vehicle} {draw.text} {draw.seed} {one.tilt_deg:.0f} deg: {one.said}", file=sys.stderr)

@@ -1,9 +1,22 @@
 """A few of the draws of commissioning: every kind of fault once, found and named, and no vehicle tilted too far."""
 
+from pathlib import Path
+
 import pytest
 
 from hindrax_sim.faults.fault_registry import FaultSpec
-from hindrax_tools.commissioning_draws import ALWAYS_S, VEHICLES, Draw, MOST_TILT_deg, cases, draws, judge, vehicle_of
+from hindrax_tools.commissioning_draws import (
+    ALWAYS_S,
+    VEHICLES,
+    Draw,
+    Judged,
+    MOST_TILT_deg,
+    cases,
+    draws,
+    judge,
+    kept,
+    vehicle_of,
+)
 
 pytestmark = pytest.mark.long
 
@@ -13,6 +26,8 @@ FLOWN = (
     ("bluerov2-heavy", ("turned_yaw_90:dvl75",), 5),
     ("hindrax", ("turned_roll_180:icm20948",), 6),
     ("hindrax", ("turned_pitch_90:ping1d",), 7),
+    # Its range falls with the dive by chance: the wall is that much nearer below.
+    ("lbv", ("turned_roll_90:ping1d",), 7019),
 )
 
 
@@ -41,3 +56,19 @@ def test_draws_cover_every_vehicle_and_kind() -> None:
         kinds = {kind for kind, _ in cases(vehicle_of(name))}
         assert {one.kind for one in made if one.vehicle == name} == kinds
     assert draws(5, 2) == draws(5, 2) != draws(5, 3)
+
+
+def test_draws_that_are_kept_are_not_flown_again(tmp_path: Path) -> None:
+    file, flown = tmp_path / "draws.jsonl", list[Draw]()
+
+    def fly(draw: Draw, world: str) -> Judged:
+        flown.append(draw)
+        return Judged(draw, True, 5.0, 50.0, world)
+
+    made = draws(4, 1)
+    assert list(kept(made[:2], file, "pool", fly)) == [Judged(one, True, 5.0, 50.0, "pool") for one in made[:2]]
+    with file.open("a", encoding="utf-8") as stream:
+        stream.write('{"vehicle": "lbv", "text": ')  # its run was ended here
+    assert [one.draw for one in kept(made, file, "pool", fly)] == made
+    assert [one.draw for one in kept(made, file, "pool", fly)] == made
+    assert flown == made

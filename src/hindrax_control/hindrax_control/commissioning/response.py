@@ -126,16 +126,21 @@ def _without_gravity(times_s: Matrix, force: Matrix, rates: Matrix, window: Wind
     quiet = times_s < window.begin_s + BEFORE_s
     rest = force[quiet].mean(axis=0) if quiet.any() else force[0]
     size = float(np.linalg.norm(rest)) or GRAVITY_mps2
-    x, y, z = (-rest / size).tolist()
-    found = np.empty_like(force)
+    return np.asarray(force + size * carried(times_s, rates, -rest / size))
+
+
+def carried(times_s: Matrix, rates: Matrix, down: Matrix) -> Matrix:
+    """Direction of gravity (n, 3) in the axes of a gyroscope that turns by these rates (n, 3), from `down` (3,) on."""
+    x, y, z = down.tolist()
+    found = np.empty_like(rates)
     before_s = float(times_s[0])
     for at, (now_s, (p, q, r)) in enumerate(zip(times_s.tolist(), rates.tolist(), strict=True)):
         dt, before_s = now_s - before_s, now_s
         x, y, z = x - (q * z - r * y) * dt, y - (r * x - p * z) * dt, z - (p * y - q * x) * dt
         norm = math.sqrt(x * x + y * y + z * z)
         x, y, z = x / norm, y / norm, z / norm
-        found[at] = (size * x, size * y, size * z)
-    return force + found
+        found[at] = (x, y, z)
+    return found
 
 
 def _fit(signal: Matrix, shape: Matrix, *others: Matrix) -> tuple[float, float, float]:

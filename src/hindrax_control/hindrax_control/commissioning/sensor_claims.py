@@ -10,7 +10,7 @@ from hindrax_control.allocation.effectiveness import Matrix
 from hindrax_control.commissioning.findings import MEASURED, OPEN, PROVEN, WRONG, Finding, Mend
 from hindrax_control.commissioning.hypotheses import RIGHT_TURNS, angles_deg, turn_of
 from hindrax_control.commissioning.recording import Recording, Series
-from hindrax_control.commissioning.response import Prior, Window, grid, lagged
+from hindrax_control.commissioning.response import BEFORE_s, Prior, Window, carried, grid, lagged
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.vehicle import Mount, Vehicle
 
@@ -25,6 +25,8 @@ DEEPER_m = 0.06
 ZERO_m = 0.15
 STEEPEST, FLATTEST = -1.6, -0.55
 """Change of a range by the depth of a sonar that looks down; one that looks along the floor sees it change faster."""
+UNMOVED = 0.5
+"""Largest change of the floor below while the vehicle turns, moves and dives, as a part of that of the depth."""
 LEAST_TURN_rad = 0.15
 FOLLOWS, ASTRAY = 0.6, 1.0
 """Part of the turning of the field that the gyroscope leaves: with this it follows, beyond that it turns elsewhere."""
@@ -61,6 +63,17 @@ class Evidence:
         mount = self.vehicle.sensors[self.recording.inertial.source]
         times_s, rows = self.recording.inertial.between(window.begin_s, window.end_s)
         return times_s, (rows[:, 3:] - self.offset_radps) @ (self.turn @ turn_of(mount.rotation_deg)).T
+
+    def down(self, window: Window) -> tuple[Matrix, Matrix]:
+        """Times (n,) [s] and direction of gravity in body axes (n, 3) [-], from the rest ahead of a motion on."""
+        mount = self.vehicle.sensors[self.recording.inertial.source]
+        body = self.turn @ turn_of(mount.rotation_deg)
+        _, rows = self.recording.inertial.between(window.begin_s, window.begin_s + BEFORE_s)
+        times_s, rates = self.rates(window)
+        if not (len(rows) and len(times_s)):
+            return np.zeros(0), np.zeros((0, 3))
+        rest = -body @ rows[:, :3].mean(axis=0)
+        return times_s, carried(times_s, rates, rest / float(np.linalg.norm(rest)))
 
 
 def claims(evidence: Evidence) -> list[Finding]:
@@ -250,20 +263,48 @@ def _echo(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _echo_slope(evidence: Evidence, source: str, claimed: str, window: Window) -> Finding:
-    """How its range changes with the depth: by as much, the other way, if it looks down."""
+    """How its range changes with the depth: by as much, the other way, if it looks down; and with nothing else."""
     claim = f"{source} mount"
+    ranges_m, depths_m = _echoes(evidence, window)
+    if len(ranges_m) < 10 or float(np.ptp(depths_m)) < DEEPER_m:
+        return Finding(claim, OPEN, claimed, "too little of a dive to show where it looks")
+    slope = float(np.polyfit(depths_m - depths_m.mean(), ranges_m, 1)[0])
+    if not STEEPEST < slope < FLATTEST:
+        where = "it looks up" if slope > 0.5 else "it looks aside"
+        return _blind(source, claimed, f"its range changes by {slope:+.2f} m per metre of depth: {where}")
+    # A dive drifts a little, so a beam along the floor may follow the depth by chance; it sees every turn and move.
+    left_m = min(_astray_m(evidence, source, tilted=tilted) for tilted in (False, True))
+    if left_m > UNMOVED * float(np.std(depths_m)):
+        words = f"its range changes by {left_m:.2f} m as the vehicle turns and moves: it looks aside"
+        return _blind(source, claimed, f"{words}, or the floor is uneven here")
+    return Finding(claim, PROVEN, claimed, f"its range falls by {-slope:.2f} m per metre of depth")
+
+
+def _echoes(evidence: Evidence, window: Window, beam: Matrix | None = None) -> tuple[Matrix, Matrix]:
+    """Ranges (n,) without single echoes of something else, and depths (n,) at their times [m].
+
+    Along the vertical where `beam` (3,) is given, the axis of the sonar in the body.
+    """
     times_s, rows = evidence.recording.echo.between(window.begin_s, window.end_s)
     pressure_s, depths_m = _depths_m(evidence, window)
-    if len(times_s) < 10 or len(pressure_s) < 10 or float(np.ptp(depths_m)) < DEEPER_m:
-        return Finding(claim, OPEN, claimed, "too little of a dive to show where it looks")
-    depths = np.interp(times_s, pressure_s, depths_m)
-    off = depths - depths.mean()
-    # The median keeps single echoes of something else out.
-    slope = float(np.polyfit(off, rows[:, 0], 1)[0])
-    if STEEPEST < slope < FLATTEST:
-        return Finding(claim, PROVEN, claimed, f"its range falls by {-slope:.2f} m per metre of depth")
-    where = "it looks up" if slope > 0.5 else "it looks aside"
-    return _blind(source, claimed, f"its range changes by {slope:+.2f} m per metre of depth: {where}")
+    if len(times_s) < 10 or len(pressure_s) < 10:
+        return np.zeros(0), np.zeros(0)
+    ranges_m = _without_spikes(rows)[:, 0]
+    if beam is not None:
+        gyro_s, down = evidence.down(window)
+        ranges_m = ranges_m * np.interp(times_s, gyro_s, down @ beam) if len(gyro_s) else ranges_m
+    return ranges_m, np.interp(times_s, pressure_s, depths_m)
+
+
+def _astray_m(evidence: Evidence, source: str, *, tilted: bool) -> float:
+    """Standard deviation of the height of the floor over all motions, each about its own mean.
+
+    A narrow beam meets the floor along its axis (`tilted`), a wide one right below, whatever the tilt.
+    """
+    axis = turn_of(evidence.vehicle.sensors[source].rotation_deg)[:, 2] if tilted else None
+    heights = [sum(_echoes(evidence, window, axis)) for window in evidence.windows]
+    level = [one - one.mean() for one in heights if isinstance(one, np.ndarray) and len(one)]
+    return float(np.std(np.concatenate(level)))
 
 
 def _magnetic(evidence: Evidence) -> Iterator[Finding]:
