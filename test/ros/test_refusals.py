@@ -89,4 +89,4 @@ def says_so(run: Path) -> None:
 def test_options_that_contradict(capsys: pytest.CaptureFixture[str]) -> None:
     code, printed = refuse(capsys, "--rate", "2")
     assert code == 2
-    assert "--fault, --world and --rate are for --mock only" in printed
+    assert "--fault, --world, --rate and --simulator are for --mock only" in printed

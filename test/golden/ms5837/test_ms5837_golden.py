@@ -182,10 +182,10 @@ def ready() -> Ms5837:
 @pytest.mark.parametrize(
     ("d1", "d2", "what"),
     [
-        (1, EXAMPLE["d2"], "Pa is outside what an MS5837-30BA measures"),
-        (0xFFFFFF, EXAMPLE["d2"], "Pa is outside what an MS5837-30BA measures"),
-        (EXAMPLE["d1"], 0x400000, "C is outside what an MS5837-30BA measures"),
-        (EXAMPLE["d1"], 0x8F0000, "C is outside what an MS5837-30BA measures"),
+        (1, EXAMPLE["d2"], "Pa is outside the range of an MS5837-30BA"),
+        (0xFFFFFF, EXAMPLE["d2"], "Pa is outside the range of an MS5837-30BA"),
+        (EXAMPLE["d1"], 0x400000, "C is outside the range of an MS5837-30BA"),
+        (EXAMPLE["d1"], 0x8F0000, "C is outside the range of an MS5837-30BA"),
     ],
 )
 def test_what_the_part_cannot_measure_is_refused_and_the_temperature_converted_anew(
