@@ -166,10 +166,16 @@ def capabilities(mount: Mount) -> tuple[Capability, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """Thruster output: a PCA9685 on an I2C bus or an STM32F407 on a serial port."""
+    """Thruster output: a PCA9685 on an I2C bus, an STM32F407 on a serial port, or an ArduSub over MAVLink."""
 
-    device: str = choice("pca9685", ("pca9685", "stm32"), "kind of output")
-    port: str = knob("/dev/i2c-1", meaning="port")
+    device: str = choice("pca9685", ("pca9685", "stm32", "ardusub"), "kind of output")
+    port: str = knob(
+        "/dev/i2c-1",
+        meaning="port; of an ardusub: udpin:0.0.0.0:14550, udpout:192.168.2.2:14550, tcp:127.0.0.1:5760, /dev/ttyACM0",
+    )
+    control: str = choice(
+        "manual_control", ("manual_control", "motor_test"), "how an ardusub is driven: by sticks, or each thruster"
+    )
     address: int = knob(0x40, 0, 127, "I2C address [-]")
     rate_Hz: float = knob(200.0, 40.0, 400.0, "pulse rate [Hz]")
     clock_Hz: float | None = knob(
@@ -179,6 +185,11 @@ class Output:
     enable_line: str = knob("", meaning="GPIO that enables the outputs when low, CHIP:LINE (label or name of the chip)")
     enable_timer: bool = knob(False, meaning="a retriggerable timer drives OE; the line pulses at every write")
     light_channels: tuple[int, ...] = knob((8, 9), 0, 15, "output channels of the lamps")
+
+    @property
+    def on_line(self) -> bool:
+        """Whether something with a mind of its own makes the pulses, at the far end of a line that carries bytes."""
+        return self.device != "pca9685"
 
     def __post_init__(self) -> None:
         """A timer without its line would never enable the outputs."""

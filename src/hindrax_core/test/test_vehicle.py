@@ -60,7 +60,11 @@ def test_negative_thruster_curve_of_cob_2023_1394_table_2() -> None:
         ),
         (("thrusters", 3, "name"), "T1", "name T1 is used 2 times, wanted once"),
         (("thrusters", 0, "position_m"), [1.0], r"here: thrusters\[0\].position_m: found 1 values, wanted 3"),
-        (("output", "device"), "arduino", "here: output.device: found 'arduino', wanted one of pca9685, stm32"),
+        (
+            ("output", "device"),
+            "arduino",
+            "output.device: found 'arduino', wanted one of pca9685, stm32, ardusub",
+        ),
         (("output", "enable_line"), "26", "here: output: enable_line: found '26', wanted CHIP:LINE"),
         (("output", "enable_line"), "chip:x", "enable_line: found 'chip:x', wanted CHIP:LINE"),
         (("wings",), 2, "here: wings: unknown key"),

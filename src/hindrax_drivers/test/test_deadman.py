@@ -318,7 +318,7 @@ def test_both_descriptors_of_the_clock_are_given_back(chip: Chip) -> None:
 def test_an_stm32_goes_neutral_by_itself(chip: Chip, capsys: pytest.CaptureFixture[str]) -> None:
     board = replace(VEHICLE, output=replace(VEHICLE.output, device="stm32"))
     assert deadman.write_neutral(Settings(board, "/dev/ttyS0")) == 0
-    assert capsys.readouterr().out == "the STM32 goes neutral by itself without commands\n"
+    assert capsys.readouterr().out == "the stm32 goes neutral by itself without commands\n"
     assert rest(chip) == 0
 
 

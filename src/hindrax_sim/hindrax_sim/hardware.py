@@ -14,6 +14,7 @@ from hindrax_core.readings import Battery, Vec3
 from hindrax_core.sensor_table import row_of
 from hindrax_core.vehicle import Mount, Vehicle
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
+from hindrax_sim.devices.ardupilot.firmware import ArduSub, autopilot_truth
 from hindrax_sim.devices.emulator import Emulator, SerialEmulator
 from hindrax_sim.devices.pca9685 import LoopBack, Pca9685
 from hindrax_sim.devices.stm32 import Stm32
@@ -101,7 +102,7 @@ class Hardware:
         self.i2c = VirtualI2c()
         self.serial: dict[str, SerialEmulator] = {}
         self.registers: dict[str, object] = {}
-        self.output: Pca9685 | Stm32
+        self.output: Pca9685 | Stm32 | ArduSub
         self._channels = tuple(thruster.channel for thruster in vehicle.thrusters)
         self._truth_setters: list[Callable[[float], None]] = []
         self._faults, self._inject = faults, fault_registry.fault_injector(self.world, faults, to_s(START))
@@ -151,9 +152,8 @@ class Hardware:
 
     def _attach_output(self, seed: int) -> None:
         output = self.vehicle.output
-        if output.device == "stm32":
-            board = self.output = Stm32(len(self._channels), len(output.light_channels), to_s(START))
-            board.set_truth(Battery(self.vehicle.supply_V), to_s(START))
+        if output.on_line:
+            board = self.output = self._board(seed)
             on_line = [spec for spec in self._faults if fault_registry.FAULTS[spec.name].make is not None]
             self.serial[THRUSTERS] = fault_registry.with_faults(THRUSTERS, board, on_line, seed, to_s(START))
             return
@@ -165,6 +165,17 @@ class Hardware:
         taken = {one.data_ready.rpartition(":")[2] for one in self.vehicle.sensors.values()}
         if str(LOOP_LINE) not in taken:
             self.i2c.attach(EDGES + LOOP_LINE, LoopBack(chip, LOOP_CHANNEL))
+
+    def _board(self, seed: int) -> Stm32 | ArduSub:
+        """What makes the pulses at the far end of a line."""
+        if self.vehicle.output.device == "ardusub":
+            autopilot = ArduSub(self.vehicle.thrusters, seed, to_s(START))
+            at = self.world.mounting(Mount("ardusub"))
+            self._truth_setters.append(lambda now_s: autopilot.set_truth(autopilot_truth(self.world, at), now_s))
+            return autopilot
+        board = Stm32(len(self._channels), len(self.vehicle.output.light_channels), to_s(START))
+        board.set_truth(Battery(self.vehicle.supply_V), to_s(START))
+        return board
 
     def _attach(self, name: str, mount: Mount, seed: int) -> None:
         row = emulator_of(mount.device)

@@ -34,6 +34,8 @@ _REMEDY = {
 }
 
 UDP_PREFIX, TCP_PREFIX = "udp://", "tcp:"
+UDP_IN, UDP_OUT = "udpin:", "udpout:"
+"""As programs of MAVLink name them: to listen for an autopilot, and to send to one that listens."""
 CONNECT_S = 1.0
 """A device in the same network answers in milliseconds; who is not there is tried again."""
 QUIET_S, PROBES = 2, 3
@@ -104,13 +106,18 @@ def at_baud(path: str, baud: int) -> str:
 
 def is_network(path: str) -> bool:
     """Whether a port is an address in a network, which no file stands for."""
-    return path.startswith((UDP_PREFIX, TCP_PREFIX))
+    return path.startswith((UDP_PREFIX, TCP_PREFIX, UDP_IN, UDP_OUT))
 
 
 def open_line(path: str, baud: int, clock: Clock) -> Line:
-    """Open a serial port, listen at `udp://ADDRESS:PORT`, or connect to `tcp://HOST:PORT`. DeviceError says why not."""
-    if path.startswith(UDP_PREFIX):
+    """Open a serial port, listen at `udp://ADDRESS:PORT`, or connect to `tcp://HOST:PORT`. DeviceError says why not.
+
+    `udpin:ADDRESS:PORT` listens for datagrams that are taken as they are, `udpout:HOST:PORT` sends to who listens.
+    """
+    if path.startswith((UDP_PREFIX, UDP_IN)):
         return UdpPort(path, clock)
+    if path.startswith(UDP_OUT):
+        return UdpClient(path, clock)
     return TcpPort(path, clock) if path.startswith(TCP_PREFIX) else SerialPort(path, baud, clock)
 
 
@@ -137,13 +144,14 @@ class SerialPort(Line):
 class UdpPort(Line):
     """Listens at a local address and answers the last sender; until there is one, commands are queued.
 
-    A datagram ends a line of text, even without a line end. A DVL-75 sends to port 27000 from the port at which it
-    takes commands. Source: docs.ceruleansonar.com, DVL-75, "The Ethernet Interface".
+    At `udp://` a datagram ends a line of text, even without a line end; at `udpin:` it is bytes. A DVL-75 sends to port
+    27000 from the port at which it takes commands. Source: docs.ceruleansonar.com, DVL-75, "The Ethernet Interface".
     """
 
     def __init__(self, path: str, clock: Clock) -> None:
         self._socket = _listening(path)
         super().__init__(path, clock, self._socket, "network and cable")
+        self._text = path.startswith(UDP_PREFIX)
         self._device: tuple[str, int] | None = None
         self._kept: list[bytes] = []
 
@@ -152,7 +160,7 @@ class UdpPort(Line):
         with contextlib.suppress(BlockingIOError):
             for _ in range(MOST_AT_ONCE):
                 data, self._device = self._socket.recvfrom(LARGEST_DATAGRAM)
-                found.append(data if data.endswith(b"\n") else data + b"\n")
+                found.append(data + b"\n" if self._text and not data.endswith(b"\n") else data)
         self._send_kept()
         return b"".join(found)
 
@@ -163,6 +171,33 @@ class UdpPort(Line):
     def _send_kept(self) -> None:
         while self._kept and self._device is not None:
             self._socket.sendto(self._kept.pop(0), self._device)
+
+
+class UdpClient(Line):
+    """Sends datagrams to an address and receives what comes back: an autopilot's router, or its simulator."""
+
+    def __init__(self, path: str, clock: Clock) -> None:
+        host, port = _host_and_port(path, UDP_OUT, "udpout:HOST:PORT, such as udpout:192.168.2.2:14550")
+        try:
+            family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+            self._socket = socket.socket(family, kind, protocol)
+            self._socket.connect(address)
+        except OSError as error:
+            raise DeviceError(f"{path}: cannot send there ({cause(error)}); check network and address") from error
+        self._socket.setblocking(False)
+        super().__init__(path, clock, self._socket, "network and power")
+
+    def _receive(self) -> bytes:
+        found = []
+        # Nobody listens there yet: the next datagram may find somebody.
+        with contextlib.suppress(BlockingIOError, ConnectionRefusedError):
+            while len(found) < MOST_AT_ONCE:
+                found.append(self._socket.recv(LARGEST_DATAGRAM))
+        return b"".join(found)
+
+    def _transmit(self, order: Send) -> None:
+        with contextlib.suppress(BlockingIOError, ConnectionRefusedError):
+            self._socket.send(order.data)
 
 
 class TcpPort(Line):
@@ -185,12 +220,17 @@ class TcpPort(Line):
         self._socket.sendall(order.data)
 
 
-def _connected(path: str) -> socket.socket:
-    host, colon, port = path.removeprefix(TCP_PREFIX).removeprefix("//").rpartition(":")
+def _host_and_port(path: str, prefix: str, wanted: str) -> tuple[str, int]:
+    host, colon, port = path.removeprefix(prefix).removeprefix("//").rpartition(":")
     if not colon or not host or not port.isdecimal() or not 0 < int(port) < 65536:
-        raise DeviceError(f"{path}: wanted tcp://HOST:PORT, such as tcp://192.168.2.95:16171")
+        raise DeviceError(f"{path}: wanted {wanted}")
+    return host.strip("[]"), int(port)
+
+
+def _connected(path: str) -> socket.socket:
+    host, port = _host_and_port(path, TCP_PREFIX, "tcp://HOST:PORT, such as tcp://192.168.2.95:16171")
     try:
-        one = socket.create_connection((host.strip("[]"), int(port)), timeout=CONNECT_S)
+        one = socket.create_connection((host, port), timeout=CONNECT_S)
     except OSError as error:
         raise DeviceError(
             f"{path}: cannot connect ({cause(error)}); check power and network of the device, and its address in the"
@@ -226,7 +266,7 @@ def _code(error: Exception) -> int:
 
 
 def _listening(path: str) -> socket.socket:
-    address, colon, port = path.removeprefix(UDP_PREFIX).rpartition(":")
+    address, colon, port = path.removeprefix(UDP_PREFIX).removeprefix(UDP_IN).rpartition(":")
     if not colon or not port.isdecimal() or not 0 < int(port) < 65536:
         raise DeviceError(f"{path}: wanted udp://ADDRESS:PORT, such as udp://0.0.0.0:27000")
     one = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

@@ -60,12 +60,43 @@ class Stm32:
         wanted = f"MAVLink 2 of system {SYSTEM}, component {AUTOPILOT}, at {BAUD} Bd"
         self._silence = SilenceMonitor("stm32", wanted, LOST_S)
         self._sequence = 0
+        self._asked = self.settling = False
         self._reset()
 
     @property
     def ready(self) -> bool:
         """Whether the controller's heartbeat is current."""
         return self.identity != "" and self._silence.condition == "well"
+
+    @property
+    def trouble(self) -> str:
+        """Why it is not ready."""
+        if not self.identity:
+            return "no MAVLink heartbeat; check the board"
+        return "the board has fallen silent; check power and line"
+
+    def fault(self) -> str:
+        """Whether the board refused to arm, or has disarmed itself."""
+        if not self._asked or self.armed or self.asking:
+            return ""
+        return self.refusal or "the board has disarmed itself"
+
+    def drive(
+        self, thrusters_us: tuple[float, ...], lights_us: tuple[float, ...], stamp: Stamp, *, armed: bool
+    ) -> Iterable[Output]:
+        """Send the wanted pulses; request arming once, and disarming until confirmed.
+
+        Until the board is armed the thrusters stay neutral: it refuses to arm otherwise.
+        """
+        waiting = armed and not self.armed
+        thrusters = (BOARD_NEUTRAL_us,) * len(thrusters_us) if waiting else thrusters_us
+        outputs = [self.override(thrusters + lights_us, stamp)]
+        if armed and not self._asked:
+            outputs.append(self.arm(stamp))
+        elif not armed and (self._asked or self.armed):
+            outputs.append(self.disarm(stamp))
+        self._asked = armed
+        return outputs
 
     @property
     def asking(self) -> bool:
@@ -185,7 +216,7 @@ class Stm32:
 
     def _ask(self, pending: _PendingCommand) -> Send:
         self._pending, self.refusal, self._last_text = pending, "", ""
-        return self._send(mavlink.command_long(mavlink.ARM_DISARM, float(pending.arm), pending.attempt - 1))
+        return self._send(mavlink.command_long(mavlink.ARM_DISARM, [float(pending.arm)], pending.attempt - 1))
 
     def _heartbeat(self) -> Send:
         return self._send(mavlink.heartbeat(ONBOARD_CONTROLLER, INVALID_AUTOPILOT, STATE_ACTIVE))

@@ -50,7 +50,7 @@ class NeutralWriter:
     def __init__(self, settings: Settings) -> None:
         self._port = settings.port
         vehicle, rest_us = settings.vehicle, settings.guard.neutral.all_us
-        self._chip: Pca9685 | None = None if vehicle.output.device == "stm32" else pca9685_of(vehicle, rest_us)
+        self._chip: Pca9685 | None = None if vehicle.output.on_line else pca9685_of(vehicle, rest_us)
         self._bus: RegisterBus | None = None
         self._stack_clock = SystemClock()
         self.trouble = ""
@@ -273,8 +273,9 @@ def write_neutral(settings: Settings) -> int:
     neutral.close()
     if neutral.trouble:
         return 1
-    stm32 = settings.vehicle.output.device == "stm32"
-    print("the STM32 goes neutral by itself without commands" if stm32 else "neutral is on the wire")  # noqa: T201  # for the supervisor
+    output = settings.vehicle.output
+    alone = f"the {output.device} goes neutral by itself without commands"
+    print(alone if output.on_line else "neutral is on the wire")  # noqa: T201  # for the supervisor
     return 0
 
 

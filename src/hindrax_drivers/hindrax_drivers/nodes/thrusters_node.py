@@ -86,7 +86,7 @@ class ThrustersNode(DeviceNode):
         self._state = publisher(self, THRUSTER_STATE)
         self._state_bytes = applied_writer(settings.vehicle.output.device)
         self._battery, self._battery_bytes = None, writer("battery")
-        if settings.vehicle.output.device == "stm32" and not settings.vehicle.measuring("supply"):
+        if settings.vehicle.output.on_line and not settings.vehicle.measuring("supply"):
             self._battery = publisher(self, BATTERY)
         self._thread = OutputThread(self._open, self._guard, self, self._beat)
         self.ready = lambda: self._thread.ready

@@ -470,9 +470,10 @@ def guard_of(vehicle: Vehicle, knobs: OutputGuardKnobs | None = None) -> OutputG
             wanted = f"{chosen.low_us:g} to {chosen.high_us:g} us (low_us, high_us)"
             raise UsageError(f"thrusters: {thruster.name} rests at {pulse_us:g} us, wanted {wanted}")
         below_us, above_us = (end_us - curve.stop_us for end_us in running(curve, vehicle.supply_V).dead_us)
-        if vehicle.output.device == "stm32" and not below_us <= BOARD_NEUTRAL_us - pulse_us <= above_us:
+        if vehicle.output.on_line and not below_us <= BOARD_NEUTRAL_us - pulse_us <= above_us:
             raise UsageError(
-                f"thrusters: {thruster.name} rests at {pulse_us:g} us, and the stm32 by itself at {BOARD_NEUTRAL_us:g}"
+                f"thrusters: {thruster.name} rests at {pulse_us:g} us, and the {vehicle.output.device} by itself at "
+                f"{BOARD_NEUTRAL_us:g}"
                 " us, which would turn it; calibrate the speed controller (`./hindrax esc calibrate`), then correct "
                 "stop_us"
             )

@@ -1,11 +1,11 @@
-"""The two outputs behind the guard as ports: a PCA9685 on a register bus, an STM32 on a serial line.
+"""The outputs behind the guard as ports: a PCA9685 on a register bus, an STM32 or an ArduSub on a line.
 
 One thread owns an output and its clock, that of all decisions about safety; only `wake` may be called by others.
 """
 
 from collections.abc import Iterable, Sequence
 from functools import partial
-from typing import TypeAlias, TypeVar
+from typing import Protocol, TypeAlias, TypeVar
 
 from hindrax_core.bus_operations import DeviceError, Program, Transaction, pack_transaction, run
 from hindrax_core.driver_interface import Output
@@ -13,10 +13,11 @@ from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.readings import AppliedPulses
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.buses.clock import Clock, Meanwhile, RegisterBus, nothing, pause
-from hindrax_drivers.buses.line import SerialPort, Tap
+from hindrax_drivers.buses.line import Line, Tap, open_line
 from hindrax_drivers.buses.ports import open_bus, open_clock
+from hindrax_drivers.devices.ardupilot.output import ArduSub
 from hindrax_drivers.devices.pca9685 import Pca9685, pca9685_of
-from hindrax_drivers.devices.stm32 import BOARD_NEUTRAL_us, Stm32
+from hindrax_drivers.devices.stm32 import Stm32
 from hindrax_drivers.output.enable_line import EnableLine, open_enable_line
 from hindrax_drivers.output.output_guard import Pulses
 
@@ -84,20 +85,60 @@ class RegisterOutput:
         self._tap(stamp, False, answer)
 
 
-class SerialOutput:
-    """An STM32 on a serial port."""
+class OutputDevice(Protocol):
+    """What makes pulses at the far end of a line: a driver of a serial device, and a state of being armed."""
 
-    def __init__(self, path: str, device: Stm32, clock: Clock, tap: Tap) -> None:
+    @property
+    def baud(self) -> int:
+        """Line speed, always 8N1."""
+
+    @property
+    def ready(self) -> bool:
+        """Whether it has identified itself, and speaks."""
+
+    @property
+    def settling(self) -> bool:
+        """Whether it has answered, and needs more time to become ready on an open line."""
+
+    @property
+    def trouble(self) -> str:
+        """Why it is not ready."""
+
+    @property
+    def identity(self) -> str:
+        """Who answers."""
+
+    def start(self, stamp: Stamp) -> Iterable[Output]:
+        """Return what to send after the line was opened."""
+
+    def feed(self, data: bytes, stamp: Stamp) -> Iterable[Output]:
+        """Decode bytes; applied pulses are readings."""
+
+    def tick(self, stamp: Stamp) -> Iterable[Output]:
+        """Handle time."""
+
+    def drive(
+        self, thrusters_us: tuple[float, ...], lights_us: tuple[float, ...], stamp: Stamp, *, armed: bool
+    ) -> Iterable[Output]:
+        """Pass on the wanted pulses, and whether they may be other than neutral."""
+
+    def fault(self) -> str:
+        """Why it does not follow although it should be armed; empty where it does."""
+
+
+class LineOutput:
+    """An output with a mind of its own on a serial port, or in a network."""
+
+    def __init__(self, path: str, device: OutputDevice, clock: Clock, tap: Tap) -> None:
         self._path, self._device, self._clock, self._tap = path, device, clock, tap
-        self._port: SerialPort | None = None
+        self._port: Line | None = None
         self._outputs: list[Output] = []
         self._seen: tuple[float, ...] = ()
-        self._asked = False
         self.now = clock.now
         self.wake = clock.wake
 
     def wait(self, until: Stamp, meanwhile: Meanwhile = nothing) -> None:
-        """Sleep until bytes come, but no longer than overrides may stay away."""
+        """Sleep until bytes come, but no longer than wishes may stay away."""
         soon = min(until, after(self._clock.now(), SERIAL_TURN_S))
         if self._port is None:
             self._clock.sleep_until(soon, meanwhile=meanwhile)
@@ -105,32 +146,27 @@ class SerialOutput:
             self._port.wait(soon, meanwhile)
 
     def set_up(self) -> str:
-        """Open the port and wait for a heartbeat."""
-        self.close_port()
-        self._port = SerialPort(self._path, self._device.baud, self._clock)
-        self._send(self._device.start(self._clock.now()))
+        """Open the line and wait until the device is ready; one that has answered is waited for on the open line."""
+        if self._port is None or not self._device.settling:
+            self.close_port()
+            self._port = open_line(self._path, self._device.baud, self._clock)
+            self._outputs = self._send(self._device.start(self._clock.now()))
         deadline = after(self._clock.now(), FOUND_WITHIN_S)
         while not self._device.ready:
             if self._clock.now() >= deadline:
-                raise DeviceError(f"{self._path}: no MAVLink heartbeat within {FOUND_WITHIN_S:g} s; check the board")
-            self.wait(deadline)
-            self._outputs = list(self.serve())
+                raise DeviceError(f"{self._path}: {self._device.trouble} (waited {FOUND_WITHIN_S:g} s)")
+            try:
+                self.wait(deadline)
+                self._outputs = list(self.serve())
+            except DeviceError:
+                self.close_port()
+                raise
         return self._device.identity
 
     def write(self, pulses: Pulses, *, armed: bool) -> None:
-        """Send the wanted pulses; request arming once, and disarming until confirmed.
-
-        Until the board is armed the thrusters stay neutral: it refuses to arm otherwise.
-        """
-        now = self._clock.now()
-        waiting = armed and not self._device.armed
-        thrusters = (BOARD_NEUTRAL_us,) * len(pulses.thrusters) if waiting else pulses.thrusters
-        self._send([self._device.override(thrusters + pulses.lights, now)])
-        if armed and not self._asked:
-            self._send([self._device.arm(now)])
-        elif not armed and (self._asked or self._device.armed):
-            self._send([self._device.disarm(now)])
-        self._asked = armed
+        """Hand over the wanted pulses, and whether they may be other than neutral."""
+        outputs = self._device.drive(pulses.thrusters, pulses.lights, self._clock.now(), armed=armed)
+        self._outputs += self._send(outputs)
 
     def applied(self, pulses: Pulses) -> tuple[float, ...]:
         """Last reported pulses of the board; before a report, the wanted ones."""
@@ -152,19 +188,17 @@ class SerialOutput:
         return outputs
 
     def check(self, pulses: Pulses) -> None:
-        """Require heartbeats; the board reports its pulses unprompted."""
+        """Require that it speaks; it reports its pulses unprompted."""
         del pulses
         if not self._device.ready:
-            raise DeviceError(f"{self._path}: the board has fallen silent; check power and line")
+            raise DeviceError(f"{self._path}: {self._device.trouble}")
 
     def fault(self) -> str:
-        """Whether the board refused to arm, or has disarmed itself."""
-        if not self._asked or self._device.armed or self._device.asking:
-            return ""
-        return self._device.refusal or "the board has disarmed itself"
+        """Why it does not follow."""
+        return self._device.fault()
 
     def shut_off(self) -> None:
-        """Do nothing: the board goes neutral by itself without commands."""
+        """Do nothing: it goes neutral by itself without commands."""
 
     def close(self) -> None:
         """Close port and clock."""
@@ -181,7 +215,7 @@ class SerialOutput:
         return [] if self._port is None else self._port.send_all(outputs, self._tap)
 
 
-ThrusterOutput: TypeAlias = RegisterOutput | SerialOutput
+ThrusterOutput: TypeAlias = RegisterOutput | LineOutput
 
 
 def open_output(vehicle: Vehicle, port: str, clock: str, tap: Tap, name: str, *, neutral: Pulses) -> ThrusterOutput:
@@ -190,7 +224,9 @@ def open_output(vehicle: Vehicle, port: str, clock: str, tap: Tap, name: str, *,
     DeviceError says what is missing.
     """
     if vehicle.output.device == "stm32":
-        return SerialOutput(port, Stm32(vehicle.output_channels()), open_clock(clock, name), tap)
+        return LineOutput(port, Stm32(vehicle.output_channels()), open_clock(clock, name), tap)
+    if vehicle.output.device == "ardusub":
+        return LineOutput(port, ArduSub(vehicle.thrusters, vehicle.output.control), open_clock(clock, name), tap)
     line = open_enable_line(vehicle.output, port)
     try:
         return RegisterOutput(open_bus(port, name), pca9685_of(vehicle, neutral.all_us), line, tap)

@@ -12,6 +12,7 @@ from typing import Any, TypeAlias
 
 from hindrax_core.events import Rejected, Stamp
 from hindrax_core.readings import AppliedPulses, Battery
+from hindrax_drivers.protocols.mavlink_definitions import LAYOUTS
 
 STX = 0xFD
 HEAD, CHECKSUM = 10, 2
@@ -25,10 +26,12 @@ SYSTEM, AUTOPILOT, ONBOARD_COMPUTER = 1, 1, 191
 
 @dataclass(frozen=True, slots=True)
 class Heartbeat:
-    """HEARTBEAT: type of the sender, and whether it is armed (MAV_MODE_FLAG_SAFETY_ARMED)."""
+    """HEARTBEAT: type of the sender, whether it is armed (MAV_MODE_FLAG_SAFETY_ARMED), MAV_AUTOPILOT, its own mode."""
 
     type: int
     armed: bool
+    autopilot: int = 0
+    mode: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,28 +64,16 @@ def _battery(values: tuple[Any, ...]) -> Battery:
     return Battery(voltage_V, math.nan if values[13] < 0 else values[13] / 100.0)
 
 
-_READ: Mapping[int, tuple[struct.Struct, Callable[[tuple[Any, ...]], Message]]] = {
-    0: (struct.Struct("<IBBBBB"), lambda v: Heartbeat(v[1], armed=bool(v[3] & ARMED_FLAG))),
+Readers: TypeAlias = Mapping[int, tuple[struct.Struct, Callable[[tuple[Any, ...]], Any]]]
+"""Fields of a message by its number, by size and extensions last, and what they mean."""
+READ: Readers = {
+    0: (struct.Struct("<IBBBBB"), lambda v: Heartbeat(v[1], bool(v[3] & ARMED_FLAG), v[2], v[0])),
     36: (struct.Struct("<I8HB8H"), lambda v: AppliedPulses(tuple(map(float, (*v[1:9], *v[10:]))))),
     77: (struct.Struct("<HBBiBB"), lambda v: CommandAck(*v[:2], *v[4:])),
     147: (struct.Struct("<iih10HhBBBbiB4HBI"), _battery),
     253: (struct.Struct("<B50sHB"), lambda v: StatusText(v[0], v[1].partition(b"\x00")[0].decode(errors="replace"))),
 }
-"""Fields of a message by its number, by size and extensions last, and their values."""
-_DEFINITIONS = """
-0:50:9 36:222:37 70:124:38 76:152:33 77:143:10 147:154:54 253:83:54
-1:124:43 2:137:12 4:237:14 20:214:20 21:159:2 22:220:25 23:168:23 24:24:52 26:170:24 27:144:29 29:115:16
-30:39:28 31:246:48 32:185:28 33:104:28 35:244:22 39:254:38 40:230:5 42:28:6 43:132:3 44:221:5 45:232:3
-46:11:2 47:153:4 51:196:5 62:183:26 65:118:42 66:148:6 69:243:30 73:38:38 74:20:20 75:158:35 83:22:37
-85:140:51 87:150:51 105:93:63 109:185:9 111:34:16 116:76:24 125:203:6 129:46:24 132:85:39
-136:1:22 137:195:16 141:47:32 143:131:16 148:178:78 152:208:8 163:127:28 165:21:3 173:83:8 178:47:24
-181:174:4 193:71:26 230:163:42 241:90:32 242:104:60 244:95:6 245:130:2 251:170:18 252:44:18
-"""
-_LAYOUTS = {
-    number: (extra, longest) for number, extra, longest in (map(int, one.split(":")) for one in _DEFINITIONS.split())
-}
-"""CRC_EXTRA and longest payload by number: in the first line of the messages that are read or sent here, then of what
-ground stations and autopilots send (message sets common and ardupilotmega), so that those verify and are no rejects."""
+"""What a thruster controller says."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +83,7 @@ class MavlinkFrame:
     system: int
     component: int
     sequence: int
-    message: Message | None
+    message: Any
 
 
 def heartbeat(kind: int, autopilot: int, status: int) -> Sent:
@@ -105,18 +96,19 @@ def channels_override(pulses_us: Sequence[int]) -> Sent:
     return 70, struct.pack("<8HBB10H", *pulses_us[:8], SYSTEM, AUTOPILOT, *pulses_us[8:], 0, 0)
 
 
-def command_long(command: int, parameter: float, confirmation: int) -> Sent:
-    """COMMAND_LONG: a command with its first parameter; the other six are zero."""
-    return 76, struct.pack("<7fHBBB", parameter, *(0.0,) * 6, command, SYSTEM, AUTOPILOT, confirmation)
+def command_long(command: int, parameters: Sequence[float], confirmation: int = 0, system: int = SYSTEM) -> Sent:
+    """COMMAND_LONG: a command with its first parameters; the others of the seven are zero."""
+    given = (*parameters, *(0.0,) * (7 - len(parameters)))
+    return 76, struct.pack("<7fHBBB", *given, command, system, AUTOPILOT, confirmation)
 
 
-def encode(message: Sent, sequence: int) -> bytes:
+def encode(message: Sent, sequence: int, system: int = SYSTEM, component: int = ONBOARD_COMPUTER) -> bytes:
     """One frame of ours. Zeros at the end of the payload are left out, but for its first byte."""
     number, fields = message
     payload = fields.rstrip(b"\x00") or b"\x00"
-    head = struct.pack("<BBBBBB", len(payload), 0, 0, sequence & 0xFF, SYSTEM, ONBOARD_COMPUTER)
+    head = struct.pack("<BBBBBB", len(payload), 0, 0, sequence & 0xFF, system, component)
     body = head + number.to_bytes(3, "little") + payload
-    return bytes([STX]) + body + checksum(body, _LAYOUTS[number][0]).to_bytes(2, "little")
+    return bytes([STX]) + body + checksum(body, LAYOUTS[number][0]).to_bytes(2, "little")
 
 
 def checksum(body: bytes, crc_extra: int) -> int:
@@ -131,10 +123,11 @@ class Decoder:
     """Cuts a stream of bytes into frames; any cutting of the stream gives the same events.
 
     An invalid start byte is dropped alone, and the following bytes are scanned again: no frame is lost to
-    garbage before it, nor to a corrupt length.
+    garbage before it, nor to a corrupt length. `read`: the messages that are read.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, read: Readers = READ) -> None:
+        self._read = read
         self._buffer = bytearray()
         self._refused = bytearray()
         self._why = ""
@@ -161,14 +154,14 @@ class Decoder:
         length, incompatible, number = self._buffer[1], self._buffer[2], self._number()
         if incompatible:
             return "signed, or of a later version"
-        if number not in _LAYOUTS:
+        if number not in LAYOUTS:
             return f"unknown message {number}"
-        return "" if 0 < length <= _LAYOUTS[number][1] else f"impossible length for message {number}"
+        return "" if 0 < length <= LAYOUTS[number][1] else f"impossible length for message {number}"
 
     def _judge_checksum(self, size: int) -> str:
         body = bytes(self._buffer[1 : size - CHECKSUM])
         found = int.from_bytes(self._buffer[size - CHECKSUM : size], "little")
-        return "" if checksum(body, _LAYOUTS[self._number()][0]) == found else "checksum"
+        return "" if checksum(body, LAYOUTS[self._number()][0]) == found else "checksum"
 
     def _number(self) -> int:
         return int.from_bytes(self._buffer[7:10], "little")
@@ -178,9 +171,9 @@ class Decoder:
         number, payload = self._number(), bytes(self._buffer[HEAD : HEAD + length])
         del self._buffer[:size]
         message = None
-        if number in _READ:
-            fields, of = _READ[number]
-            message = of(fields.unpack(payload.ljust(fields.size, b"\x00")))
+        if number in self._read:
+            fields, of = self._read[number]
+            message = of(fields.unpack_from(payload.ljust(fields.size, b"\x00")))
         return MavlinkFrame(system, component, sequence, message)
 
     def _refuse(self, count: int, why: str, stamp: Stamp) -> Iterator[Rejected]:

@@ -1,0 +1,191 @@
+"""The ground station's end of a MAVLink link to an autopilot, sans-IO: who is there, its parameters, its streams.
+
+    waiting --heartbeat of an autopilot--> asking (parameters by name, version, streams) --all answered--> ready
+
+What is not answered after some requests is absent: `parameters` has no such name, `refused` the streams that the
+firmware does not send. Frames of others on the same network, ground stations and cameras, are left out, but noted.
+"""
+
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from hindrax_core.driver_interface import Send
+from hindrax_core.events import Rejected, Stamp, seconds_between
+from hindrax_drivers.protocols import ardupilot, mavlink
+from hindrax_drivers.protocols.ardupilot import FROM_AUTOPILOT, GROUND_STATION, ParameterValue, Version
+from hindrax_drivers.protocols.mavlink import AUTOPILOT, ONBOARD_COMPUTER, CommandAck, Decoder, Heartbeat, Sent
+
+GCS_SYSTEM = 255
+"""System of the ground station whose sticks ArduPilot obeys, unless its parameter says otherwise."""
+GCS_PARAMETERS = ("MAV_GCS_SYSID", "SYSID_MYGCS")
+"""That parameter: from 4.7 on, and before."""
+HEARTBEAT_S = 1.0
+ANSWER_S, ATTEMPTS = 0.3, 4
+"""Wait for an answer, and how often a request is sent before it counts as unanswered."""
+AT_ONCE = 8
+"""Parameters that are asked for at the same time."""
+LOST_S = 3.0
+"""Silence of the heartbeat, 1 Hz, after which the autopilot counts as lost."""
+ACCEPTED, IN_PROGRESS = 0, 5
+NEVER = Stamp(0)
+ARDUPILOT = 3
+"""MAV_AUTOPILOT_ARDUPILOTMEGA."""
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """A COMMAND_LONG that waits for its answer."""
+
+    number: int
+    parameters: tuple[float, ...]
+    at: Stamp = NEVER
+    attempt: int = 0
+
+
+class Link:
+    """One link. `wanted`: names of parameters; `streams`: rates by message number [Hz]."""
+
+    def __init__(self, wanted: Sequence[str], streams: Mapping[int, float]) -> None:
+        self._wanted, self._streams = tuple(dict.fromkeys((*GCS_PARAMETERS, *wanted))), dict(streams)
+        self._sequence = 0
+        self.restart(Stamp(0))
+
+    def restart(self, stamp: Stamp) -> None:
+        """Forget everything: the line was opened, or the autopilot has restarted."""
+        self._decoder = Decoder(FROM_AUTOPILOT)
+        self.system = 0
+        """System of the autopilot; 0 before its first heartbeat."""
+        self.beat: Heartbeat | None = None
+        self.beat_at = self.opened_at = stamp
+        self.parameters: dict[str, float] = {}
+        self.version: Version | None = None
+        self.refused: list[int] = []
+        self.stations: set[tuple[int, int]] = set()
+        """Other ground stations on the link, by system and component."""
+        self.foreign: Heartbeat | None = None
+        self._left: deque[str] = deque(self._wanted)
+        self._asked: dict[str, tuple[Stamp, int]] = {}
+        self._commands: deque[Command] = deque(
+            (
+                Command(ardupilot.REQUEST, (ardupilot.VERSION,)),
+                *(Command(ardupilot.SET_INTERVAL, (one, 1e6 / rate)) for one, rate in self._streams.items()),
+            )
+        )
+        self._sent_at = Stamp(0)
+
+    @property
+    def own_system(self) -> int:
+        """Our system: that of the ground station which the autopilot obeys."""
+        named = (self.parameters[name] for name in GCS_PARAMETERS if name in self.parameters)
+        return round(next(named, GCS_SYSTEM))
+
+    @property
+    def asking(self) -> bool:
+        """Whether something was asked that is not answered yet."""
+        return bool(self._left or self._asked or self._commands)
+
+    def alive(self, stamp: Stamp) -> bool:
+        """Whether the autopilot's heartbeat is current."""
+        return self.beat is not None and seconds_between(self.beat_at, stamp) <= LOST_S
+
+    def send(self, message: Sent) -> Send:
+        """Encode a message of ours."""
+        data = mavlink.encode(message, self._sequence, self.own_system, ONBOARD_COMPUTER)
+        self._sequence = (self._sequence + 1) & 0xFF
+        return Send(data)
+
+    def command(self, number: int, *parameters: float, confirmation: int = 0) -> Send:
+        """COMMAND_LONG to the autopilot, whose answer is the caller's to wait for."""
+        return self.send(mavlink.command_long(number, parameters, confirmation, self.system))
+
+    def feed(self, data: bytes, stamp: Stamp) -> Iterator[Any]:
+        """Yield the messages of the autopilot, and rejected bytes; answers to our own requests are taken."""
+        for event in self._decoder.feed(data, stamp):
+            if isinstance(event, Rejected):
+                yield event
+            elif self._is_autopilot(event, stamp) and not self._take(event.message, stamp) and event.message:
+                yield event.message
+
+    def _is_autopilot(self, frame: mavlink.MavlinkFrame, stamp: Stamp) -> bool:
+        message = frame.message
+        if isinstance(message, Heartbeat):
+            if message.type == GROUND_STATION:
+                self.stations.add((frame.system, frame.component))
+            elif frame.component == AUTOPILOT and message.autopilot == ARDUPILOT:
+                self.system = self.system or frame.system
+                if frame.system == self.system:
+                    self.beat, self.beat_at = message, stamp
+            elif frame.component == AUTOPILOT:
+                self.foreign = message
+        return frame.system == self.system and frame.component == AUTOPILOT
+
+    def _take(self, message: object, stamp: Stamp) -> bool:
+        """Whether a message is an answer to a request of the set-up."""
+        if isinstance(message, ParameterValue):
+            known = self._asked.pop(message.name, None) is not None or message.name in self._wanted
+            if known:
+                self.parameters[message.name] = message.value
+            return known
+        if isinstance(message, Version):
+            self.version = message
+            return True
+        if isinstance(message, CommandAck) and self._commands and self._commands[0].number == message.command:
+            ours = message.target_system in (0, GCS_SYSTEM, self.own_system) and message.target_component in (
+                0,
+                ONBOARD_COMPUTER,
+            )
+            if not ours or not self._commands[0].attempt:
+                return False
+            if message.result == IN_PROGRESS:
+                self._commands[0] = replace(self._commands[0], at=stamp)
+                return True
+            done = self._commands.popleft()
+            if message.result != ACCEPTED:
+                self._note(done)
+            return True
+        return False
+
+    def _is_ours(self, answer: CommandAck) -> bool:
+        systems, components = (0, GCS_SYSTEM, self.own_system), (0, ONBOARD_COMPUTER)
+        return answer.target_system in systems and answer.target_component in components
+
+    def _note(self, command: Command) -> None:
+        if command.number == ardupilot.SET_INTERVAL:
+            self.refused.append(round(command.parameters[0]))
+
+    def tick(self, stamp: Stamp) -> Iterator[Send]:
+        """Heartbeat, requests and their repetitions."""
+        if not self._sent_at or seconds_between(self._sent_at, stamp) >= HEARTBEAT_S:
+            self._sent_at = stamp
+            yield self.send(ardupilot.beat())
+        if self.system:
+            yield from self._ask_parameters(stamp)
+            yield from self._ask_command(stamp)
+
+    def _ask_parameters(self, stamp: Stamp) -> Iterator[Send]:
+        for name, (at, attempt) in list(self._asked.items()):
+            if seconds_between(at, stamp) < ANSWER_S:
+                continue
+            if attempt >= ATTEMPTS:
+                del self._asked[name]
+                continue
+            self._asked[name] = (stamp, attempt + 1)
+            yield self.send(ardupilot.read_parameter(name, self.system))
+        while self._left and len(self._asked) < AT_ONCE:
+            name = self._left.popleft()
+            self._asked[name] = (stamp, 1)
+            yield self.send(ardupilot.read_parameter(name, self.system))
+
+    def _ask_command(self, stamp: Stamp) -> Iterator[Send]:
+        if not self._commands:
+            return
+        first = self._commands[0]
+        if first.attempt and seconds_between(first.at, stamp) < ANSWER_S:
+            return
+        if first.attempt >= ATTEMPTS:
+            self._note(self._commands.popleft())
+            return
+        self._commands[0] = replace(first, at=stamp, attempt=first.attempt + 1)
+        yield self.command(first.number, *first.parameters, confirmation=first.attempt)

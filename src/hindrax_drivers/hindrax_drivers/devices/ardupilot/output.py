@@ -1,0 +1,532 @@
+"""An unmodified ArduSub as the thruster output, over MAVLink.
+
+Two ways (ADR 57). By `manual_control`, as a joystick: the sticks that come nearest to the wanted pulses, in MANUAL,
+through the autopilot's own mixer and the pilot's gain. By `motor_test`: each thruster's pulse, MAV_CMD_DO_MOTOR_TEST.
+Either way SERVO_OUTPUT_RAW says what every thruster really got, and that is what is reported as applied.
+
+    idle --arm--> arming: MANUAL, then arm --accepted--> armed --disarm--> leaving --confirmed--> idle
+    armed --another party, a failsafe, a restart--> ended: a neutral stick, then silence, until it is armed anew
+
+Who took over keeps the vehicle: after that nothing is sent that could move it, nor a disarm.
+"""
+
+import math
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from enum import StrEnum
+from typing import Any
+
+from hindrax_core.driver_interface import Identity, Output, Send, Trouble
+from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
+from hindrax_core.readings import AppliedPulses, Battery, DeviceText
+from hindrax_core.vehicle import Thruster
+from hindrax_drivers.devices.ardupilot.link import ACCEPTED, ATTEMPTS, IN_PROGRESS, Link
+from hindrax_drivers.devices.ardupilot.mixer import FACTORS, CENTER_us, Mixer, Motor
+from hindrax_drivers.protocols import ardupilot
+from hindrax_drivers.protocols.ardupilot import (
+    ARM,
+    MOTOR_TEST,
+    SET_MODE,
+    NamedFloat,
+    RcChannels,
+    ServoOutput,
+    Supply,
+)
+from hindrax_drivers.protocols.mavlink import CommandAck, StatusText
+
+BAUD = 115200
+SUBMARINE, MANUAL = 12, 19
+"""MAV_TYPE_SUBMARINE; ArduSub's number of its mode MANUAL."""
+FIRST_MOTOR, MOST_MOTORS = 33, 8
+SIX_AXES = (4, 5, 0)
+"""Release of ArduSub from which MANUAL_CONTROL has pitch and roll."""
+SEVERITY_WARNING = 4
+ASK_AGAIN_S = 0.4
+"""Time for an answer to arming, disarming and the mode."""
+REPEAT_S, STICKS_S = 0.1, 0.2
+"""Time between motor tests without a change (they end after 0.5 s), and between the neutral sticks beside them."""
+PAUSE_S = 10.0
+"""What ArduSub asks for after a motor test that has timed out, as every one does that is ended."""
+SEEN_S, ODD_LIMIT, MEMORY_S = 0.7, 4, 1.0
+"""Delay in which what was asked may show; so many samples in a second that nobody here asked for are a stranger's."""
+STICK_TOLERANCE_us, PULSE_TOLERANCE_us = 8.0, 3.0
+CONFIRMED_S = 2.5
+"""Time from an accepted arming by which the heartbeat says so."""
+FRESH_S = 1.0
+WRAP_s = 2.0**32 * 1e-6
+FAREWELLS = 3
+SERVO_Hz, STICKS_Hz = 50.0, 25.0
+PARAMETERS = (
+    "FRAME_CONFIG",
+    *(f"SERVO{number}_FUNCTION" for number in range(1, 17)),
+    *(f"MOT_{number}_DIRECTION" for number in range(1, MOST_MOTORS + 1)),
+    *("MOT_PWM_MIN", "MOT_PWM_MAX", "JS_GAIN_DEFAULT", "JS_THR_GAIN"),
+    *("FS_PILOT_INPUT", "FS_PILOT_TIMEOUT", "FS_GCS_ENABLE", "FS_EKF_ACTION", "FS_LEAK_ENABLE"),
+)
+STREAMS = {ardupilot.SERVO_OUTPUT: SERVO_Hz, ardupilot.RC_CHANNELS: STICKS_Hz, ardupilot.NAMED_FLOAT: 2.0}
+STREAMS[ardupilot.SYS_STATUS] = 2.0
+MODES = {
+    0: "STABILIZE",
+    1: "ACRO",
+    2: "ALT_HOLD",
+    3: "AUTO",
+    4: "GUIDED",
+    7: "CIRCLE",
+    9: "SURFACE",
+    16: "POSHOLD",
+    19: "MANUAL",
+    20: "MOTOR_DETECT",
+    21: "SURFTRAK",
+}
+BUSY = {"InputHold": "its input hold is engaged", "RollPitch": "its sticks are set to roll and pitch"}
+"""Values that ArduSub names, where they are not zero, and why nobody should arm then."""
+
+
+class Phase(StrEnum):
+    """Phase of the output: only `ARMED` moves a thruster."""
+
+    IDLE = "idle"
+    ARMING = "arming"
+    ARMED = "armed"
+    LEAVING = "leaving"
+
+
+class ArduSub:
+    """The link to one ArduSub, for the thrusters of a vehicle file in their order."""
+
+    baud = BAUD
+
+    def __init__(self, thrusters: Sequence[Thruster], control: str, streams: dict[int, float] | None = None) -> None:
+        """`control`: manual_control or motor_test. `streams`: further ones, for sensors on the same link [Hz]."""
+        self._thrusters, self._by_test = tuple(thrusters), control == "motor_test"
+        self._link = Link(PARAMETERS, STREAMS | (streams or {}))
+        self._asked = False
+        self._owned = False
+        """Whether it was armed from here, and neither disarmed since nor taken over."""
+        self._pause_until = Stamp(0)
+        self._handlers: Mapping[type, Callable[[Any, Stamp], list[Output]]] = {
+            ServoOutput: self._on_servos,
+            RcChannels: self._on_sticks,
+            CommandAck: self._on_answer,
+            NamedFloat: self._on_named,
+            Supply: self._on_supply,
+            StatusText: self._on_text,
+        }
+        self._reset(Stamp(0))
+
+    # ---- state
+
+    @property
+    def identity(self) -> str:
+        """Who answers; empty before."""
+        return self._identity
+
+    @property
+    def lack(self) -> str:
+        """What this autopilot lacks, or what is wrong with it; empty where it will do, or is not known yet."""
+        return self._lack
+
+    @property
+    def settling(self) -> bool:
+        """Whether it has answered, and is still being asked."""
+        return self._link.system != 0 and not self._lack and not self._identity
+
+    @property
+    def ready(self) -> bool:
+        """Whether it is as wanted, and speaks."""
+        speaks = self._link.alive(self._now) and seconds_between(self._served_at, self._now) <= FRESH_S
+        return bool(self._identity) and not self._lack and not self._restarted and speaks
+
+    @property
+    def trouble(self) -> str:
+        """Why it is not ready."""
+        if self._lack:
+            return f"ardusub: {self._lack}"
+        if self._restarted:
+            return "ardusub: the autopilot has restarted"
+        if not self._link.system:
+            other = self._link.foreign
+            wanted = "wanted the heartbeat of an ArduSub; check address, power and router"
+            return f"ardusub: {'no MAVLink' if other is None else f'autopilot of kind {other.autopilot}'}, {wanted}"
+        silent = "heartbeat" if not self._link.alive(self._now) else "SERVO_OUTPUT_RAW"
+        return f"ardusub: no {silent} any more; check power and line" if self._identity else "ardusub: still answering"
+
+    def fault(self) -> str:
+        """Why it does not follow although it should be armed; empty where it does, or is about to."""
+        if not self._asked or self._phase in (Phase.ARMING, Phase.ARMED):
+            return ""
+        return self._ended or "the autopilot is not armed"
+
+    # ---- the line
+
+    def start(self, stamp: Stamp) -> Iterable[Output]:
+        """Begin anew after the line was opened."""
+        self._reset(stamp)
+        return list(self._link.tick(stamp))
+
+    def feed(self, data: bytes, stamp: Stamp) -> Iterable[Output]:
+        """Decode received bytes."""
+        outputs: list[Output] = []
+        for message in self._link.feed(data, stamp):
+            if isinstance(message, Rejected):
+                outputs.append(message)
+            else:
+                outputs += self._on_message(message, stamp)
+        return outputs
+
+    def tick(self, stamp: Stamp) -> Iterable[Output]:
+        """Heartbeats, requests, and the steps of arming and disarming."""
+        self._now = stamp
+        outputs: list[Output] = list(self._link.tick(stamp))
+        outputs += self._identify(stamp)
+        if self._phase in (Phase.ARMING, Phase.LEAVING) and seconds_between(self._step_at, stamp) >= ASK_AGAIN_S:
+            outputs += self._step(stamp)
+        return outputs
+
+    def drive(
+        self, thrusters_us: tuple[float, ...], lights_us: tuple[float, ...], stamp: Stamp, *, armed: bool
+    ) -> Iterable[Output]:
+        """Pass on the wanted pulses of the thrusters; arm once when they may move, disarm when they may no longer.
+
+        Lamps are the autopilot's own.
+        """
+        del lights_us
+        outputs: list[Output] = []
+        if armed and not self._asked:
+            outputs += self._begin(stamp)
+        self._asked = armed
+        if armed and self._phase is Phase.ARMED:
+            outputs += self._watch_beat(stamp)
+        if armed and self._phase is Phase.ARMED:
+            outputs += self._move(thrusters_us, stamp)
+        elif armed and self._phase is Phase.ARMING:
+            outputs += self._stick(stamp)
+        elif not armed and self._phase in (Phase.ARMING, Phase.ARMED):
+            outputs += self._leave(stamp)
+        return outputs
+
+    # ---- who is there
+
+    def _reset(self, stamp: Stamp) -> None:
+        self._link.restart(stamp)
+        self._phase, self._ended, self._lack, self._identity = Phase.IDLE, "", "", ""
+        self._mixer: Mixer | None = None
+        self._motors: tuple[Motor, ...] = ()
+        self._named: dict[str, float] = {}
+        self._last_text = ""
+        self._restarted = self._seen_armed = self._tested = False
+        self._boot_s, self._tries = -math.inf, 0
+        self._now = stamp
+        self._step_at = self._armed_at = self._served_at = self._accepted_at = Stamp(0)
+        self._sticks_at = self._tests_at = Stamp(0)
+        self._sent: list[int] = []
+        self._history: deque[tuple[Stamp, tuple[float, ...]]] = deque()
+        self._odd: deque[Stamp] = deque()
+
+    def _identify(self, stamp: Stamp) -> list[Output]:
+        if self._identity or self._lack or not self._link.beat or self._link.asking:
+            return []
+        self._lack = self._find_lack()
+        if self._lack:
+            return [Trouble(stamp, f"ardusub: {self._lack}")]
+        self._served_at = stamp
+        version = f" {self._link.version}" if self._link.version else ""
+        way = "motor tests" if self._by_test else "MANUAL_CONTROL"
+        others = ", ".join(f"{system}/{component}" for system, component in sorted(self._link.stations))
+        beside = f", beside the ground station {others}" if others else ""
+        self._identity = f"ArduSub{version}, system {self._link.system}, driven by {way}{beside}"
+        if self._owned and self._link.beat.armed:  # The line was lost meanwhile.
+            self._phase, self._tries = Phase.LEAVING, 0
+        return [Identity(self._identity)]
+
+    def _find_lack(self) -> str:
+        beat, parameters = self._link.beat, self._link.parameters
+        if beat is None or beat.type != SUBMARINE:
+            return f"found a vehicle of MAV_TYPE {beat and beat.type}, wanted {SUBMARINE}, an ArduSub"
+        if "FRAME_CONFIG" not in parameters:
+            return "it does not answer for FRAME_CONFIG, wanted an ArduSub of release 4.1 or later"
+        if ardupilot.SERVO_OUTPUT in self._link.refused:
+            return "it does not stream SERVO_OUTPUT_RAW on request (SET_MESSAGE_INTERVAL), wanted ArduSub 4.1 or later"
+        return self._find_motors() or ("" if self._by_test else self._find_mixer())
+
+    def _find_motors(self) -> str:
+        """Map the thrusters of the file to motors; why that cannot be done."""
+        parameters, motors = self._link.parameters, []
+        for thruster in self._thrusters:
+            output = thruster.channel + 1
+            function = round(parameters.get(f"SERVO{output}_FUNCTION", 0.0))
+            number = function - FIRST_MOTOR + 1
+            if not 1 <= number <= MOST_MOTORS:
+                return (
+                    f"{thruster.name} is at output {output} in the vehicle file, where SERVO{output}_FUNCTION is "
+                    f"{function}, wanted a motor, {FIRST_MOTOR} to {FIRST_MOTOR + MOST_MOTORS - 1}; `./hindrax vehicle "
+                    "new --from LOG` takes the outputs from a log of this vehicle"
+                )
+            sense = -1.0 if parameters.get(f"MOT_{number}_DIRECTION", 1.0) < 0.0 else 1.0
+            motors.append(Motor(number, thruster.channel, sense))
+        self._motors = tuple(motors)
+        return ""
+
+    def _find_mixer(self) -> str:
+        parameters, version = self._link.parameters, self._link.version
+        frame = round(parameters["FRAME_CONFIG"])
+        if frame not in FACTORS or max(one.number for one in self._motors) > len(FACTORS[frame]):
+            return (
+                f"its FRAME_CONFIG is {frame}, with {len(FACTORS.get(frame, ()))} motors that are known, and the "
+                f"vehicle file has {len(self._motors)}; wanted a frame of these motors, or `control: motor_test` under "
+                "output"
+            )
+        if parameters.get("FS_PILOT_INPUT") == 0.0:
+            return (
+                "its FS_PILOT_INPUT is 0: nothing would stop the thrusters when this computer falls silent; set it to "
+                "2 (disarm)"
+            )
+        mixer = Mixer(frame, self._motors, parameters.get("MOT_PWM_MIN", 1100.0), parameters.get("MOT_PWM_MAX", 1900.0))
+        if (
+            mixer.pitches_or_rolls
+            and len(self._motors) > len(FACTORS[1])
+            and (version is None or version.firmware < SIX_AXES)
+        ):
+            return (
+                f"its release is {version or 'unknown'}, whose MANUAL_CONTROL has no pitch and roll, wanted 4.5 or "
+                "later; update ArduSub"
+            )
+        self._mixer = mixer
+        return ""
+
+    # ---- what it says
+
+    def _on_message(self, message: Any, stamp: Stamp) -> list[Output]:
+        on = self._handlers.get(type(message))
+        return on(message, stamp) if on else []
+
+    def _on_named(self, message: NamedFloat, _stamp: Stamp) -> list[Output]:
+        self._named[message.name] = message.value
+        return []
+
+    def _on_supply(self, message: Supply, stamp: Stamp) -> list[Output]:
+        known = math.isfinite(message.voltage_V)
+        return [Stamped(stamp, Battery(message.voltage_V, message.current_A))] if known else []
+
+    def _on_sticks(self, message: RcChannels, stamp: Stamp) -> list[Output]:
+        sticks = tuple(map(float, message.pulses_us[:6]))
+        return [] if self._by_test else self._compare(sticks, STICK_TOLERANCE_us, "stick", stamp)
+
+    def _on_text(self, message: StatusText, stamp: Stamp) -> list[Output]:
+        if message.severity <= SEVERITY_WARNING:
+            self._last_text = message.text
+            return [Trouble(stamp, f"ardusub: {message.text}")]
+        return [Stamped(stamp, DeviceText(message.text))]
+
+    def _on_clock(self, boot_s: float, stamp: Stamp) -> list[Output]:
+        """Whether it has restarted: its time since power-up goes back, but where its 32 bits overflow."""
+        before, self._boot_s = self._boot_s, boot_s
+        if boot_s >= before - 1.0 or before - boot_s > 0.5 * WRAP_s or self._restarted:
+            return []
+        self._restarted = True
+        return self._end("the autopilot has restarted", stamp)
+
+    def _on_servos(self, message: ServoOutput, stamp: Stamp) -> list[Output]:
+        if not self._motors:
+            return []
+        self._served_at = stamp
+        restarted = self._on_clock(1e-6 * message.boot_us, stamp)
+        # No pulse at all, as behind a safety switch, is no thrust.
+        pulses = tuple(message.pulses_us[one.channel] or CENTER_us for one in self._motors)
+        outputs: list[Output] = [*restarted, Stamped(stamp, AppliedPulses(pulses))]
+        return outputs + (self._compare(pulses, PULSE_TOLERANCE_us, "pulse", stamp) if self._by_test else [])
+
+    def _compare(self, found: tuple[float, ...], tolerance: float, what: str, stamp: Stamp) -> list[Output]:
+        """Compare what is there with what was asked lately: what nobody here asked for is another party's."""
+        history = self._history
+        while len(history) > 1 and seconds_between(history[1][0], stamp) > SEEN_S:
+            history.popleft()
+        while self._odd and seconds_between(self._odd[0], stamp) > MEMORY_S:
+            self._odd.popleft()
+        if self._phase is not Phase.ARMED or not history:
+            return []
+        for index, (value, *asked) in enumerate(zip(found, *(values for _, values in history), strict=False)):
+            if not min(asked) - tolerance <= value <= max(asked) + tolerance:
+                self._odd.append(stamp)
+                if len(self._odd) >= ODD_LIMIT:
+                    asked_us = asked[-1]
+                    return self._end(
+                        f"another party has taken over: {what} {index + 1} is at {value:g} us, asked was {asked_us:g}",
+                        stamp,
+                    )
+                break
+        return []
+
+    def _watch_beat(self, stamp: Stamp) -> list[Output]:
+        """Whether the autopilot is still armed, in the mode that it was put into."""
+        beat = self._link.beat
+        if beat is None or self._link.beat_at <= self._armed_at:
+            return []
+        late = seconds_between(self._armed_at, stamp) > CONFIRMED_S
+        if beat.armed:
+            self._seen_armed = True
+        elif self._seen_armed or late:
+            return self._end(f"the autopilot has been disarmed{self._said()}", stamp)
+        if beat.mode != MANUAL and (self._seen_armed or late):
+            mode = MODES.get(beat.mode, f"mode {beat.mode}")
+            return self._end(f"another party, or a failsafe, has taken over: {mode}{self._said()}", stamp)
+        return []
+
+    def _said(self) -> str:
+        return f" ({self._last_text})" if self._last_text else ""
+
+    def _end(self, why: str, stamp: Stamp) -> list[Output]:
+        """End for good: a neutral stick, then nothing that could move the vehicle of whoever has it now."""
+        if self._phase is Phase.IDLE:
+            return []
+        self._owned = False
+        farewells = [] if self._by_test else [self._sticks((0.0,) * 6) for _ in range(FAREWELLS)]
+        self._phase, self._ended = Phase.IDLE, why
+        self._finish_tests(stamp)
+        return [*farewells, Trouble(stamp, f"ardusub: {why}")]
+
+    def _finish_tests(self, stamp: Stamp) -> None:
+        if self._tested:
+            self._pause_until = after(stamp, PAUSE_S + 1.0)
+        self._tested = False
+
+    # ---- arming and disarming
+
+    def _begin(self, stamp: Stamp) -> list[Output]:
+        beat, self._ended, self._last_text = self._link.beat, "", ""
+        busy = [why for name, why in BUSY.items() if self._named.get(name)]
+        if beat is not None and beat.armed:
+            return self._refuse("it is armed already, by another ground station; disarm it there", stamp)
+        if busy:
+            return self._refuse(f"{busy[0]}; end that at the other ground station", stamp)
+        if stamp < self._pause_until:
+            left_s = math.ceil(seconds_between(stamp, self._pause_until))
+            return self._refuse(f"it needs {left_s} s more of a pause after a motor test; arm again then", stamp)
+        self._phase, self._tries, self._seen_armed = Phase.ARMING, 0, False
+        self._history.clear()
+        self._odd.clear()
+        return [*self._stick(stamp), *self._step(stamp)]
+
+    def _refuse(self, why: str, stamp: Stamp) -> list[Output]:
+        self._phase, self._ended = Phase.IDLE, f"the autopilot does not arm: {why}"
+        return [Trouble(stamp, f"ardusub: does not arm: {why}")]
+
+    def _step(self, stamp: Stamp) -> list[Output]:
+        """Ask for the next step: the mode, then arming; or disarming."""
+        beat = self._link.beat
+        if self._phase is Phase.LEAVING and beat is not None and not beat.armed and self._link.beat_at > self._step_at:
+            self._phase, self._owned = Phase.IDLE, False
+            return []
+        if self._tries >= ATTEMPTS:
+            return self._give_up(stamp)
+        self._tries, self._step_at = self._tries + 1, stamp
+        if self._phase is Phase.LEAVING:
+            return [self._link.command(ARM, 0.0, confirmation=self._tries - 1)]
+        if beat is not None and beat.mode != MANUAL:
+            return [self._link.command(SET_MODE, 1.0, MANUAL)]
+        return [self._link.command(ARM, 1.0, confirmation=self._tries - 1)]
+
+    def _give_up(self, stamp: Stamp) -> list[Output]:
+        beat = self._link.beat
+        if self._phase is Phase.LEAVING:
+            self._tries = 0  # It is asked as long as it speaks: a vehicle that we armed must not stay so.
+            return [Trouble(stamp, "ardusub: does not answer to disarming; asking on")]
+        mode = beat is not None and beat.mode != MANUAL
+        return self._refuse(f"no answer to {ATTEMPTS} requests {'for MANUAL' if mode else 'to arm'}", stamp)
+
+    def _on_answer(self, answer: CommandAck, stamp: Stamp) -> list[Output]:
+        if answer.command == MOTOR_TEST:
+            return self._on_test(stamp, accepted=answer.result == ACCEPTED)
+        if answer.command not in (SET_MODE, ARM) or self._phase not in (Phase.ARMING, Phase.LEAVING):
+            return []
+        if answer.result == IN_PROGRESS:
+            self._step_at = stamp
+        elif self._phase is Phase.LEAVING:
+            if answer.result == ACCEPTED:
+                self._phase, self._owned = Phase.IDLE, False
+        elif answer.result != ACCEPTED:
+            what = "MANUAL: " if answer.command == SET_MODE else ""
+            return self._refuse(f"{what}{self._last_text or f'answered with result {answer.result}'}", stamp)
+        elif answer.command == SET_MODE:
+            self._tries = 0
+        else:
+            self._phase, self._owned, self._last_text = Phase.ARMED, True, ""
+            self._armed_at = self._accepted_at = stamp
+        return []
+
+    def _leave(self, stamp: Stamp) -> list[Output]:
+        """Neutral and disarmed, because our own side ends it."""
+        outputs: list[Output] = list(self._neutral(stamp))
+        self._phase, self._tries = Phase.LEAVING, 0
+        self._finish_tests(stamp)
+        return [*outputs, *self._step(stamp)]
+
+    # ---- thrust
+
+    def _neutral(self, stamp: Stamp) -> list[Output]:
+        tests: list[Output] = list(self._tests((CENTER_us,) * len(self._motors)) if self._tested else ())
+        return [*tests, *self._stick(stamp)]
+
+    def _move(self, pulses_us: Sequence[float], stamp: Stamp) -> list[Output]:
+        if not self._by_test:
+            return self._stick(stamp, pulses_us)
+        outputs: list[Output] = []
+        wanted = [round(pulse) for pulse in pulses_us]
+        self._tested = True
+        if wanted != self._sent or seconds_between(self._tests_at, stamp) >= REPEAT_S:
+            whole = seconds_between(self._tests_at, stamp) >= REPEAT_S or len(self._sent) != len(wanted)
+            outputs += self._tests(wanted, () if whole else self._sent)
+            self._sent, self._tests_at = wanted, stamp if whole else self._tests_at
+            self._history.append((stamp, tuple(map(float, wanted))))
+        if seconds_between(self._sticks_at, stamp) >= STICKS_S:
+            outputs += self._stick(stamp)
+        return outputs
+
+    def _tests(self, pulses_us: Sequence[float], before_us: Sequence[float] = ()) -> list[Send]:
+        """One motor test for each pulse that is not as before."""
+        by_pulse, board_order, timeout_s = 1.0, 2.0, 0.5
+        return [
+            self._link.command(MOTOR_TEST, one.number - 1, by_pulse, pulse, timeout_s, 0.0, board_order)
+            for index, (one, pulse) in enumerate(zip(self._motors, pulses_us, strict=True))
+            if not before_us or before_us[index] != pulse
+        ]
+
+    def _on_test(self, stamp: Stamp, *, accepted: bool) -> list[Output]:
+        if self._phase is not Phase.ARMED or accepted:
+            self._accepted_at = stamp
+            return []
+        if seconds_between(self._accepted_at, stamp) < ASK_AGAIN_S:
+            return []
+        return self._end(f"it refuses motor tests{self._said()}", stamp)
+
+    def _stick(self, stamp: Stamp, pulses_us: Sequence[float] = ()) -> list[Output]:
+        """MANUAL_CONTROL nearest to some pulses; neutral without."""
+        self._sticks_at = stamp
+        if self._mixer is None or not pulses_us:
+            return [self._sticks((0.0,) * 6)]
+        axes = self._mixer.sticks(pulses_us)
+        gain = self._gain
+        vertical = gain * self._link.parameters.get("JS_THR_GAIN", 1.0)
+        most = (gain, gain, min(1.0, vertical), gain, 1.0, 1.0)
+        # All alike: the direction of the wrench stays.
+        over = max(1.0, *(abs(axis) / limit for axis, limit in zip(axes, most, strict=True)))
+        forward, lateral, throttle, yaw, pitch, roll = (axis / over for axis in axes)
+        sent = self._sticks((forward / gain, lateral / gain, throttle / vertical, yaw / gain, pitch, roll))
+        inputs = (pitch, roll, throttle, yaw, forward, lateral)
+        half_us = 400.0
+        self._history.append((stamp, tuple(CENTER_us + half_us * one for one in inputs)))
+        return [sent]
+
+    @property
+    def _gain(self) -> float:
+        """Gain of the pilot's sticks, which a button of another ground station may change."""
+        return min(1.0, max(0.1, self._named.get("PilotGain", self._link.parameters.get("JS_GAIN_DEFAULT", 0.5))))
+
+    def _sticks(self, axes: Sequence[float]) -> Send:
+        """MANUAL_CONTROL of forward, lateral, up, yaw as parts of the stick's way, pitch and roll of the whole range.
+
+        ArduSub scales the first four by the pilot's gain, and adds the last two to 1500 us as they are.
+        """
+        forward, lateral, throttle, yaw, pitch, roll = axes
+        parts = (1e3 * forward, 1e3 * lateral, 500.0 + 500.0 * throttle, 1e3 * yaw, 400.0 * pitch, 400.0 * roll)
+        return self._link.send(ardupilot.manual_control([round(one) for one in parts], self._link.system))
