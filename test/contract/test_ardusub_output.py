@@ -1,13 +1,16 @@
 """The ArduSub output behind no guard, against the emulated firmware: no port, no thread, 5 ms a step."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from hindrax_control.allocation.allocation_cycle import AllocationCycle
+from hindrax_control.allocation.thrust_curve import AppliedWrench
 from hindrax_core.driver_interface import Output, Send, Trouble
 from hindrax_core.events import Stamp, Stamped, stamp_from_s, to_s
-from hindrax_core.readings import AppliedPulses
+from hindrax_core.readings import AppliedPulses, vec6
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_drivers.devices.ardupilot.output import ArduSub
 from hindrax_sim.devices.ardupilot import firmware
@@ -16,6 +19,7 @@ from hindrax_sim.devices.ardupilot.wire import frame
 BOX = Path(__file__).parents[2] / "src/hindrax_bringup/vehicles"
 HEAVY, STANDARD = load_vehicle(BOX / "bluerov2-heavy.yaml"), load_vehicle(BOX / "bluerov2.yaml")
 STEP_S = 0.005
+BODY = "base_link_fsd"
 NEUTRAL = (1500.0,) * 8
 
 
@@ -24,7 +28,7 @@ class Bench:
 
     def __init__(self, vehicle: Vehicle = HEAVY, control: str = "manual_control") -> None:
         self.board = firmware.ArduSub(vehicle.thrusters, now_s=10.0)
-        self.device = ArduSub(vehicle.thrusters, control)
+        self.device = ArduSub(replace(vehicle, output=replace(vehicle.output, device="ardusub", control=control)))
         self.now: Stamp = stamp_from_s(10.0)
         self.pulses: tuple[float, ...] = (1500.0,) * len(vehicle.thrusters)
         self.armed, self.alive = False, True
@@ -96,3 +100,19 @@ def test_the_pulses_that_were_asked_for_are_output_and_reported(control: str, pu
     assert bench.wire() == NEUTRAL
     assert not bench.board.armed
     assert bench.device.fault() == ""
+
+
+def wrench(vehicle: Vehicle, pulses: tuple[float, ...]) -> tuple[float, ...]:
+    applied = AppliedWrench(vehicle)
+    return applied.wrench(applied.forces_N(pulses))
+
+
+@pytest.mark.parametrize("axis", range(6))
+def test_a_small_wrench_gets_through_the_mixer_although_each_thruster_has_a_dead_band(axis: int) -> None:
+    wanted = vec6((1.5 if at == axis else 0.4) * arm for at, arm in enumerate((1.0, 1.0, 1.0, 0.2, 0.15, 0.2)))
+    command = AllocationCycle(HEAVY).command(wanted, BODY, Stamp(1), Stamp(1))
+    assert command is not None
+    bench = Bench()
+    bench.fly(*command.pulses_us)
+    asked, found = wrench(HEAVY, command.pulses_us), wrench(HEAVY, bench.wire())
+    assert found == pytest.approx(asked, abs=0.12)

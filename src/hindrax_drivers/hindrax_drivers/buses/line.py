@@ -188,7 +188,7 @@ class UdpClient(Line):
         super().__init__(path, clock, self._socket, "network and power")
 
     def _receive(self) -> bytes:
-        found = []
+        found: list[bytes] = []
         # Nobody listens there yet: the next datagram may find somebody.
         with contextlib.suppress(BlockingIOError, ConnectionRefusedError):
             while len(found) < MOST_AT_ONCE:

@@ -226,7 +226,7 @@ def open_output(vehicle: Vehicle, port: str, clock: str, tap: Tap, name: str, *,
     if vehicle.output.device == "stm32":
         return LineOutput(port, Stm32(vehicle.output_channels()), open_clock(clock, name), tap)
     if vehicle.output.device == "ardusub":
-        return LineOutput(port, ArduSub(vehicle.thrusters, vehicle.output.control), open_clock(clock, name), tap)
+        return LineOutput(port, ArduSub(vehicle), open_clock(clock, name), tap)
     line = open_enable_line(vehicle.output, port)
     try:
         return RegisterOutput(open_bus(port, name), pca9685_of(vehicle, neutral.all_us), line, tap)

@@ -19,9 +19,9 @@ from typing import Any
 from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
 from hindrax_core.readings import AppliedPulses, Battery, DeviceText
-from hindrax_core.vehicle import Thruster
+from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.devices.ardupilot.link import ACCEPTED, ATTEMPTS, IN_PROGRESS, Link
-from hindrax_drivers.devices.ardupilot.mixer import FACTORS, CENTER_us, Mixer, Motor
+from hindrax_drivers.devices.ardupilot.mixer import FACTORS, CENTER_us, Mixer, Motor, thrust_table
 from hindrax_drivers.protocols import ardupilot
 from hindrax_drivers.protocols.ardupilot import (
     ARM,
@@ -54,6 +54,8 @@ CONFIRMED_S = 2.5
 """Time from an accepted arming by which the heartbeat says so."""
 FRESH_S = 1.0
 WRAP_s = 2.0**32 * 1e-6
+HALF_us = 400.0
+"""Way of a stick to either end."""
 FAREWELLS = 3
 SERVO_Hz, STICKS_Hz = 50.0, 25.0
 PARAMETERS = (
@@ -96,10 +98,10 @@ class ArduSub:
 
     baud = BAUD
 
-    def __init__(self, thrusters: Sequence[Thruster], control: str, streams: dict[int, float] | None = None) -> None:
-        """`control`: manual_control or motor_test. `streams`: further ones, for sensors on the same link [Hz]."""
-        self._thrusters, self._by_test = tuple(thrusters), control == "motor_test"
-        self._link = Link(PARAMETERS, STREAMS | (streams or {}))
+    def __init__(self, vehicle: Vehicle, streams: Mapping[int, float] | None = None) -> None:
+        """`streams`: further ones, for sensors on the same link [Hz]."""
+        self._vehicle, self._by_test = vehicle, vehicle.output.control == "motor_test"
+        self._link = Link(PARAMETERS, {**STREAMS, **(streams or {})})
         self._asked = False
         self._owned = False
         """Whether it was armed from here, and neither disarmed since nor taken over."""
@@ -252,7 +254,7 @@ class ArduSub:
     def _find_motors(self) -> str:
         """Map the thrusters of the file to motors; why that cannot be done."""
         parameters, motors = self._link.parameters, []
-        for thruster in self._thrusters:
+        for thruster in self._vehicle.thrusters:
             output = thruster.channel + 1
             function = round(parameters.get(f"SERVO{output}_FUNCTION", 0.0))
             number = function - FIRST_MOTOR + 1
@@ -263,7 +265,9 @@ class ArduSub:
                     "new --from LOG` takes the outputs from a log of this vehicle"
                 )
             sense = -1.0 if parameters.get(f"MOT_{number}_DIRECTION", 1.0) < 0.0 else 1.0
-            motors.append(Motor(number, thruster.channel, sense))
+            curve = self._vehicle.curves[thruster.curve]
+            table = thrust_table(curve, self._vehicle.supply_V, mirrored=thruster.reversed)
+            motors.append(Motor(number, thruster.channel, sense, *table))
         self._motors = tuple(motors)
         return ""
 
@@ -282,11 +286,7 @@ class ArduSub:
                 "2 (disarm)"
             )
         mixer = Mixer(frame, self._motors, parameters.get("MOT_PWM_MIN", 1100.0), parameters.get("MOT_PWM_MAX", 1900.0))
-        if (
-            mixer.pitches_or_rolls
-            and len(self._motors) > len(FACTORS[1])
-            and (version is None or version.firmware < SIX_AXES)
-        ):
+        if mixer.pitches and (version is None or version.firmware < SIX_AXES):
             return (
                 f"its release is {version or 'unknown'}, whose MANUAL_CONTROL has no pitch and roll, wanted 4.5 or "
                 "later; update ArduSub"
@@ -511,22 +511,22 @@ class ArduSub:
         # All alike: the direction of the wrench stays.
         over = max(1.0, *(abs(axis) / limit for axis, limit in zip(axes, most, strict=True)))
         forward, lateral, throttle, yaw, pitch, roll = (axis / over for axis in axes)
-        sent = self._sticks((forward / gain, lateral / gain, throttle / vertical, yaw / gain, pitch, roll))
         inputs = (pitch, roll, throttle, yaw, forward, lateral)
-        half_us = 400.0
-        self._history.append((stamp, tuple(CENTER_us + half_us * one for one in inputs)))
-        return [sent]
+        self._history.append((stamp, tuple(CENTER_us + HALF_us * one for one in inputs)))
+        return [self._sticks((forward, lateral, throttle, yaw, pitch, roll), (gain, gain, vertical, gain, 1.0, 1.0))]
 
     @property
     def _gain(self) -> float:
         """Gain of the pilot's sticks, which a button of another ground station may change."""
         return min(1.0, max(0.1, self._named.get("PilotGain", self._link.parameters.get("JS_GAIN_DEFAULT", 0.5))))
 
-    def _sticks(self, axes: Sequence[float]) -> Send:
-        """MANUAL_CONTROL of forward, lateral, up, yaw as parts of the stick's way, pitch and roll of the whole range.
+    def _sticks(self, axes: Sequence[float], gains: Sequence[float] = (1.0,) * 6) -> Send:
+        """MANUAL_CONTROL of axes, -1 to 1, which the autopilot multiplies by gains (the last two of them by none).
 
-        ArduSub scales the first four by the pilot's gain, and adds the last two to 1500 us as they are.
+        It cuts what it gets to whole microseconds: the middle between two of them arrives as it was meant.
         """
-        forward, lateral, throttle, yaw, pitch, roll = axes
-        parts = (1e3 * forward, 1e3 * lateral, 500.0 + 500.0 * throttle, 1e3 * yaw, 400.0 * pitch, 400.0 * roll)
-        return self._link.send(ardupilot.manual_control([round(one) for one in parts], self._link.system))
+        whole = [round(HALF_us * axis) for axis in axes]
+        parts = [(one + 0.5 * bool(one)) / (HALF_us * gain) for one, gain in zip(whole, gains, strict=True)]
+        x, y, z, r = (max(-1000, min(1000, round(1e3 * one))) for one in parts[:4])
+        sticks = (x, y, 500 + z // 2, r, whole[4], whole[5])
+        return self._link.send(ardupilot.manual_control(sticks, self._link.system))
