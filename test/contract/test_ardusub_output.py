@@ -1,6 +1,6 @@
 """The ArduSub output behind no guard, against the emulated firmware: no port, no thread, 5 ms a step."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from hindrax_core.readings import AppliedPulses, vec6
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_drivers.devices.ardupilot.output import ArduSub
 from hindrax_sim.devices.ardupilot import firmware
-from hindrax_sim.devices.ardupilot.wire import frame
+from hindrax_sim.devices.ardupilot.wire import Receiver, frame
 
 BOX = Path(__file__).parents[2] / "src/hindrax_bringup/vehicles"
 HEAVY, STANDARD = load_vehicle(BOX / "bluerov2-heavy.yaml"), load_vehicle(BOX / "bluerov2.yaml")
@@ -33,7 +33,7 @@ class Bench:
         self.pulses: tuple[float, ...] = (1500.0,) * len(vehicle.thrusters)
         self.armed, self.alive = False, True
         self.outputs: list[Output] = []
-        self.to_board, self.turn = b"", 0
+        self.to_board, self.sent, self.turn = b"", b"", 0
         self.take(self.device.start(self.now))
 
     def take(self, outputs: Iterable[Output]) -> None:
@@ -47,6 +47,7 @@ class Bench:
         for _ in range(round(seconds / STEP_S)):
             self.now = Stamp(self.now + stamp_from_s(STEP_S))
             sent, self.to_board = self.to_board, b""
+            self.sent += sent
             data = self.board.receive(sent, to_s(self.now)) + self.board.step(to_s(self.now))
             self.turn += 1
             if not self.alive:
@@ -116,3 +117,168 @@ def test_a_small_wrench_gets_through_the_mixer_although_each_thruster_has_a_dead
     bench.fly(*command.pulses_us)
     asked, found = wrench(HEAVY, command.pulses_us), wrench(HEAVY, bench.wire())
     assert found == pytest.approx(asked, abs=0.12)
+
+
+@pytest.mark.parametrize("control", ["manual_control", "motor_test"])
+def test_silence_of_this_computer_ends_at_neutral_and_disarmed(control: str) -> None:
+    """The autopilot's own dead man: 0.5 s of motor tests, FS_PILOT_TIMEOUT of sticks."""
+    bench = Bench(control=control)
+    bench.fly(*AHEAD)
+    bench.alive = False
+    bench.run(0.6 if control == "motor_test" else 3.1)
+    assert bench.wire() == NEUTRAL
+    assert not bench.board.armed
+
+
+def stick(bench: Bench) -> None:
+    """A pilot holds the stick to starboard, as QGroundControl sends it, 25 times a second."""
+    for _ in range(25):
+        bench.stranger(69, 0, 800, 500, 0, 0, 1, 0, 0, 0, 0, *(0,) * 6)
+        bench.run(0.04)
+
+
+def change_mode(bench: Bench) -> None:
+    bench.stranger(76, 1.0, float(firmware.STABILIZE), *(0.0,) * 5, 176, 1, 1, 0)
+    bench.run(1.2)
+
+
+def disarm(bench: Bench) -> None:
+    bench.stranger(76, 0.0, *(0.0,) * 6, 400, 1, 1, 0)
+    bench.run(1.2)
+
+
+def restart(bench: Bench) -> None:
+    bench.board.power_cycle(to_s(bench.now))
+    bench.run(3.5)
+
+
+def leak(bench: Bench) -> None:
+    bench.board.parameters["FS_LEAK_ENABLE"] = 2.0
+    bench.board.set_truth(firmware.AutopilotTruth(wet=True), to_s(bench.now))
+    bench.run(1.2)
+
+
+@pytest.mark.parametrize(
+    ("act", "why"),
+    [
+        (stick, "another party has taken over: stick"),
+        (change_mode, "another party, or a failsafe, has taken over: STABILIZE"),
+        (disarm, "the autopilot has been disarmed"),
+        (leak, "another party, or a failsafe, has taken over: SURFACE (Leak Detected)"),
+        (restart, "the autopilot has fallen silent"),
+    ],
+)
+def test_who_takes_over_ends_the_flight_by_name_and_it_is_not_resumed(act: Callable[[Bench], None], why: str) -> None:
+    bench = Bench()
+    bench.fly(*AHEAD)
+    act(bench)
+    assert bench.device.fault().startswith(why)
+    bench.run(0.1)
+    bench.sent = b""
+    bench.run(2.0)
+    assert not any(one.number in (69, 400, 209) for one in Receiver().feed(bench.sent)), "it is theirs"
+    bench.armed = False
+    bench.run(0.5)
+    assert not any(one.number == 76 and one.values[7] == 400 for one in Receiver().feed(bench.sent)), "no disarm either"
+
+
+def test_what_somebody_else_has_armed_is_neither_flown_nor_disarmed() -> None:
+    bench = Bench()
+    bench.run(3.0)
+    bench.stranger(76, 1.0, *(0.0,) * 6, 400, 1, 1, 0)
+    bench.run(1.2)
+    bench.armed, bench.pulses = True, AHEAD
+    bench.run(1.0)
+    assert "armed already, by another ground station" in bench.device.fault()
+    bench.armed = False
+    bench.run(0.5)
+    assert bench.board.armed
+    assert bench.wire() == NEUTRAL
+
+
+def test_a_refused_arming_is_told_in_the_autopilot_s_words() -> None:
+    bench = Bench()
+    bench.board.refuses_arming = "Compass not calibrated"
+    bench.run(3.0)
+    bench.armed = True
+    bench.run(1.0)
+    assert bench.device.fault() == "the autopilot does not arm: Arm: Compass not calibrated"
+    bench.armed = False
+    bench.board.refuses_arming = ""
+    bench.run(0.2)
+    bench.armed = True
+    bench.run(1.0)
+    assert bench.board.armed
+
+
+def test_after_motor_tests_it_waits_for_the_pause_that_the_autopilot_asks_for() -> None:
+    bench = Bench(control="motor_test")
+    bench.fly(*AHEAD)
+    bench.armed = False
+    bench.run(1.0)
+    bench.armed = True
+    bench.run(0.2)
+    assert "more of a pause after a motor test; arm again then" in bench.device.fault()
+    bench.armed = False
+    bench.run(10.5)
+    bench.armed = True
+    bench.run(1.0)
+    assert bench.wire() == AHEAD
+    assert not [text for text in bench.texts() if "cooldown" in text]
+
+
+def old(board: firmware.ArduSub) -> None:
+    board.version = (4, 1, 2)
+
+
+def unprotected(board: firmware.ArduSub) -> None:
+    board.parameters["FS_PILOT_INPUT"] = 0.0
+
+
+def rewired(board: firmware.ArduSub) -> None:
+    board.parameters["SERVO3_FUNCTION"] = 59.0
+
+
+def custom(board: firmware.ArduSub) -> None:
+    board.parameters["FRAME_CONFIG"] = 7.0
+
+
+def streamless(board: firmware.ArduSub) -> None:
+    board.unsupported.add(511)
+
+
+@pytest.mark.parametrize(
+    ("change", "lack"),
+    [
+        (old, "its release is 4.1.2, whose MANUAL_CONTROL has no pitch and roll, wanted 4.5"),
+        (unprotected, "its FS_PILOT_INPUT is 0"),
+        (rewired, "T3 is at output 3 in the vehicle file, where SERVO3_FUNCTION is 59, wanted a motor"),
+        (custom, "its FRAME_CONFIG is 7"),
+        (streamless, "it does not stream SERVO_OUTPUT_RAW"),
+        (lambda board: board.disguise(on=True), "found a vehicle of MAV_TYPE 2, wanted 12, an ArduSub"),
+    ],
+)
+def test_what_lacks_something_is_refused_by_name(change: Callable[[firmware.ArduSub], None], lack: str) -> None:
+    bench = Bench()
+    change(bench.board)
+    bench.run(5.0)
+    assert not bench.device.ready
+    assert lack in bench.device.trouble
+    assert lack in " ".join(bench.texts())
+
+
+def test_a_line_that_was_lost_in_flight_comes_back_to_a_disarmed_vehicle() -> None:
+    bench = Bench()
+    bench.fly(*AHEAD)
+    bench.armed = False
+    bench.take(bench.device.start(bench.now))
+    bench.run(2.9)
+    assert bench.device.ready
+    assert not bench.board.armed
+
+
+def test_six_thrusters_of_the_standard_frame_fly_as_well() -> None:
+    bench = Bench(STANDARD)
+    pulses = (1420.0, 1420.0, 1580.0, 1580.0, 1560.0, 1540.0)
+    bench.fly(*pulses)
+    assert bench.wire() == pytest.approx(pulses, abs=2.0)

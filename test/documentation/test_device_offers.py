@@ -8,14 +8,14 @@ from hindrax_core.sensor_table import SENSORS
 from hindrax_core.topics import TOPICS
 from hindrax_core.vehicle import Output
 from hindrax_drivers.driver_registry import driver_of
-from hindrax_tools.reference.devices import offers
+from hindrax_tools.reference.devices import OUTPUTS, offers
 
 NAMES = [sensor.name for sensor in SENSORS]
 TOPIC_NAMES = {topic.name for topic in TOPICS}
 SERVICES = {f"{sensor.name}/{service}" for sensor in SENSORS for service in sensor.services}
 
 
-@pytest.mark.parametrize("name", [*NAMES, "pca9685", "stm32"])
+@pytest.mark.parametrize("name", [*NAMES, *OUTPUTS])
 def test_every_device_states_what_its_manual_offers(name: str) -> None:
     rows = offers().get(name, [])
     assert rows, f"{name}: no table in offers.yaml of what its manual offers"
@@ -31,4 +31,4 @@ def test_every_device_states_what_its_manual_offers(name: str) -> None:
 
 
 def test_no_table_is_of_a_device_that_there_is_not() -> None:
-    assert offers().keys() == {*NAMES, "pca9685", "stm32"}
+    assert offers().keys() == {*NAMES, *OUTPUTS}

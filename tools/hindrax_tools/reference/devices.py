@@ -27,7 +27,13 @@ one that the driver reports for the device of the mock vehicle. `--fault NAME:DE
 Every device reports once a second on `/diagnostics`, as `hindrax: NAME`, with these keys: `identity`, `rate [Hz]`,
 `age [s]` of the last reading, `rejects` and one `rejected: REASON` per reason, `troubles` and `last trouble`."""
 OUTPUT = """Output devices make the pulses of the thrusters, behind the output guard; one of them is named by
-`output` in the vehicle file. Both report under `thrusters`."""
+`output` in the vehicle file. All report under `thrusters`."""
+OUTPUTS = {
+    "pca9685": ("pca9685", "pca9685"),
+    "stm32": ("stm32", "stm32"),
+    "ardusub": ("ardupilot.output", "ardupilot.firmware"),
+}
+"""Driver and emulator of each."""
 WORLDS = f"""Effects outside the model that the mock's world can add: `--world` of `pool-test --mock`, `up --mock`,
 `mock` and `montecarlo`. In *ideal* all are off; in *pool* the seed draws all of them. The form is
 {FORM}. A name alone has the size given here. Shares are fractions.
@@ -96,13 +102,13 @@ def _offers(name: str) -> str:
 
 def _outputs() -> str:
     rows = [
-        (code(name), _about(f"hindrax_drivers.devices.{name}"), _about(f"hindrax_sim.devices.{name}"))
-        for name in ("pca9685", "stm32")
+        (code(name), _about(f"hindrax_drivers.devices.{driver}"), _about(f"hindrax_sim.devices.{emulator}"))
+        for name, (driver, emulator) in OUTPUTS.items()
     ]
     listed = table(("device", "driver", "emulator"), rows)
     return (
         f"\n## Outputs\n\n{OUTPUT}\n\n{listed}\nSettings, under `output` of the vehicle file:\n\n{knob_table(Output)}"
-        + "".join(f"\n### {name}\n{_offers(name)}" for name in ("pca9685", "stm32"))
+        + "".join(f"\n### {name}\n{_offers(name)}" for name in OUTPUTS)
     )
 
 

@@ -45,6 +45,8 @@ ASK_AGAIN_S = 0.4
 """Time for an answer to arming, disarming and the mode."""
 REPEAT_S, STICKS_S = 0.1, 0.2
 """Time between motor tests without a change (they end after 0.5 s), and between the neutral sticks beside them."""
+STICK_EVERY_S = 0.03
+"""Between two sticks of ours there is time for another pilot's to be seen."""
 PAUSE_S = 10.0
 """What ArduSub asks for after a motor test that has timed out, as every one does that is ended."""
 SEEN_S, ODD_LIMIT, MEMORY_S = 0.7, 4, 1.0
@@ -57,7 +59,7 @@ WRAP_s = 2.0**32 * 1e-6
 HALF_us = 400.0
 """Way of a stick to either end."""
 FAREWELLS = 3
-SERVO_Hz, STICKS_Hz = 50.0, 25.0
+SERVO_Hz, STICKS_Hz = 50.0, 50.0
 PARAMETERS = (
     "FRAME_CONFIG",
     *(f"SERVO{number}_FUNCTION" for number in range(1, 17)),
@@ -360,6 +362,8 @@ class ArduSub:
     def _watch_beat(self, stamp: Stamp) -> list[Output]:
         """Whether the autopilot is still armed, in the mode that it was put into."""
         beat = self._link.beat
+        if seconds_between(self._served_at, stamp) > FRESH_S:
+            return self._end("the autopilot has fallen silent", stamp, owned=True)
         if beat is None or self._link.beat_at <= self._armed_at:
             return []
         late = seconds_between(self._armed_at, stamp) > CONFIRMED_S
@@ -375,11 +379,14 @@ class ArduSub:
     def _said(self) -> str:
         return f" ({self._last_text})" if self._last_text else ""
 
-    def _end(self, why: str, stamp: Stamp) -> list[Output]:
-        """End for good: a neutral stick, then nothing that could move the vehicle of whoever has it now."""
+    def _end(self, why: str, stamp: Stamp, *, owned: bool = False) -> list[Output]:
+        """End for good: a neutral stick, then nothing that could move the vehicle of whoever has it now.
+
+        `owned`: nobody has taken it over; it is disarmed when it answers again.
+        """
         if self._phase is Phase.IDLE:
             return []
-        self._owned = False
+        self._owned = owned
         farewells = [] if self._by_test else [self._sticks((0.0,) * 6) for _ in range(FAREWELLS)]
         self._phase, self._ended = Phase.IDLE, why
         self._finish_tests(stamp)
@@ -469,7 +476,8 @@ class ArduSub:
 
     def _move(self, pulses_us: Sequence[float], stamp: Stamp) -> list[Output]:
         if not self._by_test:
-            return self._stick(stamp, pulses_us)
+            due = seconds_between(self._sticks_at, stamp) >= STICK_EVERY_S
+            return self._stick(stamp, pulses_us) if due else []
         outputs: list[Output] = []
         wanted = [round(pulse) for pulse in pulses_us]
         self._tested = True
