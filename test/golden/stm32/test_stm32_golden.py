@@ -13,7 +13,6 @@ from pymavlink.dialects.v20 import ardupilotmega, common
 from hindrax_core.events import Stamp
 from hindrax_core.readings import AppliedPulses, Battery
 from hindrax_drivers.protocols.mavlink import (
-    LAYOUTS,
     CommandAck,
     Decoder,
     Heartbeat,
@@ -26,6 +25,7 @@ from hindrax_drivers.protocols.mavlink import (
     encode,
     heartbeat,
 )
+from hindrax_drivers.protocols.mavlink_definitions import LAYOUTS
 
 NOW = Stamp(5)
 CASES = yaml.safe_load(Path(__file__).with_name("cases.yaml").read_text())["frames"]
@@ -52,8 +52,8 @@ TARGET = st.permutations([1, 2, 190, 255]).map(lambda ids: (ids[0], ids[1]))
 def only(data: bytes) -> Message:
     (frame,) = Decoder().feed(data, NOW)
     assert isinstance(frame, MavlinkFrame)
-    assert frame.message is not None
-    return frame.message
+    found: Message = frame.message
+    return found
 
 
 def sender(component: int = 1) -> Any:
