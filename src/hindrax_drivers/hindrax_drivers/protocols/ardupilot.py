@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import Vec3
 from hindrax_drivers.protocols import mavlink
 from hindrax_drivers.protocols.mavlink import AUTOPILOT, READ, Readers, Sent
@@ -17,10 +18,10 @@ GROUND_STATION, NO_AUTOPILOT, ACTIVE = 6, 8, 4
 """MAV_TYPE_GCS, MAV_AUTOPILOT_INVALID, MAV_STATE_ACTIVE: what a ground station says of itself."""
 SET_MODE, ARM, MOTOR_TEST, SET_INTERVAL, REQUEST = 176, 400, 209, 511, 512
 """MAV_CMD_DO_SET_MODE, COMPONENT_ARM_DISARM, DO_MOTOR_TEST, SET_MESSAGE_INTERVAL, REQUEST_MESSAGE."""
-SYS_STATUS, SCALED_PRESSURE, ATTITUDE, LOCAL_POSITION, SERVO_OUTPUT, RC_CHANNELS = 1, 29, 30, 32, 36, 65
+SYS_STATUS, RAW_IMU, SCALED_PRESSURE, ATTITUDE, LOCAL_POSITION, SERVO_OUTPUT, RC_CHANNELS = 1, 27, 29, 30, 32, 36, 65
 DISTANCE, SCALED_PRESSURE2, VERSION, SCALED_PRESSURE3, EKF_STATUS, NAMED_FLOAT = 132, 137, 148, 143, 193, 251
 UNKNOWN_TEMPERATURE = 0
-NAME_BYTES = 16
+MILLI_G = 1e-3 * GRAVITY_mps2
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +39,20 @@ class Attitude:
     boot_ms: int
     angles_rad: Vec3
     rates_radps: Vec3
+
+
+@dataclass(frozen=True, slots=True)
+class RawImu:
+    """RAW_IMU: specific force [m/s^2], rate [rad/s] and field [T] in SNAME body axes; time since power-up.
+
+    Calibrated and turned by the autopilot, whatever the name says (ArduPilot, GCS_MAVLINK::send_raw_imu).
+    """
+
+    boot_us: int
+    force_mps2: Vec3
+    rate_radps: Vec3
+    field_T: Vec3
+    temperature_C: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +139,17 @@ def _text(data: bytes) -> str:
     return data.partition(b"\x00")[0].decode(errors="replace")
 
 
+def _raw_imu(v: tuple[Any, ...]) -> RawImu:
+    """Units on the wire: mg, mrad/s, mG, and hundredths of a degree, 0 where there is none."""
+    force, rate, field = (_scaled(v[at : at + 3], unit) for at, unit in ((1, MILLI_G), (4, 1e-3), (7, 1e-7)))
+    return RawImu(v[0], force, rate, field, math.nan if v[11] == UNKNOWN_TEMPERATURE else v[11] / 100.0)
+
+
+def _scaled(v: tuple[int, ...], unit: float) -> Vec3:
+    x, y, z = v
+    return unit * x, unit * y, unit * z
+
+
 def _barometer(number: int) -> tuple[struct.Struct, Callable[[tuple[Any, ...]], Barometer]]:
     def read(v: tuple[Any, ...]) -> Barometer:
         return Barometer(int(v[0]), number, 100.0 * v[1], math.nan if v[3] == UNKNOWN_TEMPERATURE else v[3] / 100.0)
@@ -144,6 +170,7 @@ FROM_AUTOPILOT: Readers = {
         lambda v: Supply(math.nan if v[4] == 0xFFFF else v[4] / 1e3, math.nan if v[5] < 0 else v[5] / 100.0),
     ),
     22: (struct.Struct("<fHH16sB"), lambda v: ParameterValue(_text(v[3]), v[0])),
+    RAW_IMU: (struct.Struct("<Q9hBh"), _raw_imu),
     SCALED_PRESSURE: _barometer(1),
     ATTITUDE: (struct.Struct("<I6f"), lambda v: Attitude(v[0], v[1:4], v[4:7])),
     LOCAL_POSITION: (struct.Struct("<I6f"), lambda v: LocalPosition(v[0], v[1:4], v[4:7])),
@@ -173,6 +200,6 @@ def manual_control(sticks: Sequence[int], system: int) -> Sent:
     return 69, struct.pack("<4hHBHB8h", x, y, z, r, 0, system, 0, both_extensions, s, t, *(0,) * 6)
 
 
-def beat() -> Sent:
-    """HEARTBEAT of a ground station: without one an autopilot takes its failsafe."""
-    return mavlink.heartbeat(GROUND_STATION, NO_AUTOPILOT, ACTIVE)
+def beat(kind: int) -> Sent:
+    """HEARTBEAT, such as of a ground station: without one of those an autopilot takes its failsafe."""
+    return mavlink.heartbeat(kind, NO_AUTOPILOT, ACTIVE)

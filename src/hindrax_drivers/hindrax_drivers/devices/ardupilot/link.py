@@ -15,7 +15,7 @@ from hindrax_core.driver_interface import Send
 from hindrax_core.events import Rejected, Stamp, seconds_between
 from hindrax_drivers.protocols import ardupilot, mavlink
 from hindrax_drivers.protocols.ardupilot import FROM_AUTOPILOT, GROUND_STATION, ParameterValue, Version
-from hindrax_drivers.protocols.mavlink import AUTOPILOT, ONBOARD_COMPUTER, CommandAck, Decoder, Heartbeat, Sent
+from hindrax_drivers.protocols.mavlink import AUTOPILOT, ONBOARD_COMPUTER, SYSTEM, CommandAck, Decoder, Heartbeat, Sent
 
 GCS_SYSTEM = 255
 """System of the ground station whose sticks ArduPilot obeys, unless its parameter says otherwise."""
@@ -30,6 +30,8 @@ LOST_S = 3.0
 """Silence of the heartbeat, 1 Hz, after which the autopilot counts as lost."""
 ACCEPTED, IN_PROGRESS = 0, 5
 NEVER = Stamp(0)
+SECOND_COMPUTER, COMPANION = 192, 18
+"""MAV_COMP_ID_ONBOARD_COMPUTER2, MAV_TYPE_ONBOARD_CONTROLLER."""
 ARDUPILOT = 3
 """MAV_AUTOPILOT_ARDUPILOTMEGA."""
 
@@ -45,10 +47,16 @@ class Command:
 
 
 class Link:
-    """One link. `wanted`: names of parameters; `streams`: rates by message number [Hz]."""
+    """One link. `wanted`: names of parameters; `streams`: rates by message number [Hz].
 
-    def __init__(self, wanted: Sequence[str], streams: Mapping[int, float]) -> None:
-        self._wanted, self._streams = tuple(dict.fromkeys((*GCS_PARAMETERS, *wanted))), dict(streams)
+    Who only listens is a companion of the autopilot, of its system: its heartbeat must not pass for a ground station's.
+    """
+
+    def __init__(self, wanted: Sequence[str], streams: Mapping[int, float], *, listens: bool = False) -> None:
+        self._listens = listens
+        self._component = SECOND_COMPUTER if listens else ONBOARD_COMPUTER
+        self._wanted = () if listens else tuple(dict.fromkeys((*GCS_PARAMETERS, *wanted)))
+        self._streams = dict(streams)
         self._sequence = 0
         self.restart(Stamp(0))
 
@@ -67,17 +75,20 @@ class Link:
         self.foreign: Heartbeat | None = None
         self._left: deque[str] = deque(self._wanted)
         self._asked: dict[str, tuple[Stamp, int]] = {}
-        self._commands: deque[Command] = deque(
-            (
-                Command(ardupilot.REQUEST, (ardupilot.VERSION,)),
-                *(Command(ardupilot.SET_INTERVAL, (one, 1e6 / rate)) for one, rate in self._streams.items()),
-            )
-        )
+        self._commands: deque[Command] = deque([Command(ardupilot.REQUEST, (ardupilot.VERSION,))])
+        self.ask_streams()
         self._sent_at = Stamp(0)
+
+    def ask_streams(self) -> None:
+        """Ask for the streams, once more after a restart of the autopilot."""
+        self.refused.clear()
+        self._commands += (Command(ardupilot.SET_INTERVAL, (one, 1e6 / rate)) for one, rate in self._streams.items())
 
     @property
     def own_system(self) -> int:
-        """Our system: that of the ground station which the autopilot obeys."""
+        """Our system: that of the ground station which the autopilot obeys, or that of the autopilot."""
+        if self._listens:
+            return self.system or SYSTEM
         named = (self.parameters[name] for name in GCS_PARAMETERS if name in self.parameters)
         return round(next(named, GCS_SYSTEM))
 
@@ -92,7 +103,7 @@ class Link:
 
     def send(self, message: Sent) -> Send:
         """Encode a message of ours."""
-        data = mavlink.encode(message, self._sequence, self.own_system, ONBOARD_COMPUTER)
+        data = mavlink.encode(message, self._sequence, self.own_system, self._component)
         self._sequence = (self._sequence + 1) & 0xFF
         return Send(data)
 
@@ -132,11 +143,7 @@ class Link:
             self.version = message
             return True
         if isinstance(message, CommandAck) and self._commands and self._commands[0].number == message.command:
-            ours = message.target_system in (0, GCS_SYSTEM, self.own_system) and message.target_component in (
-                0,
-                ONBOARD_COMPUTER,
-            )
-            if not ours or not self._commands[0].attempt:
+            if not self._is_ours(message) or not self._commands[0].attempt:
                 return False
             if message.result == IN_PROGRESS:
                 self._commands[0] = replace(self._commands[0], at=stamp)
@@ -148,7 +155,7 @@ class Link:
         return False
 
     def _is_ours(self, answer: CommandAck) -> bool:
-        systems, components = (0, GCS_SYSTEM, self.own_system), (0, ONBOARD_COMPUTER)
+        systems, components = (0, GCS_SYSTEM, self.own_system), (0, self._component)
         return answer.target_system in systems and answer.target_component in components
 
     def _note(self, command: Command) -> None:
@@ -159,7 +166,7 @@ class Link:
         """Heartbeat, requests and their repetitions."""
         if not self._sent_at or seconds_between(self._sent_at, stamp) >= HEARTBEAT_S:
             self._sent_at = stamp
-            yield self.send(ardupilot.beat())
+            yield self.send(ardupilot.beat(COMPANION if self._listens else GROUND_STATION))
         if self.system:
             yield from self._ask_parameters(stamp)
             yield from self._ask_command(stamp)

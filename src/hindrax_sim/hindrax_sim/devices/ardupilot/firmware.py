@@ -24,7 +24,7 @@ STABILIZE, ALT_HOLD, SURFACE, MANUAL = 0, 2, 9, 19
 MODES = (0, 1, 2, 3, 4, 7, 9, 16, 19, 20, 21)
 ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
 ALERT, CRITICAL, WARNING, INFO = 1, 2, 4, 6
-BOOT_S = 2.0
+BOOT_S = 1.0
 """Until it speaks again; the real one needs 10 s and more, which would only make the tests longer."""
 TEST_TIMEOUT_S, TEST_COOLDOWN_S = 0.5, 10.0
 VERSION = (4, 5, 1)
@@ -43,10 +43,12 @@ PUSHES: Mapping[int, tuple[Vec3, ...]] = {count: _HORIZONTAL + ((0.0, 0.0, 1.0),
 
 @dataclass(frozen=True, slots=True)
 class AutopilotTruth:
-    """What is true at the autopilot: attitude and rates (SNAME), pressures of hull and water, supply, leak."""
+    """What is true at the autopilot, in SNAME axes: attitude, rates, specific force, field; water, supply, leak."""
 
     attitude_rad: Vec3 = (0.0, 0.0, 0.0)
     rates_radps: Vec3 = (0.0, 0.0, 0.0)
+    force_mps2: Vec3 = (0.0, 0.0, -9.80665)
+    field_T: Vec3 = (17.5e-6, 0.0, -13.8e-6)
     water_Pa: float = 101325.0
     water_C: float = 21.0
     supply_V: float = 14.8
@@ -57,10 +59,12 @@ class AutopilotTruth:
 
 def autopilot_truth(world: World, at: Mounting) -> AutopilotTruth:
     """What is true at an autopilot with its Bar30, where it is mounted."""
-    plant = world.plant
+    force, rates = world.inertial(at)
     return AutopilotTruth(
         world.attitude_rad,
-        (plant.p, plant.q, plant.r),
+        rates,
+        force,
+        world.magnetic_T(at),
         world.pressure_Pa(at),
         supply_V=world.plant.supply_V,
         supply_A=world.supply_A,
@@ -125,6 +129,7 @@ class ArduSub(Part[AutopilotTruth]):
         }
         self._messages: Mapping[int, Callable[[], tuple[Any, ...]]] = {
             1: self._sys_status,
+            27: self._raw_imu,
             30: self._attitude,
             36: self._servo_output,
             65: self._rc_channels,
@@ -372,6 +377,10 @@ class ArduSub(Part[AutopilotTruth]):
     def _ms(self) -> int:
         return int(1e3 * (self._now_s - self._boot_s))
 
+    @property
+    def _us(self) -> int:
+        return int(1e6 * (self._now_s - self._boot_s))
+
     def _heartbeat(self) -> tuple[Any, ...]:
         kind = 2 if self._disguised else SUBMARINE
         return self.mode, kind, ARDUPILOT, 0x41 | 0x80 * self.armed, 4 if self.armed else 3, 3
@@ -381,6 +390,16 @@ class ArduSub(Part[AutopilotTruth]):
         millivolts = 65534 if self._saturated else round(1e3 * truth.supply_V)
         return (0, 0, 0, 0, millivolts, round(100.0 * truth.supply_A), *(0,) * 6, -1, 0, 0, 0)
 
+    def _raw_imu(self) -> tuple[Any, ...]:
+        """In mg, mrad/s and mG."""
+        noise = self._random.normal(0.0, (0.02,) * 3 + (1e-3,) * 3 + (2e-7,) * 3).tolist()
+        true = (*self._truth.force_mps2, *self._truth.rates_radps, *self._truth.field_T)
+        units = (9.80665e-3,) * 3 + (1e-3,) * 3 + (1e-7,) * 3
+        found = [round((one + error) / unit) for one, error, unit in zip(true, noise, units, strict=True)]
+        if self._saturated:
+            found[:6] = [32767, -32768, 32767] * 2
+        return (self._us, *(max(-32768, min(32767, one)) for one in found), 0, 2500)
+
     def _attitude(self) -> tuple[Any, ...]:
         noise = self._random.normal(0.0, 1e-3, 6).tolist()
         true = (*self._truth.attitude_rad, *self._truth.rates_radps)
@@ -389,7 +408,7 @@ class ArduSub(Part[AutopilotTruth]):
 
     def _servo_output(self) -> tuple[Any, ...]:
         pulses = [round(self._pulses_us.get(channel, 0.0)) for channel in range(16)]
-        return (int(1e6 * (self._now_s - self._boot_s)) & 0xFFFFFFFF, *pulses[:8], 0, *pulses[8:])
+        return (self._us & 0xFFFFFFFF, *pulses[:8], 0, *pulses[8:])
 
     def _rc_channels(self) -> tuple[Any, ...]:
         return (self._ms, *map(round, self._sticks_us), *(65535,) * 12, 16, 255)

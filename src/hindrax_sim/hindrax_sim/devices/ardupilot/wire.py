@@ -26,6 +26,7 @@ LAYOUTS = {
     20: _layout(214, "hBB16s"),
     22: _layout(220, "fHH16sB"),
     23: _layout(168, "fBB16sB"),
+    27: _layout(144, "Q9hBh"),
     29: _layout(115, "Iffhh"),
     30: _layout(39, "I6f"),
     36: _layout(222, "I8HB8H"),

@@ -1,0 +1,194 @@
+"""What an ArduSub measures, over MAVLink: inertial samples, magnetic field, pressure of the water, leak.
+
+On a line of its own (`udpin:0.0.0.0:14551`, `tcp:127.0.0.1:5763`, a telemetry port), or without a `port` on that of the
+thruster output. It asks for its streams, and for nothing else: it is a companion, no ground station.
+
+The autopilot's IMU is read as any other: the navigator finds attitude and velocities from its samples, which come at
+50 Hz, filtered by `INS_GYRO_FILTER`. Stamps are mapped from the time since power-up in the messages.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from hindrax_core.driver_interface import Identity, Output, Trouble
+from hindrax_core.events import Rejected, Stamp, Stamped, seconds_between
+from hindrax_core.knobs import knob
+from hindrax_core.readings import Inertial, Leak, Magnetic, Pressure, Reading
+from hindrax_drivers.devices.ardupilot.link import Link
+from hindrax_drivers.driver import Driver, SilenceMonitor
+from hindrax_drivers.protocols.ardupilot import (
+    RAW_IMU,
+    SCALED_PRESSURE,
+    SCALED_PRESSURE2,
+    SCALED_PRESSURE3,
+    Barometer,
+    RawImu,
+)
+from hindrax_drivers.protocols.mavlink import StatusText
+from hindrax_drivers.timebase import Break, Timebase
+
+BAUD = 115200
+SUBMARINE = 12
+BAROMETERS = (SCALED_PRESSURE, SCALED_PRESSURE2, SCALED_PRESSURE3)
+ASK_AGAIN_S = 1.0
+"""Silence of the samples, with heartbeats, after which the streams are asked for anew: the autopilot has restarted."""
+LEAK = "Leak Detected"
+DRY_AFTER_S, LEAK_EVERY_S = 25.0, 1.0
+"""ArduSub repeats its warning of a leak every 20 s."""
+FULL_SCALE_mps2, FULL_SCALE_radps = 16.5 * 9.80665, math.radians(2100.0)
+"""Ends of the scale of the IMUs in use, 16 g and 2000 deg/s."""
+
+
+@dataclass(frozen=True, slots=True)
+class ArduSubKnobs:
+    """Settings of the streams; nothing is changed in the autopilot's parameters."""
+
+    imu_Hz: float = knob(50.0, 10.0, 400.0, "inertial samples that are asked for [Hz]")
+    pressure_Hz: float = knob(20.0, 1.0, 50.0, "pressures that are asked for [Hz]")
+    field_Hz: float = knob(10.0, 1.0, 50.0, "magnetic fields that are passed on, at most [Hz]")
+    barometer: int = knob(2, 1, 3, "number of the barometer in the water: SCALED_PRESSURE, 2 or 3 [-]")
+    largest_Pa: float = knob(3.1e6, 1e5, 1e8, "pressure at the end of the barometer; a Bar30 reads 30 bar [Pa]")
+    latency_s: float = knob(0.005, 0.0, 0.5, "measurement to arrival at the least [s]")
+    stall_s: float = knob(1.5, 0.5, 60.0, "silence that is reported [s]")
+
+
+DEFAULT_KNOBS = ArduSubKnobs()
+
+
+class ArduSub:
+    """Serial device: bytes of the link in; Inertial, Magnetic, Pressure and Leak out."""
+
+    baud = BAUD
+
+    def __init__(self, knobs: ArduSubKnobs = DEFAULT_KNOBS) -> None:
+        self._knobs = knobs
+        streams = {RAW_IMU: knobs.imu_Hz, BAROMETERS[knobs.barometer - 1]: knobs.pressure_Hz}
+        self._link = Link((), streams, listens=True)
+        self._silence = SilenceMonitor("ardusub", "MAVLink of an ArduSub", knobs.stall_s)
+        self._imu_clock = Timebase(1e-6, latency_s=knobs.latency_s, on_break=self._on_break)
+        self._baro_clock = Timebase(1e-3, latency_s=knobs.latency_s)
+        self._handlers: Mapping[type, Callable[[Any, Stamp], list[Output]]] = {
+            RawImu: self._on_imu,
+            Barometer: self._on_barometer,
+            StatusText: self._on_text,
+        }
+        self._reset(Stamp(0))
+
+    def _reset(self, stamp: Stamp) -> None:
+        self._link.restart(stamp)
+        self._silence.restart(stamp)
+        self._imu_clock.restart()
+        self._baro_clock.restart()
+        self._identity = self._told = ""
+        self._sampled = self._asked = stamp
+        self._last: dict[str, object] = {}
+        self._broken: list[Trouble] = []
+        self._field_at = self._leak_at = Stamp(0)
+        self._wet_at: Stamp | None = None
+
+    @property
+    def ready(self) -> bool:
+        """Whether an ArduSub has been recognized, and speaks."""
+        return bool(self._identity) and self._silence.condition == "well"
+
+    def start(self, stamp: Stamp) -> Iterable[Output]:
+        """Begin anew after the line was opened."""
+        self._reset(stamp)
+        return list(self._link.tick(stamp))
+
+    def feed(self, data: bytes, stamp: Stamp) -> Iterable[Output]:
+        """Decode received bytes."""
+        self._silence.last_byte = stamp
+        outputs: list[Output] = []
+        for message in self._link.feed(data, stamp):
+            on = self._handlers.get(type(message))
+            if isinstance(message, Rejected):
+                outputs.append(message)
+            elif on is not None and self._is_submarine:
+                self._silence.last_valid = stamp
+                outputs += on(message, stamp)
+        broken, self._broken = self._broken, []
+        return [*outputs, *broken]
+
+    def _on_break(self, found: Break) -> None:
+        what = "has restarted" if found.kind == "reset" else f"its clock jumped by {found.shift_s:.3g} s"
+        self._broken.append(Trouble(found.arrival, f"ardusub: {what}"))
+
+    def tick(self, stamp: Stamp) -> Iterable[Output]:
+        """Heartbeat, requests, silence."""
+        outputs: list[Output] = [*self._silence.tick(stamp), *self._identify(stamp), *self._link.tick(stamp)]
+        stalled = seconds_between(max(self._sampled, self._asked), stamp) > ASK_AGAIN_S
+        if stalled and self._link.alive(stamp) and not self._link.asking:
+            self._asked = stamp
+            self._link.ask_streams()
+        return outputs + self._report_leak(stamp)
+
+    @property
+    def _is_submarine(self) -> bool:
+        return self._link.beat is not None and self._link.beat.type == SUBMARINE
+
+    def _identify(self, stamp: Stamp) -> list[Output]:
+        beat = self._link.beat
+        if beat is None or self._link.asking:
+            return []
+        if not self._is_submarine:
+            found = f"found a vehicle of MAV_TYPE {beat.type}, wanted {SUBMARINE}, an ArduSub"
+            told, self._told = self._told, found
+            return [] if told == found else [Trouble(stamp, f"ardusub: {found}")]
+        if self._identity:
+            return []
+        version = f" {self._link.version}" if self._link.version else ""
+        self._identity = f"ArduSub{version}, system {self._link.system}"
+        missing = ", ".join(map(str, self._link.refused))
+        lack = [Trouble(stamp, f"ardusub: does not stream messages {missing} on request")] if missing else []
+        return [Identity(self._identity), *lack]
+
+    def _on_imu(self, one: RawImu, stamp: Stamp) -> list[Output]:
+        if self._repeats("sample", one):
+            return [Rejected(stamp, "sample: repeated", b"")]
+        self._sampled = stamp
+        if not _within(one.force_mps2, FULL_SCALE_mps2) or not _within(one.rate_radps, FULL_SCALE_radps):
+            return [Rejected(stamp, "sample: range", b"")]
+        at = self._imu_clock.map(one.boot_us, stamp)
+        outputs: list[Output] = [Stamped(at, Inertial(one.force_mps2, one.rate_radps, one.temperature_C))]
+        if any(one.field_T) and seconds_between(self._field_at, at) >= 1.0 / self._knobs.field_Hz:
+            self._field_at = at
+            outputs.append(Stamped(at, Magnetic(one.field_T)))
+        return outputs
+
+    def _on_barometer(self, one: Barometer, stamp: Stamp) -> list[Output]:
+        if one.number != self._knobs.barometer:
+            return []
+        if self._repeats("pressure", one):
+            return [Rejected(stamp, "pressure: repeated", b"")]
+        if not 0.0 < one.pressure_Pa < self._knobs.largest_Pa:
+            return [Rejected(stamp, "pressure: range", b"")]
+        return [Stamped(self._baro_clock.map(one.boot_ms, stamp), Pressure(one.pressure_Pa, one.temperature_C))]
+
+    def _on_text(self, one: StatusText, stamp: Stamp) -> list[Output]:
+        if not one.text.startswith(LEAK):
+            return []
+        self._wet_at = self._leak_at = stamp
+        return [Stamped(stamp, Leak(wet=True))]
+
+    def _report_leak(self, stamp: Stamp) -> list[Output]:
+        """Whether the autopilot warns of a leak, every second while it speaks."""
+        if not self.ready or seconds_between(self._leak_at, stamp) < LEAK_EVERY_S:
+            return []
+        self._leak_at = stamp
+        wet = self._wet_at is not None and seconds_between(self._wet_at, stamp) < DRY_AFTER_S
+        reading: Reading = Leak(wet=wet)
+        return [Stamped(stamp, reading)]
+
+    def _repeats(self, what: str, one: object) -> bool:
+        before, self._last[what] = self._last.get(what), one
+        return before == one
+
+
+def _within(vector: tuple[float, float, float], most: float) -> bool:
+    return max(map(abs, vector)) <= most
+
+
+DRIVER = Driver(ArduSubKnobs, lambda knobs, _mount, _vehicle: ArduSub(knobs))

@@ -1,0 +1,111 @@
+"""Messages of an autopilot against frames of pymavlink, and what we send and emulate as pymavlink reads it."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from pymavlink.dialects.v20 import ardupilotmega
+
+from hindrax_core.events import Stamp
+from hindrax_drivers.protocols import ardupilot, mavlink
+from hindrax_drivers.protocols.ardupilot import (
+    FROM_AUTOPILOT,
+    Attitude,
+    Barometer,
+    Distance,
+    EstimatorStatus,
+    LocalPosition,
+    NamedFloat,
+    ParameterValue,
+    RawImu,
+    ServoOutput,
+    Supply,
+    Version,
+)
+from hindrax_drivers.protocols.mavlink import Decoder, MavlinkFrame
+from hindrax_sim.devices.ardupilot import firmware, wire
+
+CASES = yaml.safe_load(Path(__file__).with_name("cases.yaml").read_text())
+READ: dict[str, object] = {
+    "attitude": Attitude(5000, (0.125, -0.25, 1.5), (0.5, -0.75, 0.0625)),
+    "pressure": Barometer(5000, 2, 121325.0, 18.5),
+    "supply": Supply(15.23, 4.12),
+    "servos": ServoOutput(77, (*map(float, range(1500, 1508)), 1100.0, *(0.0,) * 7)),
+    "distance": Distance(9, 2.15, 25, 1.0),
+    "parameter": ParameterValue("FRAME_CONFIG", 2.0),
+    "version": Version((4, 5, 1)),
+    "estimator": EstimatorStatus(129),
+    "gain": NamedFloat("PilotGain", 0.25),
+    "position": LocalPosition(9, (1.5, -2.5, 0.75), (0.25, -0.5, 0.125)),
+}
+
+
+def read(name: str) -> Any:
+    (frame,) = Decoder(FROM_AUTOPILOT).feed(bytes.fromhex(CASES[name]), Stamp(1))
+    assert isinstance(frame, MavlinkFrame)
+    return frame.message
+
+
+def judged(data: bytes) -> Any:
+    (found,) = ardupilotmega.MAVLink(None).parse_buffer(data)
+    return found
+
+
+@pytest.mark.parametrize("name", READ)
+def test_a_message_is_read_in_si_units(name: str) -> None:
+    assert read(name) == READ[name]
+
+
+def test_inertial_samples_are_of_mg_mrad_per_s_and_mgauss() -> None:
+    found: RawImu = read("raw_imu")
+    assert found.boot_us == 12_345_678
+    assert found.force_mps2 == pytest.approx((0.117680, -0.333426, -9.816457), abs=1e-6)
+    assert found.rate_radps == pytest.approx((0.1, -0.2, 0.3))
+    assert found.field_T == pytest.approx((17.5e-6, 0.0, -13.8e-6))
+    assert found.temperature_C == 25.12
+    assert math.isnan(read("raw_imu_without_temperature").temperature_C)
+
+
+def test_what_is_not_measured_is_no_number() -> None:
+    found: Supply = read("supply_unmeasured")
+    assert math.isnan(found.voltage_V)
+    assert math.isnan(found.current_A)
+
+
+def test_what_we_send_is_read_by_pymavlink() -> None:
+    sticks = judged(mavlink.encode(ardupilot.manual_control((100, -200, 620, 300, -40, 25), 7), 0, 255))
+    assert (sticks.get_srcSystem(), sticks.target, sticks.buttons, sticks.buttons2) == (255, 7, 0, 0)
+    assert (sticks.x, sticks.y, sticks.z, sticks.r) == (100, -200, 620, 300)
+    assert (sticks.enabled_extensions, sticks.s, sticks.t) == (3, -40, 25)
+    test = judged(mavlink.encode(mavlink.command_long(209, [3, 1, 1622, 0.5, 0, 2], 0, 7), 0, 255))
+    assert (test.target_system, test.target_component, test.command) == (7, 1, 209)
+    assert (test.param1, test.param2, test.param3, test.param4, test.param6) == (3, 1, 1622, 0.5, 2)
+    asked = judged(mavlink.encode(ardupilot.read_parameter("SERVO16_FUNCTION", 7), 0, 255))
+    assert (asked.target_system, asked.param_index, asked.param_id) == (7, -1, "SERVO16_FUNCTION")
+    beat = judged(mavlink.encode(ardupilot.beat(6), 0, 255))
+    assert (beat.type, beat.autopilot, beat.base_mode) == (6, 8, 0)
+
+
+def test_the_emulated_autopilot_speaks_as_pymavlink_reads() -> None:
+    board = firmware.ArduSub((), now_s=0.0)
+    end = ardupilotmega.MAVLink(None, srcSystem=255, srcComponent=190)
+    found: dict[str, Any] = {}
+    for number in (1, 27, 30, 36, 65, 137, 148, 193, 251):
+        order = end.command_long_encode(1, 1, 512, 0, number, 0, 0, 0, 0, 0, 0).pack(end)
+        for one in ardupilotmega.MAVLink(None).parse_buffer(board.receive(bytes(order), 0.0)):
+            found[one.get_type()] = one
+    assert found["COMMAND_ACK"].result == 0
+    assert found["SYS_STATUS"].voltage_battery == 14800
+    assert found["RAW_IMU"].zacc == pytest.approx(-1000, abs=12)
+    assert found["SCALED_PRESSURE2"].press_abs == pytest.approx(1013.25, abs=1.5)
+    assert found["RC_CHANNELS"].chan6_raw == 1500
+    assert found["NAMED_VALUE_FLOAT"].name == "PilotGain"
+    assert len(found) == 10
+
+
+def test_the_emulator_has_the_layouts_of_pymavlink() -> None:
+    for number, layout in wire.LAYOUTS.items():
+        theirs = ardupilotmega.mavlink_map[number]
+        assert (layout.extra, layout.fields.size) == (theirs.crc_extra, theirs.unpacker.size), theirs.msgname
