@@ -303,6 +303,13 @@ class Vehicle:
         """Names of the sensors on board that measure something, in the order of the file."""
         return tuple(name for name, mount in self.sensors.items() if capability in capabilities(mount))
 
+    @property
+    def on_output_line(self) -> tuple[str, ...]:
+        """Names of the sensors that are on the line of the output: without a port, and of its kind."""
+        return tuple(
+            name for name, mount in self.sensors.items() if mount.device == self.output.device and not mount.port
+        )
+
     def output_channels(self) -> tuple[int, ...]:
         """Channels of the output: of the thrusters, in order, then of the lamps. UsageError where two share one.
 

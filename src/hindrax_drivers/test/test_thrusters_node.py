@@ -191,7 +191,7 @@ def test_the_output_is_opened_with_the_rest_of_the_guard_whose_knobs_are_paramet
     monkeypatch.setattr(thrusters_node, "open_output", lambda *words, **more: opened.append((words, more)))
     bench.thread.make()
     words = (VEHICLE, "/dev/i2c-1", "mock:clock", bench.node.tap.add, "thrusters")
-    assert opened == [(words, {"neutral": neutral})]
+    assert opened == [(words, {"neutral": neutral, "riders": []})]
 
 
 def test_parameters_are_fixed_at_start(make: Make) -> None:
@@ -446,7 +446,13 @@ def test_the_process_ends_with_the_dead_man_and_never_blocks_on_its_beat(monkeyp
     happened: list[Any] = []
     libc = SimpleNamespace(prctl=lambda *words: happened.append(words))
     monkeypatch.setattr(thrusters_node, "ctypes", SimpleNamespace(CDLL=lambda _name: libc))
-    monkeypatch.setattr(thrusters_node, "ThrustersNode", lambda settings, to: (settings.vehicle.name, to))
+    made: list[Any] = []
+
+    def make_node(settings: Settings, to: int) -> Any:
+        made.append(SimpleNamespace(name=settings.vehicle.name, beat=to, sensors=["a sensor on its line"]))
+        return made[0]
+
+    monkeypatch.setattr(thrusters_node, "ThrustersNode", make_node)
     monkeypatch.setattr(thrusters_node, "watch_parent", lambda at, node: happened.append((at, node)))
 
     def spin(make: Callable[[], Sequence[Any]], words: list[str]) -> int:
@@ -456,8 +462,10 @@ def test_the_process_ends_with_the_dead_man_and_never_blocks_on_its_beat(monkeyp
     monkeypatch.setattr(thrusters_node, "spin", spin)
     words = ["--ros-args", "-p", f"vehicle:={FILE}"]
     assert thrusters_node.main(words, beat, life) == 3
-    node = ("hindrax", beat)
-    assert happened == [(1, signal.SIGTERM), (life, node), [node], ["thrusters", *words]]  # prctl(2): PR_SET_PDEATHSIG
+    (node,) = made
+    nodes = [node, "a sensor on its line"]
+    assert (node.name, node.beat) == ("hindrax", beat)
+    assert happened == [(1, signal.SIGTERM), (life, node), nodes, ["thrusters", *words]]  # prctl(2): PR_SET_PDEATHSIG
     assert not os.get_blocking(beat)
     os.close(life)
     os.close(beat)

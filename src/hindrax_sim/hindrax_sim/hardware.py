@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from typing import Self
+from typing import Any, Self
 
 from hindrax_core.bus_operations import EDGES
 from hindrax_core.errors import UsageError, cause
@@ -108,6 +108,8 @@ class Hardware:
         self._faults, self._inject = faults, fault_registry.fault_injector(self.world, faults, to_s(START))
         self._attach_output(seed)
         for number, (name, mount) in enumerate(vehicle.sensors.items()):
+            if name in vehicle.on_output_line:
+                continue
             self._attach(name, mount, seed * 101 + number)
         self.world.settle(START)
         self._set_truths()
@@ -170,8 +172,12 @@ class Hardware:
         """What makes the pulses at the far end of a line."""
         if self.vehicle.output.device == "ardusub":
             autopilot = ArduSub(self.vehicle.thrusters, seed, to_s(START))
-            at = self.world.mounting(Mount("ardusub"))
-            self._truth_setters.append(lambda now_s: autopilot.set_truth(autopilot_truth(self.world, at), now_s))
+            name = next(iter(self.vehicle.on_output_line), "")
+            at = self.world.mounting(self.world.vehicle.sensors.get(name, Mount("ardusub")))
+            observed: Any = fault_registry.altered_truth(name, self._faults, to_s(START))
+            self._truth_setters.append(
+                lambda now_s: autopilot.set_truth(observed(autopilot_truth(self.world, at), now_s), now_s)
+            )
             return autopilot
         board = Stm32(len(self._channels), len(self.vehicle.output.light_channels), to_s(START))
         board.set_truth(Battery(self.vehicle.supply_V), to_s(START))

@@ -159,7 +159,8 @@ def make_nodes() -> Sequence[Node]:
     vehicle = load_vehicle(text(with_vehicle, "vehicle", "", "vehicle file [-]"))
     wires = WireHosts()
     for name, mount in vehicle.sensors.items():
-        wires.add(name, mount, vehicle)
+        if name not in vehicle.on_output_line:  # those are read by who owns that line
+            wires.add(name, mount, vehicle)
     wires.open_buses()
     return [with_vehicle, *wires.nodes]
 

@@ -19,13 +19,14 @@ from dataclasses import dataclass
 
 from rclpy.node import Node
 
-from hindrax_core.driver_interface import Output
+from hindrax_core.driver_interface import Output, SerialDevice
 from hindrax_core.events import Rejected, Stamp, Stamped, seconds_between
 from hindrax_core.input_checks import SinglePublisher
 from hindrax_core.readings import AppliedPulses, Battery
 from hindrax_core.signals import AppliedOutput
 from hindrax_core.text.refusals import Reason, Refusal
 from hindrax_core.topics import BATTERY, LIGHTS, THRUSTER_COMMAND, THRUSTER_STATE
+from hindrax_drivers.driver_registry import driver_of
 from hindrax_drivers.lifecycle import ON_REQUEST, State
 from hindrax_drivers.nodes.device_node import DeviceNode
 from hindrax_drivers.nodes.thruster_settings import (
@@ -45,7 +46,7 @@ from hindrax_drivers.output.output_guard import (
     Request,
     guard_of,
 )
-from hindrax_drivers.output.output_ports import ThrusterOutput, open_output
+from hindrax_drivers.output.output_ports import Rider, ThrusterOutput, open_output
 from hindrax_drivers.output.output_thread import OutputThread
 from hindrax_msgs.srv import Arm
 from hindrax_ros.graph import publisher, publishers_of, subscription
@@ -79,6 +80,7 @@ class ThrustersNode(DeviceNode):
         if settings.alone:
             knobs(self, OutputAlone)
         self._guard = guard_of(settings.vehicle, knobs(self, OutputGuardKnobs, fixed={"": SAFETY}))
+        self._riders: list[Rider] = []
         self._phase = self._reason = ""
         self._confirms = False
         self._commander, self._unfit, self._look_s = SinglePublisher(), "", 0.0
@@ -88,6 +90,8 @@ class ThrustersNode(DeviceNode):
         self._battery, self._battery_bytes = None, writer("battery")
         if settings.vehicle.output.on_line and not settings.vehicle.measuring("supply"):
             self._battery = publisher(self, BATTERY)
+        self.sensors = [self._sensor(name) for name in settings.vehicle.on_output_line]
+        """Nodes of the sensors on the line of the output, which one process only can own."""
         self._thread = OutputThread(self._open, self._guard, self, self._beat)
         self.ready = lambda: self._thread.ready
         self.now = lambda: self._thread.now
@@ -96,6 +100,16 @@ class ThrustersNode(DeviceNode):
         subscription(self, LIGHTS, lambda message: self._thread.light(tuple(message.data)))
         self.create_service(Arm, "thrusters/arm", self._on_arm)
         self._thread.start()
+
+    def _sensor(self, name: str) -> DeviceNode:
+        """Make the node of a sensor whose bytes come on the line of the output."""
+        vehicle = self._settings.vehicle
+        mount = vehicle.sensors[name]
+        node, row = DeviceNode(name, vehicle, mount.device, publish_queue=self.publish_queue), driver_of(mount.device)
+        device: SerialDevice = row.make(knobs(node, row.knobs), mount, vehicle)
+        node.ready, node.now = lambda: device.ready, lambda: self._thread.now
+        self._riders.append(Rider(device, node.deliver, node.frame))
+        return node
 
     def abandon(self, reason: str) -> None:
         """Write neutral now, because the dead man is gone."""
@@ -207,7 +221,8 @@ class ThrustersNode(DeviceNode):
 
     def _open(self) -> ThrusterOutput:
         settings, neutral = self._settings, self._guard.neutral
-        return open_output(settings.vehicle, settings.port, settings.clock, self.tap.add, NAME, neutral=neutral)
+        wires = (settings.vehicle, settings.port, settings.clock, self.tap.add, NAME)
+        return open_output(*wires, neutral=neutral, riders=self._riders)
 
     def _beat(self, word: bytes = b"!") -> None:
         with contextlib.suppress(BlockingIOError, BrokenPipeError):  # no reader; `watch_parent` handles it
@@ -267,6 +282,6 @@ def main(arguments: Sequence[str], beat: int, life: int) -> int:
     def make() -> Sequence[Node]:
         node = ThrustersNode(settings, beat)
         watch_parent(life, node)
-        return [node]
+        return [node, *node.sensors]
 
     return spin(make, ["thrusters", *arguments])

@@ -3,12 +3,13 @@
 One thread owns an output and its clock, that of all decisions about safety; only `wake` may be called by others.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Protocol, TypeAlias, TypeVar
 
 from hindrax_core.bus_operations import DeviceError, Program, Transaction, pack_transaction, run
-from hindrax_core.driver_interface import Output
+from hindrax_core.driver_interface import Output, SerialDevice
 from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.readings import AppliedPulses
 from hindrax_core.vehicle import Vehicle
@@ -126,11 +127,21 @@ class OutputDevice(Protocol):
         """Why it does not follow although it should be armed; empty where it does."""
 
 
-class LineOutput:
-    """An output with a mind of its own on a serial port, or in a network."""
+@dataclass(frozen=True, slots=True)
+class Rider:
+    """A sensor on the line of the output: its driver, and who takes its outputs and frames."""
 
-    def __init__(self, path: str, device: OutputDevice, clock: Clock, tap: Tap) -> None:
+    device: SerialDevice
+    deliver: Callable[[Iterable[Output]], None]
+    tap: Tap
+
+
+class LineOutput:
+    """An output with a mind of its own on a serial port, or in a network, and the sensors on the same line."""
+
+    def __init__(self, path: str, device: OutputDevice, clock: Clock, tap: Tap, riders: Sequence[Rider] = ()) -> None:
         self._path, self._device, self._clock, self._tap = path, device, clock, tap
+        self._riders = riders
         self._port: Line | None = None
         self._outputs: list[Output] = []
         self._seen: tuple[float, ...] = ()
@@ -150,7 +161,11 @@ class LineOutput:
         if self._port is None or not self._device.settling:
             self.close_port()
             self._port = open_line(self._path, self._device.baud, self._clock)
-            self._outputs = self._send(self._device.start(self._clock.now()))
+            now = self._clock.now()
+            self._outputs = self._send(self._device.start(now))
+            for rider in self._riders:
+                rider.tap(now, True, b"")  # an empty frame marks a restart of the device
+                self._ride(rider, rider.device.start(now))
         deadline = after(self._clock.now(), FOUND_WITHIN_S)
         while not self._device.ready:
             if self._clock.now() >= deadline:
@@ -182,6 +197,10 @@ class LineOutput:
             self._tap(stamp, False, data)
             outputs += self._send(self._device.feed(data, stamp))
         outputs += self._send(self._device.tick(stamp))
+        for rider in self._riders:
+            if data:
+                rider.tap(stamp, False, data)
+            self._ride(rider, [*(rider.device.feed(data, stamp) if data else ()), *rider.device.tick(stamp)])
         for one in outputs:
             if isinstance(one, Stamped) and isinstance(one.reading, AppliedPulses):
                 self._seen = one.reading.pulses_us
@@ -211,6 +230,11 @@ class LineOutput:
             self._port.close()
             self._port = None
 
+    def _ride(self, rider: Rider, outputs: Iterable[Output]) -> None:
+        """Send what a sensor asks for, and hand on what it has read."""
+        if self._port is not None and (kept := self._port.send_all(outputs, rider.tap)):
+            rider.deliver(kept)
+
     def _send(self, outputs: Iterable[Output]) -> list[Output]:
         return [] if self._port is None else self._port.send_all(outputs, self._tap)
 
@@ -218,15 +242,19 @@ class LineOutput:
 ThrusterOutput: TypeAlias = RegisterOutput | LineOutput
 
 
-def open_output(vehicle: Vehicle, port: str, clock: str, tap: Tap, name: str, *, neutral: Pulses) -> ThrusterOutput:
+def open_output(
+    vehicle: Vehicle, port: str, clock: str, tap: Tap, name: str, *, neutral: Pulses, riders: Sequence[Rider] = ()
+) -> ThrusterOutput:
     """Open the output of a vehicle file at a port ("mock:..." too), set up to the neutral of its guard.
+
+    `riders`: sensors on its line.
 
     DeviceError says what is missing.
     """
     if vehicle.output.device == "stm32":
         return LineOutput(port, Stm32(vehicle.output_channels()), open_clock(clock, name), tap)
     if vehicle.output.device == "ardusub":
-        return LineOutput(port, ArduSub(vehicle), open_clock(clock, name), tap)
+        return LineOutput(port, ArduSub(vehicle), open_clock(clock, name), tap, riders)
     line = open_enable_line(vehicle.output, port)
     try:
         return RegisterOutput(open_bus(port, name), pca9685_of(vehicle, neutral.all_us), line, tap)
