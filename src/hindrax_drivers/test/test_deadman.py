@@ -51,6 +51,7 @@ class Neutral:
 
     def __init__(self, _settings: object) -> None:
         self.writes, self.trouble, self.waits, self.woken, self.closed = 0, "", 0, 0, False
+        self.armed = self.blocked = False
         self.clock = self
 
     def now(self) -> Stamp:
@@ -65,6 +66,9 @@ class Neutral:
 
     def wake(self) -> None:
         self.woken += 1
+
+    def release(self) -> None:
+        pass
 
     def close(self) -> None:
         self.closed = True

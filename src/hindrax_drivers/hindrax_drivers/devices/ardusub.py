@@ -16,7 +16,7 @@ from hindrax_core.driver_interface import Identity, Output, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, seconds_between
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Inertial, Leak, Magnetic, Pressure, Reading
-from hindrax_drivers.devices.ardupilot.link import Link
+from hindrax_drivers.devices.ardupilot.link import BAUD, Link
 from hindrax_drivers.driver import Driver, SilenceMonitor
 from hindrax_drivers.protocols.ardupilot import (
     RAW_IMU,
@@ -29,7 +29,6 @@ from hindrax_drivers.protocols.ardupilot import (
 from hindrax_drivers.protocols.mavlink import StatusText
 from hindrax_drivers.timebase import Break, Timebase
 
-BAUD = 115200
 SUBMARINE = 12
 BAROMETERS = (SCALED_PRESSURE, SCALED_PRESSURE2, SCALED_PRESSURE3)
 ASK_AGAIN_S = 1.0

@@ -26,10 +26,21 @@ from hindrax_core.bus_operations import DeviceError, run
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import Stamp, after, seconds_between
 from hindrax_drivers.buses.clock import Clock, RegisterBus, SystemClock, pause
-from hindrax_drivers.buses.ports import open_bus
+from hindrax_drivers.buses.line import Line, open_line
+from hindrax_drivers.buses.ports import open_bus, open_clock
+from hindrax_drivers.devices.ardupilot.farewell import Farewell
+from hindrax_drivers.devices.ardupilot.link import BAUD
 from hindrax_drivers.devices.pca9685 import Pca9685, pca9685_of
 from hindrax_drivers.nodes.stop_request import StopRequests
-from hindrax_drivers.nodes.thruster_settings import DISARMED_WORD, KEEPALIVE_S, STOP_WORD, Settings, read_settings
+from hindrax_drivers.nodes.thruster_settings import (
+    ARMED_WORD,
+    BEAT_WORD,
+    DISARMED_WORD,
+    KEEPALIVE_S,
+    STOP_WORD,
+    Settings,
+    read_settings,
+)
 from hindrax_drivers.nodes.thrusters import ARGUMENTS, NEUTRAL_WORD, NODE_WORD
 from hindrax_ros.heartbeat import VARIABLE, HeartbeatFile
 
@@ -40,15 +51,26 @@ SHUTDOWN_S = 4.0
 OBEYED_S = 1.0
 """Time by the monotonic clock in which the node disarms on request; then it is killed."""
 BACK_OFF_S = (0.0, 0.5, 1.0, 2.0, 4.0)
+FAREWELL_S = 1.5
+"""An autopilot's heartbeat comes every second."""
 WELL_AFTER_S = 10.0
 """A child that lived this long was well: the next one is started at once."""
 
 
 class NeutralWriter:
-    """Writes neutral without the node. An STM32 does that itself: then the dead man only waits."""
+    """Writes neutral without the node. An STM32 does that itself: then the dead man only waits.
+
+    An ArduSub does it too, but by sticks only after three seconds: it is disarmed, where the node had armed it.
+    """
 
     def __init__(self, settings: Settings) -> None:
         self._port = settings.port
+        self.armed = False
+        """Whether the node had armed the output, as far as its beats say so."""
+        self._farewell = Farewell() if settings.vehicle.output.device == "ardusub" else None
+        self._line: Line | None = None
+        self._clock_port = settings.clock
+        self._clock: Clock | None = None
         vehicle, rest_us = settings.vehicle, settings.guard.neutral.all_us
         self._chip: Pca9685 | None = None if vehicle.output.on_line else pca9685_of(vehicle, rest_us)
         self._bus: RegisterBus | None = None
@@ -58,12 +80,22 @@ class NeutralWriter:
 
     @property
     def clock(self) -> Clock:
-        """Clock of the bus; without one, of the stack."""
-        return self._stack_clock if self._bus is None else self._bus
+        """Clock of the bus or of the line; without one, of the stack."""
+        if self._farewell is not None and self._clock is None and self._clock_port != "system":
+            with contextlib.suppress(DeviceError):  # the mock may not be there yet
+                self._clock = open_clock(self._clock_port, "thrusters dead man")
+        return self._bus or self._clock or self._stack_clock
+
+    @property
+    def blocked(self) -> bool:
+        """Whether the node holds the line that neutral has to go over."""
+        return self._farewell is not None and self.armed and bool(self.trouble)
 
     def write(self) -> None:
         """Neutral first; then make sure that the chip is set up as it should be. What fails is tried again."""
         if self._chip is None:
+            if self._farewell is not None and self.armed:
+                self._say(self._farewell)
             return
         try:
             if self._bus is None:
@@ -75,10 +107,36 @@ class NeutralWriter:
                 report(f"cannot write neutral: {error}")
             self.trouble = str(error)
 
+    def _say(self, farewell: Farewell) -> None:
+        """Disarm the autopilot; the line is free again once it has said that it is."""
+        try:
+            if self._line is None:
+                self._line = open_line(self._port, BAUD, self.clock)
+            farewell.feed(*self._line.read())
+            self._line.send_all(farewell.say(), lambda *_: None)
+            self.trouble = ""
+        except DeviceError as error:
+            if str(error) != self.trouble:
+                report(f"cannot disarm: {error}")
+            self.trouble = str(error)
+        if self.trouble or farewell.done:
+            self.release()
+        if farewell.done:
+            self.armed, self._farewell = False, Farewell()
+
+    def release(self) -> None:
+        """Leave the line to the node."""
+        if self._line is not None:
+            self._line.close()
+        self._line = None
+
     def close(self) -> None:
-        """Close the bus and the clock."""
+        """Close the bus, the line and the clocks."""
         if self._bus is not None:
             self._bus.close()
+        self.release()
+        if self._clock is not None:
+            self._clock.close()
         self._stack_clock.close()
 
 
@@ -97,6 +155,8 @@ class WatchedProcess:
     """Time at which it was asked to disarm."""
     disarmed: bool = False
     """Whether it has put neutral on the wire since."""
+    armed: bool = False
+    """Whether its last beat said so."""
 
     @classmethod
     def start(cls, arguments: Sequence[str]) -> "WatchedProcess":
@@ -125,6 +185,7 @@ class WatchedProcess:
             return True
         if data:
             self.beaten_at, self.beaten_s = now, time.monotonic()
+            self.armed = data.rfind(ARMED_WORD) > data.rfind(BEAT_WORD)
         self.disarmed |= DISARMED_WORD in data
         return bool(data)
 
@@ -177,6 +238,7 @@ class DeadMan:
             child = WatchedProcess.start(self._arguments)
             code = self._watch(child)
             self._neutral.write()
+            self._see_disarmed()
             self._answer("the node had ended, or was killed because it did not disarm")
             if self._asked_s is not None or code in (0, UsageError.exit_code):
                 break
@@ -206,12 +268,25 @@ class DeadMan:
                 child.handle.kill()
             now = self._neutral.clock.now()
             look_at = child.silent_from(now)
-            if look_at <= now:
+            if look_at > now:
+                self._neutral.armed = child.armed
+            else:
                 self._neutral.write()
+                if self._neutral.blocked:  # it is frozen, and what it holds must be neutral
+                    child.handle.kill()
                 look_at = after(now, REPEAT_S)
             self._neutral.clock.sleep_until(look_at, child.beats)
         self._neutral.write()
         return child.reap()
+
+    def _see_disarmed(self) -> None:
+        """Repeat until the output says that it is disarmed, where it can and was armed, but not for long."""
+        end_s = time.monotonic() + FAREWELL_S
+        while self._neutral.armed and time.monotonic() < end_s:
+            self._heartbeat.beat(time.monotonic())
+            self._neutral.write()
+            self._neutral.clock.sleep_until(after(self._neutral.clock.now(), REPEAT_S))
+        self._neutral.release()
 
     def _obeys(self, child: WatchedProcess, now_s: float) -> bool:
         """Pass requests to stop on to the node; False when it has not disarmed in time. It starts disarmed."""

@@ -23,6 +23,8 @@ KEEPALIVE_S = 0.2
 """Period of the keepalives from the dead man to the node [wall time]."""
 STOP_WORD, DISARMED_WORD = b"s", b"d"
 """Among the keepalives: disarm. Among the beats of the node: disarmed since, and neutral was written."""
+BEAT_WORD, ARMED_WORD = b"!", b"a"
+"""A beat of the node, and one while it is armed."""
 NO_VEHICLE = Vehicle("no vehicle", mass_kg=1.0, volume_m3=1e-3, envelope_m=(0.1, 0.1, 0.1))
 """For a device that stands alone: nothing is known of what it is on."""
 

@@ -30,6 +30,8 @@ from hindrax_drivers.driver_registry import driver_of
 from hindrax_drivers.lifecycle import ON_REQUEST, State
 from hindrax_drivers.nodes.device_node import DeviceNode
 from hindrax_drivers.nodes.thruster_settings import (
+    ARMED_WORD,
+    BEAT_WORD,
     DISARMED_WORD,
     KEEPALIVE_S,
     STOP_WORD,
@@ -224,7 +226,8 @@ class ThrustersNode(DeviceNode):
         wires = (settings.vehicle, settings.port, settings.clock, self.tap.add, NAME)
         return open_output(*wires, neutral=neutral, riders=self._riders)
 
-    def _beat(self, word: bytes = b"!") -> None:
+    def _beat(self, word: bytes = b"") -> None:
+        word = word or (ARMED_WORD if self._phase == ArmingPhase.ARMED else BEAT_WORD)
         with contextlib.suppress(BlockingIOError, BrokenPipeError):  # no reader; `watch_parent` handles it
             os.write(self._beat_to, word)
 

@@ -21,6 +21,7 @@ GCS_SYSTEM = 255
 """System of the ground station whose sticks ArduPilot obeys, unless its parameter says otherwise."""
 GCS_PARAMETERS = ("MAV_GCS_SYSID", "SYSID_MYGCS")
 """That parameter: from 4.7 on, and before."""
+BAUD = 115200
 HEARTBEAT_S = 1.0
 ANSWER_S, ATTEMPTS = 0.3, 4
 """Wait for an answer, and how often a request is sent before it counts as unanswered."""

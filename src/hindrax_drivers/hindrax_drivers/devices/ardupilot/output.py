@@ -20,7 +20,7 @@ from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
 from hindrax_core.readings import AppliedPulses, Battery, DeviceText
 from hindrax_core.vehicle import Vehicle
-from hindrax_drivers.devices.ardupilot.link import ACCEPTED, ATTEMPTS, IN_PROGRESS, Link
+from hindrax_drivers.devices.ardupilot.link import ACCEPTED, ATTEMPTS, BAUD, IN_PROGRESS, Link
 from hindrax_drivers.devices.ardupilot.mixer import FACTORS, CENTER_us, Mixer, Motor, thrust_table
 from hindrax_drivers.protocols import ardupilot
 from hindrax_drivers.protocols.ardupilot import (
@@ -34,7 +34,6 @@ from hindrax_drivers.protocols.ardupilot import (
 )
 from hindrax_drivers.protocols.mavlink import CommandAck, StatusText
 
-BAUD = 115200
 SUBMARINE, MANUAL = 12, 19
 """MAV_TYPE_SUBMARINE; ArduSub's number of its mode MANUAL."""
 FIRST_MOTOR, MOST_MOTORS = 33, 8
