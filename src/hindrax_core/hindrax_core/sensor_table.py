@@ -106,6 +106,7 @@ _PING = {"range": 20, "profile": 0, "supply": 0.1, "processor_temperature": 0.1,
 _A50 = dict.fromkeys(("velocity", "detail", "altitude"), 10)
 _IMU = {"data_raw": 225, "mag": 25, "die_temperature": 1}
 _AUTOPILOT = {"data_raw": 50, "mag": 10, "pressure": 20, "temperature": 2, "leak": 1}
+_ESTIMATOR = dict.fromkeys(("velocity", "detail"), 20)
 _DEPTH = {"pressure": 50, "temperature": 5}
 
 _OWN_WAY = ("reset_dead_reckoning", "calibrate_gyro")
@@ -122,6 +123,7 @@ SENSORS: tuple[Sensor, ...] = (
     ),
     Sensor("ping1d", "serial", _PING, "Blue Robotics Ping", ("range",), services=("request_profile",)),
     Sensor("ardusub", "serial", _AUTOPILOT, "ArduSub: IMU, compass, Bar30, leak", ("rates", "field", "depth", "leak")),
+    Sensor("ardusub_ekf", "serial", _ESTIMATOR, "velocity by ArduSub's estimator, if aided", ("velocity",)),
     Sensor("icm20948", "i2c", _IMU, "TDK ICM-20948 with AK09916", ("rates", "field")),
     Sensor("ms5837", "i2c", _DEPTH, "TE MS5837 (Bar30, Bar02)", ("depth", "temperature")),
     Sensor("bme280", "i2c", _AIR, "Bosch BME280 or BMP280, air in the hull", ("air",)),

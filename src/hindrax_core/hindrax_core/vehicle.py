@@ -24,6 +24,8 @@ MOST_THRUSTERS = 16
 USUAL_V = 14.8
 """Four lithium cells, nominal."""
 
+OF_OUTPUT: Mapping[str, tuple[str, ...]] = {"ardusub": ("ardusub", "ardusub_ekf")}
+"""Kinds of sensors that an output has on its own line."""
 LAST_LINE = 127
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 NAMED_OTHERWISE = frozenset(
@@ -306,9 +308,8 @@ class Vehicle:
     @property
     def on_output_line(self) -> tuple[str, ...]:
         """Names of the sensors that are on the line of the output: without a port, and of its kind."""
-        return tuple(
-            name for name, mount in self.sensors.items() if mount.device == self.output.device and not mount.port
-        )
+        kinds = OF_OUTPUT.get(self.output.device, ())
+        return tuple(name for name, mount in self.sensors.items() if mount.device in kinds and not mount.port)
 
     def output_channels(self) -> tuple[int, ...]:
         """Channels of the output: of the thrusters, in order, then of the lamps. UsageError where two share one.

@@ -14,13 +14,15 @@ from hindrax_core.readings import Battery, Vec3
 from hindrax_core.sensor_table import row_of
 from hindrax_core.vehicle import Mount, Vehicle
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
-from hindrax_sim.devices.ardupilot.firmware import ArduSub, autopilot_truth
+from hindrax_sim.devices.ardupilot.firmware import ArduSub, AutopilotTruth, autopilot_truth
+from hindrax_sim.devices.ardusub_ekf import aided
+from hindrax_sim.devices.dvl75 import dvl_truth
 from hindrax_sim.devices.emulator import Emulator, SerialEmulator
 from hindrax_sim.devices.pca9685 import LoopBack, Pca9685
 from hindrax_sim.devices.stm32 import Stm32
 from hindrax_sim.faults import fault_registry
 from hindrax_sim.physics.plant import Plant
-from hindrax_sim.world import Conditions, World
+from hindrax_sim.world import Conditions, Mounting, World
 
 START = stamp_from_s(10.0)
 STEP_s = 0.005
@@ -172,16 +174,31 @@ class Hardware:
         """What makes the pulses at the far end of a line."""
         if self.vehicle.output.device == "ardusub":
             autopilot = ArduSub(self.vehicle.thrusters, seed, to_s(START))
-            name = next(iter(self.vehicle.on_output_line), "")
-            at = self.world.mounting(self.world.vehicle.sensors.get(name, Mount("ardusub")))
-            observed: Any = fault_registry.altered_truth(name, self._faults, to_s(START))
-            self._truth_setters.append(
-                lambda now_s: autopilot.set_truth(observed(autopilot_truth(self.world, at), now_s), now_s)
-            )
+            known = self._known_to_autopilot()
+            self._truth_setters.append(lambda now_s: autopilot.set_truth(known(now_s), now_s))
             return autopilot
         board = Stm32(len(self._channels), len(self.vehicle.output.light_channels), to_s(START))
         board.set_truth(Battery(self.vehicle.supply_V), to_s(START))
         return board
+
+    def _known_to_autopilot(self) -> Callable[[float], AutopilotTruth]:
+        """What is true at an autopilot, by the sensors on its line."""
+        named = {self.vehicle.sensors[name].device: name for name in self.vehicle.on_output_line}
+
+        def at(device: str) -> tuple[Mounting, Any]:
+            name = named.get(device, "")
+            mount = self.world.vehicle.sensors.get(name, Mount(device))
+            return self.world.mounting(mount), fault_registry.altered_truth(name, self._faults, to_s(START))
+
+        (place, observed), (aid_place, observed_aid) = at("ardusub"), at("ardusub_ekf")
+
+        def known(now_s: float) -> AutopilotTruth:
+            truth: AutopilotTruth = observed(autopilot_truth(self.world, place), now_s)
+            if "ardusub_ekf" not in named:
+                return truth
+            return aided(truth, observed_aid(dvl_truth(self.world, aid_place), now_s))
+
+        return known
 
     def _attach(self, name: str, mount: Mount, seed: int) -> None:
         row = emulator_of(mount.device)

@@ -12,12 +12,13 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from hindrax_core.driver_interface import Identity, Output, Trouble
+from hindrax_core.driver_interface import Output
 from hindrax_core.events import Rejected, Stamp, Stamped, seconds_between
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Inertial, Leak, Magnetic, Pressure, Reading
-from hindrax_drivers.devices.ardupilot.link import BAUD, Link
-from hindrax_drivers.driver import Driver, SilenceMonitor
+from hindrax_drivers.devices.ardupilot.companion import Companion
+from hindrax_drivers.devices.ardupilot.link import SECOND_COMPUTER
+from hindrax_drivers.driver import Driver
 from hindrax_drivers.protocols.ardupilot import (
     RAW_IMU,
     SCALED_PRESSURE,
@@ -27,12 +28,9 @@ from hindrax_drivers.protocols.ardupilot import (
     RawImu,
 )
 from hindrax_drivers.protocols.mavlink import StatusText
-from hindrax_drivers.timebase import Break, Timebase
+from hindrax_drivers.timebase import Timebase
 
-SUBMARINE = 12
 BAROMETERS = (SCALED_PRESSURE, SCALED_PRESSURE2, SCALED_PRESSURE3)
-ASK_AGAIN_S = 1.0
-"""Silence of the samples, with heartbeats, after which the streams are asked for anew: the autopilot has restarted."""
 LEAK = "Leak Detected"
 DRY_AFTER_S, LEAK_EVERY_S = 25.0, 1.0
 """ArduSub repeats its warning of a leak every 20 s."""
@@ -56,93 +54,29 @@ class ArduSubKnobs:
 DEFAULT_KNOBS = ArduSubKnobs()
 
 
-class ArduSub:
+class ArduSub(Companion):
     """Serial device: bytes of the link in; Inertial, Magnetic, Pressure and Leak out."""
-
-    baud = BAUD
 
     def __init__(self, knobs: ArduSubKnobs = DEFAULT_KNOBS) -> None:
         self._knobs = knobs
-        streams = {RAW_IMU: knobs.imu_Hz, BAROMETERS[knobs.barometer - 1]: knobs.pressure_Hz}
-        self._link = Link((), streams, listens=True)
-        self._silence = SilenceMonitor("ardusub", "MAVLink of an ArduSub", knobs.stall_s)
         self._imu_clock = Timebase(1e-6, latency_s=knobs.latency_s, on_break=self._on_break)
         self._baro_clock = Timebase(1e-3, latency_s=knobs.latency_s)
-        self._handlers: Mapping[type, Callable[[Any, Stamp], list[Output]]] = {
-            RawImu: self._on_imu,
-            Barometer: self._on_barometer,
-            StatusText: self._on_text,
-        }
-        self._reset(Stamp(0))
+        streams = {RAW_IMU: knobs.imu_Hz, BAROMETERS[knobs.barometer - 1]: knobs.pressure_Hz}
+        super().__init__("ardusub", SECOND_COMPUTER, streams, knobs.stall_s)
 
-    def _reset(self, stamp: Stamp) -> None:
-        self._link.restart(stamp)
-        self._silence.restart(stamp)
+    def _handlers(self) -> Mapping[type, Callable[[Any, Stamp], list[Output]]]:
+        return {RawImu: self._on_imu, Barometer: self._on_barometer, StatusText: self._on_text}
+
+    def _clear(self) -> None:
         self._imu_clock.restart()
         self._baro_clock.restart()
-        self._identity = self._told = ""
-        self._sampled = self._asked = stamp
         self._last: dict[str, object] = {}
-        self._broken: list[Trouble] = []
         self._field_at = self._leak_at = Stamp(0)
         self._wet_at: Stamp | None = None
 
-    @property
-    def ready(self) -> bool:
-        """Whether an ArduSub has been recognized, and speaks."""
-        return bool(self._identity) and self._silence.condition == "well"
-
-    def start(self, stamp: Stamp) -> Iterable[Output]:
-        """Begin anew after the line was opened."""
-        self._reset(stamp)
-        return list(self._link.tick(stamp))
-
-    def feed(self, data: bytes, stamp: Stamp) -> Iterable[Output]:
-        """Decode received bytes."""
-        self._silence.last_byte = stamp
-        outputs: list[Output] = []
-        for message in self._link.feed(data, stamp):
-            on = self._handlers.get(type(message))
-            if isinstance(message, Rejected):
-                outputs.append(message)
-            elif on is not None and self._is_submarine:
-                self._silence.last_valid = stamp
-                outputs += on(message, stamp)
-        broken, self._broken = self._broken, []
-        return [*outputs, *broken]
-
-    def _on_break(self, found: Break) -> None:
-        what = "has restarted" if found.kind == "reset" else f"its clock jumped by {found.shift_s:.3g} s"
-        self._broken.append(Trouble(found.arrival, f"ardusub: {what}"))
-
     def tick(self, stamp: Stamp) -> Iterable[Output]:
-        """Heartbeat, requests, silence."""
-        outputs: list[Output] = [*self._silence.tick(stamp), *self._identify(stamp), *self._link.tick(stamp)]
-        stalled = seconds_between(max(self._sampled, self._asked), stamp) > ASK_AGAIN_S
-        if stalled and self._link.alive(stamp) and not self._link.asking:
-            self._asked = stamp
-            self._link.ask_streams()
-        return outputs + self._report_leak(stamp)
-
-    @property
-    def _is_submarine(self) -> bool:
-        return self._link.beat is not None and self._link.beat.type == SUBMARINE
-
-    def _identify(self, stamp: Stamp) -> list[Output]:
-        beat = self._link.beat
-        if beat is None or self._link.asking:
-            return []
-        if not self._is_submarine:
-            found = f"found a vehicle of MAV_TYPE {beat.type}, wanted {SUBMARINE}, an ArduSub"
-            told, self._told = self._told, found
-            return [] if told == found else [Trouble(stamp, f"ardusub: {found}")]
-        if self._identity:
-            return []
-        version = f" {self._link.version}" if self._link.version else ""
-        self._identity = f"ArduSub{version}, system {self._link.system}"
-        missing = ", ".join(map(str, self._link.refused))
-        lack = [Trouble(stamp, f"ardusub: does not stream messages {missing} on request")] if missing else []
-        return [Identity(self._identity), *lack]
+        """Heartbeat, requests, silence, and whether there is a leak."""
+        return [*super().tick(stamp), *self._report_leak(stamp)]
 
     def _on_imu(self, one: RawImu, stamp: Stamp) -> list[Output]:
         if self._repeats("sample", one):

@@ -14,8 +14,8 @@ def _near(found: tuple[float, ...], true: tuple[float, ...], most: float) -> boo
 def _agrees(truth: AutopilotTruth, reading: Reading) -> bool:
     """Five sigma, the steps of the wire, and what the truth does in a few milliseconds."""
     if isinstance(reading, Inertial):
-        rates = _near(reading.rate_radps, truth.rates_radps, 0.01)
-        return rates and _near(reading.specific_force_mps2, truth.force_mps2, 0.15)
+        rates = _near(reading.rate_radps, truth.rate_radps, 0.01)
+        return rates and _near(reading.specific_force_mps2, truth.specific_force_mps2, 0.15)
     if isinstance(reading, Magnetic):
         return _near(reading.field_T, truth.field_T, 2e-6)
     if isinstance(reading, Pressure):

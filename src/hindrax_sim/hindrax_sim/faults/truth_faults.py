@@ -85,9 +85,9 @@ def false_lock(truth: DvlTruth, was: DvlTruth, _dt_s: float) -> DvlTruth:
     return replace(truth, velocity_mps=(0.0, 0.0, 0.0), travel_m=was.travel_m or NOWHERE, altitude_m=NEAR_m)
 
 
-def depth_stuck(_truth: Pressure, was: Pressure, _dt_s: float) -> Pressure:
-    """The pressure sensor is clogged: it keeps the pressure that it had."""
-    return was
+def depth_stuck(truth: Any, was: Any, _dt_s: float) -> Any:
+    """The pressure sensor is clogged: it keeps the pressure that it had, whatever else its device measures."""
+    return was if isinstance(truth, Pressure) else replace(truth, water_Pa=was.water_Pa)
 
 
 def gyro_offset(truth: ImuTruth, _was: ImuTruth, _dt_s: float) -> ImuTruth:

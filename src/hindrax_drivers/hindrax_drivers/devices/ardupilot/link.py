@@ -31,8 +31,8 @@ LOST_S = 3.0
 """Silence of the heartbeat, 1 Hz, after which the autopilot counts as lost."""
 ACCEPTED, IN_PROGRESS = 0, 5
 NEVER = Stamp(0)
-SECOND_COMPUTER, COMPANION = 192, 18
-"""MAV_COMP_ID_ONBOARD_COMPUTER2, MAV_TYPE_ONBOARD_CONTROLLER."""
+SECOND_COMPUTER, THIRD_COMPUTER, COMPANION = 192, 193, 18
+"""MAV_COMP_ID_ONBOARD_COMPUTER2 and 3, MAV_TYPE_ONBOARD_CONTROLLER."""
 ARDUPILOT = 3
 """MAV_AUTOPILOT_ARDUPILOTMEGA."""
 
@@ -50,13 +50,12 @@ class Command:
 class Link:
     """One link. `wanted`: names of parameters; `streams`: rates by message number [Hz].
 
-    Who only listens is a companion of the autopilot, of its system: its heartbeat must not pass for a ground station's.
+    A `companion` has that component of the autopilot's own system: its heartbeat must not pass for a ground station's.
     """
 
-    def __init__(self, wanted: Sequence[str], streams: Mapping[int, float], *, listens: bool = False) -> None:
-        self._listens = listens
-        self._component = SECOND_COMPUTER if listens else ONBOARD_COMPUTER
-        self._wanted = () if listens else tuple(dict.fromkeys((*GCS_PARAMETERS, *wanted)))
+    def __init__(self, wanted: Sequence[str], streams: Mapping[int, float], *, companion: int = 0) -> None:
+        self._companion, self._component = companion, companion or ONBOARD_COMPUTER
+        self._wanted = () if companion else tuple(dict.fromkeys((*GCS_PARAMETERS, *wanted)))
         self._streams = dict(streams)
         self._sequence = 0
         self.restart(Stamp(0))
@@ -88,7 +87,7 @@ class Link:
     @property
     def own_system(self) -> int:
         """Our system: that of the ground station which the autopilot obeys, or that of the autopilot."""
-        if self._listens:
+        if self._companion:
             return self.system or SYSTEM
         named = (self.parameters[name] for name in GCS_PARAMETERS if name in self.parameters)
         return round(next(named, GCS_SYSTEM))
@@ -167,7 +166,7 @@ class Link:
         """Heartbeat, requests and their repetitions."""
         if not self._sent_at or seconds_between(self._sent_at, stamp) >= HEARTBEAT_S:
             self._sent_at = stamp
-            yield self.send(ardupilot.beat(COMPANION if self._listens else GROUND_STATION))
+            yield self.send(ardupilot.beat(COMPANION if self._companion else GROUND_STATION))
         if self.system:
             yield from self._ask_parameters(stamp)
             yield from self._ask_command(stamp)

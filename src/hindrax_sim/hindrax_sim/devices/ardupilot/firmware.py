@@ -16,6 +16,7 @@ from hindrax_core.readings import Vec3
 from hindrax_core.vehicle import Thruster
 from hindrax_sim.devices.ardupilot.wire import Received, Receiver, frame
 from hindrax_sim.devices.emulator import Part
+from hindrax_sim.physics.geometry import quaternion, rotate
 from hindrax_sim.world import Mounting, World
 
 SYSTEM, COMPONENT = 1, 1
@@ -46,8 +47,8 @@ class AutopilotTruth:
     """What is true at the autopilot, in SNAME axes: attitude, rates, specific force, field; water, supply, leak."""
 
     attitude_rad: Vec3 = (0.0, 0.0, 0.0)
-    rates_radps: Vec3 = (0.0, 0.0, 0.0)
-    force_mps2: Vec3 = (0.0, 0.0, -9.80665)
+    rate_radps: Vec3 = (0.0, 0.0, 0.0)
+    specific_force_mps2: Vec3 = (0.0, 0.0, -9.80665)
     field_T: Vec3 = (17.5e-6, 0.0, -13.8e-6)
     water_Pa: float = 101325.0
     water_C: float = 21.0
@@ -55,6 +56,8 @@ class AutopilotTruth:
     supply_A: float = 0.0
     range_m: float | None = None
     wet: bool = False
+    velocity_mps: Vec3 | None = None
+    """Over ground in body axes, where something aids the estimator (GPS, a DVL behind the autopilot); else None."""
 
 
 def autopilot_truth(world: World, at: Mounting) -> AutopilotTruth:
@@ -131,6 +134,7 @@ class ArduSub(Part[AutopilotTruth]):
             1: self._sys_status,
             27: self._raw_imu,
             30: self._attitude,
+            32: self._local_position,
             36: self._servo_output,
             65: self._rc_channels,
             132: self._distance,
@@ -177,6 +181,10 @@ class ArduSub(Part[AutopilotTruth]):
                     channel.due_s[number] = max(channel.due_s[number] + interval_s, now_s - interval_s)
                     self._send(channel, number, self._messages[number]())
         return self.sent(0)
+
+    def jump_clock(self, seconds: float) -> None:
+        """Fault: the time since power-up jumps."""
+        self._boot_s -= seconds
 
     def receive(self, data: bytes, now_s: float) -> bytes:
         """Bytes of the host on the first channel."""
@@ -375,11 +383,11 @@ class ArduSub(Part[AutopilotTruth]):
 
     @property
     def _ms(self) -> int:
-        return int(1e3 * (self._now_s - self._boot_s))
+        return max(0, int(1e3 * (self._now_s - self._boot_s)))
 
     @property
     def _us(self) -> int:
-        return int(1e6 * (self._now_s - self._boot_s))
+        return max(0, int(1e6 * (self._now_s - self._boot_s)))
 
     def _heartbeat(self) -> tuple[Any, ...]:
         kind = 2 if self._disguised else SUBMARINE
@@ -393,7 +401,7 @@ class ArduSub(Part[AutopilotTruth]):
     def _raw_imu(self) -> tuple[Any, ...]:
         """In mg, mrad/s and mG."""
         noise = self._random.normal(0.0, (0.02,) * 3 + (1e-3,) * 3 + (2e-7,) * 3).tolist()
-        true = (*self._truth.force_mps2, *self._truth.rates_radps, *self._truth.field_T)
+        true = (*self._truth.specific_force_mps2, *self._truth.rate_radps, *self._truth.field_T)
         units = (9.80665e-3,) * 3 + (1e-3,) * 3 + (1e-7,) * 3
         found = [round((one + error) / unit) for one, error, unit in zip(true, noise, units, strict=True)]
         if self._saturated:
@@ -402,7 +410,7 @@ class ArduSub(Part[AutopilotTruth]):
 
     def _attitude(self) -> tuple[Any, ...]:
         noise = self._random.normal(0.0, 1e-3, 6).tolist()
-        true = (*self._truth.attitude_rad, *self._truth.rates_radps)
+        true = (*self._truth.attitude_rad, *self._truth.rate_radps)
         roll, pitch, yaw, p, q, r = (one + error for one, error in zip(true, noise, strict=True))
         return self._ms, roll, pitch, math.remainder(yaw, math.tau), p, q, r
 
@@ -429,7 +437,24 @@ class ArduSub(Part[AutopilotTruth]):
 
     def _estimator(self) -> tuple[Any, ...]:
         attitude, vertical, constant_position = 1, 1 << 5, 1 << 7
-        return (0.1, 0.1, 0.1, 0.1, 0.0, attitude | vertical | constant_position, 0.0)
+        velocity, position = 0b110, 0b11000
+        aided = self._truth.velocity_mps is not None
+        return (
+            0.1,
+            0.1,
+            0.1,
+            0.1,
+            0.0,
+            attitude | vertical | (velocity | position if aided else constant_position),
+            0.0,
+        )
+
+    def _local_position(self) -> tuple[Any, ...]:
+        """In north, east, down; what is not aided is nonsense near rest."""
+        noise = self._random.normal(0.0, 0.01, 3).tolist()
+        body = self._truth.velocity_mps or (0.0, 0.0, 0.0)
+        turned = rotate(quaternion(self._truth.attitude_rad), body)
+        return (self._ms, 0.0, 0.0, 0.0, *(one + error for one, error in zip(turned, noise, strict=True)))
 
     def _pilot_gain(self) -> tuple[Any, ...]:
         return self._ms, self.gain, b"PilotGain"

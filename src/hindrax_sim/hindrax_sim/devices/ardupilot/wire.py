@@ -29,6 +29,7 @@ LAYOUTS = {
     27: _layout(144, "Q9hBh"),
     29: _layout(115, "Iffhh"),
     30: _layout(39, "I6f"),
+    32: _layout(185, "I6f"),
     36: _layout(222, "I8HB8H"),
     65: _layout(118, "I18HBB"),
     69: _layout(243, "4hHBHB8h"),

@@ -1,0 +1,102 @@
+"""What the drivers of an ArduSub's measurements have in common: a companion on the link that asks for its streams."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from hindrax_core.driver_interface import Identity, Output, Trouble
+from hindrax_core.events import Rejected, Stamp, seconds_between
+from hindrax_drivers.devices.ardupilot.link import BAUD, Link
+from hindrax_drivers.driver import SilenceMonitor
+from hindrax_drivers.timebase import Break
+
+SUBMARINE = 12
+"""MAV_TYPE_SUBMARINE."""
+ASK_AGAIN_S = 1.0
+"""Silence of the stream, with heartbeats, after which it is asked for anew: the autopilot has restarted."""
+
+
+class Companion(ABC):
+    """One serial device: `streams` by message number [Hz], and what is made of their messages."""
+
+    baud = BAUD
+
+    def __init__(self, name: str, component: int, streams: Mapping[int, float], stall_s: float) -> None:
+        self._name = name
+        self._link = Link((), streams, companion=component)
+        self._silence = SilenceMonitor(name, "MAVLink of an ArduSub", stall_s)
+        self._on = self._handlers()
+        self._reset(Stamp(0))
+
+    @abstractmethod
+    def _handlers(self) -> Mapping[type, Callable[[Any, Stamp], list[Output]]]:
+        """What is made of each kind of message."""
+
+    @abstractmethod
+    def _clear(self) -> None:
+        """Forget what was received before."""
+
+    def _reset(self, stamp: Stamp) -> None:
+        self._link.restart(stamp)
+        self._silence.restart(stamp)
+        self._identity = self._told = ""
+        self._sampled = self._asked = stamp
+        self._broken: list[Trouble] = []
+        self._clear()
+
+    @property
+    def ready(self) -> bool:
+        """Whether an ArduSub has been recognized, and speaks."""
+        return bool(self._identity) and self._silence.condition == "well"
+
+    def start(self, stamp: Stamp) -> Iterable[Output]:
+        """Begin anew after the line was opened."""
+        self._reset(stamp)
+        return list(self._link.tick(stamp))
+
+    def feed(self, data: bytes, stamp: Stamp) -> Iterable[Output]:
+        """Decode received bytes."""
+        self._silence.last_byte = stamp
+        outputs: list[Output] = []
+        for message in self._link.feed(data, stamp):
+            on = self._on.get(type(message))
+            if isinstance(message, Rejected):
+                outputs.append(message)
+            elif on is not None and self._is_submarine:
+                self._silence.last_valid = stamp
+                outputs += on(message, stamp)
+        broken, self._broken = self._broken, []
+        return [*outputs, *broken]
+
+    def tick(self, stamp: Stamp) -> Iterable[Output]:
+        """Heartbeat, requests, silence."""
+        outputs: list[Output] = [*self._silence.tick(stamp), *self._identify(stamp), *self._link.tick(stamp)]
+        stalled = seconds_between(max(self._sampled, self._asked), stamp) > ASK_AGAIN_S
+        if stalled and self._link.alive(stamp) and not self._link.asking:
+            self._asked = stamp
+            self._link.ask_streams()
+        return outputs
+
+    @property
+    def _is_submarine(self) -> bool:
+        return self._link.beat is not None and self._link.beat.type == SUBMARINE
+
+    def _identify(self, stamp: Stamp) -> list[Output]:
+        beat = self._link.beat
+        if beat is None or self._link.asking:
+            return []
+        if not self._is_submarine:
+            found = f"found a vehicle of MAV_TYPE {beat.type}, wanted {SUBMARINE}, an ArduSub"
+            told, self._told = self._told, found
+            return [] if told == found else [Trouble(stamp, f"{self._name}: {found}")]
+        if self._identity:
+            return []
+        version = f" {self._link.version}" if self._link.version else ""
+        self._identity = f"ArduSub{version}, system {self._link.system}"
+        missing = ", ".join(map(str, self._link.refused))
+        lack = [Trouble(stamp, f"{self._name}: does not stream messages {missing} on request")] if missing else []
+        return [Identity(self._identity), *lack]
+
+    def _on_break(self, found: Break) -> None:
+        what = "has restarted" if found.kind == "reset" else f"its clock jumped by {found.shift_s:.3g} s"
+        self._broken.append(Trouble(found.arrival, f"{self._name}: {what}"))
