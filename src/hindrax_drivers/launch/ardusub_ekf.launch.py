@@ -1,4 +1,4 @@
-"""Velocity by ArduSub's estimator alone: ros2 launch hindrax_drivers ardusub_ekf.launch.py port:=udpin:0.0.0.0:14550."""
+"""Velocity by ArduSub's estimator alone: ros2 launch hindrax_drivers ardusub_ekf.launch.py port:=tcp:HOST:PORT."""
 
 from hindrax_drivers.nodes.launch_description import device
 

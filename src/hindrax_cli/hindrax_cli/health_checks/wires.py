@@ -20,7 +20,7 @@ from hindrax_core.vehicle import Mount, Vehicle, chip_and_line
 from hindrax_drivers.bus_capture import capture
 from hindrax_drivers.buses.clock import MOCK_PREFIX, Clock
 from hindrax_drivers.buses.gpio import GPIO_PREFIX, find_chip
-from hindrax_drivers.buses.line import TCP_PREFIX, UDP_PREFIX, at_baud, is_network, open_line
+from hindrax_drivers.buses.line import UDP_IN, UDP_PREFIX, at_baud, is_network, open_line
 from hindrax_drivers.buses.ports import open_clock
 from hindrax_drivers.driver_registry import driver_of
 from hindrax_drivers.nodes.thruster_settings import Settings
@@ -38,7 +38,8 @@ Ports = Mapping[str, str]
 
 def ports(vehicle: Vehicle, instead: Ports) -> list[Check]:
     """Every port once: whether it exists, its kind, and whether this user may open it."""
-    wanted = [instead.get(name, mount.port) for name, mount in vehicle.sensors.items()]
+    own = [(name, mount) for name, mount in vehicle.sensors.items() if name not in vehicle.on_output_line]
+    wanted = [instead.get(name, mount.port) for name, mount in own]
     wanted.append(instead.get("thrusters", vehicle.output.port))
     wanted += [
         f"{GPIO_PREFIX}{chip_and_line(mount.data_ready, name)[0]}"
@@ -61,9 +62,9 @@ def require_ports(vehicle: Vehicle, file: str) -> None:
 
 def port(path: str) -> Check:
     """Whether a port exists and can be opened."""
-    if path.startswith(UDP_PREFIX):
+    if path.startswith((UDP_PREFIX, UDP_IN)):
         return Check(path, "an address to listen at; whether a device sends is seen below")
-    if path.startswith(TCP_PREFIX):
+    if is_network(path):
         return Check(path, "an address in the network; whether a device answers is seen below")
     return _chip(path) if path.startswith(GPIO_PREFIX) else _file(path)
 
@@ -117,11 +118,11 @@ def _speed(file: Path) -> str:
 def devices(settings: Settings, instead: Ports, clock: str) -> list[Check]:
     """Every sensor and the output: its identity and rate."""
     vehicle, found = settings.vehicle, []
+    output = instead.get("thrusters", settings.port)
     for name, mount in vehicle.sensors.items():
-        where = instead.get(name, mount.port)
+        where = output if name in vehicle.on_output_line else instead.get(name, mount.port)
         found.append(_asked(name, where, partial(_sensor, where, mount, vehicle, clock)))
-    where = instead.get("thrusters", settings.port)
-    return [*found, _asked("thrusters", where, partial(_output, settings, where, clock))]
+    return [*found, _asked("thrusters", output, partial(_output, settings, output, clock))]
 
 
 def _asked(name: str, where: str, ask: Callable[[], str]) -> Check:

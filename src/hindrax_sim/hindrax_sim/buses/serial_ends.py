@@ -13,6 +13,8 @@ from hindrax_drivers.buses.line import TCP_PREFIX, UDP_PREFIX
 
 HERE = "127.0.0.1"
 TO_HOST, OF_DEVICE, SERVED = 27000, 50000, 16171
+AUTOPILOT_SERVED = 5760
+"""TCP port of the first serial line of ArduPilot's simulators."""
 LONGEST_LINE, READ_AT_MOST = 4096, 65536
 
 
@@ -110,7 +112,7 @@ class UdpEnd:
 
 
 class TcpEnd:
-    """A DVL that serves its reports over TCP, in place of a pty: to every client, and takes commands of each.
+    """A device that serves TCP, in place of a pty: it sends to every client, and takes commands of each.
 
     Source: docs.waterlinked.com, "DVL A50/A125 TCP JSON API", section "Overview".
     """
@@ -128,7 +130,9 @@ class TcpEnd:
             try:
                 self._listener = socket.create_server((HERE, self._port))
             except OSError as error:
-                raise HindraxError(f"tcp {self._port} for a DVL: {cause(error)}; another mock may have it") from error
+                raise HindraxError(
+                    f"tcp {self._port} for a device: {cause(error)}; another mock may have it"
+                ) from error
             self._listener.setblocking(False)
         elif not in_place:
             self.close()

@@ -21,10 +21,10 @@ from hindrax_drivers.bus_capture import mount_of
 from hindrax_drivers.buses.line import UDP_PREFIX
 from hindrax_drivers.devices.a50 import A50
 from hindrax_drivers.devices.dvl75 import Dvl75
-from hindrax_sim.buses.serial_ends import OF_DEVICE, TcpEnd, UdpEnd
+from hindrax_sim.buses.serial_ends import AUTOPILOT_SERVED, OF_DEVICE, TcpEnd, UdpEnd
 from hindrax_sim.conditions.world_table import sizes_of
 from hindrax_sim.faults.fault_registry import parse_fault
-from hindrax_sim.hardware import Hardware
+from hindrax_sim.hardware import THRUSTERS, Hardware
 from hindrax_sim.mock_vehicle import MockVehicle
 from hindrax_sim.world import Conditions
 
@@ -42,13 +42,14 @@ from hindrax_sim.world import Conditions
         help="the DVL sends by UDP to port 27000 of this machine and listens at 50000",
     ),
     option("--dvl-tcp", action="store_true", help="the A50 of the vehicle serves TCP port 16171 of this machine"),
+    option("--autopilot-tcp", action="store_true", help="its ArduSub serves TCP port 5760 of this machine"),
     add_mock_options,
 )
 def mock(arguments: argparse.Namespace) -> int:
     """The mock vehicle's devices alone (serial ports, I2C bus), until Ctrl-C."""
     words = document if arguments.json else plain if arguments.print_paths else table
     faces = {"place": arguments.folder, "i2c_device": arguments.i2c_device, "dvl_udp": arguments.dvl_udp}
-    faces["dvl_tcp"] = arguments.dvl_tcp
+    faces |= {"dvl_tcp": arguments.dvl_tcp, "autopilot_tcp": arguments.autopilot_tcp}
     with asked_to_end() as over:
         serve(Path(arguments.vehicle), mock_options(arguments), lambda ports: print_fitted(words(ports)), over, **faces)
     return 0
@@ -64,13 +65,16 @@ def serve(
     i2c_device: str | None = None,
     dvl_udp: bool = False,
     dvl_tcp: bool = False,
+    autopilot_tcp: bool = False,
 ) -> None:
     """Serve until `over`; `announce` is called with every port by name once all are up.
 
     `place`: folder of the ports; `i2c_device`: a file to mount as the bus too; `dvl_udp`,
-    `dvl_tcp`: the DVL-75, or the A50, is on the network.
+    `dvl_tcp`, `autopilot_tcp`: the DVL-75, the A50, or the ArduSub is on the network.
     """
     vehicle = load_vehicle(vehicle_file)
+    if autopilot_tcp and vehicle.output.device != "ardusub":
+        raise UsageError(f"--autopilot-tcp: the output of {vehicle.name} is a {vehicle.output.device}, wanted ardusub")
     faults = [parse_fault(fault, vehicle) for fault in options.faults]
     conditions = Conditions(sizes=sizes_of(options.world, options.seed))
     with (
@@ -82,6 +86,8 @@ def serve(
             mock.put_on_network(mount_of(vehicle, Dvl75)[0], UdpEnd())
         if dvl_tcp:
             mock.put_on_network(mount_of(vehicle, A50)[0], TcpEnd())
+        if autopilot_tcp:
+            mock.put_on_network(THRUSTERS, TcpEnd(AUTOPILOT_SERVED))
         announce(mock.ports | {"clock": mock.clock} | ({"i2c-device": i2c_device} if i2c_device is not None else {}))
         while not over():
             mock.step()

@@ -3,6 +3,7 @@
 import argparse
 import math
 import signal
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -18,6 +19,8 @@ from hindrax_cli.argument_types import (
     share,
     tuning_of,
 )
+from hindrax_cli.autopilot_vehicle import HELP as AUTOPILOT_HELP
+from hindrax_cli.autopilot_vehicle import behind_autopilot
 from hindrax_cli.command import command, option
 from hindrax_cli.commands.operate.manual_control import PLACE_HELP, place_of
 from hindrax_cli.commands.operate.up_stop import require_known
@@ -46,6 +49,16 @@ def _mock(arguments: argparse.Namespace) -> MockOptions:
     usual = "ideal" if arguments.simulator else "pool"
     world, rate = usual if arguments.world is None else arguments.world, arguments.rate or 0.0
     return MockOptions(arguments.seed, rate, tuple(arguments.fault), world, simulator=arguments.simulator)
+
+
+def _use_autopilot(arguments: argparse.Namespace) -> None:
+    """Fly a copy of the vehicle file, behind the autopilot."""
+    if arguments.mock:
+        raise UsageError("--autopilot: found --mock too, wanted one: the mock has an autopilot of its own")
+    file, left_out = behind_autopilot(Path(arguments.vehicle), arguments.autopilot)
+    arguments.vehicle = str(file)
+    if left_out:
+        sys.stderr.write(f"--autopilot: without {', '.join(left_out)}, which are not on its line\n")
 
 
 def require_start(vehicle: Vehicle, start: tuple[float, float, float]) -> None:
@@ -98,6 +111,7 @@ def require_start(vehicle: Vehicle, start: tuple[float, float, float]) -> None:
     option("--start", nargs="+", metavar="X", help=f"X Y [DEG]: {PLACE_HELP}"),
     option("--out", metavar="DIR", help="new or empty folder for the results; default runs/<time>"),
     add_vehicle,
+    option("--autopilot", metavar="ADDRESS", help=AUTOPILOT_HELP),
     add_tuning,
     add_uncommissioned,
     option("--headless", action="store_true", help="no live progress, one line per phase"),
@@ -105,6 +119,8 @@ def require_start(vehicle: Vehicle, start: tuple[float, float, float]) -> None:
 )
 def pool_test(arguments: argparse.Namespace) -> int:
     """Fly the maneuvers and identify the vehicle: the main job."""
+    if arguments.autopilot is not None:
+        _use_autopilot(arguments)
     aim = aim_of(arguments)
     if arguments.plan:
         from hindrax_cli.pool_plan import rehearse_and_show  # noqa: PLC0415  # a flight needs neither SciPy nor the simulator
