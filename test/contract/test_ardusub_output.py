@@ -15,6 +15,7 @@ from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_drivers.devices.ardupilot.output import ArduSub
 from hindrax_sim.devices.ardupilot import firmware
 from hindrax_sim.devices.ardupilot.wire import Receiver, frame
+from hindrax_sim.faults.fault_registry import FaultSpec, with_faults
 
 BOX = Path(__file__).parents[2] / "src/hindrax_bringup/vehicles"
 HEAVY, STANDARD = load_vehicle(BOX / "bluerov2-heavy.yaml"), load_vehicle(BOX / "bluerov2.yaml")
@@ -26,8 +27,10 @@ NEUTRAL = (1500.0,) * 8
 class Bench:
     """Driver and firmware on one wire; `pulses` are handed over fifty times a second while `alive`."""
 
-    def __init__(self, vehicle: Vehicle = HEAVY, control: str = "manual_control") -> None:
+    def __init__(self, vehicle: Vehicle = HEAVY, control: str = "manual_control", fault: str = "") -> None:
         self.board = firmware.ArduSub(vehicle.thrusters, now_s=10.0)
+        specs = [FaultSpec(fault, ("thrusters",), 5.0, 5.0)] if fault else []
+        self.link = with_faults("thrusters", self.board, specs, 1, 10.0)
         self.device = ArduSub(replace(vehicle, output=replace(vehicle.output, device="ardusub", control=control)))
         self.now: Stamp = stamp_from_s(10.0)
         self.pulses: tuple[float, ...] = (1500.0,) * len(vehicle.thrusters)
@@ -48,7 +51,7 @@ class Bench:
             self.now = Stamp(self.now + stamp_from_s(STEP_S))
             sent, self.to_board = self.to_board, b""
             self.sent += sent
-            data = self.board.receive(sent, to_s(self.now)) + self.board.step(to_s(self.now))
+            data = self.link.receive(sent, to_s(self.now)) + self.link.step(to_s(self.now))
             self.turn += 1
             if not self.alive:
                 continue
@@ -282,3 +285,32 @@ def test_six_thrusters_of_the_standard_frame_fly_as_well() -> None:
     pulses = (1420.0, 1420.0, 1580.0, 1580.0, 1560.0, 1540.0)
     bench.fly(*pulses)
     assert bench.wire() == pytest.approx(pulses, abs=2.0)
+
+
+@pytest.mark.parametrize("control", ["manual_control", "motor_test"])
+@pytest.mark.parametrize("fault", ["link_loss", "link_delay"])
+def test_a_poor_link_flies_on(control: str, fault: str) -> None:
+    bench = Bench(control=control, fault=fault)
+    bench.fly(*AHEAD)
+    bench.run(6.0)
+    assert bench.device.fault() == ""
+    assert bench.wire() == AHEAD
+    assert bench.board.armed
+
+
+@pytest.mark.parametrize(
+    ("fault", "why"),
+    [
+        ("second_station", "another party has taken over: stick"),
+        ("absent", "the autopilot has fallen silent"),
+        ("reset", "the autopilot has"),
+    ],
+)
+def test_a_link_that_fails_ends_the_flight_by_name_at_neutral(fault: str, why: str) -> None:
+    bench = Bench(fault=fault)
+    bench.fly(*AHEAD)
+    bench.run(4.5)
+    assert bench.device.fault().startswith(why)
+    bench.armed = False
+    bench.run(4.0)
+    assert fault == "second_station" or bench.wire() == NEUTRAL

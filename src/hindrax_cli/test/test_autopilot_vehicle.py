@@ -40,5 +40,5 @@ def test_a_vehicle_with_another_output_may_be_flown_by_an_autopilot_too() -> Non
 
 @pytest.mark.parametrize("address", ["", "127.0.0.1:5760", "http://127.0.0.1"])
 def test_what_is_no_address_is_refused(address: str) -> None:
-    with pytest.raises(UsageError, match="--autopilot: found .*, wanted an address such as udpin:0.0.0.0:14550"):
+    with pytest.raises(UsageError, match=r"--autopilot: found .*, wanted an address such as udpin:"):
         behind_autopilot(default_vehicle(), address)

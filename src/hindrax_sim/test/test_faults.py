@@ -5,25 +5,27 @@ from itertools import groupby
 
 import pytest
 
-from hindrax_bringup.share_files import hindrax_with
+from hindrax_bringup.share_files import hindrax_with, vehicle_file
 from hindrax_core.errors import UsageError
 from hindrax_core.events import after
 from hindrax_core.readings import Leak
-from hindrax_core.vehicle import Mount
+from hindrax_core.vehicle import Mount, load_vehicle
 from hindrax_sim.faults.fault_registry import FAULTS, KINDS, FaultSpec, parse_fault, with_faults
 from hindrax_sim.faults.fault_schedule import Scheduled
 from hindrax_sim.faults.stream_faults import BitFlips, FaultyLine, StreamFault
 from hindrax_sim.flights.lockstep_rigs import BytesRig
+
+SERIAL = ("dvl75", "a50", "ping1d", "ardusub", "ardusub_ekf")
 
 
 @pytest.mark.parametrize(
     ("text", "spec"),
     [
         ("garbage:dvl75@30+5", FaultSpec("garbage", ("dvl75",), 30.0, 5.0)),
-        ("garbage", FaultSpec("garbage", ("dvl75", "a50", "ping1d"), 10.0, 5.0)),
+        ("garbage", FaultSpec("garbage", SERIAL, 10.0, 5.0)),
         ("reset:ping1d", FaultSpec("reset", ("ping1d",), 10.0, 5.0)),
-        ("clock_jump@0.5", FaultSpec("clock_jump", ("dvl75", "a50"), 0.5, 5.0)),
-        ("merged@0+600", FaultSpec("merged", ("dvl75", "a50", "ping1d"), 0.0, 600.0)),
+        ("clock_jump@0.5", FaultSpec("clock_jump", ("dvl75", "a50", "ardusub_ekf"), 0.5, 5.0)),
+        ("merged@0+600", FaultSpec("merged", SERIAL, 0.0, 600.0)),
     ],
 )
 def test_what_is_asked_for(text: str, spec: FaultSpec) -> None:
@@ -40,6 +42,15 @@ def test_a_fault_falls_on_the_sensors_of_the_vehicle_by_their_names() -> None:
         parse_fault("garbage:a50", vehicle)
     with pytest.raises(UsageError, match="velocity_frozen falls on nothing aboard"):
         parse_fault("velocity_frozen", replace(vehicle, sensors={}))
+
+
+def test_the_link_of_an_autopilot_is_that_of_the_output_and_of_the_sensors_on_it() -> None:
+    vehicle = load_vehicle(vehicle_file("bluerov2-heavy"))
+    assert parse_fault("link_loss", vehicle).devices == ("thrusters",)
+    assert parse_fault("garbage", vehicle).devices == ("dvl75", "ping1d")
+    assert parse_fault("depth_stuck", vehicle).devices == ("autopilot",)
+    with pytest.raises(UsageError, match="second_station falls on nothing aboard"):
+        parse_fault("second_station", hindrax_with())
 
 
 @pytest.mark.parametrize(

@@ -28,6 +28,7 @@ SERIAL: tuple[Wire, ...] = ("serial",)
 I2C: tuple[Wire, ...] = ("i2c",)
 GPIO: tuple[Wire, ...] = ("gpio",)
 OUTPUT = ("thrusters",)
+LINK = "link of an autopilot"
 EACH_THRUSTER, EACH_PAIR = "thruster", "pair of thrusters"
 DIRECTED: tuple[Capability, ...] = ("rates", "velocity", "range")
 """What is measured along an axis: how such a sensor is mounted matters."""
@@ -67,8 +68,11 @@ class FaultKind:
         if vehicle is not None:
             rows = {name: row_of(mount.device) for name, mount in vehicle.sensors.items()}
             thrusters = [one.name for one in vehicle.thrusters]
+            # What is on the line of the output suffers what that line suffers.
+            rows = {name: row for name, row in rows.items() if self.on_truth or name not in vehicle.on_output_line}
         pairs = ["-".join(pair) for pair in combinations(thrusters, 2)]
-        named = {EACH_THRUSTER: thrusters, EACH_PAIR: pairs}
+        linked = vehicle is None or vehicle.output.device == "ardusub"
+        named = {EACH_THRUSTER: thrusters, EACH_PAIR: pairs, LINK: list(OUTPUT) if linked else []}
         others = [name for one in self.others for name in named.get(one, [one])]
         return (*(name for name, row in rows.items() if self.falls_on(row)), *others)
 
@@ -108,6 +112,9 @@ KINDS = (
     ),
     FaultKind("saturated", "measurements at the end of their scale", line.Saturated, bus.Saturated, wires=SERIAL + I2C),
     FaultKind("repeated", "the device repeats its last message", line.Repeated, bus.Repeated, wires=SERIAL + I2C),
+    FaultKind("link_loss", "one packet in five is lost, either way", line.LostFrames, others=(LINK,)),
+    FaultKind("link_delay", "what the autopilot says comes 0.3 s late", line.LateFrames, others=(LINK,)),
+    FaultKind("second_station", "another ground station moves its stick", line.SecondStation, others=(LINK,)),
     FaultKind("velocity_bias", "0.25 m/s of bias forward", on_truth=truth.velocity_bias, measuring="velocity"),
     FaultKind("velocity_frozen", "the velocity freezes", on_truth=truth.velocity_frozen, measuring="velocity"),
     FaultKind(

@@ -5,17 +5,20 @@ Whatever is random in one comes from its seed. Faults compose: a line may have s
 """
 
 import math
+from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
 
+from hindrax_sim.devices.ardupilot.wire import second_stick
 from hindrax_sim.devices.emulator import SerialEmulator
 from hindrax_sim.faults.fault_schedule import FaultSchedule, Scheduled, Switch
 
 LEAP_S = 1000.0
 HOLD_S = 0.25
+LOST, LATE_S = 0.2, 0.3
 Random: TypeAlias = np.random.Generator
 
 
@@ -69,6 +72,14 @@ def _flipped(random: Random, data: bytes) -> list[bytes]:
     return [np.packbits(bits ^ (random.random(bits.size) < 0.001)).tobytes()]
 
 
+def _lost(random: Random, data: bytes) -> bytes:
+    return b"" if random.random() < LOST else data
+
+
+def _arrived(random: Random, data: bytes) -> list[bytes]:
+    return list(filter(None, [_lost(random, data)]))
+
+
 WrongIdentity = partial(StreamFault, switch=lambda device, on, _now_s: device.disguise(on))
 Saturated = partial(StreamFault, switch=lambda device, on, _now_s: device.saturate(on))
 Reset = partial(StreamFault, switch=lambda device, on, now_s: on and device.power_cycle(now_s))
@@ -79,6 +90,10 @@ Absent = partial(StreamFault, transmit=lambda _random, _data: [], receive=lambda
 """No device at the port: no byte passes in either direction."""
 UnplugReplug = partial(Absent, connected=False, switch=lambda device, on, now_s: on or device.power_cycle(now_s))
 """The port disappears and returns; the device loses its power meanwhile."""
+LostFrames = partial(StreamFault, transmit=_arrived, receive=_lost)
+"""One packet in five is lost, whole, in either direction."""
+SecondStation = partial(StreamFault, receive=lambda _random, data: data + second_stick())
+"""Another ground station of the same number holds its stick to starboard."""
 CutFrames = partial(StreamFault, transmit=_cut)
 """A piece of random place and length is missing from every second message."""
 Bytewise = partial(StreamFault, transmit=lambda _random, data: [data[at : at + 1] for at in range(len(data))])
@@ -124,6 +139,23 @@ class Repeated(StreamFault):
         """Repeat the first message."""
         self._last = self._last or data
         return [self._last] if data else []
+
+
+class LateFrames(StreamFault):
+    """What the device says arrives late, in its order."""
+
+    def __init__(self, seed: int = 0) -> None:
+        super().__init__(seed)
+        self._held: deque[tuple[float, bytes]] = deque()
+
+    def outgoing(self, data: bytes, now_s: float) -> list[bytes]:
+        """Hold each message for its time."""
+        if data:
+            self._held.append((now_s + LATE_S, data))
+        due = []
+        while self._held and self._held[0][0] <= now_s:
+            due.append(self._held.popleft()[1])
+        return due
 
 
 class FaultyLine:

@@ -113,3 +113,9 @@ def _frame_in(data: bytes) -> Received | None:
         return None
     payload = data[HEAD:-CHECKSUM].ljust(layout.fields.size, b"\x00")
     return Received(data[5], data[6], number, layout.fields.unpack(payload))
+
+
+def second_stick() -> bytes:
+    """MANUAL_CONTROL of another ground station, to starboard, with the number that ArduPilot obeys."""
+    station, its_component, autopilot = 255, 190, 1
+    return frame(69, (0, 800, 500, 0, 0, autopilot, 0, 0, 0, 0, *(0,) * 6), 0, station, its_component)
