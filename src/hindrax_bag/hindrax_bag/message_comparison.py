@@ -6,6 +6,7 @@ import struct
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, Self
 from weakref import WeakKeyDictionary
@@ -71,8 +72,9 @@ class Rules:
     topics: Mapping[str, Rule] = field(default_factory=dict)
 
     def of(self, topic: str) -> Rule:
-        """Rule of a topic."""
-        rule = self.topics.get(topic, Rule())
+        """Rule of a topic: by its name, else by the first pattern that it matches."""
+        patterns = (rule for pattern, rule in self.topics.items() if "*" in pattern and fnmatchcase(topic, pattern))
+        rule = self.topics.get(topic) or next(patterns, Rule())
         return rule if rule.default else replace(rule, default=self.default)
 
 

@@ -105,7 +105,7 @@ _AIR = dict.fromkeys(("pressure", "temperature", "humidity"), 5)
 _PING = {"range": 20, "profile": 0, "supply": 0.1, "processor_temperature": 0.1, "board_temperature": 0.1}
 _A50 = dict.fromkeys(("velocity", "detail", "altitude"), 10)
 _IMU = {"data_raw": 225, "mag": 25, "die_temperature": 1}
-_AUTOPILOT = {"data_raw": 50, "mag": 10, "pressure": 20, "temperature": 2, "leak": 1}
+_AUTOPILOT = {"data_raw": 100, "mag": 10, "pressure": 20, "temperature": 2, "leak": 1}
 _ESTIMATOR = dict.fromkeys(("velocity", "detail"), 20)
 _DEPTH = {"pressure": 50, "temperature": 5}
 

@@ -103,6 +103,8 @@ class Timebase:
                 self._least = late = 0.0
         if x >= self._block_end or late > JUMP_ns:
             late = self._review(x, late, ticks, arrival)
+        else:
+            self._late_since = None
         self._last = Stamp(max(self._last, arrival - int(late) - self.latency_ns))
         return self._last
 

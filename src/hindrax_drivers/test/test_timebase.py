@@ -152,6 +152,17 @@ def test_backlogs_are_not_taken_for_lost_time() -> None:
     assert breaks == []
 
 
+def test_lumps_of_three_tenths_of_a_second_are_no_lost_time_though_their_first_samples_are_late() -> None:
+    breaks: list[Break] = []
+    base = Timebase(1e-6, on_break=breaks.append)
+    for number in range(600):
+        truth = START + number * 10 * MS
+        arrival = truth if number < 100 else START + (number // 30 * 30 + 29) * 10 * MS
+        stamp = base.map(number * 10_000, Stamp(arrival))
+        assert stamp == truth
+    assert not breaks
+
+
 def test_lateness_before_a_reset_does_not_count_after_it() -> None:
     breaks: list[Break] = []
     base = Timebase(1e-6, on_break=breaks.append)

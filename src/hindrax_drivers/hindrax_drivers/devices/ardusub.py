@@ -4,7 +4,8 @@ On a line of its own (`udpin:0.0.0.0:14551`, `tcp:127.0.0.1:5763`, a telemetry p
 thruster output. It asks for its streams, and for nothing else: it is a companion, no ground station.
 
 The autopilot's IMU is read as any other: the navigator finds attitude and velocities from its samples, which come at
-50 Hz, filtered by `INS_GYRO_FILTER`. Stamps are mapped from the time since power-up in the messages.
+100 Hz, filtered by `INS_GYRO_FILTER`: twice as often as its ticks, which then keep to their grid. Stamps are mapped from
+the time since power-up in the messages.
 """
 
 import math
@@ -42,7 +43,7 @@ FULL_SCALE_mps2, FULL_SCALE_radps = 16.5 * 9.80665, math.radians(2100.0)
 class ArduSubKnobs:
     """Settings of the streams; nothing is changed in the autopilot's parameters."""
 
-    imu_Hz: float = knob(50.0, 10.0, 400.0, "inertial samples that are asked for [Hz]")
+    imu_Hz: float = knob(100.0, 10.0, 400.0, "inertial samples that are asked for [Hz]")
     pressure_Hz: float = knob(20.0, 1.0, 50.0, "pressures that are asked for [Hz]")
     field_Hz: float = knob(10.0, 1.0, 50.0, "magnetic fields that are passed on, at most [Hz]")
     barometer: int = knob(2, 1, 3, "number of the barometer in the water: SCALED_PRESSURE, 2 or 3 [-]")
