@@ -4,8 +4,8 @@ On a line of its own (`udpin:0.0.0.0:14551`, `tcp:127.0.0.1:5763`, a telemetry p
 thruster output. It asks for its streams, and for nothing else: it is a companion, no ground station.
 
 The autopilot's IMU is read as any other: the navigator finds attitude and velocities from its samples, which come at
-100 Hz, filtered by `INS_GYRO_FILTER`: twice as often as its ticks, which then keep to their grid. Stamps are mapped from
-the time since power-up in the messages.
+100 Hz, filtered by `INS_GYRO_FILTER`: twice as often as its ticks, which then keep to their grid. Stamps are mapped
+from the time since power-up in the messages.
 """
 
 import math
