@@ -8,12 +8,16 @@ with f = drag + b + restoring, and the end terms of Euler and Maclaurin (h^2/12 
 over the step), which make the rule of fourth order. All steps together are one banded system: Newton's method on it
 gives the whole trajectory in a few solves, and the sensitivities are further right-hand sides of the same matrix
 (implicit function theorem). Stretches of a record are solved side by side.
+
+The matrix leaves out the end terms: they are small, so a few steps more converge, and without them no row looks ahead
+of its time. Where no attitude restores, it is then triangular, and a solve is one forward substitution.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from scipy.linalg import solve_banded
+from scipy.linalg import blas, solve_banded
 
 from hindrax_ident.arrays import Array, Flags, array
 from hindrax_ident.model.motion_model import Model
@@ -22,7 +26,7 @@ NEWTON_STEPS = 30
 CONVERGED = 1e-11
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Grid:
     """Times of all stretches one after the other, (n,) [s]; `starts` (n,) marks the first of each stretch.
 
@@ -34,10 +38,37 @@ class Grid:
     starts: Flags
     impulse: Array
 
-    @property
+    @cached_property
     def steps_s(self) -> Array:
         """Length of the step that ends at each time: (n,) [s]; zero at a start."""
         return per_step(self.times_s, self.starts)
+
+    @cached_property
+    def quadrature(self) -> Array:
+        """Weights of x_k-2, x_k-1, x_k, x_k+1 in the integral of x over the step that ends at t_k: (4, n) [s].
+
+        Trapezoid with end terms: h/2 (x_k-1 + x_k) - h^2/12 (r_k - r_k-1). The rate r_k is the parabola's through both
+        neighbors, or the difference quotient of the only one at the ends of a stretch: a x_k-1 - (a + c) x_k + c x_k+1.
+        """
+        h = self.steps_s
+        after = np.append(h[1:], 0.0)  # zero where a stretch ends
+        both = np.where((h > 0.0) & (after > 0.0), h + after, 1.0)
+        a = -_ratio(np.where(after > 0.0, after, 1.0), h * both)
+        c = _ratio(np.where(h > 0.0, h, 1.0), after * both)
+        end = h**2 / 12.0
+        before_a, before_c = np.append(0.0, a[:-1]), np.append(0.0, c[:-1])
+        return np.stack(
+            [end * before_a, 0.5 * h - end * (a + before_a + before_c), 0.5 * h + end * (a + c + before_c), -end * c]
+        )
+
+    def integral(self, x: Array) -> Array:
+        """Integral of x, (n,), over the step that ends at each time: (n,) [x s]; zero at a start."""
+        far, before, here, ahead = self.quadrature
+        out = here * x
+        out[1:] += before[1:] * x[:-1]
+        out[2:] += far[2:] * x[:-2]
+        out[:-1] += ahead[:-1] * x[1:]
+        return array(out)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +77,11 @@ class Trajectory:
 
     v: Array
     s: Array
+
+
+def _ratio(over: Array, under: Array) -> Array:
+    """Quotient, (n,); zero where the divisor is."""
+    return np.divide(over, under, out=np.zeros_like(under), where=under > 0.0)
 
 
 def per_step(totals: Array, starts: Flags) -> Array:
@@ -67,7 +103,7 @@ def trajectory(model: Model, theta: Array, grid: Grid, start: Trajectory) -> Tra
             if not np.all(np.isfinite(residual)):
                 return None
             try:
-                change = _solve(_bands(model, theta, grid, v, s), residual)
+                change = _solve(model, _bands(model, theta, grid, v, s), residual)
             except np.linalg.LinAlgError:
                 return None
             v, s = v - change[:, 0], s - change[:, 1]
@@ -93,31 +129,18 @@ def sensitivities(model: Model, theta: Array, grid: Grid, path: Trajectory, impu
     right[grid.starts, 1, p + 1] = 1.0
     if impulses is not None:
         right[:, 0, p + 2 :] = impulses
-    return _solve(_bands(model, theta, grid, path.v, path.s), right)
+    return _solve(model, _bands(model, theta, grid, path.v, path.s), right)
 
 
 def _residual(model: Model, theta: Array, grid: Grid, v: Array, s: Array) -> Array:
     """Residuals of momentum and kinematics: (n, 2) [N s, m] or [N m s, rad]; zero at the start of a stretch."""
-    force, steps = model.force(theta, v, s), grid.steps_s
-    out = np.zeros((len(v), 2))
-    out[1:, 0] = theta[-1] * np.diff(v) + _integral(force, steps) - grid.impulse[1:]
-    out[1:, 1] = np.diff(s) - _integral(v, steps)
+    out = np.empty((len(v), 2))
+    out[1:, 0] = theta[-1] * (v[1:] - v[:-1])
+    out[1:, 1] = s[1:] - s[:-1]
+    out[:, 0] += grid.integral(model.force(theta, v, s)) - grid.impulse
+    out[:, 1] -= grid.integral(v)
     out[grid.starts] = 0.0
     return out
-
-
-def _integral(x: Array, steps: Array) -> Array:
-    """Integral of x over each step but the first: (n - 1,) [x s]. Trapezoid with end terms."""
-    return np.asarray(0.5 * steps[1:] * (x[1:] + x[:-1]) - steps[1:] ** 2 / 12.0 * np.diff(_rate(x, steps)))
-
-
-def _rate(x: Array, steps: Array) -> Array:
-    """Rate of change of x: (n,) [x/s], from both neighboring steps; from one at the ends of a stretch."""
-    before = np.divide(np.diff(x, prepend=x[:1]), steps, out=np.zeros_like(x), where=steps > 0.0)
-    after, longer = np.roll(before, -1), np.roll(steps, -1)
-    weight = steps + longer
-    both = np.divide(longer * before + steps * after, weight, out=np.zeros_like(x), where=weight > 0.0)
-    return array(np.where(steps == 0.0, after, np.where(longer == 0.0, before, both)))
 
 
 def _bands(model: Model, theta: Array, grid: Grid, v: Array, s: Array) -> Array:
@@ -138,8 +161,14 @@ def _bands(model: Model, theta: Array, grid: Grid, v: Array, s: Array) -> Array:
     return bands
 
 
-def _solve(bands: Array, right: Array) -> Array:
-    """Solution of the banded system: (n, 2, m), the shape of the right-hand sides."""
+def _solve(model: Model, bands: Array, right: Array) -> Array:
+    """Solution of the banded system: (n, 2, m) or (n, 2), shaped as the right-hand sides; LinAlgError if singular."""
     flat = right.reshape(2 * right.shape[0], -1)
-    solved = solve_banded((3, 1), bands, flat, overwrite_b=False, check_finite=False)
+    if model.restores:
+        solved = solve_banded((3, 1), bands, flat, overwrite_b=False, check_finite=False)
+    else:
+        if not np.all(bands[1]):
+            raise np.linalg.LinAlgError("singular")
+        lower = np.asfortranarray(bands[1:])
+        solved = np.stack([blas.dtbsv(3, lower, column, lower=1) for column in flat.T], axis=1)
     return np.asarray(solved).reshape(right.shape)

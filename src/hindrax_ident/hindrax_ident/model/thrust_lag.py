@@ -7,6 +7,7 @@ step size.
 import math
 
 import numpy as np
+from scipy.linalg import blas
 
 from hindrax_ident.arrays import Array, Index
 
@@ -93,9 +94,9 @@ def _lagged(commands: Array, steps: Array, lag_s: float) -> Array:
     """Thrust after the lag at each command: (n,) [N, N m]; steady at the first."""
     if lag_s <= 0.0:
         return commands.copy()
-    value = float(commands[0])
-    out = [value]
-    for command, step in zip(commands[:-1].tolist(), steps.tolist(), strict=True):
-        value = command + (value - command) * math.exp(-step / lag_s)
-        out.append(value)
-    return np.array(out)
+    # The recursion l_k+1 = d l_k + (1 - d) c_k is one forward substitution, with -d below a diagonal of ones.
+    decay = _decay(steps, lag_s)
+    bands = np.zeros((2, len(commands)), order="F")
+    bands[1, :-1] = -decay
+    driven = np.append(commands[:1], (1.0 - decay) * commands[:-1])
+    return np.asarray(blas.dtbsv(1, bands, driven, lower=1, diag=1))
