@@ -107,11 +107,13 @@ def inflow_loss(world: Realization, size: float, _draws: NormalDraws) -> None:
 
     def lose(plant: Plant, dt: float) -> Vec6:
         """Wrench of the losses of all thrusters; their forces follow the targets with the thrusters' lags."""
-        velocities, losses = plant.mid_step(dt), []
+        u, v, w, p, q, r = plant.mid_step(dt)
+        losses = []
         for index, (goal, (lag_s, per_newton)) in enumerate(zip(plant.targets_N, rows, strict=True)):
             keep = math.exp(-dt / lag_s) if lag_s > 0.0 else 0.0
             thrust = thrusts_N[index] = goal + keep * (thrusts_N[index] - goal)
-            inflow = sum(one * velocity for one, velocity in zip(per_newton, velocities, strict=True))
+            a, b, c, d, e, f = per_newton
+            inflow = a * u + b * v + c * w + d * p + e * q + f * r
             losses.append((-factor * math.sqrt(abs(thrust)) * inflow, per_newton))
         return combined(losses)
 
