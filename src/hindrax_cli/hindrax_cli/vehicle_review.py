@@ -92,7 +92,7 @@ def _thrusters(vehicle: Vehicle) -> list[Check]:
         most = vehicle.limits.speed_mps
         slower = f"set limits.speed_mps to {MARGIN * upright:.2f}, or ballast it deeper" if most > upright else ""
         found.append(Check("pitch", f"rights itself up to {upright:.2f} m/s ahead, limit {most:g} m/s", slower))
-    assumed = [name for name, curve in vehicle.curves.items() if curve.positive is None]
+    assumed = [name for name, curve in vehicle.curves.items() if curve.table is None and curve.positive is None]
     found += [Check(f"curve {name}", "positive branch assumed to mirror the negative one") for name in assumed]
     return found
 

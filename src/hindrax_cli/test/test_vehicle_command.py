@@ -43,6 +43,17 @@ def changed(**keys: object) -> Vehicle:
     return build(Vehicle, yaml.safe_load(default_vehicle().read_text()) | keys, "test:")
 
 
+def test_only_a_cubic_without_its_other_direction_is_said_to_be_mirrored() -> None:
+    def mirrored(rov: Vehicle) -> list[str]:
+        return [one.found for one in findings(rov) if one.name.startswith("curve ")]
+
+    tables = load_vehicle(default_vehicle().parent / "bluerov2-heavy.yaml")
+    assert tables.curves["main"].positive is None
+    assert mirrored(tables) == []
+    cubic = load_vehicle(default_vehicle())
+    assert mirrored(cubic) == ["positive branch assumed to mirror the negative one"]
+
+
 @pytest.mark.parametrize(("layout", "flown"), [("6", 5), ("8", 6)])
 def test_ten_answers_make_a_vehicle_that_passes_its_check_and_is_found_by_name(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], home: Path, layout: str, flown: int

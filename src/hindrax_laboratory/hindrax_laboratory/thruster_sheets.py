@@ -79,7 +79,8 @@ def _workbook(path: Path) -> list[tuple[str, list[list[object]]]]:
         from openpyxl import load_workbook  # noqa: PLC0415  # a vehicle does without it
     except ImportError as error:
         raise HindraxError(
-            f"{path}: workbooks need openpyxl; `./hindrax setup --all` installs it, or save the sheets as CSV"
+            f"{path}: workbooks need openpyxl; `./hindrax setup --all` installs it, "
+            'or pip install "hindrax[workbook]"; or save the sheets as CSV'
         ) from error
     try:
         book = load_workbook(path, read_only=True, data_only=True)

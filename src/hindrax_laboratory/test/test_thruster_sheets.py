@@ -3,6 +3,7 @@
 The numbers are made by a law with the dead bands, the full thrust and the resolution (0.01 lbf) of the public workbook.
 """
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -144,6 +145,12 @@ def test_what_is_no_data_is_refused_by_name(tmp_path: Path, workbook: Path) -> N
     twice = tmp_path / "twice.csv"
     twice.write_text("PWM,Force (N)\n1100,-2\n1900,3\n", encoding="utf-8")
     assert len(sheets_of(twice, 12.0)) == 1
+
+
+def test_a_workbook_without_openpyxl_names_both_ways_to_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setitem(sys.modules, "openpyxl", None)
+    with pytest.raises(HindraxError, match=r"`\./hindrax setup --all`.*pip install \"hindrax\[workbook\]\"; or save"):
+        sheets_of(tmp_path / "thruster.xlsx")
 
 
 def test_noise_does_not_make_thrust_fall() -> None:

@@ -199,7 +199,10 @@ def _messages(path: Path) -> Iterator[Any]:
     try:
         from pymavlink import mavutil  # noqa: PLC0415  # a vehicle does without it
     except ImportError as error:
-        raise HindraxError(f"{path}: logs of ArduPilot need pymavlink; `./hindrax setup --all` installs it") from error
+        raise HindraxError(
+            f"{path}: logs of ArduPilot need pymavlink; `./hindrax setup --all` installs it, "
+            'or pip install "hindrax[autopilot]"'
+        ) from error
     try:
         log = mavutil.mavlink_connection(str(path))
         while (message := log.recv_match(type=[*FIELDS, *PARAMETERS])) is not None:

@@ -140,7 +140,9 @@ def _px4_tables(path: Path, channels: Sequence[int]) -> Tables:
     try:
         from pyulog import ULog  # noqa: PLC0415  # a vehicle does without it
     except ImportError as error:
-        raise HindraxError(f"{path}: logs of PX4 need pyulog; `./hindrax setup --all` installs it") from error
+        raise HindraxError(
+            f'{path}: logs of PX4 need pyulog; `./hindrax setup --all` installs it, or pip install "hindrax[autopilot]"'
+        ) from error
     try:
         datasets = ULog(str(path), list(PX4_FIELDS)).data_list
         found: dict[Quantity, list[tuple[Array, Array]]] = {}
