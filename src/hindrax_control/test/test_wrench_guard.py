@@ -28,7 +28,8 @@ def test_fresh_wrench_passes_as_it_is() -> None:
 
 
 def test_wrench_of_the_other_body_frame_is_rotated_by_half_a_turn_about_x() -> None:
-    assert judge(frame=FLU).wrench == (5.0, 4.0, -3.0, -2.0, -1.0, 0.5)
+    assert judge(frame=FLU).wrench == judge(frame="rov1/base_link").wrench == (5.0, 4.0, -3.0, -2.0, -1.0, 0.5)
+    assert judge(frame="rov1/base_link_fsd").wrench == judge().wrench
     assert half_turn(half_turn(WRENCH)) == WRENCH
 
 

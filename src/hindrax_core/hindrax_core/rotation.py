@@ -8,6 +8,12 @@ from hindrax_core.readings import Vec3, Vec6
 FSD, FLU = "base_link_fsd", "base_link"
 """Frames of the body: x forward, y starboard, z down (SNAME); x forward, y left, z up (REP-103)."""
 
+
+def unprefixed(frame: str) -> str:
+    """Name of a frame without the prefix that a stack of several vehicles gives it, such as `rov1/base_link`."""
+    return frame.rpartition("/")[2]
+
+
 Matrix3: TypeAlias = tuple[Vec3, Vec3, Vec3]
 IDENTITY: Matrix3 = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 

@@ -36,6 +36,7 @@ TURN_S = 0.05
 """Longest wait between two turns of a process [wall time]."""
 IDLE_TURN_S = 0.2
 """The same where nothing is read and a thread sends what is published; services and timers begin a turn anyway."""
+# Best effort: a receipt for every message that nobody reads would wake the threads of the middleware.
 UNREAD = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
@@ -102,11 +103,11 @@ class BatchedNode(CheckedNode):
         self._read: list[tuple[Callable[..., Any], Any, bool, Callable[..., Any], int]] | None = None
         super().__init__(name, namespace=NAMESPACE, parameter_overrides=overrides, **options)
 
-    def bypass(self, source: Node, topic: Topic, *, shown: bool) -> bool:
+    def bypass(self, source: Node, topic: Topic) -> bool:
         """Read a topic no more from the graph if `source`, of the same process, publishes it under the same name.
 
         The caller then passes its messages on by call. Where a remap separates the two, this changes nothing. A
-        subscription that is `shown` stays in the graph unread; receipts for its messages would only wake threads.
+        subscription that nobody reads stays in the graph, so that `ros2 node info` and rqt_graph show the edge.
         """
         name = self.resolve_topic_name(topic.name)
         if source.resolve_topic_name(topic.name) != name:
@@ -115,8 +116,7 @@ class BatchedNode(CheckedNode):
         if passed is self.lead:
             self.lead = None
         self.destroy_subscription(passed)
-        if shown:
-            self._bypassed |= {self.create_subscription(passed.msg_type, topic.name, passed.callback, UNREAD)}
+        self._bypassed |= {self.create_subscription(passed.msg_type, topic.name, passed.callback, UNREAD)}
         return True
 
     def every(self, seconds: float, act: Callable[[], None]) -> None:

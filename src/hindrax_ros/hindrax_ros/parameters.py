@@ -15,7 +15,7 @@ from typing import Any, TypeVar, get_type_hints
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
-from rclpy.parameter import Parameter
+from rclpy.parameter import Parameter, get_parameter_value
 from rclpy.parameter_service import ParameterService
 
 from hindrax_core.errors import UsageError
@@ -194,10 +194,22 @@ class CheckedParameterService(ParameterService):
     def _set(self, messages: Sequence[object]) -> SetParametersResult:
         node = self._get_node()
         try:
-            wanted = [_parameter(node, one) for one in messages]
+            wanted = [_parameter(node, one) for one in messages if not _is_as_asked(node, one)]
         except ValueError as error:
             return SetParametersResult(successful=False, reason=str(error))
-        return node.set_parameters_atomically(wanted)
+        return node.set_parameters_atomically(wanted) if wanted else SetParametersResult(successful=True)
+
+
+def _is_as_asked(node: Node, message: Any) -> bool:
+    """Whether a parameter has the wanted value already: also one that is fixed, so a file of what is can be loaded.
+
+    `ros2 param load` guesses the type of a value from its text: 1e-05, nan and what is not set arrive as words, an
+    empty array as one of bool. So what the present value would arrive as counts as well.
+    """
+    if not node.has_parameter(message.name):
+        return False
+    present = node.get_parameter(message.name)
+    return message.value in (present.get_parameter_value(), get_parameter_value(str(_plain(present.value))))
 
 
 def _parameter(node: Node, message: Any) -> Parameter:

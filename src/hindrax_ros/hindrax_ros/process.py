@@ -17,11 +17,12 @@ import rclpy
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from hindrax_core.errors import HindraxError
+from hindrax_core.errors import HindraxError, UsageError
 from hindrax_ros.batched_node import BatchedNode, SpinLoop, events_executor
 from hindrax_ros.heartbeat import HeartbeatFile
 from hindrax_ros.parameters import warn_of_unknown_parameters
 
+REMAP, RENAMES = ("-r", "--remap"), ("__node:=", "__name:=")
 LONGEST_END_S = 60
 """The supervisor waits for less; this is for a process that has outlived it."""
 
@@ -48,21 +49,27 @@ class StopSignal:
 
 
 def spin(
-    make: Callable[[], Sequence[Node]], arguments: Sequence[str] | None = None, stop: StopSignal | None = None
+    make: Callable[[], Sequence[Node]],
+    arguments: Sequence[str] | None = None,
+    stop: StopSignal | None = None,
+    *,
+    renamed: str = "",
 ) -> int:
     """Make the nodes, spin them until a stop signal, close them, and return the exit code of the process.
 
     A node that owns something (a port, a thread, a file) offers `close()`, called before it is destroyed. An exception
     in a callback is our own mistake: nothing catches it, the process ends and its supervisor starts it again. Nodes
-    that cannot be made with their arguments give a one-line error.
+    that cannot be made with their arguments give a one-line error. `renamed`: the node that `-r __node:=NAME` means.
     """
+    arguments = scoped(sys.argv if arguments is None else arguments, renamed)
     stop, heartbeat = stop or StopSignal(), HeartbeatFile(os.environ)
-    rclpy.init(args=list(sys.argv if arguments is None else arguments), signal_handler_options=SignalHandlerOptions.NO)
+    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     nodes: Sequence[Node] = ()
     executor = events_executor()
     try:
         try:
             nodes = make()
+            require_own_names([node.get_fully_qualified_name() for node in nodes])
         except HindraxError as error:
             print(error, file=sys.stderr, flush=True)  # noqa: T201  # for the operator, in the log of the process
             return error.exit_code
@@ -85,6 +92,21 @@ def spin(
             node.destroy_node()
         rclpy.try_shutdown()
     return 0
+
+
+def scoped(arguments: Sequence[str], node: str) -> list[str]:
+    """Arguments of a process of which a rule without a node, `-r __node:=NAME`, renames only this one; none: all."""
+    after = zip(["", *arguments], arguments, strict=False)
+    return [f"{node}:{word}" if node and flag in REMAP and word.startswith(RENAMES) else word for flag, word in after]
+
+
+def require_own_names(names: Sequence[str]) -> None:
+    """UsageError where two nodes of a process have one name: ROS would mix up their services and parameters."""
+    for name in names:
+        if (count := names.count(name)) == 1:
+            continue
+        found = f"{count} nodes of one process have the name {name}"
+        raise UsageError(f"{found}, wanted one each; say which is renamed: `-r NODE:__node:=NAME`")
 
 
 def _avoid_late_pauses() -> None:

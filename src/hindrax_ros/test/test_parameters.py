@@ -6,6 +6,7 @@ import re
 import signal
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,7 +14,8 @@ import pytest
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 
 import rclpy
-from rclpy.parameter import Parameter
+import yaml
+from rclpy.parameter import Parameter, parameter_dict_from_yaml_file
 
 from hindrax_core.errors import UsageError
 from hindrax_core.knobs import knob
@@ -187,3 +189,22 @@ def test_what_cannot_change_or_does_not_fit_is_refused_with_the_reason_and_chang
         assert "type" in asked(node, count="three").lower()
         assert seen == [Outer()]
         assert node.get_parameter("inner.gain").value == 1.0
+
+
+@pytest.mark.usefixtures("_alone")
+@pytest.mark.parametrize("word", ["steps:=[0.00001, 3.0]", "inner.gain:=0.00001", "inner.limit:=3.0"])
+def test_a_dump_of_what_is_loads_and_changes_nothing(word: str, tmp_path: Path) -> None:
+    with tuned_node(word) as (node, seen):
+        node.declare_parameter("odd", float("nan"))
+        node.declare_parameter("empty", [])
+        values = {name: node.get_parameter(name).value for name in node.get_parameters_by_prefix("")}
+        plain = {name: list(one) if isinstance(one, Sequence) else one for name, one in values.items()}
+        file = tmp_path / "dump.yaml"
+        file.write_text(yaml.safe_dump({"/pilot": {"ros__parameters": plain}}))
+        service = CheckedParameterService.__new__(CheckedParameterService)
+        service._get_node = lambda: node
+        for name, message in parameter_dict_from_yaml_file(str(file)).items():
+            assert (name, service._set([message]).reason) == (name, "")
+        assert len(seen) == 1
+        assert asked(node, inner__limit=2.5).startswith("inner.limit: fixed at start")
+        assert asked(node, use_sim_time=True).startswith("use_sim_time: fixed at start")

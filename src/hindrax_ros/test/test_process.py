@@ -3,6 +3,7 @@
 import gc
 import inspect
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -11,8 +12,9 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 
+from hindrax_core.errors import UsageError
 from hindrax_ros.batched_node import BatchedNode
-from hindrax_ros.process import spin
+from hindrax_ros.process import require_own_names, scoped, spin
 
 
 class Curious(BatchedNode):
@@ -67,3 +69,30 @@ def test_an_end_that_hangs_inside_of_a_library_is_ended_by_the_kernel() -> None:
     """It waits with the interpreter's lock held, as a destructor does that waits for what never comes."""
     ended = subprocess.run([sys.executable, "-c", HANGING], timeout=60.0, check=False)
     assert ended.returncode == -signal.SIGALRM
+
+
+def test_a_new_name_without_a_node_renames_the_one_that_the_process_is_about() -> None:
+    words = [
+        "pilot",
+        "--ros-args",
+        "-r",
+        "__node:=mine",
+        "--remap",
+        "__name:=other",
+        "-p",
+        "a:=__node:=b",
+        "-r",
+        "x:=y",
+    ]
+    found = scoped(words, "pilot")
+    assert found == [*words[:3], "pilot:__node:=mine", "--remap", "pilot:__name:=other", *words[6:]]
+    assert scoped(words, "") == words
+
+
+def test_nodes_of_one_name_are_refused_with_the_remedy() -> None:
+    require_own_names(["/hindrax/pilot", "/hindrax/navigator", "/pilot"])
+    wanted = (
+        "2 nodes of one process have the name /a/mine, wanted one each; say which is renamed: `-r NODE:__node:=NAME`"
+    )
+    with pytest.raises(UsageError, match=re.escape(wanted)):
+        require_own_names(["/a/mine", "/a/mine", "/b/mine"])

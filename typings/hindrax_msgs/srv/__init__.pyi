@@ -35,8 +35,9 @@ class Recentre_Request:
     stamp: builtin_interfaces.msg.Time
     x: float
     y: float
+    set_heading: bool
     turned: float
-    def __init__(self, *, stamp: builtin_interfaces.msg.Time = ..., x: float = ..., y: float = ..., turned: float = ...) -> None: ...
+    def __init__(self, *, stamp: builtin_interfaces.msg.Time = ..., x: float = ..., y: float = ..., set_heading: bool = ..., turned: float = ...) -> None: ...
     @classmethod
     def get_fields_and_field_types(cls) -> dict[str, str]: ...
 

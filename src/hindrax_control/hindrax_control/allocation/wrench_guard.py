@@ -11,7 +11,7 @@ from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.input_checks import StampWindow
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Vec6, vec6
-from hindrax_core.rotation import FLU, FSD, half_turn
+from hindrax_core.rotation import FLU, FSD, half_turn, unprefixed
 from hindrax_core.signals import ZERO6
 from hindrax_core.vehicle import WRENCH_SYMBOLS, Vehicle
 
@@ -49,12 +49,13 @@ class WrenchGuard:
     def step(self, wrench: Vec6, frame: str, stamp: Stamp, now: Stamp) -> Accepted:
         """Judge a wrench [N, Nm] about the center of mass, made at `stamp` in the axes of `frame`."""
         reason = self._untimely(stamp, now)
-        if not reason and frame not in (FSD, FLU):
+        axes = unprefixed(frame)
+        if not reason and axes not in (FSD, FLU):
             reason = f"wrench: found frame {frame!r}, wanted {FSD} or {FLU}"
         if reason:
             return Accepted(None, (reason,))
         self._last = stamp
-        finite, refused = finite_axes(half_turn(wrench) if frame == FLU else wrench)
+        finite, refused = finite_axes(half_turn(wrench) if axes == FLU else wrench)
         limited, clipped = _limited(finite, self._limits)
         return Accepted(limited, refused + clipped, finite)
 

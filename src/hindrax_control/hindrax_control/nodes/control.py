@@ -27,33 +27,37 @@ EVERY = ("allocator", "pilot", "navigator")
 
 def make_nodes(wanted: Collection[str] = EVERY) -> Sequence[Node]:
     """Read the vehicle file, make the nodes, and connect those that have each other. The pilot brings its health."""
-    reader = BatchedNode("control")
+    (name,) = wanted if len(wanted) == 1 else ("control",)
+    reader: BatchedNode | None = BatchedNode(name, enable_rosout=len(wanted) > 1)
     vehicle = load_vehicle(text(reader, "vehicle", "", "vehicle file [-]"))
-    allocator = AllocatorNode(vehicle, reader.now) if "allocator" in wanted else None
+    if len(wanted) == 1:  # it has read the parameter that a launch file gives to the one node, under its name
+        reader.destroy_node()
+        reader = None
+    allocator = AllocatorNode(vehicle, reader.now if reader else None) if "allocator" in wanted else None
     pilot = navigator = health = None
     if "pilot" in wanted:
         pilot = PilotNode(vehicle, allocator.supply if allocator else SupplyVoltage(vehicle.supply_V))
-        pilot.health = health = EstimatorHealthNode(vehicle, reader.now)
+        pilot.health = health = EstimatorHealthNode(vehicle, (reader or pilot).now)
     if "navigator" in wanted:
         navigator = NavigatorNode(vehicle)
     if allocator and health:
         allocator.inhibited = health.failed
-    if allocator and pilot and allocator.bypass(pilot, WRENCH, shown=True):
+    if allocator and pilot and allocator.bypass(pilot, WRENCH):
         pilot.send_wrench, pilot.send_forces = allocator.on_wrench, allocator.on_forces
         allocator.pilot = pilot.get_fully_qualified_name()
-    if navigator and pilot and pilot.bypass(navigator, ODOMETRY, shown=True):
+    if navigator and pilot and pilot.bypass(navigator, ODOMETRY):
         navigator.on_state, pilot.navigator = pilot.on_navigation, navigator.get_fully_qualified_name()
         pilot.confirm_position = navigator.confirm_position
     for listener in (pilot, navigator):
-        if allocator and listener and listener.bypass(allocator, ALLOCATION, shown=False):
+        if allocator and listener and listener.bypass(allocator, ALLOCATION):
             allocator.allocation_listeners.append(listener.on_allocation)
     # The navigator comes last: the turn in which it has a state begins with what the others have received.
     return [node for node in (reader, health, pilot, allocator, navigator) if node is not None]
 
 
 def main(wanted: Collection[str] = EVERY) -> int:
-    """Run these nodes until a signal."""
-    return spin(lambda: make_nodes(wanted))
+    """Run these nodes until a signal; of a single one, `-r __node:=NAME` is the name."""
+    return spin(lambda: make_nodes(wanted), renamed="".join(wanted) if len(wanted) == 1 else "")
 
 
 allocator, pilot, navigator = (partial(main, (name,)) for name in EVERY)

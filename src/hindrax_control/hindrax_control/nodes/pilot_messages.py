@@ -18,6 +18,7 @@ from hindrax_core.text.refusals import Reason, Refusal
 from hindrax_core.vehicle import AXES
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import AllocationStatus, HoldStatus, ManeuverStatus, ModelEstimate, MotionPlans, PoolPlace
+from hindrax_msgs.srv import Recentre
 from hindrax_ros.graph import end_goal
 from hindrax_ros.messages.convert import header
 
@@ -43,6 +44,17 @@ def _pulses_from_msg(message: FlyManeuver.Goal, thrusters: int) -> tuple[Pulse, 
         Pulse(forces_N[at * thrusters : (at + 1) * thrusters], float(seconds), bool(calm))
         for at, (seconds, calm) in enumerate(zip(message.pulse_seconds, message.pulse_calm, strict=True))
     )
+
+
+def place_from_msg(message: Recentre.Request) -> tuple[float, float, float]:
+    """Place in the pool [m] and heading from its length [rad] of a request; NaN for what it leaves out.
+
+    A request that leaves fields out has zeros there. No hull fits at the corner of the two walls, so that is no place;
+    a heading of zero is one, so it counts only where it is set.
+    """
+    placed = (message.x, message.y) != (0.0, 0.0)
+    x_m, y_m = (message.x, message.y) if placed else (NAN, NAN)
+    return x_m, y_m, message.turned if message.set_heading else NAN
 
 
 def result_of(aborted: Refusal, handle: ServerGoalHandle) -> FlyManeuver.Result:

@@ -364,7 +364,7 @@ class PilotNode(BatchedNode):
     def _on_recentre(self, request: Recentre.Request, response: Recentre.Response) -> Recentre.Response:
         """Restart dead reckoning at the position given by the operator."""
         untimely = self._window.judge(stamp_from_msg(request.stamp), self.now())
-        refused = untimely.sentence if untimely else self._pilot.recentre(request.x, request.y, request.turned)
+        refused = untimely.sentence if untimely else self._pilot.recentre(*pilot_messages.place_from_msg(request))
         if refused:
             self._reporter.refusals.add(RECENTRE, refused)
         else:

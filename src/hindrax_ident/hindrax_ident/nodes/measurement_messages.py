@@ -7,7 +7,7 @@ from nav_msgs.msg import Odometry
 
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.messages.contents import Read
-from hindrax_core.rotation import FLU, FSD
+from hindrax_core.rotation import FLU, FSD, unprefixed
 from hindrax_core.signals import NAN, Attitude, IdentEvent, Thrust, Velocity
 from hindrax_core.topics import Quality, Topic
 from hindrax_core.vehicle import Vehicle
@@ -52,7 +52,7 @@ def velocities_from_odometry(message: Odometry, now: Stamp) -> tuple[Stamped[Ide
 
 def thrust_from_wrench(message: WrenchStamped, now: Stamp) -> tuple[Stamped[IdentEvent], ...]:
     """Thrust in `base_link` (also where no frame is named) or `base_link_fsd`. ValueError for other frames."""
-    frame, wrench = message.header.frame_id.rpartition("/")[2], wrench_from_msg(message)
+    frame, wrench = unprefixed(message.header.frame_id), wrench_from_msg(message)
     if frame not in (FSD, FLU, ""):
         raise ValueError(f"found frame {frame[:40]!r}, wanted {FLU} or {FSD}")
     if not all(map(math.isfinite, wrench)):

@@ -139,7 +139,9 @@ def recentre(operator: Operator, x_m: float, y_m: float, turned_rad: float) -> N
     client = operator.node.create_client(Recentre, "maneuver/recentre")
     try:
         operator.wait(client.service_is_ready, SEEN_S, lambda: f"the pilot to offer maneuver/recentre; {UP}")
-        request = Recentre.Request(x=x_m, y=y_m, turned=turned_rad, stamp=operator.order_stamp())
+        turned = not math.isnan(turned_rad)
+        stamp = operator.order_stamp()
+        request = Recentre.Request(x=x_m, y=y_m, set_heading=turned, turned=turned_rad, stamp=stamp)
         future = client.call_async(request)
         operator.wait(future.done, SEEN_S, lambda: "an answer from maneuver/recentre")
     finally:

@@ -22,7 +22,7 @@ from std_msgs.msg import Header
 
 from hindrax_core.events import NS_PER_S, Stamp, Stamped
 from hindrax_core.readings import Vec3, Vec6
-from hindrax_core.rotation import FLU, FSD, sname_from_xyzw, xyzw_from_sname
+from hindrax_core.rotation import FLU, FSD, sname_from_xyzw, unprefixed, xyzw_from_sname
 from hindrax_core.signals import Consistency, Estimate, Navigation
 from hindrax_msgs.msg import ModelEstimate
 
@@ -73,7 +73,7 @@ def odometry_from_msg(message: Odometry) -> Stamped[Navigation]:
     ValueError for other frames and for what is no orientation. A variance of zero or less means unknown.
     """
     world, body = message.header.frame_id, message.child_frame_id
-    if body.rpartition("/")[2] != FLU or not world or world.lower().endswith("ned"):
+    if unprefixed(body) != FLU or not world or world.lower().endswith("ned"):
         raise ValueError(f"found {body[:40]!r} in {world[:40]!r}, wanted {FLU!r} in a world with z up, such as 'odom'")
     q, position, twist = message.pose.pose.orientation, message.pose.pose.position, message.twist.twist
     length = math.hypot(q.x, q.y, q.z, q.w)
