@@ -42,7 +42,7 @@ def test_a_line_names_what_is_there(line: str) -> None:
         assert_launch_file(*rest)
     elif kind in ("service", "action") and len(rest) > 2:
         assert_request(*rest)
-    elif kind == "param":
+    elif kind == "param" and len(rest) > 2:
         assert f"| `{rest[2]}` |" in PARAMETERS
     elif kind == "lifecycle" and len(rest) > 1:
         assert rest[1].rpartition("/")[2] in NODES

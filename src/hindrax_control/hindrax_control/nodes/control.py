@@ -28,11 +28,11 @@ EVERY = ("allocator", "pilot", "navigator")
 def make_nodes(wanted: Collection[str] = EVERY) -> Sequence[Node]:
     """Read the vehicle file, make the nodes, and connect those that have each other. The pilot brings its health."""
     (name,) = wanted if len(wanted) == 1 else ("control",)
-    reader: BatchedNode | None = BatchedNode(name, enable_rosout=len(wanted) > 1)
-    vehicle = load_vehicle(text(reader, "vehicle", "", "vehicle file [-]"))
-    if len(wanted) == 1:  # it has read the parameter that a launch file gives to the one node, under its name
-        reader.destroy_node()
-        reader = None
+    asking = BatchedNode(name, enable_rosout=len(wanted) > 1)
+    vehicle = load_vehicle(text(asking, "vehicle", "", "vehicle file [-]"))
+    reader = asking if len(wanted) > 1 else None
+    if reader is None:  # a launch file gives the parameter to the one node, under its name
+        asking.destroy_node()
     allocator = AllocatorNode(vehicle, reader.now if reader else None) if "allocator" in wanted else None
     pilot = navigator = health = None
     if "pilot" in wanted:
