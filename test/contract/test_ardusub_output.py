@@ -314,3 +314,13 @@ def test_a_link_that_fails_ends_the_flight_by_name_at_neutral(fault: str, why: s
     bench.armed = False
     bench.run(4.0)
     assert fault == "second_station" or bench.wire() == NEUTRAL
+
+
+@pytest.mark.parametrize("control", ["manual_control", "motor_test"])
+def test_who_thrusts_at_once_takes_no_delay_of_the_link_for_a_stranger(control: str) -> None:
+    bench = Bench(control=control, fault="link_delay")
+    bench.run(5.2)
+    bench.armed, bench.pulses = True, AHEAD
+    bench.run(3.0)
+    assert bench.device.fault() == ""
+    assert bench.wire() == AHEAD

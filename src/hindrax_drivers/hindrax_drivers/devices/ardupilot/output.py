@@ -223,7 +223,7 @@ class ArduSub:
         self._step_at = self._armed_at = self._served_at = self._accepted_at = Stamp(0)
         self._sticks_at = self._tests_at = Stamp(0)
         self._sent: list[int] = []
-        self._history: deque[tuple[Stamp, tuple[float, ...]]] = deque()
+        self._history: deque[tuple[Stamp, tuple[float, ...]]] = deque(maxlen=256)
         self._odd: deque[Stamp] = deque()
 
     def _identify(self, stamp: Stamp) -> list[Output]:
@@ -479,6 +479,8 @@ class ArduSub:
             return self._stick(stamp, pulses_us) if due else []
         outputs: list[Output] = []
         wanted = [round(pulse) for pulse in pulses_us]
+        if not self._tested:
+            self._history.append((stamp, (CENTER_us,) * len(wanted)))
         self._tested = True
         if wanted != self._sent or seconds_between(self._tests_at, stamp) >= REPEAT_S:
             whole = seconds_between(self._tests_at, stamp) >= REPEAT_S or len(self._sent) != len(wanted)
@@ -510,6 +512,8 @@ class ArduSub:
         """MANUAL_CONTROL nearest to some pulses; neutral without."""
         self._sticks_at = stamp
         if self._mixer is None or not pulses_us:
+            if not self._by_test:
+                self._history.append((stamp, (CENTER_us,) * 6))
             return [self._sticks((0.0,) * 6)]
         axes = self._mixer.sticks(pulses_us)
         gain = self._gain
