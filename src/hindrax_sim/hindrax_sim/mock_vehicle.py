@@ -11,6 +11,7 @@ from hindrax_core.events import Stamp, seconds_between, to_s
 from hindrax_sim.buses.mock_server import BusServer
 from hindrax_sim.buses.mounted_file import MountedFile, Transfer
 from hindrax_sim.buses.serial_ends import Pty, TcpEnd, UdpEnd
+from hindrax_sim.devices.ardupilot.firmware import ArduSub
 from hindrax_sim.hardware import THRUSTERS, Hardware, STEP_ns, STEP_s
 
 if TYPE_CHECKING:
@@ -161,14 +162,19 @@ class Ports:
         port = self._ends[name]
         port.plug(in_place=getattr(self.hardware.serial[name], "connected", True))
         sent = port.read()
-        if sent and name == THRUSTERS and self._server.clients():
-            # Without a client of the clock it is a third-party program, which writes at any time.
-            self.last_write = self.hardware.stamp
         if sent:
             data += self.hardware.serial[name].receive(sent, now_s)
+        if sent and name == THRUSTERS and self._server.clients() and self._drives():
+            # Without a client of the clock it is a third-party program, which writes at any time.
+            self.last_write = self.hardware.stamp
         if data:
             port.write(data)
             self._server.wake(name)
+
+    def _drives(self) -> bool:
+        """Whether what was written moves thrusters: an autopilot gets heartbeats too, for which nobody waits."""
+        output = getattr(self.hardware, "output", None)
+        return output.take_driven() if isinstance(output, ArduSub) else True
 
     def _wait_for_clients(self, now: Stamp) -> None:
         """Hold time while a client works, for at most `PATIENCE_S`; one that is frozen holds it `FROZEN_S` in all."""

@@ -44,8 +44,6 @@ ASK_AGAIN_S = 0.4
 """Time for an answer to arming, disarming and the mode."""
 REPEAT_S, STICKS_S = 0.1, 0.2
 """Time between motor tests without a change (they end after 0.5 s), and between the neutral sticks beside them."""
-STICK_EVERY_S = 0.03
-"""Between two sticks of ours there is time for another pilot's to be seen."""
 PAUSE_S = 10.0
 """What ArduSub asks for after a motor test that has timed out, as every one does that is ended."""
 SEEN_S, ODD_LIMIT, MEMORY_S = 0.7, 4, 1.0
@@ -58,7 +56,8 @@ WRAP_s = 2.0**32 * 1e-6
 HALF_us = 400.0
 """Way of a stick to either end."""
 FAREWELLS = 3
-SERVO_Hz, STICKS_Hz = 50.0, 50.0
+SERVO_Hz, STICKS_Hz = 50.0, 40.0
+"""Sticks are looked at in another rhythm than ours are sent in: else each look might fall just behind one of ours."""
 PARAMETERS = (
     "FRAME_CONFIG",
     *(f"SERVO{number}_FUNCTION" for number in range(1, 17)),
@@ -475,8 +474,7 @@ class ArduSub:
 
     def _move(self, pulses_us: Sequence[float], stamp: Stamp) -> list[Output]:
         if not self._by_test:
-            due = seconds_between(self._sticks_at, stamp) >= STICK_EVERY_S
-            return self._stick(stamp, pulses_us) if due else []
+            return self._stick(stamp, pulses_us)
         outputs: list[Output] = []
         wanted = [round(pulse) for pulse in pulses_us]
         if not self._tested:

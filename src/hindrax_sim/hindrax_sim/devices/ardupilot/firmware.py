@@ -19,7 +19,7 @@ from hindrax_sim.devices.emulator import Part
 from hindrax_sim.physics.geometry import quaternion, rotate
 from hindrax_sim.world import Mounting, World
 
-SYSTEM, COMPONENT = 1, 1
+SYSTEM, COMPONENT, OTHER_STATION = 1, 1, 190
 SUBMARINE, ARDUPILOT = 12, 3
 STABILIZE, ALT_HOLD, SURFACE, MANUAL = 0, 2, 9, 19
 MODES = (0, 1, 2, 3, 4, 7, 9, 16, 19, 20, 21)
@@ -156,7 +156,7 @@ class ArduSub(Part[AutopilotTruth]):
         self.armed, self.mode, self.gain = False, MANUAL, self.parameters["JS_GAIN_DEFAULT"]
         self._sticks_us = [1500.0] * 6
         self._pulses_us: dict[int, float] = dict.fromkeys(self._motor_channels(), 1500.0)
-        self._testing = False
+        self._testing = self._driven = False
         self._test_s = self._test_failed_s = -math.inf
         self._pilot_s: float = now_s
         self._station_s: float | None = None
@@ -205,6 +205,11 @@ class ArduSub(Part[AutopilotTruth]):
         outbox.clear()
         return data
 
+    def take_driven(self) -> bool:
+        """Whether a stick or a motor test has come since the last call, but for those of another ground station."""
+        driven, self._driven = self._driven, False
+        return driven
+
     def pulse_us(self, channel: int) -> float | None:
         """Pulse of one output; None where there is none."""
         return self._pulses_us.get(channel)
@@ -228,6 +233,7 @@ class ArduSub(Part[AutopilotTruth]):
             self._send_parameter(one.values[3], channel)
         elif one.number == 69 and station and one.values[5] == SYSTEM:
             self._manual_control(one.values)
+            self._driven |= one.component != OTHER_STATION
         elif one.number == 76 and one.values[8] in (0, SYSTEM):
             number = one.values[7]
             known = number in self._commands and number not in self.unsupported
@@ -289,6 +295,7 @@ class ArduSub(Part[AutopilotTruth]):
         if not by_pulse or not channels or not self.armed:
             return FAILED
         self._pulses_us[channels[0]] = float(int(pulse_us))
+        self._driven = True
         return ACCEPTED
 
     def _begin_test(self) -> bool:
