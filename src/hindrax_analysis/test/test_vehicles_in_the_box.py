@@ -1,5 +1,6 @@
 """Vehicles that come with the stack: each flies in mock what its thrusters serve, and is identified."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -59,3 +60,14 @@ def test_each_flies_all_it_can_and_its_drag_is_within_its_band(file: Path, world
     assert {one.motion.partition("_")[0] for one in trial.drag} == set(motions)
     assert max(abs(one.error / one.std_calibrated) for one in trial.drag) < 3.0
     assert [one.motion for one in trial.drag if world == "ideal" and one.share == 1.0 and abs(one.error) > 0.02] == []
+
+
+def test_a_vehicle_without_a_dvl_flies_what_its_other_sensors_measure() -> None:
+    vehicle = load_vehicle(default_vehicle().parent / "bluerov2-heavy.yaml")
+    blind = replace(vehicle, sensors={name: one for name, one in vehicle.sensors.items() if name != "dvl75"})
+    flight = fly(("heave",), 3, "pool", vehicle=blind, knobs=PilotKnobs(plan=SHORT))
+    assert flight.aborted == ""
+    assert flight.world.box.wall_hits == 0
+    trial = trial_of(3, flight.outcome, flight.truth, flight.drag_N)
+    assert {one.motion for one in trial.drag} == {"heave_down", "heave_up"}
+    assert max(abs(one.error / one.std_calibrated) for one in trial.drag) < 3.0

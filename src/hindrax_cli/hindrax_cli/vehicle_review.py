@@ -14,7 +14,7 @@ from hindrax_cli.vehicle_plausibility import (
     volume_text,
 )
 from hindrax_control.allocation.thrust_curve import thrust_curves
-from hindrax_control.maneuver.goal import largest_wrench, servable_motions
+from hindrax_control.maneuver.goal import flyable_motions, largest_wrench, servable_motions
 from hindrax_core.errors import UsageError
 from hindrax_core.sensor_table import Capability, all_sensors
 from hindrax_core.vehicle import AXES, WRENCH_UNITS, Vehicle
@@ -69,7 +69,7 @@ def _body(vehicle: Vehicle) -> list[Check]:
 def _thrusters(vehicle: Vehicle) -> list[Check]:
     if not vehicle.thrusters:
         return [Check("thrusters", "none", "add thrusters and curves to fly; identification does without")]
-    motions = servable_motions(AXES, vehicle)
+    motions = flyable_motions(AXES, vehicle)
     found = [
         Check("flies", ", ".join(motions.flown) or "nothing", "" if motions.flown else "check positions and angles"),
         *(Check("does not fly", f"{motion}: {reason}") for motion, reason in motions.left_out),
@@ -132,7 +132,9 @@ def _sensors(vehicle: Vehicle) -> list[Check]:
     for capability, what in NEEDED.items():
         names = vehicle.measuring(capability)
         found += [Check(name, vehicle.sensors[name].port or "no port") for name in names]
-        if not names:
+        if not names and capability == "velocity" and vehicle.sensors:
+            found.append(Check(capability, "none: surge and sway are neither flown nor identified"))
+        elif not names:
             known = " or ".join(row.name for row in all_sensors() if capability in row.measures)
             found.append(Check(capability, "missing", f"add {known} to sensors: nothing measures {what}"))
     return found

@@ -4,6 +4,7 @@ Pure. Setpoints, goals, cancels and operator wrenches are events; `step` is call
 """
 
 import math
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 
@@ -18,6 +19,7 @@ from hindrax_control.maneuver.goal import (
     Goal,
     not_armed,
     require_flyable,
+    require_measured,
     require_ready,
     unobeyed,
 )
@@ -164,6 +166,12 @@ class Pilot:
     def check(self, goal: Goal) -> None:
         """UsageError with the reason if this vehicle cannot fly a goal with the enabled thrusters."""
         require_flyable(goal, self._vehicle, self._disabled)
+        self._require_measured(goal.motions)
+
+    def _require_measured(self, motions: Sequence[str]) -> None:
+        """A vehicle without a DVL flies surge and sway while somebody else's odometry has their velocity."""
+        known = self._navigation is not None and math.isfinite(sum(self._navigation.velocity_mps[:2]))
+        require_measured(motions, self._vehicle, velocity_known=known)
 
     def plans(self) -> dict[str, Plan | str]:
         """Plan of each motion, or the reason why it cannot be flown; first word: its name."""
@@ -172,6 +180,7 @@ class Pilot:
         found: dict[str, Plan | str] = {}
         for motion in AXES:
             try:
+                self._require_measured((motion,))
                 found[motion] = planner.plan(motion, pool)
             except UsageError as error:
                 found[motion] = str(error)
@@ -198,6 +207,7 @@ class Pilot:
             heading_known=pool is not None,
         )
         assert pool is not None
+        self._require_measured(goal.motions)
         self._maneuver = Maneuver(
             self._planner(), goal, pool, knobs=knobs.maneuver, station_knobs=knobs.station, safety_knobs=knobs.guards
         )

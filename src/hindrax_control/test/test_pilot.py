@@ -535,3 +535,20 @@ def test_after_a_maneuver_the_station_is_held_once_and_let_go_for_good(hovering:
     assert keeping(hovering)[1] < -1.0
     hovering.pilot.set(Setpoint("station", engaged=False))
     assert keeping(hovering) == (False, 0.0)
+
+
+def test_surge_without_a_dvl_needs_odometry_that_knows_its_velocity(
+    hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]
+) -> None:
+    blind = replace(hindrax, sensors={name: hindrax.sensors[name] for name in hindrax.measuring("rates")})
+    pilot, ideal = Pilot(blind), ideal_vehicle(blind)
+    known = ideal.navigation()
+    pilot.step(replace(known, velocity_mps=(math.nan, math.nan, 0.0)), ideal.stamp, armed=True)
+    pilot.check(Goal(("yaw",)))
+    for refuse in (pilot.check, pilot.fly):
+        with pytest.raises(HindraxError, match="surge: nothing measures its velocity"):
+            refuse(Goal(("surge",)))
+    assert str(pilot.plans()["sway"]).startswith("sway: nothing measures")
+    ideal.time_s += 0.02
+    pilot.step(known, ideal.stamp, armed=True)
+    pilot.check(Goal(("surge",)))

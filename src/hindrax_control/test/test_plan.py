@@ -10,8 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hindrax_control.allocation.allocator import Allocator
+from hindrax_control.maneuver.goal import ALONG
 from hindrax_control.maneuver.leg import LegController
-from hindrax_control.maneuver.plan import ALONG, LEVEL_SHARE, Leg, Plan, PlanKnobs, Planner, motion_name, stopping
+from hindrax_control.maneuver.plan import LEVEL_SHARE, Leg, Plan, PlanKnobs, Planner, motion_name, stopping
 from hindrax_control.pool_bounds import PoolBounds
 from hindrax_control.prior_dynamics import PriorDynamics
 from hindrax_core.errors import UsageError

@@ -7,6 +7,7 @@ import pytest
 from hindrax_control.allocation.allocator import Allocator
 from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_control.maneuver.goal import (
+    UNMEASURED,
     Goal,
     ServableMotions,
     largest_wrench,
@@ -146,3 +147,16 @@ def test_a_goal_of_a_motion_that_is_not_served_is_refused(hindrax: Vehicle) -> N
 def test_a_goal_that_no_vehicle_can_fly_is_refused_for_what_is_wrong_with_it(hindrax: Vehicle) -> None:
     with pytest.raises(UsageError, match="goal: ending 'sink' unknown"):
         require_flyable(Goal(("surge",), on_cancel="sink"), hindrax)
+
+
+def test_without_a_dvl_surge_and_sway_are_left_out_before_anything_starts(hindrax: Vehicle) -> None:
+    blind = replace(hindrax, sensors={name: hindrax.sensors[name] for name in hindrax.measuring("rates")})
+    found = motions_to_fly(("all",), blind)
+    assert found.flown == ("heave", "roll", "pitch", "yaw")
+    assert found.left_out == (("surge", UNMEASURED), ("sway", UNMEASURED))
+    wanted = "sway: nothing measures its velocity, wanted a DVL; .* or fly some of heave, roll, pitch, yaw"
+    with pytest.raises(UsageError, match=wanted):
+        motions_to_fly(("yaw", "sway"), blind)
+    # A file without sensors flies by somebody else's odometry.
+    assert motions_to_fly(("all",), replace(hindrax, sensors={})).flown == AXES
+    require_flyable(Goal(("surge",)), blind)  # the pilot looks at the state of the moment

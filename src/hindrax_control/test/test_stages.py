@@ -110,6 +110,32 @@ def test_what_has_come_to_rest_is_settled_a_little_later(station: StationKeeping
     assert output[-1].wrench == pytest.approx((0.0,) * 6)
 
 
+def test_a_vehicle_without_a_dvl_settles_by_gyroscope_and_depth(station: StationKeeping) -> None:
+    nowhere = replace(FAR, vx_mps=math.nan, vy_mps=math.nan)
+
+    def settled(w_mps: float, *, velocity_measured: bool, **changes: Any) -> StageOutput:
+        stage = SettleAtPose("yaw", station, POSE, seconds=3.0)
+        stage.begin(moment(0.0))
+        changes = {"velocity_mps": (math.nan, math.nan, w_mps), **changes}
+        moments = [
+            replace(moment(time_s, nowhere, **changes), velocity_measured=velocity_measured)
+            for time_s in (0.0, 1.0, 100.0)
+        ]
+        return [stage.step(one) for one in moments][-1]
+
+    assert settled(0.03, velocity_measured=False).finished
+    assert "0.50 m from its place" in str(settled(0.03, velocity_measured=True).trouble)
+    for w_mps, changes, words in (
+        (0.05, {}, "+0.05 m/s down"),
+        (math.nan, {}, "+nan m/s down"),
+        (0.0, {"rate_radps": (0.0, -0.2, 0.1)}, "turning at 11 deg/s"),
+        (0.0, {"altitude_m": 0.7}, "altitude off by -0.20 m"),
+    ):
+        output = settled(w_mps, velocity_measured=False, **changes)
+        assert not output.finished
+        assert words in str(output.trouble)
+
+
 FAR = replace(HERE, x_m=4.7, y_m=3.4)
 
 

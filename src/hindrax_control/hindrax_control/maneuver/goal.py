@@ -1,7 +1,7 @@
 """Goals of maneuvers: what is asked for, which motions a vehicle can fly, and why a goal is refused.
 
-A vehicle flies the motions that its thrusters serve independently. A plan that does not fit the pool is refused by the
-planner, and an order that comes late by the node.
+A vehicle flies the motions that its thrusters serve independently and its sensors measure. A plan that does not fit the
+pool is refused by the planner, and an order that comes late by the node.
 """
 
 import math
@@ -22,6 +22,8 @@ EXCITATIONS = ("steps", "doublets", "chirp", "multisine")
 MOST_MOTIONS, MOST_LEVELS = 12, 20
 """Limits per goal: planning blocks the control cycle."""
 BUSY = Refusal(Reason.BUSY, "a maneuver is being flown; `./hindrax stop` ends it")
+ALONG = ("surge", "sway")
+"""Flown along the pool's length, by a velocity."""
 HEADING_UNKNOWN = Refusal(Reason.HEADING, f"the heading is unknown; {SENSELESS}")
 SHARE = 0.05
 """A lost axis counts as bound to a served one that makes at least this share of its row."""
@@ -173,6 +175,40 @@ def servable_motions(
     return ServableMotions(tuple(one for one in dict.fromkeys(motions) if one not in left_out), tuple(left_out.items()))
 
 
+UNMEASURED = "nothing measures its velocity"
+
+
+def _measured(motions: Sequence[str], vehicle: Vehicle) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Motions whose way is measured by the sensors of the vehicle file, and those of which none is.
+
+    Rotations have the gyroscope and heave has the depth. A file without any sensor says nothing: its state is given.
+    """
+    blind = bool(vehicle.sensors) and not vehicle.measuring("velocity")
+    lost = tuple(motion for motion in motions if blind and motion in ALONG)
+    return tuple(motion for motion in motions if motion not in lost), lost
+
+
+def flyable_motions(
+    motions: Sequence[str], vehicle: Vehicle, disabled: frozenset[str] = frozenset()
+) -> ServableMotions:
+    """Split motions (names of AXES) into those that thrusters serve and sensors measure, and the others."""
+    served = servable_motions(motions, vehicle, disabled)
+    flown, lost = _measured(served.flown, vehicle)
+    return ServableMotions(flown, (*served.left_out, *((motion, UNMEASURED) for motion in lost)))
+
+
+def require_measured(motions: Sequence[str], vehicle: Vehicle, *, velocity_known: bool = False) -> None:
+    """UsageError that names the first motion that no sensor measures; `velocity_known`: another node gives it."""
+    if velocity_known:
+        return
+    _, lost = _measured(motions, vehicle)
+    if lost:
+        flown = flyable_motions(AXES, vehicle).flown
+        others = f", or fly some of {', '.join(flown)}" if flown else ""
+        sentence = f"{lost[0]}: {UNMEASURED}, wanted a DVL; add it to `sensors` in the vehicle file{others}"
+        raise UsageError(Refusal(Reason.MOTION, sentence))
+
+
 def require_servable(motions: Sequence[str], vehicle: Vehicle, disabled: frozenset[str] = frozenset()) -> None:
     """UsageError that names the first motion that cannot be flown, why, and what can be flown instead."""
     left_out = servable_motions(motions, vehicle, disabled).left_out
@@ -217,9 +253,10 @@ def require_lift(vehicle: Vehicle) -> None:
 def motions_to_fly(dof: Sequence[str], vehicle: Vehicle) -> ServableMotions:
     """Motions that `--dof` asks for: `all` flies what can be flown; UsageError when a named one cannot be."""
     wanted = AXES if "all" in dof else tuple(dof)
-    found = servable_motions(wanted, vehicle)
+    found = flyable_motions(wanted, vehicle)
     if "all" not in dof or not found.flown:
         require_servable(wanted, vehicle)
+        require_measured(wanted, vehicle)
     require_lift(vehicle)
     return found
 

@@ -95,6 +95,7 @@ class Maneuver:
         vehicle = planner.vehicle
         require_flyable(goal, vehicle, planner.disabled)
         self.goal, self._pool, self._planner = goal, pool, planner
+        self._velocity = not vehicle.sensors or bool(vehicle.measuring("velocity"))
         self._knobs = knobs or ManeuverKnobs()
         self.station = StationKeeping(vehicle, station_knobs)
         self._safety = ManeuverGuards(vehicle, safety_knobs)
@@ -222,9 +223,9 @@ class Maneuver:
             self._turned_rad += math.remainder(place.heading_rad - self._turned_rad, math.tau)
         held_back = max(abs(shortfall[0]), abs(shortfall[1])) > self._knobs.shortfall_N
         fresh = math.isfinite(navigation.altitude_m) and navigation.altitude_age_s <= SILENT_s
-        return StageInput(
-            navigation, place, seconds_between(self._started_at, stamp), dt, self._turned_rad, held_back, fresh
-        )
+        passed_s = seconds_between(self._started_at, stamp)
+        velocity = self._velocity or math.isfinite(navigation.velocity_mps[0])
+        return StageInput(navigation, place, passed_s, dt, self._turned_rad, held_back, fresh, velocity)
 
     def _situation(self, moment: StageInput, lost_axes: tuple[str, ...], battery_V: float) -> Situation:
         return Situation(

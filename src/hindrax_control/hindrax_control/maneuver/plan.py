@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from hindrax_control.allocation.allocator import Allocator
-from hindrax_control.maneuver.goal import require_servable
+from hindrax_control.maneuver.goal import ALONG, require_servable
 from hindrax_control.pool_bounds import PoolBounds
 from hindrax_control.prior_dynamics import PriorDynamics, prior_dynamics
 from hindrax_core.errors import UsageError
@@ -19,8 +19,6 @@ from hindrax_core.knobs import knob
 from hindrax_core.text.refusals import Reason, Refusal
 from hindrax_core.vehicle import AXES, Vehicle
 
-ALONG = ("surge", "sway")
-"""Flown along the pool's length."""
 TURNING = ("roll", "pitch", "yaw")
 RESTING = ("heave", "roll", "pitch")
 """Their coasts rest all thrusters: what holds the vehicle down meanwhile would lose thrust to the inflow along them."""

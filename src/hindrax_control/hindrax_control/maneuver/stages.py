@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 from hindrax_control.hold.holds import Setpoint, down_rate
 from hindrax_control.hold.station_keeping import StationKeeping
 from hindrax_control.maneuver.excitation import Excite
+from hindrax_control.maneuver.goal import ALONG
 from hindrax_control.maneuver.leg import LegController
-from hindrax_control.maneuver.plan import ALONG, RESTING, motion_name
+from hindrax_control.maneuver.plan import RESTING, motion_name
 from hindrax_control.pool_bounds import PoolPosition
 from hindrax_control.prior_dynamics import PriorDynamics
 from hindrax_core.readings import Vec6, vec6
@@ -39,6 +40,8 @@ class StageInput:
     """Whether the allocator falls short in surge or sway."""
     altitude_measured: bool = True
     """Whether the altitude is measured at present."""
+    velocity_measured: bool = True
+    """Whether anything on board measures surge and sway; a DVL that has lost the bottom still does."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,13 +167,15 @@ class SettleAtPose(Stage):
         hold, high_m = self._pose.vertical[0], self._pose.off_m(navigation)
         turned_rad = self._pose.turned_rad(navigation)
         speed = math.sqrt(sum(v * v for v in navigation.velocity_mps))
-        turning = max(map(abs, navigation.rate_radps))
+        turning, sinking_mps = max(map(abs, navigation.rate_radps)), down_rate(navigation)
         wrong = {
-            f"{far_m:.2f} m from its place": not far_m <= REST_m,
+            # Without a DVL there is no place to come to, and rest is what gyroscope and depth say.
+            f"{far_m:.2f} m from its place": moment.velocity_measured and not far_m <= REST_m,
             # A sonar that falls silent now leaves the altitude unknown; the hold keeps the depth, which is as good.
             f"{hold} off by {high_m:.2f} m": abs(high_m) > REST_DEPTH_m,
             f"heading off by {math.degrees(turned_rad):.1f} deg": not abs(turned_rad) <= REST_HEADING_rad,
-            f"moving at {speed:.2f} m/s": not speed <= REST_mps,
+            f"moving at {speed:.2f} m/s": moment.velocity_measured and not speed <= REST_mps,
+            f"{sinking_mps:+.2f} m/s down": not abs(sinking_mps) <= REST_mps,
             f"turning at {math.degrees(turning):.0f} deg/s": not turning <= REST_radps,
         }
         return next((words for words, is_wrong in wrong.items() if is_wrong), "")

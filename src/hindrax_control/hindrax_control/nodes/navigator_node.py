@@ -48,6 +48,7 @@ class NavigatorNode(BatchedNode):
         self.settle_s = SETTLE_S
         self.on_state = on_state
         self._thrusters = len(vehicle.thrusters)
+        self._measures_velocity = bool(vehicle.measuring("velocity"))
         self._navigator = Navigator(vehicle, knobs(self, NavigatorKnobs, fixed={"": "the state would restart"}))
         self.confirm_position = self._navigator.confirm_position
         self._memory = Memory(os.environ)
@@ -105,6 +106,6 @@ class NavigatorNode(BatchedNode):
         if offset := self._navigator.gyroscope_offset:
             self._memory.write((*offset.rate_radps, offset.sigma_radps))
         values = {f"age of {source} [s]": f"{age:.3f}" for source, age in found.reading.ages_s.items()}
-        locked = found.reading.dvl_locked
-        wrong = [] if locked else ["DVL has no bottom lock: position is dead reckoned without it"]
+        fine = found.reading.dvl_locked or not self._measures_velocity
+        wrong = [] if fine else ["DVL has no bottom lock: position is dead reckoned without it"]
         self._reporter.report(found.stamp, wrong, "navigating", values)

@@ -72,7 +72,7 @@ def web(arguments: argparse.Namespace) -> int:
     """Live view in a browser: plots, the pool from above, maneuvers, finished reports."""
     read_only = arguments.read_only
     access = Access(hosts_of(arguments.address), kept_token(read_only=read_only, new=arguments.new_token))
-    from hindrax_control.maneuver.goal import servable_motions  # noqa: PLC0415  # help must not wait for numpy
+    from hindrax_control.maneuver.goal import flyable_motions  # noqa: PLC0415  # help must not wait for numpy
     from hindrax_operator.monitor.graph_link import GraphLink  # noqa: PLC0415  # as above
     from hindrax_operator.web.http_server import Server  # noqa: PLC0415  # as above
     from hindrax_operator.web.page_controller import PageController  # noqa: PLC0415  # as above
@@ -88,7 +88,7 @@ def web(arguments: argparse.Namespace) -> int:
         try:
             _wait_for_vehicle(link, over)
             server.start()
-            print_stderr(f"{vehicle.name} {servable_motions(AXES, vehicle)}")
+            print_stderr(f"{vehicle.name} {flyable_motions(AXES, vehicle)}")
             print_fitted(startup_text(arguments.address, server.port, access.token, read_only=read_only))
             if sys.stdout.isatty() and "localhost" not in access.hosts:
                 print_whole(qr_code(page_url(arguments.address, server.port, access.token)))
