@@ -13,6 +13,8 @@ import yaml
 from documentation.pages import PAGES, ROOT
 
 from hindrax_bringup.network.security import ROLES
+from hindrax_core.messages.inputs import INPUTS
+from hindrax_core.sensor_table import QUANTITIES
 from hindrax_core.topics import TOPICS
 
 LINE = re.compile(r"(?:^|`)(ros2 [a-z]+ [^`\n]*)", re.MULTILINE)
@@ -21,6 +23,8 @@ OTHERS = ("joy", "teleop_twist_keyboard", "mavros_msgs", "ros_gz_bridge")
 """Packages of others, which are not installed everywhere."""
 NAMES = {topic.name.removeprefix("/") for topic in TOPICS} | {"odometry", "wrench", "pulses", "__ns"}
 """What can be remapped in a node of ours."""
+OF_A_SENSOR = {*QUANTITIES, *(word for words in INPUTS.values() for word in words)}
+"""What follows the name of a sensor, which is the user's."""
 NODES = {role.node for role in ROLES}
 PARAMETERS = (ROOT / "docs" / "reference" / "parameters.md").read_text(encoding="utf-8")
 
@@ -58,7 +62,8 @@ def assert_executable(package: str, name: str, *words: str) -> None:
     assert re.search(rf"^{name} = ", scripts, re.MULTILINE), f"{package}: no executable {name}"
     for flag, word in pairwise(words):
         if flag == "-r":
-            assert word.partition(":=")[0].rpartition(":")[2] in NAMES, word
+            name = word.partition(":=")[0].rpartition(":")[2]
+            assert name in NAMES or name.partition("/")[2] in OF_A_SENSOR, word
 
 
 def assert_launch_file(package: str, name: str, *words: str) -> None:

@@ -52,11 +52,13 @@ def subscription(
 ) -> Subscription:
     """Subscription to one row of the topics table; with `raw` the callback gets the CDR bytes.
 
-    `queue` messages wait for a node that takes them when its turn comes; a command never has company.
+    `queue` messages wait for a node that takes them when its turn comes; a command never has company. Where the topic
+    is remapped, the publisher may be of another stack: many send best effort, of which a reliable reader gets nothing.
     """
     command = topic.quality.depth == 1
     quality = topic.quality if command else replace(topic.quality, depth=queue)
-    if command and topic.rate_Hz >= STREAM_Hz:
+    remapped = node.resolve_topic_name(topic.name) != node.resolve_topic_name(topic.name, only_expand=True)
+    if (command and topic.rate_Hz >= STREAM_Hz) or (remapped and not quality.latched):
         quality = replace(quality, reliable=False)
     return node.create_subscription(message_class(topic.type), topic.name, callback, profile(quality), raw=raw)
 

@@ -17,6 +17,7 @@ from hindrax_control.navigation.navigator import NavigatorKnobs
 from hindrax_control.pilot import PilotKnobs
 from hindrax_control.teleop import TeleopKnobs
 from hindrax_core.knobs import Knob, knob_of
+from hindrax_core.messages.inputs import Inputs
 from hindrax_core.sensor_table import SENSORS
 from hindrax_core.thrust.curves import Branch, Curve
 from hindrax_core.thrust.table import ThrustTable
@@ -50,7 +51,7 @@ file that is wrong is refused with the key path, what was found and what was wan
 NODES: Mapping[str, tuple[type[object], ...]] = {
     **{row.name: (driver_of(row.name).knobs,) for row in SENSORS},
     "thrusters": (OutputGuardKnobs, OutputAlone),
-    "navigator": (NavigatorKnobs,),
+    "navigator": (NavigatorKnobs, Inputs),
     "estimator_health": (EstimatorHealthKnobs,),
     "pilot": (PilotKnobs,),
     "allocator": (AllocationKnobs, WrenchGuardKnobs, SupplyKnobs),

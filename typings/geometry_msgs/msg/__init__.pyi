@@ -34,6 +34,13 @@ class PoseWithCovariance:
     @classmethod
     def get_fields_and_field_types(cls) -> dict[str, str]: ...
 
+class PoseWithCovarianceStamped:
+    header: std_msgs.msg.Header
+    pose: PoseWithCovariance
+    def __init__(self, *, header: std_msgs.msg.Header = ..., pose: PoseWithCovariance = ...) -> None: ...
+    @classmethod
+    def get_fields_and_field_types(cls) -> dict[str, str]: ...
+
 class Quaternion:
     X__DEFAULT: ClassVar[float]
     Y__DEFAULT: ClassVar[float]

@@ -2,26 +2,32 @@
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from hindrax_control.navigation.attitude_filter import Offset
 from hindrax_control.navigation.navigator import Navigator, NavigatorKnobs
 from hindrax_core import topics
+from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, Stamped
+from hindrax_core.messages.contents import Read
+from hindrax_core.messages.inputs import InputKnobs, Inputs
 from hindrax_core.sensor_table import Capability
 from hindrax_core.signals import Allocation, Navigation
 from hindrax_core.vehicle import Vehicle
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.diagnostics import DiagnosticsPublisher
-from hindrax_ros.graph import publisher, subscription
+from hindrax_ros.graph import optional_class, publisher, subscription
 from hindrax_ros.heartbeat import Memory
 from hindrax_ros.messages.fast_serialization import navigation_writer, odometry_writer, thrust_from_bytes
 from hindrax_ros.messages.reading_fields import reader
-from hindrax_ros.parameters import knobs
+from hindrax_ros.messages.serialization import contents_reader
+from hindrax_ros.parameters import SETUP, knobs
 from hindrax_ros.transforms import transform_publisher
 
 READ: tuple[Capability, ...] = ("field", "depth", "altitude", "velocity", "attitude", "rates")
 """In the order of subscription: the inertial samples, which complete a tick, come last."""
+OURS = InputKnobs()
 REPORT_EVERY = 50
 REMEMBERED = 4
 """Numbers that the navigator of a restarted process begins with: offset of the gyroscope and its deviation [rad/s]."""
@@ -31,10 +37,29 @@ SETTLE_S = 0.0005
 """Within this time all inertial samples of one fetch, and the messages beside them, have arrived."""
 
 
-def sources(vehicle: Vehicle) -> dict[topics.Topic, tuple[str, Callable[[bytes], Stamped[Any]]]]:
-    """Topics that the navigator reads, in the order of subscription: name of the sensor, and the reader of each."""
-    found = (pair for capability in READ for pair in topics.carriers(vehicle, capability).items())
-    return {topic: (name, reader(topic)) for name, topic in found}
+def sources(vehicle: Vehicle, inputs: InputKnobs = OURS) -> dict[topics.Topic, tuple[str, Read]]:
+    """Topics that the navigator reads, in the order of subscription: name of the sensor, and the reader of each.
+
+    UsageError where a chosen message is of a package that is not installed.
+    """
+    found: dict[topics.Topic, tuple[str, Read]] = {}
+    for capability in READ:
+        chosen = inputs.of(capability)
+        for name, topic in topics.carriers(vehicle, capability).items():
+            if chosen is None:
+                found[topic] = name, reader(topic)
+                continue
+            word, row = chosen
+            if optional_class(row.type) is None:
+                package = row.type.partition("/")[0]
+                remedy = f"sudo apt install ros-jazzy-{package.replace('_', '-')}"
+                raise UsageError(f"input.{capability}: {word} is a message of {package}, not installed here; {remedy}")
+            # Many drivers publish best effort, of which a reliable reader gets nothing.
+            quality = replace(topic.quality, reliable=False)
+            theirs = replace(topic, name=f"{name}/{word}", type=row.type, quality=quality)
+            read = contents_reader(row.type, row.contents(vehicle.water, inputs.velocity_sigma_mps))
+            found[theirs] = name, read
+    return found
 
 
 class NavigatorNode(BatchedNode):
@@ -61,7 +86,8 @@ class NavigatorNode(BatchedNode):
         self._reporter = DiagnosticsPublisher(self, self._navigator.refusals)
         self._turn = 0
         subscription(self, topics.ALLOCATION, self._on_allocation_message, raw=True)
-        for topic, (source, read) in sources(vehicle).items():
+        inputs = knobs(self, Inputs, fixed={"": SETUP}).input
+        for topic, (source, read) in sources(vehicle, inputs).items():
             self.lead = subscription(self, topic, self._callback(source, read), raw=True)
 
     def _callback(self, source: str, read: Callable[[bytes], Stamped[Any]]) -> Callable[[bytes], None]:

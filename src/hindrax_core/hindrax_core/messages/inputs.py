@@ -1,0 +1,109 @@
+"""What the navigator reads of sensors whose drivers are of another stack: messages of ROS, for depth and velocity.
+
+An inertial sensor, a compass, a pressure and a range have one message each, which ours are as well. A velocity and a
+depth have several; a row says what each of them holds. Sources: marine_acoustic_msgs/Dvl (github
+apl-ocean-engineering/marine_msgs), REP-103 and REP-105.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from hindrax_core.hydrostatics import GRAVITY_mps2, Water
+from hindrax_core.knobs import choice, knob
+from hindrax_core.messages.contents import Contents, parts
+from hindrax_core.readings import BottomVelocity, Pressure
+from hindrax_core.sensor_table import Capability
+
+BOTTOM = 1
+"""DVL_MODE_BOTTOM: velocity over ground."""
+LEAST_BEAMS = 3
+"""A velocity has three components."""
+LARGEST_VARIANCE = 1e3
+"""From here on a variance says that nothing is known: 1e6 and 1e9 are usual."""
+
+
+class Input(NamedTuple):
+    """Type of a message; and what it holds, in this water, with this deviation where its own is not known [m/s]."""
+
+    type: str
+    contents: Callable[[Water, float], Contents]
+
+
+def _sigma_mps(variance: float, otherwise_mps: float) -> float:
+    """Deviation; messages have zero or -1 where it is not known."""
+    return math.sqrt(variance) if 0.0 < variance < math.inf else otherwise_mps
+
+
+def _dvl(_water: Water, sigma_mps: float) -> Contents:
+    """Axes of the instrument: x forward, y starboard, z along the beam axis."""
+
+    def made(mode: int, u: float, v: float, w: float, *others: float) -> BottomVelocity:
+        if mode != BOTTOM:
+            raise ValueError(f"found velocity_mode {mode}, wanted {BOTTOM}, over ground")
+        *covariance, beams, valid = others
+        locked = all(map(math.isfinite, (u, v, w))) and (bool(valid) or beams >= LEAST_BEAMS)
+        return _bottom((u, v, w) if locked else None, covariance[0], sigma_mps)
+
+    paths = ("velocity_mode", *parts("velocity"), "velocity_covar", "num_good_beams", "beam_velocities_valid")
+    return Contents(paths, made)
+
+
+def _twist(_water: Water, sigma_mps: float) -> Contents:
+    """REP-103: x forward, y left, z up. What is not finite, or of a variance that is no knowledge, is no velocity."""
+
+    def made(x: float, y: float, z: float, variance: float, *_: float) -> BottomVelocity:
+        known = all(map(math.isfinite, (x, y, z))) and not variance >= LARGEST_VARIANCE
+        return _bottom((x, -y, -z) if known else None, variance, sigma_mps)
+
+    return Contents((*parts("twist.twist.linear"), "twist.covariance"), made)
+
+
+def _bottom(velocity_mps: tuple[float, float, float] | None, variance: float, sigma_mps: float) -> BottomVelocity:
+    return BottomVelocity(velocity_mps, _sigma_mps(variance, sigma_mps), 1.0, 0.0, 0)
+
+
+def _height(water: Water, _sigma_mps: float) -> Contents:
+    """Position in a world with z up and zero at the surface (REP-105), as the pressure at that depth."""
+
+    def made(z_m: float) -> Pressure:
+        return Pressure(water.surface_pressure_Pa - z_m * water.density_kgpm3 * GRAVITY_mps2, math.nan)
+
+    return Contents(("pose.pose.position.z",), made)
+
+
+INPUTS: Mapping[Capability, Mapping[str, Input]] = {
+    "velocity": {
+        "dvl": Input("marine_acoustic_msgs/msg/Dvl", _dvl),
+        "velocity": Input("geometry_msgs/msg/TwistWithCovarianceStamped", _twist),
+        "odometry": Input("nav_msgs/msg/Odometry", _twist),
+    },
+    "depth": {
+        "pose": Input("geometry_msgs/msg/PoseWithCovarianceStamped", _height),
+        "odometry": Input("nav_msgs/msg/Odometry", _height),
+    },
+}
+"""By what is measured and by the last word of the topic `NAME/...`: messages other than those of our own drivers."""
+
+
+@dataclass(frozen=True, slots=True)
+class InputKnobs:
+    """Which messages bring velocity and depth; those of our own drivers by default."""
+
+    velocity: str = choice("detail", ("detail", *INPUTS["velocity"]), "topic NAME/... with the velocity of a DVL")
+    depth: str = choice("pressure", ("pressure", *INPUTS["depth"]), "topic NAME/... with the depth")
+    velocity_sigma_mps: float = knob(0.01, 1e-4, 1.0, "deviation of a velocity whose covariance is not known [m/s]")
+
+    def of(self, capability: Capability) -> tuple[str, Input] | None:
+        """Word and row of the chosen message; None where it is our own."""
+        word = {"velocity": self.velocity, "depth": self.depth}.get(capability, "")
+        row = INPUTS.get(capability, {}).get(word)
+        return None if row is None else (word, row)
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """The parameters as a node has them: `input.velocity` and so on."""
+
+    input: InputKnobs = field(default_factory=InputKnobs)
