@@ -119,7 +119,8 @@ def test_a_small_wrench_gets_through_the_mixer_although_each_thruster_has_a_dead
     bench = Bench()
     bench.fly(*command.pulses_us)
     asked, found = wrench(HEAVY, command.pulses_us), wrench(HEAVY, bench.wire())
-    assert found == pytest.approx(asked, abs=0.12)
+    # A thruster that runs at all gives 0.4 N: less of it cannot be had.
+    assert found == pytest.approx(asked, abs=0.3)
 
 
 @pytest.mark.parametrize("control", ["manual_control", "motor_test"])
@@ -246,6 +247,10 @@ def custom(board: firmware.ArduSub) -> None:
     board.parameters["FRAME_CONFIG"] = 7.0
 
 
+def turned(board: firmware.ArduSub) -> None:
+    board.parameters["MOT_5_DIRECTION"] = -board.parameters["MOT_5_DIRECTION"]
+
+
 def streamless(board: firmware.ArduSub) -> None:
     board.unsupported.add(511)
 
@@ -256,6 +261,7 @@ def streamless(board: firmware.ArduSub) -> None:
         (old, "its release is 4.1.2, whose MANUAL_CONTROL has no pitch and roll, wanted 4.5"),
         (unprotected, "its FS_PILOT_INPUT is 0"),
         (rewired, "T3 is at output 3 in the vehicle file, where SERVO3_FUNCTION is 59, wanted a motor"),
+        (turned, "T5 push the other way in the vehicle file than in its frame 2"),
         (custom, "its FRAME_CONFIG is 7"),
         (streamless, "it does not stream SERVO_OUTPUT_RAW"),
         (lambda board: board.disguise(on=True), "found a vehicle of MAV_TYPE 2, wanted 12, an ArduSub"),

@@ -106,6 +106,12 @@ def thrust_table(curve: Curve, supply_V: float, *, mirrored: bool) -> tuple[Matr
     return np.maximum.accumulate(pulses), np.maximum.accumulate(thrusts)
 
 
+def push_of(frame: int, number: int) -> tuple[float, float, float]:
+    """Where a motor of a frame pushes when it is to (body axes, z down); not normalized."""
+    forward, lateral, throttle, *_ = FACTORS[frame][number - 1]
+    return forward, lateral, -throttle
+
+
 class Mixer:
     """The mixer of one frame, for motors in the order of the vehicle file."""
 

@@ -21,7 +21,7 @@ from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
 from hindrax_core.readings import AppliedPulses, Battery, DeviceText
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.devices.ardupilot.link import ACCEPTED, ATTEMPTS, BAUD, IN_PROGRESS, Link
-from hindrax_drivers.devices.ardupilot.mixer import FACTORS, CENTER_us, Mixer, Motor, thrust_table
+from hindrax_drivers.devices.ardupilot.mixer import FACTORS, CENTER_us, Mixer, Motor, push_of, thrust_table
 from hindrax_drivers.protocols import ardupilot
 from hindrax_drivers.protocols.ardupilot import (
     ARM,
@@ -40,6 +40,8 @@ FIRST_MOTOR, MOST_MOTORS = 33, 8
 SIX_AXES = (4, 5, 0)
 """Release of ArduSub from which MANUAL_CONTROL has pitch and roll."""
 SEVERITY_WARNING = 4
+OPPOSITE = -0.5
+"""Cosine of 120 degrees: beyond, a thruster is turned round and not only placed otherwise."""
 ASK_AGAIN_S = 0.4
 """Time for an answer to arming, disarming and the mode."""
 REPEAT_S, STICKS_S = 0.1, 0.2
@@ -280,6 +282,11 @@ class ArduSub:
                 f"vehicle file has {len(self._motors)}; wanted a frame of these motors, or `control: motor_test` under "
                 "output"
             )
+        if backwards := self._backwards(frame):
+            return (
+                f"{', '.join(backwards)} push the other way in the vehicle file than in its frame {frame}; turn them in the"
+                " file, or `./hindrax vehicle new NAME --from LOG`: a log of this vehicle has the directions"
+            )
         if parameters.get("FS_PILOT_INPUT") == 0.0:
             return (
                 "its FS_PILOT_INPUT is 0: nothing would stop the thrusters when this computer falls silent; set it to "
@@ -293,6 +300,17 @@ class ArduSub:
             )
         self._mixer = mixer
         return ""
+
+    def _backwards(self, frame: int) -> list[str]:
+        """Thrusters that the file has the other way round than the frame: whoever pilots it by hand would know."""
+        found = []
+        for thruster, motor in zip(self._vehicle.thrusters, self._motors, strict=True):
+            sense = motor.direction * (-1.0 if thruster.reversed else 1.0)
+            push = push_of(frame, motor.number)
+            along = sense * sum(one * other for one, other in zip(thruster.direction, push, strict=True))
+            if along < OPPOSITE * math.hypot(*push):
+                found.append(thruster.name)
+        return found
 
     # ---- what it says
 
