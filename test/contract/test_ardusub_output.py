@@ -261,7 +261,7 @@ def streamless(board: firmware.ArduSub) -> None:
         (old, "its release is 4.1.2, whose MANUAL_CONTROL has no pitch and roll, wanted 4.5"),
         (unprotected, "its FS_PILOT_INPUT is 0"),
         (rewired, "T3 is at output 3 in the vehicle file, where SERVO3_FUNCTION is 59, wanted a motor"),
-        (turned, "T5 push the other way in the vehicle file than in its frame 2"),
+        (turned, "its frame 2 has T5 the other way round than the vehicle file"),
         (custom, "its FRAME_CONFIG is 7"),
         (streamless, "it does not stream SERVO_OUTPUT_RAW"),
         (lambda board: board.disguise(on=True), "found a vehicle of MAV_TYPE 2, wanted 12, an ArduSub"),

@@ -284,7 +284,7 @@ class ArduSub:
             )
         if backwards := self._backwards(frame):
             return (
-                f"{', '.join(backwards)} push the other way in the vehicle file than in its frame {frame}; turn them in the"
+                f"its frame {frame} has {', '.join(backwards)} the other way round than the vehicle file; turn them in the"
                 " file, or `./hindrax vehicle new NAME --from LOG`: a log of this vehicle has the directions"
             )
         if parameters.get("FS_PILOT_INPUT") == 0.0:
