@@ -284,8 +284,8 @@ class ArduSub:
             )
         if backwards := self._backwards(frame):
             return (
-                f"its frame {frame} has {', '.join(backwards)} the other way round than the vehicle file; turn them in the"
-                " file, or `./hindrax vehicle new NAME --from LOG`: a log of this vehicle has the directions"
+                f"its frame {frame} has {', '.join(backwards)} the other way round than the vehicle file; turn them in"
+                " the file, or `./hindrax vehicle new NAME --from LOG`: a log of this vehicle has the directions"
             )
         if parameters.get("FS_PILOT_INPUT") == 0.0:
             return (
