@@ -21,6 +21,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from types import FrameType
+from typing import TYPE_CHECKING
 
 from hindrax_core.bus_operations import DeviceError, run
 from hindrax_core.errors import HindraxError, UsageError
@@ -28,8 +29,6 @@ from hindrax_core.events import Stamp, after, seconds_between
 from hindrax_drivers.buses.clock import Clock, RegisterBus, SystemClock, pause
 from hindrax_drivers.buses.line import Line, open_line
 from hindrax_drivers.buses.ports import open_bus, open_clock
-from hindrax_drivers.devices.ardupilot.farewell import Farewell
-from hindrax_drivers.devices.ardupilot.link import BAUD
 from hindrax_drivers.devices.pca9685 import Pca9685, pca9685_of
 from hindrax_drivers.nodes.stop_request import StopRequests
 from hindrax_drivers.nodes.thruster_settings import (
@@ -43,6 +42,9 @@ from hindrax_drivers.nodes.thruster_settings import (
 )
 from hindrax_drivers.nodes.thrusters import ARGUMENTS, NEUTRAL_WORD, NODE_WORD
 from hindrax_ros.heartbeat import VARIABLE, HeartbeatFile
+
+if TYPE_CHECKING:
+    from hindrax_drivers.devices.ardupilot.farewell import Farewell
 
 REPEAT_S = 0.09
 SILENT_S = 0.3
@@ -67,7 +69,7 @@ class NeutralWriter:
         self._port = settings.port
         self.armed = False
         """Whether the node had armed the output, as far as its beats say so."""
-        self._farewell = Farewell() if settings.vehicle.output.device == "ardusub" else None
+        self._farewell = _farewell() if settings.vehicle.output.device == "ardusub" else None
         self._line: Line | None = None
         self._clock_port = settings.clock
         self._clock: Clock | None = None
@@ -107,11 +109,11 @@ class NeutralWriter:
                 report(f"cannot write neutral: {error}")
             self.trouble = str(error)
 
-    def _say(self, farewell: Farewell) -> None:
+    def _say(self, farewell: "Farewell") -> None:
         """Disarm the autopilot; the line is free again once it has said that it is."""
         try:
             if self._line is None:
-                self._line = open_line(self._port, BAUD, self.clock)
+                self._line = open_line(self._port, farewell.baud, self.clock)
             farewell.feed(*self._line.read())
             self._line.send_all(farewell.say(), lambda *_: None)
             self.trouble = ""
@@ -122,7 +124,7 @@ class NeutralWriter:
         if self.trouble or farewell.done:
             self.release()
         if farewell.done:
-            self.armed, self._farewell = False, Farewell()
+            self.armed, self._farewell = False, _farewell()
 
     def release(self) -> None:
         """Leave the line to the node."""
@@ -325,6 +327,12 @@ class DeadMan:
 
     def _wake(self) -> None:
         self._neutral.clock.wake()
+
+
+def _farewell() -> "Farewell":
+    from hindrax_drivers.devices.ardupilot.farewell import Farewell  # noqa: PLC0415  # other outputs do without it
+
+    return Farewell()
 
 
 def stop_requests(wake: Callable[[], None]) -> StopRequests | None:

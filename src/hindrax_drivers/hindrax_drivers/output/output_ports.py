@@ -16,7 +16,6 @@ from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.buses.clock import Clock, Meanwhile, RegisterBus, nothing, pause
 from hindrax_drivers.buses.line import Line, Tap, open_line
 from hindrax_drivers.buses.ports import open_bus, open_clock
-from hindrax_drivers.devices.ardupilot.output import ArduSub
 from hindrax_drivers.devices.pca9685 import Pca9685, pca9685_of
 from hindrax_drivers.devices.stm32 import Stm32
 from hindrax_drivers.output.enable_line import EnableLine, open_enable_line
@@ -254,6 +253,8 @@ def open_output(
     if vehicle.output.device == "stm32":
         return LineOutput(port, Stm32(vehicle.output_channels()), open_clock(clock, name), tap)
     if vehicle.output.device == "ardusub":
+        from hindrax_drivers.devices.ardupilot.output import ArduSub  # noqa: PLC0415  # 40 ms for whoever has none
+
         return LineOutput(port, ArduSub(vehicle), open_clock(clock, name), tap, riders)
     line = open_enable_line(vehicle.output, port)
     try:

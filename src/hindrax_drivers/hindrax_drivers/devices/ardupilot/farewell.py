@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 from hindrax_core.driver_interface import Send
 from hindrax_core.events import Stamp
-from hindrax_drivers.devices.ardupilot.link import GCS_SYSTEM
+from hindrax_drivers.devices.ardupilot.link import BAUD, GCS_SYSTEM
 from hindrax_drivers.protocols import ardupilot, mavlink
 from hindrax_drivers.protocols.ardupilot import ARM, FROM_AUTOPILOT, GROUND_STATION
 from hindrax_drivers.protocols.mavlink import AUTOPILOT, SYSTEM, Decoder, Heartbeat, MavlinkFrame
@@ -14,6 +14,8 @@ NEUTRAL_STICKS = (0, 0, 500, 0, 0, 0)
 
 class Farewell:
     """Repeated until the autopilot's heartbeat says that it is disarmed. Whoever armed it is to be sure that it did."""
+
+    baud = BAUD
 
     def __init__(self) -> None:
         self._decoder = Decoder(FROM_AUTOPILOT)
