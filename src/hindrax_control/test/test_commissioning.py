@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from hindrax_control.allocation.effectiveness import effectiveness
+from hindrax_control.commissioning.commissioning import Commissioning
 from hindrax_control.commissioning.findings import OPEN, PROVEN, WRONG, Finding, Findings, Mend, mended
-from hindrax_control.commissioning.hypotheses import RIGHT_TURNS, angles_deg, explain, turn_of
+from hindrax_control.commissioning.hypotheses import RIGHT_TURNS, Wiring, angles_deg, explain, turn_of
 from hindrax_control.commissioning.picture import BAD, svg
 from hindrax_control.commissioning.probes import body_pulses, probe_N, single_pulses
 from hindrax_control.commissioning.record import UNPROVEN_mps, geometry_hash, slowed, unproven
@@ -26,7 +27,7 @@ from hindrax_core.vehicle import Commissioned, Vehicle, load_vehicle
 VEHICLES = Path(__file__).parents[2] / "hindrax_bringup" / "vehicles"
 HINDRAX = load_vehicle(VEHICLES / "hindrax.yaml")
 EVERY = tuple(load_vehicle(path) for path in sorted(VEHICLES.glob("*.yaml")))
-AGES = dict.fromkeys(("icm20948", "ms5837", "dvl75", "ping1d"), 0.0)
+AGES = dict.fromkeys((name for vehicle in EVERY for name in vehicle.sensors), 0.0)
 QUIET = Navigation(
     (0.0, 0.0, 0.0),
     (0.0, 0.0, 0.0),
@@ -90,6 +91,38 @@ def test_a_body_with_dead_thrusters_is_moved_by_the_others() -> None:
     forces = [pulse.forces_N for pulse in body_pulses(HINDRAX, B)]
     assert forces
     assert not any(one[0] or one[5] for one in forces)
+
+
+def as_claimed(vehicle: Vehicle) -> Commissioning:
+    """Commissioning whose thrusters were all found to push as claimed."""
+    work = Commissioning(vehicle)
+    work._round = 2
+    work.wirings = tuple(Wiring(index, 1, 1.0, likelihood=1.0) for index in range(len(vehicle.thrusters)))
+    work.answers = dict.fromkeys(range(len(vehicle.thrusters)), Answer(np.zeros(6), np.ones(6), 0.0))
+    return work
+
+
+TILTED = found(Reason.COMMISSION, "tilted by 20 deg from rest")
+
+
+def test_what_tilted_the_vehicle_is_tried_once_more_at_half_the_lean() -> None:
+    work, B = as_claimed(HINDRAX), effectiveness(HINDRAX)
+    gentle = work.gentler(stamp_from_s(50.0), TILTED)
+    assert gentle is not None
+    lean, before = (
+        max(float(np.max(np.abs(B[3:5] @ np.array(pulse.forces_N)))) for pulse in pulses)
+        for pulses in (gentle, body_pulses(HINDRAX, B))
+    )
+    assert 0.0 < lean < 0.6 * before
+    assert work.gentler(stamp_from_s(90.0), TILTED) is None
+    assert work.next_pulses(stamp_from_s(91.0)) is None
+
+
+def test_nothing_is_tried_again_where_a_thruster_is_not_as_claimed_or_another_guard_ended_it() -> None:
+    reversed_one = as_claimed(HINDRAX)
+    reversed_one.wirings = (replace(reversed_one.wirings[0], sign=-1), *reversed_one.wirings[1:])
+    assert reversed_one.gentler(stamp_from_s(50.0), TILTED) is None
+    assert as_claimed(HINDRAX).gentler(stamp_from_s(50.0), found(Reason.LEAK, "water in the hull")) is None
 
 
 def test_a_pulse_waits_for_rest_but_not_for_ever() -> None:

@@ -19,7 +19,7 @@ from hindrax_control.commissioning.commissioning import Commissioning
 from hindrax_control.commissioning.findings import Findings
 from hindrax_control.maneuver.goal import Goal
 from hindrax_core.errors import HindraxError
-from hindrax_core.events import Stamp, Stamped, after, seconds_between
+from hindrax_core.events import Stamped, after, seconds_between
 from hindrax_core.readings import Battery
 from hindrax_core.sensor_table import Capability
 from hindrax_core.text.refusals import STOPPED
@@ -143,9 +143,13 @@ def _pulse(operator: Operator, work: Commissioning, report: Report, *, arm: bool
                 aborted, _ = operator.fly(Goal((), on_cancel="neutral", pulses=pulses), FLY_S)
             except KeyboardInterrupt:
                 return STOPPED
-            if aborted:
+            if not aborted:
+                pulses = work.next_pulses(operator.now())
+                continue
+            pulses = work.gentler(operator.now(), aborted)
+            if pulses is None:
                 return "; ".join([aborted, *node_problems(operator)])
-            pulses = work.next_pulses(Stamp(operator.now()))
+            report(f"{aborted.partition(';')[0]}: once more, more gently")
         report(f"flown in {seconds_between(begin, operator.now()):.0f} s; disarming")
     return ""
 

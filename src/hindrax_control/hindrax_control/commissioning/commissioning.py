@@ -4,12 +4,14 @@
     work.on_reading(source, reading); work.on_forces(stamp, forces_N)      # all the time
     work.rest(stamp, stamp)                                                # before arming, afloat and still
     while (pulses := work.next_pulses(now)) is not None: fly Goal((), pulses=pulses)
+    # where a flight was aborted: work.gentler(now, aborted), or finalize(aborted)
     findings = work.finalize()
 
 Before arming, gravity says whether the inertial sensor is turned out of the vertical, and the DVL and the sonar whether
 they see the floor. Where gravity is wrong nothing is armed: the attitude is false then, and the vehicle would refuse.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import TypeAlias
 
@@ -35,6 +37,7 @@ from hindrax_control.maneuver.goal import Pulse
 from hindrax_core.events import Stamp, Stamped, to_s
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import Reading
+from hindrax_core.text.refusals import Reason, Refusal
 from hindrax_core.vehicle import Vehicle
 
 Model: TypeAlias = tuple[Matrix, tuple[Matrix, Matrix]]
@@ -60,6 +63,7 @@ class Commissioning:
         self._lag_s = float(np.median([one.lag_s for one in vehicle.thrusters])) if vehicle.thrusters else 0.15
         self._rest: Window | None = None
         self._round = 0
+        self._gentle = False
         self._begun_s = 0.0
         self.turn: Matrix = np.eye(3)
         """Correction of the inertial sensor: body as it is from body as its mount says."""
@@ -93,13 +97,25 @@ class Commissioning:
             return single_pulses(self.vehicle, self.B) if self.upright else None
         if self._round == 2 and not self.ended:
             self._judge_thrusters()
-            return (
-                body_pulses(
-                    self.vehicle, self.found, deep=self._sunk_m(to_s(now)) > SUNK_m, listing_rad=self._listing_rad()
-                )
-                or None
-            )
+            return self._body_pulses(now, self._listing_rad())
         return None
+
+    def gentler(self, now: Stamp, aborted: Refusal) -> tuple[Pulse, ...] | None:
+        """Pulses of the whole body once more, at half the lean, where it tilted too far; None where that is no help.
+
+        On a busy computer pulses end late, and swing a vehicle further than planned although all is as claimed. Where
+        a thruster is not as claimed, nothing is tried again.
+        """
+        rows = self._thruster_claims()
+        as_claimed = bool(self.wirings) and not [one for one in rows if one.verdict in (WRONG, OPEN)]
+        if self._gentle or self._round != 2 or aborted.reason is not Reason.COMMISSION or not as_claimed:
+            return None
+        self._gentle = True
+        return self._body_pulses(now, math.inf)
+
+    def _body_pulses(self, now: Stamp, listing_rad: float) -> tuple[Pulse, ...] | None:
+        deep = self._sunk_m(to_s(now)) > SUNK_m
+        return body_pulses(self.vehicle, self.found, deep=deep, listing_rad=listing_rad) or None
 
     def _listing_rad(self) -> float:
         """Angle between the vertical of the body and gravity at rest."""

@@ -12,6 +12,7 @@ from hindrax_control.pilot import Pilot
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.signals import Allocation, Navigation, Phase
+from hindrax_core.text.refusals import NOTHING, Refusal
 from hindrax_core.vehicle import Vehicle
 from hindrax_sim.conditions.world_table import IDEAL, sizes_of
 from hindrax_sim.faults.fault_registry import FaultSpec
@@ -76,8 +77,7 @@ class CommissioningPilot:
         """Begin the goal that waits, or ask for one after the end of the last."""
         goal, self._goal = self._goal, None
         if goal is None:
-            self.ended = flown.aborted if flown else ""
-            return LockstepCommand(finished=True) if self.ended else self._follow(stamp)
+            return self._follow(stamp, flown.aborted if flown else NOTHING)
         try:
             self.pilot.fly(goal)
         except HindraxError as error:
@@ -85,9 +85,11 @@ class CommissioningPilot:
         self._began = True
         return LockstepCommand(armed=True, finished=bool(self.ended))
 
-    def _follow(self, stamp: Stamp) -> LockstepCommand:
-        pulses = self.work.next_pulses(stamp)
+    def _follow(self, stamp: Stamp, aborted: Refusal = NOTHING) -> LockstepCommand:
+        """Fly the next pulses, or end."""
+        pulses = self.work.gentler(stamp, aborted) if aborted else self.work.next_pulses(stamp)
         if pulses is None:
+            self.ended = aborted
             return LockstepCommand(finished=True)
         self._goal = Goal((), pulses=pulses)
         return LockstepCommand(armed=True)
