@@ -13,7 +13,7 @@ from hindrax_drivers.buses.line import TCP_PREFIX, UDP_IN, UDP_OUT
 
 DEVICE = "ardusub"
 NAMES = ("autopilot", "estimator")
-"""Of sensors that the file does not name."""
+"""Of sensors that the file does not name; not every autopilot has a rangefinder."""
 ADDRESSES = (UDP_IN, UDP_OUT, TCP_PREFIX, "/dev/")
 HELP = "fly an ArduSub there: udpin:0.0.0.0:14550, udpout:HOST:PORT, tcp:HOST:PORT or a port; only its own sensors"
 

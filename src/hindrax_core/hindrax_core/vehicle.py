@@ -24,7 +24,7 @@ MOST_THRUSTERS = 16
 USUAL_V = 14.8
 """Four lithium cells, nominal."""
 
-OF_OUTPUT: Mapping[str, tuple[str, ...]] = {"ardusub": ("ardusub", "ardusub_ekf")}
+OF_OUTPUT: Mapping[str, tuple[str, ...]] = {"ardusub": ("ardusub", "ardusub_ekf", "ardusub_range")}
 """Kinds of sensors that an output has on its own line."""
 LAST_LINE = 127
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")

@@ -16,6 +16,7 @@ from hindrax_core.vehicle import Mount, Vehicle
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.devices.ardupilot.firmware import ArduSub, AutopilotTruth, autopilot_truth
 from hindrax_sim.devices.ardusub_ekf import aided
+from hindrax_sim.devices.ardusub_range import ping_truth, ranged
 from hindrax_sim.devices.dvl75 import dvl_truth
 from hindrax_sim.devices.emulator import Emulator, SerialEmulator
 from hindrax_sim.devices.pca9685 import LoopBack, Pca9685
@@ -191,12 +192,15 @@ class Hardware:
             return self.world.mounting(mount), fault_registry.altered_truth(name, self._faults, to_s(START))
 
         (place, observed), (aid_place, observed_aid) = at("ardusub"), at("ardusub_ekf")
+        beam_place, observed_echo = at("ardusub_range")
 
         def known(now_s: float) -> AutopilotTruth:
             truth: AutopilotTruth = observed(autopilot_truth(self.world, place), now_s)
-            if "ardusub_ekf" not in named:
-                return truth
-            return aided(truth, observed_aid(dvl_truth(self.world, aid_place), now_s))
+            if "ardusub_range" in named:
+                truth = ranged(truth, observed_echo(ping_truth(self.world, beam_place), now_s))
+            if "ardusub_ekf" in named:
+                truth = aided(truth, observed_aid(dvl_truth(self.world, aid_place), now_s))
+            return truth
 
         return known
 

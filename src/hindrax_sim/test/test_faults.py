@@ -15,7 +15,7 @@ from hindrax_sim.faults.fault_schedule import Scheduled
 from hindrax_sim.faults.stream_faults import BitFlips, FaultyLine, StreamFault
 from hindrax_sim.flights.lockstep_rigs import BytesRig
 
-SERIAL = ("dvl75", "a50", "ping1d", "ardusub", "ardusub_ekf")
+SERIAL = ("dvl75", "a50", "ping1d", "ardusub", "ardusub_ekf", "ardusub_range")
 
 
 @pytest.mark.parametrize(

@@ -429,7 +429,7 @@ class ArduSub(Part[AutopilotTruth]):
         return (self._ms, *map(round, self._sticks_us), *(65535,) * 12, 16, 255)
 
     def _distance(self) -> tuple[Any, ...]:
-        far_cm = 0 if self._truth.range_m is None else round(100.0 * self._truth.range_m)
+        far_cm = 0 if self._truth.range_m is None else min(65535, round(100.0 * self._truth.range_m))
         return (self._ms, 30, 3000, far_cm, 2, 0, 25, 0, 0.0, 0.0, *(0.0,) * 4, 100 if far_cm else 1)
 
     def _pressure(self) -> tuple[Any, ...]:
