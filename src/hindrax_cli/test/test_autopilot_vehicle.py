@@ -32,6 +32,15 @@ def test_a_file_keeps_its_way_of_driving_and_its_mounts(tmp_path: Path) -> None:
     assert set(vehicle.sensors) == {"imu", "estimator"}
 
 
+def test_a_file_without_a_dvl_gets_no_velocity(tmp_path: Path) -> None:
+    lines = vehicle_file("bluerov2-heavy").read_text().splitlines(keepends=True)
+    mine = tmp_path / "mine.yaml"
+    mine.write_text("".join(one for one in lines if "dvl75" not in one))
+    vehicle = load_vehicle(behind_autopilot(mine, "udpin:0.0.0.0:14550")[0])
+    assert tuple(vehicle.sensors) == ("autopilot",)
+    assert not vehicle.measuring("velocity")
+
+
 def test_a_vehicle_with_another_output_may_be_flown_by_an_autopilot_too() -> None:
     vehicle = load_vehicle(behind_autopilot(default_vehicle(), "/dev/ttyACM0")[0])
     assert vehicle.output.device == "ardusub"
