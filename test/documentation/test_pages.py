@@ -113,4 +113,4 @@ def test_the_bluerov_of_the_how_to_is_pushed_where_ardusub_wants_it_to_go(tmp_pa
     assert all(getattr(vehicle, one) == getattr(ours, one) for one in same)
     for pulse in range(1100, 1901, 50):
         forces = [AppliedWrench(one).forces_N([pulse] * 8) for one in (vehicle, ours)]
-        assert forces[0] == pytest.approx(forces[1], rel=0.015, abs=0.15)  # a cubic here, a table there
+        assert forces[0] == pytest.approx(forces[1], rel=0.03, abs=0.2)  # a cubic here, a table there

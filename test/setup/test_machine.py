@@ -504,7 +504,7 @@ def test_continuous_integration_calls_the_test_command(clone: Clone) -> None:
 
 
 def test_the_scripts_pass_shellcheck() -> None:
-    scripts = [ROOT / "hindrax", ROOT / ".ci/run", *sorted((ROOT / "setup").glob("*.sh"))]
+    scripts = [ROOT / "hindrax", ROOT / ".ci/run", *sorted((ROOT / "setup").glob("*.sh")), *ROOT.glob("docker/**/*.sh")]
     shellcheck = Path(sys.executable).parent / "shellcheck"
     checked = subprocess.run([shellcheck, "-x", *scripts], capture_output=True, text=True, check=False, cwd=ROOT)
     assert checked.stdout == ""

@@ -1,21 +1,57 @@
 """A vehicle file flown by an autopilot at an address: what it measures, and nothing that is not on its line."""
 
 import tempfile
+from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from hindrax_core.errors import UsageError
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.events import after
 from hindrax_core.text.yaml_text import read_yaml
 from hindrax_core.vehicle import OF_OUTPUT, load_vehicle
-from hindrax_drivers.buses.line import TCP_PREFIX, UDP_IN, UDP_OUT
+from hindrax_drivers.buses.clock import Clock
+from hindrax_drivers.buses.line import TCP_PREFIX, UDP_IN, UDP_OUT, open_line
+from hindrax_drivers.devices.ardupilot.link import BAUD, Link
 
 DEVICE = "ardusub"
+PATIENCE_S, TURN_S = 15.0, 0.05
 NAMES = ("autopilot", "estimator")
 """Of sensors that the file does not name; not every autopilot has a rangefinder."""
 ADDRESSES = (UDP_IN, UDP_OUT, TCP_PREFIX, "/dev/")
 HELP = "fly an ArduSub there: udpin:0.0.0.0:14550, udpout:HOST:PORT, tcp:HOST:PORT or a port; only its own sensors"
+
+
+def is_address(text: str) -> bool:
+    """Whether a text is the address of an autopilot, and no file."""
+    return text.startswith(ADDRESSES)
+
+
+def asked_parameters(address: str, wanted: Sequence[str], clock: Clock) -> dict[str, float]:
+    """Those parameters that the ArduSub at an address has, asked by name; nothing is written, nothing moves.
+
+    HindraxError where none answers; DeviceError where the address cannot be opened.
+    """
+    link = Link(wanted, {})
+    with closing(open_line(address, BAUD, clock)) as line:
+        until = after(clock.now(), PATIENCE_S)
+        while (now := clock.now()) < until and (not link.system or link.asking):
+            for order in link.tick(now):
+                line.send(order)
+            line.wait(after(now, TURN_S))
+            data, stamp = line.read()
+            for _ in link.feed(data, stamp):
+                """Telemetry: what was asked is in the link."""
+    if not link.system or link.asking:
+        who = (link.foreign and "an autopilot that is no ArduPilot") or "no heartbeat of an ArduPilot"
+        found = f"some parameters in {PATIENCE_S:g} s, not all" if link.system else who
+        raise HindraxError(
+            f"{address}: found {found}, wanted an ArduSub that answers; in BlueOS add a MAVLink endpoint that sends "
+            "here (Vehicle, MAVLink Endpoints)"
+        )
+    return link.parameters
 
 
 def behind_autopilot(file: Path, address: str) -> tuple[Path, tuple[str, ...]]:
@@ -24,7 +60,7 @@ def behind_autopilot(file: Path, address: str) -> tuple[Path, tuple[str, ...]]:
     The copy has the way of driving of the file. In the place of its DVL comes the autopilot's estimator: where there is
     none, as on most BlueROV2, an unaided estimator has no velocity either. UsageError for what is no address.
     """
-    if not address.startswith(ADDRESSES):
+    if not is_address(address):
         wanted = "udpin:0.0.0.0:14550, udpout:192.168.2.2:14550, tcp:127.0.0.1:5760 or /dev/ttyACM0"
         raise UsageError(f"--autopilot: found {address!r}, wanted an address such as {wanted}")
     has_velocity = bool(load_vehicle(file).measuring("velocity"))

@@ -114,3 +114,16 @@ def with_outputs(text: str, name: str, motors: Mapping[int, tuple[int, bool]]) -
         else:
             lines.append(line)
     return "\n".join(lines) + "\n"
+
+
+def with_autopilot(text: str, address: str, low_V: float) -> str:
+    """Text of a vehicle file of the box behind an ArduSub at an address, with a lowest voltage; "" and 0: as it is.
+
+    Sensors that are not the autopilot's become comments: it does not know what else is on board.
+    """
+    if low_V > 0.0:
+        text = re.sub(r"(battery_V: )[0-9.]+", rf"\g<1>{low_V:g}", text)
+    if address:
+        text = re.sub(r'(device: ardusub, port: )"[^"]*"', rf'\g<1>"{address}"', text)
+        text = re.sub(r"^  (\w+: \{device: (?!ardusub).*port: /dev/)", r"  # \1", text, flags=re.MULTILINE)
+    return text

@@ -1,13 +1,21 @@
 """A vehicle file behind an autopilot at an address: what is kept, what is left out, what is no address."""
 
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from hindrax_bringup.share_files import default_vehicle, vehicle_file
+from hindrax_cli import autopilot_vehicle
 from hindrax_cli.autopilot_vehicle import behind_autopilot
+from hindrax_cli.command_line import main
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import load_vehicle
+from hindrax_sim.devices.ardupilot.firmware import ArduSub
 
 
 def test_only_what_the_autopilot_measures_stays_aboard() -> None:
@@ -51,3 +59,71 @@ def test_a_vehicle_with_another_output_may_be_flown_by_an_autopilot_too() -> Non
 def test_what_is_no_address_is_refused(address: str) -> None:
     with pytest.raises(UsageError, match=r"--autopilot: found .*, wanted an address such as udpin:"):
         behind_autopilot(default_vehicle(), address)
+
+
+@contextmanager
+def sending(autopilot: ArduSub) -> Iterator[str]:
+    """An autopilot that sends datagrams to a free port of this machine, as an endpoint of BlueOS does; its address."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    over = threading.Event()
+
+    def run() -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
+            line.settimeout(0.01)
+            while not over.is_set():
+                now_s = time.monotonic()
+                data = autopilot.step(now_s)
+                if data:
+                    line.sendto(data, ("127.0.0.1", port))
+                try:
+                    answer = autopilot.receive(line.recv(4096), now_s)
+                except OSError:  # nothing came, or nobody listens yet
+                    continue
+                line.sendto(answer, ("127.0.0.1", port))
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        yield f"udpin:127.0.0.1:{port}"
+    finally:
+        over.set()
+        thread.join()
+
+
+def test_the_file_of_a_vehicle_comes_from_the_autopilot_that_it_has(tmp_path: Path) -> None:
+    autopilot = ArduSub(load_vehicle(vehicle_file("bluerov2-heavy")).thrusters, now_s=time.monotonic())
+    autopilot.parameters |= {
+        "MOT_4_DIRECTION": -1.0,
+        "SERVO1_FUNCTION": 34.0,
+        "SERVO2_FUNCTION": 33.0,
+        "MOT_PWM_MAX": 1850.0,
+        "BATT_LOW_VOLT": 14.2,
+    }
+    autopilot.parameters |= {f"SERVO{n}_{what}": 0.0 for n in range(9, 17) for what in ("FUNCTION", "REVERSED")}
+    autopilot.parameters |= {f"SERVO{n}_REVERSED": 0.0 for n in range(1, 9)}
+    before, made = dict(autopilot.parameters), tmp_path / "mine.yaml"
+    with sending(autopilot) as address:
+        assert main(["vehicle", "new", "mine", "--from", address, "--out", str(made)]) == 0
+    vehicle = load_vehicle(made)
+    assert [one.channel for one in vehicle.thrusters] == [1, 0, 2, 3, 4, 5, 6, 7]
+    assert [one.name for one in vehicle.thrusters if one.reversed] == ["T4"]
+    assert vehicle.limits.battery_V == 14.2
+    assert vehicle.output.port == address
+    assert tuple(vehicle.sensors) == vehicle.on_output_line, "what else is on board, it does not know"
+    assert "pulses from 1100 to 1850 us only" in made.read_text()
+    assert autopilot.parameters == before
+
+
+def test_an_autopilot_that_does_not_answer_is_told_with_the_remedy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(autopilot_vehicle, "PATIENCE_S", 0.2)
+    made = tmp_path / "mine.yaml"
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    assert main(["vehicle", "new", "mine", "--from", f"udpin:127.0.0.1:{port}", "--out", str(made)]) == 1
+    assert "found no heartbeat of an ArduPilot, wanted an ArduSub that answers" in capsys.readouterr().err
+    assert not made.exists()

@@ -779,7 +779,7 @@ def test_the_log_of_an_ardusub_says_which_vehicle_it_is_of(tmp_path: Path, capsy
     assert [one.name for one in vehicle.thrusters if one.reversed] == ["T4"]
     log.write_bytes(dataflash_of_yaw({"FRAME_CONFIG": 5.0}))
     assert main(["vehicle", "new", "other", "--from", str(log), "--out", str(tmp_path / "o.yaml")]) == 2
-    assert "found FRAME_CONFIG 5, wanted a log of an ArduSub with the frame 1" in capsys.readouterr().err
+    assert "found FRAME_CONFIG 5, wanted an ArduSub with the frame 1" in capsys.readouterr().err
 
 
 def dataflash_of_yaw(parameters: dict[str, float]) -> bytes:

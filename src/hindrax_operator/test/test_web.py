@@ -36,7 +36,7 @@ from hindrax_operator.monitor.graph_link import GraphLink
 from hindrax_operator.snapshot import CameraFrame, Snapshot, place_of
 from hindrax_operator.web import http_server, page_controller
 from hindrax_operator.web import page as page_text
-from hindrax_operator.web.access import hosts_of
+from hindrax_operator.web.access import called_hosts, hosts_of
 from hindrax_operator.web.page import PAGE, summary
 from hindrax_operator.web.reports import Reports
 
@@ -547,6 +547,40 @@ def test_a_report_that_is_too_large_is_not_read(tmp_path: Path, monkeypatch: pyt
 
 def test_without_any_runs_there_are_no_reports(page: Page) -> None:
     assert json.loads(page.ask("GET", "/reports")[2]) == []
+
+
+# ---- below a prefix, as an extension of BlueOS
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "blueos.local:8480", "evil.example", None])
+def test_blueos_learns_from_every_port_what_serves_there(page: Page, host: str | None) -> None:
+    status, headers, text = page.ask("GET", "/register_service", headers={"Host": host, "Authorization": None})
+    assert (status, headers["Content-Type"]) == (200, "application/json")
+    found = json.loads(text)
+    # Fields of ServiceMetadata in BlueOS' helper service; those without a default there are needed.
+    assert {"name", "description", "icon", "company", "version", "webpage", "api"} <= set(found)
+    assert found["works_in_relative_paths"] is True
+    assert found["new_page"] is True, "X-Frame-Options forbids the frame that it is shown in otherwise"
+    assert TOKEN not in text
+    assert page.ask("POST", "/register_service", b"{}", {"Host": "127.0.0.1"})[0] == 404
+
+
+def test_every_path_of_the_page_is_relative() -> None:
+    called = re.findall(r"\bask\((\S+?)[,)\s]", PAGE.replace("const ask = (path", ""))
+    assert {'"events"', '"here"', '"reports"', "name"} <= set(called)
+    assert [one for one in called if one.startswith(('"/', "'/", "`/"))] == []
+    assert re.findall(r"""(?:href|src|action)=["']/""", PAGE) == []
+    assert 'replaceState(null, "", location.pathname)' in PAGE
+
+
+def test_a_server_of_every_interface_needs_the_names_by_which_it_is_called() -> None:
+    assert called_hosts("0.0.0.0", ["BlueOS.local", "192.168.2.2"]) == {"blueos.local", "192.168.2.2"}
+    assert called_hosts("192.168.2.2", []) == {"192.168.2.2"}
+    with pytest.raises(UsageError, match="every interface"):
+        called_hosts("0.0.0.0", [])
+    for name in ("", "blueos.local:80", "http://blueos.local", "a b", "*"):
+        with pytest.raises(UsageError, match="--host: found"):
+            called_hosts("0.0.0.0", [name])
 
 
 # ---- the command

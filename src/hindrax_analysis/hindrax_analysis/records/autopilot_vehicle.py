@@ -19,6 +19,16 @@ BOX = frozenset(FRAMES.values())
 """Vehicles in the box that an ArduSub drives: their files have ArduSub's own directions and outputs."""
 FIRST_MOTOR, MOST_MOTORS, OUTPUTS = 33, 8, 16
 LOGS = (".bin", ".tlog")
+FRAME, LOW_V, PULSES_us = "FRAME_CONFIG", "BATT_LOW_VOLT", {"MOT_PWM_MIN": 1100.0, "MOT_PWM_MAX": 1900.0}
+"""Parameters of the frame, of the voltage that counts as low (0: none), and of the ends of pulses, with defaults."""
+PARAMETERS = (
+    FRAME,
+    LOW_V,
+    *PULSES_us,
+    *(f"SERVO{output}_{what}" for output in range(1, OUTPUTS + 1) for what in ("FUNCTION", "REVERSED")),
+    *(f"MOT_{motor}_DIRECTION" for motor in range(1, MOST_MOTORS + 1)),
+)
+"""All that a vehicle file takes from an autopilot."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +51,7 @@ class Wiring:
 
 def wiring_of(parameters: Mapping[str, float]) -> Wiring | None:
     """Wiring by the parameters of an ArduSub; None where they hold no frame, as in a log that began before them."""
-    if "FRAME_CONFIG" not in parameters:
+    if FRAME not in parameters:
         return None
     motors = {}
     for output in range(1, OUTPUTS + 1):
@@ -50,18 +60,22 @@ def wiring_of(parameters: Mapping[str, float]) -> Wiring | None:
             backwards = parameters.get(f"MOT_{motor}_DIRECTION", 1.0) < 0.0
             turned = parameters.get(f"SERVO{output}_REVERSED", 0.0) > 0.0
             motors[motor] = (output - 1, backwards != turned)
-    return Wiring(round(parameters["FRAME_CONFIG"]), motors)
+    return Wiring(round(parameters[FRAME]), motors)
 
 
 def logged_wiring(paths: Sequence[Path]) -> Wiring | None:
     """Wiring in the first of some logs that has it."""
+    return wiring_of(logged_parameters(paths))
+
+
+def logged_parameters(paths: Sequence[Path]) -> Mapping[str, float]:
+    """Parameters in the first of some logs that has a frame; none where no log has one."""
     for path in paths:
         if path.suffix.lower() in LOGS and path.is_file() and path.stat().st_size:
             for start in read_starts(path):
-                found = wiring_of(start.parameters)
-                if found is not None:
-                    return found
-    return None
+                if FRAME in start.parameters:
+                    return start.parameters
+    return {}
 
 
 def wired(vehicle: Vehicle, wiring: Wiring) -> Vehicle:

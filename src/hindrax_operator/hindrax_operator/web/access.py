@@ -64,6 +64,25 @@ def hosts_of(address: str) -> frozenset[str]:
     return frozenset({str(found)} | ({"localhost"} if found.is_loopback else set()))
 
 
+def is_loopback(host: str) -> bool:
+    """Whether a host, by address or name, is reached from its own machine only."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def called_hosts(address: str, names: Sequence[str]) -> frozenset[str]:
+    """Names by which a browser may call a server at this address: those given, or else by the address itself.
+
+    With names, the address may mean every interface, as in a container. UsageError for a name that is none.
+    """
+    for name in names:
+        if not hostname(name) or hostname(name) != name.lower():
+            raise UsageError(f"--host: found {name!r}, wanted a name or address without a port, such as blueos.local")
+    return frozenset(map(hostname, names)) or hosts_of(address)
+
+
 def security_headers(script_hash: str) -> Mapping[str, str]:
     """Headers of every answer. The style is open because a report brings its own; a report's script never runs."""
     policy = (

@@ -3,8 +3,9 @@
 A request is refused or accepted by its head alone, before a byte of its body is read; every write has a deadline.
 
 GET /: the page (no secrets in it, so no token). GET /events: server-sent events, five a second. GET /reports: the runs;
-GET /reports/NAME: the report of one. GET /camera/TOPIC: its next frame. POST /here: the page is being viewed. POST
-/fly, /cancel, /stop, /disarm.
+GET /reports/NAME: the report of one. GET /camera/TOPIC: its next frame. GET /register_service: what BlueOS asks every
+port of an extension by whatever name; nothing in it is a secret. POST /here: the page is being viewed. POST /fly,
+/cancel, /stop, /disarm.
 """
 
 import asyncio
@@ -42,6 +43,18 @@ CAMERA = "/camera/"
 FRAME_TURN_S, FRAME_TURNS = 0.03, 60
 IMAGES = {b"\xff\xd8\xff": "image/jpeg", b"\x89PNG\r\n\x1a\n": "image/png", b"RIFF": "image/webp"}
 """Beginning of a picture (ITU T.81 B.1.1.3, PNG 5.2, RFC 9649 2.4) and its type; a browser is sent nothing else."""
+SERVICE: Mapping[str, object] = {
+    "name": "hindrax",
+    "description": "Identifies drag, added mass and net buoyancy of the vehicle from its own maneuvers",
+    "icon": "mdi-chart-bell-curve",
+    "company": "hindrax",
+    "version": "0.2.0",
+    "webpage": "",
+    "api": "",
+    "new_page": True,  # no other page may frame ours
+    "works_in_relative_paths": True,
+}
+"""What BlueOS shows of its extension; fields of its ServiceMetadata."""
 LARGEST_FRAME_bytes = 8_000_000
 PATIENCE_S = 5.0
 """Time limit for the head of a request, for its body, and for each piece of the answer."""
@@ -79,6 +92,9 @@ class RequestHandler(HTTPMessageDelegate):
             self._answer(refused.status, f"{refused.sentence}\n")
 
     async def _begin(self, line: RequestStartLine, headers: HTTPHeaders) -> None:
+        if (line.method, line.path) == ("GET", "/register_service"):
+            await self._send(JSON_TYPE, json.dumps(SERVICE).encode())
+            return
         self._site.access.check_place(headers.get_list("Host"), headers.get_list("Origin"))
         if line.method == "GET":
             await self._get(line.path, headers)
@@ -128,7 +144,8 @@ class RequestHandler(HTTPMessageDelegate):
             raise RefusedRequest(HTTPStatus.SERVICE_UNAVAILABLE, full)
         site.streams.add(stream)
         try:
-            self._head(HTTPStatus.OK, EVENT_STREAM_TYPE)
+            # A proxy, such as the nginx of BlueOS, would keep events until its buffer is full.
+            self._head(HTTPStatus.OK, EVENT_STREAM_TYPE, more={"X-Accel-Buffering": "no"})
             while True:
                 await self._write(f"data: {site.controller.update()}\n\n".encode())
                 await asyncio.sleep(PERIOD_S)

@@ -38,7 +38,7 @@ const measured = (value, std) => {
 const rows = (place, found) => place.replaceChildren(...found.flatMap(([name, text, kind]) =>
   [make("dt", name), make("dd", text, kind)]));
 
-/* ---- the server */
+/* ---- the server: its paths are relative, for the page may be served below a prefix, as by BlueOS */
 
 const ask = (path, words, more) => fetch(path, {
   method: words ? "POST" : "GET", cache: "no-store", credentials: "omit",
@@ -51,7 +51,7 @@ const order = async (name, words = {}) => {
     /* An end is sent again: a crowded server may close a connection before it has read it. */
     let answer;
     for (let tries = name === "fly" ? 4 : 1; !answer; tries++) {
-      answer = await ask("/" + name, words).catch(error => { if (tries >= 4) throw error; });
+      answer = await ask(name, words).catch(error => { if (tries >= 4) throw error; });
     }
     if (!answer.ok) notify(await answer.text(), false, () => situation() !== before);
   } catch {
@@ -81,7 +81,7 @@ function notify(sentence, well, over = () => false) {
 async function listen() {
   for (;;) {
     try {
-      const answer = await ask("/events");
+      const answer = await ask("events");
       if (answer.status === 401) { askForToken(); return; }
       if (!answer.ok) throw new Error(await answer.text());
       await read(answer.body.getReader());
@@ -107,7 +107,7 @@ function receive(update) {
   heard_ms = Date.now();
   if (!update.read_only && heard_ms - beaten_ms >= BEAT_ms && !document.hidden) {
     beaten_ms = heard_ms;
-    ask("/here", {}).catch(() => {});
+    ask("here", {}).catch(() => {});
   }
   if (update.navigation) past.push({at: heard_ms, ...update.navigation});
   while (past.length && heard_ms - past[0].at > KEPT_ms) past.shift();
@@ -461,7 +461,7 @@ async function watch() {
     if (name !== of) { [of, seen, frame.hidden] = [name, "", true]; at("framed").textContent = ""; }
     if (!name || document.hidden || locked || isCut()) { await new Promise(go => setTimeout(go, 300)); continue; }
     try {
-      const answer = await ask("/camera/" + encodeURIComponent(name), undefined, {"If-None-Match": seen});
+      const answer = await ask("camera/" + encodeURIComponent(name), undefined, {"If-None-Match": seen});
       if (answer.ok) {
         seen = answer.headers.get("ETag");
         framed_ms = Date.now();
@@ -493,7 +493,7 @@ function nice(step) {
 /* ---- reports */
 
 async function listReports() {
-  const answer = await ask("/reports").catch(() => null);
+  const answer = await ask("reports").catch(() => null);
   if (!answer || !answer.ok) return;
   const runs = await answer.json();
   const lines = runs.length ? runs.map(run => {
@@ -525,7 +525,7 @@ function results(motions) {
 }
 
 async function openReport(name) {
-  const answer = await ask("/reports/" + encodeURIComponent(name)).catch(() => null);
+  const answer = await ask("reports/" + encodeURIComponent(name)).catch(() => null);
   if (!answer) return;
   if (!answer.ok) { notify(await answer.text(), false); return; }
   location.assign(URL.createObjectURL(new Blob([await answer.blob()], {type: "text/html"})));
@@ -574,5 +574,5 @@ window.addEventListener("hashchange", () => location.reload());
 at("course").addEventListener("change", () => { at("course").dataset.chosen = at("course").value; });
 setInterval(headline, 500);
 const given = location.hash.slice(1) || sessionStorage.getItem("hindrax") || "";
-history.replaceState(null, "", "/");
+history.replaceState(null, "", location.pathname);
 if (given) begin(given); else askForToken();

@@ -3,15 +3,25 @@
 import argparse
 import json
 import sys
+from collections.abc import Mapping
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 
-from hindrax_analysis.records.autopilot_vehicle import logged_wiring, wired
+from hindrax_analysis.records.autopilot_vehicle import (
+    LOW_V,
+    PARAMETERS,
+    PULSES_us,
+    logged_parameters,
+    wired,
+    wiring_of,
+)
 from hindrax_analysis.terminal import print_answer, print_table
 from hindrax_bringup.share_files import VEHICLE, own_vehicles, usual_vehicle, vehicle_file
 from hindrax_cli.argument_types import add_json
+from hindrax_cli.autopilot_vehicle import asked_parameters, is_address
 from hindrax_cli.command import add_words, command, option
-from hindrax_cli.vehicle_edit import with_outputs
+from hindrax_cli.vehicle_edit import with_autopilot, with_outputs
 from hindrax_cli.vehicle_questions import BACK, Answers, ask, file_text, kept_answers
 from hindrax_cli.vehicle_review import findings, picture, same_positions
 from hindrax_control.allocation.thrust_curve import thrust_curves
@@ -20,6 +30,7 @@ from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whole
 from hindrax_core.text.text_file import replace_text, require_place, writing
 from hindrax_core.vehicle import AXES, Thruster, Vehicle, load_vehicle, vehicle_from_text
+from hindrax_drivers.buses.clock import SystemClock
 
 UPRIGHT_deg = 90.0
 KEPT = ".answers"
@@ -27,7 +38,7 @@ KEPT = ".answers"
 
 
 def new(arguments: argparse.Namespace) -> int:
-    """Write a vehicle file: by ten questions (an empty line accepts the answer in brackets), or by an ArduSub's log."""
+    """Write a vehicle file: by ten questions (an empty line accepts the answer in brackets), or by an ArduSub."""
     name = arguments.vehicle
     if not name.replace("-", "").replace("_", "").isalnum():
         raise UsageError(f"vehicle {name}: wanted letters, digits, - and _; --out names the file")
@@ -36,7 +47,7 @@ def new(arguments: argparse.Namespace) -> int:
         raise UsageError(f"{out}: exists already; use another name, or remove it")
     require_place(next(folder for folder in out.absolute().parents if folder.exists()) / out.name)
     answers = out.with_suffix(KEPT)
-    text = _text_from_log(name, arguments.log) if arguments.log else file_text(name, _answers(answers))
+    text = _text_from(name, arguments.source) if arguments.source else file_text(name, _answers(answers))
     vehicle = vehicle_from_text(text, str(out))
     with writing(out, "name another place with --out", UsageError):
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -66,24 +77,34 @@ def _answers(file: Path) -> Answers:
         raise
 
 
-def _text_from_log(name: str, log: Path) -> str:
-    """Vehicle file by the parameters in a log of an ArduSub: frame, outputs, senses; hull and curves of a BlueROV2."""
-    if not log.is_file():
-        raise UsageError(f"--from {log}: cannot be read, there is no such file")
-    wiring = logged_wiring([log])
+def _text_from(name: str, source: str) -> str:
+    """Vehicle file by the parameters of an ArduSub, in a log or at an address; hull and curves of a BlueROV2."""
+    live = is_address(source) and not Path(source).is_file()
+    if live:
+        with closing(SystemClock()) as clock:
+            parameters: Mapping[str, float] = asked_parameters(source, PARAMETERS, clock)
+    elif Path(source).is_file():
+        parameters = logged_parameters([Path(source)])
+    else:
+        raise UsageError(f"--from {source}: cannot be read, there is no such file")
+    wiring = wiring_of(parameters)
     if wiring is None or not wiring.kind:
         found = f"FRAME_CONFIG {wiring.frame}" if wiring else "no FRAME_CONFIG"
         raise UsageError(
-            f"--from {log}: found {found}, wanted a log of an ArduSub with the frame 1 (vectored) or 2 (vectored 6DOF)"
-            " that holds its parameters, as every .bin does; without --from ten questions make the file"
+            f"--from {source}: found {found}, wanted an ArduSub with the frame 1 (vectored) or 2 (vectored 6DOF),"
+            " or a log of one that holds its parameters, as every .bin does; without --from ten questions make the file"
         )
     file = vehicle_file(wiring.kind)
     wired(load_vehicle(file), wiring)
+    low_us, high_us = (round(parameters.get(one, usual)) for one, usual in PULSES_us.items())
     head = (
-        f"# Frame, outputs and senses of the thrusters by {log.name}; hull, water and curves are those of a\n"
-        f"# {wiring.kind} as sold: weigh yours as it flies, and correct mass_kg and volume_m3.\n"
+        f"# Frame, outputs and senses of the thrusters by {source if live else Path(source).name}; hull, water and\n"
+        f"# curves are those of a {wiring.kind} as sold: weigh yours as it flies, and correct mass_kg and volume_m3.\n"
     )
-    return head + with_outputs(file.read_text(encoding="utf-8"), name, wiring.motors)
+    if (low_us, high_us) != tuple(PULSES_us.values()):
+        head += f"# The autopilot gives pulses from {low_us} to {high_us} us only (MOT_PWM_MIN and MOT_PWM_MAX).\n"
+    text = with_outputs(file.read_text(encoding="utf-8"), name, wiring.motors)
+    return head + with_autopilot(text, source if live else "", parameters.get(LOW_V, 0.0))
 
 
 def _line(prompt: str) -> str:
@@ -171,10 +192,18 @@ def _usual(parser: argparse.ArgumentParser) -> None:
 
 WORDS = {
     "new": command(
-        "./hindrax vehicle new myrov\n./hindrax vehicle new myrov --from dive.bin",
+        "./hindrax vehicle new myrov\n./hindrax vehicle new myrov --from dive.bin\n"
+        "./hindrax vehicle new myrov --from udpin:0.0.0.0:14550",
         option("vehicle", metavar="NAME", help="its name, or its file"),
         option("--out", type=Path, metavar="FILE", help="default: NAME.yaml in ~/.config/hindrax"),
-        option("--from", dest="log", type=Path, metavar="LOG", help="by the parameters in an ArduSub's .bin or .tlog"),
+        option(
+            "--from",
+            dest="source",
+            default="",
+            metavar="LOG|ADDRESS",
+            help="by the parameters of an ArduSub: in its .bin or .tlog, or live at udpin:ADDRESS:PORT, "
+            "udpout:HOST:PORT, tcp:HOST:PORT or a port",
+        ),
     )(new),
     "check": command("./hindrax vehicle check myrov", _usual, add_json)(check),
     "show": command("./hindrax vehicle show myrov", _usual, add_json)(show),

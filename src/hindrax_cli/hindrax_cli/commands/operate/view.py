@@ -20,7 +20,7 @@ from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whol
 from hindrax_core.text.text_file import replace_text, writing
 from hindrax_core.vehicle import AXES, load_vehicle
 from hindrax_operator.connection import add_stack, chosen_stack, find_stack, ordered_stack
-from hindrax_operator.web.access import Access, hosts_of
+from hindrax_operator.web.access import Access, called_hosts, is_loopback
 
 if TYPE_CHECKING:
     from hindrax_operator.monitor.graph_link import GraphLink
@@ -56,6 +56,14 @@ def monitor(arguments: argparse.Namespace) -> int:
         metavar="ADDRESS",
         help="numeric address of this machine; default 127.0.0.1, reachable from this machine only",
     ),
+    option(
+        "--host",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="only name by which browsers may call it (may be repeated); with it --address may be 0.0.0.0, as in a "
+        "container",
+    ),
     option("--port", type=within(int, 0, 65535), default=PORT, help=f"default {PORT}; 0: any free one"),
     option("--read-only", action="store_true", help="no commands from the page, for spectators"),
     option("--new-token", action="store_true", help="a new address; earlier ones stop working"),
@@ -71,7 +79,10 @@ def monitor(arguments: argparse.Namespace) -> int:
 def web(arguments: argparse.Namespace) -> int:
     """Live view in a browser: plots, the pool from above, maneuvers, finished reports."""
     read_only = arguments.read_only
-    access = Access(hosts_of(arguments.address), kept_token(read_only=read_only, new=arguments.new_token))
+    shown = arguments.host[0] if arguments.host else arguments.address
+    access = Access(
+        called_hosts(arguments.address, arguments.host), kept_token(read_only=read_only, new=arguments.new_token)
+    )
     from hindrax_control.maneuver.goal import flyable_motions  # noqa: PLC0415  # help must not wait for numpy
     from hindrax_operator.monitor.graph_link import GraphLink  # noqa: PLC0415  # as above
     from hindrax_operator.web.http_server import Server  # noqa: PLC0415  # as above
@@ -89,9 +100,9 @@ def web(arguments: argparse.Namespace) -> int:
             _wait_for_vehicle(link, over)
             server.start()
             print_stderr(f"{vehicle.name} {flyable_motions(AXES, vehicle)}")
-            print_fitted(startup_text(arguments.address, server.port, access.token, read_only=read_only))
+            print_fitted(startup_text(shown, server.port, access.token, read_only=read_only))
             if sys.stdout.isatty() and "localhost" not in access.hosts:
-                print_whole(qr_code(page_url(arguments.address, server.port, access.token)))
+                print_whole(qr_code(page_url(shown, server.port, access.token)))
             while not over() and link.is_alive():
                 if not server.is_alive():
                     raise HindraxError(
@@ -153,7 +164,7 @@ def startup_text(address: str, port: int, token: str, *, read_only: bool) -> str
     """Return where the page is. The token stands behind the #, which a browser never sends anywhere."""
     lines = [f"web: {page_url(address, port, token)}", "  anyone with this address may watch"]
     lines[1] += "" if read_only else ", fly while the vehicle is armed, and stop it"
-    if "localhost" in hosts_of(address):
+    if is_loopback(address):
         lines.append(
             f"  from another machine: ssh -L {port}:localhost:{port} THIS_MACHINE, then the same address there"
         )
