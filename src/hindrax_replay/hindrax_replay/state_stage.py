@@ -56,6 +56,8 @@ class StateStage:
         self._feed, self._session = Feed(vehicle, tuning), Session(vehicle, tuning)
         # One queue per topic, for a burst is recorded topic by topic.
         self._states = {topic: deque[Stamped[Navigation]](maxlen=LATEST) for topic in STATES}
+        self._pending = {topic: deque[BagMessage]() for topic in STATES}
+        """Recorded states that came before the samples that they were made of: those have a way of their own."""
         self._estimates: dict[str, list[Stamped[Estimate]]] = {}
         self._recorded_estimates: list[tuple[str, Stamp, BagMessage]] = []
         self._dropped = 0
@@ -69,10 +71,12 @@ class StateStage:
             source, read = self._sensors[topic]
             found = self._navigator.step(read(data), source)
             if found is not None:
-                for states in self._states.values():
+                for name, states in self._states.items():
                     states.append(found)
+                    self._check_states(name)
         elif topic in STATES:
-            self._check_state(message)
+            self._pending[topic].append(message)
+            self._check_states(topic)
         elif topic == ESTIMATE_NAME:
             self._recorded_estimates.append((message.decoded().motion, Stamp(stamp_of(data)), message))
         elif topic == DIAGNOSTICS_NAME:
@@ -83,7 +87,9 @@ class StateStage:
             self._identify(self._measurements[topic](data))
 
     def finish(self) -> None:
-        """Compare the estimates that were published."""
+        """Compare the estimates that were published, and what is left of the states."""
+        for topic in STATES:
+            self._check_states(topic, last=True)
         self._learn(self._feed.flush())
         for motion, estimates in self._estimates.items():
             for one in estimates:
@@ -109,6 +115,12 @@ class StateStage:
             values = {name: number.value for name, number in result.coefficients.items()}
             sigmas = {f"{name} std": number.std for name, number in result.coefficients.items()}
             self._samples.setdefault("results", {})[motion] = {**values, **sigmas}
+
+    def _check_states(self, topic: str, *, last: bool = False) -> None:
+        """Compare the recorded states that the replayed ones have reached."""
+        pending, states = self._pending[topic], self._states[topic]
+        while pending and (last or (states and states[-1].stamp >= stamp_of(pending[0].data))):
+            self._check_state(pending.popleft())
 
     def _check_state(self, message: BagMessage) -> None:
         """Compare with the nearest state: the tick grid begins where the navigator was started."""
