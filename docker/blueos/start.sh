@@ -16,6 +16,11 @@ if [ ! -f "$HINDRAX_VEHICLE" ]; then
 fi
 "$hindrax" up --record &
 stack=$!
+# The page joins the graph of a stack that it finds; one that is not there yet it would look for elsewhere.
+until "$hindrax" status --json 2>/dev/null | grep -q '"stack"'; do
+  kill -0 "$stack" 2>/dev/null || break
+  sleep 1
+done
 hosts=''
 for one in $HINDRAX_HOSTS; do hosts="$hosts --host $one"; done
 # shellcheck disable=SC2086 # a word for each option
