@@ -15,7 +15,7 @@ import pytest
 SOURCES = Path(__file__).parents[1] / "src"
 PACKAGES = ("hindrax_core", "hindrax_laboratory")
 """Those whose tests are quick, and start no process of the clone."""
-NEED_MORE = ("hindrax_core/test/test_stack_time.py", "hindrax_core/test/test_sensor_table.py")
+NEED_MORE = ("hindrax_core/test/test_sensor_table.py",)
 """Files that test with a package that is not in the wheel."""
 
 

@@ -89,6 +89,30 @@ def test_every_declared_dependency_is_imported(package: Path) -> None:
     assert dependencies(package) - {key for key, _ in keys_needed(package)} == set()
 
 
+STAND_ALONE = (
+    *("hindrax_core", "hindrax_ros", "hindrax_drivers", "hindrax_control", "hindrax_ident"),
+    *("hindrax_laboratory", "hindrax_replay"),
+)
+"""Packages whose tests need what their manifest names, from a copy of src: `colcon test --packages-up-to NAME`."""
+
+
+@pytest.mark.parametrize("name", STAND_ALONE)
+def test_the_tests_of_a_package_need_nothing_above_it(name: str) -> None:
+    every, below, waiting = {package.name: package for package in PACKAGES}, {name}, [name]
+    while waiting:
+        new = (dependencies(every[waiting.pop()]) & every.keys()) - below
+        below |= new
+        waiting += new
+    ours = every.keys() | {file.stem for file in (ROOT / "test").glob("*.py")} | {"hindrax_tools"}
+    for file in (every[name] / "test").rglob("*.py"):
+        beside = {path.stem for path in file.parent.glob("*.py")}
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            found = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            found += [one.name for one in node.names] if isinstance(node, ast.Import) else []
+            roots = {module.partition(".")[0] for module in found}
+            assert not (roots & ours) - below - beside, file
+
+
 PROJECT_OF_MODULE = PIP_OF_MODULE | {"serial": "pyserial", "yaml": "pyyaml"}
 
 

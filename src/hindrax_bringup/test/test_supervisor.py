@@ -20,8 +20,9 @@ from hindrax_bringup import supervisor as module
 from hindrax_bringup.process_state import HeldProcesses, descendants, is_stopped
 from hindrax_bringup.processes import Process
 from hindrax_bringup.stack_lock import FOLDER
-from hindrax_bringup.supervisor import SupervisedProcess, Supervisor
+from hindrax_bringup.supervisor import PATIENCE_S, SupervisedProcess, Supervisor
 from hindrax_core.errors import HindraxError
+from hindrax_drivers.nodes.deadman import SHUTDOWN_S
 from hindrax_ros.heartbeat import beaten_s
 
 PATIENT_S = 30.0
@@ -315,3 +316,7 @@ def test_who_is_not_there_neither_stands_still_nor_has_children() -> None:
     assert not is_stopped(4999999)
     assert descendants(4999999) == []
     HeldProcesses([4999999]).kill(0.0)
+
+
+def test_the_dead_man_kills_a_child_before_the_supervisor_loses_patience_with_him() -> None:
+    assert PATIENCE_S[0] > SHUTDOWN_S

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from hindrax_control.allocation.allocator import (
     KEPT_LAYOUTS,
@@ -24,7 +25,6 @@ from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import Allocation
 from hindrax_core.vehicle import AXES, load_vehicle
-from hindrax_ident.arrays import Array
 
 HINDRAX = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup" / "vehicles" / "hindrax.yaml")
 NAMES = tuple(thruster.name for thruster in HINDRAX.thrusters)
@@ -39,8 +39,8 @@ usual = st.tuples(*[st.floats(-40.0, 40.0)] * 3, *[st.floats(-10.0, 10.0)] * 3)
 masks = st.frozensets(st.sampled_from(NAMES))
 
 
-def applied_wrench(allocation: Allocation) -> Array:
-    wrench: Array = B @ np.array(allocation.forces_N)
+def applied_wrench(allocation: Allocation) -> NDArray[np.float64]:
+    wrench: NDArray[np.float64] = B @ np.array(allocation.forces_N)
     return wrench
 
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from hindrax_control.navigation.attitude_filter import AttitudeFilter, AttitudeKnobs
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import Vec3
-from hindrax_ident.arrays import Array
 
 DT_S = 0.02
 LEVEL: Vec3 = (0.0, 0.0, -GRAVITY_mps2)
@@ -21,7 +21,7 @@ DOWN = np.array([0.0, 0.0, 1.0])
 ANGLES = st.tuples(st.floats(-3.1, 3.1), st.floats(-1.5, 1.5), st.floats(-3.1, 3.1))
 
 
-def vector(values: Sequence[float] | Array) -> Vec3:
+def vector(values: Sequence[float] | NDArray[np.float64]) -> Vec3:
     x, y, z = (float(value) for value in values)
     return (x, y, z)
 
@@ -98,7 +98,7 @@ class Reference:
         self.Q = np.diag([self.noise * (knobs.tilt_time_s**-2 - 2.0 * slow), self.noise * slow**2])
         self.P = np.diag([self.noise, bias_sigma_radps**2]).astype(complex)
 
-    def step(self, angle: Array, force: Array, dt: float) -> None:
+    def step(self, angle: NDArray[np.float64], force: NDArray[np.float64], dt: float) -> None:
         down = self.attitude.inv().apply(DOWN)
         F = np.array([[cmath.exp(-1j * float(angle @ down)), -dt], [0.0, 1.0]])
         self.attitude = self.attitude * Rotation.from_rotvec(angle)

@@ -22,7 +22,6 @@ from hindrax_control.allocation.effectiveness import ThrusterLayout, effectivene
 from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_core.readings import Vec3
 from hindrax_core.vehicle import Vehicle, load_vehicle
-from hindrax_ident.arrays import Array
 
 HINDRAX = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup" / "vehicles" / "hindrax.yaml")
 TOP = 15.5283
@@ -56,14 +55,18 @@ ASKEW = [
 VEHICLES = {"hindrax": HINDRAX, "cube": vehicle_of(CUBE), "six": vehicle_of(SIX), "askew": vehicle_of(ASKEW)}
 
 
-def split(wrenches: Array, priority: tuple[int, int, int, int, int, int], served: tuple[int, ...]) -> Array:
+def split(
+    wrenches: NDArray[np.float64], priority: tuple[int, int, int, int, int, int], served: tuple[int, ...]
+) -> NDArray[np.float64]:
     """Both priorities of each wrench (2, n, 6), as the levels of the served axes say; lost axes are in none."""
     levels = sorted({priority[axis] for axis in served})
     mine = [[axis in served and priority[axis] == level for axis in range(6)] for level in (*levels, None)[:2]]
     return np.array([np.where(group, wrenches, 0.0) for group in mine])
 
 
-def largest(B_used: Array, limits: Array, parts: Array, floor_N: float | None = None) -> Array:
+def largest(
+    B_used: NDArray[np.float64], limits: NDArray[np.float64], parts: NDArray[np.float64], floor_N: float | None = None
+) -> NDArray[np.float64]:
     """Largest size [N, Nm] of the first part (n,), or of the second where the first has at least its floor."""
     n, m = parts.shape[1], B_used.shape[1]
     lengths = np.linalg.norm(parts, axis=2)
@@ -91,7 +94,11 @@ def largest(B_used: Array, limits: Array, parts: Array, floor_N: float | None = 
 
 
 def inexact(
-    B_used: Array, limits: Array, priority: tuple[int, int, int, int, int, int], wrenches: Array, forces: Array
+    B_used: NDArray[np.float64],
+    limits: NDArray[np.float64],
+    priority: tuple[int, int, int, int, int, int],
+    wrenches: NDArray[np.float64],
+    forces: NDArray[np.float64],
 ) -> NDArray[np.bool_]:
     """Which allocations (n, m) of wrenches (n, 6) leave their limits, bend a direction, or could have more."""
     served = served_axes(B_used)
@@ -107,11 +114,13 @@ def inexact(
     first = largest(mine, limits, parts)
     second = largest(mine, limits, parts, np.minimum(sizes[0], first) - 1e-10)
     missing = np.maximum(first - sizes[0], second - sizes[1])
-    worst: Array = np.max([bent, outside, too_much, missing], axis=0)
+    worst: NDArray[np.float64] = np.max([bent, outside, too_much, missing], axis=0)
     return worst > EXACT_N
 
 
-def structured(rng: np.random.Generator, B_used: Array, limits: Array, count: int) -> Array:
+def structured(
+    rng: np.random.Generator, B_used: NDArray[np.float64], limits: NDArray[np.float64], count: int
+) -> NDArray[np.float64]:
     """Demands with axes zero, equal, on the limits of an axis, on faces and corners, tiny, and far too large."""
     reach = np.abs(B_used) @ np.max(np.abs(limits), axis=1)
     sizes = rng.uniform(0.1, 3.0, (count, 1))

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from hindrax_control.allocation.deadband_bias import DeadbandBias
 from hindrax_control.allocation.effectiveness import NullPattern, patterns
-from hindrax_ident.arrays import Array
 
 SHARES = (1.0, -0.5, 0.8)
 PATTERN = NullPattern(tuple(zip((0, 2, 3), SHARES, strict=True)))
@@ -27,7 +27,7 @@ def biases(hop_N: float = HOP_N) -> DeadbandBias:
     return DeadbandBias(PATTERN, LIMITS_N, GAPS_N, PREFERRED_N, hop_N)
 
 
-def distances(forces_N: tuple[float, ...]) -> tuple[Array, Array]:
+def distances(forces_N: tuple[float, ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """By how much each size leaves the limits, and by how much it falls into a gap; at most zero: not at all."""
     outside, inside = np.full(SIZES_N.shape, -math.inf), np.full(SIZES_N.shape, -math.inf)
     for index, share in PATTERN.shares:

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from hindrax_control.navigation.heading_filter import HeadingFilter, HeadingKnobs
-from hindrax_ident.arrays import Array
 
 KNOBS = HeadingKnobs(
     gyro_noise_dps=0.2,
@@ -31,9 +31,9 @@ class Reference:
         rad = math.radians
         motors = [rad(KNOBS.motor_sigma_deg)] * 4
         fixed = rad(KNOBS.compass_fixed_deg)
-        self.P: Array = np.diag(np.square([0.5, rad(KNOBS.gyro_bias_dps), 0.5, fixed, fixed, *motors]))
-        self.x: Array = np.array([0.0, 0.0, 1.0, *[0.0] * 6])
-        self.powers: Array = np.zeros(THRUSTERS)
+        self.P: NDArray[np.float64] = np.diag(np.square([0.5, rad(KNOBS.gyro_bias_dps), 0.5, fixed, fixed, *motors]))
+        self.x: NDArray[np.float64] = np.array([0.0, 0.0, 1.0, *[0.0] * 6])
+        self.powers: NDArray[np.float64] = np.zeros(THRUSTERS)
 
     def predict(self, dt: float) -> None:
         F = np.eye(9)
@@ -42,14 +42,16 @@ class Reference:
         noise = np.radians([KNOBS.gyro_noise_dps, KNOBS.gyro_walk_dps, 0.0, walk, walk, 0.0, 0.0, 0.0, 0.0])
         self.P = F @ self.P @ F.T + dt * np.diag(noise**2)
 
-    def model(self, heading: float, powers: Array) -> tuple[Array, Array]:
+    def model(self, heading: float, powers: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """What the field should be, and its derivatives, at a heading of the caller."""
         cos, sin, strength = math.cos(heading), math.sin(heading), self.x[2]
         field = [[cos, 1.0, 0.0, *powers, 0.0, 0.0], [-sin, 0.0, 1.0, 0.0, 0.0, *powers]]
         H = np.column_stack([[-strength * sin, -strength * cos], [0.0, 0.0], np.array(field)])
         return np.array(field) @ self.x[2:], H
 
-    def innovation(self, heading: float, forces: Sequence[float]) -> tuple[Array, Array, Array]:
+    def innovation(
+        self, heading: float, forces: Sequence[float]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         powers = np.abs(forces) ** 1.5
         unsure_deg = KNOBS.motor_rest_deg * np.sum(powers)
         unsure_deg += KNOBS.motor_sigma_deg * np.sum(np.abs(powers - self.powers))
@@ -57,7 +59,7 @@ class Reference:
         variance = math.radians(KNOBS.compass_sigma_deg) ** 2 + math.radians(float(unsure_deg)) ** 2
         return expected, H, H @ self.P @ H.T + variance * np.eye(2)
 
-    def magnetic(self, field: Array, heading: float, forces: Sequence[float]) -> tuple[float, float]:
+    def magnetic(self, field: NDArray[np.float64], heading: float, forces: Sequence[float]) -> tuple[float, float]:
         expected, H, S = self.innovation(heading, forces)
         self.powers = np.abs(forces) ** 1.5
         gain = self.P @ H.T @ np.linalg.inv(S)
@@ -67,7 +69,9 @@ class Reference:
         return correction[0], correction[1]
 
 
-def reported(ours: HeadingFilter, field: Array, heading: float, forces: Sequence[float]) -> tuple[float, float] | None:
+def reported(
+    ours: HeadingFilter, field: NDArray[np.float64], heading: float, forces: Sequence[float]
+) -> tuple[float, float] | None:
     """What it says of a field in units of the first one."""
     return ours.magnetic(FIELD_T * float(field[0]), FIELD_T * float(field[1]), heading, forces)
 

@@ -5,10 +5,10 @@ import math
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from hindrax_control.navigation.horizontal_filter import HorizontalFilter, HorizontalKnobs, PredictedInterval
 from hindrax_core.readings import Vec3
-from hindrax_ident.arrays import Array
 
 DT_S = 0.02
 STILL: Vec3 = (0.0, 0.0, 0.0)
@@ -68,8 +68,8 @@ class Reference:
 
     def __init__(self, knobs: HorizontalKnobs) -> None:
         self.knobs = knobs
-        self.x: Array = np.zeros(2)
-        self.P: Array = np.diag([1.0, knobs.offset_mps2**2])
+        self.x: NDArray[np.float64] = np.zeros(2)
+        self.P: NDArray[np.float64] = np.diag([1.0, knobs.offset_mps2**2])
         self.times, self.path = [0.0], [0.0]
 
     def predict(self, acceleration: float, now_s: float, dt: float) -> None:
@@ -86,13 +86,13 @@ class Reference:
         was = np.interp(fine, self.times, self.path)
         return float(self.x[0] - self.path[-1] + np.trapezoid(was, fine) / (to_s - from_s))
 
-    def row(self, from_s: float, to_s: float) -> Array:
+    def row(self, from_s: float, to_s: float) -> NDArray[np.float64]:
         return np.array([1.0, -(self.times[-1] - 0.5 * (from_s + to_s))])
 
-    def variance(self, sigma_mps: float, H: Array) -> float:
+    def variance(self, sigma_mps: float, H: NDArray[np.float64]) -> float:
         return float(H @ self.P @ H) + sigma_mps**2
 
-    def fuse(self, off: float, sigma_mps: float, H: Array) -> None:
+    def fuse(self, off: float, sigma_mps: float, H: NDArray[np.float64]) -> None:
         gain = self.P @ H / self.variance(sigma_mps, H)
         self.x = self.x + gain * off
         self.P = self.P - np.outer(gain, H @ self.P)

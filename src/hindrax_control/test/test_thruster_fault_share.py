@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from hindrax_control.allocation.effectiveness import effectiveness
 from hindrax_control.allocation.thruster_fault_detector import (
@@ -17,7 +18,6 @@ from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.events import stamp_from_s
 from hindrax_core.signals import Navigation
 from hindrax_core.vehicle import AXES, Vehicle
-from hindrax_ident.arrays import Array
 
 STEP_S = 0.02
 SHARP = FaultDetectorKnobs(missing=0.3, surprise=1.0)
@@ -32,11 +32,11 @@ class CoupledVehicle:
         self.M = np.array([one.inertia for one in self.freedoms])
         self.B, self.lag_s = effectiveness(vehicle), np.array([one.lag_s for one in vehicle.thrusters])
         self.rates, self.thrust = np.zeros(6), np.zeros(len(vehicle.thrusters))
-        self.askew: Array = np.zeros(6)
+        self.askew: NDArray[np.float64] = np.zeros(6)
         """Wrench of ballast and trim that differ from the vehicle file."""
         self.roll = self.pitch = self.heading = self.time_s = 0.0
 
-    def step(self, forces: Array) -> None:
+    def step(self, forces: NDArray[np.float64]) -> None:
         fine = 2
         for _ in range(fine):
             dt = STEP_S / fine
@@ -66,7 +66,7 @@ class CoupledVehicle:
         return Navigation(attitude, (p, q, r), (u, v, w), 0.9, 0.9, (0.0, 0.0), dvl_locked=True)
 
 
-def wild(t: float) -> Array:
+def wild(t: float) -> NDArray[np.float64]:
     """Surge, sway, heave and all turns at once, and every thruster at work."""
     return np.array([
         5.0 + 3.0 * math.sin(0.9 * t), 4.0 + 3.0 * math.sin(0.5 * t), 3.0 * math.cos(0.6 * t) - 3.0,

@@ -10,7 +10,6 @@ import pytest
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
 
-from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import Beam, BottomTrack, BottomVelocity
 from hindrax_core.vehicle import load_vehicle
@@ -18,6 +17,8 @@ from hindrax_drivers.nodes.reading_messages import MARINE_ACOUSTIC, ReadingMessa
 from hindrax_ros.graph import optional_class
 from hindrax_ros.messages.serialization import message_class
 from hindrax_ros.testing.sensor_messages import dvl_to_msg
+
+VEHICLE_FILE = Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml"
 
 
 class Dvl:
@@ -40,7 +41,7 @@ def package(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 def dvl_messages() -> ReadingMessages:
-    return ReadingMessages("dvl75", "dvl75", load_vehicle(default_vehicle()))
+    return ReadingMessages("dvl75", "dvl75", load_vehicle(VEHICLE_FILE))
 
 
 def test_every_field_is_filled_from_ours() -> None:
