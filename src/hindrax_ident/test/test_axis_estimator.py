@@ -202,7 +202,7 @@ def test_hovering_shows_the_net_buoyancy_although_the_drags_of_both_directions_d
     plan = Plan(np.append(0.0, legs.times_s + 8.0), np.append(0.0, legs.forces) + HEAVE_THETA[4], 44.0)
     flight, errors = fly(HEAVE, HEAVE_THETA, plan, LAG_S), []
     for seed in range(20):
-        rng, estimator = np.random.default_rng(seed), AxisEstimator(HEAVE, LAG_S, HEAVE_PRIOR, Tuning())
+        rng, estimator = np.random.default_rng(seed), AxisEstimator(HEAVE, LAG_S, HEAVE_PRIOR, Tuning(), shapes=0)
         for at_s, force in zip(flight.times_s.tolist(), flight.commands.tolist(), strict=True):
             estimator.thrust(at_s, force)
         for index, v in enumerate((np.diff(mean_depths_m(flight.path.s, rng)) / DEPTH_S).tolist()):

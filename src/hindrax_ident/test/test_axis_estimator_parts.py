@@ -23,7 +23,7 @@ INNOVATION_mps, INFORMATION = 0.02, 0.44
 
 def begun(model: Model = SURGE, prior: Prior = PRIOR, **knobs: Any) -> AxisEstimator:
     """An estimator that knows of no disturbance."""
-    estimator = AxisEstimator(model, 0.15, prior, Tuning(**knobs))
+    estimator = AxisEstimator(model, 0.15, prior, Tuning(**knobs), shapes=0)
     estimator._whitener._variance = 0.0, 0.0, 0.0
     return estimator
 

@@ -1,5 +1,6 @@
 """Online estimator of one axis: filters, whitening, recursive least squares, a reason for every rejected sample."""
 
+import itertools
 import math
 from collections import deque
 from dataclasses import dataclass, replace
@@ -10,11 +11,18 @@ from hindrax_ident.arrays import Array, array
 from hindrax_ident.fit.autoregression import Correlator
 from hindrax_ident.model.model_parameters import Prior
 from hindrax_ident.model.motion_model import Model
-from hindrax_ident.online.filtered_regression import FilteredRegression, RowWhitener, Sample, physical, scaled
+from hindrax_ident.online.filtered_regression import (
+    FilteredRegression,
+    RowWhitener,
+    Sample,
+    found_delays,
+    physical,
+    scaled,
+)
 from hindrax_ident.online.joint_ekf import JointFilter
 from hindrax_ident.online.rls import Rls
 from hindrax_ident.records.binning import DEPTH_S
-from hindrax_ident.tuning import USUAL_LAG_S, USUAL_LATENCY_S, Tuning
+from hindrax_ident.tuning import LAG_SIGMA_S, USUAL_LAG_S, USUAL_LATENCY_S, Tuning
 
 NOISE = 0.01
 """Noise of a velocity [m/s, rad/s] assumed of the first samples, and to weight the prior against them."""
@@ -32,6 +40,20 @@ DERIVED_SPREAD_s2 = DEPTH_S**2 / 6.0
 weighted toward the middle."""
 SUMMED_S = 0.7
 """Derived velocities are differences, and so is their noise: their regression rows are integrated over this time."""
+SHAPES = 4
+"""Coefficients for what lag and delay of the thrust differ from those assumed."""
+LEAST_LAG_S = 0.1
+"""Shortest lag of the filter that they belong to: with it they describe any lag below."""
+DELAYS_AFTER_S = 5.0
+"""Time of learning after which the delays found are looked at; again after twice of it, and so on."""
+LAST_LOOK_S = 25.0
+"""Time of learning after which more is lost by a new beginning than by delays that are a little off."""
+DELAY_OFF_S, DELAY_KNOWN_S = 0.03, 0.01
+"""Change of lag or delay that is worth to begin anew, and the standard deviation below which it is known."""
+MOST_LATE_S = 1.0
+"""Longest lag or latency that is followed: more is another defect."""
+KEPT = 10.0
+"""Standard deviations of an estimate with wrong delays that are left of it as a prior: it was off by up to six."""
 MOST_OUTLIERS_IN_A_ROW = 20
 """Consecutive outliers after which samples are accepted again: then the estimate is wrong, not the samples."""
 
@@ -55,40 +77,63 @@ class AxisEstimator:
         prior: Prior,
         tuning: Tuning,
         prior_delays_s: tuple[float, float] = (USUAL_LAG_S, USUAL_LATENCY_S),
+        *,
+        shapes: int = SHAPES,
     ) -> None:
         """With `tuning.plateaus_only` the mass stays at its prior, and three coefficients are estimated.
 
-        With `tuning.lag_doubt_s` the delay of the thrust is estimated too, about `prior_delays_s`: lag and latency.
+        Otherwise the shape of the thrust's delay is estimated too, about `prior_delays_s`: lag and latency. With 0
+        `shapes`, `lag_s` is taken for the truth.
         """
-        lag_doubt_s = 0.0 if tuning.lag_doubt_s is None else tuning.lag_doubt_s
-        if lag_doubt_s > 0.0:
-            lag_s = prior_delays_s[0]
         self.model, self._tuning = model, tuning
-        self.regression = FilteredRegression(model, lag_s, tuning.filter_rate)
+        self._fixed_mass = float(prior.values[-1]) if tuning.plateaus_only else 0.0
+        self._shapes = 0 if self._fixed_mass else shapes
+        self._known_after = KNOWN_AFTER * (len(model.names) - bool(self._fixed_mass))
+        self._begin(prior, *(prior_delays_s if self._shapes else (lag_s, 0.0)))
+        self._inputs: deque[tuple[float, str, float]] = deque()
+        self._thrusts: deque[tuple[float, str, float]] = deque()
+        self._thrust_s = math.nan
+        self._outliers = 0
+
+    def _begin(self, prior: Prior, lag_s: float, late_s: float) -> None:
+        """Begin to learn from a prior, with this lag of the thrust, and velocities late by so much."""
+        tuning, model = self._tuning, self.model
+        self._prior = prior
+        lag_s = max(LEAST_LAG_S, lag_s) if self._shapes else lag_s
+        self._late_s, self._learned_s, self._look_s = late_s, 0.0, DELAYS_AFTER_S
+        self.regression = FilteredRegression(model, lag_s, tuning.filter_rate, self._shapes)
         # Without any, the noise of the first samples would choose the direction: heave begins at rest.
         self.regression.noise_variance = NOISE**2
-        self._fixed_mass = float(prior.values[-1]) if tuning.plateaus_only else 0.0
         scaled_values, covariance = scaled(prior.values.tolist(), np.diag(prior.sigmas**2))
         known = len(scaled_values) - bool(self._fixed_mass)
         values = scaled_values[:known].tolist()
         sigmas = (np.sqrt(np.diag(covariance))[:known] / NOISE).tolist()
-        # F(t - d) is F - d F': the delay of the thrust against the velocity, over the mass, is one more coefficient.
-        self._delayed = lag_doubt_s > 0.0 and not self._fixed_mass
-        if self._delayed:
-            sigmas.append(math.sqrt(2.0) * lag_doubt_s * values[-1] / NOISE)
-            values.append(prior_delays_s[1] * values[-1])
+        delay_sigma_s = math.sqrt(2.0) * (tuning.lag_doubt_s or LAG_SIGMA_S)
+        sigmas += [delay_sigma_s**order * values[-1] / NOISE for order in range(1, self._shapes + 1)]
+        values += [0.0] * self._shapes
         self._rls = Rls(values, sigmas, tuning.forgetting)
         self._whitener = RowWhitener(len(values) + 1, lag_s, float(prior.values[-1]))
         self.correlator = Correlator()
         self._filter = JointFilter(model, lag_s) if tuning.estimator == "ekf" and not self._fixed_mass else None
-        self._inputs: deque[tuple[float, str, float]] = deque()
-        self._outliers = 0
         self._sum: tuple[float, ...] = ()
         self._rows: list[tuple[float, ...]] = []
         self._blocks: list[Array] = []
         self._length = SHORTEST_BLOCK
         self._widening: Array | None = None
         """None after a block was added, until the covariance is asked for."""
+
+    def _other_delays_s(self) -> tuple[float, float] | None:
+        """Lag and latency where they are known, and clearly others than those assumed [s]."""
+        lag_s = self.regression.lag_s
+        at = len(self.model.names)
+        per_mass, first, second, *_ = self._rls.values[at - 1 :]
+        sigmas = np.sqrt(np.diag(self._rls.unit_covariance)[at : at + 2] * self._noise_variance) / abs(per_mass)
+        if not (per_mass > 0.0 and sigmas[0] < DELAY_KNOWN_S and sigmas[1] < 2.0 * lag_s * DELAY_KNOWN_S):
+            return None
+        found_s, later_s = found_delays((first / per_mass, second / per_mass), lag_s)
+        late_s = min(MOST_LATE_S, max(0.0, self._late_s + later_s))
+        off_s = max(abs(max(LEAST_LAG_S, found_s) - lag_s), abs(late_s - self._late_s))
+        return (found_s, late_s) if off_s > DELAY_OFF_S and found_s < MOST_LATE_S else None
 
     @property
     def samples(self) -> int:
@@ -110,8 +155,8 @@ class AxisEstimator:
 
     def thrust(self, t_s: float, force: float, effort: float | None = None) -> None:
         """Thrust commanded from this time on; `effort` as in a record, by default that of a single thruster."""
-        self._inputs.append((t_s, "thrust", force))
-        self._inputs.append((t_s, "effort", force * force if effort is None else effort))
+        self._thrusts.append((t_s, "thrust", force))
+        self._thrusts.append((t_s, "effort", force * force if effort is None else effort))
 
     def known(self, t_s: float, force: float) -> None:
         """Known force from this time on."""
@@ -123,12 +168,25 @@ class AxisEstimator:
 
     def _apply_inputs_until(self, t_s: float) -> None:
         """Apply inputs up to this time: velocities are means, so they are older than inputs received with them."""
-        inputs = self._inputs
-        while inputs and inputs[0][0] <= t_s:
-            at_s, kind, value = inputs.popleft()
-            getattr(self._whitener if kind == "effort" else self.regression, kind)(at_s, value)
+        thrusts, inputs, late_s = self._thrusts, self._inputs, self._late_s
+        while thrusts or inputs:
+            first = inputs if not thrusts or (inputs and inputs[0][0] < thrusts[0][0] + late_s) else thrusts
+            at_s, kind, value = first[0]
+            # Before the first command the thrust was as it was then.
+            acts_s = at_s if first is inputs or math.isnan(self._thrust_s) else at_s + late_s
+            if acts_s > t_s:
+                break
+            first.popleft()
+            getattr(self._whitener if kind == "effort" else self.regression, kind)(acts_s, value)
             if self._filter and kind != "effort":
-                getattr(self._filter, kind)(at_s, value)
+                getattr(self._filter, kind)(acts_s, value)
+            if kind == "effort":
+                self._thrust_s = at_s
+
+    def _received_s(self, t_s: float) -> float:
+        """Stamp of the last thrust up to this time, though it may not act yet."""
+        waiting = itertools.takewhile(lambda at_s: at_s <= t_s, (at_s for at_s, _, _ in self._thrusts))
+        return max(waiting, default=self._thrust_s)
 
     def velocity(self, t_s: float, v: float, refusal: str = "", *, derived: bool = False) -> SampleVerdict:
         """Add one velocity; with a `refusal` it updates the filters but not the estimate.
@@ -144,7 +202,7 @@ class AxisEstimator:
             regression.restart()
             self._whitener.restart()
             self._sum = ()
-        age = t_s - regression.thrust_time_s
+        age = t_s - self._received_s(t_s)
         sample = regression.velocity(t_s, v, DERIVED_SPREAD_s2 if derived else 0.0)
         if not derived:
             self._whitener.advance(t_s, regression.rate)
@@ -156,16 +214,26 @@ class AxisEstimator:
         if refusal or sample is None:
             self.correlator.restart()
             return SampleVerdict(learned=False, reason=refusal)
-        return self._learn(sample, t_s, derived=derived)
+        verdict = self._learn(sample, t_s, derived=derived)
+        self._learned_s += pause
+        # Differences of positions are too seldom to tell a delay better than the shapes describe it.
+        if self._shapes and not derived and self._look_s < self._learned_s < LAST_LOOK_S:
+            self._look_s *= 2.0
+            delays_s = self._other_delays_s()
+            if delays_s:
+                theta, covariance = self.estimate()
+                sigmas = np.minimum(self._prior.sigmas, KEPT * np.sqrt(np.diag(covariance)))
+                self._begin(Prior(theta, sigmas), *delays_s)
+        return verdict
 
     def _summed(self, sample: Sample, pause: float) -> Sample:
         """Leaky integral of the rows, which turns differences of measured positions back into positions."""
         keep = math.exp(-pause / SUMMED_S)
-        row = (*sample.x, sample.rise, sample.y)
+        row = (*sample.x, *sample.shapes, sample.y)
         past = self._sum or (0.0,) * len(row)
         self._sum = tuple(keep * old + new for old, new in zip(past, row, strict=True))
-        *x, rise, y = self._sum
-        return replace(sample, x=tuple(x), rise=rise, y=y)
+        columns = len(sample.x)
+        return replace(sample, x=self._sum[:columns], shapes=self._sum[columns:-1], y=self._sum[-1])
 
     def _refusal(self, sample: Sample | None, pause: float, age: float) -> str:
         if math.isnan(age):
@@ -177,9 +245,7 @@ class AxisEstimator:
         return "" if sample.settled else "the filters are settling"
 
     def _learn(self, sample: Sample, t_s: float, *, derived: bool) -> SampleVerdict:
-        x, y = sample.x, sample.y
-        if self._delayed:
-            x = (*x, -sample.rise)
+        x, y = (*sample.x, *sample.shapes), sample.y
         if self._fixed_mass:
             x, y = x[:-1], y - x[-1] / self._fixed_mass
         scale = 1.0
@@ -192,9 +258,9 @@ class AxisEstimator:
         if 0 < self._outliers <= MOST_OUTLIERS_IN_A_ROW:
             self.regression.undo_last()
             return SampleVerdict(learned=False, reason="outlier", innovation=innovation / scale)
-        if self.samples > KNOWN_AFTER * self._rls.n and not derived:
+        if self.samples > self._known_after and not derived:
             # The noise of a velocity is in x as well as in y: subtract the unexpected part from x.
-            slopes = (*sample.slope, 0.0) if self._delayed else sample.slope
+            slopes = (*sample.slope, *(0.0 for _ in sample.shapes))
             x = tuple(value - scale**2 * slope * innovation for value, slope in zip(x, slopes, strict=False))
         self._rls.update(x, y)
         self.correlator.add(innovation / (1.0 + information))
@@ -204,15 +270,15 @@ class AxisEstimator:
         if self.samples > ROUGHLY_AFTER * self._rls.n:
             # The noise of a sum of differences is that of the positions: a difference has twice its variance.
             self.regression.noise_variance = self._rls.variance * (2.0 if derived else 1.0)
-        if self.samples > KNOWN_AFTER * self._rls.n:
+        if self.samples > self._known_after:
             self._adapt_filter(sample)
-        if self._filter and not self._filter.started and self.samples > START_FILTER_AFTER * self._rls.n:
+        if self._filter and not self._filter.started and self.samples > START_FILTER_AFTER * len(self.model.names):
             theta, covariance = self.estimate()
             self._filter.start(t_s, theta, covariance, self._rls.variance)
         return SampleVerdict(learned=True, innovation=innovation / scale)
 
     def _is_outlier(self, innovation: float, information: float) -> bool:
-        if self.samples <= KNOWN_AFTER * self._rls.n:
+        if self.samples <= self._known_after:
             return False
         limit = self._tuning.outlier_sigmas * self.noise
         return abs(innovation) > limit * math.sqrt(1.0 + information)
@@ -248,7 +314,19 @@ class AxisEstimator:
         if self._fixed_mass:
             return self._with_fixed_mass(values, covariance)
         p = len(self.model.names)
+        if self._shapes:
+            covariance = covariance + self._left_out(values, covariance)
         return physical(values[:p].tolist(), covariance[:p, :p])
+
+    def _left_out(self, values: Array, covariance: Array) -> Array:
+        """Covariance for the shapes of the delay beyond the last: (n, n).
+
+        A series that converges leaves out no more than its last term, and what that one changed of the estimate is
+        known; but only as far as it is more than its own noise.
+        """
+        variance = float(covariance[-1, -1])
+        changed = covariance[:, -1] / variance
+        return array(np.outer(changed, changed) * max(0.0, float(values[-1]) ** 2 - variance))
 
     @property
     def _noise_variance(self) -> float:
@@ -263,7 +341,7 @@ class AxisEstimator:
         less information than a block had, the residuals are taken as they are.
         """
         n, blocks = self._rls.n, len(self._blocks)
-        if blocks < 2 * n:
+        if blocks < 2 * (n - self._shapes):
             return np.ones((n, n))
         unit, squares = self._rls.unit_covariance, np.array(self._blocks)
         gradients = squares[:, :n, n] - squares[:, :n, :n] @ np.array(self._rls.values)

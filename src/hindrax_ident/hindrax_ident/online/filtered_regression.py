@@ -11,6 +11,7 @@ Analysis, chapter 8, calls that the optimal prefilter). Thrust is piecewise cons
 filtered in closed form; velocity is linear between samples.
 """
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -43,7 +44,7 @@ class Sample:
     """One row of the regression: y = x . (theta / M, 1 / M) + noise of the velocity [m/s, rad/s].
 
     `slope` is the derivative of x by this velocity; `speed` is the filtered velocity; `settled`: the initial
-    transient of the filters has decayed; `rise` is the derivative of the filtered force [N/s, N m/s].
+    transient of the filters has decayed; `shapes`: see `found_delays` [N/s, N/s^2, ...; N m/s, ...].
     """
 
     x: tuple[float, ...]
@@ -51,22 +52,27 @@ class Sample:
     slope: tuple[float, ...]
     speed: float
     settled: bool
-    rise: float = 0.0
+    shapes: tuple[float, ...] = ()
 
 
 class FilteredRegression:
     """Filters of one axis; inputs in time order (seconds from any origin)."""
 
-    def __init__(self, model: Model, lag_s: float, rate: float) -> None:
+    def __init__(self, model: Model, lag_s: float, rate: float, shapes: int = 0) -> None:
         """`rate`: pole of the filters [1/s]; it and `noise_variance` may be changed at any time.
+
+        `shapes`: number of columns for what the delay of the thrust differs from the lag, which needs one above 0.
 
         `velocity_time_s`, `thrust_time_s`: times of the last velocity and thrust command; NaN before the first.
         """
         self.model, self.rate, self.noise_variance = model, rate, 0.0
-        self._lag_s, self._split = lag_s, model.split
+        self.lag_s, self._split = lag_s, model.split
         self._force = self._lagged = self._known = self._force_f = self._z = 0.0
+        # Thrust behind the lag twice, three times and so on, and the same filtered.
+        self._cascade, self._cascade_f = (0.0,) * shapes, (0.0,) * shapes
         self._terms: tuple[float, ...] = ()
         self._position: tuple[float, float] | None = None
+        self._known_f = 0.0
         self._t_thrust = self.thrust_time_s = math.nan
         self.restart()
 
@@ -84,6 +90,7 @@ class FilteredRegression:
         """Force commanded from this time on, before the thrusters' lag [N, N m]."""
         if math.isnan(self._t_thrust):
             self._lagged = force
+            self._cascade = (force,) * len(self._cascade)
             self._t_thrust = t_s
         self._advance_thrust(t_s)
         self._force, self.thrust_time_s = force, t_s
@@ -107,7 +114,8 @@ class FilteredRegression:
         if math.isnan(self.velocity_time_s):
             self.velocity_time_s, self._z, self._terms = t_s, -v, terms
             self._advance_thrust(t_s)
-            self._force_f = 0.0
+            self._force_f, self._known_f = 0.0, 0.0
+            self._cascade_f = (0.0,) * len(self._cascade)
             return None
         self._advance_thrust(t_s)
         before, self.velocity_time_s = self.velocity_time_s, t_s
@@ -119,7 +127,7 @@ class FilteredRegression:
             self._slope(ramp, v, terms),
             self._linear(self._sums) * self.rate,
             self._start < SETTLED,
-            self._lagged + self._known - self.rate * self._force_f,
+            self._shapes(),
         )
 
     def _terms_at(self, t_s: float, v: float) -> tuple[float, ...]:
@@ -176,16 +184,27 @@ class FilteredRegression:
     @property
     def _force_curvature(self) -> float:
         """Second derivative of the filtered thrust: corrects its mean over a span, like that of the velocity."""
-        rise = (self._force - self._lagged) / self._lag_s if self._lag_s > 0.0 else 0.0
+        rise = (self._force - self._lagged) / self.lag_s if self.lag_s > 0.0 else 0.0
         return rise - self.rate * (self._lagged + self._known - self.rate * self._force_f)
+
+    def _shapes(self) -> tuple[float, ...]:
+        """Differences of the thrust behind one lag, two and so on, all filtered, over powers of the lag."""
+        row, out = (self._force_f - self._known_f, *self._cascade_f), []
+        while len(row) > 1:
+            row = tuple((one - other) / self.lag_s for one, other in itertools.pairwise(row))
+            out.append(row[0])
+        return tuple(out)
 
     def _advance_thrust(self, t_s: float) -> None:
         """Advance lag and filter in cascade, exactly for a command constant since the last call."""
         step = t_s - self._t_thrust
         if not step > 0.0:
             return
-        rate, lag_s = self.rate, self._lag_s
+        rate, lag_s = self.rate, self.lag_s
         kept = math.exp(-rate * step)
+        if self._cascade:
+            self._known_f = kept * self._known_f + self._known * (1.0 - kept) / rate
+            self._advance_cascade(step, kept)
         gap = self._lagged - self._force
         total = (self._force + self._known) * (1.0 - kept) / rate
         if lag_s > 0.0:
@@ -197,11 +216,45 @@ class FilteredRegression:
         self._force_f = kept * self._force_f + total
         self._t_thrust = t_s
 
+    def _advance_cascade(self, step: float, kept: float) -> None:
+        """Advance the thrust behind more than one lag: exactly, and its filter as if it were linear over the step."""
+        part, force = step / self.lag_s, self._force
+        decay = math.exp(-part)
+        gaps = self._lagged - force, *(one - force for one in self._cascade)
+        powers = [1.0]
+        for order in range(1, len(gaps)):
+            powers.append(powers[-1] * part / order)
+        after = tuple(
+            force + decay * sum(gap * power for gap, power in zip(gaps[at::-1], powers, strict=False))
+            for at in range(1, len(gaps))
+        )
+        constant = (1.0 - kept) / self.rate
+        ramp = (step - constant) / (self.rate * step)
+        first = constant - ramp
+        self._cascade_f = tuple(
+            kept * total + first * was + ramp * now
+            for total, was, now in zip(self._cascade_f, self._cascade, after, strict=True)
+        )
+        self._cascade = after
+
 
 def _two_poles(a: float, b: float, step: float, at_a: float, at_b: float) -> float:
     """Integral of exp(-a (h - s)) exp(-b s) over s from 0 to h; the poles may coincide."""
     apart = a - b
     return (at_b - at_a) / apart if abs(apart) * step > 1e-6 else step * at_a
+
+
+def found_delays(coefficients: Sequence[float], lag_s: float) -> tuple[float, float]:
+    """Lag, and delay beyond that of the inputs [s], from the first two coefficients of `Sample.shapes` over 1 / M.
+
+    `lag_s`, T, is that of the filter. With u = s / (1 + s T), which is (1 - 1 / (1 + s T)) / T, thrust behind a lag L
+    and a delay d is 1 / (1 + s T) times a power series of u: an expansion in Laguerre functions (Wahlberg 1991, IEEE
+    Transactions on Automatic Control 36, 551). Its cumulants are L + d and L squared.
+    """
+    first, second, *_ = coefficients
+    spread = lag_s * lag_s - 2.0 * lag_s * first + 2.0 * second - first * first
+    found_s = math.sqrt(max(0.0, spread))
+    return found_s, lag_s - first - found_s
 
 
 def physical(scaled_values: Sequence[float], covariance: Array) -> tuple[Array, Array]:
