@@ -76,6 +76,11 @@ def predicted(fit: float, excess: float) -> Validation:
             "the drag at the highest speed is known to 21.0% only, wanted 20%, the gain",
         ),
         (
+            {"drag_std": 0.199 * DRAG_N},
+            {"drag_std": 9e10 * DRAG_N},
+            "the drag at the highest speed is unknown: its uncertainty is larger than itself, wanted 20%, the gain",
+        ),
+        (
             {"current": 0.055},
             {"current": 0.06},
             "at speeds up to 0.45 m/s a current of 0.06 m/s changes the drag by 27%: k_q and k_l cannot be separated",

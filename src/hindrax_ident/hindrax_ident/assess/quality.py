@@ -23,6 +23,8 @@ from hindrax_ident.records.axis_record import EMPTY, Record, Series, Stretch
 FEWEST_EFFECTIVE = 10.0
 FORCE_SHARE = 0.20
 """Deviation of an identified drag, as a share of it: twice as good as a guess from the envelope [-]."""
+UNKNOWN_SHARE = 1.0
+"""Beyond it a number would pretend to be one."""
 SPLIT_SHARE = 0.25
 LEAST_FIT = 0.5
 OFFSET_SHARE = 0.2
@@ -229,7 +231,10 @@ def reasons_against(evidence: Evidence) -> list[str]:
         return [*out, f"{drag}, wanted above 0: check the sign of the wrench"]
     share, largest = evidence.drag_std / force, evidence.largest
     if share > FORCE_SHARE:
-        known = f"the drag at the highest speed is known to {share:.1%} only, wanted {FORCE_SHARE:.0%}"
+        known = (
+            f"known to {share:.1%} only" if share < UNKNOWN_SHARE else "unknown: its uncertainty is larger than itself"
+        )
+        known = f"the drag at the highest speed is {known}, wanted {FORCE_SHARE:.0%}"
         out.append(f"{known}, the gain of the thrust left out; most by {largest.influence}: {largest.remedy}")
     out += _separation(evidence, force)
     out += _physics(evidence, force)

@@ -83,12 +83,13 @@ class AxisEstimator:
         """With `tuning.plateaus_only` the mass stays at its prior, and three coefficients are estimated.
 
         Otherwise the shape of the thrust's delay is estimated too, about `prior_delays_s`: lag and latency. With 0
-        `shapes`, `lag_s` is taken for the truth.
+        `shapes`, `lag_s` is taken for the truth, as the joint filter always does.
         """
         self.model, self._tuning = model, tuning
         self._fixed_mass = float(prior.values[-1]) if tuning.plateaus_only else 0.0
         self._shapes = 0 if self._fixed_mass else shapes
         self._known_after = KNOWN_AFTER * (len(model.names) - bool(self._fixed_mass))
+        self._lag_s = lag_s
         self._begin(prior, *(prior_delays_s if self._shapes else (lag_s, 0.0)))
         self._inputs: deque[tuple[float, str, float]] = deque()
         self._thrusts: deque[tuple[float, str, float]] = deque()
@@ -114,7 +115,7 @@ class AxisEstimator:
         self._rls = Rls(values, sigmas, tuning.forgetting)
         self._whitener = RowWhitener(len(values) + 1, lag_s, float(prior.values[-1]))
         self.correlator = Correlator()
-        self._filter = JointFilter(model, lag_s) if tuning.estimator == "ekf" and not self._fixed_mass else None
+        self._filter = JointFilter(model, self._lag_s) if tuning.estimator == "ekf" and not self._fixed_mass else None
         self._sum: tuple[float, ...] = ()
         self._rows: list[tuple[float, ...]] = []
         self._blocks: list[Array] = []
@@ -155,6 +156,8 @@ class AxisEstimator:
 
     def thrust(self, t_s: float, force: float, effort: float | None = None) -> None:
         """Thrust commanded from this time on; `effort` as in a record, by default that of a single thruster."""
+        if self._filter:
+            self._inputs.append((t_s, "thrust", force))
         self._thrusts.append((t_s, "thrust", force))
         self._thrusts.append((t_s, "effort", force * force if effort is None else effort))
 
@@ -177,9 +180,10 @@ class AxisEstimator:
             if acts_s > t_s:
                 break
             first.popleft()
-            getattr(self._whitener if kind == "effort" else self.regression, kind)(acts_s, value)
-            if self._filter and kind != "effort":
-                getattr(self._filter, kind)(acts_s, value)
+            if first is thrusts or kind != "thrust":
+                getattr(self._whitener if kind == "effort" else self.regression, kind)(acts_s, value)
+            if self._filter and first is inputs:
+                getattr(self._filter, kind)(at_s, value)
             if kind == "effort":
                 self._thrust_s = at_s
 
