@@ -1,6 +1,7 @@
 """The size of a pattern without wrench, against a search over all sizes."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -57,7 +58,7 @@ def test_the_preferred_size_is_taken_exactly_where_it_works(forces_N: tuple[floa
     assert size_of(forces_N, changed) == pytest.approx(PREFERRED_N if works else 0.0)
 
 
-def least_distance(sizes_N: Array) -> float:
+def least_distance(sizes_N: NDArray[np.floating[Any]]) -> float:
     """Of the preferred size to the nearest of these; infinite to none."""
     return float(np.min(np.abs(sizes_N - PREFERRED_N), initial=math.inf))
 
