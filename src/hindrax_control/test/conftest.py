@@ -21,3 +21,9 @@ def ideal_vehicle() -> type[IdealVehicle]:
 def hindrax() -> Vehicle:
     """The Hindrax itself."""
     return load_vehicle(Path(__file__).parents[2] / "hindrax_bringup" / "vehicles" / "hindrax.yaml")
+
+
+@pytest.fixture(scope="session")
+def vehicle(hindrax: Vehicle) -> Vehicle:
+    """The same, as the tests of every package call it."""
+    return hindrax
