@@ -5,14 +5,29 @@ from collections.abc import Sequence
 
 import pytest
 
-from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.share_files import default_vehicle, vehicle_file
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import load_vehicle
 from hindrax_sim.faults.fault_registry import FAULTS
+from hindrax_sim.hardware import TrueState
 from hindrax_tools import fault_fuzzer
-from hindrax_tools.fault_fuzzer import EVERY_MODE, KEPT_CASES, OUTPUT, Case, drawn, kinds, main, shrunk, violations
+from hindrax_tools.fault_fuzzer import (
+    EVERY_MODE,
+    KEPT_CASES,
+    OUTPUT,
+    Case,
+    drawn,
+    flown_by_bytes,
+    kinds,
+    main,
+    shrunk,
+    violations,
+)
+from hindrax_tools.faults.device_faults import Watched
+from hindrax_tools.faults.fault_outcome import Judge
 
 LINE = "hindrax hold 7 depth_stuck:ms5837@15.3+9999 thruster_fails:T3@16.2+1 garbage:dvl75@14.9+0.1"
+JUDGE = Judge(TrueState(30.0, (0.0,) * 3, (0.0,) * 3, 0.8, 0, (3.0, 1.5), (1600.0, 1500.0)))
 
 
 def test_a_case_is_a_line_and_back() -> None:
@@ -60,6 +75,31 @@ def test_a_defect_of_the_code_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> N
 
     monkeypatch.setattr(fault_fuzzer, "watched", fails)
     assert violations(Case.parse(LINE)) == ("defect: ZeroDivisionError: of the pilot",)
+
+
+@pytest.mark.parametrize(
+    ("found", "violated"),
+    [
+        (Watched(JUDGE, thrust=True), "it flies on without power, and nobody is told"),
+        (Watched(JUDGE, "no thruster moves it", thrust=True), ""),
+        (Watched(JUDGE, "sinking: too deep", exit_code=0), "it ended with 0, though sinking: too deep"),
+        (Watched(JUDGE, "sinking: too deep", exit_code=1), ""),
+    ],
+)
+def test_silence_and_a_good_exit_code_are_findings(
+    found: Watched, violated: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(fault_fuzzer, "watched", lambda *_: found)
+    monkeypatch.setattr(Judge, "flies_on", True)
+    assert violations(Case.parse("bluerov2-heavy maneuver 0 supply_dies:supply@30+9999")) == (violated,) * bool(
+        violated
+    )
+
+
+def test_a_vehicle_behind_an_autopilot_flies_with_the_electronics_of_our_own() -> None:
+    heavy = flown_by_bytes(vehicle_file("bluerov2-heavy"))
+    assert (heavy.output.device, heavy.name) == ("pca9685", "bluerov2-heavy")
+    assert heavy.thrusters == load_vehicle(vehicle_file("bluerov2-heavy")).thrusters
 
 
 def test_the_command_prints_findings_and_ends_with_1(

@@ -9,7 +9,12 @@ from copy import copy
 from dataclasses import dataclass, field, replace
 
 from hindrax_control.allocation.allocator import AllocationKnobs, Allocator
-from hindrax_control.allocation.thruster_fault_detector import FaultDetectorKnobs, SuspectedFault, ThrusterFaultDetector
+from hindrax_control.allocation.thruster_fault_detector import (
+    EVERY,
+    FaultDetectorKnobs,
+    SuspectedFault,
+    ThrusterFaultDetector,
+)
 from hindrax_control.allocation.wrench_guard import WrenchGuard, WrenchGuardKnobs
 from hindrax_control.hold.holds import STATION, HoldKnobs, Holds, HoldState, Setpoint
 from hindrax_control.hold.station_keeping import StationKeeping, StationKeepingKnobs
@@ -102,7 +107,7 @@ class Pilot:
         """Wrench of holds and station while thrusters rested: to them it is a shortfall."""
         self._operator_wrench: tuple[Stamp, Vec6] | None = None
         self._armed = self._was_armed = False
-        self._unarmed = self._disobeying = ""
+        self._unarmed = self._disobeying = self._powerless = ""
         self._guards: tuple[Refusal, ...] = ()
         self._disabled: frozenset[str] = frozenset()
         self._refused: dict[str, tuple[Stamp, str]] = {}
@@ -301,9 +306,10 @@ class Pilot:
         """Return the wrench for this state; `allocation` is that of the last wrench.
 
         With the thrusters' forces in it, dead thrusters are detected. `unarmed`: why the thrusters are not armed;
-        `disobeying`: why they are armed and follow no command.
+        `disobeying`: why they are armed and follow no command; the pilot finds itself when none of them pushes.
         """
-        self._stamp, self._disobeying = stamp, disobeying
+        self._powerless = self._powerless if armed else ""
+        self._stamp, self._disobeying = stamp, (disobeying := disobeying or self._powerless)
         self._update(navigation, stamp, battery_V, armed=armed, unarmed=unarmed)
         shortfall = _sum(allocation.shortfall, self._unserved) if allocation else self._unserved
         lost = allocation.lost_axes if allocation else ()
@@ -356,6 +362,8 @@ class Pilot:
         where, when = (navigation, place, walls_m), to_s(stamp)
         situation = Situation(*where, when, battery_V, self.water_in_hull, unplaced=self._unplaced)
         self._guards = self._maneuver_guards.step(situation)
+        if self._powerless:
+            self._guards = (unobeyed(self._powerless), *self._guards)
         if self._armed and not armed:
             self._keeping_station, self._station = False, None
             self._operator_wrench = None
@@ -373,7 +381,9 @@ class Pilot:
         if maneuver is None:
             return None, ZERO6
         if not maneuver.done:
-            if self.water_in_hull:
+            if self._powerless:
+                maneuver.cancel(unobeyed(self._powerless), "neutral")  # braking takes thrust
+            elif self.water_in_hull:
                 maneuver.cancel(next(one for one in self._guards if one.reason is Reason.LEAK))
             output = maneuver.step(navigation, stamp, shortfall=shortfall, lost_axes=lost, battery_V=battery_V)
             for setpoint in output.setpoints:
@@ -401,6 +411,10 @@ class Pilot:
         if allocation is None or not allocation.forces_N:
             return None
         found = self._fault_detector.step(navigation, stamp, allocation.forces_N)
+        if found is not None and found.name == EVERY:
+            # Kept until it is disarmed: a supply that comes back would meet holds that have wound up meanwhile.
+            self._powerless = found.sentence
+            return None
         return found if found is not None and found.name not in self._disabled else None
 
     def _current_operator_wrench(self, stamp: Stamp) -> Vec6:

@@ -8,6 +8,7 @@ import pytest
 
 from hindrax_control.allocation.allocator import AllocationKnobs
 from hindrax_control.allocation.thruster_fault_detector import (
+    EVERY,
     FaultDetectorKnobs,
     SuspectedFault,
     ThrusterFaultDetector,
@@ -235,6 +236,31 @@ def test_a_maneuver_engages_its_holds_and_bears_no_wrench_by_hand(hovering: Hove
     hovering.pilot.abandon()
     flight = hovering.fly()
     assert (flight.maneuver, flight.wrench, engaged(flight), hovering.pilot.flying) == (None, ZERO6, set(), False)
+
+
+def test_a_dead_supply_is_told_by_every_hold_and_guard_until_it_is_disarmed(
+    hovering: Hovering, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hovering.fly()
+    maneuver = hovering.pilot.fly(Goal(("surge",)))
+    found = iter([SuspectedFault(EVERY, 1.0)])
+    monkeypatch.setattr(ThrusterFaultDetector, "step", lambda *_: next(found, None))
+    ideal = hovering.ideal
+    suspected = hovering.pilot.step(ideal.navigation(), ideal.stamp, allocated((1.0,) * 8), armed=True)
+    assert suspected.suspected_fault is None, "there is none to be left out"
+    told = hovering.fly()
+    assert "their supply is dead" in told.guards[0]
+    assert told.guards[0].reason is Reason.UNOBEYED
+    assert engaged(told)
+    assert {one.note for one in told.holds if one.engaged} == {told.guards[0]}
+    for _ in range(600):
+        hovering.fly()
+    assert maneuver.last is not None
+    assert maneuver.last.aborted == told.guards[0]
+    assert "their supply is dead" in hovering.pilot.set(Setpoint("roll"))
+    assert any("supply" in one for one in hovering.fly().guards), "it is kept, though nothing more is found"
+    hovering.fly(armed=False)
+    assert not any("supply" in one for one in hovering.fly().guards)
 
 
 def test_all_thrusters_rest_when_a_maneuver_wants_it_whatever_the_holds_want(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hindrax_control.allocation.effectiveness import effectiveness
-from hindrax_control.allocation.thruster_fault_detector import SuspectedFault, ThrusterFaultDetector
+from hindrax_control.allocation.thruster_fault_detector import EVERY, SuspectedFault, ThrusterFaultDetector
 from hindrax_control.testing.ideal_vehicle import IdealVehicle
 from hindrax_core.vehicle import Drag, Vehicle
 
@@ -57,6 +57,22 @@ def test_dead_thruster_is_named(hindrax: Vehicle, ideal_vehicle: type[IdealVehic
     assert found.missing > 0.6
     assert found.sentence.startswith(f"{dead}: ")
     assert at_s < 5.0 + 15.0
+
+
+def test_a_dead_supply_is_found_and_named_as_such(hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]) -> None:
+    def sinking(t: float) -> tuple[float, ...]:
+        """A depth hold that nothing answers: it pushes down more and more."""
+        down = min(8.0, max(0.0, t - 5.0))
+        return (2.0, 2.0, 2.0, 2.0, 2.0 - down, -2.0 - down, -2.0 - down, 2.0 - down)
+
+    rig = Rig(hindrax, ideal_vehicle)
+    found, at_s = rig.fly(sinking, 25.0, dead=tuple(rig.names))
+    assert found is not None
+    assert found.name == EVERY
+    assert found.missing == pytest.approx(1.0, abs=0.1)
+    assert "supply is dead" in found.sentence
+    assert at_s < 5.0 + 10.0
+    assert Rig(hindrax, ideal_vehicle).fly(sinking, 10.0)[0] is None, "it is moved as it is pushed"
 
 
 def test_nobody_is_suspected_while_all_push(hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]) -> None:

@@ -13,6 +13,7 @@ from hindrax_control.pilot import Pilot
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.signals import Allocation, Navigation
+from hindrax_core.text.refusals import Reason
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec
 from hindrax_sim.flights.lockstep import Lockstep, LockstepCommand
@@ -97,7 +98,7 @@ class ModePilot:
         self.estimated: Navigation | None = None
         self.left_out: dict[str, str] = {}
         """Thrusters that the vehicle has taken out of use itself, with its sentences."""
-        self.refused = ""
+        self.refused = self.disobeyed = ""
         self._was_armed = self._ended = self._ordered = False
         self._started_at: Stamp | None = None
         self._armed_at = Stamp(0)
@@ -110,6 +111,7 @@ class ModePilot:
             self.pilot.set_operator_wrench(WRENCH, "base_link_fsd", stamp, stamp)
         flight = self.pilot.step(navigation.reading, stamp, became, armed=armed)
         self.maneuver = flight.maneuver
+        self.disobeyed = next((one for one in flight.guards if one.reason is Reason.UNOBEYED), self.disobeyed)
         if (suspect := flight.suspected_fault) is not None:
             self.left_out[suspect.name] = suspect.sentence
             self.pilot.disable(frozenset(self.left_out))
@@ -152,6 +154,8 @@ class Watched:
     lost: str = ""
     thrust: bool = False
     """Whether there was thrust when the first fault came, or later."""
+    exit_code: int | None = None
+    """Of the command that flew the maneuver, when it has ended; None: there is none, or it goes on."""
     disarmed_thrust_s: float = 0.0
     """The longest thrust in one go after it was disarmed."""
 
@@ -183,8 +187,11 @@ def watched(pilot: ModePilot, faults: Sequence[FaultSpec], seed: int, until_s: f
     for _ in step.run(until_s):
         pass
     aborted = pilot.maneuver.aborted if pilot.maneuver is not None else ""
+    if pilot.maneuver is not None and pilot.maneuver.done:
+        found.exit_code = int(bool(aborted or pilot.left_out))
     ended = "" if found.judge.flies_on else onboard.reason
-    found.reason = unhealthy or aborted or pilot.refused or "; ".join(pilot.left_out.values()) or ended
+    left_out = "; ".join(pilot.left_out.values())
+    found.reason = unhealthy or aborted or pilot.refused or pilot.disobeyed or left_out or ended
     return found
 
 

@@ -5,8 +5,8 @@ leaves one of a known direction, proportional to its commanded force; a current 
 Ballast and trim that differ from the vehicle file do: thrusters that hold a vehicle upright move nothing. So what
 heave, roll and pitch leave on the average is learned, and only what comes on top of it counts: against the force of a
 thruster (one that dies), and against what its force has on top of its own average (one that was dead from the start).
-For each thruster the part of its force that is missing is fitted; the one that explains most of a residual too large
-for the model's own errors, for long enough, is suspected.
+For each thruster, and for all of them together, the part of the force that is missing is fitted; what explains most of
+a residual too large for the model's own errors, for long enough, is suspected.
 """
 
 import math
@@ -31,6 +31,10 @@ FIRST_S = 5.0
 """Time under thrust for which ballast and trim are the mean of all that was seen."""
 REVERSED = 1.5
 """Missing share of its force from which on a thruster is not dead, but wired the wrong way round."""
+EVERY = "all thrusters"
+"""Suspect where none of them moves the vehicle: a dead supply, or a vehicle that is held fast."""
+EVERY_MISSING, EVERY_EXPLAINED = 0.75, 0.85
+"""The same two knobs for all of them together: weak thrusters, drag and current explain a share of it too."""
 JUDGED_S = 0.09
 """Between two judgements: the balance is filtered at every step, its evidence over seconds."""
 
@@ -61,6 +65,8 @@ class SuspectedFault:
     @property
     def sentence(self) -> str:
         """Message for the operator."""
+        if self.name == EVERY:
+            return "none of the thrusters moves the vehicle: their supply is dead, or something holds it fast"
         if self.missing > REVERSED:
             return f"{self.name}: it pushes the wrong way round"
         return f"{self.name}: {100.0 * min(1.0, self.missing):.0f} % of its thrust is missing"
@@ -72,6 +78,10 @@ class ThrusterFaultDetector:
     def __init__(self, vehicle: Vehicle, knobs: FaultDetectorKnobs | None = None) -> None:
         self._knobs = knobs or FaultDetectorKnobs()
         self._names = tuple(thruster.name for thruster in vehicle.thrusters)
+        self._suspects = (*self._names, EVERY)
+        one_only = np.ones(len(self._names))
+        self._least_missing = np.tile(np.append(one_only * self._knobs.missing, EVERY_MISSING), 2)
+        self._least_explained = np.tile(np.append(one_only * self._knobs.explained, EVERY_EXPLAINED), 2)
         self._lags_s = tuple(max(thruster.lag_s, 1e-3) for thruster in vehicle.thrusters)
         self._B: Matrix = effectiveness(vehicle)
         found = prior_dynamics(vehicle)
@@ -90,8 +100,9 @@ class ThrusterFaultDetector:
         self._slow: Matrix = np.zeros(12 + count)
         self._slow_rates, self._slow_model, self._slow_thrust = np.split(self._slow, (6, 12))
         self._started = False
-        self._along, self._power, self._residual = np.zeros(2 * count), np.zeros(2 * count), 0.0
-        self._since_s: Matrix = np.zeros(2 * count)
+        judged = 2 * len(self._suspects)
+        self._along, self._power, self._residual = np.zeros(judged), np.zeros(judged), 0.0
+        self._since_s: Matrix = np.zeros(judged)
         self._unjudged_s = 0.0
 
     def step(self, navigation: Navigation, stamp: Stamp, forces_N: Sequence[float]) -> SuspectedFault | None:
@@ -157,7 +168,8 @@ class ThrusterFaultDetector:
         at_work = knobs.sigma_thrust * np.linalg.norm(wrenches, axis=1)
         residual, unusual = self._learn_trim(residual, wrenches, dt)
         weight = 1.0 / (np.asarray(knobs.sigma) + knobs.sigma_drag * np.abs(drag) + at_work)
-        signature = -np.hstack([wrenches, unusual]) * weight[:, None]
+        together = [part for parts in (wrenches, unusual) for part in (parts, parts.sum(axis=1, keepdims=True))]
+        signature = -np.hstack(together) * weight[:, None]
         surprise = residual * weight
         keep = -math.expm1(-dt / knobs.memory_s)
         self._along += (signature.T @ surprise - self._along) * keep
@@ -165,10 +177,10 @@ class ThrusterFaultDetector:
         self._residual += (float(surprise @ surprise) - self._residual) * keep
         missing = self._along / np.maximum(self._power, 1e-9)
         explained = self._along * missing
-        explains = explained > knobs.explained * self._residual
-        suspect = (missing > knobs.missing) & explains & (self._residual > knobs.surprise)
+        explains = explained > self._least_explained * self._residual
+        suspect = (missing > self._least_missing) & explains & (self._residual > knobs.surprise)
         self._since_s = np.where(suspect, self._since_s + dt, 0.0)
         index = int(np.argmax(explained * (self._since_s > knobs.patience_s)))
         if self._since_s[index] <= knobs.patience_s:
             return None
-        return SuspectedFault(self._names[index % len(self._names)], float(missing[index]))
+        return SuspectedFault(self._suspects[index % len(self._suspects)], float(missing[index]))
