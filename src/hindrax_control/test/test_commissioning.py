@@ -19,7 +19,9 @@ from hindrax_control.maneuver.goal import MOST_PULSE_N, Goal, Pulse, require_fly
 from hindrax_control.maneuver.pulses import CALM_PATIENCE_s, PulseManeuver, believed
 from hindrax_control.pilot import Pilot
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.events import stamp_from_s
+from hindrax_core.events import Stamped, stamp_from_s
+from hindrax_core.readings import BottomVelocity, Echo, Reading
+from hindrax_core.sensor_table import Capability
 from hindrax_core.signals import Navigation
 from hindrax_core.text.refusals import Reason, found
 from hindrax_core.vehicle import Commissioned, Vehicle, load_vehicle
@@ -261,3 +263,20 @@ def test_the_record_holds_for_its_geometry_only() -> None:
     assert unproven(turned).startswith("changed since it was commissioned on 2026-11-25")
     assert unproven(swapped).startswith("changed since")
     assert slowed(HINDRAX).limits.speed_mps == UNPROVEN_mps
+
+
+@pytest.mark.parametrize("kind", ["velocity", "altitude"])
+def test_a_second_sensor_of_a_quantity_is_judged_by_its_own_readings(kind: Capability) -> None:
+    plain = HINDRAX
+    first = next(
+        name for name in plain.measuring(kind) if kind == "velocity" or name not in plain.measuring("velocity")
+    )
+    vehicle = replace(plain, sensors={**plain.sensors, "second": plain.sensors[first], "silent": plain.sensors[first]})
+    work = Commissioning(vehicle)
+    reading: Reading = BottomVelocity((0.0, 0.0, 0.0), 0.01, 1.0, 0.1, 0) if kind == "velocity" else Echo(2.0, 1.0)
+    for at in range(20):
+        for source in (first, "second"):
+            work.on_reading(source, Stamped(stamp_from_s(0.1 * at), reading))
+    work.rest(stamp_from_s(0.0), stamp_from_s(2.0))
+    verdicts = {row.claim: row.verdict for row in work.finalize().rows}
+    assert [verdicts[f"{name} mount"] for name in (first, "second", "silent")] == [OPEN, OPEN, WRONG]

@@ -4,6 +4,7 @@ Nothing is turned by a mount of the vehicle file or fused: both are what is to b
 """
 
 import math
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -47,12 +48,12 @@ class Recording:
     """Specific force [m/s^2] and rate [rad/s]."""
     magnetic: Series = field(default_factory=Series)
     """Field [T]."""
-    velocity: Series = field(default_factory=Series)
-    """Velocity over ground [m/s]; NaN without lock."""
+    velocity: dict[str, Series] = field(default_factory=lambda: defaultdict(Series))
+    """By sensor: velocity over ground [m/s]; NaN without lock."""
     pressure: Series = field(default_factory=Series)
     """Absolute pressure [Pa]."""
-    echo: Series = field(default_factory=Series)
-    """Range [m]."""
+    echo: dict[str, Series] = field(default_factory=lambda: defaultdict(Series))
+    """By sensor: range [m]."""
     battery: Series = field(default_factory=Series)
     """Voltage [V] and current [A]."""
     forces: Series = field(default_factory=Series)
@@ -67,11 +68,11 @@ class Recording:
             case Magnetic() as one:
                 self.magnetic.add(source, stamp, one.field_T)
             case BottomVelocity() as one:
-                self.velocity.add(source, stamp, one.velocity_mps or (math.nan,) * 3)
+                self.velocity[source].add(source, stamp, one.velocity_mps or (math.nan,) * 3)
             case Pressure() as one:
                 self.pressure.add(source, stamp, (one.pressure_Pa,))
             case Echo() as one:
-                self.echo.add(source, stamp, (one.range_m,))
+                self.echo[source].add(source, stamp, (one.range_m,))
             case Battery() as one:
                 self.battery.add(source, stamp, (one.voltage_V, one.current_A))
             case _:

@@ -101,9 +101,9 @@ def _blind(source: str, claimed: str, what: str) -> Finding:
 
 def _velocity(evidence: Evidence) -> Iterator[Finding]:
     for source in evidence.vehicle.measuring("velocity"):
-        series, mount = evidence.recording.velocity, evidence.vehicle.sensors[source]
+        mount = evidence.vehicle.sensors[source]
         claim, claimed = f"{source} mount", str(list(mount.rotation_deg))
-        values = _seen(series, evidence.rest) if series.source == source else np.zeros((0, 3))
+        values = _seen(evidence.recording.velocity[source], evidence.rest)
         if not len(values) or float(np.isfinite(values[:, 0]).mean()) < LOCKED:
             yield _blind(source, claimed, "no bottom lock at rest: it does not look at the floor")
         elif not evidence.moved:
@@ -120,7 +120,7 @@ def _velocity_turn(evidence: Evidence, source: str, mount: Mount, claimed: str) 
     power: Matrix = np.zeros(2)
     lever_m = np.subtract(mount.position_m, evidence.vehicle.center_of_mass_m)
     for window in evidence.windows:
-        times_s, rows = evidence.recording.velocity.between(window.begin_s, window.end_s)
+        times_s, rows = evidence.recording.velocity[source].between(window.begin_s, window.end_s)
         known = np.isfinite(rows[:, 0])
         times_s, rows = times_s[known], rows[known, :3]
         if len(times_s) < 10:
@@ -250,9 +250,9 @@ def _sonars(vehicle: Vehicle) -> list[str]:
 
 def _echo(evidence: Evidence) -> Iterator[Finding]:
     for source in _sonars(evidence.vehicle):
-        series, mount = evidence.recording.echo, evidence.vehicle.sensors[source]
+        mount = evidence.vehicle.sensors[source]
         claim, claimed = f"{source} mount", str(list(mount.rotation_deg))
-        values = _seen(series, evidence.rest) if series.source == source else np.zeros((0, 1))
+        values = _seen(evidence.recording.echo[source], evidence.rest)
         window = _dive(evidence)
         if not len(values):
             yield _blind(source, claimed, "no echo at rest: it does not look at the floor")
@@ -265,7 +265,7 @@ def _echo(evidence: Evidence) -> Iterator[Finding]:
 def _echo_slope(evidence: Evidence, source: str, claimed: str, window: Window) -> Finding:
     """How its range changes with the depth: by as much, the other way, if it looks down; and with nothing else."""
     claim = f"{source} mount"
-    ranges_m, depths_m = _echoes(evidence, window)
+    ranges_m, depths_m = _echoes(evidence, source, window)
     if len(ranges_m) < 10 or float(np.ptp(depths_m)) < DEEPER_m:
         return Finding(claim, OPEN, claimed, "too little of a dive to show where it looks")
     slope = float(np.polyfit(depths_m - depths_m.mean(), ranges_m, 1)[0])
@@ -280,12 +280,12 @@ def _echo_slope(evidence: Evidence, source: str, claimed: str, window: Window) -
     return Finding(claim, PROVEN, claimed, f"its range falls by {-slope:.2f} m per metre of depth")
 
 
-def _echoes(evidence: Evidence, window: Window, beam: Matrix | None = None) -> tuple[Matrix, Matrix]:
+def _echoes(evidence: Evidence, source: str, window: Window, beam: Matrix | None = None) -> tuple[Matrix, Matrix]:
     """Ranges (n,) without single echoes of something else, and depths (n,) at their times [m].
 
     Along the vertical where `beam` (3,) is given, the axis of the sonar in the body.
     """
-    times_s, rows = evidence.recording.echo.between(window.begin_s, window.end_s)
+    times_s, rows = evidence.recording.echo[source].between(window.begin_s, window.end_s)
     pressure_s, depths_m = _depths_m(evidence, window)
     if len(times_s) < 10 or len(pressure_s) < 10:
         return np.zeros(0), np.zeros(0)
@@ -302,7 +302,7 @@ def _astray_m(evidence: Evidence, source: str, *, tilted: bool) -> float:
     A narrow beam meets the floor along its axis (`tilted`), a wide one right below, whatever the tilt.
     """
     axis = turn_of(evidence.vehicle.sensors[source].rotation_deg)[:, 2] if tilted else None
-    heights = [sum(_echoes(evidence, window, axis)) for window in evidence.windows]
+    heights = [sum(_echoes(evidence, source, window, axis)) for window in evidence.windows]
     level = [one - one.mean() for one in heights if isinstance(one, np.ndarray) and len(one)]
     return float(np.std(np.concatenate(level)))
 
