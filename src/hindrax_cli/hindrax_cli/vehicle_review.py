@@ -131,7 +131,12 @@ def _sensors(vehicle: Vehicle) -> list[Check]:
     found = [Check("sensor positions", f"{', '.join(far)} far outside of the envelope", POSITIONS)] if far else []
     for capability, what in NEEDED.items():
         names = vehicle.measuring(capability)
-        found += [Check(name, vehicle.sensors[name].port or "no port") for name in names]
+        shared = vehicle.on_output_line
+        ports = [
+            Check(name, vehicle.sensors[name].port or ("on the output's line" if name in shared else "no port"))
+            for name in names
+        ]
+        found += [one for one in ports if one not in found]
         if not names and capability == "velocity" and vehicle.sensors:
             found.append(Check(capability, "none: surge and sway are neither flown nor identified"))
         elif not names:
