@@ -15,6 +15,7 @@ from hindrax_core.readings import Vec6
 from hindrax_core.thrust.curves import Curve
 from hindrax_core.thrust.table import ThrustTable
 from hindrax_core.vehicle import AXES, Hydrodynamics, Vehicle, load_vehicle
+from hindrax_sim.conditions.known_coefficients import known_coefficients
 from hindrax_sim.conditions.realization import TESTED, Realization
 from hindrax_sim.conditions.world_table import CONDITIONS, SIGNED, realize, sizes_of
 from hindrax_sim.physics.plant import Plant
@@ -357,3 +358,11 @@ def test_false_locks_come_as_often_as_reported_and_each_is_one_step() -> None:
         observed.append(error(plant, ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))[1])
     steps = sum(a != b for a, b in pairwise(observed))
     assert steps == pytest.approx(1000, rel=0.1)
+
+
+def test_where_a_tether_pulls_no_number_is_the_truth_of_a_constant_force() -> None:
+    free, braked, pulled = (known_coefficients(made(**one)) for one in ({}, {"tether_drag": 2.0}, {"tether": 1.0}))
+    assert free["surge"]["b"] == braked["surge"]["b"] == 0.0
+    assert {motion for motion, true in pulled.items() if "b" in true} == {"heave_up", "heave_down"}
+    assert pulled["heave_down"] == free["heave_down"]
+    assert pulled["surge"] == {name: value for name, value in free["surge"].items() if name != "b"}

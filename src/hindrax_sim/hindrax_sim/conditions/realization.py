@@ -28,6 +28,8 @@ class Realization:
     thrust_losses: list[ThrustLoss] = field(default_factory=list)
     travel_errors: list[TravelError] = field(default_factory=list)
     drag_changes: list[DragChange] = field(default_factory=list)
+    pulled: bool = False
+    """Whether a tether pulls: constant forces are then those of hull and tether together, and vary along the way."""
 
     def change_vehicle(self, **changes: Any) -> None:
         """Replace fields of the true vehicle."""

@@ -42,6 +42,7 @@ def _tie(world: Realization, pull_N: float, drag_N: float) -> None:
     lever_m = minus((-0.5 * length, 0.0, -0.5 * height), world.vehicle.center_of_mass_m)
     anchor_x = -0.5 * world.vehicle.pool.length_m
     pull, drag = pull_N / TETHER_m, drag_N / (TETHER_m * TETHER_mps**2)
+    world.pulled |= pull_N != 0.0
 
     def tug(plant: Plant, dt: float) -> Vec6:
         away = (plant.x - anchor_x, plant.y, 0.0)

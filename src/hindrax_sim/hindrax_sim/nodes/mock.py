@@ -18,10 +18,10 @@ from rosgraph_msgs.msg import Clock
 from hindrax_core.events import Stamp, to_s
 from hindrax_core.topics import CLOCK, NAMESPACE
 from hindrax_core.vehicle import Hydrodynamics, load_vehicle
-from hindrax_ident.assess.results import truth_of
 from hindrax_ros.heartbeat import HeartbeatFile
 from hindrax_ros.messages.convert import stamp_to_msg
 from hindrax_ros.process import StopSignal
+from hindrax_sim.conditions.known_coefficients import known_coefficients
 from hindrax_sim.conditions.world_table import CONDITIONS, IDEAL, sizes_of
 from hindrax_sim.faults.fault_registry import parse_fault
 from hindrax_sim.hardware import Hardware, STEP_ns
@@ -94,7 +94,7 @@ def run(words: argparse.Namespace, folder: Path) -> int:
                 mock.after_step.append(link.push)
             if words.truth:
                 mock.after_step.append(lambda _now: log.write(mock.hardware.true_state().line()))
-            known = truth_of(hardware.world.truth.described()) if vehicle.hydrodynamics else {}
+            known = known_coefficients(hardware.world.truth) if vehicle.hydrodynamics else {}
             facts = {"ports": mock.ports, "clock": mock.clock, "truth": known}
             print(json.dumps(facts), flush=True)  # noqa: T201  # for the parent
             gc.freeze()
