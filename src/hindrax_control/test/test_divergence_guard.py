@@ -108,3 +108,22 @@ def test_without_forces_or_rates_nothing_is_found(hindrax: Vehicle) -> None:
         tilt = 0.02 * turn
         state = Navigation((tilt, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0,) * 3, 1.0, 1.0, (0.0, 0.0), True)
         assert guard.step(state, stamp_from_s(0.02 * turn), ()) == ""
+
+
+@pytest.mark.parametrize(
+    ("tilt_deg", "pitch_Nm", "push_N", "found"),
+    [(42.0, 0.0, 3.0, True), (34.0, 0.0, 3.0, False), (42.0, 0.0, 0.0, False), (42.0, None, 3.0, False)],
+    ids=["leans while it pushes ahead", "leans little", "is carried", "leans as asked"],
+)
+def test_a_slow_lean_against_the_thrusters_ends_as_a_fast_one(
+    hindrax: Vehicle, tilt_deg: float, pitch_Nm: float | None, push_N: float, found: bool
+) -> None:
+    """Two dead thrusters of a diagonal lean a BlueROV2 over by 45 deg in ten seconds, and nothing diverges."""
+    pitch = float(np.radians(tilt_deg))
+    holds_Nm = prior_dynamics(hindrax)["pitch"].restoring * np.sin(pitch)
+    asked = np.array([push_N, 0.0, 0.0, 0.0, holds_Nm if pitch_Nm is None else pitch_Nm, 0.0])
+    forces = tuple(np.linalg.pinv(effectiveness(hindrax)) @ asked)
+    state = Navigation((0.0, pitch, 0.0), (0.0,) * 3, (0.0,) * 3, 1.0, 1.0, (0.0, 0.0), True)
+    guard = DivergenceGuard(hindrax)
+    why = [guard.step(state, stamp_from_s(0.02 * turn), forces) for turn in range(1, 70)]
+    assert ("leans by 42 deg" in why[-1]) is found

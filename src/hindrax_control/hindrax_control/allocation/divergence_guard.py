@@ -30,6 +30,8 @@ REVERSED = (1.5, 3.0)
 outside, which several thrusters hold together, is a multiple of what each of them gives."""
 CERTAIN_S = 0.8
 """Time after which a large moment without explanation is no blow."""
+AT_WORK_N = 0.1
+"""Force below which all thrusters stand: what leans then is carried, or lies somewhere."""
 AHEAD_S = 0.15
 """Time from the decision to the end of the thrust: lag of thrusters and output."""
 
@@ -142,6 +144,8 @@ class DivergenceGuard:
         if is_reversed and driven[2] and abs(rates[2]) > math.radians(knobs.yaw_dps):
             return f"turns at {math.degrees(abs(rates[2])):.0f} deg/s"
         tilt, tilting = tilt_of(attitude_rad, rates)
+        if self._leans(residual, attitude_rad, tilt):
+            return f"leans by {math.degrees(tilt):.0f} deg"
         if tilting < math.radians(knobs.rate_dps) or not driven[:2].any():
             return ""
         # By power [W]: what thrusters turn more than anything else does was asked for, and is no divergence.
@@ -151,6 +155,13 @@ class DivergenceGuard:
         late = unasked and tilt + AHEAD_S * tilting > math.radians(knobs.worst_deg)
         found = f"tilts by {math.degrees(tilt):.0f} deg at {math.degrees(tilting):.0f} deg/s"
         return found if early or late else ""
+
+    def _leans(self, residual: Matrix, attitude_rad: Vec3, tilt: float) -> bool:
+        """Whether it has come slowly to a tilt that it may not reach, which its thrusters, at work, do not ask for."""
+        if tilt < math.radians(self._knobs.worst_deg) or np.abs(self._slow_thrust).max() < AT_WORK_N:
+            return False
+        outwards = np.sin(attitude_rad[:2])
+        return float(residual[:2] @ outwards) > max(0.0, float((self._B @ self._slow_thrust)[:2] @ outwards))
 
     def _reason(self, best: int, share: float) -> str:
         """What explains it, as the end of a sentence; it may also be somebody who holds the vehicle."""
