@@ -1,6 +1,7 @@
 """Logs of ArduPilot and PX4, written here as the autopilots do: velocities in body axes, forces by the vehicle file."""
 
 import math
+import random
 import struct
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -164,6 +165,18 @@ def test_a_log_that_was_cut_is_read_as_far_as_it_goes(log: Path) -> None:
     whole = log.read_bytes()
     log.write_bytes(whole[: len(whole) - 37])
     assert STEPS - 2 <= len(read(log).wrench_t) <= STEPS
+
+
+def test_a_log_with_flipped_bits_is_refused_in_one_sentence(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """What the headers show, the values have too: of such a log coefficients were printed."""
+    damaged = bytearray(b"".join(dataflash()))
+    for at in random.Random(1).sample(range(2000, len(damaged)), len(damaged) // 100):
+        damaged[at] ^= 0x55
+    file = tmp_path / "x.bin"
+    file.write_bytes(damaged)
+    with pytest.raises(UsageError, match=r"x\.bin: is damaged in \d+ places, with \d+ messages .* again$"):
+        read(file)
+    assert capfd.readouterr() == ("", "")
 
 
 CONSTANT_POSITION = 1 << 7

@@ -11,10 +11,12 @@ placed by the shortest delay between the two clocks that was seen so far.
 """
 
 import functools
+import io
 import math
 import os
+import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -57,6 +59,8 @@ HORIZONTAL, VERTICAL, CONSTANT_POSITION = 1 << 1, 1 << 2, 1 << 7
 WRAP_s = 2.0**32 * 1e-6
 """The time of the outputs, in microseconds of 32 bits, begins again after 71.6 minutes."""
 MOST_ROWS = 2_000_000
+MOST_DAMAGED = 0.01
+"""Places that are no message, of all messages, from which on the others are not believed either. A cut has one."""
 RESTART_s = 5.0
 """A time since power-up that steps back by more than this is that of another start."""
 
@@ -80,15 +84,46 @@ def read_starts(path: Path) -> list[ArduPilotLog]:
 
 @functools.lru_cache(maxsize=2)
 def _read_starts(path: Path, _size: int, _changed_ns: int) -> list[ArduPilotLog]:
-    # pymavlink prints each byte that it skips.
-    with Path(os.devnull).open("w") as nowhere, redirect_stdout(nowhere), redirect_stderr(nowhere):
-        return _starts(path)
+    with _complaints() as complaints:
+        starts, messages = _starts(path)
+    if (places := "".join(complaints).count("bad header")) > max(1.0, MOST_DAMAGED * messages):
+        raise UsageError(
+            f"{path}: is damaged in {places} places, with {messages} messages whose values are in doubt as well; "
+            "download it from the autopilot again"
+        )
+    return starts
 
 
-def _starts(path: Path) -> list[ArduPilotLog]:
+@contextmanager
+def _complaints() -> Iterator[list[str]]:
+    """Keep from the terminal what pymavlink prints, a line for each place that it skips; the list has it at the end.
+
+    Its compiled part writes to the descriptor, the other one to `sys.stderr`.
+    """
+    said = io.StringIO()
+    found: list[str] = []
+    own = os.dup(2)
+    try:
+        with tempfile.TemporaryFile("w+") as compiled:
+            os.dup2(compiled.fileno(), 2)
+            try:
+                with redirect_stdout(said), redirect_stderr(said):
+                    yield found
+            finally:
+                os.dup2(own, 2)
+                compiled.seek(0)
+                found += [said.getvalue(), compiled.read()]
+    finally:
+        os.close(own)
+
+
+def _starts(path: Path) -> tuple[list[ArduPilotLog], int]:
+    """Starts, and how many messages were read."""
     clock = _Clock() if path.suffix.lower() == ".tlog" else None
     starts: list[_Rows] = []
+    messages = 0
     for message in _messages(path):
+        messages += 1
         kind = message.get_type()
         if kind in PARAMETERS:
             _rows_of(starts).parameters[_name(message)] = _value(message)
@@ -97,7 +132,7 @@ def _starts(path: Path) -> list[ArduPilotLog]:
         if starts and at_s < starts[-1].newest_s - RESTART_s:
             starts.append(_Rows(dict(starts[-1].parameters)))
         _rows_of(starts).add(path, kind, message, at_s)
-    return [ArduPilotLog(one.tables(), one.parameters) for one in starts if one.found]
+    return [ArduPilotLog(one.tables(), one.parameters) for one in starts if one.found], messages
 
 
 def _rows_of(starts: "list[_Rows]") -> "_Rows":
