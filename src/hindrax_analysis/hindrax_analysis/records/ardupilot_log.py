@@ -59,7 +59,7 @@ HORIZONTAL, VERTICAL, CONSTANT_POSITION = 1 << 1, 1 << 2, 1 << 7
 WRAP_s = 2.0**32 * 1e-6
 """The time of the outputs, in microseconds of 32 bits, begins again after 71.6 minutes."""
 MOST_ROWS = 2_000_000
-MOST_DAMAGED = 0.01
+MOST_DAMAGED = 0.001
 """Places that are no message, of all messages, from which on the others are not believed either. A cut has one."""
 RESTART_s = 5.0
 """A time since power-up that steps back by more than this is that of another start."""
@@ -86,7 +86,7 @@ def read_starts(path: Path) -> list[ArduPilotLog]:
 def _read_starts(path: Path, _size: int, _changed_ns: int) -> list[ArduPilotLog]:
     with _complaints() as complaints:
         starts, messages = _starts(path)
-    if (places := "".join(complaints).count("bad header")) > max(1.0, MOST_DAMAGED * messages):
+    if (places := "".join(complaints).count("Skipped ")) > max(1.0, MOST_DAMAGED * messages):
         raise UsageError(
             f"{path}: is damaged in {places} places, with {messages} messages whose values are in doubt as well; "
             "download it from the autopilot again"
@@ -122,17 +122,38 @@ def _starts(path: Path) -> tuple[list[ArduPilotLog], int]:
     clock = _Clock() if path.suffix.lower() == ".tlog" else None
     starts: list[_Rows] = []
     messages = 0
-    for message in _messages(path):
+    stamped = (
+        (message, float(message._timestamp) if clock is None else clock.read(message))  # noqa: SLF001  # its name
+        for message in _messages(path)
+    )
+    for message, at_s in _in_order(stamped):
         messages += 1
         kind = message.get_type()
         if kind in PARAMETERS:
             _rows_of(starts).parameters[_name(message)] = _value(message)
             continue
-        at_s = float(message._timestamp) if clock is None else clock.read(message)  # noqa: SLF001  # pymavlink's name
         if starts and at_s < starts[-1].newest_s - RESTART_s:
             starts.append(_Rows(dict(starts[-1].parameters)))
         _rows_of(starts).add(path, kind, message, at_s)
     return [ArduPilotLog(one.tables(), one.parameters) for one in starts if one.found], messages
+
+
+def _in_order(stamped: Iterator[tuple[Any, float]]) -> Iterator[tuple[Any, float]]:
+    """Messages with their times [s], without those whose time steps away while the next one goes on as before it.
+
+    That is a flipped bit. A start of the autopilot goes on from its own time.
+    """
+    before_s, held = math.nan, None
+    for one in stamped:
+        if held is not None:
+            if abs(held[1] - before_s) > RESTART_s >= abs(one[1] - before_s):
+                held = one
+                continue
+            yield held
+            before_s = held[1]
+        held = one
+    if held is not None:
+        yield held
 
 
 def _rows_of(starts: "list[_Rows]") -> "_Rows":
