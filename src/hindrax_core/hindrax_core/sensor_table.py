@@ -122,17 +122,17 @@ SENSORS: tuple[Sensor, ...] = (
         services=_OWN_WAY,
     ),
     Sensor("ping1d", "serial", _PING, "Blue Robotics Ping", ("range",), services=("request_profile",)),
-    Sensor("ardusub", "serial", _AUTOPILOT, "ArduSub: IMU, compass, Bar30, leak", ("rates", "field", "depth", "leak")),
-    Sensor("ardusub_ekf", "serial", _ESTIMATOR, "velocity by ArduSub's estimator, if aided", ("velocity",)),
-    Sensor("ardusub_range", "serial", {"range": 10}, "rangefinder of an ArduSub, such as a Ping", ("range",)),
     Sensor("icm20948", "i2c", _IMU, "TDK ICM-20948 with AK09916", ("rates", "field")),
     Sensor("ms5837", "i2c", _DEPTH, "TE MS5837 (Bar30, Bar02)", ("depth", "temperature")),
     Sensor("bme280", "i2c", _AIR, "Bosch BME280 or BMP280, air in the hull", ("air",)),
     Sensor("ina226", "i2c", {"battery": 10}, "TI INA226, supply voltage and current", ("supply",)),
     Sensor("ads1115", "i2c", {"battery": 10}, "TI ADS1115 behind a power sense module", ("supply",)),
     Sensor("sos_leak", "gpio", {"leak": 10}, "Blue Robotics SOS or any leak probe on a GPIO", ("leak",)),
+    Sensor("ardusub", "serial", _AUTOPILOT, "ArduSub: IMU, compass, Bar30, leak", ("rates", "field", "depth", "leak")),
+    Sensor("ardusub_ekf", "serial", _ESTIMATOR, "velocity by ArduSub's estimator, if aided", ("velocity",)),
+    Sensor("ardusub_range", "serial", {"range": 10}, "rangefinder of an ArduSub, such as a Ping", ("range",)),
 )
-"""The sensors of this stack."""
+"""The sensors of this stack. The first that publishes a quantity gives its usual topic its name (`topics`)."""
 _OWN: Mapping[str, Sensor] = {row.name: row for row in SENSORS}
 
 
