@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from lock_step import LockStep
 
+from hindrax_bringup.share_files import default_vehicle
 from hindrax_core import vehicle
 from hindrax_core.bus_operations import Transaction, Write
 from hindrax_core.driver_interface import Output
@@ -36,7 +37,8 @@ REST = (1500.0,) * 8 + (1100.0,) * 2
 NEUTRAL, MOVING = (1500.0,) * 8, (1600.0,) * 8
 KNOBS = OutputGuardKnobs(arming_s=0.5)
 LASTS_S = 6.0
-FAULTS_OF_THE_BUS = [name for name, kind in FAULTS.items() if "thrusters" in kind.devices()]
+HINDRAX = vehicle.load_vehicle(default_vehicle())
+FAULTS_OF_THE_BUS = [name for name, kind in FAULTS.items() if "thrusters" in kind.devices(HINDRAX)]
 
 
 class Line(EnableLine):

@@ -12,15 +12,12 @@ from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import after
 from hindrax_core.text.yaml_text import read_yaml
 from hindrax_core.vehicle import OF_OUTPUT, load_vehicle
-from hindrax_drivers.buses.clock import Clock
-from hindrax_drivers.buses.line import TCP_PREFIX, UDP_IN, UDP_OUT, open_line
-from hindrax_drivers.devices.ardupilot.link import BAUD, Link
 
 DEVICE = "ardusub"
 PATIENCE_S, TURN_S = 15.0, 0.05
 NAMES = ("autopilot", "estimator")
 """Of sensors that the file does not name; not every autopilot has a rangefinder."""
-ADDRESSES = (UDP_IN, UDP_OUT, TCP_PREFIX, "/dev/")
+ADDRESSES = ("udpin:", "udpout:", "tcp:", "/dev/")
 HELP = "fly an ArduSub there: udpin:0.0.0.0:14550, udpout:HOST:PORT, tcp:HOST:PORT or a port; only its own sensors"
 
 
@@ -29,13 +26,22 @@ def is_address(text: str) -> bool:
     return text.startswith(ADDRESSES)
 
 
-def asked_parameters(address: str, wanted: Sequence[str], clock: Clock) -> dict[str, float]:
+def asked_parameters(address: str, wanted: Sequence[str]) -> dict[str, float]:
     """Those parameters that the ArduSub at an address has, asked by name; nothing is written, nothing moves.
 
-    HindraxError where none answers; DeviceError where the address cannot be opened.
+    HindraxError where none answers, and without the drivers, as in the wheel; DeviceError where the address cannot be
+    opened.
     """
+    try:
+        from hindrax_drivers.buses.clock import SystemClock  # noqa: PLC0415  # the wheel has no drivers
+        from hindrax_drivers.buses.line import open_line  # noqa: PLC0415  # as above
+        from hindrax_drivers.devices.ardupilot.link import BAUD, Link  # noqa: PLC0415  # as above
+    except ImportError as error:
+        raise HindraxError(
+            f"{address}: to ask an autopilot needs the drivers of a clone of hindrax; give a log of it: --from dive.bin"
+        ) from error
     link = Link(wanted, {})
-    with closing(open_line(address, BAUD, clock)) as line:
+    with closing(SystemClock()) as clock, closing(open_line(address, BAUD, clock)) as line:
         until = after(clock.now(), PATIENCE_S)
         while (now := clock.now()) < until and (not link.system or link.asking):
             for order in link.tick(now):

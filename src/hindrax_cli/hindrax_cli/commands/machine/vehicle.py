@@ -4,7 +4,6 @@ import argparse
 import json
 import sys
 from collections.abc import Mapping
-from contextlib import closing
 from functools import partial
 from pathlib import Path
 
@@ -30,7 +29,6 @@ from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whole
 from hindrax_core.text.text_file import replace_text, require_place, writing
 from hindrax_core.vehicle import AXES, Thruster, Vehicle, load_vehicle, vehicle_from_text
-from hindrax_drivers.buses.clock import SystemClock
 
 UPRIGHT_deg = 90.0
 KEPT = ".answers"
@@ -81,8 +79,7 @@ def _text_from(name: str, source: str) -> str:
     """Vehicle file by the parameters of an ArduSub, in a log or at an address; hull and curves of a BlueROV2."""
     live = is_address(source) and not Path(source).is_file()
     if live:
-        with closing(SystemClock()) as clock:
-            parameters: Mapping[str, float] = asked_parameters(source, PARAMETERS, clock)
+        parameters: Mapping[str, float] = asked_parameters(source, PARAMETERS)
     elif Path(source).is_file():
         parameters = logged_parameters([Path(source)])
     else:
