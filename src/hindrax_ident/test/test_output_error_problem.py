@@ -12,12 +12,13 @@ from hindrax_ident.fit.output_error_problem import (
     build_problem,
     error_dynamics_of,
     linearize,
+    nearest_start,
     restarted,
     whitener_of,
 )
 from hindrax_ident.fit.whitening import Noise, Whitener
 from hindrax_ident.model.motion_model import Model
-from hindrax_ident.model.simulation import Trajectory
+from hindrax_ident.model.simulation import Trajectory, trajectory
 from hindrax_ident.records.axis_record import Record, Series, Stretch
 
 SURGE, SURGE_THETA = Model(0, 15.22), np.array([66.48, 1.25, 0.3, 27.3])
@@ -60,6 +61,18 @@ def test_steps_are_short_and_stretches_begin_anew() -> None:
     assert grid.impulse == pytest.approx([*first, 0.0, *[5.0 * 0.05] * 6, *[1.0 * 0.05] * 12])
     squares = np.diff(problem.efforts)
     assert squares[:5] == pytest.approx([0.9, 0.9, 0.9, 0.9, 9.0 * 0.03 + 4.0 * 0.07])
+
+
+def test_a_descent_begins_where_the_motion_is_nearest_to_the_record() -> None:
+    """A live estimate of half a minute was in another basin: noise of 8 % for 0.5 %, and no added mass."""
+    problem = build_problem(SURGE, record_of())
+    moved = trajectory(SURGE, SURGE_THETA, problem.grid, problem.guess)
+    assert moved is not None
+    record = record_of(Series(problem.t, array(moved.v[problem.index])))
+    far, implausible = SURGE_THETA * 9.0, SURGE_THETA * np.array([1.0, 1.0, 1.0, -1e-9])
+    assert nearest_start(SURGE, record, [far, SURGE_THETA]) is SURGE_THETA
+    assert nearest_start(SURGE, record, [SURGE_THETA, far]) is SURGE_THETA
+    assert nearest_start(SURGE, record, [implausible, far]) is far
 
 
 def test_a_lag_of_the_record_is_that_of_the_problem() -> None:

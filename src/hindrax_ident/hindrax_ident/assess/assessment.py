@@ -30,6 +30,7 @@ from hindrax_ident.assess.uncertainty_budget import ALL, Budget, budget_of
 from hindrax_ident.fit.delay import fit_with_delays
 from hindrax_ident.fit.disturbance_noise import common_noise
 from hindrax_ident.fit.output_error import OutputErrorFit, refine, reweighted
+from hindrax_ident.fit.output_error_problem import nearest_start
 from hindrax_ident.fit.plateaus import Plateaus, measure
 from hindrax_ident.fit.plateaus import fit as fit_plateaus
 from hindrax_ident.fit.scores import slow_force_ratio
@@ -96,8 +97,12 @@ class DraftFit:
 def draft(
     vehicle: Vehicle, model: Model, record: Record, prior: Prior, online: OnlineEstimates, *, tuning: Tuning
 ) -> DraftFit:
-    """Refine a record from the last online estimate. ValueError when it holds too few samples."""
-    start = list(online.values())[-1][0] if online else prior.values
+    """Refine a record from the last online estimate, or from the prior where that predicts it better.
+
+    ValueError when it holds too few samples.
+    """
+    live = [theta for theta, _ in list(online.values())[-1:]]
+    start = nearest_start(model, record, [*live, prior.values])
     if tuning.lag_doubt_s is not None:
         record, fit = fit_with_delays(record, start, model, prior, tuning.lag_doubt_s)
         return DraftFit(record, fit, prior, online, moved=False)

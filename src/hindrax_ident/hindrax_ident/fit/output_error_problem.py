@@ -6,7 +6,8 @@ projection, so that only the parameters remain.
 """
 
 import itertools
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -190,6 +191,25 @@ def linearize(
     table = white(np.column_stack([raw, S[:, :p], S[:, p + 2 :], extra, S[:, p : p + 2]]))
     start = _project(problem, table)
     return LinearizedProblem(table[:, 0], table[:, 1:-2], start, raw, moved)
+
+
+def nearest_start(model: Model, record: Record, starts: Sequence[Array]) -> Array:
+    """Those of some parameters, (p,) each, whose motion is nearest to the record; the first where several are.
+
+    A descent ends in the basin in which it begins, and a live estimate of a short run may be in another one.
+    """
+    problem = build_problem(model, record)
+    main = problem.channel == problem.main
+
+    def error(theta: Array) -> float:
+        """Mean absolute error of the motion; infinite where the parameters are implausible."""
+        moved = trajectory(model, theta, problem.grid, problem.guess)
+        if moved is None:
+            return math.inf
+        predicted = np.stack([moved.v, moved.s], axis=1)[problem.index, problem.channel]
+        return float(np.mean(np.abs(problem.y - predicted)[main]))
+
+    return min(starts, key=error)
 
 
 def error_dynamics_of(problem: OutputErrorProblem, theta: Array, path: Trajectory) -> ErrorDynamics:
