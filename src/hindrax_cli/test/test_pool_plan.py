@@ -73,6 +73,7 @@ def test_an_experiment_is_rehearsed_and_its_minutes_cut_what_flies(
     fastest, slowest, *_ = next(plan["rates"] for plan in found["plan"] if plan["motion"] == "yaw")
     assert fastest > slowest > 0.0
     assert found["bands"]["yaw"]["noise"] < 0.05
+    assert found["bands"]["surge"]["noise"] > 0.0, "also of a drag that came out negative"
     assert found["aborted"] is None
     assert found["ended"] == "0.9 minutes are over; more was wanted of surge"
     assert len(reached) >= 10

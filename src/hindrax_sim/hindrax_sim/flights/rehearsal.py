@@ -135,8 +135,8 @@ def _band(result: MotionResult) -> ExpectedBand:
     drag, mass = result.drag, result.coefficients.get("added_mass")
     return ExpectedBand(
         speed=result.speeds[1],
-        noise=float(drag.std[-1] / drag.force[-1]) if drag else math.nan,
-        calibrated=float(drag.std_calibrated[-1] / drag.force[-1]) if drag else math.nan,
+        noise=abs(float(drag.std[-1] / drag.force[-1])) if drag else math.nan,
+        calibrated=abs(float(drag.std_calibrated[-1] / drag.force[-1])) if drag else math.nan,
         added_mass=abs(mass.std_calibrated / mass.value) if mass else math.nan,
         reasons=result.reasons,
     )
