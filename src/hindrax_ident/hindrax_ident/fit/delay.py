@@ -21,6 +21,7 @@ from hindrax_ident.fit.output_error_problem import (
     OutputErrorProblem,
     build_problem,
     linearize,
+    mean_error,
     restarted,
 )
 from hindrax_ident.fit.whitening import Whitener
@@ -170,9 +171,8 @@ class _Search:
         return linear.cost + float(self._information @ (x - self._mean) ** 2)
 
     def _error(self, linear: LinearizedProblem | None) -> float:
-        """Mean absolute residual of the main channel: comparable between searches."""
-        own = self._problem.channel == self._problem.main
-        return float(np.mean(np.abs(linear.raw[own]))) if linear is not None else np.inf
+        """Mean absolute residual of the main channel; infinite where the simulation diverges."""
+        return math.inf if linear is None else mean_error(self._problem, linear.raw)
 
 
 def fit_with_delays(

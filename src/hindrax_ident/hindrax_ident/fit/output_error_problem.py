@@ -184,13 +184,23 @@ def linearize(
     if moved is None:
         return None
     S = sensitivities(problem.model, theta, problem.grid, moved, impulses)[problem.index, problem.channel]
-    predicted = np.stack([moved.v, moved.s], axis=1)[problem.index, problem.channel]
-    raw = problem.y - predicted
+    raw = _residuals(problem, moved)
     p = len(theta)
     extra = np.zeros((len(raw), 0)) if readings is None else readings
     table = white(np.column_stack([raw, S[:, :p], S[:, p + 2 :], extra, S[:, p : p + 2]]))
     start = _project(problem, table)
     return LinearizedProblem(table[:, 0], table[:, 1:-2], start, raw, moved)
+
+
+def _residuals(problem: OutputErrorProblem, path: Trajectory) -> Array:
+    """Measurements minus what a motion predicts of them: (n,) [m/s or rad/s; m or rad]."""
+    predicted = np.stack([path.v, path.s], axis=1)[problem.index, problem.channel]
+    return array(problem.y - predicted)
+
+
+def mean_error(problem: OutputErrorProblem, residuals: Array) -> float:
+    """Mean absolute residual of the main channel: comparable between parameters, and between searches."""
+    return float(np.mean(np.abs(residuals[problem.channel == problem.main])))
 
 
 def nearest_start(model: Model, record: Record, starts: Sequence[Array]) -> Array:
@@ -199,15 +209,11 @@ def nearest_start(model: Model, record: Record, starts: Sequence[Array]) -> Arra
     A descent ends in the basin in which it begins, and a live estimate of a short run may be in another one.
     """
     problem = build_problem(model, record)
-    main = problem.channel == problem.main
 
     def error(theta: Array) -> float:
-        """Mean absolute error of the motion; infinite where the parameters are implausible."""
+        """Error of the motion; infinite where the parameters are implausible."""
         moved = trajectory(model, theta, problem.grid, problem.guess)
-        if moved is None:
-            return math.inf
-        predicted = np.stack([moved.v, moved.s], axis=1)[problem.index, problem.channel]
-        return float(np.mean(np.abs(problem.y - predicted)[main]))
+        return math.inf if moved is None else mean_error(problem, _residuals(problem, moved))
 
     return min(starts, key=error)
 
