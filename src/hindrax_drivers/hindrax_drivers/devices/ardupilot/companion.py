@@ -6,12 +6,10 @@ from typing import Any
 
 from hindrax_core.driver_interface import Identity, Output, Trouble
 from hindrax_core.events import Rejected, Stamp, seconds_between
-from hindrax_drivers.devices.ardupilot.link import BAUD, Link
+from hindrax_drivers.devices.ardupilot.link import BAUD, Link, no_submarine
 from hindrax_drivers.driver import SilenceMonitor
 from hindrax_drivers.timebase import Break
 
-SUBMARINE = 12
-"""MAV_TYPE_SUBMARINE."""
 ASK_AGAIN_S = 1.0
 """Silence of the stream, with heartbeats, after which it is asked for anew: the autopilot has restarted."""
 
@@ -62,7 +60,7 @@ class Companion(ABC):
             on = self._on.get(type(message))
             if isinstance(message, Rejected):
                 outputs.append(message)
-            elif on is not None and self._is_submarine:
+            elif on is not None and not no_submarine(self._link.beat):
                 self._silence.last_valid = stamp
                 outputs += on(message, stamp)
         broken, self._broken = self._broken, []
@@ -77,16 +75,10 @@ class Companion(ABC):
             self._link.ask_streams()
         return outputs
 
-    @property
-    def _is_submarine(self) -> bool:
-        return self._link.beat is not None and self._link.beat.type == SUBMARINE
-
     def _identify(self, stamp: Stamp) -> list[Output]:
-        beat = self._link.beat
-        if beat is None or self._link.asking:
+        if self._link.beat is None or self._link.asking:
             return []
-        if not self._is_submarine:
-            found = f"found a vehicle of MAV_TYPE {beat.type}, wanted {SUBMARINE}, an ArduSub"
+        if found := no_submarine(self._link.beat):
             told, self._told = self._told, found
             return [] if told == found else [Trouble(stamp, f"{self._name}: {found}")]
         if self._identity:

@@ -35,6 +35,14 @@ SECOND_COMPUTER, THIRD_COMPUTER, FOURTH_COMPUTER, COMPANION = 192, 193, 194, 18
 """MAV_COMP_ID_ONBOARD_COMPUTER2 to 4, MAV_TYPE_ONBOARD_CONTROLLER."""
 ARDUPILOT = 3
 """MAV_AUTOPILOT_ARDUPILOTMEGA."""
+SUBMARINE = 12
+"""MAV_TYPE_SUBMARINE."""
+
+
+def no_submarine(beat: Heartbeat | None) -> str:
+    """Why the autopilot of a heartbeat is no ArduSub; empty where it is one."""
+    found = beat and beat.type
+    return "" if found == SUBMARINE else f"found a vehicle of MAV_TYPE {found}, wanted {SUBMARINE}, an ArduSub"
 
 
 @dataclass(frozen=True, slots=True)

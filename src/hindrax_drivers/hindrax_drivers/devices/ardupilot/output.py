@@ -20,7 +20,7 @@ from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
 from hindrax_core.readings import AppliedPulses, Battery, DeviceText
 from hindrax_core.vehicle import Vehicle
-from hindrax_drivers.devices.ardupilot.link import ACCEPTED, ATTEMPTS, BAUD, IN_PROGRESS, Link
+from hindrax_drivers.devices.ardupilot.link import ACCEPTED, ATTEMPTS, BAUD, IN_PROGRESS, Link, no_submarine
 from hindrax_drivers.devices.ardupilot.mixer import FACTORS, CENTER_us, Mixer, Motor, push_of, thrust_table
 from hindrax_drivers.protocols import ardupilot
 from hindrax_drivers.protocols.ardupilot import (
@@ -34,8 +34,8 @@ from hindrax_drivers.protocols.ardupilot import (
 )
 from hindrax_drivers.protocols.mavlink import CommandAck, StatusText
 
-SUBMARINE, MANUAL = 12, 19
-"""MAV_TYPE_SUBMARINE; ArduSub's number of its mode MANUAL."""
+MANUAL = 19
+"""ArduSub's number of its mode."""
 FIRST_MOTOR, MOST_MOTORS = 33, 8
 SIX_AXES = (4, 5, 0)
 """Release of ArduSub from which MANUAL_CONTROL has pitch and roll."""
@@ -244,9 +244,9 @@ class ArduSub:
         return [Identity(self._identity)]
 
     def _find_lack(self) -> str:
-        beat, parameters = self._link.beat, self._link.parameters
-        if beat is None or beat.type != SUBMARINE:
-            return f"found a vehicle of MAV_TYPE {beat and beat.type}, wanted {SUBMARINE}, an ArduSub"
+        parameters = self._link.parameters
+        if other := no_submarine(self._link.beat):
+            return other
         if "FRAME_CONFIG" not in parameters:
             return "it does not answer for FRAME_CONFIG, wanted an ArduSub of release 4.1 or later"
         if ardupilot.SERVO_OUTPUT in self._link.refused:
