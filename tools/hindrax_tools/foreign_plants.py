@@ -1,6 +1,6 @@
 """Records of vehicles whose water is not ours: ellipsoids in the fluid of MuJoCo, and what `identify` makes of them.
 
-    PYTHONPATH=tools python -m hindrax_tools.foreign_plants [--only small-pilot] [--write FOLDER]
+    python -m hindrax_tools.foreign_plants [--only small-pilot] [--write FOLDER]
 
 The fluid has drag that depends on the whole velocity, lift, Magnus and Munk terms, and added mass with off-diagonal
 terms, because the ellipsoids are off the center (MuJoCo, chapter Computation, Fluid forces). Eight propellers behind a

@@ -1,6 +1,6 @@
 """Hours of a stack in mock at the rates of a vehicle: growth of its memory, pauses of its control cycle.
 
-    PYTHONPATH=tools python -m hindrax_tools.soak --minutes 120
+    python -m hindrax_tools.soak --minutes 120
 
 A vehicle holds its depth and is recorded; the table shows the memory of each process (resident set) ten minutes after
 the start and at the end, and the last line the longest pause between two commands to the thrusters.

@@ -79,6 +79,18 @@ def test_short_thrust_on_a_wrong_state_neutral_on_one_and_a_wall_by_hand_are_no_
     assert judged(OPERATOR, *brief, (1.5, replace(NEUTRAL, wall_hits=1), TILTED)).violated == ()
 
 
+def test_the_time_to_find_out_begins_anew_with_every_fault_and_a_built_one_has_no_end() -> None:
+    judge = Judge(FLYING)
+    for seconds, again in ((0.1, False), (0.4, True), (0.8, False)):
+        judge.observe(replace(FLYING, now_s=FLYING.now_s + seconds), TILTED)
+        if again:
+            judge.broken()
+    assert judge.cell("imu", "", HOLD, 1, "").violated == ()
+    judge.observe(replace(FLYING, now_s=FLYING.now_s + 1.0), TILTED)
+    assert judge.cell("imu", "", HOLD, 1, "").violated == ("thrust for 0.60 s on a state that is wrong",)
+    assert judge.cell("imu", "", HOLD, 1, "", longest_wrong_s=math.inf).violated == ()
+
+
 def test_a_row_shows_the_worst_of_all_seeds() -> None:
     cells = [WELL, replace(WELL, seed=2, neutral_s=0.6), replace(WELL, mode=OPERATOR, neutral_s=None)]
     cells += [replace(WELL, mode=DISARMED, neutral_s=0.0, reason="not armed"), replace(WELL, mode="maneuver")]

@@ -165,7 +165,7 @@ def watched(pilot: ModePilot, faults: Sequence[FaultSpec], seed: int, until_s: f
     step = Lockstep(pilot.vehicle, pilot, seed, by_bytes=True, faults=faults)
     assert isinstance(step.rig, BytesRig)
     hardware, advance, onboard = step.rig.hardware, step.rig.hardware.advance, step.onboard
-    from_s = min(fault.start_s for fault in faults)
+    from_s, *later_s = sorted(fault.start_s for fault in faults)
     found, unhealthy, since_s = Watched(Judge(hardware.true_state())), "", math.inf
 
     def watch(stamp: Stamp) -> dict[str, bytes]:
@@ -175,6 +175,9 @@ def watched(pilot: ModePilot, faults: Sequence[FaultSpec], seed: int, until_s: f
             found.judge = Judge(true)
             found.lost = "no thrust before the fault: nothing is shown" if true.neutral else ""
         else:
+            while later_s and step.elapsed_s >= later_s[0]:
+                del later_s[0]
+                found.judge.broken()
             found.judge.observe(true, pilot.estimated)
             found.thrust = found.thrust or not true.neutral
             disarmed = not onboard.armed and not true.neutral

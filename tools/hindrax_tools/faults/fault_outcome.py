@@ -16,7 +16,8 @@ HELD = (("depth", 0.8), ("heading", math.nan), ("roll", 0.0), ("pitch", 0.0))
 WRONG_TILT_deg, WRONG_SPEED_mps, WRONG_DEPTH_m = 15.0, 0.5, 0.5
 """Errors of the state from which on it is wrong: guards and holds reckon with less."""
 LONGEST_WRONG_S = 0.5
-"""Thrust on a state that is wrong: never for longer."""
+"""Thrust on a state that is wrong: never for longer after the last fault. One that silences a sensor that lies leaves
+to the output guard what the estimator was about to tell: both times add up."""
 WORST_TILT_deg = 30.0
 """True tilt that no cell may reach. It leans by 21 to 23 where it loses its thrust in the fastest surge."""
 WORST_THRUST_deg = 45.0
@@ -65,6 +66,10 @@ class Judge:
             self._right_s = true.now_s
         self._wrong_s = max(self._wrong_s, true.now_s - self._right_s)
 
+    def broken(self) -> None:
+        """One more fault begins: the time to find out begins anew."""
+        self._right_s = self._last.now_s
+
     @property
     def flies_on(self) -> bool:
         """Whether there is thrust to the end."""
@@ -82,17 +87,18 @@ class Judge:
         lost: str = "",
         armed: bool = False,
         worst_deg: float = WORST_TILT_deg,
+        longest_wrong_s: float = LONGEST_WRONG_S,
     ) -> FaultOutcome:
         """The judgement. `within_s`: until neutral; `lost`: what never came; `armed`: it flies on though at rest.
 
-        `worst_deg`: true tilt that it may not reach.
+        `worst_deg`: true tilt that it may not reach; `longest_wrong_s`: of thrust on a state that is wrong.
         """
         took_s, wall = self._thrust_s - self._begin.now_s, self._last.wall_hits > self._begin.wall_hits
         found = {
             lost: bool(lost),
             "thrust while disarmed": mode == DISARMED and took_s > 0.0,
             f"neutral after {took_s:.2f} s, wanted {within_s:g} s": took_s > within_s,
-            f"thrust for {self._wrong_s:.2f} s on a state that is wrong": self._wrong_s > LONGEST_WRONG_S,
+            f"thrust for {self._wrong_s:.2f} s on a state that is wrong": self._wrong_s > longest_wrong_s,
             f"tilted by {self._tilt_deg:.0f} deg": self._tilt_deg > worst_deg,
             f"thrust at a tilt of {self.thrust_tilt_deg:.0f} deg": self.thrust_tilt_deg > WORST_THRUST_deg,
             "ran into a wall unnoticed": wall and mode == MANEUVER and not reason,
