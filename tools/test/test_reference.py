@@ -20,11 +20,12 @@ from hindrax_cli import command_line
 from hindrax_cli.command import MODULES
 from hindrax_cli.command_line import main
 from hindrax_core.vehicle import Mount, Output, Vehicle, load_vehicle
+from hindrax_operator.node_parameters import NODES
 from hindrax_tools import reference
 from hindrax_tools.reference import message_stubs
 from hindrax_tools.reference.commands import words_of
 from hindrax_tools.reference.devices import identities
-from hindrax_tools.reference.parameters import NODES, rows
+from hindrax_tools.reference.parameters import rows
 
 PAGES = clone_root() / "docs" / "reference"
 
@@ -88,7 +89,7 @@ def test_every_dataclass_that_a_node_declares_as_parameters_is_on_the_page() -> 
                 if isinstance(kind, ast.Name):
                     found = getattr(import_module(homes[kind.id]), kind.id)
                     assert is_dataclass(found)
-                    assert found in wanted, f"{file}: declares {kind.id}, which reference/parameters.py does not list"
+                    assert found in wanted, f"{file}: declares {kind.id}, which node_parameters.py does not list"
 
 
 def test_every_sensor_of_the_vehicle_states_who_it_is() -> None:

@@ -92,9 +92,15 @@ def tuning_of(arguments: argparse.Namespace) -> "ParameterOverrides":
     """Read them back."""
     from hindrax_bringup.node_options import ParameterOverrides  # noqa: PLC0415  # the wheel has no nodes
 
-    sensors = tuple(load_vehicle(arguments.vehicle).sensors) if arguments.vehicle else ()
+    vehicle = load_vehicle(arguments.vehicle) if arguments.vehicle else None
     unproven = ("pilot.guards.unproven:=fly",) if getattr(arguments, "uncommissioned", False) else ()
-    return ParameterOverrides(arguments.namespace, arguments.params, (*arguments.set, *unproven), sensors)
+    sensors = tuple(vehicle.sensors) if vehicle else ()
+    tuning = ParameterOverrides(arguments.namespace, arguments.params, (*arguments.set, *unproven), sensors)
+    if vehicle and (arguments.params or arguments.set):
+        from hindrax_operator.node_parameters import check_parameters  # noqa: PLC0415  # it loads every node's knobs
+
+        check_parameters(tuning, vehicle)
+    return tuning
 
 
 def output_settings(arguments: argparse.Namespace) -> "Settings":

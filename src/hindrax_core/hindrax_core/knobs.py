@@ -60,6 +60,28 @@ def knob_of(declared: Field[object]) -> Knob:
     return found
 
 
+def leaves(cls: Any, prefix: str = "") -> dict[str, Knob]:
+    """Every knob of a dataclass and of those inside, by its name with dots, as of a ROS parameter."""
+    found: dict[str, Knob] = {}
+    hints = typing.get_type_hints(cls)
+    for declared in fields(cls):
+        inner, name = hints[declared.name], prefix + declared.name
+        found |= leaves(inner, f"{name}.") if is_dataclass(inner) else {name: knob_of(declared)}
+    return found
+
+
+def nested(values: Mapping[str, object]) -> dict[str, object]:
+    """Nested blocks instead of names with dots, as `build` takes them."""
+    found: dict[str, Any] = {}
+    for name, value in values.items():
+        *blocks, last = name.split(".")
+        place = found
+        for one in blocks:
+            place = place.setdefault(one, {})
+        place[last] = value
+    return found
+
+
 def build(cls: type[T], data: object, path: str) -> T:
     """Make a checked instance of a dataclass from nested mappings; UsageError names the key path of what is wrong.
 

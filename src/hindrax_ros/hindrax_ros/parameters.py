@@ -8,10 +8,9 @@ import difflib
 import math
 import os
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import fields, is_dataclass
 from operator import attrgetter
 from types import MappingProxyType
-from typing import Any, TypeVar, get_type_hints
+from typing import Any, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
@@ -20,7 +19,7 @@ from rclpy.parameter_service import ParameterService
 
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp
-from hindrax_core.knobs import Knob, build, knob_of
+from hindrax_core.knobs import Knob, build, leaves, nested
 from hindrax_core.stack_time import StackTime
 
 T = TypeVar("T")
@@ -67,9 +66,9 @@ def knobs(node: Node, cls: type[T], tune: Callable[[T], None] | None = None, *, 
     begin so cannot. UsageError names a value that is wrong.
     """
     given = node._parameter_overrides  # noqa: SLF001  # rclpy offers no other way to them
-    names = list(_leaves(cls))
-    made = build(cls, _nested({name: _plain(given[name].value) for name in names if name in given}), node.get_name())
-    for name, knob in _leaves(cls).items():
+    names = list(leaves(cls))
+    made = build(cls, nested({name: _plain(given[name].value) for name in names if name in given}), node.get_name())
+    for name, knob in leaves(cls).items():
         value = _plain(attrgetter(name)(made))
         why = next((why for begin, why in fixed.items() if name.startswith(begin)), "" if tune else SETUP)
         node.declare_parameter(name, value, _descriptor(knob, value, why), ignore_override=True)
@@ -81,7 +80,7 @@ def knobs(node: Node, cls: type[T], tune: Callable[[T], None] | None = None, *, 
 def _keep_tuned(node: Node, cls: type[T], names: Sequence[str], tune: Callable[[T], None]) -> None:
     def built(changed: Iterable[Parameter]) -> T:
         values = {name: node.get_parameter(name).value for name in names} | {one.name: one.value for one in changed}
-        return build(cls, _nested({name: _plain(values[name]) for name in names}), node.get_name())
+        return build(cls, nested({name: _plain(values[name]) for name in names}), node.get_name())
 
     def check(changed: list[Parameter]) -> SetParametersResult:
         try:
@@ -124,28 +123,6 @@ def warn_of_unknown_parameters(nodes: Sequence[Node]) -> None:
         elsewhere = {name for other in nodes if other is not node for name in declared[other]}
         for sentence in unknown_parameters(node.get_name(), given, declared[node], elsewhere):
             node.get_logger().warning(sentence)
-
-
-def _leaves(cls: Any, prefix: str = "") -> dict[str, Knob]:
-    """Every knob of a dataclass and of those inside, by its name as a parameter."""
-    found: dict[str, Knob] = {}
-    hints = get_type_hints(cls)
-    for declared in fields(cls):
-        inner, name = hints[declared.name], prefix + declared.name
-        found |= _leaves(inner, f"{name}.") if is_dataclass(inner) else {name: knob_of(declared)}
-    return found
-
-
-def _nested(values: Mapping[str, object]) -> dict[str, object]:
-    """Nested blocks instead of names with dots."""
-    found: dict[str, Any] = {}
-    for name, value in values.items():
-        *blocks, last = name.split(".")
-        place = found
-        for block in blocks:
-            place = place.setdefault(block, {})
-        place[last] = value
-    return found
 
 
 def _plain(value: object) -> object:

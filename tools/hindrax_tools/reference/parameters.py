@@ -3,29 +3,15 @@
 import math
 import types
 import typing
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import MISSING, Field, fields, is_dataclass
 from typing import Any
 
-from hindrax_bag.write.limits import BagLimits
-from hindrax_bringup.network.link_monitor import SafetyMonitorKnobs
-from hindrax_control.allocation.allocation_cycle import SupplyKnobs
-from hindrax_control.allocation.allocator import AllocationKnobs
-from hindrax_control.allocation.wrench_guard import WrenchGuardKnobs
-from hindrax_control.navigation.estimator_health import EstimatorHealthKnobs
-from hindrax_control.navigation.navigator import NavigatorKnobs
-from hindrax_control.pilot import PilotKnobs
-from hindrax_control.teleop import TeleopKnobs
 from hindrax_core.knobs import Knob, knob_of
-from hindrax_core.messages.inputs import Inputs
-from hindrax_core.sensor_table import SENSORS
 from hindrax_core.thrust.curves import Branch, Curve
 from hindrax_core.thrust.table import ThrustTable
 from hindrax_core.vehicle import Drag, Hydrodynamics, Mount, Output, Thruster, Vehicle
-from hindrax_drivers.driver_registry import driver_of
-from hindrax_drivers.nodes.thruster_settings import OutputAlone
-from hindrax_drivers.output.output_guard import OutputGuardKnobs
-from hindrax_ident.tuning import Tuning
+from hindrax_operator.node_parameters import NODES
 from hindrax_tools.reference.markdown import code, head, number, table
 
 ABOUT = """How the nodes are tuned. Each parameter is declared once, with its range; a value outside of it stops the
@@ -43,24 +29,12 @@ runs (`ros2 param set /hindrax/pilot holds.turn_radps 0.2`); a maneuver in fligh
 the vehicle (`guards`, `operator_wrench`, wrench limits of the allocator, thrusters, estimator health, safety monitor)
 and what a node uses only as it starts (devices, navigator) is refused with the reason. Every node also has `vehicle`
 (the vehicle file); sensors and thrusters have `port` and `clock`, which override those of the vehicle file in mock. A
-node logs a warning for each given parameter that it does not declare."""
+parameter that no node has, and a value out of its range, are refused by `up` and `pool-test` before anything starts; a
+node that is started otherwise logs a warning for each given parameter that it does not declare."""
 VEHICLE_FILE = """What a vehicle *is*: one YAML file, `src/hindrax_bringup/vehicles/hindrax.yaml` for the Hindrax. SI
 units, SNAME axes (x forward, y starboard, z down), positions from the body origin, the center of the envelope. A
 file that is wrong is refused with the key path, what was found and what was wanted."""
 
-NODES: Mapping[str, tuple[type[object], ...]] = {
-    **{row.name: (driver_of(row.name).knobs,) for row in SENSORS},
-    "thrusters": (OutputGuardKnobs, OutputAlone),
-    "navigator": (NavigatorKnobs, Inputs),
-    "estimator_health": (EstimatorHealthKnobs,),
-    "pilot": (PilotKnobs,),
-    "allocator": (AllocationKnobs, WrenchGuardKnobs, SupplyKnobs),
-    "teleop": (TeleopKnobs,),
-    "identifier": (Tuning,),
-    "recorder": (BagLimits,),
-    "safety_monitor": (SafetyMonitorKnobs,),
-}
-"""Dataclasses of knobs that each node declares as its parameters."""
 BLOCKS = (
     ("The file", Vehicle),
     ("thrusters: a list of", Thruster),
