@@ -37,6 +37,7 @@ def test_a_vehicle_in_mujoco_is_flown_and_identified_within_its_uncertainty(
     assert exported.returncode == 0, exported.stderr
     node = [sys.executable, str(tmp_path / "lbv/ros_vehicle.py"), "--ros-args", "-p", "rate:=0.0"]
     words = ["pool-test", "--mock", "--simulator", "mujoco", "--vehicle", "lbv", "--dof", "yaw", "--json"]
+    words += ["--set", "pilot.plan.turning_levels:=1"]
     with subprocess.Popen(node, env=environment, stdout=subprocess.DEVNULL) as simulator:
         done = hindrax(environment, *words, "--out", str(tmp_path / "run"))
         simulator.terminate()
