@@ -11,7 +11,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -55,6 +55,7 @@ from hindrax_tools.reference.graph import edges
 pytestmark = pytest.mark.ros
 
 PATIENT_S = 60.0
+AT_ONCE = 8
 NEUTRAL_us, TOLERANCE_us = 1500.0, 2.0
 NODES = {
     *("sensors", "dvl75", "ping1d", "icm20948", "ms5837", "thrusters", "navigator", "pilot", "allocator"),
@@ -84,9 +85,13 @@ def values(kind: int) -> list[ParameterValue]:
 
 
 def parameters(known: list[str]) -> list[Parameter]:
-    """Parameters as a stranger would set them: unknown names and known ones, every type there is and is not."""
-    names = [*NAMES, *known]
-    return [Parameter(name=name, value=value) for name in names for kind in TYPES for value in values(kind)]
+    """Parameters as a stranger would set them: unknown names and known ones, every type there is and is not.
+
+    One known name of each node gets the empty values as well: the types are judged by what all parameters share.
+    """
+    full = [Parameter(name=name, value=values(kind)[-1]) for name in known for kind in TYPES]
+    names = [*NAMES, known[-1]]
+    return [*full, *(Parameter(name=name, value=value) for name in names for kind in TYPES for value in values(kind))]
 
 
 class Client:
@@ -97,6 +102,7 @@ class Client:
         self.node = rclpy.create_node("stranger", namespace=NAMESPACE)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self.node)
+        self._asked: dict[str, Any] = {}
 
     def until(self, done: Callable[[], Any], what: str) -> None:
         deadline = time.monotonic() + PATIENT_S
@@ -104,13 +110,22 @@ class Client:
             assert time.monotonic() < deadline, f"waited for {what}"
             self._executor.spin_once(timeout_sec=0.05)
 
-    def ask(self, kind: Any, name: str, request: Any) -> Any:
-        client = self.node.create_client(kind, f"{NAMESPACE}/{name}")
-        self.until(client.service_is_ready, name)
-        future = client.call_async(request)
-        self.until(future.done, f"an answer of {name}")
-        self.node.destroy_client(client)
-        return future.result()
+    def ask(self, kind: Any, name: str, *requests: Any) -> Any:
+        """Answer of a service; of several requests the last one's."""
+        return self.answers(kind, name, requests)[-1]
+
+    def answers(self, kind: Any, name: str, requests: Sequence[Any]) -> list[Any]:
+        """Answer of a service to each request; as many are under way as its queue holds."""
+        client = self._asked.get(name)
+        if client is None:
+            client = self._asked[name] = self.node.create_client(kind, f"{NAMESPACE}/{name}")
+            self.until(client.service_is_ready, name)
+        found: list[Any] = []
+        for first in range(0, len(requests), AT_ONCE):
+            sent = [client.call_async(one) for one in requests[first : first + AT_ONCE]]
+            self.until(lambda: all(one.done() for one in sent), f"answers of {name}")  # noqa: B023  # it waits here
+            found += [one.result() for one in sent]
+        return found
 
     def parameters_of(self, name: str) -> list[str]:
         return list(self.ask(ListParameters, f"{name}/list_parameters", ListParameters.Request()).result.names)
@@ -217,18 +232,19 @@ def test_nonsense_in_every_other_request_is_refused(stack: psutil.Process) -> No
     """Nobody arms, no state changes, and each answer is an answer."""
     with contextlib.closing(Client()) as client:
         before, states = family(stack), {}
-        for request in hostile.floods(Arm.Request, Time(), every=31):
+        arming = list(hostile.floods(Arm.Request, Time(), every=31))
+        for request in arming:
             request.arm = True
-            answer = client.ask(Arm, "thrusters/arm", request)
+        for answer in client.answers(Arm, "thrusters/arm", arming):
             assert not answer.accepted
             assert answer.reason
-        for recentre in hostile.floods(Recentre.Request, Time(), every=3):
-            answer = client.ask(Recentre, "maneuver/recentre", recentre)
-            assert answer.reason or (answer.accepted and math.isnan(recentre.x) and math.isnan(recentre.y)), recentre
+        places = list(hostile.floods(Recentre.Request, Time(), every=3))
+        for asked, answer in zip(places, client.answers(Recentre, "maneuver/recentre", places), strict=True):
+            assert answer.reason or (answer.accepted and math.isnan(asked.x) and math.isnan(asked.y)), asked
         for name in sorted(DEVICES):
             states[name] = client.ask(GetState, f"{name}/get_state", GetState.Request()).current_state.id
-            for request in hostile.floods(ChangeState.Request, Time(), every=61):
-                assert not client.ask(ChangeState, f"{name}/change_state", request).success
+            changes = list(hostile.floods(ChangeState.Request, Time(), every=61))
+            assert not any(one.success for one in client.answers(ChangeState, f"{name}/change_state", changes))
         for name, kind in states.items():
             assert client.ask(GetState, f"{name}/get_state", GetState.Request()).current_state.id == kind, name
         for name in ("ident/assess", "ping1d/request_profile"):
@@ -270,12 +286,19 @@ def sweep_setting(client: Client, name: str, wanted: list[Parameter]) -> None:
 
 def sweep_reading(client: Client, name: str, names: list[str]) -> None:
     """What only reads answers too, whatever it is asked for."""
-    for asked in ([], names, *([one] for one in NAMES)):
-        client.ask(GetParameters, f"{name}/get_parameters", GetParameters.Request(names=asked))
-        client.ask(GetParameterTypes, f"{name}/get_parameter_types", GetParameterTypes.Request(names=asked))
-        client.ask(DescribeParameters, f"{name}/describe_parameters", DescribeParameters.Request(names=asked))
-        for depth in (0, 1, 2**64 - 1):
-            client.ask(ListParameters, f"{name}/list_parameters", ListParameters.Request(prefixes=asked, depth=depth))
-    for kind, sources in (("", False), ("no/such/Type", True), ("std_msgs/msg/String", True), ("\u2620", True)):
-        request = GetTypeDescription.Request(type_name=kind, type_hash="RIHS01_0", include_type_sources=sources)
-        client.ask(GetTypeDescription, f"{name}/get_type_description", request)
+    lists = ([], names, *([one] for one in NAMES))
+    client.ask(GetParameters, f"{name}/get_parameters", *(GetParameters.Request(names=one) for one in lists))
+    client.ask(
+        GetParameterTypes, f"{name}/get_parameter_types", *(GetParameterTypes.Request(names=one) for one in lists)
+    )
+    client.ask(
+        DescribeParameters, f"{name}/describe_parameters", *(DescribeParameters.Request(names=one) for one in lists)
+    )
+    deep = [ListParameters.Request(prefixes=one, depth=depth) for one in lists for depth in (0, 1, 2**64 - 1)]
+    client.ask(ListParameters, f"{name}/list_parameters", *deep)
+    kinds = (("", False), ("no/such/Type", True), ("std_msgs/msg/String", True), ("\u2620", True))
+    described = [
+        GetTypeDescription.Request(type_name=kind, type_hash="RIHS01_0", include_type_sources=sources)
+        for kind, sources in kinds
+    ]
+    client.ask(GetTypeDescription, f"{name}/get_type_description", *described)
