@@ -23,23 +23,22 @@ from hindrax_bringup.share_files import default_vehicle, share_folder, vehicle_f
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, parse_fault
-from hindrax_tools.faults.device_faults import ModePilot, watched
+from hindrax_tools.faults.device_faults import ModePilot, unsaid, watched
 from hindrax_tools.faults.fault_outcome import (
     ARMING,
     BRAKING,
     DISARMED,
+    EVERY_MODE,
     HOLD,
     LONGEST_WRONG_S,
     MANEUVER,
-    MODES,
-    MOMENTS,
     OPERATOR,
     RECENTRE,
+    WEIGHING,
 )
 
-EVERY_MODE = (*MODES, *MOMENTS)
 FROM_S = {
-    **dict.fromkeys((HOLD, OPERATOR), (12.0, 20.0)),
+    **dict.fromkeys((HOLD, OPERATOR, WEIGHING), (12.0, 20.0)),
     MANEUVER: (16.0, 40.0),
     DISARMED: (5.0, 8.0),
     ARMING: (3.0, 12.0),
@@ -54,8 +53,6 @@ OUTPUT = "thrusters"
 vehicle is built never changes in flight: `commissioning_draws` has those faults."""
 LONGEST_DISARMED_S = 0.2
 """Time that a failed write of neutral may take."""
-TOLD_AFTER_S = 10.0
-"""Time after which the operator must know that no thruster pushes, though it flies on."""
 LASTING_S = (0.1, 1.0, 5.0, 9999.0)
 
 
@@ -123,20 +120,10 @@ def violations(case: Case) -> tuple[str, ...]:
     built = any(FAULTS[one.name].on_vehicle is not None for one in case.faults)
     longest_s = math.inf if built else LONGEST_WRONG_S
     cell = found.judge.cell(case.vehicle, "", mode, case.seed, found.reason, worst_deg=180.0, longest_wrong_s=longest_s)
-    silent = mode != DISARMED and not found.judge.flies_on and found.thrust and not found.reason
-    # The exit code is that of `pool-test`: a thruster left out, or an end that was not planned, is 1.
-    good = found.exit_code == 0 and bool(found.reason)
-    powerless = any(one.name == "supply_dies" and one.duration_s > TOLD_AFTER_S for one in case.faults)
     disarmed_s = found.disarmed_thrust_s
     return (
         *cell.violated,
-        *(("it ended, and nobody is told why",) if silent else ()),
-        *(
-            ("it flies on without power, and nobody is told",)
-            if powerless and found.thrust and not found.reason
-            else ()
-        ),
-        *((f"it ended with 0, though {found.reason}",) if good else ()),
+        *unsaid(found, mode, case.faults),
         *((f"thrust for {disarmed_s:.2f} s after it was disarmed",) if disarmed_s > LONGEST_DISARMED_S else ()),
     )
 

@@ -83,7 +83,7 @@ def test_a_defect_of_the_code_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> N
         (Watched(JUDGE, thrust=True), "it flies on without power, and nobody is told"),
         (Watched(JUDGE, "no thruster moves it", thrust=True), ""),
         (Watched(JUDGE, "sinking: too deep", exit_code=0), "it ended with 0, though sinking: too deep"),
-        (Watched(JUDGE, "sinking: too deep", exit_code=1), ""),
+        (Watched(JUDGE, "sinking: too deep", exit_code=1, told=("report",)), ""),
     ],
 )
 def test_silence_and_a_good_exit_code_are_findings(

@@ -6,17 +6,32 @@ from dataclasses import replace
 
 import pytest
 
+from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.command_line import main
+from hindrax_core.events import stamp_from_s
+from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import Pressure
 from hindrax_core.signals import Navigation
+from hindrax_core.vehicle import load_vehicle
 from hindrax_sim.devices.dvl75_sentences import DvlTruth
 from hindrax_sim.devices.imu.imu_signal import ImuTruth
 from hindrax_sim.devices.ping1d import PingTruth
-from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, altered_truth
+from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, altered_truth, fault_injector
 from hindrax_sim.hardware import TrueState
+from hindrax_sim.world import World
 from hindrax_tools.faults import table
-from hindrax_tools.faults.device_faults import ROWS, fly
-from hindrax_tools.faults.fault_outcome import DISARMED, HOLD, MANEUVER, MODES, OPERATOR, FaultOutcome, Judge, is_wrong
+from hindrax_tools.faults.device_faults import ROWS, ModePilot, Watched, fly, reported, unsaid
+from hindrax_tools.faults.fault_outcome import (
+    DISARMED,
+    HOLD,
+    MANEUVER,
+    MODES,
+    MOMENTS,
+    OPERATOR,
+    FaultOutcome,
+    Judge,
+    is_wrong,
+)
 
 WELL = FaultOutcome("dvl75", "died", "hold", 1, 0.4, 0.0, 1.0, "no command for 5 s")
 FLYING = TrueState(10.0, (0.1, 0.0, 2.0), (0.2, 0.0, 0.0), 0.8, 0, (3.0, 1.5), (1600.0, 1500.0))
@@ -39,6 +54,29 @@ def test_a_state_is_wrong_by_tilt_depth_or_a_velocity_that_it_claims_to_know() -
     fast = replace(BELIEVED, velocity_mps=(0.2, math.nan, -0.6))
     assert is_wrong(fast, FLYING)
     assert not is_wrong(replace(fast, dvl_locked=False), FLYING)
+
+
+def test_what_is_told_nowhere_or_by_a_wrong_exit_code_is_a_violation() -> None:
+    judge = Judge(FLYING)
+    judge.observe(replace(NEUTRAL, now_s=FLYING.now_s + 1.0), None)
+    dead = [FaultSpec("supply_dies", ("supply",), 15.0, 9999.0)]
+    ended = Watched(judge, "tilt: too far", thrust=True, exit_code=1, told=("terminal", "report", "exit 1"))
+    assert unsaid(ended, MANEUVER, []) == ()
+    assert unsaid(replace(ended, told=("exit 1",)), MANEUVER, []) == ("the report does not say tilt: too far",)
+    assert unsaid(replace(ended, exit_code=0), MANEUVER, []) == ("it ended with 0, though tilt: too far",)
+    silent = Watched(judge, thrust=True)
+    assert unsaid(silent, HOLD, []) == ("it ended, and nobody is told why",)
+    assert unsaid(silent, DISARMED, []) == ()
+    assert unsaid(Watched(Judge(FLYING)), HOLD, dead) == ()
+    assert unsaid(silent, DISARMED, dead) == ("it flies on without power, and nobody is told",)
+
+
+def test_the_report_of_a_maneuver_is_a_place_where_its_end_stands() -> None:
+    pilot = ModePilot(MANEUVER, 1)
+    assert not reported(pilot, "")
+    assert reported(pilot, "dvl_lock: no bottom lock for 5 s, wanted less")
+    pilot.left_out["T3"] = "T3 gives less thrust than it should"
+    assert reported(pilot, "")
 
 
 def judged(mode: str, *steps: tuple[float, TrueState, Navigation | None], within_s: float = math.inf) -> FaultOutcome:
@@ -94,13 +132,15 @@ def test_the_time_to_find_out_begins_anew_with_every_fault_and_a_built_one_has_n
 def test_a_row_shows_the_worst_of_all_seeds() -> None:
     cells = [WELL, replace(WELL, seed=2, neutral_s=0.6), replace(WELL, mode=OPERATOR, neutral_s=None)]
     cells += [replace(WELL, mode=DISARMED, neutral_s=0.0, reason="not armed"), replace(WELL, mode="maneuver")]
-    cells.append(replace(WELL, seed=2, mode="maneuver", neutral_s=None))
-    (row,) = table.rows(cells)
+    cells.append(replace(WELL, seed=2, mode="maneuver", neutral_s=None, told=("terminal", "exit 1")))
+    (row,) = table.rows(cells, MODES)
     reported_text = "no command for 5 s"
     assert table.entry([]) == ""
-    assert row == ("dvl75", "died", "0.40 s or flies on", "0.60 s", "flies on", "neutral", reported_text)
+    shown = ("0.40 s or flies on", "0.60 s", "flies on", "neutral")
+    assert row == ("dvl75", "died", *shown, reported_text, "terminal, exit 1")
     assert table.entry([replace(WELL, neutral_s=None, wall=True)]) == "flies on (wall)"
-    (bad,) = table.rows([*cells, replace(WELL, seed=3, violated=("ran into a wall",))])
+    assert list(table.rows(cells, MOMENTS)) == []
+    (bad,) = table.rows([*cells, replace(WELL, seed=3, violated=("ran into a wall",))], MODES)
     assert bad[3] == "VIOLATED"
 
 
@@ -124,11 +164,11 @@ def test_the_command_ends_with_1_when_a_cell_is_violated(
         ("dvl75", "velocity_turned", OPERATOR, "velocity"),
         ("dvl75", "velocity_scaled", MANEUVER, "velocity"),
         ("icm20948", "repeated", OPERATOR, "frozen"),
-        ("ms5837", "depth_stuck", OPERATOR, "sinking"),
+        ("ms5837", "depth_stuck", OPERATOR, "drift"),
     ],
 )
 def test_a_lie_ends_thrust_before_it_does_harm(who: str, fault: str, mode: str, guard: str) -> None:
-    (row,) = [one for one in ROWS if (one.who, one.fault) == (who, fault)]
+    (row,) = [one for one in ROWS if (one.who, one.fault, one.also) == (who, fault, None)]
     (cell,) = fly(row, mode, 3)
     assert cell.violated == ()
     assert cell.neutral_s is not None
@@ -148,6 +188,16 @@ LIES = {
     "gyro_offset": (ImuTruth(), lambda reported: reported.rate_radps == (math.radians(40.0), 0.0, 0.0)),
     "force_offset": (ImuTruth(), lambda reported: reported.specific_force_mps2[1] == 3.0),
     "depth_stuck": (Pressure(1.1e5, 20.0), lambda reported: reported.pressure_Pa == 1.1e5),
+    "gyro_scaled": (
+        ImuTruth(rate_radps=(0.2, 0.0, -0.4)),
+        lambda reported: reported.rate_radps == pytest.approx((0.3, 0.0, -0.6)),
+    ),
+    "gyro_turned": (ImuTruth(rate_radps=(0.2, 0.1, -0.4)), lambda reported: reported.rate_radps == (-0.1, 0.2, -0.4)),
+    "depth_scaled": (
+        Pressure(111_325.0, 20.0),
+        lambda reported: reported.pressure_Pa == pytest.approx(113_325.0),
+    ),
+    "range_scaled": (PingTruth(2.0), lambda reported: reported.distance_m == 3.0),
     "range_short": (PingTruth(2.0), lambda reported: reported.distance_m == 1.5),
 }
 
@@ -168,5 +218,26 @@ def test_a_stuck_sensor_keeps_what_it_had_and_a_false_velocity_covers_ground() -
         for device, fault in (("ms5837", "depth_stuck"), ("dvl75", "velocity_bias"))
     )
     assert stuck(Pressure(1.1e5, 20.0), 1.0) == stuck(Pressure(1.2e5, 20.0), 2.0) == Pressure(1.1e5, 20.0)
+    still, same = (
+        altered_truth(device, [FaultSpec(fault, (device,), 0.0)])
+        for device, fault in (("icm20948", "gyro_frozen"), ("ping1d", "range_frozen"))
+    )
+    turning = ImuTruth(rate_radps=(0.1, 0.0, 0.0), specific_force_mps2=(0.0, 0.0, -9.8))
+    assert still(turning, 1.0) == still(replace(turning, rate_radps=(0.0, 0.3, 0.0)), 2.0) == turning
+    assert same(PingTruth(2.0), 1.0) == same(PingTruth(1.0), 2.0) == PingTruth(2.0)
     biased(DVL, 1.0)
     assert biased(replace(DVL, velocity_mps=(0.0, 0.0, 0.1)), 3.0).travel_m == pytest.approx((1.5, 0.0, 0.2))
+
+
+def test_a_pressure_drifts_while_its_fault_lasts() -> None:
+    vehicle = load_vehicle(default_vehicle())
+    world = World(vehicle)
+    inject = fault_injector(world, [FaultSpec("depth_drifts", ("ms5837",), 1.0, 5.0)])
+    at = world.mounting(vehicle.sensors["ms5837"])
+    per_m = vehicle.water.density_kgpm3 * GRAVITY_mps2
+    found = []
+    for now_s in (0.5, 1.0, 4.0, 7.0):
+        world.stamp = stamp_from_s(now_s)
+        inject(now_s)
+        found.append((world.pressure_Pa(at) - vehicle.water.surface_pressure_Pa) / per_m)
+    assert found == pytest.approx([found[0], found[0], found[0] + 0.03, found[0]])

@@ -48,7 +48,8 @@ class MockOptions:
     """Options of the mock vehicle: seed, upper bound of its pace (0: as fast as the stack follows), faults, world.
 
     `truth`: file for the log of true states and pulses. `simulator`: another simulator that moves the vehicle over
-    topics, as KIND or KIND:/PREFIX.
+    topics, as KIND or KIND:/PREFIX. `waits`: whether its time waits for a stack that is late; without, it goes at the
+    pace, as for a real vehicle.
     """
 
     seed: int = 1
@@ -57,10 +58,12 @@ class MockOptions:
     world: str = "ideal"
     truth: str = ""
     simulator: str = ""
+    waits: bool = True
 
     def words(self) -> list[str]:
         """Arguments of its process."""
         words = ["--seed", str(self.seed), "--rate", str(self.rate), "--world", self.world]
+        words += [] if self.waits else ["--no-wait"]
         words += [word for fault in self.faults for word in ("--fault", fault)]
         words += ["--simulator", self.simulator] if self.simulator else []
         return [*words, "--truth", self.truth] if self.truth else words

@@ -42,7 +42,7 @@ from hindrax_laboratory import pendulum
 from hindrax_sim.flights.rehearsal import ExpectedBand, Flown, Rehearsal
 from hindrax_sim.flights.step_flight import StepOutcome
 from hindrax_tools.faults import table as fault_table
-from hindrax_tools.faults.fault_outcome import MODES, FaultOutcome
+from hindrax_tools.faults.fault_outcome import EVERY_MODE, FaultOutcome
 from hindrax_tools.reference.commands import words_of
 
 BAGS = clone_root() / "test" / "replay" / "bags"
@@ -78,7 +78,7 @@ def show_trials() -> None:
 
 
 def show_faults() -> None:
-    found = [FaultOutcome("control", "died", mode, 1, 0.5, 0.0, 2.0, "too late: 1 s") for mode in MODES]
+    found = [FaultOutcome("control", "died", mode, 1, 0.5, 0.0, 2.0, "too late: 1 s") for mode in EVERY_MODE]
     trials.print_faults("Time to neutral, the longest of 3 seeds", fault_table, found, [])
 
 

@@ -291,3 +291,15 @@ def test_the_altitude_of_the_dvl_is_along_its_axis(hindrax: Vehicle) -> None:
     assert rig.aiding.dvl_altitude(1.5, THERE, 0.0)
     altitude_m = 1.5 * rig.turn[2][2] + rotate(rig.turn, LEVER)[2]
     assert rig.vertical.altitude_m == pytest.approx(altitude_m, abs=1e-3)
+
+
+@pytest.mark.parametrize("echoes", [True, False])
+def test_a_depth_that_drifts_is_told_where_dvl_and_echo_both_contradict_it(hindrax: Vehicle, echoes: bool) -> None:
+    rig = Rig(hindrax)
+    for tick in range(500):
+        rig.wait(0.1)
+        rig.pressure(1.0 + 0.01 * max(0.0, rig.time_s - 5.0))
+        rig.dvl((0.0, 0.0, 1e-6 * (tick % 2)))
+        if echoes:
+            rig.aiding.echo(Echo(0.8, 1.0), HERE, 0.0)
+    assert rig.aiding.drift.off_m == pytest.approx(0.45 - 45.0 * 0.003 if echoes else 0.0, abs=0.04)

@@ -25,7 +25,8 @@ class Consistency:
     smoothed; `refused_depths`, `refused_velocities`: how many more were refused than accepted lately; `sunk_off_m`: way
     down by DVL less that by pressure and accelerometer, of the last seconds; `frozen_s`: time for which the inertial
     sensor has repeated one sample; `velocity_gain`: changes of velocity by DVL over those by the accelerometer, as
-    north + i east, which is 1 but for a wrong scale or mount, and its standard deviation.
+    north + i east, which is 1 but for a wrong scale or mount, and its standard deviation; `drifted_off_m`: by how much
+    the depth is too large, as DVL and range to the floor agree.
     """
 
     began: Stamp = NEVER
@@ -37,6 +38,7 @@ class Consistency:
     frozen_s: float = 0.0
     velocity_gain: complex = 1.0 + 0j
     velocity_gain_sigma: float = math.inf
+    drifted_off_m: float = 0.0
 
 
 CONSISTENT = Consistency()

@@ -34,11 +34,14 @@ class Governor:
     While the control loop keeps up, time runs free (or at `rate`, where that is not zero). When it falls behind by more
     than a period and a half, time nearly stands still until it has caught up. A loop that is dead for a second is
     waited for no more than in real time, and so is one while no thruster turns (ADR 33).
+
+    With `waits` off nobody is waited for: the vehicle moves on at `rate`, as a real one does.
     """
 
     rate: float = 0.0
     turns: bool = True
     """Whether a thruster turns."""
+    waits: bool = True
     worst_lag_s: float = 0.0
 
     def least_wall_s(self, step_s: float, now: Stamp, last_write: Stamp | None) -> float:
@@ -47,7 +50,7 @@ class Governor:
         held = self.turns and lag_s < DEAD_LAG_s
         if held:
             self.worst_lag_s = max(self.worst_lag_s, lag_s)
-        slowness = 0.0 if lag_s <= FREE_LAG_s else SLOW if held else 1.0
+        slowness = 0.0 if lag_s <= FREE_LAG_s or not self.waits else SLOW if held else 1.0
         return max(step_s / self.rate if self.rate > 0.0 else 0.0, step_s * slowness)
 
 
@@ -75,9 +78,12 @@ class WallTime:
 class Ports:
     """Hardware behind ports in a folder; `step` advances at most 5 ms. Use it as a context manager."""
 
-    def __init__(self, hardware: "Hardware | RecordedHardware", folder: Path, *, rate: float) -> None:
+    def __init__(
+        self, hardware: "Hardware | RecordedHardware", folder: Path, *, rate: float, waits: bool = True
+    ) -> None:
+        """`waits`: whether time waits for those who are late; without, `rate` is kept."""
         self.hardware = hardware
-        self.governor = Governor(rate, hardware.turns)
+        self.governor = Governor(rate, hardware.turns, waits)
         self._socket = folder / "i2c"
         self._ends: dict[str, Pty | UdpEnd | TcpEnd] = {}
         try:
@@ -178,6 +184,8 @@ class Ports:
 
     def _wait_for_clients(self, now: Stamp) -> None:
         """Hold time while a client works, for at most `PATIENCE_S`; one that is frozen holds it `FROZEN_S` in all."""
+        if not self.governor.waits:
+            return
         began_s = now_s = time.monotonic()
         while (busy := self.held_up_by) and now_s < began_s + PATIENCE_S:
             self._server.serve(now, 0.005)

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from hindrax_core.events import NS_PER_S, Stamp, stamp_from_s
+from hindrax_core.events import NS_PER_S, Stamp, seconds_between, stamp_from_s
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import Quaternion, Vec3
 from hindrax_core.vehicle import WITHIN, Mount, Vehicle
@@ -18,6 +18,8 @@ from hindrax_sim.physics.thruster import thruster_A
 GUST_PERIOD_S = 0.1
 GRAZING_rad = math.radians(45.0)
 """Of a wall that a beam meets at more than this angle to its normal, no echo comes back."""
+DRIFT_mps = 0.01
+"""Of a pressure that drifts, as a depth."""
 HELD_ns = stamp_from_s(0.2)
 """Where a vehicle that is held comes to rest so often, it rocks no more after a few seconds."""
 
@@ -76,6 +78,8 @@ class World:
         """Fault: the DVL finds no bottom."""
         self.water_in_hull = False
         """Fault: the dry hull leaks."""
+        self.pressure_drifts_since: Stamp | None = None
+        """Fault: every pressure drifts since then."""
         self._draws = NormalDraws("world", seed)
         self._motor_fields = [unit(self._draws.three(1.0)) for _ in vehicle.thrusters]
         self._failed: dict[str, float] = {}
@@ -200,8 +204,10 @@ class World:
 
     def pressure_Pa(self, at: Mounting) -> float:
         """Absolute pressure at the sensor; that of the air when it is out of the water."""
-        water = self.vehicle.water
-        return water.surface_pressure_Pa + max(0.0, self.point_m(at.lever_m)[2]) * water.density_kgpm3 * GRAVITY_mps2
+        water, since = self.vehicle.water, self.pressure_drifts_since
+        drift_m = DRIFT_mps * seconds_between(since, self.stamp) if since is not None else 0.0
+        seen_m = max(0.0, self.point_m(at.lever_m)[2]) + drift_m
+        return water.surface_pressure_Pa + seen_m * water.density_kgpm3 * GRAVITY_mps2
 
     def velocity_mps(self, at: Mounting) -> Vec3:
         """Velocity over ground of the sensor in its own axes."""

@@ -30,3 +30,16 @@ def test_a_mock_knows_whether_a_thruster_turns(
             monkeypatch.setattr(mock.hardware.output, "pulses_us", lambda pulse_us=pulse_us: (pulse_us,) * 16)
             mock.step()
             assert mock.governor.turns is turns
+
+
+def test_a_mock_that_waits_for_nobody_keeps_its_rate(
+    vehicle: Vehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert Governor(rate=1.0, waits=False).least_wall_s(STEP_s, REPEATED, Stamp(0)) == STEP_s
+    with MockVehicle(Hardware(vehicle, 1), tmp_path, rate=100.0, waits=False) as mock:
+        monkeypatch.setattr(mock._server, "busy", lambda: pytest.fail("it asks who is late"))
+        mock.step()
+    with MockVehicle(Hardware(vehicle, 1), tmp_path, rate=100.0) as mock:
+        monkeypatch.setattr(mock._server, "busy", lambda: pytest.fail("it asks who is late"))
+        with pytest.raises(pytest.fail.Exception):
+            mock.step()

@@ -5,6 +5,8 @@ import random
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from hindrax_analysis.coefficients_file import ResultConditions
+from hindrax_analysis.report.run_page import RunReport, run_page
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.hold.holds import Setpoint
 from hindrax_control.maneuver.goal import Goal
@@ -15,6 +17,7 @@ from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.signals import Allocation, Navigation
 from hindrax_core.text.refusals import Reason
 from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_ident.assess.results import Results
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec
 from hindrax_sim.flights.lockstep import Lockstep, LockstepCommand
 from hindrax_sim.flights.lockstep_rigs import BytesRig
@@ -27,6 +30,7 @@ from hindrax_tools.faults.fault_outcome import (
     MANEUVER,
     OPERATOR,
     RECENTRE,
+    WEIGHING,
     WRENCH,
     FaultOutcome,
     Judge,
@@ -34,11 +38,19 @@ from hindrax_tools.faults.fault_outcome import (
 )
 
 READY_S = 4.0
-FROM_S = {MANEUVER: 24.0, HOLD: 14.0, OPERATOR: 14.0, DISARMED: 6.0}
-AFTER_S = {MANEUVER: 16.0, HOLD: 12.0, OPERATOR: 12.0, DISARMED: 4.0}
+FROM_S = {
+    MANEUVER: 24.0,
+    **dict.fromkeys((HOLD, OPERATOR, WEIGHING), 14.0),
+    DISARMED: 6.0,
+    ARMING: 4.0,
+    **dict.fromkeys((BRAKING, RECENTRE), 22.0),
+}
+AFTER_S = {**dict.fromkeys(FROM_S, 12.0), MANEUVER: 16.0, DISARMED: 4.0}
 """A maneuver that a guard ends holds for eight seconds before it reports it."""
 WITHIN_S = 6.0
-"""A fault comes when it flies: in a maneuver on the first plateau."""
+"""A fault comes when it flies: in a maneuver on the first plateau; before, during and after the moment of another."""
+TOLD_AFTER_S = 10.0
+"""Time after which the operator must know that no thruster pushes, though it flies on."""
 LASTS_S = 9999.0
 CAPSIZED_deg = 75.0
 """Where thrust ended before 45 degrees, the vehicle still turns on, and comes back upright by itself."""
@@ -56,6 +68,15 @@ class DeviceFault:
     lasts_s: float = LASTS_S
     worst_deg: float = WORST_TILT_deg
     """True tilt that it may not reach: more where a thruster turns it until thrust ends."""
+    also: tuple[str, str] | None = None
+    """A second fault at the same moment, and its device."""
+    seen_s: float = 0.0
+    """How long it is seen at least: what grows slowly needs its time."""
+
+    def specs(self, at_s: float) -> list[FaultSpec]:
+        """Its faults from a time on."""
+        both = [(self.fault, self.who), *filter(None, [self.also])]
+        return [FaultSpec(fault, (who,), at_s, self.lasts_s) for fault, who in both]
 
 
 LIES = {
@@ -68,10 +89,26 @@ LIES = {
     "short range": "range_short",
     "turned velocity": "velocity_turned",
     "scaled velocity": "velocity_scaled",
+    "scaled depth": "depth_scaled",
+    "scaled rates": "gyro_scaled",
+    "turned rates": "gyro_turned",
+    "frozen rates": "gyro_frozen",
+    "scaled range": "range_scaled",
+    "frozen range": "range_frozen",
     "dead supply": "supply_dies",
     "turns without thrust": "thruster_fails",
 }
 """Faults of what a device measures or does, of which one falls on the vehicle."""
+PAIRS = {
+    ("died", "absent", "dvl75"): ("absent", "ms5837"),
+    ("frozen velocity", "velocity_frozen", "dvl75"): ("depth_stuck", "ms5837"),
+    ("false lock", "false_lock", "dvl75"): ("range_short", "ping1d"),
+    ("died", "absent", "ms5837"): ("absent", "ping1d"),
+    ("gyroscope offset", "gyro_offset", "icm20948"): ("absent", "dvl75"),
+    ("turns without thrust", "thruster_fails", "T3"): ("velocity_frozen", "dvl75"),
+    ("wired backwards", "thruster_reverses", "T6"): ("absent", "ms5837"),
+}
+"""Faults with a second one that takes the sensor by which the first is found."""
 _VEHICLE = load_vehicle(default_vehicle())
 ROWS = (
     *(
@@ -84,7 +121,15 @@ ROWS = (
         for what, fault in LIES.items()
     ),
     *(DeviceFault(name, "wired backwards", "thruster_reverses", worst_deg=CAPSIZED_deg) for name in ("T3", "T5")),
-)
+    DeviceFault("ms5837", "drifts by 1 cm/s", "depth_drifts", seen_s=45.0),
+    *(
+        DeviceFault(
+            who, f"{what}; {other} {also}".replace("_", " "), fault, also=(also, other),
+            worst_deg=CAPSIZED_deg if fault == "thruster_reverses" else WORST_TILT_deg,
+        )
+        for (what, fault, who), (also, other) in PAIRS.items()
+    ),
+)  # fmt: skip
 
 
 class ModePilot:
@@ -133,8 +178,8 @@ class ModePilot:
                 self.pilot.fly(self.goal)
             except HindraxError as error:
                 self.refused = str(error)
-        elif self.mode in (HOLD, ARMING, RECENTRE):
-            for axis, value in HELD:
+        elif self.mode in (HOLD, ARMING, RECENTRE, WEIGHING):
+            for axis, value in WEIGHED if self.mode == WEIGHING else HELD:
                 self.pilot.set(Setpoint(axis, value=value))
 
     def _order(self) -> None:
@@ -142,6 +187,10 @@ class ModePilot:
             self.pilot.cancel("hold")
         elif self.mode == RECENTRE:
             self.refused = self.pilot.recentre()
+
+
+WEIGHED = (*HELD, ("surge", math.nan), ("sway", math.nan))
+"""What a weighing holds."""
 
 
 @dataclass(slots=True)
@@ -158,6 +207,8 @@ class Watched:
     """Of the command that flew the maneuver, when it has ended; None: there is none, or it goes on."""
     disarmed_thrust_s: float = 0.0
     """The longest thrust in one go after it was disarmed."""
+    told: tuple[str, ...] = ()
+    """Where the operator is told the reason."""
 
 
 def watched(pilot: ModePilot, faults: Sequence[FaultSpec], seed: int, until_s: float) -> Watched:
@@ -195,13 +246,43 @@ def watched(pilot: ModePilot, faults: Sequence[FaultSpec], seed: int, until_s: f
     ended = "" if found.judge.flies_on else onboard.reason
     left_out = "; ".join(pilot.left_out.values())
     found.reason = unhealthy or aborted or pilot.refused or pilot.disobeyed or left_out or ended
+    found.told = ("terminal",) * bool(found.reason)
+    if found.exit_code is not None:
+        found.told += ("report",) * reported(pilot, aborted) + (f"exit {found.exit_code}",)
     return found
+
+
+def reported(pilot: ModePilot, aborted: str) -> bool:
+    """Whether the page of the run says at its head how the flight ended and which thrusters were left out."""
+    conditions = ResultConditions(aborted=aborted, left_out=tuple(pilot.left_out.values()))
+    page = run_page(RunReport(Results({}, pilot.vehicle), {}, conditions))
+    names = [aborted.partition(":")[0], *pilot.left_out]
+    return any(names) and all(name in page for name in names)
+
+
+def unsaid(found: Watched, mode: str, faults: Sequence[FaultSpec]) -> tuple[str, ...]:
+    """What the operator should have been told of a flight and was not, or by a wrong exit code."""
+    silent = mode != DISARMED and not found.judge.flies_on and found.thrust and not found.reason
+    # The exit code is that of `pool-test`: a thruster left out, or an end that was not planned, is 1.
+    good = found.exit_code == 0 and bool(found.reason)
+    unreported = found.exit_code == 1 and "report" not in found.told
+    powerless = any(one.name == "supply_dies" and one.duration_s > TOLD_AFTER_S for one in faults)
+    sentences = {
+        "it ended, and nobody is told why": silent,
+        "it flies on without power, and nobody is told": powerless and found.thrust and not found.reason,
+        f"it ended with 0, though {found.reason}": good,
+        f"the report does not say {found.reason}": unreported,
+    }
+    return tuple(sentence for sentence, so in sentences.items() if so)
 
 
 def fly(row: DeviceFault, mode: str, seed: int) -> Iterator[FaultOutcome]:
     """Fly, break, and judge every step of the hardware."""
     at_s = random.Random(f"{row} {mode} {seed}").uniform(0.0, WITHIN_S) + FROM_S[mode]  # noqa: S311  # no secret
-    fault = FaultSpec(row.fault, (row.who,), at_s, row.lasts_s)
-    found = watched(ModePilot(mode, seed), [fault], seed, at_s + AFTER_S[mode])
-    lost = "" if mode == DISARMED else found.lost
-    yield found.judge.cell(row.who, row.what, mode, seed, found.reason, lost=lost, worst_deg=row.worst_deg)
+    faults = row.specs(at_s)
+    found = watched(ModePilot(mode, seed), faults, seed, at_s + max(AFTER_S[mode], row.seen_s))
+    lost = "" if mode in (DISARMED, ARMING) else found.lost
+    untold = unsaid(found, mode, faults)
+    yield found.judge.cell(
+        row.who, row.what, mode, seed, found.reason, lost=lost, worst_deg=row.worst_deg, told=found.told, unsaid=untold
+    )

@@ -7,8 +7,10 @@ from hindrax_core.signals import Navigation
 from hindrax_sim.hardware import TrueState
 
 MANEUVER, HOLD, OPERATOR, DISARMED = MODES = ("maneuver", "hold", "operator", "disarmed")
-ARMING, BRAKING, RECENTRE = MOMENTS = ("arming", "braking", "recentre")
-"""Moments at which faults come besides: while it arms, brakes after a cancelled maneuver, restarts dead reckoning."""
+ARMING, BRAKING, RECENTRE, WEIGHING = MOMENTS = ("arming", "braking", "recentre", "weighing")
+"""Moments at which faults come besides: while it arms, brakes after a cancelled maneuver, restarts dead reckoning, and
+holds every axis to weigh something."""
+EVERY_MODE = (*MODES, *MOMENTS)
 WRENCH = (12.0, 0.0, 6.0, 0.0, 0.0, 1.0)
 """Wrench of the operator: forward, down, and turning."""
 HELD = (("depth", 0.8), ("heading", math.nan), ("roll", 0.0), ("pitch", 0.0))
@@ -44,6 +46,8 @@ class FaultOutcome:
     violated: tuple[str, ...] = ()
     wall: bool = False
     """Whether the hull met a wall after the fault."""
+    told: tuple[str, ...] = ()
+    """Where the operator is told: terminal, report, exit code."""
 
 
 class Judge:
@@ -88,10 +92,13 @@ class Judge:
         armed: bool = False,
         worst_deg: float = WORST_TILT_deg,
         longest_wrong_s: float = LONGEST_WRONG_S,
+        told: tuple[str, ...] = (),
+        unsaid: tuple[str, ...] = (),
     ) -> FaultOutcome:
         """The judgement. `within_s`: until neutral; `lost`: what never came; `armed`: it flies on though at rest.
 
-        `worst_deg`: true tilt that it may not reach; `longest_wrong_s`: of thrust on a state that is wrong.
+        `worst_deg`: true tilt that it may not reach; `longest_wrong_s`: of thrust on a state that is wrong. `told`:
+        where the operator is told, `unsaid`: what is told nowhere.
         """
         took_s, wall = self._thrust_s - self._begin.now_s, self._last.wall_hits > self._begin.wall_hits
         found = {
@@ -103,9 +110,11 @@ class Judge:
             f"thrust at a tilt of {self.thrust_tilt_deg:.0f} deg": self.thrust_tilt_deg > WORST_THRUST_deg,
             "ran into a wall unnoticed": wall and mode == MANEUVER and not reason,
         }
-        violated = tuple(sentence for sentence, so in found.items() if so)
+        violated = (*(sentence for sentence, so in found.items() if so), *unsaid)
         neutral_s = None if self.flies_on or armed else took_s
-        return FaultOutcome(who, what, mode, seed, neutral_s, self._wrong_s, self._tilt_deg, reason, violated, wall)
+        return FaultOutcome(
+            who, what, mode, seed, neutral_s, self._wrong_s, self._tilt_deg, reason, violated, wall, told
+        )
 
 
 def is_wrong(estimated: Navigation, true: TrueState) -> bool:

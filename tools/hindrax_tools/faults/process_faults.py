@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hindrax_bringup.liveness import processes_of
-from hindrax_bringup.process_state import is_stopped
+from hindrax_bringup.process_state import descendants, is_stopped
 from hindrax_bringup.processes import CONTROL, IDENTIFIER, RECORDER, SAFETY_MONITOR, SENSORS, THRUSTERS
 from hindrax_bringup.stack import MockOptions
 from hindrax_bringup.stack_lock import runtime_folder, stacks
@@ -50,7 +50,10 @@ DEAD_MAN, BOTH = "dead man", "thrusters and dead man"
 NODE = "thrusters_node"
 """Name of the heartbeat of the thrusters' node; that of its dead man is the one of the process."""
 OUTPUT = "pca9685"
-DIED, FROZEN, IMPERSONATED, RESTARTED = "died", "frozen", "impersonated", "restarted"
+STACK = "whole stack"
+DIED, FROZEN, IMPERSONATED, RESTARTED, STALLED = "died", "frozen", "impersonated", "restarted", "stalled for 6 s"
+STALL_S = 6.0
+"""Longer than the lease of the middleware, 4 s: every participant has forgotten every other."""
 SIGNALS = {DIED: signal.SIGKILL, FROZEN: signal.SIGSTOP}
 LIES = {CONTROL.name: THRUSTER_COMMAND, THRUSTERS.name: THRUSTER_STATE}
 """Messages of an impersonator: full thrust without a request, and thrusters at rest."""
@@ -92,6 +95,8 @@ ROWS = (
     ProcessFault(CONTROL.name, IMPERSONATED, 0.5),
     ProcessFault(THRUSTERS.name, IMPERSONATED),
     ProcessFault(OUTPUT, RESTARTED),
+    # With its hardware, as a container that is paused: a chip that goes on alone is the row of the output.
+    ProcessFault(STACK, STALLED),
     # Without hardware that helps, a chip out of reach repeats its last pulses until it is there again.
     ProcessFault(OUTPUT, DIED, ABSENT_S + 1.5, by_mock=True),
 )
@@ -114,11 +119,13 @@ class FaultyStack:
         self._start_s = math.nan
         self.estimates: dict[float, Navigation] = {}
         """Every state of the vehicle since the cell began, by its time: a busy tool may be late, its judgement not."""
+        self.said: list[str] = []
+        """What the terminal of the stack has shown."""
         self._tick: Callable[[Sequence[TrueState]], None] = lambda _: None
 
     def tick(self) -> None:
         """See whether the stack is up, and what the mock has written."""
-        self.stack.check()
+        self.said += self.stack.check()
         self._tick(self._read())
 
     def on_navigation(self, message: bytes) -> None:
@@ -178,6 +185,10 @@ class FaultyStack:
             with contextlib.suppress(HindraxError):  # a new sole commander is accepted once it was disarmed
                 operator.arm(arm=False, seconds=PATIENT_S)
             return
+        if who == STACK:
+            self._stall()
+            yield lambda: not operator.unobeyed and self._is_fresh()
+            return
         if who == OUTPUT:
             if what == RESTARTED:
                 open_bus(self.port, "fault").transfer(RESET)
@@ -190,11 +201,23 @@ class FaultyStack:
 
         def whole() -> bool:
             new = self.pids(who)
-            back = bool(new) and not set(new) & set(old) and not any(map(is_stopped, new))
-            state = operator.navigation
-            return back and state is not None and seconds_between(state.stamp, operator.now()) < 1.0
+            return bool(new) and not set(new) & set(old) and not any(map(is_stopped, new)) and self._is_fresh()
 
         yield whole
+
+    def _is_fresh(self) -> bool:
+        state = self.operator.navigation
+        return state is not None and seconds_between(state.stamp, self.operator.now()) < 1.0
+
+    def _stall(self) -> None:
+        """Stop every process of the stack and go on later, in the order of their making."""
+        pids = [self.stack.pid, *descendants(self.stack.pid)]
+        for number in (signal.SIGSTOP, signal.SIGCONT):
+            for pid in pids:
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(pid, number)
+            if number == signal.SIGSTOP:
+                time.sleep(STALL_S)
 
     def _false_message(self, who: str) -> object:
         from hindrax_msgs.msg import ThrusterCommand, ThrusterState  # noqa: PLC0415  # as the operator's
@@ -287,6 +310,7 @@ class _Seen:
         self._harmed_s = math.inf
         self._whole: Callable[[], bool] = lambda: False
         self._true: list[TrueState] = []
+        self._said = len(stack.said)
         self.harm = contextlib.ExitStack()
         self.lost = self._reason = ""
 
@@ -299,6 +323,7 @@ class _Seen:
             if self._true and self._true[-1].now_s - self._harmed_s > AFTER_S and self._ended():
                 raise _SeenError
         elif any(map(self._flew_long_enough, lines)):
+            self._said = len(self._stack.said)
             self._whole = self.harm.enter_context(self._stack.harmed(self._row.who, self._row.what))
             assert self._stack.last is not None
             self._stack.neutral  # noqa: B018  # reads up to now
@@ -328,9 +353,26 @@ class _Seen:
         for true in self._true[1:]:
             at = bisect_right(stamps, true.now_s)
             judge.observe(true, estimates[stamps[at - 1]] if at else None)
-        row, why = self._row, "" if self._mode == DISARMED else self._reason
-        armed = row.who in GOING_ON and self._mode != DISARMED and not why
-        return judge.cell(row.who, row.what, self._mode, seed, why, within_s=row.within_s, lost=self.lost, armed=armed)
+        maneuver = self._stack.operator.maneuver
+        aborted = maneuver.aborted if self._mode == MANEUVER and maneuver is not None else ""
+        row, why = self._row, "" if self._mode == DISARMED else self._reason or aborted
+        armed = row.who in (*GOING_ON, STACK) and self._mode != DISARMED and not why
+        said = self._stack.said[self._said :]
+        told = ("terminal",) * bool(said or why) + ("exit 1",) * bool(aborted)
+        # A process that a signal killed or stopped is named on the terminal of its stack, whatever else goes on.
+        hidden = row.what in SIGNALS and not row.by_mock and not said
+        return judge.cell(
+            row.who,
+            row.what,
+            self._mode,
+            seed,
+            why,
+            within_s=row.within_s,
+            lost=self.lost,
+            armed=armed,
+            told=told,
+            unsaid=(f"the terminal does not say that it {row.what}",) * hidden,
+        )
 
 
 TRUTH = "truth.log"
@@ -338,10 +380,13 @@ TRUTH = "truth.log"
 
 @contextlib.contextmanager
 def faulty_stack(
-    folder: Path, seed: int, *, record: bool = True, faults: tuple[str, ...] = ()
+    folder: Path, seed: int, *, record: bool = True, faults: tuple[str, ...] = (), waits: bool = True
 ) -> Iterator[FaultyStack]:
-    """A mock vehicle, its stack and its operator; all of it ends with the context."""
-    mock = MockOptions(seed=seed, rate=1.0, faults=faults, truth=str(folder / "run" / TRUTH))
+    """A mock vehicle, its stack and its operator; all of it ends with the context.
+
+    `waits`: whether the clock waits for a stack that is late, which hides what the lateness does.
+    """
+    mock = MockOptions(seed=seed, rate=1.0, faults=faults, truth=str(folder / "run" / TRUTH), waits=waits)
     settings = ("thrusters.arming_s:=1.0",)
     # Many faults are no process that dies again and again.
     with mock_stack(folder, mock, record=record, settings=settings, restarts=sys.maxsize) as stack:
@@ -364,7 +409,10 @@ def fly(rows: Sequence[ProcessFault], seed: int) -> Iterator[FaultOutcome]:
     left = [(row, mode) for mode in MODES for row in rows]
     faults = ABSENCES if any(row.by_mock for row in rows) else ()
     while left:
-        with tempfile.TemporaryDirectory() as folder, faulty_stack(Path(folder), seed, faults=faults) as stack:
+        with (
+            tempfile.TemporaryDirectory() as folder,
+            faulty_stack(Path(folder), seed, faults=faults, waits=False) as stack,
+        ):
             lost = False
             while left and not lost:
                 cell = stack.cell(*left.pop(0), seed)

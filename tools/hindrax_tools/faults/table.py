@@ -6,8 +6,10 @@ from functools import partial
 
 from hindrax_analysis.identification.executor import run_all
 from hindrax_tools.faults import device_faults, process_faults
-from hindrax_tools.faults.fault_outcome import DISARMED, MODES, FaultOutcome
+from hindrax_tools.faults.fault_outcome import DISARMED, EVERY_MODE, MODES, MOMENTS, FaultOutcome
 
+TABLES = {"": MODES, "; faults at other moments": MOMENTS}
+"""What is printed: end of the title, and the modes."""
 WHO = tuple(dict.fromkeys([row.who for row in process_faults.ROWS] + [row.who for row in device_faults.ROWS]))
 
 
@@ -17,7 +19,7 @@ def fly(only: Sequence[str], seeds: Sequence[int], workers: int | None = None) -
     together = [tuple(row for row in harmed if row.by_mock is by_mock) for by_mock in (False, True)]
     jobs = [partial(process_faults.fly, some, seed) for some in together if some for seed in seeds]
     broken = [row for row in device_faults.ROWS if row.who in only]
-    jobs += [partial(device_faults.fly, row, mode, seed) for row in broken for mode in MODES for seed in seeds]
+    jobs += [partial(device_faults.fly, row, mode, seed) for row in broken for mode in EVERY_MODE for seed in seeds]
     found: list[FaultOutcome] = []
     for number, cells in enumerate(run_all(_fly, jobs, workers=workers), start=1):
         found += cells
@@ -34,12 +36,19 @@ def _fly(job: Callable[[], Iterator[FaultOutcome]]) -> list[FaultOutcome]:
     return cells
 
 
-def rows(cells: Sequence[FaultOutcome]) -> Iterator[tuple[str, ...]]:
-    """Who, what, an entry for each mode, and what the vehicle reported: the worst of all seeds."""
+def rows(cells: Sequence[FaultOutcome], modes: Sequence[str]) -> Iterator[tuple[str, ...]]:
+    """Who, what, an entry for each of these modes, what the vehicle reported, where it is told: the worst of all seeds.
+
+    A fault that was flown in none of them has no row.
+    """
+    cells = [one for one in cells if one.mode in modes]
     for who, what in dict.fromkeys((one.who, one.what) for one in cells):
         same = [one for one in cells if (one.who, one.what) == (who, what)]
-        reasons = dict.fromkeys(one.reason.partition(": ")[0] for one in same if one.mode != DISARMED and one.reason)
-        yield who, what, *(entry([one for one in same if one.mode == mode]) for mode in MODES), "; ".join(reasons)
+        flown = [one for one in same if one.mode != DISARMED]
+        reasons = dict.fromkeys(one.reason.partition(": ")[0] for one in flown if one.reason)
+        told = dict.fromkeys(place for one in flown for place in one.told)
+        entries = (entry([one for one in same if one.mode == mode]) for mode in modes)
+        yield who, what, *entries, "; ".join(reasons), ", ".join(told)
 
 
 def entry(cells: Sequence[FaultOutcome]) -> str:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from hindrax_control.navigation.attitude_filter import AttitudeFilter, AttitudeKnobs
+from hindrax_control.navigation.depth_drift import DepthDrift
 from hindrax_control.navigation.heading_filter import HeadingFilter, HeadingKnobs
 from hindrax_control.navigation.horizontal_filter import HorizontalFilter, HorizontalKnobs
 from hindrax_control.navigation.velocity_gain import VelocityGain
@@ -63,10 +64,13 @@ class Aiding:
         self.forces_N: Sequence[float] = ()
         """Of each thruster: their currents disturb the compass."""
         self.yaw_rate_radps = 0.0
+        self.place_m = (0.0, 0.0)
+        """North and east of the start, by dead reckoning."""
         self.gain = VelocityGain()
         """Of the DVL's changes of velocity over those of the accelerometer."""
         self.sunk_off_m = 0.0
         """Way down by DVL less that by pressure and accelerometer, of the last seconds."""
+        self.drift = DepthDrift()
         self._sunk_s = -math.inf
         self._last_velocities: dict[str, tuple[Vec3, float]] = {}
         """What each DVL said last, and since when [s]."""
@@ -105,6 +109,8 @@ class Aiding:
             span_s = min(valid_s - self._sunk_s, LONGEST_SPAN_S)
             off_mps = dx * u + dy * v + dz * w - self.vertical.rate_mps
             self.sunk_off_m += span_s * (off_mps - self.sunk_off_m / REMEMBERED_S)
+            self.drift.step(off_mps, math.hypot(u, v), span_s)
+            self.drift.floor(self.vertical.floor_m, self.place_m, valid_s)
         self._sunk_s = valid_s
 
     def pressure(self, reading: Pressure, mount: SensorMount, delay_s: float) -> bool:

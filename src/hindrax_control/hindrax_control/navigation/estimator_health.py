@@ -53,6 +53,7 @@ class EstimatorHealthKnobs:
     gain_sigmas: float = knob(3.0, 1.0, 20.0, "deviations by which that distance must stand out [-]")
     rate_dps: float = knob(450.0, 10.0, 4000.0, "fastest plausible turn; the gyroscope ends at 500 [deg/s]")
     sunk_m: float = knob(0.2, 0.01, 5.0, "largest difference of the descent by DVL and by pressure, over 5 s [m]")
+    drifted_m: float = knob(0.2, 0.01, 5.0, "drift of the depth against DVL and range to the floor [m]")
     below_floor_m: float = knob(0.3, 0.01, 5.0, "depth below the floor accepted without pressure [m]")
     frozen_s: float = knob(0.2, 0.05, 60.0, "longest time for which the inertial sensor may repeat one sample [s]")
     patience_s: float = knob(0.1, 0.0, 5.0, "time for which a check must fail [s]")
@@ -68,6 +69,7 @@ REMEDIES: Mapping[str, str] = {
     "velocity": "let it rest; check the DVL (`./hindrax monitor`)",
     "gain": "check the DVL's mount and scale (`./hindrax commission`)",
     "sinking": "check pressure sensor and DVL (`./hindrax monitor`)",
+    "drift": "let it rest at the surface; check the pressure sensor (`./hindrax doctor`)",
     "floor": "bring it up; check the pressure sensor (`./hindrax doctor`)",
     "frozen": "check the inertial sensor (`./hindrax doctor`)",
     "rate": "check the inertial sensor (`./hindrax doctor`)",
@@ -145,6 +147,8 @@ class EstimatorHealth:
         yield "gain", self._wrong_gain(evidence)
         words = "DVL and pressure differ by {} m, wanted at most {} m"
         yield "sinking", above(words, abs(evidence.sunk_off_m), knobs.sunk_m, 2)
+        words = "depth by pressure is {} m off DVL and range to the floor, wanted at most {} m"
+        yield "drift", above(words, abs(evidence.drifted_off_m), knobs.drifted_m, 2)
         words = "{} m below it without pressure, wanted at most {} m"
         # Never measured at all is the guards' concern: an age of infinity here would be a false alarm at the start.
         silent_s = navigation.depth_age_s if self._has_depth and math.isfinite(navigation.depth_age_s) else 0.0

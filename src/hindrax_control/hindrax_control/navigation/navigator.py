@@ -255,7 +255,7 @@ class Navigator:
     def _reckon(self, north_m: float, east_m: float, dt: float) -> None:
         """Count one step of the way, and how far it may be off."""
         north, east = self._position
-        self._position = (north + north_m, east + east_m)
+        self._position = self._aiding.place_m = (north + north_m, east + east_m)
         self._reckoning.move(self._attitude.heading_rad, north_m, east_m, dt)
         still_s = (self._imu - self._reckoned) / NS_PER_S - dt
         if self._reckoned != LONG_AGO and still_s > dt:
@@ -357,6 +357,7 @@ class Navigator:
                 self._aiding.sunk_off_m,
                 (stamp - self._changed) / NS_PER_S,
                 *self._aiding.gain.gain,
+                self._aiding.drift.off_m,
             ),
         )
 

@@ -161,6 +161,11 @@ class VerticalFilter:
         return float(self._P[1, 1])
 
     @property
+    def floor_m(self) -> float:
+        """Depth of the floor; NaN before the first echo."""
+        return float(self._x[3, 0]) if self.has_floor else math.nan
+
+    @property
     def altitude_m(self) -> float:
         """Height above the floor; NaN before the first echo."""
         return float(self._x[3, 0] - self._x[0, 0]) if self.has_floor else math.nan

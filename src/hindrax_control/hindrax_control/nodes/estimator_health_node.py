@@ -81,6 +81,7 @@ class EstimatorHealthNode(BatchedNode):
             "refused velocities": str(found.refused_velocities),
             "velocity gain of the DVL": described(found.velocity_gain),
             "sunk off [m]": f"{found.sunk_off_m:.3f}",
+            "depth drifted [m]": f"{found.drifted_off_m:.3f}",
             "inertial sensor frozen [s]": f"{found.frozen_s:.2f}",
         }
         well = "the state is plausible"

@@ -125,7 +125,14 @@ KINDS = (
     ),
     FaultKind("gyro_offset", "40 deg/s of bias in the roll rate", on_truth=truth.gyro_offset, measuring="rates"),
     FaultKind("force_offset", "3 m/s^2 of bias to starboard", on_truth=truth.force_offset, measuring="rates"),
+    FaultKind("gyro_scaled", "rates half as large again", on_truth=truth.gyro_scaled, measuring="rates"),
+    FaultKind("gyro_turned", "rates turned by a quarter", on_truth=truth.gyro_turned, measuring="rates"),
+    FaultKind("gyro_frozen", "the rates freeze", on_truth=truth.gyro_frozen, measuring="rates"),
     FaultKind("depth_stuck", "the pressure freezes", on_truth=truth.depth_stuck, measuring="depth"),
+    FaultKind("depth_scaled", "a depth a fifth larger", on_truth=truth.depth_scaled, measuring="depth"),
+    FaultKind("depth_drifts", "1 cm/s of drift of every depth", on_world=truth.depth_drifts, measuring="depth"),
+    FaultKind("range_scaled", "ranges half as large again", on_truth=truth.range_scaled, measuring="range"),
+    FaultKind("range_frozen", "the range freezes", on_truth=truth.range_frozen, measuring="range"),
     FaultKind(
         "range_short", "an echo half a meter too near, as of a fish", on_truth=truth.range_short, measuring="range"
     ),

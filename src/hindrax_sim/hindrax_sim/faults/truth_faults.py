@@ -15,6 +15,7 @@ from hindrax_sim.world import World
 CURRENT_mps = 0.15
 """Across the pool: what a vehicle that flies along it feels most."""
 SCALE = 1.5
+TOO_DEEP, AIR_Pa = 1.2, 101_325.0
 NEAR_m, SHORT_m = 0.3, 0.5
 GYRO_OFFSET_radps: Vec3 = (math.radians(40.0), 0.0, 0.0)
 FORCE_OFFSET_mps2: Vec3 = (0.0, 3.0, 0.0)
@@ -49,6 +50,11 @@ def lock_lost(world: World, _target: str, on: bool) -> None:
 def leak(world: World, _target: str, on: bool) -> None:
     """Let water into the dry hull; at the end it dries."""
     world.water_in_hull = on
+
+
+def depth_drifts(world: World, _target: str, on: bool) -> None:
+    """Let every pressure sensor drift, as one that warms up or clogs slowly; at the end it is right again."""
+    world.pressure_drifts_since = world.stamp if on else None
 
 
 def current(world: World, _target: str, on: bool) -> None:
@@ -90,6 +96,30 @@ def depth_stuck(truth: Any, was: Any, _dt_s: float) -> Any:
     return was if isinstance(truth, Pressure) else replace(truth, water_Pa=was.water_Pa)
 
 
+def depth_scaled(truth: Any, was: Any, dt_s: float) -> Any:  # noqa: ARG001  # a fault as any other
+    """The pressure of another range of the same part: what the water adds is taken for a fifth more."""
+    if isinstance(truth, Pressure):
+        return replace(truth, pressure_Pa=AIR_Pa + TOO_DEEP * (truth.pressure_Pa - AIR_Pa))
+    return replace(truth, water_Pa=AIR_Pa + TOO_DEEP * (truth.water_Pa - AIR_Pa))
+
+
+def gyro_scaled(truth: ImuTruth, _was: ImuTruth, _dt_s: float) -> ImuTruth:
+    """Rates that are half as large again, as of another range of the gyroscope."""
+    p, q, r = (SCALE * one for one in truth.rate_radps)
+    return replace(truth, rate_radps=(p, q, r))
+
+
+def gyro_turned(truth: ImuTruth, _was: ImuTruth, _dt_s: float) -> ImuTruth:
+    """Rates by a quarter turn off about the vertical: another part than the accelerometer's, that came loose."""
+    p, q, r = truth.rate_radps
+    return replace(truth, rate_radps=(-q, p, r))
+
+
+def gyro_frozen(truth: ImuTruth, was: ImuTruth, _dt_s: float) -> ImuTruth:
+    """The gyroscope repeats its last rates, while the accelerometer goes on."""
+    return replace(truth, rate_radps=was.rate_radps)
+
+
 def gyro_offset(truth: ImuTruth, _was: ImuTruth, _dt_s: float) -> ImuTruth:
     """The offset of the gyroscope jumps, as when a solder joint gives."""
     return replace(truth, rate_radps=plus(truth.rate_radps, GYRO_OFFSET_radps))
@@ -98,6 +128,16 @@ def gyro_offset(truth: ImuTruth, _was: ImuTruth, _dt_s: float) -> ImuTruth:
 def force_offset(truth: ImuTruth, _was: ImuTruth, _dt_s: float) -> ImuTruth:
     """The offset of the accelerometer jumps: gravity seems to come from the side."""
     return replace(truth, specific_force_mps2=plus(truth.specific_force_mps2, FORCE_OFFSET_mps2))
+
+
+def range_scaled(truth: PingTruth, _was: PingTruth, _dt_s: float) -> PingTruth:
+    """The echo sounder's ranges are half as large again, as with the sound speed of another medium."""
+    return replace(truth, distance_m=None if truth.distance_m is None else SCALE * truth.distance_m)
+
+
+def range_frozen(_truth: PingTruth, was: PingTruth, _dt_s: float) -> PingTruth:
+    """The echo sounder repeats its last range, with new numbers."""
+    return was
 
 
 def range_short(truth: PingTruth, _was: PingTruth, _dt_s: float) -> PingTruth:

@@ -44,6 +44,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--vehicle", required=True)
     made.add_argument("--seed", type=int, default=1)
     made.add_argument("--rate", type=float, default=0.0)
+    made.add_argument("--no-wait", action="store_true", help="time waits for nobody who is late, and goes at --rate")
     made.add_argument("--fault", action="append", default=[])
     made.add_argument("--world", default=IDEAL)
     made.add_argument("--folder", help="where sockets and ptys lie; default a temporary folder")
@@ -82,7 +83,7 @@ def run(words: argparse.Namespace, folder: Path) -> int:
     moved_by = Plant if elsewhere is None else FollowedPlant
     built = vehicle if vehicle.hydrodynamics else replace(vehicle, hydrodynamics=Hydrodynamics((0.0,) * 6))
     hardware = Hardware(vehicle, words.seed, conditions, faults, None if elsewhere is None else built, plant=moved_by)
-    with MockVehicle(hardware, folder, rate=words.rate) as mock:
+    with MockVehicle(hardware, folder, rate=words.rate, waits=not words.no_wait) as mock:
         with (
             Path(words.truth or os.devnull).open("w", buffering=1, encoding="ascii") as log,
             contextlib.nullcontext() if words.no_ros else clock_publisher(mock, words.namespace) as node,

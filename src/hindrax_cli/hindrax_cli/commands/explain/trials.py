@@ -121,8 +121,11 @@ def faults(arguments: argparse.Namespace) -> int:
 
 
 def print_faults(title: str, table: Any, cells: Sequence[Any], violated: Sequence[str]) -> None:
-    """Print the table, and what must never be and was."""
-    print_table(title, ("who", "what"), table.MODES, table.rows(cells), ("reported",))
+    """Print the tables, and what must never be and was."""
+    for moments, modes in table.TABLES.items():
+        rows = list(table.rows(cells, modes))
+        if rows:
+            print_table(f"{title}{moments}", ("who", "what"), modes, rows, ("reported", "told"))
     for sentence in violated:
         print_fitted(f"violated: {sentence}")
 

@@ -1,0 +1,64 @@
+"""A depth that drifts is told from a DVL with a bias, from a floor that slopes, and from a mount that is askew."""
+
+import math
+
+import pytest
+
+from hindrax_control.navigation.depth_drift import REMEMBERED_S, DepthDrift
+
+SPAN_S = 0.125
+
+
+def swum(
+    drift_mps: float = 0.0, bias_mps: float = 0.0, slope: float = 0.0, speed_mps: float = 0.0, seconds: float = 60.0
+) -> DepthDrift:
+    """Swim to and fro along 4 m of floor, with a pressure that drifts, and a DVL that reads too much downward."""
+    found = DepthDrift()
+    for number in range(int(seconds / SPAN_S)):
+        now_s = number * SPAN_S
+        north_m = abs((speed_mps * now_s + 4.0) % 8.0 - 4.0)
+        found.step(bias_mps - drift_mps, speed_mps, SPAN_S)
+        found.floor(2.0 + slope * north_m + drift_mps * now_s, (north_m, 0.0), now_s)
+    return found
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("speed_mps", [0.0, 0.3])
+def test_a_drift_is_found_at_rest_and_in_motion_before_it_is_half_a_meter(sign: float, speed_mps: float) -> None:
+    assert 0.2 < sign * swum(sign * 0.01, speed_mps=speed_mps, seconds=50.0).off_m < 0.5
+
+
+@pytest.mark.parametrize(
+    "honest",
+    [
+        {"bias_mps": 0.01},
+        {"bias_mps": -0.01},
+        {"slope": 0.3, "speed_mps": 0.3},
+        {"slope": -0.3, "speed_mps": 0.3, "bias_mps": 0.002},
+        {"drift_mps": 0.002},
+    ],
+    ids=["bias", "bias upward", "slope", "slope and bias", "weather"],
+)
+def test_one_witness_alone_is_believed_no_drift(honest: dict[str, float]) -> None:
+    assert swum(**honest).off_m == pytest.approx(0.0, abs=0.06)
+
+
+def test_a_slope_with_a_dvl_askew_is_no_more_than_a_place_is_long() -> None:
+    """The way that a mount turns into the vertical grows for ever; the floor comes back."""
+    assert abs(swum(bias_mps=0.02, slope=0.1, speed_mps=0.5, seconds=300.0).off_m) <= 0.1
+
+
+def test_a_place_is_forgotten_when_dead_reckoning_may_have_left_it() -> None:
+    found = swum(0.01, seconds=REMEMBERED_S)
+    assert found.off_m > 1.0
+    for later_s in (0.5, 1.0):
+        found.floor(2.0 + 0.01 * (REMEMBERED_S + later_s), (0.0, 0.0), REMEMBERED_S + later_s)
+    assert found.off_m < 0.1
+
+
+def test_what_is_unknown_changes_nothing() -> None:
+    found = swum(0.01)
+    known_m = found.off_m
+    found.floor(math.nan, (0.0, 0.0), 61.0)
+    found.floor(9.0, (math.nan, 0.0), 61.0)
+    assert found.off_m == known_m > 0.2
