@@ -1,10 +1,14 @@
 """A few of the draws of commissioning: every kind of fault once, found and named, and no vehicle tilted too far."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from hindrax_control.commissioning.findings import MEASURED, PROVEN
+from hindrax_sim.conditions.world_table import POOL
 from hindrax_sim.faults.fault_registry import FaultSpec
+from hindrax_sim.flights.commissioning_flight import fly_commissioning
 from hindrax_tools.commissioning_draws import (
     ALWAYS_S,
     VEHICLES,
@@ -44,10 +48,15 @@ def test_the_fault_is_named(vehicle: str, faults: tuple[str, ...], seed: int) ->
     assert judged.tilt_deg < MOST_TILT_deg
 
 
-def test_nothing_is_found_where_nothing_is_wrong() -> None:
-    judged = judge(Draw("lbv", "none", (), 8))
-    assert judged.named
-    assert judged.said == "nothing wrong; "
+def test_nothing_is_found_where_nothing_is_wrong_and_every_sensor_of_a_kind_is_judged() -> None:
+    vehicle = vehicle_of("lbv")
+    second = {f"second_{name}": vehicle.sensors[name] for name in ("ms5837", "icm20948")}
+    flight = fly_commissioning(replace(vehicle, sensors={**vehicle.sensors, **second}), 8, POOL)
+    assert not flight.findings.ended
+    assert {row.verdict for row in flight.findings.rows} == {PROVEN, MEASURED}
+    claims = [row.claim for row in flight.findings.rows]
+    assert {"second_ms5837 zero", "second_ms5837 direction", "second_icm20948 magnetometer"} <= set(claims)
+    assert claims.count("net buoyancy") == 1
 
 
 def test_draws_cover_every_vehicle_and_kind() -> None:

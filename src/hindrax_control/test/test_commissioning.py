@@ -20,7 +20,8 @@ from hindrax_control.maneuver.pulses import CALM_PATIENCE_s, PulseManeuver, beli
 from hindrax_control.pilot import Pilot
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import Stamped, stamp_from_s
-from hindrax_core.readings import BottomVelocity, Echo, Reading
+from hindrax_core.hydrostatics import GRAVITY_mps2
+from hindrax_core.readings import BottomVelocity, Echo, Pressure, Reading
 from hindrax_core.sensor_table import Capability
 from hindrax_core.signals import Navigation
 from hindrax_core.text.refusals import Reason, found
@@ -280,3 +281,18 @@ def test_a_second_sensor_of_a_quantity_is_judged_by_its_own_readings(kind: Capab
     work.rest(stamp_from_s(0.0), stamp_from_s(2.0))
     verdicts = {row.claim: row.verdict for row in work.finalize().rows}
     assert [verdicts[f"{name} mount"] for name in (first, "second", "silent")] == [OPEN, OPEN, WRONG]
+
+
+def test_a_second_depth_is_judged_by_its_own_readings() -> None:
+    (first,) = HINDRAX.measuring("depth")
+    vehicle = replace(
+        HINDRAX, sensors={**HINDRAX.sensors, **dict.fromkeys(("second", "silent"), HINDRAX.sensors[first])}
+    )
+    work, water = Commissioning(vehicle), vehicle.water
+    for at in range(20):
+        for source, depth_m in ((first, 0.2), ("second", 1.2)):
+            pressure_Pa = water.surface_pressure_Pa + depth_m * water.density_kgpm3 * GRAVITY_mps2
+            work.on_reading(source, Stamped(stamp_from_s(0.1 * at), Pressure(pressure_Pa, 20.0)))
+    work.rest(stamp_from_s(0.0), stamp_from_s(2.0))
+    verdicts = {row.claim: row.verdict for row in work.finalize().rows}
+    assert (verdicts[f"{first} zero"], verdicts["second zero"], verdicts["silent depth"]) == (PROVEN, WRONG, OPEN)

@@ -30,7 +30,7 @@ from hindrax_drivers.nodes.deadman import (
     NeutralWriter,
     WatchedProcess,
 )
-from hindrax_drivers.nodes.thruster_settings import KEEPALIVE_S, Settings, read_settings
+from hindrax_drivers.nodes.thruster_settings import ENDED, KEEPALIVE_S, Settings, read_settings
 from hindrax_drivers.nodes.thrusters import ARGUMENTS, NEUTRAL_WORD, NODE_WORD
 from hindrax_drivers.output.output_guard import OutputGuardKnobs
 from hindrax_drivers.output.output_thread import BEAT_S
@@ -111,6 +111,10 @@ def man(monkeypatch: pytest.MonkeyPatch) -> Iterator[DeadMan]:
         signal.signal(number, handler)
 
 
+ENDS: list[str] = []
+"""What each child of `run` was told of the end of the one before."""
+
+
 def run(man: DeadMan, monkeypatch: pytest.MonkeyPatch, *children: Child) -> tuple[int, list[float]]:
     """Exit code, and how long it waited before each next child."""
     waits: list[float] = []
@@ -120,7 +124,12 @@ def run(man: DeadMan, monkeypatch: pytest.MonkeyPatch, *children: Child) -> tupl
         waits.append(seconds)
         return True
 
-    monkeypatch.setattr(WatchedProcess, "start", lambda _arguments: next(left))
+    def start(_arguments: object, ended: str) -> Child:
+        ENDS.append(ended)
+        return next(left)
+
+    ENDS.clear()
+    monkeypatch.setattr(WatchedProcess, "start", start)
     monkeypatch.setattr(DeadMan, "_wait", wait)
     return man.run(), waits
 
@@ -132,6 +141,7 @@ def test_however_often_the_node_crashes_it_is_started_again_ever_later(
     first = "thrusters: the node ended with 1; neutral is on the wire, it restarts in 0.5 s"
     assert capsys.readouterr().err.splitlines()[0] == first
     assert (code, waits) == (0, [*BACK_OFF_S[1:], *[BACK_OFF_S[-1]] * 4])
+    assert ["", *["the node ended with 1"] * 8] == ENDS
 
 
 def test_a_node_that_was_well_for_long_is_started_at_once(man: DeadMan, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -413,7 +423,7 @@ def test_a_child_starts_in_a_session_of_its_own_with_both_pipes_and_another_hear
 
     monkeypatch.setattr(subprocess, "Popen", popen)
     monkeypatch.setenv(VARIABLE, "/run/beat")
-    child = WatchedProcess.start(["--more"])
+    child = WatchedProcess.start(["--more"], "the node ended with -9")
     beat, life_end = started["pass_fds"]
     assert started["words"][1:] == [
         "-m",
@@ -425,6 +435,7 @@ def test_a_child_starts_in_a_session_of_its_own_with_both_pipes_and_another_hear
     ]
     assert started["start_new_session"]
     assert started["env"][VARIABLE] == "/run/beat_node"
+    assert started["env"][ENDED] == "the node ended with -9"
     assert not os.get_blocking(child.beats)
     assert not os.get_blocking(child.life)
     assert child.listen(NOW)
@@ -498,7 +509,7 @@ def test_who_is_asked_to_end_between_two_nodes_ends_with_neutral(man: DeadMan, m
         man._ask(signal.SIGTERM, None)
         return False
 
-    monkeypatch.setattr(WatchedProcess, "start", lambda _arguments: Child(1))
+    monkeypatch.setattr(WatchedProcess, "start", lambda _arguments, _ended: Child(1))
     monkeypatch.setattr(man, "_wait", wait)
     assert man.run() == 0
     assert neutral.writes > before[0]

@@ -29,7 +29,7 @@ from hindrax_core.text.refusals import Reason, Refusal
 from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
 from hindrax_drivers.lifecycle import ON_REQUEST, State
 from hindrax_drivers.nodes import thrusters_node
-from hindrax_drivers.nodes.thruster_settings import Settings, read_settings
+from hindrax_drivers.nodes.thruster_settings import ENDED, Settings, read_settings
 from hindrax_drivers.nodes.thrusters_node import LOOK_S, ThrustersNode, watch_parent
 from hindrax_drivers.output.output_guard import (
     UNOBEYED,
@@ -192,6 +192,13 @@ def test_the_output_is_opened_with_the_rest_of_the_guard_whose_knobs_are_paramet
     bench.thread.make()
     words = (VEHICLE, "/dev/i2c-1", "mock:clock", bench.node.tap.add, "thrusters")
     assert opened == [(words, {"neutral": neutral, "riders": []})]
+
+
+def test_a_node_that_was_started_again_says_how_the_one_before_it_ended(
+    make: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(ENDED, "the node ended with -9")
+    assert make().thread.guard.begun == "not armed since the node ended with -9 and was started again"
 
 
 def test_parameters_are_fixed_at_start(make: Make) -> None:

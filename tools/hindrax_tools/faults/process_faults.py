@@ -52,6 +52,7 @@ NODE = "thrusters_node"
 OUTPUT = "pca9685"
 STACK = "whole stack"
 DIED, FROZEN, IMPERSONATED, RESTARTED, STALLED = "died", "frozen", "impersonated", "restarted", "stalled for 6 s"
+ENDED = "the node ended"
 STALL_S = 6.0
 """Longer than the lease of the middleware, 4 s: every participant has forgotten every other."""
 SIGNALS = {DIED: signal.SIGKILL, FROZEN: signal.SIGSTOP}
@@ -359,8 +360,8 @@ class _Seen:
         armed = row.who in (*GOING_ON, STACK) and self._mode != DISARMED and not why
         said = self._stack.said[self._said :]
         told = ("terminal",) * bool(said or why) + ("exit 1",) * bool(aborted)
-        # A process that a signal killed or stopped is named on the terminal of its stack, whatever else goes on.
-        hidden = row.what in SIGNALS and not row.by_mock and not said
+        # A process that a signal killed or stopped is named on the terminal of its stack, or by the output itself.
+        hidden = row.what in SIGNALS and not row.by_mock and not said and ENDED not in self._reason
         return judge.cell(
             row.who,
             row.what,

@@ -124,7 +124,7 @@ class Commissioning:
 
     def _sunk_m(self, now_s: float) -> float:
         """How much deeper it is than at rest; 0 where nothing shows it."""
-        water, pressure = self.vehicle.water, self.recording.pressure
+        water, pressure = self.vehicle.water, self.recording.first_pressure
         _, before = pressure.between(self._rest.begin_s, self._rest.end_s) if self._rest else (0, np.zeros((0, 1)))
         _, after = pressure.between(now_s - 1.0, now_s + 1.0)
         if not (len(before) and len(after)):

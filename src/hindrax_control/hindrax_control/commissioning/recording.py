@@ -46,12 +46,12 @@ class Recording:
 
     inertial: Series = field(default_factory=Series)
     """Specific force [m/s^2] and rate [rad/s]."""
-    magnetic: Series = field(default_factory=Series)
-    """Field [T]."""
+    magnetic: dict[str, Series] = field(default_factory=lambda: defaultdict(Series))
+    """By sensor: field [T]."""
     velocity: dict[str, Series] = field(default_factory=lambda: defaultdict(Series))
     """By sensor: velocity over ground [m/s]; NaN without lock."""
-    pressure: Series = field(default_factory=Series)
-    """Absolute pressure [Pa]."""
+    pressure: dict[str, Series] = field(default_factory=lambda: defaultdict(Series))
+    """By sensor: absolute pressure [Pa]."""
     echo: dict[str, Series] = field(default_factory=lambda: defaultdict(Series))
     """By sensor: range [m]."""
     battery: Series = field(default_factory=Series)
@@ -66,17 +66,22 @@ class Recording:
             case Inertial() as one:
                 self.inertial.add(source, stamp, (*one.specific_force_mps2, *one.rate_radps))
             case Magnetic() as one:
-                self.magnetic.add(source, stamp, one.field_T)
+                self.magnetic[source].add(source, stamp, one.field_T)
             case BottomVelocity() as one:
                 self.velocity[source].add(source, stamp, one.velocity_mps or (math.nan,) * 3)
             case Pressure() as one:
-                self.pressure.add(source, stamp, (one.pressure_Pa,))
+                self.pressure[source].add(source, stamp, (one.pressure_Pa,))
             case Echo() as one:
                 self.echo[source].add(source, stamp, (one.range_m,))
             case Battery() as one:
                 self.battery.add(source, stamp, (one.voltage_V, one.current_A))
             case _:
                 pass
+
+    @property
+    def first_pressure(self) -> Series:
+        """Pressure of the sensor that sent first, by which the depth of what else is judged is taken."""
+        return next(iter(self.pressure.values()), Series())
 
     def on_forces(self, stamp: Stamp, forces_N: Sequence[float]) -> None:
         """Keep what the thrusters give from this stamp on."""

@@ -168,8 +168,8 @@ def _dive(evidence: Evidence) -> Window | None:
     return evidence.windows[best] if heave[best] > 0.05 else None
 
 
-def _depths_m(evidence: Evidence, window: Window) -> tuple[Matrix, Matrix]:
-    times_s, rows = evidence.recording.pressure.between(window.begin_s, window.end_s)
+def _depths_m(evidence: Evidence, window: Window, series: Series) -> tuple[Matrix, Matrix]:
+    times_s, rows = series.between(window.begin_s, window.end_s)
     return times_s, _depth_m(evidence, rows[:, 0])
 
 
@@ -180,8 +180,8 @@ def _depth_m(evidence: Evidence, pressure_Pa: Matrix) -> Matrix:
 
 def _depth(evidence: Evidence) -> Iterator[Finding]:
     for source in evidence.vehicle.measuring("depth"):
-        series, vehicle = evidence.recording.pressure, evidence.vehicle
-        values = _seen(series, evidence.rest) if series.source == source else np.zeros((0, 1))
+        series, vehicle = evidence.recording.pressure[source], evidence.vehicle
+        values = _seen(series, evidence.rest)
         if not len(values):
             yield Finding(f"{source} depth", OPEN, "", "sends nothing", remedy="`./hindrax doctor`")
             continue
@@ -209,7 +209,7 @@ def _dive_claims(evidence: Evidence, source: str) -> Iterator[Finding]:
     if window is None:
         yield Finding(claim, OPEN, claimed, "the vehicle was not dived")
         return
-    times_s, depths_m = _depths_m(evidence, window)
+    times_s, depths_m = _depths_m(evidence, window, evidence.recording.pressure[source])
     if len(times_s) < 10:
         yield Finding(claim, OPEN, claimed, "no pressure in the dive")
         return
@@ -222,7 +222,8 @@ def _dive_claims(evidence: Evidence, source: str) -> Iterator[Finding]:
         yield Finding(claim, PROVEN, claimed, f"follows the dive over {span_m:.2f} m", follows)
     else:
         yield Finding(claim, WRONG, claimed, "rises when it is pushed down", follows, "check sensor and driver")
-    yield Finding("net buoyancy", MEASURED, f"{evidence.vehicle.net_buoyancy_N:+.1f} N", f"{net_N:+.1f} N, roughly")
+    if source == evidence.recording.first_pressure.source:
+        yield Finding("net buoyancy", MEASURED, f"{evidence.vehicle.net_buoyancy_N:+.1f} N", f"{net_N:+.1f} N, roughly")
 
 
 def _dive_fit(evidence: Evidence, times_s: Matrix, depths_m: Matrix, window: Window) -> tuple[float, float, float]:
@@ -286,7 +287,7 @@ def _echoes(evidence: Evidence, source: str, window: Window, beam: Matrix | None
     Along the vertical where `beam` (3,) is given, the axis of the sonar in the body.
     """
     times_s, rows = evidence.recording.echo[source].between(window.begin_s, window.end_s)
-    pressure_s, depths_m = _depths_m(evidence, window)
+    pressure_s, depths_m = _depths_m(evidence, window, evidence.recording.first_pressure)
     if len(times_s) < 10 or len(pressure_s) < 10:
         return np.zeros(0), np.zeros(0)
     ranges_m = _without_spikes(rows)[:, 0]
@@ -311,7 +312,7 @@ def _magnetic(evidence: Evidence) -> Iterator[Finding]:
     """Whether the field turns in the magnetometer as the gyroscope turns."""
     for source in evidence.vehicle.measuring("field"):
         claim, claimed = f"{source} magnetometer", "turns with the gyroscope"
-        if not evidence.moved or evidence.recording.magnetic.source != source:
+        if not evidence.moved or not evidence.recording.magnetic[source].times_s:
             yield Finding(claim, OPEN, claimed, "the vehicle was not turned, or it sends nothing")
             continue
         off = np.zeros(2)
@@ -333,7 +334,7 @@ def _magnetic(evidence: Evidence) -> Iterator[Finding]:
 
 def _field_errors(evidence: Evidence, source: str, window: Window) -> Matrix:
     """Squared changes of the field that the gyroscope does not explain, and all of them."""
-    times_s, rows = evidence.recording.magnetic.between(window.begin_s, window.end_s)
+    times_s, rows = evidence.recording.magnetic[source].between(window.begin_s, window.end_s)
     gyro_s, gyro = evidence.rates(window)
     if len(times_s) < 10 or len(gyro_s) < 20:
         return np.zeros(2)

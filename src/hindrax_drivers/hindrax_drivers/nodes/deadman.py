@@ -35,6 +35,7 @@ from hindrax_drivers.nodes.thruster_settings import (
     ARMED_WORD,
     BEAT_WORD,
     DISARMED_WORD,
+    ENDED,
     KEEPALIVE_S,
     STOP_WORD,
     Settings,
@@ -161,8 +162,8 @@ class WatchedProcess:
     """Whether its last beat said so."""
 
     @classmethod
-    def start(cls, arguments: Sequence[str]) -> "WatchedProcess":
-        """Start the node in its own session."""
+    def start(cls, arguments: Sequence[str], ended: str) -> "WatchedProcess":
+        """Start the node in its own session; `ended`: how the one before it did, empty for the first."""
         beats, beat = os.pipe()
         life_end, life = os.pipe()
         words = [sys.executable, "-m", "hindrax_drivers.nodes.thrusters", NODE_WORD, str(beat), str(life_end)]
@@ -171,7 +172,7 @@ class WatchedProcess:
             pass_fds=(beat, life_end),
             start_new_session=True,
             stdin=subprocess.DEVNULL,
-            env={**os.environ, VARIABLE: _of_the_node(os.environ.get(VARIABLE, ""))},
+            env={**os.environ, VARIABLE: _of_the_node(os.environ.get(VARIABLE, "")), ENDED: ended},
         )
         os.close(beat)
         os.close(life_end)
@@ -234,10 +235,10 @@ class DeadMan:
 
     def run(self) -> int:
         """Neutral, child, neutral, until the end; returns the exit code: 0 only when neutral was written last."""
-        failures = 0
+        failures, ended = 0, ""
         self._neutral.write()
         while True:
-            child = WatchedProcess.start(self._arguments)
+            child = WatchedProcess.start(self._arguments, ended)
             code = self._watch(child)
             self._neutral.write()
             self._see_disarmed()
@@ -246,7 +247,8 @@ class DeadMan:
                 break
             failures = 0 if time.monotonic() - child.started_s > WELL_AFTER_S else failures + 1
             wait_s = BACK_OFF_S[min(failures, len(BACK_OFF_S) - 1)]
-            report(f"the node ended with {code}; neutral is on the wire, it restarts in {wait_s:g} s")
+            ended = f"the node ended with {code}"
+            report(f"{ended}; neutral is on the wire, it restarts in {wait_s:g} s")
             if not self._wait(wait_s):
                 break
         self._neutral.write()

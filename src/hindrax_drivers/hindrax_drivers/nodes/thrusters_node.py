@@ -15,7 +15,7 @@ import threading
 import time
 from collections.abc import Iterable, Sequence
 from concurrent.futures import TimeoutError as NoAnswerError
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rclpy.node import Node
 
@@ -33,6 +33,7 @@ from hindrax_drivers.nodes.thruster_settings import (
     ARMED_WORD,
     BEAT_WORD,
     DISARMED_WORD,
+    ENDED,
     KEEPALIVE_S,
     STOP_WORD,
     OutputAlone,
@@ -81,7 +82,9 @@ class ThrustersNode(DeviceNode):
             text(self, name, value, meaning)
         if settings.alone:
             knobs(self, OutputAlone)
-        self._guard = guard_of(settings.vehicle, knobs(self, OutputGuardKnobs, fixed={"": SAFETY}))
+        guard = guard_of(settings.vehicle, knobs(self, OutputGuardKnobs, fixed={"": SAFETY}))
+        ended = os.environ.get(ENDED, "")
+        self._guard = replace(guard, begun=f"not armed since {ended} and was started again") if ended else guard
         self._riders: list[Rider] = []
         self._phase = self._reason = ""
         self._confirms = False

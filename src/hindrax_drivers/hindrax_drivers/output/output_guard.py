@@ -202,6 +202,8 @@ class OutputGuard:
     knobs: OutputGuardKnobs = OutputGuardKnobs()
     fresh_number: Callable[[], int] = lambda: 100_000 + secrets.randbelow(900_000)
     """Number for a challenge: six digits that nobody guesses, and none in use before."""
+    begun: str = "not armed since start"
+    """Why it is disarmed at first."""
 
     @property
     def neutral(self) -> Pulses:
@@ -210,7 +212,7 @@ class OutputGuard:
 
     def start(self, now: Stamp) -> OutputGuardState:
         """Disarmed, with neutral due at once."""
-        return OutputGuardState(ArmingPhase.DISARMED, "not armed since start", now, now, self.neutral)
+        return OutputGuardState(ArmingPhase.DISARMED, self.begun, now, now, self.neutral)
 
     def command(
         self, state: OutputGuardState, command: Command, now: Stamp
