@@ -133,6 +133,18 @@ class Attitude:
 
 
 @dataclass(frozen=True, slots=True)
+class Way:
+    """Distance covered along the body axes, forward, to starboard and down [m], from any origin; NaN where unknown.
+
+    Of what measures a place and no velocity: a sonar that looks at a wall, a pose. The fit takes it as it is, since
+    the difference of two places divides their noise by the time between them.
+    """
+
+    way_m: Vec3
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
 class Thrust:
     """The wrench that the applied pulses achieve, from this stamp until the next (before thruster lag) [N, Nm].
 
@@ -160,7 +172,7 @@ class Phase:
     phase: str
 
 
-IdentEvent: TypeAlias = Velocity | Attitude | Thrust | Phase
+IdentEvent: TypeAlias = Velocity | Attitude | Way | Thrust | Phase
 
 
 @dataclass(frozen=True, slots=True)

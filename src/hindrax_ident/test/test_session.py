@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hindrax_core.events import Stamped, after, stamp_from_s
-from hindrax_core.signals import Attitude, Estimate, Phase, Thrust, Velocity
+from hindrax_core.signals import Attitude, Estimate, IdentEvent, Phase, Thrust, Velocity
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array
 from hindrax_ident.assess.results import truth_of, with_truth
@@ -43,7 +43,7 @@ def received(vehicle: Vehicle, axis: int, seed: int = 1, end_s: float = 80.0, **
 
 def run(
     vehicle: Vehicle,
-    inputs: list[Stamped[Phase | Velocity | Attitude | Thrust]],
+    inputs: list[Stamped[IdentEvent]],
     tuning: Tuning | None = None,
 ) -> tuple[Session, list[Stamped[Estimate]]]:
     session = Session(vehicle, tuning)

@@ -205,7 +205,7 @@ def _identify(
         results = with_truth(outcome.results, truths[0]) if same else outcome.results
         return _with_axes_only(Identified(outcome, results, mock), axes)
     recordings = [source.recording.between(span.from_s, span.to_s) for source in sources if source.recording]
-    if not any(len(one.velocity_t) or len(one.attitude_t) for one in recordings):
+    if not any(one.measured_t for one in recordings):
         lasts = max(source.recording.end_s for source in sources if source.recording)
         raise UsageError(
             f"nothing was measured from {span.from_s:g} s to {span.to_s:g} s: the record lasts {lasts:.4g} s"

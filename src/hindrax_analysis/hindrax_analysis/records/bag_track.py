@@ -172,6 +172,22 @@ def _means(t: Array, values: Array, starts: list[int]) -> Array:
     return array(np.diff(sums[starts], axis=0) / np.diff(t[starts])[:, None])
 
 
+def ways_from_poses(positions: Array, quaternions: Array) -> Array:
+    """Distances covered along the body axes, (n, 3) [m], from positions (n, 3) and attitudes (n, 4).
+
+        s_k = s_{k-1} + R_k' (p_k - p_{k-1}),  R_k the attitude halfway between the two
+
+    At one heading this is the position along it, and its noise that of the positions: nothing is divided by the time
+    between them, as in `velocities_from_poses`, and one position that is off moves no other.
+    """
+    halfway = (
+        quaternions[1:]
+        + np.where(np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0, -1.0, 1.0)[:, None] * quaternions[:-1]
+    )
+    steps = Rotation.from_quat(halfway).inv().apply(np.diff(positions, axis=0))
+    return array(np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)]))
+
+
 def velocities_from_poses(t_s: Array, positions: Array, quaternions: Array) -> tuple[Array, Array]:
     """Times (m,) [s] and velocities (m, 6) [m/s, rad/s] in body axes from positions (n, 3) and attitudes (n, 4)."""
     number = np.floor((t_s - t_s[0]) / max(BIN_S, float(np.median(np.diff(t_s))))).astype(int)

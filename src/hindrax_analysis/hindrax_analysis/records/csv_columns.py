@@ -27,6 +27,9 @@ COLUMNS: dict[str, str] = {
     "roll": "angle [rad]",
     "pitch": "angle [rad]",
     "depth": "below the surface [m]; used for heave without w",
+    "px": "position along a level axis, such as north [m]; with py and yaw: surge without u, sway without v",
+    "py": "position to the right of px, seen from above [m]",
+    "yaw": "heading from px, clockwise from above [rad]",
 }
 """Columns of a CSV record, in SNAME axes. Time, one velocity and the force on the same axis are needed."""
 
@@ -48,7 +51,8 @@ UNITS: dict[str, dict[str, float]] = {
     **dict.fromkeys("KMN", _MOMENT),
     "roll": _ANGLE,
     "pitch": _ANGLE,
-    "depth": _LENGTH,
+    **dict.fromkeys(("depth", "px", "py"), _LENGTH),
+    "yaw": _ANGLE,
     "t_ns": {},
 }
 """SI factor of each unit that a column may have."""
@@ -83,6 +87,8 @@ def _names() -> Iterator[tuple[str, str]]:
     """Names in use, in lower case, and the column of each."""
     yield from ((name, "t") for name in ("time", "timestamp", "time_stamp", "stamp", "header_stamp", "elapsed"))
     yield from (("phi", "roll"), ("theta", "pitch"), ("roll", "roll"), ("pitch", "pitch"), ("depth", "depth"))
+    yield from (("psi", "yaw"), ("heading", "yaw"), ("north", "px"), ("east", "py"))
+    yield from ((name, f"p{axis}") for axis in "xy" for name in _pairs(axis, ("pos", "position")))
     for axis, word, speed, force in zip("xyz", ("surge", "sway", "heave"), "uvw", "XYZ", strict=True):
         speeds = [word, *_pairs(word, ("velocity", "vel", "speed")), f"v{axis}", f"linear_{axis}"]
         yield from ((name, speed) for name in (*speeds, *_pairs(axis, ("v", "vel", "velocity"))))
@@ -103,6 +109,7 @@ NANOSECONDS = "t_ns"
 """The nanoseconds of a stamp in two columns."""
 NAMES: dict[str, str] = dict(_names())
 _ENDINGS = {
+    **{f"_position_{axis}": f"p{axis}" for axis in "xy"},
     **{f"_{field}": NAMES[field] for field in map("_".join, product(("linear", "angular", "force", "torque"), "xyz"))},
     **{f"stamp_{seconds}": "t" for seconds in ("sec", "secs")},
     **{f"stamp_{rest}": NANOSECONDS for rest in ("nanosec", "nsecs")},

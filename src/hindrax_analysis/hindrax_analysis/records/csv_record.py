@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from hindrax_analysis.records.bag_track import ways_from_poses
 from hindrax_analysis.records.csv_columns import (
     Meaning,
     Row,
@@ -18,7 +19,7 @@ from hindrax_analysis.records.csv_columns import (
     rows_of,
     time_of,
 )
-from hindrax_analysis.records.recording import Recording, are_parts, joined
+from hindrax_analysis.records.recording import NO_TIMES, NO_WAYS, Recording, are_parts, joined
 from hindrax_core.errors import HindraxError
 from hindrax_core.signals import NAN
 from hindrax_ident.arrays import Array, array
@@ -30,6 +31,8 @@ UNIX_SCALES = ((1e17, 1e-9, "ns"), (1e14, 1e-6, "us"), (1e11, 1e-3, "ms"))
 REAL_FORCES = "forces are those achieved by the thrusters, about the center of mass"
 
 
+PLACE = {"px", "py", "yaw"}
+"""Columns that show the way along surge and sway."""
 FEWEST_ROWS, MOST_RECORDS = 20, 50
 """Shorter or more numerous than this, pieces between steps back are no records but lines out of order."""
 STEP_BACK_s, STEP_BACK_PERIODS = 1.0, 20.0
@@ -65,7 +68,7 @@ def read_records(text: str, source: str, frame: str = "", *, part: bool = False)
             columns["t"], by_size = array(factor * columns["t"]), f"times are in {unit} since 1970, by their size"
     pieces = _pieces(columns["t"])
     parts = [_recording(source, {name: array(values[piece]) for name, values in columns.items()}) for piece in pieces]
-    recordings = _together([one for one in parts if len(one.velocity_t) or len(one.wrench_t) or len(one.attitude_t)])
+    recordings = _together([one for one in parts if one.measured_t or len(one.wrench_t)])
     axes = "x forward, y left, z up, as named" if frame == "flu" else "SNAME: x forward, y starboard, z down"
     back = f"time steps back {len(recordings) - 1} times: {len(recordings)} records" if len(recordings) > 1 else ""
     assumptions = tuple(one for one in (by_size, f"axes are {axes}", REAL_FORCES, back) if one)
@@ -131,7 +134,8 @@ def _meanings(header: list[str], source: str, *, part: bool) -> dict[int, Meanin
     if twice:
         raise HindraxError(f"{source}: columns {' and '.join(twice)} mean the same, wanted one; remove the other")
     pairs = [(speed, force) for speed, force in zip("uvwpqr", "XYZKMN", strict=True) if force in names]
-    usable = [force for speed, force in pairs if speed in names or (speed == "w" and "depth" in names)]
+    others = {"w": {"depth"}, "u": PLACE, "v": PLACE}
+    usable = [force for speed, force in pairs if {speed} <= set(names) or others.get(speed, {""}) <= set(names)]
     if "t" not in names or not (usable or (part and len(names) > 1)):
         raise HindraxError(
             f"{source}: found the columns {', '.join(header)}; wanted t and at least one pair of velocity and force "
@@ -204,4 +208,16 @@ def _recording(source: str, columns: dict[str, Array]) -> Recording:
         table = np.stack([columns.get(name, empty) for name in names], axis=1)
         known = np.isfinite(table).any(axis=1)
         parts.append((array(t[known] - origin), array(table[known])))
-    return Recording(source, *parts[0], *parts[1], *parts[2], origin)
+    return Recording(source, *parts[0], *parts[1], *parts[2], origin, (), *_ways(columns, origin))
+
+
+def _ways(columns: dict[str, Array], origin: float) -> tuple[Array, Array]:
+    """Times (n,) [s] and ways (n, 3) [m] along the axes whose velocity the file does not have."""
+    if not set(columns) >= PLACE:
+        return NO_TIMES, NO_WAYS
+    x, y, half = columns["px"], columns["py"], 0.5 * columns["yaw"]
+    known, none = np.isfinite(x + y + half), np.zeros_like(x)
+    attitudes = np.column_stack([none, none, np.sin(half), np.cos(half)])
+    ways = ways_from_poses(array(np.column_stack([x, y, none])[known]), array(attitudes[known]))
+    measured = [speed in columns for speed in "uv"]
+    return array(columns["t"][known] - origin), array(np.where([*measured, True], NAN, ways))

@@ -7,14 +7,14 @@ it into stretches. The session's verdict covers what the record cannot show.
 import functools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from hindrax_control.allocation.thrust_curve import AppliedWrench, pulses_of_channels
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamped, stamp_from_s
-from hindrax_core.signals import NAN, Attitude, IdentEvent, Phase, Thrust, Velocity
+from hindrax_core.signals import NAN, Attitude, IdentEvent, Phase, Thrust, Velocity, Way
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array, Flags, array
 from hindrax_ident.model.motion_model import motions_of
@@ -23,6 +23,9 @@ from hindrax_ident.tuning import Tuning, for_foreign_records
 
 FEWEST = 20
 """Fewest velocity samples of an axis."""
+NO_TIMES, NO_WAYS = array(np.zeros(0)), array(np.zeros((0, 3)))
+DERIVED = "odometry"
+"""Source of velocities that were derived from places: those give the motion along their axes (`binning.NAVIGATORS`)."""
 LEAST_RELATIVE = 1e-6
 """Change below which it is rounding, of the largest value on any axis of the kind."""
 
@@ -37,7 +40,9 @@ class Recording:
     """One record: times [s] from its own origin, SNAME axes, SI; NaN where a row has no value of an axis.
 
     `velocity` is (n, 6) at `velocity_t` (n,), `wrench` (m, 6) at `wrench_t` (m,) and holds until its next row;
-    `attitude` is (k, 3) at `attitude_t` (k,): roll, pitch, depth. `origin_s` is what the times count from.
+    `attitude` is (k, 3) at `attitude_t` (k,): roll, pitch, depth. `way` is (l, 3) at `way_t` (l,): distances covered
+    forward, to starboard and down, which stand for the velocities of their axes. `origin_s` is what the times count
+    from.
     """
 
     source: str
@@ -49,6 +54,13 @@ class Recording:
     attitude: Array
     origin_s: float = 0.0
     assumptions: tuple[str, ...] = ()
+    way_t: Array = field(default_factory=lambda: NO_TIMES)
+    way: Array = field(default_factory=lambda: NO_WAYS)
+
+    @property
+    def measured_t(self) -> list[Array]:
+        """Times of what was measured, of each kind that has any."""
+        return [t for t in (self.velocity_t, self.attitude_t, self.way_t) if len(t)]
 
     @property
     def duration_s(self) -> float:
@@ -58,16 +70,16 @@ class Recording:
     @property
     def begin_s(self) -> float:
         """Time of the first measurement."""
-        return min((float(t[0]) for t in (self.velocity_t, self.attitude_t) if len(t)), default=0.0)
+        return min((float(t[0]) for t in self.measured_t), default=0.0)
 
     @property
     def end_s(self) -> float:
         """Time of the last measurement."""
-        return max((float(t[-1]) for t in (self.velocity_t, self.attitude_t) if len(t)), default=0.0)
+        return max((float(t[-1]) for t in self.measured_t), default=0.0)
 
     def between(self, start_s: float, end_s: float) -> "Recording":
         """Part of a record, with the force at its start."""
-        v, a = ((t >= start_s) & (t <= end_s) for t in (self.velocity_t, self.attitude_t))
+        v, a, p = ((t >= start_s) & (t <= end_s) for t in (self.velocity_t, self.attitude_t, self.way_t))
         first = max(0, int(np.searchsorted(self.wrench_t, start_s, side="right")) - 1)
         w = slice(first, int(np.searchsorted(self.wrench_t, end_s, side="right")))
         return replace(
@@ -78,18 +90,20 @@ class Recording:
             wrench=self.wrench[w],
             attitude_t=self.attitude_t[a],
             attitude=self.attitude[a],
+            way_t=self.way_t[p],
+            way=self.way[p],
         )
 
     def half_turned(self) -> "Recording":
         """The same record rotated by half a turn about x: left and up for starboard and down."""
         velocity, wrench = array(self.velocity * HALF_TURN), array(self.wrench * HALF_TURN)
         attitude = array(self.attitude * np.array([1.0, -1.0, 1.0]))
-        return replace(self, velocity=velocity, wrench=wrench, attitude=attitude)
+        return replace(self, velocity=velocity, wrench=wrench, attitude=attitude, way=array(self.way * HALF_TURN[:3]))
 
 
 def is_complete(recording: Recording) -> bool:
-    """Whether a record holds both velocities (or depths) and forces, of whatever axes."""
-    return bool(len(recording.wrench_t) and (len(recording.velocity_t) or _columns(recording)[14]))
+    """Whether a record holds both velocities (or depths, or ways) and forces, of whatever axes."""
+    return bool(len(recording.wrench_t) and (len(recording.velocity_t) or _columns(recording)[14:].any()))
 
 
 def are_parts(one: Recording, other: Recording) -> bool:
@@ -101,15 +115,15 @@ def are_parts(one: Recording, other: Recording) -> bool:
 
 
 def _columns(recording: Recording) -> Flags:
-    """Which columns have values, (15,): velocities, forces, angles and depth."""
-    tables = (recording.velocity, recording.wrench, recording.attitude)
+    """Which columns have values, (18,): velocities, forces, angles and depth, ways."""
+    tables = (recording.velocity, recording.wrench, recording.attitude, recording.way)
     found: Flags = np.concatenate([np.isfinite(table).any(axis=0) for table in tables])
     return found
 
 
 def _times(recording: Recording) -> tuple[float, float]:
     """First and last time of any sample, from the origin of the stamps [s]."""
-    times = [t for t in (recording.velocity_t, recording.wrench_t, recording.attitude_t) if len(t)]
+    times = [t for t in (recording.velocity_t, recording.wrench_t, recording.attitude_t, recording.way_t) if len(t)]
     return recording.origin_s + min(t[0] for t in times), recording.origin_s + max(t[-1] for t in times)
 
 
@@ -117,13 +131,13 @@ def joined(one: Recording, other: Recording) -> Recording:
     """One record of two parts with different columns; their stamps have the same origin."""
     origin = min(one.origin_s, other.origin_s)
     tables = []
-    for name in ("velocity", "wrench", "attitude"):
+    for name in ("velocity", "wrench", "attitude", "way"):
         t = np.concatenate([getattr(part, f"{name}_t") + (part.origin_s - origin) for part in (one, other)])
         order = np.argsort(t, kind="stable")
         tables.append((array(t[order]), array(np.concatenate([getattr(one, name), getattr(other, name)])[order])))
     note = f"{one.source} and {other.source} count time from one origin"
     assumptions = tuple(dict.fromkeys((*one.assumptions, *other.assumptions, note)))
-    return Recording(one.source, *tables[0], *tables[1], *tables[2], origin, assumptions)
+    return Recording(one.source, *tables[0], *tables[1], *tables[2], origin, assumptions, *tables[3])
 
 
 def wrenches_of_pulses(
@@ -199,8 +213,10 @@ def has_samples(recording: Recording, axis: int) -> bool:
 
 
 def _speeds(recording: Recording, axis: int) -> Array:
-    """Finite velocities of an axis, (n,) [m/s, rad/s]; without any in heave, depths [m]."""
+    """Finite velocities of an axis, (n,) [m/s, rad/s]; without any, ways along it or in heave depths [m]."""
     speeds = _finite(recording.velocity[:, axis])
+    if not len(speeds) and axis < 3:
+        speeds = _finite(recording.way[:, axis])
     return speeds if len(speeds) or axis != 2 else _finite(recording.attitude[:, 2])
 
 
@@ -212,7 +228,7 @@ def _finite(values: Array) -> Array:
 def tuned(recordings: Sequence[Recording], tuning: Tuning | None = None) -> Tuning:
     """Knobs for the rates and stamps of third-party records: a slow topic is not a pause."""
     base = for_foreign_records(tuning or Tuning())
-    slowest_v = max((_period(one.velocity_t) for one in recordings), default=0.0)
+    slowest_v = max((max(_period(one.velocity_t), _period(one.way_t)) for one in recordings), default=0.0)
     slowest_w = max((_period(one.wrench_t) for one in recordings), default=0.0)
     gap_s = min(60.0, max(base.gap_s, 5.0 * slowest_v))
     return replace(base, gap_s=gap_s, thrust_age_s=max(base.thrust_age_s, 3.0 * slowest_w))
@@ -235,9 +251,15 @@ def events(recording: Recording, axis: int, begin_s: float = 0.0) -> Iterator[St
     parts += [(t, 0, Thrust(finite_wrench(wrench))) for t, wrench in forces if math.isfinite(wrench[axis])]
     known = np.isfinite(recording.velocity).any(axis=1)
     rows = zip(recording.velocity_t[known].tolist(), recording.velocity[known].tolist(), strict=True)
+    ways = recording.way[:, axis] if axis < 3 else NO_TIMES
+    placed = bool(np.isfinite(ways).any())
     # Of all axes: motion along the others causes forces on this one.
-    parts += [(t, 3, Velocity((u, v, w, p, q, r), SOURCE)) for t, (u, v, w, p, q, r) in rows]
-    measured = bool(np.isfinite(recording.velocity[:, axis]).any())
+    source = DERIVED if placed else SOURCE
+    parts += [(t, 3, Velocity((u, v, w, p, q, r), source)) for t, (u, v, w, p, q, r) in rows]
+    if placed:
+        there = zip(recording.way_t.tolist(), recording.way.tolist(), strict=True)
+        parts += [(t, 2, Way((x, y, z), SOURCE)) for t, (x, y, z) in there]
+    measured = placed or bool(np.isfinite(recording.velocity[:, axis]).any())
     for t, (roll, pitch, depth) in zip(recording.attitude_t.tolist(), recording.attitude.tolist(), strict=True):
         if axis == 2 and not measured and math.isfinite(depth):
             parts.append((t, 2, Attitude((NAN, NAN, NAN), depth)))

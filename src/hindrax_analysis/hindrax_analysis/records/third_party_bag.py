@@ -19,8 +19,9 @@ from hindrax_analysis.records.bag_track import (
     tilts_of,
     to_body,
     velocities_from_poses,
+    ways_from_poses,
 )
-from hindrax_analysis.records.recording import HALF_TURN, Recording
+from hindrax_analysis.records.recording import HALF_TURN, NO_TIMES, NO_WAYS, Recording
 from hindrax_analysis.records.thruster_values import PULSES, UNITS, ThrusterValues, wrenches_of_thrusters
 from hindrax_bag.read.bag_reader import messages
 from hindrax_control.allocation.thrust_curve import PULSE_FIELDS
@@ -137,6 +138,10 @@ def _recording(bag: Path, velocity: Track, wrench: Track, frame: str, vehicle: V
         poses = array(np.array(velocity.poses)[v, :3]), quaternions_of(velocity)[v]
     moving_t, moving = _velocities(velocity, v, at_v, poses, axes)
     signs = _signs_to_sname(velocity, axes)
+    way_t, way = NO_TIMES, NO_WAYS
+    if poses and not velocity.rows:
+        known = np.isfinite(poses[1]).all(axis=1)
+        way_t, way = array(at_v[known]), ways_from_poses(poses[0][known], poses[1][known])
     tilts = np.column_stack([tilts_of(poses[1]), np.full(len(at_v), np.nan)]) if poses else np.zeros((0, 3))
     return Recording(
         source=str(bag),
@@ -148,6 +153,8 @@ def _recording(bag: Path, velocity: Track, wrench: Track, frame: str, vehicle: V
         attitude=array(tilts * np.array([1.0, signs[1], 1.0])),
         origin_s=1e-9 * float(origin),
         assumptions=tuple(axes.notes),
+        way_t=way_t,
+        way=array(way * signs[:3]),
     )
 
 
@@ -176,7 +183,9 @@ def _velocities(
         known = np.isfinite(poses[1]).all(axis=1)
         if known.sum() < 2:
             raise UsageError(f"{track.topic}: holds no attitudes, wanted unit quaternions with the positions")
-        axes.notes.append(f"{track.topic} holds no velocities: they are derived from its poses")
+        axes.notes.append(
+            f"{track.topic} holds no velocities: its positions are fitted, and rates derived from its attitudes"
+        )
         return velocities_from_poses(array(at_s[known]), poses[0][known], poses[1][known])
     rows = array(np.array(track.rows)[order])
     if _in_world(track, at_s, rows, poses, axes) and poses is not None:

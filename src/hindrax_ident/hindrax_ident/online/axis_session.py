@@ -20,7 +20,7 @@ from hindrax_ident.tuning import USUAL_LAG_S, USUAL_LATENCY_S, Tuning
 ANGLE_S = 0.5
 """Interval at which measured angles are kept: their errors are slow."""
 LONGEST_DIFFERENCE_S = 0.5
-"""Longest time between depths that give a velocity."""
+"""Longest time between places that give a velocity."""
 DEEPEST_m = 12e3
 """Depths beyond this are no measurements: the oceans end before."""
 SampleT = TypeVar("SampleT")
@@ -45,11 +45,11 @@ class AxisSession:
         latency_s = USUAL_LATENCY_S if tuning.velocity_latency_s is None else 0.0
         self._prior_delays_s = (USUAL_LAG_S if lag is None else lag), latency_s
         self.estimator = AxisEstimator(model, self.lag_s, prior, tuning, self._prior_delays_s)
-        self._speed_source, self._depth_source = SourceSelector(), SourceSelector()
+        self._speed_source, self._way_source = SourceSelector(), SourceSelector()
         self._speed_bin = Bin(tuning.bin_s)
         self._position_s = ANGLE_S if model.restores else 0.0
-        self._depth_bin = Bin(DEPTH_S)
-        self._depth_before: tuple[float, float] | None = None
+        self._way_bin = Bin(DEPTH_S)
+        self._way_before: tuple[float, float] | None = None
         self._velocities: dict[str, Samples[tuple[float, float]]] = {}
         self._positions: dict[str, Samples[tuple[float, float]]] = {}
         self._per_newton = tuple(unit_wrench(vehicle, thruster)[model.axis] for thruster in vehicle.thrusters)
@@ -113,8 +113,8 @@ class AxisSession:
 
     @property
     def _is_derived(self) -> bool:
-        """Whether the velocity of this axis is derived from depth: no instrument measures it."""
-        return self.model.axis == 2 and bool(self._depth_source.name) and self._speed_source.name in ("", *NAVIGATORS)
+        """Whether the velocity of this axis follows from a depth or a way: no instrument measures it."""
+        return bool(self._way_source.name) and self._speed_source.name in ("", *NAVIGATORS)
 
     def attitude(
         self, t_s: float, attitude_rad: tuple[float, float, float], depth_m: float, refusal: str
@@ -129,7 +129,7 @@ class AxisSession:
         if axis in (3, 4) and math.isfinite(attitude_rad[axis - 3]):
             self._add_position(t_s, attitude_rad[axis - 3], "attitude")
         if axis == 2 and abs(depth_m) < DEEPEST_m:
-            return self._add_depth(t_s, depth_m, "navigation" if math.isfinite(roll) else "depth", refusal)
+            return self.way(t_s, depth_m, "navigation" if math.isfinite(roll) else "depth", refusal)
         return []
 
     def _add_position(self, t_s: float, position: float, source: str) -> None:
@@ -138,19 +138,20 @@ class AxisSession:
         if not kept or t_s - kept[-1][0] >= self._position_s:
             kept.append((t_s, position))
 
-    def _add_depth(self, t_s: float, depth_m: float, source: str, refusal: str) -> list[tuple[float, SampleVerdict]]:
-        if not self._depth_source.accepts(source):
+    def way(self, t_s: float, way_m: float, source: str, refusal: str) -> list[tuple[float, SampleVerdict]]:
+        """Add the depth, or the way along the axis: the final fit takes it as it is, the live estimate its slopes."""
+        if not math.isfinite(way_m) or not self._way_source.accepts(source):
             return []
-        self._add_position(t_s, depth_m, source)
+        self._add_position(t_s, way_m, source)
         if not self._is_derived:
             return []
-        points = self._depth_bin.add(t_s, depth_m)
+        points = self._way_bin.add(t_s, way_m)
         if not points:
             return []
-        before, self._depth_before = self._depth_before, mean(points)
-        if before is None or self._depth_before[0] - before[0] > LONGEST_DIFFERENCE_S:
+        before, self._way_before = self._way_before, mean(points)
+        if before is None or self._way_before[0] - before[0] > LONGEST_DIFFERENCE_S:
             return []
-        (earlier_s, higher_m), (later_s, lower_m) = before, self._depth_before
+        (earlier_s, higher_m), (later_s, lower_m) = before, self._way_before
         at_s, v = 0.5 * (earlier_s + later_s), (lower_m - higher_m) / (later_s - earlier_s)
         return [(at_s, self.estimator.velocity(at_s, v, refusal, derived=True))]
 
@@ -197,7 +198,7 @@ class AxisSession:
             others=tuple(Series(moved_s, one) for one in nu),
             coriolis=Series(moved_s, coriolis(self.model.axis, masses.values, nu)),
             coriolis_errors=tuple(Series(moved_s, error) for error in coriolis_errors(self.model.axis, masses, nu)),
-            position=series(self._positions.get(self._depth_source.name or "attitude", [])),
+            position=series(self._positions.get(self._way_source.name or "attitude", [])),
             lag_s=self.lag_s,
             prior_delays_s=self._prior_delays_s,
             plateaus=plateaus,

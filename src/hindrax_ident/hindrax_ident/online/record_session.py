@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from hindrax_core.events import Stamped, after
 from hindrax_core.readings import Vec6
-from hindrax_core.signals import NAN, Attitude, Estimate, IdentEvent, Phase, Thrust, Velocity
+from hindrax_core.signals import NAN, Attitude, Estimate, IdentEvent, Phase, Thrust, Velocity, Way
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.assess.results import MotionResult
 from hindrax_ident.model.motion_model import motions_of
@@ -68,6 +68,8 @@ def of_axis(reading: IdentEvent, axis: int) -> IdentEvent | None:
         return Thrust(finite_wrench(reading.wrench)) if math.isfinite(reading.wrench[axis]) else None
     if isinstance(reading, Velocity):
         return Velocity(reading.nu, SOURCE) if any(map(math.isfinite, reading.nu)) else None
+    if isinstance(reading, Way):
+        return reading if axis < 3 and math.isfinite(reading.way_m[axis]) else None
     if isinstance(reading, Attitude) and axis != 2:
         roll, pitch, _ = reading.attitude_rad
         return Attitude((roll, pitch, NAN)) if math.isfinite(roll) or math.isfinite(pitch) else None

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hindrax_core.events import Stamp, Stamped, after, seconds_between
-from hindrax_core.signals import NAN, Attitude, Estimate, IdentEvent, Phase, Thrust, Velocity
+from hindrax_core.signals import NAN, Attitude, Estimate, IdentEvent, Phase, Thrust, Velocity, Way
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.assess.assessment import (
     MASS_SHARE,
@@ -90,6 +90,8 @@ class Session:
             self._on_thrust(t_s, reading)
         elif isinstance(reading, Attitude):
             return self._on_attitude(t_s, reading)
+        elif isinstance(reading, Way):
+            return self._on_way(t_s, reading)
         else:
             return self._on_velocity(t_s, reading)
         return ()
@@ -144,6 +146,12 @@ class Session:
         if not axis_session:
             return ()
         return self._estimates(axis_session.attitude(t_s, attitude.attitude_rad, attitude.depth_m, self._refusal()))
+
+    def _on_way(self, t_s: float, way: Way) -> Sequence[Stamped[Estimate]]:
+        axis_session, motion = self._active(), self._motion
+        if not axis_session or not motion or motion.axis >= len(way.way_m):
+            return ()
+        return self._estimates(axis_session.way(t_s, way.way_m[motion.axis], way.source, self._refusal()))
 
     def _on_velocity(self, t_s: float, velocity: Velocity) -> Sequence[Stamped[Estimate]]:
         nu = [speed if abs(speed) < FASTEST else NAN for speed in velocity.nu]

@@ -64,10 +64,10 @@ class Record:
 
     `thrust` is the commanded thrust, `known` the hydrostatic force, `coriolis` that due to motion along other axes,
     `coriolis_errors` its errors (see `model.coriolis.coriolis_errors`); all hold until their next sample. `others` are
-    the velocities of all six axes, that of its own zero, or none. `position` is
-    the depth [m] in heave, the angle [rad] in roll and pitch, empty elsewhere. `effort` is the sum of the squared
-    contributions of all thrusters on the axis [N^2, N^2 m^2], `inflow` that of the squared wrench per newton times the
-    root of the force [N^0.5, N^0.5 m^2]; they hold like thrust, and are empty where unknown.
+    the velocities of all six axes, that of its own zero, or none. `position` is the depth [m] in heave, the angle [rad]
+    in roll and pitch, and the way [m] along an axis whose velocity no instrument measures; empty elsewhere. `effort` is
+    the sum of the squared contributions of all thrusters on the axis [N^2, N^2 m^2], `inflow` that of the squared
+    wrench per newton times the root of the force [N^0.5, N^0.5 m^2]; they hold like thrust, empty where unknown.
     """
 
     velocity: Series

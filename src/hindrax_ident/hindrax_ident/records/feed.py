@@ -23,7 +23,7 @@ from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.readings import BottomVelocity, Pressure, Vec3, Vec6
 from hindrax_core.rotation import cross, matrix, rotate
 from hindrax_core.sensor_table import Capability
-from hindrax_core.signals import NAN, Attitude, IdentEvent, Navigation, Phase, Thrust, Velocity
+from hindrax_core.signals import NAN, Attitude, IdentEvent, Navigation, Phase, Thrust, Velocity, Way
 from hindrax_core.vehicle import Mount, Vehicle
 from hindrax_ident.tuning import Tuning
 
@@ -31,9 +31,9 @@ Measurement: TypeAlias = BottomVelocity | Pressure | Navigation | IdentEvent
 """A measurement, or an event that needs no conversion."""
 DROPPED = "late events dropped"
 """Name in /diagnostics of the number of measurements that came too late to be used."""
-VELOCITIES = (BottomVelocity, Navigation, Velocity)
+VELOCITIES = (BottomVelocity, Navigation, Velocity, Way)
 """Measurements to which `velocity_latency_s` applies."""
-KINDS = (Phase, Thrust, Navigation, Pressure, BottomVelocity, Attitude, Velocity)
+KINDS = (Phase, Thrust, Navigation, Pressure, BottomVelocity, Attitude, Way, Velocity)
 """Order at equal stamps: inputs to the vehicle first, then its motion."""
 RANKS: dict[type, int] = {kind: rank for rank, kind in enumerate(KINDS)}
 EARLIEST = Stamp(-(2**62))
@@ -69,7 +69,7 @@ class StampSorter(Generic[ReadingT]):
             if stamp < self._released:
                 self.dropped += 1
                 continue
-            kind = (RANKS[type(reading)], reading.source if isinstance(reading, Velocity) else "")
+            kind = (RANKS[type(reading)], reading.source if isinstance(reading, Velocity | Way) else "")
             self._count += 1
             heapq.heappush(self._heap, (stamp, *kind, self._count, one))
             self._newest = max(self._newest, stamp)
