@@ -118,7 +118,38 @@ def test_what_tilted_the_vehicle_is_tried_once_more_at_half_the_lean() -> None:
     )
     assert 0.0 < lean < 0.6 * before
     assert work.gentler(stamp_from_s(90.0), TILTED) is None
-    assert work.next_pulses(stamp_from_s(91.0)) is None
+
+
+def test_motions_that_left_a_sensor_open_are_flown_once_more() -> None:
+    work = as_claimed(HINDRAX)
+    assert work.next_pulses(stamp_from_s(91.0)) == body_pulses(HINDRAX, effectiveness(HINDRAX)), "nothing was turned"
+    assert work.next_pulses(stamp_from_s(120.0)) is None
+    ended, swapped = as_claimed(HINDRAX), as_claimed(HINDRAX)
+    ended.ended = "stopped"
+    swapped.wirings = (replace(swapped.wirings[0], sign=-1), *swapped.wirings[1:])
+    assert ended.next_pulses(stamp_from_s(91.0)) is None
+    assert swapped.next_pulses(stamp_from_s(91.0)) is None
+
+
+def test_single_pulses_that_tilted_the_vehicle_go_on_at_half_the_force_from_the_thruster_at_work() -> None:
+    work, usual = Commissioning(HINDRAX), single_pulses(HINDRAX, effectiveness(HINDRAX))
+    work._round, count = 1, len(HINDRAX.thrusters)
+    for index in range(3):
+        for tick in range(30):
+            forces = tuple(2.0 * (at == index) for at in range(count))
+            work.on_forces(stamp_from_s(10.0 + 3.0 * index + 0.02 * tick), forces)
+            work.on_forces(stamp_from_s(10.0 + 3.0 * index + 0.7), (0.0,) * count)
+    assert work.gentler(stamp_from_s(17.0), found(Reason.LEAK, "water in the hull")) is None
+    left = work.gentler(stamp_from_s(17.0), TILTED)
+    assert left is not None
+    assert [np.flatnonzero(one.forces_N)[0] for one in left[::3]] == [2, 3, 4, 5, 6, 7]
+    assert all(abs(sum(one.forces_N)) < abs(sum(before.forces_N)) for one, before in zip(left, usual[6:], strict=True))
+    for tick in range(20):
+        work.on_forces(stamp_from_s(20.0 + 0.02 * tick), tuple(1.0 * (at == 2) for at in range(count)))
+    windows = dict(work._windows())
+    assert windows[1].begin_s < 13.1
+    assert windows[2].begin_s > 18.0, "the last attempt counts"
+    assert work.gentler(stamp_from_s(25.0), TILTED) is None, "once"
 
 
 def test_nothing_is_tried_again_where_a_thruster_is_not_as_claimed_or_another_guard_ended_it() -> None:

@@ -361,7 +361,7 @@ class _Seen:
         said = self._stack.said[self._said :]
         told = ("terminal",) * bool(said or why) + ("exit 1",) * bool(aborted)
         # A process that a signal killed or stopped is named on the terminal of its stack, or by the output itself.
-        hidden = row.what in SIGNALS and not row.by_mock and not said and ENDED not in self._reason
+        hidden = row.what in SIGNALS and not (row.by_mock or said or self.lost or ENDED in self._reason)
         return judge.cell(
             row.who,
             row.what,
@@ -372,7 +372,7 @@ class _Seen:
             lost=self.lost,
             armed=armed,
             told=told,
-            unsaid=(f"the terminal does not say that it {row.what}",) * hidden,
+            unsaid=(f"no terminal says that {row.who} {row.what}",) * hidden,
         )
 
 

@@ -49,6 +49,8 @@ QUIET_N = 0.05
 LAGS_s = (0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.45)
 SURE = 0.9
 """Likelihood from which on a wiring is told as found."""
+BROKEN_s = 0.5
+"""Rest of a thruster within its pulses beyond which they are two attempts."""
 SUNK_m = 0.2
 """Deeper than at rest by this, it climbs instead of diving."""
 
@@ -63,7 +65,7 @@ class Commissioning:
         self._lag_s = float(np.median([one.lag_s for one in vehicle.thrusters])) if vehicle.thrusters else 0.15
         self._rest: Window | None = None
         self._round = 0
-        self._gentle = False
+        self._gentle = self._singles_again = self._again = False
         self._begun_s = 0.0
         self.turn: Matrix = np.eye(3)
         """Correction of the inertial sensor: body as it is from body as its mount says."""
@@ -98,20 +100,44 @@ class Commissioning:
         if self._round == 2 and not self.ended:
             self._judge_thrusters()
             return self._body_pulses(now, self._listing_rad())
+        if not (self.ended or self._again) and self._as_claimed and self._left_open:
+            self._again = True
+            return self._body_pulses(now, math.inf if self._gentle else self._listing_rad())
         return None
 
     def gentler(self, now: Stamp, aborted: Refusal) -> tuple[Pulse, ...] | None:
-        """Pulses of the whole body once more, at half the lean, where it tilted too far; None where that is no help.
+        """Pulses once more, more gently, where the vehicle tilted too far; None where that is no help.
 
-        On a busy computer pulses end late, and swing a vehicle further than planned although all is as claimed. Where
-        a thruster is not as claimed, nothing is tried again.
+        On a busy computer pulses end late, and swing a vehicle further than planned although all is as claimed. Of
+        single thrusters those are pulsed again that did not run to their end, at half the force; the whole body at half
+        the lean, but not where a thruster is not as claimed.
         """
-        rows = self._thruster_claims()
-        as_claimed = bool(self.wirings) and not [one for one in rows if one.verdict in (WRONG, OPEN)]
-        if self._gentle or self._round != 2 or aborted.reason is not Reason.COMMISSION or not as_claimed:
+        if aborted.reason is not Reason.COMMISSION:
+            return None
+        if self._round == 1 and not self._singles_again:
+            self._singles_again = True
+            return self._single_pulses_left()
+        if self._gentle or self._round != 2 or not self._as_claimed:
             return None
         self._gentle = True
         return self._body_pulses(now, math.inf)
+
+    def _single_pulses_left(self) -> tuple[Pulse, ...] | None:
+        """Pulses of the thrusters from the one on that was at work last, at half the force where it still turns."""
+        last = max((index for index, _ in self._windows()), default=0)
+        left = [one for one in single_pulses(self.vehicle, self.B, share=0.5) if not any(one.forces_N[:last])]
+        return tuple(left) or None
+
+    @property
+    def _as_claimed(self) -> bool:
+        """Whether every thruster was pulsed and pushes as its file says."""
+        rows = self._thruster_claims()
+        return bool(self.wirings) and not [one for one in rows if one.verdict in (WRONG, OPEN)]
+
+    @property
+    def _left_open(self) -> bool:
+        """Whether a sensor sends, and what it sent so far shows nothing: more of the same motions may."""
+        return any(row.verdict == OPEN and not row.remedy for row in sensor_claims.claims(self._evidence()))
 
     def _body_pulses(self, now: Stamp, listing_rad: float) -> tuple[Pulse, ...] | None:
         deep = self._sunk_m(to_s(now)) > SUNK_m
@@ -150,7 +176,13 @@ class Commissioning:
         if self._round and self.upright and not self.wirings:
             self._judge_thrusters()
         rows = [*self._inertial_claims(), *self._thruster_claims()]
-        view = sensor_claims.Evidence(
+        rows += sensor_claims.claims(self._evidence())
+        names = [one.name for one in self.vehicle.thrusters]
+        wrenches = {names[at]: tuple(map(float, one.wrench)) for at, one in self.answers.items()}
+        return Findings(tuple(rows), self.ended, wrenches)
+
+    def _evidence(self) -> sensor_claims.Evidence:
+        return sensor_claims.Evidence(
             self.vehicle,
             self.recording,
             self._prior,
@@ -162,10 +194,6 @@ class Commissioning:
             self._lag_s,
             self._offset(),
         )
-        rows += sensor_claims.claims(view)
-        names = [one.name for one in self.vehicle.thrusters]
-        wrenches = {names[at]: tuple(map(float, one.wrench)) for at, one in self.answers.items()}
-        return Findings(tuple(rows), self.ended, wrenches)
 
     # ---- the inertial sensor
 
@@ -227,6 +255,8 @@ class Commissioning:
             mine = np.flatnonzero(alone == index)
             stop = np.flatnonzero(together)
             mine = mine[mine < stop[0]] if len(stop) else mine
+            if len(mine):  # one that was ended, and pulsed again, counts by its last pulses
+                mine = mine[np.flatnonzero(np.diff(at_s[mine], prepend=-np.inf) > BROKEN_s)[-1] :]
             if len(mine) > 5:
                 found.append((index, Window(at_s[mine[0]] - BEFORE_s, at_s[mine[-1]] + AFTER_s)))
         return found

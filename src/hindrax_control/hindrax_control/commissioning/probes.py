@@ -31,8 +31,11 @@ LEAST_SHARE = 0.15
 COAST_s = 1.5
 
 
-def probe_N(vehicle: Vehicle, B: Matrix) -> tuple[float, ...]:
-    """Force of each thruster's pulses: up to 3 N, less where it would swing the vehicle too far [N]."""
+def probe_N(vehicle: Vehicle, B: Matrix, share: float = 1.0) -> tuple[float, ...]:
+    """Force of each thruster's pulses: up to 3 N, less where it would swing the vehicle too far [N].
+
+    `share` of it, where the thruster still turns.
+    """
     inertia = Prior(vehicle).inertia[3:]
     # Forth, back, forth: the angle peaks in the middle, at the acceleration times the square of a quarter.
     swing = np.max(np.abs(B[3:]) / inertia[:, None], axis=0, initial=0.0) * QUARTER_s**2
@@ -40,16 +43,16 @@ def probe_N(vehicle: Vehicle, B: Matrix) -> tuple[float, ...]:
     for curve, per_newton in zip(thrust_curves(vehicle), swing, strict=True):
         least_N = RUNNING * max(abs(gap) for gap in curve.gap_N)
         wanted_N = min(MOST_PULSE_N, SWING_rad / per_newton if per_newton > 0.0 else MOST_PULSE_N)
-        found.append(min(MOST_PULSE_N, max(least_N, wanted_N)))
+        found.append(min(MOST_PULSE_N, max(least_N, share * wanted_N)))
     return tuple(found)
 
 
-def single_pulses(vehicle: Vehicle, B: Matrix) -> tuple[Pulse, ...]:
-    """Pulses of each thruster alone, in the order of the vehicle file."""
+def single_pulses(vehicle: Vehicle, B: Matrix, share: float = 1.0) -> tuple[Pulse, ...]:
+    """Pulses of each thruster alone, in the order of the vehicle file; `share` of the usual force."""
     pulses: list[Pulse] = []
-    for index, force_N in enumerate(probe_N(vehicle, B)):
-        for share, quarters in ((1.0, 1), (-1.0, 2), (1.0, 1)):
-            forces_N = tuple(share * force_N * (at == index) for at in range(len(vehicle.thrusters)))
+    for index, force_N in enumerate(probe_N(vehicle, B, share)):
+        for sign, quarters in ((1.0, 1), (-1.0, 2), (1.0, 1)):
+            forces_N = tuple(sign * force_N * (at == index) for at in range(len(vehicle.thrusters)))
             pulses.append(Pulse(forces_N, quarters * QUARTER_s, calm=len(pulses) % 3 == 0))
     return tuple(pulses)
 
