@@ -50,8 +50,23 @@ def topics(bag: str | Path) -> dict[str, str]:
 def read(bag: str | Path, topic: str) -> Table:
     """Return the messages of a topic as a table: `time_s` since the first message of the bag, then every field.
 
-    Fields of fields have dots in their names, elements of lists numbers. The fields are those of the first message; a
-    number that a later one lacks is NaN. SI units, axes as in the message. UsageError for a topic without messages.
+    Parameters
+    ----------
+    bag
+        Bag of any kind that `./hindrax bag info` knows: a folder or a file.
+    topic
+        Its full name, such as `/hindrax/navigation/odometry`.
+
+    Returns
+    -------
+    Table
+        Columns (n,), one row per message. Fields of fields have dots in their names, elements of lists numbers. The
+        fields are those of the first message; a number that a later one lacks is NaN. Units and axes as in the message.
+
+    Raises
+    ------
+    UsageError
+        For what is no bag, and for a topic without messages; it names those that there are.
     """
     rows = [{"time_s": time_s} | fields for _, time_s, _, fields in message_rows(Path(bag), {topic})]
     if not rows:
@@ -69,8 +84,28 @@ def identify(
 ) -> Results:
     """Identify over bags, run folders or CSV files; several are pooled. Same as `./hindrax identify`.
 
-    Without `vehicle`: the one in the bag. `motions`: names of axes or motions, all that moved by default. UsageError
-    names what is missing.
+    Parameters
+    ----------
+    *records
+        Records of one vehicle, flown in any order.
+    vehicle
+        Thrusters, masses and prior values; without it the vehicle file in the first bag.
+    motions
+        Names of axes (`surge`) or motions (`heave_up`); all that moved by default.
+    odometry, wrench
+        Topics of velocity and force in a third-party bag; found by their types where there is one of each.
+    frame
+        Axes: `flu` (ROS), `fsd` (SNAME) or `world` (velocities of an odometry); by default those of the frame names.
+
+    Returns
+    -------
+    Results
+        Coefficients in SNAME axes with their standard deviations, and a verdict, by motion.
+
+    Raises
+    ------
+    UsageError
+        Names what is missing: record, topic, vehicle, or a motion of that name.
     """
     selection = TopicSelection(odometry, wrench, frame)
     sources = open_sources([Path(record) for record in records], selection, vehicle)
@@ -96,9 +131,32 @@ def coefficients(results: Results) -> Table:
 
 
 def predict(results: Results, axis: str, time_s: ArrayLike, force: ArrayLike, start: float = 0.0) -> Array:
-    """Return the velocity (n,) [m/s, rad/s] along an axis for a force (n,) [N, N m] held until the next time (n,) [s].
+    """Return the velocity along an axis that identified coefficients give for a force.
 
-    Upright and along the other axes at rest, from the velocity `start`. UsageError where a coefficient is missing.
+    The vehicle is upright, and at rest along the other axes: (m + m_a) dv/dt = force - k_q |v| v - k_l v - b.
+
+    Parameters
+    ----------
+    results
+        What `identify` returned.
+    axis
+        `surge`, `sway`, `heave`, `roll`, `pitch` or `yaw` (SNAME).
+    time_s : (n,) [s]
+        Rising, two at least.
+    force : (n,) [N, N m]
+        Along the axis, each held until the next time; the last one acts no more.
+    start : [m/s, rad/s]
+        Velocity at the first time.
+
+    Returns
+    -------
+    Array
+        Velocity (n,) [m/s, rad/s] at the given times, by `hindrax_ident.model.simulation`.
+
+    Raises
+    ------
+    UsageError
+        Where a coefficient of the axis is missing, where times do not rise, or where no motion follows.
     """
     index = axes_named([axis])[0]
     model = model_of(results.vehicle, index)
@@ -115,7 +173,27 @@ def predict(results: Results, axis: str, time_s: ArrayLike, force: ArrayLike, st
 
 
 def plot(results: Results, motion: str, axes: "Axes | None" = None) -> "Axes":
-    """Draw the drag of a motion over its speeds with the 95 % band; returns the axes. Needs matplotlib."""
+    """Draw the drag of a motion over its speeds with the 95 % interval; needs matplotlib.
+
+    Parameters
+    ----------
+    results
+        What `identify` returned.
+    motion
+        A motion with a drag curve, such as `surge`.
+    axes
+        Where to draw; by default axes of a new figure.
+
+    Returns
+    -------
+    Axes
+        Those drawn on: speed [m/s, rad/s] to the right, drag [N, N m] upward.
+
+    Raises
+    ------
+    UsageError
+        For a motion without a drag curve.
+    """
     from matplotlib import pyplot as plt  # noqa: PLC0415  # only who plots waits for it
 
     result = results.motions.get(motion)
@@ -133,7 +211,27 @@ def plot(results: Results, motion: str, axes: "Axes | None" = None) -> "Axes":
 
 
 def allocate(vehicle: Vehicle, wrench: Vec6, disabled: Collection[str] = ()) -> Allocation:
-    """Return forces [N] and pulses [us] of the thrusters for a wrench (SNAME axes) [N, N m], and what it achieves."""
+    """Return forces and pulses of the thrusters for a wrench, as the stack would send them.
+
+    Parameters
+    ----------
+    vehicle
+        Positions, directions and curves of the thrusters.
+    wrench : (6,) [N, N m]
+        About the center of mass, SNAME axes.
+    disabled
+        Names of thrusters that must stand still.
+
+    Returns
+    -------
+    Allocation
+        Forces [N], pulses [us] in the order of the vehicle file, and the wrench that they achieve.
+
+    Raises
+    ------
+    UsageError
+        For a name that no thruster has.
+    """
     allocator = Allocator(vehicle)
     unknown = sorted(set(disabled) - set(allocator.names))
     if unknown:

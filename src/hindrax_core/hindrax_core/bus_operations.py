@@ -77,7 +77,22 @@ class DeviceError(HindraxError):
 
 
 def wire_error(port: str, address: int, code: int) -> DeviceError:
-    """Describe a failed transaction in one sentence: port, address, error name, likely cause."""
+    """Describe a failed transaction in one sentence.
+
+    Parameters
+    ----------
+    port
+        Name of the bus.
+    address
+        Of the device, seven bits.
+    code
+        The `errno` of the system.
+
+    Returns
+    -------
+    DeviceError
+        Not raised: port, address, name of the error, likely cause.
+    """
     name = errno.errorcode.get(code, "error")
     return DeviceError(f"{port} address {address:#04x}: {_MEANING.get(code, os.strerror(code))} ({name}, {code})")
 
@@ -85,8 +100,15 @@ def wire_error(port: str, address: int, code: int) -> DeviceError:
 def pack_transaction(transaction: Transaction) -> bytes:
     """Request of a transaction as a frame: `u8 address | u16 count, little endian | bytes written`.
 
-    Count 0 is a write, no bytes a read, both a write and a read in one transaction. The frame of the answer has the
-    bytes read, none for a write.
+    Parameters
+    ----------
+    transaction
+        Count 0 is a write, no bytes a read, both a write and a read in one transaction.
+
+    Returns
+    -------
+    bytes
+        The request. The frame of the answer has the bytes read, none for a write.
     """
     count = 0 if isinstance(transaction, Write) else transaction.count
     data = b"" if isinstance(transaction, Read) else transaction.data
@@ -94,7 +116,7 @@ def pack_transaction(transaction: Transaction) -> bytes:
 
 
 def unpack_transaction(frame: bytes) -> Transaction:
-    """Decode a transaction; ValueError when the frame is too short."""
+    """Decode a transaction, the inverse of `pack_transaction`; ValueError when the frame is too short."""
     if len(frame) < _HEAD.size:
         raise ValueError(f"found a transaction of {len(frame)} bytes, wanted at least {_HEAD.size}")
     address, count = _HEAD.unpack_from(frame)
@@ -121,10 +143,27 @@ def advance(
     transfer: Callable[[Transaction], bytes],
     tap: Callable[[Transaction, bytes], None] = no_tap,
 ) -> Pause:
-    """Run a program up to its next pause, and return that; StopIteration, with its result, at its end.
+    """Run a program up to its next pause.
 
-    `transfer` does one transaction and returns the bytes read (empty for a write) or raises DeviceError, which is
-    thrown into the program at the operation that failed. `tap` is called for every transaction that succeeded.
+    Parameters
+    ----------
+    program
+        Generator of bus operations, begun or not.
+    transfer
+        Does one transaction and returns the bytes read (empty for a write), or raises DeviceError, which is thrown into
+        the program at the operation that failed.
+    tap
+        Called for every transaction that succeeded.
+
+    Returns
+    -------
+    Pause
+        How long to wait before the next call.
+
+    Raises
+    ------
+    StopIteration
+        With the program's result, at its end.
     """
     operation = next(program)
     while not isinstance(operation, Pause):
@@ -144,7 +183,20 @@ def run(
     pause: Callable[[float], None],
     tap: Callable[[Transaction, bytes], None] = no_tap,
 ) -> ResultT:
-    """Run one program to its end on a bus; see `advance`."""
+    """Run one program to its end on a bus.
+
+    Parameters
+    ----------
+    program, transfer, tap
+        As `advance` takes them.
+    pause : [s]
+        Waits.
+
+    Returns
+    -------
+    ResultT
+        Of the program.
+    """
     try:
         while True:
             pause(advance(program, transfer, tap).seconds)

@@ -119,7 +119,25 @@ class Hydrodynamics:
 
 
 def chip_and_line(name: str, key: str) -> tuple[str, int]:
-    """Label or name of a GPIO chip and number of a line, 0 to 127; ValueError unless the name is CHIP:LINE."""
+    """Return the chip and the line of a GPIO's name.
+
+    Parameters
+    ----------
+    name
+        `CHIP:LINE`, the chip by its label or name.
+    key
+        Where the vehicle file has it, for the error.
+
+    Returns
+    -------
+    tuple[str, int]
+        Label or name of the chip; number of the line, 0 to 127.
+
+    Raises
+    ------
+    ValueError
+        Unless the name has this form.
+    """
     chip, _, line = name.rpartition(":")
     if not chip or not line.isdecimal() or int(line) > LAST_LINE:
         raise ValueError(f"{key}: found {name!r}, wanted CHIP:LINE, such as pinctrl-bcm2711:26")
@@ -155,7 +173,20 @@ class Mount:
 def capabilities(mount: Mount) -> tuple[Capability, ...]:
     """What a sensor measures where it is mounted: a range downward is the altitude, one forward the range ahead.
 
-    ValueError for an unknown kind of sensor.
+    Parameters
+    ----------
+    mount
+        Kind of the sensor, and its rotation in the body (SNAME: roll, pitch, yaw).
+
+    Returns
+    -------
+    tuple[Capability, ...]
+        As the table of sensors has them, with the range named by its direction.
+
+    Raises
+    ------
+    ValueError
+        For an unknown kind of sensor.
     """
     measures = row_of(mount.device).measures
     if "range" not in measures:
@@ -312,9 +343,17 @@ class Vehicle:
         return tuple(name for name, mount in self.sensors.items() if mount.device in kinds and not mount.port)
 
     def output_channels(self) -> tuple[int, ...]:
-        """Channels of the output: of the thrusters, in order, then of the lamps. UsageError where two share one.
+        """Channels of the output, checked: where a file is only identified with, they may be left out.
 
-        A file that is only identified with may leave them out, one that is flown may not.
+        Returns
+        -------
+        tuple[int, ...]
+            Of the thrusters, in the order of the file, then of the lamps.
+
+        Raises
+        ------
+        UsageError
+            Where two share a channel.
         """
         users = [(thruster.channel, thruster.name) for thruster in self.thrusters]
         users += [(channel, "a lamp") for channel in self.output.light_channels]
@@ -365,7 +404,23 @@ def _cos_sin(degrees: float) -> tuple[float, float]:
 
 
 def load_vehicle(path: str | Path) -> Vehicle:
-    """Read and check a vehicle file. UsageError names the file, the key path, what was found and what was wanted."""
+    """Read and check a vehicle file.
+
+    Parameters
+    ----------
+    path
+        A YAML file; its keys are in `docs/reference/vehicle-file.md`.
+
+    Returns
+    -------
+    Vehicle
+        Frozen; SI units, SNAME axes, positions from the body's origin.
+
+    Raises
+    ------
+    UsageError
+        Names the file, the path of the key, what was found and what was wanted.
+    """
     if not str(path):
         raise UsageError("vehicle file: found no name, wanted one; give --vehicle FILE, or -p vehicle:=FILE to a node")
     file = Path(path)

@@ -62,7 +62,23 @@ class TowedModel:
     density_kgpm3: float = 1000.0
 
     def own_inertia(self, motion: ForcedMotion) -> float:
-        """Mass [kg] for a translation, moment of inertia [kg m^2] for a rotation."""
+        """Inertia of the dry model, which the load of the motion holds besides the added mass.
+
+        Parameters
+        ----------
+        motion
+            One of `MOTIONS`.
+
+        Returns
+        -------
+        float
+            Mass [kg] for a translation, moment of inertia [kg m^2] for a rotation.
+
+        Raises
+        ------
+        HindraxError
+            Where the moment of inertia was not given.
+        """
         if not motion.angular:
             return self.mass_kg
         if motion.name not in self.inertia_kgm2:
@@ -104,10 +120,22 @@ class Coefficient:
 
 
 def harmonics(force: Array, periods: int) -> Harmonics:
-    """Fourier amplitudes of samples at the middle of even steps in phase over a whole number of periods.
+    """Fourier amplitudes of a load over whole periods. Xu 2017 eq. 17 and 18.
 
     Projecting sin on itself over one period gives pi, so the factor in front of the integral is 1/pi per period
     (the 1/2pi of the mean value belongs to the offset alone).
+
+    Parameters
+    ----------
+    force : (n,) [N, N m]
+        Samples at the middle of even steps in phase.
+    periods
+        Whole number of periods that they span.
+
+    Returns
+    -------
+    Harmonics
+        In the unit of `force`.
     """
     step = 2.0 * math.pi * periods / force.size
     phase = step * (np.arange(force.size) + 0.5)
@@ -117,7 +145,27 @@ def harmonics(force: Array, periods: int) -> Harmonics:
 
 
 def run_from_columns(columns: Mapping[str, Array], motion: ForcedMotion, source: str) -> OscillationRun:
-    """Columns of a record needed for the motion. HindraxError names a missing column."""
+    """Columns of a record needed for the motion, on an even time base.
+
+    Parameters
+    ----------
+    columns : (n,) each
+        As `COLUMNS` names them.
+    motion
+        One of `MOTIONS`.
+    source
+        Name of the record, for the error.
+
+    Returns
+    -------
+    OscillationRun
+        The motion, and those of its loads that the record has.
+
+    Raises
+    ------
+    HindraxError
+        Names a missing column.
+    """
     moved = "angle_rad" if motion.angular else "displacement_m"
     present = [name for name in motion.loads if name in columns]
     for wanted in (moved, motion.own):
@@ -157,10 +205,25 @@ Analyzed: TypeAlias = tuple[float, float, dict[str, Harmonics]]
 
 
 def amplitudes(run: OscillationRun) -> Analyzed:
-    """Frequency [rad/s], acceleration amplitude, and the harmonics of each load, in phase with the acceleration.
+    """Frequency, acceleration, and harmonics of each load in phase with the acceleration.
 
     The phase is zero where the acceleration rises through zero: motion = -(amplitude / w^2) sin. Every period that the
     record holds in full counts; the load is interpolated on 256 phases of each.
+
+    Parameters
+    ----------
+    run
+        One test at one frequency.
+
+    Returns
+    -------
+    Analyzed
+        w [rad/s]; amplitude of the acceleration [m/s^2, rad/s^2]; harmonics by load [N, N m].
+
+    Raises
+    ------
+    HindraxError
+        Where the motion is not a sine of one frequency, or the record holds no whole period.
     """
     frequency = frequency_of(run)
     if _misfit(run, frequency) > NOT_A_SINE**2 * float(np.sum((run.moved - np.mean(run.moved)) ** 2)):
@@ -183,7 +246,25 @@ def amplitudes(run: OscillationRun) -> Analyzed:
 
 
 def derivatives(runs: Sequence[OscillationRun], model: TowedModel) -> list[Coefficient]:
-    """Acceleration derivatives of one motion, from runs at several frequencies, by both methods of the paper."""
+    """Acceleration derivatives of one motion, by both methods of the paper.
+
+    Parameters
+    ----------
+    runs
+        Of one motion, at several frequencies.
+    model
+        Its own mass or inertia is subtracted.
+
+    Returns
+    -------
+    list[Coefficient]
+        One per load that every run has.
+
+    Raises
+    ------
+    HindraxError
+        Where motions are mixed, and as `amplitudes` and `TowedModel.own_inertia` do.
+    """
     motion = runs[0].motion
     if any(run.motion != motion for run in runs):
         raise HindraxError("forced: runs of different motions were mixed; give one motion at a time")

@@ -77,17 +77,58 @@ class FreeDecay:
 
 
 def added_mass_damped(stiffness: float, frequency: float, damping_ratio: float, mass: float) -> float:
-    """COB-2023-2422 eq. 5 [kg]."""
+    """Added mass by the damped frequency: m_a = k (1 - zeta^2) / w_d^2 - m_b. COB-2023-2422 eq. 5.
+
+    Parameters
+    ----------
+    stiffness : [N/m]
+        k of the springs.
+    frequency : [rad/s]
+        w_d of the decay, in water.
+    damping_ratio : [-]
+        zeta.
+    mass : [kg]
+        m_b, dry.
+
+    Returns
+    -------
+    float
+        [kg].
+    """
     return stiffness * (1.0 - damping_ratio**2) / frequency**2 - mass
 
 
 def added_mass_undamped(stiffness: float, frequency: float, mass: float) -> float:
-    """COB-2023-2422 eq. 7 [kg]: the damped frequency taken for the natural one."""
+    """Added mass with the damped frequency taken for the natural one: m_a = k / w_d^2 - m_b. COB-2023-2422 eq. 7.
+
+    Parameters
+    ----------
+    stiffness, frequency, mass
+        As in `added_mass_damped`.
+
+    Returns
+    -------
+    float
+        [kg]; too large by zeta^2 / (1 - zeta^2) of the total mass.
+    """
     return stiffness / frequency**2 - mass
 
 
 def linear_damping(stiffness: float, damping_ratio: float, mass: float, added_mass: float) -> float:
-    """COB-2023-2422 eq. 6 [N s/m]."""
+    """Equivalent linear damping: 2 zeta sqrt(k (m_b + m_a)). COB-2023-2422 eq. 6.
+
+    Parameters
+    ----------
+    stiffness, damping_ratio, mass
+        As in `added_mass_damped`.
+    added_mass : [kg]
+        m_a.
+
+    Returns
+    -------
+    float
+        [N s/m].
+    """
     return 2.0 * damping_ratio * math.sqrt(stiffness * (mass + added_mass))
 
 
@@ -97,7 +138,22 @@ def keulegan_carpenter(amplitude_m: float, volume_m3: float) -> float:
 
 
 def scaled_added_mass(coefficient: float, density_kgpm3: float, volume_m3: float) -> float:
-    """COB-2023-2422 eq. 12 [kg]."""
+    """Added mass of another size of the same shape. COB-2023-2422 eq. 12.
+
+    Parameters
+    ----------
+    coefficient : [-]
+        C_M of the model, its added mass by the mass of the water that it displaces (eq. 8).
+    density_kgpm3 : [kg/m^3]
+        Of the water.
+    volume_m3 : [m^3]
+        Displaced by the other size.
+
+    Returns
+    -------
+    float
+        [kg].
+    """
     return coefficient * density_kgpm3 * volume_m3
 
 
@@ -110,9 +166,32 @@ def analyze(
     source: str = "free decay",
     amplitude_m: float | None = None,
 ) -> FreeDecay:
-    """Results of COB-2023-2422 from one record of displacement [m] or acceleration [m/s^2].
+    """Results of COB-2023-2422 from one record.
 
-    `amplitude_m`: measured release amplitude; by default the largest deviation of the record.
+    Parameters
+    ----------
+    time_s : (n,) [s]
+        Rising; even within what `evenly` allows.
+    signal : (n,) [m] or [m/s^2]
+        Displacement or acceleration along the motion; an offset may remain.
+    bench
+        Springs, model, water.
+    kind
+        Which of both the signal is.
+    source
+        Name of the record, for errors.
+    amplitude_m : [m]
+        Measured release amplitude; by default the largest deviation of the record.
+
+    Returns
+    -------
+    FreeDecay
+        Added mass, damping, drag and the numbers of the paper.
+
+    Raises
+    ------
+    HindraxError
+        Where the record is flat, too short or does not decay, and where the added mass is implausible.
     """
     rate, (even,) = evenly(time_s, [signal], source)
     moved = displacement(even, rate) if kind == "acceleration" else even

@@ -79,9 +79,31 @@ class PendulumFit:
 def analyze(
     time_s: Array, theta_rad: Array, pendulum: Pendulum, window_s: float | None = None, source: str = "pendulum"
 ) -> PendulumFit:
-    """Both estimates from one record. `window_s` is the length of the smoothing polynomial; None: the best of four.
+    """Both estimates from one record: the paper's regression, and an output-error fit that begins with it.
 
-    HindraxError when the weight does not exceed the buoyancy (no restoring moment), or the record is too short.
+    Parameters
+    ----------
+    time_s : (n,) [s]
+        Rising.
+    theta_rad : (n,) [rad]
+        Angle from the vertical.
+    pendulum
+        Mass, buoyancy and arm.
+    window_s : [s]
+        Length of the smoothing polynomial that differentiates the angle; None: the best of four.
+    source
+        Name of the record, for errors.
+
+    Returns
+    -------
+    PendulumFit
+        alpha, beta, gamma and what follows from them, by both.
+
+    Raises
+    ------
+    HindraxError
+        When the weight does not exceed the buoyancy (no restoring moment), when the record is too short, and when no
+        pendulum that comes to rest fits it.
     """
     if not pendulum.net_weight_N > 0.0:
         raise HindraxError(
@@ -153,7 +175,22 @@ def _parameters(values: Array, covariance: Array, pendulum: Pendulum) -> Paramet
 
 
 def simulate(time_s: Array, coefficients: Array, theta_rad: float, speed_radps: float = 0.0) -> Array:
-    """Angle [rad], (n,), at the given times after release; coefficients are alpha, beta and gamma."""
+    """Angle after the release, by the equation of the head of this module.
+
+    Parameters
+    ----------
+    time_s : (n,) [s]
+        Rising; the first is the release.
+    coefficients : (3,)
+        alpha [1/s^2], beta [1/s], gamma [-].
+    theta_rad, speed_radps : [rad], [rad/s]
+        Angle and speed at the release.
+
+    Returns
+    -------
+    Array
+        (n,) [rad]; `RUN_AWAY` from where the motion diverges.
+    """
     alpha, beta, gamma = map(float, coefficients)
 
     def motion(_: float, state: Array) -> tuple[float, float]:

@@ -81,7 +81,18 @@ class StepFit:
 
 
 def tests_from_columns(time_s: Array, velocity_mps: Array, thrust_N: Array) -> list[StepTest]:
-    """Cut a record where the thrust changes or time starts again."""
+    """Cut a record where the thrust changes or time starts again.
+
+    Parameters
+    ----------
+    time_s, velocity_mps, thrust_N : (n,) [s], [m/s], [N]
+        Columns of the record.
+
+    Returns
+    -------
+    list[StepTest]
+        One per thrust, each with its time from zero.
+    """
     cuts = np.flatnonzero((np.diff(thrust_N) != 0.0) | (np.diff(time_s) <= 0.0)) + 1
     parts = zip(np.split(time_s, cuts), np.split(velocity_mps, cuts), np.split(thrust_N, cuts), strict=True)
     return [StepTest(float(thrust[0]), time - time[0], velocity) for time, velocity, thrust in parts]
@@ -90,8 +101,24 @@ def tests_from_columns(time_s: Array, velocity_mps: Array, thrust_N: Array) -> l
 def fit(tests: Sequence[StepTest], mass_kg: float) -> StepFit:
     """Output-error fit of total mass, K_L and K_Q to recorded velocities; nothing is differentiated.
 
-    `mass_kg` is the vehicle's own mass, which is subtracted to give the added mass. One step alone hardly separates K_L
-    from K_Q; HindraxError when it cannot separate them at all.
+    One step alone hardly separates K_L from K_Q: its terminal speed gives one equation for both.
+
+    Parameters
+    ----------
+    tests
+        Velocities after each step.
+    mass_kg : [kg]
+        The vehicle's own mass, which is subtracted to give the added mass.
+
+    Returns
+    -------
+    StepFit
+        With standard deviations from the residuals.
+
+    Raises
+    ------
+    HindraxError
+        When the record has no step from rest or too few samples, and when it cannot separate K_L from K_Q at all.
     """
     measured = np.concatenate([test.velocity_mps for test in tests])
     if measured.size <= 3:

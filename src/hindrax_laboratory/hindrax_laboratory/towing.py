@@ -35,7 +35,28 @@ def fit(
 ) -> Towing:
     """Least squares on [|v| v, v] or [|v| v, v, 1]. The sign-preserving square serves both directions.
 
-    HindraxError when every point has the same speed: one speed cannot separate linear from quadratic drag.
+    Parameters
+    ----------
+    speed_mps : (n,) [m/s, rad/s]
+        Signed.
+    drag_N : (n,) [N, N m]
+        Force that holds that speed, with its sign.
+    offset
+        Whether a constant is estimated too.
+    area_m2 : [m^2]
+        Reference area of C_D; None: no C_D.
+    density_kgpm3 : [kg/m^3]
+        Of the water, for C_D.
+
+    Returns
+    -------
+    Towing
+        Coefficients of COB-2023-1394 eq. 2 with standard deviations.
+
+    Raises
+    ------
+    HindraxError
+        When every point has the same speed, which cannot separate linear from quadratic drag, or the drag is negative.
     """
     if np.unique(np.abs(np.round(speed_mps, 9))).size < 2:
         raise HindraxError(
@@ -63,5 +84,18 @@ def fit(
 
 
 def drag_N(speed_mps: Array, k_q: float, k_l: float, b: float = 0.0) -> Array:
-    """Drag at each speed: (n,) [N]. COB-2023-1394 eq. 2."""
+    """Drag at each speed. COB-2023-1394 eq. 2.
+
+    Parameters
+    ----------
+    speed_mps : (n,) [m/s]
+        Signed.
+    k_q, k_l, b : [N s^2/m^2], [N s/m], [N]
+        Quadratic drag, linear drag, offset.
+
+    Returns
+    -------
+    Array
+        (n,) [N].
+    """
     return np.asarray(k_q * np.abs(speed_mps) * speed_mps + k_l * speed_mps + b)

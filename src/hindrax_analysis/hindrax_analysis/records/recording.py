@@ -143,9 +143,28 @@ def joined(one: Recording, other: Recording) -> Recording:
 def wrenches_of_pulses(
     source: str, channels: Sequence[Sequence[float]], supplies_V: Sequence[float], vehicle: Vehicle
 ) -> Array:
-    """Wrenches (n, 6) [N, N m] in SNAME axes of pulses [us] of all channels, by the thrust curves at each supply.
+    """Wrenches that pulses give by the thrust curves, without the lag of the thrusters.
 
-    UsageError for pulses that cannot be those of the vehicle.
+    Parameters
+    ----------
+    source
+        Name of the record, for the error.
+    channels : (n, c) [us]
+        Pulses of all output channels.
+    supplies_V : (n,) [V]
+        Supply voltage of each row.
+    vehicle
+        Thrusters and curves.
+
+    Returns
+    -------
+    Array
+        (n, 6) [N, N m] about the center of mass, SNAME axes.
+
+    Raises
+    ------
+    UsageError
+        For pulses that cannot be those of the vehicle.
     """
     applied = functools.cache(lambda supply_V: AppliedWrench(vehicle, supply_V))
     try:
@@ -244,7 +263,22 @@ def _period(t: Array) -> float:
 
 
 def events(recording: Recording, axis: int, begin_s: float = 0.0) -> Iterator[Stamped[IdentEvent]]:
-    """Events of one axis in the order of time, the record's origin at `begin_s`; the last one ends the motion."""
+    """Events of one axis in the order of time, as the session gets them on the vehicle; the last one ends the motion.
+
+    Parameters
+    ----------
+    recording
+        Velocities, wrenches and attitudes of one record.
+    axis
+        Index, 0 to 5: rows whose wrench along it is not known are left out.
+    begin_s : [s]
+        Time of the record's origin among the events.
+
+    Yields
+    ------
+    Stamped[IdentEvent]
+        At equal times the thrust, the phase, the attitude, and then the velocity, which only now can be judged.
+    """
     motion = motions_of(axis)[0].name
     parts: list[tuple[float, int, IdentEvent]] = [(recording.begin_s, 1, Phase(motion, "excite"))]
     forces = zip(recording.wrench_t.tolist(), recording.wrench.tolist(), strict=True)

@@ -99,9 +99,22 @@ def is_bag(path: Path) -> bool:
 
 
 def bag_files(path: str | Path) -> list[Path]:
-    """Files of a bag given as a file or as a folder, in order; UsageError when there is none.
+    """Files of a bag, in order.
 
-    The folder of a run stands for the bag in it.
+    Parameters
+    ----------
+    path
+        A file; a folder with files; or the folder of a run, which stands for the bag in it.
+
+    Returns
+    -------
+    list[Path]
+        At least one.
+
+    Raises
+    ------
+    UsageError
+        When there is none.
     """
     place = Path(path)
     if place.is_file():
@@ -124,12 +137,29 @@ def _found(place: Path) -> str:
 def messages(
     path: str | Path, topics: Collection[str] | None = None, *, damage: Damage | None = None
 ) -> Iterator[BagMessage]:
-    """Messages of a bag in the order in which they were written, of these topics or of all.
+    """Messages of a bag in the order in which they were written.
 
-    Topics of a vehicle of ours are named as in the default namespace, whichever it had.
+    An unfinished file is read up to its last whole record, and damaged chunks are left out.
 
-    An unfinished file is read up to its last whole record, and damaged chunks are left out; `damage` receives a report.
-    UsageError when a file is no bag at all.
+    Parameters
+    ----------
+    path
+        As `bag_files` takes it.
+    topics
+        Names of those wanted, by default all. Topics of a vehicle of ours are named as in the default namespace,
+        whichever it had.
+    damage
+        Receives a report of what was left out.
+
+    Yields
+    ------
+    BagMessage
+        Topic, stamps, definition and bytes.
+
+    Raises
+    ------
+    UsageError
+        When a file is no bag at all; at the first message, not at the call.
     """
     noted = Damage() if damage is None else damage
     for file in bag_files(path):
@@ -266,7 +296,25 @@ def beside_messages(path: str | Path) -> Iterator[object]:
 
 
 def attached_vehicle(bag: str | Path, inside: Mapping[str, bytes]) -> Vehicle:
-    """Vehicle by the file among the attachments of a bag; UsageError when there is none."""
+    """Vehicle by the file among the attachments of a bag.
+
+    Parameters
+    ----------
+    bag
+        Its name, for the error.
+    inside
+        Attachments by name.
+
+    Returns
+    -------
+    Vehicle
+        As `load_vehicle` gives it.
+
+    Raises
+    ------
+    UsageError
+        When there is no vehicle file among them, or it is not valid.
+    """
     text = inside.get(VEHICLE_FILE)
     if text is None:
         raise UsageError(f"{bag}: has no vehicle file inside; name one with --vehicle")

@@ -21,10 +21,29 @@ TIME = ("time_s", "stamp_ns")
 
 
 def extract(bag: Path, folder: Path, topics: Collection[str] | None) -> dict[str, tuple[Path, int]]:
-    """Write one CSV file per topic; returns file and number of rows by topic.
+    """Write one CSV file per topic.
 
     Columns: seconds since the first message of the bag, the message's own stamp (that of receipt where it has none),
     then every field. The fields of a topic are those of its first message; longer lists of later ones are cut.
+
+    Parameters
+    ----------
+    bag
+        As `bag_files` takes it.
+    folder
+        Is made; where the work fails, nothing is left in it.
+    topics
+        Names of those wanted; None: all.
+
+    Returns
+    -------
+    dict[str, tuple[Path, int]]
+        File and number of rows by topic.
+
+    Raises
+    ------
+    UsageError
+        For a topic without messages, and for a folder that cannot be written.
     """
     tables: dict[str, _Table] = {}
     with writing(folder, "name another"), nothing_left(folder), contextlib.ExitStack() as files:
@@ -89,7 +108,25 @@ class FieldSeries:
 
 
 def series(bag: Path, wanted: Sequence[str]) -> list[FieldSeries]:
-    """Fields given as `TOPIC:FIELD` over time; UsageError names what is not there."""
+    """Fields of messages over time.
+
+    Parameters
+    ----------
+    bag
+        As `bag_files` takes it.
+    wanted
+        `TOPIC:FIELD` each, the field with dots and numbers, such as `twist.twist.linear.x`.
+
+    Returns
+    -------
+    list[FieldSeries]
+        In the order of `wanted`, each with its unit where the definition of the message says it.
+
+    Raises
+    ------
+    UsageError
+        Names the topic or field that is not there, or is no number.
+    """
     places = [_place(word) for word in wanted]
     made = [FieldSeries(word) for word in wanted]
     for message, time_s, stamp, row in message_rows(bag, {topic for topic, _ in places}):

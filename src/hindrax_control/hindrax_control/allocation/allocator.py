@@ -146,11 +146,24 @@ class Allocator:
         previous_us: Sequence[float] = (),
         supply_V: float | None = None,
     ) -> Allocation:
-        """Return the integer pulses for a wrench [N, Nm], and what they really give.
+        """Return the integer pulses for a wrench, and what they really give.
 
-        An axis that is not finite is refused and counts as zero; the others are served. A wrench of exactly zero
-        stops every thruster. `previous_us` (the pulses sent before, in the order of the vehicle file) steadies
-        thrusters near their dead band; `supply_V` is the measured voltage, None for the nominal one.
+        Parameters
+        ----------
+        wrench : (6,) [N, N m]
+            About the center of mass, SNAME axes. An axis that is not finite is refused and counts as zero; the others
+            are served. A wrench of exactly zero stops every thruster.
+        disabled
+            Names of thrusters that must stand still.
+        previous_us : (n,) [us]
+            Pulses sent before, in the order of the vehicle file; they steady thrusters near their dead band.
+        supply_V : [V]
+            Measured voltage; None for the nominal one.
+
+        Returns
+        -------
+        Allocation
+            Forces, pulses, the wrench achieved, and what falls short of the one asked for, with the reason.
         """
         accepted, refused = bounded_axes(wrench)
         enabled = self._enabled(disabled, self.vehicle.supply_V if supply_V is None else supply_V)
@@ -164,9 +177,19 @@ class Allocator:
         previous_us: Sequence[float] = (),
         supply_V: float | None = None,
     ) -> Allocation:
-        """Return the integer pulses for given forces of the thrusters [N], and the wrench that they should give.
+        """Return the integer pulses for given forces of the thrusters, and the wrench that they should give.
 
-        A force that is not finite, or of a disabled thruster, is zero.
+        Parameters
+        ----------
+        forces_N : (n,) [N]
+            In the order of the vehicle file. One that is not finite, or of a disabled thruster, is zero.
+        disabled, previous_us, supply_V
+            As in `allocate`.
+
+        Returns
+        -------
+        Allocation
+            As of `allocate`.
         """
         enabled = self._enabled(disabled, self.vehicle.supply_V if supply_V is None else supply_V)
         named = zip(self.names, forces_N, strict=True)
@@ -207,14 +230,47 @@ class Allocator:
         )
 
     def forces(self, wrench: Vec6, disabled: frozenset[str] = frozenset()) -> tuple[float, ...]:
-        """Forces [N] for a finite wrench at the nominal supply, before pulses are rounded: for planning and tests."""
+        """Forces for a finite wrench at the nominal supply, before pulses are rounded: for planning and tests.
+
+        Parameters
+        ----------
+        wrench : (6,) [N, N m]
+            About the center of mass, SNAME axes.
+        disabled
+            Names of thrusters that must stand still.
+
+        Returns
+        -------
+        tuple[float, ...]
+            (n,) [N] in the order of the vehicle file.
+
+        Raises
+        ------
+        HindraxError
+            Where the solver finds none.
+        """
         forces, exact = self._enabled(disabled, self.vehicle.supply_V).forces(wrench, ())
         if not exact:
             raise HindraxError(f"{wrench}: {NO_FORCES}")
         return tuple(forces)
 
     def reach(self, axis: str, sign: float, disabled: frozenset[str] = frozenset()) -> float:
-        """Largest wrench [N, Nm] along one axis alone, in the direction of `sign`."""
+        """Largest wrench along one axis alone.
+
+        Parameters
+        ----------
+        axis
+            Its name, SNAME.
+        sign
+            +1 or -1: the direction.
+        disabled
+            Names of thrusters that must stand still.
+
+        Returns
+        -------
+        float
+            Its size [N, N m], never negative.
+        """
         index = AXES.index(axis)
         wanted = vec6(sign * LARGEST if one == index else 0.0 for one in range(6))
         given = self.B @ np.array(self.forces(wanted, disabled))

@@ -38,7 +38,20 @@ def effectiveness(vehicle: Vehicle) -> Matrix:
 def served_axes(B: Matrix, order: Sequence[int] = NEED) -> tuple[int, ...]:
     """Indices of the axes that can be served independently of each other, taken in this order.
 
-    Gram-Schmidt over the rows of B (6, n): a row that depends on those before it is an axis that is lost to them.
+    Gram-Schmidt over the rows of B: a row that depends on those before it is an axis that is lost to them. With rank
+    below six the choice is not unique, so the order decides which axes a vehicle with few thrusters keeps.
+
+    Parameters
+    ----------
+    B : (6, n)
+        Effectiveness, rows [-]*3, [m]*3.
+    order
+        Axes, the most important first.
+
+    Returns
+    -------
+    tuple[int, ...]
+        Rising indices, 0 to 5.
     """
     kept: list[int] = []
     directions: list[Matrix] = []
@@ -56,9 +69,17 @@ def served_axes(B: Matrix, order: Sequence[int] = NEED) -> tuple[int, ...]:
 
 
 def condition(B: Matrix) -> float:
-    """Condition of a layout (6, n) on the axes that it serves, infinite if there are none.
+    """Condition of a layout on the axes that it serves.
 
-    Moments are divided by the largest lever arm, to compare them with forces.
+    Parameters
+    ----------
+    B : (6, n)
+        Effectiveness, rows [-]*3, [m]*3. Moments are divided by the largest lever arm, to compare them with forces.
+
+    Returns
+    -------
+    float
+        Largest by smallest singular value [-]; infinite if no axis is served.
     """
     served = served_axes(B)
     if not served:
@@ -70,7 +91,23 @@ def condition(B: Matrix) -> float:
 
 
 def checked_effectiveness(vehicle: Vehicle) -> Matrix:
-    """Effectiveness (6, n), rows [-]*3, [m]*3, if the thrusters serve any axis; UsageError names what is wrong."""
+    """Effectiveness of the thrusters, if they serve any axis well enough to fly.
+
+    Parameters
+    ----------
+    vehicle
+        Positions and directions of its thrusters.
+
+    Returns
+    -------
+    Matrix
+        (6, n), rows [-]*3, [m]*3: wrench about the center of mass per newton of each thruster.
+
+    Raises
+    ------
+    UsageError
+        Where there is no thruster, or the condition is too bad; it names both.
+    """
     B = effectiveness(vehicle)
     if not vehicle.thrusters:
         raise UsageError(f"{vehicle.name}: thrusters: found none, wanted at least one")

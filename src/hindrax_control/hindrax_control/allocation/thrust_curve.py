@@ -81,11 +81,23 @@ class ThrustCurve:
         return branch.force_N(begin_us) * (pulse_us - edge_us) / (begin_us - edge_us)
 
     def pulse(self, force_N: float, previous_us: float = 0.0) -> float:
-        """Pulse [us] that gives a force [N], clipped to the range; the stop pulse for a force that is not a number.
+        """Pulse that gives a force, clipped to the range.
 
-        A force between zero and the smallest running force cannot be had: the nearer of both is taken. With the pulse
-        sent before (0: unknown), a thruster that runs keeps running a little longer, and one that stands starts a
-        little later, so that a force at the middle does not make it chatter.
+        A force between zero and the smallest running force cannot be had: the nearer of both is taken, with
+        hysteresis, so that a force at the middle does not make the thruster chatter.
+
+        Parameters
+        ----------
+        force_N : [N]
+            In the thruster's own direction; one that is not a number gives the stop pulse.
+        previous_us : [us]
+            Pulse sent before; 0: unknown. A thruster that runs keeps running a little longer; one that stands starts a
+            little later.
+
+        Returns
+        -------
+        float
+            [us], not yet rounded.
         """
         if force_N >= self._high_N:
             return self._forth(force_N)
@@ -105,9 +117,21 @@ class ThrustCurve:
 
 
 def thrust_curves(vehicle: Vehicle, supply_V: float | None = None, margin_us: float = 0.0) -> tuple[ThrustCurve, ...]:
-    """Return the curve of each thruster in the order of the vehicle file, at a supply voltage (None: the nominal).
+    """Return the curve of each thruster in the order of the vehicle file.
 
-    `margin_us` widens their dead bands.
+    Parameters
+    ----------
+    vehicle
+        Thrusters and curves.
+    supply_V : [V]
+        Supply voltage; None: the nominal one of the vehicle.
+    margin_us : [us]
+        Widens the dead bands.
+
+    Returns
+    -------
+    tuple[ThrustCurve, ...]
+        Mirrored for thrusters that turn the other way.
     """
     volts = vehicle.supply_V if supply_V is None else supply_V
     return tuple(
@@ -123,7 +147,25 @@ def thrust_curves(vehicle: Vehicle, supply_V: float | None = None, margin_us: fl
 
 
 def pulses_of_channels(vehicle: Vehicle, channels: Sequence[float]) -> list[float]:
-    """Pulses of the thrusters [us] out of those of all output channels, where 0 means stop; ValueError if unfit."""
+    """Pulses of the thrusters out of those of all output channels.
+
+    Parameters
+    ----------
+    vehicle
+        Says which channel drives which thruster.
+    channels : (c,) [us]
+        Pulses by channel; 0 means stop.
+
+    Returns
+    -------
+    list[float]
+        (n,) [us] in the order of the vehicle file.
+
+    Raises
+    ------
+    ValueError
+        For too few channels, and for a pulse that no servo output has.
+    """
     wanted = max((thruster.channel + 1 for thruster in vehicle.thrusters), default=0)
     if len(channels) < wanted:
         raise ValueError(f"holds {len(channels)} channels, wanted {wanted} for {vehicle.name}")
@@ -133,7 +175,20 @@ def pulses_of_channels(vehicle: Vehicle, channels: Sequence[float]) -> list[floa
 
 
 def check_pulses(pulses_us: Sequence[float], thrusters: int) -> None:
-    """ValueError unless the pulses are those of a vehicle with so many thrusters."""
+    """Check that pulses are those of a vehicle with so many thrusters.
+
+    Parameters
+    ----------
+    pulses_us : (n,) [us]
+        One per thruster.
+    thrusters
+        Number wanted.
+
+    Raises
+    ------
+    ValueError
+        For another number, or a pulse that no servo output has.
+    """
     if len(pulses_us) != thrusters:
         raise ValueError(f"found {len(pulses_us)} pulses, wanted {thrusters}")
     low, high = SERVO_US

@@ -102,9 +102,22 @@ class Running:
 
 
 def running(curve: Curve, supply_V: float | None = None, margin_us: float = 0.0) -> Running:
-    """A valid curve at a supply voltage (None: that at which it was measured), with a margin about the dead band.
+    """A valid curve as both of its branches run: force [N] over pulse [us].
 
-    A missing positive cubic is the mirror image of the negative one.
+    Parameters
+    ----------
+    curve
+        As in the vehicle file: polynomials of both directions, or a table. A missing positive polynomial is the mirror
+        image of the negative one.
+    supply_V : [V]
+        Polynomials scale with (supply / that of the curve) ** exponent, a table has rows by voltage; None: as measured.
+    margin_us : [us]
+        Widens the dead band by as much on both sides.
+
+    Returns
+    -------
+    Running
+        Backward and forward branch, and the pulses between which the thruster stands still.
     """
     if curve.table is not None:
         volts = curve.table.supply_V[0] if supply_V is None else supply_V
@@ -182,10 +195,23 @@ def stationary_points(c: Coefficients) -> tuple[float, ...]:
 
 
 def inverse(c: Coefficients, low: float, high: float) -> Inverse:
-    """Return the inverse on [low, high], where the polynomial must be strictly monotone.
+    """Return the inverse of a polynomial on an interval where it is strictly monotone.
 
-    A value beyond that of an end gives that end, exactly. The work that does not depend on the value is done once, so
-    that one inverse is one or two calls into the C library.
+    The work that does not depend on the value is done once, so that one inverse is one or two calls into the C library.
+    Which root of a cubic is meant depends on the interval alone: between both turning points (by sines), beyond them
+    (by cosines), or anywhere where there are none (by hyperbolic sines).
+
+    Parameters
+    ----------
+    c
+        Coefficients of 1, x, x^2 and x^3.
+    low, high
+        Ends of the interval, in the unit of x.
+
+    Returns
+    -------
+    Inverse
+        From y to x. A value beyond that of an end gives that end, exactly.
     """
     c1, c2, c3, c4 = c
     if c4 == 0.0:

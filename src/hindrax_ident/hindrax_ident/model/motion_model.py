@@ -60,7 +60,16 @@ def axis_units(axis: int) -> tuple[str, str]:
 def coefficient_units(axis: int) -> dict[str, str]:
     """Unit of each coefficient of motions on this axis.
 
-    k_q, k_l: quadratic and linear drag; b: net buoyancy in heave, elsewhere an offset; k_r: restoring moment per sine.
+    Parameters
+    ----------
+    axis
+        Index, 0 to 5: surge, sway, heave, roll, pitch, yaw.
+
+    Returns
+    -------
+    dict[str, str]
+        `k_q`, `k_l`: quadratic and linear drag; `b`: net buoyancy in heave, elsewhere an offset; `added_mass`; `k_r`:
+        restoring moment per sine of the angle.
     """
     of_axis = ("N m s^2", "N m s", "N m", "kg m^2", "N m") if axis >= 3 else ("N s^2/m^2", "N s/m", "N", "kg", "N")
     return dict(zip(("k_q", "k_l", "b", "added_mass", "k_r"), of_axis, strict=True))
@@ -110,7 +119,22 @@ class Model:
         return np.stack([*drag, np.ones_like(v), *rest], axis=1)
 
     def force(self, theta: Array, v: Array, position: Array) -> Array:
-        """Resisting force, drag + b + restoring: (n,) [N] or [N m]."""
+        """Resisting force of the model: drag + b + restoring.
+
+        Parameters
+        ----------
+        theta : (p,)
+            Parameters in the order of `names`; the mass, the last one, resists no velocity and is not used.
+        v : (n,) [m/s, rad/s]
+            Velocity along the axis.
+        position : (n,) [m, rad]
+            Angle, for the restoring moment, or depth.
+
+        Returns
+        -------
+        Array
+            (n,) [N, N m], positive against a positive velocity.
+        """
         return np.asarray(self.columns(v, position) @ theta[:-1])
 
     def slope(self, theta: Array, v: Array) -> Array:
@@ -143,9 +167,23 @@ def offset(vehicle: Vehicle, axis: int) -> float:
 
 
 def known_force(vehicle: Vehicle, axis: int, attitude_rad: Vec3) -> float:
-    """Hydrostatic force on surge and sway due to tilt [N]; zero on the other axes. Fossen 2011 eq. 4.6.
+    """Hydrostatic force that is no unknown: the part of the net buoyancy that tilt brings into surge and sway.
 
-    In roll and pitch it is part of k_r, in heave of b.
+    In roll and pitch hydrostatics are estimated as k_r, in heave as b. Fossen 2011 eq. 4.6, whose W - B is `sinking_N`.
+
+    Parameters
+    ----------
+    vehicle
+        Gives the net buoyancy.
+    axis
+        Index, 0 to 5.
+    attitude_rad : (3,) [rad]
+        Roll, pitch, yaw.
+
+    Returns
+    -------
+    float
+        [N] along the body's axis, SNAME; zero on the axes other than surge and sway.
     """
     roll, pitch, _ = attitude_rad
     sinking_N = -vehicle.net_buoyancy_N
@@ -157,9 +195,19 @@ def known_force(vehicle: Vehicle, axis: int, attitude_rad: Vec3) -> float:
 
 
 def lag_s(vehicle: Vehicle, axis: int) -> float | None:
-    """Time constant of the thrust on an axis [s]: mean over the thrusters, weighted by their contributions.
+    """Time constant of the thrust on an axis: mean over the thrusters, weighted by what each contributes to it.
 
-    None where none of them acts on it: not known, which is not the same as 0.
+    Parameters
+    ----------
+    vehicle
+        Thrusters with their lags.
+    axis
+        Index, 0 to 5.
+
+    Returns
+    -------
+    float or None
+        [s]; None where no thruster acts on the axis: not known, which is not the same as 0.
     """
     shares = [(abs(unit_wrench(vehicle, thruster)[axis]), thruster.lag_s) for thruster in vehicle.thrusters]
     total = sum(share for share, _ in shares)

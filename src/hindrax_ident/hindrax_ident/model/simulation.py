@@ -92,9 +92,23 @@ def per_step(totals: Array, starts: Flags) -> Array:
 
 
 def trajectory(model: Model, theta: Array, grid: Grid, start: Trajectory) -> Trajectory | None:
-    """Motion from the first velocity and position of each stretch of `start`; the rest of `start` is the first guess.
+    """Motion of all stretches by Newton's method on the collocation equations of the head of this module.
 
-    None when Newton's method finds no solution: the parameters are implausible.
+    Parameters
+    ----------
+    model
+        Columns of the resisting force.
+    theta : (p,)
+        Its parameters; the last is the mass.
+    grid
+        Times, stretches and impulses (n,).
+    start
+        First velocity and position of each stretch; the rest of it is the first guess.
+
+    Returns
+    -------
+    Trajectory or None
+        Velocity and position (n,); None where the iteration does not converge: the parameters are implausible.
     """
     v, s = start.v.copy(), start.s.copy()
     with np.errstate(over="ignore", invalid="ignore"):
@@ -113,10 +127,24 @@ def trajectory(model: Model, theta: Array, grid: Grid, start: Trajectory) -> Tra
 
 
 def sensitivities(model: Model, theta: Array, grid: Grid, path: Trajectory, impulses: Array | None = None) -> Array:
-    """Sensitivities of velocity and position: (n, 2, p + 2 + m) [m/s, m or rad/s, rad per unit of each column].
+    """Derivatives of the trajectory: the equations F(x, theta) = 0 give dx/dtheta = -(dF/dx)^-1 dF/dtheta.
 
-    Columns: the p parameters, then the initial velocity and the initial position of the same stretch, then one per
-    column of `impulses` (n, m): additional impulses over each step.
+    dF/dx is the matrix of the last Newton step, so each column costs one more right-hand side.
+
+    Parameters
+    ----------
+    model, theta, grid
+        As `trajectory` took them.
+    path
+        What it returned.
+    impulses : (n, m) [N s, N m s]
+        Additional impulses over each step, to which the derivative is wanted too.
+
+    Returns
+    -------
+    Array
+        (n, 2, p + 2 + m): of velocity and position, by the p parameters, the initial velocity and the initial position
+        of the same stretch, then one per column of `impulses`.
     """
     n, p = len(path.v), len(theta)
     extra = 0 if impulses is None else impulses.shape[1]

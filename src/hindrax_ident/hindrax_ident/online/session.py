@@ -70,9 +70,19 @@ class Session:
     # ---- during the run
 
     def step(self, event: Stamped[IdentEvent]) -> Sequence[Stamped[Estimate]]:
-        """Process the next event; return the estimates of the samples that it completes.
+        """Process the next event.
 
         Times count from the first motion: what came before depends on when a node subscribed, and rounding would too.
+
+        Parameters
+        ----------
+        event
+            Phase of a maneuver, thrust, attitude or velocity (SNAME axes), not earlier than the one before.
+
+        Returns
+        -------
+        Sequence[Stamped[Estimate]]
+            Estimates of the samples that the event completes; mostly none or one.
         """
         if self._origin is None:
             if not (isinstance(event.reading, Phase) and event.reading.motion in MOTIONS):
@@ -172,9 +182,19 @@ class Session:
     # ---- after the run
 
     def finalize(self, progress: Callable[[str], None] = lambda _: None) -> Outcome:
-        """Refine every motion flown. May be called at any time; it changes nothing that was learned.
+        """Fit every motion flown, first each axis alone, then with what the others found; assess what came out.
 
-        `progress` gets what begins, such as "fit of surge, 1 of 6".
+        May be called at any time; it changes nothing that was learned.
+
+        Parameters
+        ----------
+        progress
+            Is told what begins, such as "fit of surge, 1 of 6".
+
+        Returns
+        -------
+        Outcome
+            Results by motion, also of those that could not be identified, and the assessment of each axis.
         """
         motions: dict[str, MotionResult] = {}
         drafts: dict[int, DraftFit] = {}
