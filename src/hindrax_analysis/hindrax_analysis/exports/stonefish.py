@@ -62,12 +62,22 @@ def write(model: ExportModel, law: Law = "cubic") -> str:
     """XML text of the dynamic element."""
     boxes = drag_boxes(model, law)
     body = ET.Element("dynamic", name=model.vehicle.name, type="compound", physics="submerged", buoyant="true")
+    parts(body, model, boxes)
+    ET.SubElement(body, "world_transform", xyz="0 0 1", rpy="0 0 0")
+    return commented(body, model, CONVENTIONS + notes_of(model, law, boxes))
+
+
+def parts(body: ET.Element, model: ExportModel, boxes: tuple["DragBox", "DragBox"]) -> None:
+    """Fill a compound body: drag, added mass and hull, about the origin of the vehicle file."""
     for name, box in zip(("drag_of_motion", "drag_of_turning"), boxes, strict=True):
         _drag(body, model, name, box)
     _added_mass(body, model)
     _hull(body, model)
-    ET.SubElement(body, "world_transform", xyz="0 0 1", rpy="0 0 0")
-    return commented(body, model, CONVENTIONS + one_sided_notes(model) + tuple(_quality(model, law, boxes)))
+
+
+def notes_of(model: ExportModel, law: Law, boxes: tuple["DragBox", "DragBox"]) -> tuple[str, ...]:
+    """What Stonefish cannot do with this model, and by how much it errs."""
+    return one_sided_notes(model) + tuple(_quality(model, law, boxes))
 
 
 # ---- the parts

@@ -6,7 +6,18 @@ from dataclasses import replace
 from pathlib import Path
 
 from hindrax_analysis.coefficients_file import SavedCoefficients, read_coefficients
-from hindrax_analysis.exports import fossen, gz, mujoco, python_model, samples, stonefish, tables, uuv, vehicle_block
+from hindrax_analysis.exports import (
+    fossen,
+    gz,
+    mujoco,
+    python_model,
+    samples,
+    stonefish,
+    stonefish_vehicle,
+    tables,
+    uuv,
+    vehicle_block,
+)
 from hindrax_analysis.exports.export_model import (
     ExportModel,
     abort_notes,
@@ -95,10 +106,15 @@ FORMATS: dict[str, Callable[[ExportModel], str]] = {
     "python": python_model.write,
     "vehicle": vehicle_block.write,
 }
-FOLDERS: dict[str, Callable[[ExportModel], Mapping[str, str]]] = {"gz": gz.folder, "mujoco": mujoco.folder}
+FOLDERS: dict[str, Callable[[ExportModel], Mapping[str, str]]] = {
+    "gz": gz.folder,
+    "mujoco": mujoco.folder,
+    "stonefish": stonefish_vehicle.folder,
+    "stonefish-quadratic": lambda model: stonefish_vehicle.folder(model, "quadratic"),
+}
 """Formats of several files: a whole vehicle that opens and can be driven, where --out names a folder."""
 SUFFIXES = {
-    "gz-plugin": ".sdf", "stonefish": ".scn", "stonefish-quadratic": ".scn", "uuv": ".xml", "fossen": ".yaml",
+    "gz-plugin": ".sdf", "uuv": ".xml", "fossen": ".yaml",
     "python": ".py", "vehicle": ".yaml",
 }  # fmt: skip
 TABLES: dict[str, Callable[[SavedCoefficients], str]] = {"csv": tables.write_csv, "latex": tables.write_latex}
@@ -119,7 +135,12 @@ URDF = "urdf"
         help="coefficients.yaml, or a run's folder; without it, --vehicle as it is",
     ),
     option("--to", choices=[*FORMATS, *TABLES, URDF], required=True, help="format"),
-    option("--out", type=Path, metavar="FILE_OR_FOLDER", help="default: stdout; gz and mujoco also fill a folder"),
+    option(
+        "--out",
+        type=Path,
+        metavar="FILE_OR_FOLDER",
+        help="default: stdout; gz, mujoco, stonefish: also a folder",
+    ),
     option("--samples", type=at_least(1), metavar="N", help="N vehicles drawn from the uncertainty, into --out FOLDER"),
     option("--seed", type=int, default=1, metavar="S", help="of the draws; default: 1"),
     named_vehicle("vehicle; also fills in coefficients that the results lack, and marks them"),
