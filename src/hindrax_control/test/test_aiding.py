@@ -302,4 +302,5 @@ def test_a_depth_that_drifts_is_told_where_dvl_and_echo_both_contradict_it(hindr
         rig.dvl((0.0, 0.0, 1e-6 * (tick % 2)))
         if echoes:
             rig.aiding.echo(Echo(0.8, 1.0), HERE, 0.0)
+        rig.aiding.compare_floor(Pressure(1e5 + tick, 20.0), rig.time_s)
     assert rig.aiding.drift.off_m == pytest.approx(0.45 - 45.0 * 0.003 if echoes else 0.0, abs=0.04)

@@ -62,3 +62,14 @@ def test_what_is_unknown_changes_nothing() -> None:
     found.floor(math.nan, (0.0, 0.0), 61.0)
     found.floor(9.0, (math.nan, 0.0), 61.0)
     assert found.off_m == known_m > 0.2
+
+
+@pytest.mark.parametrize("hung", [True, False])
+def test_a_pressure_that_repeats_itself_is_found_by_the_floor_alone(hung: bool) -> None:
+    found = DepthDrift()
+    for number in range(200):
+        now_s = 0.05 * number
+        found.pressure(1.1e5 if hung else 1.1e5 + number % 2, now_s)
+        found.floor(2.0 + 0.05 * now_s, (0.0, 0.0), now_s)
+        assert now_s > 2.9 or found.off_m == 0.0
+    assert found.off_m == pytest.approx(0.5 if hung else 0.0, abs=0.01)

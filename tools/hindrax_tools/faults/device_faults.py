@@ -101,7 +101,7 @@ LIES = {
 """Faults of what a device measures or does, of which one falls on the vehicle."""
 PAIRS = {
     ("died", "absent", "dvl75"): ("absent", "ms5837"),
-    ("frozen velocity", "velocity_frozen", "dvl75"): ("depth_stuck", "ms5837"),
+    ("frozen velocity", "velocity_frozen", "dvl75"): ("repeated", "ms5837"),
     ("false lock", "false_lock", "dvl75"): ("range_short", "ping1d"),
     ("died", "absent", "ms5837"): ("absent", "ping1d"),
     ("gyroscope offset", "gyro_offset", "icm20948"): ("absent", "dvl75"),

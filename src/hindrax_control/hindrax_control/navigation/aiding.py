@@ -110,7 +110,6 @@ class Aiding:
             off_mps = dx * u + dy * v + dz * w - self.vertical.rate_mps
             self.sunk_off_m += span_s * (off_mps - self.sunk_off_m / REMEMBERED_S)
             self.drift.step(off_mps, math.hypot(u, v), span_s)
-            self.drift.floor(self.vertical.floor_m, self.place_m, valid_s)
         self._sunk_s = valid_s
 
     def pressure(self, reading: Pressure, mount: SensorMount, delay_s: float) -> bool:
@@ -119,6 +118,11 @@ class Aiding:
         if not abs(depth_m) <= self._deepest_m:
             return False
         return self.vertical.depth(depth_m - self._below(mount.lever_m), self._knobs.pressure_sigma_m, delay_s)
+
+    def compare_floor(self, reading: Pressure, valid_s: float) -> None:
+        """Compare the floor with that of an earlier visit, as depth and altitude give it at a pressure."""
+        self.drift.pressure(reading.pressure_Pa, valid_s)
+        self.drift.floor(self.vertical.floor_m, self.place_m, valid_s)
 
     def echo(self, reading: Echo, mount: SensorMount, delay_s: float) -> bool:
         """Fuse the range of the sonar: the nearest point of the floor within its beam answers."""

@@ -6,6 +6,9 @@ the DVL may be wrong by, never below zero (CUSUM, Page 1954). The floor (depth a
 the vehicle was at the same place before: what slopes or has steps comes back. Either errs as slowly by itself, a DVL by
 its bias and by the way ahead that its mount turns into the vertical, the floor by an echo of something else; both
 together, by as much and with the same sign, do not.
+
+Where a pressure repeats one value to the last digit, it is a witness against itself, and the floor alone decides: so a
+sensor that hangs is found without a DVL too.
 """
 
 import math
@@ -14,6 +17,8 @@ BIAS_mps = 0.003
 """What a DVL reads too much at rest; as much as the wall guard reckons with."""
 LEAK = 0.005
 """Part of the way ahead that it may take for a way down. A mount is off by more; the floor then contradicts it."""
+REPEATED_S = 3.0
+"""Time of one and the same pressure from which on it counts as hung: its noise is many counts."""
 PLACE_m = 1.0
 REMEMBERED_S = 240.0
 """After that, the dead reckoning may have come to another place."""
@@ -27,6 +32,13 @@ class DepthDrift:
         self._floors: dict[tuple[int, int], tuple[float, float]] = {}
         """Depth of the floor and time of the visit, by place."""
         self._fell_m = 0.0
+        self._pressure_Pa = self._changed_s = self._now_s = math.nan
+
+    def pressure(self, pressure_Pa: float, now_s: float) -> None:
+        """Take a pressure as it was measured."""
+        if pressure_Pa != self._pressure_Pa:
+            self._pressure_Pa, self._changed_s = pressure_Pa, now_s
+        self._now_s = now_s
 
     def step(self, off_mps: float, ahead_mps: float, span_s: float) -> None:
         """Take a velocity of the DVL: way down by it less that by pressure, speed over ground, and its time."""
@@ -46,5 +58,6 @@ class DepthDrift:
     @property
     def off_m(self) -> float:
         """How much too deep the depth has become, as far as both agree; negative where it is too high [m]."""
-        too_high, too_deep = self._gone_m
+        hung = self._now_s - self._changed_s >= REPEATED_S
+        too_high, too_deep = (math.inf, math.inf) if hung else self._gone_m
         return max(0.0, min(too_deep, self._fell_m)) - max(0.0, min(too_high, -self._fell_m))

@@ -287,6 +287,7 @@ class Navigator:
                     self._reckoning.measured(reading.sigma_mps, max(reading.interval_s, SHORTEST_SPAN_S))
             case Pressure():
                 used = aiding.pressure(reading, at, delay_s)
+                aiding.compare_floor(reading, (valid - self._began) / NS_PER_S)
                 self._depth = max(self._depth, valid) if used else self._depth
             case Echo() if source in self._dvls:  # as a Tracker 650 reports its altitude
                 self._dvl_altitude(reading.range_m, valid, at)
