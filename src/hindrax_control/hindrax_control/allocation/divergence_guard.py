@@ -7,6 +7,17 @@ thrust.
 
 The moments that the model does not explain (the momentum balance, filtered, as in the thruster fault detector) are
 compared with what each thruster, and each axis, would leave if its force were missing (a share of 1) or reversed (2).
+
+Symbols: n thrusters; B (3, n) moments per newton [m]; I (3,) inertia with added mass [kg m^2]; omega (3,) rates; F (n,)
+forces after their lag; an index f means behind a low-pass of `filter_s`. The residual moment, (3,) [N m], is
+
+    r = I (omega - omega_f) / filter_s - (righting - drag)_f - B F_f
+
+and what is gathered is r / I: angular accelerations, so that one limit serves all axes and vehicles. n + 3 suspects:
+the thrusters, then roll, pitch and yaw as a whole, which is what a sensor with the wrong sign looks like.
+
+A residual alone is no divergence: a hand or a wave makes one. It must drive the motion (r omega > 0) or, where the
+vehicle has leaned slowly, push it further over; a decision at a small tilt also wants the angular momentum to grow.
 """
 
 import math
@@ -122,7 +133,11 @@ class DivergenceGuard:
         return momentum - self._slow_model - self._B @ self._slow_thrust, momentum
 
     def _gather(self, residual: Matrix, dt: float) -> None:
-        """Correlate the residual with what each thruster and each axis would leave [rad/s^2]."""
+        """Correlate the residual with what each thruster and each axis would leave [rad/s^2].
+
+        As `_judge` of the thruster fault detector: the sums of which missing shares and explained parts are quotients.
+        An axis alone leaves a moment about itself only, hence the diagonal matrix.
+        """
         wrenches = self._B * self._slow_thrust
         signatures = -np.hstack([wrenches, np.diag(wrenches.sum(axis=1))]) / self._inertia[:, None]
         surprise = residual / self._inertia
@@ -134,7 +149,12 @@ class DivergenceGuard:
     def _diverging(
         self, rates: Matrix, attitude_rad: Vec3, balance: tuple[Matrix, Matrix], best: int, share: float
     ) -> str:
-        """What it does against its thrusters, in words; empty when it does not diverge."""
+        """What it does against its thrusters, in words; empty when it does not diverge.
+
+        Four ways: it turns fast about the vertical with something reversed; it has leaned slowly to a tilt that it may
+        not reach; it tilts with one thruster reversed and the motion growing (`early`: a small tilt is enough); it
+        tilts and will be too far when the thrust ends, whatever the reason (`late`).
+        """
         knobs, (residual, momentum) = self._knobs, balance
         if self._surprise < knobs.surprise_radps2**2:
             return ""

@@ -7,6 +7,16 @@ heave, roll and pitch leave on the average is learned, and only what comes on to
 thruster (one that dies), and against what its force has on top of its own average (one that was dead from the start).
 For each thruster, and for all of them together, the part of the force that is missing is fitted; what explains most of
 a residual too large for the model's own errors, for long enough, is suspected.
+
+Symbols: n thrusters; B (6, n) effectiveness; F (n,) forces after their lag; M (6,) inertia with added mass; nu (6,)
+rates. An index f means behind a low-pass of `filter_s`. The residual wrench, (6,) [N, N m], is
+
+    r = M (nu - nu_f) / filter_s - (hydrostatics + Munk - drag)_f - B F_f
+
+whose first term is the filtered M nu' exactly. A thruster j that gives a share (1 - m) of its force leaves
+r = -m B_j F_j: m is 1 for a dead one and 2 for one that pushes the wrong way round. Everything is divided by the
+model's own error, so that r.r counts in variances. Suspects are judged twice, 2 (n + 1) columns s: by their wrench, and
+by what it has on top of its average.
 """
 
 import math
@@ -152,7 +162,12 @@ class ThrusterFaultDetector:
         return r * Y - q * Z, p * Z - r * X, q * X - p * Y, Y * w - Z * v, Z * u - X * w, X * v - Y * u
 
     def _learn_trim(self, residual: Matrix, wrenches: Matrix, dt: float) -> tuple[Matrix, Matrix]:
-        """Residual (6,) and wrenches of the thrusters (6, n) without what they were on the average [N, N m]."""
+        """Residual (6,) and wrenches of the thrusters (6, n) without what they were on the average [N, N m].
+
+        Learned in heave, roll and pitch only, where ballast and trim act. What a thruster that was dead from the start
+        leaves on the average is learned as if it were ballast; only its changes about the average stay in the residual,
+        so the wrench that they are compared with must lose its average too.
+        """
         beyond, unusual = residual - self._trim, wrenches - self._usual
         if np.abs(self._slow_thrust).max() < AT_WORK_N:
             return beyond, np.zeros_like(wrenches)
@@ -163,6 +178,12 @@ class ThrusterFaultDetector:
         return beyond, unusual
 
     def _judge(self, residual: Matrix, drag: Matrix, dt: float) -> SuspectedFault | None:
+        """Fit the missing share of each suspect alone, and return the one that explains most, long enough.
+
+        Least squares of r = m s over a fading memory: m = <s.r> / <s.s>, and m <s.r> is the part of <r.r> that goes
+        with it. One at a time: two that fail at once are found one after the other, and a joint fit of all would
+        explain any current by many thrusters that are a little weak.
+        """
         knobs = self._knobs
         wrenches = self._B * self._slow_thrust
         at_work = knobs.sigma_thrust * np.linalg.norm(wrenches, axis=1)

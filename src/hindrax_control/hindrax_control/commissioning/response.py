@@ -3,6 +3,10 @@
 For a second or two about rest each degree of freedom answers on its own: M x'' + D x' + G x = F(t), the force being
 that after the lag of the thrusters. The response to one newton is the regressor; its coefficient in the rates of the
 gyroscope and in the specific force is the wrench that the thruster really gives: six numbers, each with a deviation.
+
+Symbols: M, D, G (6,) inertia with added mass, drag taken as linear, restoring (`Prior`). n times of the model, on a
+grid finer than any sensor; k of a sensor, onto which the model is interpolated. The scale of the prior's inertia goes
+into the answer: a vehicle twice as heavy as its file seems to have thrusters half as strong.
 """
 
 import math
@@ -56,7 +60,11 @@ class Prior:
         self.restoring = np.array([max(0.0, one.restoring) for one in freedoms])
 
     def respond(self, times_s: Matrix, force: Matrix) -> tuple[Matrix, Matrix]:
-        """Accelerations and rates (n, 6) of all axes under one force (n,) or a wrench (n, 6), from rest."""
+        """Accelerations and rates (n, 6) of all axes under one force (n,) or a wrench (n, 6), from rest.
+
+        Semi-implicit Euler steps, the force as its mean over the step: the position follows the new rate, so that what
+        restores neither feeds nor damps the swing.
+        """
         force = force[:, None] * np.ones(6) if force.ndim == 1 else force
         accelerations, rates = np.zeros((len(times_s), 6)), np.zeros((len(times_s), 6))
         x, v = np.zeros(6), np.zeros(6)
@@ -70,7 +78,11 @@ class Prior:
 
 
 def lagged(times_s: Matrix, forces: Series, window: Window, lag_s: float) -> Matrix:
-    """Forces of all thrusters (n, thrusters) after a lag of first order at these times [N]."""
+    """Forces of all thrusters (n, thrusters) after a lag of first order at these times [N].
+
+    A command holds until the next one, so the lag over a step is an exponential, exactly but for where in the step the
+    command came. A second before the window is read along, for the command that still holds at its beginning.
+    """
     at_s, rows = forces.between(window.begin_s - 1.0, window.end_s)
     count = rows.shape[1] if len(rows) else 0
     wanted = np.zeros((len(times_s), count))
@@ -106,6 +118,12 @@ class MotionView:
 
         `model`: accelerations and rates (n, 6) at `model_s` under the force. `lever_m`: of the sensor from the center
         of mass.
+
+        Moments first, by the rates: a gyroscope reads the same everywhere on the body. With them the angular
+        acceleration is known, and what it does at the lever, omega' x r, can be taken off the specific force; what is
+        left is of the center of mass and gives the forces. An offset is fitted along with the rates, an offset and a
+        slope with the accelerations: carried gravity drifts by the gyroscope's error. omega x (omega x r) is left out:
+        it is of second order in rates that stay small. The misfit counts only the rates, which gravity cannot spoil.
         """
         at_s, rates = self.times_s, self.rates @ turn.T
         shapes = [[np.interp(at_s, model_s, part[:, axis]) for axis in range(6)] for part in model]
@@ -122,7 +140,11 @@ class MotionView:
 
 
 def _without_gravity(times_s: Matrix, force: Matrix, rates: Matrix, window: Window) -> Matrix:
-    """Acceleration (n, 3): gravity, as it was before the pulse, is carried on by the gyroscope and taken off."""
+    """Acceleration (n, 3): gravity, as it was before the pulse, is carried on by the gyroscope and taken off.
+
+    Specific force is acceleration minus gravity; at rest it points up, so `-rest` is down, and its own size is used for
+    gravity's: an accelerometer's scale may be off by more than g differs from place to place.
+    """
     quiet = times_s < window.begin_s + BEFORE_s
     rest = force[quiet].mean(axis=0) if quiet.any() else force[0]
     size = float(np.linalg.norm(rest)) or GRAVITY_mps2
@@ -130,7 +152,11 @@ def _without_gravity(times_s: Matrix, force: Matrix, rates: Matrix, window: Wind
 
 
 def carried(times_s: Matrix, rates: Matrix, down: Matrix) -> Matrix:
-    """Direction of gravity (n, 3) in the axes of a gyroscope that turns by these rates (n, 3), from `down` (3,) on."""
+    """Direction of gravity (n, 3) in the axes of a gyroscope that turns by these rates (n, 3), from `down` (3,) on.
+
+    d' = -omega x d: what is fixed to the earth turns backwards in the body. An Euler step lengthens d a little; it is
+    divided by its length.
+    """
     x, y, z = down.tolist()
     found = np.empty_like(rates)
     before_s = float(times_s[0])
@@ -144,7 +170,10 @@ def carried(times_s: Matrix, rates: Matrix, down: Matrix) -> Matrix:
 
 
 def _fit(signal: Matrix, shape: Matrix, *others: Matrix) -> tuple[float, float, float]:
-    """Coefficient of a shape in a signal beside other regressors, its deviation, the sum of squares that is left."""
+    """Coefficient of a shape in a signal beside other regressors, its deviation, the sum of squares that is left.
+
+    Least squares; the pseudo-inverse because a window without a pulse has a shape of zeros, whose coefficient is 0.
+    """
     columns = np.column_stack((shape, *others))
     found, *_ = np.linalg.lstsq(columns, signal, rcond=None)
     left = float(np.sum((signal - columns @ found) ** 2))

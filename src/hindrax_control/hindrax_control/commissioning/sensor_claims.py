@@ -1,4 +1,14 @@
-"""What the sensors claim of themselves, judged by gravity, by the rates and by what the thrusters were found to do."""
+"""What the sensors claim of themselves, judged by gravity, by the rates and by what the thrusters were found to do.
+
+The vehicle file claims where a sensor is and which way it looks. The pulses of a commissioning have moved the vehicle
+in ways that are known by then: rates by the gyroscope, translations by the wrench that was found, through the prior's
+response (`Evidence.motion`). Each sensor is compared with that motion, up to what it may be wrong about: a DVL by a
+current, a pressure sensor by its zero, a magnetometer by fields of its own. So every series counts about its own mean,
+and what decides is mostly how much of the motion a sensor follows, because sizes hang on the prior's inertia.
+
+A claim is proven or wrong only where the motion could show the contrary; otherwise it stays open, with the reason.
+Shapes: k samples of a sensor, n of the model or the gyroscope, interpolated onto the k.
+"""
 
 import math
 from collections.abc import Iterator
@@ -113,7 +123,13 @@ def _velocity(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _velocity_turn(evidence: Evidence, source: str, mount: Mount, claimed: str) -> Finding:
-    """Which turn about the vertical brings its velocities into line with the motions of the body."""
+    """Which turn about the vertical brings its velocities into line with the motions of the body.
+
+    Both are velocities at the sensor, which the lever makes faster than the body as it turns: v + omega x r. The score
+    of a turn R is the correlation of R y and v over all windows, sum(R y . v) / sqrt(sum |y|^2 sum |v|^2): it does not
+    depend on how strong the thrusters are. Only level components count, of which R turns one into the other; R is one
+    of four. The best must lead the next: noise alone prefers one too.
+    """
     turns = [turn for turn in RIGHT_TURNS if turn[2, 2] > 0.5]
     claim = f"{source} mount"
     scores: Matrix = np.zeros(len(turns))
@@ -229,7 +245,10 @@ def _dive_claims(evidence: Evidence, source: str) -> Iterator[Finding]:
 def _dive_fit(evidence: Evidence, times_s: Matrix, depths_m: Matrix, window: Window) -> tuple[float, float, float]:
     """Gain of the thrust in the way of a dive [-], net buoyancy [N], and the share of the way that both explain.
 
-    They act beside the depth and the speed with which the window begins.
+    They act beside the depth and the speed with which the window begins: depth = a z_thrust + c z_1 + speed t +
+    depth_0, linear in all four. z_thrust is the way that the found wrench would make, z_1 that of one newton downward,
+    both by the prior; their shapes differ because the pulses end and weight does not. c is the net weight, hence the
+    sign.
     """
     model_s, rates, _ = evidence.motion(window)
     constant = evidence.prior.respond(model_s, np.ones(len(model_s)))[1][:, 2]
@@ -333,7 +352,12 @@ def _magnetic(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _field_errors(evidence: Evidence, source: str, window: Window) -> Matrix:
-    """Squared changes of the field that the gyroscope does not explain, and all of them."""
+    """Squared changes of the field that the gyroscope does not explain, and all of them.
+
+    The earth's field is fixed, so in the body m' = -omega x m: with angles instead of rates, each step changes it by
+    -(step of the angle) x m, summed from the first sample on. Measured fields stand on the right, not summed ones, so
+    that errors do not grow. Level components only: a turn about the vertical leaves the third as it is.
+    """
     times_s, rows = evidence.recording.magnetic[source].between(window.begin_s, window.end_s)
     gyro_s, gyro = evidence.rates(window)
     if len(times_s) < 10 or len(gyro_s) < 20:

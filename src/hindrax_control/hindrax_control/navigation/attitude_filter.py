@@ -7,8 +7,12 @@ factor, and one covariance serves both axes.
 
     error of tilt:  d/dt e = -b - i r e + gyroscope noise      error of the offset:  d/dt b = walk
 
-Gravity measures e, with the accelerations of the vehicle as noise. Once settled, the gains are those of the two time
-constants. Heading is corrected from outside, see `heading_filter.py`.
+e is fixed to the earth, so in axes that turn with the body at r it turns backwards; b is fixed to the body. Gravity
+measures e, with the accelerations of the vehicle as noise: white, of density R [rad^2 s]. Variances in the code:
+`_p_tilt` E|e|^2 and `_p_bias` E|b|^2, both real, for either axis; `_p_cross` E[e b*], complex once the vehicle turned.
+Once settled, the gains are those of the two time constants. Heading is corrected from outside, see `heading_filter.py`.
+
+Vectors are in body axes (SNAME): d is "down", the last row of the rotation; f the specific force, -g d at rest.
 
 The vehicle need not stand still at its start: it floats, rocks and is carried about. So the mean rate over a
 window counts only as far as the rates are alike, the forces are alike, and gravity keeps its direction: a vehicle in
@@ -53,7 +57,8 @@ class AttitudeFilter:
 
     def __init__(self, knobs: AttitudeKnobs) -> None:
         self._knobs = knobs
-        # Noise densities for which the gains settle at 1 / tilt_time and 1 / (tilt_time * bias_time).
+        # Noise densities for which the gains settle at k = 1 / tilt_time of e and l = 1 / (tilt_time * bias_time) of b:
+        # with all rates of change zero, the Riccati equation says q_b = R l^2 and q_e = R (k^2 - 2 l).
         self._gravity = (knobs.gravity_noise / GRAVITY_mps2) ** 2
         slow = 1.0 / (knobs.tilt_time_s * knobs.bias_time_s)
         self._bias_walk = self._gravity * slow * slow
@@ -71,6 +76,7 @@ class AttitudeFilter:
         roll, pitch = math.atan2(-fy, -fz), math.atan2(fx, math.hypot(fy, fz))
         cr, sr, cp, sp = math.cos(roll / 2), math.sin(roll / 2), math.cos(pitch / 2), math.sin(pitch / 2)
         cy, sy = math.cos(heading_rad / 2), math.sin(heading_rad / 2)
+        # Yaw after pitch after roll, as a product of quaternions: first (w, x, y, z) = pitch roll, then yaw before it.
         w, x, y, z = cr * cp, sr * cp, cr * sp, -sr * sp
         self._set((cy * w - sy * z, cy * x - sy * y, cy * y + sy * x, cy * z + sy * w))
         self._p_tilt, self._p_cross = self._gravity / span_s, 0j
@@ -80,7 +86,11 @@ class AttitudeFilter:
         self.bias_radps, self._p_cross, self._p_bias = bias_radps, 0j, sigma_radps * sigma_radps
 
     def turn(self, angle_rad: Vec3, dt_s: float) -> None:
-        """Turn by what the gyroscope has seen in `dt_s`, bias already taken off."""
+        """Turn by what the gyroscope has seen in `dt_s` [rad], bias already taken off; what is not known grows.
+
+        Prediction of the Kalman filter: e becomes e exp(-i r dt) - b dt, and the covariance with it. The angle about
+        the vertical, r dt, is the part of the turn along d.
+        """
         x, y, z = angle_rad
         dx, dy, dz = self.rotation[2]
         self._rotate(x, y, z)
@@ -91,7 +101,14 @@ class AttitudeFilter:
         self._p_bias = p_bias + dt_s * self._bias_walk
 
     def level(self, specific_force_mps2: Vec3, dt_s: float) -> None:
-        """Lean towards the measured gravity, by as much as tilt and offset are less sure than gravity is."""
+        """Lean towards the measured gravity, by as much as tilt and offset are less sure than gravity is.
+
+        Correction of the Kalman filter, gravity being a mean over `dt_s` with variance R / dt. The innovation is the
+        turn d x f / |f| that would bring the estimated vertical onto the measured one (for small angles; Mahony's
+        omega_mes). The offset's gain is complex: its real part turns about the same axis, its imaginary part about the
+        one a quarter ahead, d x e. The real part is negative: a tilt that lags behind means that too much offset was
+        taken off.
+        """
         fx, fy, fz = specific_force_mps2
         norm = math.sqrt(fx * fx + fy * fy + fz * fz)
         if norm == 0.0:
@@ -101,7 +118,7 @@ class AttitudeFilter:
         off_rad = math.atan2(math.sqrt(ex * ex + ey * ey + ez * ez), -(fx * dx + fy * dy + fz * dz) / norm)
         self.gravity_off_rad += min(1.0, dt_s / SMOOTHED_S) * (off_rad - self.gravity_off_rad)
         if abs(norm - GRAVITY_mps2) > self._knobs.gravity_gate_mps2:
-            return
+            return  # a blow or a hand: the angle above still counts, as the health check wants to see it
         variance = self._p_tilt + self._gravity / dt_s
         gain, follow = self._p_tilt / variance, self._p_cross.conjugate() / variance
         self._rotate(gain * ex, gain * ey, gain * ez)
@@ -159,6 +176,7 @@ class AttitudeFilter:
         i = b * cos + a * x + c * z - d * y
         j = c * cos + a * y + d * x - b * z
         k = d * cos + a * z + b * y - c * x
+        # One step of Newton's method for 1 / sqrt of a square that is nearly one: no drift, and no root.
         unit = 1.5 - 0.5 * (w * w + i * i + j * j + k * k)
         self._set((w * unit, i * unit, j * unit, k * unit))
 
@@ -186,13 +204,18 @@ class Offset:
         total = variance + other.sigma_radps**2
         if max(map(abs, off)) > 3.0 * math.sqrt(total):
             return self
+        # The mean weighted by 1 / variance; `share` is the weight of the other.
         share = variance / total
         x, y, z = (a + share * d for a, d in zip(self.rate_radps, off, strict=True))
         return Offset((x, y, z), math.sqrt(share) * other.sigma_radps)
 
 
 def offset_at_rest(spans: Sequence[Span], span_s: float) -> Offset:
-    """The offset that spans of this length, one after the other, show."""
+    """The offset that spans of this length, one after the other, show.
+
+    It is sure only as far as the rates are alike and gravity keeps its direction: the turn of gravity from the first
+    span to the last, over the time between their middles, is a rate that the vehicle itself may have had.
+    """
     rates = [rate for rate, _ in spans]
     offset = mean(rates)
     scatter = math.sqrt(sum(math.dist(rate, offset) ** 2 for rate in rates) / len(rates))

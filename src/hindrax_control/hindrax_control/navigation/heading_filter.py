@@ -8,7 +8,13 @@ field, a field fixed in the vehicle, and for each thruster the field of its curr
     x:  H cos(heading) + h_x + sum k_x |F|^1.5        y: -H sin(heading) + h_y + sum k_y |F|^1.5
 
 All fields are in units of the first one measured. While the vehicle leans, the axes are those of the leveled body, and
-what is fixed in the vehicle is right to the cosine of its tilt.
+what is fixed in the vehicle is right to the cosine of its tilt. The power 1.5 is that of momentum theory: thrust goes
+with the square of the speed of the propeller, power with its cube, and at one voltage the current with the power.
+
+State, by the indices below: heading, bias, H (`STRENGTH`), h_x, h_y, then k_x and k_y of the n thrusters. `_P`: its
+covariance (5 + 2n, 5 + 2n). `_fields`: its estimate, of which only the fields are read: heading and bias are kept by
+the caller, who adds the corrections. `_H`: derivative of the measurement (x, y), (2, 5 + 2n); the columns of heading
+and H follow the heading, the rest holds ones and powers.
 """
 
 import math
@@ -77,7 +83,10 @@ class HeadingFilter:
         self._passed_s += dt_s
 
     def _catch_up(self) -> None:
-        """Let uncertainty grow by the time that has passed since the last measurement."""
+        """Let uncertainty grow by the time that has passed since the last measurement: once for many predictions.
+
+        F P F' + Q, where F is the unit matrix but for -dt from bias to heading: a bias that is too large turns back.
+        """
         dt_s, self._passed_s = self._passed_s, 0.0
         P, knobs = self._P, self._knobs
         P[HEADING] -= dt_s * P[BIAS]
@@ -89,7 +98,11 @@ class HeadingFilter:
         P[FIXED_Y, FIXED_Y] += walk
 
     def heading(self, off_rad: float, sigma_deg: float) -> tuple[float, float]:
-        """Fuse a heading that differs by `off_rad` from the caller's; returns corrections of heading and bias."""
+        """Fuse a heading that differs by `off_rad` from the caller's; returns corrections of heading and bias.
+
+        The row of the measurement has a single one, at the heading, so H P is that row of P. The fields learn too, by
+        what their errors have in common with the heading's.
+        """
         self._catch_up()
         if not self.known:
             self.known = True
@@ -113,6 +126,12 @@ class HeadingFilter:
         return None if found is None else (turn + found[0], found[1])
 
     def _fuse(self, x: float, y: float, heading_rad: float, forces_N: Sequence[float]) -> tuple[float, float] | None:
+        """Correction of the extended Kalman filter by a field in units of the first; None for an outlier.
+
+        `off` is the innovation: the state is linear in the fields, so the columns from `STRENGTH` on times the estimate
+        are the expected field. Its covariance is 2 by 2, and inverted by hand. A thruster's learned effect is never
+        quite right: what stays of it is noise in proportion to the powers.
+        """
         cos, sin, H, knobs = math.cos(heading_rad), math.sin(heading_rad), self._H, self._knobs
         change = self._set_powers(forces_N)
         strength = float(self._fields[STRENGTH])
@@ -127,7 +146,7 @@ class HeadingFilter:
         a, c = a + variance, c + variance
         inverse = np.array([[c, -b], [-b, a]]) / (a * c - b * b)
         gain = HP.T @ inverse
-        if not float(off @ inverse @ off) <= OUTLIER**2:
+        if not float(off @ inverse @ off) <= OUTLIER**2:  # so written, NaN is an outlier too
             self._refuse(off)
             return None
         self._outliers = 0
@@ -149,7 +168,11 @@ class HeadingFilter:
         return sum(abs(now - then) for now, then in zip(self._powers, before, strict=True))
 
     def _refuse(self, off: Vector) -> None:
-        """Drop an outlier; after many in a row the field of the place or the vehicle has changed, not the heading."""
+        """Drop an outlier; after many in a row the field of the place or the vehicle has changed, not the heading.
+
+        Then the fixed field is made as unknown as the outlier is large: the next measurement moves it, and the heading
+        hardly, which the gyroscope has carried over the change.
+        """
         self._outliers += 1
         if self._outliers >= self._knobs.compass_patience:
             self._outliers = 0
