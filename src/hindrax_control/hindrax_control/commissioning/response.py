@@ -5,7 +5,7 @@ that after the lag of the thrusters. The response to one newton is the regressor
 gyroscope and in the specific force is the wrench that the thruster really gives: six numbers, each with a deviation.
 
 Symbols: M, D, G (6,) inertia with added mass, drag taken as linear, restoring (`Prior`). n times of the model, on a
-grid finer than any sensor; k of a sensor, onto which the model is interpolated. The scale of the prior's inertia goes
+grid of its own; k of a sensor, onto which the model is interpolated. The scale of the prior's inertia goes
 into the answer: a vehicle twice as heavy as its file seems to have thrusters half as strong.
 """
 

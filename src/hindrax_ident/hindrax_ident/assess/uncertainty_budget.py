@@ -3,6 +3,22 @@
 GUM (JCGM 100) clause 5.2 for correlated quantities. What a record shows of an influence is estimated from the
 residuals with its prior; what they cannot show keeps its prior and is considered (Schmidt 1966). The parameters stay
 those of the fit: what the record shows of an influence is an error that they probably have, so it counts in the band.
+
+Symbols. u (m,) influences in units of their prior deviations, so that the usual prior is N(0, 1) for each; S (p, m)
+`shifts`: u makes the parameters wrong by S u. The residuals of the fit, linearized, have the log likelihood
+
+    g . u - u' H u / 2        H (m, m) `information`, g (m,) `gradient`: `fit.scores`, parameters already fitted
+
+so with a normal prior the posterior is C = (H + 1)^-1 and mean C g. Two things make it more than that:
+
+- How near the water is to the model: in k waters, from one in which every influence is a small part of usual to the
+  usual one, u has other deviations. Which water it is, all motions of a run say together (`in_water`).
+- Great influences: where u may be far greater than usual, its prior is Student's, a normal one whose variance is
+  unknown. The variances that make the evidence largest are found by iteration, from several starts, since a record
+  often has several explanations; all of them count, by their evidence.
+
+So the posterior is a mixture over waters and explanations, and its mean and covariance are all that is kept. A band is
+a second moment, S (C + mean mean') S': a mean of u that is not zero is an error of the parameters, not a correction.
 """
 
 from __future__ import annotations
@@ -77,7 +93,10 @@ class Budget:
         return self._sandwich(self._moment, scopes)
 
     def band_of_run(self) -> Array:
-        """Covariance (p, p) of the parameters due to what differs in each run, and what is seen beyond chance."""
+        """Covariance (p, p) of the parameters due to what differs in each run, and what is seen beyond chance.
+
+        What is seen counts from SURPRISE deviations on, and gradually, so that a band does not jump at the limit.
+        """
         excess = 1.0 - (SURPRISE / np.maximum(self._surprise, SURPRISE)) ** 2
         shown = self.shifts @ (self.mean * excess)
         return array(self._sandwich(self.covariance, (RUN,)) + np.outer(shown, shown))
@@ -136,7 +155,12 @@ class Budget:
         return sorted(out, key=lambda one: -one.std)
 
     def _lost(self, at: Sequence[int], sensitivity: Array) -> float:
-        """Variance that a quantity with this sensitivity (m,) would lose if these columns were known."""
+        """Variance that a quantity with this sensitivity (m,) would lose if these columns were known.
+
+        Of a normal distribution, with s the sensitivity and an index a for these columns: (C s)_a is their covariance
+        with the quantity, (C s)_a' C_aa^-1 (C s)_a what they explain of it. By least squares, since columns of one
+        cause may depend on each other.
+        """
         along = self.covariance[at] @ sensitivity
         return float(along @ np.linalg.lstsq(self.covariance[np.ix_(at, at)], along, rcond=None)[0])
 
@@ -225,7 +249,12 @@ class Budget:
 
 
 def budget_of(case: Case, influences: Sequence[Influence] = INFLUENCES) -> Budget:
-    """Budget of a single case: every row's effect, and the joint estimate of all rows from the residuals."""
+    """Budget of a single case: every row's effect, and the joint estimate of all rows from the residuals.
+
+    What may not be judged by the residuals, because another cause would leave the same (considered and not shown), has
+    its rows and columns of H and g set to zero: it keeps its prior, independent of all others. `whole` judges all,
+    to ask whether a record needs an influence that would be named.
+    """
     known = sorted(acting(case, influences), key=lambda pair: pair[0].of_readings)
     columns = [sigma * row.effect(case) for row, sigma in known]
     on_body = sum(not row.of_readings for row, _ in known)
@@ -259,7 +288,11 @@ def budget_of(case: Case, influences: Sequence[Influence] = INFLUENCES) -> Budge
 
 
 def _prior(rows: Sequence[BudgetRow]) -> _Prior:
-    """Prior of the influences in each water: near the model, near it but for one cause each, usual."""
+    """Prior of the influences in each water: near the model, near it but for one cause each, usual.
+
+    What only takes away (a loss) is anywhere between nothing and its greatest. The prior deviation of its row is its
+    root mean square; so its mean is LOSS_MEAN = sqrt(3) / 2 of that, and its deviation about the mean 1 / 2.
+    """
     m = rows[-1][0].stop if rows else 0
     near, cause, loss = np.ones(m), np.zeros(m, object), np.zeros(m)
     for row, influence, _ in rows:
@@ -337,7 +370,11 @@ def _explained(information: Array, gradient: Array, usual: Array, sigma: Array, 
     """Explanations by unknowns with these means and deviations: Student priors where `tails`, otherwise normal.
 
     Tails allow an influence far greater than usual, instead of spreading it over all. Expectation
-    maximization over the scale of each (Tipping 2001, section 3), begun once for each as the great one.
+    maximization over the scale of each (Tipping 2001, section 3), begun once for each as the great one, and once for
+    none: m + 1 starts side by side. With u = usual + sigma z, z has unit priors and H, g become sigma H sigma and
+    sigma (g - H usual); `known` is what the shift by `usual` alone adds to the evidence. A Student prior of FREEDOM
+    degrees is a normal one whose variance w has an inverse gamma prior; the step for it sets it to where the expected
+    likelihood is largest, w = (FREEDOM + E z^2) / (FREEDOM + 1), which no z of usual size moves far from one.
     """
     m, known = len(gradient), float(gradient @ usual - 0.5 * usual @ information @ usual)
     gradient = sigma * (gradient - information @ usual)
@@ -358,7 +395,11 @@ def _explained(information: Array, gradient: Array, usual: Array, sigma: Array, 
 
 
 def _given(variance: Array, root: Array) -> tuple[Array, Array]:
-    """Covariances (k, m, m) for prior variances (k, m), and logarithms (k,) of the determinant of what was learned."""
+    """Covariances (k, m, m) for prior variances (k, m), and logarithms (k,) of the determinant of what was learned.
+
+    With H = `root` root' and W the prior variances: (H + W^-1)^-1 = sqrt(W) (1 + sqrt(W) H sqrt(W))^-1 sqrt(W), in
+    which nothing is divided by a small W and the inverse is always that of a matrix of at least one.
+    """
     scale = np.sqrt(variance)
     scaled = scale[:, :, None] * root
     learned = np.eye(len(root)) + scaled @ np.swapaxes(scaled, 1, 2)
@@ -367,7 +408,11 @@ def _given(variance: Array, root: Array) -> tuple[Array, Array]:
 
 
 def _weighed(case: Case, shifts: Array) -> tuple[Array, Array]:
-    """Information (m, m) and gradient (m,) of a weighed net buoyancy: heave then shows the gain of the thrust."""
+    """Information (m, m) and gradient (m,) of a weighed net buoyancy: heave then shows the gain of the thrust.
+
+    The fit gives net buoyancy in units of a thrust that is scaled wrongly. Its difference to the weighed one is one
+    measurement of the influences, S_b u = difference, with the variances of both.
+    """
     m, sigma = shifts.shape[1], case.tuning.buoyancy_sigma_N
     if case.axis != HEAVE or sigma is None:
         return np.zeros((m, m)), np.zeros(m)

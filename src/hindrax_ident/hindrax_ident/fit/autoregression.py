@@ -1,4 +1,10 @@
-"""Colored noise: autoregressive models of residuals, and the effective sample size."""
+"""Colored noise: autoregressive models of residuals, and the effective sample size.
+
+Residuals r_k = a_1 r_k-1 + ... + a_q r_k-q + e_k with white innovations e. With L the lower triangular matrix of
+"r_k - a_1 r_k-1 - ...", L r = e, and the covariance of r is Omega = L^-1 L^-T at unit innovation. `color_backward` is
+L^-T: the recursion run backward in time. Records have gaps, so all take pieces (n,), and no lag reaches from one
+piece into another.
+"""
 
 import math
 from collections.abc import Sequence
@@ -21,6 +27,8 @@ def fit_autoregression(pieces: Sequence[Array], highest_order: int = HIGHEST_ORD
         return np.zeros(0)
     rows = np.concatenate([_lagged(piece, highest_order) for piece in usable])
     now, past = rows[:, 0], rows[:, 1:]
+    # All orders predict the same samples, or a higher one would win by having fewer. A pole at the unit circle is
+    # drift, whose variance has no bound.
     best, best_score = np.zeros(0), _score(now, 0)
     for order in range(1, highest_order + 1):
         found, *_ = np.linalg.lstsq(past[:, :order], now, rcond=None)
@@ -37,6 +45,7 @@ def _lagged(piece: Array, order: int) -> Array:
 
 
 def _score(errors: Array, order: int) -> float:
+    """Bayesian criterion: n log(variance) + order log(n). Akaike's would take noise for color in one record of six."""
     variance = float(errors @ errors) / len(errors)
     return len(errors) * math.log(max(variance, 1e-300)) + order * math.log(len(errors))
 
@@ -107,6 +116,7 @@ class Correlator:
         power = self._sums[0]
         if power <= 0.0:
             return 1.0
+        # A truncated sum of estimated autocorrelations may make the factor negative; with Bartlett's weights it cannot.
         total = sum((1.0 - lag / (self.lags + 1)) * self._sums[lag] for lag in range(1, self.lags + 1))
         return min(1000.0, max(0.2, 1.0 + 2.0 * total / power))
 

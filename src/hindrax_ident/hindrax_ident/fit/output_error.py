@@ -4,6 +4,16 @@ Gauss-Newton with a damped step, started from the recursive estimate; disturbanc
 with estimated noise. The estimate reaches the Cramer-Rao bound. Its covariance is checked against the remaining color
 and against the scatter between blocks of the record: where the scatter is significantly larger, the model is
 incomplete, and the scatter is reported.
+
+Symbols. theta (p,) parameters; r (n,) whitened residuals, measured minus simulated, and J (n, p) the derivatives of
+the simulation (`LinearizedProblem`; initial conditions fitted, so they are in neither); prior with mean theta_0 and
+information B (p, p), diagonal. Minimized is
+
+    r.r + (theta - theta_0)' B (theta - theta_0)
+
+with the normal matrix H = J'J + B and, downhill, half the gradient J'r + B (theta_0 - theta). Three things depend on
+each other: which samples are outliers, how large the noise is, and theta. `refine` finds them in this order, roughly at
+first: an outlier left in would be taken for noise of all samples, and noise for motion.
 """
 
 import math
@@ -123,7 +133,10 @@ def retrained(fit: OutputErrorFit, record: Record, prior: Prior) -> tuple[Array,
 
 
 def _first_noise(problem: OutputErrorProblem) -> Noise:
-    """Noise before the first fit: white, with the variance of the sample-to-sample changes."""
+    """Noise before the first fit: white, with the variance of the sample-to-sample changes.
+
+    Of second differences, in which a motion hardly shows: y_k+1 - 2 y_k + y_k-1 has 1 + 4 + 1 times the variance.
+    """
     variances = []
     for channel in (0, 1):
         changes = [np.diff(problem.y[span][problem.channel[span] == channel], n=2) for span in problem.spans]
@@ -150,6 +163,8 @@ def _descend(
     """Final linearization, parameters, (p,), and convergence of Levenberg-Marquardt, scaled by the sigmas.
 
     What ends it is the step without damping: a damped one is small wherever nothing lower is found.
+    Damping falls by 50 after a success, since near the solution plain Gauss-Newton steps are best, and rises by 10
+    after a failure. `room` keeps the mass above the least that is possible, with the rest of the step still optimal.
     """
     theta, linear = _feasible_start(problem, start, path, white, prior)
     damping = 1e-3
@@ -173,7 +188,11 @@ def _descend(
 
 
 def _scaled(linear: LinearizedProblem, theta: Array, prior: Prior) -> tuple[Array, Array, Array]:
-    """Normal matrix (p, p), gradient (p,), and the deviations' inverses that scale both, (p,)."""
+    """Normal matrix (p, p), gradient (p,), and the deviations' inverses that scale both, (p,).
+
+    Scaled, the matrix has a diagonal of ones and a step is in standard deviations: one damping and one tolerance serve
+    parameters of all units.
+    """
     information = linear.information + prior.information
     gradient = linear.gradient + prior.information @ (prior.values - theta)
     scale = array(np.sqrt(np.diag(information)))
@@ -257,7 +276,10 @@ def _with_color(
 ) -> Array:
     """Covariance, (p, p), with remaining color: H^-1 (J' Omega J + B) H^-1; `plain` where residuals are white.
 
-    B is the information of the prior, which has an error too.
+    H = J'J + B, and Omega (n, n) the covariance of the residuals, of which an autoregression is the model: with its
+    transposed filter over the columns of J, J' Omega J is a square and never negative. B is the information of the
+    prior, which has an error too. The estimate stays as it is: least squares is right on the average under any
+    color, only its covariance is then not H^-1.
     """
     middle, colored = prior.information, False
     channels = (problem.channel == 0, problem.channel == 1)
@@ -286,7 +308,13 @@ def _unpredicted(piece: Array, color: Array) -> Array:
 
 
 def _inflation(linear: LinearizedProblem, problem: OutputErrorProblem, inverse: Array, covariance: Array) -> Array:
-    """Ratios of the scatter between blocks to the standard deviations, where significantly above 1: (p,) [-]."""
+    """Ratios of the scatter between blocks to the standard deviations, where significantly above 1: (p,) [-].
+
+    At the minimum the gradients J'r of all blocks sum to nearly zero. H^-1 times that of one block is what the block
+    would like to change; the sum of the squares of these changes is the variance of the estimate if blocks are
+    independent, whatever the residuals look like within them. It is rough with few blocks: hence the limit, a
+    quantile of chi squared over its degrees of freedom.
+    """
     gradients, informations = _blocks(linear, problem)
     blocks = len(gradients)
     if blocks < 4:

@@ -1,4 +1,21 @@
-"""Online estimator of one axis: filters, whitening, recursive least squares, a reason for every rejected sample."""
+"""Online estimator of one axis: filters, whitening, recursive least squares, a reason for every rejected sample.
+
+A velocity goes through these, in this order, and each says in its own module why:
+
+    inputs up to its time       thrust behind lag and delay, known forces, angle   FilteredRegression
+    row                         y = x . q + shapes . g + noise                     FilteredRegression.velocity
+    whitened row                less what the rows before predict                  RowWhitener
+    innovation                  y - x . q, and whether it is an outlier            Rls.evaluate, _is_outlier
+    estimate                    q, g and their covariance                          Rls.update
+
+Symbols. theta (p,) the model's parameters, M the last of them; q = (theta / M, 1 / M), in which the row is linear; g
+the coefficients of the delay's shapes; n = p + number of shapes, less one where the mass is fixed. Rows have the noise
+of one velocity, whose variance s^2 is estimated; `Rls.unit_covariance` (n, n) is to be multiplied by it.
+
+What the covariance of least squares does not contain is added when it is asked for (`estimate`): color of the residuals
+and what differs between parts of the run (`_measured_widening`), and shapes beyond the last (`_left_out`). It is
+computed from sums, so a sample costs the same however long the run is.
+"""
 
 import itertools
 import math
@@ -97,7 +114,11 @@ class AxisEstimator:
         self._outliers = 0
 
     def _begin(self, prior: Prior, lag_s: float, late_s: float) -> None:
-        """Begin to learn from a prior, with this lag of the thrust, and velocities late by so much."""
+        """Begin to learn from a prior, with this lag of the thrust, and velocities late by so much.
+
+        Deviations are in units of `NOISE`, as `Rls` wants them. The shapes are zero but for delays that differ from
+        those assumed: a delay of d makes their k-th coefficient about d^k / M.
+        """
         tuning, model = self._tuning, self.model
         self._prior = prior
         lag_s = max(LEAST_LAG_S, lag_s) if self._shapes else lag_s
@@ -124,7 +145,13 @@ class AxisEstimator:
         """None after a block was added, until the covariance is asked for."""
 
     def _other_delays_s(self) -> tuple[float, float] | None:
-        """Lag and latency where they are known, and clearly others than those assumed [s]."""
+        """Lag and latency where they are known, and clearly others than those assumed [s].
+
+        The ratios of the first shapes to 1 / M say by how much (`found_delays`); the second one goes with the square of
+        a lag, so its deviation is compared with that of a square. A filter with a wrong lag describes the thrust by
+        shapes that it has to estimate, which costs information: worth a new beginning only if the change is clear,
+        and early, because the rows of before cannot be filtered again.
+        """
         lag_s = self.regression.lag_s
         at = len(self.model.names)
         per_mass, first, second, *_ = self._rls.values[at - 1 :]
@@ -249,6 +276,12 @@ class AxisEstimator:
         return "" if sample.settled else "the filters are settling"
 
     def _learn(self, sample: Sample, t_s: float, *, derived: bool) -> SampleVerdict:
+        """Whiten a row, judge it, learn from it, and let what depends on the estimate follow it.
+
+        With a fixed mass its term is known: it goes over to the response, and the row has a column less. Derived
+        velocities are summed instead of whitened: their noise is that of a difference, not of a disturbance. An outlier
+        leaves no trace, neither in the filters nor in the whitening; so nothing is updated before it is judged.
+        """
         x, y = (*sample.x, *sample.shapes), sample.y
         if self._fixed_mass:
             x, y = x[:-1], y - x[-1] / self._fixed_mass
@@ -263,7 +296,9 @@ class AxisEstimator:
             self.regression.undo_last()
             return SampleVerdict(learned=False, reason="outlier", innovation=innovation / scale)
         if self.samples > self._known_after and not derived:
-            # The noise of a velocity is in x as well as in y: subtract the unexpected part from x.
+            # The noise of a velocity is in x as well as in y, which would bias the estimate: subtract from x what the
+            # unexpected part of the velocity, the innovation, has added to it. Not before the estimate is known, when
+            # an innovation is mostly its error.
             slopes = (*sample.slope, *(0.0 for _ in sample.shapes))
             x = tuple(value - scale**2 * slope * innovation for value, slope in zip(x, slopes, strict=False))
         self._rls.update(x, y)
@@ -301,7 +336,12 @@ class AxisEstimator:
         self._widening = None
 
     def _adapt_filter(self, sample: Sample) -> None:
-        """Set the filter's pole so that residuals are white: drag slope over mass, plus a margin for disturbances."""
+        """Set the filter's pole so that residuals are white: drag slope over mass, plus a margin for disturbances.
+
+        That slope, d(drag)/dv / M = 2 k_q |v| / M + k_l / M, is the rate at which the vehicle itself forgets a
+        disturbance (Young 2011, chapter 8). Negative estimates count as zero, and the margin adds like a square, so
+        that the filter neither stops nor jumps at rest.
+        """
         q, tuning = self._rls.values, self._tuning
         back = 2 if self.model.split and sample.speed < 0.0 else 0
         slope = max(0.0, 2.0 * q[back] * abs(sample.speed) + q[back + 1])
