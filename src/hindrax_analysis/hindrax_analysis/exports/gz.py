@@ -17,7 +17,7 @@ coefficients are fitted to both directions over the tested speeds, and the heade
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Literal
 from xml.etree import ElementTree as ET
 
@@ -38,7 +38,9 @@ from hindrax_analysis.exports.export_model import (
     thrust_range_N,
 )
 from hindrax_core.errors import HindraxError
+from hindrax_core.messages.frames import frames_of
 from hindrax_core.readings import Vec3
+from hindrax_core.sensor_table import Capability
 from hindrax_core.topics import ros_name
 from hindrax_core.vehicle import AXES, Drag, Thruster, Vehicle
 from hindrax_ident.arrays import Array
@@ -53,6 +55,10 @@ PROPELLER_kg, PROPELLER_kgm2 = 0.01, 1e-5
 PROPELLER_m, PROPELLER_K_T = 0.076, 0.25
 """Only turn the drawn propeller: the system is commanded in newton, and these give the rate that it shows."""
 ODOMETRY_Hz = 100.0
+SENSORS: tuple[tuple[Capability, str], ...] = (("rates", "imu"), ("depth", "altimeter"))
+"""What a sensor measures, and the sensor of gz-sim for it. Its DVL needs a floor that is rendered: left out."""
+MESSAGES = {"imu": ("sensor_msgs/msg/Imu", "gz.msgs.IMU")}
+"""Of ROS and of Gazebo, where the bridge knows both."""
 NOTED = 1e-3
 """Misfit of a terminal speed from which the header states it."""
 UNSTABLE, SLOW = 1.0, 0.5
@@ -75,6 +81,8 @@ def write(model: ExportModel, added_mass: Literal["inertial", "plugin"] = "inert
     add(base, "pose", _pose(model.vehicle.center_of_mass_m))
     _inertial(base, model, with_fluid=added_mass == "inertial")
     _hull(base, model)
+    for name, kind, _ in sensors_of(model.vehicle):
+        _sensor(base, model, name, kind)
     plugin = ET.SubElement(
         body, "plugin", filename="gz-sim-hydrodynamics-system", name="gz::sim::systems::Hydrodynamics"
     )
@@ -224,6 +232,30 @@ def _box(parent: ET.Element, edges_m: Vec3) -> None:
     add(ET.SubElement(ET.SubElement(parent, "geometry"), "box"), "size", numbers(*edges_m))
 
 
+def sensors_of(vehicle: Vehicle) -> Iterator[tuple[str, str, str]]:
+    """Name, kind in gz-sim and unique name of what the sensors on board measure and gz-sim shows without rendering."""
+    for name in vehicle.sensors:
+        for capability, kind in SENSORS:
+            if name in vehicle.measuring(capability):
+                yield name, kind, f"{name}/{kind}"
+
+
+def _sensor(link: ET.Element, model: ExportModel, name: str, kind: str) -> None:
+    """A sensor at its mount, with the axes of its messages; its topic is that of `sensors_of` below the model."""
+    frame = next(one for one in frames_of(model.vehicle) if one.name == f"{name}_link")
+    x, y, z = (one - other for one, other in zip(frame.position_m, _up(model.vehicle.center_of_mass_m), strict=True))
+    sensor = ET.SubElement(link, "sensor", name=f"{name}_{kind}", type=kind)
+    add(sensor, "pose", numbers(x, y, z, *(frame.rpy_rad if kind == "imu" else (0.0, 0.0, 0.0))))
+    add(sensor, "always_on", "true")
+    add(sensor, "update_rate", numbers(ODOMETRY_Hz))
+    add(sensor, "topic", f"/model/{model.vehicle.name}/{name}/{kind}")
+
+
+def _up(vector_m: Vec3) -> Vec3:
+    """From forward, starboard, down to forward, left, up."""
+    return vector_m[0], -vector_m[1], -vector_m[2]
+
+
 def _thruster(body: ET.Element, model: ExportModel, thruster: Thruster) -> None:
     """Propeller link, its joint along the thrust, and the Thruster system that pushes along it."""
     vehicle, name = model.vehicle, f"{thruster.name}_joint"
@@ -285,6 +317,11 @@ def _bridge(model: ExportModel) -> str:
         (f"/model/{name}/{topic}", f"/model/{ros}/{topic}", "std_msgs/msg/Float64", "gz.msgs.Double", "ROS_TO_GZ")
         for topic in (f"joint/{one.name}_joint/cmd_thrust" for one in model.vehicle.thrusters)
     ]
+    rows += [
+        (f"/model/{name}/{topic}", f"/model/{ros}/{topic}", *MESSAGES[kind], "GZ_TO_ROS")
+        for _, kind, topic in sensors_of(model.vehicle)
+        if kind in MESSAGES
+    ]
     keys = ("gz_topic_name", "ros_topic_name", "ros_type_name", "gz_type_name", "direction")
     return yaml.safe_dump([dict(zip(keys, row, strict=True)) for row in rows], sort_keys=False)
 
@@ -318,6 +355,8 @@ WORLD = """<?xml version="1.0"?>
     <plugin filename="gz-sim-buoyancy-system" name="gz::sim::systems::Buoyancy">
       <uniform_fluid_density>{density}</uniform_fluid_density>
     </plugin>
+    <plugin filename="gz-sim-imu-system" name="gz::sim::systems::Imu"/>
+    <plugin filename="gz-sim-altimeter-system" name="gz::sim::systems::Altimeter"/>
     <light name="sun" type="directional">
       <pose>0 0 10 0 0 0</pose>
       <direction>-0.3 0.2 -0.9</direction>

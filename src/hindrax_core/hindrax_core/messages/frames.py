@@ -71,6 +71,17 @@ def _angles(x: Vec3, y: Vec3, z: Vec3) -> Vec3:
 
 def urdf_of(vehicle: Vehicle) -> str:
     """Description of a vehicle: `base_link` with its mass and a box of its envelope, and a link for every frame."""
+    return urdf_text(robot_of(vehicle))
+
+
+def urdf_text(robot: ET.Element) -> str:
+    """Text of a description."""
+    ET.indent(robot)
+    return f'<?xml version="1.0"?>\n{ET.tostring(robot, encoding="unicode")}\n'
+
+
+def robot_of(vehicle: Vehicle) -> ET.Element:
+    """Element of the description of a vehicle, for whoever adds to it."""
     robot = ET.Element("robot", name=vehicle.name)
     base = ET.SubElement(robot, "link", name=FLU)
     inertial = ET.SubElement(base, "inertial")
@@ -83,8 +94,7 @@ def urdf_of(vehicle: Vehicle) -> str:
     thrusters = {f"{thruster.name}_link" for thruster in vehicle.thrusters}
     for frame in frames_of(vehicle):
         _link(robot, frame, is_thruster=frame.name in thrusters)
-    ET.indent(robot)
-    return f'<?xml version="1.0"?>\n{ET.tostring(robot, encoding="unicode")}\n'
+    return robot
 
 
 def _link(robot: ET.Element, frame: Frame, *, is_thruster: bool) -> None:

@@ -15,6 +15,7 @@ from hindrax_analysis.exports import (
     stonefish,
     stonefish_vehicle,
     tables,
+    urdf,
     uuv,
     vehicle_block,
 )
@@ -35,7 +36,6 @@ from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.argument_types import at_least, named_vehicle
 from hindrax_cli.command import command, option
 from hindrax_core.errors import UsageError
-from hindrax_core.messages.frames import urdf_of
 from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whole
 from hindrax_core.text.text_file import require_place, writing
 from hindrax_core.vehicle import Vehicle, load_vehicle
@@ -120,7 +120,7 @@ SUFFIXES = {
 TABLES: dict[str, Callable[[SavedCoefficients], str]] = {"csv": tables.write_csv, "latex": tables.write_latex}
 """They show what was identified, and want nothing that completes it."""
 URDF = "urdf"
-"""Needs no results: the vehicle as on `robot_description`."""
+"""Needs no results: the vehicle as on `robot_description`, with `ros2_control` joints of its thrusters."""
 
 
 @command(
@@ -225,8 +225,8 @@ def results_file(path: Path | None, to: str) -> Path:
 def _text(path: Path | None, to: str, named: str | None) -> str:
     if to == URDF:
         if named or path is None:
-            return urdf_of(load_vehicle(named or default_vehicle()))
-        return urdf_of(_vehicle_beside(RunFolder(path).coefficients if path.is_dir() else path))
+            return urdf.write(load_vehicle(named or default_vehicle()))
+        return urdf.write(_vehicle_beside(RunFolder(path).coefficients if path.is_dir() else path))
     if to in TABLES:
         file = results_file(path, to)
         saved = read_coefficients(file)

@@ -1,12 +1,13 @@
-"""The Stonefish folder holds the vehicle of the file: thrusts, moments, lags, places; and nothing that is not there."""
+"""Whole vehicles for gz-sim, Stonefish and ros2_control are that of the file: thrusts, lags, places, names."""
 
 from collections.abc import Mapping
 from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
+import yaml
 
-from hindrax_analysis.exports import stonefish, stonefish_vehicle
+from hindrax_analysis.exports import gz, stonefish, stonefish_vehicle, urdf
 from hindrax_analysis.exports.export_model import ExportModel, thrust_range_N, unidentified_model
 from hindrax_bringup.share_files import vehicle_file
 from hindrax_control.allocation.effectiveness import effectiveness
@@ -99,3 +100,34 @@ def test_what_a_file_names_is_there(files: Mapping[str, str], robot: ET.Element)
         used = {one.get("name") for root in (robot, world) for one in root.iter(kind)}
         assert used == {one.get("name") for one in world.findall(known)} & used
         assert used <= {one.get("name") for one in world.findall(known)}
+
+
+def test_sensors_of_gazebo_stand_at_their_places_and_the_world_serves_them(model: ExportModel) -> None:
+    files = gz.folder(model)
+    link = ET.fromstring(files["model.sdf"]).find("model/link")
+    assert link is not None
+    served = {str(one.get("filename")) for one in ET.fromstring(files["world.sdf"]).iter("plugin")}
+    bridged = {row["gz_topic_name"] for row in yaml.safe_load(files["bridge.yaml"])}
+    found = link.findall("sensor")
+    assert {one.get("type") for one in found} == {"imu", "altimeter"}
+    for sensor in found:
+        kind = str(sensor.get("type"))
+        mount = model.vehicle.sensors[str(sensor.get("name")).removesuffix(f"_{kind}")]
+        x, y, z = np.subtract(mount.position_m, model.vehicle.center_of_mass_m)
+        assert floats(sensor.findtext("pose"))[:3] == pytest.approx([x, -y, -z])
+        assert f"gz-sim-{kind}-system" in served
+        assert kind != "imu" or sensor.findtext("topic") in bridged
+
+
+def test_effort_joints_of_ros2_control_are_joints_of_the_robot_that_turn(model: ExportModel) -> None:
+    robot = ET.fromstring(urdf.write(model.vehicle))
+    joints = {one.get("name"): one for one in robot.findall("joint")}
+    controlled = robot.findall("ros2_control/joint")
+    assert [one.get("name") for one in controlled] == [f"{one.name}_link_joint" for one in model.vehicle.thrusters]
+    for joint, thruster in zip(controlled, model.vehicle.thrusters, strict=True):
+        turning = joints[joint.get("name")]
+        assert turning.get("type") == "continuous"
+        assert turning.find("axis") is not None
+        limits = {one.get("name"): float(one.text or "") for one in joint.findall("command_interface/param")}
+        low, high = thrust_range_N(model.vehicle, thruster)
+        assert (limits["min"], limits["max"]) == pytest.approx((low, high), rel=1e-6)
