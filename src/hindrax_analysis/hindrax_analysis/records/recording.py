@@ -59,7 +59,7 @@ class Recording:
 
     @property
     def measured_t(self) -> list[Array]:
-        """Times of what was measured, of each kind that has any."""
+        """Times (n,) [s] of what was measured, of each kind that has any."""
         return [t for t in (self.velocity_t, self.attitude_t, self.way_t) if len(t)]
 
     @property
