@@ -35,12 +35,38 @@ class Knob:
 
 
 def knob(default: object, low: float = -math.inf, high: float = math.inf, meaning: str = "") -> Any:
-    """Declare a number (or a tuple of numbers) with its default, closed range and meaning [unit]."""
+    """Declare a number (or a tuple of numbers) of a dataclass; a file may leave it out.
+
+    Parameters
+    ----------
+    default
+        Its value where the file says nothing.
+    low, high
+        Closed range, also of each number of a tuple.
+    meaning
+        What it is, with its unit in brackets at the end; parameters of nodes and reference pages show it.
+
+    Returns
+    -------
+    Any
+        A `dataclasses.field`, whatever type the annotation says.
+    """
     return field(default=default, metadata={META: Knob(low, high, meaning)})
 
 
 def fact(low: float = -math.inf, high: float = math.inf, meaning: str = "") -> Any:
-    """Declare a number without a default: the file must give it."""
+    """Declare a number without a default: the file must give it.
+
+    Parameters
+    ----------
+    low, high, meaning
+        As of `knob`.
+
+    Returns
+    -------
+    Any
+        A `dataclasses.field`.
+    """
     return field(metadata={META: Knob(low, high, meaning)})
 
 
@@ -50,7 +76,22 @@ def block(factory: Callable[[], object], meaning: str) -> Any:
 
 
 def choice(default: str | tuple[str, ...], choices: Sequence[str], meaning: str) -> Any:
-    """Declare a choice from a closed set, or a list of them."""
+    """Declare a choice from a closed set, or a list of them.
+
+    Parameters
+    ----------
+    default
+        One of the choices, or several.
+    choices
+        All there are.
+    meaning
+        As of `knob`.
+
+    Returns
+    -------
+    Any
+        A `dataclasses.field`.
+    """
     return field(default=default, metadata={META: Knob(meaning=meaning, choices=tuple(choices))})
 
 
@@ -83,9 +124,26 @@ def nested(values: Mapping[str, object]) -> dict[str, object]:
 
 
 def build(cls: type[T], data: object, path: str) -> T:
-    """Make a checked instance of a dataclass from nested mappings; UsageError names the key path of what is wrong.
+    """Make a checked instance of a dataclass from nested mappings.
 
-    The path of a file ends with a colon, so that the keys inside stand apart from its name.
+    Parameters
+    ----------
+    cls
+        Its fields are declared by `knob`, `fact` and `choice`.
+    data
+        What was read, such as a block of YAML.
+    path
+        Where it stood, for errors. The path of a file ends with a colon, so that the keys inside stand apart from it.
+
+    Returns
+    -------
+    T
+        The instance, with defaults where the data say nothing.
+
+    Raises
+    ------
+    UsageError
+        Names the path of the key that is unknown, missing, of another type or out of its range.
     """
     if not isinstance(data, Mapping):
         raise UsageError(f"{path.removesuffix(':')}: found {data!r}, wanted a block of keys for {cls.__name__}")

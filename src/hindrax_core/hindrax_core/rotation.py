@@ -55,12 +55,34 @@ def wrapped(angle_rad: float) -> float:
 
 
 def xyzw_from_sname(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
-    """Quaternion of the REP-103 body in east, north, up, from SNAME angles."""
+    """Quaternion of the REP-103 body (forward, left, up) in east, north, up, from SNAME angles.
+
+    Parameters
+    ----------
+    roll, pitch, yaw : [rad]
+        Of the SNAME body (forward, right, down) in north, east, down.
+
+    Returns
+    -------
+    tuple[float, float, float, float]
+        x, y, z, w, as ROS messages have it.
+    """
     return xyzw(roll, -pitch, math.pi / 2.0 - yaw)
 
 
 def xyzw(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
-    """Quaternion of a z-y-x rotation."""
+    """Quaternion of a z-y-x rotation: yaw first, then pitch about the new y, then roll about the new x.
+
+    Parameters
+    ----------
+    roll, pitch, yaw : [rad]
+        In any right-handed axes.
+
+    Returns
+    -------
+    tuple[float, float, float, float]
+        x, y, z, w of length one.
+    """
     cr, sr = math.cos(roll / 2.0), math.sin(roll / 2.0)
     cp, sp = math.cos(pitch / 2.0), math.sin(pitch / 2.0)
     cy, sy = math.cos(yaw / 2.0), math.sin(yaw / 2.0)
@@ -73,7 +95,18 @@ def xyzw(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, fl
 
 
 def sname_from_xyzw(x: float, y: float, z: float, w: float) -> Vec3:
-    """SNAME roll, pitch, yaw from the quaternion of a REP-103 body in east, north, up."""
+    """SNAME angles from the quaternion of a REP-103 body in east, north, up; the inverse of `xyzw_from_sname`.
+
+    Parameters
+    ----------
+    x, y, z, w
+        Of length one.
+
+    Returns
+    -------
+    Vec3
+        Roll, pitch and yaw [rad], yaw clockwise from north.
+    """
     roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
     yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))

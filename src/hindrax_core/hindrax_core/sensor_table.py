@@ -137,9 +137,24 @@ _OWN: Mapping[str, Sensor] = {row.name: row for row in SENSORS}
 
 
 def row_of(device: str) -> Sensor:
-    """Row of a kind of sensor, of this stack or of an installed package. ValueError names what there is, and why not.
+    """Row of a kind of sensor, of this stack or of an installed package.
 
     Other packages are looked for only where a name is none of ours: that costs a vehicle without them nothing.
+
+    Parameters
+    ----------
+    device
+        The kind, as `sensors.NAME.device` of a vehicle file names it.
+
+    Returns
+    -------
+    Sensor
+        What it measures and publishes, and where driver and emulator are.
+
+    Raises
+    ------
+    ValueError
+        Names the kinds that there are, or why the package of this one cannot be used.
     """
     if device in _OWN:
         return _OWN[device]

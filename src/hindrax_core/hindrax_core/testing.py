@@ -11,7 +11,22 @@ ResultT = TypeVar("ResultT")
 def rehearse(program: Program[ResultT], transcript: Sequence[tuple[Operation, bytes | DeviceError]]) -> ResultT:
     """Run a bus program against a transcript; it must use every line, in order.
 
-    Each line is the operation the program must yield and the answer it gets (bytes, or an error thrown into it).
+    Parameters
+    ----------
+    program
+        Generator of bus operations, as a driver yields them.
+    transcript
+        Lines of an operation that the program must yield, and the answer it gets: bytes, or an error thrown into it.
+
+    Returns
+    -------
+    ResultT
+        Of the program.
+
+    Raises
+    ------
+    AssertionError
+        Names the line where the program does something else, or that it never came to.
     """
     lines = iter(enumerate(transcript))
     answer: Any = None

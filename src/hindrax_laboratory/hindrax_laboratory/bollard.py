@@ -97,9 +97,33 @@ def fit(
 ) -> BollardCurve:
     """Cubic per direction from a sweep; points inside the dead band belong to neither.
 
-    Without a dead band it is that of the data: out to the last pulse without thrust, or that of a Basic ESC.
+    Parameters
+    ----------
+    pulse_us : (n,) [us]
+        Pulses of the sweep.
+    load_N : (n,) [N]
+        What the load cell showed, positive forward.
+    lever_ratio : [-]
+        Thrust per load, where a lever is between both.
+    stop_us : [us]
+        Pulse at which the thruster stands.
+    dead_band_us : [us]
+        Half the width of the dead band. By default that of the data: out to the last pulse without thrust, or that of a
+        Basic ESC.
+    supply_V : [V]
+        Voltage of the sweep, for the vehicle file.
+    load_cell_sigma : [-]
+        Standard deviation of the gain of cell and lever.
 
-    HindraxError when pulses are not in microseconds, or a direction has too few points or thrust of the wrong sign.
+    Returns
+    -------
+    BollardCurve
+        Both cubics with covariances.
+
+    Raises
+    ------
+    HindraxError
+        When pulses are not in microseconds, or a direction has too few points or thrust of the wrong sign.
     """
     least_us, most_us = float(pulse_us.min()), float(pulse_us.max())
     if least_us < SERVO_us[0] or most_us > SERVO_us[1]:
@@ -155,7 +179,25 @@ def _direction(pulse_us: Array, thrust_N: Array, name: str) -> Direction:
 
 
 def monotone_range(c: tuple[float, float, float, float], low_us: float, high_us: float) -> tuple[float, float]:
-    """Largest part of [low, high] around its middle in which the cubic rises with the pulse."""
+    """Largest part of an interval in which a cubic rises with the pulse: between its turning points, or beyond them.
+
+    Parameters
+    ----------
+    c
+        Coefficients of 1, x, x^2 and x^3 in pulses.
+    low_us, high_us : [us]
+        Ends of the interval.
+
+    Returns
+    -------
+    tuple[float, float]
+        Ends of that part [us].
+
+    Raises
+    ------
+    HindraxError
+        Where it rises nowhere: the load has the wrong sign, or outliers decide.
+    """
     _, c2, c3, c4 = c
     slope = np.polynomial.Polynomial([c2, 2.0 * c3, 3.0 * c4])
     turns = sorted(float(root.real) for root in slope.roots() if abs(root.imag) < 1e-9)
@@ -170,7 +212,22 @@ def monotone_range(c: tuple[float, float, float, float], low_us: float, high_us:
 
 
 def vehicle_block(curve: BollardCurve, name: str = "main", source: str = "bollard pull") -> str:
-    """YAML of this curve for the vehicle file, under `curves:`."""
+    """YAML of a curve for the vehicle file, under `curves:`.
+
+    Parameters
+    ----------
+    curve
+        As `fit` gives it.
+    name
+        Of the curve; thrusters name it by `curve`.
+    source
+        Where it is from, for readers of the file.
+
+    Returns
+    -------
+    str
+        A block to paste.
+    """
     block: dict[str, object] = {
         "negative": _branch_block(curve.negative.branch()),
         "positive": _branch_block(curve.positive.branch()),

@@ -41,12 +41,24 @@ def damping_ratio(decrement: float) -> float:
 
 
 def displacement(acceleration_mps2: Array, rate_Hz: float) -> Array:
-    """Displacement [m], (n,), from the release on: acceleration of a decaying oscillation, integrated twice.
+    """Displacement from the release on: acceleration of a decaying oscillation, integrated twice.
 
     Offset, gravity and sensor drift grow without bound when integrated, so a zero-phase high-pass far below the
     oscillation removes them before, between and after the two integrations. The record is cut at its first large
     turning point: there acceleration and displacement continue as even functions and velocity as an odd one, so the
     filter has no edge effect.
+
+    Parameters
+    ----------
+    acceleration_mps2 : (n,) [m/s^2]
+        Along the motion, evenly sampled.
+    rate_Hz : [Hz]
+        Sampling rate.
+
+    Returns
+    -------
+    Array
+        (m,) [m], m <= n, about its mean.
     """
     frequency = dominant_frequency(acceleration_mps2, rate_Hz)
     high_pass = butter(2, HIGH_PASS * frequency, "highpass", fs=rate_Hz, output="sos")
@@ -66,9 +78,27 @@ def release(signal: Array) -> int:
 
 
 def dominant_frequency(signal: Array, rate_Hz: float) -> float:
-    """Frequency [Hz] of the largest line of the spectrum above two periods per record.
+    """Frequency of the largest line of the spectrum above two periods per record.
 
-    The window is one at the start, where the oscillation is large, and falls to zero at the end.
+    The window is one at the start, where the oscillation is large, and falls to zero at the end. The record is filled
+    with zeros to eight times its length, so that lines lie close enough.
+
+    Parameters
+    ----------
+    signal : (n,)
+        In any unit, evenly sampled.
+    rate_Hz : [Hz]
+        Sampling rate.
+
+    Returns
+    -------
+    float
+        [Hz].
+
+    Raises
+    ------
+    HindraxError
+        When the record is flat.
     """
     window = 0.5 * (1.0 + np.cos(np.linspace(0.0, np.pi, signal.size)))
     spectrum = np.abs(np.fft.rfft(detrend(signal) * window, 8 * signal.size))
@@ -80,7 +110,25 @@ def dominant_frequency(signal: Array, rate_Hz: float) -> float:
 
 
 def swings(signal: Array, rate_Hz: float) -> tuple[Array, Array]:
-    """Times [s], (n,), of the turning points from the largest on, and the signal there, (n,), by parabolas."""
+    """Turning points of a decay from the largest on, each refined by the parabola through three samples.
+
+    Parameters
+    ----------
+    signal : (n,)
+        In any unit, evenly sampled.
+    rate_Hz : [Hz]
+        Sampling rate.
+
+    Returns
+    -------
+    tuple[Array, Array]
+        Times (k,) [s] from the start of the record, and the signal there, (k,).
+
+    Raises
+    ------
+    HindraxError
+        When there are fewer than `FEWEST_SWINGS` + 1.
+    """
     apart = max(1, int(0.7 * rate_Hz / dominant_frequency(signal, rate_Hz)))
     start = release(signal)
     part = signal[start:]
@@ -113,7 +161,25 @@ def decay_of(signal: Array, rate_Hz: float) -> Decay:
 
     Half the distance between neighboring turning points decays like the oscillation, independent of its offset. The
     logarithms of these half-swings lie on a line whose slope is half the decrement; the times of the turning points lie
-    on a line whose slope is half the period. Both slopes come with standard deviations.
+    on a line whose slope is half the period. Both slopes come with standard deviations. Noise moves the logarithm of a
+    swing, and its time, by noise over swing: so each row counts with the size of its swing.
+
+    Parameters
+    ----------
+    signal : (n,)
+        Displacement, or anything proportional to it, evenly sampled.
+    rate_Hz : [Hz]
+        Sampling rate.
+
+    Returns
+    -------
+    Decay
+        Decrement per full period; damping ratio by COB-2023-2422 eq. 3.
+
+    Raises
+    ------
+    HindraxError
+        When too few half-swings are large enough, or they do not decay.
     """
     times, values = swings(signal, rate_Hz)
     half = 0.5 * np.abs(np.diff(values))
@@ -146,7 +212,24 @@ def decay_of(signal: Array, rate_Hz: float) -> Decay:
 
 
 def curve_fit(signal: Array, rate_Hz: float, start: Decay) -> Decay:
-    """Fit exp(-s t) (C cos w t + S sin w t) + offset + slope t to the record from the first turning point on."""
+    """Fit exp(-s t) (C cos w t + S sin w t) + offset + slope t to the record from the first turning point on.
+
+    Variable projection: for given s and w the rest is linear and solved at once, so only two unknowns are searched.
+
+    Parameters
+    ----------
+    signal : (n,)
+        As of `decay_of`.
+    rate_Hz : [Hz]
+        Sampling rate.
+    start
+        What `decay_of` found: where the search begins.
+
+    Returns
+    -------
+    Decay
+        With the swings of `start`.
+    """
     begin = int(start.swing_time_s[0] * rate_Hz)
     end = min(signal.size, int(start.swing_time_s[-1] * rate_Hz) + 1)
     part = signal[begin:end]
@@ -178,10 +261,22 @@ def curve_fit(signal: Array, rate_Hz: float, start: Decay) -> Decay:
 
 
 def drag_from_swings(decay: Decay, total_mass_kg: float) -> tuple[Value, Value]:
-    """Linear [N s/m] and quadratic [N s^2/m^2] drag from how the decrement depends on the amplitude.
+    """Linear and quadratic drag from how the decrement depends on the amplitude.
 
     Energy balance over one half-swing of amplitude A: the loss of logarithmic amplitude is
     pi / (2 m w) * (k_l + 8 / (3 pi) k_q w A), so the losses lie on a line over A.
+
+    Parameters
+    ----------
+    decay
+        Half-swings (k,) [m] and frequency w.
+    total_mass_kg : [kg]
+        m, with the added mass.
+
+    Returns
+    -------
+    tuple[Value, Value]
+        k_l [N s/m] and k_q [N s^2/m^2]; NaN for fewer than three losses.
     """
     frequency = decay.frequency_radps.value
     loss = -np.diff(np.log(decay.swing_m))

@@ -34,9 +34,26 @@ def describe(columns: Sequence[Column]) -> str:
 
 
 def read_columns(text: str, columns: Sequence[Column], source: str) -> dict[str, Array]:
-    """Numbers of the named columns, (n,) each, in the units of their names; missing optional columns are omitted.
+    """Numbers of the named columns of a CSV file; other columns are ignored.
 
-    Other columns are ignored. HindraxError names the source, the line, the column, what was found and what was wanted.
+    Parameters
+    ----------
+    text
+        The file.
+    columns
+        Those wanted; optional ones may be missing.
+    source
+        Its name, for errors.
+
+    Returns
+    -------
+    dict[str, Array]
+        (n,) each, by name, in the units of their names.
+
+    Raises
+    ------
+    HindraxError
+        Names the source, the line, the column, what was found and what was wanted.
     """
     rows = rows_of(text, source)
     if not rows:
@@ -82,9 +99,26 @@ def _number(cells: list[str], index: int, where: str) -> float:
 
 
 def evenly(time_s: Array, signals: Sequence[Array], source: str) -> tuple[float, list[Array]]:
-    """Sampling rate [Hz] and the signals, (n,) each, on an even time base from the start of the record.
+    """Signals on an even time base from the start of the record; jitter is removed by interpolation.
 
-    Jitter is removed by interpolation. HindraxError for time that does not increase, or a gap of more than ten steps.
+    Parameters
+    ----------
+    time_s : (n,) [s]
+        Times of the samples.
+    signals : (n,) each
+        Of these times.
+    source
+        Name of the record, for errors.
+
+    Returns
+    -------
+    tuple[float, list[Array]]
+        Sampling rate [Hz], and the signals, (m,) each.
+
+    Raises
+    ------
+    HindraxError
+        For fewer than 16 samples, time that does not increase, or a gap of more than ten steps.
     """
     steps = np.diff(time_s)
     if time_s.size < 16:

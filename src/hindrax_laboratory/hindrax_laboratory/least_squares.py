@@ -18,9 +18,23 @@ MOST_STEPS = 60
 
 
 def check_added_mass(found: Value, own_kg: float, source: str, inputs: str) -> None:
-    """HindraxError for a clearly negative added mass: then an input is wrong, however good the fit.
+    """Refuse a clearly negative added mass: then an input is wrong, however good the fit.
 
     Clearly: beyond three standard deviations and 1 % of the body mass, the accuracy of weighing.
+
+    Parameters
+    ----------
+    found : [kg]
+        Added mass with its deviation.
+    own_kg : [kg]
+        Mass of the body.
+    source, inputs
+        Name of the record, and what is to be checked, for the error.
+
+    Raises
+    ------
+    HindraxError
+        If it is.
     """
     if found.value < -3.0 * found.std - 0.01 * own_kg:
         raise HindraxError(
@@ -46,9 +60,27 @@ class Fit:
 def least_squares(regressor: Array, measured: Array, names: Sequence[str]) -> Fit:
     """Ordinary least squares with standard deviations. COB-2023-1394 eq. 6, 7 and 8.
 
-    regressor: (samples, coefficients); measured: (samples,). The columns are scaled to unit length first, so that
-    coefficients of very different size (cubic thrust curves) do not lose their digits. Raises HindraxError when there
-    are too few samples or when the record cannot separate the coefficients.
+    The columns are scaled to unit length first, so that coefficients of very different size (cubic thrust curves) do
+    not lose their digits.
+
+    Parameters
+    ----------
+    regressor : (samples, coefficients)
+        Columns in any units.
+    measured : (samples,)
+        What they are to explain.
+    names
+        Of the coefficients.
+
+    Returns
+    -------
+    Fit
+        Values, covariance, standard deviation of the residuals.
+
+    Raises
+    ------
+    HindraxError
+        When there are too few samples, or when the record cannot separate the coefficients.
     """
     samples, count = regressor.shape
     if samples <= count:
@@ -71,7 +103,26 @@ def least_squares(regressor: Array, measured: Array, names: Sequence[str]) -> Fi
 def fit_curve(residual: Callable[[Array], Array], start: Array, scale: Array, names: Sequence[str]) -> Fit:
     """Nonlinear least squares of a residual vector by its parameters, with the covariance of the linearized problem.
 
-    `scale`: size of a significant step of each parameter. HindraxError when the record cannot separate them.
+    Parameters
+    ----------
+    residual
+        Residuals (samples,) for parameters (p,).
+    start : (p,)
+        Where the search begins.
+    scale : (p,)
+        Size of a significant step of each parameter.
+    names
+        Of the parameters.
+
+    Returns
+    -------
+    Fit
+        As of `least_squares`.
+
+    Raises
+    ------
+    HindraxError
+        When the record cannot separate the parameters.
     """
     found = minimize(residual, start, x_scale=scale, diff_step=np.full(start.size, 1e-6), max_nfev=MOST_STEPS)
     jacobian, values = array(found.jac), array(found.x)
@@ -85,7 +136,23 @@ def fit_curve(residual: Callable[[Array], Array], start: Array, scale: Array, na
 
 
 def propagate(formula: Callable[[Array], float], values: Array, covariance: Array) -> Value:
-    """First-order propagation of a covariance (n, n) through a formula of n inputs, by central differences."""
+    """First-order propagation of a covariance through a formula, by central differences.
+
+    Parameters
+    ----------
+    formula
+        Of n inputs.
+    values : (n,)
+        The inputs.
+    covariance : (n, n)
+        Of the inputs.
+
+    Returns
+    -------
+    Value
+        The formula's value and standard deviation. Steps are a hundredth of a deviation: small against the curvature
+        that a first order neglects, large against rounding.
+    """
     gradient = np.zeros(values.size)
     deviations = np.sqrt(np.clip(np.diag(covariance), 0.0, None))
     for index in range(values.size):

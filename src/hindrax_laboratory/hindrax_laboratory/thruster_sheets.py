@@ -56,9 +56,26 @@ def is_sheet(header: Sequence[str]) -> bool:
 
 
 def sheets_of(path: Path, supply_V: float | None = None) -> list[Sheet]:
-    """Every sweep of a workbook or a CSV file, by rising voltage; `supply_V` where the data name none.
+    """Every sweep of a workbook or a CSV file, by rising voltage.
 
-    UsageError: cannot be read. HindraxError: holds no thrust over pulses, or two sweeps at one voltage.
+    Parameters
+    ----------
+    path
+        As manufacturers publish it.
+    supply_V : [V]
+        Voltage where the data name none.
+
+    Returns
+    -------
+    list[Sheet]
+        Thrust over pulses at one voltage each.
+
+    Raises
+    ------
+    UsageError
+        When the file cannot be read.
+    HindraxError
+        When it holds no thrust over pulses, or two sweeps at one voltage.
     """
     tables = _workbook(path) if is_workbook(path) else [("", _csv(path))]
     found = [

@@ -14,12 +14,22 @@ ELSEWHERE = {
 }
 """Files of the clone that have a page of another name, or one although they lie outside of `docs`."""
 API: Mapping[str, Sequence[str]] = {
-    "Analysis": ("hindrax_analysis.api",),
-    "Vehicle": ("hindrax_core.vehicle", "hindrax_core.thrust.curves", "hindrax_core.hydrostatics"),
+    "Analysis": ("hindrax_analysis.api", "hindrax_analysis.identification.known_weight"),
+    "Vehicle": (
+        "hindrax_core.vehicle",
+        "hindrax_core.thrust.curves",
+        "hindrax_core.hydrostatics",
+        "hindrax_core.rotation",
+    ),
     "Identification": (
         "hindrax_ident.model.motion_model",
+        "hindrax_ident.model.model_parameters",
+        "hindrax_ident.model.coriolis",
         "hindrax_ident.model.simulation",
         "hindrax_ident.online.session",
+        "hindrax_ident.online.rls",
+        "hindrax_ident.fit.output_error",
+        "hindrax_ident.assess.prediction",
         "hindrax_ident.assess.results",
     ),
     "Allocation": (
@@ -32,13 +42,25 @@ API: Mapping[str, Sequence[str]] = {
         "hindrax_bag.read.message_columns",
         "hindrax_analysis.records.recording",
     ),
-    "Sensors": ("hindrax_core.driver_interface", "hindrax_core.bus_operations", "hindrax_core.readings"),
+    "Sensors": (
+        "hindrax_core.driver_interface",
+        "hindrax_core.bus_operations",
+        "hindrax_core.readings",
+        "hindrax_core.sensor_table",
+        "hindrax_core.knobs",
+        "hindrax_core.testing",
+    ),
     "Bench experiments": (
         "hindrax_laboratory.free_decay",
         "hindrax_laboratory.forced",
         "hindrax_laboratory.pendulum",
         "hindrax_laboratory.step",
         "hindrax_laboratory.towing",
+        "hindrax_laboratory.bollard",
+        "hindrax_laboratory.thruster_sheets",
+        "hindrax_laboratory.decay",
+        "hindrax_laboratory.least_squares",
+        "hindrax_laboratory.experiment_record",
     ),
 }
 """Modules of each page of the library."""

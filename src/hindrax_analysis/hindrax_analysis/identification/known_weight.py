@@ -74,7 +74,27 @@ class Weighing:
 
 
 def holds_of(events: Iterable[Stamped[IdentEvent]], axis: int, spans: Sequence[LoadSpan]) -> list[Hold]:
-    """Cut the spans out of a record. HindraxError names a span in which too little was recorded."""
+    """Cut the spans of a known-weight test out of a record.
+
+    Parameters
+    ----------
+    events
+        Of the record, in any order.
+    axis
+        Index, 0 to 5.
+    spans
+        When which load was on the vehicle.
+
+    Returns
+    -------
+    list[Hold]
+        One per span.
+
+    Raises
+    ------
+    HindraxError
+        Names a span in which too little was recorded.
+    """
     recorded, first = list(events), min((span.begin for span in spans), default=Stamp(0))
     out = []
     for span in spans:
@@ -92,9 +112,34 @@ def holds_of(events: Iterable[Stamped[IdentEvent]], axis: int, spans: Sequence[L
 
 
 def weigh(holds: Sequence[Hold], axis: int, dynamics: PriorDynamics, *, load_sigma: float = 0.002) -> Weighing:
-    """Gain of an axis from holds with and without load; `load_sigma`: of weight and lever together [-].
+    """Gain of an axis from holds with and without load: least squares of the balance at rest of every hold.
 
-    HindraxError where the loads do not differ, or the vehicle did not keep its place.
+        gain x thrust + half the difference x |thrust| + what else pulls + drift x time x thrust = -load
+
+    Four unknowns, linear, each hold weighted by its own deviation. Two are kept by priors from what a few holds cannot
+    tell: the difference between both ways (unless one way alone was weighed, where it means nothing), and the drift of
+    a battery. Thrust ahead and astern are means of their own, since a hold near balance works both ways.
+
+    Parameters
+    ----------
+    holds
+        Two at least, with loads that differ.
+    axis
+        Index, 0 to 5.
+    dynamics
+        Drag and inertia by the vehicle file: what a hold that was not quite still may be wrong by.
+    load_sigma : [-]
+        Standard deviation of weight and lever together.
+
+    Returns
+    -------
+    Weighing
+        Gain in each way that was weighed, and what its deviation is made of.
+
+    Raises
+    ------
+    HindraxError
+        Where the loads do not differ, or the vehicle did not keep its place.
     """
     name, unit = AXES[axis], "m/s" if axis < 3 else "rad/s"
     for hold in holds:

@@ -78,7 +78,24 @@ def windows_of(stretches: Iterable[Stretch], window_s: float) -> tuple[Stretch, 
 def predict(model: Model, theta: Array, record: Record) -> Prediction:
     """Motion of each stretch of a record separately, from the velocity and position that fit its first second.
 
-    ValueError where a stretch holds too few samples, or where no motion follows from the parameters.
+    Parameters
+    ----------
+    model
+        Of one axis.
+    theta : (p,)
+        Its parameters.
+    record
+        Stretches, inputs, and what was measured.
+
+    Returns
+    -------
+    Prediction
+        Measured and predicted, side by side.
+
+    Raises
+    ------
+    ValueError
+        Where a stretch holds too few samples, or where no motion follows from the parameters.
     """
     problem = build_problem(model, record)
     path = _moved(model, theta, problem, problem.guess)
@@ -100,7 +117,31 @@ def predict(model: Model, theta: Array, record: Record) -> Prediction:
 def predict_record(
     motions: Mapping[str, Mapping[str, Number]], vehicle: Vehicle, axis: int, record: Record, window_s: float
 ) -> Prediction:
-    """Prediction over windows of the record of one axis. HindraxError where there is none to predict."""
+    """Prediction over windows of the record of one axis.
+
+    Parameters
+    ----------
+    motions
+        Coefficients by motion, then by name.
+    vehicle
+        Mass and geometry.
+    axis
+        Index, 0 to 5.
+    record
+        Of that axis.
+    window_s : [s]
+        Length of a window; each begins anew from what was measured.
+
+    Returns
+    -------
+    Prediction
+        As of `predict`.
+
+    Raises
+    ------
+    HindraxError
+        Where there is no window to predict.
+    """
     model = model_of(vehicle, axis)
     values = {motion: {name: one.value for name, one in numbers.items()} for motion, numbers in motions.items()}
     theta = parameters_of(model, values)

@@ -87,9 +87,30 @@ class OutputErrorFit:
 
 
 def refine(model: Model, record: Record, start: Array, prior: Prior) -> OutputErrorFit:
-    """Fit a record; ValueError when it has too few samples.
+    """Fit a record: outliers, noise and parameters in turn, see the head of this module.
 
     Deterministic: equal records give equal results, from any start within the basin of the solution.
+
+    Parameters
+    ----------
+    model
+        Of one axis.
+    record
+        Thrust, known forces, velocities and positions of that axis.
+    start : (p,)
+        Parameters to begin with, such as the recursive estimate.
+    prior
+        Values and deviations (p,).
+
+    Returns
+    -------
+    OutputErrorFit
+        Parameters with covariance, and what later assessments need. `converged` says whether the search ended well.
+
+    Raises
+    ------
+    ValueError
+        When the record has too few samples, or the simulation diverges from both start and prior.
     """
     problem = build_problem(model, record)
     noise = _first_noise(problem)
@@ -112,7 +133,22 @@ def refine(model: Model, record: Record, start: Array, prior: Prior) -> OutputEr
 
 
 def reweighted(fit: OutputErrorFit, noise: Noise, prior: Prior) -> OutputErrorFit:
-    """Fit the same measurements again with another noise."""
+    """Fit the same measurements again with another noise.
+
+    Parameters
+    ----------
+    fit
+        What is fitted again, from its own solution on and without its outliers.
+    noise
+        Of the whitening.
+    prior
+        Values and deviations (p,).
+
+    Returns
+    -------
+    OutputErrorFit
+        As of `refine`.
+    """
     problem = fit.problem
     white = whitener_of(problem, fit.theta, fit.linear.path, noise)
     linear, theta, converged = _descend(problem, fit.theta, fit.linear.path, white, prior)
@@ -120,7 +156,22 @@ def reweighted(fit: OutputErrorFit, noise: Noise, prior: Prior) -> OutputErrorFi
 
 
 def retrained(fit: OutputErrorFit, record: Record, prior: Prior) -> tuple[Array, Array, tuple[float, float]]:
-    """Parameters, (p,), and covariance, (p, p), of another record with this noise, and deviations of its residuals."""
+    """Parameters of another record with the noise of this one, for the validation by a part held out.
+
+    Parameters
+    ----------
+    fit
+        Of the whole record: its noise, and where the search begins.
+    record
+        A part of it.
+    prior
+        Values and deviations (p,).
+
+    Returns
+    -------
+    tuple[Array, Array, tuple[float, float]]
+        Parameters (p,), covariance (p, p), and root mean squares of the residuals of velocity and position.
+    """
     problem = build_problem(fit.model, record)
     theta, path = fit.theta, problem.guess
     for _ in range(OUTLIER_ROUNDS):

@@ -34,9 +34,21 @@ class Masses:
 
 
 def coriolis(axis: int, masses: Sequence[float], nu: Sequence[Values]) -> Values:
-    """Force or moment on an axis due to motion along the others [N, N m]. Fossen 2011 eq. 6.43, diagonal masses.
+    """Force or moment on an axis due to motion along the others. Fossen 2011 eq. 6.43, diagonal masses.
 
-    `masses`: six sums of body and added mass [kg, kg m^2]; `nu`: six velocities [m/s, rad/s], numbers or arrays.
+    Parameters
+    ----------
+    axis
+        Index, 0 to 5.
+    masses : (6,) [kg, kg m^2]
+        Sums of body and added mass.
+    nu : (6,) [m/s, rad/s]
+        Velocities in body axes (SNAME), numbers or arrays (n,).
+
+    Returns
+    -------
+    Values
+        [N, N m], number or array (n,), on the side of the acting forces.
     """
     b, c = (axis + 1) % 3, (axis + 2) % 3
     if axis < 3:
@@ -46,7 +58,22 @@ def coriolis(axis: int, masses: Sequence[float], nu: Sequence[Values]) -> Values
 
 
 def coriolis_errors(axis: int, masses: Masses, nu: Sequence[Array]) -> list[Array]:
-    """Errors of `coriolis`, (n,) each [N, N m], for one standard deviation of each uncertain mass."""
+    """Errors of `coriolis` for one standard deviation of each uncertain mass: it is linear in the masses.
+
+    Parameters
+    ----------
+    axis
+        Index, 0 to 5.
+    masses
+        Values and deviations (6,).
+    nu : (6,) of (n,) [m/s, rad/s]
+        Velocities in body axes.
+
+    Returns
+    -------
+    list[Array]
+        (n,) each [N, N m], of the masses that matter.
+    """
     out = []
     for index, (value, sigma) in enumerate(zip(masses.values, masses.sigmas, strict=True)):
         if sigma > KNOWN_MASS_SIGMA * value:

@@ -52,9 +52,24 @@ def reported_parameters(model: Model, motion: Motion) -> ReportedParameters:
 
 
 def parameters_of(model: Model, coefficients: Mapping[str, Mapping[str, float]]) -> Array:
-    """Parameters of a model (p,), in the order of its names, from the coefficients of each motion.
+    """Parameters of a model from the coefficients of each motion.
 
-    UsageError names what is missing.
+    Parameters
+    ----------
+    model
+        Of one axis.
+    coefficients
+        Values by motion, then by name, as `results.json` has them.
+
+    Returns
+    -------
+    Array
+        (p,), in the order of the model's names.
+
+    Raises
+    ------
+    UsageError
+        Names what is missing.
     """
     found: dict[str, float] = {}
     for motion in motions_of(model.axis):
@@ -71,10 +86,24 @@ def parameters_of(model: Model, coefficients: Mapping[str, Mapping[str, float]])
 
 
 def bounded(values: Array, covariance: Array, low: Sequence[float]) -> Array:
-    """Most likely parameters not below `low`: (p,), in the units of `values`.
+    """Most likely parameters not below their bounds.
 
     The most violated bound is enforced first; the other parameters follow through their correlation, then the next
     bound is enforced. Values within all bounds are returned unchanged.
+
+    Parameters
+    ----------
+    values : (p,)
+        Estimates.
+    covariance : (p, p)
+        Of the estimates.
+    low : (p,)
+        Bounds, -inf for none.
+
+    Returns
+    -------
+    Array
+        (p,), in the units of `values`.
     """
     theta, C = np.array(values, float), np.array(covariance, float)
     if all(least <= x for least, x in zip(low, theta.tolist(), strict=True)):
@@ -95,9 +124,25 @@ def bounded(values: Array, covariance: Array, low: Sequence[float]) -> Array:
 
 
 def newton_step(normal: Array, gradient: Array, room: float, at: int = -1) -> Array:
-    """Solution of the normal equations, (p,), where parameter `at` may fall by no more than -`room`.
+    """Solution of the normal equations with a bound on one parameter.
 
     At its bound it stays, and the others take their best step.
+
+    Parameters
+    ----------
+    normal : (p, p)
+        Normal matrix.
+    gradient : (p,)
+        Downhill.
+    room
+        Least step of the bounded parameter, mostly negative.
+    at
+        Its index.
+
+    Returns
+    -------
+    Array
+        (p,).
     """
     step = array(np.linalg.solve(normal, gradient))
     if step[at] < room:
@@ -124,6 +169,18 @@ def wide_prior(vehicle: Vehicle, model: Model) -> Prior:
     """Prior from the size alone: drag coefficient 2 +- 30, total mass 1.8 +- 3 body masses.
 
     It keeps a poor record solvable; the first seconds of any run outweigh it.
+
+    Parameters
+    ----------
+    vehicle
+        Envelope, mass and water.
+    model
+        Of one axis.
+
+    Returns
+    -------
+    Prior
+        Values and deviations (p,), in the order of the model's names.
     """
     length = vehicle.characteristic_length_m
     rotational = model.axis >= 3
@@ -138,7 +195,22 @@ def wide_prior(vehicle: Vehicle, model: Model) -> Prior:
 
 
 def one_sided(model: Model, prior: Prior, online: OnlineEstimates, side: int) -> tuple[Model, Prior, OnlineEstimates]:
-    """Model, prior and estimates of one direction of a split model: for a heave record that has no other."""
+    """One direction of a split model, for a heave record that has no other.
+
+    Parameters
+    ----------
+    model, prior
+        Of both directions.
+    online
+        Estimates with covariances, by the name of the estimator.
+    side
+        +1 or -1: the direction kept.
+
+    Returns
+    -------
+    tuple[Model, Prior, OnlineEstimates]
+        The same without the drag of the other direction.
+    """
     drag = [0, 1] if side > 0 else [2, 3]
     rows = [*drag, *range(4, len(model.names))]
     narrowed = {name: (theta[rows], C[np.ix_(rows, rows)]) for name, (theta, C) in online.items()}

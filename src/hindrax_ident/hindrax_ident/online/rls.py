@@ -58,9 +58,21 @@ class Rls:
         self._update, self._evaluate = _unrolled(self.n)
 
     def update(self, x: Sequence[float], y: float) -> float:
-        """Learn from a sample unless it is not finite; return its innovation.
+        """Learn from a sample unless it is not finite.
 
         Below the gate of information the estimate changes but not the covariance.
+
+        Parameters
+        ----------
+        x : (n,)
+            Regressor.
+        y
+            Response.
+
+        Returns
+        -------
+        float
+            The innovation y - x . theta, before learning.
         """
         state, innovation = self._update(self._state, x, y, self._forgetting)
         if state is not self._state:
