@@ -181,3 +181,12 @@ def test_one_and_the_same_velocity_is_refused_for_ever() -> None:
     ours = rested(2.0, HorizontalKnobs(patience=3))
     assert not any(ours.fuse(2.0, 0.0, 0.01, NOW, repeated=True) for _ in range(20))
     assert ours.refused == 20
+
+
+def test_a_dvl_that_hung_for_long_is_assumed_again_within_seconds() -> None:
+    ours = rested(2.0, HorizontalKnobs())
+    for _ in range(1000):
+        ours.fuse(2.0, 0.0, 0.01, NOW, repeated=True)
+    assert ours.refused >= 20
+    assert all(ours.fuse(0.0, 0.0, 0.01, NOW) for _ in range(100))
+    assert ours.refused == 0

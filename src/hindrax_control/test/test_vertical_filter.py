@@ -85,6 +85,17 @@ def test_a_depth_that_jumps_is_not_assumed_again_so_soon(jump_m: float, counted:
     assert ours.refused_depths == counted - 1
 
 
+def test_a_pressure_that_jumped_about_for_long_is_assumed_again_within_seconds() -> None:
+    """A surplus that grew by three with every refusal kept a vehicle from arming for minutes after a bad one."""
+    ours = VerticalFilter(VerticalKnobs())
+    for number in range(1500):
+        ours.predict(0.0, 0.05)
+        wild = number < 1200 and number // 20 % 2
+        ours.depth(1.5 if wild else 0.5, 0.003, 0.0)
+        assert number != 1199 or ours.refused_depths >= 100
+    assert ours.refused_depths == 0
+
+
 def dived(knobs: VerticalKnobs) -> tuple[VerticalFilter, Reference]:
     """Both filters after two seconds of a dive from rest, with measurements that are exactly as expected."""
     ours, theirs = VerticalFilter(knobs), Reference()

@@ -19,6 +19,8 @@ Row: TypeAlias = tuple[float, float, float, float, float, float, float, float]
 """Time [s]; sums of du and dv [m/s]; their integrals [m]; angle turned about x, y, z [rad]."""
 
 LEAST_SPAN_S = 0.001
+MOST_SURPLUS = 80
+"""Refused velocities that are remembered: ten seconds of good ones make up for a DVL that hung for an hour."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +125,7 @@ class HorizontalFilter:
         return True
 
     def _refuse(self, off_u: float, off_v: float, *, repeated: bool) -> bool:
-        self.refused += 1
+        self.refused = min(MOST_SURPLUS, self.refused + 1)
         self._refused += not repeated
         if self._refused >= self._knobs.patience:
             self._refused = 0

@@ -34,6 +34,8 @@ IDENTITY = np.eye(4)
 MOST_MODELS = 1000
 JUMP_m, JUMP_COUNTS = 0.15, 2
 """A depth that jumps by more counts as so many times the refusals that it took; at the surface a sensor comes out."""
+MOST_SURPLUS = 200
+"""Refused depths that are remembered: ten seconds of good ones make up for whatever there was."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +100,8 @@ class VerticalFilter:
         # the ticks since not repeated: delays are tens of milliseconds, in which the covariance hardly moves.
         H = np.array([[1.0, -delay_s, 0.0, 0.0]])
         used = self._fuse("depth", depth_m - self._depth_then_m(delay_s), sigma_m, H)
-        self.refused_depths = max(0, self.refused_depths - 1) if used else self.refused_depths + 1
+        surplus = self.refused_depths - 1 if used else self.refused_depths + 1
+        self.refused_depths = max(0, min(MOST_SURPLUS, surplus))
         return used
 
     def altitude(self, altitude_m: float, sigma_m: float, delay_s: float) -> bool:
