@@ -14,7 +14,7 @@ from hindrax_cli.vehicle_plausibility import (
     volume_text,
 )
 from hindrax_control.allocation.thrust_curve import thrust_curves
-from hindrax_control.maneuver.goal import flyable_motions, largest_wrench, servable_motions
+from hindrax_control.maneuver.goal import LOOKS, flyable_motions, largest_wrench, servable_motions
 from hindrax_core.errors import UsageError
 from hindrax_core.sensor_table import Capability, all_sensors
 from hindrax_core.vehicle import AXES, WRENCH_UNITS, Vehicle
@@ -126,6 +126,15 @@ def _shared(vehicle: Vehicle) -> str:
     return ""
 
 
+def _without_dvl(vehicle: Vehicle) -> str:
+    """What shows surge and sway where nothing measures a velocity: the range to a wall, in flight a pose."""
+    seen = {motion: vehicle.measuring(looks)[:1] for motion, looks in LOOKS.items()}
+    by_wall = [f"{motion} by the range of {name}" for motion, names in seen.items() for name in names]
+    blind = [motion for motion, names in seen.items() if not names]
+    rest = f"{' and '.join(blind)} {'is' if len(blind) == 1 else 'are'} neither flown nor identified" if blind else ""
+    return f"none: {'; '.join(one for one in (' and '.join(by_wall), rest) if one)}"
+
+
 def _sensors(vehicle: Vehicle) -> list[Check]:
     far = [name for name, one in vehicle.sensors.items() if mount_outside(one.position_m, vehicle.envelope_m)]
     found = [Check("sensor positions", f"{', '.join(far)} far outside of the envelope", POSITIONS)] if far else []
@@ -138,7 +147,7 @@ def _sensors(vehicle: Vehicle) -> list[Check]:
         ]
         found += [one for one in ports if one not in found]
         if not names and capability == "velocity" and vehicle.sensors:
-            found.append(Check(capability, "none: surge and sway are neither flown nor identified"))
+            found.append(Check(capability, _without_dvl(vehicle)))
         elif not names:
             known = " or ".join(row.name for row in all_sensors() if capability in row.measures)
             found.append(Check(capability, "missing", f"add {known} to sensors: nothing measures {what}"))

@@ -99,11 +99,14 @@ class PoolBounds:
                 raise UsageError(f"{name}: found {at_m:g} m, wanted {wanted}")
 
     def place(self, navigation: Navigation) -> PoolPosition:
-        """Position by dead reckoning; velocities are NaN where the navigator has none."""
+        """Position by dead reckoning; velocities are NaN where the navigator has none; of only one, the other is 0."""
         north, east = (now - then for now, then in zip(navigation.position_m, self._reckoned_m, strict=True))
         cos, sin = math.cos(self.axis_rad), math.sin(self.axis_rad)
         x_m, y_m = self.start_m[0] + cos * north + sin * east, self.start_m[1] - sin * north + cos * east
         u, v, _ = navigation.velocity_mps
+        if math.isnan(u) != math.isnan(v):
+            # One sonar that looks at a wall: across its axis nothing is measured, and nothing is kept.
+            u, v = (0.0 if math.isnan(one) else one for one in (u, v))
         heading = math.remainder(navigation.attitude_rad[2] - self.axis_rad, math.tau)
         cos, sin = math.cos(heading), math.sin(heading)
         return PoolPosition(x_m, y_m, heading, cos * u - sin * v, sin * u + cos * v, self._sigma_m(navigation))

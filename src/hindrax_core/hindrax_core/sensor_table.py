@@ -16,10 +16,11 @@ from typing import Literal, TypeAlias
 
 Wire: TypeAlias = Literal["serial", "i2c", "gpio"]
 Capability: TypeAlias = Literal[
-    "velocity", "depth", "altitude", "range", "range_ahead", "attitude", "rates", "field", "supply", "leak", "air",
-    "temperature",
+    "velocity", "depth", "altitude", "range", "range_ahead", "range_aside", "attitude", "rates", "field", "supply",
+    "leak", "air", "temperature",
 ]  # fmt: skip
-"""What a sensor measures. The mount decides about a `range`: downward it is the altitude, forward the range ahead."""
+"""What a sensor measures. The mount decides about a `range`: downward it is the altitude, forward the range ahead, to
+either side the range aside."""
 GROUP = "hindrax.sensors"
 """Group of the entry points of sensors in other packages."""
 SHARED = ("battery", "leak")
@@ -51,6 +52,8 @@ CARRIERS: Mapping[Capability, tuple[str, ...]] = {
     "velocity": ("detail",),
     "depth": ("pressure",),
     "altitude": ("range", "altitude"),
+    "range_ahead": ("range",),
+    "range_aside": ("range",),
     "attitude": ("attitude",),
     "rates": ("data_raw",),
     "field": ("mag",),

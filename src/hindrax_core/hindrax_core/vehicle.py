@@ -171,7 +171,7 @@ class Mount:
 
 
 def capabilities(mount: Mount) -> tuple[Capability, ...]:
-    """What a sensor measures where it is mounted: a range downward is the altitude, one forward the range ahead.
+    """What a sensor measures where it is mounted: a range downward is the altitude, forward the range ahead.
 
     Parameters
     ----------
@@ -192,8 +192,9 @@ def capabilities(mount: Mount) -> tuple[Capability, ...]:
     if "range" not in measures:
         return measures
     roll, pitch, yaw = (math.radians(angle) for angle in mount.rotation_deg)
-    forward, _, down = rotate(matrix((roll, pitch, yaw)), (0.0, 0.0, 1.0))
-    looks: Capability = "altitude" if down > WITHIN else "range_ahead" if forward > WITHIN else "range"
+    forward, aside, down = rotate(matrix((roll, pitch, yaw)), (0.0, 0.0, 1.0))
+    looks: Capability = "range_ahead" if forward > WITHIN else "range_aside" if abs(aside) > WITHIN else "range"
+    looks = "altitude" if down > WITHIN else looks
     return tuple(looks if one == "range" else one for one in measures)
 
 

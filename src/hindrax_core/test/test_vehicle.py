@@ -141,9 +141,9 @@ def test_one_sensor_measures_the_battery() -> None:
         ((0.0, 90.0, 0.0), "range_ahead"),
         ((0.0, 60.0, 0.0), "range_ahead"),
         ((0.0, -90.0, 0.0), "range"),
-        ((90.0, 0.0, 0.0), "range"),
+        ((90.0, 0.0, 0.0), "range_aside"),
         ((180.0, 0.0, 0.0), "range"),
-        ((0.0, 90.0, 90.0), "range"),
+        ((0.0, 90.0, 90.0), "range_aside"),
     ],
 )
 def test_the_mount_says_what_a_range_is(rotation_deg: tuple[float, float, float], measured: str) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from hindrax_core.vehicle import AxisGain, Vehicle
 from hindrax_ident.arrays import Array, array
-from hindrax_ident.assess.influences import GAIN, INFLUENCES, MEASURED_THRUST, MODEL, RUN, Case, Influence
+from hindrax_ident.assess.influences import GAIN, INFLUENCES, MEASURED_THRUST, MODEL, RUN, Case, Influence, acting
 from hindrax_ident.assess.uncertainty_budget import ALL, Budget, _Likelihood, _posterior, _prior, budget_of
 from hindrax_ident.fit.output_error import refine
 from hindrax_ident.model.model_parameters import wide_prior
@@ -21,7 +21,9 @@ from hindrax_ident.tuning import Tuning
 SURGE = np.array([66.48, 1.25, 0.0, 27.3])
 TUNING = Tuning(velocity_gain_sigma=0.005, thrust_doubt=0.02, wrench_gain_sigma=0.02, stamp_doubt_s=0.002)
 GREAT, PLAIN = 3.0, 6.0
-ACTING = [row for row in INFLUENCES if row.name not in ("masses of other axes", "gain by a known weight")]
+OF_RANGES = ("speed of sound of the sonar", "angle of sonar and wall", "wander of the heading")
+OF_OTHERS = ("masses of other axes", "gain by a known weight", *OF_RANGES)
+ACTING = [row for row in INFLUENCES if row.name not in OF_OTHERS]
 TOLD = ("tether", "fluid memory", "own wake")
 """Rows that no other row can explain."""
 
@@ -243,3 +245,11 @@ def test_contributions_of_some_scopes_leave_the_others_out(flown: Case) -> None:
         {row.influence for row in budget.contributions(sensitivity[0], scopes)} for scopes in (ALL, (RUN, MODEL))
     )
     assert every - some == {row.name for _, row, _ in budget.rows if row.scope == GAIN} != set()
+
+
+def test_ranges_to_a_wall_have_rows_of_their_own(flown: Case) -> None:
+    def names(case: Case) -> set[str]:
+        return {row.name for row, _ in acting(case)}
+
+    ranged = replace(flown, record=replace(flown.record, ranged=True))
+    assert names(ranged) - names(flown) == set(OF_RANGES)

@@ -85,7 +85,7 @@ STACK: tuple[Role, ...] = (
         "control",
         publishes=(t.NAVIGATION, t.ODOMETRY, t.DIAGNOSTICS, t.TF, t.TF_STATIC, t.ROBOT_DESCRIPTION),
         subscribes=(t.ALLOCATION,),
-        measured=("field", "depth", "altitude", "velocity", "attitude", "rates"),
+        measured=("field", "depth", "altitude", "range_ahead", "range_aside", "velocity", "attitude", "rates"),
     ),
     Role("estimator_health", "control", publishes=(t.DIAGNOSTICS,), requests=(ARM,)),
     Role(
@@ -111,7 +111,7 @@ STACK: tuple[Role, ...] = (
         "identifier",
         publishes=(t.ESTIMATE, t.DIAGNOSTICS),
         subscribes=(t.NAVIGATION, t.ALLOCATION, t.MANEUVER, *FOREIGN),
-        measured=("velocity", "depth"),
+        measured=("velocity", "depth", "range_ahead", "range_aside"),
         serves=(ASSESS,),
         executes=(RUN,),
         calls=(FLY,),

@@ -5,7 +5,7 @@ pool is refused by the planner, and an order that comes late by the node.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +13,7 @@ import numpy as np
 from hindrax_control.allocation.effectiveness import Matrix, effectiveness, served_axes
 from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.sensor_table import Capability
 from hindrax_core.text.refusals import SENSELESS, Reason, Refusal
 from hindrax_core.vehicle import AXES, Vehicle
 
@@ -24,6 +25,8 @@ MOST_MOTIONS, MOST_LEVELS = 12, 20
 BUSY = Refusal(Reason.BUSY, "a maneuver is being flown; `./hindrax stop` ends it")
 ALONG = ("surge", "sway")
 """Flown along the pool's length, by a velocity."""
+LOOKS: Mapping[str, Capability] = {"surge": "range_ahead", "sway": "range_aside"}
+"""Range to a wall that shows each of them without a DVL."""
 HEADING_UNKNOWN = Refusal(Reason.HEADING, f"the heading is unknown; {SENSELESS}")
 SHARE = 0.05
 """A lost axis counts as bound to a served one that makes at least this share of its row."""
@@ -181,10 +184,11 @@ UNMEASURED = "nothing measures its velocity"
 def _measured(motions: Sequence[str], vehicle: Vehicle) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Motions whose way is measured by the sensors of the vehicle file, and those of which none is.
 
-    Rotations have the gyroscope and heave has the depth. A file without any sensor says nothing: its state is given.
+    Rotations have the gyroscope and heave has the depth. Surge and sway have a DVL, or a sonar that looks at the wall
+    ahead or aside. A file without any sensor says nothing: its state is given.
     """
     blind = bool(vehicle.sensors) and not vehicle.measuring("velocity")
-    lost = tuple(motion for motion in motions if blind and motion in ALONG)
+    lost = tuple(motion for motion in motions if blind and motion in LOOKS and not vehicle.measuring(LOOKS[motion]))
     return tuple(motion for motion in motions if motion not in lost), lost
 
 
@@ -205,7 +209,8 @@ def require_measured(motions: Sequence[str], vehicle: Vehicle, *, velocity_known
     if lost:
         flown = flyable_motions(AXES, vehicle).flown
         others = f", or fly some of {', '.join(flown)}" if flown else ""
-        sentence = f"{lost[0]}: {UNMEASURED}, wanted a DVL; add it to `sensors` in the vehicle file{others}"
+        wanted = f"a DVL, or a sonar that looks {'ahead' if lost[0] == 'surge' else 'aside'}"
+        sentence = f"{lost[0]}: {UNMEASURED}, wanted {wanted}; add it to `sensors` in the vehicle file{others}"
         raise UsageError(Refusal(Reason.MOTION, sentence))
 
 

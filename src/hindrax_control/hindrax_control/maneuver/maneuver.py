@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from hindrax_control.hold.holds import Setpoint
 from hindrax_control.hold.station_keeping import StationKeeping, StationKeepingKnobs
 from hindrax_control.maneuver.excitation import Bounds, Excite, signal
-from hindrax_control.maneuver.goal import PLATEAUS, Goal, require_flyable
+from hindrax_control.maneuver.goal import LOOKS, PLATEAUS, Goal, require_flyable
 from hindrax_control.maneuver.leg import LegController
 from hindrax_control.maneuver.maneuver_guards import ManeuverGuardKnobs, ManeuverGuards, Situation, nearest
 from hindrax_control.maneuver.plan import CHARACTERS, Plan, Planner
@@ -96,6 +96,7 @@ class Maneuver:
         require_flyable(goal, vehicle, planner.disabled)
         self.goal, self._pool, self._planner = goal, pool, planner
         self._velocity = not vehicle.sensors or bool(vehicle.measuring("velocity"))
+        self._looks = not vehicle.measuring("velocity") and any(map(vehicle.measuring, LOOKS.values()))
         self._knobs = knobs or ManeuverKnobs()
         self.station = StationKeeping(vehicle, station_knobs)
         self._safety = ManeuverGuards(vehicle, safety_knobs)
@@ -224,8 +225,9 @@ class Maneuver:
         held_back = max(abs(shortfall[0]), abs(shortfall[1])) > self._knobs.shortfall_N
         fresh = math.isfinite(navigation.altitude_m) and navigation.altitude_age_s <= SILENT_s
         passed_s = seconds_between(self._started_at, stamp)
-        velocity = self._velocity or math.isfinite(navigation.velocity_mps[0])
-        return StageInput(navigation, place, passed_s, dt, self._turned_rad, held_back, fresh, velocity)
+        along = tuple(map(math.isfinite, navigation.velocity_mps[:2]))
+        velocity, by_wall = self._velocity or any(along), self._looks and any(along)
+        return StageInput(navigation, place, passed_s, dt, self._turned_rad, held_back, fresh, velocity, by_wall)
 
     def _situation(self, moment: StageInput, lost_axes: tuple[str, ...], battery_V: float) -> Situation:
         return Situation(

@@ -42,6 +42,8 @@ class StageInput:
     """Whether the altitude is measured at present."""
     velocity_measured: bool = True
     """Whether anything on board measures surge and sway; a DVL that has lost the bottom still does."""
+    by_wall: bool = False
+    """Whether that is the range to a wall: then only the axis that looks there is measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +168,7 @@ class SettleAtPose(Stage):
         far_m = math.hypot(place.x_m - self._goal_m[0], place.y_m - self._goal_m[1])
         hold, high_m = self._pose.vertical[0], self._pose.off_m(navigation)
         turned_rad = self._pose.turned_rad(navigation)
-        speed = math.sqrt(sum(v * v for v in navigation.velocity_mps))
+        speed = math.sqrt(sum(v * v for v in navigation.velocity_mps if math.isfinite(v) or not moment.by_wall))
         turning, sinking_mps = max(map(abs, navigation.rate_radps)), down_rate(navigation)
         wrong = {
             # Without a DVL there is no place to come to, and rest is what gyroscope and depth say.
@@ -217,7 +219,7 @@ class ExciteMotion(Stage):
         coordinate, rate = along(self._axis, moment)
         if not all(map(math.isfinite, (coordinate, rate))):
             return StageOutput(ZERO6, "transient", trouble=found(Reason.NAVIGATION, f"{self._axis} unknown"))
-        trusted = self._axis not in ALONG or self._straight(moment.navigation)
+        trusted = self._axis not in ALONG or self._straight(moment)
         drive = self._driver.step(coordinate, rate, moment.time_s, trusted=trusted)
         if not isinstance(self._driver, LegController):
             self.motion = motion_name(self._axis, rate)
@@ -228,10 +230,11 @@ class ExciteMotion(Stage):
         resting = drive.phase == "coast" and self._axis in RESTING
         return StageOutput(vec6(wrench), drive.phase, drive.force, rate, drive.finished, resting=resting)
 
-    def _straight(self, navigation: Navigation) -> bool:
+    def _straight(self, moment: StageInput) -> bool:
         """Whether surge or sway is measured, and flown as it should be; an unknown altitude does not count."""
+        navigation = moment.navigation
         high_m, turned_rad = self._pose.off_m(navigation), self._pose.turned_rad(navigation)
-        return navigation.dvl_locked and not abs(high_m) > STEADY_m and abs(turned_rad) < STEADY_rad
+        return (navigation.dvl_locked or moment.by_wall) and not abs(high_m) > STEADY_m and abs(turned_rad) < STEADY_rad
 
 
 STOPPING_s, LEAST_s, PATIENT_s = 2.0, 1.0, 8.0

@@ -48,6 +48,10 @@ class AidingKnobs(AttitudeKnobs, HeadingKnobs, VerticalKnobs, HorizontalKnobs):
     fastest_mps: float = knob(3.0, 0.1, 20.0, "velocity above which a DVL sample is rejected [m/s]")
     repeated_s: float = knob(1.0, 0.1, 60.0, "longest time for which a DVL may repeat one velocity, except at rest [s]")
 
+    def range_sigma_m(self, range_m: float) -> float:
+        """Standard deviation of a range of the sonar."""
+        return math.hypot(self.sonar_sigma_m, self.sonar_sigma * range_m)
+
 
 class Aiding:
     """The filters of one state. Compares measurements with what they expect, and lets them learn.
@@ -129,7 +133,7 @@ class Aiding:
         knobs = self._knobs
         if not reading.confidence >= knobs.sonar_confidence:
             return False
-        sigma_m = math.hypot(knobs.sonar_sigma_m, knobs.sonar_sigma * reading.range_m)
+        sigma_m = knobs.range_sigma_m(reading.range_m)
         return self._range(reading.range_m, sigma_m, 0.5 * math.radians(knobs.sonar_beam_deg), mount, delay_s)
 
     def _range(self, range_m: float, sigma_m: float, half_beam_rad: float, mount: SensorMount, delay_s: float) -> bool:

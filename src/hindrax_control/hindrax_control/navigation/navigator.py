@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from hindrax_control.navigation.aiding import SHORTEST_SPAN_S, Aiding, AidingKnobs
 from hindrax_control.navigation.attitude_filter import SPANS, Offset, Span, mean, offset_at_rest
 from hindrax_control.navigation.horizontal_filter import PositionKnobs, PositionUncertainty
+from hindrax_control.navigation.wall_sonar import WallSonar, wall_knobs
 from hindrax_control.sensors import NOWHERE, SensorMount, unfit
 from hindrax_core.events import NS_PER_S, Stamp, Stamped, after
 from hindrax_core.hydrostatics import GRAVITY_mps2
@@ -61,11 +62,13 @@ class Navigator:
         self._span_s = knobs.align_s / SPANS
         self._period_ns = round(NS_PER_S / knobs.rate_Hz)
         self._mounts = {name: SensorMount(mount) for name, mount in vehicle.sensors.items()}
-        self._unused = frozenset(
-            (*vehicle.measuring("rates")[1:], *vehicle.measuring("range_ahead"), *vehicle.measuring("range"))
-        )
-        """One inertial sensor paces the filters, the first of the file; ranges elsewhere than down are no altitude."""
         self._dvls = vehicle.measuring("velocity")
+        looking = [*vehicle.measuring("range_ahead")[:1], *vehicle.measuring("range_aside")[:1]]
+        self._looking = () if self._dvls else tuple(looking)
+        """Sonars that show a velocity by the range to a wall: none beside a DVL."""
+        level = {*vehicle.measuring("range_ahead"), *vehicle.measuring("range_aside"), *vehicle.measuring("range")}
+        self._unused = frozenset((*vehicle.measuring("rates")[1:], *(level - set(self._looking))))
+        """One inertial sensor paces the filters, the first of the file; ranges elsewhere than down are no altitude."""
         self._has_sonar = any(name not in self._dvls for name in vehicle.measuring("altitude"))
         self._forces_N: tuple[float, ...] = ()
         self.refused = 0
@@ -84,6 +87,11 @@ class Navigator:
         self._attitude, self._heading = aiding.attitude, aiding.heading
         self._vertical, self._horizontal = aiding.vertical, aiding.horizontal
         aiding.forces_N = self._forces_N
+        half_beam_rad, knobs = 0.5 * math.radians(self._knobs.sonar_beam_deg), self._knobs
+        by_wall = wall_knobs(knobs, knobs.offset_mps2, knobs.offset_walk)
+        self._seen: dict[str, Stamp] = {}
+        """When each wall was last seen."""
+        self._walls = {name: WallSonar(self._mounts[name], by_wall, half_beam_rad) for name in self._looking}
         self._waiting: deque[tuple[Stamp, Reading, str]] = deque(maxlen=MOST_WAITING)
         self._received: dict[str, Stamp] = {}
         self._locked = self._depth = self._altitude = LONG_AGO
@@ -246,6 +254,9 @@ class Navigator:
             half * ((east_was[0] + east[0]) * fx + (east_was[1] + east[1]) * fy + (east_was[2] + east[2]) * fz),
         )
         self._aiding.gain.accelerated(change, r, now_s)
+        for wall in self._walls.values():
+            wall.predict(change / dt, attitude.rotation, dt)
+            self._position = wall.placed(self._position)
         self._rate_radps = rate
         self._aiding.yaw_rate_radps = r
         if horizontal.known:
@@ -293,9 +304,7 @@ class Navigator:
                 self._dvl_altitude(reading.range_m, valid, at)
                 return False
             case Echo():
-                used = aiding.echo(reading, at, delay_s)
-                self._echo = max(self._echo, valid) if used else self._echo
-                self._altitude = max(self._altitude, valid) if used else self._altitude
+                used = self._range(reading, at, valid, source)
             case Magnetic():
                 return aiding.magnetic(reading, at, delay_s)
             case BottomTrack():
@@ -306,6 +315,21 @@ class Navigator:
             case _:
                 return False
         self.refused += not used
+        return used
+
+    def _range(self, reading: Echo, at: SensorMount, valid: Stamp, source: str) -> bool:
+        """Fuse a range to the floor or to a wall; walls are told apart by the heading, so that must be known."""
+        wall, delay_s, knobs = self._walls.get(source), (self._imu - valid) / NS_PER_S, self._knobs
+        if wall is None:
+            used = self._aiding.echo(reading, at, delay_s)
+            self._echo = max(self._echo, valid) if used else self._echo
+            self._altitude = max(self._altitude, valid) if used else self._altitude
+            return used
+        waits = not self._heading.known and knobs.heading_from != "none"
+        if waits or not reading.confidence >= knobs.sonar_confidence or not reading.range_m > 0.0:
+            return False
+        used = wall.echo(reading.range_m, knobs.range_sigma_m(reading.range_m), self._attitude.rotation, delay_s)
+        self._seen[source] = max(valid, self._seen.get(source, valid)) if used else self._seen.get(source, LONG_AGO)
         return used
 
     def _dvl_altitude(self, altitude_m: float, valid: Stamp, at: SensorMount) -> None:
@@ -325,6 +349,12 @@ class Navigator:
     def _locked_at(self, stamp: Stamp) -> bool:
         return (stamp - self._locked) / NS_PER_S < self._knobs.lock_s
 
+    def _by_wall(self, stamp: Stamp) -> dict[int, float]:
+        """Velocities by the ranges of the last time [m/s], by body axis."""
+        fresh = after(stamp, -self._knobs.lock_s)
+        found = ((name, wall) for name, wall in self._walls.items() if self._seen.get(name, LONG_AGO) > fresh)
+        return {wall.axis: wall.velocity_mps() for _, wall in found}
+
     def _navigation(self, stamp: Stamp, rate: Vec3) -> Navigation:
         attitude, vertical, horizontal = self._attitude, self._vertical, self._horizontal
         bp, bq, br = attitude.bias_radps
@@ -332,6 +362,7 @@ class Navigator:
         u = v = sigma = w = heave_sigma = NAN
         if horizontal.known:
             u, v, sigma = horizontal.u_mps, horizontal.v_mps, horizontal.sigma_mps
+        by_wall = self._by_wall(stamp)
         if down[2] > LEAST_UPRIGHT and vertical.has_depth:
             w = self._heave(down)
             slope = (1.0 - down[2] * down[2]) * horizontal.sigma_mps**2
@@ -339,7 +370,7 @@ class Navigator:
         return Navigation(
             attitude_rad=attitude.euler_rad,
             rate_radps=(rate[0] - bp, rate[1] - bq, rate[2] - br),
-            velocity_mps=(u, v, w),
+            velocity_mps=(by_wall.get(0, u), by_wall.get(1, v), w),
             depth_m=vertical.depth_m,
             altitude_m=vertical.altitude_m,
             position_m=self._position,

@@ -164,6 +164,11 @@ class VerticalFilter:
         return float(self._P[1, 1])
 
     @property
+    def depth_sigma_m(self) -> float:
+        """Standard deviation of the depth; NaN before the first pressure."""
+        return math.sqrt(self._P[0, 0]) if self.has_depth else math.nan
+
+    @property
     def floor_m(self) -> float:
         """Depth of the floor; NaN before the first echo."""
         return float(self._x[3, 0]) if self.has_floor else math.nan

@@ -25,7 +25,16 @@ from hindrax_ros.messages.serialization import contents_reader
 from hindrax_ros.parameters import SETUP, knobs
 from hindrax_ros.transforms import transform_publisher
 
-READ: tuple[Capability, ...] = ("field", "depth", "altitude", "velocity", "attitude", "rates")
+READ: tuple[Capability, ...] = (
+    "field",
+    "depth",
+    "altitude",
+    "range_ahead",
+    "range_aside",
+    "velocity",
+    "attitude",
+    "rates",
+)
 """In the order of subscription: the inertial samples, which complete a tick, come last."""
 OURS = InputKnobs()
 REPORT_EVERY = 50

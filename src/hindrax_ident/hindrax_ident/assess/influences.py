@@ -488,6 +488,11 @@ def _velocity_gain(case: Case) -> Array:
     return np.stack([path.v, path.s], axis=1)[problem.index, problem.channel][:, None]
 
 
+def _of_ranges(sigma: float) -> Callable[[Case], float]:
+    """Of a record of ranges to a wall alone."""
+    return lambda case: sigma if case.record.ranged else 0.0
+
+
 def _sag(assumed: float) -> Callable[[Case], float]:
     """Of the assumed supply voltage; of a measured one, what its rounding to 0.1 V leaves."""
     return lambda case: MEASURED_SAG if case.record.supply_measured else assumed
@@ -642,6 +647,19 @@ INFLUENCES: tuple[Influence, ...] = (
     Influence(
         "gain of the velocity", "-", GAIN, lambda case: case.tuning.velocity_gain_sigma, _velocity_gain,
         "compare the distance flown between two walls with a tape measure", of_readings=True, considered=True,
+    ),
+    Influence(
+        "speed of sound of the sonar", "-", GAIN, _of_ranges(0.01), _velocity_gain,
+        "set the sonar's speed of sound to that of the water", of_readings=True, considered=True,
+    ),
+    Influence(
+        # cos(5 deg) is 0.004 below 1: wall, mount and thrust together are hardly better aligned by eye.
+        "angle of sonar and wall", "-", GAIN, _of_ranges(0.004), _velocity_gain,
+        "square the vehicle to the wall before the leg, by the smallest range", of_readings=True, considered=True,
+    ),
+    Influence(
+        "wander of the heading", "-", RUN, _of_ranges(0.002), _velocity_gain,
+        "calibrate the compass, and fly away from iron", of_readings=True, considered=True,
     ),
 )  # fmt: skip
 

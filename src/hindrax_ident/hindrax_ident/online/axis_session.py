@@ -14,13 +14,13 @@ from hindrax_ident.model.model_parameters import Prior, bounded, reported_parame
 from hindrax_ident.model.motion_model import Model, Motion, known_force, lag_s, motions_of, unit_wrench
 from hindrax_ident.online.axis_estimator import AxisEstimator, SampleVerdict
 from hindrax_ident.records.axis_record import Record, Series, Stretch, series
-from hindrax_ident.records.binning import DEPTH_S, NAVIGATORS, Bin, SourceSelector, mean
+from hindrax_ident.records.binning import DEPTH_S, NAVIGATORS, SONAR, WAY_S, Bin, SourceSelector, mean
 from hindrax_ident.tuning import USUAL_LAG_S, USUAL_LATENCY_S, Tuning
 
 ANGLE_S = 0.5
 """Interval at which measured angles are kept: their errors are slow."""
 LONGEST_DIFFERENCE_S = 0.5
-"""Longest time between places that give a velocity."""
+"""Longest time between depths that give a velocity; between ways in proportion."""
 DEEPEST_m = 12e3
 """Depths beyond this are no measurements: the oceans end before."""
 SampleT = TypeVar("SampleT")
@@ -48,7 +48,8 @@ class AxisSession:
         self._speed_source, self._way_source = SourceSelector(), SourceSelector()
         self._speed_bin = Bin(tuning.bin_s)
         self._position_s = ANGLE_S if model.restores else 0.0
-        self._way_bin = Bin(DEPTH_S)
+        self._way_s = DEPTH_S if model.axis == 2 else WAY_S
+        self._way_bin = Bin(self._way_s)
         self._way_before: tuple[float, float] | None = None
         self._velocities: dict[str, Samples[tuple[float, float]]] = {}
         self._positions: dict[str, Samples[tuple[float, float]]] = {}
@@ -149,7 +150,7 @@ class AxisSession:
         if not points:
             return []
         before, self._way_before = self._way_before, mean(points)
-        if before is None or self._way_before[0] - before[0] > LONGEST_DIFFERENCE_S:
+        if before is None or self._way_before[0] - before[0] > LONGEST_DIFFERENCE_S * self._way_s / DEPTH_S:
             return []
         (earlier_s, higher_m), (later_s, lower_m) = before, self._way_before
         at_s, v = 0.5 * (earlier_s + later_s), (lower_m - higher_m) / (later_s - earlier_s)
@@ -202,6 +203,7 @@ class AxisSession:
             lag_s=self.lag_s,
             prior_delays_s=self._prior_delays_s,
             plateaus=plateaus,
+            ranged=self._is_derived and self._way_source.name == SONAR,
             supply_measured=self._is_measured(stretches),
         )
 

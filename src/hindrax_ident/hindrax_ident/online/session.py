@@ -38,6 +38,9 @@ from hindrax_ident.tuning import Tuning
 
 JOIN_S = 1.0
 """Longest pause between legs of one stretch: the equation of motion holds while the vehicle turns back."""
+LONGEST_WAY_S = 15.0
+"""Longest stretch of surge or sway by places alone. An unmodeled force adds up twice there: over a minute it is metres,
+which unknown forces would explain as well as the parameters, and the fit would end in either basin."""
 FASTEST, STRONGEST = 50.0, 1e6
 """Velocities [m/s, rad/s] and thrusts [N, N m] beyond these are no measurements; filters would keep them long."""
 NO_FIT = "no coefficients explain this motion by this force: check axes, signs and times of both"
@@ -261,6 +264,8 @@ class Session:
         if self._log.undivided:
             spans = excited_stretches(spans, *axis_session.wrenches, axis)
         measured = kept.velocity.t if len(kept.velocity) else kept.position.t
+        if axis < 2 and not len(kept.velocity):
+            tuning = replace(tuning, stretch_s=min(tuning.stretch_s, LONGEST_WAY_S))
         return kept.with_stretches(usable(spans, measured, kept.thrust, tuning))
 
     def refined(self, axis: int) -> DraftFit:

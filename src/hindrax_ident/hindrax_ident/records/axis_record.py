@@ -86,6 +86,8 @@ class Record:
     """Known latency of the stamps of velocity and position; the series have the stamps as received."""
     prior_delays_s: tuple[float, float] = (USUAL_LAG_S, USUAL_LATENCY_S)
     """Lag and latency to expect where a fit is to find both: what is given, also where it is 0, else the usual ones."""
+    ranged: bool = False
+    """Whether the position is a range to a wall: then its scale is that of the sonar and of the wall's angle."""
     supply_measured: bool = False
     """Whether the supply voltage behind the thrust was measured all the time; else it was assumed."""
 

@@ -9,8 +9,12 @@ import math
 from dataclasses import dataclass, field
 
 NAVIGATORS = ("navigation", "navigator", "odometry")
+SONAR = "sonar"
+"""Source of the ways that follow from ranges to a wall."""
 DEPTH_S = 0.1
 """Averaging time of depths; differences of the means are vertical velocities."""
+WAY_S = 0.4
+"""That of ways by ranges or poses: they are noisier by a factor of ten, and serve the live estimate only."""
 
 
 @dataclass(slots=True)

@@ -16,7 +16,8 @@ pressure, for the same reason; the navigator's heave velocity is used where ther
 
 import heapq
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Generic, TypeAlias, TypeVar
 
 from hindrax_core.events import Stamp, Stamped, after
@@ -25,15 +26,31 @@ from hindrax_core.rotation import cross, matrix, rotate
 from hindrax_core.sensor_table import Capability
 from hindrax_core.signals import NAN, Attitude, IdentEvent, Navigation, Phase, Thrust, Velocity, Way
 from hindrax_core.vehicle import Mount, Vehicle
+from hindrax_ident.records.binning import SONAR
 from hindrax_ident.tuning import Tuning
 
-Measurement: TypeAlias = BottomVelocity | Pressure | Navigation | IdentEvent
+
+@dataclass(frozen=True, slots=True)
+class WallRange:
+    """Range to a wall, of a sonar by its name in the vehicle file, and the sonar's confidence in it (0 to 1)."""
+
+    range_m: float
+    sensor: str
+    confidence: float = 1.0
+
+
+Measurement: TypeAlias = BottomVelocity | Pressure | WallRange | Navigation | IdentEvent
 """A measurement, or an event that needs no conversion."""
+LEAST_CONFIDENCE = 0.5
+MOST_TURNED, MOST_TILTED = math.cos(math.radians(10.0)), math.cos(math.radians(15.0))
+"""Cosines of the angle between the sonar's axis and the normal of the wall, and of the tilt, up to which a range is one
+along the normal: about half of a beam of 25 deg. At 15 deg the nearest point of a wall is 0.1 % nearer."""
+WALL_SONARS: Sequence[Capability] = ("range_ahead", "range_aside")
 DROPPED = "late events dropped"
 """Name in /diagnostics of the number of measurements that came too late to be used."""
-VELOCITIES = (BottomVelocity, Navigation, Velocity, Way)
+VELOCITIES = (BottomVelocity, WallRange, Navigation, Velocity, Way)
 """Measurements to which `velocity_latency_s` applies."""
-KINDS = (Phase, Thrust, Navigation, Pressure, BottomVelocity, Attitude, Way, Velocity)
+KINDS = (Phase, Thrust, Navigation, Pressure, BottomVelocity, WallRange, Attitude, Way, Velocity)
 """Order at equal stamps: inputs to the vehicle first, then its motion."""
 RANKS: dict[type, int] = {kind: rank for rank, kind in enumerate(KINDS)}
 EARLIEST = Stamp(-(2**62))
@@ -69,7 +86,7 @@ class StampSorter(Generic[ReadingT]):
             if stamp < self._released:
                 self.dropped += 1
                 continue
-            kind = (RANKS[type(reading)], reading.source if isinstance(reading, Velocity | Way) else "")
+            kind = (RANKS[type(reading)], _source(reading))
             self._count += 1
             heapq.heappush(self._heap, (stamp, *kind, self._count, one))
             self._newest = max(self._newest, stamp)
@@ -103,6 +120,8 @@ class Feed:
         self._center_m = vehicle.center_of_mass_m
         self._dvl_lever_m = _difference(mount.position_m, self._center_m)
         self._below_sensor_m = _difference(self._center_m, _first_mount(vehicle, "depth").position_m)
+        self._sonars = {name: _Looking(vehicle.sensors[name], self._center_m) for name in wall_sonars(vehicle)}
+        self._attitude_rad: Vec3 = (NAN, NAN, NAN)
         self._rate_radps: Vec3 = (0.0, 0.0, 0.0)
         self._down: Vec3 = (0.0, 0.0, 1.0)
         self._water = vehicle.water
@@ -138,8 +157,13 @@ class Feed:
         if isinstance(reading, Pressure):
             depth_m = self._water.depth_m(reading.pressure_Pa) + self._depth_of_lever_m(self._below_sensor_m)
             return (Stamped(stamp, Attitude((NAN, NAN, NAN), depth_m)),)
+        if isinstance(reading, WallRange):
+            return self._wall_range(stamp, reading)
         if isinstance(reading, Navigation):
             return self._navigation(stamp, reading)
+        if isinstance(reading, Phase):
+            for sonar in self._sonars.values():
+                sonar.aim(reading, self._attitude_rad[2])
         return (Stamped(stamp, reading),)
 
     def _dvl(self, stamp: Stamp, reading: BottomVelocity) -> tuple[Stamped[IdentEvent], ...]:
@@ -151,9 +175,20 @@ class Feed:
         nu: Vec6 = (rotated[0] - by_rotation[0], rotated[1] - by_rotation[1], NAN, NAN, NAN, NAN)
         return (Stamped(stamp, Velocity(nu, "dvl")),)
 
+    def _wall_range(self, stamp: Stamp, reading: WallRange) -> tuple[Stamped[IdentEvent], ...]:
+        """Way of the center of mass along the axis that the sonar looks along; none where it may see something else."""
+        sonar = self._sonars.get(reading.sensor)
+        if sonar is None or not reading.confidence >= LEAST_CONFIDENCE:
+            return ()
+        way_m = sonar.way_m(reading.range_m, self._attitude_rad)
+        if not math.isfinite(way_m):
+            return ()
+        ways: Vec3 = (way_m, NAN, NAN) if sonar.axis == 0 else (NAN, way_m, NAN)
+        return (Stamped(stamp, Way(ways, SONAR)),)
+
     def _navigation(self, stamp: Stamp, state: Navigation) -> tuple[Stamped[IdentEvent], ...]:
         """Heave velocity, rates, attitude and depth; the navigator's velocity and depth are those of the origin."""
-        self._rate_radps = state.rate_radps
+        self._rate_radps, self._attitude_rad = state.rate_radps, state.attitude_rad
         if math.isfinite(sum(state.attitude_rad)):
             self._down = matrix(state.attitude_rad)[2]  # Fossen 2011 eq. 2.18, last row: downward in body axes
         heave_mps = state.velocity_mps[2] + cross(state.rate_radps, self._center_m)[2]
@@ -166,6 +201,51 @@ class Feed:
     def _depth_of_lever_m(self, lever_m: Vec3) -> float:
         """Depth of the end of a lever in body axes below its beginning [m]."""
         return sum(share * length for share, length in zip(self._down, lever_m, strict=True))
+
+
+class _Looking:
+    """A sonar that looks ahead or aside at a wall, which is at right angles to that axis when a motion begins."""
+
+    def __init__(self, mount: Mount, center_m: Vec3) -> None:
+        roll, pitch, yaw = (math.radians(angle) for angle in mount.rotation_deg)
+        beam = rotate(matrix((roll, pitch, yaw)), (0.0, 0.0, 1.0))
+        self.axis = 0 if abs(beam[0]) >= abs(beam[1]) else 1
+        self._sign = math.copysign(1.0, beam[self.axis])
+        self._lever_m = _difference(mount.position_m, center_m)
+        self._before, self._heading_rad = Phase("", ""), NAN
+
+    def aim(self, phase: Phase, heading_rad: float) -> None:
+        """Take it that the wall is straight ahead, or aside, where a motion begins."""
+        resting = ("", "settle")
+        if phase.motion != self._before.motion or (self._before.phase in resting and phase.phase not in resting):
+            self._heading_rad = heading_rad
+        self._before = phase
+
+    def way_m(self, range_m: float, attitude_rad: Vec3) -> float:
+        """Way of the center of mass along the body axis [m]; NaN where the beam does not hold the normal of the wall.
+
+        Within the beam the nearest point of the wall answers, that along its normal n: n p = const - range - n R lever.
+        """
+        roll, pitch, heading = attitude_rad
+        turned_rad = heading - self._heading_rad
+        turn = matrix((roll, pitch, turned_rad))
+        if not (turn[2][2] > MOST_TILTED and math.cos(turned_rad) > MOST_TURNED and range_m > 0.0):  # nor is NaN
+            return NAN
+        return -self._sign * range_m - rotate(turn, self._lever_m)[self.axis]
+
+
+def wall_sonars(vehicle: Vehicle) -> tuple[str, ...]:
+    """Sonars by which surge and sway are identified, the first of each; none beside a DVL."""
+    if vehicle.measuring("velocity"):
+        return ()
+    return tuple(name for looks in WALL_SONARS for name in vehicle.measuring(looks)[:1])
+
+
+def _source(reading: Measurement) -> str:
+    """What tells apart measurements of one kind."""
+    if isinstance(reading, WallRange):
+        return reading.sensor
+    return reading.source if isinstance(reading, Velocity | Way) else ""
 
 
 def identified(vehicle: Vehicle, capability: Capability) -> str:

@@ -16,13 +16,13 @@ from hindrax_control.allocation.allocation_cycle import AllocationCycle
 from hindrax_control.navigation.estimator_health import EstimatorHealth
 from hindrax_control.navigation.navigator import Navigator
 from hindrax_core.events import Stamp, Stamped, after, seconds_between
-from hindrax_core.readings import Battery, BottomVelocity, Pressure, Reading, Vec6
+from hindrax_core.readings import Battery, BottomVelocity, Echo, Pressure, Reading, Vec6
 from hindrax_core.rotation import FSD
 from hindrax_core.signals import ZERO6, Allocation, Estimate, Navigation, Phase, Thrust
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.output.output_guard import RefusedCommand, Request, guard_of
 from hindrax_ident.online.session import Session
-from hindrax_ident.records.feed import Feed, Measurement
+from hindrax_ident.records.feed import Feed, Measurement, WallRange, wall_sonars
 from hindrax_sim.faults.fault_registry import FaultSpec
 from hindrax_sim.flights.lockstep_rigs import BytesRig, LockstepRig, ReadingsRig
 from hindrax_sim.world import Conditions, World
@@ -71,7 +71,7 @@ class Onboard:
         self._health = EstimatorHealth(vehicle)
         self.unhealthy: tuple[str, ...] = ()
         """Reason why the state is not plausible; empty when it is."""
-        self._feed = Feed(vehicle, session.tuning)
+        self._feed, self._wall_sonars = Feed(vehicle, session.tuning), wall_sonars(vehicle)
         self._became: Allocation | None = None
         self._phase = IDLE
         self._requests = 0
@@ -91,6 +91,9 @@ class Onboard:
         events: list[Event] = []
         if isinstance(reading.reading, BottomVelocity | Pressure):
             self._learn(Stamped(reading.stamp, reading.reading), events)
+        if isinstance(reading.reading, Echo) and source in self._wall_sonars:
+            seen = WallRange(reading.reading.range_m, source, reading.reading.confidence)
+            self._learn(Stamped(reading.stamp, seen), events)
         if isinstance(reading.reading, Battery):
             self.cycle.supply.update(reading.reading.voltage_V, self.cycle.now)
         navigation = self.navigator.step(reading, source)
