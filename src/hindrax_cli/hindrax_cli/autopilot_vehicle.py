@@ -1,5 +1,7 @@
 """A vehicle file flown by an autopilot at an address: what it measures, and nothing that is not on its line."""
 
+import atexit
+import shutil
 import tempfile
 from collections.abc import Sequence
 from contextlib import closing
@@ -85,6 +87,8 @@ def behind_autopilot(file: Path, address: str) -> tuple[Path, tuple[str, ...]]:
         "light_channels": [],
     }
     copy = Path(tempfile.mkdtemp(prefix="hindrax-")) / file.name
+    # The processes of the stack read it whenever one is started again, so it stays as long as this program.
+    atexit.register(shutil.rmtree, copy.parent, ignore_errors=True)
     copy.write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
     load_vehicle(copy)
     return copy, tuple(name for name in before if name not in own)

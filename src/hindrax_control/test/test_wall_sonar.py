@@ -71,7 +71,7 @@ def test_turned_away_it_says_nothing_and_finds_its_place_again() -> None:
     assert math.isnan(basin.sonar.velocity_mps())
     basin.swing(0.1, turned_deg=30.0)
     assert math.isnan(basin.sonar.velocity_mps())
-    assert not basin.sonar.echo(1.0, 0.01, matrix((0.0, 0.3, HEADING_rad)), 0.0)  # looks at the surface or the floor
+    assert not basin.sonar.echo(1.0, 0.01, matrix((0.0, 0.5, HEADING_rad)), 0.0)  # looks at the surface or the floor
     basin.swing(6.0)
     ahead = (basin.position_m[0] - 5.0) * math.cos(HEADING_rad) + (basin.position_m[1] - 7.0) * math.sin(HEADING_rad)
     assert ahead == pytest.approx(0.4 * math.sin(basin.t), abs=0.03)

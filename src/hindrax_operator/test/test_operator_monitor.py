@@ -342,3 +342,20 @@ def test_a_picture_is_copied_out_of_messages() -> None:
     assert found.flight is None
     assert found.plans == {"yaw": "yaw: 1.20 rad/s, each out and back; 24 s"}
     assert found.estimates["surge"] is ESTIMATE
+
+
+@pytest.mark.parametrize(
+    ("velocity_mps", "locked", "shown"),
+    [
+        ((0.1, 0.0, 0.0), True, "locked"),
+        ((0.1, 0.0, 0.0), False, "no bottom lock"),
+        ((0.1, math.nan, 0.0), False, "no velocity"),
+    ],
+)
+def test_a_vehicle_without_a_dvl_has_lost_no_bottom(
+    velocity_mps: tuple[float, float, float], locked: bool, shown: str
+) -> None:
+    console = Console(width=60)
+    with console.capture() as found:
+        console.print(draw.state(replace(NAVIGATION, velocity_mps=velocity_mps, dvl_locked=locked)))
+    assert f"DVL {shown}" in " ".join(found.get().split())

@@ -19,9 +19,9 @@ from hindrax_control.sensors import SensorMount
 from hindrax_core.rotation import Matrix3, rotate
 
 QUARTER_rad = 0.5 * math.pi
-MOST_TURNED_rad, MOST_TILTED_rad = math.radians(10.0), math.radians(15.0)
-"""Angle between the axis and the normal of the wall, and tilt, up to which a range is used: about half a beam. Tilted
-further, floor or surface come into the beam."""
+MOST_TURNED_rad, MOST_TILTED_rad = math.radians(10.0), math.radians(25.0)
+"""Angle between axis and normal of the wall, and tilt, up to which a range is used: floor and surface are glanced at,
+and the wall answers louder, until the beam is tilted by about its own width."""
 
 
 class WallSonar:

@@ -42,9 +42,11 @@ class WallRange:
 Measurement: TypeAlias = BottomVelocity | Pressure | WallRange | Navigation | IdentEvent
 """A measurement, or an event that needs no conversion."""
 LEAST_CONFIDENCE = 0.5
-MOST_TURNED, MOST_TILTED = math.cos(math.radians(10.0)), math.cos(math.radians(15.0))
-"""Cosines of the angle between the sonar's axis and the normal of the wall, and of the tilt, up to which a range is one
-along the normal: about half of a beam of 25 deg. At 15 deg the nearest point of a wall is 0.1 % nearer."""
+HALF_BEAM_rad = math.radians(12.5)
+"""Of a Ping1D (datasheet: 25 deg at -3 dB)."""
+MOST_TURNED, MOST_TILTED = math.cos(math.radians(10.0)), math.cos(math.radians(25.0))
+"""Cosines of the angle between the sonar's axis and the normal of the wall, and of the tilt, up to which its range is
+that of the wall."""
 WALL_SONARS: Sequence[Capability] = ("range_ahead", "range_aside")
 DROPPED = "late events dropped"
 """Name in /diagnostics of the number of measurements that came too late to be used."""
@@ -208,7 +210,7 @@ class _Looking:
 
     def __init__(self, mount: Mount, center_m: Vec3) -> None:
         roll, pitch, yaw = (math.radians(angle) for angle in mount.rotation_deg)
-        beam = rotate(matrix((roll, pitch, yaw)), (0.0, 0.0, 1.0))
+        self._beam = beam = rotate(matrix((roll, pitch, yaw)), (0.0, 0.0, 1.0))
         self.axis = 0 if abs(beam[0]) >= abs(beam[1]) else 1
         self._sign = math.copysign(1.0, beam[self.axis])
         self._lever_m = _difference(mount.position_m, center_m)
@@ -222,16 +224,20 @@ class _Looking:
         self._before = phase
 
     def way_m(self, range_m: float, attitude_rad: Vec3) -> float:
-        """Way of the center of mass along the body axis [m]; NaN where the beam does not hold the normal of the wall.
+        """Way of the center of mass along the body axis [m]; NaN where the beam may hold something else than the wall.
 
-        Within the beam the nearest point of the wall answers, that along its normal n: n p = const - range - n R lever.
+        Within the beam the nearest point answers, that along the normal n if the beam holds it:
+
+            n p = const - range cos(max(0, slant - half beam)) - n R lever
         """
         roll, pitch, heading = attitude_rad
         turned_rad = heading - self._heading_rad
         turn = matrix((roll, pitch, turned_rad))
         if not (turn[2][2] > MOST_TILTED and math.cos(turned_rad) > MOST_TURNED and range_m > 0.0):  # nor is NaN
             return NAN
-        return -self._sign * range_m - rotate(turn, self._lever_m)[self.axis]
+        slant_rad = math.acos(min(1.0, self._sign * rotate(turn, self._beam)[self.axis]))
+        nearest_m = range_m * math.cos(max(0.0, slant_rad - HALF_BEAM_rad))
+        return -self._sign * nearest_m - rotate(turn, self._lever_m)[self.axis]
 
 
 def wall_sonars(vehicle: Vehicle) -> tuple[str, ...]:

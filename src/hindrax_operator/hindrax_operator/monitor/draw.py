@@ -44,7 +44,10 @@ def state(navigation: Navigation | None) -> RenderableType:
     roll, pitch, heading = (math.degrees(angle) for angle in navigation.attitude_rad)
     north, east = navigation.position_m
     table = _grid(11, 0)
-    locked = Text("locked", style=GOOD) if navigation.dvl_locked else Text("no bottom lock", style=BAD)
+    lost = Text("no bottom lock", style=BAD)
+    if not all(map(math.isfinite, navigation.velocity_mps[:2])):
+        lost = Text("no velocity", style=WARN)  # on board is none, or it has not measured any since the start
+    locked = Text("locked", style=GOOD) if navigation.dvl_locked else lost
     for name, value in (
         ("heading", _numbers((heading % 360.0,), ".1f", "deg")),
         ("roll, pitch", _numbers((roll, pitch), "+z.1f", "deg")),
