@@ -38,6 +38,18 @@ class PoolPosition:
     vx_mps: float
     vy_mps: float
     sigma_m: float = NAN
+    seen: tuple[bool, bool] = (True, True)
+    """Whether the way along surge and along sway is measured: one sonar that looks at a wall shows one of them."""
+
+    def off_m(self, x_m: float, y_m: float) -> float:
+        """Distance from a place, along the axes that are measured."""
+        along_m, across_m = self.body(x_m - self.x_m, y_m - self.y_m)
+        return math.hypot(along_m, across_m)
+
+    def body(self, x: float, y: float) -> tuple[float, float]:
+        """Turn a vector of the pool into surge and sway axes; 0 along what is not measured."""
+        cos, sin = math.cos(self.heading_rad), math.sin(self.heading_rad)
+        return (cos * x + sin * y if self.seen[0] else 0.0, cos * y - sin * x if self.seen[1] else 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,12 +116,14 @@ class PoolBounds:
         cos, sin = math.cos(self.axis_rad), math.sin(self.axis_rad)
         x_m, y_m = self.start_m[0] + cos * north + sin * east, self.start_m[1] - sin * north + cos * east
         u, v, _ = navigation.velocity_mps
+        seen = (True, True)
         if math.isnan(u) != math.isnan(v):
             # One sonar that looks at a wall: across its axis nothing is measured, and nothing is kept.
+            seen = (not math.isnan(u), not math.isnan(v))
             u, v = (0.0 if math.isnan(one) else one for one in (u, v))
         heading = math.remainder(navigation.attitude_rad[2] - self.axis_rad, math.tau)
         cos, sin = math.cos(heading), math.sin(heading)
-        return PoolPosition(x_m, y_m, heading, cos * u - sin * v, sin * u + cos * v, self._sigma_m(navigation))
+        return PoolPosition(x_m, y_m, heading, cos * u - sin * v, sin * u + cos * v, self._sigma_m(navigation), seen)
 
     def _sigma_m(self, navigation: Navigation) -> float:
         """Uncertainty of the given position and of the way since then.

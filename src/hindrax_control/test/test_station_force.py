@@ -99,8 +99,10 @@ def test_a_long_gap_counts_as_a_short_step_and_a_step_back_as_none(hindrax: Vehi
 def test_unknown_place_asks_for_nothing_and_it_stays_where_it_is_known_again(hindrax: Vehicle) -> None:
     station = StationKeeping(hindrax)
     station.start(hover("x"))
-    for unknown in ({"x_m": math.nan}, {"y_m": math.nan}, {"vx_mps": math.nan}, {"vy_mps": math.inf}):
-        assert station.step(replace(hover("x"), **unknown), 0.02) == (0.0, 0.0)
+    place = hover("x")
+    lost = (replace(place, x_m=math.nan), replace(place, y_m=math.nan), replace(place, vx_mps=math.nan))
+    for unknown in (*lost, replace(place, vy_mps=math.inf)):
+        assert station.step(unknown, 0.02) == (0.0, 0.0)
         assert station.goal_m is None
     assert station.step(hover("x", 2.0), 0.02) == pytest.approx((0.0, 0.0))
     assert station.goal_m == (7.0, 3.0)

@@ -1,14 +1,17 @@
 """Surge and sway by the range to a wall: the velocity and place that it shows, and where it shows none."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
+from hindrax_control.hold.station_keeping import StationKeeping
 from hindrax_control.navigation.navigator import NavigatorKnobs
 from hindrax_control.navigation.wall_sonar import WallSonar
+from hindrax_control.pool_bounds import PoolPosition
 from hindrax_control.sensors import SensorMount
 from hindrax_core.rotation import matrix
-from hindrax_core.vehicle import Mount
+from hindrax_core.vehicle import Mount, Vehicle
 
 STEP_S, WALL_m, HEADING_rad = 0.02, 3.0, 0.4
 AHEAD, STARBOARD, PORT = (0.0, 90.0, 0.0), (-90.0, 0.0, 0.0), (90.0, 0.0, 0.0)
@@ -85,3 +88,17 @@ def test_within_the_beam_a_turn_does_not_move_it() -> None:
     basin.swing(2.0 * math.pi, turned_deg=8.0)
     now = basin.sonar.placed((0.0, 0.0))
     assert math.hypot(now[0] - was[0], now[1] - was[1]) < 0.03
+
+
+def test_nothing_is_pushed_along_an_axis_that_nothing_measures(hindrax: Vehicle) -> None:
+    """A place across the axis that never changes would wind up the integral, and push the vehicle into a wall."""
+    station = StationKeeping(hindrax)
+    here = PoolPosition(4.0, 2.0, 0.0, 0.0, 0.0, seen=(True, False))
+    station.start(here)
+    beside = replace(here, x_m=3.5, y_m=2.3)
+    for _ in range(200):
+        ahead_N, aside_N = station.step(beside, 0.1)
+        assert aside_N == 0.0
+    assert ahead_N > 0.0
+    assert beside.off_m(4.0, 2.0) == pytest.approx(0.5)
+    assert replace(beside, seen=(True, True)).off_m(4.0, 2.0) == pytest.approx(math.hypot(0.5, 0.3))

@@ -74,9 +74,7 @@ class StationKeeping:
         error_x, error_y = self._x.value - place.x_m, self._y.value - place.y_m
         (stiff_u, damp_u), (stiff_v, damp_v) = self._gains
 
-        def turned(x: float, y: float) -> tuple[float, float]:
-            return cos * x + sin * y, cos * y - sin * x
-
+        turned = place.body
         error_u, error_v = turned(error_x, error_y)
         spring_u, spring_v = stiff_u * error_u, stiff_v * error_v
         if not held_back:

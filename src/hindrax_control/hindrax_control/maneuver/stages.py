@@ -165,7 +165,7 @@ class SettleAtPose(Stage):
     def _off(self, moment: StageInput) -> str:
         """What is not at rest yet, as text."""
         navigation, place = moment.navigation, moment.place
-        far_m = math.hypot(place.x_m - self._goal_m[0], place.y_m - self._goal_m[1])
+        far_m = place.off_m(*self._goal_m)
         hold, high_m = self._pose.vertical[0], self._pose.off_m(navigation)
         turned_rad = self._pose.turned_rad(navigation)
         speed = math.sqrt(sum(v * v for v in navigation.velocity_mps if math.isfinite(v) or not moment.by_wall))

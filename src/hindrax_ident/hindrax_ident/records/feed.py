@@ -247,7 +247,7 @@ def wall_sonars(vehicle: Vehicle) -> tuple[str, ...]:
     return tuple(name for looks in WALL_SONARS for name in vehicle.measuring(looks)[:1])
 
 
-def _source(reading: Measurement) -> str:
+def _source(reading: object) -> str:
     """What tells apart measurements of one kind."""
     if isinstance(reading, WallRange):
         return reading.sensor
