@@ -114,7 +114,12 @@ def _push(  # noqa: PLR0917  # a vehicle and how it is pushed
 
 
 def _shared(prior: Prior, found: Matrix, axis: int, reach: float, lean_rad: float) -> Matrix:
-    """Forces (n,) that reach furthest along an axis within 3 N each, and lean the vehicle no further than LEAN."""
+    """Forces (n,) that reach furthest along an axis within 3 N each, and lean the vehicle no further than LEAN.
+
+    Least squares of a wrench that is `reach` along the axis and zero otherwise, each row in units of what is allowed
+    of it, and the axis three times as heavy: B as it was found is not exact, and equality would chase its errors.
+    A little of the identity keeps thrusters out that add nothing. The result is scaled to the first limit it meets.
+    """
     # What nobody asked for is kept small: tilt at rest within LEAN, other forces and moments within these.
     righting = np.maximum(prior.restoring[3:5], 0.3) * lean_rad
     allowed = np.array([4.0, 4.0, 4.0, *righting, 0.4])

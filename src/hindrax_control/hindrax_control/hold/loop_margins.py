@@ -61,7 +61,12 @@ def law_of(freedom: PriorDynamics, bandwidth_radps: float, damping: float, integ
 
 
 def worst_margins(law: Law, freedoms: Sequence[PriorDynamics], delays: LoopDelays) -> Margins:
-    """Worst margins of a law over vehicles (one or many), which need not be the one that it was made for."""
+    """Worst margins of a law over vehicles (one or many), which need not be the one that it was made for.
+
+    Rows are vehicles, columns frequencies: L(i w) of all at once. The gain margin is read where the phase falls through
+    -180 degrees, the phase margin where the size falls through one, at the last frequency before it; steps of the grid
+    are below 2 %. Where the vehicle itself is stable, L has no pole to the right, so by Nyquist both margins decide.
+    """
     inertia, slope, restoring = (
         np.array([getattr(one, name) for one in freedoms])[:, None] for name in ("inertia", "slope", "restoring")
     )

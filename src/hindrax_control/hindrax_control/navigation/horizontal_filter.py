@@ -4,6 +4,10 @@ Per axis two states: the velocity, and an acceleration offset that stands for ac
 by an error of tilt. Both axes share one covariance, since they are measured by the same sensor at the same time. A late
 sample is compared with the path at its own time: the rows keep the predicted increments, which later corrections do
 not touch.
+
+Symbols, per axis: u velocity, a offset, P their covariance: `_p` of u, `_p_offset` of a, `_p_cross` of both. Predicted,
+u grows by a dt, so P becomes F P F' + Q with F = [1 dt; 0 1]. A sample of the past, `delay` ago, is a measurement of
+u - du - delay a, where du is what the rows say the velocity has changed since; its row is h = [1, -delay].
 """
 
 import math
@@ -76,7 +80,11 @@ class HorizontalFilter:
             self._rows.popleft()
 
     def way(self, from_s: float, to_s: float) -> PredictedInterval | None:
-        """Motion between two times; None when they are forgotten or in the future."""
+        """Motion between two times; None when they are forgotten or in the future.
+
+        A mean of the velocity over the span is the difference of the rows' integrals, over the span; the offset was in
+        all increments, so it counts for the time from the middle of the span until now.
+        """
         oldest, now = self._rows[0], self._rows[-1]
         to_s = min(to_s, now[0])
         if from_s < oldest[0] or to_s - from_s < LEAST_SPAN_S:
@@ -106,7 +114,9 @@ class HorizontalFilter:
     ) -> bool:
         """Fuse a velocity of the body origin that was the mean over a way; False when it is refused.
 
-        Many refusals in a row mean that the filter is wrong, unless the value is `repeated`.
+        Correction of the Kalman filter with h = [1, -delay]: `at_u` and `at_offset` are P h', `variance` is h P h' + R.
+        Both axes have one P, so both are refused if one is off. Many refusals in a row mean that the filter is wrong,
+        unless the value is `repeated`: then P grows by what they were off by, and the next one is taken.
         """
         delay = way.delay_s
         p, cross, offset = self._p, self._p_cross, self._p_offset

@@ -2,6 +2,11 @@
 
 A gain per kind of thruster; the coefficients of each cubic, or the zero of each direction of a table, where the vehicle
 file gives their standard deviations.
+
+Symbols. tau thrust on the axis, (n,) over time; thruster j has b_j, wrench on the axis per newton, and w_j, newtons per
+unit of tau by least squares (`thrust_shares`). A record holds tau, not the single forces: they are taken as w_j tau, as
+the allocation would share it, so sum b_j w_j = 1 where the thrusters serve the axis. A force error e(f) of one curve is
+then the error sum b_j e(w_j tau) of the thrust, over the thrusters that have the curve.
 """
 
 from collections.abc import Callable
@@ -41,6 +46,7 @@ def modes(vehicle: Vehicle, axis: int) -> list[ThrustErrorMode]:
 
 
 def _gain_mode(curve: Curve, part: float) -> ThrustErrorMode:
+    """All forces of a kind wrong by one factor: e(f) = f, and `part` is the sum of b_j w_j over this kind."""
     return ThrustErrorMode(lambda force: (part * force)[:, None], np.array([[curve.gain_sigma**2]]))
 
 
@@ -84,7 +90,8 @@ def branch_covariance(branch: Branch) -> Array:
     """Covariance of c1 to c4: (4, 4) [N, N/us, ...], from their standard deviations.
 
     Publications print no correlations, and without them the cubic would be useless (COB-2023-1394: 137.8 N on c1
-    alone). Assumed are those of a least-squares fit to a sweep of evenly spaced pulses.
+    alone). Assumed are those of a least-squares fit to a sweep of evenly spaced pulses: (X'X)^-1 with the powers of
+    the pulse in X, computed about the middle of the sweep, where it is well conditioned, and carried over by T.
     """
     pulses = np.linspace(branch.from_us, branch.to_us, TABLE)
     center, half = pulses.mean(), 0.5 * (branch.to_us - branch.from_us)
@@ -113,6 +120,11 @@ def powers_from_scaled(center: float, half: float) -> Array:
 def _branch_error(
     branch: Branch, sign: float, allocation: list[tuple[float, float]], *, mirrored: bool
 ) -> Callable[[Array], Array]:
+    """Error of the thrust by those of c1 to c4: e(f) = (1, P, P^2, P^3) at the pulse P that gives f.
+
+    The pulse is read from a table of the curve, backward. Where a curve is given for one direction and mirrored for
+    the other, the same four errors act in both, with opposite sign.
+    """
     pulses = np.linspace(branch.from_us, branch.to_us, TABLE)
     forces = np.array([branch.force_N(float(pulse)) for pulse in pulses])
     order = np.argsort(forces)

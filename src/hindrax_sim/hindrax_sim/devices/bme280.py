@@ -1,7 +1,10 @@
 """Bosch BME280 as a register model. Source: Bosch BST-BME280-DS002-15 rev 1.6.
 
 Truth goes in as pressure, temperature and humidity; the counts that come out are found by the integer compensation of
-section 4.2.3 (pages 25 and 26), backwards.
+section 4.2.3 (pages 25 and 26), backwards: the formulas are those of the datasheet, shift by shift, since a driver has
+to agree with them to the last bit, and no closed form inverts integer arithmetic. Each is monotone in its count, so a
+search by halves finds the count in twenty steps. Names of constants are the datasheet's: T, P and H for dig_T1 and so
+on.
 """
 
 import math
@@ -89,6 +92,10 @@ class Bme280(Part[Air]):
             self._data = self._measured()
 
     def _measured(self) -> bytes:
+        """Eight bytes of data: temperature first, since both others are compensated by its `fine` value (t_fine).
+
+        Pressure falls as its count grows, so the search runs over the count from the top down.
+        """
         noise, truth = self._draw.gauss, self._truth
         top, celsius = 1 << 20, truth.temperature_C + noise(0.0, NOISE_C)
         t = bisect_left(range(top - 1), celsius, key=lambda raw: _fine(raw) * 5 / 25600)
@@ -110,12 +117,14 @@ class Bme280(Part[Air]):
 
 
 def _fine(raw: int) -> int:
+    """t_fine, temperature in 1/5120 degree; the datasheet's BME280_compensate_T_int32."""
     t1, t2, t3 = T
     first = ((raw >> 3) - (t1 << 1)) * t2 >> 11
     return first + ((((raw >> 4) - t1) ** 2 >> 12) * t3 >> 14)
 
 
 def _pressure_Pa(raw: int, fine: int) -> float:
+    """BME280_compensate_P_int64, whose result is in 1/256 Pa."""
     p1, p2, p3, p4, p5, p6, p7, p8, p9 = P
     one = fine - 128000
     two = one * one * p6 + (one * p5 << 17) + (p4 << 35)
@@ -125,6 +134,7 @@ def _pressure_Pa(raw: int, fine: int) -> float:
 
 
 def _percent(raw: int, fine: int) -> float:
+    """bme280_compensate_H_int32, whose result is in 1/1024 %."""
     h1, h2, h3, h4, h5, h6 = H
     v = fine - 76800
     gain = ((((v * h6 >> 10) * ((v * h3 >> 11) + 32768) >> 10) + 2097152) * h2 + 8192) >> 14
