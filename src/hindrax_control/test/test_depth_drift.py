@@ -73,3 +73,44 @@ def test_a_pressure_that_repeats_itself_is_found_by_the_floor_alone(hung: bool) 
         found.floor(2.0 + 0.05 * now_s, (0.0, 0.0), now_s)
         assert now_s > 2.9 or found.off_m == 0.0
     assert found.off_m == pytest.approx(0.5 if hung else 0.0, abs=0.01)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_way_counts_less_what_the_dvl_may_be_wrong_by(sign: float) -> None:
+    found = DepthDrift()
+    found.step(-0.013 * sign, 0.4, 2.0)
+    assert found.off_m == 0.0, "no floor was seen"
+    found.floor(3.0, (0.0, 0.0), 0.0)
+    found.floor(3.0 + sign, (0.0, 0.0), 1.0)
+    assert found.off_m == pytest.approx(sign * 2.0 * (0.013 - 0.003 - 0.4 * 0.005))
+    found.floor(3.0 + 0.005 * sign, (0.0, 0.0), 2.0)
+    assert found.off_m == pytest.approx(sign * 0.005), "no more than the floor says"
+    found.step(0.009 * sign, 0.4, 1.0)
+    assert found.off_m == pytest.approx(sign * 0.002)
+
+
+def test_a_place_is_a_square_meter_and_remembered_for_four_minutes() -> None:
+    found = DepthDrift()
+    found.step(-9.0, 0.0, 1.0)
+    for floor_m, place_m in ((2.0, (0.1, 0.1)), (3.0, (1.1, 0.1)), (4.0, (0.1, 1.1)), (5.0, (-0.1, 0.1))):
+        found.floor(floor_m, place_m, 100.0)
+        assert found.off_m == 0.0, "another place"
+        found.floor(floor_m + 0.3, (math.floor(place_m[0]) + 0.9, math.floor(place_m[1]) + 0.9), 110.0)
+        assert found.off_m == pytest.approx(0.3)
+    for now_s in (340.0, 340.1):
+        found.floor(2.5, (0.1, 0.1), now_s)
+        assert found.off_m == pytest.approx(0.5)
+    found.floor(2.5, (0.1, 0.1), 340.2)
+    assert found.off_m == 0.0
+
+
+def test_a_pressure_counts_as_hung_after_three_seconds() -> None:
+    found = DepthDrift()
+    found.floor(2.0, (0.0, 0.0), 0.0)
+    found.floor(2.4, (0.0, 0.0), 1.0)
+    assert found.off_m == 0.0, "no pressure"
+    for now_s, off_m in ((1.0, 0.0), (3.9, 0.0), (4.0, 0.4)):
+        found.pressure(1e5, now_s)
+        assert found.off_m == pytest.approx(off_m)
+    found.pressure(1e5 + 1.0, 4.1)
+    assert found.off_m == 0.0
