@@ -6,12 +6,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hindrax_analysis.identification.record_identification import IdentificationTask, RecordSource, identify_sources
+from hindrax_analysis.identification.joint_identification import identify_jointly
+from hindrax_analysis.identification.record_identification import (
+    IdentificationTask,
+    RecordSource,
+    Span,
+    identify_sources,
+)
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import array
 from hindrax_ident.model.motion_model import MOTIONS
-from hindrax_tools.foreign_plants import PLANTS, Fluid, read, recorded, scores, write
+from hindrax_tools.foreign_plants import AS_THE_COMMAND, PLANTS, Fluid, read, recorded, scores, write
 
 RECORDS = Path(__file__).parent / "foreign_records"
 FALSE = ("dead band", "friction of the tether", "sag", "current")
@@ -42,6 +48,22 @@ def test_a_foreign_plant_is_within_the_bands_and_no_false_cause_is_named(name: s
         assert len(one.drag) == 3
         assert np.abs(one.drag).max() < MOST, one
         assert not abs(one.added_mass) > MOST, one
+
+
+def test_one_fit_of_all_axes_is_within_the_bands_of_a_foreign_plant() -> None:
+    """A minute of a record: surge, sway and heave are flown, the others held, and not said to be known."""
+    record = read(RECORDS / "middle-chirps-1.npz")
+    task = IdentificationTask(tuning=AS_THE_COMMAND, span=Span(0.0, 60.0))
+    found = identify_jointly([RecordSource(Path(record.name), record.recording)], record.vehicle, task)
+    identified = {name: one for name, one in found.motions.items() if not one.reasons}
+    assert set(identified) == {"surge", "sway", "heave_down", "heave_up"}
+    for name, one in identified.items():
+        axis, mass = MOTIONS[name].axis, one.coefficients["added_mass"]
+        assert abs(mass.value - record.added_mass[axis]) < MOST * mass.std_calibrated, name
+        for speed, true in zip(record.speeds[axis], record.drag[axis], strict=True):
+            at = (float(np.interp(speed, one.drag.speed, y)) for y in (one.drag.force, one.drag.std_calibrated))
+            force, sigma = at
+            assert abs(force - true) < MOST * sigma < 0.5 * true, (name, speed)
 
 
 def test_minutes_of_other_axes_do_not_make_an_axis_confidently_wrong() -> None:

@@ -19,10 +19,12 @@ from hindrax_core.text.digits import measured
 from hindrax_core.text.yaml_text import read_yaml
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
+from hindrax_ident.assess.joint_assessment import JointResults
 from hindrax_ident.assess.results import Contribution, MotionResult, Number, Results
 
 KNOWN = ("k_q", "k_l", "b", "k_r", "added_mass")
 """Names of coefficients, in display order."""
+JOINT = "All axes in one fit: M v' + C(M) v + drag + terms = thrust, M = M_RB + M_A (6 x 6, surge to yaw)."
 TABULATED = ("k_q", "k_l", "b", "added_mass")
 """Those that tables, figures and exports have."""
 
@@ -80,8 +82,8 @@ def document(results: Results, conditions: ResultConditions) -> dict[str, Any]:
     return {**ended, "conditions": block, **results.to_json()}
 
 
-def as_yaml(results: Results, conditions: ResultConditions) -> str:
-    """Text of the file, with comments."""
+def as_yaml(results: Results, conditions: ResultConditions, joint: JointResults | None = None) -> str:
+    """Text of the file, with comments; `joint`: those of all axes together."""
     data = document(results, conditions)
     parts = [_head(conditions), _dump({key: data[key] for key in data if key != "motions"}), "\nmotions:\n"]
     for name, result in results.motions.items():
@@ -89,6 +91,8 @@ def as_yaml(results: Results, conditions: ResultConditions) -> str:
         parts += ["\n", *(f"  # {line}\n" for line in _in_words(result)), textwrap.indent(body, "  ")]
     if not results.motions:
         parts[-1] = "\n# Nothing was flown: there is no data, so there are no coefficients.\nmotions: {}\n"
+    if joint:
+        parts += [f"\n# {JOINT}\n", _dump({"joint": joint.to_json()})]
     return "".join(parts)
 
 

@@ -19,7 +19,6 @@ from hindrax_ident.fit.output_error import (
     _feasible_start,
     _first_noise,
     _fit_of,
-    _inflation,
     _robust_sigma,
     _similar,
     _with_color,
@@ -29,6 +28,7 @@ from hindrax_ident.fit.output_error import (
     reweighted,
 )
 from hindrax_ident.fit.output_error_problem import LinearizedProblem, OutputErrorProblem, whitener_of
+from hindrax_ident.fit.scatter import scatter_inflation
 from hindrax_ident.fit.whitening import Noise
 from hindrax_ident.model.model_parameters import Prior
 from hindrax_ident.model.motion_model import Model
@@ -503,15 +503,15 @@ def test_blocks_that_disagree_beyond_chance_widen_the_band(
     limit = float(chi2.ppf(0.999, freedom)) / freedom
     covariance = array(np.array([[scatter / (beyond * limit)]]))
     wanted = math.sqrt(beyond * limit) if beyond > 1.0 else 1.0
-    assert _inflation(linear, problem, inverse, covariance).tolist() == pytest.approx([wanted])
+    assert scatter_inflation(*_blocks(linear, problem), inverse, covariance).tolist() == pytest.approx([wanted])
 
 
 def test_three_blocks_show_nothing(fit: OutputErrorFit) -> None:
     linear, problem = scattered(fit, [1.0, -1.0, 1.0], [1.0] * 3)
     tiny = array(np.array([[1e-9]]))
-    assert _inflation(linear, problem, tiny, tiny).tolist() == [1.0]
+    assert scatter_inflation(*_blocks(linear, problem), tiny, tiny).tolist() == [1.0]
     linear, problem = scattered(fit, [1.0, -1.0, 1.0, -1.0], [1.0] * 4)
-    assert _inflation(linear, problem, array(np.array([[1e-3]])), tiny)[0] > 10.0
+    assert scatter_inflation(*_blocks(linear, problem), array(np.array([[1e-3]])), tiny)[0] > 10.0
 
 
 def test_a_band_is_widened_by_its_inflation(fit: OutputErrorFit) -> None:

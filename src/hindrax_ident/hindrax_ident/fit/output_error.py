@@ -20,7 +20,6 @@ import math
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from scipy.special import chdtri
 
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.fit.autoregression import color_backward, effective_samples, fit_autoregression
@@ -34,6 +33,7 @@ from hindrax_ident.fit.output_error_problem import (
     restarted,
     whitener_of,
 )
+from hindrax_ident.fit.scatter import BLOCK_S, scatter_inflation
 from hindrax_ident.fit.whitening import Noise, Whitener
 from hindrax_ident.model.model_parameters import Prior, newton_step
 from hindrax_ident.model.motion_model import Model
@@ -57,8 +57,6 @@ OUTLIER_SIGMAS = 5.0
 ATTITUDE_SIGMA_rad = 0.01
 """Standard deviation assigned to a measured angle. Its error is slow, and partly that of the rate, whose integral it
 is: so it only prevents drift of the angle."""
-BLOCK_S = 15.0
-CHANCE = 0.999
 
 
 @dataclass(frozen=True, slots=True)
@@ -298,7 +296,7 @@ def _fit_of(
     freedom = max(1, problem.samples - problem.nuisances - len(theta))
     plain = array(inverse * (linear.cost / freedom))
     covariance = _with_color(problem, linear, prior, inverse, plain)
-    inflation = _inflation(linear, problem, inverse, covariance)
+    inflation = scatter_inflation(*_blocks(linear, problem), inverse, covariance)
     return OutputErrorFit(
         model=problem.model,
         theta=theta,
@@ -356,27 +354,6 @@ def _unpredicted(piece: Array, color: Array) -> Array:
     n, order = len(piece) - len(color), len(color)
     terms = (a * piece[order - k : order - k + n] for k, a in enumerate(color, 1))
     return array(piece[order:] - sum(terms, np.zeros(n)))
-
-
-def _inflation(linear: LinearizedProblem, problem: OutputErrorProblem, inverse: Array, covariance: Array) -> Array:
-    """Ratios of the scatter between blocks to the standard deviations, where significantly above 1: (p,) [-].
-
-    At the minimum the gradients J'r of all blocks sum to nearly zero. H^-1 times that of one block is what the block
-    would like to change; the sum of the squares of these changes is the variance of the estimate if blocks are
-    independent, whatever the residuals look like within them. It is rough with few blocks: hence the limit, a
-    quantile of chi squared over its degrees of freedom.
-    """
-    gradients, informations = _blocks(linear, problem)
-    blocks = len(gradients)
-    if blocks < 4:
-        return np.ones(len(inverse))
-    scatter = np.sum((gradients @ inverse) ** 2, axis=0) * blocks / (blocks - 1)
-    ratio = scatter / np.diag(covariance)
-    # Blocks with little information on a parameter add few degrees of freedom to its scatter.
-    shares = np.array([np.diag(inverse @ information @ inverse) for information in informations])
-    freedom = np.maximum(1.0, shares.sum(axis=0) ** 2 / np.sum(shares**2, axis=0) - 1.0)
-    limit = array(chdtri(freedom, 1.0 - CHANCE)) / freedom
-    return array(np.where(ratio > limit, np.sqrt(ratio), 1.0))
 
 
 def _blocks(linear: LinearizedProblem, problem: OutputErrorProblem) -> tuple[Array, list[Array]]:

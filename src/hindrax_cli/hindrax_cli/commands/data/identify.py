@@ -14,6 +14,7 @@ from hindrax_analysis.identification.bag_identification import (
     write,
     write_report,
 )
+from hindrax_analysis.identification.joint_identification import identify_jointly, show_joint
 from hindrax_analysis.identification.record_identification import (
     IdentificationTask,
     RecordSource,
@@ -128,6 +129,7 @@ def _about(parser: argparse.ArgumentParser) -> None:
         metavar="SHARE",
         help=f"deviation of the wrench's gain; default: by the vehicle file, {GAIN_SIGMA:g} where it has no thrusters",
     ),
+    option("--joint", action="store_true", help="also fit all axes together, with the terms that couple them"),
     option("--report", type=Path, metavar="FILE", help="write an HTML report"),
     option("--coefficients", type=Path, metavar="FILE", help="write a coefficients.yaml"),
     add_json,
@@ -143,6 +145,7 @@ def identify(arguments: argparse.Namespace) -> int:
     task = replace(task, mass_known=NO_VEHICLE not in notes, tuning=Tuning(wrench_gain_sigma=gain_sigma))
     with working(f"identifying over {', '.join(str(path) for path in arguments.records)}") as reached:
         found = identify_sources(sources, vehicle, task, print_stderr, reached)
+        joint = identify_jointly(sources, vehicle, task, reached) if arguments.joint else None
     took_s = time.monotonic() - began
     ours = [source.path for source in sources if source.recording is None]
     files = [file for source in sources for file in source.files]
@@ -152,12 +155,20 @@ def identify(arguments: argparse.Namespace) -> int:
         runs = [_saved(source, results, conditions) for source, results in zip(sources, found.runs, strict=False)]
         write_report(arguments.report, found, conditions, ours[0] if ours and len(sources) == 1 else None, *runs)
     if arguments.coefficients:
-        write(arguments.coefficients, as_yaml(found.results, conditions))
+        write(arguments.coefficients, as_yaml(found.results, conditions, joint))
     recorded_s = sum(source.recording.duration_s for source in sources if source.recording)
     factor = round(recorded_s / took_s, 2) if recorded_s and took_s > 0.0 else None
     document = found.document(sources[0].path, arguments.report, factor, told(conditions.aborted))
     document |= {"assumptions": conditions.assumptions, **_runs(sources, found)}
-    return print_answer(document, lambda: _show(arguments, found, conditions), as_json=arguments.json)
+    document |= {"joint": joint.to_json()} if joint else {}
+
+    def show_all() -> None:
+        """Axis by axis, then all together."""
+        _show(arguments, found, conditions)
+        if joint:
+            show_joint(joint)
+
+    return print_answer(document, show_all, as_json=arguments.json)
 
 
 def _vehicle(named: Vehicle | None, source: RecordSource) -> tuple[Vehicle, list[str]]:

@@ -1,0 +1,34 @@
+"""Scatter between the blocks of a record against the deviations of its fit: a larger one shows an incomplete model."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.special import chdtri
+
+from hindrax_ident.arrays import Array, array
+
+BLOCK_S = 15.0
+CHANCE = 0.999
+
+
+def scatter_inflation(gradients: Array, informations: Sequence[Array], inverse: Array, covariance: Array) -> Array:
+    """Ratios of the scatter between blocks to the standard deviations, where significantly above 1: (p,) [-].
+
+    `gradients` (blocks, p) of the cost and `informations` (p, p) of each block; `inverse` (p, p) of their sum with the
+    prior's; `covariance` (p, p) of the parameters by the noise.
+
+    At the minimum the gradients J'r of all blocks sum to nearly zero. H^-1 times that of one block is what the block
+    would like to change; the sum of the squares of these changes is the variance of the estimate if blocks are
+    independent, whatever the residuals look like within them. It is rough with few blocks: hence the limit, a
+    quantile of chi squared over its degrees of freedom.
+    """
+    blocks = len(gradients)
+    if blocks < 4:
+        return np.ones(len(inverse))
+    scatter = np.sum((gradients @ inverse) ** 2, axis=0) * blocks / (blocks - 1)
+    ratio = scatter / np.diag(covariance)
+    # Blocks with little information on a parameter add few degrees of freedom to its scatter.
+    shares = np.array([np.diag(inverse @ information @ inverse) for information in informations])
+    freedom = np.maximum(1.0, shares.sum(axis=0) ** 2 / np.sum(shares**2, axis=0) - 1.0)
+    limit = array(chdtri(freedom, 1.0 - CHANCE)) / freedom
+    return array(np.where(ratio > limit, np.sqrt(ratio), 1.0))

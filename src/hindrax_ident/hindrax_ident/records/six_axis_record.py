@@ -1,0 +1,120 @@
+"""Record of all six axes at once: velocities and depth as measured, thrust, roll and pitch, on one grid of times."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hindrax_ident.arrays import Array, Index, array
+from hindrax_ident.records.axis_record import Series
+
+FINEST_S, COARSEST_S = 0.04, 0.1
+"""Bounds of the step of the grid: thrust lags are longer, and what is faster is averaged by the noise of the fit."""
+LONGEST_S = 60.0
+"""Longest stretch with one linear system: what is longer is cut, which bounds the memory."""
+FEWEST = 20
+"""Fewest velocities of an axis that is fitted."""
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """One stretch: times (n,) [s] evenly spaced, and roll and pitch at the middle of each step, (n - 1, 2) [rad]."""
+
+    times_s: Array
+    angles_rad: Array
+
+    @property
+    def step_s(self) -> float:
+        """Length of each step."""
+        return float(self.times_s[1] - self.times_s[0])
+
+    @property
+    def down(self) -> Array:
+        """Downward in body axes, at the middle of each step: (n - 1, 3). Fossen 2011 eq. 2.18, last row."""
+        roll, pitch = self.angles_rad.T
+        return array(np.stack([-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)], axis=1))
+
+    def places(self, t: Array) -> tuple[Index, Array]:
+        """Step in which each time (m,) is, and the part of it that has passed [-]."""
+        at = (t - self.times_s[0]) / self.step_s
+        index: Index = np.clip(at.astype(np.intp), 0, len(self.times_s) - 2)
+        return index, array(at - index)
+
+
+@dataclass(frozen=True, slots=True)
+class SixAxisRecord:
+    """Velocities of the axes, depth where it stands for heave, thrust on all axes from each time on, and stretches.
+
+    SNAME axes about the center of mass; `wrench` (m, 6) [N, N m] at `wrench_t` (m,) [s].
+    """
+
+    velocities: tuple[Series, ...]
+    depth: Series
+    wrench_t: Array
+    wrench: Array
+    grids: tuple[Grid, ...]
+
+    @property
+    def axes(self) -> tuple[int, ...]:
+        """Axes that were measured and that thrust has moved."""
+        counts = [len(one) + (len(self.depth) if axis == 2 else 0) for axis, one in enumerate(self.velocities)]
+        return tuple(axis for axis in range(6) if counts[axis] >= FEWEST and np.ptp(self.wrench[:, axis]) > 0.0)
+
+    @property
+    def duration_s(self) -> float:
+        """Time in all stretches."""
+        return float(sum(one.times_s[-1] - one.times_s[0] for one in self.grids))
+
+
+def six_axis_record(
+    velocity: tuple[Array, Array], wrench: tuple[Array, Array], attitude: tuple[Array, Array], gap_s: float
+) -> SixAxisRecord:
+    """Record of tables, each with its times: velocity (n, 6), wrench (m, 6), roll, pitch and depth (k, 3); NaN unknown.
+
+    ValueError where no stretch is long enough. Depth is used where no velocity of heave was measured.
+    """
+    (v_t, v), (w_t, w), (a_t, a) = velocity, wrench, attitude
+    velocities = tuple(_finite(v_t, one) for one in v.T)
+    depth = _finite(a_t, a[:, 2]) if len(velocities[2]) < FEWEST else Series(array([]), array([]))
+    known_w = np.isfinite(w).any(axis=1)
+    w_t, w = w_t[known_w], array(np.nan_to_num(w[known_w]))
+    measured = np.unique(np.concatenate([one.t for one in (*velocities, depth)]))
+    if not len(w_t) or len(measured) < FEWEST:
+        raise ValueError("the record holds too few velocities and forces for a fit of all axes")
+    measured = measured[measured >= w_t[0]]
+    pieces = [part for part in np.split(measured, np.flatnonzero(np.diff(measured) > gap_s) + 1) if len(part) > FEWEST]
+    angles = [_finite(a_t, one) for one in a.T[:2]]
+    step_s = min(COARSEST_S, max(FINEST_S, _period(velocities)))
+    grids = tuple(grid for part in pieces for grid in _grids(part, step_s, angles))
+    if not grids:
+        raise ValueError("the record holds no stretch without pauses that is long enough for a fit of all axes")
+    return SixAxisRecord(velocities, depth, w_t, w, grids)
+
+
+def _finite(t: Array, y: Array) -> Series:
+    known = np.isfinite(y)
+    return Series(array(t[known]), array(y[known]))
+
+
+def _period(velocities: Sequence[Series]) -> float:
+    """Time between the samples of the axis that was measured most often [s]."""
+    steps = [float(np.median(np.diff(one.t))) for one in velocities if len(one) > 1]
+    return min(steps, default=COARSEST_S)
+
+
+def _grids(times_s: Array, step_s: float, angles: Sequence[Series]) -> list[Grid]:
+    begin, end = float(times_s[0]), float(times_s[-1])
+    out, count = [], max(1, math.ceil((end - begin) / LONGEST_S))
+    edges = np.linspace(begin, end, count + 1)
+    for start, stop in itertools.pairwise(edges.tolist()):
+        steps = math.floor((stop - start) / step_s)
+        if steps > FEWEST:
+            t = array(start + step_s * np.arange(steps + 1))
+            middle = t[:-1] + 0.5 * step_s
+            level = [np.interp(middle, one.t, one.y) if len(one) else np.zeros(steps) for one in angles]
+            out.append(Grid(t, array(np.stack(level, axis=1))))
+    return out
