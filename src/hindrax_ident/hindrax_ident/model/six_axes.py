@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -38,6 +39,10 @@ LETTERS, FORCES = "uvwpqr", "XYZKMN"
 INFLOW_mps = 0.5
 
 
+Forces: TypeAlias = dict[int, Array]
+"""Forces or moments by axis, (n,) each [N, N m]."""
+
+
 @dataclass(frozen=True, slots=True)
 class State:
     """Where the forces are wanted, (n, 6) each: velocities, accelerations, thrust; roll and pitch (n, 2)."""
@@ -57,7 +62,7 @@ class Term:
     mean: float
     sigma: float
     unit: str
-    force: Callable[[State], dict[int, Array]]
+    force: Callable[[State], Forces]
     least: float = -math.inf
     mass: tuple[int, int] | None = None
     drag_axis: int = -1
@@ -88,7 +93,7 @@ def _mass_term(vehicle: Vehicle, i: int, j: int) -> Term:
     own = math.sqrt(rigid_mass(vehicle, i) * rigid_mass(vehicle, j))
     M = symmetric((i, j))
 
-    def force(state: State) -> dict[int, Array]:
+    def force(state: State) -> Forces:
         """Of one kilogram, or what it is where a turn is."""
         return dict(enumerate(inertial_force(M, state.nu, state.acceleration).T))
 
@@ -121,7 +126,7 @@ def _own_terms(vehicle: Vehicle, axis: int) -> list[Term]:
     def term(suffix: str, power: int, side: int) -> Term:
         """Drag with a power of the speed, in one direction or in both."""
 
-        def force(s: State) -> dict[int, Array]:
+        def force(s: State) -> Forces:
             """Against the motion."""
             v = s.nu[:, axis]
             return {axis: np.abs(v) ** (power - 1) * v * (v * side >= 0.0)}
@@ -139,7 +144,7 @@ def _standing_terms(vehicle: Vehicle, axis: int) -> list[Term]:
     unit = "N m" if axis >= 3 else "N"
     at_rest, weight = offset(vehicle, axis), vehicle.buoyancy_N
 
-    def buoyancy(s: State) -> dict[int, Array]:
+    def buoyancy(s: State) -> Forces:
         """Upward in level axes; Fossen 2011 eq. 4.6."""
         roll, pitch = s.angles_rad.T
         return {0: -np.sin(pitch), 1: np.cos(pitch) * np.sin(roll), 2: np.cos(pitch) * np.cos(roll)}
@@ -151,7 +156,7 @@ def _standing_terms(vehicle: Vehicle, axis: int) -> list[Term]:
     if axis in (3, 4):
         own = restoring(vehicle)
 
-        def righting(s: State) -> dict[int, Array]:
+        def righting(s: State) -> Forces:
             """Fossen 2011 eq. 4.6, of one newton meter."""
             roll, pitch = s.angles_rad.T
             return {3: np.cos(pitch) * np.sin(roll)} if axis == 3 else {4: np.sin(pitch)}
@@ -164,7 +169,7 @@ def _standing_terms(vehicle: Vehicle, axis: int) -> list[Term]:
 def _product(vehicle: Vehicle, axis: int, a: int, b: int) -> Term:
     """A force by two velocities: lift, and moments of a hull that is not alike above and below."""
 
-    def force(s: State) -> dict[int, Array]:
+    def force(s: State) -> Forces:
         """Velocity times velocity; of one alone, with its sign where the axis is turned with it."""
         other = np.abs(s.nu[:, b]) if a == b and (axis, a) not in _EVEN else s.nu[:, b]
         return {axis: s.nu[:, a] * other}
@@ -187,7 +192,7 @@ _PRODUCTS = (
 def _cross_flow(vehicle: Vehicle, axis: int, across: int) -> Term:
     """Drag along one axis of a body that moves across: the flow is as fast as both make it."""
 
-    def force(s: State) -> dict[int, Array]:
+    def force(s: State) -> Forces:
         """Against the motion along the axis."""
         return {axis: np.abs(s.nu[:, across]) * s.nu[:, axis]}
 
@@ -199,7 +204,7 @@ def _whole_speed(vehicle: Vehicle, axis: int) -> Term:
     """Drag that grows with the whole speed (or turn), beyond that of the own axis: cross flow."""
     kind = slice(0, 3) if axis < 3 else slice(3, 6)
 
-    def force(s: State) -> dict[int, Array]:
+    def force(s: State) -> Forces:
         """Zero where only this axis moves."""
         v = s.nu[:, axis]
         return {axis: (np.sqrt(np.sum(s.nu[:, kind] ** 2, axis=1)) - np.abs(v)) * v}
@@ -212,7 +217,7 @@ def _whole_speed(vehicle: Vehicle, axis: int) -> Term:
 def _turn_by_speed(vehicle: Vehicle, axis: int) -> Term:
     """Drag of a turn that grows with the speed of the vehicle."""
 
-    def force(s: State) -> dict[int, Array]:
+    def force(s: State) -> Forces:
         """Speed of the center times turn."""
         return {axis: np.sqrt(np.sum(s.nu[:, :3] ** 2, axis=1)) * s.nu[:, axis]}
 
@@ -234,20 +239,20 @@ def _doubts(vehicle: Vehicle, axis: int, scales: Scales, gain_sigma: float, drag
     pull, top = max(1e-9, scales.pull[axis]), max(1e-9, scales.speed[axis])
     lever = 1.0 if axis < 3 else 0.5 * vehicle.characteristic_length_m
 
-    def of_gain(s: State) -> dict[int, Array]:
+    def of_gain(s: State) -> Forces:
         """Less resistance is more thrust."""
         return {axis: -s.thrust[:, axis]}
 
-    def inflow(s: State) -> dict[int, Array]:
+    def inflow(s: State) -> Forces:
         """T = T_0 - T_nu |n| u, Fossen 2011 eq. 9.8: a unit loses the largest thrust at 0.5 m/s."""
         return {axis: np.sqrt(pull * np.abs(s.thrust[:, axis])) * s.nu[:, axis] * lever / INFLOW_mps}
 
-    def exponent(s: State) -> dict[int, Array]:
+    def exponent(s: State) -> Forces:
         """Change of the drag per unit of its exponent."""
         x = np.abs(s.nu[:, axis]) / top
         return {axis: drag * np.sign(s.nu[:, axis]) * x * x * np.log(np.maximum(x, 1e-9))}
 
-    def load(s: State) -> dict[int, Array]:
+    def load(s: State) -> Forces:
         """Change of the thrust per unit of its exponent."""
         x = np.abs(s.thrust[:, axis]) / pull
         return {axis: -pull * np.sign(s.thrust[:, axis]) * x * np.log(np.maximum(x, 1e-9))}
