@@ -183,8 +183,10 @@ def simulate(time_s: Array, coefficients: Array, theta_rad: float, speed_radps: 
         Rising; the first is the release.
     coefficients : (3,)
         alpha [1/s^2], beta [1/s], gamma [-].
-    theta_rad, speed_radps : [rad], [rad/s]
-        Angle and speed at the release.
+    theta_rad : [rad]
+        Angle at the release.
+    speed_radps : [rad/s]
+        Speed at the release.
 
     Returns
     -------

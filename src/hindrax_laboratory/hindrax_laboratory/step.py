@@ -85,8 +85,12 @@ def tests_from_columns(time_s: Array, velocity_mps: Array, thrust_N: Array) -> l
 
     Parameters
     ----------
-    time_s, velocity_mps, thrust_N : (n,) [s], [m/s], [N]
-        Columns of the record.
+    time_s : (n,) [s]
+        Time of each row.
+    velocity_mps : (n,) [m/s]
+        Velocity at that time.
+    thrust_N : (n,) [N]
+        Thrust of the step that the row belongs to.
 
     Returns
     -------

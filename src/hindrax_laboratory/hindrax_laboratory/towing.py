@@ -90,8 +90,12 @@ def drag_N(speed_mps: Array, k_q: float, k_l: float, b: float = 0.0) -> Array:
     ----------
     speed_mps : (n,) [m/s]
         Signed.
-    k_q, k_l, b : [N s^2/m^2], [N s/m], [N]
-        Quadratic drag, linear drag, offset.
+    k_q : [N s^2/m^2]
+        Quadratic drag.
+    k_l : [N s/m]
+        Linear drag.
+    b : [N]
+        Offset.
 
     Returns
     -------
