@@ -6,10 +6,10 @@ import contextlib
 import shutil
 import signal
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from hindrax_analysis.plain import print_json
 from hindrax_bag.run_folder import RunFolder, make_run_folder
@@ -35,6 +35,7 @@ from hindrax_operator.snapshot import left_out, node_problems, troubles
 
 if TYPE_CHECKING:
     from hindrax_analysis.identification.bag_identification import Identified
+    from hindrax_operator.nodes.operator_node import Operator
 
 UP_S = 30.0
 ABORT, CONTINUE = "abort", "continue"
@@ -102,6 +103,10 @@ class FlownManeuver:
     def real_time_factor(self) -> float:
         """Vehicle time over wall time, from arming to disarming."""
         return self.vehicle_s / self.wall_s if self.wall_s > 0.0 else 0.0
+
+
+Act: TypeAlias = Callable[[PoolOptions, "Operator", Progress], Refusal]
+"""What is done with an armed stack; returns why it was aborted."""
 
 
 def run_pool_test(options: PoolOptions) -> int:
@@ -211,8 +216,11 @@ def finish(identified: Identified, folder: RunFolder, flight: FlownManeuver, *, 
     print_fitted(f"report: {folder.report}")
 
 
-def fly(options: PoolOptions, folder: RunFolder, progress: Progress) -> FlownManeuver:
-    """Have a stack started, fly the motions, end it; the bag is closed and readable when this returns."""
+def fly(options: PoolOptions, folder: RunFolder, progress: Progress, act: Act | None = None) -> FlownManeuver:
+    """Have a stack started, fly the motions, end it; the bag is closed and readable when this returns.
+
+    `act` is done with the armed stack in place of the motions; it returns why it was aborted.
+    """
     mock, flight = options.mock, FlownManeuver()
     whole = [one.name for one in EVERY if options.without_record != CONTINUE or one is not RECORDER]
     up = UpOptions(
@@ -233,7 +241,7 @@ def fly(options: PoolOptions, folder: RunFolder, progress: Progress) -> FlownMan
             shutil.rmtree(folder.path, ignore_errors=True)
             raise
         with adopted(environment_beside(entry)):
-            _operate(options, flight, stack, progress)
+            _operate(options, flight, stack, progress, act or _fly_motions)
         flight.facts = stack.end()
     return flight
 
@@ -249,7 +257,7 @@ def _nothing_kept(flight: FlownManeuver, folder: RunFolder) -> Iterator[None]:
         raise
 
 
-def _operate(options: PoolOptions, flight: FlownManeuver, stack: StackProcess, progress: Progress) -> None:
+def _operate(options: PoolOptions, flight: FlownManeuver, stack: StackProcess, progress: Progress, act: Act) -> None:
     """Join the stack while it starts: the imports of the operator's node take as long as those of the nodes."""
     from hindrax_operator.nodes.operator_node import Operator  # noqa: PLC0415  # rclpy reads the environment as it is imported
     from hindrax_operator.nodes.orders import recentre  # noqa: PLC0415  # as above
@@ -287,7 +295,7 @@ def _operate(options: PoolOptions, flight: FlownManeuver, stack: StackProcess, p
             begin, wall = operator.now(), time.monotonic()
             progress.report(f"armed; flying {', '.join(options.motions)}")
             try:
-                flight.aborted = _fly_motions(options, operator, progress)
+                flight.aborted = act(options, operator, progress)
             except KeyboardInterrupt:
                 flight.aborted, flight.interrupted = STOPPED, True
             except HindraxError as error:

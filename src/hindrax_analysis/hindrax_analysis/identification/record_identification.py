@@ -248,10 +248,17 @@ def _with_axes_only(identified: Identified, axes: Sequence[int]) -> Identified:
 
 
 def _own_events(sources: Sequence[RecordSource], vehicle: Vehicle, span: Span) -> Iterator[Stamped[IdentEvent]]:
+    return events_apart([bag_events(source.path, vehicle) for source in sources], span)
+
+
+def events_apart(
+    records: Sequence[Iterator[Stamped[IdentEvent]]], span: Span = Span()
+) -> Iterator[Stamped[IdentEvent]]:
+    """Events of records one after the other, so far apart that no stretch spans two."""
     begin = Stamp(0)
-    for source in sources:
+    for record in records:
         last = begin
-        for event in _cut(bag_events(source.path, vehicle), span, begin):
+        for event in _cut(record, span, begin):
             last = max(last, event.stamp)
             yield event
         last = after(last, 1e-3)

@@ -13,7 +13,7 @@ from hindrax_control.maneuver.plan import Plan
 from hindrax_control.maneuver.pulses import PulseManeuver
 from hindrax_control.pilot import Pilot, PilotKnobs
 from hindrax_core.events import Stamp, Stamped, seconds_between, to_s
-from hindrax_core.signals import NAN, Allocation, Navigation
+from hindrax_core.signals import NAN, Allocation, Estimate, IdentEvent, Navigation
 from hindrax_core.text.refusals import NOTHING, Reason, Refusal
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import truth_of
@@ -70,13 +70,14 @@ def fly(
     knobs: PilotKnobs | None = None,
     watch: Watch = lambda _world, _output: None,
     aim: Aim | None = None,
+    listen: Callable[[Stamped[IdentEvent]], None] = lambda _event: None,
 ) -> PoolFlight:
     """Fly a goal with the modeled vehicle; `world` as for `--world`, its random sizes are drawn by the same seed.
 
-    With an aim, the identification chooses what is flown.
+    With an aim, the identification chooses what is flown. `listen` gets every event that the identification gets.
     """
     vehicle = calibrated(vehicle)
-    session = Session(vehicle, silent=True)
+    session = _Heard(vehicle, listen)
     experiment = None if aim is None else Experiment(tuple(motions), aim)
     if experiment is None:
         pilot = GoalPilot(vehicle, Goal(tuple(motions), excitation, seed), knobs)
@@ -105,6 +106,18 @@ def calibrated(vehicle: Vehicle) -> Vehicle:
         name: replace(mount, calibration={**done, **mount.calibration}) for name, mount in vehicle.sensors.items()
     }
     return replace(vehicle, sensors=sensors)
+
+
+class _Heard(Session):
+    """A silent session that passes its events on."""
+
+    def __init__(self, vehicle: Vehicle, listen: Callable[[Stamped[IdentEvent]], None]) -> None:
+        super().__init__(vehicle, silent=True)
+        self._listen = listen
+
+    def step(self, event: Stamped[IdentEvent]) -> Sequence[Stamped[Estimate]]:
+        self._listen(event)
+        return super().step(event)
 
 
 class GoalPilot:

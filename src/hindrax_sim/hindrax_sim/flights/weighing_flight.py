@@ -15,6 +15,8 @@ from hindrax_sim.flights.lockstep import Lockstep, LockstepCommand
 from hindrax_sim.flights.pool_flight import calibrated
 from hindrax_sim.world import Conditions
 
+MOCK_LOADS = {"surge": "line", "sway": "line_aside", "heave": "weight", "yaw": "line_bow"}
+"""Condition of a world that loads each axis."""
 SETTLE_S, HOLD_S = 30.0, 20.0
 RAMP_per_s = 0.1
 """How gently the load is put on."""

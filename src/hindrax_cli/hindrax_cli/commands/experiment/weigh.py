@@ -7,6 +7,7 @@ import sys
 import termios
 from collections.abc import Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 from hindrax_analysis.identification.known_weight import Hold, LoadSpan, Weighing, holds_of
@@ -31,7 +32,6 @@ ACTS = {
     "heave": ("the weight hangs under its middle", "a float of this lift is tied to its middle"),
     "yaw": ("a line over a pulley pulls the bow to starboard", "a line over a pulley pulls the bow to port"),
 }
-MOCK_LOADS = {"surge": "line", "sway": "line_aside", "heave": "weight", "yaw": "line_bow"}
 SHARES = (0.0, 1.0, -1.0, 1.0, -1.0)
 LEVER_SIGMA_m = 0.002
 
@@ -84,9 +84,10 @@ def _holds(arguments: argparse.Namespace, vehicle: Vehicle, axis: int) -> list[H
     shares = tuple(max(0.0, share) for share in SHARES) if arguments.one_way else SHARES
     if arguments.bag:
         return _from_bag(arguments, vehicle, axis)
-    _check_load(arguments, vehicle)
+    lever = (arguments.lever or 0.0) if arguments.axis == "yaw" else 1.0
+    check_load(vehicle, arguments.axis, arguments.load or 0.0, lever)
     if arguments.mock:
-        from hindrax_sim.flights.weighing_flight import fly_weighing  # noqa: PLC0415  # no simulator on the vehicle
+        from hindrax_sim.flights.weighing_flight import MOCK_LOADS, fly_weighing  # noqa: PLC0415  # no simulator on the vehicle
 
         load = f"={arguments.load}" if arguments.load else ""
         world = f"{arguments.world},{MOCK_LOADS[arguments.axis]}{load}"
@@ -98,33 +99,40 @@ def _holds(arguments: argparse.Namespace, vehicle: Vehicle, axis: int) -> list[H
         raise UsageError(
             f"weigh {arguments.axis}: wanted --load N{' and --lever M' if arguments.axis == 'yaw' else ''}"
         )
-    lever = arguments.lever if arguments.axis == "yaw" else 1.0
     return _guided(arguments, vehicle, axis, [share * arguments.load * lever for share in shares])
 
 
-def _check_load(arguments: argparse.Namespace, vehicle: Vehicle) -> None:
+def check_load(vehicle: Vehicle, axis: str, weight_N: float, lever_m: float) -> None:
     """UsageError for a load that would pull the vehicle away."""
-    lever, unit = (arguments.lever, "N m") if arguments.axis == "yaw" else (1.0, "N")
-    load, most = (arguments.load or 0.0) * (lever or 0.0), largest_wrench(vehicle)[arguments.axis]
+    load, most, unit = weight_N * lever_m, largest_wrench(vehicle)[axis], "N m" if axis == "yaw" else "N"
     if load >= most:
         raise UsageError(
-            f"weigh {arguments.axis}: found a load of {load:g} {unit}, wanted less than the {most:.1f} {unit} that its "
+            f"weigh {axis}: found a load of {load:g} {unit}, wanted less than the {most:.1f} {unit} that its "
             "thrusters give; take a smaller weight"
         )
 
 
 def _guided(arguments: argparse.Namespace, vehicle: Vehicle, axis: int, loads: Sequence[float]) -> list[Hold]:
-    def ask(load: float) -> None:
-        _forget_what_was_typed()
-        what = "nothing but its tether" if load == 0.0 else f"{arguments.load:g} N: {ACTS[arguments.axis][load < 0.0]}"
-        print_stderr(f"on the vehicle: {what}. Let it go gently, then press Enter")
-
+    ask = partial(ask_for_load, arguments.axis, arguments.load)
     with operator_of(arguments) as operator:
         from hindrax_operator.nodes.orders import require_armed  # noqa: PLC0415  # rclpy reads the environment of the stack
         from hindrax_operator.weighing import weigh_on  # noqa: PLC0415  # as above
 
         require_armed(operator)
-        return weigh_on(operator, vehicle, axis, loads, ready=_entered, ask=ask, report=print_stderr)
+        return weigh_on(operator, vehicle, axis, loads, ready=entered, ask=ask, report=print_stderr)
+
+
+def ask_for_load(axis: str, weight_N: float, load: float) -> None:
+    """Tell a person what to hang on the vehicle, for a load with the axis [N, Nm]."""
+    _forget_what_was_typed()
+    what = "nothing but its tether" if load == 0.0 else f"{weight_N:g} N: {ACTS[axis][load < 0.0]}"
+    print_stderr(f"on the vehicle: {what}. Let it go gently, then press Enter")
+
+
+def require_tty() -> None:
+    """UsageError where nobody can answer: steps of a person would hang for ever."""
+    if not sys.stdin.isatty():
+        raise UsageError("--session: found no terminal for the steps of a person, wanted one, --yes or --mock")
 
 
 def _forget_what_was_typed() -> None:
@@ -133,7 +141,7 @@ def _forget_what_was_typed() -> None:
         termios.tcflush(sys.stdin, termios.TCIFLUSH)
 
 
-def _entered() -> bool:
+def entered() -> bool:
     """Whether a line was entered; it does not block, because the heartbeat of the operator must continue."""
     if not select.select([sys.stdin], [], [], 0.0)[0]:
         return False

@@ -9,10 +9,12 @@ from typing import Any
 
 from hindrax_analysis.identification.executor import run_all
 from hindrax_analysis.identification.montecarlo import Trial, summary, trial_of
+from hindrax_analysis.identification.pool_session import MASS_GOAL
 from hindrax_analysis.terminal import print_answer, print_table
 from hindrax_bringup.clone import developer_module
 from hindrax_cli.argument_types import add_json, add_vehicle, at_least
 from hindrax_cli.command import command, option
+from hindrax_cli.lockstep_session import SessionTrial, session_summary, session_trial
 from hindrax_control.maneuver.goal import EXCITATIONS, PLATEAUS, motions_to_fly
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_fitted, print_stderr
@@ -32,6 +34,9 @@ from hindrax_sim.flights.pool_flight import fly
     option("--workers", type=at_least(1), metavar="N", help="local processes; default: one per core"),
     partial(add_vehicle, meaning="vehicle with its truth: file or name"),
     option("--world", default=IDEAL, help=f"what the model does not know: {FORM}. Default: {IDEAL}"),
+    option(
+        "--session", action="store_true", help="sessions: legs, weighing, repeats; what each bought, beside the goal"
+    ),
     add_json,
 )
 def montecarlo(arguments: argparse.Namespace) -> int:
@@ -44,6 +49,10 @@ def montecarlo(arguments: argparse.Namespace) -> int:
     print_stderr(f"{vehicle.name} {servable}")
     seeds = range(arguments.seed, arguments.seed + arguments.runs)
     how = servable.flown, arguments.excitation, arguments.vehicle, arguments.world
+    if arguments.session:
+        if arguments.excitation != PLATEAUS:
+            raise UsageError(f"--session: found --excitation {arguments.excitation}, wanted {PLATEAUS}")
+        return _sessions(arguments, servable.flown, seeds)
     jobs = [partial(trial, seed, *how) for seed in seeds]
     trials: list[Trial] = []
     for one in run_all(call, jobs, cluster=arguments.cluster, workers=arguments.workers):
@@ -53,6 +62,36 @@ def montecarlo(arguments: argparse.Namespace) -> int:
     if not document["cells"]:
         raise HindraxError(f"none of {len(trials)} runs gave a result: {trials[0].trouble}")
     return print_answer(document, lambda: print_montecarlo(document), as_json=arguments.json)
+
+
+def _sessions(arguments: argparse.Namespace, motions: tuple[str, ...], seeds: range) -> int:
+    """Fly sessions; print the goal beside what was reached."""
+    jobs = [partial(session_trial, seed, motions, arguments.vehicle, arguments.world) for seed in seeds]
+    trials: list[SessionTrial] = []
+    for one in run_all(call, jobs, cluster=arguments.cluster, workers=arguments.workers):
+        trials.append(one)
+        print_stderr(f"session {len(trials)} of {len(jobs)}: seed {one.seed} {one.trouble}")
+    document = session_summary(trials)
+    if not document["motions"]:
+        raise HindraxError(f"none of {len(trials)} sessions gave a result: {trials[0].trouble}")
+    return print_answer(document, lambda: print_sessions(document), as_json=arguments.json)
+
+
+def print_sessions(document: dict[str, Any]) -> None:
+    """Print one line per motion: goal, then the medians after each kind of step, and the coverage."""
+    numbers = ("goal [%]", "first legs [%]", "weighed [%]", "repeated [%]", "9 in 10 [%]", "mass [%]", "covered")
+    keys = ("goal_drag", "drag_first", "drag_weighed", "drag", "drag_p90", "added_mass")
+    rows = [
+        (one["motion"], *(f"{100 * one[key]:.1f}" for key in keys), f"{one['coverage95']:.0%}", one["cause"])
+        for one in document["motions"]
+    ]
+    title = (
+        f"{document['runs']} sessions of {document['minutes']:.0f} min of water: calibrated std of the drag at the "
+        f"highest speed (medians), wanted for the added mass {MASS_GOAL:.0%}, of the 95 % intervals covered 90 %"
+    )
+    print_table(title, ("motion",), numbers, rows, ("largest that is left",), spare=("first legs [%]",))
+    for seed, trouble in document["troubles"].items():
+        print_fitted(f"seed {seed}: {trouble}")
 
 
 def trial(seed: int, motions: tuple[str, ...], excitation: str, vehicle_file: str, world: str) -> Trial:

@@ -13,6 +13,7 @@ from hindrax_cli.argument_types import (
     add_tuning,
     add_uncommissioned,
     add_vehicle,
+    at_least,
     pace,
     positive,
     seed,
@@ -31,6 +32,10 @@ from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 from hindrax_ident.online.aim import Aim
 from hindrax_operator.pool_run import ABORT, CONTINUE, PoolOptions, run_pool_test
 
+SESSION_HELP = (
+    "guided session of a pool day: legs, weighing, repeats, one estimate over all; FOLDER of one that was "
+    "interrupted goes on with it, any other gets the results; default runs/<time>"
+)
 PLAN_HELP = "only rehearse it in lock-step: timetable, clearances, charge and uncertainty, without ROS and devices"
 
 
@@ -73,9 +78,19 @@ def require_start(vehicle: Vehicle, start: tuple[float, float, float]) -> None:
 @command(
     "./hindrax pool-test --plan --dof all\n"
     "./hindrax pool-test --mock --dof surge --seed 7\n"
-    "./hindrax pool-test --mock --dof all --until 2% --minutes 5",
+    "./hindrax pool-test --mock --dof all --until 2% --minutes 5\n"
+    "./hindrax pool-test --session --mock --dof surge sway heave yaw",
     option("--mock", action="store_true", help="fly the mock vehicle instead of the one on this machine"),
     option("--plan", action="store_true", help=PLAN_HELP),
+    option("--session", nargs="?", const="", metavar="FOLDER", help=SESSION_HELP),
+    option("--repeats", type=at_least(1), default=2, metavar="N", help="session: legs of every motion; default 2"),
+    option(
+        "--load", type=positive, metavar="N", help="session: force of the weight [N]; without it nothing is weighed"
+    ),
+    option("--lever", type=positive, metavar="M", help="session: of the line that turns it in yaw [m]"),
+    option(
+        "--yes", action="store_true", help="session: no questions; the tether counts as led away, nothing is weighed"
+    ),
     option(
         "--dof",
         nargs="+",
@@ -122,6 +137,13 @@ def pool_test(arguments: argparse.Namespace) -> int:
     if arguments.autopilot is not None:
         _use_autopilot(arguments)
     aim = aim_of(arguments)
+    if arguments.session is not None:
+        from hindrax_cli.commands.pool.guided_session import guide  # noqa: PLC0415  # a single flight needs none of it
+
+        return guide(arguments)
+    of_session = [f"--{one}" for one in ("load", "lever", "yes") if getattr(arguments, one)]
+    if of_session:
+        raise UsageError(f"found {', '.join(of_session)} without --session, wanted both or neither")
     if arguments.plan:
         from hindrax_cli.pool_plan import rehearse_and_show  # noqa: PLC0415  # a flight needs neither SciPy nor the simulator
 

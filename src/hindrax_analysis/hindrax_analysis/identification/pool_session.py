@@ -1,0 +1,269 @@
+"""A pool session: steps one after the other, one joint estimate over all, what each step bought and what the next can.
+
+Each finished step is kept in `session.yaml`, so that a session goes on where it was interrupted. The legs come first:
+a weighing improves the legs before it as well (ADR 35), and their budget says what a weighing is worth.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any, Protocol
+
+import yaml
+
+from hindrax_core.errors import UsageError, cause
+from hindrax_core.text.text_file import replace_text, writing
+from hindrax_core.vehicle import AxisGain, Vehicle
+from hindrax_ident.assess.influences import MEASURED_THRUST
+from hindrax_ident.assess.results import MotionResult
+from hindrax_ident.model.motion_model import MOTIONS
+
+SESSION_FILE = "session.yaml"
+TETHER, LEGS, WEIGH = "tether", "legs", "weigh"
+WEIGHED = ("surge", "sway", "heave", "yaw")
+"""Axes with a known-weight test; roll and pitch carry a load by their righting moment."""
+DRAG_GOAL, ROTATION_GOAL, MASS_GOAL = 0.05, 0.10, 0.08
+"""Wanted calibrated standard deviations of the drag at the highest speed and of the added mass, shares of them [-]."""
+TRIES = 2
+NOISE = "noise of the record"
+
+
+@dataclass(frozen=True, slots=True)
+class Reached:
+    """Calibrated standard deviations of one motion, as shares of the drag at its highest speed and of its mass [-].
+
+    `weighed`, `repeated`: of the drag at best after each, by the budget; `floor`: after both, with `cause` the largest
+    influence that is left. NaN where the drag is not known.
+    """
+
+    drag: float
+    added_mass: float
+    weighed: float
+    repeated: float
+    floor: float
+    cause: str
+    remedy: str
+
+
+def drag_goal(motion: str) -> float:
+    """Wanted calibrated standard deviation of the drag at the highest speed, as a share of it [-]."""
+    return ROTATION_GOAL if MOTIONS[motion].axis in (3, 4) else DRAG_GOAL
+
+
+def reached_of(result: MotionResult) -> Reached:
+    """Where a motion stands, and what a weighing and a repeat could buy at best by its budget (GUM eq. 11a)."""
+    mass, drag = result.coefficients.get("added_mass"), result.drag
+    mass_share = abs(mass.std_calibrated / mass.value) if mass and mass.value else math.nan
+    if drag is None or not float(drag.force[-1]) > 0.0:
+        return Reached(math.nan, mass_share, math.nan, math.nan, math.nan, "", "")
+    force, variance = float(drag.force[-1]), float(drag.std_calibrated[-1]) ** 2
+    rows = result.budget.get("drag", ())
+    by_weighing = sum(row.std**2 for row in rows if row.remedy == MEASURED_THRUST)
+    # A second run halves the variance of the noise; what acts on both alike stays.
+    by_repeat = 0.5 * sum(row.std**2 for row in rows if row.influence == NOISE)
+    left = [row for row in rows if row.remedy != MEASURED_THRUST and row.influence != NOISE]
+    largest = max(left, key=lambda row: row.std, default=None)
+
+    def share(gained: float) -> float:
+        return math.sqrt(max(0.0, variance - gained)) / force
+
+    return Reached(
+        drag=share(0.0),
+        added_mass=mass_share,
+        weighed=share(by_weighing),
+        repeated=share(by_repeat),
+        floor=share(by_weighing + by_repeat),
+        cause=largest.influence if largest else "",
+        remedy=largest.remedy if largest else "",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A finished step: its folder below the session, the gain that it found, water time, and where all stands now."""
+
+    name: str
+    folder: str = ""
+    gain: AxisGain | None = None
+    seconds: float = 0.0
+    remark: str = ""
+    """Why it was left out or is not whole; empty when it was done."""
+    reached: Mapping[str, Reached] = field(default_factory=dict)
+
+    @property
+    def kind(self) -> str:
+        """TETHER, LEGS or WEIGH."""
+        return self.name.partition(" ")[0]
+
+    @property
+    def subject(self) -> str:
+        """Number of the legs, or axis that is weighed."""
+        return self.name.partition(" ")[2]
+
+
+@dataclass(frozen=True, slots=True)
+class PoolSession:
+    """Settings of a session, its planned steps by name, and those that are finished."""
+
+    settings: Mapping[str, Any]
+    planned: tuple[str, ...]
+    done: tuple[Step, ...] = ()
+
+    @property
+    def left(self) -> tuple[str, ...]:
+        """Names of the steps to do."""
+        return self.planned[len(self.done) :]
+
+    @property
+    def gains(self) -> dict[str, AxisGain]:
+        """What was weighed, by axis."""
+        return {step.subject: step.gain for step in self.done if step.gain is not None}
+
+    @property
+    def folders(self) -> list[str]:
+        """Folders with a bag of legs."""
+        return [step.folder for step in self.done if step.kind == LEGS and step.folder]
+
+    @property
+    def reached(self) -> Mapping[str, Reached]:
+        """Where every motion stands after the last estimate."""
+        return next((step.reached for step in reversed(self.done) if step.reached), {})
+
+    @property
+    def seconds(self) -> float:
+        """Time in the water [s]."""
+        return sum(step.seconds for step in self.done)
+
+    def weighed(self, vehicle: Vehicle) -> Vehicle:
+        """The vehicle with the gains of this session."""
+        return replace(vehicle, thrust_gain={**vehicle.thrust_gain, **self.gains})
+
+
+def planned_steps(motions: Sequence[str], repeats: int) -> tuple[str, ...]:
+    """Names of the steps for the flown motions: legs, weighings, repeated legs."""
+    weighings = [f"{WEIGH} {axis}" for axis in WEIGHED if axis in motions]
+    return (TETHER, f"{LEGS} 1", *weighings, *(f"{LEGS} {number}" for number in range(2, repeats + 1)))
+
+
+def order_of(motions: Sequence[str], number: int) -> tuple[str, ...]:
+    """Motions of the n-th legs: every second time backwards, so that a steady drift averages out over the repeats."""
+    return tuple(motions) if number % 2 else tuple(reversed(motions))
+
+
+class Stand(Protocol):
+    """What does the steps: the stack with a person beside the pool, or the mock."""
+
+    def tether(self) -> str:
+        """Have the tether led away; why not, or nothing."""
+
+    def legs(self, motions: tuple[str, ...], folder: Path, session: PoolSession) -> tuple[float, str]:
+        """Fly motions into a new folder: seconds in the water, and why it was aborted."""
+
+    def weigh(self, axis: str, folder: Path, session: PoolSession) -> tuple[AxisGain | None, float, str]:
+        """Weigh an axis: its gain, seconds in the water, and why there is none."""
+
+    def estimate(self, bags: Sequence[Path], session: PoolSession) -> Mapping[str, Reached]:
+        """One estimate over all bags with all gains."""
+
+
+def run_steps(
+    session: PoolSession, folder: Path, stand: Stand, report: Callable[[PoolSession], None] = lambda _: None
+) -> PoolSession:
+    """Do the steps that are left; each is kept on disk when it is finished, then `report` gets the session.
+
+    A KeyboardInterrupt passes through: the step in hand is not kept, and is done again when the session goes on.
+    """
+    motions = tuple(session.settings["motions"])
+    while session.left:
+        step = _do(session.left[0], motions, session, folder, stand)
+        session = replace(session, done=(*session.done, step))
+        save(session, folder)
+        # Weighings one after the other need one estimate, after the last.
+        more = step.kind == WEIGH and session.left and session.left[0].startswith(WEIGH)
+        if step.kind != TETHER and not more and session.folders:
+            reached = stand.estimate([folder / one for one in session.folders], session)
+            session = replace(session, done=(*session.done[:-1], replace(step, reached=reached)))
+            save(session, folder)
+        report(session)
+    return session
+
+
+def _do(name: str, motions: tuple[str, ...], session: PoolSession, folder: Path, stand: Stand) -> Step:
+    step = Step(name)
+    if step.kind == TETHER:
+        return replace(step, remark=stand.tether())
+    if step.kind == WEIGH:
+        gain, seconds, remark = stand.weigh(step.subject, _free(folder, name), session)
+        return replace(step, gain=gain, seconds=seconds, remark=remark)
+    seconds, aborted = 0.0, ""
+    for _ in range(TRIES):
+        place = _free(folder, name)
+        took, aborted = stand.legs(order_of(motions, int(step.subject)), place, session)
+        seconds += took
+        if not aborted:
+            break
+    # Of legs that were aborted twice, what was flown counts.
+    flown = place.name if (place / "bag").is_dir() else ""
+    return Step(name, flown, seconds=seconds, remark=f"aborted twice, by {aborted}" if aborted else "")
+
+
+def _free(folder: Path, name: str) -> Path:
+    """A folder that no earlier try has: `legs-1`, then `legs-1-again`, and so on."""
+    path = folder / name.replace(" ", "-")
+    while path.exists():
+        path = path.with_name(f"{path.name}-again")
+    return path
+
+
+# ---- on disk
+
+
+def save(session: PoolSession, folder: Path) -> None:
+    """Write `session.yaml`; HindraxError when that fails."""
+    done = [asdict(step) for step in session.done]
+    plain = {"settings": dict(session.settings), "planned": list(session.planned), "done": done}
+    with writing(folder / SESSION_FILE):
+        replace_text(folder / SESSION_FILE, yaml.safe_dump(plain, sort_keys=False))
+
+
+def load(folder: Path) -> PoolSession:
+    """Read `session.yaml`; UsageError says what is wrong with it."""
+    file = folder / SESSION_FILE
+    try:
+        plain = yaml.safe_load(file.read_text(encoding="utf-8"))
+        done = tuple(_step(one) for one in plain["done"])
+        return PoolSession(plain["settings"], tuple(plain["planned"]), done)
+    except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError) as error:
+        raise UsageError(f"{file}: found no session ({cause(error)}), wanted one that pool-test wrote") from error
+
+
+def _step(plain: Mapping[str, Any]) -> Step:
+    gain = None if plain["gain"] is None else AxisGain(**plain["gain"])
+    return Step(**{**plain, "gain": gain, "reached": {name: Reached(**one) for name, one in plain["reached"].items()}})
+
+
+# ---- in words
+
+
+def meets(motion: str, reached: Reached) -> bool:
+    """Whether drag and added mass of a motion are as well known as wanted."""
+    return reached.drag <= drag_goal(motion) and reached.added_mass <= MASS_GOAL
+
+
+def next_sentence(session: PoolSession) -> str:
+    """What to do next by the budget: the motion that is farthest from its goal, and what a step buys there at best."""
+    known = {motion: one for motion, one in session.reached.items() if math.isfinite(one.drag)}
+    wide = {motion: one.drag / drag_goal(motion) for motion, one in known.items() if one.drag > drag_goal(motion)}
+    if not wide:
+        return "the drag of every motion is as well known as wanted" if known else "no motion has a drag yet"
+    motion = max(wide, key=wide.__getitem__)
+    one = known[motion]
+    at = f"{motion} is known to {one.drag:.1%}, wanted {drag_goal(motion):.0%}"
+    best = min(one.weighed, one.repeated)
+    if session.left and best < 0.9 * one.drag:
+        what = "the weighing" if one.weighed <= one.repeated else "a repeat"
+        return f"{at}; {what} can buy {best:.1%} at best"
+    return f"{at}; weighing and repeats end at {one.floor:.1%}, by {one.cause}: {one.remedy}"

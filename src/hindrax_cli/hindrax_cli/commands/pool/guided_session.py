@@ -1,0 +1,272 @@
+"""`hindrax pool-test --session`: a pool day step by step, with a person beside the pool or in mock."""
+
+import argparse
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from hindrax_analysis.coefficients_file import as_yaml
+from hindrax_analysis.identification.bag_identification import (
+    Identified,
+    recorded_conditions,
+    show,
+    write,
+    write_report,
+)
+from hindrax_analysis.identification.known_weight import Hold
+from hindrax_analysis.identification.known_weight import weigh as weighed
+from hindrax_analysis.identification.pool_session import (
+    SESSION_FILE,
+    PoolSession,
+    Reached,
+    drag_goal,
+    load,
+    meets,
+    next_sentence,
+    planned_steps,
+    reached_of,
+    run_steps,
+    save,
+)
+from hindrax_analysis.identification.record_identification import IdentificationTask, identify_sources, open_sources
+from hindrax_analysis.records.third_party_bag import TopicSelection
+from hindrax_analysis.terminal import print_answer, print_table, working
+from hindrax_bag.run_folder import RunFolder, make_run_folder
+from hindrax_bringup.stack import MockOptions
+from hindrax_cli.commands.experiment.weigh import SHARES, LEVER_SIGMA_m, ask_for_load, check_load, entered, require_tty
+from hindrax_cli.commands.operate.up_stop import require_known
+from hindrax_control.maneuver.goal import PLATEAUS, motions_to_fly
+from hindrax_control.prior_dynamics import prior_dynamics
+from hindrax_core.errors import INTERRUPTED, HindraxError, UsageError
+from hindrax_core.text.refusals import NOTHING, Refusal
+from hindrax_core.text.screen_text import print_fitted, print_stderr
+from hindrax_core.vehicle import AXES, AxisGain, load_vehicle
+from hindrax_operator.pool_run import ABORT, PoolOptions, fly, planned, proof_of
+from hindrax_operator.progress import Progress
+
+UNFIT = ("plan", "until", "minutes", "fault", "simulator", "start", "out", "autopilot", "params", "set")
+"""Options of a single flight, which a session does not keep."""
+LOAD_SIGMA = 0.002
+LEAD_AWAY = (
+    "lead the tether away: slack, afloat, its fixed end beside the middle of the legs, so that it pulls nowhere; "
+    "then press Enter"
+)
+
+
+def guide(arguments: argparse.Namespace) -> int:
+    """Begin a session or go on with one; 0 when every step was done and every motion identified."""
+    found = [f"--{name}" for name in UNFIT if getattr(arguments, name) not in (None, [], "", False)]
+    found += [f"--excitation {arguments.excitation}"] if arguments.excitation != PLATEAUS else []
+    if found:
+        raise UsageError(f"--session: found {', '.join(found)}, wanted none of them: a session chooses its legs itself")
+    session, folder = _opened(arguments)
+    stand = StackStand(arguments, session, folder)
+    save(session, folder.path)
+    print_stderr(f"session {folder.path}: {', '.join(session.left) or 'all steps are done'}")
+    try:
+        session = run_steps(session, folder.path, stand, partial(_report, folder.path))
+        if not session.folders:
+            raise HindraxError(f"{folder.path}: no legs were flown ({session.done[1].remark}), so there is no estimate")
+        identified = stand.identified or stand.identify(_bags(session, folder), session)
+    except KeyboardInterrupt:
+        mock = " --mock" if session.settings["mock"] else ""
+        print_stderr(f"stopped; `./hindrax pool-test --session {folder.path}{mock}` goes on with the step in hand")
+        return INTERRUPTED
+    bags = _bags(session, folder)
+    conditions = recorded_conditions(identified, bags, bags)
+    write(folder.coefficients, as_yaml(identified.results, conditions))
+    write_report(folder.report, identified, conditions, None)
+    document = identified.document(bags[0], folder.report, None, NOTHING) | session_document(session, folder.path)
+
+    def shown() -> None:
+        show(identified)
+        show_session(session)
+        print_fitted(f"report: {folder.report}")
+
+    print_answer(document, shown, as_json=arguments.json)
+    aborted = [step.name for step in session.done if step.remark.startswith("aborted")]
+    return 1 if aborted or not identified.complete else 0
+
+
+def _opened(arguments: argparse.Namespace) -> tuple[PoolSession, RunFolder]:
+    """The session that is in the folder, or a new one; what it was begun with stays."""
+    if arguments.session and (Path(arguments.session) / SESSION_FILE).is_file():
+        folder = RunFolder(Path(arguments.session).resolve())
+        session = load(folder.path)
+        if bool(session.settings["mock"]) != arguments.mock:
+            began, now = ("with", "without") if session.settings["mock"] else ("without", "with")
+            raise UsageError(f"--session {arguments.session}: was begun {began} --mock, found {now}; go on as it began")
+        print_stderr("goes on with the vehicle, motions, world and load that the session was begun with")
+        if not arguments.yes and not arguments.mock and session.left:
+            require_tty()
+        return session, folder
+    vehicle = load_vehicle(arguments.vehicle)
+    servable = motions_to_fly(arguments.dof, vehicle)
+    print_stderr(f"{vehicle.name} {servable}")
+    if arguments.mock:
+        mock = MockOptions(arguments.seed, arguments.rate or 0.0, (), arguments.world or "pool")
+        require_known(mock, vehicle)
+    elif arguments.world is not None or arguments.rate is not None:
+        raise UsageError("--world and --rate are for --mock only")
+    else:
+        _check_person(arguments, servable.flown)
+    settings = {
+        "motions": list(servable.flown),
+        "mock": {"seed": arguments.seed, "world": arguments.world or "pool"} if arguments.mock else None,
+        "load_N": arguments.load,
+        "lever_m": arguments.lever,
+        "repeats": arguments.repeats,
+    }
+    folder = make_run_folder(arguments.session or None, Path(arguments.vehicle))
+    return PoolSession(settings, planned_steps(servable.flown, arguments.repeats)), folder
+
+
+def _check_person(arguments: argparse.Namespace, motions: Sequence[str]) -> None:
+    """UsageError where the steps of a person cannot be done."""
+    if not arguments.yes:
+        require_tty()
+    if arguments.load:
+        vehicle = load_vehicle(arguments.vehicle)
+        for axis in (one for one in ("surge", "sway", "heave") if one in motions):
+            check_load(vehicle, axis, arguments.load, 1.0)
+        if "yaw" in motions and arguments.lever:
+            check_load(vehicle, "yaw", arguments.load, arguments.lever)
+
+
+def _bags(session: PoolSession, folder: RunFolder) -> list[Path]:
+    return [folder.path / one / "bag" for one in session.folders]
+
+
+class StackStand:
+    """Flies with the stack, each step for itself; in mock the weighing is in lock-step, in the world of the legs."""
+
+    def __init__(self, arguments: argparse.Namespace, session: PoolSession, folder: RunFolder) -> None:
+        self._settings: Mapping[str, Any] = session.settings
+        self._yes, self._file = arguments.yes, folder.vehicle
+        self.vehicle = load_vehicle(folder.vehicle)
+        mock = self._settings["mock"]
+        self.options = PoolOptions(
+            motions=tuple(self._settings["motions"]),
+            vehicle_file=folder.vehicle,
+            mock=MockOptions(mock["seed"], arguments.rate or 0.0, (), mock["world"]) if mock else None,
+            out=None,
+            seed=arguments.seed,
+            excitation=PLATEAUS,
+            on_cancel=arguments.on_cancel,
+            without_record=ABORT,
+            headless=arguments.headless or arguments.json,
+            json=arguments.json,
+            uncommissioned=arguments.uncommissioned,
+        )
+        print_stderr(proof_of(self.vehicle, self.options).text)
+        for line in planned(self.vehicle, self.options):
+            print_stderr(line)
+        self.identified: Identified | None = None
+
+    def tether(self) -> str:
+        """Ask for the tether to be led away."""
+        if self.options.mock is not None or self._yes:
+            return ""
+        print_stderr(LEAD_AWAY)
+        return "" if sys.stdin.readline() else "the input has ended"
+
+    def legs(self, motions: tuple[str, ...], folder: Path, _session: PoolSession) -> tuple[float, str]:
+        """Fly motions; a Ctrl-C ends them in neutral, then the session."""
+        made = make_run_folder(str(folder), self._file)
+        with Progress(headless=self.options.headless) as progress:
+            flight = fly(replace(self.options, motions=motions), made, progress)
+        if flight.interrupted:
+            raise KeyboardInterrupt
+        return flight.vehicle_s, str(flight.aborted)
+
+    def weigh(self, axis: str, folder: Path, _session: PoolSession) -> tuple[AxisGain | None, float, str]:
+        """Weigh with the stack and a person, or in lock-step."""
+        if (mock := self._settings["mock"]) is not None:
+            from hindrax_cli.lockstep_session import weigh_in_lockstep  # noqa: PLC0415  # no simulator on the vehicle
+
+            with working(f"weighing {axis} in lock-step, in the world of the legs"):
+                return *weigh_in_lockstep(self.vehicle, axis, mock["world"], mock["seed"]), ""
+        load_N, lever_m = self._settings["load_N"], self._settings["lever_m"] if axis == "yaw" else 1.0
+        if self._yes or not load_N or not lever_m:
+            return None, 0.0, "left out: wanted a person, --load and for yaw --lever"
+        held: list[Hold] = []
+
+        def act(_options: PoolOptions, operator: Any, progress: Progress) -> Refusal:
+            from hindrax_operator.weighing import weigh_on  # noqa: PLC0415  # rclpy reads the environment of the stack
+
+            loads, ask = [share * load_N * lever_m for share in SHARES], partial(ask_for_load, axis, load_N)
+            number = AXES.index(axis)
+            held.extend(weigh_on(operator, self.vehicle, number, loads, ready=entered, ask=ask, report=progress.report))
+            return NOTHING
+
+        made = make_run_folder(str(folder), self._file)
+        with Progress(headless=True) as progress:
+            flight = fly(replace(self.options, motions=(axis,)), made, progress, act)
+        print_stderr("take the weight and its line off")
+        if flight.interrupted:
+            raise KeyboardInterrupt
+        if flight.aborted or not held:
+            return None, flight.vehicle_s, f"aborted by {flight.aborted}"
+        sigma = (LOAD_SIGMA**2 + ((LEVER_SIGMA_m / lever_m) ** 2 if axis == "yaw" else 0.0)) ** 0.5
+        found = weighed(held, AXES.index(axis), prior_dynamics(self.vehicle)[axis], load_sigma=sigma)
+        return found.gain, flight.vehicle_s, ""
+
+    def estimate(self, bags: Sequence[Path], session: PoolSession) -> Mapping[str, Reached]:
+        """One estimate over all legs, with all gains."""
+        self.identified = self.identify([folder / "bag" for folder in bags], session)
+        return {motion: reached_of(one) for motion, one in self.identified.results.motions.items()}
+
+    def identify(self, bags: Sequence[Path], session: PoolSession) -> Identified:
+        """Identify over bags together."""
+        sources, vehicle = open_sources(bags, TopicSelection()), session.weighed(self.vehicle)
+        with working("one estimate over all legs") as reached:
+            return identify_sources(sources, vehicle, IdentificationTask(), reached=reached)
+
+
+# ---- on the terminal
+
+
+def _report(folder: Path, session: PoolSession) -> None:
+    """Tell what the last step bought, and what is next."""
+    step = session.done[-1]
+    if step.remark:
+        print_stderr(f"{step.name}: {step.remark}")
+    if step.reached:
+        before = replace(session, done=session.done[:-1]).reached
+        for motion, one in step.reached.items():
+            was = f"{before[motion].drag:.1%} -> " if motion in before else ""
+            print_stderr(f"{step.name}: drag of {motion} {was}{one.drag:.1%}, wanted {drag_goal(motion):.0%}")
+        print_stderr(f"next: {next_sentence(session)}")
+    print_stderr(f"{step.name}: kept in {folder}; {len(session.left)} steps are left")
+
+
+def session_document(session: PoolSession, folder: Path) -> dict[str, Any]:
+    """What a session adds to the document of `identify`."""
+    reached = session.reached
+    return {
+        "session": str(folder),
+        "steps": list(session.done),
+        "minutes": session.seconds / 60.0,
+        "goal": {motion: {"drag": drag_goal(motion), "met": meets(motion, one)} for motion, one in reached.items()},
+        "next": next_sentence(session),
+    }
+
+
+def show_session(session: PoolSession) -> None:
+    """Print goal, what is reached, and what is left by the budget."""
+    stages = [step for step in session.done if step.reached]
+    names = [f"after {step.name} [%]" for step in stages]
+    rows = []
+    for motion, last in session.reached.items():
+        shares = [f"{100 * one.drag:.1f}" if (one := step.reached.get(motion)) else "" for step in stages]
+        cells = (f"{100 * drag_goal(motion):.0f}", *shares, f"{100 * last.added_mass:.1f}", f"{100 * last.floor:.1f}")
+        rows.append((motion, *cells, last.cause))
+    title = (
+        f"Session of {session.seconds / 60.0:.0f} min of water: calibrated std of the drag at the highest speed; "
+        "at best: if thrust were weighed and the noise halved; largest left: what then remains"
+    )
+    print_table(title, ("motion",), ("goal [%]", *names, "added mass [%]", "at best [%]"), rows, ("largest left",))
+    print_fitted(f"next: {next_sentence(session)}")

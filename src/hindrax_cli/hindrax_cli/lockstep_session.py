@@ -1,0 +1,141 @@
+"""A pool session in lock-step, for `montecarlo --session`: legs and weighings of one world, without ROS."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from hindrax_analysis.identification.known_weight import LoadSpan, holds_of
+from hindrax_analysis.identification.known_weight import weigh as weighed
+from hindrax_analysis.identification.pool_session import (
+    LEGS,
+    MASS_GOAL,
+    WEIGH,
+    PoolSession,
+    Step,
+    drag_goal,
+    order_of,
+    planned_steps,
+    reached_of,
+)
+from hindrax_analysis.identification.record_identification import events_apart
+from hindrax_control.prior_dynamics import prior_dynamics
+from hindrax_core.events import Stamped
+from hindrax_core.signals import IdentEvent
+from hindrax_core.text.digits import TWO_SIDED_95
+from hindrax_core.vehicle import AXES, AxisGain, Vehicle, load_vehicle
+from hindrax_ident.assess.results import Results
+from hindrax_ident.online.session import Session
+from hindrax_sim.flights.pool_flight import PoolFlight, calibrated, fly
+from hindrax_sim.flights.weighing_flight import MOCK_LOADS, fly_weighing
+
+SHARES = (0.0, 1.0, -1.0, 1.0, -1.0)
+
+
+def weigh_in_lockstep(
+    vehicle: Vehicle, axis: str, world: str, seed: int, shares: Sequence[float] = SHARES
+) -> tuple[AxisGain, float]:
+    """Gain of an axis by a known load in a world, and the seconds that it takes."""
+    number = AXES.index(axis)
+    flight = fly_weighing(vehicle, number, f"{world},{MOCK_LOADS[axis]}", seed, shares)
+    spans = [LoadSpan(*one) for one in flight.spans]
+    found = weighed(holds_of(flight.events, number, spans), number, prior_dynamics(vehicle)[axis])
+    seconds = 1e-9 * (spans[-1].end - spans[0].begin)
+    return found.gain, seconds
+
+
+@dataclass(frozen=True, slots=True)
+class SessionTrial:
+    """One session of a seed: where it stood after each kind of step, and error of the drag in its deviations."""
+
+    seed: int
+    steps: tuple[Step, ...]
+    errors: Mapping[str, float] = field(default_factory=dict)
+    """By motion: error of the drag at the highest speed, both ways the worse, in calibrated standard deviations."""
+    trouble: str = ""
+
+
+def session_trial(seed: int, motions: tuple[str, ...], vehicle_file: str, world: str, repeats: int = 2) -> SessionTrial:
+    """Do all steps in one world; the estimate after the first legs, after all weighings, and after the repeats."""
+    vehicle = calibrated(load_vehicle(vehicle_file))
+    flights: list[PoolFlight] = []
+    heard: list[list[Stamped[IdentEvent]]] = []
+    session = PoolSession({"motions": list(motions)}, planned_steps(motions, repeats)[1:])
+    results = Results({}, vehicle)
+    trouble = ""
+    for name in session.planned:
+        step = Step(name)
+        if step.kind == LEGS:
+            events: list[Stamped[IdentEvent]] = []
+            flown = order_of(motions, int(step.subject))
+            flight = fly(flown, seed, world, vehicle=vehicle, listen=events.append)
+            trouble = trouble or str(flight.aborted)
+            flights.append(flight)
+            heard.append(events)
+            step = replace(step, seconds=1e-9 * (events[-1].stamp - events[0].stamp) if events else 0.0)
+        else:
+            gain, seconds = weigh_in_lockstep(vehicle, step.subject, world, seed)
+            step = replace(step, gain=gain, seconds=seconds)
+        session = replace(session, done=(*session.done, step))
+        if step.kind == LEGS or not (session.left and session.left[0].startswith(WEIGH)):
+            results = _joint(heard, session.weighed(vehicle))
+            reached = {motion: reached_of(one) for motion, one in results.motions.items()}
+            session = replace(session, done=(*session.done[:-1], replace(step, reached=reached)))
+    return SessionTrial(seed, session.done, _errors(results, flights[0]), trouble)
+
+
+def _joint(heard: Sequence[Sequence[Stamped[IdentEvent]]], vehicle: Vehicle) -> Results:
+    session = Session(vehicle, silent=True)
+    for event in events_apart([iter(events) for events in heard]):
+        session.step(event)
+    return session.finalize().results
+
+
+def _errors(results: Results, flight: PoolFlight) -> dict[str, float]:
+    out = {}
+    for motion, result in results.motions.items():
+        if result.drag is not None:
+            speed, force, std = (
+                float(one[-1]) for one in (result.drag.speed, result.drag.force, result.drag.std_calibrated)
+            )
+            side = -1.0 if motion == "heave_up" else 1.0
+            out[motion] = (force - abs(flight.drag_N(motion, side * speed))) / std
+    return out
+
+
+def session_summary(trials: Sequence[SessionTrial]) -> dict[str, Any]:
+    """Document of `montecarlo --session`: per motion the goal, medians of what was reached, coverage of the drag."""
+    motions = dict.fromkeys(motion for trial in trials for motion in trial.errors)
+    minutes = [sum(step.seconds for step in trial.steps) / 60.0 for trial in trials]
+    return {
+        "runs": len(trials),
+        "minutes": float(np.median(minutes)),
+        "motions": [_row(motion, [trial for trial in trials if motion in trial.errors]) for motion in motions],
+        "troubles": {str(trial.seed): trial.trouble for trial in trials if trial.trouble},
+    }
+
+
+def _row(motion: str, trials: Sequence[SessionTrial]) -> dict[str, Any]:
+    first, weighed_, last = [], [], []
+    for trial in trials:
+        stages = [step for step in trial.steps if motion in step.reached]
+        first.append(stages[0].reached[motion].drag)
+        weighed_.append(next((one for one in reversed(stages) if one.kind == WEIGH), stages[0]).reached[motion].drag)
+        last.append(stages[-1].reached[motion])
+    drags = np.array([one.drag for one in last])
+    causes = [one.cause for one in last]
+    return {
+        "motion": motion,
+        "runs": len(trials),
+        "goal_drag": drag_goal(motion),
+        "goal_added_mass": MASS_GOAL,
+        "drag_first": float(np.median(first)),
+        "drag_weighed": float(np.median(weighed_)),
+        "drag": float(np.median(drags)),
+        "drag_p90": float(np.percentile(drags, 90.0)),
+        "floor": float(np.median([one.floor for one in last])),
+        "cause": max(sorted(set(causes)), key=causes.count),
+        "added_mass": float(np.median([one.added_mass for one in last])),
+        "coverage95": float(np.mean([abs(trial.errors[motion]) <= TWO_SIDED_95 for trial in trials])),
+    }

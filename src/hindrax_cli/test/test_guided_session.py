@@ -1,0 +1,116 @@
+"""The guided session on the command line: what it refuses, and a whole one with flights and estimates of a stand-in."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import pytest
+import yaml
+
+from hindrax_analysis.identification.pool_session import PoolSession, Reached, Step
+from hindrax_bag.run_folder import RunFolder
+from hindrax_cli.command_line import main
+from hindrax_cli.commands.pool import guided_session
+from hindrax_cli.commands.pool.guided_session import StackStand
+from hindrax_cli.lockstep_session import SessionTrial, session_summary
+from hindrax_core.vehicle import AxisGain
+from hindrax_operator.pool_run import FlownManeuver, PoolOptions
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        (["--until", "2%"], "--until"),
+        (["--plan"], "--plan"),
+        (["--excitation", "multisine"], "--excitation multisine"),
+        (["--mock", "--fault", "dvl75:dead"], "--fault"),
+    ],
+)
+def test_a_session_refuses_options_of_a_single_flight(
+    words: list[str], found: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["pool-test", "--session", str(tmp_path / "day"), *words]) == 2
+    assert f"--session: found {found}" in capsys.readouterr().err
+    assert not (tmp_path / "day").exists()
+
+
+def test_options_of_a_session_need_one(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["pool-test", "--mock", "--load", "15"]) == 2
+    assert "found --load without --session" in capsys.readouterr().err
+
+
+def test_without_a_terminal_nobody_can_do_the_steps_of_a_person(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["pool-test", "--session", str(tmp_path / "day"), "--load", "15"]) == 2
+    assert "found no terminal for the steps of a person" in capsys.readouterr().err
+
+
+def test_a_load_that_pulls_the_vehicle_away_is_refused_before_anything_starts(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["pool-test", "--session", str(tmp_path / "day"), "--yes", "--load", "5000"]) == 2
+    assert "weigh surge: found a load of 5000 N" in capsys.readouterr().err
+
+
+def flights_without_a_stack(patch: pytest.MonkeyPatch, *, interrupt: bool = False) -> list[str]:
+    """Legs that fly nothing, weighings and estimates of fixed size; the names of what was flown."""
+    flown: list[str] = []
+
+    def fly(_options: PoolOptions, folder: RunFolder, *_: object) -> FlownManeuver:
+        flown.append(folder.path.name)
+        folder.bag.mkdir()
+        return FlownManeuver(armed=True, interrupted=interrupt, vehicle_s=90.0)
+
+    def weigh(*_: object) -> tuple[AxisGain, float, str]:
+        return AxisGain(load=15.0, sigma=0.004, positive=0.94, negative=0.94), 200.0, ""
+
+    def estimate(_stand: StackStand, bags: Sequence[Path], session: PoolSession) -> Mapping[str, Reached]:
+        drag = 0.2 / (len(bags) + len(session.gains))
+        return {"surge": Reached(drag, 0.05, drag, drag, 0.06, "own wake", "rest between legs")}
+
+    patch.setattr(guided_session, "fly", fly)
+    patch.setattr(StackStand, "weigh", weigh)
+    patch.setattr(StackStand, "estimate", estimate)
+    return flown
+
+
+def test_ctrl_c_ends_a_session_that_goes_on_as_it_began(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    day = tmp_path / "day"
+    flights_without_a_stack(monkeypatch, interrupt=True)
+    assert main(["pool-test", "--session", str(day), "--mock", "--seed", "7"]) == 130
+    assert f"`./hindrax pool-test --session {day} --mock` goes on" in capsys.readouterr().err
+    assert main(["pool-test", "--session", str(day)]) == 2
+    assert "was begun with --mock, found without" in capsys.readouterr().err
+    kept = yaml.safe_load((day / "session.yaml").read_text())
+    assert kept["settings"]["mock"] == {"seed": 7, "world": "pool"}
+    assert [step["name"] for step in kept["done"]] == ["tether"]
+    flown = flights_without_a_stack(monkeypatch)
+    # Bags without contents: the last identification says so, when all steps are done and kept.
+    assert main(["pool-test", "--session", str(day), "--mock"]) != 0
+    said = capsys.readouterr().err
+    assert flown == ["legs-1-again", "legs-2"]
+    assert "weigh surge: drag of surge 20.0% -> 10.0%, wanted 5%" in said
+    kept = yaml.safe_load((day / "session.yaml").read_text())
+    assert [step["name"] for step in kept["done"]] == ["tether", "legs 1", "weigh surge", "legs 2"]
+
+
+def test_the_summary_of_sessions_has_the_goal_beside_what_was_reached() -> None:
+    def at(drag: float) -> Mapping[str, Reached]:
+        return {"surge": Reached(drag, 0.05, drag, drag, 0.04, "own wake", "")}
+
+    steps = (Step("legs 1", seconds=60.0, reached=at(0.2)), Step("weigh surge", seconds=60.0, reached=at(0.08)))
+    trials = [
+        SessionTrial(seed, (*steps, Step("legs 2", seconds=60.0, reached=at(last))), {"surge": error})
+        for seed, last, error in ((1, 0.06, 0.5), (2, 0.07, -2.5), (3, 0.08, 1.0))
+    ]
+    document = session_summary(trials)
+    (row,) = document["motions"]
+    assert (document["runs"], document["minutes"]) == (3, 3.0)
+    assert (row["goal_drag"], row["drag_first"], row["drag_weighed"], row["drag"]) == (0.05, 0.2, 0.08, 0.07)
+    assert row["drag_p90"] == pytest.approx(0.078)
+    assert row["coverage95"] == pytest.approx(2.0 / 3.0)
+    assert row["cause"] == "own wake"
+    json.dumps(document)
