@@ -12,7 +12,7 @@ from hindrax_bag.run_folder import RunFolder
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.pool import guided_session
 from hindrax_cli.commands.pool.guided_session import StackStand
-from hindrax_cli.lockstep_session import SessionTrial, session_summary
+from hindrax_cli.commands.pool.lockstep_session import SessionTrial, session_summary
 from hindrax_core.vehicle import AxisGain
 from hindrax_operator.pool_run import FlownManeuver, PoolOptions
 

@@ -51,10 +51,10 @@ def test_only_an_enter_after_the_question_states_that_a_load_hangs(monkeypatch: 
         os.write(keyboard, b"\n\n")
         select.select([typed], [], [], 10.0)
         weigh._forget_what_was_typed()
-        assert not weigh._entered()
+        assert not weigh.entered()
         os.write(keyboard, b"\n")
         select.select([typed], [], [], 10.0)
-        assert weigh._entered()
+        assert weigh.entered()
     os.close(keyboard)
 
 
@@ -62,7 +62,7 @@ def test_an_input_that_has_ended_is_not_an_operator(monkeypatch: pytest.MonkeyPa
     with Path("/dev/null").open(encoding="utf-8") as nobody:
         monkeypatch.setattr(sys, "stdin", nobody)
         with pytest.raises(HindraxError, match="the input has ended, wanted Enter for each load"):
-            weigh._entered()
+            weigh.entered()
 
 
 def test_each_axis_is_kept_beside_the_others_and_a_second_weighing_takes_the_place_of_the_first(

@@ -14,7 +14,7 @@ from hindrax_analysis.terminal import print_answer, print_table
 from hindrax_bringup.clone import developer_module
 from hindrax_cli.argument_types import add_json, add_vehicle, at_least
 from hindrax_cli.command import command, option
-from hindrax_cli.lockstep_session import SessionTrial, session_summary, session_trial
+from hindrax_cli.commands.pool.lockstep_session import SessionTrial, session_summary, session_trial
 from hindrax_control.maneuver.goal import EXCITATIONS, PLATEAUS, motions_to_fly
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_fitted, print_stderr

@@ -185,7 +185,7 @@ class StackStand:
     def weigh(self, axis: str, folder: Path, _session: PoolSession) -> tuple[AxisGain | None, float, str]:
         """Weigh with the stack and a person, or in lock-step."""
         if (mock := self._settings["mock"]) is not None:
-            from hindrax_cli.lockstep_session import weigh_in_lockstep  # noqa: PLC0415  # no simulator on the vehicle
+            from hindrax_cli.commands.pool.lockstep_session import weigh_in_lockstep  # noqa: PLC0415  # no simulator on the vehicle
 
             with working(f"weighing {axis} in lock-step, in the world of the legs"):
                 return *weigh_in_lockstep(self.vehicle, axis, mock["world"], mock["seed"]), ""
