@@ -13,8 +13,10 @@ from hindrax_cli.command_line import main
 from hindrax_cli.commands.pool import guided_session
 from hindrax_cli.commands.pool.guided_session import StackStand
 from hindrax_cli.commands.pool.lockstep_session import SessionTrial, session_summary
+from hindrax_core.errors import HindraxError
 from hindrax_core.vehicle import AxisGain
 from hindrax_operator.pool_run import FlownManeuver, PoolOptions
+from hindrax_operator.progress import Progress
 
 
 @pytest.mark.parametrize(
@@ -95,6 +97,27 @@ def test_ctrl_c_ends_a_session_that_goes_on_as_it_began(
     assert "weigh surge: drag of surge 20.0% -> 10.0%, wanted 5%" in said
     kept = yaml.safe_load((day / "session.yaml").read_text())
     assert [step["name"] for step in kept["done"]] == ["tether", "legs 1", "weigh surge", "legs 2"]
+
+
+def test_legs_that_did_not_start_are_tried_once_more(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flown = flights_without_a_stack(monkeypatch)
+    flies, failures = guided_session.fly, [HindraxError("the thrusters stopped arming")]
+
+    def fly(options: PoolOptions, folder: RunFolder, progress: Progress) -> FlownManeuver:
+        if failures:
+            folder.bag.mkdir()
+            raise failures.pop()
+        return flies(options, folder, progress)
+
+    monkeypatch.setattr(guided_session, "fly", fly)
+    day = tmp_path / "day"
+    main(["pool-test", "--session", str(day), "--mock", "--repeats", "1"])
+    assert "legs did not start: the thrusters stopped arming" in capsys.readouterr().err
+    assert flown == ["legs-1-again"]
+    legs = yaml.safe_load((day / "session.yaml").read_text())["done"][1]
+    assert (legs["folder"], legs["remark"]) == ("legs-1-again", "")
 
 
 def test_the_summary_of_sessions_has_the_goal_beside_what_was_reached() -> None:

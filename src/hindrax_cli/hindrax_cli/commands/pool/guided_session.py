@@ -1,6 +1,7 @@
 """`hindrax pool-test --session`: a pool day step by step, with a person beside the pool or in mock."""
 
 import argparse
+import shutil
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -176,8 +177,13 @@ class StackStand:
     def legs(self, motions: tuple[str, ...], folder: Path, _session: PoolSession) -> tuple[float, str]:
         """Fly motions; a Ctrl-C ends them in neutral, then the session."""
         made = make_run_folder(str(folder), self._file)
-        with Progress(headless=self.options.headless) as progress:
-            flight = fly(replace(self.options, motions=motions), made, progress)
+        try:
+            with Progress(headless=self.options.headless) as progress:
+                flight = fly(replace(self.options, motions=motions), made, progress)
+        except HindraxError as error:  # before it was armed: nothing was flown, and the next try may start
+            shutil.rmtree(made.bag, ignore_errors=True)
+            print_stderr(f"legs did not start: {error}")
+            return 0.0, str(error)
         if flight.interrupted:
             raise KeyboardInterrupt
         return flight.vehicle_s, str(flight.aborted)
