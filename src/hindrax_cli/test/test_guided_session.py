@@ -16,7 +16,6 @@ from hindrax_cli.commands.pool.lockstep_session import SessionTrial, session_sum
 from hindrax_core.errors import HindraxError
 from hindrax_core.vehicle import AxisGain
 from hindrax_operator.pool_run import FlownManeuver, PoolOptions
-from hindrax_operator.progress import Progress
 
 
 @pytest.mark.parametrize(
@@ -55,13 +54,17 @@ def test_a_load_that_pulls_the_vehicle_away_is_refused_before_anything_starts(
     assert "weigh surge: found a load of 5000 N" in capsys.readouterr().err
 
 
-def flights_without_a_stack(patch: pytest.MonkeyPatch, *, interrupt: bool = False) -> list[str]:
+def flights_without_a_stack(
+    patch: pytest.MonkeyPatch, *, interrupt: bool = False, failures: Sequence[str] = ()
+) -> list[str]:
     """Legs that fly nothing, weighings and estimates of fixed size; the names of what was flown."""
-    flown: list[str] = []
+    flown, fails = list[str](), list(failures)
 
     def fly(_options: PoolOptions, folder: RunFolder, *_: object) -> FlownManeuver:
-        flown.append(folder.path.name)
         folder.bag.mkdir()
+        if fails:
+            raise HindraxError(fails.pop())
+        flown.append(folder.path.name)
         return FlownManeuver(armed=True, interrupted=interrupt, vehicle_s=90.0)
 
     def weigh(*_: object) -> tuple[AxisGain, float, str]:
@@ -102,16 +105,7 @@ def test_ctrl_c_ends_a_session_that_goes_on_as_it_began(
 def test_legs_that_did_not_start_are_tried_once_more(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    flown = flights_without_a_stack(monkeypatch)
-    flies, failures = guided_session.fly, [HindraxError("the thrusters stopped arming")]
-
-    def fly(options: PoolOptions, folder: RunFolder, progress: Progress) -> FlownManeuver:
-        if failures:
-            folder.bag.mkdir()
-            raise failures.pop()
-        return flies(options, folder, progress)
-
-    monkeypatch.setattr(guided_session, "fly", fly)
+    flown = flights_without_a_stack(monkeypatch, failures=["the thrusters stopped arming"])
     day = tmp_path / "day"
     main(["pool-test", "--session", str(day), "--mock", "--repeats", "1"])
     assert "legs did not start: the thrusters stopped arming" in capsys.readouterr().err
