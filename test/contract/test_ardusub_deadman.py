@@ -36,7 +36,7 @@ class Flying:
         assert self.board.armed
         assert self.wire() != NEUTRAL
 
-    def by_station(self, number: int, *values: object) -> None:
+    def by_station(self, number: int, *values: float | bytes) -> None:
         self.board.receive(frame(number, values, 0, 255, 191), self.now_s)
 
     def wire(self) -> tuple[float | None, ...]:

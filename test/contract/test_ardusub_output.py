@@ -70,7 +70,7 @@ class Bench:
         self.pulses = pulses_us
         self.run(0.5)
 
-    def stranger(self, number: int, *values: object) -> None:
+    def stranger(self, number: int, *values: float | bytes) -> None:
         """A frame of another ground station with the number that the autopilot obeys."""
         self.board.receive(frame(number, values, 0, 255, 190), to_s(self.now))
 

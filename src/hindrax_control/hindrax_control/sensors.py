@@ -65,7 +65,7 @@ BOUNDS: Mapping[type, tuple[Bound, ...]] = {
 }
 
 
-def unfit(stamped: Stamped[Reading]) -> str:
+def why_impossible(stamped: Stamped[Reading]) -> str:
     """Reason why a reading is impossible; else empty. The filters judge implausible ones."""
     reading = stamped.reading
     for what, size_of, most in BOUNDS.get(type(reading), ()):

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from hindrax_control.sensors import unfit
+from hindrax_control.sensors import why_impossible
 from hindrax_core.events import Stamp, Stamped, stamp_from_s
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Reading
 
@@ -31,7 +31,7 @@ ZERO = (0.0, 0.0, 0.0)
     ],
 )
 def test_what_cannot_be_measured_is_named(reading: Reading, why: str) -> None:
-    assert unfit(Stamped(stamp_from_s(5.0), reading)) == why
+    assert why_impossible(Stamped(stamp_from_s(5.0), reading)) == why
 
 
 @pytest.mark.parametrize(
@@ -46,8 +46,8 @@ def test_what_cannot_be_measured_is_named(reading: Reading, why: str) -> None:
     ],
 )
 def test_what_is_merely_unknown_or_poor_is_left_to_the_filters(reading: Reading) -> None:
-    assert unfit(Stamped(stamp_from_s(5.0), reading)) == ""
+    assert why_impossible(Stamped(stamp_from_s(5.0), reading)) == ""
 
 
 def test_a_stamp_outside_of_time_is_named() -> None:
-    assert unfit(Stamped(Stamp(-1_000_000_000), Magnetic(ZERO))) == "stamped -1 s, wanted 0 to 2.14748e+09 s"
+    assert why_impossible(Stamped(Stamp(-1_000_000_000), Magnetic(ZERO))) == "stamped -1 s, wanted 0 to 2.14748e+09 s"

@@ -546,7 +546,13 @@ def test_every_influence_that_acts_has_the_prior_of_a_usual_pool(case: Case) -> 
     for one, sigma in found:
         scope, wanted, considered, near, alone, loss = PRIORS[one.name]
         assert sigma == pytest.approx(wanted), one.name
-        assert (one.scope, one.considered, one.near, one.alone, one.loss) == (scope, considered, near, alone, loss)
+        assert (one.scope, one.considered, one.near, one.usual_cause, one.loss) == (
+            scope,
+            considered,
+            near,
+            alone,
+            loss,
+        )
     assert all(one.considered for one in INFLUENCES if one.name not in (*PRIORS, OTHER_AXES))
     plain = {one.name for one, _ in acting(case)}
     doubts = {"dead band of the thrust", "exponent of the thrust", "friction of the tether", "stamps of the record"}
@@ -612,7 +618,7 @@ def test_an_influence_without_a_deviation_does_not_act(case: Case, sigma: float)
 
 def test_a_row_is_plain_unless_it_states_more(case: Case) -> None:
     plain = Influence("x", "N", RUN, lambda _case: 1.0, lambda one: one.v, "wait")
-    assert (plain.of_readings, plain.considered, plain.measured, bool(plain.alone), plain.loss) == (False,) * 5
+    assert (plain.of_readings, plain.considered, plain.measured, bool(plain.usual_cause), plain.loss) == (False,) * 5
     assert plain.near == 1.0
     assert plain.drag is None
     assert not plain.shown(case)

@@ -361,9 +361,9 @@ def test_the_prior_of_each_water_is_that_of_its_row() -> None:
         replace(LAW, near=1.0),
         replace(LAW, near=0.03),
         replace(LAW, near=0.2),
-        replace(LAW, near=0.03, alone="inflow"),
+        replace(LAW, near=0.03, usual_cause="inflow"),
         replace(LAW, near=0.03, loss=True),
-        replace(LAW, near=0.03, alone="losses", loss=True),
+        replace(LAW, near=0.03, usual_cause="losses", loss=True),
         replace(CURRENT, near=0.2),
     ]
     slices = [*(slice(at, at + 1) for at in range(6)), slice(6, 8)]

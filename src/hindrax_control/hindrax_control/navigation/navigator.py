@@ -13,7 +13,7 @@ from hindrax_control.navigation.aiding import SHORTEST_SPAN_S, Aiding, AidingKno
 from hindrax_control.navigation.attitude_filter import SPANS, Offset, Span, mean, offset_at_rest
 from hindrax_control.navigation.horizontal_filter import PositionKnobs, PositionUncertainty
 from hindrax_control.navigation.wall_sonar import WallSonar, wall_knobs
-from hindrax_control.sensors import NOWHERE, SensorMount, unfit
+from hindrax_control.sensors import NOWHERE, SensorMount, why_impossible
 from hindrax_core.events import NS_PER_S, Stamp, Stamped, after
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.input_checks import Refusals
@@ -134,7 +134,7 @@ class Navigator:
         reading = stamped.reading
         if source in self._unused:
             return None
-        why = unfit(stamped)
+        why = why_impossible(stamped)
         if why:
             self.refused += 1
             self.refusals.add(source, why)

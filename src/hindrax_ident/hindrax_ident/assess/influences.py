@@ -250,7 +250,7 @@ class Influence:
     `measured`: its prior is that of an experiment, such as a known weight.
     `drag`: the force of one unit at velocities (n,), (n, k), where it belongs to the drag of the hull.
     `near`: share of the deviation that is left in water near the model; less than 1 for what a usual pool has.
-    `alone`: name of a cause; its rows may be as usual in water that is near the model otherwise.
+    `usual_cause`: a cause whose rows may be as in usual water while all others are as near the model; "" has none.
     `loss`: it acts in one direction, the positive one, as losses of thrust do: all of them add up.
     """
 
@@ -266,7 +266,7 @@ class Influence:
     shown: Callable[[Case], bool] = lambda _case: False
     drag: Callable[[Case, Array], Array] | None = None
     near: float = 1.0
-    alone: str = ""
+    usual_cause: str = ""
     loss: bool = False
 
 
@@ -524,18 +524,18 @@ INFLUENCES: tuple[Influence, ...] = (
         "losses between thrusters and hull", "-", GAIN,
         lambda case: 0.08 if len(case.weighed) < 2 else 0.0,
         lambda case: case.of_commands(_unweighed(case, case.record.thrust.y, lambda y: -y[:, None])),
-        MEASURED_THRUST, considered=True, near=0.12, alone="losses", loss=True,
+        MEASURED_THRUST, considered=True, near=0.12, usual_cause="losses", loss=True,
     ),
     Influence(
         # A record of a wrench alone has the exponent of the thrust for it.
         "losses that change with the load", "-", MODEL,
         lambda case: 0.0 if case.thrust_doubt > 0.0 else 0.03, _load,
-        MEASURED_THRUST, near=NEAR, alone="losses",
+        MEASURED_THRUST, near=NEAR, usual_cause="losses",
     ),
     Influence(
         "inflow loss", "of 10 N at 0.5 m/s", GAIN, _always(0.12), _inflow,
         "legs with the thrust off at speed, together with boosts from rest and plateaus, separate it from drag",
-        considered=True, shown=_coasts, near=0.005, alone="inflow", loss=True,
+        considered=True, shown=_coasts, near=0.005, usual_cause="inflow", loss=True,
     ),
     Influence(
         "differences between idle thrusters", "of their forces", MODEL,

@@ -296,9 +296,9 @@ def _prior(rows: Sequence[BudgetRow]) -> _Prior:
     m = rows[-1][0].stop if rows else 0
     near, cause, loss = np.ones(m), np.zeros(m, object), np.zeros(m)
     for row, influence, _ in rows:
-        near[row], cause[row], loss[row] = influence.near, influence.alone, influence.loss
+        near[row], cause[row], loss[row] = influence.near, influence.usual_cause, influence.loss
     # The waters of all motions are the same, whichever rows act on one.
-    causes = dict.fromkeys(one.alone for one in INFLUENCES if one.alone)
+    causes = dict.fromkeys(one.usual_cause for one in INFLUENCES if one.usual_cause)
     size = np.stack([near, *(np.where(cause == one, 1.0, near) for one in causes), np.ones(m)])
     usual, spread = LOSS_MEAN * loss * size, np.sqrt(1.0 - loss * LOSS_MEAN**2) * size
     # What acts one way only cannot take more than there is: no tails.

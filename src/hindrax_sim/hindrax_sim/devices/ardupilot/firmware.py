@@ -14,7 +14,7 @@ import numpy as np
 
 from hindrax_core.readings import Vec3
 from hindrax_core.vehicle import Thruster
-from hindrax_sim.devices.ardupilot.wire import Received, Receiver, frame
+from hindrax_sim.devices.ardupilot.wire import Fields, Received, Receiver, frame
 from hindrax_sim.devices.emulator import Part
 from hindrax_sim.physics.geometry import quaternion, rotate
 from hindrax_sim.world import Mounting, World
@@ -130,7 +130,7 @@ class ArduSub(Part[AutopilotTruth]):
             511: self._set_interval,
             512: self._request,
         }
-        self._messages: Mapping[int, Callable[[], tuple[Any, ...]]] = {
+        self._messages: Mapping[int, Callable[[], Fields]] = {
             1: self._sys_status,
             27: self._raw_imu,
             30: self._attitude,
@@ -246,11 +246,11 @@ class ArduSub(Part[AutopilotTruth]):
             index, real = list(self.parameters).index(known), 9
             self._send(channel, 22, (self.parameters[known], len(self.parameters), index, name, real))
 
-    def _send(self, channel: _Channel, number: int, values: tuple[Any, ...]) -> None:
+    def _send(self, channel: _Channel, number: int, values: Fields) -> None:
         channel.outbox.append(frame(number, values, self._sequence, SYSTEM, COMPONENT))
         self._sequence += 1
 
-    def _send_all(self, number: int, values: tuple[Any, ...]) -> None:
+    def _send_all(self, number: int, values: Fields) -> None:
         for channel in self.channels:
             self._send(channel, number, values)
 
@@ -396,16 +396,16 @@ class ArduSub(Part[AutopilotTruth]):
     def _us(self) -> int:
         return max(0, int(1e6 * (self._now_s - self._boot_s)))
 
-    def _heartbeat(self) -> tuple[Any, ...]:
+    def _heartbeat(self) -> Fields:
         kind = 2 if self._disguised else SUBMARINE
         return self.mode, kind, ARDUPILOT, 0x41 | 0x80 * self.armed, 4 if self.armed else 3, 3
 
-    def _sys_status(self) -> tuple[Any, ...]:
+    def _sys_status(self) -> Fields:
         truth = self._truth
         millivolts = 65534 if self._saturated else round(1e3 * truth.supply_V)
         return (0, 0, 0, 0, millivolts, round(100.0 * truth.supply_A), *(0,) * 6, -1, 0, 0, 0)
 
-    def _raw_imu(self) -> tuple[Any, ...]:
+    def _raw_imu(self) -> Fields:
         """In mg, mrad/s and mG."""
         noise = self._random.normal(0.0, (0.02,) * 3 + (1e-3,) * 3 + (2e-7,) * 3).tolist()
         true = (*self._truth.specific_force_mps2, *self._truth.rate_radps, *self._truth.field_T)
@@ -415,34 +415,34 @@ class ArduSub(Part[AutopilotTruth]):
             found[:6] = [32767, -32768, 32767] * 2
         return (self._us, *(max(-32768, min(32767, one)) for one in found), 0, 2500)
 
-    def _attitude(self) -> tuple[Any, ...]:
+    def _attitude(self) -> Fields:
         noise = self._random.normal(0.0, 1e-3, 6).tolist()
         true = (*self._truth.attitude_rad, *self._truth.rate_radps)
         roll, pitch, yaw, p, q, r = (one + error for one, error in zip(true, noise, strict=True))
         return self._ms, roll, pitch, math.remainder(yaw, math.tau), p, q, r
 
-    def _servo_output(self) -> tuple[Any, ...]:
+    def _servo_output(self) -> Fields:
         pulses = [round(self._pulses_us.get(channel, 0.0)) for channel in range(16)]
         return (self._us & 0xFFFFFFFF, *pulses[:8], 0, *pulses[8:])
 
-    def _rc_channels(self) -> tuple[Any, ...]:
+    def _rc_channels(self) -> Fields:
         return (self._ms, *map(round, self._sticks_us), *(65535,) * 12, 16, 255)
 
-    def _distance(self) -> tuple[Any, ...]:
+    def _distance(self) -> Fields:
         far_cm = 0 if self._truth.range_m is None else min(65535, round(100.0 * self._truth.range_m))
         return (self._ms, 30, 3000, far_cm, 2, 0, 25, 0, 0.0, 0.0, *(0.0,) * 4, 100 if far_cm else 1)
 
-    def _pressure(self) -> tuple[Any, ...]:
+    def _pressure(self) -> Fields:
         pascal = 3.1e6 if self._saturated else self._truth.water_Pa + self._random.normal(0.0, 20.0)
         return self._ms, pascal / 100.0, 0.0, round(100.0 * self._truth.water_C), 0
 
-    def _autopilot_version(self) -> tuple[Any, ...]:
+    def _autopilot_version(self) -> Fields:
         major, minor, patch = self.version
         official = 255
         number = major << 24 | minor << 16 | patch << 8 | official
         return (0, 0, number, 0, 0, 0, 0, 0, b"", b"", b"", b"")
 
-    def _estimator(self) -> tuple[Any, ...]:
+    def _estimator(self) -> Fields:
         attitude, vertical, constant_position = 1, 1 << 5, 1 << 7
         velocity, position = 0b110, 0b11000
         aided = self._truth.velocity_mps is not None
@@ -456,12 +456,12 @@ class ArduSub(Part[AutopilotTruth]):
             0.0,
         )
 
-    def _local_position(self) -> tuple[Any, ...]:
+    def _local_position(self) -> Fields:
         """In north, east, down; what is not aided is nonsense near rest."""
         noise = self._random.normal(0.0, 0.01, 3).tolist()
         body = self._truth.velocity_mps or (0.0, 0.0, 0.0)
         turned = rotate(quaternion(self._truth.attitude_rad), body)
         return (self._ms, 0.0, 0.0, 0.0, *(one + error for one, error in zip(turned, noise, strict=True)))
 
-    def _pilot_gain(self) -> tuple[Any, ...]:
+    def _pilot_gain(self) -> Fields:
         return self._ms, self.gain, b"PilotGain"

@@ -3,8 +3,10 @@
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
+Fields: TypeAlias = tuple[float | bytes, ...]
+"""Values of a message in the order of the wire; texts are bytes."""
 STX, HEAD, CHECKSUM = 0xFD, 10, 2
 
 
@@ -62,7 +64,7 @@ def checksum(body: bytes, extra: int) -> int:
     return crc
 
 
-def frame(number: int, values: tuple[Any, ...], sequence: int, system: int, component: int) -> bytes:
+def frame(number: int, values: Fields, sequence: int, system: int, component: int) -> bytes:
     """One frame; zeros at the end of its payload are left out."""
     layout = LAYOUTS[number]
     payload = layout.fields.pack(*values).rstrip(b"\x00") or b"\x00"
