@@ -119,14 +119,19 @@ def identify(
 
 
 def coefficients(results: Results) -> Table:
-    """Return one row per motion and coefficient: value, `std` (with calibration where known), unit, verdict, truth."""
+    """Return one row per motion and coefficient: value, `std` (with calibration where known), unit, verdict, truth.
+
+    And what to quote: `corrected` by what is probable of each influence, and its 95 % interval, `low95` and `high95`;
+    NaN where it is not known.
+    """
     rows = [
         (motion, name, one.value, one.std_calibrated if np.isfinite(one.std_calibrated) else one.std, one.unit,
-         result.identifiable, np.nan if one.truth is None else one.truth)
+         result.identifiable, np.nan if one.truth is None else one.truth,
+         *((np.nan,) * 3 if one.corrected is None else (one.corrected.value, *one.corrected.interval95)))
         for motion, result in results.motions.items()
         for name, one in result.coefficients.items()
     ]  # fmt: skip
-    names = ("motion", "coefficient", "value", "std", "unit", "identifiable", "truth")
+    names = ("motion", "coefficient", "value", "std", "unit", "identifiable", "truth", "corrected", "low95", "high95")
     return {name: np.array([row[at] for row in rows]) for at, name in enumerate(names)}
 
 
@@ -202,8 +207,11 @@ def plot(results: Results, motion: str, axes: "Axes | None" = None) -> "Axes":
     shown = plt.subplots()[1] if axes is None else axes
     drag, (speed_unit, force_unit) = result.drag, axis_units(MOTIONS[motion].axis)
     band = TWO_SIDED_95 * np.where(np.isfinite(drag.std_calibrated), drag.std_calibrated, drag.std)
-    shown.fill_between(drag.speed, drag.force - band, drag.force + band, alpha=0.25, label="95 % interval")
-    shown.plot(drag.speed, drag.force, label=motion)
+    force, low, high = drag.force, drag.force - band, drag.force + band
+    if drag.corrected is not None:
+        force, low, high = drag.corrected.center, drag.corrected.low95, drag.corrected.high95
+    shown.fill_between(drag.speed, low, high, alpha=0.25, label="95 % interval")
+    shown.plot(drag.speed, force, label=motion)
     shown.set_xlabel(f"speed [{speed_unit}]")
     shown.set_ylabel(f"drag [{force_unit}]")
     shown.legend()

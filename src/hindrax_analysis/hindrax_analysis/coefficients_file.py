@@ -20,7 +20,7 @@ from hindrax_core.text.yaml_text import read_yaml
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.joint_assessment import JointResults
-from hindrax_ident.assess.results import Contribution, MotionResult, Number, Results
+from hindrax_ident.assess.results import Contribution, Corrected, MotionResult, Number, Results
 
 KNOWN = ("k_q", "k_l", "b", "k_r", "added_mass")
 """Names of coefficients, in display order."""
@@ -102,7 +102,8 @@ def _head(conditions: ResultConditions) -> str:
         f"Hydrodynamic coefficients of {conditions.vehicle}, {flown}.",
         "(m + added_mass) v' = thrust - k_q |v| v - k_l v - b;  SI units; SNAME axes (x forward, y starboard, z down).",
         "Drag, added mass and thrust are about the center of mass.",
-        "std: from the noise of this run; std_calibrated: with all influences of the budget as well.",
+        "value: of the fit; std: of the noise of this run; std_calibrated: with all influences of the budget as well.",
+        "corrected: by what is probable of each influence, with 68 and 95 % intervals: the numbers to quote.",
         "covariance: rows and columns in the order of names (noise of this run only).",
     )
     return "".join(f"# {line}\n" for line in lines) + "\n"
@@ -116,8 +117,9 @@ def _in_words(result: MotionResult) -> list[str]:
     verdict = "identified" if result.identifiable else "NOT identifiable: " + "; ".join(result.reasons)
     lines = [f"{result.motion}: {verdict}"]
     for name, number in result.coefficients.items():
-        wide = f" (+- {number.std_calibrated:.2g} with calibration)" if math.isfinite(number.std_calibrated) else ""
-        lines.append(f"  {name} = {measured(number.value, number.std)}{wide} {number.unit}")
+        low_high = number.corrected and [f"{end:.4g}" for end in number.corrected.interval95]
+        beside = f" (95 %: {' to '.join(low_high)})" if low_high else ""
+        lines.append(f"  {name} = {measured(*number.quoted)}{beside} {number.unit}")
     return lines
 
 
@@ -173,9 +175,8 @@ def _motion(name: str, body: object, source: str) -> MotionResult:
     low, high = (_finite(speed, f"{path}.speeds") for speed in speeds)
     reasons = _words(body.get("reasons"), f"{path}.reasons")
     names = _words(body.get("names"), f"{path}.names")
-    noise, calibrated = (
-        _matrix(body.get(key), len(names), f"{path}.{key}") for key in ("covariance", "covariance_calibrated")
-    )
+    keys = ("covariance", "covariance_calibrated", "covariance_corrected")
+    noise, calibrated, corrected = (_matrix(body.get(key), len(names), f"{path}.{key}") for key in keys)
     return MotionResult(
         name,
         "",
@@ -186,6 +187,7 @@ def _motion(name: str, body: object, source: str) -> MotionResult:
         names,
         covariance=noise,
         covariance_calibrated=calibrated,
+        covariance_corrected=corrected,
         budget=_budget(body.get("budget"), f"{path}.budget"),
     )
 
@@ -227,7 +229,24 @@ def _number(body: object, path: str) -> Number:
     value, truth = _finite(body.get("value"), f"{path}.value"), body.get("truth")
     std, calibrated = (_float(body.get(name, math.nan), f"{path}.{name}") for name in ("std", "std_calibrated"))
     true = None if truth is None else _finite(truth, f"{path}.truth")
-    return Number(value, std, calibrated, true, str(body.get("unit", "")))
+    return Number(value, std, calibrated, true, str(body.get("unit", "")), _corrected(body.get("corrected"), path))
+
+
+def _corrected(body: object, path: str) -> Corrected | None:
+    """The corrected value of a coefficient; none in files of earlier versions."""
+    if body is None:
+        return None
+    if not isinstance(body, Mapping):
+        raise HindraxError(f"{path}.corrected: found {body!r}, wanted a mapping with value and intervals")
+    ends = [_ends(body.get(key), f"{path}.corrected.{key}") for key in ("interval68", "interval95")]
+    return Corrected(_finite(body.get("value"), f"{path}.corrected.value"), *ends)
+
+
+def _ends(found: object, path: str) -> tuple[float, float]:
+    if not isinstance(found, list | tuple) or len(found) != 2:
+        raise HindraxError(f"{path}: found {found!r}, wanted the lower and the upper end")
+    low, high = (_finite(end, path) for end in found)
+    return low, high
 
 
 def _float(value: object, path: str, wanted: str = "a number") -> float:

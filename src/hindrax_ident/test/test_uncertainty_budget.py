@@ -83,6 +83,7 @@ def budget(case: Case, monkeypatch: pytest.MonkeyPatch) -> Budget:
         evidence=array(np.zeros(3)),
         likelihood=budget_of(case, ()).likelihood,
         whole=budget_of(case, ()).whole,
+        explanations=budget_of(case, ()).explanations,
     )
 
 

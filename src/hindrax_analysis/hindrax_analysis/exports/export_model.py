@@ -85,9 +85,9 @@ def _uncertainty_notes(motions: Mapping[str, MotionResult]) -> Iterator[str]:
     for name, motion in motions.items():
         known = {key: motion.coefficients[key] for key in TABULATED if key in motion.coefficients and key != "b"}
         words = ", ".join(
-            f"{key} {measured(number.value, number.std_calibrated)} {unit_of(name, key)}"
+            f"{key} {measured(*number.quoted)} {unit_of(name, key)}"
             for key, number in known.items()
-            if number.std_calibrated > 0.0
+            if number.quoted[1] > 0.0
         )
         if words:
             yield f"{name}: {words} (one deviation, with calibration)"
@@ -186,7 +186,7 @@ def _axis_drag(
 
 
 def _passive(motion: MotionResult, axis: str, top: float, notes: list[str]) -> tuple[float, float]:
-    k_q, k_l = motion.value("k_q"), motion.value("k_l")
+    k_q, k_l = motion.quoted("k_q"), motion.quoted("k_l")
     if math.isnan(k_q) or math.isnan(k_l):
         raise HindraxError(f"motion {axis}: k_q or k_l is missing; identify it again, or leave the motion out")
     if k_q < 0.0 and k_l < 0.0:
@@ -212,7 +212,7 @@ def _axis_added_mass(axis: str, sides: Sides, prior: Hydrodynamics | None, notes
             notes.append(f"{axis}: added mass is not in the results but from the vehicle file")
         return prior.added_mass[AXES.index(axis)]
     weights = [one.std**-2 if all(one.std > 0.0 for one in found) else 1.0 for one in found]
-    mass = float(np.average([one.value for one in found], weights=weights))
+    mass = float(np.average([one.quoted[0] for one in found], weights=weights))
     if mass < 0.0:
         notes.append(f"{axis}: added mass {mass:.3g} is below zero, taken as zero")
     return max(0.0, mass)

@@ -40,7 +40,7 @@ class Posterior:
                 f"{saved.label or 'results'}: no motion is identifiable, so there is nothing to draw from"
             )
         self.names = [(name, key) for name, motion in motions.items() for key in DRAWN if key in motion.coefficients]
-        self.mean = array([motions[name].value(key) for name, key in self.names])
+        self.mean = array([motions[name].coefficients[key].quoted[0] for name, key in self.names])
         self.covariance = _joint(motions, self.names)
 
     def draw(self, count: int, seed: int) -> Array:
@@ -67,7 +67,7 @@ class Posterior:
         motions = dict(self._saved.motions)
         for (name, key), value in zip(self.names, row.tolist(), strict=True):
             motion = motions[name]
-            number = replace(motion.coefficients[key], value=value)
+            number = replace(motion.coefficients[key], value=value, corrected=None)
             motions[name] = replace(motion, coefficients={**motion.coefficients, key: number})
         return replace(self._saved, motions=motions)
 
@@ -99,10 +99,10 @@ def _joint(motions: Mapping[str, MotionResult], names: Sequence[tuple[str, str]]
 
 
 def _block(motion: MotionResult, keys: Sequence[str]) -> Array:
-    """Covariance of the coefficients of one motion, with calibration; of older files with the correlations of noise."""
-    sigma = np.array([motion.coefficients[key].std_calibrated for key in keys])
-    sigma = np.where(np.isfinite(sigma), sigma, [motion.coefficients[key].std for key in keys])
-    full = motion.covariance_calibrated if motion.covariance_calibrated.size else motion.covariance
+    """Covariance of the coefficients of one motion, as quoted; of older files with the correlations of noise."""
+    sigma = np.array([motion.coefficients[key].quoted[1] for key in keys])
+    known = (motion.covariance_corrected, motion.covariance_calibrated, motion.covariance)
+    full = next((one for one in known if one.size), motion.covariance)
     correlation = np.eye(len(keys))
     for i, one in enumerate(keys):
         for j, other in enumerate(keys):
@@ -116,7 +116,7 @@ def _block(motion: MotionResult, keys: Sequence[str]) -> Array:
 def _signed(motion: MotionResult, key: str, row: str) -> float:
     """Change of a coefficient by one deviation of a shared gain."""
     std = sum(one.std for one in motion.budget.get(key, ()) if one.influence == row)
-    return float(np.copysign(std, motion.value(key)))
+    return float(np.copysign(std, motion.quoted(key)))
 
 
 def sampled_models(

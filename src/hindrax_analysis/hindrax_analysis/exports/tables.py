@@ -23,11 +23,15 @@ def result_table(saved: SavedCoefficients, source: str) -> SavedCoefficients:
 
 
 def write_csv(table: SavedCoefficients) -> str:
-    """One line per motion: value, standard deviation and unit of each coefficient; empty where missing."""
+    """One line per motion: value, deviations and unit of each coefficient, then what to quote; empty where missing."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(
-        ["motion", *(f"{name}{part}" for name in TABULATED for part in ("", "_std", "_std_calibrated", "_unit"))]
+        [
+            "motion",
+            *(f"{name}{part}" for name in TABULATED for part in ("", "_std", "_std_calibrated", "_unit")),
+            *(f"{name}{part}" for name in TABULATED for part in ("_corrected", "_low95", "_high95")),
+        ]
     )
     for motion, result in table.motions.items():
         row = [motion]
@@ -35,19 +39,23 @@ def write_csv(table: SavedCoefficients) -> str:
             found = result.coefficients.get(name, Number(math.nan, math.nan))
             numbers = (found.value, found.std, found.std_calibrated)
             row += [*("" if math.isnan(number) else f"{number:.9g}" for number in numbers), unit_of(motion, name)]
+        for name in TABULATED:
+            one = result.coefficients.get(name)
+            known = one is not None and one.corrected
+            row += [f"{x:.9g}" for x in (known.value, *known.interval95)] if known else [""] * 3
         writer.writerow(row)
     return text.getvalue()
 
 
 def write_latex(table: SavedCoefficients) -> str:
-    """A tabular that needs no package: values with one standard deviation, rounded to its second digit."""
+    """A tabular that needs no package: values as quoted, with half of their 68 % intervals."""
     head = " & ".join(["motion", *SYMBOLS.values()])
     rows = [
         " & ".join([motion.replace("_", " "), *(_latex_cell(result.coefficients.get(name)) for name in TABULATED)])
         + r" \\"
         for motion, result in table.motions.items()
     ]
-    caption = f"% {table.conditions.vehicle}, from {table.label}; N, Nm, kg, SI; one standard deviation"
+    caption = f"% {table.conditions.vehicle}, from {table.label}; N, Nm, kg, SI; half of the 68 % interval"
     begin, line, end = r"\begin{tabular}{lrrrr}", r"\hline", r"\end{tabular}"
     return "\n".join([caption, begin, line, head + r" \\", line, *rows, line, end]) + "\n"
 
@@ -55,7 +63,9 @@ def write_latex(table: SavedCoefficients) -> str:
 def _latex_cell(value: Number | None) -> str:
     if value is None:
         return "--"
-    if not value.std > 0.0:
-        return f"${value.value:.4g}$"
-    digits = max(0, -last_place(value.std, 2))
-    return rf"${value.value:z.{digits}f} \pm {value.std:.{digits}f}$"
+    # Without a correction the deviation of the noise, as before.
+    center, std = value.quoted if value.corrected is not None else (value.value, value.std)
+    if not std > 0.0:
+        return f"${center:.4g}$"
+    digits = max(0, -last_place(std, 2))
+    return rf"${center:z.{digits}f} \pm {std:.{digits}f}$"

@@ -110,7 +110,7 @@ def show(identified: Identified) -> None:
         for key, number in result.coefficients.items():
             truth = () if not has_truth else ("" if number.truth is None else f"{number.truth:.4g}",)
             printed = f"{paper[key][0]:.2f} +- {paper[key][1]:.2f}" if key in paper else ""
-            found = measured(number.value, number.std_calibrated)
+            found = measured(*number.quoted)
             marked = motion if result.identifiable else f"{motion} {REJECTED}"
             rows.append((marked, f"{key} [{number.unit}]", found, *truth, *((printed,) if papers else ())))
     if rows:
@@ -126,10 +126,7 @@ def show(identified: Identified) -> None:
                 print_fitted(f"  {reason}")
             if (drag := result.drag) is not None:
                 speed_unit, unit = axis_units(MOTIONS[motion].axis)
-                ends = [
-                    f"{measured(drag.force[at], drag.std_calibrated[at])} {unit} at {drag.speed[at]:.2g} {speed_unit}"
-                    for at in (0, -1)
-                ]
+                ends = [f"{measured(*drag.quoted(at))} {unit} at {drag.speed[at]:.2g} {speed_unit}" for at in (0, -1)]
                 print_fitted(f"  drag: {', '.join(ends)}")
     show_verdicts(motions, identified.predicted)
 

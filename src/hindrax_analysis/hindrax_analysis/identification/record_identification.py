@@ -381,8 +381,13 @@ def widened_by_scatter(result: MotionResult, spreads: Mapping[str, RunScatter]) 
     numbers = {}
     for key, one in result.coefficients.items():
         # Of the deviation with calibration only the statistical part grows; NaN stays.
-        calibrated = math.sqrt(one.std_calibrated**2 + one.std**2 * (ratio[key] ** 2 - 1.0))
-        numbers[key] = replace(one, std=ratio[key] * one.std, std_calibrated=calibrated)
+        more = one.std * math.sqrt(ratio[key] ** 2 - 1.0)
+        numbers[key] = replace(
+            one,
+            std=ratio[key] * one.std,
+            std_calibrated=math.hypot(one.std_calibrated, more),
+            corrected=one.corrected and one.corrected.widened(more),
+        )
     scale = np.array([ratio.get(name, 1.0) for name in result.names])
     widened = replace(result, coefficients=numbers, covariance=array(result.covariance * np.outer(scale, scale)))
     if result.drag is None:
@@ -390,7 +395,9 @@ def widened_by_scatter(result: MotionResult, spreads: Mapping[str, RunScatter]) 
     std = array([widened.drag_force(speed)[1] for speed in result.drag.speed.tolist()])
     added = np.maximum(0.0, std**2 - result.drag.std**2)
     step = result.next_step and replace(result.next_step, std=math.hypot(result.next_step.std, math.sqrt(added[-1])))
-    drag = replace(result.drag, std=std, std_calibrated=np.sqrt(result.drag.std_calibrated**2 + added))
+    corrected = result.drag.corrected and result.drag.corrected.widened(array(np.sqrt(added)))
+    calibrated = np.sqrt(result.drag.std_calibrated**2 + added)
+    drag = replace(result.drag, std=std, std_calibrated=calibrated, corrected=corrected)
     return replace(widened, drag=drag, next_step=step)
 
 

@@ -37,12 +37,15 @@ def _drag(result: MotionResult) -> tuple[str, str, str]:
     """Drag at the highest speed, its 95 % interval, its standard deviation as a share of it; empty where unknown."""
     if result.drag is None:
         return "", "", ""
-    speed, force, std = (float(one[-1]) for one in (result.drag.speed, result.drag.force, result.drag.std_calibrated))
+    speed, (force, std) = float(result.drag.speed[-1]), result.drag.quoted(-1)
     rate, unit = axis_units(MOTIONS[result.motion].axis)
     if not (math.isfinite(force) and math.isfinite(std) and std > 0.0):
         return f"{force:.3g} {unit} at {speed:.2g} {rate}", "", ""
     digits = max(0, -last_place(std, 2))
-    low, high = (f"{force + side * TWO_SIDED_95 * std:z.{digits}f}" for side in (-1, 1))
+    ends = (force - TWO_SIDED_95 * std, force + TWO_SIDED_95 * std)
+    if result.drag.corrected is not None:
+        ends = result.drag.corrected.at(-1).interval95
+    low, high = (f"{end:z.{digits}f}" for end in ends)
     share = f"{std / force:.0%}" if force > 0.0 else ""
     return f"{force:.{digits}f} {unit} at {speed:.2g} {rate}", f"{low} to {high}", share
 
@@ -65,7 +68,7 @@ def show_next(motions: Mapping[str, MotionResult], fly: Sequence[str]) -> None:
     step, drag = worst.next_step, worst.drag
     assert step is not None
     assert drag is not None
-    then = step.std / float(drag.force[-1])
+    then = step.std / drag.quoted(-1)[0]
     print_fitted(f"next: {step.remedy}; the drag of {worst.motion} would be known to {then:.1%} instead of {share:.1%}")
     if step.remedy == FLY_TWICE and fly:
         motion = worst.motion.partition("_")[0]
@@ -74,7 +77,10 @@ def show_next(motions: Mapping[str, MotionResult], fly: Sequence[str]) -> None:
 
 def _share(result: MotionResult) -> float | None:
     """Deviation of the drag of a motion as a share of it; None where there is no drag or nothing to do next."""
-    if result.drag is None or result.next_step is None or not float(result.drag.force[-1]) > 0.0:
+    if result.drag is None or result.next_step is None:
         return None
-    share = float(result.drag.std_calibrated[-1] / result.drag.force[-1])
+    force, std = result.drag.quoted(-1)
+    if not force > 0.0:
+        return None
+    share = std / force
     return share if math.isfinite(share) else None

@@ -79,7 +79,8 @@ def with_inertia_uncertainty(result: MotionResult, vehicle: Vehicle) -> MotionRe
     if axis < 3 or vehicle.inertia_kgm2 is not None or found is None:
         return result
     inertia = Contribution("inertia of the body", INERTIA_SHARE * rigid_mass(vehicle, axis), INERTIA_REMEDY)
-    wider = replace(found, std_calibrated=math.hypot(found.std_calibrated, inertia.std))
+    corrected = found.corrected and found.corrected.widened(inertia.std)
+    wider = replace(found, std_calibrated=math.hypot(found.std_calibrated, inertia.std), corrected=corrected)
     rows = sorted([inertia, *result.budget.get("added_mass", ())], key=lambda row: -row.std)
     numbers, budget = {**result.coefficients, "added_mass": wider}, {**result.budget, "added_mass": rows}
     return replace(result, coefficients=numbers, budget=budget)

@@ -50,15 +50,30 @@ def _scale(entries: Sequence[Entry], reference: float | None) -> Scale:
     """Scale that includes every identifiable value; much wider bands are clipped at the frame."""
     longest = max((len(entry.label) for entry in entries), default=0)
     entries = [entry for entry in entries if not entry.excluded] or entries
-    values = np.array([entry.number.value for entry in entries] + ([reference] if reference is not None else []))
-    known = [
-        [std for std in (entry.number.std, entry.number.std_calibrated) if math.isfinite(std)] for entry in entries
+    values = np.array([entry.number.quoted[0] for entry in entries] + ([reference] if reference is not None else []))
+    own = np.array([entry.number.quoted[0] for entry in entries])
+    ends = [
+        [abs(end - x) for _, pair in _whiskers(entry.number) for end in pair]
+        for entry, x in zip(entries, own, strict=True)
     ]
-    reach = np.array([TWO_SIDED_95 * max(stds, default=0.0) for stds in known])
+    reach = np.array([max(one, default=0.0) for one in ends])
     room = 1.2 * float(np.ptp(values)) + 4.0 * float(np.median(reach)) if len(reach) else 1.0
-    shown, own = np.minimum(reach, room), np.array([entry.number.value for entry in entries])
+    shown = np.minimum(reach, room)
     left = min(MOST_LEFT, max(LEFT, 10.0 + CHARACTER * longest))
     return Scale(*data_range([values, own - shown, own + shown]), left, WIDTH - RIGHT)
+
+
+def _whiskers(number: Number) -> list[tuple[str, tuple[float, float]]]:
+    """95 % intervals of a coefficient: the outer one as quoted, the inner one of the noise, about the fit."""
+    intervals = {"outer": (number.value, number.std_calibrated), "inner": (number.value, number.std)}
+    known = {
+        kind: (x - TWO_SIDED_95 * std, x + TWO_SIDED_95 * std)
+        for kind, (x, std) in intervals.items()
+        if math.isfinite(std) and std > 0.0
+    }
+    if number.corrected is not None:
+        known["outer"] = number.corrected.interval95
+    return list(known.items())
 
 
 def _row(entry: Entry, y: float, scale: Scale) -> str:
@@ -67,12 +82,10 @@ def _row(entry: Entry, y: float, scale: Scale) -> str:
     fit = f' textLength="{room:.0f}" lengthAdjust="spacingAndGlyphs"' if CHARACTER * len(entry.label) > room else ""
     name = f'<text class="name" x="{room:.0f}" y="{y + 4:.1f}" text-anchor="end"{fit}>{escape(entry.label)}</text>'
     parts = [name]
-    for std, kind in ((entry.number.std_calibrated, "outer"), (entry.number.std, "inner")):
-        if math.isfinite(std) and std > 0.0:
-            ends = scale(np.array([entry.number.value - TWO_SIDED_95 * std, entry.number.value + TWO_SIDED_95 * std]))
-            a, b = (min(WIDTH - RIGHT, max(left, end)) for end in ends.tolist())
-            parts.append(f'<path class="whisker {kind} {entry.role}" d="M{a:.1f} {y:.1f}H{b:.1f}"/>')
-    x = float(scale(entry.number.value))
+    for kind, pair in _whiskers(entry.number):
+        a, b = (min(WIDTH - RIGHT, max(left, end)) for end in scale(np.array(pair)).tolist())
+        parts.append(f'<path class="whisker {kind} {entry.role}" d="M{a:.1f} {y:.1f}H{b:.1f}"/>')
+    x = float(scale(entry.number.quoted[0]))
     if left <= x <= WIDTH - RIGHT:
         parts.append(f'<path class="dots {entry.role}" stroke-width="9" d="M{x:.1f} {y:.1f}h0"/>')
     else:

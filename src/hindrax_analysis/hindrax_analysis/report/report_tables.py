@@ -9,7 +9,7 @@ import numpy as np
 from hindrax_analysis.coefficients_file import TABULATED
 from hindrax_analysis.published import PAPER, published_of
 from hindrax_analysis.report.figures import METHODS, PREDICTORS, comparable_methods, has_restoring_moment, pretty_unit
-from hindrax_analysis.report.html_elements import decimals, number, plus_minus, prose, table, two_digits
+from hindrax_analysis.report.html_elements import decimals, number, plus_minus, prose, quoted, table, two_digits
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.assessment import Assessment
@@ -86,12 +86,12 @@ def _small(cell: str) -> str:
 
 def cell(found: Number | None, missing: str = "") -> str:
     """A coefficient with its deviations."""
-    return missing if found is None else plus_minus(found.value, found.std, found.std_calibrated)
+    return missing if found is None else quoted(found)
 
 
 @dataclass(frozen=True, slots=True)
 class Dimensionless:
-    """C_D at each speed of the drag band, its standard deviations (noise; with calibration), and Re: (n,) each."""
+    """C_D at each speed of the drag band, its standard deviations (noise; as quoted), and Re: (n,) each."""
 
     reynolds: Array
     drag_coefficient: Array
@@ -118,7 +118,8 @@ def dimensionless(vehicle: Vehicle, result: MotionResult) -> Dimensionless | Non
     length = vehicle.envelope_m[0] if turns else vehicle.characteristic_length_m
     per_force = 2.0 / (rho * length ** (5 if turns else 2) * band.speed**2)
     reynolds = band.speed * length ** (2 if turns else 1) / nu
-    parts = (reynolds, band.force * per_force, band.std * per_force, band.std_calibrated * per_force)
+    force, std = np.array([band.quoted(at) for at in range(len(band.speed))]).T
+    parts = (reynolds, force * per_force, band.std * per_force, std * per_force)
     return Dimensionless(*map(array, parts))
 
 
@@ -202,9 +203,9 @@ def table_budget(result: MotionResult) -> str:
     columns = [name for name in ("drag", *TABULATED) if name in result.budget]
     shares = {name: {row.influence: row.std for row in result.budget[name]} for name in columns}
     remedies = {row.influence: row.remedy for name in columns for row in result.budget[name]}
-    wide = {name: number.std_calibrated for name, number in result.coefficients.items()}
+    wide = {name: number.quoted[1] for name, number in result.coefficients.items()}
     if result.drag is not None:
-        wide["drag"] = float(result.drag.std_calibrated[-1])
+        wide["drag"] = result.drag.quoted(-1)[1]
     rows = []
     for influence, remedy in remedies.items():
         stds = [(shares[name].get(influence, 0.0), wide.get(name)) for name in columns]

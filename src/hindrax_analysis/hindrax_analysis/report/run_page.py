@@ -21,7 +21,7 @@ from hindrax_analysis.report.figures import (
     pretty_unit,
 )
 from hindrax_analysis.report.forest import Entry, forest
-from hindrax_analysis.report.html_elements import bullets, chips, definitions, page, plus_minus, prose
+from hindrax_analysis.report.html_elements import bullets, chips, decimals, definitions, number, page, plus_minus, prose
 from hindrax_analysis.report.report_tables import (
     table_3,
     table_4,
@@ -122,15 +122,16 @@ def _headline(results: Results, predicted: Mapping[str, float]) -> str:
     for motion, result in results.motions.items():
         if not result.identifiable or result.drag is None:
             continue
-        speed, force, std = (
-            float(part[-1]) for part in (result.drag.speed, result.drag.force, result.drag.std_calibrated)
-        )
+        speed, (force, std) = float(result.drag.speed[-1]), result.drag.quoted(-1)
+        ends = result.drag.corrected and result.drag.corrected.at(-1).interval95
+        shown = [number(end, decimals(force, std)) for end in ends or ()]
+        interval = f"95 % within {' to '.join(shown)}; " if shown else ""
         units = [pretty_unit(unit) for unit in axis_units(MOTIONS[motion].axis)]
         precision = f": {predicted[motion]:.1%} predicted, {std / force:.1%} reached" if motion in predicted else ""
         cards.append(
             f"<div><small>{title_of(motion)}: drag at {speed:.2f} {units[0]}</small>"
             f"<b>{plus_minus(force, std)} {units[1]}</b>"
-            f"<small>one standard deviation, with calibration{precision}</small></div>"
+            f"<small>{interval}\u00b1: half of the 68 % interval{precision}</small></div>"
         )
     return f'<div class="headline">{"".join(cards)}</div>' if cards else ""
 
@@ -142,8 +143,8 @@ def _how_to_read(report: RunReport) -> str:
     words = (
         f"<p>Model of every motion: {mass}, in SI units and SNAME axes (x forward, y starboard, z down)"
         f"{righting}. Each value "
-        "has the standard deviation to quote for the vehicle, with all influences of the uncertainty budget; below it "
-        "is the noise of this run.</p>"
+        "is corrected by what is probable of each influence of the uncertainty budget; \u00b1 is half of its 68 % "
+        "interval, to quote for the vehicle. Below it is what the record alone gives, with its noise.</p>"
     )
     if report.conditions.assumptions:
         words += f"<p>Assumptions:</p>{bullets(report.conditions.assumptions)}"
@@ -185,9 +186,10 @@ def _motion(report: RunReport, result: MotionResult) -> str:
 def _next(result: MotionResult) -> str:
     """Next experiment, and the band of the drag after it."""
     step, drag = result.next_step, result.drag
-    if step is None or drag is None or not drag.force[-1] > 0.0:
+    force, std = drag.quoted(-1) if drag is not None else (0.0, 0.0)
+    if step is None or not force > 0.0:
         return ""
-    now, then = (f"{std / float(drag.force[-1]):.1%}" for std in (float(drag.std_calibrated[-1]), step.std))
+    now, then = (f"{one / force:.1%}" for one in (std, step.std))
     text = f"Next: {step.remedy}. The drag at the highest speed would be known to {then} instead of {now}."
     return f"<p>{prose(text)}</p>"
 

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 TWO_SIDED_95 = 1.96
 """Standard deviations on each side of a 95 % band."""
-PLUS_MINUS = "+-: one standard deviation"
-"""Meaning of +- wherever a number has it; the bounds of a 95 % interval are written out."""
+PLUS_MINUS = "+-: half of the 68 % interval"
+"""Meaning of +- wherever a number has it: of a symmetric distribution, one standard deviation. The ends of a 95 %
+interval are written out."""
 IN_FLIGHT = f"{PLUS_MINUS}, from the noise so far; the result adds calibration, water and tether"
 LAST_PLACE = -5
 """Power of ten of the last digit of a number that is written without one."""

@@ -13,6 +13,7 @@ from hindrax_core.text.digits import measured
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.influences import LAG, LATENCY, MODEL, RUN, Case
+from hindrax_ident.assess.posterior import Draws
 from hindrax_ident.assess.quality import (
     Evidence,
     Excitation,
@@ -25,7 +26,7 @@ from hindrax_ident.assess.quality import (
     validation,
     whiteness,
 )
-from hindrax_ident.assess.results import Contribution, DragBand, MotionResult, NextStep, Number
+from hindrax_ident.assess.results import Contribution, DragBand, Interval, MotionResult, NextStep, Number
 from hindrax_ident.assess.uncertainty_budget import ALL, Budget, budget_of
 from hindrax_ident.fit.delay import fit_with_delays
 from hindrax_ident.fit.disturbance_noise import common_noise
@@ -65,7 +66,8 @@ class Assessment:
     """Final assessment of one axis: for the report, beyond the results.
 
     Covariances (p, p): `noise` of the fit alone; that of `fit` with the influences redrawn in each run; `separable`
-    with all but those that scale every force alike; `calibrated` with all.
+    with all but those that scale every force alike; `calibrated` with all. `draws`: of the posterior of the influences
+    and of the noise.
     """
 
     record: Record
@@ -73,6 +75,7 @@ class Assessment:
     calibrated: Array
     separable: Array
     budget: Budget
+    draws: Draws
     noise: Array
     plateaus: Plateaus
     whiteness: Whiteness
@@ -166,6 +169,7 @@ def _assess(drafted: DraftFit, budget: Budget) -> Assessment:
         calibrated=array(fit.covariance + budget.band()),
         separable=array(fit.covariance + budget.band((RUN, MODEL))),
         budget=budget,
+        draws=budget.draws(fit.covariance),
         noise=fit.covariance,
         plateaus=measure(record),
         whiteness=whiteness(fit),
@@ -204,7 +208,12 @@ def result_of(motion: Motion, assessment: Assessment) -> MotionResult:
     reported = reported_parameters(model, motion)
     covariance, widened = fit.covariance[reported.square], calibrated[reported.square]
     k = theta[reported.rows[:2]]
-    numbers = numbers_of(model, motion, theta, fit.covariance, calibrated)
+    true = _corrected(assessment, reported)
+    interval = assessment.draws.interval(true)
+    numbers = {
+        name: replace(number, corrected=interval.at(reported.names.index(name)))
+        for name, number in numbers_of(model, motion, theta, fit.covariance, calibrated).items()
+    }
     excited = excitation(fit, motion.side)
     drag = _drag(motion, assessment, excited)
     evidence = Evidence(
@@ -233,6 +242,7 @@ def result_of(motion: Motion, assessment: Assessment) -> MotionResult:
         names=reported.names,
         covariance=covariance,
         covariance_calibrated=widened,
+        covariance_corrected=assessment.draws.covariance(true),
         samples=fit.samples,
         effective_samples=fit.effective_samples,
         identifiable=not reasons,
@@ -249,6 +259,19 @@ def result_of(motion: Motion, assessment: Assessment) -> MotionResult:
             *_unseen(assessment, reported, drag),
         ),
     )
+
+
+def _corrected(assessment: Assessment, reported: ReportedParameters) -> Array:
+    """Draws (n, coefficients) of what the coefficients are: the fit less its errors, within their bounds.
+
+    Where the fit itself is beyond a bound, the contradiction stays visible.
+    """
+    fit, draws = assessment.fit, assessment.draws
+    errors = draws.influences @ assessment.budget.shifts[reported.rows].T + draws.noise[:, reported.rows]
+    fitted = fit.theta[reported.rows]
+    own = np.where(np.arange(len(fitted)) == reported.mass, fit.model.rigid, 0.0)
+    low = np.array(reported.low)
+    return array(np.maximum(fitted - own - errors, np.where(fitted - own >= low, low, -np.inf)))
 
 
 def _at_bounds(theta: Array, covariance: Array, rigid: float, reported: ReportedParameters) -> tuple[str, ...]:
@@ -336,13 +359,22 @@ def _drag(motion: Motion, assessment: Assessment, excited: Excitation) -> _Drag:
     noise, own = (np.maximum(0.0, np.sum(gradient @ C * gradient, axis=1)) for C in (assessment.noise, fit.covariance))
     sensitivity = budget.drag_sensitivity(array(gradient), array(speed * (motion.side or 1)))
     wide, separable = (np.sqrt(noise + budget.variance(sensitivity, scopes)) for scopes in (ALL, (RUN, MODEL)))
-    band = DragBand(array(speed), array(gradient @ fit.theta), array(np.sqrt(own)), array(wide))
+    force = array(gradient @ fit.theta)
+    corrected = _corrected_drag(assessment, array(gradient), force, sensitivity)
+    band = DragBand(array(speed), force, array(np.sqrt(own)), array(wide), corrected)
     known = excited.high > excited.low > 0.0
     top, variance = sensitivity[-1], float(noise[-1])
     largest = _with_noise(variance, budget.contributions(top, (RUN, MODEL)))[0]
     rows_of_top = _with_noise(variance, budget.contributions(top))
-    next_step = _next_step(variance, float(wide[-1]) ** 2, budget.variance_without(top))
+    remaining = variance + float(top @ budget.covariance @ top)
+    next_step = _next_step(variance, remaining, budget.variance_without(top))
     return _Drag(band if known else None, float(separable[-1]), largest, rows_of_top, next_step, (top, variance))
+
+
+def _corrected_drag(assessment: Assessment, gradient: Array, force: Array, sensitivity: Array) -> Interval:
+    """Posterior of drags (n,): gradient to the parameters (n, p), sensitivity to the influences (n, m)."""
+    draws = assessment.draws
+    return draws.interval(array(force - draws.influences @ sensitivity.T - draws.noise @ gradient.T))
 
 
 def _next_step(noise: float, variance: float, without: Mapping[str, float]) -> NextStep:

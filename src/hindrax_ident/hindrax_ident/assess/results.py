@@ -1,32 +1,101 @@
-"""Results of a run: coefficients with two standard deviations each, their method, and the verdict."""
+"""Results of a run: coefficients as fitted and as corrected, their uncertainties, their method, and the verdict."""
+
+from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hindrax_core.vehicle import AXES, Vehicle
-from hindrax_ident.arrays import Array
+from hindrax_ident.arrays import Array, array
 from hindrax_ident.model.motion_model import MOTIONS, offset, restoring
+
+Z95 = 1.959964
+"""Half of the 95 % interval of a normal distribution [standard deviations]."""
+
+
+class Interval(NamedTuple):
+    """Posterior of k quantities: its mean, and the ends of its equal-tailed 68 and 95 % intervals, (k,) each."""
+
+    center: Array
+    low68: Array
+    high68: Array
+    low95: Array
+    high95: Array
+
+    def widened(self, std: Array) -> Interval:
+        """With an independent normal error of this deviation (k,) besides."""
+        ends = [
+            self.center + side * np.hypot(end - self.center, z * std)
+            for end, side, z in zip(self[1:], (-1.0, 1.0, -1.0, 1.0), (1.0, 1.0, Z95, Z95), strict=True)
+        ]
+        return Interval(self.center, *map(array, ends))
+
+    def at(self, index: int) -> Corrected:
+        """One of the quantities."""
+        center, low68, high68, low95, high95 = (float(one[index]) for one in self)
+        return Corrected(center, (low68, high68), (low95, high95))
+
+    def to_json(self) -> dict[str, object]:
+        """Plain lists."""
+        pairs = {"interval68": (self.low68, self.high68), "interval95": (self.low95, self.high95)}
+        return {"value": self.center.tolist(), **{name: [one.tolist() for one in ends] for name, ends in pairs.items()}}
+
+
+@dataclass(frozen=True, slots=True)
+class Corrected:
+    """A quantity corrected by what is probable of each influence, and its 68 and 95 % intervals."""
+
+    value: float
+    interval68: tuple[float, float]
+    interval95: tuple[float, float]
+
+    @property
+    def std(self) -> float:
+        """Half of the 68 % interval: the standard deviation where it is symmetric. What stands behind +-."""
+        return 0.5 * (self.interval68[1] - self.interval68[0])
+
+    def widened(self, std: float) -> Corrected:
+        """With an independent normal error of this deviation besides."""
+        one = Interval(*(array([x]) for x in (self.value, *self.interval68, *self.interval95)))
+        return one.widened(array([std])).at(0)
+
+    def to_json(self) -> dict[str, object]:
+        """Plain data."""
+        return {"value": self.value, "interval68": list(self.interval68), "interval95": list(self.interval95)}
 
 
 @dataclass(frozen=True, slots=True)
 class Number:
-    """A coefficient: value, standard deviation from the noise of this run, and with thruster calibration."""
+    """A coefficient: value of the fit, standard deviation from the noise of this run, and with all influences.
+
+    `corrected`: the value that it probably has, with its intervals; None where only the record is known.
+    """
 
     value: float
     std: float
     std_calibrated: float = math.nan
     truth: float | None = None
     unit: str = ""
+    corrected: Corrected | None = None
+
+    @property
+    def quoted(self) -> tuple[float, float]:
+        """What to say of the vehicle: the corrected value and half of its 68 % interval, else that of the fit."""
+        if self.corrected is not None:
+            return self.corrected.value, self.corrected.std
+        return self.value, self.std_calibrated if math.isfinite(self.std_calibrated) else self.std
 
     def to_json(self) -> dict[str, object]:
         """Plain data; `truth` is null where unknown."""
         out: dict[str, object] = {"value": self.value, "std": self.std, "truth": self.truth, "unit": self.unit}
         if math.isfinite(self.std_calibrated):
             out["std_calibrated"] = self.std_calibrated
+        if self.corrected is not None:
+            out["corrected"] = self.corrected.to_json()
         return out
 
 
@@ -50,16 +119,27 @@ class NextStep:
 
 @dataclass(frozen=True, slots=True)
 class DragBand:
-    """Drag force over the excited speeds, with both standard deviations: (n,) each, SI units."""
+    """Drag force over the excited speeds, as fitted, with both standard deviations, and as corrected: (n,) each."""
 
     speed: Array
     force: Array
     std: Array
     std_calibrated: Array
+    corrected: Interval | None = None
 
-    def to_json(self) -> dict[str, list[float]]:
+    def quoted(self, index: int) -> tuple[float, float]:
+        """What to say of the vehicle at one of the speeds: force and deviation, as `Number.quoted`."""
+        if self.corrected is not None:
+            one = self.corrected.at(index)
+            return one.value, one.std
+        return float(self.force[index]), float(self.std_calibrated[index])
+
+    def to_json(self) -> dict[str, object]:
         """Plain lists."""
-        return {one.name: getattr(self, one.name).tolist() for one in fields(self)}
+        out: dict[str, object] = {
+            one.name: getattr(self, one.name).tolist() for one in fields(self) if one.name != "corrected"
+        }
+        return out | ({"corrected": self.corrected.to_json()} if self.corrected is not None else {})
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +156,8 @@ class MotionResult:
     covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
     covariance_calibrated: Array = field(default_factory=lambda: np.zeros((0, 0)), compare=False)
     """With all influences of the budget; `covariance` has the noise of this run alone. Rows and columns as `names`."""
+    covariance_corrected: Array = field(default_factory=lambda: np.zeros((0, 0)), compare=False)
+    """Of the posterior, about the corrected values; rows and columns as `names`."""
     samples: int = 0
     effective_samples: float = 0.0
     drag: DragBand | None = None
@@ -91,6 +173,10 @@ class MotionResult:
     def value(self, name: str) -> float:
         """Value of a coefficient; NaN where missing."""
         return self.coefficients[name].value if name in self.coefficients else math.nan
+
+    def quoted(self, name: str) -> float:
+        """Value of a coefficient as it is quoted, corrected where that is known; NaN where missing."""
+        return self.coefficients[name].quoted[0] if name in self.coefficients else math.nan
 
     def drag_force(self, speed: float) -> tuple[float, float]:
         """Drag and its standard deviation at a speed of this motion's direction [N, N m]."""
@@ -112,6 +198,7 @@ class MotionResult:
             "names": list(self.names),
             "covariance": self.covariance.tolist(),
             "covariance_calibrated": self.covariance_calibrated.tolist(),
+            "covariance_corrected": self.covariance_corrected.tolist(),
             "speeds": list(self.speeds),
             "drag_force": self.drag.to_json() if self.drag else None,
             "methods": {

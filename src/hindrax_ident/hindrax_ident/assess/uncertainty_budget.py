@@ -34,6 +34,7 @@ import numpy as np
 from hindrax_core.text.digits import measured
 from hindrax_ident.arrays import Array, Flags, array
 from hindrax_ident.assess.influences import GAIN, HEAVE, INFLUENCES, MODEL, NEAR, RUN, Case, Influence, acting
+from hindrax_ident.assess.posterior import LOSSLESS, Draws, Explanations, drawn
 from hindrax_ident.assess.results import Contribution
 from hindrax_ident.fit.scores import score
 
@@ -78,11 +79,16 @@ class Budget:
     evidence: Array
     likelihood: _Likelihood
     whole: _Likelihood
+    explanations: Explanations
 
     def in_water(self, water: Array) -> Budget:
         """The budget in the water of a run: (k,), the sum of the evidence of all its motions."""
-        mean, covariance, _ = _posterior(self.likelihood, water)
-        return replace(self, mean=mean, covariance=covariance)
+        known = _posterior(self.likelihood, water)
+        return replace(self, mean=known.mean, covariance=known.covariance, explanations=known.explanations)
+
+    def draws(self, noise: Array) -> Draws:
+        """Draws of the posterior of the influences, and of the noise of the parameters, of this covariance (p, p)."""
+        return drawn(self.explanations, noise, 0.0 if self.case.vehicle.thrusters else LOSSLESS)
 
     def prior(self, name: str) -> float:
         """Prior standard deviation of an influence in its unit; 0 where it cannot act."""
@@ -123,17 +129,15 @@ class Budget:
         return array(np.sum(kept @ self._moment * kept, axis=1))
 
     def variance_without(self, sensitivity: Array) -> dict[str, float]:
-        """By remedy: what is left of the variance of a quantity with this sensitivity (m,) if its rows were known."""
+        """By remedy: what is left of the variance of a corrected quantity, of sensitivity (m,), if its rows were known.
+
+        What is known of an influence is corrected, so only the covariance counts, not the mean.
+        """
         columns: dict[str, list[int]] = {}
         for row, influence, _ in self.rows:
             columns.setdefault(influence.remedy, []).extend(range(row.start, row.stop))
         known = float(sensitivity @ self.covariance @ sensitivity)
-        out = {}
-        for remedy, at in columns.items():
-            lost = self._lost(at, sensitivity)
-            shown = float(self.mean @ sensitivity - self.mean[at] @ sensitivity[at])
-            out[remedy] = max(0.0, known - lost) + shown**2
-        return out
+        return {remedy: max(0.0, known - self._lost(at, sensitivity)) for remedy, at in columns.items()}
 
     def contributions(self, sensitivity: Array, scopes: Collection[str] = ALL) -> list[Contribution]:
         """Contribution of each influence to a quantity with this sensitivity (m,), largest first.
@@ -209,7 +213,7 @@ class Budget:
             if influence.considered and not influence.measured and not influence.shown(self.case):
                 hidden.setdefault(influence.remedy, []).append(influence.name)
         left = {
-            name: (self.variance_without(along), noise, noise + float(self.variance(along[None])[0]))
+            name: (self.variance_without(along), noise, noise + float(along @ self.covariance @ along))
             for name, (along, noise) in quantities.items()
         }
         out = []
@@ -255,14 +259,14 @@ def budget_of(case: Case, influences: Sequence[Influence] = INFLUENCES) -> Budge
     its rows and columns of H and g set to zero: it keeps its prior, independent of all others. `whole` judges all,
     to ask whether a record needs an influence that would be named.
     """
-    known = sorted(acting(case, influences), key=lambda pair: pair[0].of_readings)
-    columns = [sigma * row.effect(case) for row, sigma in known]
-    on_body = sum(not row.of_readings for row, _ in known)
+    rows_acting = sorted(acting(case, influences), key=lambda pair: pair[0].of_readings)
+    columns = [sigma * row.effect(case) for row, sigma in rows_acting]
+    on_body = sum(not row.of_readings for row, _ in rows_acting)
     impulses = np.hstack([np.zeros((len(case.v), 0)), *columns[:on_body]])
     readings = np.hstack([np.zeros((len(case.fit.problem.t), 0)), *columns[on_body:]])
     found = score(case.fit, impulses, readings)
     ends = np.cumsum([0, *(column.shape[1] for column in columns)]).tolist()
-    rows = tuple((slice(a, b), *one) for (a, b), one in zip(itertools.pairwise(ends), known, strict=True))
+    rows = tuple((slice(a, b), *one) for (a, b), one in zip(itertools.pairwise(ends), rows_acting, strict=True))
     judged = np.ones(ends[-1])
     for row, influence, _ in rows:
         judged[row] = not influence.considered or influence.shown(case)
@@ -274,16 +278,17 @@ def budget_of(case: Case, influences: Sequence[Influence] = INFLUENCES) -> Budge
         prior,
     )
     whole = _Likelihood(array(found.information + weighed[0]), array(found.gradient + weighed[1]), prior)
-    mean, covariance, evidence = _posterior(likelihood)
+    known = _posterior(likelihood)
     return Budget(
         case=case,
         rows=rows,
         shifts=found.shifts,
-        mean=mean,
-        covariance=covariance,
-        evidence=evidence,
+        mean=known.mean,
+        covariance=known.covariance,
+        evidence=known.evidence,
         likelihood=likelihood,
         whole=whole,
+        explanations=known.explanations,
     )
 
 
@@ -336,10 +341,16 @@ def _evidence(data: _Likelihood) -> float:
 
 
 class _Posterior(NamedTuple):
-    """Mean (m,) and covariance (m, m) of the influences; logarithm of the evidence of each nearness, (k,).
+    """Mean (m,) and covariance (m, m) of the influences; logarithm of the evidence of each nearness, (k,)."""
 
-    Of e explanations of a record: (e, m), (e, m, m), (e,).
-    """
+    mean: Array
+    covariance: Array
+    evidence: Array
+    explanations: Explanations
+
+
+class _Explained(NamedTuple):
+    """Mean (e, m), covariance (e, m, m) and logarithm of the evidence (e,) of explanations of a record."""
 
     mean: Array
     covariance: Array
@@ -363,10 +374,13 @@ def _posterior(data: _Likelihood, water: Array | None = None) -> _Posterior:
     middle = weight @ mean
     apart = mean - middle
     total = np.tensordot(weight, covariance, 1) + (weight[:, None] * apart).T @ apart
-    return _Posterior(array(middle), array(total), own)
+    of = np.repeat(np.arange(len(found)), [len(one.evidence) for one in found])
+    usual, spread, loss = data.prior.mean[of], data.prior.sigma[of], array(data.prior.mean[-1] > 0.0)
+    explanations = Explanations(array(weight), mean, covariance, usual, spread, loss)
+    return _Posterior(array(middle), array(total), own, explanations)
 
 
-def _explained(information: Array, gradient: Array, usual: Array, sigma: Array, tails: Flags) -> _Posterior:
+def _explained(information: Array, gradient: Array, usual: Array, sigma: Array, tails: Flags) -> _Explained:
     """Explanations by unknowns with these means and deviations: Student priors where `tails`, otherwise normal.
 
     Tails allow an influence far greater than usual, instead of spreading it over all. Expectation
@@ -391,7 +405,7 @@ def _explained(information: Array, gradient: Array, usual: Array, sigma: Array, 
     same = np.abs(mean[:, None] - mean[None]).max(axis=2, initial=0.0) < SAME_EXPLANATION
     # One that is found from many starts counts once.
     evidence += known - np.log(same.sum(axis=1))
-    return _Posterior(array(usual + sigma * mean), array(sigma[:, None] * covariance * sigma), array(evidence))
+    return _Explained(array(usual + sigma * mean), array(sigma[:, None] * covariance * sigma), array(evidence))
 
 
 def _given(variance: Array, root: Array) -> tuple[Array, Array]:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from http import HTTPStatus
 from pathlib import Path
+from typing import Any
 
 from hindrax_bag.run_folder import RunFolder
 from hindrax_core.errors import HindraxError, cause
@@ -78,9 +79,13 @@ def _motions(file: Path) -> Sequence[Mapping[str, str]]:
         return []  # of another version, damaged, or being written: its report shows more
 
 
-def _drag(found: Mapping[str, Sequence[float]] | None, motion: str) -> str:
+def _drag(found: Mapping[str, Any] | None, motion: str) -> str:
+    """Drag at the highest speed; files of earlier versions do not have it corrected."""
     if found is None:
         return ""
     speed, force, std = (found[name][-1] for name in ("speed", "force", "std_calibrated"))
+    if "corrected" in found:
+        low, high = (ends[-1] for ends in found["corrected"]["interval68"])
+        force, std = found["corrected"]["value"][-1], 0.5 * (high - low)
     unit, rate = units(motion)
     return f"{measured(force, std)} {unit} at {speed:.2g} {rate}"

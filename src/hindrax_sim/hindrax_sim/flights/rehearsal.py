@@ -133,10 +133,11 @@ def rehearse(
 
 def _band(result: MotionResult) -> ExpectedBand:
     drag, mass = result.drag, result.coefficients.get("added_mass")
+    force, std = drag.quoted(-1) if drag else (math.nan, math.nan)
     return ExpectedBand(
         speed=result.speeds[1],
         noise=abs(float(drag.std[-1] / drag.force[-1])) if drag else math.nan,
-        calibrated=abs(float(drag.std_calibrated[-1] / drag.force[-1])) if drag else math.nan,
-        added_mass=abs(mass.std_calibrated / mass.value) if mass else math.nan,
+        calibrated=abs(std / force) if drag else math.nan,
+        added_mass=abs(mass.quoted[1] / mass.quoted[0]) if mass else math.nan,
         reasons=result.reasons,
     )

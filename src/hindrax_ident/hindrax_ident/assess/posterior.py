@@ -1,0 +1,134 @@
+"""Posterior of coefficients and drag: the fit, corrected by what is probable of each influence, with its interval.
+
+A known systematic effect is corrected (GUM, JCGM 100, 3.2.4 and 6.3), and where its distribution is not normal the
+interval is that of the distribution (JCGM 101, propagation by draws). What is known of the influences is the mixture of
+explanations of `uncertainty_budget`, in which losses are normal; here they get the distribution that they have: evenly
+anywhere between nothing and their greatest. The explanations are the proposal of an importance sampling.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from hindrax_ident.arrays import Array, array
+from hindrax_ident.assess.results import Interval
+
+DRAWS = 8192
+SEED = 68
+"""Of all draws, so that the same record always gives the same numbers."""
+BEYOND = 0.02
+"""Share of the prior of a loss beyond its limits: what no model has may look like a gain."""
+WITHIN_68, WITHIN_95 = 0.6827, 0.95
+EVEN = math.sqrt(math.tau / 12.0)
+"""Density of a uniform distribution over that of the normal one of its mean and deviation, at the mean."""
+LOSSLESS = 0.5
+"""Probability that a force that nobody computed from thrusters has no losses: a simulation has none, and one that was
+measured in the water is free of them."""
+
+
+class Explanations(NamedTuple):
+    """Mixture of what is known of m influences after a record, from e normal explanations.
+
+    `weight` (e,), `mean` (e, m), `covariance` (e, m, m). Of their prior, which was normal: `usual` and `spread` (e, m).
+    `loss` (m,): 1 where the influence acts in one direction.
+    """
+
+    weight: Array
+    mean: Array
+    covariance: Array
+    usual: Array
+    spread: Array
+    loss: Array
+
+
+class Draws(NamedTuple):
+    """Weighted draws of the posterior: `influences` (n, m), `noise` (n, p) of the parameters, `weight` (n,)."""
+
+    influences: Array
+    noise: Array
+    weight: Array
+
+    def interval(self, values: Array) -> Interval:
+        """Of quantities drawn with these, (n, k)."""
+        order = np.argsort(values, axis=0)
+        ordered = np.take_along_axis(values, order, axis=0)
+        # The middle of each step of the distribution function.
+        weight = self.weight[order]
+        below = np.cumsum(weight, axis=0) - 0.5 * weight
+        ends = [0.5 * (1.0 + side * share) for share in (WITHIN_68, WITHIN_95) for side in (-1.0, 1.0)]
+        found = [array([float(np.interp(end, p, x)) for p, x in zip(below.T, ordered.T, strict=True)]) for end in ends]
+        return Interval(array(self.weight @ values), *found)
+
+    def covariance(self, values: Array) -> Array:
+        """Of quantities drawn with these, (n, k): (k, k)."""
+        apart = values - self.weight @ values
+        return array((self.weight[:, None] * apart).T @ apart)
+
+
+def drawn(known: Explanations, noise: Array, lossless: float = 0.0) -> Draws:
+    """Draws of the influences, and of the noise of the parameters with this covariance (p, p).
+
+    `lossless`: probability, before the record, that no loss acts at all.
+    """
+    rng = np.random.default_rng(SEED)
+    if lossless > 0.0:
+        known = _perhaps_lossless(known, lossless)
+    m, p = known.mean.shape[1], len(noise)
+    standard = rng.standard_normal((DRAWS, m + p))
+    # Systematic: each explanation gets its share of the draws, to one.
+    share = np.cumsum(known.weight) / known.weight.sum()
+    of = np.minimum(np.searchsorted(share, (np.arange(DRAWS) + 0.5) / DRAWS), len(share) - 1)
+    influences = np.empty((DRAWS, m))
+    for one in np.unique(of).tolist():
+        here = of == one
+        influences[here] = known.mean[one] + standard[here, :m] @ _root(known.covariance[one]).T
+    return Draws(influences, array(standard[:, m:] @ _root(noise).T), _importance(known, influences, of))
+
+
+def _perhaps_lossless(known: Explanations, lossless: float) -> Explanations:
+    """Beside each explanation the same one without losses.
+
+    What the record says of them: density of no loss after the record, by that before it (Dickey 1971).
+    """
+    at, rest = np.flatnonzero(known.loss), np.flatnonzero(known.loss == 0.0)
+    along = known.covariance[:, at[:, None], at]
+    gain = np.linalg.solve(along, known.covariance[:, at[:, None], rest])
+    mean, covariance = np.zeros_like(known.mean), np.zeros_like(known.covariance)
+    mean[:, rest] = known.mean[:, rest] - np.einsum("eab,ea->eb", gain, known.mean[:, at])
+    covariance[:, rest[:, None], rest] = known.covariance[:, rest[:, None], rest] - np.einsum(
+        "eab,eac->ebc", known.covariance[:, at[:, None], rest], gain
+    )
+    far = np.einsum("ea,ea->e", known.mean[:, at], np.linalg.solve(along, known.mean[:, at][..., None])[..., 0])
+    usual, spread = known.usual[:, at], known.spread[:, at]
+    log = 0.5 * np.sum((usual / spread) ** 2 + 2.0 * np.log(spread), axis=1)
+    log -= 0.5 * (far + np.linalg.slogdet(along)[1])
+    weight = np.concatenate([(1.0 - lossless) * known.weight, lossless * known.weight * np.exp(log)])
+    return Explanations(
+        array(weight / weight.sum()),
+        array(np.concatenate([known.mean, mean])),
+        array(np.concatenate([known.covariance, covariance])),
+        array(np.concatenate([known.usual, known.usual])),
+        array(np.concatenate([known.spread, known.spread])),
+        known.loss,
+    )
+
+
+def _importance(known: Explanations, influences: Array, of: Array) -> Array:
+    """Weights of draws (n, m), each of the explanation `of` (n,): even prior over normal prior of each loss."""
+    at = np.flatnonzero(known.loss)
+    spread, drawn_losses = known.spread[of][:, at], influences[:, at]
+    far = (drawn_losses - known.usual[of][:, at]) / spread
+    even = np.where(np.abs(far) <= math.sqrt(3.0), EVEN * np.exp(0.5 * np.minimum(far**2, 3.0)), 0.0)
+    # No loss is no draw of either.
+    log = np.sum(np.where(drawn_losses == 0.0, 0.0, np.log((1.0 - BEYOND) * even + BEYOND)), axis=1)
+    weight = np.exp(log - log.max())
+    return array(weight / weight.sum())
+
+
+def _root(covariance: Array) -> Array:
+    """Matrix square root of a covariance: (k, k)."""
+    values, vectors = np.linalg.eigh(covariance)
+    return array(vectors * np.sqrt(np.maximum(0.0, values)))
