@@ -14,12 +14,14 @@ from hindrax_analysis.exports.export_model import export_model
 from hindrax_core.errors import HindraxError
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import array
-from hindrax_ident.assess.results import DragBand, MotionResult, Number, Results
+from hindrax_ident.assess.results import Corrected, DragBand, MotionResult, Number, Results
+
+CORRECTED = Corrected(61.0123456789, (58.5, 63.5), (54.0, 64.0))
 
 
 def a_result(motion: str = "surge", *, identifiable: bool = True) -> MotionResult:
     numbers = {
-        "k_q": Number(66.4812345678901, 0.21, 1.35, 66.48, "N s^2/m^2"),
+        "k_q": Number(66.4812345678901, 0.21, 1.35, 66.48, "N s^2/m^2", CORRECTED),
         "k_l": Number(1.25, 0.06, math.nan, None, "N s/m"),
         "b": Number(-0.02, 0.004, 0.004, None, "N"),
     }
@@ -30,6 +32,7 @@ def a_result(motion: str = "surge", *, identifiable: bool = True) -> MotionResul
         coefficients=numbers,
         names=("k_q", "k_l", "b"),
         covariance=np.diag([0.21**2, 0.06**2, 0.004**2]),
+        covariance_corrected=9.0 * np.diag([0.21**2, 0.06**2, 0.004**2]),
         samples=100,
         effective_samples=80.0,
         identifiable=identifiable,
@@ -51,7 +54,8 @@ def saved(tmp_path: Path, vehicle: Vehicle) -> Path:
 def test_numbers_come_back_to_the_last_digit(saved: Path) -> None:
     found = read_coefficients(saved)
     surge = found.motions["surge"]
-    assert surge.coefficients["k_q"] == Number(66.4812345678901, 0.21, 1.35, 66.48, "N s^2/m^2")
+    assert surge.coefficients["k_q"] == Number(66.4812345678901, 0.21, 1.35, 66.48, "N s^2/m^2", CORRECTED)
+    assert np.array_equal(surge.covariance_corrected, 9.0 * surge.covariance)
     assert math.isnan(surge.coefficients["k_l"].std_calibrated)
     assert surge.speeds == (0.1, 0.4)
     assert not found.motions["yaw"].identifiable
@@ -72,14 +76,15 @@ def test_the_run_is_called_by_its_folder(saved: Path) -> None:
 
 def test_the_exports_read_the_same_file(saved: Path, vehicle: Vehicle) -> None:
     made = export_model(read_coefficients(saved), vehicle, str(saved), complete=True).hydrodynamics
-    assert made.surge.k_q == 66.4812345678901
+    assert made.surge.k_q == 61.0123456789, "as it is quoted"
     assert vehicle.hydrodynamics is not None
     assert made.yaw == vehicle.hydrodynamics.yaw
 
 
 def test_words_stand_beside_the_numbers(saved: Path) -> None:
     text = saved.read_text()
-    assert "k_q = 66.48 +- 0.21 (+- 1.4 with calibration) N s^2/m^2" in text
+    assert "k_q = 61.0 +- 2.5 (95 %: 54 to 64) N s^2/m^2" in text
+    assert "k_l = 1.250 +- 0.060 N s/m" in text, "without a correction it is the fit"
     assert "yaw: NOT identifiable" in text
 
 

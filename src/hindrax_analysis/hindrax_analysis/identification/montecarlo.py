@@ -1,5 +1,7 @@
 """Accuracy of the identification: many runs with known truth, each compared with the bound of its record."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -33,16 +35,35 @@ class CoefficientError:
     bound: float
     truth: float
     std_calibrated: float = math.nan
+    corrected: CorrectedError | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CorrectedError:
+    """Errors of a corrected quantity and of the ends of its 95 % interval."""
+
+    error: float
+    low: float
+    high: float
+
+    @property
+    def held(self) -> bool:
+        """Whether the interval holds the truth."""
+        return self.low <= 0.0 <= self.high
 
 
 @dataclass(frozen=True, slots=True)
 class DragError:
-    """Drag force of one run at a share of its highest speed, one way: relative error and calibrated deviation [-]."""
+    """Drag force of one run at a share of its highest speed, one way: relative error and calibrated deviation [-].
+
+    `corrected`: relative as well.
+    """
 
     motion: str
     share: float
     error: float
     std_calibrated: float = math.nan
+    corrected: CorrectedError | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,20 +116,25 @@ def _found(
         for name, number in numbers.items():
             true, stds = truth[result.motion][name], (number.std, limits[name])
             error = number.value - true
-            yield CoefficientError(result.motion, name, method, error, *stds, true, number.std_calibrated)
+            one = number.corrected
+            off = one and CorrectedError(*(x - true for x in (one.value, *one.interval95)))
+            yield CoefficientError(result.motion, name, method, error, *stds, true, number.std_calibrated, off)
 
 
 def _drag(result: MotionResult, drag_force: Callable[[str, float], float]) -> Iterator[DragError]:
     """At every share, in every direction that the coefficients hold for."""
     side, band = MOTIONS[result.motion].side, result.drag
     for v in (sign * share * result.speeds[1] for share in SHARES for sign in ((side,) if side else (1.0, -1.0))):
-        true, std = drag_force(result.motion, v), math.nan
+        true, std, off = drag_force(result.motion, v), math.nan, None
+        if band is not None and band.corrected is not None:
+            ends = (band.corrected.center, band.corrected.low95, band.corrected.high95)
+            off = CorrectedError(*(float(np.interp(abs(v), band.speed, x)) / abs(true) - 1.0 for x in ends))
         if band is not None:
             # The variance is speed squared times a parabola of the speed.
             parabola = np.polyfit(band.speed, (band.std_calibrated / band.speed) ** 2, 2)
             std = abs(v) * math.sqrt(max(0.0, float(np.polyval(parabola, abs(v)))))
         error = result.drag_force(v)[0] / true - 1.0
-        yield DragError(result.motion, abs(v) / result.speeds[1], error, std / abs(true))
+        yield DragError(result.motion, abs(v) / result.speeds[1], error, std / abs(true), off)
 
 
 def tabulate(trials: Sequence[Trial]) -> list[dict[str, Any]]:
@@ -116,21 +142,36 @@ def tabulate(trials: Sequence[Trial]) -> list[dict[str, Any]]:
 
     `ratio` is the root mean square of error over bound: 1 is the limit.
     """
-    groups: dict[tuple[str, str, str], list[tuple[float, ...]]] = {}
+    groups: dict[tuple[str, str, str], list[CoefficientError]] = {}
     for trial in trials:
         for one in trial.found:
-            numbers = (one.error, one.bound, one.std, one.std_calibrated, one.truth)
-            groups.setdefault((one.motion, one.coefficient, one.method), []).append(numbers)
+            groups.setdefault((one.motion, one.coefficient, one.method), []).append(one)
     rows = []
     for (motion, coefficient, method), group in groups.items():
-        errors, bounds, stds, calibrated, truths = np.array(group).T
+        errors, bounds, stds, calibrated, truths = np.array(
+            [(one.error, one.bound, one.std, one.std_calibrated, one.truth) for one in group]
+        ).T
         row = {"motion": motion, "coefficient": coefficient, "method": method, "runs": len(group)}
         row |= {"truth": float(truths.mean()), "bias": float(errors.mean())}
         row |= {"rmse": _rms(errors), "crlb": _rms(bounds), "ratio": _rms(errors / bounds)}
         row["coverage95"] = float(np.mean(np.abs(errors) <= Z95 * stds))
         row["coverage95_calibrated"] = float(np.mean(np.abs(errors) <= Z95 * calibrated))
-        rows.append(row)
+        rows.append(row | _after_correction([one.corrected for one in group]))
     return rows
+
+
+def _after_correction(found: Sequence[CorrectedError | None]) -> dict[str, float]:
+    """Bias, error, coverage and median width of the 95 % interval of corrected quantities; none for other methods."""
+    known = [one for one in found if one is not None]
+    if not known:
+        return {}
+    errors = np.array([one.error for one in known])
+    return {
+        "bias_corrected": float(errors.mean()),
+        "rmse_corrected": _rms(errors),
+        "coverage95_corrected": float(np.mean([one.held for one in known])),
+        "width95_corrected": float(np.median([one.high - one.low for one in known])),
+    }
 
 
 def _rms(values: Array) -> float:
@@ -159,6 +200,7 @@ def drag_bias(trials: Sequence[Trial]) -> list[dict[str, object]]:
         coverage = float(np.mean(np.abs(errors) <= Z95 * stds))
         row = {"bias": float(np.mean(errors)), "rmse": rmse, "coverage95_calibrated": coverage}
         row |= {"rmse_per_band": rmse / float(np.median(stds)), "cases": len(group)}
+        row |= _after_correction([one.corrected for one in group])
         out.append({"motion": motion, "share_of_speed": share, **row})
     return out
 

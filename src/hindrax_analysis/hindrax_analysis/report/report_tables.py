@@ -18,8 +18,8 @@ from hindrax_ident.model.motion_model import MOTIONS, coefficient_units
 
 HEADINGS = ("k<sub>q</sub>", "k<sub>l</sub>", "b", "added mass")
 CONTRIBUTIONS = (
-    "A row is the part of the uncertainty that vanishes if its influence is known. Losses have one sign and may all "
-    "be large, so their rows do not add up in squares to the total."
+    "Rows are of the fit without its correction. A row is the part of the uncertainty that vanishes if its influence "
+    "is known. Losses have one sign and may all be large, so their rows do not add up in squares to the total."
 )
 SIGN_OF_B = (
     "The paper prints b of heave along the motion; here it is along the axis, so its sign is reversed for heave, up."
@@ -203,9 +203,10 @@ def table_budget(result: MotionResult) -> str:
     columns = [name for name in ("drag", *TABULATED) if name in result.budget]
     shares = {name: {row.influence: row.std for row in result.budget[name]} for name in columns}
     remedies = {row.influence: row.remedy for name in columns for row in result.budget[name]}
-    wide = {name: number.quoted[1] for name, number in result.coefficients.items()}
+    wide = {name: number.std_calibrated for name, number in result.coefficients.items()}
+    left = {name: number.quoted[1] for name, number in result.coefficients.items()}
     if result.drag is not None:
-        wide["drag"] = result.drag.quoted(-1)[1]
+        wide["drag"], left["drag"] = float(result.drag.std_calibrated[-1]), result.drag.quoted(-1)[1]
     rows = []
     for influence, remedy in remedies.items():
         stds = [(shares[name].get(influence, 0.0), wide.get(name)) for name in columns]
@@ -213,7 +214,10 @@ def table_budget(result: MotionResult) -> str:
         cells = [two_digits(std) if band is None or std >= 0.05 * band else "" for std, band in stds]
         rows += [[influence, *cells, prose(remedy)]] if any(cells) else []
     heads = headings_of(result.motion)
-    total = ["calibrated", *(two_digits(wide[name]) if name in wide else "" for name in columns), ""]
+    totals = [
+        [name, *(two_digits(std[one]) if one in std else "" for one in columns), ""]
+        for name, std in (("corrected", left), ("without the correction", wide))
+    ]
     heading = ["influence", *(heads[name] for name in columns), "best next step"]
-    shown = table(heading, [total, *rows], own=(0,), words=(0, len(heading) - 1))
+    shown = table(heading, [*totals, *rows], own=(0,), words=(0, len(heading) - 1))
     return f'{shown}<p class="soft">{CONTRIBUTIONS}</p>'

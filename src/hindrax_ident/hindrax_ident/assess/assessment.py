@@ -208,14 +208,17 @@ def result_of(motion: Motion, assessment: Assessment) -> MotionResult:
     reported = reported_parameters(model, motion)
     covariance, widened = fit.covariance[reported.square], calibrated[reported.square]
     k = theta[reported.rows[:2]]
+    excited = excitation(fit, motion.side)
+    drag = _drag(motion, assessment, excited)
     true = _corrected(assessment, reported)
     interval = assessment.draws.interval(true)
+    # The sensitivities are those of a fit that is off by this share: to first order in it is the correction known.
+    doubt = drag.off * (interval.center - theta[reported.rows] + _own_mass(model, reported))
+    interval = interval.widened(array(np.abs(doubt)))
     numbers = {
         name: replace(number, corrected=interval.at(reported.names.index(name)))
         for name, number in numbers_of(model, motion, theta, fit.covariance, calibrated).items()
     }
-    excited = excitation(fit, motion.side)
-    drag = _drag(motion, assessment, excited)
     evidence = Evidence(
         k=k,
         covariance=assessment.separable[reported.square][:2, :2],
@@ -242,7 +245,7 @@ def result_of(motion: Motion, assessment: Assessment) -> MotionResult:
         names=reported.names,
         covariance=covariance,
         covariance_calibrated=widened,
-        covariance_corrected=assessment.draws.covariance(true),
+        covariance_corrected=array(assessment.draws.covariance(true) + np.outer(doubt, doubt)),
         samples=fit.samples,
         effective_samples=fit.effective_samples,
         identifiable=not reasons,
@@ -269,9 +272,13 @@ def _corrected(assessment: Assessment, reported: ReportedParameters) -> Array:
     fit, draws = assessment.fit, assessment.draws
     errors = draws.influences @ assessment.budget.shifts[reported.rows].T + draws.noise[:, reported.rows]
     fitted = fit.theta[reported.rows]
-    own = np.where(np.arange(len(fitted)) == reported.mass, fit.model.rigid, 0.0)
-    low = np.array(reported.low)
+    own, low = _own_mass(fit.model, reported), np.array(reported.low)
     return array(np.maximum(fitted - own - errors, np.where(fitted - own >= low, low, -np.inf)))
+
+
+def _own_mass(model: Model, reported: ReportedParameters) -> Array:
+    """What a parameter has of the body: (coefficients,); the total mass has its own one, the others have nothing."""
+    return array(np.where(np.arange(len(reported.names)) == reported.mass, model.rigid, 0.0))
 
 
 def _at_bounds(theta: Array, covariance: Array, rigid: float, reported: ReportedParameters) -> tuple[str, ...]:
@@ -346,6 +353,8 @@ class _Drag(NamedTuple):
     largest: Contribution
     budget: list[Contribution]
     next_step: NextStep
+    off: float
+    """Share of the drag at the highest speed that is corrected [-]."""
     top: tuple[Array, float]
     """Of the drag at the highest speed: sensitivity to the influences (m,), and variance by the noise."""
 
@@ -361,6 +370,8 @@ def _drag(motion: Motion, assessment: Assessment, excited: Excitation) -> _Drag:
     wide, separable = (np.sqrt(noise + budget.variance(sensitivity, scopes)) for scopes in (ALL, (RUN, MODEL)))
     force = array(gradient @ fit.theta)
     corrected = _corrected_drag(assessment, array(gradient), force, sensitivity)
+    off = min(1.0, abs(float((corrected.center[-1] - force[-1]) / force[-1]))) if force[-1] else 1.0
+    corrected = corrected.widened(array(off * np.abs(corrected.center - force)))
     band = DragBand(array(speed), force, array(np.sqrt(own)), array(wide), corrected)
     known = excited.high > excited.low > 0.0
     top, variance = sensitivity[-1], float(noise[-1])
@@ -368,7 +379,7 @@ def _drag(motion: Motion, assessment: Assessment, excited: Excitation) -> _Drag:
     rows_of_top = _with_noise(variance, budget.contributions(top))
     remaining = variance + float(top @ budget.covariance @ top)
     next_step = _next_step(variance, remaining, budget.variance_without(top))
-    return _Drag(band if known else None, float(separable[-1]), largest, rows_of_top, next_step, (top, variance))
+    return _Drag(band if known else None, float(separable[-1]), largest, rows_of_top, next_step, off, (top, variance))
 
 
 def _corrected_drag(assessment: Assessment, gradient: Array, force: Array, sensitivity: Array) -> Interval:

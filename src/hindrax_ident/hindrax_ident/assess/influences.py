@@ -33,6 +33,12 @@ FOUND_DELAY_S = 0.1
 """Prior standard deviation of a delay that the record gave against the vehicle file."""
 INFLOW_mps, INFLOW_N = 0.5, 10.0
 SAG_S = 900.0
+LOSSES = 0.06
+"""Root mean square of the share of thrust lost between thrusters and hull: mean 5 %, at most 10 %. Wash of neighbors at
+1.45 of a share of 0 to 5 % (one neighbor as loaded, one idle), and half of the thrusters towards the hull with another
+(`docs/reference/worlds.md`: Bulten, Stoltenkamp 2013)."""
+LOADED_SAG = 0.03
+"""The same of the share lost at the largest thrust to 0 to 50 mohm of cable and battery: 9 A, thrust with V^1.7."""
 MEASURED_SAG = 0.005
 """Share of the thrust that may still fall where the supply is measured: its voltage is used in steps of 0.1 V."""
 EDGE = 0.1
@@ -522,9 +528,9 @@ INFLUENCES: tuple[Influence, ...] = (
     ),
     Influence(
         "losses between thrusters and hull", "-", GAIN,
-        lambda case: 0.08 if len(case.weighed) < 2 else 0.0,
+        lambda case: LOSSES if len(case.weighed) < 2 else 0.0,
         lambda case: case.of_commands(_unweighed(case, case.record.thrust.y, lambda y: -y[:, None])),
-        MEASURED_THRUST, considered=True, near=0.12, usual_cause="losses", loss=True,
+        MEASURED_THRUST, considered=True, near=0.16, usual_cause="losses", loss=True,
     ),
     Influence(
         # A record of a wrench alone has the exponent of the thrust for it.
@@ -548,7 +554,7 @@ INFLUENCES: tuple[Influence, ...] = (
         "measure the supply voltage, or repeat the first leg at the end", near=NEAR, loss=True,
     ),
     Influence(
-        "sag under load", "-", MODEL, _sag(0.05), _load,
+        "sag under load", "-", MODEL, _sag(LOADED_SAG), _load,
         "measure the supply voltage at the ESCs", near=NEAR, loss=True,
     ),
     Influence(

@@ -19,8 +19,9 @@ from hindrax_ident.assess.results import Interval
 DRAWS = 8192
 SEED = 68
 """Of all draws, so that the same record always gives the same numbers."""
-BEYOND = 0.02
-"""Share of the prior of a loss beyond its limits: what no model has may look like a gain."""
+BEYOND = 0.25
+"""Share of the prior of a loss that is normal, of the same mean and deviation: no limit is sure, and what no row has
+may look like a gain."""
 WITHIN_68, WITHIN_95 = 0.6827, 0.95
 EVEN = math.sqrt(math.tau / 12.0)
 """Density of a uniform distribution over that of the normal one of its mean and deviation, at the mean."""

@@ -1,0 +1,110 @@
+"""Draws of the posterior: what the mixture of explanations and the priors of losses make of an estimate."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import norm, truncnorm
+
+from hindrax_ident.arrays import Array, array
+from hindrax_ident.assess import posterior
+from hindrax_ident.assess.posterior import DRAWS, LOSSLESS, Explanations, drawn
+
+MEAN, SPREAD = 0.5, math.sqrt(1.0 / 12.0)
+"""Of a loss that is anywhere from none to one."""
+NO_NOISE = array(np.zeros((1, 1)))
+ENDS_68, ENDS_95 = (0.1587, 0.8413), (0.025, 0.975)
+
+
+def one_loss(mean: float = MEAN, sigma: float = SPREAD, weight: float = 1.0) -> Explanations:
+    """What a normal explanation makes of one loss, and a second influence of both signs, independent of it."""
+    return Explanations(
+        weight=array([weight]),
+        mean=array([[mean, 0.0]]),
+        covariance=array([np.diag([sigma**2, 4.0])]),
+        usual=array([[MEAN, 0.0]]),
+        spread=array([[SPREAD, 2.0]]),
+        loss=array([1.0, 0.0]),
+    )
+
+
+@pytest.fixture
+def sure_limits(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(posterior, "BEYOND", 1e-9)
+
+
+def quantiles(values: Array, weight: Array, ends: tuple[float, ...]) -> list[float]:
+    order = np.argsort(values)
+    return [float(values[order][np.searchsorted(np.cumsum(weight[order]), end)]) for end in ends]
+
+
+@pytest.mark.usefixtures("sure_limits")
+def test_a_loss_that_no_record_shows_keeps_its_even_prior() -> None:
+    draws = drawn(one_loss(), NO_NOISE)
+    found = draws.interval(draws.influences)
+    assert found.center == pytest.approx([0.5, 0.0], abs=0.05)
+    assert [found.low68[0], found.high68[0]] == pytest.approx(ENDS_68, abs=0.02)
+    assert [found.low95[0], found.high95[0]] == pytest.approx(ENDS_95, abs=0.01)
+    assert [found.low68[1], found.high68[1]] == pytest.approx([-2.0, 2.0], abs=0.1)
+    assert [found.low95[1], found.high95[1]] == pytest.approx([-3.92, 3.92], abs=0.2)
+
+
+@pytest.mark.usefixtures("sure_limits")
+def test_what_a_record_shows_of_a_loss_is_cut_off_at_its_limits() -> None:
+    """A measurement of 0.1 +- 0.2 beside the even prior is a normal distribution between none and one."""
+    at, sigma = 0.1, 0.2
+    information = SPREAD**-2 + sigma**-2
+    known = one_loss((MEAN * SPREAD**-2 + at * sigma**-2) / information, information**-0.5)
+    draws = drawn(known, NO_NOISE)
+    exact = truncnorm(-at / sigma, (1.0 - at) / sigma, at, sigma)
+    found = draws.interval(draws.influences[:, :1])
+    assert found.center[0] == pytest.approx(exact.mean(), abs=0.01)
+    assert [found.low68[0], found.high68[0]] == pytest.approx(exact.ppf(ENDS_68), abs=0.015)
+    assert [found.low95[0], found.high95[0]] == pytest.approx(exact.ppf(ENDS_95), abs=0.02)
+    assert found.high95[0] - found.center[0] > 1.3 * (found.center[0] - found.low95[0]), "it is not symmetric"
+
+
+def test_no_loss_is_as_probable_as_the_record_leaves_it() -> None:
+    """Bayes' rule, of one measurement y of a loss: none, with the prior LOSSLESS, or normal about its mean."""
+    y, sigma = 0.0, 0.2
+    information = SPREAD**-2 + sigma**-2
+    known = one_loss((MEAN * SPREAD**-2 + y * sigma**-2) / information, information**-0.5)
+    none = LOSSLESS * norm(0.0, sigma).pdf(y)
+    some = (1.0 - LOSSLESS) * norm(MEAN, math.hypot(SPREAD, sigma)).pdf(y)
+    both = posterior._perhaps_lossless(known, LOSSLESS)
+    assert both.weight[1] == pytest.approx(none / (none + some))
+    draws = drawn(known, NO_NOISE, LOSSLESS)
+    assert np.any(draws.influences[:, 0] == 0.0)
+    assert draws.interval(draws.influences[:, :1]).low68[0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_without_a_loss_the_other_influences_are_what_they_are_given_that() -> None:
+    covariance = np.array([[0.5, 0.6], [0.6, 2.0]])
+    known = one_loss()._replace(covariance=array([covariance]), mean=array([[0.4, 1.0]]))
+    none = posterior._perhaps_lossless(known, LOSSLESS)
+    assert none.mean[1] == pytest.approx([0.0, 1.0 - 0.6 / 0.5 * 0.4])
+    assert none.covariance[1] == pytest.approx(np.diag([0.0, 2.0 - 0.6**2 / 0.5]))
+
+
+def test_explanations_have_their_shares_and_noise_is_added() -> None:
+    two = Explanations(
+        weight=array([0.25, 0.75]),
+        mean=array([[-4.0], [4.0]]),
+        covariance=array(np.full((2, 1, 1), 1e-6)),
+        usual=array(np.zeros((2, 1))),
+        spread=array(np.ones((2, 1))),
+        loss=array([0.0]),
+    )
+    noise = array([[4.0, 1.0], [1.0, 1.0]])
+    draws = drawn(two, noise)
+    assert np.mean(draws.influences[:, 0] < 0.0) == pytest.approx(0.25, abs=1.0 / DRAWS)
+    assert draws.covariance(draws.noise) == pytest.approx(noise, abs=0.15)
+    found = draws.interval(draws.influences)
+    assert found.center[0] == pytest.approx(2.0, abs=0.01)
+    assert (found.low68[0], found.high68[0]) == pytest.approx((-4.0, 4.0), abs=0.01)
+
+
+def test_the_same_record_gives_the_same_numbers() -> None:
+    first, second = (drawn(one_loss(), NO_NOISE, LOSSLESS) for _ in range(2))
+    assert np.array_equal(first.influences, second.influences)
+    assert np.array_equal(first.weight, second.weight)
