@@ -7,7 +7,7 @@ readers ignore them.
 import math
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +37,8 @@ class ResultConditions:
     is "guard: sentence" where the flight was aborted, `flown_s` the excitation of each motion [s], where it is known;
     `blocked_s` its thrust without motion, as against a wall [s], which is not in the data; `left_out` thrusters that
     were taken out of use meanwhile, with the reasons; `predicted` the calibrated deviation of its drag at the highest
-    speed, as a share of it [-], where a rehearsal predicted it before the flight.
+    speed, as a share of it [-], where a rehearsal predicted it before the flight; `seed` that of
+    the mock.
     """
 
     vehicle: str = ""
@@ -47,6 +48,7 @@ class ResultConditions:
     density_kgpm3: float = math.nan
     kinematic_viscosity_m2ps: float = math.nan
     mock: bool = False
+    seed: int | None = None
     motions: tuple[str, ...] = ()
     date: str = ""
     bag: str = ""
@@ -77,6 +79,8 @@ def document(results: Results, conditions: ResultConditions) -> dict[str, Any]:
     block |= {"left_out": list(conditions.left_out)}
     for name in ("flown_s", "blocked_s"):
         block[name] = {motion: round(seconds, 1) for motion, seconds in block[name].items()}
+    if conditions.seed is None:
+        del block["seed"]
     block["predicted"] = {motion: round(share, 4) for motion, share in conditions.predicted.items()}
     ended = {"aborted": block.pop("aborted")} if conditions.aborted else {}
     return {**ended, "conditions": block, **results.to_json()}
@@ -133,6 +137,15 @@ class SavedCoefficients:
     label: str
     conditions: ResultConditions
     motions: Mapping[str, MotionResult]
+
+
+def as_fitted(saved: SavedCoefficients) -> SavedCoefficients:
+    """The results without their corrections: what the motion is for the thrust of the curves, losses included."""
+    motions = {
+        name: replace(one, coefficients={key: replace(x, corrected=None) for key, x in one.coefficients.items()})
+        for name, one in saved.motions.items()
+    }
+    return replace(saved, motions=motions)
 
 
 def read_coefficients(file: Path, label: str = "") -> SavedCoefficients:

@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from hindrax_analysis.records.own_bag import is_mock, truth_in
+from hindrax_analysis.records.own_bag import is_mock, seed_of, truth_in
 from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.events import Stamp
@@ -24,11 +24,14 @@ def bag(folder: Path, **reported: str) -> Path:
 
 def test_the_truth_of_a_bag_is_that_of_the_hull_which_flew(tmp_path: Path) -> None:
     hull = {"surge": {"k_q": 60.0}}
-    reported = bag(tmp_path / "reported", notes="pool-test surge in mock", truth=json.dumps(hull))
+    reported = bag(tmp_path / "reported", notes="pool-test surge in mock, seed 7", truth=json.dumps(hull))
     assert is_mock(reported)
+    assert seed_of(reported) == 7
     assert truth_in(reported, VEHICLE) == hull
 
 
 def test_a_bag_without_truth_takes_that_of_the_vehicle_file(tmp_path: Path) -> None:
     for name, reported in (("old", {"notes": "in mock"}), ("real", {"notes": "", "truth": ""})):
-        assert truth_in(bag(tmp_path / name, **reported), VEHICLE) == truth_of(VEHICLE)
+        found = bag(tmp_path / name, **reported)
+        assert truth_in(found, VEHICLE) == truth_of(VEHICLE)
+        assert seed_of(found) is None

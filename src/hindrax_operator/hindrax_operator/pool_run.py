@@ -230,7 +230,7 @@ def fly(options: PoolOptions, folder: RunFolder, progress: Progress, act: Act | 
         out=str(folder.path),
         tether=None if mock else available_tether(progress.report),
         tuning=options.tuning,
-        client=f"pool-test {' '.join(options.motions)}{' in mock' if mock else ''}",
+        client=f"pool-test {' '.join(options.motions)}{f' in mock, seed {mock.seed}' if mock else ''}",
         needed=tuple(whole),
     )
     progress.report(f"starting {'the mock vehicle and ' if mock else ''}the stack")

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from hindrax_analysis.coefficients_file import SavedCoefficients
+from hindrax_analysis.coefficients_file import SavedCoefficients, as_fitted
 from hindrax_analysis.exports.export_model import ExportModel, export_model
 from hindrax_analysis.exports.samples import sampled_models
 from hindrax_control.hold.holds import HoldKnobs
@@ -113,6 +113,8 @@ class HoldGains:
 
 def hold_gains(saved: SavedCoefficients, vehicle: Vehicle, source: str, *, complete: bool) -> HoldGains:
     """Gains from a result, robust over vehicles drawn from its uncertainty; HindraxError as for an export."""
+    # Gains act on the commanded thrust, so on a vehicle with its losses.
+    saved = as_fitted(saved)
     model = export_model(saved, vehicle, source, complete=complete)
     drawn = list(sampled_models(saved, vehicle, source, VEHICLES, seed=SEED, complete=complete))
     return designed(known(model), [known(one) for one in drawn])

@@ -18,7 +18,7 @@ from hindrax_analysis.coefficients_file import (
 )
 from hindrax_analysis.identification.verdict import show_verdicts
 from hindrax_analysis.published import CITATION, PAPER, published_of
-from hindrax_analysis.records.own_bag import bag_events, date_of, left_out, maneuver_record, truth_in
+from hindrax_analysis.records.own_bag import bag_events, date_of, left_out, maneuver_record, seed_of, truth_in
 from hindrax_analysis.report.comparison import RunScatter
 from hindrax_analysis.report.figures import Trace
 from hindrax_analysis.report.run_page import RunReport, run_page
@@ -56,6 +56,8 @@ class Identified:
     left_out: tuple[str, ...] = ()
     """Thrusters taken out of use in the record, each with its reason."""
     spreads: Mapping[str, Mapping[str, RunScatter]] = field(default_factory=dict)
+    seed: int | None = None
+    """Of the mock vehicle, where it flew."""
 
     @property
     def complete(self) -> bool:
@@ -66,7 +68,9 @@ class Identified:
     def document(self, bag: Path, report: Path | None, factor: float | None, aborted: Refusal) -> dict[str, object]:
         """The JSON document of `pool-test` and `identify`."""
         ends = {"bag": str(bag), "report": str(report) if report else None}
-        out = {"thrusters_left_out": list(self.left_out)} if self.left_out else {}
+        out: dict[str, object] = {"thrusters_left_out": list(self.left_out)} if self.left_out else {}
+        if self.seed is not None:
+            out["seed"] = self.seed
         ended = {"aborted": aborted or None, "aborted_by": aborted.word}
         return {**self.results.to_json(), **ends, "real_time_factor": factor, **ended, **out}
 
@@ -88,7 +92,7 @@ def identify_bag(
         session.step(event)
     outcome = session.finalize(progress)
     results = with_truth(outcome.results, truth_in(bag, vehicle)) if mock else outcome.results
-    return Identified(outcome, results, mock, origin, left_out=left_out(bag))
+    return Identified(outcome, results, mock, origin, left_out=left_out(bag), seed=seed_of(bag))
 
 
 REJECTED = "*"
@@ -216,6 +220,7 @@ def recorded_conditions(
         flown_s=total([one.flown_s for one in flown]),
         blocked_s=total([one.blocked_s for one in flown]),
         predicted=identified.predicted,
+        seed=identified.seed,
     )
 
 

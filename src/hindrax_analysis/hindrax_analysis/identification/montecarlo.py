@@ -117,7 +117,7 @@ def _found(
             true, stds = truth[result.motion][name], (number.std, limits[name])
             error = number.value - true
             one = number.corrected
-            off = one and CorrectedError(*(x - true for x in (one.value, *one.interval95)))
+            off = None if one is None else CorrectedError(*(x - true for x in (one.value, *one.interval95)))
             yield CoefficientError(result.motion, name, method, error, *stds, true, number.std_calibrated, off)
 
 

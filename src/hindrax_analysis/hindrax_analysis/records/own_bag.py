@@ -1,6 +1,7 @@
 """Contents of a bag of this stack: events by the feed of the live identifier, maneuvers, date, truth."""
 
 import json
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
@@ -127,6 +128,12 @@ def _description(bag: Path) -> Mapping[str, str]:
 def is_mock(bag: Path) -> bool:
     """Whether a bag of this stack was recorded on the mock vehicle."""
     return "in mock" in _description(bag).get("notes", "")
+
+
+def seed_of(bag: Path) -> int | None:
+    """Seed of the mock vehicle that a pool test flew; None for any other bag."""
+    found = re.search(r"in mock, seed (\d+)", _description(bag).get("notes", ""))
+    return int(found.group(1)) if found else None
 
 
 def truth_in(bag: Path, vehicle: Vehicle) -> dict[str, dict[str, float]]:
