@@ -430,7 +430,8 @@ def test_a_noisy_record_is_best_flown_twice(assessed: dict[int, Assessment]) -> 
     top = np.array([result.speeds[1] ** 2, result.speeds[1], 0.0, 0.0])
     left = result.drag.std_calibrated[-1] ** 2 - 0.5 * float(top @ noisy.noise @ top)
     assert result.next_step.remedy == FLY_TWICE
-    assert result.next_step.std == pytest.approx(math.sqrt(left))
+    # All but the noise is little here, and its mean is corrected.
+    assert result.next_step.std == pytest.approx(math.sqrt(left), rel=1e-3)
 
 
 def test_rows_of_less_than_a_hundredth_of_the_largest_are_left_out() -> None:

@@ -214,10 +214,8 @@ def table_budget(result: MotionResult) -> str:
         cells = [two_digits(std) if band is None or std >= 0.05 * band else "" for std, band in stds]
         rows += [[influence, *cells, prose(remedy)]] if any(cells) else []
     heads = headings_of(result.motion)
-    totals = [
-        [name, *(two_digits(std[one]) if one in std else "" for one in columns), ""]
-        for name, std in (("corrected", left), ("without the correction", wide))
-    ]
+    both = [("corrected", left)] * (left != wide) + [("calibrated", wide)]
+    totals = [[name, *(two_digits(std[one]) if one in std else "" for one in columns), ""] for name, std in both]
     heading = ["influence", *(heads[name] for name in columns), "best next step"]
     shown = table(heading, [*totals, *rows], own=(0,), words=(0, len(heading) - 1))
     return f'{shown}<p class="soft">{CONTRIBUTIONS}</p>'

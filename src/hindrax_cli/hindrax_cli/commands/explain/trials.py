@@ -113,25 +113,27 @@ def print_montecarlo(document: dict[str, Any]) -> None:
     low, high = document["ratio_by_chance"]
     print_fitted(f"{document['runs']} runs at the bound give {low:.2f} to {high:.2f} by chance, 95 times in 100")
     title = "Drag force at shares of the tested speed: relative error"
-    shares = ("share", "bias [%]", "RMSE [%]", "in the calibrated 95 % interval", *CORRECTED)
+    shares = ("share", "bias [%]", "RMSE [%]", "in the calibrated 95 % interval", "RMSE / std")
     drag = []
     for row in document["drag"]:
         percents = (f"{100 * row[key]:.2f}" for key in ("bias", "rmse"))
         held = "" if row["coverage95_calibrated"] is None else f"{row['coverage95_calibrated']:.0%}"
-        drag.append((row["motion"], f"{row['share_of_speed']:.0%}", *percents, held, *_corrected(row)))
-    print_table(title, ("motion",), shares, drag, spare=CORRECTED[:1])
+        per_band = "" if row["rmse_per_band"] is None else f"{row['rmse_per_band']:.2f}"
+        drag.append((row["motion"], f"{row['share_of_speed']:.0%}", *percents, held, per_band))
+    print_table(title, ("motion",), shares, drag)
+    corrected = [_corrected(row) for row in document["drag"] if "rmse_corrected" in row]
+    if corrected:
+        title = "Drag force, corrected by what is probable of each influence: relative error"
+        columns = ("share", "bias [%]", "RMSE [%]", "in the 95 % interval", "width of that [%]")
+        print_table(title, ("motion",), columns, corrected)
     for seed, trouble in document["troubles"].items():
         print_fitted(f"seed {seed}: {trouble}")
 
 
-CORRECTED = ("corrected: bias [%]", "corrected: RMSE [%]", "in its 95 % interval", "width of that [%]")
-
-
 def _corrected(row: dict[str, Any]) -> tuple[str, ...]:
-    if "rmse_corrected" not in row:
-        return ("",) * len(CORRECTED)
     bias, rmse, held, width = (row[f"{name}_corrected"] for name in ("bias", "rmse", "coverage95", "width95"))
-    return f"{100 * bias:.2f}", f"{100 * rmse:.2f}", f"{held:.0%}", f"{100 * width:.0f}"
+    errors = f"{100 * bias:.2f}", f"{100 * rmse:.2f}", f"{held:.0%}", f"{100 * width:.0f}"
+    return row["motion"], f"{row['share_of_speed']:.0%}", *errors
 
 
 def _row(cell: dict[str, Any]) -> tuple[str, ...]:
