@@ -119,10 +119,19 @@ def identify(
 
 
 def coefficients(results: Results) -> Table:
-    """Return one row per motion and coefficient: value, `std` (with calibration where known), unit, verdict, truth.
+    """Return a table with one row per motion and coefficient: of the fit, and as it is quoted.
 
-    And what to quote: `corrected` by what is probable of each influence, and its 95 % interval, `low95` and `high95`;
-    NaN where it is not known.
+    Parameters
+    ----------
+    results
+        Those of `identify`.
+
+    Returns
+    -------
+    dict of arrays (n,)
+        `motion`, `coefficient`, `value` of the fit, `std` (with calibration where known), `unit`, `identifiable`,
+        `truth` of a mock; `corrected` by what is probable of each influence, and its 95 % interval, `low95` and
+        `high95`. NaN where it is not known.
     """
     rows = [
         (motion, name, one.value, one.std_calibrated if np.isfinite(one.std_calibrated) else one.std, one.unit,

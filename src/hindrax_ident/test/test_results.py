@@ -22,7 +22,7 @@ from hindrax_ident.assess.results import (
 
 COVARIANCE = array(np.array([[4.0, 0.0, -1.0], [0.0, 9.0, 0.0], [-1.0, 0.0, 0.5]]))
 """Of k_q, b and k_l."""
-BAND = DragBand(*(array(np.array([value])) for value in (0.4, 11.0, 0.2, 0.3)))
+BAND = DragBand(array([0.4]), array([11.0]), array([0.2]), array([0.3]))
 RESULT = MotionResult(
     motion="surge",
     method="output-error",
