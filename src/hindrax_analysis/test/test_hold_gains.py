@@ -18,8 +18,8 @@ from hindrax_core.vehicle import load_vehicle
 VEHICLE = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml")
 
 
-def gains_of(relative: float) -> HoldGains:
-    """Gains of a result that is the vehicle file, known to a part of each coefficient."""
+def gains_of(relative: float, of_drag: float | None = None) -> HoldGains:
+    """Gains of a result that is the vehicle file, known to a part of each coefficient, and of the linear drag."""
     motions: dict[str, Any] = {}
     assert VEHICLE.hydrodynamics is not None
     for index, axis in enumerate(("surge", "sway", "heave", "yaw")):
@@ -27,6 +27,8 @@ def gains_of(relative: float) -> HoldGains:
         mass = VEHICLE.hydrodynamics.added_mass[(0, 1, 2, 5)[index]]
         values = {"k_q": k_q, "k_l": k_l, "b": 0.0, "added_mass": mass}
         motions[axis] = {key: {"value": v, "std": relative * abs(v)} for key, v in values.items()}
+        if of_drag is not None:
+            motions[axis]["k_l"]["std"] = of_drag * k_l
         motions[axis]["speeds"] = [0.2, 0.8]
     saved = coefficients_of({"motions": motions}, "c.yaml")
     return hold_gains(saved, VEHICLE, "c.yaml", complete=True)
@@ -43,6 +45,15 @@ def test_a_result_that_is_less_certain_gives_slower_holds(sure: HoldGains) -> No
         assert unsure.axes[axis].law.bandwidth_radps < sure.axes[axis].law.bandwidth_radps
         assert sure.axes[axis].margins.sensitivity <= 1.7
     assert sure.drawn == 100
+
+
+def test_a_drag_that_is_hardly_known_makes_a_damped_hold_not_a_slow_one(sure: HoldGains) -> None:
+    unsure = gains_of(0.1, of_drag=0.8)
+    yaw = unsure.axes["yaw"].law
+    assert yaw.damping > 1.0
+    assert yaw.bandwidth_radps > 0.5 * sure.axes["yaw"].law.bandwidth_radps
+    assert unsure.axes["yaw"].margins.sensitivity <= 1.7
+    assert unsure.holds.damping == yaw.damping
 
 
 def test_the_parameter_file_is_read_back_as_knobs_of_the_pilot(sure: HoldGains) -> None:

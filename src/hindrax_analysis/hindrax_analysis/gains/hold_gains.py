@@ -8,7 +8,15 @@ from hindrax_analysis.coefficients_file import SavedCoefficients, as_fitted
 from hindrax_analysis.exports.export_model import ExportModel, export_model
 from hindrax_analysis.exports.samples import sampled_models
 from hindrax_control.hold.holds import HoldKnobs
-from hindrax_control.hold.loop_margins import Law, LoopDelays, Margins, fastest_law, reference_rate, worst_margins
+from hindrax_control.hold.loop_margins import (
+    MOST_SENSITIVITY,
+    Law,
+    LoopDelays,
+    Margins,
+    fastest_law,
+    reference_rate,
+    worst_margins,
+)
 from hindrax_control.hold.regulator import LIMIT_SHARE
 from hindrax_control.hold.station_keeping import StationKeepingKnobs
 from hindrax_control.maneuver.goal import largest_wrench
@@ -20,7 +28,11 @@ EFFORT = 0.5
 """Part of the largest thrust that a moving reference may take; the rest is for what disturbs, and for other axes."""
 INTEGRAL = 0.3
 """Part of the largest thrust that the integral part may reach."""
-DAMPING = 1.0
+DAMPINGS = (1.0, 1.25, 1.5)
+"""Damping ratios tried. The law counts on the drag that it believes in; where that is uncertain, a vehicle with less of
+it swings at one, and only a very slow law or a better damped one keeps the margins."""
+GROUPS = (("surge", "sway"), ("heave", "roll", "pitch", "yaw"))
+"""Axes that share a damping ratio: those of station keeping, and those of the holds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,8 +104,10 @@ class HoldGains:
                 climb_mps=_rounded(heave.rate),
                 integral_N=_rounded(INTEGRAL * heave.thrust),
             )
-        slowest_all = [one.law.integral_s for axis, one in found.items() if axis not in ("surge", "sway")]
-        return replace(knobs, damping=DAMPING, integral_s=_rounded(max(slowest_all, default=shipped.integral_s)))
+        laws = [found[axis].law for axis in GROUPS[1] if axis in found]
+        damping = max((law.damping for law in laws), default=shipped.damping)
+        slowest_s = max((law.integral_s for law in laws), default=shipped.integral_s)
+        return replace(knobs, damping=damping, integral_s=_rounded(slowest_s))
 
     @property
     def station(self) -> StationKeepingKnobs:
@@ -104,7 +118,7 @@ class HoldGains:
         slow = min(found, key=lambda one: one.law.bandwidth_radps)
         return StationKeepingKnobs(
             bandwidth_radps=_rounded(slow.law.bandwidth_radps),
-            damping=DAMPING,
+            damping=slow.law.damping,
             integral_s=_rounded(slow.law.integral_s),
             speed_mps=_rounded(min(one.rate for one in found)),
             integral_N=_rounded(INTEGRAL * min(one.thrust for one in found)),
@@ -130,18 +144,34 @@ def designed(vehicle: Vehicle, drawn: Sequence[Vehicle]) -> HoldGains:
     freedoms = [prior_dynamics(one) for one in (vehicle, *drawn)]
     thrust = largest_wrench(vehicle)
     lag_s = max((thruster.lag_s for thruster in vehicle.thrusters), default=0.0)
-    axes = {
-        axis: _axis(vehicle, axis, [one[axis] for one in freedoms], min(thrust[axis], limit), lag_s)
-        for axis, limit in zip(AXES, vehicle.limits.wrench, strict=True)
-        if thrust[axis] > 0.0 and limit > 0.0
-    }
+    limits = dict(zip(AXES, vehicle.limits.wrench, strict=True))
+    served = [axis for axis in AXES if thrust[axis] > 0.0 and limits[axis] > 0.0]
+
+    def of_group(group: Sequence[str], damping: float) -> dict[str, AxisGains]:
+        return {
+            axis: _axis(vehicle, axis, [one[axis] for one in freedoms], min(thrust[axis], limits[axis]), lag_s, damping)
+            for axis in group
+            if axis in served
+        }
+
+    tried = [[of_group(group, damping) for damping in DAMPINGS] for group in GROUPS]
+    found = {axis: one for choices in tried for axis, one in max(choices, key=_merit).items()}
+    axes = {axis: found[axis] for axis in served}
     return HoldGains(vehicle, axes, tuple(axis for axis in AXES if axis not in axes), len(drawn))
 
 
-def _axis(vehicle: Vehicle, axis: str, freedoms: Sequence[PriorDynamics], thrust: float, lag_s: float) -> AxisGains:
+def _merit(found: Mapping[str, AxisGains]) -> tuple[int, float]:
+    """How many axes keep the margins; then the logarithms of the bandwidths: twice as quick outweighs half as quick."""
+    kept = sum(one.margins.sensitivity <= MOST_SENSITIVITY for one in found.values())
+    return kept, sum(math.log(one.law.bandwidth_radps) for one in found.values())
+
+
+def _axis(  # noqa: PLR0917  # what decides the gains of one axis
+    vehicle: Vehicle, axis: str, freedoms: Sequence[PriorDynamics], thrust: float, lag_s: float, damping: float
+) -> AxisGains:
     limits = LIMITS[axis]
     delays = LoopDelays(lag_s, limits.delay_s)
-    law = fastest_law(freedoms, delays, damping=DAMPING, span_radps=limits.span_radps)
+    law = fastest_law(freedoms, delays, damping=damping, span_radps=limits.span_radps)
     # The stiffest and heaviest of the vehicles decides what a reference may ask for.
     rate = min(reference_rate(one, law.bandwidth_radps, EFFORT * (thrust - abs(one.bias))) for one in freedoms)
     most = limits.most_rate
