@@ -172,11 +172,11 @@ def test_every_interface_is_built_and_states_what_for(path: Path) -> None:
     assert path.read_text(encoding="utf-8").startswith("# ")
 
 
-STAND_ALONE = ("bag", "control", "core", "drivers", "ident", "laboratory", "ros")
+WITHOUT_HELPERS = ("bag", "bringup", "control", "core", "drivers", "ident", "laboratory", "ros")
 HELPERS = {path.stem for path in (ROOT / "test").glob("*.py")}
 
 
-@pytest.mark.parametrize("name", STAND_ALONE)
+@pytest.mark.parametrize("name", WITHOUT_HELPERS)
 def test_tests_of_a_package_collect_from_a_copy_of_src_alone(name: str) -> None:
     """Their helpers are in the package or beside them, not in the folder of the whole system."""
     for source in (ROOT / f"src/hindrax_{name}/test").glob("*.py"):
