@@ -25,7 +25,7 @@ from hindrax_analysis.identification.pool_session import (
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import AxisGain
 from hindrax_ident.assess.influences import MEASURED_THRUST
-from hindrax_ident.assess.results import Contribution, DragBand, MotionResult, Number
+from hindrax_ident.assess.results import Contribution, Corrected, DragBand, Interval, MotionResult, Number
 
 GAIN = AxisGain(load=15.0, sigma=0.004, positive=0.94, negative=0.95)
 
@@ -131,6 +131,19 @@ def test_what_a_step_can_buy_is_what_its_rows_take_of_the_variance() -> None:
     assert found.floor == pytest.approx(math.sqrt(18.0) / 100.0)
     assert (found.cause, found.remedy) == ("own wake", "rest")
     assert math.isnan(reached_of(result(-1.0, rows)).drag)
+
+
+def test_a_session_stands_where_the_corrected_numbers_stand() -> None:
+    rows = {"thrust calibration": (4.0, MEASURED_THRUST), "own wake": (4.0, "rest"), "inflow loss": (7.0, "coast")}
+    fitted = result(100.0, rows)
+    assert fitted.drag is not None
+    ends = (np.array([1.0, 82.0]), np.array([1.0, 88.0]), np.array([1.0, 76.0]), np.array([1.0, 92.0]))
+    band = replace(fitted.drag, corrected=Interval(np.array([1.0, 80.0]), *ends))
+    mass = replace(fitted.coefficients["added_mass"], corrected=Corrected(8.0, (7.8, 8.2), (7.6, 8.4)))
+    found = reached_of(replace(fitted, drag=band, coefficients={"added_mass": mass}))
+    assert found.drag == pytest.approx(3.0 / 80.0)
+    assert found.weighed == pytest.approx(3.0 / 80.0 * math.sqrt(65.0 / 81.0))
+    assert found.added_mass == pytest.approx(0.2 / 8.0)
 
 
 def test_the_next_step_is_the_cheapest_for_the_motion_farthest_from_its_goal() -> None:

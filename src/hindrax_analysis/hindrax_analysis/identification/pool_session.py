@@ -33,7 +33,7 @@ NOISE = "noise of the record"
 
 @dataclass(frozen=True, slots=True)
 class Reached:
-    """Calibrated standard deviations of one motion, as shares of the drag at its highest speed and of its mass [-].
+    """Deviations of one motion with all influences, as shares of the drag at its highest speed and of its mass [-].
 
     `weighed`, `repeated`: of the drag at best after each, by the budget; `floor`: after both, with `cause` the largest
     influence that is left. NaN where the drag is not known.
@@ -54,13 +54,19 @@ def drag_goal(motion: str) -> float:
 
 
 def reached_of(result: MotionResult) -> Reached:
-    """Where a motion stands, and what a weighing and a repeat could buy at best by its budget (GUM eq. 11a)."""
+    """Where a motion stands, and what a weighing and a repeat could buy at best by its budget (GUM eq. 11a).
+
+    Of the corrected numbers, which are those that are quoted. The rows are of the fit; a correction takes of each the
+    same part.
+    """
     mass, drag = result.coefficients.get("added_mass"), result.drag
-    mass_share = abs(mass.std_calibrated / mass.value) if mass and mass.value else math.nan
-    if drag is None or not float(drag.force[-1]) > 0.0:
+    mass_value, mass_std = mass.quoted if mass else (math.nan, math.nan)
+    mass_share = abs(mass_std / mass_value) if mass_value else math.nan
+    force, std = drag.quoted(-1) if drag else (math.nan, math.nan)
+    if drag is None or not force > 0.0:
         return Reached(math.nan, mass_share, math.nan, math.nan, math.nan, "", "")
-    force, variance = float(drag.force[-1]), float(drag.std_calibrated[-1]) ** 2
-    rows = result.budget.get("drag", ())
+    variance, left_over = std**2, std / float(drag.std_calibrated[-1])
+    rows = [replace(row, std=left_over * row.std) for row in result.budget.get("drag", ())]
     by_weighing = sum(row.std**2 for row in rows if row.remedy == MEASURED_THRUST)
     # A second run halves the variance of the noise; what acts on both alike stays.
     by_repeat = 0.5 * sum(row.std**2 for row in rows if row.influence == NOISE)

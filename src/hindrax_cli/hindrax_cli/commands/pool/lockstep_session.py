@@ -52,7 +52,7 @@ class SessionTrial:
     seed: int
     steps: tuple[Step, ...]
     errors: Mapping[str, float] = field(default_factory=dict)
-    """By motion: error of the drag at the highest speed, both ways the worse, in calibrated standard deviations."""
+    """By motion: error of the drag at the highest speed; the 95 % interval ends at `TWO_SIDED_95` on either side."""
     trouble: str = ""
 
 
@@ -96,11 +96,13 @@ def _errors(results: Results, flight: PoolFlight) -> dict[str, float]:
     out = {}
     for motion, result in results.motions.items():
         if result.drag is not None:
-            speed, force, std = (
-                float(one[-1]) for one in (result.drag.speed, result.drag.force, result.drag.std_calibrated)
-            )
             side = -1.0 if motion == "heave_up" else 1.0
-            out[motion] = (force - abs(flight.drag_N(motion, side * speed))) / std
+            truth = abs(flight.drag_N(motion, side * float(result.drag.speed[-1])))
+            force, std = result.drag.quoted(-1)
+            if result.drag.corrected is not None:
+                low, high = result.drag.corrected.at(-1).interval95
+                std = abs((force - low if force > truth else high - force) / TWO_SIDED_95)
+            out[motion] = (force - truth) / std
     return out
 
 
