@@ -38,10 +38,10 @@ def mass() -> Array:
     return array(M)
 
 
-def flown(M: Array, seed: int = 1) -> SixAxisRecord:
+def flown(M: Array, seed: int = 1, sines: int = 8) -> SixAxisRecord:
     """All axes moved at once by sines, level enough for roll and pitch to be small; the truth is the equation."""
     rng = np.random.default_rng(seed)
-    rates, phases = rng.uniform(0.1, 0.4, (6, 2)), rng.uniform(0.0, math.tau, (6, 2))
+    rates, phases = rng.uniform(0.1, 0.5, (6, sines)), rng.uniform(0.0, math.tau, (6, sines))
     largest = array([15.0, 18.0, 18.0, 0.5, 0.5, 1.5])
     inverse = np.linalg.inv(M)
     nu, angles, thrust, command, gusts = (array(np.zeros(n)) for n in (6, 2, 6, 6, 6))
@@ -56,7 +56,7 @@ def flown(M: Array, seed: int = 1) -> SixAxisRecord:
     for step in range(round(LASTS_S / STEP_S)):
         t = step * STEP_S
         if step % 5 == 0:
-            command = largest * np.sin(math.tau * rates * t + phases).sum(axis=1)
+            command = largest * math.sqrt(2.0 / sines) * np.sin(math.tau * rates * t + phases).sum(axis=1)
             wrench.append((t, *command))
             velocity.append((t, *(nu + NOISE * rng.standard_normal(6))))
             attitude.append((t, *(angles + 0.003 * rng.standard_normal(2)), math.nan))
@@ -115,6 +115,14 @@ def test_the_mass_is_positive_definite_and_drag_takes_energy(fit: JointFit) -> N
     assert all(fit.theta[place] >= 0.0 for place, term in enumerate(fit.terms) if term.drag_power)
 
 
+def test_an_axis_whose_thrust_has_two_frequencies_is_not_identified(fit: JointFit) -> None:
+    whirl = flown(mass(), sines=2)
+    assert all(1.0 < whirl.frequencies(axis) < 3.0 for axis in range(6))
+    few = dataclasses.replace(fit, frequencies=array([whirl.frequencies(axis) for axis in fit.axes]))
+    for name, motion in joint_results(few, VEHICLE).motions.items():
+        assert "its thrust has about 2 frequencies, wanted 3: fly steps, or a chirp" in motion.reasons, name
+
+
 def test_results_have_the_matrix_a_budget_and_verdicts(fit: JointFit) -> None:
     found = joint_results(fit, VEHICLE)
     document = found.to_json()
@@ -125,7 +133,8 @@ def test_results_have_the_matrix_a_budget_and_verdicts(fit: JointFit) -> None:
     assert not surge.reasons
     total = math.sqrt(sum(row.std**2 for row in surge.budget))
     assert total == pytest.approx(float(surge.drag.std_calibrated[-1]), rel=1e-6), "rows add up"
-    assert surge.drag.force[-1] == pytest.approx(50.0 * surge.drag.speed[-1] ** 2, rel=0.1)
+    off = float(surge.drag.force[-1]) - 50.0 * float(surge.drag.speed[-1]) ** 2
+    assert abs(off) < 2.0 * float(surge.drag.std_calibrated[-1]) < 0.35 * float(surge.drag.force[-1])
 
 
 def test_an_axis_that_was_not_measured_is_left_out(record: SixAxisRecord) -> None:

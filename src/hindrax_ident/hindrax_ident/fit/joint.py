@@ -97,6 +97,8 @@ class JointFit:
     velocity_sigma: Array
     samples: int
     converged: bool
+    frequencies: Array
+    """Of the thrust by axis, as `SixAxisRecord.frequencies`."""
 
     def index(self, name: str) -> int:
         """Place of a term; ValueError where it is not in."""
@@ -335,4 +337,5 @@ def _result(record: SixAxisRecord, search: _Search, velocities: list[Array]) -> 
         velocity_sigma=array(np.sqrt(noise.velocity)[:axes]),
         samples=sum(len(record.velocities[axis]) for axis in record.axes),
         converged=bool(np.all(np.abs(search.step[own]) < left)),
+        frequencies=array([record.frequencies(axis) for axis in record.axes]),
     )

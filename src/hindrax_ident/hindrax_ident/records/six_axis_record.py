@@ -16,6 +16,8 @@ FINEST_S, COARSEST_S = 0.04, 0.1
 """Bounds of the step of the grid: thrust lags are longer, and what is faster is averaged by the noise of the fit."""
 LONGEST_S = 60.0
 """Longest stretch with one linear system: what is longer is cut, which bounds the memory."""
+SPECTRUM_STEP_S, BINS_OF_A_SINE = 0.1, 2.0
+"""Sampling of the thrust for its spectrum; and how many bins of a spectrum with Hann's window one sine takes."""
 FEWEST = 20
 """Fewest velocities of an axis that is fitted."""
 
@@ -63,6 +65,17 @@ class SixAxisRecord:
         """Axes that were measured and that thrust has moved."""
         counts = [len(one) + (len(self.depth) if axis == 2 else 0) for axis, one in enumerate(self.velocities)]
         return tuple(axis for axis in range(6) if counts[axis] >= FEWEST and np.ptp(self.wrench[:, axis]) > 0.0)
+
+    def frequencies(self, axis: int) -> float:
+        """As how many equal sines the thrust of an axis is spread over its spectrum.
+
+        The participation ratio of the power, (sum P)^2 / sum P^2. A thrust of n sines determines 2 n numbers of a
+        linear system (persistent excitation; Ljung, System Identification, 2nd ed., section 13.2).
+        """
+        times = np.arange(self.wrench_t[0], self.wrench_t[-1], SPECTRUM_STEP_S)
+        y = np.interp(times, self.wrench_t, self.wrench[:, axis])
+        power = np.abs(np.fft.rfft((y - y.mean()) * np.hanning(len(y)))) ** 2
+        return float(power.sum() ** 2 / max(1e-300, float(np.sum(power**2)))) / BINS_OF_A_SINE
 
     @property
     def duration_s(self) -> float:
