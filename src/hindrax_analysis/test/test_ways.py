@@ -1,5 +1,6 @@
 """A record of places instead of velocities: fitted as it is, with the noise, steps and outliers of its instrument."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -97,3 +98,16 @@ def test_a_measured_velocity_goes_before_a_position() -> None:
     (found,) = read_records("t,u,px,py,yaw,X\n0,0.1,0,0,0,1\n1,0.1,0.1,0,0,1\n", "both.csv")
     assert np.isnan(found.way[:, [0, 2]]).all()
     assert found.way[:, 1].tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("sigma_m", [0.0, 0.002])
+def test_exact_places_as_of_a_simulator_are_identified_too(sigma_m: float) -> None:
+    t, way, force = legs()
+    noisy = way + np.random.default_rng(3).normal(0.0, sigma_m, len(way))
+    rows = zip(t, noisy * math.cos(HEADING_rad), noisy * math.sin(HEADING_rad), force, strict=True)
+    lines = [f"{t:.2f},{x:.12f},{y:.12f},{HEADING_rad},{push}" for t, x, y, push in rows]
+    (recording,) = read_records("\n".join(["t,px,py,yaw,X", *lines]), "a.csv")
+    assert (len(recording.way_t) == 0) == (sigma_m == 0.0)
+    found = identified(recording)
+    assert found.identifiable, found.reasons
+    assert found.value("k_q") * 0.36 + found.value("k_l") * 0.6 == pytest.approx(0.36 * K_Q + 0.6 * K_L, rel=0.03)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hindrax_analysis.records.bag_track import ways_from_poses
+from hindrax_analysis.records.bag_track import are_exact, ways_from_poses
 from hindrax_analysis.records.csv_columns import (
     Meaning,
     Row,
@@ -203,12 +203,16 @@ def _check_times(time: Array, rows: list[Row], source: str) -> None:
 def _recording(source: str, columns: dict[str, Array]) -> Recording:
     t = columns["t"]
     origin, empty = float(t[0]), np.full(len(t), NAN)
+    way_t, way = _ways(columns, origin)
+    if len(way_t) and are_exact(array(way[:, np.isfinite(way).any(axis=0)])):
+        columns = columns | _speeds(columns, way_t + origin, way)
+        way_t, way = NO_TIMES, NO_WAYS
     parts = []
     for names in ("uvwpqr", "XYZKMN", ("roll", "pitch", "depth")):
         table = np.stack([columns.get(name, empty) for name in names], axis=1)
         known = np.isfinite(table).any(axis=1)
         parts.append((array(t[known] - origin), array(table[known])))
-    return Recording(source, *parts[0], *parts[1], *parts[2], origin, (), *_ways(columns, origin))
+    return Recording(source, *parts[0], *parts[1], *parts[2], origin, (), way_t, way)
 
 
 def _ways(columns: dict[str, Array], origin: float) -> tuple[Array, Array]:
@@ -221,3 +225,13 @@ def _ways(columns: dict[str, Array], origin: float) -> tuple[Array, Array]:
     ways = ways_from_poses(array(np.column_stack([x, y, none])[known]), array(attitudes[known]))
     measured = [speed in columns for speed in "uv"]
     return array(columns["t"][known] - origin), array(np.where([*measured, True], NAN, ways))
+
+
+def _speeds(columns: dict[str, Array], t: Array, way: Array) -> dict[str, Array]:
+    """Columns of the velocities that exact ways (n, 3) at times (n,) have."""
+    found = {}
+    for speed, along in zip("uv", way.T[:2], strict=True):
+        if speed not in columns:
+            rates = np.gradient(along, t)
+            found[speed] = array(np.where(np.isin(columns["t"], t), np.interp(columns["t"], t, rates), NAN))
+    return found

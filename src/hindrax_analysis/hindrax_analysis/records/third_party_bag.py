@@ -14,6 +14,7 @@ from hindrax_analysis.records.bag_track import (
     VELOCITY_TYPES,
     WRENCH_TYPES,
     Track,
+    are_exact,
     compare_frames,
     quaternions_of,
     tilts_of,
@@ -141,7 +142,9 @@ def _recording(bag: Path, velocity: Track, wrench: Track, frame: str, vehicle: V
     way_t, way = NO_TIMES, NO_WAYS
     if poses and not velocity.rows:
         known = np.isfinite(poses[1]).all(axis=1)
-        way_t, way = array(at_v[known]), ways_from_poses(poses[0][known], poses[1][known])
+        ways = ways_from_poses(poses[0][known], poses[1][known])
+        if not are_exact(ways):
+            way_t, way = array(at_v[known]), ways
     tilts = np.column_stack([tilts_of(poses[1]), np.full(len(at_v), np.nan)]) if poses else np.zeros((0, 3))
     return Recording(
         source=str(bag),
