@@ -2,10 +2,10 @@
 
 import argparse
 import pkgutil
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from operator import call
-from typing import Any
+from typing import Any, TypeVar
 
 from hindrax_analysis.identification.executor import run_all
 from hindrax_analysis.identification.montecarlo import Trial, summary, trial_of
@@ -22,6 +22,8 @@ from hindrax_core.vehicle import AXES, load_vehicle
 from hindrax_ident.model import motion_model
 from hindrax_sim.conditions.world_table import FORM, IDEAL, sizes_of
 from hindrax_sim.flights.pool_flight import fly
+
+OneTrial = TypeVar("OneTrial", Trial, SessionTrial)
 
 
 @command(
@@ -54,23 +56,26 @@ def montecarlo(arguments: argparse.Namespace) -> int:
             raise UsageError(f"--session: found --excitation {arguments.excitation}, wanted {PLATEAUS}")
         return _sessions(arguments, servable.flown, seeds)
     jobs = [partial(trial, seed, *how) for seed in seeds]
-    trials: list[Trial] = []
-    for one in run_all(call, jobs, cluster=arguments.cluster, workers=arguments.workers):
-        trials.append(one)
-        print_stderr(f"run {len(trials)} of {len(jobs)}: seed {one.seed} {one.trouble}")
+    trials = _told("run", jobs, arguments)
     document = summary(trials)
     if not document["cells"]:
         raise HindraxError(f"none of {len(trials)} runs gave a result: {trials[0].trouble}")
     return print_answer(document, lambda: print_montecarlo(document), as_json=arguments.json)
 
 
+def _told(what: str, jobs: Sequence[Callable[[], OneTrial]], arguments: argparse.Namespace) -> list[OneTrial]:
+    """Results of all jobs; each is told as it is done."""
+    trials: list[OneTrial] = []
+    for one in run_all(call, jobs, cluster=arguments.cluster, workers=arguments.workers):
+        trials.append(one)
+        print_stderr(f"{what} {len(trials)} of {len(jobs)}: seed {one.seed} {one.trouble}")
+    return trials
+
+
 def _sessions(arguments: argparse.Namespace, motions: tuple[str, ...], seeds: range) -> int:
     """Fly sessions; print the goal beside what was reached."""
     jobs = [partial(session_trial, seed, motions, arguments.vehicle, arguments.world) for seed in seeds]
-    trials: list[SessionTrial] = []
-    for one in run_all(call, jobs, cluster=arguments.cluster, workers=arguments.workers):
-        trials.append(one)
-        print_stderr(f"session {len(trials)} of {len(jobs)}: seed {one.seed} {one.trouble}")
+    trials = _told("session", jobs, arguments)
     document = session_summary(trials)
     if not document["motions"]:
         raise HindraxError(f"none of {len(trials)} sessions gave a result: {trials[0].trouble}")
