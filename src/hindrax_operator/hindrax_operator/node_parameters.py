@@ -27,7 +27,7 @@ from hindrax_drivers.nodes.thruster_settings import OutputAlone
 from hindrax_drivers.output.output_guard import OutputGuardKnobs
 from hindrax_ident.tuning import Tuning
 from hindrax_ros.parameter_file import names_node
-from hindrax_ros.parameters import RENAMED
+from hindrax_ros.parameters import renamed
 
 NODES: Mapping[str, tuple[type[object], ...]] = {
     **{row.name: (driver_of(row.name).knobs,) for row in SENSORS},
@@ -76,7 +76,7 @@ def _of_rclpy(name: str) -> bool:
 
 
 def _unknown(node: str, name: str, own: set[str]) -> str:
-    new = next((new + name.removeprefix(old) for old, new in RENAMED.items() if name.startswith(old)), "")
+    new = renamed(name)
     near = [new] if new in own else difflib.get_close_matches(name, own, n=1)
     hint = f"the nearest is {near[0]}" if near else "wanted one of docs/reference/parameters.md"
     return f"parameter {node}.{name}: {node} has no such parameter; {hint}"

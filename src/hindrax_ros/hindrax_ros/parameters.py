@@ -97,6 +97,11 @@ def _keep_tuned(node: Node, cls: type[T], names: Sequence[str], tune: Callable[[
     node.add_post_set_parameters_callback(use)
 
 
+def renamed(name: str) -> str:
+    """What a parameter that had another name is called now; empty for any other."""
+    return next((new + name.removeprefix(old) for old, new in RENAMED.items() if name.startswith(old)), "")
+
+
 def unknown_parameters(
     node: str, given: Iterable[str], declared: Collection[str], elsewhere: Collection[str] = ()
 ) -> list[str]:
@@ -106,7 +111,7 @@ def unknown_parameters(
     """
     found = []
     for name in sorted({*given} - {*declared}):
-        new = next((new + name.removeprefix(old) for old, new in RENAMED.items() if name.startswith(old)), "")
+        new = renamed(name)
         if name in elsewhere or (new in elsewhere and new not in declared):
             continue
         near = difflib.get_close_matches(name, declared, n=1)

@@ -327,8 +327,7 @@ def _bridge(model: ExportModel) -> str:
 
 
 def _pose(position_m: Vec3, rpy_rad: Vec3 = (0.0, 0.0, 0.0)) -> str:
-    x, y, z = position_m
-    return numbers(x, -y, -z, *rpy_rad)
+    return numbers(*_up(position_m), *rpy_rad)
 
 
 # ---- the folder
