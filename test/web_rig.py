@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import cast
 
 from hindrax_bringup.share_files import default_vehicle
+from hindrax_control.commissioning.findings import Findings
 from hindrax_control.hold.holds import HoldState
 from hindrax_control.maneuver.goal import Goal
 from hindrax_control.pool_bounds import GuardedPlace, PoolPosition
 from hindrax_core.signals import NAN, Estimate, Navigation
-from hindrax_core.vehicle import AXES, load_vehicle
+from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 from hindrax_ident.online.aim import ExperimentGoal
 from hindrax_operator.monitor.graph_link import GraphLink
 from hindrax_operator.snapshot import CameraFrame, ManeuverView, NodeHealth, Snapshot, Thrusters
@@ -95,6 +96,7 @@ class FakeVehicle:
     frames: dict[str, CameraFrame] = field(default_factory=dict)
     title: str = "mock vehicle, ROS domain 3, process 4711"
     present: Callable[[], bool] = lambda: True
+    found: Callable[[Findings], None] | None = None
 
     def snapshot(self) -> Snapshot:
         return self.shown
@@ -109,6 +111,17 @@ class FakeVehicle:
     def fly(self, goal: Goal | ExperimentGoal, on_done: Callable[[str, bool], None]) -> None:
         self.orders.append(goal)
         self.landed = on_done
+
+    def commission(
+        self,
+        vehicle: Vehicle,
+        report: Callable[[str], None],
+        found: Callable[[Findings], None],
+        on_done: Callable[[str, bool], None],
+    ) -> None:
+        self.orders.append(f"commission {vehicle.name}")
+        report("keep your hands off")
+        self.found, self.landed = found, on_done
 
 
 @dataclass

@@ -9,7 +9,7 @@ import contextlib
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from hindrax_bag.run_folder import RunFolder, make_run_folder
 from hindrax_bringup.processes import EVERY
@@ -31,7 +31,8 @@ from hindrax_operator.snapshot import node_problems
 if TYPE_CHECKING:
     from hindrax_operator.nodes.operator_node import Operator
 
-Report = Callable[[str], None]
+Report: TypeAlias = Callable[[str], None]
+Over: TypeAlias = Callable[[], bool]
 UP_S, ARMING_S, ARMED_BY_HAND_S = 30.0, 60.0, 600.0
 SETTLED_S, REST_S = 1.0, 3.0
 """Vehicle time until the readings count, and that of the rest."""
@@ -68,16 +69,20 @@ def commission_mock(
     return findings, folder
 
 
-def commission_beside(operator: Operator, vehicle: Vehicle, report: Report, *, arm: bool) -> Findings:
-    """Commission the vehicle of a running stack; with `arm` it is armed here, else its operator is waited for."""
+def commission_beside(
+    operator: Operator, vehicle: Vehicle, report: Report, *, arm: bool, over: Over = lambda: False
+) -> Findings:
+    """Commission the vehicle of a running stack; with `arm` it is armed here, else its operator is waited for.
+
+    `over`: whether nothing more is to be begun, beside a Ctrl-C.
+    """
     work = Commissioning(vehicle)
     with _listening(operator, work):
-        if operator.thrusters is not None and operator.thrusters.armed:
+        if operator.armed:
             raise HindraxError(
                 "the thrusters are armed, wanted a vehicle at rest first; `./hindrax disarm`, let it float, try again"
             )
-        _rest(operator, work, report)
-        ended = _pulse(operator, work, report, arm=arm)
+        ended = _rest(operator, work, report, over) or _pulse(operator, work, report, over, arm=arm)
     return work.finalize(ended)
 
 
@@ -120,24 +125,30 @@ def _listening(operator: Operator, work: Commissioning) -> Iterator[None]:
             operator.node.destroy_subscription(one)
 
 
-def _rest(operator: Operator, work: Commissioning, report: Report) -> None:
+def _rest(operator: Operator, work: Commissioning, report: Report, over: Over) -> str:
+    """Wait while the vehicle rests; returns why it ended early, else an empty text."""
     report(f"keep your hands off: at rest for {SETTLED_S + REST_S:.0f} s, afloat and disarmed")
     begin = after(operator.now(), SETTLED_S)
     end = after(begin, REST_S)
     seconds = (SETTLED_S + REST_S) / SLOWEST_PACE
-    operator.wait(lambda: operator.now() >= end, seconds, lambda: "the rest to end; the clock has stopped")
+    operator.wait(lambda: operator.now() >= end or over(), seconds, lambda: "the rest to end; the clock has stopped")
+    if over():
+        return STOPPED
     work.rest(begin, end)
+    return ""
 
 
-def _pulse(operator: Operator, work: Commissioning, report: Report, *, arm: bool) -> str:
+def _pulse(operator: Operator, work: Commissioning, report: Report, over: Over, *, arm: bool) -> str:
     """Fly what the commissioning asks for, and disarm; returns why it ended early, else an empty text."""
     pulses = work.next_pulses(operator.now())
     if pulses is None:
         return "gravity is not where the file has it: nothing was armed; mend that and commission again"
     with interrupted_once(), disarmed_at_the_end(operator):
-        _arm(operator, report, arm=arm)
+        _arm(operator, report, over, arm=arm)
         begin = operator.now()
         while pulses is not None:
+            if over():
+                return STOPPED
             report(f"{len(pulses)} pulses, about {_seconds(pulses):.0f} s; keep clear, pull no tether")
             try:
                 aborted, _ = operator.fly(Goal((), on_cancel="neutral", pulses=pulses), FLY_S)
@@ -158,14 +169,14 @@ def _seconds(pulses: tuple[Any, ...]) -> float:
     return float(sum(pulse.seconds + pulse.calm * 1.5 for pulse in pulses))
 
 
-def _arm(operator: Operator, report: Report, *, arm: bool) -> None:
+def _arm(operator: Operator, report: Report, over: Over, *, arm: bool) -> None:
     if arm:
         report("arming; single thrusters will turn, keep clear")
         operator.arm(seconds=ARMING_S)
         return
-    report("now arm it: `./hindrax arm` in another terminal, or the page; single thrusters will turn, keep clear")
+    report("now arm it: `./hindrax arm` in another terminal; single thrusters will turn, keep clear")
     operator.wait(
-        lambda: operator.thrusters is not None and operator.thrusters.armed,
+        lambda: operator.armed or over(),
         ARMED_BY_HAND_S,
         lambda: "the operator to arm (`./hindrax arm`)",
     )

@@ -25,6 +25,7 @@ from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack_lock import FOLDER
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.operate.view import page_url, qr_code, startup_text
+from hindrax_control.commissioning.findings import WRONG, Finding, Findings, Mend
 from hindrax_control.maneuver.goal import EXCITATIONS, Goal
 from hindrax_control.maneuver.maneuver_guards import ManeuverGuardKnobs, ManeuverGuards
 from hindrax_control.pool_bounds import PoolBounds
@@ -40,8 +41,8 @@ from hindrax_operator.web.access import called_hosts, hosts_of
 from hindrax_operator.web.page import PAGE, summary
 from hindrax_operator.web.reports import Reports
 
-GETS = ("/events", "/reports", "/reports/one", "/camera/%2Fcamera", "/nowhere")
-POSTS = ("/here", "/fly", "/cancel", "/stop", "/disarm", "/nowhere")
+GETS = ("/events", "/commissioning", "/reports", "/reports/one", "/camera/%2Fcamera", "/nowhere")
+POSTS = ("/here", "/fly", "/commission", "/cancel", "/stop", "/disarm", "/nowhere")
 EVERY = [("GET", path) for path in ("/", *GETS)] + [("POST", path) for path in POSTS]
 
 
@@ -169,6 +170,33 @@ def test_a_maneuver_needs_an_armed_vehicle_that_is_received_and_one_at_a_time(pa
     assert page.vehicle.landed is not None
     page.vehicle.landed("flown: surge, yaw", True)
     assert page.order("fly", **words)[0] == 202
+
+
+WRONG_T3 = Finding("T3", WRONG, "channel 2", "reversed", mends=(Mend(("thrusters", "T3", "reversed"), True),))
+
+
+def test_a_commissioning_needs_a_vehicle_at_rest_and_leaves_its_lines(page: Page) -> None:
+    status, text = page.order("commission")
+    assert (status, "wanted disarmed and afloat" in text) == (409, True)
+    page.vehicle.shown = replace(DISARMED, silent_s=3.0)
+    assert page.order("commission")[0] == 409
+    page.vehicle.shown = DISARMED
+    assert page.order("commission", motions=["surge"])[0] == 400
+    assert page.order("commission")[0] == 202
+    assert page.vehicle.orders == ["commission hindrax"]
+    assert page.said == ["commission: keep your hands off"]
+    status, text = page.order("commission")
+    assert (status, "under way" in text) == (409, True)
+    assert page.vehicle.found is not None
+    assert page.vehicle.landed is not None
+    page.vehicle.found(Findings((WRONG_T3,), wrenches={"T3": (-1.0, 0.0, 0.0, 0.0, 0.0, 0.0)}))
+    page.vehicle.landed("flown; not everything is proven", True)
+    assert Findings((WRONG_T3,)).sentence == "wrong: T3"
+    found = json.loads(page.ask("GET", "/commissioning")[2])
+    assert found["rows"] == [["wrong", "T3", "channel 2", "reversed"]]
+    assert found["lines"] == ["thrusters.T3.reversed: true"]
+    assert found["picture"].startswith("<svg")
+    assert page.order("commission")[0] == 202, "and again"
 
 
 def test_an_experiment_is_asked_of_the_identification_node(page: Page) -> None:
@@ -728,6 +756,30 @@ def test_an_end_is_obeyed_while_a_maneuver_is_waited_for(monkeypatch: pytest.Mon
         node, lambda found: operator.last(link) if found is node else "", lambda *said: reported.append(said)
     )
     assert reported == [("done", True), ("flown", True)]
+
+
+def test_a_commissioning_that_waits_to_be_armed_is_cancelled_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    link, _, node = linked()
+
+    def waits(
+        _operator: object, _vehicle: object, report: Callable[[str], None], *, arm: bool, over: Callable[[], bool]
+    ) -> Findings:
+        assert not arm, "the page cannot arm"
+        report("now arm it")
+        assert not over()
+        link.end("cancel", lambda *_: None)
+        return Findings(ended="stopped by the operator" if over() else "")
+
+    monkeypatch.setattr("hindrax_operator.monitor.graph_link.commission_beside", waits)
+    said: list[object] = []
+    link.end("stop", lambda *_: None)  # of before
+    link.commission(load_vehicle(default_vehicle()), said.append, said.append, lambda *done: said.append(done))
+    link._carry_out(node, *link._orders.get())
+    assert said == [
+        "now arm it",
+        Findings(ended="stopped by the operator"),
+        ("ended early: stopped by the operator", False),
+    ]
 
 
 def test_a_link_that_ends_gives_up_waiting_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,6 +9,7 @@ import pytest
 from browser import browser, browser_at_hand
 from web_rig import ARMED, DISARMED, ESTIMATE, PLANS, TOKEN, served
 
+from hindrax_control.commissioning.findings import PROVEN, Finding, Findings
 from hindrax_control.maneuver.goal import Goal
 from hindrax_ident.online.aim import Aim, ExperimentGoal
 from hindrax_operator.snapshot import CameraFrame, ManeuverView
@@ -130,6 +131,26 @@ def test_the_page_in_a_browser(tmp_path: Path) -> None:
         seen.wait("document.querySelector('h1').textContent === 'A report'")
         assert seen.run("getComputedStyle(document.querySelector('h1')).color") == "rgb(1, 2, 3)"
         assert seen.run("window.ran") is None, "a report's script must not run with the rights of the page"
+
+
+def test_a_commissioning_from_the_page_shows_what_was_found(tmp_path: Path) -> None:
+    with served(tmp_path, DISARMED) as page, browser(str(PROGRAM), tmp_path / "profile") as seen:
+        seen.look(390, 844)
+        seen.open(f"{page.url}#{TOKEN}")
+        seen.wait("!document.getElementById('commission').disabled")
+        seen.run("document.getElementById('commission').click()")
+        seen.wait(f"{text('proving')} === 'keep your hands off'")
+        assert page.vehicle.found is not None
+        assert page.vehicle.landed is not None
+        page.vehicle.found(Findings((Finding("T3", PROVEN, "[0, 0, 1]", "99 % of its force"),)))
+        page.vehicle.landed("everything is proven", True)
+        seen.wait(f"{text('claims')}.includes('99 % of its force')")
+        assert seen.run(text("yaml")).startswith("commissioned:")
+        seen.wait("document.getElementById('picture').naturalWidth > 0")
+        assert seen.run("document.documentElement.scrollWidth") <= 390
+        assert seen.run(TOO_SMALL) == []
+        seen.picture(tmp_path / "commissioned.png")
+        assert not seen.complaints
 
 
 def test_the_identification_node_chooses_the_legs_if_asked(tmp_path: Path) -> None:

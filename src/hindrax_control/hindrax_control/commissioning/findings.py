@@ -66,6 +66,21 @@ class Findings:
         """Whether the vehicle flies on this: nothing wrong, nothing that was not shown, not ended early."""
         return not (self.wrong or self.open or self.ended)
 
+    @property
+    def sentence(self) -> str:
+        """Outcome in a line: which claims are wrong, and which were not shown."""
+        kinds = {"wrong": self.wrong, "open": self.open}
+        named = [f"{kind}: {', '.join(row.claim for row in rows)}" for kind, rows in kinds.items() if rows]
+        return "; ".join(named) or "everything is proven"
+
+
+def table(findings: Findings) -> list[tuple[str, str, str, str]]:
+    """Rows for people: verdict, claim, what the file claims, what was found with its remedy."""
+    return [
+        (row.verdict, row.claim, row.claimed, f"{row.found}{f'; {row.remedy}' if row.remedy else ''}")
+        for row in findings.rows
+    ]
+
 
 def mended(vehicle: Vehicle, mends: Sequence[Mend]) -> Vehicle:
     """Return the vehicle with these values, as the file has them after `--write`."""

@@ -4,9 +4,11 @@ A file without it, or with one of another geometry, was never proven: maneuvers 
 """
 
 import hashlib
-from dataclasses import replace
+import json
+from dataclasses import asdict, replace
 
-from hindrax_core.vehicle import Vehicle
+from hindrax_control.commissioning.findings import Findings
+from hindrax_core.vehicle import Commissioned, Vehicle
 
 UNPROVEN_mps = 0.1
 """Largest speed of a vehicle whose file is not proven."""
@@ -23,6 +25,19 @@ def geometry_hash(vehicle: Vehicle) -> str:
     mounts = sorted((name, one.device, one.position_m, one.rotation_deg) for name, one in vehicle.sensors.items())
     text = repr((thrusters, mounts, vehicle.center_of_mass_m, vehicle.output.device))
     return hashlib.sha256(text.encode()).hexdigest()[:DIGITS]
+
+
+def proof(vehicle: Vehicle, findings: Findings, bag: str, date: str) -> Commissioned | None:
+    """Record of a commissioning that proved the whole file; None of one that did not, or that mends the file first."""
+    proven = findings.complete and not findings.mends
+    return Commissioned(geometry_hash(vehicle), date, bag) if proven else None
+
+
+def lines_to_write(findings: Findings, record: Commissioned | None) -> list[str]:
+    """Lines of YAML that a commissioning leaves for the vehicle file: what mends it, or the record of its proof."""
+    mends = [mend.line for mend in findings.mends]
+    kept = [] if record is None else [f"  {name}: {json.dumps(value)}" for name, value in asdict(record).items()]
+    return mends or ([] if record is None else ["commissioned:", *kept])
 
 
 def unproven(vehicle: Vehicle) -> str:

@@ -11,10 +11,13 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from hindrax_bringup.stack_lock import StackLock
+from hindrax_control.commissioning.findings import Findings
 from hindrax_control.maneuver.goal import Goal
 from hindrax_core.errors import HindraxError
 from hindrax_core.topics import NAMESPACE
+from hindrax_core.vehicle import Vehicle
 from hindrax_ident.online.aim import ExperimentGoal
+from hindrax_operator.commissioning_run import Report, commission_beside
 from hindrax_operator.connection import joined
 from hindrax_operator.snapshot import CameraFrame, OnDone, Snapshot, snapshot
 
@@ -47,6 +50,7 @@ class GraphLink(threading.Thread):
         self._orders: queue.SimpleQueue[tuple[Order, OnDone]] = queue.SimpleQueue()
         self._urgent: queue.SimpleQueue[tuple[Order, OnDone]] = queue.SimpleQueue()
         self._urgent_running = self._waiting = False
+        self._ended = threading.Event()
         self._beating = True
         self._over = threading.Event()
         self._up = threading.Event()
@@ -72,11 +76,25 @@ class GraphLink(threading.Thread):
 
     def end(self, how: str, on_done: OnDone) -> None:
         """Order one of `ENDS`."""
+        self._ended.set()
         self._urgent.put((ENDS[how], on_done))
 
     def fly(self, goal: Goal | ExperimentGoal, on_done: OnDone) -> None:
         """Order a maneuver or an experiment; `on_done` is called when it has ended."""
         self._orders.put((lambda operator: _fly(operator, goal), on_done))
+
+    def commission(self, vehicle: Vehicle, report: Report, found: Callable[[Findings], None], on_done: OnDone) -> None:
+        """Order a commissioning; it reports what it does, then what it `found`, and begins nothing after an end."""
+        self._ended.clear()
+
+        def order(operator: Operator) -> str:
+            findings = commission_beside(operator, vehicle, report, arm=False, over=self._ended.is_set)
+            found(findings)
+            if findings.ended:
+                raise HindraxError(f"ended early: {findings.ended}")
+            return findings.sentence
+
+        self._orders.put((order, on_done))
 
     def frame(self, camera: str) -> CameraFrame | None:
         """Return the last frame of a camera of the snapshot; None before its first."""

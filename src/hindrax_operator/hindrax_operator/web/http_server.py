@@ -3,9 +3,9 @@
 A request is refused or accepted by its head alone, before a byte of its body is read; every write has a deadline.
 
 GET /: the page (no secrets in it, so no token). GET /events: server-sent events, five a second. GET /reports: the runs;
-GET /reports/NAME: the report of one. GET /camera/TOPIC: its next frame. GET /register_service: what BlueOS asks every
-port of an extension by whatever name; nothing in it is a secret. POST /here: the page is being viewed. POST /fly,
-/cancel, /stop, /disarm.
+GET /reports/NAME: the report of one. GET /camera/TOPIC: its next frame. GET /commissioning: what the last one found.
+GET /register_service: what BlueOS asks every port of an extension by whatever name; nothing in it is a secret.
+POST /here: the page is being viewed. POST /fly, /commission, /cancel, /stop, /disarm.
 """
 
 import asyncio
@@ -36,7 +36,7 @@ from hindrax_operator.web.page import PAGE, SCRIPT_HASH
 from hindrax_operator.web.page_controller import PERIOD_S, PageController
 
 BODY_bytes, CHUNK_bytes = 4096, 1 << 16
-ORDERS = ("fly", "cancel", "stop", "disarm")
+ORDERS = ("fly", "commission", "cancel", "stop", "disarm")
 JSON_TYPE, TEXT_TYPE, HTML_TYPE = "application/json", "text/plain; charset=utf-8", "text/html; charset=utf-8"
 EVENT_STREAM_TYPE = "text/event-stream; charset=utf-8"
 CAMERA = "/camera/"
@@ -113,6 +113,8 @@ class RequestHandler(HTTPMessageDelegate):
             await self._stream_updates()
         elif path == "/reports":
             await self._send(JSON_TYPE, json.dumps(await asyncio.to_thread(reports.listed)).encode())
+        elif path == "/commissioning":
+            await self._send(JSON_TYPE, self._site.controller.commissioning().encode())
         elif name != path:
             await self._send(HTML_TYPE, await asyncio.to_thread(reports.read, unquote(name)))
         elif camera != path:

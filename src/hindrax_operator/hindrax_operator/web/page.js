@@ -50,7 +50,7 @@ const order = async (name, words = {}) => {
   try {
     /* An end is sent again: a crowded server may close a connection before it has read it. */
     let answer;
-    for (let tries = name === "fly" ? 4 : 1; !answer; tries++) {
+    for (let tries = ["fly", "commission"].includes(name) ? 4 : 1; !answer; tries++) {
       answer = await ask(name, words).catch(error => { if (tries >= 4) throw error; });
     }
     if (!answer.ok) notify(await answer.text(), false, () => situation() !== before);
@@ -144,6 +144,7 @@ function show() {
   health(last.health);
   estimates(last.estimates);
   cameras(last.cameras);
+  commissioning(last);
   document.querySelectorAll("canvas[data-keys]").forEach(plotPast);
   plotCourses();
 }
@@ -172,7 +173,7 @@ function headline() {
   at("title").textContent = last.title + (last.read_only ? ", read-only" : "");
   if (readOnly !== last.read_only) {
     readOnly = last.read_only;
-    for (const id of ["stop", "disarm", "fly"]) at(id).hidden = readOnly;
+    for (const id of ["stop", "disarm", "fly", "proof"]) at(id).hidden = readOnly;
   }
 }
 
@@ -490,6 +491,40 @@ function nice(step) {
   return power * (part > 5 ? 10 : part > 2 ? 5 : part > 1 ? 2 : 1);
 }
 
+/* ---- commissioning */
+
+let proven = 0;
+const CLAIMS = ["verdict", "claim", "claimed", "found"], VERDICTS = {wrong: "bad", open: "warn", proven: "good"};
+
+function commissioning(update) {
+  const {saying, number} = update.commissioning;
+  at("commission").disabled = update.ordered || update.thrusters.armed;
+  if (saying) at("proving").textContent = saying;
+  if (number === proven) return;
+  proven = number;
+  showProof();
+}
+
+async function showProof() {
+  const answer = await ask("commissioning").catch(() => null);
+  if (!answer || !answer.ok) { proven = 0; return; }
+  const found = await answer.json(), head = make("tr");
+  head.append(...CLAIMS.map(heading));
+  at("claims").replaceChildren(head, ...found.rows.map(cells => {
+    const row = make("tr");
+    row.append(...cells.map((text, index) => make("td", text, index ? "many" : VERDICTS[text] || "soft")));
+    return row;
+  }));
+  at("lines").textContent = found.lines.length ? "These lines go into the vehicle file; then restart the stack:"
+    : "What is open: mend it, and commission again.";
+  at("yaml").textContent = found.lines.join("\n");
+  at("yaml").hidden = !found.lines.length;
+  if (at("picture").src) URL.revokeObjectURL(at("picture").src);
+  at("picture").src = URL.createObjectURL(new Blob([found.picture], {type: "image/svg+xml"}));
+  at("proven").hidden = false;
+  at("proving").textContent = "";
+}
+
 /* ---- reports */
 
 async function listReports() {
@@ -559,7 +594,7 @@ at("excitation").addEventListener("change", () => {
   at("aim").hidden = !experimenting();
   at("random").hidden = experimenting();
 });
-for (const name of ["stop", "disarm", "cancel"]) at(name).addEventListener("click", () => order(name));
+for (const name of ["stop", "disarm", "cancel", "commission"]) at(name).addEventListener("click", () => order(name));
 at("fly").addEventListener("submit", event => {
   event.preventDefault();
   const motions = [...document.querySelectorAll("[name=motion]:checked")].map(one => one.value);

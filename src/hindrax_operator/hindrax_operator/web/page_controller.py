@@ -5,9 +5,14 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from http import HTTPStatus
 
 from hindrax_analysis.plain import plain
+from hindrax_control.commissioning.findings import Findings, table
+from hindrax_control.commissioning.picture import svg
+from hindrax_control.commissioning.record import lines_to_write, proof
 from hindrax_control.maneuver.goal import Goal, check_goal
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Vehicle
@@ -28,6 +33,17 @@ LARGEST = 1e9
 """No number of an order is as large."""
 
 
+@dataclass(slots=True)
+class Commissioning:
+    """A commissioning from a page: what it is doing, and what the last one found, by its number."""
+
+    number: int = 0
+    saying: str = ""
+    rows: list[tuple[str, str, str, str]] = field(default_factory=list)
+    lines: list[str] = field(default_factory=list)
+    picture: str = ""
+
+
 class PageController:
     """Passes on orders and updates for all pages; its methods may be called from any thread."""
 
@@ -36,6 +52,7 @@ class PageController:
     ) -> None:
         self.reports, self.read_only = reports, read_only
         self._vehicle, self._log = vehicle, log
+        self._of = of
         self._pool = {"size": (of.pool.length_m, of.pool.width_m), "hull": of.envelope_m[:2]}
         self._seen_s = float("-inf")
         vehicle.present = self.is_watched
@@ -43,6 +60,7 @@ class PageController:
         self._outcomes: deque[Mapping[str, object]] = deque(maxlen=OUTCOMES)
         self._number = 0
         self._flying = False
+        self._commissioned = Commissioning()
         self._update, self._updated_s = "", float("-inf")
 
     def update(self) -> str:
@@ -56,10 +74,16 @@ class PageController:
                     "ordered": self._flying,
                     "pool": self._pool,
                     "outcomes": list(self._outcomes),
+                    "commissioning": {"saying": self._commissioned.saying, "number": self._commissioned.number},
                 }
                 self._update = json.dumps(plain(found), allow_nan=False, separators=(",", ":"))
                 self._updated_s = time.monotonic()
             return self._update
+
+    def commissioning(self) -> str:
+        """Return what the last commissioning from a page found, as JSON: rows, lines for the file, picture."""
+        found = self._commissioned
+        return json.dumps({"number": found.number, "rows": found.rows, "lines": found.lines, "picture": found.picture})
 
     def frame(self, camera: str) -> CameraFrame | None:
         """Return the last frame of a camera, None before its first; Refused for one that is not on the graph."""
@@ -87,25 +111,50 @@ class PageController:
             raise RefusedRequest(
                 HTTPStatus.BAD_REQUEST, f"{name}: found {', '.join(sorted(words))}, wanted no arguments"
             )
+        if name == "commission":
+            self._commission()
+            return
         self._vehicle.end(name, lambda sentence, well: self._done(name, sentence, well))
 
     def _fly(self, goal: Goal | ExperimentGoal) -> None:
+        self._begin("fly", armed=True, wanted="wanted armed; `./hindrax arm` in a terminal first")
+        self._vehicle.fly(goal, lambda sentence, well: self._flown("fly", sentence, well))
+
+    def _commission(self) -> None:
+        self._begin("commission", armed=False, wanted="wanted disarmed and afloat; disarm, let it come to rest")
+        self._commissioned = Commissioning(self._commissioned.number)
+        self._vehicle.commission(
+            self._of, self._say, self._found, lambda sentence, well: self._flown("commission", sentence, well)
+        )
+
+    def _begin(self, name: str, *, armed: bool, wanted: str) -> None:
+        """Take an order that flies; Refused for a silent vehicle, in the other state, or while one is under way."""
         view = self._vehicle.snapshot()
         if view.silent_s > SILENT_s:
-            raise RefusedRequest(HTTPStatus.CONFLICT, "fly: the vehicle is silent; `./hindrax doctor` says why")
-        if not view.thrusters.armed:
-            wanted = "wanted armed; `./hindrax arm` in a terminal first"
-            raise RefusedRequest(HTTPStatus.CONFLICT, f"fly: the thrusters are {view.thrusters.state}, {wanted}")
+            raise RefusedRequest(HTTPStatus.CONFLICT, f"{name}: the vehicle is silent; `./hindrax doctor` says why")
         with self._lock:
             if self._flying:
-                under_way = "fly: a maneuver from this page is under way; cancel it first"
+                under_way = f"{name}: a maneuver from this page is under way; cancel it first"
                 raise RefusedRequest(HTTPStatus.CONFLICT, under_way)
+            if view.thrusters.armed is not armed:
+                state = f"{name}: the thrusters are {view.thrusters.state}, {wanted}"
+                raise RefusedRequest(HTTPStatus.CONFLICT, state)
             self._flying = True
-        self._vehicle.fly(goal, self._flown)
 
-    def _flown(self, sentence: str, well: bool) -> None:
+    def _say(self, sentence: str) -> None:
+        self._log(f"commission: {sentence}")
+        self._commissioned.saying = sentence
+
+    def _found(self, findings: Findings) -> None:
+        record = proof(self._of, findings, "", datetime.now(UTC).date().isoformat())
+        lines = lines_to_write(findings, record)
+        number = self._commissioned.number + 1
+        self._commissioned = Commissioning(number, "", table(findings), lines, svg(self._of, findings))
+
+    def _flown(self, name: str, sentence: str, well: bool) -> None:
         self._flying = False
-        self._done("fly", sentence, well)
+        self._commissioned.saying = ""
+        self._done(name, sentence, well)
 
     def _done(self, name: str, sentence: str, well: bool) -> None:
         self._log(f"{name}: {sentence}")

@@ -12,12 +12,12 @@ from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_cli.command import command, option
 from hindrax_cli.commands.operate.up_stop import add_mock_options
 from hindrax_cli.vehicle_edit import add_write, require_editable, set_keys
-from hindrax_control.commissioning.findings import Findings
+from hindrax_control.commissioning.findings import Findings, table
 from hindrax_control.commissioning.picture import svg
-from hindrax_control.commissioning.record import geometry_hash
+from hindrax_control.commissioning.record import geometry_hash, proof
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted, print_stderr
-from hindrax_core.vehicle import Commissioned, load_vehicle
+from hindrax_core.vehicle import load_vehicle
 from hindrax_operator.connection import add_stack, joined, ordered_stack
 
 AGAIN = "the file has changed: end the stack, start it with this file, and commission it again"
@@ -91,9 +91,9 @@ def _keep(arguments: argparse.Namespace, findings: Findings, bag: str) -> list[s
             return ["these lines mend the file; --write puts them into it:", *lines]
         set_keys(file, [(mend.keys, mend.value) for mend in findings.mends])
         return [f"written to {file}:", *lines, AGAIN]
-    if not findings.complete:
+    record = proof(load_vehicle(file), findings, bag, datetime.now(UTC).date().isoformat())
+    if record is None:
         return []
-    record = Commissioned(geometry_hash(load_vehicle(file)), datetime.now(UTC).date().isoformat(), bag)
     if not arguments.write:
         return ["everything is proven; --write puts the record of it into the file"]
     set_keys(file, [(("commissioned",), asdict(record))])
@@ -107,13 +107,8 @@ def _document(findings: Findings) -> dict[str, object]:
 
 
 def _show(findings: Findings, kept: list[str]) -> None:
-    rows = [
-        (row.verdict, row.claim, row.claimed, f"{row.found}{f'; {row.remedy}' if row.remedy else ''}")
-        for row in findings.rows
-    ]
-    print_table(
-        "What the vehicle file claims, and what was found", ["verdict", "claim", "claimed"], [], rows, ["found"]
-    )
+    title = "What the vehicle file claims, and what was found"
+    print_table(title, ["verdict", "claim", "claimed"], [], table(findings), ["found"])
     if findings.ended:
         print_stderr(f"ended early: {findings.ended}")
     for line in kept:
