@@ -10,8 +10,10 @@ then moved with the mean of its three values, and with the moments of inertia th
 So one part does one thing. An *internal* box displaces the volume and carries mass and inertia, the added one included:
 weight, buoyancy and righting moment are exact. Two external boxes at the center of mass, `floating` and not buoyant,
 have the drag and nothing else: a small one that of motion, a large one that of turning. An external sphere at the
-center of mass without drag has the added mass, 2/3 pi rho r^3: one number for three axes, so the acceleration of at
-least two of them is wrong by what the header states. With the cube no coefficient reproduces a quadratic drag at every
+center of mass without drag has the added mass: one number for three axes, so the acceleration of at least two of them
+is wrong by what the header states. A sphere has 2/3 pi rho r^3 (Lamb), but every Stonefish from 0.9 to 1.6 computes
+2/3 pi rho r^6 (`ComputeSphericalApprox` cubes the square of the radius): seen as a vehicle that gathers speed in half
+the time. The radius is that of the engine as it is. With the cube no coefficient reproduces a quadratic drag at every
 speed: that misfit is stated, too.
 """
 
@@ -37,13 +39,15 @@ from hindrax_analysis.exports.export_model import (
 )
 from hindrax_analysis.exports.uuv import one_sided_notes
 from hindrax_core.readings import Vec3
-from hindrax_core.vehicle import AXES
+from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array
 
 Law: TypeAlias = Literal["cubic", "quadratic"]
 
 WEIGHTLESS_kg = 1e-3
 """Mass of a part that has none: Stonefish wants one, and computes it from the volume where it is missing."""
+SPHERE_POWER = 6
+"""Of the radius, in the added mass of a sphere: by theory 3."""
 FORCE_BOX, ROUNDS = 0.15, 4
 """Edges of the box of the forces over those of the envelope."""
 MOMENT_BOX = (0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0)
@@ -77,7 +81,17 @@ def parts(body: ET.Element, model: ExportModel, boxes: tuple["DragBox", "DragBox
 
 def notes_of(model: ExportModel, law: Law, boxes: tuple["DragBox", "DragBox"]) -> tuple[str, ...]:
     """What Stonefish cannot do with this model, and by how much it errs."""
-    return one_sided_notes(model) + tuple(_quality(model, law, boxes))
+    depth_m = whole_from_m(model.vehicle, boxes)
+    shallow = (
+        f"Shallower than {depth_m:.2g} m the box of turning is partly out of the water: too little drag, and tilt."
+    )
+    return one_sided_notes(model) + tuple(_quality(model, law, boxes)) + (shallow,)
+
+
+def whole_from_m(vehicle: Vehicle, boxes: tuple["DragBox", "DragBox"]) -> float:
+    """Depth of the origin from which on every part of the body is in the water [m]."""
+    highest = max(float(box.faces.edges_m[2]) for box in boxes)
+    return 0.5 * highest - vehicle.center_of_mass_m[2]
 
 
 # ---- the parts
@@ -109,8 +123,7 @@ def _added_mass(body: ET.Element, model: ExportModel) -> None:
     part = _part(
         body, "external_part", "added_mass", "sphere", physics="submerged", buoyant="false", collisions="false"
     )
-    radius_m = math.cbrt(1.5 * common_added_mass(model) / (math.pi * model.vehicle.water.density_kgpm3))
-    ET.SubElement(part, "dimensions", radius=numbers(radius_m))
+    ET.SubElement(part, "dimensions", radius=numbers(sphere_radius_m(model)))
     ET.SubElement(part, "mass", value=numbers(WEIGHTLESS_kg))
     ET.SubElement(part, "inertia", xyz=numbers(*[1e-6] * 3))
     ET.SubElement(part, "hydrodynamics", viscous_drag="0 0 0", quadratic_drag="0 0 0")
@@ -127,6 +140,12 @@ def _hull(body: ET.Element, model: ExportModel) -> None:
     x, y, z = model.buoyancy_arm_m
     ET.SubElement(part, "cg", xyz=numbers(-x, -y, -z), rpy="0 0 0")
     _looks(part, "Hull", vehicle.center_of_buoyancy_m)
+
+
+def sphere_radius_m(model: ExportModel, power: int = SPHERE_POWER) -> float:
+    """Radius [m] of the sphere to which Stonefish gives the common added mass, by 2/3 pi rho r^power."""
+    density_kgpm3 = model.vehicle.water.density_kgpm3
+    return float((1.5 * common_added_mass(model) / (math.pi * density_kgpm3)) ** (1.0 / power))
 
 
 def common_added_mass(model: ExportModel) -> float:
@@ -257,6 +276,10 @@ def _quality(model: ExportModel, law: Law, boxes: tuple[DragBox, DragBox]) -> It
             f"{name}: gathers speed {abs(100.0 * ratio):.0f} % {'slower' if ratio > 0.0 else 'faster'} than identified:"
             " Stonefish moves a free body with one added mass for all three axes."
         )
+    yield (
+        f"Added mass: Stonefish 0.9 to 1.6 gives a sphere 2/3 pi rho r^{SPHERE_POWER}, as counted on here; a version"
+        f" that gives it r^3 needs a radius of {sphere_radius_m(model, 3):.4g} m."
+    )
     cross = model.added_mass - np.diag(np.diag(model.added_mass))
     if np.any(cross):
         yield "Added mass off the diagonal cannot be given and is left out."

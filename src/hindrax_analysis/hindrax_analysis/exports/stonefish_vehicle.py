@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from xml.etree import ElementTree as ET
 
 from hindrax_analysis.exports.export_model import ExportModel, commented, numbers, thrust_range_N
-from hindrax_analysis.exports.stonefish import Law, drag_boxes, notes_of, parts
+from hindrax_analysis.exports.stonefish import Law, drag_boxes, notes_of, parts, whole_from_m
 from hindrax_core.sensor_table import Capability
 from hindrax_core.topics import ros_name
 from hindrax_core.vehicle import Mount, Thruster, Vehicle
@@ -23,8 +23,8 @@ PROPELLER_m = 0.076
 DENSITY_kgpm3 = 1000.0
 LEAST_LAG_s = 0.01
 """Shorter than this the rotor has no dynamics: at Stonefish's usual step of 10 ms it would overshoot."""
-MARKED = 0.5
-"""Depth at which the vehicle starts [m]."""
+CLEAR_m = 0.3
+"""Depth of the highest point of its parts at the start."""
 FILES = "vehicle.scn", "world.scn", "thruster.obj", "README.md"
 
 CONVENTIONS = (
@@ -62,7 +62,7 @@ def _robot(model: ExportModel, law: Law) -> str:
     for name, kind, mount in _sensors(vehicle):
         _sensor(robot, (name, kind), mount, place)
     ET.SubElement(robot, "ros_subscriber", thrusters=f"{place}/thruster_setpoints")
-    ET.SubElement(robot, "world_transform", xyz=numbers(0.0, 0.0, MARKED), rpy="0 0 0")
+    ET.SubElement(robot, "world_transform", xyz=numbers(0.0, 0.0, CLEAR_m + whole_from_m(vehicle, boxes)), rpy="0 0 0")
     return commented(scenario, model, CONVENTIONS + notes_of(model, law, boxes))
 
 
