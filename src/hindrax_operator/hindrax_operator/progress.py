@@ -121,7 +121,9 @@ def wall(maneuver: ManeuverStatus) -> str:
 
 
 def coefficients_line(estimate: Estimate) -> str:
-    """Values with standard deviations and units, and whether it learns."""
+    """Values with standard deviations and units, and whether it learns; before its first sample only that."""
+    if not estimate.samples:
+        return f"nothing learned yet{estimate.reason and f': {estimate.reason}'}"
     rows = zip(estimate.names, estimate.values, estimate.sigmas, estimate.units, strict=True)
     values = "  ".join(f"{name} {measured(value, sigma)} {unit}" for name, value, sigma, unit in rows)
     state = f"{estimate.samples} samples" if estimate.learning else f"not learning: {estimate.reason}"

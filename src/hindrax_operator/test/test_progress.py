@@ -74,6 +74,13 @@ def test_an_estimate_has_the_digits_that_its_deviation_leaves_it(capsys: pytest.
     assert printed.endswith("; k_q 213 +- 104 N s^2/m^2  k_l -45 +- 38 N s/m  (120 samples)")
 
 
+def test_before_its_first_sample_an_estimate_is_only_the_prior_and_not_shown(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    prior = replace(SURGE, samples=0, learning=False, reason="phase settle")
+    assert headless(capsys, {"surge": Stamped(Stamp(0), prior)}).endswith("; nothing learned yet: phase settle")
+
+
 def test_a_turn_is_in_newton_meters_and_an_unknown_wall_is_not_given(capsys: pytest.CaptureFixture[str]) -> None:
     line = headless(capsys, {"surge": Stamped(Stamp(0), SURGE)}, motion="yaw", wall_distance=math.nan)
     assert line == "yaw: plateau at +9.5 Nm, 42 %, 61 s to go"

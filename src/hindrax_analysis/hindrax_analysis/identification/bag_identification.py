@@ -106,7 +106,7 @@ def show(identified: Identified) -> None:
     papers = (PAPER,) if any(published_of(name, motion) for motion in motions) else ()
     truths = [one.truth for result in motions.values() for one in result.coefficients.values()]
     has_truth = any(one is not None for one in truths)
-    numbers = ("value +- std", *(("truth",) if has_truth else ()), *papers)
+    numbers = ("value", *(("truth",) if has_truth else ()), *papers)
     rows = []
     for motion, result in motions.items():
         published = published_of(name, motion)

@@ -102,13 +102,13 @@ def show_joint(joint: JointResults) -> None:
         for key, number in one.coefficients.items():
             rows.append((marked, f"{key} [{number.unit}]", measured(number.value, number.std_calibrated)))
     title = f"All axes together, SNAME axes ({PLUS_MINUS}, with calibration)"
-    print_table(title, ("motion", "coefficient"), ("value +- std",), rows, grouped=True)
+    print_table(title, ("motion", "coefficient"), ("value",), rows, grouped=True)
     terms = [
         (name, measured(one.number.value, one.number.std_calibrated), one.number.unit, f"e^{one.evidence:.0f}")
         for name, one in sorted(joint.terms.items(), key=lambda pair: -pair[1].evidence)
     ]
     if terms:
-        print_table("Terms that the record needs", ("term",), ("value +- std", "unit", "odds"), terms)
+        print_table("Terms that the record needs", ("term",), ("value", "unit", "odds"), terms)
     for name, number in joint.delays.items():
         print_fitted(f"{name}: {measured(number.value, number.std_calibrated)} s")
     for name, one in joint.motions.items():

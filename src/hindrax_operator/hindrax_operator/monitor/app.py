@@ -53,7 +53,7 @@ class Monitor(App[int]):
             yield places["health"]
         yield places["maneuver"]
         with VerticalScroll(id="rest") as rest:
-            rest.border_title = "estimate ± std (noise so far), SI units; samples"
+            rest.border_title = "estimate, noise so far; ± half of the 68 % interval; SI"
             yield places["estimates"]
         yield Footer()
 

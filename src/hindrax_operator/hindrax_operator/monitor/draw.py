@@ -153,6 +153,8 @@ def estimates(found: Mapping[str, Estimate]) -> RenderableType:
 def _estimate(motion: str, one: Estimate) -> Text:
     text = Text().append(f"{motion} ", VALUE)
     text.append("● " if one.learning else "○ ", GOOD if one.learning else DIM)
+    if not one.samples:
+        return text.append(f"nothing learned yet {one.reason}".rstrip(), DIM)
     for name, value, sigma in zip(one.names, one.values, one.sigmas, strict=True):
         band = TWO_SIDED_95 * sigma
         style = GOOD if band < 0.1 * abs(value) else WARN if band < abs(value) else DIM

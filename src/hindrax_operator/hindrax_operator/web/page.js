@@ -299,7 +299,8 @@ function estimates(found) {
     const row = make("tr");
     row.append(make("td", one.motion));
     const cell = make("td", undefined, "many");
-    cell.append(...one.values.map(v =>
+    if (!one.samples) cell.append("nothing learned yet");
+    else cell.append(...one.values.map(v =>
       make("span", `${v.name} ${measured(v.value, v.std)} ${v.unit}`, "coefficient")));
     row.append(cell, make("td", one.samples), make("td", one.learning ? "learning" : one.reason || "resting",
       one.learning ? "good" : "soft"));
