@@ -21,6 +21,7 @@ grep -q "^version: $version$" CITATION.cff || refuse "CITATION.cff: wanted versi
 SOURCE_DATE_EPOCH=$(git log -1 --format=%ct) && export SOURCE_DATE_EPOCH
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
+./hindrax setup
 rm -rf dist
 mkdir dist
 git archive HEAD | tar x -C "$work"
