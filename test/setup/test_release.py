@@ -11,6 +11,7 @@ import yaml
 ROOT = Path(__file__).parents[2]
 CITATION = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
 HINDRAX = """#!/bin/sh
+if [ "$1" = setup ]; then mkdir -p .hindrax/env/bin && cp python-of-the-tests .hindrax/env/bin/python; exit; fi
 while [ "$1" != --out ]; do shift; done
 mkdir -p "$2" && echo made > "$2/index.html"
 """
@@ -22,12 +23,11 @@ echo wheel > "$2/hindrax-1.2.3-py3-none-any.whl"
 
 @pytest.fixture
 def clone(tmp_path: Path) -> Path:
-    """A repository of version 1.2.3 whose tools only pretend to build."""
+    """A fresh clone of version 1.2.3 whose tools only pretend to set up and to build."""
     (tmp_path / "setup").mkdir()
     for name in ("release.sh", "version.sh"):
         shutil.copy(ROOT / "setup" / name, tmp_path / "setup")
-    for name, text in ((".hindrax/env/bin/python", PYTHON), ("hindrax", HINDRAX)):
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+    for name, text in (("python-of-the-tests", PYTHON), ("hindrax", HINDRAX)):
         (tmp_path / name).write_text(text)
         (tmp_path / name).chmod(0o755)
     (tmp_path / "VERSION").write_text("1.2.3\n")
