@@ -1,7 +1,7 @@
 """The navigator while everything moves at once, while a sensor is missing, and after a start that is no rest."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import pairwise
 
@@ -10,7 +10,7 @@ from navigator_ride import CENTERED, HOVER, MOUNTED, Ride, part, rms
 
 from hindrax_control.navigation.navigator import NavigatorKnobs
 from hindrax_core.hydrostatics import GRAVITY_mps2
-from hindrax_core.readings import BottomTrack, Inertial, Pressure, Vec3
+from hindrax_core.readings import BottomTrack, Echo, Inertial, Pressure, Vec3
 from hindrax_core.signals import Navigation
 from hindrax_core.vehicle import Mount
 
@@ -85,6 +85,37 @@ def test_how_sure_heave_is_follows_from_surge_as_far_as_it_leans() -> None:
     wanted = math.hypot(level.velocity_sigma_mps[2], surge_mps) / math.cos(pitch)
     assert surge_mps > 2.0 * level.velocity_sigma_mps[2]
     assert leaning.velocity_sigma_mps[2] == pytest.approx(wanted, rel=0.05)
+
+
+class Walled(Ride):
+    """In the place of the DVL, a sonar that looks at a wall five meters north."""
+
+    def acoustics(self, t: float, _sensors: Mapping[str, Mount], _gauss: Callable[[float], float]) -> None:
+        slant = max(0.0, abs(self.attitude(t)[1]) - math.radians(12.5))
+        self.tell(t, Echo((5.0 - self.position(t)[0]) / math.cos(slant), 0.9), "ahead")
+
+
+@pytest.mark.parametrize("walled", [False, True])
+def test_heave_of_a_leaning_vehicle_needs_no_dvl(walled: bool) -> None:
+    """The accelerometer alone makes meters per second of its offset, which would lean into heave."""
+    pitch_rad, speed_mps = 0.2, 0.3 if walled else 0.0
+    look = {"ahead": Mount("ping1d", rotation_deg=(0.0, 90.0, 0.0))}
+    ride = (Walled if walled else Ride)(
+        vehicle=replace(CENTERED, sensors={n: m for n, m in CENTERED.sensors.items() if n != "dvl75"} | look)
+        if walled
+        else CENTERED,
+        position=lambda t: (speed_mps * t, 0.0, 0.9),
+        attitude=lambda _: (0.0, pitch_rad, 0.0),
+        force_bias=(0.2, 0.2, 0.0),
+        dvl_from_s=1e9,
+    )
+    found = ride.run(10.0).out[-1].reading
+    assert found.velocity_mps[2] == pytest.approx(speed_mps * math.sin(pitch_rad), abs=0.02)
+    if walled:
+        assert max(found.velocity_sigma_mps[0], found.velocity_sigma_mps[2]) < 0.05
+    else:  # it may be as fast as its limit
+        wanted_mps = math.tan(pitch_rad) * CENTERED.limits.speed_mps
+        assert found.velocity_sigma_mps[2] == pytest.approx(wanted_mps, rel=0.2)
 
 
 def test_after_a_short_pause_of_the_inertial_sensor_ticks_do_not_crowd() -> None:

@@ -243,7 +243,7 @@ class Navigator:
         dx, dy, dz = 0.5 * (before[0] + now[0]), 0.5 * (before[1] + now[1]), 0.5 * (before[2] + now[2])
         self._vertical.predict(force[0] * dx + force[1] * dy + force[2] * dz + GRAVITY_mps2, round(dt, 4))
         u, v = horizontal.u_mps, horizontal.v_mps
-        w = self._heave(now) if self._vertical.has_depth and now[2] > LEAST_UPRIGHT else 0.0
+        w = self._heave(now, u, v) if self._vertical.has_depth and now[2] > LEAST_UPRIGHT else 0.0
         acceleration = (force[0] + GRAVITY_mps2 * dx - q * w + r * v, force[1] + GRAVITY_mps2 * dy - r * u + p * w)
         now_s = (self._imu - self._began) / NS_PER_S
         horizontal.predict(acceleration, angle, now_s, dt)
@@ -341,42 +341,48 @@ class Navigator:
 
     # ---- what goes out
 
-    def _heave(self, down: Vec3) -> float:
-        """Heave velocity in body axes from the downward velocity."""
-        horizontal = self._horizontal
-        return (self._vertical.rate_mps - down[0] * horizontal.u_mps - down[1] * horizontal.v_mps) / down[2]
+    def _heave(self, down: Vec3, u_mps: float, v_mps: float) -> float:
+        """Heave velocity in body axes from the downward velocity and those along x and y."""
+        return (self._vertical.rate_mps - down[0] * u_mps - down[1] * v_mps) / down[2]
 
     def _locked_at(self, stamp: Stamp) -> bool:
         return (stamp - self._locked) / NS_PER_S < self._knobs.lock_s
 
-    def _by_wall(self, stamp: Stamp) -> dict[int, float]:
-        """Velocities by the ranges of the last time [m/s], by body axis."""
+    def _along(self, stamp: Stamp) -> tuple[list[float], list[float]]:
+        """Velocities along x and y, and their deviations [m/s]; NaN where nothing has measured one."""
+        horizontal = self._horizontal
+        if horizontal.known:
+            return [horizontal.u_mps, horizontal.v_mps], [horizontal.sigma_mps] * 2
+        velocities, sigmas = [NAN, NAN], [NAN, NAN]
         fresh = after(stamp, -self._knobs.lock_s)
-        found = ((name, wall) for name, wall in self._walls.items() if self._seen.get(name, LONG_AGO) > fresh)
-        return {wall.axis: wall.velocity_mps() for _, wall in found}
+        for name, wall in self._walls.items():
+            if self._seen.get(name, LONG_AGO) > fresh:
+                velocities[wall.axis], sigmas[wall.axis] = wall.velocity_mps(), wall.sigma_mps()
+        return velocities, sigmas
 
     def _navigation(self, stamp: Stamp, rate: Vec3) -> Navigation:
         attitude, vertical, horizontal = self._attitude, self._vertical, self._horizontal
         bp, bq, br = attitude.bias_radps
         down = attitude.rotation[2]
-        u = v = sigma = w = heave_sigma = NAN
-        if horizontal.known:
-            u, v, sigma = horizontal.u_mps, horizontal.v_mps, horizontal.sigma_mps
-        by_wall = self._by_wall(stamp)
+        w = heave_sigma = NAN
+        (u, v), (u_sigma, v_sigma) = self._along(stamp)
         if down[2] > LEAST_UPRIGHT and vertical.has_depth:
-            w = self._heave(down)
-            slope = (1.0 - down[2] * down[2]) * horizontal.sigma_mps**2
-            heave_sigma = math.sqrt(vertical.rate_variance + slope) / down[2]
+            # Where nothing measures it, rest is the best guess: the accelerometer alone would integrate its offset.
+            w = self._heave(down, 0.0 if math.isnan(u) else u, 0.0 if math.isnan(v) else v)
+            most_mps = self._vehicle.limits.speed_mps
+            along = down[0] * (most_mps if math.isnan(u) else u_sigma)
+            aside = down[1] * (most_mps if math.isnan(v) else v_sigma)
+            heave_sigma = math.sqrt(vertical.rate_variance + along * along + aside * aside) / down[2]
         return Navigation(
             attitude_rad=attitude.euler_rad,
             rate_radps=(rate[0] - bp, rate[1] - bq, rate[2] - br),
-            velocity_mps=(by_wall.get(0, u), by_wall.get(1, v), w),
+            velocity_mps=(u, v, w),
             depth_m=vertical.depth_m,
             altitude_m=vertical.altitude_m,
             position_m=self._position,
             dvl_locked=self._locked_at(stamp),
             ages_s={source: (stamp - received) / NS_PER_S for source, received in self._received.items()},
-            velocity_sigma_mps=(sigma, sigma, heave_sigma),
+            velocity_sigma_mps=(u_sigma, v_sigma, heave_sigma),
             position_sigma_m=self._reckoning.sigma_m if horizontal.known else NAN,
             depth_age_s=_age_s(self._depth, stamp),
             altitude_age_s=_age_s(self._altitude, stamp),

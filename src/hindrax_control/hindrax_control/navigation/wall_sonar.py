@@ -91,6 +91,10 @@ class WallSonar:
             return math.nan
         return self._sign * self._filter.rate_mps / math.cos(self._turned_rad)
 
+    def sigma_mps(self) -> float:
+        """Standard deviation of that velocity; NaN before a wall is seen."""
+        return math.nan if self._filter is None else math.sqrt(self._filter.rate_variance) / math.cos(self._turned_rad)
+
     def placed(self, position_m: tuple[float, float]) -> tuple[float, float]:
         """Return a position north and east with that along the normal as the wall shows it."""
         self._position_m = position_m
