@@ -95,6 +95,21 @@ class Walled(Ride):
         self.tell(t, Echo((5.0 - self.position(t)[0]) / math.cos(slant), 0.9), "ahead")
 
 
+@pytest.mark.parametrize("pushes_N", [0.0, 1.0])
+def test_the_wall_is_that_ahead_when_the_thrusters_first_push(pushes_N: float) -> None:
+    """A heading that settles after the first echo would leave the wall askew, and its ranges out."""
+    look = {"ahead": Mount("ping1d", rotation_deg=(0.0, 90.0, 0.0))}
+    turned = math.radians(12.0)
+    ride = Walled(
+        vehicle=replace(CENTERED, sensors={n: m for n, m in CENTERED.sensors.items() if n != "dvl75"} | look),
+        attitude=lambda t: (0.0, 0.0, turned * min(1.0, max(0.0, 0.5 * (t - 2.0)))),
+        knobs=NO_COMPASS,
+    )
+    ride.navigator.thrust([pushes_N] * 8)
+    found = ride.run(6.0).out[-1].reading
+    assert math.isnan(found.velocity_mps[0]) == (pushes_N > 0.0)
+
+
 @pytest.mark.parametrize("walled", [False, True])
 def test_heave_of_a_leaning_vehicle_needs_no_dvl(walled: bool) -> None:
     """The accelerometer alone makes meters per second of its offset, which would lean into heave."""

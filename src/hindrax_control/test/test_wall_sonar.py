@@ -80,6 +80,17 @@ def test_turned_away_it_says_nothing_and_finds_its_place_again() -> None:
     assert ahead == pytest.approx(0.4 * math.sin(basin.t), abs=0.03)
 
 
+def test_a_heading_that_settles_takes_the_wall_along_and_leaves_the_place() -> None:
+    basin = Basin(AHEAD)
+    basin.swing(10.0)
+    was_m = basin.position_m
+    rotation = matrix((0.0, 0.0, HEADING_rad + math.radians(8.0)))
+    basin.sonar.face(rotation)
+    assert basin.sonar.placed(was_m) == pytest.approx(was_m, abs=1e-3)
+    basin.sonar.predict(0j, matrix((0.0, 0.0, HEADING_rad + math.radians(17.0))), STEP_S)
+    assert basin.sonar.echo(3.0, 0.01, rotation, 0.0)  # 9 deg from where it looked last, 17 from where first
+
+
 def test_within_the_beam_a_turn_does_not_move_it() -> None:
     """The nearest point of the wall answers: the range does not grow with the cosine."""
     basin = Basin(AHEAD, lever_m=0.0)

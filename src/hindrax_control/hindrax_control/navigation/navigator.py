@@ -71,6 +71,8 @@ class Navigator:
         """One inertial sensor paces the filters, the first of the file; ranges elsewhere than down are no altitude."""
         self._has_sonar = any(name not in self._dvls for name in vehicle.measuring("altitude"))
         self._forces_N: tuple[float, ...] = ()
+        self._pushed = False
+        """Whether a thruster ever pushed: before, a vehicle rests square to the wall that its sonar looks at."""
         self.refused = 0
         self._position, self._heading_rad = (0.0, 0.0), 0.0
         self._reckoning = PositionUncertainty(knobs)
@@ -112,6 +114,7 @@ class Navigator:
     def thrust(self, forces_N: Sequence[float]) -> None:
         """Tell what each thruster does: their currents disturb the compass."""
         self._forces_N = self._aiding.forces_N = tuple(forces_N)
+        self._pushed = self._pushed or any(forces_N)
 
     def confirm_position(self) -> None:
         """Take the present position as known: its uncertainty restarts."""
@@ -328,6 +331,8 @@ class Navigator:
         waits = not self._heading.known and knobs.heading_from != "none"
         if waits or not reading.confidence >= knobs.sonar_confidence or not reading.range_m > 0.0:
             return False
+        if self._forces_N and not self._pushed:
+            wall.face(self._attitude.rotation)
         used = wall.echo(reading.range_m, knobs.range_sigma_m(reading.range_m), self._attitude.rotation, delay_s)
         self._seen[source] = max(valid, self._seen.get(source, valid)) if used else self._seen.get(source, LONG_AGO)
         return used

@@ -7,8 +7,8 @@ depth, with the acceleration along n:
 
 s [m] grows towards the wall; slant is the angle between beam and normal: within its cone, the nearest point of the wall
 answers, and that is the one along the normal. The walls are those of a basin: the first one is that which the axis
-looks at when the first echo comes, the others are turned from it by right angles. Nothing measures the other level
-axis.
+looks at when the thrusters first push, since a compass may be off by many degrees until it has settled; the others are
+turned from it by right angles. Nothing measures the other level axis.
 """
 
 import math
@@ -68,10 +68,18 @@ class WallSonar:
         normal_rad = (self._first_rad or 0.0) + self._wall * QUARTER_rad
         return math.cos(normal_rad), math.sin(normal_rad)
 
+    def face(self, rotation: Matrix3) -> None:
+        """Take the wall as square to the axis as it looks now; the place stays."""
+        was = self._normal
+        self._first_rad, self._wall, self._turned_rad = self._looks_rad(rotation), 0, 0.0
+        if 0 in self._began_m:
+            moved = (now - before for now, before in zip(self._normal, was, strict=True))
+            self._began_m[0] += sum(turned * at_m for turned, at_m in zip(moved, self._position_m, strict=True))
+
     def echo(self, range_m: float, sigma_m: float, rotation: Matrix3, delay_s: float) -> bool:
         """Fuse a range that was valid `delay_s` ago; False when it is of no use."""
         if self._first_rad is None:
-            self._first_rad = self._looks_rad(rotation)
+            self.face(rotation)
         if abs(self._turned_rad) > MOST_TURNED_rad or not rotation[2][2] > math.cos(MOST_TILTED_rad):
             return False
         north, east = self._normal
