@@ -31,7 +31,11 @@ from hindrax_bringup.supervisor import PATIENCE_S
 from hindrax_core.vehicle import load_vehicle
 
 ROOT = Path(__file__).parents[2]
-FILES = sorted(ROOT.glob("src/hindrax_bringup/launch/*.launch.py"))
+FILES = sorted(
+    set(ROOT.glob("src/hindrax_bringup/launch/*.launch.py"))
+    - {ROOT / "src/hindrax_bringup/launch/ros2_control.launch.py"}
+)
+"""Those of a whole stack; the one of single nodes beside ros2_control is run in `test/ros/test_ros2_control.py`."""
 ACTIONS = "hindrax_bringup.launch_actions"
 KEYWORDS = {
     "LaunchDescription": set(),

@@ -200,12 +200,13 @@ def capabilities(mount: Mount) -> tuple[Capability, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """Thruster output: a PCA9685 on an I2C bus, an STM32F407 on a serial port, or an ArduSub over MAVLink."""
+    """Thruster output: a PCA9685 on an I2C bus, an STM32F407 on a serial port, an ArduSub over MAVLink, or forces."""
 
-    device: str = choice("pca9685", ("pca9685", "stm32", "ardusub"), "kind of output")
+    device: str = choice("pca9685", ("pca9685", "stm32", "ardusub", "ros2_control"), "kind of output")
     port: str = knob(
         "/dev/i2c-1",
-        meaning="port; of an ardusub: udpin:0.0.0.0:14550, udpout:192.168.2.2:14550, tcp:127.0.0.1:5760, /dev/ttyACM0",
+        meaning="port; of an ardusub: udpin:0.0.0.0:14550, udpout:192.168.2.2:14550, tcp:127.0.0.1:5760, /dev/ttyACM0; "
+        "of ros2_control the topic of the forces, with {name} one for each thruster: /{name}_controller/reference",
     )
     control: str = choice(
         "manual_control", ("manual_control", "motor_test"), "how an ardusub is driven: by sticks, or each thruster"
@@ -223,7 +224,7 @@ class Output:
     @property
     def on_line(self) -> bool:
         """Whether something with a mind of its own makes the pulses, at the far end of a line that carries bytes."""
-        return self.device != "pca9685"
+        return self.device in ("stm32", "ardusub")
 
     def __post_init__(self) -> None:
         """A timer without its line would never enable the outputs."""

@@ -116,7 +116,9 @@ def _thrusters(vehicle_file: Path, *, mock: bool, pid: int | None) -> Iterator[O
             if operator.thrusters is not None:
                 yield operator
                 return
-        require_port(load_vehicle(vehicle_file).output.port)
+        output = load_vehicle(vehicle_file).output
+        if output.device != "ros2_control":  # its port is a topic
+            require_port(output.port)
     with _own_thrusters(vehicle_file, mock=mock) as operator:
         yield operator
 

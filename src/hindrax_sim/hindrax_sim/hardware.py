@@ -157,6 +157,11 @@ class Hardware:
 
     def _attach_output(self, seed: int) -> None:
         output = self.vehicle.output
+        if output.device == "ros2_control":
+            raise UsageError(
+                f"{self.vehicle.name}: found output.device ros2_control, wanted one that the mock emulates (pca9685, "
+                "stm32, ardusub): fly it on the simulator that has its controllers (docs/how-to/ros2-control.md)"
+            )
         if output.on_line:
             board = self.output = self._board(seed)
             on_line = [spec for spec in self._faults if fault_registry.FAULTS[spec.name].make is not None]

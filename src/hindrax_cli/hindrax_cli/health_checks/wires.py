@@ -40,7 +40,8 @@ def ports(vehicle: Vehicle, instead: Ports) -> list[Check]:
     """Every port once: whether it exists, its kind, and whether this user may open it."""
     own = [(name, mount) for name, mount in vehicle.sensors.items() if name not in vehicle.on_output_line]
     wanted = [instead.get(name, mount.port) for name, mount in own]
-    wanted.append(instead.get("thrusters", vehicle.output.port))
+    if vehicle.output.device != "ros2_control":  # its port is a topic
+        wanted.append(instead.get("thrusters", vehicle.output.port))
     wanted += [
         f"{GPIO_PREFIX}{chip_and_line(mount.data_ready, name)[0]}"
         for name, mount in vehicle.sensors.items()

@@ -12,7 +12,7 @@ from operator import mul
 from hindrax_control.allocation.effectiveness import effectiveness
 from hindrax_core.errors import UsageError
 from hindrax_core.readings import Vec6, vec6
-from hindrax_core.thrust.curves import Curve, problems_of, running
+from hindrax_core.thrust.curves import Curve, Running, problems_of, running
 from hindrax_core.vehicle import Vehicle
 
 HYSTERESIS = 0.1
@@ -55,11 +55,12 @@ class ThrustCurve:
             raise UsageError(f"{label}: found a supply of {self.supply_V:g} V, wanted more than zero")
         self.stop_us = curve.stop_us
         now = running(curve, self.supply_V, margin_us)
-        self._dead_us, back, forth = now.dead_us, now.negative, now.positive
+        back, forth = now.negative, now.positive
         if mirrored:
             back, forth = back.reflected(self.stop_us), forth.reflected(self.stop_us)
-            self._dead_us = (2.0 * self.stop_us - now.dead_us[1], 2.0 * self.stop_us - now.dead_us[0])
-        self._lower, self._upper = (forth, back) if mirrored else (back, forth)
+            low_us, high_us = now.dead_us
+            now = Running(forth, back, (2.0 * self.stop_us - high_us, 2.0 * self.stop_us - low_us))
+        self._running = now
         self._back, self._forth = back.inverse(), forth.inverse()
         weak_back, strong_back = sorted((back.force_N(back.from_us), back.force_N(back.to_us)), reverse=True)
         weak_forth, strong_forth = sorted((forth.force_N(forth.from_us), forth.force_N(forth.to_us)))
@@ -68,17 +69,7 @@ class ThrustCurve:
 
     def force(self, pulse_us: float) -> float:
         """Steady thrust [N] of a pulse [us]: zero within the dead band, that of the end beyond an end."""
-        below_us, above_us = self._dead_us
-        if below_us < pulse_us < above_us or pulse_us == self.stop_us:
-            return 0.0
-        above = pulse_us >= above_us
-        branch = self._upper if above else self._lower
-        if branch.from_us <= pulse_us <= branch.to_us:
-            return branch.force_N(pulse_us)
-        if not self._lower.from_us <= pulse_us <= self._upper.to_us:
-            return branch.force_N(branch.to_us if above else branch.from_us)
-        edge_us, begin_us = (above_us, branch.from_us) if above else (below_us, branch.to_us)
-        return branch.force_N(begin_us) * (pulse_us - edge_us) / (begin_us - edge_us)
+        return 0.0 if pulse_us == self.stop_us else self._running.force_N(pulse_us)
 
     def pulse(self, force_N: float, previous_us: float = 0.0) -> float:
         """Pulse that gives a force, clipped to the range.

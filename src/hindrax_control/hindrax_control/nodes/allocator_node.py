@@ -1,8 +1,9 @@
 """The allocator node: wrenches in, pulses out; and what the applied pulses achieve, every cycle."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
-from geometry_msgs.msg import WrenchStamped
+from geometry_msgs.msg import Wrench, WrenchStamped
 from sensor_msgs.msg import BatteryState
 
 from hindrax_control.allocation.allocation_cycle import AllocationCycle, SupplyKnobs
@@ -12,16 +13,16 @@ from hindrax_control.allocation.wrench_guard import WrenchGuardKnobs
 from hindrax_core.events import Stamp
 from hindrax_core.input_checks import SinglePublisher, impossible, names_of_others
 from hindrax_core.readings import Vec6
-from hindrax_core.rotation import FSD
+from hindrax_core.rotation import FLU, FSD
 from hindrax_core.signals import ZERO6, Allocation
-from hindrax_core.topics import ALLOCATION, BATTERY, THRUSTER_COMMAND, THRUSTER_HEALTH, THRUSTER_STATE, WRENCH
+from hindrax_core.topics import ALLOCATION, BATTERY, THRUSTER_COMMAND, THRUSTER_HEALTH, THRUSTER_STATE, WRENCH, Topic
 from hindrax_core.vehicle import Vehicle
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.diagnostics import DiagnosticsPublisher
 from hindrax_ros.graph import publisher, publishers_of, subscription
 from hindrax_ros.messages.convert import stamp_from_msg, wrench_from_msg
 from hindrax_ros.messages.fast_serialization import allocation_writer, applied_from_bytes, command_writer
-from hindrax_ros.parameters import SAFETY, knobs
+from hindrax_ros.parameters import SAFETY, knobs, text
 
 REPORT_S = 1.0
 
@@ -59,6 +60,15 @@ class AllocatorNode(BatchedNode):
         subscription(self, THRUSTER_HEALTH, lambda message: self._cycle.disable(frozenset(message.disabled)))
         subscription(self, BATTERY, self._on_battery)
         self.lead = subscription(self, WRENCH, self._on_wrench_message)
+        reference = text(
+            self, "reference", "", "topic of geometry_msgs/Wrench that commands too, as in ros2_control [-]"
+        )
+        self._reference_frame = text(self, "reference_frame", FLU, f"frame of those, {FLU} or {FSD} [-]")
+        self._commands = [WRENCH]
+        if reference:
+            row = replace(WRENCH, name=reference, type="geometry_msgs/msg/Wrench")
+            self._commands.append(row)
+            self.lead = subscription(self, row, self._on_reference)
         self.every(REPORT_S, self._report)
 
     def _tune(self, knobs: AllocationKnobs | SupplyKnobs) -> None:
@@ -83,12 +93,23 @@ class AllocatorNode(BatchedNode):
 
     def _on_wrench_message(self, message: WrenchStamped) -> None:
         """Obey the only publisher; its wrenches are judged like those of the pilot."""
-        unfit = self._commander.judge(publishers_of(self, WRENCH), armed=self._armed)
-        stamp, now = stamp_from_msg(message.header.stamp), self._now()
-        if not unfit and not self.on_wrench(wrench_from_msg(message), message.header.frame_id, stamp, now):
+        self._obey(WRENCH, message, message.header.frame_id, stamp_from_msg(message.header.stamp))
+
+    def _on_reference(self, message: Wrench) -> None:
+        """Obey a wrench without a header: it is of now, for nobody can say how long it has been on its way."""
+        made = WrenchStamped(wrench=message)
+        self._obey(self._commands[-1], made, self._reference_frame, self._now())
+
+    def _obey(self, topic: Topic, message: WrenchStamped, frame: str, stamp: Stamp) -> None:
+        unfit = self._commander.judge(self._commanding(), armed=self._armed)
+        if not unfit and not self.on_wrench(wrench_from_msg(message), frame, stamp, self._now()):
             unfit = self._cycle.refused[0]
         if unfit:
-            self._reporter.refuse(WRENCH, unfit)
+            self._reporter.refuse(topic, unfit)
+
+    def _commanding(self) -> dict[str, str]:
+        """Of all topics that command."""
+        return {gid: name for topic in self._commands for gid, name in publishers_of(self, topic).items()}
 
     def _on_state(self, data: bytes) -> None:
         """Publish what the applied pulses achieve; pulses without a command have a wanted wrench of zero."""
@@ -124,5 +145,5 @@ class AllocatorNode(BatchedNode):
 
     def _ignored_publishers(self) -> str:
         """Publishers of wrenches that are refused beside the pilot of this process."""
-        others = names_of_others(publishers_of(self, WRENCH), self.pilot) if self.pilot else ""
+        others = names_of_others(self._commanding(), self.pilot) if self.pilot else ""
         return f"not obeyed: {others}, because {self.pilot} commands" if others else ""

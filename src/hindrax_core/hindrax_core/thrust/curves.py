@@ -100,6 +100,20 @@ class Running:
         """Largest force in each direction."""
         return self.negative.force_N(self.negative.from_us), self.positive.force_N(self.positive.to_us)
 
+    def force_N(self, pulse_us: float) -> float:
+        """Steady thrust of a pulse: zero within the dead band, that of the end beyond an end."""
+        below_us, above_us = self.dead_us
+        if below_us < pulse_us < above_us:
+            return 0.0
+        ahead = pulse_us >= above_us
+        branch = self.positive if ahead else self.negative
+        if branch.from_us <= pulse_us <= branch.to_us:
+            return branch.force_N(pulse_us)
+        if not self.negative.from_us <= pulse_us <= self.positive.to_us:
+            return branch.force_N(branch.to_us if ahead else branch.from_us)
+        edge_us, begin_us = (above_us, branch.from_us) if ahead else (below_us, branch.to_us)
+        return branch.force_N(begin_us) * (pulse_us - edge_us) / (begin_us - edge_us)
+
 
 def running(curve: Curve, supply_V: float | None = None, margin_us: float = 0.0) -> Running:
     """A valid curve as both of its branches run: force [N] over pulse [us].

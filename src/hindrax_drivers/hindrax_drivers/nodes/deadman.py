@@ -42,6 +42,8 @@ from hindrax_drivers.nodes.thruster_settings import (
     read_settings,
 )
 from hindrax_drivers.nodes.thrusters import ARGUMENTS, NEUTRAL_WORD, NODE_WORD
+from hindrax_drivers.nodes.zero_forces import ZeroForces
+from hindrax_drivers.output.force_output import DEVICE as FORCES
 from hindrax_ros.heartbeat import VARIABLE, HeartbeatFile
 
 if TYPE_CHECKING:
@@ -64,6 +66,7 @@ class NeutralWriter:
     """Writes neutral without the node. An STM32 does that itself: then the dead man only waits.
 
     An ArduSub does it too, but by sticks only after three seconds: it is disarmed, where the node had armed it.
+    Forces on a topic are made zero by a process with ROS that stands by.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -75,7 +78,8 @@ class NeutralWriter:
         self._clock_port = settings.clock
         self._clock: Clock | None = None
         vehicle, rest_us = settings.vehicle, settings.guard.neutral.all_us
-        self._chip: Pca9685 | None = None if vehicle.output.on_line else pca9685_of(vehicle, rest_us)
+        self._chip: Pca9685 | None = pca9685_of(vehicle, rest_us) if vehicle.output.device == "pca9685" else None
+        self._forces = ZeroForces(settings.arguments) if vehicle.output.device == FORCES else None
         self._bus: RegisterBus | None = None
         self._stack_clock = SystemClock()
         self.trouble = ""
@@ -96,6 +100,9 @@ class NeutralWriter:
 
     def write(self) -> None:
         """Neutral first; then make sure that the chip is set up as it should be. What fails is tried again."""
+        if self._forces is not None:
+            self._forces.send()
+            return
         if self._chip is None:
             if self._farewell is not None and self.armed:
                 self._say(self._farewell)
@@ -134,7 +141,9 @@ class NeutralWriter:
         self._line = None
 
     def close(self) -> None:
-        """Close the bus, the line and the clocks."""
+        """Close the bus, the line and the clocks; there is trouble if nobody heard the last zeros."""
+        if self._forces is not None:
+            self.trouble = self._forces.close()
         if self._bus is not None:
             self._bus.close()
         self.release()

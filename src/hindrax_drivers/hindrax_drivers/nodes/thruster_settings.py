@@ -41,6 +41,8 @@ class Settings:
     alone: bool = False
     """Whether there is no vehicle file."""
     knobs: OutputGuardKnobs = field(default_factory=OutputGuardKnobs)
+    arguments: tuple[str, ...] = ()
+    """What they were read from, for another process of the same output."""
 
     @property
     def guard(self) -> OutputGuard:
@@ -68,7 +70,7 @@ def read_settings(arguments: Sequence[str]) -> Settings:
     port, clock = str(found.get("port", vehicle.output.port)), str(found.get("clock", "system"))
     names = {one.name for one in fields(OutputGuardKnobs)}
     knobs = build(OutputGuardKnobs, {name: value for name, value in found.items() if name in names}, NODE)
-    return Settings(vehicle, port, clock, alone=not file, knobs=knobs)
+    return Settings(vehicle, port, clock, alone=not file, knobs=knobs, arguments=tuple(arguments))
 
 
 def _vehicle_of(found: Mapping[str, object]) -> Vehicle:

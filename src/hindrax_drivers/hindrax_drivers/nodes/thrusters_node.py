@@ -26,9 +26,11 @@ from hindrax_core.readings import AppliedPulses, Battery
 from hindrax_core.signals import AppliedOutput
 from hindrax_core.text.refusals import Reason, Refusal
 from hindrax_core.topics import BATTERY, LIGHTS, THRUSTER_COMMAND, THRUSTER_STATE
+from hindrax_drivers.buses.ports import open_clock
 from hindrax_drivers.driver_registry import driver_of
 from hindrax_drivers.lifecycle import ON_REQUEST, State
 from hindrax_drivers.nodes.device_node import DeviceNode
+from hindrax_drivers.nodes.force_topics import ForcePublishers
 from hindrax_drivers.nodes.thruster_settings import (
     ARMED_WORD,
     BEAT_WORD,
@@ -40,6 +42,8 @@ from hindrax_drivers.nodes.thruster_settings import (
     Settings,
     read_settings,
 )
+from hindrax_drivers.output.force_output import DEVICE as FORCES
+from hindrax_drivers.output.force_output import ForceOutput, require_force_curves
 from hindrax_drivers.output.output_guard import (
     UNOBEYED,
     ArmingPhase,
@@ -97,6 +101,10 @@ class ThrustersNode(DeviceNode):
             self._battery = publisher(self, BATTERY)
         self.sensors = [self._sensor(name) for name in settings.vehicle.on_output_line]
         """Nodes of the sensors on the line of the output, which one process only can own."""
+        self._forces: ForcePublishers | None = None
+        if settings.vehicle.output.device == FORCES:
+            require_force_curves(settings.vehicle)
+            self._forces = ForcePublishers(self, settings.vehicle, settings.port)
         self._thread = OutputThread(self._open, self._guard, self, self._beat)
         self.ready = lambda: self._thread.ready
         self.now = lambda: self._thread.now
@@ -226,6 +234,8 @@ class ThrustersNode(DeviceNode):
 
     def _open(self) -> ThrusterOutput:
         settings, neutral = self._settings, self._guard.neutral
+        if self._forces is not None:
+            return ForceOutput(settings.vehicle, self._forces, open_clock(settings.clock, NAME))
         wires = (settings.vehicle, settings.port, settings.clock, self.tap.add, NAME)
         return open_output(*wires, neutral=neutral, riders=self._riders)
 

@@ -19,6 +19,7 @@ from hindrax_drivers.buses.ports import open_bus, open_clock
 from hindrax_drivers.devices.pca9685 import Pca9685, pca9685_of
 from hindrax_drivers.devices.stm32 import Stm32
 from hindrax_drivers.output.enable_line import EnableLine, open_enable_line
+from hindrax_drivers.output.force_output import ForceOutput
 from hindrax_drivers.output.output_guard import Pulses
 
 ResultT = TypeVar("ResultT")
@@ -238,7 +239,7 @@ class LineOutput:
         return [] if self._port is None else self._port.send_all(outputs, self._tap)
 
 
-ThrusterOutput: TypeAlias = RegisterOutput | LineOutput
+ThrusterOutput: TypeAlias = RegisterOutput | LineOutput | ForceOutput
 
 
 def open_output(
