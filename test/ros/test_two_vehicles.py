@@ -4,6 +4,7 @@ import contextlib
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -34,8 +35,9 @@ RATE = 3.0
 
 @contextlib.contextmanager
 def flying(namespace: str, folder: RunFolder, made: dict[str, str]) -> Iterator[Supervisor]:
+    prefix = f"{namespace.strip('/')}/"
     with Supervisor(folder.logs, made) as supervisor:
-        stack = Stack(folder, supervisor, "two vehicles", ParameterOverrides(namespace))
+        stack = Stack(folder, supervisor, "two vehicles", ParameterOverrides(namespace, frame_prefix=prefix))
         stack.start(MockOptions(rate=RATE), record=True, onboard=(RECORDER, SENSORS, THRUSTERS, CONTROL))
         yield supervisor
 
@@ -50,6 +52,13 @@ def navigates(operator: Operator) -> bool:
 
 def is_near(operator: Operator, depth: float) -> bool:
     return abs(depth_m(operator) - depth) < NEAR_m
+
+
+def frames_of(message: Any) -> Iterator[str]:
+    """Names of all frames of a message."""
+    for one in getattr(message, "transforms", [message]):
+        found = (getattr(getattr(one, "header", None), "frame_id", ""), getattr(one, "child_frame_id", ""))
+        yield from filter(None, found)
 
 
 def test_each_flies_by_itself_and_is_recorded_by_itself(tmp_path: Path) -> None:
@@ -74,6 +83,9 @@ def test_each_flies_by_itself_and_is_recorded_by_itself(tmp_path: Path) -> None:
         assert f"{name}/navigation/status" in topics
         assert f"{name}/diagnostics" in topics
         assert all(topic.startswith(f"{name}/") for topic in topics), topics
+        frames = {frame for one in messages(folder.bag) for frame in frames_of(one.decoded())}
+        assert {frame.rpartition("/")[2] for frame in frames} >= {"odom", "base_link", "dvl75_link", "icm20948_link"}
+        assert all(frame.startswith(f"{name.strip('/')}/") for frame in frames), sorted(frames)
         # Read, it is a bag as any other: whatever identifies, replays and reports needs no namespace.
         # What the second did, the first did not.
         depths = [one.decoded().depth for one in messages(folder.bag, {resolved(NAVIGATION)})]

@@ -22,6 +22,7 @@ from launch import Action, LaunchContext, LaunchDescription
 ARGUMENTS: dict[str, tuple[str | None, str]] = {
     "vehicle": (usual_vehicle(), "file or name"),
     "namespace": (NAMESPACE, "of all nodes and topics"),
+    "frame_prefix": ("", "of all frames, such as rov1/"),
     "params_file": ("", "ROS parameter file for the nodes"),
     "record": ("", "new folder of a run, with bag and logs; empty: no bag, logs below runs/"),
     "without_operator": ("stay", "without heartbeats of an operator: hold, neutral, or stay (none is expected)"),
@@ -58,7 +59,9 @@ def stack(
             out=str(Path(given["record"]).resolve()) if given["record"] else None,
             tether=None if hardware else tether_setting(),
             without_operator=given["without_operator"],
-            tuning=ParameterOverrides(given["namespace"], given["params_file"], sensors=sensors),
+            tuning=ParameterOverrides(
+                given["namespace"], given["params_file"], frame_prefix=given["frame_prefix"], sensors=sensors
+            ),
         )
         ends = Shutdown(reason="the stack has ended")
         patience = {"sigterm_timeout": str(END_S), "sigkill_timeout": str(END_S)}

@@ -12,7 +12,7 @@ from hindrax_bringup.network import security
 from hindrax_bringup.processes import EVERY, Process
 from hindrax_core.errors import UsageError
 from hindrax_core.topics import NAMESPACE, namespace_arguments, namespace_fault
-from hindrax_ros.parameter_file import names_node, parameter_blocks
+from hindrax_ros.parameter_file import FRAME_PREFIX, names_node, parameter_blocks
 
 Blocks = dict[str, dict[str, object]]
 """Parameters by the pattern of the nodes that get them, as in a ROS parameter file; of two the later one wins."""
@@ -29,6 +29,8 @@ class ParameterOverrides:
     settings: tuple[str, ...] = ()
     sensors: tuple[str, ...] = field(default=(), compare=False)
     """Names of the vehicle's sensors, which are nodes."""
+    frame_prefix: str = ""
+    """Of all frames, such as `rov1/`."""
 
     def __post_init__(self) -> None:
         """Check all of it before anything starts, or a folder is made for it."""
@@ -65,6 +67,8 @@ class NodeOptions:
     def parameters(self) -> Blocks:
         """Parameters of all nodes; what the user gives wins. UsageError when it cannot be read."""
         blocks: Blocks = {"/**": {"vehicle": self.vehicle}}
+        if self.tuning.frame_prefix:
+            blocks["/**"][FRAME_PREFIX] = self.tuning.frame_prefix
         if self.wires is not None:
             blocks["/**"]["use_sim_time"] = True
             blocks |= wire_parameters(self.wires)

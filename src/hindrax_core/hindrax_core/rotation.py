@@ -14,6 +14,14 @@ def unprefixed(frame: str) -> str:
     return frame.rpartition("/")[2]
 
 
+def foreign_frame(frame: str, prefix: str) -> str:
+    """Why a frame is not of the vehicle with this prefix; empty where it is, has none itself, or none is wanted."""
+    its, _, name = frame.rpartition("/")
+    if not (prefix and its) or f"{its}/" == prefix:
+        return ""
+    return f"found frame {frame[:60]!r}, of another vehicle; wanted {prefix}{name[:40]}"
+
+
 Matrix3: TypeAlias = tuple[Vec3, Vec3, Vec3]
 IDENTITY: Matrix3 = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 

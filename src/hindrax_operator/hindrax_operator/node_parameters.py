@@ -42,9 +42,9 @@ NODES: Mapping[str, tuple[type[object], ...]] = {
     "safety_monitor": (SafetyMonitorKnobs,),
 }
 """Dataclasses of knobs that each node declares as its parameters."""
-TEXTS = ("vehicle", "use_sim_time", "start_type_description_service", "port", "clock", "frame_id")
+TEXTS = ("vehicle", "use_sim_time", "start_type_description_service", "port", "clock", "frame_id", "frame_prefix")
 """Of every node beside its knobs."""
-OF_ONE_NODE = {"recorder": ("bag", "notes", "truth")}
+OF_ONE_NODE = {"recorder": ("bag", "notes", "truth"), "allocator": ("reference", "reference_frame")}
 QUALITY_OF_SERVICE = "qos_overrides."
 """rclpy declares these for topics whose quality of service may be chosen."""
 

@@ -17,7 +17,7 @@ from hindrax_core.events import NS_PER_S, Stamp
 from hindrax_core.signals import Allocation, AppliedOutput, Command
 from hindrax_core.topics import ALLOCATION, BATTERY, THRUSTER_COMMAND, THRUSTER_HEALTH, THRUSTER_STATE, WRENCH, resolved
 from hindrax_core.vehicle import Vehicle
-from hindrax_replay.recorded_devices import Parameters, knobs_of
+from hindrax_replay.recorded_devices import Parameters, knobs_of, prefix_of
 from hindrax_replay.wire_stage import ReferenceSamples, compare_lazily
 from hindrax_ros.messages.convert import stamp_from_msg, wrench_from_msg
 from hindrax_ros.messages.fast_serialization import (
@@ -48,7 +48,9 @@ class AllocationStage:
         knobs = (knobs_of(kind, parameters, "allocator") for kind in (AllocationKnobs, WrenchGuardKnobs, SupplyKnobs))
         self._cycle = AllocationCycle(vehicle, *knobs)
         names = [thruster.name for thruster in vehicle.thrusters]
-        self._command_bytes, self._status_bytes = command_writer(len(names)), allocation_writer(names, vehicle.supply_V)
+        prefix = prefix_of(parameters, "allocator")
+        self._command_bytes = command_writer(len(names), prefix)
+        self._status_bytes = allocation_writer(names, vehicle.supply_V, prefix)
         self._wrenches: deque[tuple[Stamp, object]] = deque()
         self._commands: dict[int, BagMessage] = {}
         self._states: dict[tuple[int, int], list[AppliedOutput]] = {}

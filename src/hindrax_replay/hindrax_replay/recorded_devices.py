@@ -26,7 +26,8 @@ from hindrax_core.text.yaml_text import read_yaml
 from hindrax_core.topics import resolved
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.driver_registry import driver_of
-from hindrax_drivers.nodes.reading_messages import ReadingMessages
+from hindrax_drivers.nodes.reading_messages import ReadingMessages, frame_of
+from hindrax_ros.parameter_file import FRAME_PREFIX
 
 Parameters = Mapping[str, Mapping[str, Any]]
 TICK_S = 0.05
@@ -134,7 +135,8 @@ class ReplayedDevice:
         row = driver_of(mount.device)
         device = row.make(knobs_of(row.knobs, parameters, name), mount, vehicle)
         self.wire = SerialWire(device) if row.serial else RegisterWire(name, device)
-        self._messages = ReadingMessages(name, mount.device, vehicle, parameters.get(name, {}).get("frame_id"))
+        frame = parameters.get(name, {}).get("frame_id") or prefix_of(parameters, name) + frame_of(name)
+        self._messages = ReadingMessages(name, mount.device, vehicle, frame)
         # Topics outside the table were not recorded and are not compared.
         self.topics = {topic.name: resolved(topic) for topic in self._messages.topics if topic.recorded}
 
@@ -146,6 +148,11 @@ class ReplayedDevice:
                     for name, message in self._messages.of(output):
                         if name in self.topics:
                             self._add_made(self.topics[name], output.stamp, message)
+
+
+def prefix_of(parameters: Parameters, name: str) -> str:
+    """Prefix of the frames of a node in the recorded run."""
+    return str({**parameters.get("**", {}), **parameters.get(name, {})}.get(FRAME_PREFIX, ""))
 
 
 def knobs_of(kind: type[Any], parameters: Parameters, name: str) -> Any:

@@ -16,7 +16,7 @@ from hindrax_ident.nodes.measurement_messages import readers
 from hindrax_ident.online.session import Session
 from hindrax_ident.records.feed import DROPPED, Feed, Measurement
 from hindrax_ident.tuning import Tuning
-from hindrax_replay.recorded_devices import Parameters, knobs_of
+from hindrax_replay.recorded_devices import Parameters, knobs_of, prefix_of
 from hindrax_replay.wire_stage import ReferenceSamples, compare_lazily
 from hindrax_ros.messages.convert import estimate_to_msg
 from hindrax_ros.messages.fast_serialization import navigation_writer, odometry_writer
@@ -33,13 +33,13 @@ LATEST = 1000
 SETTLING_NS = NS_PER_S
 """In its first second the navigator receives its sensors one by one, in the order of that day."""
 ESTIMATE_NAME, DIAGNOSTICS_NAME = resolved(ESTIMATE), resolved(DIAGNOSTICS)
-STATES = {resolved(NAVIGATION): navigation_writer(), resolved(ODOMETRY): odometry_writer()}
+STATES = (resolved(NAVIGATION), resolved(ODOMETRY))
 
 
 def inputs(vehicle: Vehicle) -> frozenset[str]:
     """Input topics of this stage."""
     read = {resolved(topic) for topic in (*sources(vehicle), *readers(vehicle))}
-    return frozenset(read | STATES.keys() | {ESTIMATE_NAME, DIAGNOSTICS_NAME})
+    return frozenset({*read, *STATES, ESTIMATE_NAME, DIAGNOSTICS_NAME})
 
 
 class StateStage:
@@ -54,6 +54,9 @@ class StateStage:
         self._navigator = Navigator(vehicle, knobs_of(NavigatorKnobs, parameters, "navigator"))
         tuning = knobs_of(Tuning, parameters, "identifier")
         self._feed, self._session = Feed(vehicle, tuning), Session(vehicle, tuning)
+        frames = prefix_of(parameters, "navigator")
+        self._writers = dict(zip(STATES, (navigation_writer(frames), odometry_writer(frames)), strict=True))
+        self._prefix = prefix_of(parameters, "identifier")
         # One queue per topic, for a burst is recorded topic by topic.
         self._states = {topic: deque[Stamped[Navigation]](maxlen=LATEST) for topic in STATES}
         self._pending = {topic: deque[BagMessage]() for topic in STATES}
@@ -94,14 +97,14 @@ class StateStage:
         for motion, estimates in self._estimates.items():
             for one in estimates:
                 if self._samples.due(f"{ESTIMATE_NAME} {motion}", one.stamp):
-                    self._samples.keep(ESTIMATE_NAME, f"{one.stamp} {motion}", estimate_to_msg(one))
+                    self._samples.keep(ESTIMATE_NAME, f"{one.stamp} {motion}", estimate_to_msg(one, self._prefix))
         for motion, stamp, message in self._recorded_estimates:
             made = self._estimates.get(motion, [])
             at = bisect_left(made, stamp - SAME_NS, key=lambda one: one.stamp)
             if at == len(made) or made[at].stamp > stamp + SAME_NS:
                 self._ledger.unmatched(ESTIMATE_NAME, stamp, "recorded, not replayed", motion, "none")
                 continue
-            compare_lazily(self._ledger, message, stamp, estimate_to_msg(made[at]))
+            compare_lazily(self._ledger, message, stamp, estimate_to_msg(made[at], self._prefix))
         if self._dropped > self._feed.dropped:
             why = f"{self._dropped} measurements came too late for the live identifier on a busy machine"
             self._ledger.explain(ESTIMATE_NAME, f"{why}; `identify` uses them")
@@ -134,7 +137,7 @@ class StateStage:
         if not states or abs(states[0].stamp - stamp) > NEAR_NS:
             self._ledger.unmatched(topic, stamp, "recorded, not replayed", "a message", "none")
             return
-        made = deserialized(STATES[topic](states[0]), message_class(message.type))
+        made = deserialized(self._writers[topic](states[0]), message_class(message.type))
         self._ledger.compare_messages(topic, stamp, message.decoded(), made)
         if self._samples.due(topic, stamp):
             self._samples.keep(topic, stamp, made)

@@ -7,6 +7,9 @@ from pathlib import Path
 from hindrax_core.errors import UsageError
 from hindrax_core.text.yaml_text import read_yaml
 
+FRAME_PREFIX = "frame_prefix"
+"""Parameter of every node that names frames."""
+
 
 def parameter_blocks(file: str) -> Iterator[tuple[str, dict[str, object] | None]]:
     """Yield the pattern of the nodes and the parameters of each block; None for what is no block of parameters.

@@ -7,6 +7,7 @@ type that they do not know, such as 255, and an exception in a callback ends the
 import difflib
 import math
 import os
+import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from operator import attrgetter
 from types import MappingProxyType
@@ -21,6 +22,7 @@ from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp
 from hindrax_core.knobs import Knob, build, leaves, nested
 from hindrax_core.stack_time import StackTime
+from hindrax_ros.parameter_file import FRAME_PREFIX
 
 T = TypeVar("T")
 
@@ -29,7 +31,7 @@ SETUP = "it is used only as the node starts"
 FIXED: Mapping[str, str] = MappingProxyType({})
 ONLY = "fixed at start, since "
 
-OF_EVERY_NODE = "vehicle"
+OF_EVERY_NODE = frozenset(("vehicle", FRAME_PREFIX))
 """Given to every node of a stack, and declared by those that read it."""
 
 RENAMED = {"box.": "pool_bounds.", "hand.": "operator_wrench.", "safety.": "guards.", "watch.": "fault_detector."}
@@ -45,6 +47,14 @@ def text(node: Node, name: str, default: str, meaning: str) -> str:
     """Declare one text parameter, fixed at start, and return its value."""
     descriptor = ParameterDescriptor(description=meaning, read_only=True)
     return str(node.declare_parameter(name, default, descriptor).value)
+
+
+def frame_prefix(node: Node) -> str:
+    """Declare the prefix of every frame that the node publishes, as robot_state_publisher has it."""
+    prefix = text(node, FRAME_PREFIX, "", "prefix of its frames, such as rov1/ [-]")
+    if not re.fullmatch(r"(?:[A-Za-z]\w*/)*", prefix, re.ASCII):
+        raise UsageError(f"{node.get_name()}.{FRAME_PREFIX}: found {prefix!r}, wanted a name that ends in /, as rov1/")
+    return prefix
 
 
 def whole(node: Node, name: str, default: int | None, meaning: str) -> int | None:
@@ -124,7 +134,7 @@ def warn_of_unknown_parameters(nodes: Sequence[Node]) -> None:
     """Log a warning for each parameter that was given to the nodes of this process and that none of them declares."""
     declared = {node: node.get_parameters_by_prefix("").keys() for node in nodes}
     for node in nodes:
-        given = node._parameter_overrides.keys() - {OF_EVERY_NODE}  # noqa: SLF001  # rclpy offers no other way to them
+        given = node._parameter_overrides.keys() - OF_EVERY_NODE  # noqa: SLF001  # rclpy offers no other way to them
         elsewhere = {name for other in nodes if other is not node for name in declared[other]}
         for sentence in unknown_parameters(node.get_name(), given, declared[node], elsewhere):
             node.get_logger().warning(sentence)

@@ -17,24 +17,27 @@ from hindrax_ros.graph import publisher
 from hindrax_ros.messages.convert import header, quaternion_from_sname, vector_to_msg
 
 
-def base_of(stamped: Stamped[Navigation]) -> TransformStamped:
+def base_of(stamped: Stamped[Navigation], prefix: str = "") -> TransformStamped:
     """Pose of `base_link` in `odom`, as the odometry has it."""
     (north, east), depth_m = stamped.reading.position_m, stamped.reading.depth_m
     rotation = quaternion_from_sname(*stamped.reading.attitude_rad)
     pose = Transform(translation=vector_to_msg((east, north, -depth_m)), rotation=rotation)
-    return TransformStamped(header=header(stamped.stamp, "odom"), child_frame_id=FLU, transform=pose)
+    return TransformStamped(header=header(stamped.stamp, f"{prefix}odom"), child_frame_id=prefix + FLU, transform=pose)
 
 
-def fixed(frame: Frame) -> TransformStamped:
+def fixed(frame: Frame, prefix: str = "") -> TransformStamped:
     """From base_link to a frame that is fixed to it."""
     x, y, z, w = xyzw(*frame.rpy_rad)
     pose = Transform(translation=vector_to_msg(frame.position_m), rotation=Quaternion(x=x, y=y, z=z, w=w))
-    return TransformStamped(header=header(0, FLU), child_frame_id=frame.name, transform=pose)
+    return TransformStamped(header=header(0, prefix + FLU), child_frame_id=prefix + frame.name, transform=pose)
 
 
-def transform_publisher(node: BatchedNode, vehicle: Vehicle) -> Callable[[Stamped[Navigation]], None]:
-    """Publish the description of a vehicle and its fixed frames; the publisher is for the pose of base_link."""
+def transform_publisher(node: BatchedNode, vehicle: Vehicle, prefix: str = "") -> Callable[[Stamped[Navigation]], None]:
+    """Publish the description of a vehicle and its fixed frames; the publisher is for the pose of base_link.
+
+    The links of the description have no prefix: RViz and robot_state_publisher put one before them.
+    """
     publisher(node, ROBOT_DESCRIPTION).publish(String(data=urdf_of(vehicle)))
-    publisher(node, TF_STATIC).publish(TFMessage(transforms=[fixed(frame) for frame in frames_of(vehicle)]))
+    publisher(node, TF_STATIC).publish(TFMessage(transforms=[fixed(frame, prefix) for frame in frames_of(vehicle)]))
     moving = publisher(node, TF)
-    return lambda found: moving.publish(TFMessage(transforms=[base_of(found)]))
+    return lambda found: moving.publish(TFMessage(transforms=[base_of(found, prefix)]))

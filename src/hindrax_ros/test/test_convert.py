@@ -134,3 +134,24 @@ def test_an_odometry_of_other_frames_or_no_attitude_is_refused(world: str, body:
     message.header.frame_id, message.pose.pose.orientation.w = world, w
     with pytest.raises(ValueError, match=wanted):
         convert.odometry_from_msg(message)
+
+
+@pytest.mark.parametrize(
+    ("frame", "prefix", "refused"),
+    [
+        ("base_link", "rov1/", ""),
+        ("rov1/base_link", "rov1/", ""),
+        ("fleet/rov1/base_link", "fleet/rov1/", ""),
+        ("rov2/base_link", "", ""),
+        ("rov2/base_link", "rov1/", "found frame 'rov2/base_link', of another vehicle; wanted rov1/base_link"),
+        ("fleet/rov1/base_link", "rov1/", "found frame 'fleet/rov1/base_link', of another"),
+    ],
+)
+def test_a_frame_of_another_vehicle_is_refused_where_ours_have_a_prefix(frame: str, prefix: str, refused: str) -> None:
+    message = Odometry(child_frame_id=frame)
+    message.header.frame_id = "odom"
+    if not refused:
+        assert convert.odometry_from_msg(message, prefix).reading.depth_m == 0.0
+        return
+    with pytest.raises(ValueError, match=refused):
+        convert.odometry_from_msg(message, prefix)

@@ -13,7 +13,7 @@ from hindrax_control.allocation.wrench_guard import WrenchGuardKnobs
 from hindrax_core.events import Stamp
 from hindrax_core.input_checks import SinglePublisher, impossible, names_of_others
 from hindrax_core.readings import Vec6
-from hindrax_core.rotation import FLU, FSD
+from hindrax_core.rotation import FLU, FSD, foreign_frame
 from hindrax_core.signals import ZERO6, Allocation
 from hindrax_core.topics import ALLOCATION, BATTERY, THRUSTER_COMMAND, THRUSTER_HEALTH, THRUSTER_STATE, WRENCH, Topic
 from hindrax_core.vehicle import Vehicle
@@ -22,7 +22,7 @@ from hindrax_ros.diagnostics import DiagnosticsPublisher
 from hindrax_ros.graph import publisher, publishers_of, subscription
 from hindrax_ros.messages.convert import stamp_from_msg, wrench_from_msg
 from hindrax_ros.messages.fast_serialization import allocation_writer, applied_from_bytes, command_writer
-from hindrax_ros.parameters import SAFETY, knobs, text
+from hindrax_ros.parameters import SAFETY, frame_prefix, knobs, text
 
 REPORT_S = 1.0
 
@@ -51,7 +51,9 @@ class AllocatorNode(BatchedNode):
         """Measured supply voltage, shared with the other nodes of the process."""
         names = [thruster.name for thruster in vehicle.thrusters]
         self._thrusters = len(names)
-        self._command_bytes, self._status_bytes = command_writer(len(names)), allocation_writer(names, vehicle.supply_V)
+        self._prefix = prefix = frame_prefix(self)
+        self._command_bytes = command_writer(len(names), prefix)
+        self._status_bytes = allocation_writer(names, vehicle.supply_V, prefix)
         self._command = publisher(self, THRUSTER_COMMAND)
         self._status = publisher(self, ALLOCATION)
         self._reporter = DiagnosticsPublisher(self)
@@ -101,7 +103,7 @@ class AllocatorNode(BatchedNode):
         self._obey(self._commands[-1], made, self._reference_frame, self._now())
 
     def _obey(self, topic: Topic, message: WrenchStamped, frame: str, stamp: Stamp) -> None:
-        unfit = self._commander.judge(self._commanding(), armed=self._armed)
+        unfit = self._commander.judge(self._commanding(), armed=self._armed) or foreign_frame(frame, self._prefix)
         if not unfit and not self.on_wrench(wrench_from_msg(message), frame, stamp, self._now()):
             unfit = self._cycle.refused[0]
         if unfit:

@@ -22,7 +22,7 @@ from hindrax_ros.heartbeat import Memory
 from hindrax_ros.messages.fast_serialization import navigation_writer, odometry_writer, thrust_from_bytes
 from hindrax_ros.messages.reading_fields import reader
 from hindrax_ros.messages.serialization import contents_reader
-from hindrax_ros.parameters import SETUP, knobs
+from hindrax_ros.parameters import SETUP, frame_prefix, knobs
 from hindrax_ros.transforms import transform_publisher
 
 READ: tuple[Capability, ...] = (
@@ -90,8 +90,9 @@ class NavigatorNode(BatchedNode):
             self._navigator.set_gyroscope_offset(Offset((known[0], known[1], known[2]), known[3]))
         self._status = publisher(self, topics.NAVIGATION)
         self._odometry = publisher(self, topics.ODOMETRY)
-        self._status_bytes, self._odometry_bytes = navigation_writer(), odometry_writer()
-        self._publish_transform = transform_publisher(self, vehicle)
+        prefix = frame_prefix(self)
+        self._status_bytes, self._odometry_bytes = navigation_writer(prefix), odometry_writer(prefix)
+        self._publish_transform = transform_publisher(self, vehicle, prefix)
         self._reporter = DiagnosticsPublisher(self, self._navigator.refusals)
         self._turn = 0
         subscription(self, topics.ALLOCATION, self._on_allocation_message, raw=True)

@@ -31,7 +31,7 @@ from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.input_checks import SinglePublisher, late_goal, names_of_others, order_window
 from hindrax_core.readings import Echo, Vec6
-from hindrax_core.rotation import FSD
+from hindrax_core.rotation import FSD, foreign_frame
 from hindrax_core.signals import NAN, Allocation, AppliedOutput, Estimate, Navigation
 from hindrax_core.text.refusals import (
     CANCELLED,
@@ -52,7 +52,7 @@ from hindrax_ros.messages.convert import estimate_from_msg, header, odometry_fro
 from hindrax_ros.messages.fast_serialization import applied_from_bytes, wrench_writer
 from hindrax_ros.messages.reading_fields import reader
 from hindrax_ros.messages.serialization import deserialized
-from hindrax_ros.parameters import CLOCK, SAFETY, knobs
+from hindrax_ros.parameters import CLOCK, SAFETY, frame_prefix, knobs
 
 SendWrench: TypeAlias = Callable[[Vec6, str, Stamp, Stamp], object]
 """Called with a wrench, its frame, its stamp and the time."""
@@ -136,7 +136,8 @@ class PilotNode(BatchedNode):
         self._plans, self._planned = publisher(self, topics.PLANS), False
         self._reporter = DiagnosticsPublisher(self)
         self._refuse = self._reporter.refuse
-        self._wrench_bytes = wrench_writer()
+        self._prefix = frame_prefix(self)
+        self._wrench_bytes = wrench_writer(self._prefix)
         subscription(self, topics.THRUSTER_STATE, self._on_thrusters, raw=True)
         self._health = publisher(self, topics.THRUSTER_HEALTH)
         self._publish_disabled({}, Stamp(0))
@@ -259,7 +260,9 @@ class PilotNode(BatchedNode):
         breaks = self._odometry.breaks
         if not unfit:
             try:
-                state, unfit = self._odometry.step(odometry_from_msg(message), self._source.gid, self.now())
+                state, unfit = self._odometry.step(
+                    odometry_from_msg(message, self._prefix), self._source.gid, self.now()
+                )
             except ValueError as error:
                 unfit = str(error)
         if unfit:
@@ -358,6 +361,9 @@ class PilotNode(BatchedNode):
     def _on_operator_wrench(self, message: WrenchStamped) -> None:
         stamp = stamp_from_msg(message.header.stamp)
         wrench, frame = wrench_from_msg(message), message.header.frame_id
+        if foreign := foreign_frame(frame, self._prefix):
+            self._refuse(topics.OPERATOR_WRENCH, foreign)
+            return
         for refused in self._pilot.set_operator_wrench(wrench, frame, stamp, self.now()):
             self._refuse(topics.OPERATOR_WRENCH, refused)
 

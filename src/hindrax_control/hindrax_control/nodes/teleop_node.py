@@ -17,7 +17,7 @@ from hindrax_core.topics import JOYSTICK, NAMESPACE, OPERATOR_WRENCH, TWIST
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.messages.convert import stamp_from_msg, wrench_to_msg
-from hindrax_ros.parameters import CheckedNode, knobs, text
+from hindrax_ros.parameters import CheckedNode, frame_prefix, knobs, text
 from hindrax_ros.process import spin
 
 
@@ -33,7 +33,7 @@ class TeleopNode(CheckedNode):
             self._teleop = Teleop(limits, tuned)
 
         begin(knobs(self, TeleopKnobs, begin))
-        self._out = publisher(self, OPERATOR_WRENCH)
+        self._out, self._prefix = publisher(self, OPERATOR_WRENCH), frame_prefix(self)
         subscription(self, JOYSTICK, self._on_joystick)
         subscription(self, TWIST, self._on_twist)
 
@@ -47,7 +47,7 @@ class TeleopNode(CheckedNode):
 
     def _publish(self, wrench: Vec6 | None) -> None:
         if wrench is not None:
-            self._out.publish(wrench_to_msg(self.now(), wrench))
+            self._out.publish(wrench_to_msg(self.now(), wrench, self._prefix))
 
 
 def main() -> int:

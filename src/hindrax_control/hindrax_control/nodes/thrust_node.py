@@ -11,7 +11,7 @@ from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.diagnostics import DiagnosticsPublisher
 from hindrax_ros.graph import optional_class, publisher, subscription
 from hindrax_ros.messages.convert import stamp_from_msg, wrench_to_msg
-from hindrax_ros.parameters import text
+from hindrax_ros.parameters import frame_prefix, text
 from hindrax_ros.process import spin
 
 LOOK_S = 0.5
@@ -27,7 +27,7 @@ class ThrustNode(BatchedNode):
         self._vehicle = load_vehicle(text(self, "vehicle", "", "vehicle file [-]"))
         self._applied = AppliedWrench(self._vehicle)
         self._type = ""
-        self._out = publisher(self, ACHIEVED)
+        self._out, self._prefix = publisher(self, ACHIEVED), frame_prefix(self)
         self._reporter = DiagnosticsPublisher(self)
         self.every(LOOK_S, self._look)
 
@@ -53,7 +53,7 @@ class ThrustNode(BatchedNode):
             self._reporter.refusals.add(PULSES.name, str(error))
             return
         wrench = self._applied.wrench(self._applied.forces_N(pulses_us))
-        self._out.publish(wrench_to_msg(stamp or self.now(), wrench))
+        self._out.publish(wrench_to_msg(stamp or self.now(), wrench, self._prefix))
 
 
 def main() -> int:

@@ -23,7 +23,7 @@ from hindrax_drivers.nodes.reading_messages import ReadingMessages, frame_of
 from hindrax_ros.batched_node import BatchedNode, PublishQueue
 from hindrax_ros.diagnostics import DiagnosticsPublisher, NodeDiagnostics
 from hindrax_ros.graph import publisher
-from hindrax_ros.parameters import text
+from hindrax_ros.parameters import frame_prefix, text
 from hindrax_ros.raw_frames import FrameTap
 
 LIFECYCLE_PERIOD_S = 0.2
@@ -48,7 +48,9 @@ class DeviceNode(BatchedNode, LifecycleNode):
         super().__init__(name, publish_queue=publish_queue, ros_time=False, enable_logger_service=False)
         self.health = NodeDiagnostics(hardware=name)
         self.tap = FrameTap(self, name)
-        frame = text(self, "frame_id", frame_of(name), "frame of its messages [-]") if device else None
+        frame = None
+        if device:
+            frame = text(self, "frame_id", frame_prefix(self) + frame_of(name), "frame of its messages [-]")
         self._messages = ReadingMessages(name, device, vehicle, frame)
         rates_Hz = [topic.rate_Hz for topic in self._messages.topics if topic.name.endswith("/pressure")]
         self._pressures_Hz = max(rates_Hz, default=0.0)

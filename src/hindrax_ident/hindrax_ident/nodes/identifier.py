@@ -38,7 +38,7 @@ from hindrax_ros.diagnostics import DiagnosticsPublisher, status
 from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.heartbeat import HeartbeatFile
 from hindrax_ros.messages.convert import estimate_to_msg
-from hindrax_ros.parameters import knobs, text
+from hindrax_ros.parameters import frame_prefix, knobs, text
 from hindrax_ros.process import spin
 
 REPORT_S = 1.0
@@ -61,7 +61,7 @@ class Identifier(BatchedNode):
         super().__init__("identifier")
         vehicle: Vehicle = load_vehicle(text(self, "vehicle", "", "vehicle file [-]"))
         self._begin(vehicle, knobs(self, Tuning, partial(self._begin, vehicle)))
-        self._out = publisher(self, ESTIMATE)
+        self._out, self._prefix = publisher(self, ESTIMATE), frame_prefix(self)
         self._reporter = DiagnosticsPublisher(self)
         self._last: Estimate | None = None
         self._refusals = Refusals()
@@ -97,10 +97,10 @@ class Identifier(BatchedNode):
 
         return on_message
 
-    def _any_listener(self, topic: Topic, events_of: Callable[[Any, Stamp], Events]) -> Callable[[Any], None]:
+    def _any_listener(self, topic: Topic, events_of: Callable[[Any, Stamp, str], Events]) -> Callable[[Any], None]:
         def on_message(message: object) -> None:
             try:
-                events = events_of(message, self.now())
+                events = events_of(message, self.now(), self._prefix)
             except ValueError as error:
                 self._refusals.add(topic.name, str(error))
                 return
@@ -138,7 +138,7 @@ class Identifier(BatchedNode):
 
     def _publish(self, estimate: Stamped[Estimate]) -> None:
         self._last = estimate.reading
-        self._out.publish(estimate_to_msg(estimate))
+        self._out.publish(estimate_to_msg(estimate, self._prefix))
 
     def _report(self) -> None:
         last = self._last

@@ -7,7 +7,7 @@ from nav_msgs.msg import Odometry
 
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.messages.contents import Read
-from hindrax_core.rotation import FLU, FSD, unprefixed
+from hindrax_core.rotation import FLU, FSD, foreign_frame, unprefixed
 from hindrax_core.signals import NAN, Attitude, IdentEvent, Thrust, Velocity
 from hindrax_core.topics import Quality, Topic
 from hindrax_core.vehicle import Vehicle
@@ -38,9 +38,9 @@ LARGEST_VARIANCE = 1e3
 """Variances from here on, or below zero, mean that a velocity is not measured."""
 
 
-def velocities_from_odometry(message: Odometry, now: Stamp) -> tuple[Stamped[IdentEvent], ...]:
+def velocities_from_odometry(message: Odometry, now: Stamp, prefix: str = "") -> tuple[Stamped[IdentEvent], ...]:
     """Attitude and velocities of a REP-105 odometry; without a stamp, of `now`. ValueError for other frames."""
-    found = odometry_from_msg(message)
+    found = odometry_from_msg(message, prefix)
     stamp = _sensible(found.stamp, now)
     variances, state = message.twist.covariance[::7], found.reading
     pairs = zip((*state.velocity_mps, *state.rate_radps), variances, strict=True)
@@ -50,9 +50,11 @@ def velocities_from_odometry(message: Odometry, now: Stamp) -> tuple[Stamped[Ide
     return Stamped(stamp, Attitude((roll, pitch, NAN))), Stamped(stamp, Velocity(nu, "odometry"))
 
 
-def thrust_from_wrench(message: WrenchStamped, now: Stamp) -> tuple[Stamped[IdentEvent], ...]:
+def thrust_from_wrench(message: WrenchStamped, now: Stamp, prefix: str = "") -> tuple[Stamped[IdentEvent], ...]:
     """Thrust in `base_link` (also where no frame is named) or `base_link_fsd`. ValueError for other frames."""
     frame, wrench = unprefixed(message.header.frame_id), wrench_from_msg(message)
+    if foreign := foreign_frame(message.header.frame_id, prefix):
+        raise ValueError(foreign)
     if frame not in (FSD, FLU, ""):
         raise ValueError(f"found frame {frame[:40]!r}, wanted {FLU} or {FSD}")
     if not all(map(math.isfinite, wrench)):

@@ -22,7 +22,7 @@ from std_msgs.msg import Header
 
 from hindrax_core.events import NS_PER_S, Stamp, Stamped
 from hindrax_core.readings import Vec3, Vec6
-from hindrax_core.rotation import FLU, FSD, sname_from_xyzw, unprefixed, xyzw_from_sname
+from hindrax_core.rotation import FLU, FSD, foreign_frame, sname_from_xyzw, unprefixed, xyzw_from_sname
 from hindrax_core.signals import Consistency, Estimate, Navigation
 from hindrax_msgs.msg import ModelEstimate
 
@@ -67,12 +67,15 @@ def quaternion_from_sname(roll: float, pitch: float, yaw: float) -> QuaternionMs
     return QuaternionMsg(x=x, y=y, z=z, w=w)
 
 
-def odometry_from_msg(message: Odometry) -> Stamped[Navigation]:
+def odometry_from_msg(message: Odometry, prefix: str = "") -> Stamped[Navigation]:
     """State in any odometry of `base_link` in a world with z up, as REP-105 has it; z = 0 is the surface.
 
-    ValueError for other frames and for what is no orientation. A variance of zero or less means unknown.
+    `prefix`: of the frames of our vehicle. ValueError for other frames and for what is no orientation.
+    A variance of zero or less means unknown.
     """
     world, body = message.header.frame_id, message.child_frame_id
+    if foreign := foreign_frame(body, prefix):
+        raise ValueError(foreign)
     if unprefixed(body) != FLU or not world or world.lower().endswith("ned"):
         raise ValueError(f"found {body[:40]!r} in {world[:40]!r}, wanted {FLU!r} in a world with z up, such as 'odom'")
     q, position, twist = message.pose.pose.orientation, message.pose.pose.position, message.twist.twist
@@ -101,10 +104,10 @@ def _sigma(variance: float) -> float:
     return math.sqrt(variance) if variance > 0.0 else math.nan
 
 
-def wrench_to_msg(stamp: Stamp, wrench: Vec6) -> WrenchStamped:
+def wrench_to_msg(stamp: Stamp, wrench: Vec6, prefix: str = "") -> WrenchStamped:
     """Wrench in the SNAME body frame."""
     made = Wrench(force=vector_to_msg(wrench[:3]), torque=vector_to_msg(wrench[3:]))
-    return WrenchStamped(header=header(stamp, FSD), wrench=made)
+    return WrenchStamped(header=header(stamp, prefix + FSD), wrench=made)
 
 
 def wrench_from_msg(message: WrenchStamped) -> Vec6:
@@ -112,11 +115,11 @@ def wrench_from_msg(message: WrenchStamped) -> Vec6:
     return (*_plain(message.wrench.force), *_plain(message.wrench.torque))
 
 
-def estimate_to_msg(stamped: Stamped[Estimate]) -> ModelEstimate:
+def estimate_to_msg(stamped: Stamped[Estimate], prefix: str = "") -> ModelEstimate:
     """Coefficients and covariance of one motion."""
     estimate = stamped.reading
     return ModelEstimate(
-        header=header(stamped.stamp, FSD),
+        header=header(stamped.stamp, prefix + FSD),
         motion=estimate.motion,
         names=list(estimate.names),
         units=list(estimate.units),

@@ -25,7 +25,7 @@ from hindrax_ros.messages.serialization import CdrWriter, contents_reader, field
 _ZERO6, _ZERO28 = (0.0,) * 6, (0.0,) * 28
 
 
-def navigation_writer() -> Callable[[Stamped[Navigation]], bytes]:
+def navigation_writer(prefix: str = "") -> Callable[[Stamped[Navigation]], bytes]:
     """Make a writer of NavigationStatus: full navigation state, SNAME."""
     writer = CdrWriter(*STAMP, *contents.NAVIGATION.paths, "ages")
 
@@ -34,7 +34,8 @@ def navigation_writer() -> Callable[[Stamped[Navigation]], bytes]:
         sources = tuple(ages)
         if writer.key != sources:
             writer.learn(
-                sources, NavigationStatus(header=convert.header(0, FSD), sources=sources, ages=list(ages.values()))
+                sources,
+                NavigationStatus(header=convert.header(0, prefix + FSD), sources=sources, ages=list(ages.values())),
             )
         u, v, w = state.velocity_mps
         roll, pitch, heading = state.attitude_rad
@@ -57,7 +58,7 @@ def navigation_writer() -> Callable[[Stamped[Navigation]], bytes]:
     return write
 
 
-def odometry_writer() -> Callable[[Stamped[Navigation]], bytes]:
+def odometry_writer(prefix: str = "") -> Callable[[Stamped[Navigation]], bytes]:
     """Make a writer of Odometry: pose in `odom` (east, north, up from the start), twist in `base_link` (REP-105).
 
     Variances: of the velocities, and of east and north since the position was last known; NaN where unknown.
@@ -65,7 +66,7 @@ def odometry_writer() -> Callable[[Stamped[Navigation]], bytes]:
     pose = (*parts("pose.pose.position"), *parts("pose.pose.orientation", "xyzw"), "pose.covariance")
     twist = (*parts("twist.twist.linear"), *parts("twist.twist.angular"), "twist.covariance")
     writer = CdrWriter(*STAMP, *pose, *twist)
-    writer.learn(None, Odometry(header=convert.header(0, "odom"), child_frame_id=FLU))
+    writer.learn(None, Odometry(header=convert.header(0, f"{prefix}odom"), child_frame_id=prefix + FLU))
 
     def write(stamped: Stamped[Navigation]) -> bytes:
         state = stamped.reading
@@ -89,17 +90,17 @@ def odometry_writer() -> Callable[[Stamped[Navigation]], bytes]:
     return write
 
 
-def wrench_writer() -> Callable[[Stamp, Vec6], bytes]:
+def wrench_writer(prefix: str = "") -> Callable[[Stamp, Vec6], bytes]:
     """Make a writer: `convert.wrench_to_msg`."""
     writer = CdrWriter(*STAMP, *parts("wrench.force"), *parts("wrench.torque"))
-    writer.learn(None, convert.wrench_to_msg(Stamp(0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
+    writer.learn(None, convert.wrench_to_msg(Stamp(0), _ZERO6, prefix))
     return lambda stamp, wrench: writer.write((*divmod(stamp, NS_PER_S), *wrench))
 
 
-def command_writer(thrusters: int) -> Callable[[Stamp, int, Sequence[float]], bytes]:
+def command_writer(thrusters: int, prefix: str = "") -> Callable[[Stamp, int, Sequence[float]], bytes]:
     """Make a writer of ThrusterCommand: stamp, sequence, pulses [us]."""
     writer = CdrWriter(*STAMP, "sequence", "pulses")
-    writer.learn(None, ThrusterCommand(header=convert.header(0, FSD), pulses=[0.0] * thrusters))
+    writer.learn(None, ThrusterCommand(header=convert.header(0, prefix + FSD), pulses=[0.0] * thrusters))
     return lambda stamp, sequence, pulses: writer.write((*divmod(stamp, NS_PER_S), sequence, *pulses))
 
 
@@ -120,7 +121,7 @@ def applied_writer(output: str) -> Callable[[AppliedOutput], bytes]:
 
 
 def allocation_writer(
-    thrusters: Sequence[str], nominal_V: float
+    thrusters: Sequence[str], nominal_V: float, prefix: str = ""
 ) -> Callable[[AppliedOutput, Allocation, float | None], bytes]:
     """Make a writer of AllocationStatus: what applied pulses achieve, by the measured supply, None: the nominal one."""
     numbers = ("sequence", "wanted", "achieved", "shortfall", "forces", "pulses", "saturated")
@@ -130,7 +131,7 @@ def allocation_writer(
         texts = (found.disabled, found.lost_axes, found.refused)
         if writer.key != texts:
             example = AllocationStatus(
-                header=convert.header(0, FSD),
+                header=convert.header(0, prefix + FSD),
                 thrusters=thrusters,
                 forces=found.forces_N,
                 pulses=applied.pulses_us,
