@@ -15,11 +15,13 @@ import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from hindrax_analysis.identification.executor import HERE, Workers, add_workers, workers_of
 from hindrax_analysis.identification.joint_identification import identify_jointly
 from hindrax_analysis.identification.record_identification import IdentificationTask, RecordSource, identify_sources
 from hindrax_analysis.terminal import print_table
@@ -48,22 +50,24 @@ class Row:
     worst: float
 
 
-def make(folder: Path, only: str = "") -> None:
+def make(folder: Path, only: str = "", seeds: Sequence[int] = (1, 2), workers: Workers = HERE) -> None:
     """Fly the records; questions without answers, and the truth in its own file."""
     folder.mkdir(parents=True, exist_ok=True)
+    wanted = [(plant, kind, seed) for plant in PLANTS for kind in KINDS for seed in seeds]
+    jobs = [partial(fly, *one) for one in wanted if only in f"{one[0].name}-{one[1]}-{one[2]}"]
     truth = {}
-    for plant, kind, seed in ((plant, kind, seed) for plant in PLANTS for kind in KINDS for seed in (1, 2)):
-        if only in f"{plant.name}-{kind}-{seed}":
-            record = fly(plant, kind, seed)
-            truth[record.name] = {"drag": record.drag.tolist(), "added_mass": record.added_mass.tolist()}
-            hidden = np.full_like(record.drag, math.nan), np.full(6, math.nan)
-            write(ForeignRecord(record.name, record.vehicle, record.recording, record.speeds, *hidden), folder)
+    for record in workers.run(jobs):
+        truth[record.name] = {"drag": record.drag.tolist(), "added_mass": record.added_mass.tolist()}
+        hidden = np.full_like(record.drag, math.nan), np.full(6, math.nan)
+        write(ForeignRecord(record.name, record.vehicle, record.recording, record.speeds, *hidden), folder)
     (folder / TRUTH).write_text(json.dumps(truth, indent=1))
 
 
-def answers(folder: Path, method: str) -> dict[str, Answer]:
-    """What a method of ours says of all records of a folder; it does not open the truth."""
-    return {file.stem: METHODS[method](read(file)) for file in sorted(folder.glob("*.npz"))}
+def answers(folder: Path, method: str, workers: Workers = HERE) -> dict[str, Answer]:
+    """What a method says of all records of a folder; it does not open the truth."""
+    records = [read(file) for file in sorted(folder.glob("*.npz"))]
+    found = workers.run([partial(METHODS[method], one) for one in records])
+    return {record.name: answer for record, answer in zip(records, found, strict=True)}
 
 
 def _joint(record: ForeignRecord) -> Answer:
@@ -157,11 +161,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("files", type=Path, nargs="*", help="answers to score")
     parser.add_argument("--method", choices=sorted(METHODS), default="joint")
     parser.add_argument("--only", default="", help="records with this in their name")
+    add_workers(parser)
     given = parser.parse_args(arguments)
     if given.what == "make":
-        make(given.folder, given.only)
+        make(given.folder, given.only, workers=workers_of(given))
     elif given.what == "answer":
-        print(json.dumps(answers(given.folder, given.method), indent=1))
+        print(json.dumps(answers(given.folder, given.method, workers_of(given)), indent=1))
     else:
         truth = json.loads((given.folder / TRUTH).read_text())
         rows = [(file.stem, score(truth, json.loads(file.read_text()))) for file in given.files]

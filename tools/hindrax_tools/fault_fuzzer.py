@@ -17,10 +17,12 @@ import time
 import traceback
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
+from hindrax_analysis.identification.executor import HERE, Workers, add_workers, workers_of
 from hindrax_bringup.share_files import default_vehicle, share_folder, vehicle_file
-from hindrax_core.errors import UsageError
+from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, parse_fault
 from hindrax_tools.faults.device_faults import ModePilot, unsaid, watched
@@ -53,6 +55,8 @@ OUTPUT = "thrusters"
 vehicle is built never changes in flight: `commissioning_draws` has those faults."""
 LONGEST_DISARMED_S = 0.2
 """Time that a failed write of neutral may take."""
+ROUND = 32
+"""Flights that several workers share out among them; the time is looked at between rounds."""
 LASTING_S = (0.1, 1.0, 5.0, 9999.0)
 
 
@@ -148,14 +152,14 @@ def shrunk(case: Case) -> Case:
     return plain if plain != case and same(plain) else case
 
 
-def fuzzed(minutes: float, seed: int) -> Iterator[tuple[Case, tuple[str, ...]]]:
-    """Draw and fly cases for so long; yields each with what it violates."""
+def fuzzed(minutes: float, seed: int, workers: Workers = HERE) -> Iterator[tuple[Case, tuple[str, ...]]]:
+    """Draw and fly cases for so long; yields each with what it violates. The draws do not depend on the workers."""
     random_ = random.Random(seed)  # noqa: S311  # no secret
     vehicles = {file.stem: flown_by_bytes(file) for file in sorted(share_folder("vehicles").glob("*.yaml"))}
     deadline_s = time.monotonic() + 60.0 * minutes
     while time.monotonic() < deadline_s:
-        case = drawn(vehicles, random_)
-        yield case, violations(case)
+        cases = [drawn(vehicles, random_) for _ in range(1 if workers.here else ROUND)]
+        yield from zip(cases, workers.run([partial(violations, one) for one in cases]), strict=True)
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -164,16 +168,24 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--minutes", type=float, default=10.0, help="default 10")
     parser.add_argument("--seed", type=int, default=0, help="of the draws; default 0")
     parser.add_argument("--repeat", metavar="LINE", help="fly this case, as it was printed, and nothing else")
+    add_workers(parser)
     arguments = parser.parse_args(words)
+    try:
+        return _printed(arguments)
+    except UsageError as error:
+        parser.error(str(error))
+    except HindraxError as error:
+        print(f"{parser.prog}: {error}", file=sys.stderr)
+        return error.exit_code
+
+
+def _printed(arguments: argparse.Namespace) -> int:
     if arguments.repeat is not None:
-        try:
-            violated = violations(Case.parse(arguments.repeat))
-        except UsageError as error:
-            parser.error(str(error))
+        violated = violations(Case.parse(arguments.repeat))
         print("\n".join(violated) or "nothing is violated")
         return int(bool(violated))
     flown = bad = 0
-    for case, violated in fuzzed(arguments.minutes, arguments.seed):
+    for case, violated in fuzzed(arguments.minutes, arguments.seed, workers_of(arguments)):
         flown += 1
         print(f"{flown} flights, {bad} findings: {case}", file=sys.stderr, flush=True)
         if violated:

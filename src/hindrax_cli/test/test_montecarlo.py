@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_analysis.identification.executor import on_cluster, run_all
+from hindrax_analysis.identification.executor import run_all
 from hindrax_analysis.identification.montecarlo import (
     CoefficientError,
     DragError,
@@ -22,7 +22,6 @@ from hindrax_analysis.identification.montecarlo import (
     tabulate,
 )
 from hindrax_cli.command_line import main
-from hindrax_core.errors import HindraxError
 
 
 def trial(seed: int, error: float, std: float = 1.0) -> Trial:
@@ -67,22 +66,6 @@ def test_results_come_in_the_order_of_the_items(workers: int) -> None:
 def test_what_goes_wrong_in_a_worker_is_raised_here(workers: int) -> None:
     with pytest.raises(ValueError, match="negative"):
         list(run_all(math.factorial, [1, -1, 2], workers=workers))
-
-
-def test_a_dask_cluster_gives_the_same() -> None:
-    distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, protocol="tcp", host="127.0.0.1"
-    ) as cluster:
-        there = cluster.scheduler_address
-        assert list(run_all(lambda _: distributed.get_worker() is not None, [0], cluster=there)) == [True]
-        assert list(run_all(math.factorial, range(5), cluster=there)) == [1, 1, 2, 6, 24]
-
-
-def test_no_cluster_at_the_address_is_reported() -> None:
-    pytest.importorskip("distributed")
-    with pytest.raises(HindraxError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:1"):
-        list(on_cluster(math.factorial, [1], "tcp://127.0.0.1:1", timeout_s=1.0))
 
 
 def test_one_worker_needs_no_process() -> None:

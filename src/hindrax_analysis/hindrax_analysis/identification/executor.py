@@ -4,6 +4,7 @@ Results come in the order of the items; the exception of an item is raised in it
 picklable: defined at the top of a module.
 """
 
+import argparse
 import contextlib
 import multiprocessing
 import os
@@ -11,12 +12,58 @@ import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from operator import call
 from typing import Any, TypeVar
 
 from hindrax_core.errors import HindraxError
 
 ItemT = TypeVar("ItemT")
 ResultT = TypeVar("ResultT")
+
+
+@dataclass(frozen=True, slots=True)
+class Workers:
+    """Where jobs run: on the cluster of an address, else in processes of this machine (None: one per core)."""
+
+    cluster: str = ""
+    processes: int | None = 1
+
+    @property
+    def here(self) -> bool:
+        """Whether jobs run in this process, one after the other: only then may they tell of their progress."""
+        return not self.cluster and self.processes == 1
+
+    def run(self, jobs: Sequence[Callable[[], ResultT]]) -> Iterator[ResultT]:
+        """Results in the order of the jobs, each as soon as it is there."""
+        # One type of job for the checker, which takes `call` for a function of any arguments.
+        work: Callable[[Callable[[], ResultT]], ResultT] = call
+        return run_all(work, jobs, cluster=self.cluster, workers=self.processes)
+
+
+HERE = Workers()
+"""This process."""
+
+
+def add_workers(parser: argparse.ArgumentParser, processes: int | None = 1) -> None:
+    """Options for `workers_of`; `processes`: those of this machine where neither option is given."""
+
+    def count(text: str) -> int:
+        """Argument type: one process or more."""
+        if (number := int(text)) < 1:
+            raise argparse.ArgumentTypeError(f"found {text}, wanted 1 or more")
+        return number
+
+    usual = "one per core" if processes is None else f"{processes}"
+    parser.add_argument("--cluster", default="", metavar="ADDRESS", help="compute on this Dask cluster")
+    parser.add_argument(
+        "--workers", type=count, default=processes, metavar="N", help=f"local processes; default: {usual}"
+    )
+
+
+def workers_of(arguments: argparse.Namespace) -> Workers:
+    """Where the jobs of a command run, by its options."""
+    return Workers(arguments.cluster, arguments.workers)
 
 
 def run_all(
@@ -71,9 +118,9 @@ def _begin() -> None:
 def on_cluster(
     work: Callable[[ItemT], ResultT], items: Sequence[ItemT], address: str, timeout_s: float = 10.0
 ) -> Iterator[ResultT]:
-    """A running Dask cluster, by the address of its scheduler; its workers need this software.
+    """A running Dask cluster, by the address of its scheduler.
 
-    HindraxError when there is no scheduler at the address or Dask is not installed.
+    HindraxError when there is no scheduler at the address, when this software is missing there, or Dask here.
     """
     try:
         from distributed import Client  # noqa: PLC0415  # heavy, and only wanted with --cluster
@@ -88,7 +135,33 @@ def on_cluster(
     futures = client.map(work, list(items), pure=False)
     try:
         for future in futures:
-            yield future.result()
+            with _software_wanted(address):
+                found = future.result()
+            yield found
     finally:
         client.cancel(futures)
         client.close()
+
+
+@contextlib.contextmanager
+def _software_wanted(address: str) -> Iterator[None]:
+    """Instead of the traceback of a task that scheduler or worker cannot read: what is missing there."""
+    try:
+        yield
+    except (ImportError, RuntimeError) as error:
+        missing = _missing(error)
+        if missing is None:
+            raise
+        raise HindraxError(
+            f"the Dask cluster at {address} lacks the module {missing!r}; install `hindrax[cluster]` of the same "
+            "version where its scheduler and its workers run"
+        ) from error
+
+
+def _missing(error: BaseException | None) -> str | None:
+    """Name of a module that a chain of exceptions says is not installed."""
+    while error is not None:
+        if isinstance(error, ImportError) and error.name:
+            return error.name
+        error = error.__cause__ or error.__context__
+    return None

@@ -3,11 +3,13 @@
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from hindrax_analysis.identification.bag_identification import Identified, identify_bag
+from hindrax_analysis.identification.executor import HERE, Workers
 from hindrax_analysis.records import plausibility
 from hindrax_analysis.records.autopilot_log import ENDINGS, read_log
 from hindrax_analysis.records.csv_record import read_records
@@ -166,17 +168,24 @@ def identify_sources(
     task: IdentificationTask,
     progress: Callable[[str], None] = lambda _text: None,
     reached: Callable[[str], None] = lambda _text: None,
+    *,
+    workers: Workers = HERE,
 ) -> Identified:
-    """Identify over one record, or over several pooled; `progress` gets records that begin, `reached` steps."""
-    if len(sources) > 1:
-        progress(f"identifying over {len(sources)} records together")
-    whole = _identify(sources, vehicle, task, reached)
-    if len(sources) == 1:
-        return whole
-    runs = []
-    for index, one in enumerate(sources, start=1):
-        progress(f"identifying over {one.path} alone, {index} of {len(sources)}")
-        runs.append(_identify([one], vehicle, task, reached).results)
+    """Identify over one record, or over several pooled and each by itself.
+
+    `progress` gets records that are done, `reached` steps, where the `workers` are this process.
+    """
+    told = (reached,) if workers.here else ()
+    groups = [sources, *([one] for one in sources if len(sources) > 1)]
+    jobs = [partial(_identify, group, vehicle, task, *told) for group in groups]
+    if len(jobs) == 1:
+        return next(workers.run(jobs))
+    found = workers.run(jobs)
+    whole, runs = next(found), []
+    progress(f"identified over {len(sources)} records together")
+    for index, (one, alone) in enumerate(zip(sources, found, strict=True), start=1):
+        progress(f"identified over {one.path} alone, {index} of {len(sources)}")
+        runs.append(alone.results)
     results, spreads = _with_spread(whole.results, runs)
     return replace(whole, results=results, runs=tuple(runs), spreads=spreads)
 

@@ -6,7 +6,7 @@ Ljung 1999 section 16.4 (simulation over fresh data).
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -112,6 +112,42 @@ def predict(model: Model, theta: Array, record: Record) -> Prediction:
     else:
         still, steady, predicted, unit = np.zeros(len(t)), v0, path.v[at], f"{unit}/s"
     return Prediction(model.axis, unit, t, problem.y[counts], predicted, array(still), array(steady), window)
+
+
+def predictions_joined(parts: Sequence[Prediction]) -> Prediction:
+    """Predictions of one axis over several records, one after the other.
+
+    Parameters
+    ----------
+    parts
+        Of the same axis, one of each record.
+
+    Returns
+    -------
+    Prediction
+        Of the velocities, where some records measured velocities and others positions.
+    """
+    parts = [one for one in parts if not one.of_position] or parts
+    begin_s, first, times, windows = 0.0, 0, [], []
+    for one in parts:
+        times.append(one.t + begin_s)
+        windows.append(one.window + first)
+        begin_s, first = float(times[-1][-1]), int(windows[-1][-1]) + 1
+
+    def whole(name: str) -> Array:
+        """An array over all of them: (n,)."""
+        return array(np.concatenate([getattr(one, name) for one in parts]))
+
+    return Prediction(
+        parts[0].axis,
+        parts[0].unit,
+        array(np.concatenate(times)),
+        whole("measured"),
+        whole("predicted"),
+        whole("still"),
+        whole("steady"),
+        np.concatenate(windows),
+    )
 
 
 def predict_record(

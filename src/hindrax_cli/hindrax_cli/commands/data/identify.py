@@ -4,6 +4,7 @@ import argparse
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from hindrax_analysis.coefficients_file import ResultConditions, SavedCoefficients, as_yaml
@@ -14,6 +15,7 @@ from hindrax_analysis.identification.bag_identification import (
     write,
     write_report,
 )
+from hindrax_analysis.identification.executor import add_workers, workers_of
 from hindrax_analysis.identification.joint_identification import identify_jointly, show_joint
 from hindrax_analysis.identification.record_identification import (
     IdentificationTask,
@@ -130,6 +132,7 @@ def _about(parser: argparse.ArgumentParser) -> None:
         help=f"deviation of the wrench's gain; default: by the vehicle file, {GAIN_SIGMA:g} where it has no thrusters",
     ),
     option("--joint", action="store_true", help="also fit all axes together, with the terms that couple them"),
+    add_workers,
     option("--report", type=Path, metavar="FILE", help="write an HTML report"),
     option("--coefficients", type=Path, metavar="FILE", help="write a coefficients.yaml"),
     add_json,
@@ -144,8 +147,11 @@ def identify(arguments: argparse.Namespace) -> int:
     gain_sigma = _gain_sigma(arguments.gain_sigma, vehicle, sources[0], notes)
     task = replace(task, mass_known=NO_VEHICLE not in notes, tuning=Tuning(wrench_gain_sigma=gain_sigma))
     with working(f"identifying over {', '.join(str(path) for path in arguments.records)}") as reached:
-        found = identify_sources(sources, vehicle, task, print_stderr, reached)
-        joint = identify_jointly(sources, vehicle, task, reached) if arguments.joint else None
+        workers = workers_of(arguments)
+        found = identify_sources(sources, vehicle, task, print_stderr, reached, workers=workers)
+        steps = (reached,) if workers.here else ()
+        jobs = [partial(identify_jointly, sources, vehicle, task, *steps)] if arguments.joint else []
+        joint = next(workers.run(jobs), None)
     took_s = time.monotonic() - began
     ours = [source.path for source in sources if source.recording is None]
     files = [file for source in sources for file in source.files]

@@ -1,12 +1,19 @@
 """`hindrax predict`: what coefficients predict for records that they were not fitted to."""
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from hindrax_analysis import plots
 from hindrax_analysis.coefficients_file import SavedCoefficients, read_coefficients
-from hindrax_analysis.identification.record_identification import RecordSource, axis_records, recorded_vehicle
+from hindrax_analysis.identification.executor import add_workers, workers_of
+from hindrax_analysis.identification.record_identification import (
+    IdentificationTask,
+    RecordSource,
+    axis_records,
+    recorded_vehicle,
+)
 from hindrax_analysis.terminal import print_answer, print_table, working
 from hindrax_cli.argument_types import named_vehicle, positive
 from hindrax_cli.command import command, option
@@ -15,8 +22,7 @@ from hindrax_cli.experiment_command import add_output, require_plot, save_plot
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import AXES, Vehicle
-from hindrax_ident.assess.prediction import WINDOW_S, Prediction, predict_record
-from hindrax_ident.records.axis_record import Record
+from hindrax_ident.assess.prediction import WINDOW_S, Prediction, predict_record, predictions_joined
 
 ABOUT = """
 The model runs freely over windows of the record, from the velocity that fits the first second of each, with the
@@ -37,6 +43,7 @@ def _about(parser: argparse.ArgumentParser) -> None:
     option("--window", type=positive, default=WINDOW_S, metavar="S", help="length of a window (default 10 s)"),
     named_vehicle("vehicle: its file, or its name; default: the one in the bag"),
     add_selection,
+    add_workers,
     add_output,
 )
 def predict(arguments: argparse.Namespace) -> int:
@@ -46,8 +53,9 @@ def predict(arguments: argparse.Namespace) -> int:
     saved = read_coefficients(file / "coefficients.yaml" if file.is_dir() else file)
     named, sources, task = opened(arguments)
     vehicle = named or _recorded(sources[0])
+    jobs = [partial(_of_record, saved, vehicle, one, task, arguments.window) for one in sources]
     with working("predicting"):
-        found, reasons = _predictions(saved, vehicle, axis_records(sources, vehicle, task), arguments.window)
+        found, reasons = _over_all([*workers_of(arguments).run(jobs)])
     if not found:
         raise HindraxError("; ".join(reasons) or "the records hold no motion with both velocities and forces")
     save_plot(arguments.plot, plots.prediction, found)
@@ -63,18 +71,31 @@ def _recorded(source: RecordSource) -> Vehicle:
     return found
 
 
-def _predictions(
-    saved: SavedCoefficients, vehicle: Vehicle, records: Mapping[int, Record], window_s: float
+def _of_record(
+    saved: SavedCoefficients, vehicle: Vehicle, source: RecordSource, task: IdentificationTask, window_s: float
 ) -> tuple[list[Prediction], list[str]]:
-    """Predictions, and the reason of each axis of the records that has none."""
+    """Predictions over one record, and the reason of each of its axes that has none."""
     numbers = {name: motion.coefficients for name, motion in saved.motions.items() if motion.identifiable}
     found, reasons = [], []
-    for axis, record in records.items():
+    for axis, record in axis_records([source], vehicle, task).items():
         try:
             found.append(predict_record(numbers, vehicle, axis, record, window_s))
         except HindraxError as error:
             reasons.append(str(error))
     return found, reasons
+
+
+def _over_all(
+    by_record: Sequence[tuple[list[Prediction], list[str]]],
+) -> tuple[list[Prediction], list[str]]:
+    """One prediction of each axis over the windows of all records; reasons of axes without any, each once."""
+    found = []
+    for axis in range(len(AXES)):
+        same = [one for predictions, _ in by_record for one in predictions if one.axis == axis]
+        found += [predictions_joined(same)] if same else []
+    predicted = {AXES[one.axis] for one in found}
+    reasons = dict.fromkeys(reason for _, some in by_record for reason in some)
+    return found, [one for one in reasons if one.partition(":")[0] not in predicted]
 
 
 def _show(found: list[Prediction], reasons: list[str], window_s: float) -> None:

@@ -4,10 +4,9 @@ import argparse
 import pkgutil
 from collections.abc import Callable, Sequence
 from functools import partial
-from operator import call
 from typing import Any, TypeVar
 
-from hindrax_analysis.identification.executor import run_all
+from hindrax_analysis.identification.executor import add_workers, workers_of
 from hindrax_analysis.identification.montecarlo import Trial, summary, trial_of
 from hindrax_analysis.identification.pool_session import MASS_GOAL
 from hindrax_analysis.terminal import print_answer, print_table
@@ -32,8 +31,7 @@ OneTrial = TypeVar("OneTrial", Trial, SessionTrial)
     option("--dof", nargs="+", default=["all"], choices=[*AXES, "all"], help="default: all"),
     option("--excitation", default=PLATEAUS, choices=(PLATEAUS, *EXCITATIONS), help="default: plateaus"),
     option("--seed", type=int, default=1, help="seed of the first run; the others follow. Default 1"),
-    option("--cluster", default="", metavar="ADDRESS", help="compute on this Dask cluster"),
-    option("--workers", type=at_least(1), metavar="N", help="local processes; default: one per core"),
+    partial(add_workers, processes=None),
     partial(add_vehicle, meaning="vehicle with its truth: file or name"),
     option("--world", default=IDEAL, help=f"what the model does not know: {FORM}. Default: {IDEAL}"),
     option(
@@ -66,7 +64,7 @@ def montecarlo(arguments: argparse.Namespace) -> int:
 def _told(what: str, jobs: Sequence[Callable[[], OneTrial]], arguments: argparse.Namespace) -> list[OneTrial]:
     """Results of all jobs; each is told as it is done."""
     trials: list[OneTrial] = []
-    for one in run_all(call, jobs, cluster=arguments.cluster, workers=arguments.workers):
+    for one in workers_of(arguments).run(jobs):
         trials.append(one)
         print_stderr(f"{what} {len(trials)} of {len(jobs)}: seed {one.seed} {one.trouble}")
     return trials
