@@ -24,7 +24,8 @@ class Turning:
     """A rigid body that is held upright by its thrusters, whose forces have a `gain` each.
 
     `outside`: an outer moment that sets in within a second [N m]; `sink_N`, `push_N`: of each vertical and level
-    thruster, besides; `seen`: sign of each axis as it is measured; `wanted`: roll of the hold [rad].
+    thruster, besides; `turn_Nm`: about the vertical, instead of a held heading; `drag_times`: of its file; `seen`: sign
+    of each axis as it is measured; `wanted`: roll of the hold [rad].
     """
 
     vehicle: Vehicle
@@ -34,6 +35,8 @@ class Turning:
     wanted: float = 0.0
     sink_N: float = 0.0
     push_N: float = 0.0
+    turn_Nm: float = 0.0
+    drag_times: float = 1.0
     tilt_deg: float = 0.0
     time_s: float = 0.0
 
@@ -51,11 +54,13 @@ class Turning:
         angles, rates, thrust = np.zeros(3), np.full(3, KICK_radps), np.zeros(len(gains))
         while self.time_s < seconds:
             error = np.array([self.wanted, 0.0, 0.0]) - seen * angles
-            forces = np.clip(allocate @ (GAIN * error - DAMPING * seen * rates) + besides_N, -20.0, 20.0)
+            moment = GAIN * error - DAMPING * seen * rates
+            moment[2] = self.turn_Nm or moment[2]
+            forces = np.clip(allocate @ moment + besides_N, -20.0, 20.0)
             thrust = thrust + (forces - thrust) * -np.expm1(-STEP_S / lags_s)
             outside = np.array(self.outside) * min(1.0, self.time_s)
             righting = np.array([one.restoring for one in freedoms]) * np.sin(angles)
-            drag = [one.drag_force(rate) for one, rate in zip(freedoms, rates, strict=True)]
+            drag = [self.drag_times * one.drag_force(rate) for one, rate in zip(freedoms, rates, strict=True)]
             rates = rates + STEP_S * (B @ (gains * thrust) - righting - drag + outside) / inertia
             angles, self.time_s = angles + STEP_S * rates, self.time_s + STEP_S
             self.tilt_deg = max(self.tilt_deg, float(np.degrees(np.abs(angles[:2]).max())))
@@ -95,8 +100,9 @@ def test_a_sign_that_is_wrong_is_named(hindrax: Vehicle, axis: int) -> None:
         {"gains": {f"T{number}": 0.7 for number in range(1, 9)}, "outside": (2.0, 0.0, 2.0)},
         {"wanted": 0.87},
         {"wanted": -0.87, "outside": (0.0, 0.7, 0.0)},
+        {"turn_Nm": 6.0, "drag_times": 4.3},
     ],
-    ids=["held from outside", "dead", "dead and weak", "all weak", "rolls as asked", "rolls, held"],
+    ids=["held from outside", "dead", "dead and weak", "all weak", "rolls as asked", "rolls, held", "more drag"],
 )
 def test_what_thrusters_can_master_goes_on(hindrax: Vehicle, flight: dict[str, object]) -> None:
     assert Turning(hindrax, **flight).fly(8.0) == ""  # type: ignore[arg-type]  # fields of the table above

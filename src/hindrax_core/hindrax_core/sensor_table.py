@@ -80,6 +80,8 @@ class Sensor:
     emulator: str = ""
     services: tuple[str, ...] = ()
     """Methods of a serial driver that its node offers as services, `NAME/SERVICE`; each returns what to send."""
+    coarse: bool = False
+    """Whether its steps are larger than its noise: at rest its inertial samples repeat, and are not frozen."""
 
     def __post_init__(self) -> None:
         """Quantities are those of the table. ValueError names one that is not."""
@@ -131,7 +133,14 @@ SENSORS: tuple[Sensor, ...] = (
     Sensor("ina226", "i2c", {"battery": 10}, "TI INA226, supply voltage and current", ("supply",)),
     Sensor("ads1115", "i2c", {"battery": 10}, "TI ADS1115 behind a power sense module", ("supply",)),
     Sensor("sos_leak", "gpio", {"leak": 10}, "Blue Robotics SOS or any leak probe on a GPIO", ("leak",)),
-    Sensor("ardusub", "serial", _AUTOPILOT, "ArduSub: IMU, compass, Bar30, leak", ("rates", "field", "depth", "leak")),
+    Sensor(
+        "ardusub",
+        "serial",
+        _AUTOPILOT,
+        "ArduSub: IMU, compass, Bar30, leak",
+        ("rates", "field", "depth", "leak"),
+        coarse=True,
+    ),
     Sensor("ardusub_ekf", "serial", _ESTIMATOR, "velocity by ArduSub's estimator, if aided", ("velocity",)),
     Sensor("ardusub_range", "serial", {"range": 10}, "rangefinder of an ArduSub, such as a Ping", ("range",)),
 )

@@ -1,6 +1,8 @@
 """Messages of an autopilot against frames of pymavlink, and what we send and emulate as pymavlink reads it."""
 
 import math
+import random
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +10,11 @@ import pytest
 import yaml
 from pymavlink.dialects.v20 import ardupilotmega
 
-from hindrax_core.events import Stamp
+from hindrax_core.driver_interface import Send, Trouble
+from hindrax_core.events import Stamp, Stamped, stamp_from_s
+from hindrax_core.readings import Pressure
+from hindrax_drivers.devices.ardusub import ArduSub as Sensor
+from hindrax_drivers.devices.ardusub import ArduSubKnobs
 from hindrax_drivers.protocols import ardupilot, mavlink
 from hindrax_drivers.protocols.ardupilot import (
     FROM_AUTOPILOT,
@@ -109,3 +115,52 @@ def test_the_emulator_has_the_layouts_of_pymavlink() -> None:
     for number, layout in wire.LAYOUTS.items():
         theirs = ardupilotmega.mavlink_map[number]
         assert (layout.extra, layout.fields.size) == (theirs.crc_extra, theirs.unpacker.size), theirs.msgname
+
+
+def barometers(knobs: ArduSubKnobs, noise_Pa: Mapping[int, float], seconds: float = 5.0) -> list[Any]:
+    """What the sensor makes of an autopilot whose barometers, by number, have so much noise; 20 pressures a second."""
+    sensor, end, draws = Sensor(knobs), ardupilotmega.MAVLink(None, srcSystem=1, srcComponent=1), random.Random(1)
+    beat = bytes(end.heartbeat_encode(12, 3, 0, 0, 4).pack(end))
+    made = {1: end.scaled_pressure_encode, 2: end.scaled_pressure2_encode}
+    asked, outputs = set[int](), list(sensor.start(stamp_from_s(0.0)))
+    for step in range(int(20 * seconds)):
+        now = stamp_from_s(0.05 * (step + 1))
+        outputs += sensor.feed(beat, now) if step % 20 == 0 else ()
+        outputs += sensor.feed(
+            bytes(end.raw_imu_encode(50_000 * step, 0, 0, -1000, step % 2, *(0,) * 5).pack(end)), now
+        )
+        outputs += sensor.tick(now)
+        for one in outputs:
+            if isinstance(one, Send) and (order := judged(one.data)).get_type() == "COMMAND_LONG":
+                asked.add(int(order.param1))
+                outputs += sensor.feed(bytes(end.command_ack_encode(order.command, 0).pack(end)), now)
+        outputs = [one for one in outputs if not isinstance(one, Send)]
+        for number, sigma in noise_Pa.items():
+            if {1: ardupilot.SCALED_PRESSURE, 2: ardupilot.SCALED_PRESSURE2}[number] in asked:
+                hPa = 1013.0 + 10.0 * number + draws.gauss(0.0, sigma / 100.0)
+                outputs += sensor.feed(bytes(made[number](50 * step, hPa, 0.0, 2000).pack(end)), now)
+    return outputs
+
+
+def last_hPa(outputs: list[Any]) -> float:
+    read = [one.reading for one in outputs if isinstance(one, Stamped)]
+    pressures_Pa = [one.pressure_Pa for one in read if isinstance(one, Pressure)]
+    return pressures_Pa[-1] / 100.0
+
+
+@pytest.mark.parametrize(
+    ("barometer", "noise_Pa", "wanted_hPa", "said"),
+    [
+        (0, {1: 5.0, 2: 20.0}, 1033.0, ""),  # a BlueROV2: the second is the Bar30
+        (0, {1: 5.0, 2: 2000.0}, 1023.0, "barometer 2 has a noise of"),  # a SITL: the second is none of depth
+        (0, {1: 5.0}, 1023.0, "barometer 2 is silent"),  # a board without a barometer of its own
+        (2, {1: 5.0, 2: 2000.0}, 1033.0, ""),  # who names one gets it
+    ],
+)
+def test_depth_is_by_the_barometer_that_can_be_one_of_depth(
+    barometer: int, noise_Pa: Mapping[int, float], wanted_hPa: float, said: str
+) -> None:
+    outputs = barometers(ArduSubKnobs(barometer=barometer), noise_Pa)
+    assert last_hPa(outputs) == pytest.approx(wanted_hPa, abs=1.0 if barometer == 0 else 80.0)
+    told = [one.text for one in outputs if isinstance(one, Trouble)]
+    assert [said in one for one in told] == ([True] if said else []), told

@@ -11,6 +11,7 @@ from hindrax_control.navigation.attitude_filter import AttitudeFilter, AttitudeK
 from hindrax_control.navigation.depth_drift import DepthDrift
 from hindrax_control.navigation.heading_filter import HeadingFilter, HeadingKnobs
 from hindrax_control.navigation.horizontal_filter import HorizontalFilter, HorizontalKnobs
+from hindrax_control.navigation.measured_noise import MeasuredNoise
 from hindrax_control.navigation.velocity_gain import VelocityGain
 from hindrax_control.navigation.vertical_filter import VerticalFilter, VerticalKnobs
 from hindrax_control.sensors import SensorMount
@@ -35,7 +36,9 @@ class AidingKnobs(AttitudeKnobs, HeadingKnobs, VerticalKnobs, HorizontalKnobs):
     compass_tilt_deg: float = knob(15.0, 1.0, 90.0, "tilt above which the magnetometer is not used [deg]")
     dvl_heading_sigma_deg: float = knob(5.0, 0.1, 180.0, "standard deviation of the DVL's own heading [deg]")
     declination_deg: float = knob(0.0, -180.0, 180.0, "true north minus magnetic north [deg]")
-    pressure_sigma_m: float = knob(0.003, 1e-4, 1.0, "standard deviation of depth by pressure [m]")
+    pressure_sigma_m: float = knob(
+        0.003, 1e-4, 1.0, "least standard deviation of depth by pressure: beyond it counts what is measured [m]"
+    )
     sonar_sigma_m: float = knob(0.01, 1e-4, 1.0, "standard deviation of the sonar at zero range [m]")
     sonar_sigma: float = knob(0.005, 0.0, 0.5, "standard deviation of the sonar as a share of range [-]")
     sonar_confidence: float = knob(0.5, 0.0, 1.0, "echoes below this confidence are not used [-]")
@@ -75,6 +78,7 @@ class Aiding:
         self.sunk_off_m = 0.0
         """Way down by DVL less that by pressure and accelerometer, of the last seconds."""
         self.drift = DepthDrift()
+        self._noise: dict[str, MeasuredNoise] = {}
         self._sunk_s = -math.inf
         self._last_velocities: dict[str, tuple[Vec3, float]] = {}
         """What each DVL said last, and since when [s]."""
@@ -116,12 +120,13 @@ class Aiding:
             self.drift.step(off_mps, math.hypot(u, v), span_s)
         self._sunk_s = valid_s
 
-    def pressure(self, reading: Pressure, mount: SensorMount, delay_s: float) -> bool:
-        """Fuse the depth that a pressure means."""
+    def pressure(self, reading: Pressure, mount: SensorMount, delay_s: float, source: str = "") -> bool:
+        """Fuse the depth that a pressure means, as sure as its noise lets it be."""
         depth_m = self._water.depth_m(reading.pressure_Pa)
         if not abs(depth_m) <= self._deepest_m:
             return False
-        return self.vertical.depth(depth_m - self._below(mount.lever_m), self._knobs.pressure_sigma_m, delay_s)
+        noise = self._noise.setdefault(source, MeasuredNoise(self._knobs.pressure_sigma_m))
+        return self.vertical.depth(depth_m - self._below(mount.lever_m), noise.step(depth_m), delay_s)
 
     def compare_floor(self, reading: Pressure, valid_s: float) -> None:
         """Compare the floor with that of an earlier visit, as depth and altitude give it at a pressure."""

@@ -20,6 +20,7 @@ from hindrax_core.input_checks import Refusals
 from hindrax_core.knobs import knob
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Reading, Vec3
 from hindrax_core.rotation import cross
+from hindrax_core.sensor_table import row_of
 from hindrax_core.signals import NAN, ZERO6, Consistency, Navigation
 from hindrax_core.vehicle import Vehicle
 
@@ -27,6 +28,8 @@ LONG_AGO = Stamp(-(2**62))
 LEAST_UPRIGHT = 0.3
 """Cosine of tilt below which the downward velocity determines heave too poorly."""
 MOST_WAITING = 200
+AT_REST_radps = 0.005
+"""Rates within which a sensor of coarse steps repeats its samples."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,7 @@ class Navigator:
         level = {*vehicle.measuring("range_ahead"), *vehicle.measuring("range_aside"), *vehicle.measuring("range")}
         self._unused = frozenset((*vehicle.measuring("rates")[1:], *(level - set(self._looking))))
         """One inertial sensor paces the filters, the first of the file; ranges elsewhere than down are no altitude."""
+        self._coarse = any(row_of(vehicle.sensors[name].device).coarse for name in vehicle.measuring("rates")[:1])
         self._has_sonar = any(name not in self._dvls for name in vehicle.measuring("altitude"))
         self._forces_N: tuple[float, ...] = ()
         self._pushed = False
@@ -157,7 +161,7 @@ class Navigator:
             return None
         ex, ey, ez, o, n, m = before = self._sample
         self._sample = (fx, fy, fz, p, q, r)
-        if self._sample != before:
+        if self._sample != before or (self._coarse and max(abs(p), abs(q), abs(r)) < AT_REST_radps):
             self._changed = stamp
         if dt > self._knobs.longest_gap_s:
             # The gyroscope is the same and may not rest when it is back; the place is near.
@@ -300,7 +304,7 @@ class Navigator:
                     self._locked = max(self._locked, valid)
                     self._reckoning.measured(reading.sigma_mps, max(reading.interval_s, SHORTEST_SPAN_S))
             case Pressure():
-                used = aiding.pressure(reading, at, delay_s)
+                used = aiding.pressure(reading, at, delay_s, source)
                 aiding.compare_floor(reading, (valid - self._began) / NS_PER_S)
                 self._depth = max(self._depth, valid) if used else self._depth
             case Echo() if source in self._dvls:  # as a Tracker 650 reports its altitude

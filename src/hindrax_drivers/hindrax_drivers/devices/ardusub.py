@@ -3,17 +3,22 @@
 On a line of its own (`udpin:0.0.0.0:14551`, `tcp:127.0.0.1:5763`, a telemetry port), or without a `port` on that of the
 thruster output. It asks for its streams, and for nothing else: it is a companion, no ground station.
 
+The depth sensor of a BlueROV2 is the second barometer, beside that of the autopilot's board. A board without one has it
+as the first; so has a SITL, whose second is one of the air with a noise of 0.2 m. A second barometer that is silent, or
+noisier than a sensor of depth can be, is therefore left for the first.
+
 The autopilot's IMU is read as any other: the navigator finds attitude and velocities from its samples, which come at
 100 Hz, filtered by `INS_GYRO_FILTER`: twice as often as its ticks, which then keep to their grid. Stamps are mapped
 from the time since power-up in the messages.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
-from hindrax_core.driver_interface import Output
+from hindrax_core.driver_interface import Output, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, seconds_between
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Inertial, Leak, Magnetic, Pressure, Reading
@@ -32,6 +37,10 @@ from hindrax_drivers.protocols.mavlink import StatusText
 from hindrax_drivers.timebase import Timebase
 
 BAROMETERS = (SCALED_PRESSURE, SCALED_PRESSURE2, SCALED_PRESSURE3)
+BESIDE_BOARD, ON_BOARD = 2, 1
+NOISY_Pa, LOOK_S = 500.0, 1.0
+"""Noise of a barometer that is none of depth, 0.05 m (a Bar30 has 0.002 m), and the time in which it shows."""
+NO_SECOND_S = 3.0
 LEAK = "Leak Detected"
 DRY_AFTER_S, LEAK_EVERY_S = 25.0, 1.0
 """ArduSub repeats its warning of a leak every 20 s."""
@@ -46,7 +55,9 @@ class ArduSubKnobs:
     imu_Hz: float = knob(100.0, 10.0, 400.0, "inertial samples that are asked for [Hz]")
     pressure_Hz: float = knob(20.0, 1.0, 50.0, "pressures that are asked for [Hz]")
     field_Hz: float = knob(10.0, 1.0, 50.0, "magnetic fields that are passed on, at most [Hz]")
-    barometer: int = knob(2, 1, 3, "number of the barometer in the water: SCALED_PRESSURE, 2 or 3 [-]")
+    barometer: int = knob(
+        0, 0, 3, "number of the barometer in the water: SCALED_PRESSURE, 2 or 3; 0: 2, or 1 where 2 cannot be it [-]"
+    )
     largest_Pa: float = knob(3.1e6, 1e5, 1e8, "pressure at the end of the barometer; a Bar30 reads 30 bar [Pa]")
     latency_s: float = knob(0.005, 0.0, 0.5, "measurement to arrival at the least [s]")
     stall_s: float = knob(1.5, 0.5, 60.0, "silence that is reported [s]")
@@ -62,7 +73,8 @@ class ArduSub(Companion):
         self._knobs = knobs
         self._imu_clock = Timebase(1e-6, latency_s=knobs.latency_s, on_break=self._on_break)
         self._baro_clock = Timebase(1e-3, latency_s=knobs.latency_s)
-        streams = {RAW_IMU: knobs.imu_Hz, BAROMETERS[knobs.barometer - 1]: knobs.pressure_Hz}
+        self._barometer, self._pressed = knobs.barometer or BESIDE_BOARD, False
+        streams = {RAW_IMU: knobs.imu_Hz, BAROMETERS[self._barometer - 1]: knobs.pressure_Hz}
         super().__init__("ardusub", SECOND_COMPUTER, streams, knobs.stall_s)
 
     def _handlers(self) -> Mapping[type, Callable[[Any, Stamp], list[Output]]]:
@@ -72,12 +84,20 @@ class ArduSub(Companion):
         self._imu_clock.restart()
         self._baro_clock.restart()
         self._last: dict[str, object] = {}
+        self._first_Pa: list[float] = []
+        self._looking: Stamp | None = None
+        self._ready_since: Stamp | None = None
         self._field_at = self._leak_at = Stamp(0)
         self._wet_at: Stamp | None = None
 
     def tick(self, stamp: Stamp) -> Iterable[Output]:
         """Heartbeat, requests, silence, and whether there is a leak."""
-        return [*super().tick(stamp), *self._report_leak(stamp)]
+        outputs = [*super().tick(stamp), *self._report_leak(stamp)]
+        self._ready_since = (self._ready_since or stamp) if self.ready else None
+        since = stamp if self._pressed or self._ready_since is None else self._ready_since
+        if seconds_between(since, stamp) > NO_SECOND_S:
+            outputs += self._leave_second(stamp, "is silent")
+        return outputs
 
     def _on_imu(self, one: RawImu, stamp: Stamp) -> list[Output]:
         if self._repeats("sample", one):
@@ -93,13 +113,39 @@ class ArduSub(Companion):
         return outputs
 
     def _on_barometer(self, one: Barometer, stamp: Stamp) -> list[Output]:
-        if one.number != self._knobs.barometer:
+        if one.number != self._barometer:
             return []
+        self._pressed = True
         if self._repeats("pressure", one):
             return [Rejected(stamp, "pressure: repeated", b"")]
         if not 0.0 < one.pressure_Pa < self._knobs.largest_Pa:
             return [Rejected(stamp, "pressure: range", b"")]
+        if not self._known(one.pressure_Pa, stamp):
+            return []
+        if (noise_Pa := _noise(self._first_Pa)) > NOISY_Pa:
+            return self._leave_second(stamp, f"has a noise of {noise_Pa:.0f} Pa")
         return [Stamped(self._baro_clock.map(one.boot_ms, stamp), Pressure(one.pressure_Pa, one.temperature_C))]
+
+    def _known(self, pressure_Pa: float, stamp: Stamp) -> bool:
+        """Whether the barometer is known to be the one: a second is looked at for a while before its word counts."""
+        if self._knobs.barometer or self._barometer == ON_BOARD:
+            return True
+        self._looking = self._looking or stamp
+        looked = seconds_between(self._looking, stamp) > LOOK_S
+        if not looked:
+            self._first_Pa.append(pressure_Pa)
+        return looked
+
+    def _leave_second(self, stamp: Stamp, why: str) -> list[Output]:
+        """Take the barometer on the board instead, where the choice is ours; said once."""
+        if self._knobs.barometer or self._barometer == ON_BOARD:
+            return []
+        self._barometer = ON_BOARD
+        self._first_Pa.clear()
+        self._link.stream(BAROMETERS[ON_BOARD - 1], self._knobs.pressure_Hz)
+        return [
+            Trouble(stamp, f"ardusub: barometer 2 {why}: depth is by barometer 1; the parameter `barometer` names it")
+        ]
 
     def _on_text(self, one: StatusText, stamp: Stamp) -> list[Output]:
         if not one.text.startswith(LEAK):
@@ -119,6 +165,12 @@ class ArduSub(Companion):
     def _repeats(self, what: str, one: object) -> bool:
         before, self._last[what] = self._last.get(what), one
         return before == one
+
+
+def _noise(values: Sequence[float]) -> float:
+    """Standard deviation of noise, by the differences of distinct values: a slow dive is none."""
+    steps = [later - sooner for sooner, later in pairwise(values) if later != sooner]
+    return math.sqrt(0.5 * sum(step * step for step in steps) / max(1, len(steps)))
 
 
 def _within(vector: tuple[float, float, float], most: float) -> bool:

@@ -1,0 +1,36 @@
+"""Noise by second differences: learned where it lasts, no less than claimed, and not made by a jump or a dive."""
+
+import random
+
+import pytest
+
+from hindrax_control.navigation.measured_noise import MeasuredNoise
+
+CLAIMED = 0.003
+
+
+def noisy(sigma: float, count: int, slope: float = 0.0, seed: int = 1) -> list[float]:
+    draws = random.Random(seed)
+    return [slope * k + draws.gauss(0.0, sigma) for k in range(count)]
+
+
+def learned(values: list[float]) -> float:
+    found = MeasuredNoise(CLAIMED)
+    return [found.step(value) for value in values][-1]
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.05])
+def test_lasting_noise_is_learned_in_a_dive_too(slope: float) -> None:
+    long = noisy(0.02, 400, slope)
+    assert learned(long) == pytest.approx(0.02, rel=0.4)
+    assert learned(long[:40]) > 0.01, "within two seconds at 20 Hz"
+
+
+def test_a_quiet_sensor_has_what_is_claimed_for_it() -> None:
+    assert learned(noisy(0.001, 200, 0.05)) == CLAIMED
+
+
+def test_a_jump_is_a_fault_and_no_noise() -> None:
+    found = MeasuredNoise(CLAIMED)
+    course = [found.step(value) for value in (*noisy(0.002, 100), *(1.0 + one for one in noisy(0.002, 100, seed=2)))]
+    assert max(course) < 2.0 * CLAIMED
