@@ -111,7 +111,8 @@ class Aiding:
 
     def _compare_sinking(self, velocity_mps: Vec3, valid_s: float) -> None:
         """Compare the way down by the DVL with that by pressure and accelerometer."""
-        if self.vertical.has_depth:
+        # The rate by pressure means nothing before the noise of the pressure is known: two samples make it.
+        if any(noise.known for noise in self._noise.values()):
             dx, dy, dz = self.attitude.rotation[2]
             u, v, w = velocity_mps
             span_s = min(valid_s - self._sunk_s, LONGEST_SPAN_S)

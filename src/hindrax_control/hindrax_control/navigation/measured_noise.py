@@ -24,9 +24,16 @@ class MeasuredNoise:
         self._claimed = claimed
         self._variance = claimed * claimed
         self._last: deque[float] = deque(maxlen=2)
+        self._samples = 0
+
+    @property
+    def known(self) -> bool:
+        """Whether it has had the samples that lasting noise takes to show."""
+        return self._samples >= MEMORY
 
     def step(self, value: float) -> float:
         """Take a sample; returns the standard deviation that it has."""
+        self._samples += 1
         if len(self._last) == 2:
             before, last = self._last
             found = (value - 2.0 * last + before) ** 2 / SECOND_DIFFERENCE
