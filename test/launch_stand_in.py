@@ -11,7 +11,9 @@ from typing import Any
 
 import pytest
 
-MODULES = ("launch", "launch.actions", "launch.event_handlers", "launch.substitutions")
+MODULES = (
+    *("launch", "launch.actions", "launch.event_handlers", "launch.launch_description_sources", "launch.substitutions"),
+)
 MODULES_OF_ROS = ("launch_ros", "launch_ros.actions", "launch_ros.parameter_descriptions", "launch_ros.substitutions")
 
 

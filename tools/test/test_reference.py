@@ -22,7 +22,7 @@ from hindrax_cli.command_line import main
 from hindrax_core.vehicle import Mount, Output, Vehicle, load_vehicle
 from hindrax_operator.node_parameters import NODES
 from hindrax_tools import reference
-from hindrax_tools.reference import message_stubs
+from hindrax_tools.reference import message_stubs, readmes
 from hindrax_tools.reference.commands import words_of
 from hindrax_tools.reference.devices import identities
 from hindrax_tools.reference.parameters import rows
@@ -38,6 +38,13 @@ def test_the_pages_are_up_to_date() -> None:
 def test_the_stubs_of_the_messages_are_up_to_date() -> None:
     stale = message_stubs.stale(clone_root())
     assert not stale, f"stale: {', '.join(map(str, stale))}; run `{reference.COMMAND}` and commit what it writes"
+
+
+def test_the_nodes_in_the_readmes_of_the_packages_are_up_to_date() -> None:
+    stale = readmes.stale(clone_root())
+    assert not stale, f"stale: {', '.join(map(str, stale))}; run `{reference.COMMAND}` and commit what it writes"
+    named = {file.parent.name for file in clone_root().glob("src/*/README.md") if readmes.BEGIN in file.read_text()}
+    assert named == {f"hindrax_{name}" for name in ("bag", "bringup", "control", "drivers", "ident")}
 
 
 def test_a_stub_says_what_a_field_gives_and_takes() -> None:

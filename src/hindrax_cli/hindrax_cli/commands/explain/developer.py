@@ -128,8 +128,9 @@ def reference(arguments: argparse.Namespace) -> int:
             print_fitted(folder / name)
         if arguments.out is None:
             _write_policies()
-            for file in developer_module("reference.message_stubs").write(clone_root()):
-                print_fitted(file)
+            for part in ("message_stubs", "readmes"):
+                for file in developer_module(f"reference.{part}").write(clone_root()):
+                    print_fitted(file)
         return 0
     stale = pages.stale(folder)
     if stale:
