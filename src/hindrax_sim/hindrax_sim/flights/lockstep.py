@@ -25,9 +25,9 @@ from hindrax_ident.online.session import Session
 from hindrax_ident.records.feed import Feed, Measurement, WallRange, wall_sonars
 from hindrax_sim.faults.fault_registry import FaultSpec
 from hindrax_sim.flights.lockstep_rigs import BytesRig, LockstepRig, ReadingsRig
+from hindrax_sim.hardware import START
 from hindrax_sim.world import Conditions, World
 
-Write: TypeAlias = Callable[[Sequence[float]], tuple[float, ...]]
 IDLE = Phase("", "")
 Event: TypeAlias = Stamped[Navigation] | Stamped[Allocation] | Stamped[Phase] | Stamped[Estimate]
 
@@ -54,17 +54,24 @@ class LockstepPilot(Protocol):
         """Return the next command from the state, the result of the last wrench, and the output guard's state."""
 
 
+class LockstepOutput(Protocol):
+    """What makes the pulses."""
+
+    def drive(self, pulses_us: Sequence[float], *, armed: bool) -> tuple[float, ...]:
+        """Apply pulses of the thrusters [us], neutral ones where it is not armed; return the actual ones."""
+
+    def fault(self) -> str:
+        """Why it does not follow; empty where it does."""
+
+
 class Onboard:
-    """The stack between readings and pulses, without the world.
+    """The stack between readings and pulses, without the world."""
 
-    `write` applies thruster pulses and returns the actual ones [us].
-    """
-
-    def __init__(self, vehicle: Vehicle, pilot: LockstepPilot, session: Session, write: Write) -> None:
+    def __init__(self, vehicle: Vehicle, pilot: LockstepPilot, session: Session, output: LockstepOutput) -> None:
         self.navigator = Navigator(vehicle)
         self.session = session
         self.order = LockstepCommand()
-        self._pilot, self._write = pilot, write
+        self._pilot, self._output = pilot, output
         self.cycle = AllocationCycle(vehicle)
         self._guard = guard_of(vehicle)
         self._state = self._guard.start(Stamp(0))
@@ -114,9 +121,11 @@ class Onboard:
 
     def tick(self, now: Stamp) -> None:
         """Advance the output's time: without commands it goes neutral, as on the vehicle."""
+        if self._state.armed and (fault := self._output.fault()):
+            self._state = self._guard.drop(self._state, fault, now)
         self._state, due = self._guard.tick(self._state, now)
         if due is not None:
-            self._write(due.thrusters)
+            self._output.drive(due.thrusters, armed=self._state.armed)
 
     def flush(self) -> list[Event]:
         """Pass the samples that still wait for late ones to the identification."""
@@ -139,7 +148,7 @@ class Onboard:
         self._state, answer = self._guard.command(self._state, command, now)
         if isinstance(answer, RefusedCommand):
             return
-        applied = self.cycle.achieved(planned.sequence, self._write(answer.thrusters))
+        applied = self.cycle.achieved(planned.sequence, self._output.drive(answer.thrusters, armed=self.armed))
         self._state = self._guard.written(self._state)
         self._became = applied
         self.navigator.thrust(applied.forces_N)
@@ -185,14 +194,14 @@ class Lockstep:
         rig = BytesRig if by_bytes else ReadingsRig
         self.rig: LockstepRig = rig(vehicle, seed, conditions, faults, built)
         self.session = session or Session(vehicle)
-        self.onboard = Onboard(vehicle, pilot, self.session, self.rig.drive)
+        self.onboard = Onboard(vehicle, pilot, self.session, self.rig)
         self.world: World = self.rig.world
         """The truth."""
-        self._start = self.world.stamp
+        self._start = START
 
     @property
     def elapsed_s(self) -> float:
-        """Simulated time since the start."""
+        """Simulated time since the devices were switched on."""
         return seconds_between(self._start, self.world.stamp)
 
     def run(self, seconds: float) -> Iterator[Event]:

@@ -9,23 +9,24 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any, TypeAlias
 
-from hindrax_core.bus_operations import DeviceError, Program, Transaction, run, wire_error
-from hindrax_core.driver_interface import Output, Send, SerialDevice, Trouble
+from hindrax_core.bus_operations import DeviceError
+from hindrax_core.driver_interface import Output, Send, SerialDevice
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, Stamped, after, to_s
 from hindrax_core.readings import Reading
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.buses.bus_schedule import BusSchedule
-from hindrax_drivers.devices.pca9685 import pca9685_of
 from hindrax_drivers.driver_registry import driver_of
-from hindrax_drivers.output.output_guard import guard_of
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, as_built, fault_injector
+from hindrax_sim.flights.lockstep_outputs import AutopilotOutput, ChipOutput, transfer
 from hindrax_sim.flights.sensor_models import SensorModel, SensorNoise, sensors
-from hindrax_sim.hardware import START, Hardware, STEP_ns
+from hindrax_sim.hardware import START, THRUSTERS, Hardware, STEP_ns
 from hindrax_sim.world import Conditions, World
 
 SensorReading: TypeAlias = tuple[str, Stamped[Reading]]
 TICK_S = 0.1
+SET_UP_S = 20.0
+"""Longest time in which an autopilot answers for its parameters and streams."""
 
 
 class ReadingsRig:
@@ -75,11 +76,16 @@ class ReadingsRig:
             if readings:
                 self._push(when + sensor.latency_ns, sensor, readings)
 
-    def drive(self, pulses_us: Sequence[float]) -> tuple[float, ...]:
+    def drive(self, pulses_us: Sequence[float], *, armed: bool) -> tuple[float, ...]:
         """Apply thruster pulses, unrounded: each to the motor at its channel."""
+        del armed
         pulses = tuple(pulses_us)
         self.world.drive([pulses[index] for index in self._order])
         return pulses
+
+    def fault(self) -> str:
+        """Return no fault: motors have none."""
+        return ""
 
 
 class BytesRig:
@@ -94,8 +100,9 @@ class BytesRig:
         built: Vehicle | None = None,
     ) -> None:
         """`built`: the vehicle as it is, where its file does not say so."""
-        if vehicle.output.device != "pca9685":
-            raise UsageError(f"output.device: found {vehicle.output.device}, in lock-step by bytes wanted pca9685")
+        if vehicle.output.device not in ("pca9685", "ardusub"):
+            wanted = "wanted pca9685 or ardusub"
+            raise UsageError(f"output.device: found {vehicle.output.device}, in lock-step by bytes {wanted}")
         self.hardware = Hardware(vehicle, seed, conditions, faults, built)
         self.world = self.hardware.world
         self.log: list[tuple[str, Output]] = []
@@ -103,20 +110,27 @@ class BytesRig:
         self._schedule = BusSchedule()
         self._serial: dict[str, SerialDevice] = {}
         self._answers: dict[str, bytes] = {}
-        neutral = guard_of(vehicle).neutral
-        self._pca = pca9685_of(vehicle, neutral.all_us)
-        self._made_us = self._pca.applied(neutral.thrusters)
-        self._lights = neutral.lights
-        self._run_output(self._pca.configure())
+        riders: dict[str, SerialDevice] = {}
         for name, mount in vehicle.sensors.items():
             row = driver_of(mount.device)
             device: Any = row.make(row.knobs(), mount, vehicle)
-            if row.serial:
+            if name in vehicle.on_output_line:
+                riders[name] = device
+            elif row.serial:
                 self._serial[name] = device
                 self._handle(name, device.start(START))
             else:
                 self._schedule.add(name, device, START)
         self._tick = START
+        self._output: ChipOutput | AutopilotOutput
+        if vehicle.output.device == "pca9685":
+            self._output = ChipOutput(vehicle, self.hardware, self.log)
+            return
+        self._output = autopilot = AutopilotOutput(vehicle, self.hardware, riders, self.log)
+        while not autopilot.ready and to_s(self.hardware.stamp) < to_s(START) + SET_UP_S:
+            self._step()
+        if not autopilot.ready:
+            raise DeviceError(autopilot.trouble)
 
     def advance(self) -> Sequence[SensorReading]:
         """Advance time until a driver has a reading, at most one control period."""
@@ -132,6 +146,9 @@ class BytesRig:
         due = min(Stamp(last + STEP_ns), max(self._schedule.next_due(last), Stamp(last + 1)))
         readings: list[SensorReading] = []
         for name, data in hardware.advance(due).items():
+            if name == THRUSTERS:
+                readings += self._output.arrived(data)
+                continue
             arrived = self._answers.pop(name, b"") + data
             if arrived:
                 readings += self._handle(name, self._serial[name].feed(arrived, due))
@@ -139,7 +156,8 @@ class BytesRig:
             self._tick = after(due, TICK_S)
             for name, device in self._serial.items():
                 readings += self._handle(name, device.tick(due))
-        for name, outputs in self._schedule.step(due, partial(self._transfer, due)):
+            readings += self._output.tick()
+        for name, outputs in self._schedule.step(due, partial(transfer, hardware, due)):
             readings += self._handle(name, outputs)
         return readings
 
@@ -157,35 +175,13 @@ class BytesRig:
                 self.log.append((name, output))
         return readings
 
-    def _transfer(self, now: Stamp, transaction: Transaction) -> bytes:
-        try:
-            return self.hardware.i2c.transfer(transaction, now)
-        except OSError as error:
-            raise wire_error("i2c", transaction.address, error.errno or 0) from error
+    def drive(self, pulses_us: Sequence[float], *, armed: bool) -> tuple[float, ...]:
+        """Write pulses through the driver of the output; return those that it makes of them."""
+        return self._output.drive(pulses_us, armed=armed)
 
-    def drive(self, pulses_us: Sequence[float]) -> tuple[float, ...]:
-        """Write pulses through the driver of the output, which rounds them to its counts.
-
-        A failed write is logged, and the previous pulses stay.
-        """
-        if self._run_output(self._pca.write([*pulses_us, *self._lights])):
-            self._made_us = self._pca.applied(pulses_us)
-        return self._made_us
-
-    def _run_output(self, program: Program[object]) -> bool:
-        """Run a program of the output; its pauses take no time of the world. False when it failed, which is logged."""
-        now = self.hardware.stamp
-
-        def pause(seconds: float) -> None:
-            nonlocal now
-            now = after(now, seconds)
-
-        try:
-            run(program, lambda transaction: self._transfer(now, transaction), pause)
-        except DeviceError as error:
-            self.log.append(("thrusters", Trouble(now, str(error))))
-            return False
-        return True
+    def fault(self) -> str:
+        """Why the output does not follow; empty where it does."""
+        return self._output.fault()
 
 
 LockstepRig: TypeAlias = ReadingsRig | BytesRig

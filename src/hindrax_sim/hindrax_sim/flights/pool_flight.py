@@ -71,8 +71,11 @@ def fly(
     watch: Watch = lambda _world, _output: None,
     aim: Aim | None = None,
     listen: Callable[[Stamped[IdentEvent]], None] = lambda _event: None,
+    by_bytes: bool = False,
 ) -> PoolFlight:
     """Fly a goal with the modeled vehicle; `world` as for `--world`, its random sizes are drawn by the same seed.
+
+    `by_bytes`: through every driver and emulator, an emulated ArduSub too; it takes ten times as long.
 
     With an aim, the identification chooses what is flown. `listen` gets every event that the identification gets.
     """
@@ -88,7 +91,8 @@ def fly(
             return None if choice is None else Goal((choice.motion,), levels=choice.levels)
 
         pilot = GoalPilot(vehicle, None, knobs, following=chosen, cancel_at_s=experiment.aim.limit_s)
-    step = Lockstep(vehicle, pilot, seed, conditions=Conditions(sizes=sizes_of(world, seed)), session=session)
+    conditions = Conditions(sizes=sizes_of(world, seed))
+    step = Lockstep(vehicle, pilot, seed, conditions=conditions, session=session, by_bytes=by_bytes)
     for event in step.run(LONGEST_S):
         if isinstance(event.reading, Navigation) and pilot.output is not None:
             watch(step.world, pilot.output)
