@@ -179,3 +179,15 @@ def test_a_vehicle_without_sensors_states_nothing_and_time_still_passes() -> Non
     step = Lockstep(bare, Idle(), by_bytes=True)
     assert list(step.run(1.0)) == []
     assert step.elapsed_s == pytest.approx(1.0, abs=0.03)
+
+
+def test_by_bytes_an_ardusub_arms_pushes_and_says_who_has_taken_over() -> None:
+    vehicle = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/bluerov2-heavy.yaml")
+    pilot = Idle((10.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    step = Lockstep(vehicle, pilot, 5, by_bytes=True, faults=[parse_fault("second_station:thrusters@14+9")])
+    flown = events(step, 11.0, Allocation)
+    assert flown[-1].reading.achieved[0] == pytest.approx(10.0, abs=2.0)
+    assert not step.onboard.output_fault
+    list(step.run(4.0))
+    assert step.onboard.output_fault.startswith("another party has taken over: stick")
+    assert not step.onboard.armed

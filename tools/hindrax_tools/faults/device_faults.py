@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from hindrax_analysis.coefficients_file import ResultConditions
 from hindrax_analysis.report.run_page import RunReport, run_page
-from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.share_files import default_vehicle, share_folder
 from hindrax_control.hold.holds import Setpoint
 from hindrax_control.maneuver.goal import Goal
 from hindrax_control.maneuver.maneuver import ManeuverOutput
@@ -21,12 +21,14 @@ from hindrax_ident.assess.results import Results
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec
 from hindrax_sim.flights.lockstep import Lockstep, LockstepCommand
 from hindrax_sim.flights.lockstep_rigs import BytesRig
+from hindrax_sim.hardware import THRUSTERS
 from hindrax_tools.faults.fault_outcome import (
     ARMING,
     BRAKING,
     DISARMED,
     HELD,
     HOLD,
+    LONGEST_WRONG_S,
     MANEUVER,
     OPERATOR,
     RECENTRE,
@@ -34,6 +36,7 @@ from hindrax_tools.faults.fault_outcome import (
     WRENCH,
     FaultOutcome,
     Judge,
+    WORST_THRUST_deg,
     WORST_TILT_deg,
 )
 
@@ -72,10 +75,17 @@ class DeviceFault:
     """A second fault at the same moment, and its device."""
     seen_s: float = 0.0
     """How long it is seen at least: what grows slowly needs its time."""
+    vehicle: str = ""
+    """Name of a vehicle of the box, where it is not the default one; its output is what fails."""
+    within_s: float = math.inf
+    """Time until neutral that is wanted."""
+    given_away: bool = False
+    """Whether the vehicle is somebody else's from then on, the autopilot's or another pilot's: nothing that is sent
+    from here reaches it, or nothing may be sent. Only `within_s` is judged then, and what is told."""
 
     def specs(self, at_s: float) -> list[FaultSpec]:
         """Its faults from a time on."""
-        both = [(self.fault, self.who), *filter(None, [self.also])]
+        both = [(self.fault, THRUSTERS if self.vehicle else self.who), *filter(None, [self.also])]
         return [FaultSpec(fault, (who,), at_s, self.lasts_s) for fault, who in both]
 
 
@@ -109,6 +119,9 @@ PAIRS = {
     ("wired backwards", "thruster_reverses", "T6"): ("absent", "ms5837"),
 }
 """Faults with a second one that takes the sensor by which the first is found."""
+AUTOPILOT, BEHIND_ARDUSUB = "ArduSub", "bluerov2-heavy"
+FAILSAFE_S = 3.3
+"""ArduSub's FS_PILOT_TIMEOUT, 3 s without a stick, and what was on its way."""
 _VEHICLE = load_vehicle(default_vehicle())
 ROWS = (
     *(
@@ -129,6 +142,11 @@ ROWS = (
         )
         for (what, fault, who), (also, other) in PAIRS.items()
     ),
+    DeviceFault(AUTOPILOT, "link loses packets", "link_loss", vehicle=BEHIND_ARDUSUB),
+    DeviceFault(AUTOPILOT, "link 0.3 s late", "link_delay", vehicle=BEHIND_ARDUSUB),
+    DeviceFault(AUTOPILOT, "restarted", "reset", 0.1, vehicle=BEHIND_ARDUSUB),
+    DeviceFault(AUTOPILOT, "link cut", "absent", vehicle=BEHIND_ARDUSUB, within_s=FAILSAFE_S, given_away=True),
+    DeviceFault(AUTOPILOT, "second ground station", "second_station", vehicle=BEHIND_ARDUSUB, given_away=True),
 )  # fmt: skip
 
 
@@ -243,9 +261,9 @@ def watched(pilot: ModePilot, faults: Sequence[FaultSpec], seed: int, until_s: f
     aborted = pilot.maneuver.aborted if pilot.maneuver is not None else ""
     if pilot.maneuver is not None and pilot.maneuver.done:
         found.exit_code = int(bool(aborted or pilot.left_out))
-    ended = "" if found.judge.flies_on else onboard.reason
+    ended = "" if onboard.armed else onboard.reason
     left_out = "; ".join(pilot.left_out.values())
-    found.reason = unhealthy or aborted or pilot.refused or pilot.disobeyed or left_out or ended
+    found.reason = onboard.output_fault or unhealthy or aborted or pilot.refused or pilot.disobeyed or left_out or ended
     found.told = ("terminal",) * bool(found.reason)
     if found.exit_code is not None:
         found.told += ("report",) * reported(pilot, aborted) + (f"exit {found.exit_code}",)
@@ -280,9 +298,24 @@ def fly(row: DeviceFault, mode: str, seed: int) -> Iterator[FaultOutcome]:
     """Fly, break, and judge every step of the hardware."""
     at_s = random.Random(f"{row} {mode} {seed}").uniform(0.0, WITHIN_S) + FROM_S[mode]  # noqa: S311  # no secret
     faults = row.specs(at_s)
-    found = watched(ModePilot(mode, seed), faults, seed, at_s + max(AFTER_S[mode], row.seen_s))
+    vehicle = load_vehicle(share_folder("vehicles") / f"{row.vehicle}.yaml") if row.vehicle else None
+    found = watched(ModePilot(mode, seed, vehicle), faults, seed, at_s + max(AFTER_S[mode], row.seen_s))
     lost = "" if mode in (DISARMED, ARMING) else found.lost
     untold = unsaid(found, mode, faults)
+    if row.given_away and mode != DISARMED and not found.reason:
+        untold += ("somebody else has it, and nobody is told",)
+    away = math.inf if row.given_away else None
     yield found.judge.cell(
-        row.who, row.what, mode, seed, found.reason, lost=lost, worst_deg=row.worst_deg, told=found.told, unsaid=untold
+        row.who,
+        row.what,
+        mode,
+        seed,
+        found.reason,
+        within_s=row.within_s,
+        lost=lost,
+        worst_deg=away or row.worst_deg,
+        longest_wrong_s=away or LONGEST_WRONG_S,
+        worst_thrust_deg=away or WORST_THRUST_deg,
+        told=found.told,
+        unsaid=untold,
     )

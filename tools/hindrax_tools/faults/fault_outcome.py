@@ -92,12 +92,14 @@ class Judge:
         armed: bool = False,
         worst_deg: float = WORST_TILT_deg,
         longest_wrong_s: float = LONGEST_WRONG_S,
+        worst_thrust_deg: float = WORST_THRUST_deg,
         told: tuple[str, ...] = (),
         unsaid: tuple[str, ...] = (),
     ) -> FaultOutcome:
         """The judgement. `within_s`: until neutral; `lost`: what never came; `armed`: it flies on though at rest.
 
-        `worst_deg`: true tilt that it may not reach; `longest_wrong_s`: of thrust on a state that is wrong. `told`:
+        `worst_deg`: true tilt that it may not reach, `worst_thrust_deg`: with thrust; `longest_wrong_s`: of thrust on a
+        state that is wrong. `told`:
         where the operator is told, `unsaid`: what is told nowhere.
         """
         took_s, wall = self._thrust_s - self._begin.now_s, self._last.wall_hits > self._begin.wall_hits
@@ -107,7 +109,7 @@ class Judge:
             f"neutral after {took_s:.2f} s, wanted {within_s:g} s": took_s > within_s,
             f"thrust for {self._wrong_s:.2f} s on a state that is wrong": self._wrong_s > longest_wrong_s,
             f"tilted by {self._tilt_deg:.0f} deg": self._tilt_deg > worst_deg,
-            f"thrust at a tilt of {self.thrust_tilt_deg:.0f} deg": self.thrust_tilt_deg > WORST_THRUST_deg,
+            f"thrust at a tilt of {self.thrust_tilt_deg:.0f} deg": self.thrust_tilt_deg > worst_thrust_deg,
             "ran into a wall unnoticed": wall and mode == MANEUVER and not reason,
         }
         violated = (*(sentence for sentence, so in found.items() if so), *unsaid)

@@ -78,6 +78,8 @@ class Onboard:
         self._health = EstimatorHealth(vehicle)
         self.unhealthy: tuple[str, ...] = ()
         """Reason why the state is not plausible; empty when it is."""
+        self.output_fault = ""
+        """Why the output, armed, ceased to follow; empty when it never did."""
         self._feed, self._wall_sonars = Feed(vehicle, session.tuning), wall_sonars(vehicle)
         self._became: Allocation | None = None
         self._phase = IDLE
@@ -122,6 +124,7 @@ class Onboard:
     def tick(self, now: Stamp) -> None:
         """Advance the output's time: without commands it goes neutral, as on the vehicle."""
         if self._state.armed and (fault := self._output.fault()):
+            self.output_fault = fault
             self._state = self._guard.drop(self._state, fault, now)
         self._state, due = self._guard.tick(self._state, now)
         if due is not None:
