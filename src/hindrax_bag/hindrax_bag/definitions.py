@@ -6,10 +6,9 @@ migrated, so that old bags stay readable. When a message changes: add a step her
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any
 
 from hindrax_core.messages.definition import SEPARATOR, fields_of
 
@@ -57,7 +56,8 @@ class SchemaChange:
         return lacking or any(fields.get(name) == kind for name, (kind, _) in self.turned.items())
 
 
-def _floats(values: Any) -> list[float]:
+def _floats(values: object) -> list[float]:
+    assert isinstance(values, Iterable)
     return [float(value) for value in values]
 
 

@@ -270,13 +270,13 @@ def _unnumbered(name: str) -> str:
     return "".join(part.partition("]")[2] if index else part for index, part in enumerate(name.split("[")))
 
 
-def flat(message: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+def flat(message: object, prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Yield names and values of all fields of a decoded message, nested ones with dots, elements with numbers."""
     for name in _names(message):
         yield from _flat_value(f"{prefix}{name}", getattr(message, name))
 
 
-def _names(message: Any) -> Iterable[str]:
+def _names(message: object) -> Iterable[str]:
     kind = type(message)
     known = _KNOWN_NAMES.get(kind)
     if known is not None:
@@ -284,7 +284,7 @@ def _names(message: Any) -> Iterable[str]:
     if hasattr(message, "get_fields_and_field_types"):
         found = tuple(message.get_fields_and_field_types())
     else:  # of `mcap_ros2`; fields that a migration added are beside the slots
-        found = tuple(name for name in (*message.__slots__, *vars(message)) if not name.startswith("_"))
+        found = tuple(name for name in (*getattr(message, "__slots__", ()), *vars(message)) if not name.startswith("_"))
     _KNOWN_NAMES[kind] = found
     return found
 

@@ -181,7 +181,7 @@ def is_whole(file: Path) -> bool:
         return stream.read() == MCAP0_MAGIC
 
 
-def try_lock(stream: IO[Any] | int) -> bool:
+def try_lock(stream: IO[bytes] | IO[str] | int) -> bool:
     """Lock an open file or folder until it is closed; False if another process holds the lock."""
     # On Windows no recorder runs against which a bag would have to be locked.
     if sys.platform != "win32":
@@ -192,7 +192,7 @@ def try_lock(stream: IO[Any] | int) -> bool:
     return True
 
 
-def lock(stream: IO[Any]) -> None:
+def lock(stream: IO[bytes] | IO[str]) -> None:
     """Lock an open file until it is closed; wait for whoever has it locked."""
     if sys.platform != "win32":
         fcntl.flock(stream, fcntl.LOCK_EX)

@@ -79,7 +79,7 @@ class UpOptions:
         return cls(**{**values, **made, "vehicle_file": Path(values["vehicle_file"])})
 
 
-def _tuples(values: Mapping[str, Any]) -> dict[str, Any]:
+def _tuples(values: Mapping[str, object]) -> dict[str, Any]:
     return {name: tuple(one) if isinstance(one, list) else one for name, one in values.items()}
 
 

@@ -20,6 +20,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import FrameType
 from typing import IO, Any, Self
 
 from hindrax_bringup import child_process
@@ -236,7 +237,7 @@ class Supervisor:
 
 
 @contextlib.contextmanager
-def stop_signals(handler: Callable[[int, object], object]) -> Iterator[None]:
+def stop_signals(handler: Callable[[int, FrameType | None], object]) -> Iterator[None]:
     """Have SIGINT and SIGTERM handled like this meanwhile; in another thread than the main one nothing changes."""
     main = threading.current_thread() is threading.main_thread()
     numbers = (signal.SIGINT, signal.SIGTERM) if main else ()

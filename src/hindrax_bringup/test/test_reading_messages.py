@@ -31,7 +31,7 @@ def messages_of_dvl() -> ReadingMessages:
 def test_the_altitude_of_either_dvl_is_published() -> None:
     made = messages_of_dvl()
     published = [*made.of(Stamped(Stamp(0), TRACK)), *made.of(Stamped(Stamp(0), Echo(1.25, 0.9)))]
-    messages = [deserialized(data, Range) for name, data in published if name == "dvl75/altitude"]
+    messages = [deserialized(serialized(data), Range) for name, data in published if name == "dvl75/altitude"]
     assert [one.range for one in messages] == [1.5, 1.25]
 
 

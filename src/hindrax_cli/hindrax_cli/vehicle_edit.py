@@ -4,7 +4,6 @@ import argparse
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import yaml
 
@@ -53,7 +52,7 @@ def keep(arguments: argparse.Namespace, keys: Sequence[str], value: object, wher
 
 def edited(text: str, keys: Sequence[str], value: object, source: str) -> str:
     """Return the text with the value at the key path set; the key of an entry of a list is its `name`."""
-    node: Any = yaml.compose(text, Loader=yaml.SafeLoader)
+    node: yaml.Node | None = yaml.compose(text, Loader=yaml.SafeLoader)
     for depth, key in enumerate(keys[:-1]):
         node = _child(node, key)
         if not isinstance(node, yaml.CollectionNode):
@@ -61,6 +60,8 @@ def edited(text: str, keys: Sequence[str], value: object, source: str) -> str:
     found = _child(node, keys[-1])
     if found is not None:
         return text[: found.start_mark.index] + _in_the_style_of(found, value) + text[_end(text, found) :]
+    if not isinstance(node, yaml.CollectionNode):
+        raise UsageError(f"{source}: found no block of keys, wanted one to change")
     written = on_one_line(value)
     if node.flow_style:
         end = node.end_mark.index - 1
@@ -70,7 +71,7 @@ def edited(text: str, keys: Sequence[str], value: object, source: str) -> str:
     return f"{text[: first.index]}{keys[-1]}: {written}\n{' ' * first.column}{text[first.index :]}"
 
 
-def _child(node: Any, key: str) -> Any:
+def _child(node: yaml.Node | None, key: str) -> yaml.Node | None:
     if isinstance(node, yaml.SequenceNode):
         return next((one for one in node.value if getattr(_child(one, "name"), "value", None) == key), None)
     pairs = node.value if isinstance(node, yaml.MappingNode) else []
@@ -90,7 +91,7 @@ def on_one_line(value: object) -> str:
     return yaml.safe_dump([value], sort_keys=False, default_flow_style=True, width=10_000).strip()[1:-1]
 
 
-def _end(text: str, node: Any) -> int:
+def _end(text: str, node: yaml.Node) -> int:
     """End of a value: a block ends with its last entry, not with the comments below it; lines keep their end."""
     if isinstance(node, yaml.CollectionNode) and not node.flow_style and node.value:
         last = node.value[-1]

@@ -5,7 +5,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from hindrax_analysis.exports.vehicle_block import block_text
 from hindrax_cli.vehicle_edit import on_one_line
@@ -336,7 +335,7 @@ def _curve(full_N: float) -> dict[str, object]:
     }
 
 
-def _dump(block: dict[str, Any]) -> str:
+def _dump(block: Mapping[str, object]) -> str:
     """YAML with a line for each thruster, sensor and curve."""
     return "".join(_entry(key, value) for key, value in block.items())
 

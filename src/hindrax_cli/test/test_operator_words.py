@@ -29,6 +29,7 @@ from hindrax_control.allocation.thrust_curve import ThrustCurve
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import fitted
 from hindrax_core.vehicle import load_vehicle
+from hindrax_msgs.msg import AllocationStatus
 from hindrax_operator import one_thruster
 from hindrax_operator.one_thruster import pulses_of
 from hindrax_operator.pool_run import FlownManeuver, finish, simulated_world
@@ -118,7 +119,9 @@ def test_a_wrench_beyond_the_limits_of_the_vehicle_is_refused() -> None:
 
 
 def test_what_came_of_a_wrench_names_what_lacks() -> None:
-    plan = Message(achieved=[9.0, 0, 0, 0, 0, 0.5], shortfall=[1.0, 0, 0, 0, 0, 0], refused=["Y: found nan"])
+    plan = AllocationStatus(
+        achieved=[9.0, 0.0, 0.0, 0.0, 0.0, 0.5], shortfall=[1.0, 0.0, 0.0, 0.0, 0.0, 0.0], refused=["Y: found nan"]
+    )
     printed = manual_control.outcome_text(plan)
     assert printed == "done; with the holds it was X +9.0 N, N +0.5 Nm; lacking X +1.0 N; refused: Y: found nan"
     assert manual_control.wrench_text([0.01] * 6) == "nothing"

@@ -7,9 +7,9 @@ thread, so the same program runs on a Raspberry Pi, against an emulator and in a
 import errno
 import os
 import struct
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias, TypeVar
+from typing import Protocol, TypeAlias, TypeVar
 
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp
@@ -126,7 +126,19 @@ def unpack_transaction(frame: bytes) -> Transaction:
     return WriteRead(address, data, count) if data else Read(address, count)
 
 
-def frames_in(batch: Any) -> Iterator[tuple[Stamp, int, bytes]]:
+class FrameBatch(Protocol):
+    """A RawFrames message, of the installed type or as a bag has it."""
+
+    data: Sequence[int] | bytes
+    """All frames, one behind the other."""
+    directions: Sequence[int] | bytes
+    lengths: Sequence[int]
+    """Of each frame [bytes]."""
+    stamps: Sequence[int]
+    """Of each frame [ns]."""
+
+
+def frames_in(batch: FrameBatch) -> Iterator[tuple[Stamp, int, bytes]]:
     """Stamp, direction and bytes of every frame of a RawFrames message."""
     start, data = 0, bytes(batch.data)
     for stamp, direction, length in zip(batch.stamps, bytes(batch.directions), batch.lengths, strict=True):

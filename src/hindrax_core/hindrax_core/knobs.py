@@ -16,7 +16,7 @@ from hindrax_core.errors import UsageError
 T = TypeVar("T")
 
 META = "hindrax"
-_WORDS = {float: "a number", int: "a whole number", str: "a text", bool: "true or false"}
+_WORDS: Mapping[object, str] = {float: "a number", int: "a whole number", str: "a text", bool: "true or false"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class Knob:
         return self.meaning.rpartition("[")[2].rstrip("]") if self.meaning.endswith("]") else ""
 
 
-def knob(default: object, low: float = -math.inf, high: float = math.inf, meaning: str = "") -> Any:
+def knob(default: T, low: float = -math.inf, high: float = math.inf, meaning: str = "") -> T:
     """Declare a number (or a tuple of numbers) of a dataclass; a file may leave it out.
 
     Parameters
@@ -48,10 +48,11 @@ def knob(default: object, low: float = -math.inf, high: float = math.inf, meanin
 
     Returns
     -------
-    Any
-        A `dataclasses.field`, whatever type the annotation says.
+    T
+        A `dataclasses.field`, which the class takes for the default that it declares.
     """
-    return field(default=default, metadata={META: Knob(low, high, meaning)})
+    made: T = field(default=default, metadata={META: Knob(low, high, meaning)})
+    return made
 
 
 def fact(low: float = -math.inf, high: float = math.inf, meaning: str = "") -> Any:
@@ -70,12 +71,13 @@ def fact(low: float = -math.inf, high: float = math.inf, meaning: str = "") -> A
     return field(metadata={META: Knob(low, high, meaning)})
 
 
-def block(factory: Callable[[], object], meaning: str) -> Any:
+def block(factory: Callable[[], T], meaning: str) -> T:
     """Declare an optional block of keys, or an optional list; `factory` makes its default."""
-    return field(default_factory=factory, metadata={META: Knob(meaning=meaning)})
+    made: T = field(default_factory=factory, metadata={META: Knob(meaning=meaning)})
+    return made
 
 
-def choice(default: str | tuple[str, ...], choices: Sequence[str], meaning: str) -> Any:
+def choice(default: T, choices: Sequence[str], meaning: str) -> T:
     """Declare a choice from a closed set, or a list of them.
 
     Parameters
@@ -89,10 +91,11 @@ def choice(default: str | tuple[str, ...], choices: Sequence[str], meaning: str)
 
     Returns
     -------
-    Any
-        A `dataclasses.field`.
+    T
+        A `dataclasses.field`, as of `knob`.
     """
-    return field(default=default, metadata={META: Knob(meaning=meaning, choices=tuple(choices))})
+    made: T = field(default=default, metadata={META: Knob(meaning=meaning, choices=tuple(choices))})
+    return made
 
 
 def knob_of(declared: Field[object]) -> Knob:
@@ -101,13 +104,15 @@ def knob_of(declared: Field[object]) -> Knob:
     return found
 
 
-def leaves(cls: Any, prefix: str = "") -> dict[str, Knob]:
+def leaves(cls: type[object], prefix: str = "") -> dict[str, Knob]:
     """Every knob of a dataclass and of those inside, by its name with dots, as of a ROS parameter."""
     found: dict[str, Knob] = {}
     hints = typing.get_type_hints(cls)
-    for declared in fields(cls):
+    for declared in fields(cls):  # type: ignore[arg-type]  # a dataclass by contract
         inner, name = hints[declared.name], prefix + declared.name
-        found |= leaves(inner, f"{name}.") if is_dataclass(inner) else {name: knob_of(declared)}
+        found |= (
+            leaves(inner, f"{name}.") if isinstance(inner, type) and is_dataclass(inner) else {name: knob_of(declared)}
+        )
     return found
 
 
@@ -201,12 +206,12 @@ def _mapping(hint: object, declared: Field[object], data: object, path: str) -> 
     return {str(name): _value(kind, declared, one, f"{path}.{name}") for name, one in data.items()}
 
 
-def _scalar(kind: Any, knob: Knob, data: object, path: str) -> Any:
+def _scalar(kind: object, knob: Knob, data: object, path: str) -> object:
     if kind is float and isinstance(data, int | float) and not isinstance(data, bool):
         return _in_range(float(data), knob, path)
     if kind is int and isinstance(data, int) and not isinstance(data, bool):
         return int(_in_range(data, knob, path))
-    if kind in (str, bool) and isinstance(data, kind):
+    if (kind is str and isinstance(data, str)) or (kind is bool and isinstance(data, bool)):
         if knob.choices and data not in knob.choices:
             raise UsageError(f"{path}: found {data!r}, wanted one of {', '.join(knob.choices)}")
         return data

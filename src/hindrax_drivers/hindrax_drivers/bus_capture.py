@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from hindrax_core.bus_operations import Program
 from hindrax_core.bus_operations import run as run_program
@@ -31,7 +31,7 @@ class CapturedReadings:
     readings: tuple[Stamped[Reading], ...]
     rejected: tuple[str, ...] = ()
 
-    def of(self, kind: type[Any]) -> list[Any]:
+    def of(self, kind: type[ResultT]) -> list[ResultT]:
         """Readings of one kind, without their stamps."""
         return [one.reading for one in self.readings if isinstance(one.reading, kind)]
 

@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import pytest
 
@@ -21,7 +21,7 @@ from hindrax_ros.testing.sensor_messages import dvl_to_msg
 VEHICLE_FILE = Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml"
 
 
-class Dvl:
+class Dvl(SimpleNamespace):
     """Fields of marine_acoustic_msgs/msg/Dvl.msg of github apl-ocean-engineering/marine_msgs."""
 
     __slots__ = (
@@ -79,8 +79,9 @@ def test_with_the_package_every_detail_is_published() -> None:
     made = dvl_messages()
     messages = dict(made.of(Stamped(Stamp(5), BottomVelocity(None, 0.0, 0.0, 0.05, 77))))
     assert "dvl75/dvl" in {topic.name for topic in made.topics if not topic.recorded}
-    assert messages["dvl75/dvl"].header.frame_id == "dvl75_link"
-    assert isinstance(messages["dvl75/dvl"], Dvl)
+    found = messages["dvl75/dvl"]
+    assert isinstance(found, Dvl)
+    assert found.header.frame_id == "dvl75_link"
 
 
 def test_a_broken_package_is_not_taken_for_a_missing_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

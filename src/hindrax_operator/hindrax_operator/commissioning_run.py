@@ -29,6 +29,11 @@ from hindrax_operator.pool_run import disarmed_at_the_end, interrupted_once, mis
 from hindrax_operator.snapshot import node_problems
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from hindrax_control.maneuver.goal import Pulse
+    from hindrax_core.messages.contents import Read
+    from hindrax_core.readings import Reading
     from hindrax_operator.nodes.operator_node import Operator
 
 Report: TypeAlias = Callable[[str], None]
@@ -96,7 +101,7 @@ def _listening(operator: Operator, work: Commissioning) -> Iterator[None]:
 
     vehicle = work.vehicle
 
-    def on_reading(source: str, read: Callable[[bytes], Any], data: bytes) -> None:
+    def on_reading(source: str, read: Read[Reading], data: bytes) -> None:
         with contextlib.suppress(ValueError):  # what is not a message of the topic proves nothing
             work.on_reading(source, read(data))
 
@@ -165,7 +170,7 @@ def _pulse(operator: Operator, work: Commissioning, report: Report, over: Over, 
     return ""
 
 
-def _seconds(pulses: tuple[Any, ...]) -> float:
+def _seconds(pulses: Sequence[Pulse]) -> float:
     return float(sum(pulse.seconds + pulse.calm * 1.5 for pulse in pulses))
 
 

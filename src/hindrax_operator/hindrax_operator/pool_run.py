@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from hindrax_analysis.plain import print_json
@@ -338,7 +339,7 @@ def interrupted_once() -> Iterator[None]:
     """The first Ctrl-C interrupts the flight; further ones do not interrupt the landing."""
     count = 0
 
-    def interrupt(number: int, frame: Any) -> None:
+    def interrupt(number: int, frame: FrameType | None) -> None:
         nonlocal count
         count += 1
         if count == 1:

@@ -45,13 +45,17 @@ class AllocationStage:
         self, vehicle: Vehicle, parameters: Parameters, ledger: ComparisonReport, samples: ReferenceSamples
     ) -> None:
         self._ledger, self._samples = ledger, samples
-        knobs = (knobs_of(kind, parameters, "allocator") for kind in (AllocationKnobs, WrenchGuardKnobs, SupplyKnobs))
-        self._cycle = AllocationCycle(vehicle, *knobs)
+        self._cycle = AllocationCycle(
+            vehicle,
+            knobs_of(AllocationKnobs, parameters, "allocator"),
+            knobs_of(WrenchGuardKnobs, parameters, "allocator"),
+            knobs_of(SupplyKnobs, parameters, "allocator"),
+        )
         names = [thruster.name for thruster in vehicle.thrusters]
         prefix = prefix_of(parameters, "allocator")
         self._command_bytes = command_writer(len(names), prefix)
         self._status_bytes = allocation_writer(names, vehicle.supply_V, prefix)
-        self._wrenches: deque[tuple[Stamp, object]] = deque()
+        self._wrenches: deque[tuple[Stamp, Any]] = deque()
         self._commands: dict[int, BagMessage] = {}
         self._states: dict[tuple[int, int], list[AppliedOutput]] = {}
         """By stamp and sequence number of the command; lists, for several states may have both in common."""

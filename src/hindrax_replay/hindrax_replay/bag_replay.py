@@ -254,7 +254,7 @@ def _run(
     pipe: Connection,
     other_end: Connection,
     bag: Iterable[BagMessage],
-    follow: Callable[[Iterator[SettledMessage]], Any],
+    follow: Callable[[Iterator[SettledMessage]], object],
 ) -> None:
     """The second process."""
     # Ctrl-C is for the first stage, which ends this one.

@@ -8,10 +8,11 @@ transaction that is not the next of the record failed on the wire, for only succ
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import lru_cache
-from typing import Any
+from typing import Any, TypeVar
 
 from hindrax_core.bus_operations import (
     DeviceError,
+    FrameBatch,
     Operation,
     Pause,
     Program,
@@ -29,6 +30,7 @@ from hindrax_drivers.driver_registry import driver_of
 from hindrax_drivers.nodes.reading_messages import ReadingMessages, frame_of
 from hindrax_ros.parameter_file import FRAME_PREFIX
 
+KnobsT = TypeVar("KnobsT")
 Parameters = Mapping[str, Mapping[str, Any]]
 TICK_S = 0.05
 TRIES = 4
@@ -140,7 +142,7 @@ class ReplayedDevice:
         # Topics outside the table were not recorded and are not compared.
         self.topics = {topic.name: resolved(topic) for topic in self._messages.topics if topic.recorded}
 
-    def frames(self, batch: object) -> None:
+    def frames(self, batch: FrameBatch) -> None:
         """Feed one RawFrames message to the device."""
         for stamp, direction, data in frames_in(batch):
             for output in self.wire.frame(stamp, direction, data):
@@ -155,10 +157,11 @@ def prefix_of(parameters: Parameters, name: str) -> str:
     return str({**parameters.get("**", {}), **parameters.get(name, {})}.get(FRAME_PREFIX, ""))
 
 
-def knobs_of(kind: type[Any], parameters: Parameters, name: str) -> Any:
+def knobs_of(kind: type[KnobsT], parameters: Parameters, name: str) -> KnobsT:
     """Knobs of a node from the parameters of the recorded run; defaults for the others."""
     given = parameters.get(name, {})
-    return build(kind, {one.name: given[one.name] for one in fields(kind) if one.name in given}, name)
+    names = [one.name for one in fields(kind)]  # type: ignore[arg-type]  # a dataclass by contract
+    return build(kind, {one: given[one] for one in names if one in given}, name)
 
 
 def parameters_of(inside: Mapping[str, bytes]) -> dict[str, dict[str, object]]:

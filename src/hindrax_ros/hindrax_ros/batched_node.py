@@ -100,7 +100,9 @@ class BatchedNode(CheckedNode):
         if not ros_time:
             overrides.append(Parameter("use_sim_time", Parameter.Type.BOOL, False))  # as rclpy has it
         self._bypassed: frozenset[Subscription] = frozenset()
-        self._read: list[tuple[Callable[..., Any], Any, bool, Callable[..., Any], int]] | None = None
+        self._read: (
+            list[tuple[Callable[..., tuple[object, object] | None], type, bool, Callable[..., object], int]] | None
+        ) = None
         super().__init__(name, namespace=NAMESPACE, parameter_overrides=overrides, **options)
 
     def bypass(self, source: Node, topic: Topic) -> bool:

@@ -11,9 +11,11 @@ import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from operator import attrgetter
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter, get_parameter_value
 from rclpy.parameter_service import ParameterService
@@ -175,15 +177,19 @@ class CheckedNode(Node):
 class CheckedParameterService(ParameterService):
     """The parameter services of rclpy, with the two that set parameters replaced."""
 
-    def _set_parameters_callback(self, request: Any, response: Any) -> Any:
+    def _set_parameters_callback(
+        self, request: SetParameters.Request, response: SetParameters.Response
+    ) -> SetParameters.Response:
         response.results = [self._set([one]) for one in request.parameters]
         return response
 
-    def _set_parameters_atomically_callback(self, request: Any, response: Any) -> Any:
+    def _set_parameters_atomically_callback(
+        self, request: SetParametersAtomically.Request, response: SetParametersAtomically.Response
+    ) -> SetParametersAtomically.Response:
         response.result = self._set(request.parameters)
         return response
 
-    def _set(self, messages: Sequence[object]) -> SetParametersResult:
+    def _set(self, messages: Sequence[ParameterMessage]) -> SetParametersResult:
         node = self._get_node()
         try:
             wanted = [_parameter(node, one) for one in messages if not _is_as_asked(node, one)]
@@ -192,7 +198,7 @@ class CheckedParameterService(ParameterService):
         return node.set_parameters_atomically(wanted) if wanted else SetParametersResult(successful=True)
 
 
-def _is_as_asked(node: Node, message: Any) -> bool:
+def _is_as_asked(node: Node, message: ParameterMessage) -> bool:
     """Whether a parameter has the wanted value already: also one that is fixed, so a file of what is can be loaded.
 
     `ros2 param load` guesses the type of a value from its text: 1e-05, nan and what is not set arrive as words, an
@@ -204,7 +210,7 @@ def _is_as_asked(node: Node, message: Any) -> bool:
     return message.value in (present.get_parameter_value(), get_parameter_value(str(_plain(present.value))))
 
 
-def _parameter(node: Node, message: Any) -> Parameter:
+def _parameter(node: Node, message: ParameterMessage) -> Parameter:
     """Parameter of a message; ValueError names what is invalid."""
     name, kind = message.name, message.value.type
     if not node.has_parameter(name):  # rclpy checks too, but accepts an empty name

@@ -151,15 +151,21 @@ def test_no_velocity_is_no_message() -> None:
 def test_sensors_there_and_back() -> None:
     inertial = Inertial((0.1, 0.2, -9.8), (0.01, 0.02, 0.03), 20.0)
     back = reader(IMU)(written("data_raw", inertial)).reading
+    assert isinstance(back, Inertial)
     assert back.specific_force_mps2 == inertial.specific_force_mps2
     assert back.rate_radps == inertial.rate_radps
     magnetic = Magnetic((17e-6, 1e-6, -13e-6))
     assert reader(MAGNETIC)(written("mag", magnetic)) == Stamped(STAMP, magnetic)
     pressure = written("pressure", Pressure(110_000.0, 20.0))
-    assert reader(PRESSURE)(pressure).reading.pressure_Pa == 110_000.0
-    assert reader(ALTITUDE)(written("range", Echo(0.75, 1.0))).reading.range_m == 0.75
+    found = reader(PRESSURE)(pressure).reading
+    assert isinstance(found, Pressure)
+    assert found.pressure_Pa == 110_000.0
+    echo = reader(ALTITUDE)(written("range", Echo(0.75, 1.0))).reading
+    assert isinstance(echo, Echo)
+    assert echo.range_m == 0.75
     track = BottomTrack(True, 0.1, -0.2, 3.0, 1.0, (0.0, 0.0), (), "3333", 0)
     made = reader(DVL_ATTITUDE)(written("attitude", track)).reading
+    assert isinstance(made, BottomTrack)
     assert (made.roll_rad, made.pitch_rad, made.heading_rad) == pytest.approx((0.1, -0.2, 3.0))
 
 

@@ -52,8 +52,8 @@ TARGET = st.permutations([1, 2, 190, 255]).map(lambda ids: (ids[0], ids[1]))
 def only(data: bytes) -> Message:
     (frame,) = Decoder().feed(data, NOW)
     assert isinstance(frame, MavlinkFrame)
-    found: Message = frame.message
-    return found
+    assert isinstance(frame.message, Message)
+    return frame.message
 
 
 def sender(component: int = 1) -> Any:

@@ -4,7 +4,7 @@ Poses beside velocities show the frame of the velocities; where there are none, 
 """
 
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -85,7 +85,15 @@ class Track:
             self.rows.append(_twist(getattr(content, "twist", content)))
 
 
-def _six(linear: Any, angular: Any) -> list[float]:
+class Vector(Protocol):
+    """A vector of a message, of the installed type or as a bag has it."""
+
+    x: float
+    y: float
+    z: float
+
+
+def _six(linear: Vector, angular: Vector) -> list[float]:
     """Components of two vectors of a message."""
     return [float(value) for one in (linear, angular) for value in (one.x, one.y, one.z)]
 

@@ -18,7 +18,7 @@ from hindrax_core.signals import BLOCKED, IdentEvent
 from hindrax_core.topics import MANEUVER, THRUSTER_HEALTH, resolved
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import truth_of
-from hindrax_ident.records.feed import Feed
+from hindrax_ident.records.feed import Feed, Measurement
 from hindrax_ident.records.measurements import measurements
 from hindrax_ident.tuning import Tuning
 
@@ -40,9 +40,9 @@ def bag_events(bag: str | Path, vehicle: Vehicle, tuning: Tuning | None = None) 
     return Feed(vehicle, replace(tuning or Tuning(), reorder_s=LATEST_S)).all(_measurements(bag, by_topic))
 
 
-def _measurements(bag: str | Path, by_topic: Mapping[str, Contents]) -> Iterator[Stamped[Any]]:
+def _measurements(bag: str | Path, by_topic: Mapping[str, Contents[Measurement]]) -> Iterator[Stamped[Measurement]]:
     """What the messages of these topics hold, in the order of the bag; by the definitions in it."""
-    readers: dict[MessageDecoder, Read] = {}
+    readers: dict[MessageDecoder, Read[Measurement]] = {}
     for one in messages(bag, by_topic):
         if one.form not in readers:
             readers[one.form] = one.form.reader(by_topic[one.topic])

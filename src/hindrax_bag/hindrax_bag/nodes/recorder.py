@@ -7,12 +7,11 @@ subscriptions) and are written as they are.
 import os
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.duration import Duration
@@ -36,7 +35,7 @@ from hindrax_ros.messages.share import share_lookup
 from hindrax_ros.parameters import knobs, text
 from hindrax_ros.process import spin
 
-MessageInfo = dict[str, Any]
+MessageInfo = Mapping[str, int]
 """Message info of rclpy."""
 FLUSH_S = 0.5
 SYNC_EVERY = 2

@@ -21,7 +21,7 @@ from hindrax_bag.read.mcap_records import BROKEN, Damage, records
 from hindrax_bag.read.ros1 import ENCODING, ros1_bag, ros1_type
 from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S
-from hindrax_core.messages.contents import Contents, Read, bytes_reader, of_message
+from hindrax_core.messages.contents import Contents, ContentT_co, Read, bytes_reader, of_message
 from hindrax_core.messages.definition import parsed
 from hindrax_core.topics import NAMESPACE, in_default_namespace
 from hindrax_core.vehicle import Vehicle, vehicle_from_text
@@ -52,7 +52,7 @@ class MessageDecoder:
         """The type has changed since: `decode` brings messages to today's form, their bytes are not those of today."""
         self.decode: Decode = self._first_decode
 
-    def reader(self, contents: Contents) -> Read:
+    def reader(self, contents: Contents[ContentT_co]) -> Read[ContentT_co]:
         """Make the reader of what the messages hold: in place, unless they have to be migrated."""
         if self.old:
             return lambda data: of_message(self.decode(data), contents)
@@ -87,6 +87,11 @@ class BagMessage(NamedTuple):
     received: int
     sent: int
     form: MessageDecoder
+
+    @property
+    def is_old(self) -> bool:
+        """Whether the type has changed since: its bytes are not those of today."""
+        return self.form.old
 
     def decoded(self) -> Any:
         """The message as an object with the fields of its type."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from hindrax_cli.health_checks import Check
 from hindrax_core.input_checks import OTHER_CLOCK_s
@@ -18,6 +18,25 @@ LISTEN_S = 4.0
 OFFSET_s = 0.2
 """A request to arm that seems a second old is refused, and a command half a second old."""
 NODES = ("thrusters", "navigator", "estimator_health", "pilot", "allocator", "identifier")
+
+
+class KeyValue(Protocol):
+    """A pair of a DiagnosticStatus message."""
+
+    key: str
+    value: str
+
+
+class Status(Protocol):
+    """A DiagnosticStatus message."""
+
+    level: bytes
+    message: str
+
+    @property
+    def values(self) -> Sequence[KeyValue]:
+        """Further facts, such as the rate."""
+        ...
 
 
 def stack(operator: Operator, vehicle: Vehicle, title: str) -> list[Check]:
@@ -59,7 +78,7 @@ def clocks(ages_s: Sequence[float]) -> Check:
     return Check("clocks", f"the vehicle's stamps arrive {1e3 * least:.0f} to {1e3 * most:.0f} ms old")
 
 
-def judged(diagnostics: Mapping[str, object], wanted: Iterable[str], title: str) -> list[Check]:
+def judged(diagnostics: Mapping[str, Status], wanted: Iterable[str], title: str) -> list[Check]:
     """One check for the stack, one for each node."""
     if not diagnostics:
         return [Check("stack", f"{title}, but no node reports", "restart it; its logs say why")]
@@ -67,7 +86,7 @@ def judged(diagnostics: Mapping[str, object], wanted: Iterable[str], title: str)
     return [Check("stack", title), *(_node(name, by_name.get(name)) for name in wanted)]
 
 
-def _node(name: str, status: Any) -> Check:
+def _node(name: str, status: Status | None) -> Check:
     if status is None:
         remedy = "its process is down; see logs/ of the run, or start the stack again"
         return Check(name, "its node sends nothing", remedy)

@@ -3,7 +3,6 @@
 import os
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 from hindrax_control.navigation.attitude_filter import Offset
 from hindrax_control.navigation.navigator import Navigator, NavigatorKnobs
@@ -12,6 +11,7 @@ from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.messages.contents import Read
 from hindrax_core.messages.inputs import InputKnobs, Inputs
+from hindrax_core.readings import Reading
 from hindrax_core.sensor_table import Capability
 from hindrax_core.signals import Allocation, Navigation
 from hindrax_core.vehicle import Vehicle
@@ -46,12 +46,12 @@ SETTLE_S = 0.0005
 """Within this time all inertial samples of one fetch, and the messages beside them, have arrived."""
 
 
-def sources(vehicle: Vehicle, inputs: InputKnobs = OURS) -> dict[topics.Topic, tuple[str, Read]]:
+def sources(vehicle: Vehicle, inputs: InputKnobs = OURS) -> dict[topics.Topic, tuple[str, Read[Reading]]]:
     """Topics that the navigator reads, in the order of subscription: name of the sensor, and the reader of each.
 
     UsageError where a chosen message is of a package that is not installed.
     """
-    found: dict[topics.Topic, tuple[str, Read]] = {}
+    found: dict[topics.Topic, tuple[str, Read[Reading]]] = {}
     for capability in READ:
         chosen = inputs.of(capability)
         for name, topic in topics.carriers(vehicle, capability).items():
@@ -100,7 +100,7 @@ class NavigatorNode(BatchedNode):
         for topic, (source, read) in sources(vehicle, inputs).items():
             self.lead = subscription(self, topic, self._callback(source, read), raw=True)
 
-    def _callback(self, source: str, read: Callable[[bytes], Stamped[Any]]) -> Callable[[bytes], None]:
+    def _callback(self, source: str, read: Read[Reading]) -> Callable[[bytes], None]:
         step = self._navigator.step
 
         def on_message(data: bytes) -> None:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
@@ -30,7 +30,8 @@ from hindrax_core import topics
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.input_checks import SinglePublisher, late_goal, names_of_others, order_window
-from hindrax_core.readings import Echo, Vec6
+from hindrax_core.messages.contents import Read
+from hindrax_core.readings import BottomTrack, Echo, Reading, Vec6
 from hindrax_core.rotation import FSD, foreign_frame
 from hindrax_core.signals import NAN, Allocation, AppliedOutput, Estimate, Navigation
 from hindrax_core.text.refusals import (
@@ -239,7 +240,7 @@ class PilotNode(BatchedNode):
         if message.data or self._leak_probes < 2 or self._dry_looks >= 2 * self._leak_probes:
             self._pilot.water_in_hull = bool(message.data)
 
-    def _on_range(self, topic: topics.Topic, read: Callable[[bytes], Stamped[Any]], data: bytes) -> None:
+    def _on_range(self, topic: topics.Topic, read: Read[Reading], data: bytes) -> None:
         """Keep the altimeter's range, which no odometry holds."""
         try:
             found = read(data)
@@ -247,8 +248,10 @@ class PilotNode(BatchedNode):
             self._refuse(topic, str(error))
             return
         reading = found.reading
-        range_m = reading.range_m if isinstance(reading, Echo) else reading.altitude_m
-        self._odometry.range(found.stamp, range_m)
+        if isinstance(reading, Echo):
+            self._odometry.range(found.stamp, reading.range_m)
+        elif isinstance(reading, BottomTrack) and reading.altitude_m is not None:
+            self._odometry.range(found.stamp, reading.altitude_m)
 
     def _on_odometry(self, message: Odometry) -> None:
         """Fly one cycle on the odometry of the one who publishes it."""

@@ -6,16 +6,17 @@ The same rows read live bytes, by the definitions of the installed messages, and
 import math
 from collections.abc import Callable, Mapping, Sequence
 from operator import attrgetter
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 from hindrax_core.events import NS_PER_S, Stamp, Stamped
 from hindrax_core.messages.cdr import CdrReader
 from hindrax_core.messages.definition import Definition
-from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure
+from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Reading
 from hindrax_core.rotation import sname_from_xyzw
 from hindrax_core.signals import Navigation, Phase, Thrust
 from hindrax_core.topics import Topic
 
+ContentT_co = TypeVar("ContentT_co", covariant=True)
 STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 BEAMS = 4
 _BEAM = ("range", "range_covar", "quality", "velocity", "velocity_covar", "locked")
@@ -26,33 +27,33 @@ def parts(path: str, names: str = "xyz") -> tuple[str, ...]:
     return tuple(f"{path}.{name}" for name in names)
 
 
-class Contents(NamedTuple):
+class Contents(NamedTuple, Generic[ContentT_co]):
     """Fields of a kind of message: their paths, in the order of the definition, and what their values make."""
 
     paths: Sequence[str]
-    made: Callable[..., object]
+    made: Callable[..., ContentT_co]
 
-    def of_values(self, values: Sequence[Any]) -> Stamped[Any]:
+    def of_values(self, values: Sequence[Any]) -> Stamped[ContentT_co]:
         """Make it of seconds and nanoseconds of the stamp and of the values at `paths`, arrays flattened."""
         return Stamped(Stamp(values[0] * NS_PER_S + values[1]), self.made(*values[2:]))
 
 
-Read: TypeAlias = Callable[[bytes], Stamped[Any]]
+Read: TypeAlias = Callable[[bytes], Stamped[ContentT_co]]
 """Reads the bytes of a message; ValueError for bytes of another kind."""
 
 
-def bytes_reader(definition: Definition, contents: Contents) -> Read:
+def bytes_reader(definition: Definition, contents: Contents[ContentT_co]) -> Read[ContentT_co]:
     """Make the reader of CDR bytes of messages of this definition."""
     read, made = CdrReader(definition, *STAMP, *contents.paths).read, contents.made
 
-    def stamped(data: bytes) -> Stamped[object]:
+    def stamped(data: bytes) -> Stamped[ContentT_co]:
         found = read(data)
         return Stamped(Stamp(found[0] * NS_PER_S + found[1]), made(*found[2:]))
 
     return stamped
 
 
-def of_message(message: object, contents: Contents) -> Stamped[object]:
+def of_message(message: object, contents: Contents[ContentT_co]) -> Stamped[ContentT_co]:
     """Read a decoded message, an object with the fields of its type; arrays of messages are not read."""
     values: list[object] = []
     for path in (*STAMP, *contents.paths):
@@ -62,13 +63,13 @@ def of_message(message: object, contents: Contents) -> Stamped[object]:
     return contents.of_values(values)
 
 
-def _bottom_velocity(u: float, v: float, w: float, variance: float, *others: Any) -> BottomVelocity:
+def _bottom_velocity(u: float, v: float, w: float, variance: float, *others: float) -> BottomVelocity:
     *_, confidence, device_us, interval_s = others
     velocity = None if variance < 0.0 else (u, v, w)
-    return BottomVelocity(velocity, math.sqrt(max(0.0, variance)), confidence, interval_s, device_us)
+    return BottomVelocity(velocity, math.sqrt(max(0.0, variance)), confidence, interval_s, int(device_us))
 
 
-SENSORS: Mapping[str, Contents] = {
+SENSORS: Mapping[str, Contents[Reading]] = {
     "data_raw": Contents(
         (*parts("angular_velocity"), *parts("linear_acceleration")),
         lambda p, q, r, x, y, z: Inertial((x, y, z), (p, q, r), math.nan),
@@ -97,12 +98,12 @@ SENSORS: Mapping[str, Contents] = {
 """By quantity of the table of topics: what its messages hold of a reading, NaN for the rest."""
 
 
-def of_sensor(topic: Topic) -> Contents:
+def of_sensor(topic: Topic) -> Contents[Reading]:
     """Contents of the messages of a sensor, by the last word of its topic."""
     return SENSORS[topic.name.rpartition("/")[2]]
 
 
-def _navigation(*found: Any) -> Navigation:
+def _navigation(*found: float) -> Navigation:
     depth_m, depth_s, _, altitude_m, altitude_s, _, w, _, _, *rest = found
     yaw, roll, pitch, u, v, su, sv, sw, p, q, r, north, east, locked = rest
     return Navigation(
@@ -112,14 +113,14 @@ def _navigation(*found: Any) -> Navigation:
         depth_m=depth_m,
         altitude_m=altitude_m,
         position_m=(north, east),
-        dvl_locked=locked,
+        dvl_locked=bool(locked),
         velocity_sigma_mps=(su, sv, sw),
         depth_age_s=depth_s,
         altitude_age_s=altitude_s,
     )
 
 
-def _thrust(*found: Any) -> Thrust:
+def _thrust(*found: float) -> Thrust:
     X, Y, Z, K, M, N, *forces_N, measured = found
     return Thrust((X, Y, Z, K, M, N), tuple(forces_N), bool(measured))
 

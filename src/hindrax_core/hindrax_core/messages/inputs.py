@@ -13,7 +13,7 @@ from typing import NamedTuple
 from hindrax_core.hydrostatics import GRAVITY_mps2, Water
 from hindrax_core.knobs import choice, knob
 from hindrax_core.messages.contents import Contents, parts
-from hindrax_core.readings import BottomVelocity, Pressure
+from hindrax_core.readings import BottomVelocity, Pressure, Reading
 from hindrax_core.sensor_table import Capability
 
 BOTTOM = 1
@@ -28,7 +28,7 @@ class Input(NamedTuple):
     """Type of a message; and what it holds, in this water, with this deviation where its own is not known [m/s]."""
 
     type: str
-    contents: Callable[[Water, float], Contents]
+    contents: Callable[[Water, float], Contents[Reading]]
 
 
 def _sigma_mps(variance: float, otherwise_mps: float) -> float:
@@ -36,7 +36,7 @@ def _sigma_mps(variance: float, otherwise_mps: float) -> float:
     return math.sqrt(variance) if 0.0 < variance < math.inf else otherwise_mps
 
 
-def _dvl(_water: Water, sigma_mps: float) -> Contents:
+def _dvl(_water: Water, sigma_mps: float) -> Contents[Reading]:
     """Axes of the instrument: x forward, y starboard, z along the beam axis."""
 
     def made(mode: int, u: float, v: float, w: float, *others: float) -> BottomVelocity:
@@ -50,7 +50,7 @@ def _dvl(_water: Water, sigma_mps: float) -> Contents:
     return Contents(paths, made)
 
 
-def _twist(_water: Water, sigma_mps: float) -> Contents:
+def _twist(_water: Water, sigma_mps: float) -> Contents[Reading]:
     """REP-103: x forward, y left, z up. What is not finite, or of a variance that is no knowledge, is no velocity."""
 
     def made(x: float, y: float, z: float, variance: float, *_: float) -> BottomVelocity:
@@ -64,7 +64,7 @@ def _bottom(velocity_mps: tuple[float, float, float] | None, variance: float, si
     return BottomVelocity(velocity_mps, _sigma_mps(variance, sigma_mps), 1.0, 0.0, 0)
 
 
-def _height(water: Water, _sigma_mps: float) -> Contents:
+def _height(water: Water, _sigma_mps: float) -> Contents[Reading]:
     """Position in a world with z up and zero at the surface (REP-105), as the pressure at that depth."""
 
     def made(z_m: float) -> Pressure:

@@ -84,5 +84,6 @@ def _refuse(found: str, wanted: str, where: yaml.Node | yaml.Event) -> None:
     raise ValueError(f"found {found}, {_line(where)}; wanted {wanted}")
 
 
-def _line(where: Any) -> str:
+def _line(where: yaml.Node | yaml.Event) -> str:
+    assert where.start_mark is not None  # the parser sets it
     return f"line {where.start_mark.line + 1}"

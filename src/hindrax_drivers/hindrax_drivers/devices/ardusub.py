@@ -13,17 +13,16 @@ from the time since power-up in the messages.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 from hindrax_core.driver_interface import Output, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, seconds_between
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Inertial, Leak, Magnetic, Pressure, Reading
 from hindrax_drivers.devices.ardupilot.companion import Companion
-from hindrax_drivers.devices.ardupilot.link import SECOND_COMPUTER
+from hindrax_drivers.devices.ardupilot.link import SECOND_COMPUTER, Handlers
 from hindrax_drivers.driver import Driver
 from hindrax_drivers.protocols.ardupilot import (
     RAW_IMU,
@@ -77,8 +76,12 @@ class ArduSub(Companion):
         streams = {RAW_IMU: knobs.imu_Hz, BAROMETERS[self._barometer - 1]: knobs.pressure_Hz}
         super().__init__("ardusub", SECOND_COMPUTER, streams, knobs.stall_s)
 
-    def _handlers(self) -> Mapping[type, Callable[[Any, Stamp], list[Output]]]:
-        return {RawImu: self._on_imu, Barometer: self._on_barometer, StatusText: self._on_text}
+    def _handlers(self) -> Handlers:
+        handlers = Handlers()
+        handlers.on(RawImu, self._on_imu)
+        handlers.on(Barometer, self._on_barometer)
+        handlers.on(StatusText, self._on_text)
+        return handlers
 
     def _clear(self) -> None:
         self._imu_clock.restart()

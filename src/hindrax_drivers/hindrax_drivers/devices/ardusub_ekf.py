@@ -9,9 +9,7 @@ messages. Where a DVL can be read itself, read that.
 """
 
 import math
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from hindrax_core.driver_interface import Output
 from hindrax_core.events import Rejected, Stamp, Stamped, seconds_between
@@ -19,7 +17,7 @@ from hindrax_core.knobs import knob
 from hindrax_core.readings import BottomVelocity, Vec3
 from hindrax_core.rotation import matrix
 from hindrax_drivers.devices.ardupilot.companion import Companion
-from hindrax_drivers.devices.ardupilot.link import THIRD_COMPUTER
+from hindrax_drivers.devices.ardupilot.link import THIRD_COMPUTER, Handlers
 from hindrax_drivers.driver import Driver
 from hindrax_drivers.protocols.ardupilot import (
     ATTITUDE,
@@ -61,8 +59,12 @@ class ArduSubEkf(Companion):
         streams = {LOCAL_POSITION: knobs.rate_Hz, ATTITUDE: knobs.rate_Hz, EKF_STATUS: STATUS_Hz}
         super().__init__("ardusub_ekf", THIRD_COMPUTER, streams, knobs.stall_s)
 
-    def _handlers(self) -> Mapping[type, Callable[[Any, Stamp], list[Output]]]:
-        return {Attitude: self._on_attitude, LocalPosition: self._on_position, EstimatorStatus: self._on_status}
+    def _handlers(self) -> Handlers:
+        handlers = Handlers()
+        handlers.on(Attitude, self._on_attitude)
+        handlers.on(LocalPosition, self._on_position)
+        handlers.on(EstimatorStatus, self._on_status)
+        return handlers
 
     def _clear(self) -> None:
         self._clock.restart()

@@ -5,16 +5,14 @@ of the vehicle file has it, the range is an altitude, or the distance to what li
 """
 
 import math
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from hindrax_core.driver_interface import Output
 from hindrax_core.events import Rejected, Stamp, Stamped
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Echo
 from hindrax_drivers.devices.ardupilot.companion import Companion
-from hindrax_drivers.devices.ardupilot.link import FOURTH_COMPUTER
+from hindrax_drivers.devices.ardupilot.link import FOURTH_COMPUTER, Handlers
 from hindrax_drivers.driver import Driver
 from hindrax_drivers.protocols.ardupilot import DISTANCE, Distance
 from hindrax_drivers.timebase import Timebase
@@ -46,8 +44,10 @@ class ArduSubRange(Companion):
         self._clock = Timebase(1e-3, latency_s=knobs.latency_s, on_break=self._on_break)
         super().__init__("ardusub_range", FOURTH_COMPUTER, {DISTANCE: knobs.rate_Hz}, knobs.stall_s)
 
-    def _handlers(self) -> Mapping[type, Callable[[Any, Stamp], list[Output]]]:
-        return {Distance: self._on_distance}
+    def _handlers(self) -> Handlers:
+        handlers = Handlers()
+        handlers.on(Distance, self._on_distance)
+        return handlers
 
     def _clear(self) -> None:
         self._clock.restart()

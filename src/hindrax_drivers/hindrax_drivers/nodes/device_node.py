@@ -9,8 +9,9 @@ Only an active node publishes readings; a finalized one publishes nothing but it
 import time
 from collections.abc import Callable, Iterable
 from itertools import cycle
-from typing import Any
+from typing import TypeVar
 
+from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from hindrax_core.driver_interface import Identity, Output, Trouble
@@ -25,6 +26,8 @@ from hindrax_ros.diagnostics import DiagnosticsPublisher, NodeDiagnostics
 from hindrax_ros.graph import publisher
 from hindrax_ros.parameters import frame_prefix, text
 from hindrax_ros.raw_frames import FrameTap
+
+MessageT = TypeVar("MessageT")
 
 LIFECYCLE_PERIOD_S = 0.2
 REPORT_EVERY = 5
@@ -142,7 +145,7 @@ class DeviceNode(BatchedNode, LifecycleNode):
         """End the thread of the wire."""
         self.stop()
 
-    def _on_change_state(self, request: Any, response: Any) -> Any:
+    def _on_change_state(self, request: ChangeState.Request, response: ChangeState.Response) -> ChangeState.Response:
         """Answer the service: a valid transition is performed, and its goal is kept as the wanted state."""
         asked, state = request.transition, self.lifecycle_state
         transition = requested(state, asked.id, asked.label)
@@ -181,11 +184,11 @@ class DeviceNode(BatchedNode, LifecycleNode):
             self._reporter.publish(now, self.health.report(f"hindrax: {self.get_name()}", now, STALE_S))
 
 
-def one_of_many(many: int, publish: Callable[[Any], None]) -> Callable[[Any], None]:
+def one_of_many(many: int, publish: Callable[[MessageT], None]) -> Callable[[MessageT], None]:
     """Publish only the last of every `many` messages."""
     turns = cycle((*[False] * (many - 1), True))
 
-    def sometimes(message: object) -> None:
+    def sometimes(message: MessageT) -> None:
         if next(turns):
             publish(message)
 

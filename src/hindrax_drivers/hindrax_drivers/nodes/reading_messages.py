@@ -7,7 +7,7 @@ The node of a device publishes them, a replay compares them with the record.
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 from std_msgs.msg import Bool
 
@@ -21,7 +21,8 @@ from hindrax_ros.messages.convert import header
 from hindrax_ros.messages.reading_fields import FIELDS, writer
 from hindrax_ros.messages.serialization import deserialized
 
-Write: TypeAlias = Callable[[Stamped[Any]], Any]
+TheirsT = TypeVar("TheirsT")
+Write: TypeAlias = Callable[[Stamped[Any]], object]
 """Message of a reading, or its bytes; None if the reading has no data for the topic."""
 MARINE_ACOUSTIC = "marine_acoustic_msgs/msg/Dvl"
 """Definition: github apl-ocean-engineering/marine_msgs, marine_acoustic_msgs/msg/Dvl.msg."""
@@ -63,7 +64,7 @@ class ReadingMessages:
             elif quantity == "profile":
                 self._add(topic, (EchoProfile,), partial(_profile, frame=frame))
             else:
-                write = writer(quantity, frame)
+                write: Write = writer(quantity, frame)
                 write = _first_of_second(write) if quantity == "die_temperature" else write
                 self._add(topic, FIELDS[quantity].kinds, write)
 
@@ -87,7 +88,7 @@ class ReadingMessages:
         """Whether readings of this kind have messages."""
         return reading in self._writers
 
-    def of(self, stamped: Stamped[Any]) -> Iterator[tuple[str, Any]]:
+    def of(self, stamped: Stamped[object]) -> Iterator[tuple[str, object]]:
         """Yield topic name and message, or its CDR bytes, for every topic that the reading has data for."""
         for topic, write in self._writers.get(type(stamped.reading), ()):
             message = write(stamped)
@@ -95,7 +96,7 @@ class ReadingMessages:
                 yield topic, message
 
 
-def fill(theirs: Any, ours: Any) -> Any:
+def fill(theirs: TheirsT, ours: Dvl) -> TheirsT:
     """Fill a marine_acoustic_msgs/Dvl from a hindrax_msgs/Dvl, field for field, and return it."""
     for name in ALIKE:
         setattr(theirs, name, getattr(ours, name))
@@ -136,7 +137,7 @@ def _with_track(
     """Combine every velocity with the last sentence about the beams."""
     latest: BottomTrack | None = None
 
-    def detail(stamped: Stamped[Any]) -> Any:
+    def detail(stamped: Stamped[BottomVelocity] | Stamped[BottomTrack]) -> object:
         nonlocal latest
         if isinstance(stamped.reading, BottomTrack):
             latest = stamped.reading

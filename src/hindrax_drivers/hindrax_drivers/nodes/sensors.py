@@ -141,7 +141,7 @@ def _offer(
 ) -> None:
     """Serve `NAME/SERVICE`: success says that it was sent; what the device answers is in its topics or diagnostics."""
 
-    def answer(_request: Any, response: Any) -> Any:
+    def answer(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         thread = wire.thread
         if thread is None:
             response.message = "the port is not open yet; /diagnostics says why"

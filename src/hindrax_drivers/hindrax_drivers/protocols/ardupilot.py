@@ -7,7 +7,6 @@ import math
 import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import Vec3
@@ -139,7 +138,7 @@ def _text(data: bytes) -> str:
     return data.partition(b"\x00")[0].decode(errors="replace")
 
 
-def _raw_imu(v: tuple[Any, ...]) -> RawImu:
+def _raw_imu(v: tuple[int, ...]) -> RawImu:
     """Units on the wire: mg, mrad/s, mG, and hundredths of a degree, 0 where there is none."""
     force, rate, field = (_scaled(v[at : at + 3], unit) for at, unit in ((1, MILLI_G), (4, 1e-3), (7, 1e-7)))
     return RawImu(v[0], force, rate, field, math.nan if v[11] == UNKNOWN_TEMPERATURE else v[11] / 100.0)
@@ -150,8 +149,8 @@ def _scaled(v: tuple[int, ...], unit: float) -> Vec3:
     return unit * x, unit * y, unit * z
 
 
-def _barometer(number: int) -> tuple[struct.Struct, Callable[[tuple[Any, ...]], Barometer]]:
-    def read(v: tuple[Any, ...]) -> Barometer:
+def _barometer(number: int) -> tuple[struct.Struct, Callable[[tuple[float, ...]], Barometer]]:
+    def read(v: tuple[float, ...]) -> Barometer:
         return Barometer(int(v[0]), number, 100.0 * v[1], math.nan if v[3] == UNKNOWN_TEMPERATURE else v[3] / 100.0)
 
     return struct.Struct("<Iffhh"), read

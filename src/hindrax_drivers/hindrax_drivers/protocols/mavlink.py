@@ -58,13 +58,13 @@ Sent: TypeAlias = tuple[int, bytes]
 """Sent messages: number and payload."""
 
 
-def _battery(values: tuple[Any, ...]) -> Battery:
+def _battery(values: tuple[int, ...]) -> Battery:
     """Sum of the cells [mV] that exist: others are 65535. The current is in hundredths of an ampere, -1 for unknown."""
     voltage_V = sum(cell for cell in values[3:13] if cell != UNKNOWN) / 1e3
     return Battery(voltage_V, math.nan if values[13] < 0 else values[13] / 100.0)
 
 
-Readers: TypeAlias = Mapping[int, tuple[struct.Struct, Callable[[tuple[Any, ...]], Any]]]
+Readers: TypeAlias = Mapping[int, tuple[struct.Struct, Callable[[tuple[Any, ...]], object]]]
 """Fields of a message by its number, by size and extensions last, and what they mean."""
 READ: Readers = {
     0: (struct.Struct("<IBBBBB"), lambda v: Heartbeat(v[1], bool(v[3] & ARMED_FLAG), v[2], v[0])),
@@ -83,7 +83,7 @@ class MavlinkFrame:
     system: int
     component: int
     sequence: int
-    message: Any
+    message: object
 
 
 def heartbeat(kind: int, autopilot: int, status: int) -> Sent:

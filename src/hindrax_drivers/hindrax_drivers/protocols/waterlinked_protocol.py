@@ -11,7 +11,6 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from hindrax_core.readings import Beam, Vec3
 
@@ -111,12 +110,14 @@ def velocity_report(report: Mapping[str, object]) -> VelocityReport:
     )
 
 
-def _sigma(covariance: Any) -> float:
+def _sigma(covariance: object) -> float:
     """Standard deviation of the worse of surge and sway [m/s]: the root of the larger diagonal element.
 
     The matrix is symmetric, so that each covariance is said twice; the figure of merit is the root of its largest
     eigenvalue (checked with the example of the page), which includes heave and is kept beside it.
     """
+    if not isinstance(covariance, list):
+        raise ReportError("velocity: covariance")
     try:
         (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = covariance
         symmetric = all(math.isclose(a, b, rel_tol=1e-9) for a, b in ((xy, yx), (xz, zx), (yz, zy)))

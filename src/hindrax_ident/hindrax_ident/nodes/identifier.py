@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from functools import partial
-from typing import Any, TypeAlias, TypeVar
+from typing import TypeAlias, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
@@ -31,7 +31,7 @@ from hindrax_ident.nodes.measurement_messages import (
 )
 from hindrax_ident.online.record_session import RecordSession
 from hindrax_ident.online.session import Outcome, Session
-from hindrax_ident.records.feed import DROPPED, Feed
+from hindrax_ident.records.feed import DROPPED, Feed, Measurement
 from hindrax_ident.tuning import Tuning
 from hindrax_ros.batched_node import TURN_S, BatchedNode
 from hindrax_ros.diagnostics import DiagnosticsPublisher, status
@@ -45,6 +45,7 @@ REPORT_S = 1.0
 ASSESS = "ident/assess"
 NOTHING = "nothing to judge yet: found no velocities and thrust, wanted a maneuver, or `odometry` and `wrench`"
 Events: TypeAlias = Sequence[Stamped[IdentEvent]]
+MessageT = TypeVar("MessageT")
 Judged = TypeVar("Judged")
 Verdict = TypeVar("Verdict")
 
@@ -84,7 +85,7 @@ class Identifier(BatchedNode):
         self._any, self._any_received = RecordSession(vehicle, tuning), False
         self._waiting: list[Stamped[IdentEvent]] = []
 
-    def _listener(self, topic: Topic, read: Read) -> Callable[[bytes], None]:
+    def _listener(self, topic: Topic, read: Read[Measurement]) -> Callable[[bytes], None]:
         def on_message(data: bytes) -> None:
             try:
                 measurement = read(data)
@@ -97,8 +98,10 @@ class Identifier(BatchedNode):
 
         return on_message
 
-    def _any_listener(self, topic: Topic, events_of: Callable[[Any, Stamp, str], Events]) -> Callable[[Any], None]:
-        def on_message(message: object) -> None:
+    def _any_listener(
+        self, topic: Topic, events_of: Callable[[MessageT, Stamp, str], Events]
+    ) -> Callable[[MessageT], None]:
+        def on_message(message: MessageT) -> None:
             try:
                 events = events_of(message, self.now(), self._prefix)
             except ValueError as error:

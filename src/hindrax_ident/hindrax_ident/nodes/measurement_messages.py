@@ -11,6 +11,7 @@ from hindrax_core.rotation import FLU, FSD, foreign_frame, unprefixed
 from hindrax_core.signals import NAN, Attitude, IdentEvent, Thrust, Velocity
 from hindrax_core.topics import Quality, Topic
 from hindrax_core.vehicle import Vehicle
+from hindrax_ident.records.feed import Measurement
 from hindrax_ident.records.measurements import measurements
 from hindrax_ros.messages.convert import (
     half_turn,
@@ -21,7 +22,7 @@ from hindrax_ros.messages.convert import (
 from hindrax_ros.messages.serialization import contents_reader
 
 
-def readers(vehicle: Vehicle) -> dict[Topic, Read]:
+def readers(vehicle: Vehicle) -> dict[Topic, Read[Measurement]]:
     """Topics that the identification of a vehicle reads, and the reader of each; ValueError for other bytes."""
     return {topic: contents_reader(topic.type, contents) for topic, contents in measurements(vehicle).items()}
 

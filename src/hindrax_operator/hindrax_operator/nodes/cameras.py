@@ -2,7 +2,6 @@
 
 import time
 from functools import partial
-from typing import Any
 
 from rclpy.node import Node
 from rclpy.subscription import Subscription
@@ -49,5 +48,5 @@ class Cameras:
             self._node.destroy_subscription(self._subscribed.pop(name))
             self._frames.pop(name, None)
 
-    def _on_frame(self, name: str, message: Any) -> None:
+    def _on_frame(self, name: str, message: CompressedImage) -> None:
         self._frames[name] = CameraFrame(time.monotonic_ns(), bytes(message.data))

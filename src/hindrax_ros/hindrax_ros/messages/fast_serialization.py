@@ -16,7 +16,7 @@ from hindrax_core.messages.cdr import ENCAPSULATION, LITTLE_ENDIAN
 from hindrax_core.messages.contents import STAMP, Read, parts
 from hindrax_core.readings import Vec6
 from hindrax_core.rotation import FLU, FSD, xyzw_from_sname
-from hindrax_core.signals import Allocation, AppliedOutput, Command, Navigation
+from hindrax_core.signals import Allocation, AppliedOutput, Command, Navigation, Thrust
 from hindrax_core.topics import ALLOCATION, NAVIGATION, THRUSTER_COMMAND, THRUSTER_STATE
 from hindrax_msgs.msg import AllocationStatus, NavigationStatus, ThrusterCommand, ThrusterState
 from hindrax_ros.messages import convert
@@ -178,8 +178,8 @@ def raw_frames_bytes(
 _command = fields_reader(THRUSTER_COMMAND.type, *STAMP, "sequence", "pulses")
 _lamps = fields_reader(THRUSTER_COMMAND.type, "lights")
 _applied = fields_reader(THRUSTER_STATE.type, *STAMP, "armed", "pulses", "sequence", "armings")
-navigation_from_bytes: Read = contents_reader(NAVIGATION.type, contents.NAVIGATION)
-thrust_from_bytes: Read = contents_reader(ALLOCATION.type, contents.THRUST)
+navigation_from_bytes: Read[Navigation] = contents_reader(NAVIGATION.type, contents.NAVIGATION)
+thrust_from_bytes: Read[Thrust] = contents_reader(ALLOCATION.type, contents.THRUST)
 
 
 def command_from_bytes(data: bytes) -> Command:

@@ -34,6 +34,7 @@ from hindrax_core.readings import (
     Magnetic,
     Position,
     Pressure,
+    Reading,
     SonarHealth,
     Thermal,
 )
@@ -41,7 +42,7 @@ from hindrax_core.rotation import xyzw_from_sname
 from hindrax_core.topics import Topic
 from hindrax_msgs.msg import Dvl
 from hindrax_ros.messages.convert import UNKNOWN_COVARIANCE, half_turn, header
-from hindrax_ros.messages.serialization import CdrWriter, contents_reader
+from hindrax_ros.messages.serialization import CdrWriter, Message, contents_reader
 
 # ICM-20948 datasheet table 1 and 2: 0.015 dps/sqrt(Hz) and 230 ug/sqrt(Hz), over the noise bandwidth of a 50 Hz filter.
 SIGMA_RATE_radps = math.radians(0.015) * math.sqrt(1.57 * 50.0)
@@ -69,7 +70,7 @@ class Fields(NamedTuple):
     """
 
     kinds: tuple[type, ...]
-    example: Callable[[str], object]
+    example: Callable[[str], Message]
     paths: Sequence[str]
     values: Callable[..., Sequence[object] | None]
 
@@ -270,7 +271,7 @@ def writer(quantity: str, frame: str = "") -> Callable[..., bytes | None]:
     return write
 
 
-def reader(topic: Topic) -> Read:
+def reader(topic: Topic) -> Read[Reading]:
     """Make the reader of a sensor's topic: what its messages hold of a reading, NaN for the rest.
 
     ValueError for bytes of another kind.

@@ -9,13 +9,48 @@ import re
 import struct
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 from rclpy.serialization import deserialize_message, serialize_message
 
 from hindrax_core.messages.cdr import CdrLayout, CdrReader, stretches
-from hindrax_core.messages.contents import Contents, Read, bytes_reader
+from hindrax_core.messages.contents import Contents, ContentT_co, Read, bytes_reader
 from hindrax_core.messages.definition import ONE, SEQUENCE, Definition, Field
+
+MessageT = TypeVar("MessageT")
+
+
+class Message(Protocol):
+    """A message of an installed type, as rosidl makes its class."""
+
+    @classmethod
+    def get_fields_and_field_types(cls) -> dict[str, str]:
+        """Names of the fields, and their types in the words of rosidl."""
+        ...
+
+
+class RecordedMessage(Protocol):
+    """A message of a bag, by the names that `hindrax_bag` gives its parts."""
+
+    @property
+    def type(self) -> str:
+        """Type, written as `package/msg/Type`."""
+        ...
+
+    @property
+    def data(self) -> bytes:
+        """CDR bytes, in the form of the record."""
+        ...
+
+    @property
+    def is_old(self) -> bool:
+        """Whether the type has changed since."""
+        ...
+
+    def decoded(self) -> object:
+        """The message in the form of today."""
+        ...
+
 
 _KINDS = {"boolean": "bool", "octet": "byte", "float": "float32", "double": "float64"}
 """Names of builtin types in a definition, where rosidl has others."""
@@ -25,19 +60,20 @@ _BOUND = re.compile(r"<\d+>")
 
 
 @cache
-def message_class(type_name: str) -> Any:
+def message_class(type_name: str) -> type[Message]:
     """Class of a message type written as `package/msg/Type`."""
     package, kind, name = type_name.split("/")
-    return getattr(importlib.import_module(f"{package}.{kind}"), name)
+    found: type[Message] = getattr(importlib.import_module(f"{package}.{kind}"), name)
+    return found
 
 
 @cache
-def definition_of(kind: object) -> Definition:
+def definition_of(kind: type[Message]) -> Definition:
     """Definition of a class of messages."""
     return dict(_definitions(kind))
 
 
-def _definitions(kind: Any) -> Iterator[tuple[str, tuple[Field, ...]]]:
+def _definitions(kind: type[Message]) -> Iterator[tuple[str, tuple[Field, ...]]]:
     """Fields by type: of a class of messages, then of those within."""
     package = kind.__module__.partition(".")[0]
     fields = tuple(_field(name, text) for name, text in kind.get_fields_and_field_types().items())
@@ -65,7 +101,7 @@ def fields_reader(type_name: str, *paths: str) -> Callable[[bytes], tuple[Any, .
     return CdrReader(definition_of(message_class(type_name)), *paths).read
 
 
-def contents_reader(type_name: str, contents: Contents) -> Read:
+def contents_reader(type_name: str, contents: Contents[ContentT_co]) -> Read[ContentT_co]:
     """Make the reader of messages of an installed type."""
     return bytes_reader(definition_of(message_class(type_name)), contents)
 
@@ -75,15 +111,16 @@ def serialized(message: object) -> bytes:
     return message if isinstance(message, bytes) else bytes(serialize_message(message))
 
 
-def deserialized(data: bytes, kind: type) -> Any:
+def deserialized(data: bytes, kind: type[MessageT]) -> MessageT:
     """Message of a class, from its bytes; ValueError for bytes that are none."""
     try:
-        return deserialize_message(data, kind)
+        found: MessageT = deserialize_message(data, kind)
     except Exception as error:
         raise ValueError(f"found {len(data)} bytes that are no {kind.__name__}: {error}") from error
+    return found
 
 
-def as_message(decoded: Any, message_type: Any) -> Any:
+def as_message(decoded: object, message_type: type[Message]) -> Message:
     """Message of a type whose fields have the values of the same names in any decoded object, nested ones too.
 
     Sequences of messages are not converted; no message of ours that old bags hold has one.
@@ -96,9 +133,9 @@ def as_message(decoded: Any, message_type: Any) -> Any:
     return message
 
 
-def current_bytes(message: Any) -> bytes:
+def current_bytes(message: RecordedMessage) -> bytes:
     """CDR bytes of a message of a bag (`BagMessage`) in today's form of its type."""
-    if not message.form.old:
+    if not message.is_old:
         return bytes(message.data)
     return serialized(as_message(message.decoded(), message_class(message.type)))
 
@@ -115,7 +152,7 @@ class CdrWriter:
         self._bytes = bytearray()
         self._parts: list[tuple[Callable[..., None], int, slice]] = []
 
-    def learn(self, key: object, example: Any) -> None:
+    def learn(self, key: object, example: Message) -> None:
         """Set the example: a message of the new shape or with the new text."""
         self.key = key
         data = serialize_message(example)

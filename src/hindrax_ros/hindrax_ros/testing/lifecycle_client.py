@@ -55,7 +55,7 @@ class LifecycleClient:
         self._change = node.create_client(ChangeState, f"{name}/change_state")
         self._get = node.create_client(GetState, f"{name}/get_state")
 
-    def _ask(self, client: Client, *requests: Any) -> list[Any]:
+    def _ask(self, client: Client, *requests: object) -> list[Any]:
         self._until(client.service_is_ready, f"{client.srv_name}")
         answers: list[object] = []
         for begin in range(0, len(requests), TOGETHER):

@@ -14,6 +14,8 @@ from types import SimpleNamespace
 from typing import Any
 from unittest import mock
 
+from smbus2.smbus2 import i2c_rdwr_ioctl_data
+
 from hindrax_core.events import Stamp
 from hindrax_sim.buses.i2cdev_abi import FUNCTIONS, I2C_FUNCS, I2C_RDWR, message, transact
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
@@ -50,7 +52,7 @@ class IoctlSeam:
             raise OSError(errno.ENOTTY, os.strerror(errno.ENOTTY))
         return self._rdwr(argument)
 
-    def _rdwr(self, argument: Any) -> int:
+    def _rdwr(self, argument: i2c_rdwr_ioctl_data) -> int:
         raw = [argument.msgs[index] for index in range(argument.nmsgs)]
         messages = [message(one.addr, one.flags, one.len, partial(ctypes.string_at, one.buf, one.len)) for one in raw]
         for one, answer in zip(raw, transact(self._bus.transfer, messages, self.now), strict=True):

@@ -9,8 +9,8 @@ own client (dvl-python) counts on. Beams lie 22.5 degrees off the axis, ahead, a
 import json
 import math
 from collections import deque
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -104,7 +104,7 @@ class A50(Part[DvlTruth]):
             sent.append(self._outbox.popleft()[1])
         return b"".join(sent)
 
-    def _send(self, at_s: float, report: Any) -> None:
+    def _send(self, at_s: float, report: Callable[[int], object]) -> None:
         """Queue a report, which gets the time at which it leaves."""
         data = OTHER if self._disguised else json.dumps(report(self._us(at_s))).encode("ascii") + b"\r\n"
         self._outbox.append((at_s, data))
@@ -231,11 +231,10 @@ class A50(Part[DvlTruth]):
         self._line = text.encode()[-LONGEST_COMMAND:]
         return b"".join(answers) if not self._disguised else b""
 
-    def _answer(self, order: Any) -> bytes:
-        try:
-            name, given = order["command"], order.get("parameters", {})
-        except (TypeError, KeyError, AttributeError):
+    def _answer(self, order: object) -> bytes:
+        if not isinstance(order, dict) or "command" not in order:
             return b""
+        name, given = order["command"], order.get("parameters", {})
         wrong, result = "", None
         if name == "get_config":
             result = asdict(self.settings)

@@ -10,7 +10,6 @@ on.
 import math
 import struct
 from bisect import bisect_left
-from typing import Any
 
 from hindrax_core.readings import Air
 from hindrax_sim.devices.emulator import Emulator, Part
@@ -143,7 +142,7 @@ def _percent(raw: int, fine: int) -> float:
     return min(100.0, max(0.0, (v >> 12) / 1024.0))
 
 
-def _agrees(truth: Air, reading: Any) -> bool:
+def _agrees(truth: Air, reading: Air) -> bool:
     """Noise is some pascals; the rest is corruption too small to be distinguished from weather."""
     near = abs(reading.pressure_Pa - truth.pressure_Pa) < 400.0 and abs(reading.humidity - truth.humidity) < 0.08
     return near and bool(abs(reading.temperature_C - truth.temperature_C) < 1.5)

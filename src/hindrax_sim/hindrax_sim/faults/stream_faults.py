@@ -8,7 +8,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -161,7 +161,7 @@ class LateFrames(StreamFault):
 class FaultyLine:
     """A SerialEmulator: a device, and faults between it and the host."""
 
-    def __init__(self, device: Any, schedule: Sequence[Scheduled[StreamFault]]) -> None:
+    def __init__(self, device: SerialEmulator, schedule: Sequence[Scheduled[StreamFault]]) -> None:
         self.device: SerialEmulator = device
         self._schedule = FaultSchedule(schedule)
         self._late: list[bytes] = []

@@ -3,9 +3,10 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 from hindrax_core.readings import Pressure, Vec3
+from hindrax_sim.devices.ardupilot.firmware import AutopilotTruth
 from hindrax_sim.devices.dvl75_sentences import DvlTruth
 from hindrax_sim.devices.imu.imu_signal import ImuTruth
 from hindrax_sim.devices.ping1d import PingTruth
@@ -20,6 +21,7 @@ NEAR_m, SHORT_m = 0.3, 0.5
 GYRO_OFFSET_radps: Vec3 = (math.radians(40.0), 0.0, 0.0)
 FORCE_OFFSET_mps2: Vec3 = (0.0, 3.0, 0.0)
 BIAS_mps, NOWHERE = (0.25, 0.0, 0.0), (0.0, 0.0, 0.0)
+DepthT = TypeVar("DepthT", Pressure, AutopilotTruth)
 SensorFault: TypeAlias = Callable[[Any, Any, float], Any]
 """Truth as a device senses it, from the truth, its previous output, and the time since [s]."""
 WorldFault: TypeAlias = Callable[[World, str, bool], None]
@@ -91,12 +93,12 @@ def false_lock(truth: DvlTruth, was: DvlTruth, _dt_s: float) -> DvlTruth:
     return replace(truth, velocity_mps=(0.0, 0.0, 0.0), travel_m=was.travel_m or NOWHERE, altitude_m=NEAR_m)
 
 
-def depth_stuck(truth: Any, was: Any, _dt_s: float) -> Any:
+def depth_stuck(truth: DepthT, was: DepthT, _dt_s: float) -> DepthT:
     """The pressure sensor is clogged: it keeps the pressure that it had, whatever else its device measures."""
     return was if isinstance(truth, Pressure) else replace(truth, water_Pa=was.water_Pa)
 
 
-def depth_scaled(truth: Any, was: Any, dt_s: float) -> Any:  # noqa: ARG001  # a fault as any other
+def depth_scaled(truth: DepthT, _was: DepthT, _dt_s: float) -> DepthT:
     """The pressure of another range of the same part: what the water adds is taken for a fifth more."""
     if isinstance(truth, Pressure):
         return replace(truth, pressure_Pa=AIR_Pa + TOO_DEEP * (truth.pressure_Pa - AIR_Pa))

@@ -5,7 +5,7 @@ readings in the same form, so they are interchangeable.
 """
 
 import heapq
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from typing import Any, TypeAlias
 
@@ -161,7 +161,7 @@ class BytesRig:
             readings += self._handle(name, outputs)
         return readings
 
-    def _handle(self, name: str, outputs: Any) -> list[SensorReading]:
+    def _handle(self, name: str, outputs: Iterable[Output]) -> list[SensorReading]:
         """Handle driver outputs: readings to the stack, bytes to the device, the rest into the log."""
         readings: list[SensorReading] = []
         for output in outputs:

@@ -7,11 +7,12 @@ with it.
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 from nav_msgs.msg import Odometry
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64, Float64MultiArray
 
@@ -119,9 +120,9 @@ class SimulatorLink:
 def _sender(node: Node, topic: str, thrusters: list[str]) -> Send:
     """One topic with an array, or one per thruster."""
     if "{thruster}" not in topic:
-        array: Any = node.create_publisher(Float64MultiArray, topic, 1)
+        array: Publisher = node.create_publisher(Float64MultiArray, topic, 1)
         return lambda forces: array.publish(Float64MultiArray(data=forces))
-    singles: list[Any] = [node.create_publisher(Float64, topic.format(thruster=name), 1) for name in thrusters]
+    singles: list[Publisher] = [node.create_publisher(Float64, topic.format(thruster=name), 1) for name in thrusters]
 
     def send(forces: list[float]) -> None:
         for single, force in zip(singles, forces, strict=True):

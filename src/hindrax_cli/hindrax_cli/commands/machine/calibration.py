@@ -6,8 +6,8 @@ import statistics
 from collections.abc import Mapping
 from dataclasses import asdict
 from functools import partial
-from typing import Any
 
+from hindrax_analysis.records.bag_track import Vector
 from hindrax_analysis.terminal import print_answer, working
 from hindrax_bag.read.bag_reader import messages
 from hindrax_cli.argument_types import add_i2c_port, add_json, add_sensor, add_vehicle
@@ -117,7 +117,7 @@ def _self_test(port: str, mount: Mount, *, as_json: bool) -> int:
     return 0 if result.passed else 1
 
 
-def _vector(message: Any) -> Vec3:
+def _vector(message: Vector) -> Vec3:
     return (message.x, message.y, message.z)
 
 

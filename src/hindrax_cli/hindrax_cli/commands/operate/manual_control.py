@@ -2,8 +2,8 @@
 
 import argparse
 import math
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
+from typing import Protocol
 
 from hindrax_bringup.share_files import usual_vehicle, vehicle_file
 from hindrax_cli.argument_types import positive
@@ -182,13 +182,32 @@ def require_within(wrench: Vec6, limits: Vec6) -> None:
             raise UsageError(f"wrench {symbol}: found {value:g}, {wanted}")
 
 
-def wrench_text(wrench: Sequence[float]) -> str:
+def wrench_text(wrench: Iterable[float]) -> str:
     """Return the axes that are not zero, with their units."""
     rows = zip(WRENCH_SYMBOLS, wrench, WRENCH_UNITS, strict=True)
     return ", ".join(f"{symbol} {value:+.1f} {unit}" for symbol, value, unit in rows if abs(value) >= 0.05) or "nothing"
 
 
-def outcome_text(allocation: Any) -> str:
+class Allocated(Protocol):
+    """An AllocationStatus message: wrenches [N, Nm], and what was refused."""
+
+    @property
+    def achieved(self) -> Iterable[float]:
+        """What the thrusters give."""
+        ...
+
+    @property
+    def shortfall(self) -> Iterable[float]:
+        """What they lack of what was wanted."""
+        ...
+
+    @property
+    def refused(self) -> Sequence[str]:
+        """A sentence for each refused part."""
+        ...
+
+
+def outcome_text(allocation: Allocated) -> str:
     """Return what the thrusters made of it at the end, holds included."""
     text = f"done; with the holds it was {wrench_text(allocation.achieved)}"
     lacking = wrench_text(allocation.shortfall)

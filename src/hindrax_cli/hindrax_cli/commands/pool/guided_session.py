@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hindrax_analysis.coefficients_file import as_yaml
 from hindrax_analysis.identification.bag_identification import (
@@ -47,6 +47,9 @@ from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.vehicle import AXES, AxisGain, load_vehicle
 from hindrax_operator.pool_run import ABORT, PoolOptions, fly, planned, proof_of
 from hindrax_operator.progress import Progress
+
+if TYPE_CHECKING:
+    from hindrax_operator.nodes.operator_node import Operator
 
 UNFIT = ("plan", "until", "minutes", "fault", "simulator", "start", "out", "autopilot", "params", "set")
 """Options of a single flight, which a session does not keep."""
@@ -200,7 +203,7 @@ class StackStand:
             return None, 0.0, "left out: wanted a person, --load and for yaw --lever"
         held: list[Hold] = []
 
-        def act(_options: PoolOptions, operator: Any, progress: Progress) -> Refusal:
+        def act(_options: PoolOptions, operator: "Operator", progress: Progress) -> Refusal:
             from hindrax_operator.weighing import weigh_on  # noqa: PLC0415  # rclpy reads the environment of the stack
 
             loads, ask = [share * load_N * lever_m for share in SHARES], partial(ask_for_load, axis, load_N)
@@ -249,7 +252,7 @@ def _report(folder: Path, session: PoolSession) -> None:
     print_stderr(f"{step.name}: kept in {folder}; {len(session.left)} steps are left")
 
 
-def session_document(session: PoolSession, folder: Path) -> dict[str, Any]:
+def session_document(session: PoolSession, folder: Path) -> dict[str, object]:
     """What a session adds to the document of `identify`."""
     reached = session.reached
     return {

@@ -118,7 +118,7 @@ def session_summary(trials: Sequence[SessionTrial]) -> dict[str, Any]:
     }
 
 
-def _row(motion: str, trials: Sequence[SessionTrial]) -> dict[str, Any]:
+def _row(motion: str, trials: Sequence[SessionTrial]) -> dict[str, object]:
     first, weighed_, last = [], [], []
     for trial in trials:
         stages = [step for step in trial.steps if motion in step.reached]

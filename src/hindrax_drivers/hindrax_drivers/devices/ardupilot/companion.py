@@ -1,12 +1,11 @@
 """What the drivers of an ArduSub's measurements have in common: a companion on the link that asks for its streams."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from collections.abc import Iterable, Mapping
 
 from hindrax_core.driver_interface import Identity, Output, Trouble
 from hindrax_core.events import Rejected, Stamp, seconds_between
-from hindrax_drivers.devices.ardupilot.link import BAUD, Link, no_submarine
+from hindrax_drivers.devices.ardupilot.link import BAUD, Handlers, Link, no_submarine
 from hindrax_drivers.driver import SilenceMonitor
 from hindrax_drivers.timebase import Break
 
@@ -27,7 +26,7 @@ class Companion(ABC):
         self._reset(Stamp(0))
 
     @abstractmethod
-    def _handlers(self) -> Mapping[type, Callable[[Any, Stamp], list[Output]]]:
+    def _handlers(self) -> Handlers:
         """What is made of each kind of message."""
 
     @abstractmethod
@@ -57,12 +56,11 @@ class Companion(ABC):
         self._silence.last_byte = stamp
         outputs: list[Output] = []
         for message in self._link.feed(data, stamp):
-            on = self._on.get(type(message))
             if isinstance(message, Rejected):
                 outputs.append(message)
-            elif on is not None and not no_submarine(self._link.beat):
+            elif self._on.know(message) and not no_submarine(self._link.beat):
                 self._silence.last_valid = stamp
-                outputs += on(message, stamp)
+                outputs += self._on.outputs(message, stamp)
         broken, self._broken = self._broken, []
         return [*outputs, *broken]
 

@@ -7,16 +7,17 @@ firmware does not send. Frames of others on the same network, ground stations an
 """
 
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
-from hindrax_core.driver_interface import Send
+from hindrax_core.driver_interface import Output, Send
 from hindrax_core.events import Rejected, Stamp, seconds_between
 from hindrax_drivers.protocols import ardupilot, mavlink
 from hindrax_drivers.protocols.ardupilot import FROM_AUTOPILOT, GROUND_STATION, ParameterValue, Version
 from hindrax_drivers.protocols.mavlink import AUTOPILOT, ONBOARD_COMPUTER, SYSTEM, CommandAck, Decoder, Heartbeat, Sent
 
+MessageT = TypeVar("MessageT")
 GCS_SYSTEM = 255
 """System of the ground station whose sticks ArduPilot obeys, unless its parameter says otherwise."""
 GCS_PARAMETERS = ("MAV_GCS_SYSID", "SYSID_MYGCS")
@@ -53,6 +54,26 @@ class Command:
     parameters: tuple[float, ...]
     at: Stamp = NEVER
     attempt: int = 0
+
+
+class Handlers:
+    """What is made of the messages of each kind; a handler sees only those of its own."""
+
+    def __init__(self) -> None:
+        self._by_kind: dict[type, Callable[[Any, Stamp], list[Output]]] = {}
+
+    def on(self, kind: type[MessageT], handle: Callable[[MessageT, Stamp], list[Output]]) -> None:
+        """Hand messages of a kind to `handle`, with the time of their arrival."""
+        self._by_kind[kind] = handle
+
+    def know(self, message: object) -> bool:
+        """Whether something is made of messages of this kind."""
+        return type(message) in self._by_kind
+
+    def outputs(self, message: object, stamp: Stamp) -> list[Output]:
+        """Outputs of one message; none of a kind that nothing is made of."""
+        handle = self._by_kind.get(type(message))
+        return handle(message, stamp) if handle else []
 
 
 class Link:
@@ -124,7 +145,7 @@ class Link:
         """COMMAND_LONG to the autopilot, whose answer is the caller's to wait for."""
         return self.send(mavlink.command_long(number, parameters, confirmation, self.system))
 
-    def feed(self, data: bytes, stamp: Stamp) -> Iterator[Any]:
+    def feed(self, data: bytes, stamp: Stamp) -> Iterator[object]:
         """Yield the messages of the autopilot, and rejected bytes; answers to our own requests are taken."""
         for event in self._decoder.feed(data, stamp):
             if isinstance(event, Rejected):

@@ -12,15 +12,14 @@ Who took over keeps the vehicle: after that nothing is sent that could move it, 
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
-from typing import Any
 
 from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
 from hindrax_core.readings import AppliedPulses, Battery, DeviceText
 from hindrax_core.vehicle import Vehicle
-from hindrax_drivers.devices.ardupilot.link import ACCEPTED, ATTEMPTS, BAUD, IN_PROGRESS, Link, no_submarine
+from hindrax_drivers.devices.ardupilot.link import ACCEPTED, ATTEMPTS, BAUD, IN_PROGRESS, Handlers, Link, no_submarine
 from hindrax_drivers.devices.ardupilot.mixer import FACTORS, CENTER_us, Mixer, Motor, push_of, thrust_table
 from hindrax_drivers.protocols import ardupilot
 from hindrax_drivers.protocols.ardupilot import (
@@ -108,14 +107,13 @@ class ArduSub:
         self._owned = False
         """Whether it was armed from here, and neither disarmed since nor taken over."""
         self._pause_until = Stamp(0)
-        self._handlers: Mapping[type, Callable[[Any, Stamp], list[Output]]] = {
-            ServoOutput: self._on_servos,
-            RcChannels: self._on_sticks,
-            CommandAck: self._on_answer,
-            NamedFloat: self._on_named,
-            Supply: self._on_supply,
-            StatusText: self._on_text,
-        }
+        self._handlers = Handlers()
+        self._handlers.on(ServoOutput, self._on_servos)
+        self._handlers.on(RcChannels, self._on_sticks)
+        self._handlers.on(CommandAck, self._on_answer)
+        self._handlers.on(NamedFloat, self._on_named)
+        self._handlers.on(Supply, self._on_supply)
+        self._handlers.on(StatusText, self._on_text)
         self._reset(Stamp(0))
 
     # ---- state
@@ -175,7 +173,7 @@ class ArduSub:
             if isinstance(message, Rejected):
                 outputs.append(message)
             else:
-                outputs += self._on_message(message, stamp)
+                outputs += self._handlers.outputs(message, stamp)
         return outputs
 
     def tick(self, stamp: Stamp) -> Iterable[Output]:
@@ -313,10 +311,6 @@ class ArduSub:
         return found
 
     # ---- what it says
-
-    def _on_message(self, message: Any, stamp: Stamp) -> list[Output]:
-        on = self._handlers.get(type(message))
-        return on(message, stamp) if on else []
 
     def _on_named(self, message: NamedFloat, _stamp: Stamp) -> list[Output]:
         self._named[message.name] = message.value

@@ -8,7 +8,6 @@ project flies in none of them. A stream that nobody has asked for is not sent, b
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -123,7 +122,7 @@ class ArduSub(Part[AutopilotTruth]):
         """Commands that this firmware does not know."""
         self.version = VERSION
         self._random = np.random.default_rng(seed)
-        self._commands: Mapping[int, Callable[[tuple[Any, ...], _Channel], int]] = {
+        self._commands: Mapping[int, Callable[[tuple[float, ...], _Channel], int]] = {
             176: self._set_mode,
             209: self._motor_test,
             400: self._arm,
@@ -259,7 +258,7 @@ class ArduSub(Part[AutopilotTruth]):
 
     # ---- commands
 
-    def _set_mode(self, values: tuple[Any, ...], _channel: _Channel) -> int:
+    def _set_mode(self, values: tuple[float, ...], _channel: _Channel) -> int:
         mode = round(values[1])
         if mode not in MODES:
             return DENIED
@@ -267,7 +266,7 @@ class ArduSub(Part[AutopilotTruth]):
         self._sticks_us = [1500.0] * 6
         return ACCEPTED
 
-    def _arm(self, values: tuple[Any, ...], _channel: _Channel) -> int:
+    def _arm(self, values: tuple[float, ...], _channel: _Channel) -> int:
         if not values[0]:
             self._disarm()
             return ACCEPTED
@@ -282,7 +281,7 @@ class ArduSub(Part[AutopilotTruth]):
         self.armed = False
         self._output()
 
-    def _motor_test(self, values: tuple[Any, ...], _channel: _Channel) -> int:
+    def _motor_test(self, values: tuple[float, ...], _channel: _Channel) -> int:
         self._test_s = self._now_s
         if not self._testing and not self._begin_test():
             self._text(WARNING, "motor test initialization failed!")
@@ -309,14 +308,14 @@ class ArduSub(Part[AutopilotTruth]):
         self._testing = True
         return True
 
-    def _set_interval(self, values: tuple[Any, ...], channel: _Channel) -> int:
+    def _set_interval(self, values: tuple[float, ...], channel: _Channel) -> int:
         number, interval_us = round(values[0]), values[1]
         if number not in self._messages:
             return DENIED
         channel.intervals_s[number], channel.due_s[number] = 1e-6 * interval_us, self._now_s
         return ACCEPTED
 
-    def _request(self, values: tuple[Any, ...], channel: _Channel) -> int:
+    def _request(self, values: tuple[float, ...], channel: _Channel) -> int:
         number = round(values[0])
         if number not in self._messages:
             return FAILED
@@ -325,9 +324,9 @@ class ArduSub(Part[AutopilotTruth]):
 
     # ---- sticks and mixer
 
-    def _manual_control(self, values: tuple[Any, ...]) -> None:
+    def _manual_control(self, values: tuple[float, ...]) -> None:
         x, y, z, r = values[:4]
-        enabled, s, t = values[7:10]
+        enabled, s, t = int(values[7]), *values[8:10]
         scale, vertical = 0.4 * self.gain, 0.8 * self.gain * self.parameters["JS_THR_GAIN"]
         centered = (
             s * (enabled & 1) + 1500,
