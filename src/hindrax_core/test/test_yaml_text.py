@@ -1,6 +1,7 @@
 """YAML from anybody is plain data or one sentence."""
 
 import pytest
+import yaml
 
 from hindrax_core.errors import UsageError
 from hindrax_core.text.yaml_text import ALIASES, DEPTH, DIGITS, NODES, read_yaml
@@ -35,6 +36,18 @@ def test_refused_in_one_sentence(text: str, words: str) -> None:
     assert words in str(raised.value)
     assert "\n" not in str(raised.value)
     assert len(str(raised.value)) < 400
+
+
+def test_a_parser_with_a_bound_of_its_own_is_told_by_the_same_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    """libyaml of PyYAML 6.0.4, of which the one here may be older: it ends at 1000 before we have counted to 40."""
+    mark = yaml.Mark("x.yaml", 1002, 6, 1002, None, 0)
+
+    def parse(*_: object) -> None:
+        raise yaml.scanner.ScannerError("while increasing flow level", mark, "exceeded maximum nesting depth", mark)
+
+    monkeypatch.setattr(yaml, "parse", parse)
+    with pytest.raises(UsageError, match=f"x.yaml: found more than {DEPTH} nested blocks, line 7; wanted fewer"):
+        read_yaml("a: 1", "x.yaml")
 
 
 @pytest.mark.parametrize(

@@ -43,7 +43,9 @@ def read_yaml(text: str, source: str) -> Any:
         return loader.construct_document(node)
     except yaml.YAMLError as error:
         if "nesting depth" in str(error):  # newer parsers have a bound of their own, and meet it before ours is checked
-            raise UsageError(f"{source}: found more than {DEPTH} nested blocks; wanted fewer") from error
+            mark = error.problem_mark if isinstance(error, yaml.MarkedYAMLError) else None
+            where = f", line {mark.line + 1}" if mark else ""
+            raise UsageError(f"{source}: found more than {DEPTH} nested blocks{where}; wanted fewer") from error
         raise UsageError(f"{source}: is not YAML ({' '.join(str(error).split())})") from error
     except ValueError as error:
         raise UsageError(f"{source}: {error}") from error
