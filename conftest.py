@@ -6,21 +6,21 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
 from parallel_run import FileProgress, FileScheduling, long_ones_first
 from xdist.scheduler import Scheduling
 
 from hindrax_bringup.ros_graph import OUR_RMW, RANGE, RMW, graph_settings
-from hindrax_bringup.stack import own_domain
 from hindrax_bringup.stack_lock import FOLDER
+from hindrax_core.testing import load_profile
 from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_ros.testing.fixtures import ros_domain
 
-# A busy machine is slow, not wrong: properties are judged by what they find, never by the clock. The usual run tries
-# the same examples every time, so that it tells of the change at hand; a thorough one looks for new ones.
-settings.register_profile("hindrax", deadline=None, derandomize="HINDRAX_THOROUGH" not in os.environ)
-settings.load_profile("hindrax")
+__all__ = ["ros_domain"]
+"""A fixture of all tests."""
 
-# Nor does the graph of a shell decide: what it has set for other robots is not there when the client library is loaded.
+load_profile()
+
+# The graph of a shell does not decide: what it has set for other robots is not there when the client library is loaded.
 for name in graph_settings(os.environ):
     os.environ.pop(name, None)
 os.environ |= {RMW: OUR_RMW, RANGE: "LOCALHOST"}
@@ -69,13 +69,3 @@ def runtime_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(FOLDER, str(tmp_path_factory.mktemp("runtime")))
         yield
-
-
-@pytest.fixture(scope="session")
-def ros_domain() -> Iterator[int]:
-    """A ROS domain that no stack and no other worker on this machine uses."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.delenv("ROS_DOMAIN_ID", raising=False)
-        with own_domain(mock=True) as domain:
-            assert domain is not None
-            yield domain

@@ -212,7 +212,7 @@ discard() {
 # Zip archives, and git where core.symlinks is off, leave plain files where the links of this clone belong.
 restore_links() {
   local link
-  for link in ros_ws/src=../src src/hindrax_sim/hindrax_sim/firmware=../../../firmware/hindrax_mcu; do
+  for link in ros_ws/src=../src firmware/hindrax_mcu=../src/hindrax_sim/hindrax_sim/firmware; do
     [ -d "$root/${link%=*}" ] && continue
     say "making ${link%=*} the link that it has to be"
     rm -f "$root/${link%=*}"

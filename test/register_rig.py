@@ -3,13 +3,12 @@
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
-from lock_step import LockStep, LoggedI2c
-
 from hindrax_core.bus_operations import Program, run
 from hindrax_core.driver_interface import Identity, RegisterDevice, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, after, stamp_from_s, to_s
 from hindrax_drivers.buses.bus_schedule import BusOutput, BusSchedule
 from hindrax_sim.devices.emulator import RegisterEmulator
+from hindrax_sim.testing.lock_step import LockStep, LoggedI2c
 
 STEP_S = 0.005
 START = stamp_from_s(100.0)

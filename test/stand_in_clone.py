@@ -9,7 +9,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 
-LINKS = ("ros_ws/src", "src/hindrax_sim/hindrax_sim/firmware")
+LINKS = ("ros_ws/src", "firmware/hindrax_mcu")
 
 # Plays an interpreter, and with it venv, pip, uv and colcon, and writes each step to $CALLS. In the step named by
 # $DIE_IN it does half of the work and then takes the whole process group with it; in the step named by $FAIL_IN it
@@ -124,7 +124,7 @@ def copy_clone(destination: Path) -> None:
     for name in ("hindrax_msgs/package.xml", "hindrax_msgs/msg/Heartbeat.msg", "hindrax_bringup/setup.cfg"):
         (destination / "src" / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / "src" / name, destination / "src" / name)
-    (destination / "firmware/hindrax_mcu").mkdir(parents=True)
+    (destination / "src/hindrax_sim/hindrax_sim/firmware").mkdir(parents=True)
     for link in LINKS:
         (destination / link).parent.mkdir(parents=True, exist_ok=True)
         (destination / link).symlink_to((ROOT / link).readlink())

@@ -14,7 +14,7 @@ COPIED = ("src", "test/contract", "test/golden", "docs")
 def copy_of_the_clone(place: Path) -> Path:
     for part in COPIED:
         shutil.copytree(ROOT / part, place / part, ignore=shutil.ignore_patterns("__pycache__", "*.mcap"))
-    for file in ("pyproject.toml", "conftest.py", "test/parallel_run.py", "test/register_rig.py", "test/lock_step.py"):
+    for file in ("pyproject.toml", "conftest.py", "test/parallel_run.py", "test/register_rig.py"):
         shutil.copy2(ROOT / file, place / file)
     return place
 

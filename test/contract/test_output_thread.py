@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import pytest
-from lock_step import LockStep
 
 from hindrax_core import vehicle
 from hindrax_core.bus_operations import DeviceError, Transaction
@@ -21,6 +20,7 @@ from hindrax_drivers.output.output_ports import RegisterOutput
 from hindrax_drivers.output.output_thread import OutputThread
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.devices.pca9685 import Pca9685 as Emulator
+from hindrax_sim.testing.lock_step import LockStep
 
 START = stamp_from_s(100.0)
 PATIENT_S = 30.0

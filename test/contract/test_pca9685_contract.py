@@ -3,7 +3,6 @@
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lock_step import LockStep
 
 from hindrax_core.bus_operations import DeviceError, run
 from hindrax_core.events import Stamp, after
@@ -12,6 +11,7 @@ from hindrax_drivers.devices.pca9685 import Pca9685
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.devices.emulator import NackError
 from hindrax_sim.devices.pca9685 import Pca9685 as Emulator
+from hindrax_sim.testing.lock_step import LockStep
 
 CHANNELS = (*range(8), 8, 9)
 REST = (1500.0,) * 8 + (1100.0,) * 2

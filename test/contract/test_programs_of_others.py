@@ -15,7 +15,6 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from mock_wires import repeated
 from smbus2 import SMBus, i2c_msg
 
 from hindrax_bringup.share_files import hindrax_with
@@ -23,6 +22,7 @@ from hindrax_core.errors import HindraxError
 from hindrax_i2c_file.fuse_i2c import FuseI2c
 from hindrax_sim.hardware import Hardware
 from hindrax_sim.mock_vehicle import MockVehicle
+from hindrax_sim.testing.mock_wires import repeated
 
 POSSIBLE = os.geteuid() == 0 and Path("/dev/fuse").exists()
 I2C_SLAVE = 0x0703

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from lock_step import LockStep
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_core import vehicle
@@ -31,6 +30,7 @@ from hindrax_drivers.output.output_ports import RegisterOutput
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.devices.pca9685 import Pca9685 as Emulator
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, with_bus_faults
+from hindrax_sim.testing.lock_step import LockStep
 
 START = stamp_from_s(100.0)
 REST = (1500.0,) * 8 + (1100.0,) * 2

@@ -12,6 +12,7 @@ import pytest
 
 from hindrax_bringup import processes
 from hindrax_core import topics
+from hindrax_tools.bare_sources import copy_of_sources, declared, packages_up_to, run_tests
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = sorted(path.parent for path in ROOT.glob("src/*/package.xml"))
@@ -48,20 +49,18 @@ DEVELOPMENT_MODULES = {
 }
 
 
+def imported_modules(source: Path) -> Iterator[str]:
+    """Top names that a file imports, its relative imports aside."""
+    for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name.split(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+            yield node.module.split(".")[0]
+
+
 def modules_imported(package: Path) -> Iterator[tuple[str, Path]]:
     for source in (*(package / package.name).rglob("*.py"), *package.glob("launch/*.py")):
-        tree = ast.parse(source.read_text(encoding="utf-8"))
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Import):
-                yield from ((alias.name.split(".")[0], source) for alias in node.names)
-            elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
-                yield node.module.split(".")[0], source
-
-
-def dependencies(package: Path) -> set[str]:
-    manifest = ET.parse(package / "package.xml").getroot()
-    kinds = ("depend", "exec_depend", "export/pip_depend")
-    return {element.text or "" for kind in kinds for element in manifest.findall(kind)}
+        yield from ((module, source) for module in imported_modules(source))
 
 
 def keys_needed(package: Path) -> Iterator[tuple[str, Path]]:
@@ -79,38 +78,73 @@ def keys_needed(package: Path) -> Iterator[tuple[str, Path]]:
 
 @pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=lambda package: package.name)
 def test_every_import_is_a_declared_dependency(package: Path) -> None:
-    declared = dependencies(package)
+    known = declared(package, tests=False)
     for key, source in keys_needed(package):
-        assert key in declared, f"{source} needs {key}: {package.name}/package.xml lacks it"
+        assert key in known, f"{source} needs {key}: {package.name}/package.xml lacks it"
 
 
 @pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=lambda package: package.name)
 def test_every_declared_dependency_is_imported(package: Path) -> None:
-    assert dependencies(package) - {key for key, _ in keys_needed(package)} == set()
+    assert declared(package, tests=False) - {key for key, _ in keys_needed(package)} == set()
 
 
-STAND_ALONE = (
-    *("hindrax_core", "hindrax_ros", "hindrax_drivers", "hindrax_control", "hindrax_ident"),
-    *("hindrax_laboratory", "hindrax_replay"),
-)
-"""Packages whose tests need what their manifest names, from a copy of src: `colcon test --packages-up-to NAME`."""
+KEY_OF_TESTS = KEY_OF_MODULE | {"hypothesis": "python3-hypothesis", "pytest": "python3-pytest"}
+PIP_OF_TESTS = PIP_OF_MODULE | {
+    "brping": "bluerobotics-ping",
+    "filterpy": "filterpy",
+    "pymavlink": "pymavlink",
+    "pynmea2": "pynmea2",
+    "rosbags": "rosbags",
+}
+"""Peers of the tests, which the lock of development has; `pip_test_depend` in the exports of package.xml."""
+TESTED = [package for package in PYTHON_PACKAGES if (package / "test").is_dir()]
 
 
-@pytest.mark.parametrize("name", STAND_ALONE)
-def test_the_tests_of_a_package_need_nothing_above_it(name: str) -> None:
-    every, below, waiting = {package.name: package for package in PACKAGES}, {name}, [name]
-    while waiting:
-        new = (dependencies(every[waiting.pop()]) & every.keys()) - below
-        below |= new
-        waiting += new
-    ours = every.keys() | {file.stem for file in (ROOT / "test").glob("*.py")} | {"hindrax_tools"}
-    for file in (every[name] / "test").rglob("*.py"):
-        beside = {path.stem for path in file.parent.glob("*.py")}
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            found = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
-            found += [one.name for one in node.names] if isinstance(node, ast.Import) else []
-            roots = {module.partition(".")[0] for module in found}
-            assert not (roots & ours) - below - beside, file
+def keys_of_tests(package: Path) -> Iterator[tuple[str, Path]]:
+    """Keys of what the tests of a package import, but for their own helpers."""
+    for source in (package / "test").rglob("*.py"):
+        beside = {path.stem for path in source.parent.glob("*.py")}
+        for module in imported_modules(source):
+            if module not in sys.stdlib_module_names and module not in beside | {package.name}:
+                yield (KEY_OF_TESTS | PIP_OF_TESTS).get(module, module), source
+
+
+@pytest.mark.parametrize("package", TESTED, ids=lambda package: package.name)
+def test_the_tests_of_a_package_import_what_it_declares(package: Path) -> None:
+    """So they run from a copy of src alone, under `colcon test` and `python -m hindrax_tools.bare_sources`."""
+    known = declared(package, tests=True)
+    for key, source in keys_of_tests(package):
+        assert key in known, f"{source} needs {key}: {package.name}/package.xml lacks it, or the test belongs above it"
+
+
+@pytest.mark.parametrize("package", TESTED, ids=lambda package: package.name)
+def test_what_is_declared_for_tests_is_imported_by_them(package: Path) -> None:
+    only_tests = declared(package, tests=True) - declared(package, tests=False)
+    common = {"python3-hypothesis", "python3-pytest"}  # every conftest needs them
+    assert common <= only_tests
+    assert only_tests - common - {key for key, _ in keys_of_tests(package)} == set()
+
+
+@pytest.mark.parametrize("package", TESTED, ids=lambda package: package.name)
+def test_the_tests_of_a_package_need_nothing_above_it(package: Path) -> None:
+    """A circle would stop colcon: nothing that a package or its tests declare needs the package."""
+    for name in declared(package, tests=True) & {one.name for one in PACKAGES}:
+        assert package.name not in packages_up_to(ROOT / "src", name), name
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda package: package.name)
+def test_nothing_of_a_package_is_outside_of_src(package: Path) -> None:
+    for path in package.rglob("*"):
+        assert not path.is_symlink() or path.resolve().is_relative_to(package.resolve()), f"{path} leads out of it"
+    for source in (package / "test").rglob("*.py"):
+        found = re.search(r"\.parents\[[3-9]\]|clone_root|hindrax_tools", source.read_text(encoding="utf-8"))
+        assert found is None, f"{source}: {found} is not there in a copy of src; such tests are in test/"
+
+
+def test_tests_of_a_package_pass_in_a_copy_of_src_alone(tmp_path: Path) -> None:
+    """One that needs most of the others: they are imported from the copy, and nothing of the clone is."""
+    done = run_tests(copy_of_sources(ROOT / "src", tmp_path), "hindrax_replay")
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-1000:]
 
 
 PROJECT_OF_MODULE = PIP_OF_MODULE | {"serial": "pyserial", "yaml": "pyyaml"}
@@ -129,6 +163,33 @@ def test_rosdep_asks_pip_for_nothing(package: Path) -> None:
     assert not keys & set(PIP_OF_MODULE.values())
 
 
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda package: package.name)
+def test_a_package_has_what_bloom_and_the_build_farm_want(package: Path) -> None:
+    first, second = (package / "package.xml").read_text(encoding="utf-8").splitlines()[:2]
+    assert first == '<?xml version="1.0"?>'
+    assert second.startswith("<?xml-model href=")
+    assert "package_format3.xsd" in second
+    manifest = ET.parse(package / "package.xml").getroot()
+    assert manifest.get("format") == "3"
+    one_place = configparser.ConfigParser()
+    one_place.read(ROOT / "src/hindrax_core/setup.cfg")
+    metadata = one_place["metadata"]
+    assert manifest.findtext("name") == package.name
+    assert manifest.findtext("version") == (ROOT / "VERSION").read_text(encoding="utf-8").strip()
+    assert manifest.findtext("description")
+    assert manifest.findtext("author") == manifest.findtext("maintainer") == metadata["maintainer"]
+    (maintainer,) = manifest.findall("maintainer")
+    assert maintainer.get("email") == metadata["maintainer_email"]
+    (url,) = manifest.findall("url")
+    assert (url.get("type"), url.text) == ("website", metadata["url"])
+    (license_,) = manifest.findall("license")
+    assert (license_.get("file"), license_.text) == ("LICENSE", "Apache-2.0")
+    assert (package / "LICENSE").read_text(encoding="utf-8") == (ROOT / "LICENSE").read_text(encoding="utf-8")
+    changelog = (package / "CHANGELOG.rst").read_text(encoding="utf-8")
+    assert package.name in changelog
+    assert f"{manifest.findtext('version')} (" in changelog
+
+
 @pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=lambda package: package.name)
 def test_manifest_and_setup_agree(package: Path) -> None:
     manifest = ET.parse(package / "package.xml").getroot()
@@ -138,9 +199,6 @@ def test_manifest_and_setup_agree(package: Path) -> None:
     assert setup["metadata"]["version"] == manifest.findtext("version")
     assert manifest.findtext("author") == setup["metadata"]["author"] == setup["metadata"]["maintainer"]
     assert manifest.findtext("url") == setup["metadata"]["url"]
-    assert (package / "LICENSE").read_text(encoding="utf-8") == (ROOT / "LICENSE").read_text(encoding="utf-8")
-    assert f"{manifest.findtext('version')} (" in (package / "CHANGELOG.rst").read_text(encoding="utf-8")
-    assert "package_format3.xsd" in (package / "package.xml").read_text(encoding="utf-8").splitlines()[1]
     assert setup["metadata"]["license"] == manifest.findtext("license") == "Apache-2.0"
     assert setup["metadata"]["description"] == manifest.findtext("description")
     assert (package / "resource" / package.name).exists()
@@ -170,17 +228,3 @@ def test_every_field_ends_with_its_unit(path: Path) -> None:
 def test_every_interface_is_built_and_states_what_for(path: Path) -> None:
     assert f"{path.parent.name}/{path.name}" in (ROOT / "src/hindrax_msgs/CMakeLists.txt").read_text(encoding="utf-8")
     assert path.read_text(encoding="utf-8").startswith("# ")
-
-
-WITHOUT_HELPERS = ("bag", "bringup", "control", "core", "drivers", "ident", "laboratory", "ros")
-HELPERS = {path.stem for path in (ROOT / "test").glob("*.py")}
-
-
-@pytest.mark.parametrize("name", WITHOUT_HELPERS)
-def test_tests_of_a_package_collect_from_a_copy_of_src_alone(name: str) -> None:
-    """Their helpers are in the package or beside them, not in the folder of the whole system."""
-    for source in (ROOT / f"src/hindrax_{name}/test").glob("*.py"):
-        tree = ast.parse(source.read_text(encoding="utf-8"))
-        found = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
-        found |= {node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
-        assert not found & HELPERS, source

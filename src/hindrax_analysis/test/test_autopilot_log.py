@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega
-from ulog import ulog
 
 from hindrax_analysis.records.ardupilot_log import CHANNELS, WRAP_s, read_starts
 from hindrax_analysis.records.autopilot_log import read_log
 from hindrax_analysis.records.autopilot_vehicle import logged_wiring, wired
 from hindrax_analysis.records.recording import Recording, reason_to_skip
+from hindrax_analysis.testing.ulog import ulog
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.allocation.thrust_curve import AppliedWrench
 from hindrax_core.errors import UsageError

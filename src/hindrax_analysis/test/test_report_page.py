@@ -8,7 +8,6 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from browser import browser, browser_at_hand
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -36,6 +35,7 @@ from hindrax_analysis.report.forest import Entry, forest
 from hindrax_analysis.report.html_elements import plus_minus, table
 from hindrax_analysis.report.report_tables import dimensionless, reynolds_text, table_3, table_budget, table_methods
 from hindrax_analysis.report.run_page import RunReport, _facts, _how_to_read, run_page
+from hindrax_analysis.testing.browser import browser, browser_at_hand
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import array
 from hindrax_ident.assess.results import Contribution, DragBand, MotionResult, Number, Results, truth_of, with_truth

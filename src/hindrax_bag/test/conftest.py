@@ -1,6 +1,8 @@
-"""Lets the tests of this package find their samples."""
+"""What the tests of hindrax_bag share, also in a copy of src without the root of the repository."""
 
-import sys
-from pathlib import Path
+from hindrax_core.testing import load_profile
+from hindrax_ros.testing.fixtures import ros_domain
 
-sys.path.insert(0, str(Path(__file__).parent))
+__all__ = ["ros_domain"]
+
+load_profile()

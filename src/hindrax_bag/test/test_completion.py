@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 import yaml
-from bag_samples import LEVEL, chunk_ends, level, lookup, small_bag, summary_of, writer
 from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 
@@ -18,6 +17,7 @@ from hindrax_bag.read import recovery
 from hindrax_bag.read.bag_reader import messages
 from hindrax_bag.read.recovery import begin_completion, complete, copy_of, main, unfinished_files
 from hindrax_bag.read.survey import find_bags
+from hindrax_bag.testing.bag_samples import LEVEL, chunk_ends, level, lookup, small_bag, summary_of, writer
 from hindrax_bag.write import bag_writer
 from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_bag.write.limits import BagLimits

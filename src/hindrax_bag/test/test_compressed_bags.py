@@ -8,7 +8,6 @@ from typing import Any
 import lz4.frame
 import numpy as np
 import pytest
-from bag_samples import small_bag
 from mcap.writer import Writer
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag1 import Writer as Ros1Writer
@@ -21,6 +20,7 @@ from hindrax_bag.read.bag_reader import attachments, messages
 from hindrax_bag.read.mcap_records import Damage
 from hindrax_bag.read.recovery import recover
 from hindrax_bag.read.survey import find_bags, survey
+from hindrax_bag.testing.bag_samples import small_bag
 from hindrax_core.errors import HindraxError, UsageError
 
 WRENCH = "geometry_msgs/msg/WrenchStamped"

@@ -4,9 +4,9 @@ from collections import Counter
 from typing import Any
 
 import yaml
-from bag_samples import LEVEL, WORD
 
 from hindrax_bag.metadata import Contents, metadata_text, qos_map
+from hindrax_bag.testing.bag_samples import LEVEL, WORD
 from hindrax_core.topics import Quality
 
 EARLY = Contents("bag_0.mcap", Counter({LEVEL.topic: 3}), 1_000, 4_000, (LEVEL,))

@@ -8,13 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from bag_samples import LEVEL, level, lookup, small_bag, writer
 from mcap.records import Channel, Schema
 
 from hindrax_bag.definitions import definition
 from hindrax_bag.read.bag_reader import MessageDecoder, attachments, bag_files, messages
 from hindrax_bag.read.mcap_records import Damage
 from hindrax_bag.read.recovery import recover
+from hindrax_bag.testing.bag_samples import LEVEL, level, lookup, small_bag, writer
 from hindrax_bag.write.limits import BagLimits
 from hindrax_core.errors import UsageError
 

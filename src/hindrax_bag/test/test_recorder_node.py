@@ -16,7 +16,6 @@ pytest.importorskip("rclpy", reason="needs the ROS environment")
 pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
 
 import rclpy
-from bag_samples import offered_qualities, small_bag
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from mcap.reader import make_reader
 from rclpy.serialization import serialize_message
@@ -31,8 +30,8 @@ from hindrax_bag.nodes import recorder as module
 from hindrax_bag.nodes.recorder import QUEUE, SYNC_EVERY, Recorder
 from hindrax_bag.read.bag_reader import BagMessage, attachments, messages
 from hindrax_bag.read.recovery import complete
+from hindrax_bag.testing.bag_samples import offered_qualities, small_bag
 from hindrax_bag.write.bag_writer import BagWriter
-from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import (
     DIAGNOSTICS,
@@ -251,7 +250,8 @@ def test_a_power_cut_costs_a_second_and_the_operator_receives_every_second(
 def test_it_records_the_sensors_of_the_vehicle_by_their_names(bench: Callable[..., Bench], tmp_path: Path) -> None:
     file = tmp_path / "vehicle.yaml"
     ahead = "  ahead: {device: ping1d, port: /dev/hindrax/ahead, rotation_deg: [0.0, 90.0, 0.0]}"
-    file.write_text(default_vehicle().read_text().replace("\nsensors:", f"\nsensors:\n{ahead}"))
+    hindrax = Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml"
+    file.write_text(hindrax.read_text().replace("\nsensors:", f"\nsensors:\n{ahead}"))
     made = bench(vehicle=file)
     found = {one.topic_name for one in super(BatchedNode, made.recorder).subscriptions}
     assert {f"{NAMESPACE}/ahead/range", f"{NAMESPACE}/raw/ahead", resolved(IMU)} <= found

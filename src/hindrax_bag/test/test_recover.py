@@ -9,7 +9,6 @@ from pathlib import Path
 
 import lz4.frame
 import pytest
-from bag_samples import LEVEL, chunk_ends, level, small_bag, summary_of, writer
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.records import Message
@@ -20,6 +19,7 @@ from hindrax_bag.read import mcap_records, recovery
 from hindrax_bag.read.bag_reader import messages
 from hindrax_bag.read.mcap_records import Damage, records
 from hindrax_bag.read.recovery import recover
+from hindrax_bag.testing.bag_samples import LEVEL, chunk_ends, level, small_bag, summary_of, writer
 from hindrax_bag.write.bag_writer import BagFile
 from hindrax_bag.write.limits import BagLimits
 from hindrax_core.errors import HindraxError, UsageError

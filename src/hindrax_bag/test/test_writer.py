@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 import yaml
-from bag_samples import LEVEL, WORD, level, lookup, offered_qualities, small_bag, summary_of, word, writer
 from mcap.reader import make_reader
 from mcap.records import DataEnd
 from mcap.stream_reader import StreamReader
@@ -19,6 +18,17 @@ from hindrax_bag.metadata import Channel, is_whole, qualities_of
 from hindrax_bag.read.bag_reader import bag_files, messages
 from hindrax_bag.read.mcap_records import Damage
 from hindrax_bag.read.recovery import recover
+from hindrax_bag.testing.bag_samples import (
+    LEVEL,
+    WORD,
+    level,
+    lookup,
+    offered_qualities,
+    small_bag,
+    summary_of,
+    word,
+    writer,
+)
 from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_bag.write.limits import BagLimits
 from hindrax_core.errors import HindraxError

@@ -4,7 +4,6 @@ import contextlib
 import json
 import os
 import select
-import socket
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,7 +16,7 @@ from hindrax_bringup.liveness import NOTIFY
 from hindrax_bringup.network import security
 from hindrax_bringup.network.tether import Tether, profile_file
 from hindrax_bringup.node_options import NodeOptions, ParameterOverrides
-from hindrax_bringup.nodes.graph_search import occupied_domains, require_no_stack
+from hindrax_bringup.nodes.graph_search import require_no_stack
 from hindrax_bringup.processes import CONTROL, MOCK, ONBOARD, PILOT_STATUS_ASIDE, RECORDER, REPLAY, REPLAYED, Process
 from hindrax_bringup.ros_graph import PROFILE, graph_settings, without_graph
 from hindrax_bringup.stack_lock import StackLock
@@ -26,9 +25,9 @@ from hindrax_core import stack_time
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_stderr
 from hindrax_core.topics import NAMESPACE
+from hindrax_ros.free_domain import free_domain
 
 MOCK_READY_S, LOOK_S = 60.0, 0.1
-DOMAINS = range(1, 101)
 FAULT_HELP = "mock: fault, device, start and duration [s]: garbage:dvl75@30+5; repeatable, any other name lists all"
 WORLD_HELP = (
     "mock: effects outside the model: ideal, pool (all drawn from the seed), or NAME[=SIZE],... such as tether=1; "
@@ -39,8 +38,6 @@ SIMULATOR_HELP = (
     "prefix such as gz:/model/rov (docs/how-to/fly-a-simulated-vehicle.md)"
 )
 OTHER_WORLD = "pool-test flies in pool where none is named; --world chooses"
-DOMAIN_ADDRESS = "\0hindrax-domain-{}"
-"""Abstract socket that a tool binds while it uses a domain (unix(7)): no file, so nothing that a link could lead to."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,15 +237,5 @@ def own_domain(*, mock: bool, namespace: str = NAMESPACE) -> Iterator[int | None
         require_no_stack(chosen, namespace, environment(mock=True, domain=None))
         yield None
         return
-    for number in DOMAINS:
-        with contextlib.closing(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)) as lock:
-            try:
-                lock.bind(DOMAIN_ADDRESS.format(number))
-            except OSError:  # another tool uses it
-                continue
-            if number not in occupied_domains():  # processes of a killed tool live on without its lock
-                yield number
-                return
-    raise HindraxError(
-        f"ROS domains {DOMAINS[0]} to {DOMAINS[-1]}: found all in use, wanted a free one; wait for a mock run to end"
-    )
+    with free_domain() as number:
+        yield number

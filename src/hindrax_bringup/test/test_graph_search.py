@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_bringup.nodes.graph_search import FIRST_PORT, PORTS_PER_DOMAIN, occupied_domains
 from hindrax_bringup.stack import environment, own_domain
 from hindrax_core.errors import HindraxError
+from hindrax_ros.free_domain import FIRST_PORT, PORTS_PER_DOMAIN, occupied_domains
 
 NODE = """
 import sys, rclpy

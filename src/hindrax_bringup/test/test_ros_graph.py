@@ -21,7 +21,6 @@ from hindrax_bringup.ros_graph import (
     without_missing_rmw,
 )
 from hindrax_bringup.stack import (
-    DOMAIN_ADDRESS,
     adopted,
     environment,
     environment_beside,
@@ -30,6 +29,7 @@ from hindrax_bringup.stack import (
 )
 from hindrax_bringup.stack_lock import CLONE, StackLock, require_meant
 from hindrax_core.errors import UsageError
+from hindrax_ros.free_domain import DOMAIN_ADDRESS
 
 FOREIGN = {
     RMW: "rmw_cyclonedds_cpp",

@@ -28,10 +28,7 @@ from hindrax_bringup.network.tether import (
 from hindrax_bringup.ros_graph import PROFILE
 from hindrax_bringup.stack import environment
 from hindrax_bringup.stack_lock import FOLDER
-from hindrax_bringup.stack_process import UpOptions
 from hindrax_bringup.stack_runner import _require_same, awaited
-from hindrax_cli.command_line import main
-from hindrax_cli.commands.operate import up_stop as up
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.signals import Navigation
 
@@ -103,26 +100,6 @@ def test_work_that_does_not_wait_goes_without_a_tether_that_is_not_there(monkeyp
     assert printed == ["without the tether: nowhere0: no such interface; `ip link` lists them"]
     monkeypatch.setattr(tether, "address_of", lambda _interface: "192.168.2.2")
     assert available_tether(printed.append) == Tether("nowhere0", ("192.168.2.1",))
-
-
-@pytest.mark.parametrize(
-    ("words", "wanted"),
-    [
-        (["up"], Tether("eth0", ("192.168.2.1",))),
-        (["up", "--mock"], None),
-        (["up", "--mock", "--tether", "eth1"], Tether("eth1")),
-        (["up", "--tether", "eth1"], Tether("eth1")),
-    ],
-)
-def test_a_mock_keeps_to_this_machine_unless_asked_by_name(
-    monkeypatch: pytest.MonkeyPatch, words: list[str], wanted: Tether | None
-) -> None:
-    monkeypatch.setenv(SETTING, "eth0:192.168.2.1")
-    found: list[UpOptions] = []
-    monkeypatch.setattr(up, "become", found.append)
-    main(words)
-    assert [one.tether for one in found] == [wanted]
-    assert [UpOptions.from_json(one.to_json()) for one in found] == found, "what its process reads"
 
 
 def test_waiting_states_each_reason_once_and_ends(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -201,18 +178,3 @@ def test_who_waits_for_the_tether_has_a_pulse_and_can_be_ended(monkeypatch: pyte
         beat = json.loads(path.read_text())
     assert stacks_well(path.parent, beat["at_s"]) == (False, "no stack is up here; start one with `./hindrax up`")
     assert beat["troubles"] == {"tether": "waiting for the tether nowhere0"}
-
-
-def test_health_is_one_sentence_and_an_exit_code(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["health"]) == 1
-    assert "no stack is up here" in capsys.readouterr().err
-    with tool_liveness() as beating:
-        beating.beat("up", {})
-        assert main(["health"]) == 0
-    assert capsys.readouterr().out == "up\n"
-    (tmp_path / "file").write_text("")
-    monkeypatch.setenv(FOLDER, str(tmp_path / "file/below"))
-    assert main(["health"]) == 1
-    assert "no stack of this user can be up here" in capsys.readouterr().err

@@ -21,7 +21,6 @@ from hindrax_bag.read.bag_reader import messages
 from hindrax_bag.write import limits
 from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_bag.write.limits import BagLimits
-from hindrax_bringup.clone import clone_root
 from hindrax_cli import command_line
 from hindrax_cli.commands.data import bag as command
 from hindrax_core.events import NS_PER_S
@@ -110,14 +109,6 @@ def test_plot(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     for wrong in ("/demo/point", "/demo/point:z", "/none:x"):
         assert command_line.main(["bag", "plot", str(bag), wrong, "--out", str(out)]) == 2
     assert "there is x, y[0], y[1]" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(("field", "unit"), [("depth", " [m]"), ("surge_velocity", " [m/s]"), ("header.stamp.sec", "")])
-def test_a_plot_has_the_unit_that_the_message_names(field: str, unit: str, tmp_path: Path) -> None:
-    out, name = tmp_path / "x.svg", f"/hindrax/navigation/status:{field}"
-    bag = clone_root() / "test" / "replay" / "bags" / "surge_estimates"
-    assert command_line.main(["bag", "plot", str(bag), name, "--out", str(out)]) == 0
-    assert f"<!-- {name}{unit} -->" in out.read_text()
 
 
 @pytest.mark.parametrize("words", ["extract {bag} --csv {dir}/csv", "plot {bag} /demo/point:x --out {dir}/x.svg"])

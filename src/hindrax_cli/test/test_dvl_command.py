@@ -8,11 +8,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from mock_wires import serial_device
 
 from hindrax_cli.command_line import main
 from hindrax_sim.buses.serial_ends import Pty, UdpEnd
 from hindrax_sim.devices.dvl75 import Dvl75, DvlSettings, DvlTruth
+from hindrax_sim.testing.mock_wires import serial_device
 
 
 @pytest.fixture(params=["serial", "network"])

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import pytest
-from lock_step import run_at_once
 
 from hindrax_bringup.share_files import default_vehicle, hindrax_with
 from hindrax_cli.command_line import main
@@ -19,6 +18,7 @@ from hindrax_drivers.bus_capture import CapturedReadings
 from hindrax_drivers.nodes.thruster_settings import Settings
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.devices.pca9685 import Pca9685
+from hindrax_sim.testing.lock_step import run_at_once
 
 Say = Callable[..., int]
 NEUTRAL = (1500.0,) * 8

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mcap_ros2.writer import Writer
-from mock_wires import jumping_bus
-from vehicle_files import hindrax_file
 
+from hindrax_bringup.testing.vehicle_files import hindrax_file
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.machine.calibration import calibration
 from hindrax_core.bus_operations import Transaction
@@ -22,6 +21,7 @@ from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.devices.icm20948 import Icm20948
 from hindrax_sim.devices.imu.imu_signal import ImuTruth, SensorErrors
 from hindrax_sim.devices.ms5837 import Ms5837
+from hindrax_sim.testing.mock_wires import jumping_bus
 
 FIELD_T = np.array([20e-6, 5e-6, -15e-6])
 GRAVITY = np.array([0.0, 0.0, 9.80665])

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from mock_wires import jumping_bus
 
 from hindrax_cli.command_line import main
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
+from hindrax_sim.testing.mock_wires import jumping_bus
 
 BY_HAND = (
     ["imu", "calibrate", "--seconds", "600"],

@@ -13,7 +13,6 @@ from types import SimpleNamespace as Message
 from typing import Any
 
 import pytest
-from vehicle_files import hindrax_file
 
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.network import security
@@ -25,6 +24,7 @@ from hindrax_bringup.stack import MockOptions, Stack, environment
 from hindrax_bringup.stack_lock import FOLDER
 from hindrax_bringup.stack_process import RUNNER
 from hindrax_bringup.supervisor import Supervisor
+from hindrax_bringup.testing.vehicle_files import hindrax_file
 from hindrax_cli.command_line import main
 from hindrax_cli.health_checks import machine, nodes, wires
 from hindrax_cli.health_checks.machine import KernelTime

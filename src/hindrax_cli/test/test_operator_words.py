@@ -14,13 +14,13 @@ from typing import Any, NoReturn
 import numpy as np
 import pytest
 import yaml
-from vehicle_files import hindrax_file
 
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import MockOptions
 from hindrax_bringup.stack_lock import FOLDER, StackLock
 from hindrax_bringup.stack_runner import asked_to_end, startup_text
+from hindrax_bringup.testing.vehicle_files import hindrax_file
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.machine import mock
 from hindrax_cli.commands.operate import manual_control

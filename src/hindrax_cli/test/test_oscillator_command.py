@@ -6,9 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from lock_step import run_at_once
-from vehicle_files import hindrax_file
 
+from hindrax_bringup.testing.vehicle_files import hindrax_file
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.machine import output as command
 from hindrax_core.bus_operations import EDGES, DeviceError
@@ -16,6 +15,7 @@ from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.output.oscillator import LOOKS, Edge, clock_Hz
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.devices.pca9685 import LoopBack, Pca9685
+from hindrax_sim.testing.lock_step import run_at_once
 
 TRUE_Hz = 25e6 * 1.031
 PRESCALE = 30

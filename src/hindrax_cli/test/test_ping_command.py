@@ -5,11 +5,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from mock_wires import serial_device
 
 from hindrax_cli.command_line import main
 from hindrax_sim.buses.serial_ends import Pty
 from hindrax_sim.devices.ping1d import Ping1d, PingTruth
+from hindrax_sim.testing.mock_wires import serial_device
 
 
 @pytest.fixture

@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from vehicle_files import hindrax_file
 
 from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.testing.vehicle_files import hindrax_file
 from hindrax_cli import pool_plan
 from hindrax_cli.command_line import main
 from hindrax_control.maneuver.plan import plans_of

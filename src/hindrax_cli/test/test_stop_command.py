@@ -6,9 +6,9 @@ import time
 from pathlib import Path
 
 import pytest
-from vehicle_files import hindrax_file
 
 from hindrax_bringup.stack_lock import FOLDER, StackLock, announced
+from hindrax_bringup.testing.vehicle_files import hindrax_file
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.operate import up_stop as command
 from hindrax_cli.commands.operate.up_stop import on_the_wire

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 import yaml
-from vehicle_files import hindrax_file
 
 from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.testing.vehicle_files import hindrax_file
 from hindrax_cli.vehicle_edit import edited, set_key
 from hindrax_core.errors import UsageError
 

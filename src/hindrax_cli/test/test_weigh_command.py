@@ -8,9 +8,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from vehicle_files import hindrax_file
 
 from hindrax_analysis.identification.known_weight import Weighing
+from hindrax_bringup.testing.vehicle_files import hindrax_file
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.experiment import weigh
 from hindrax_core.errors import HindraxError

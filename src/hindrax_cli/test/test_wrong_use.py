@@ -10,12 +10,12 @@ from types import SimpleNamespace
 
 import pytest
 import yaml
-from vehicle_files import hindrax_file
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import MockOptions
 from hindrax_bringup.stack_process import UpOptions
 from hindrax_bringup.stack_runner import run_up
+from hindrax_bringup.testing.vehicle_files import hindrax_file
 from hindrax_cli import command_line
 from hindrax_cli.command import MODULES
 from hindrax_cli.commands.data.bag import WORDS as BAG

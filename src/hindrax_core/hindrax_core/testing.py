@@ -1,5 +1,6 @@
 """Checkers shipped with the interfaces: transcripts for bus programs, chunking for decoders."""
 
+import os
 from collections.abc import Iterator, Sequence
 from typing import Any, TypeVar
 
@@ -51,3 +52,15 @@ def chunks(data: bytes, sizes: Sequence[int]) -> Iterator[bytes]:
         size = max(1, sizes[turn % len(sizes)]) if sizes else len(data)
         yield data[start : start + size]
         start, turn = start + size, turn + 1
+
+
+def load_profile() -> None:
+    """Judge properties by what they find, never by the clock: a busy machine is slow, not wrong.
+
+    The usual run tries the same examples every time, so that it tells of the change at hand; a thorough one
+    (`HINDRAX_THOROUGH`) looks for new ones.
+    """
+    from hypothesis import settings  # noqa: PLC0415  # only tests have it
+
+    settings.register_profile("hindrax", deadline=None, derandomize="HINDRAX_THOROUGH" not in os.environ)
+    settings.load_profile("hindrax")

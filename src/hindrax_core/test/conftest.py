@@ -4,7 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from hindrax_core.testing import load_profile
 from hindrax_core.vehicle import Vehicle, load_vehicle
+
+load_profile()
 
 
 @pytest.fixture(scope="session")

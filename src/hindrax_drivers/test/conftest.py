@@ -4,7 +4,13 @@ from pathlib import Path
 
 import pytest
 
+from hindrax_core.testing import load_profile
 from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_ros.testing.fixtures import ros_domain
+
+__all__ = ["ros_domain"]
+
+load_profile()
 
 
 @pytest.fixture(scope="session")

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Self
 
 import pytest
-from vehicle_files import hindrax_file
 
 from hindrax_analysis import terminal
 from hindrax_analysis.identification import bag_identification
 from hindrax_bringup.node_options import ParameterOverrides
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack_lock import StackLock
+from hindrax_bringup.testing.vehicle_files import hindrax_file
 from hindrax_control.maneuver.plan import plans_of
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.refusals import told

@@ -6,9 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from browser import browser, browser_at_hand
 from web_rig import ARMED, DISARMED, ESTIMATE, PLANS, TOKEN, served
 
+from hindrax_analysis.testing.browser import browser, browser_at_hand
 from hindrax_control.commissioning.findings import PROVEN, Finding, Findings
 from hindrax_control.maneuver.goal import Goal
 from hindrax_ident.online.aim import Aim, ExperimentGoal

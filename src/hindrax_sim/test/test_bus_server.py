@@ -12,7 +12,6 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from lock_step import LoggedI2c
 
 from hindrax_core.bus_operations import DeviceError, Read, Write, WriteRead
 from hindrax_core.errors import HindraxError
@@ -26,6 +25,7 @@ from hindrax_sim.buses.mock_server import BusServer
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.hardware import Hardware
 from hindrax_sim.mock_vehicle import MockVehicle
+from hindrax_sim.testing.lock_step import LoggedI2c
 
 
 class Echo:

@@ -6,15 +6,15 @@ from dataclasses import replace
 from itertools import pairwise
 
 import pytest
+from vehicles_beside import vehicle_beside
 
-from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.errors import UsageError
 from hindrax_core.events import stamp_from_s
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import Vec6
 from hindrax_core.thrust.curves import Curve
 from hindrax_core.thrust.table import ThrustTable
-from hindrax_core.vehicle import AXES, Hydrodynamics, Vehicle, load_vehicle
+from hindrax_core.vehicle import AXES, Hydrodynamics, Vehicle
 from hindrax_sim.conditions.known_coefficients import known_coefficients
 from hindrax_sim.conditions.realization import TESTED, Realization
 from hindrax_sim.conditions.world_table import CONDITIONS, SIGNED, realize, sizes_of
@@ -22,7 +22,7 @@ from hindrax_sim.physics.plant import Plant
 from hindrax_sim.physics.thruster import thruster_force, wrench_per_newton
 from hindrax_sim.world import Conditions, World
 
-VEHICLE = load_vehicle(default_vehicle())
+VEHICLE = vehicle_beside()
 AHEAD = [1650.0, 1650.0, 1350.0, 1350.0, 1440.0, 1440.0, 1440.0, 1440.0]
 
 

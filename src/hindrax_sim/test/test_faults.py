@@ -4,12 +4,12 @@ from dataclasses import replace
 from itertools import groupby
 
 import pytest
+from vehicles_beside import hindrax_with, vehicle_beside
 
-from hindrax_bringup.share_files import hindrax_with, vehicle_file
 from hindrax_core.errors import UsageError
 from hindrax_core.events import after
 from hindrax_core.readings import Leak
-from hindrax_core.vehicle import Mount, load_vehicle
+from hindrax_core.vehicle import Mount
 from hindrax_sim.faults.fault_registry import FAULTS, KINDS, FaultSpec, parse_fault, with_faults
 from hindrax_sim.faults.fault_schedule import Scheduled
 from hindrax_sim.faults.stream_faults import BitFlips, FaultyLine, StreamFault
@@ -45,7 +45,7 @@ def test_a_fault_falls_on_the_sensors_of_the_vehicle_by_their_names() -> None:
 
 
 def test_the_link_of_an_autopilot_is_that_of_the_output_and_of_the_sensors_on_it() -> None:
-    vehicle = load_vehicle(vehicle_file("bluerov2-heavy"))
+    vehicle = vehicle_beside("bluerov2-heavy")
     assert parse_fault("link_loss", vehicle).devices == ("thrusters",)
     assert parse_fault("garbage", vehicle).devices == ("dvl75", "ping1d")
     assert parse_fault("depth_stuck", vehicle).devices == ("autopilot",)

@@ -10,8 +10,8 @@ import re
 from dataclasses import dataclass, field, replace
 
 import pytest
+from vehicles_beside import vehicle_beside
 
-from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.allocation.allocator import Allocator
 from hindrax_control.maneuver.goal import ENDINGS, Goal, motions_to_fly
 from hindrax_control.maneuver.maneuver import Maneuver
@@ -20,7 +20,7 @@ from hindrax_control.pilot import PilotKnobs
 from hindrax_control.pool_bounds import PoolBounds
 from hindrax_core.events import after
 from hindrax_core.signals import ZERO6, Navigation, Phase
-from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
+from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_sim.faults.fault_registry import parse_fault
 from hindrax_sim.flights.lockstep import Lockstep
 from hindrax_sim.flights.pool_flight import GoalPilot
@@ -28,7 +28,7 @@ from hindrax_sim.world import World
 
 pytestmark = pytest.mark.long
 THOROUGH = bool(os.environ.get("HINDRAX_THOROUGH"))
-VEHICLE = load_vehicle(default_vehicle())
+VEHICLE = vehicle_beside()
 SHORT = PlanKnobs(
     levels=1, turning_levels=1, repeats=(1,) * 6, surge_mps=(0.3, 0.4), sway_mps=(0.25, 0.3), plateau_s=4.0
 )

@@ -3,18 +3,18 @@
 import math
 
 import pytest
+from vehicles_beside import vehicle_beside
 
-from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, stamp_from_s
-from hindrax_core.vehicle import Mount, load_vehicle
+from hindrax_core.vehicle import Mount
 from hindrax_sim.physics.followed_plant import FollowedPlant, Sample
 from hindrax_sim.physics.geometry import quaternion
 from hindrax_sim.physics.plant import Plant
 from hindrax_sim.simulators import SIMULATORS, simulator_of
 from hindrax_sim.world import World
 
-VEHICLE = load_vehicle(default_vehicle())
+VEHICLE = vehicle_beside()
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 REST = (0.0,) * 6
 PUSH_us = (1600.0, 1600.0, 1400.0, 1400.0, 1550.0, 1550.0, 1550.0, 1450.0)

@@ -6,10 +6,9 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from vehicles_beside import vehicle_beside
 
-from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.bus_operations import run
-from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.buses.clock import pause
 from hindrax_drivers.buses.ports import open_bus
 from hindrax_drivers.devices.pca9685 import pca9685_of
@@ -18,7 +17,7 @@ from hindrax_sim.hardware import Hardware
 from hindrax_sim.mock_vehicle import MockVehicle
 from hindrax_sim.nodes.hardware_process import outlast_output
 
-VEHICLE = load_vehicle(default_vehicle())
+VEHICLE = vehicle_beside()
 CHIP = pca9685_of(VEHICLE, guard_of(VEHICLE).neutral.all_us)
 
 

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 
 import pytest
-from lock_step import LoggedI2c
 
 from hindrax_core.bus_operations import DeviceError, Read, Transaction, Write, WriteRead
 from hindrax_core.events import Stamp
@@ -12,6 +11,7 @@ from hindrax_drivers.buses.ports import open_bus
 from hindrax_sim.buses import i2cdev_abi as abi
 from hindrax_sim.buses.ioctl_seam import seam
 from hindrax_sim.devices.emulator import BusStuckError
+from hindrax_sim.testing.lock_step import LoggedI2c
 
 
 class Memory:

@@ -3,14 +3,13 @@
 import math
 
 import pytest
+from vehicles_beside import vehicle_beside
 
-from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.signals import Navigation
-from hindrax_core.vehicle import load_vehicle
 from hindrax_sim.flights.lockstep import Lockstep, LockstepCommand
 from hindrax_sim.physics.plant import LONGEST_STEP_S
 
-VEHICLE = load_vehicle(default_vehicle())
+VEHICLE = vehicle_beside()
 PERIOD_S = 2.8
 """Of the Hindrax's own swing: 3 N m per rad of buoyancy on about 0.6 kg m^2."""
 

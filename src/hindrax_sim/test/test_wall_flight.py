@@ -2,10 +2,11 @@
 
 from dataclasses import replace
 
-from hindrax_bringup.share_files import default_vehicle
+from vehicles_beside import vehicle_beside
+
 from hindrax_control.maneuver.plan import PlanKnobs
 from hindrax_control.pilot import PilotKnobs
-from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
+from hindrax_core.vehicle import Mount, Vehicle
 from hindrax_sim.conditions.world_table import IDEAL
 from hindrax_sim.flights.pool_flight import fly
 
@@ -13,7 +14,7 @@ SHORT = PlanKnobs(levels=2, repeats=(1,) * 6, surge_mps=(0.25, 0.5), plateau_s=3
 
 
 def by_sonar() -> Vehicle:
-    hindrax = load_vehicle(default_vehicle())
+    hindrax = vehicle_beside()
     rest = {name: mount for name, mount in hindrax.sensors.items() if name not in hindrax.measuring("velocity")}
     ahead = Mount("ping1d", port="/dev/hindrax/ahead", position_m=(0.25, 0.0, 0.0), rotation_deg=(0.0, 90.0, 0.0))
     return replace(hindrax, sensors={**rest, "ahead": ahead})

@@ -9,27 +9,16 @@ import subprocess
 import sys
 import time
 from collections.abc import Mapping
-from pathlib import Path
 
 from hindrax_core.errors import HindraxError
 from hindrax_core.text.screen_text import print_whole
+from hindrax_ros.free_domain import occupied_domains
 
-FIRST_PORT, PORTS_PER_DOMAIN = 7400, 250
-"""UDP ports at which the participants of a domain receive (OMG DDSI-RTPS 2.3, section 9.6.1.1)."""
-SOCKET_TABLES = (Path("/proc/net/udp"), Path("/proc/net/udp6"))
 LOOK_AT_MOST_S = 20.0
 """Longest time for the process that looks, on a busy machine."""
 STACK_NODES = ("thrusters", "pilot")
 LOOK_S = 1.5
 """Longest wait for these nodes; participants announce themselves every 0.1 s to a new one."""
-
-
-def occupied_domains(tables: tuple[Path, ...] = SOCKET_TABLES) -> set[int]:
-    """Domains in which a process of this machine receives. Instant; a port of another program only costs a domain."""
-    lines = (line for table in tables if table.is_file() for line in table.read_text(encoding="ascii").splitlines()[1:])
-    # The second column of a table of the kernel (proc(5)), address:port in hexadecimal digits.
-    ports = (int(line.split()[1].rpartition(":")[2], 16) for line in lines)
-    return {(port - FIRST_PORT) // PORTS_PER_DOMAIN for port in ports if port >= FIRST_PORT}
 
 
 def require_no_stack(domain: int, namespace: str, environment: Mapping[str, str]) -> None:

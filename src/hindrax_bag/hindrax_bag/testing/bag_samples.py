@@ -4,19 +4,22 @@ import contextlib
 import struct
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from mcap.exceptions import EndOfFile
 from mcap.reader import McapReader
 from mcap.records import Chunk, Statistics
 from mcap.stream_reader import StreamReader
 from mcap.summary import Summary
-from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos
 
 from hindrax_bag.metadata import Channel
 from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_bag.write.limits import BagLimits
 from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import LATCHED, SENSOR
+
+if TYPE_CHECKING:
+    from rosbags.interfaces import Connection, Qos
 
 DEFINITIONS = {
     ("demo_msgs", "Level"): "std_msgs/Header header\nfloat64 level   # [m]\n",
@@ -81,7 +84,9 @@ def summary_of(reader: McapReader) -> tuple[Summary, Statistics]:
     return found, found.statistics
 
 
-def offered_qualities(connection: Connection) -> Sequence[Qos]:
+def offered_qualities(connection: "Connection") -> "Sequence[Qos]":
     """What the publishers of a connection offered."""
+    from rosbags.interfaces import ConnectionExtRosbag2  # noqa: PLC0415  # only tests have it
+
     assert isinstance(connection.ext, ConnectionExtRosbag2)
     return connection.ext.offered_qos_profiles

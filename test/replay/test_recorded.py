@@ -18,7 +18,7 @@ from hindrax_sim.devices.emulator import NackError
 from hindrax_sim.recorded_hardware import RecordedHardware, RecordedLine, RecordedPart, recorded_frames
 
 MS = 1_000_000
-BAG = Path(__file__).parents[3] / "test" / "replay" / "bags" / "surge"
+BAG = Path(__file__).parent / "bags" / "surge"
 START, RESULT = Write(0x76, b"\x48"), WriteRead(0x76, b"\x00", 3)
 OTHER = Write(0x76, b"\x58")
 

@@ -2,7 +2,6 @@
 
 import base64
 import contextlib
-import fcntl
 import json
 import os
 import shutil
@@ -104,6 +103,8 @@ def browser(program: str, profile: Path) -> Iterator[Browser]:
     receive, to_write = os.pipe()
 
     def wire() -> None:
+        import fcntl  # noqa: PLC0415  # no system but POSIX has it, and the wheel is for all
+
         # By way of high numbers: 3 and 4, which the protocol wants, may be the very pipes.
         high = [fcntl.fcntl(one, fcntl.F_DUPFD, 20) for one in (to_read, to_write)]
         for wanted, one in zip((3, 4), high, strict=True):

@@ -14,7 +14,7 @@ from hindrax_ident.arrays import array
 from hindrax_ident.assess.results import DragBand, MotionResult, Number, Results
 from hindrax_ident.model.motion_model import MOTIONS, coefficient_units
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 BAG = ROOT / "test/replay/bags/pitch_reset"
 VEHICLE = load_vehicle(ROOT / "src/hindrax_bringup/vehicles/hindrax.yaml")
 

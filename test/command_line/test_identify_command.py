@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import pytest
 from mcap_ros2.writer import Writer
-from ulog import ulog
 
 from hindrax_analysis.coefficients_file import read_coefficients
 from hindrax_analysis.records.third_party_bag import TopicSelection, read_bag, topics_of
+from hindrax_analysis.testing.ulog import ulog
 from hindrax_bag.read.bag_reader import messages
 from hindrax_bag.read.recovery import recover
 from hindrax_bringup.clone import clone_root

@@ -19,7 +19,7 @@ LAYOUT = json.loads((share_folder("foxglove") / "hindrax.json").read_text(encodi
 TYPES = {resolved(topic): topic.type for topic in TOPICS}
 PANELS = LAYOUT["configById"]
 JUGGLED = ET.parse(share_folder("plotjuggler") / "hindrax.xml").getroot()
-BAGS = Path(__file__).parents[3] / "test/replay/bags"
+BAGS = Path(__file__).parent / "bags"
 
 
 def paths() -> list[str]:
