@@ -1,6 +1,7 @@
 """What the tests of control share."""
 
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -8,9 +9,9 @@ import pytest
 from hindrax_control.testing.ideal_vehicle import IdealVehicle
 from hindrax_core.testing import load_profile
 from hindrax_core.vehicle import Vehicle, load_vehicle
-from hindrax_ros.testing.fixtures import ros_domain
 
-__all__ = ["ros_domain"]
+if find_spec("hindrax_ros"):  # the wheel is without it, and then without the tests of nodes
+    from hindrax_ros.testing.fixtures import ros_domain  # noqa: F401
 
 load_profile()
 sys.path.insert(0, str(Path(__file__).parent))  # the helpers of these tests
