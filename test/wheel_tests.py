@@ -3,7 +3,8 @@
     python test/wheel_tests.py
     python test/wheel_tests.py hindrax_core hindrax_laboratory
 
-Needs pytest and hypothesis, and for all packages the extras `autopilot` and `rosbags`. The files are copied: no test imports its package from the clone.
+Needs pytest and hypothesis, and for all packages the extras `autopilot` and `rosbags`. The files are copied: no test
+imports its package from the clone.
 """
 
 import ast

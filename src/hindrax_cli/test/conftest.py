@@ -1,5 +1,6 @@
 """What the tests of hindrax_cli share, also in a copy of src without the root of the repository."""
 
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from hindrax_ros.testing.fixtures import ros_domain
 __all__ = ["ros_domain"]
 
 load_profile()
+# A shell ignores Ctrl-C for what it runs in the background, and all that the tests start would.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")

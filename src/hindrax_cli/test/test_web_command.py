@@ -61,7 +61,7 @@ def test_a_server_that_ends_by_itself_ends_the_command(
     over = threading.Event()
     monkeypatch.setattr(GraphLink, "wait", lambda _link, _seconds: None)
     monkeypatch.setattr(GraphLink, "run", lambda _link: over.wait(20.0))
-    monkeypatch.setattr(GraphLink, "snapshot", lambda _link: Snapshot())
+    monkeypatch.setattr(GraphLink, "snapshot", lambda _link: Snapshot(silent_s=0.1))
     monkeypatch.setattr(GraphLink, "close", lambda _link: over.set())
     monkeypatch.setattr(http_server.Server, "run", lambda _server: None)
     assert main(["web", "--port", "0"]) == 1

@@ -1,5 +1,6 @@
 """What the tests of hindrax_operator share, also in a copy of src without the root of the repository."""
 
+import signal
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +15,8 @@ from hindrax_ros.testing.fixtures import ros_domain
 __all__ = ["ros_domain"]
 
 load_profile()
+# A shell ignores Ctrl-C for what it runs in the background, and all that the tests start would.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 sys.path.insert(0, str(Path(__file__).parent))  # the helpers of these tests
 
 
