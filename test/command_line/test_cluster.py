@@ -19,7 +19,7 @@ from hindrax_tools.blind_benchmark import answers
 distributed = pytest.importorskip("distributed")
 STEP_S, SPAN_S = 0.2, 21.0
 VEHICLE = "name: small\nmass_kg: 20.0\nvolume_m3: 0.02\nenvelope_m: [0.5, 0.4, 0.3]\n"
-RECORD = Path(__file__).parents[3] / "tools/test/foreign_records/small-steps-1.npz"
+RECORD = Path(__file__).parents[2] / "tools/test/foreign_records/small-steps-1.npz"
 
 
 @pytest.fixture(scope="module")
