@@ -24,8 +24,8 @@ class Turning:
     """A rigid body that is held upright by its thrusters, whose forces have a `gain` each.
 
     `outside`: an outer moment that sets in within a second [N m]; `sink_N`, `push_N`: of each vertical and level
-    thruster, besides; `turn_Nm`: about the vertical, instead of a held heading; `drag_times`: of its file; `seen`: sign
-    of each axis as it is measured; `wanted`: roll of the hold [rad].
+    thruster, besides; `turn_Nm`: about the vertical, instead of a held heading; `drag_times`, `righting_times`: of its
+    file; `seen`: sign of each axis as it is measured; `wanted`: roll of the hold [rad].
     """
 
     vehicle: Vehicle
@@ -37,6 +37,7 @@ class Turning:
     push_N: float = 0.0
     turn_Nm: float = 0.0
     drag_times: float = 1.0
+    righting_times: float = 1.0
     tilt_deg: float = 0.0
     time_s: float = 0.0
 
@@ -59,7 +60,7 @@ class Turning:
             forces = np.clip(allocate @ moment + besides_N, -20.0, 20.0)
             thrust = thrust + (forces - thrust) * -np.expm1(-STEP_S / lags_s)
             outside = np.array(self.outside) * min(1.0, self.time_s)
-            righting = np.array([one.restoring for one in freedoms]) * np.sin(angles)
+            righting = self.righting_times * np.array([one.restoring for one in freedoms]) * np.sin(angles)
             drag = [self.drag_times * one.drag_force(rate) for one, rate in zip(freedoms, rates, strict=True)]
             rates = rates + STEP_S * (B @ (gains * thrust) - righting - drag + outside) / inertia
             angles, self.time_s = angles + STEP_S * rates, self.time_s + STEP_S
@@ -102,7 +103,16 @@ def test_a_sign_that_is_wrong_is_named(hindrax: Vehicle, axis: int) -> None:
         {"wanted": -0.87, "outside": (0.0, 0.7, 0.0)},
         {"turn_Nm": 6.0, "drag_times": 4.3},
     ],
-    ids=["held from outside", "dead", "dead and weak", "all weak", "rolls as asked", "rolls, held", "more drag"],
+    ids=[
+        "held from outside",
+        "dead",
+        "dead and weak",
+        "all weak",
+        "rolls as asked",
+        "rolls, held",
+        "more drag",
+        "more stable",
+    ],
 )
 def test_what_thrusters_can_master_goes_on(hindrax: Vehicle, flight: dict[str, object]) -> None:
     assert Turning(hindrax, **flight).fly(8.0) == ""  # type: ignore[arg-type]  # fields of the table above

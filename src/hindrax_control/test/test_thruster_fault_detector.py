@@ -75,6 +75,20 @@ def test_a_dead_supply_is_found_and_named_as_such(hindrax: Vehicle, ideal_vehicl
     assert Rig(hindrax, ideal_vehicle).fly(sinking, 10.0)[0] is None, "it is moved as it is pushed"
 
 
+def test_a_vehicle_that_is_more_stable_than_its_file_is_not_held_fast(
+    hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]
+) -> None:
+    def rolling(t: float) -> tuple[float, ...]:
+        """A roll moment, forth and back, that a righting moment holds at a small tilt."""
+        roll = 4.0 * math.copysign(1.0, math.sin(0.8 * t))
+        return (0.0, 0.0, 0.0, 0.0, roll, -roll, roll, -roll)
+
+    x, y, z = hindrax.center_of_buoyancy_m
+    wobbly = replace(hindrax, center_of_buoyancy_m=(x, y, z / 4.6))
+    stable = replace(hindrax, center_of_buoyancy_m=(x, y, 2.0 * z))
+    assert Rig(stable, ideal_vehicle, replace(wobbly, name="as its file says")).fly(rolling, 30.0)[0] is None
+
+
 def test_nobody_is_suspected_while_all_push(hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]) -> None:
     assert Rig(hindrax, ideal_vehicle).fly(wiggle, 60.0)[0] is None
 

@@ -16,8 +16,9 @@ forces after their lag; an index f means behind a low-pass of `filter_s`. The re
 and what is gathered is r / I: angular accelerations, so that one limit serves all axes and vehicles. n + 3 suspects:
 the thrusters, then roll, pitch and yaw as a whole, which is what a sensor with the wrong sign looks like.
 
-Drag is what a vehicle file knows least: a guess of it may be several times too small, and what a turn then meets looks
-like thrust that is missing. So a residual that resists the turn counts only beyond what `drag_times` the drag explains.
+Drag and righting moment are what a vehicle file knows least: a guess of them may be several times too small, and what a
+turn or a tilt then meets looks like thrust that is missing. So a residual that resists the turn or the tilt counts only
+beyond what `known_times` of them explain. What is reversed does the opposite: it tilts the vehicle on.
 
 A residual alone is no divergence: a hand or a wave makes one. It must drive the motion (r omega > 0) or, where the
 vehicle has leaned slowly, push it further over; a decision at a small tilt also wants the angular momentum to grow.
@@ -63,7 +64,7 @@ class DivergenceKnobs:
     worst_deg: float = knob(38.0, 5.0, 90.0, "tilt that it may not reach, whatever the reason [deg]")
     surprise_radps2: float = knob(0.6, 0.05, 50.0, "least angular acceleration without explanation [rad/s^2]")
     certain_radps2: float = knob(3.0, 0.1, 100.0, "the same, from which on it ends thrust without diverging [rad/s^2]")
-    drag_times: float = knob(6.0, 1.0, 50.0, "times its drag that a vehicle may have, against its file [-]")
+    known_times: float = knob(6.0, 1.0, 50.0, "times drag and righting moment of its file that a vehicle may have [-]")
     explained: float = knob(0.6, 0.1, 1.0, "share of it that one thruster or axis must explain [-]")
 
 
@@ -87,6 +88,7 @@ class DivergenceGuard:
         self._slow_thrust: Matrix = np.zeros(count)
         self._slow_model: Matrix = np.zeros(3)
         self._slow_drag: Matrix = np.zeros(3)
+        self._slow_righting: Matrix = np.zeros(3)
         self._slow_rates: Matrix | None = None
         self._along, self._power, self._surprise = np.zeros(count + 3), np.zeros(count + 3), 0.0
         self._since_s = self._certain_s = 0.0
@@ -128,18 +130,21 @@ class DivergenceGuard:
         roll, pitch, _ = attitude_rad
         righting = self._freedoms[0].restoring
         # Righting moment of the net weight's arm. Fossen 2011 eq. 4.6.
-        model = np.array([-righting * math.cos(pitch) * math.sin(roll), -righting * math.sin(pitch), 0.0]) - drag
+        upright = np.array([-righting * math.cos(pitch) * math.sin(roll), -righting * math.sin(pitch), 0.0])
         self._thrust = self._thrust + (forces_N - self._thrust) * -np.expm1(-dt / self._lags_s)
         keep = -math.expm1(-dt / self._knobs.filter_s)
         self._slow_thrust = self._slow_thrust + (self._thrust - self._slow_thrust) * keep
-        self._slow_model = self._slow_model + (model - self._slow_model) * keep
+        self._slow_model = self._slow_model + (upright - drag - self._slow_model) * keep
         self._slow_drag = self._slow_drag + (drag - self._slow_drag) * keep
+        self._slow_righting = self._slow_righting + (upright - self._slow_righting) * keep
         momentum = self._inertia * (rates - self._slow_rates) / self._knobs.filter_s
         self._slow_rates = self._slow_rates + (rates - self._slow_rates) * keep
         residual = momentum - self._slow_model - self._B @ self._slow_thrust
-        # More drag than the file has: towards zero by it, and never beyond.
-        more = np.clip(-residual * np.sign(self._slow_drag), 0.0, (self._knobs.drag_times - 1.0) * abs(self._slow_drag))
-        return residual + more * np.sign(self._slow_drag), momentum
+        for known in (-self._slow_drag, self._slow_righting):
+            # More of the same than the file has: towards zero by it, and never beyond.
+            more = (self._knobs.known_times - 1.0) * np.abs(known)
+            residual = residual - np.sign(known) * np.clip(residual * np.sign(known), 0.0, more)
+        return np.asarray(residual), momentum
 
     def _gather(self, residual: Matrix, dt: float) -> None:
         """Correlate the residual with what each thruster and each axis would leave [rad/s^2].

@@ -62,6 +62,7 @@ class FaultDetectorKnobs:
     surprise: float = knob(9.0, 1.0, 1e4, "mean square of the residual, in variances of the model, from which on [-]")
     sigma: Vec6 = knob((0.8, 0.8, 1.0, 0.15, 0.2, 0.12), 1e-3, 1e3, "error of the model at rest [N, N m]")
     sigma_drag: float = knob(0.35, 0.0, 2.0, "error of the model as a share of the drag [-]")
+    righting_times: float = knob(6.0, 1.0, 50.0, "times its righting moment that a vehicle may have [-]")
     sigma_thrust: float = knob(0.1, 0.0, 1.0, "loss of each thruster under load, as a share of its thrust [-]")
 
 
@@ -92,6 +93,7 @@ class ThrusterFaultDetector:
         one_only = np.ones(len(self._names))
         self._least_missing = np.tile(np.append(one_only * self._knobs.missing, EVERY_MISSING), 2)
         self._least_explained = np.tile(np.append(one_only * self._knobs.explained, EVERY_EXPLAINED), 2)
+        self._of_every = np.tile([name == EVERY for name in self._suspects], 2)
         self._lags_s = tuple(max(thruster.lag_s, 1e-3) for thruster in vehicle.thrusters)
         self._B: Matrix = effectiveness(vehicle)
         found = prior_dynamics(vehicle)
@@ -111,7 +113,7 @@ class ThrusterFaultDetector:
         self._slow_rates, self._slow_model, self._slow_thrust = np.split(self._slow, (6, 12))
         self._started = False
         judged = 2 * len(self._suspects)
-        self._along, self._power, self._residual = np.zeros(judged), np.zeros(judged), 0.0
+        self._along, self._power, self._residual = np.zeros(judged), np.zeros(judged), np.zeros(judged)
         self._since_s: Matrix = np.zeros(judged)
         self._unjudged_s = 0.0
 
@@ -130,7 +132,21 @@ class ThrusterFaultDetector:
             return None
         dt, self._unjudged_s = self._unjudged_s, 0.0
         momentum = self._inertia * (rates - self._slow_rates) / self._knobs.filter_s
-        return self._judge(momentum - self._slow_model - self._B @ self._slow_thrust, np.array(drag), dt)
+        residual = momentum - self._slow_model - self._B @ self._slow_thrust
+        return self._judge(
+            residual, np.array(drag), np.array((0.0, 0.0, 0.0, *self._statics(navigation)[3:5], 0.0)), dt
+        )
+
+    def _not_by_righting(self, residual: Matrix, righting: Matrix) -> Matrix:
+        """Residual (6,) without what a vehicle leaves that is more stable than its file [N m].
+
+        Held at a tilt it turns no further, as if all its thrusters were dead. What resists the tilt is taken off, up to
+        `righting_times` the righting moment. One dead thruster leaves the opposite: that tilts it on.
+        """
+        way = np.sign(righting)
+        return np.asarray(
+            residual - way * np.clip(residual * way, 0.0, (self._knobs.righting_times - 1.0) * np.abs(righting))
+        )
 
     def _filter(
         self, navigation: Navigation, rates: Vec6, drag: Sequence[float], forces_N: Sequence[float], dt: float
@@ -177,7 +193,7 @@ class ThrusterFaultDetector:
         self._usual = self._usual + learned[:, None] * unusual
         return beyond, unusual
 
-    def _judge(self, residual: Matrix, drag: Matrix, dt: float) -> SuspectedFault | None:
+    def _judge(self, residual: Matrix, drag: Matrix, righting: Matrix, dt: float) -> SuspectedFault | None:
         """Fit the missing share of each suspect alone, and return the one that explains most, long enough.
 
         Least squares of r = m s over a fading memory: m = <s.r> / <s.s>, and m <s.r> is the part of <r.r> that goes
@@ -191,11 +207,13 @@ class ThrusterFaultDetector:
         weight = 1.0 / (np.asarray(knobs.sigma) + knobs.sigma_drag * np.abs(drag) + at_work)
         together = [part for parts in (wrenches, unusual) for part in (parts, parts.sum(axis=1, keepdims=True))]
         signature = -np.hstack(together) * weight[:, None]
-        surprise = residual * weight
+        # A column for each suspect: to all of them together, what is held upright is no evidence.
+        held = self._not_by_righting(residual, righting)
+        surprise = np.where(self._of_every, held[:, None], residual[:, None]) * weight[:, None]
         keep = -math.expm1(-dt / knobs.memory_s)
-        self._along += (signature.T @ surprise - self._along) * keep
+        self._along += (np.sum(signature * surprise, axis=0) - self._along) * keep
         self._power += (np.sum(signature * signature, axis=0) - self._power) * keep
-        self._residual += (float(surprise @ surprise) - self._residual) * keep
+        self._residual += (np.sum(surprise * surprise, axis=0) - self._residual) * keep
         missing = self._along / np.maximum(self._power, 1e-9)
         explained = self._along * missing
         explains = explained > self._least_explained * self._residual

@@ -3,8 +3,8 @@
 Three samples in a row, evenly spaced, of a smooth motion lie on a line but for noise: their second difference
 y[k] - 2 y[k-1] + y[k-2] has six times its variance, and no trace of rate or value. Its mean square over `MEMORY`
 samples, a sixth of it, is the variance. A sample counts no more than `MOST_TIMES` the variance before it: a jump, which
-is a fault and no noise, moves three of them and hardly the mean, and lasting noise is learned within a second all the
-same.
+is a fault and no noise, moves three of them and hardly the mean. The first samples weigh more: what is noisy from the
+start must not be refused until that is learned.
 """
 
 import math
@@ -37,7 +37,7 @@ class MeasuredNoise:
         if len(self._last) == 2:
             before, last = self._last
             found = (value - 2.0 * last + before) ** 2 / SECOND_DIFFERENCE
-            self._variance += (min(found, MOST_TIMES * self._variance) - self._variance) / MEMORY
+            self._variance += (min(found, MOST_TIMES * self._variance) - self._variance) / min(MEMORY, self._samples)
             self._variance = max(self._variance, self._claimed * self._claimed)
         self._last.append(value)
         sigma = math.sqrt(self._variance)
