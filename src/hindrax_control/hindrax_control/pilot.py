@@ -37,7 +37,7 @@ from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, seconds_between, to_s
 from hindrax_core.readings import Vec6, vec6
 from hindrax_core.signals import NAN, ZERO6, Allocation, Navigation
-from hindrax_core.text.refusals import SENSELESS, Reason, Refusal
+from hindrax_core.text.refusals import NOTHING, SENSELESS, Reason, Refusal
 from hindrax_core.vehicle import AXES, Vehicle
 
 REFUSAL_S = 5.0
@@ -129,7 +129,7 @@ class Pilot:
         if knobs.fault_detector != before.fault_detector:
             self._fault_detector = ThrusterFaultDetector(self._vehicle, knobs.fault_detector)
 
-    def set(self, setpoint: Setpoint) -> str:
+    def set(self, setpoint: Setpoint) -> Refusal:
         """Engage, move or release a hold; returns the reason of a refusal, which the hold's state reports too."""
         reason = self._reason_to_refuse(setpoint)
         if not reason and setpoint.axis == STATION:
@@ -146,21 +146,21 @@ class Pilot:
         """Report in the state of a hold why a setpoint was refused."""
         self._refused[axis] = (self._stamp, reason)
 
-    def _reason_to_refuse(self, setpoint: Setpoint) -> str:
+    def _reason_to_refuse(self, setpoint: Setpoint) -> Refusal:
         if not self._armed and setpoint.engaged:
-            return f"hold {setpoint.axis}: {not_armed(self._unarmed)}"
+            return not_armed(self._unarmed).within(f"hold {setpoint.axis}: ")
         if self._disobeying and setpoint.engaged:
-            return f"hold {setpoint.axis}: {unobeyed(self._disobeying)}"
+            return unobeyed(self._disobeying).within(f"hold {setpoint.axis}: ")
         if self.flying:
-            return f"hold {setpoint.axis}: {BUSY}"
-        return ""
+            return BUSY.within(f"hold {setpoint.axis}: ")
+        return NOTHING
 
-    def set_operator_wrench(self, wrench: Vec6, frame: str, stamp: Stamp, now: Stamp) -> tuple[str, ...]:
+    def set_operator_wrench(self, wrench: Vec6, frame: str, stamp: Stamp, now: Stamp) -> tuple[Refusal, ...]:
         """Add an operator wrench [N, Nm] to the holds until it is stale; returns the reasons of what is refused."""
         judged = self._guard.step(wrench, frame, stamp, now)
         refused = judged.refused
         if judged.wrench is not None and self.flying:
-            refused = (f"wrench: {BUSY}",)
+            refused = (BUSY.within("wrench: "),)
         elif judged.wrench is not None:
             self._keeping_station = False
             self._operator_wrench = (stamp, judged.wrench)

@@ -24,6 +24,7 @@ from hindrax_core.events import Stamp, stamp_from_s
 from hindrax_core.readings import Vec6
 from hindrax_core.rotation import wrapped
 from hindrax_core.signals import ZERO6, Navigation
+from hindrax_core.text.refusals import Reason
 from hindrax_core.vehicle import Drag, Vehicle, load_vehicle
 
 HINDRAX = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup" / "vehicles" / "hindrax.yaml")
@@ -234,7 +235,7 @@ def test_setpoint_of_nan_is_where_the_vehicle_is() -> None:
 
 
 @pytest.mark.parametrize(
-    ("setpoint", "reason"),
+    ("setpoint", "sentence"),
     [
         (Setpoint("surge", value=1.0), "unknown, wanted one of heading"),
         (Setpoint("depth", value=-1.0), "found -1 m, wanted 0 to 1.6 m, by depth_rating_m and pool.depth_m of the"),
@@ -247,10 +248,11 @@ def test_setpoint_of_nan_is_where_the_vehicle_is() -> None:
         (Setpoint("altitude", value=9.0), "found 9 m, wanted 0.2 to 1.8 m"),
     ],
 )
-def test_setpoints_out_of_reach_are_refused(setpoint: Setpoint, reason: str) -> None:
+def test_setpoints_out_of_reach_are_refused(setpoint: Setpoint, sentence: str) -> None:
     holds = Holds(HINDRAX)
     reported = holds.set(setpoint)
-    assert reason in reported
+    assert reported.reason is Reason.SETPOINT
+    assert sentence in reported
     ends = {"depth": " of the vehicle file", "altitude": " of the vehicle file", "surge": "station"}
     assert reported.endswith(ends.get(setpoint.axis, " deg"))
     assert not any(one.engaged for one in holds.step(IdealVehicle().navigation(), Stamp(0)).states)
@@ -263,7 +265,7 @@ def test_the_hull_may_touch_the_surface_and_the_floor_and_no_vehicle_goes_deeper
         assert [holds.set(Setpoint(axis, value=value)) for value in values] == ["", ""]
     lake = Holds(replace(HINDRAX, pool=replace(HINDRAX.pool, depth_m=200.0)))
     assert lake.set(Setpoint("depth", value=60.0)) == ""
-    assert "found 60.1 m, wanted 0 to 60 m" in lake.set(Setpoint("depth", value=60.1))
+    assert lake.set(Setpoint("depth", value=60.1)).reason is Reason.SETPOINT
     assert lake.set(Setpoint("altitude", value=150.0)) == ""
 
 

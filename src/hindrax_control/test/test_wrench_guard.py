@@ -11,6 +11,7 @@ from hindrax_control.allocation.wrench_guard import Accepted, WrenchGuard, Wrenc
 from hindrax_core.events import Stamp, stamp_from_s
 from hindrax_core.readings import Vec6
 from hindrax_core.rotation import FLU, FSD, half_turn
+from hindrax_core.text.refusals import Reason
 from hindrax_core.vehicle import load_vehicle
 
 HINDRAX = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup" / "vehicles" / "hindrax.yaml")
@@ -34,18 +35,20 @@ def test_wrench_of_the_other_body_frame_is_rotated_by_half_a_turn_about_x() -> N
 
 
 @pytest.mark.parametrize(
-    ("frame", "age_s", "reason"),
+    ("frame", "age_s", "reason", "sentence"),
     [
-        (FSD, 0.73, "0.73 s old, wanted at most 0.50 s"),
-        (FSD, -0.3, "0.30 s in the future"),
-        ("map", 0.0, "found frame 'map', wanted base_link_fsd or base_link"),
-        ("", 0.0, "found frame ''"),
+        (FSD, 0.73, Reason.LATE, "wrench: 0.73 s old, wanted at most 0.50 s"),
+        (FSD, -0.3, Reason.CLOCK, "wrench: stamped 0.30 s in the future"),
+        ("map", 0.0, Reason.FRAME, "wrench: found frame 'map', wanted base_link_fsd or base_link"),
+        ("", 0.0, Reason.FRAME, ""),
     ],
 )
-def test_what_is_refused_whole_states_why(frame: str, age_s: float, reason: str) -> None:
+def test_what_is_refused_whole_states_why(frame: str, age_s: float, reason: Reason, sentence: str) -> None:
     judged = judge(frame=frame, age_s=age_s)
     assert judged.wrench is None
-    assert reason in judged.refused[0]
+    (refusal,) = judged.refused
+    assert refusal.reason is reason
+    assert refusal.startswith(sentence)
 
 
 @pytest.mark.parametrize(
@@ -66,7 +69,7 @@ def test_wrench_out_of_order_is_refused() -> None:
     guard.step(WRENCH, FSD, NOW, NOW)
     judged = guard.step(WRENCH, FSD, Stamp(NOW - stamp_from_s(0.1)), NOW)
     assert judged.wrench is None
-    assert "0.10 s older than the one before it" in judged.refused[0]
+    assert [one.reason for one in judged.refused] == [Reason.OUT_OF_ORDER]
 
 
 def test_refused_wrench_does_not_block_the_next() -> None:
@@ -79,6 +82,7 @@ def test_axes_that_are_not_finite_are_refused_alone() -> None:
     judged = judge((math.nan, -4.0, math.inf, 0.0, 1.0, 0.0))
     assert judged.wrench == (0.0, -4.0, 0.0, 0.0, 1.0, 0.0)
     assert judged.refused == ("X: found nan, wanted a finite number", "Z: found inf, wanted a finite number")
+    assert {one.reason for one in judged.refused} == {Reason.NOT_FINITE}
 
 
 def test_limits_of_the_vehicle_file_keep_the_direction_of_travel() -> None:
@@ -89,6 +93,7 @@ def test_limits_of_the_vehicle_file_keep_the_direction_of_travel() -> None:
         "Z: found 200, limited to 80",
         "N: found 31, limited to 30",
     )
+    assert {one.reason for one in judged.refused} == {Reason.LIMITED}
 
 
 @given(st.tuples(*[st.floats()] * 6))

@@ -41,6 +41,11 @@ class Untimely:
     other_clock: bool = False
 
     @property
+    def reason(self) -> Reason:
+        """Its code: what only came late may be sent again."""
+        return Reason.LATE if self.kind == EXPIRED else Reason.CLOCK
+
+    @property
     def sentence(self) -> str:
         """Found and wanted value, and the remedy."""
         return f"{self.text}; {self.remedy}"
@@ -92,8 +97,7 @@ def order_window(*, mock: bool) -> StampWindow:
 
 def late_goal(untimely: Untimely) -> Refusal:
     """Refusal of a goal that came at the wrong time; one that only came late may be sent again."""
-    reason = Reason.LATE if untimely.kind == EXPIRED else Reason.CLOCK
-    return Refusal(reason, f"{reason.word}: the goal is {untimely.sentence}")
+    return Refusal(untimely.reason, f"{untimely.reason.word}: the goal is {untimely.sentence}")
 
 
 def impossible(stamp: Stamp) -> str:

@@ -13,6 +13,7 @@ from hindrax_core.knobs import knob
 from hindrax_core.readings import Vec6, vec6
 from hindrax_core.rotation import FLU, FSD, half_turn, unprefixed
 from hindrax_core.signals import ZERO6
+from hindrax_core.text.refusals import NOTHING, Reason, Refusal
 from hindrax_core.vehicle import WRENCH_SYMBOLS, Vehicle
 
 LIMITED_TOGETHER = ((0, 1), (2,), (3,), (4,), (5,))
@@ -32,7 +33,7 @@ class Accepted:
     """Output of the guard: a finite wrench in base_link_fsd [N, Nm], or None; and the refused parts."""
 
     wrench: Vec6 | None
-    refused: tuple[str, ...] = ()
+    refused: tuple[Refusal, ...] = ()
     asked: Vec6 = ZERO6
     """Finite part of the requested wrench, in the same axes, before the limits."""
 
@@ -48,41 +49,46 @@ class WrenchGuard:
 
     def step(self, wrench: Vec6, frame: str, stamp: Stamp, now: Stamp) -> Accepted:
         """Judge a wrench [N, Nm] about the center of mass, made at `stamp` in the axes of `frame`."""
-        reason = self._untimely(stamp, now)
+        refusal = self._out_of_time(stamp, now)
         axes = unprefixed(frame)
-        if not reason and axes not in (FSD, FLU):
-            reason = f"wrench: found frame {frame!r}, wanted {FSD} or {FLU}"
-        if reason:
-            return Accepted(None, (reason,))
+        if not refusal and axes not in (FSD, FLU):
+            refusal = Refusal(Reason.FRAME, f"wrench: found frame {frame!r}, wanted {FSD} or {FLU}")
+        if refusal:
+            return Accepted(None, (refusal,))
         self._last = stamp
         finite, refused = finite_axes(half_turn(wrench) if axes == FLU else wrench)
         limited, clipped = _limited(finite, self._limits)
         return Accepted(limited, refused + clipped, finite)
 
-    def _untimely(self, stamp: Stamp, now: Stamp) -> str:
+    def _out_of_time(self, stamp: Stamp, now: Stamp) -> Refusal:
         untimely = self._window.judge(stamp, now)
         if untimely is not None:
-            return f"wrench: {untimely.sentence}"
+            return Refusal(untimely.reason, f"wrench: {untimely.sentence}")
         older_s = 0.0 if self._last is None else seconds_between(stamp, self._last)
-        return f"wrench: {older_s:.2f} s older than the one before it, wanted a newer one" if older_s > 0.0 else ""
+        if not older_s > 0.0:
+            return NOTHING
+        sentence = f"wrench: {older_s:.2f} s older than the one before it, wanted a newer one"
+        return Refusal(Reason.OUT_OF_ORDER, sentence)
 
 
-def finite_axes(wrench: Vec6) -> tuple[Vec6, tuple[str, ...]]:
+def finite_axes(wrench: Vec6) -> tuple[Vec6, tuple[Refusal, ...]]:
     """Return the wrench with zero where it is not finite, and "axis: reason" for each axis that was refused."""
     refused = tuple(
-        f"{symbol}: found {value}, wanted a finite number"
+        Refusal(Reason.NOT_FINITE, f"{symbol}: found {value}, wanted a finite number")
         for symbol, value in zip(WRENCH_SYMBOLS, wrench, strict=True)
         if not math.isfinite(value)
     )
     return vec6(value if math.isfinite(value) else 0.0 for value in wrench), refused
 
 
-def _limited(wrench: Vec6, limits: Vec6) -> tuple[Vec6, tuple[str, ...]]:
-    values, notes = list(wrench), []
+def _limited(wrench: Vec6, limits: Vec6) -> tuple[Vec6, tuple[Refusal, ...]]:
+    values, notes = list(wrench), list[Refusal]()
     for axes in LIMITED_TOGETHER:
         kept = min((limits[axis] / abs(wrench[axis]) for axis in axes if abs(wrench[axis]) > limits[axis]), default=1.0)
         for axis in axes:
             values[axis] = wrench[axis] * kept
         over = [axis for axis in axes if abs(wrench[axis]) > limits[axis]]
-        notes += [f"{WRENCH_SYMBOLS[i]}: found {wrench[i]:.4g}, limited to {limits[i]:.4g}" for i in over]
+        for i in over:
+            sentence = f"{WRENCH_SYMBOLS[i]}: found {wrench[i]:.4g}, limited to {limits[i]:.4g}"
+            notes.append(Refusal(Reason.LIMITED, sentence))
     return vec6(values), tuple(notes)

@@ -15,6 +15,7 @@ from hindrax_core.knobs import knob
 from hindrax_core.readings import Vec3, Vec6
 from hindrax_core.rotation import wrapped
 from hindrax_core.signals import NAN, ZERO6, Navigation
+from hindrax_core.text.refusals import NOTHING, Reason, Refusal
 from hindrax_core.vehicle import Vehicle
 
 STATION = "station"
@@ -116,40 +117,41 @@ class Holds:
 
     # ---- events
 
-    def set(self, setpoint: Setpoint) -> str:
-        """Engage, move or release one hold; returns why it is refused, or nothing.
+    def set(self, setpoint: Setpoint) -> Refusal:
+        """Engage, move or release one hold; returns why it is refused, or `NOTHING`.
 
         Depth and altitude replace each other.
         """
-        reason = self._unfit(setpoint)
-        if reason:
-            return reason
+        refusal = self._refusal_of(setpoint)
+        if refusal:
+            return refusal
         loop = self._loops[SNAME_OF[setpoint.axis]]
         if loop is self._vertical and setpoint.axis != self._mode:
             if not setpoint.engaged:
-                return ""
+                return NOTHING
             self._mode = setpoint.axis
         loop.started = loop.started and setpoint.engaged
         loop.engaged, loop.setpoint = setpoint.engaged, setpoint.value
-        return ""
+        return NOTHING
 
     def release(self) -> None:
         """Release every hold."""
         for loop in self._loops.values():
             loop.engaged = loop.started = False
 
-    def _unfit(self, setpoint: Setpoint) -> str:
+    def _refusal_of(self, setpoint: Setpoint) -> Refusal:
         axis, value = setpoint.axis, setpoint.value
         if axis not in SNAME_OF:
-            return f"hold {axis!r}: unknown, wanted one of {', '.join(HOLDS)}"
+            return Refusal(Reason.SETPOINT, f"hold {axis!r}: unknown, wanted one of {', '.join(HOLDS)}")
         if not setpoint.engaged or math.isnan(value):
-            return ""
+            return NOTHING
         low, high = self._range(axis)
         if low <= value <= high:
-            return ""
+            return NOTHING
         unit, scale = ("m", 1.0) if axis in ("depth", "altitude") else ("deg", math.degrees(1.0))
         found = f"hold {axis}: found {value * scale:g} {unit}, wanted {low * scale:g} to {high * scale:g} {unit}"
-        return f"{found}, by depth_rating_m and pool.depth_m of the vehicle file" if unit == "m" else found
+        by = ", by depth_rating_m and pool.depth_m of the vehicle file" if unit == "m" else ""
+        return Refusal(Reason.SETPOINT, f"{found}{by}")
 
     def _range(self, axis: str) -> tuple[float, float]:
         """Lowest and highest setpoint of a hold: no deeper than the vehicle may, and not in the floor of the pool."""

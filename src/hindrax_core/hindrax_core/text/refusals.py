@@ -22,6 +22,11 @@ class Reason(IntEnum):
     MOTION = 11
     LIFT = 12
     POOL = 13
+    SETPOINT = 14
+    FRAME = 15
+    NOT_FINITE = 16
+    LIMITED = 17
+    """The one that is obeyed in part."""
 
     # ---- when and by whom it was asked: ask again, or one at a time
     LATE = 20
