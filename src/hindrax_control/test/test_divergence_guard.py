@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,8 +12,9 @@ from hindrax_control.allocation.effectiveness import effectiveness
 from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.events import stamp_from_s
 from hindrax_core.signals import Navigation
-from hindrax_core.vehicle import AXES, Vehicle
+from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 
+VEHICLES = Path(__file__).parents[2] / "hindrax_bringup/vehicles"
 STEP_S = 0.02
 GAIN, DAMPING = 6.0, 2.5
 KICK_radps = 0.05
@@ -111,11 +113,15 @@ def test_a_sign_that_is_wrong_is_named(hindrax: Vehicle, axis: int) -> None:
         "rolls as asked",
         "rolls, held",
         "more drag",
-        "more stable",
     ],
 )
 def test_what_thrusters_can_master_goes_on(hindrax: Vehicle, flight: dict[str, object]) -> None:
     assert Turning(hindrax, **flight).fly(8.0) == ""  # type: ignore[arg-type]  # fields of the table above
+
+
+def test_a_vehicle_that_is_more_stable_than_its_file_goes_on() -> None:
+    heavy = load_vehicle(VEHICLES / "bluerov2-heavy.yaml")
+    assert Turning(heavy, wanted=1.4, righting_times=4.6, sink_N=1.0).fly(8.0) == ""
 
 
 def test_without_forces_or_rates_nothing_is_found(hindrax: Vehicle) -> None:
