@@ -28,8 +28,8 @@ NEEDS_ROS = re.compile(r"(rclpy|\w+_msgs|\w+\.nodes|hindrax_(ros|sim|drivers|rep
 PEERS = {"brping", "filterpy", "pymavlink", "pyulog", "rosbags"}
 """Left out where they are not installed."""
 
-NEED_SOURCES = {"test_without_ros.py"}
-"""Files that import from src, to show there what the wheel is."""
+NEED_SOURCES = {"test_sensor_table.py", "test_without_ros.py"}
+"""Files that start a process which imports from src."""
 
 
 def imported(source: Path) -> Iterator[str]:

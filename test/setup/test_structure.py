@@ -38,7 +38,7 @@ def test_any_does_not_creep_back() -> None:
     found = [
         f"{source.relative_to(ROOT)}:{line}"
         for source in SOURCES
-        if "src" in source.relative_to(ROOT).parts
+        if "src" in source.relative_to(ROOT).parts and "testing" not in source.parts
         for line in {
             node.lineno
             for node in ast.walk(ast.parse(source.read_text(encoding="utf-8")))
