@@ -15,6 +15,7 @@ from hindrax_control.allocation.allocator import Allocator
 from hindrax_control.allocation.thrust_curve import AppliedWrench
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import Allocation
+from hindrax_core.text.refusals import Reason, Refusal
 from hindrax_core.topics import ALLOCATION, THRUSTER_COMMAND, WRENCH, resolved
 from hindrax_replay.bag_replay import replay
 
@@ -48,7 +49,8 @@ def test_a_guard_with_other_limits_is_found(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_a_guard_that_refuses_everything_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(wrench_guard.WrenchGuard, "_untimely", lambda *_: "wrench: refused")
+    refusal = Refusal(Reason.LATE, "wrench: refused")
+    monkeypatch.setattr(wrench_guard.WrenchGuard, "_out_of_time", lambda *_: refusal)
     assert fields(differences(), COMMAND_NAME) == {"(message) recorded, not replayed"}
 
 
