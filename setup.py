@@ -22,7 +22,7 @@ PARTS = {
     "hindrax_cli.commands.machine": {"__init__", "vehicle"},
     "hindrax_cli.commands.data": {"__init__", "bag", "identify", "predict"},
     "hindrax_cli.commands.experiment": {"__init__", "blocks", "drag", "oscillation"},
-    "hindrax_cli.commands.explain": {"__init__", "allocate", "papers"},
+    "hindrax_cli.commands.explain": {"__init__", "allocate", "benchmark", "papers"},
 }
 """Packages of which only these modules work without ROS."""
 LEFT_OUT = {

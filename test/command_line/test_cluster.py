@@ -13,8 +13,8 @@ import pytest
 from hindrax_analysis.identification.executor import Workers, on_cluster, run_all
 from hindrax_cli.command_line import main
 from hindrax_core.errors import HindraxError
+from hindrax_laboratory.benchmark.blind_benchmark import answers
 from hindrax_tools import fault_fuzzer
-from hindrax_tools.blind_benchmark import answers
 
 distributed = pytest.importorskip("distributed")
 STEP_S, SPAN_S = 0.2, 21.0

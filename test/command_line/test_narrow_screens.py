@@ -25,7 +25,7 @@ from hindrax_cli import command_line, pool_plan
 from hindrax_cli.command import MODULES
 from hindrax_cli.command_line import load, main, parser_of, print_overview
 from hindrax_cli.commands.experiment import weigh
-from hindrax_cli.commands.explain import trials
+from hindrax_cli.commands.explain import benchmark, trials
 from hindrax_cli.commands.machine import doctor
 from hindrax_cli.commands.operate import commission, status
 from hindrax_cli.commands.operate.status import StackStatus
@@ -39,6 +39,7 @@ from hindrax_core.vehicle import AxisGain, load_vehicle
 from hindrax_ident.arrays import array
 from hindrax_ident.assess.assessment import METHOD
 from hindrax_laboratory import pendulum
+from hindrax_laboratory.benchmark.blind_benchmark import Row
 from hindrax_sim.flights.rehearsal import ExpectedBand, Flown, Rehearsal
 from hindrax_sim.flights.step_flight import StepOutcome
 from hindrax_tools.faults import table as fault_table
@@ -112,7 +113,12 @@ def show_plan() -> None:
     pool_plan.show(Rehearsal("hindrax", "pool", (), (flown,), {"surge": band}, "", NOTHING))
 
 
+def show_scores() -> None:
+    benchmark.print_rows({"ours": Row(0.62, 0.11, 0.14, 0.95, 3.2), "theirs": Row(1.0, 0.14)})
+
+
 PRINTERS: dict[str, Callable[[], None]] = {
+    "benchmark": show_scores,
     "status": show_stacks,
     "montecarlo": show_trials,
     "faults": show_faults,

@@ -1,4 +1,4 @@
-"""Bands and causes hold for records of water that is not ours: MuJoCo's, written once by `foreign_plants --write`."""
+"""Bands and causes hold for records of water that is not ours: MuJoCo's, written once by `foreign_verdicts --write`."""
 
 import importlib.util
 from pathlib import Path
@@ -17,7 +17,8 @@ from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import array
 from hindrax_ident.model.motion_model import MOTIONS
-from hindrax_tools.foreign_plants import AS_THE_COMMAND, PLANTS, Fluid, read, recorded, scores, write
+from hindrax_laboratory.benchmark.foreign_plants import AS_THE_COMMAND, PLANTS, Fluid, read, recorded, write
+from hindrax_tools.foreign_verdicts import scores
 
 RECORDS = Path(__file__).parent / "foreign_records"
 FALSE = ("dead band", "friction of the tether", "sag", "current")

@@ -50,6 +50,7 @@ GROUPS = {
     "analysis and verification": {
         "explain.allocate": "allocate",
         "explain.papers": "papers",
+        "explain.benchmark": "benchmark",
         "explain.trials": "montecarlo faults bench",
     },
     "for shell and developers": {"explain.developer": "completion test reference"},

@@ -1,6 +1,4 @@
-"""Records of vehicles whose water is not ours: ellipsoids in the fluid of MuJoCo, and what `identify` makes of them.
-
-    python -m hindrax_tools.foreign_plants [--only small-pilot] [--write FOLDER]
+"""Records of vehicles whose water is not ours: ellipsoids in the fluid of MuJoCo.
 
 The fluid has drag that depends on the whole velocity, lift, Magnus and Munk terms, and added mass with off-diagonal
 terms, because the ellipsoids are off the center (MuJoCo, chapter Computation, Fluid forces). Eight propellers behind a
@@ -8,24 +6,17 @@ lag lose thrust to the water that moves along, T = T_0 - T_nu |n| u (Fossen 2011
 of the commands at rest, as a stack knows it. Simulation needs the wheel `mujoco`; a record that was written does not.
 """
 
-import argparse
 import math
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from hindrax_analysis.identification.record_identification import IdentificationTask, RecordSource, identify_sources
-from hindrax_analysis.records.damage import without_damage
 from hindrax_analysis.records.recording import Recording
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
-from hindrax_ident.assess.results import MotionResult
-from hindrax_ident.model.motion_model import MOTIONS
 from hindrax_ident.tuning import Tuning
 
 STEP_S, COMMAND_S, RATES_S, DOPPLER_S, AXIS_S = 0.005, 0.04, 0.04, 0.12, 20.0
@@ -139,7 +130,7 @@ class Fluid:
             import mujoco  # noqa: PLC0415  # only for a simulation; a written record is read without it
         except ImportError as error:
             raise UsageError("needs the package `mujoco`, which is not installed here") from error
-        self._mujoco: Any = mujoco
+        self._mujoco = mujoco
         geoms = "".join(
             f'<geom type="ellipsoid" size="{_text(one.half_m)}" pos="{_text(one.center_m)}" mass="0" '
             f'fluidshape="ellipsoid" fluidcoef="{one.blunt} {one.slender} 1.5 1 1"/>'
@@ -369,85 +360,3 @@ def read(file: Path) -> ForeignRecord:
     truth = [tables.pop(key) for key in ("speeds", "drag", "added_mass")]
     plant = next(one for one in PLANTS if file.stem.startswith(one.name))
     return ForeignRecord(file.stem, plant.vehicle, recorded(file.stem, tables), *truth)
-
-
-# ---- the verdict
-
-
-@dataclass(frozen=True, slots=True)
-class Score:
-    """One motion of one record: errors in calibrated deviations, and the causes named."""
-
-    record: str
-    motion: str
-    drag: tuple[float, ...]
-    added_mass: float
-    identified: bool
-    warnings: tuple[str, ...]
-    reasons: tuple[str, ...]
-    band: float
-    """Calibrated deviation of the drag at the highest speed, as a share of it [-]."""
-
-
-def scores(record: ForeignRecord, axes: tuple[int, ...] = ()) -> list[Score]:
-    """What `identify` makes of a record, against its truth."""
-    source = RecordSource(Path(record.name), without_damage(record.recording))
-    found = identify_sources([source], record.vehicle, IdentificationTask(axes=axes, tuning=AS_THE_COMMAND))
-    return [score(record, one) for one in found.results.motions.values()]
-
-
-def score(record: ForeignRecord, result: MotionResult) -> Score:
-    """One motion; the drag is compared where the record has speeds, and where it is known at all."""
-    axis = MOTIONS[result.motion].axis
-    off, band = [], math.nan
-    if result.drag is not None:
-        for speed, true in zip(record.speeds[axis], record.drag[axis], strict=True):
-            force, sigma = (
-                float(np.interp(speed, result.drag.speed, y)) for y in (result.drag.force, result.drag.std_calibrated)
-            )
-            off.append((force - true) / sigma)
-        band = float(result.drag.std_calibrated[-1] / result.drag.force[-1])
-    mass = result.coefficients.get("added_mass")
-    far = (mass.value - record.added_mass[axis]) / mass.std_calibrated if mass else math.nan
-    return Score(
-        record.name, result.motion, tuple(off), far, result.identifiable, result.warnings, result.reasons, band
-    )
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Print a line per motion of 24 records."""
-    parser = argparse.ArgumentParser(prog="foreign_plants", description=__doc__)
-    parser.add_argument("--only", default="", help="records with this in their name")
-    parser.add_argument("--write", type=Path, help="write the records to this folder instead of judging them")
-    parser.add_argument("--read", type=Path, help="read records from this folder instead of simulating them")
-    given = parser.parse_args(arguments)
-    files = sorted(given.read.glob("*.npz")) if given.read else []
-    names = [(plant, kind, seed) for plant in PLANTS for kind in KINDS for seed in (1, 2)]
-    records = (
-        (read(file) for file in files if given.only in file.stem)
-        if given.read
-        else (fly(*one) for one in names if given.only in f"{one[0].name}-{one[1]}-{one[2]}")
-    )
-    for record in records:
-        if given.write:
-            given.write.mkdir(parents=True, exist_ok=True)
-            write(record, given.write)
-            continue
-        for one in scores(record):
-            print(_line(one), flush=True)
-    return 0
-
-
-def _line(one: Score) -> str:
-    drag = " ".join(f"{off:+5.1f}" for off in one.drag) or "none"
-    verdict = "identified" if one.identified else "; ".join(one.reasons)
-    causes = " | ".join(
-        warning for warning in one.warnings if warning.startswith(("evidence of", "no influence explains"))
-    )
-    return (
-        f"{one.record:18} {one.motion:11} drag {drag:18} mass {one.added_mass:+5.1f} {one.band:6.1%} {verdict} {causes}"
-    )
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,0 +1,95 @@
+"""`hindrax benchmark`: records of foreign plants, answers of any tool to them, and the table of how well they did."""
+
+import argparse
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from hindrax_analysis.identification.executor import add_workers, workers_of
+from hindrax_analysis.terminal import print_answer, print_table
+from hindrax_cli.argument_types import add_json, at_least
+from hindrax_cli.command import command, option
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.text.screen_text import print_fitted, print_stderr
+from hindrax_core.text.text_file import replace_text, writing
+from hindrax_laboratory.benchmark.blind_benchmark import METHODS, TRUTH, Row, answers, make, read_answers, score
+
+ABOUT = """
+`make` flies ellipsoids in the fluid of MuJoCo (pip install mujoco) and writes a record and its questions per file, the
+truth apart from them; `answer` writes what the methods here say, METHOD.json in the folder; `score` prints a table
+of these and of files of other tools. The format is in docs/how-to/benchmark.md.
+"""
+MAKE, ANSWER, SCORE = "make", "answer", "score"
+
+
+def _about(parser: argparse.ArgumentParser) -> None:
+    parser.description = f"{parser.description}\n{ABOUT}"
+
+
+@command(
+    "./hindrax benchmark score records theirs.json",
+    _about,
+    option("what", choices=(MAKE, ANSWER, SCORE), help="in this order"),
+    option("folder", type=Path, metavar="FOLDER", help="of the records"),
+    option("files", type=Path, nargs="*", metavar="JSON", help="score: answers of other tools"),
+    option("--method", nargs="+", choices=sorted(METHODS), help="answer: by these; default: all that are installed"),
+    option("--seeds", nargs="+", type=at_least(0), default=[1, 2], metavar="N", help="make: one record of each; 1 2"),
+    option("--only", default="", metavar="NAME", help="make: records with this in their name, such as small-pilot"),
+    add_workers,
+    add_json,
+)
+def benchmark(arguments: argparse.Namespace) -> int:
+    """Records of foreign plants, answers of any tool, and the table of both."""
+    folder: Path = arguments.folder
+    if arguments.files and arguments.what != SCORE:
+        raise UsageError(f"found {arguments.files[0]}, wanted files of answers with `{SCORE}` alone")
+    if arguments.what == MAKE:
+        make(folder, arguments.only, arguments.seeds, workers_of(arguments))
+        records = sorted(file.stem for file in folder.glob("*.npz"))
+        return print_answer({"records": records}, lambda: print_fitted(", ".join(records)), as_json=arguments.json)
+    if not any(folder.glob("*.npz")):
+        raise UsageError(f"{folder}: holds no records; `./hindrax benchmark make {folder}` writes them")
+    if arguments.what == ANSWER:
+        return _answer(arguments)
+    if not (folder / TRUTH).is_file():
+        raise UsageError(f"{folder}: has no {TRUTH}; `make` writes it beside the records")
+    truth = json.loads((folder / TRUTH).read_text(encoding="utf-8"))
+    found = [folder / f"{name}.json" for name in METHODS if (folder / f"{name}.json").is_file()]
+    rows = {file.stem: score(truth, read_answers(file)) for file in [*found, *arguments.files]}
+    document = {
+        "axes": sum(len(one["drag"]) for one in truth.values()),
+        "rows": {k: asdict(r) for k, r in rows.items()},
+    }
+    return print_answer(document, lambda: print_rows(rows), as_json=arguments.json)
+
+
+def _answer(arguments: argparse.Namespace) -> int:
+    """Write the answers of methods; one that is not installed is named, where it was not asked for by name."""
+    written = []
+    for name in arguments.method or METHODS:
+        try:
+            found = answers(arguments.folder, name, workers_of(arguments))
+        except UsageError as error:
+            if arguments.method:
+                raise HindraxError(f"{name}: {error}") from error
+            print_stderr(f"left out: {name} {error}")
+            continue
+        file = arguments.folder / f"{name}.json"
+        with writing(file):
+            replace_text(file, json.dumps(found, indent=1))
+        written.append(str(file))
+        print_stderr(f"answered: {file}")
+    return print_answer({"answers": written}, lambda: None, as_json=arguments.json)
+
+
+def print_rows(rows: dict[str, Row]) -> None:
+    """Print one line per tool."""
+    title = "Drag at three speeds and added mass of each axis, against the truth"
+    heads = ("axes answered", "median error", "median std", "in the 95 % interval", "worst [std]")
+    print_table(title, ("answers",), heads, [(name, *_cells(row)) for name, row in rows.items()])
+
+
+def _cells(row: Row) -> Sequence[str]:
+    shares = (row.answered, row.error, row.band, row.covered)
+    return (*("" if one is None else f"{one:.0%}" for one in shares), "" if row.worst is None else f"{row.worst:.1f}")

@@ -1,0 +1,100 @@
+"""What `identify` makes of the records of foreign plants, in its calibrated deviations.
+
+    python -m hindrax_tools.foreign_verdicts [--only small-pilot] [--write FOLDER | --read FOLDER]
+
+Simulation needs the wheel `mujoco`; records that were written do not.
+"""
+
+import argparse
+import math
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from hindrax_analysis.identification.record_identification import IdentificationTask, RecordSource, identify_sources
+from hindrax_analysis.records.damage import without_damage
+from hindrax_ident.assess.results import MotionResult
+from hindrax_ident.model.motion_model import MOTIONS
+from hindrax_laboratory.benchmark.foreign_plants import AS_THE_COMMAND, KINDS, PLANTS, ForeignRecord, fly, read, write
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """One motion of one record: errors in calibrated deviations, and the causes named."""
+
+    record: str
+    motion: str
+    drag: tuple[float, ...]
+    added_mass: float
+    identified: bool
+    warnings: tuple[str, ...]
+    reasons: tuple[str, ...]
+    band: float
+    """Calibrated deviation of the drag at the highest speed, as a share of it [-]."""
+
+
+def scores(record: ForeignRecord, axes: tuple[int, ...] = ()) -> list[Score]:
+    """What `identify` makes of a record, against its truth."""
+    source = RecordSource(Path(record.name), without_damage(record.recording))
+    found = identify_sources([source], record.vehicle, IdentificationTask(axes=axes, tuning=AS_THE_COMMAND))
+    return [score(record, one) for one in found.results.motions.values()]
+
+
+def score(record: ForeignRecord, result: MotionResult) -> Score:
+    """One motion; the drag is compared where the record has speeds, and where it is known at all."""
+    axis = MOTIONS[result.motion].axis
+    off, band = [], math.nan
+    if result.drag is not None:
+        for speed, true in zip(record.speeds[axis], record.drag[axis], strict=True):
+            force, sigma = (
+                float(np.interp(speed, result.drag.speed, y)) for y in (result.drag.force, result.drag.std_calibrated)
+            )
+            off.append((force - true) / sigma)
+        band = float(result.drag.std_calibrated[-1] / result.drag.force[-1])
+    mass = result.coefficients.get("added_mass")
+    far = (mass.value - record.added_mass[axis]) / mass.std_calibrated if mass else math.nan
+    return Score(
+        record.name, result.motion, tuple(off), far, result.identifiable, result.warnings, result.reasons, band
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print a line per motion of 24 records."""
+    parser = argparse.ArgumentParser(prog="foreign_verdicts", description=__doc__)
+    parser.add_argument("--only", default="", help="records with this in their name")
+    parser.add_argument("--write", type=Path, help="write the records to this folder instead of judging them")
+    parser.add_argument("--read", type=Path, help="read records from this folder instead of simulating them")
+    given = parser.parse_args(arguments)
+    files = sorted(given.read.glob("*.npz")) if given.read else []
+    names = [(plant, kind, seed) for plant in PLANTS for kind in KINDS for seed in (1, 2)]
+    records = (
+        (read(file) for file in files if given.only in file.stem)
+        if given.read
+        else (fly(*one) for one in names if given.only in f"{one[0].name}-{one[1]}-{one[2]}")
+    )
+    for record in records:
+        if given.write:
+            given.write.mkdir(parents=True, exist_ok=True)
+            write(record, given.write)
+            continue
+        for one in scores(record):
+            print(_line(one), flush=True)
+    return 0
+
+
+def _line(one: Score) -> str:
+    drag = " ".join(f"{off:+5.1f}" for off in one.drag) or "none"
+    verdict = "identified" if one.identified else "; ".join(one.reasons)
+    causes = " | ".join(
+        warning for warning in one.warnings if warning.startswith(("evidence of", "no influence explains"))
+    )
+    return (
+        f"{one.record:18} {one.motion:11} drag {drag:18} mass {one.added_mass:+5.1f} {one.band:6.1%} {verdict} {causes}"
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())
