@@ -21,7 +21,7 @@ mkdir -p "$place"
   mv "$place/root.part" "$place/root"
 }
 "$uv" pip install --quiet --target "$place/site" --python-platform aarch64-manylinux_2_36 --python-version 3.11 \
-  --only-binary :all: --requirements setup/runtime.in pytest==7.4.4 hypothesis psutil pymavlink
+  --only-binary :all: --requirements setup/runtime.in pytest==7.4.4 hypothesis psutil pymavlink rosbags
 
 # A copy of the packages alone: nothing of the clone around them is imported, and no test needs it.
 rm -rf "$place/run"
