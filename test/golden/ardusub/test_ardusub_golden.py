@@ -151,16 +151,16 @@ def last_hPa(outputs: list[Any]) -> float:
 @pytest.mark.parametrize(
     ("barometer", "noise_Pa", "wanted_hPa", "said"),
     [
-        (0, {1: 5.0, 2: 20.0}, 1033.0, ""),  # a BlueROV2: the second is the Bar30
-        (0, {1: 5.0, 2: 2000.0}, 1023.0, "barometer 2 has a noise of"),  # a SITL: the second is none of depth
-        (0, {1: 5.0}, 1023.0, "barometer 2 is silent"),  # a board without a barometer of its own
+        (None, {1: 5.0, 2: 20.0}, 1033.0, ""),  # a BlueROV2: the second is the Bar30
+        (None, {1: 5.0, 2: 2000.0}, 1023.0, "barometer 2 has a noise of"),  # a SITL: the second is none of depth
+        (None, {1: 5.0}, 1023.0, "barometer 2 is silent"),  # a board without a barometer of its own
         (2, {1: 5.0, 2: 2000.0}, 1033.0, ""),  # who names one gets it
     ],
 )
 def test_depth_is_by_the_barometer_that_can_be_one_of_depth(
-    barometer: int, noise_Pa: Mapping[int, float], wanted_hPa: float, said: str
+    barometer: int | None, noise_Pa: Mapping[int, float], wanted_hPa: float, said: str
 ) -> None:
     outputs = barometers(ArduSubKnobs(barometer=barometer), noise_Pa)
-    assert last_hPa(outputs) == pytest.approx(wanted_hPa, abs=1.0 if barometer == 0 else 80.0)
+    assert last_hPa(outputs) == pytest.approx(wanted_hPa, abs=1.0 if barometer is None else 80.0)
     told = [one.text for one in outputs if isinstance(one, Trouble)]
     assert [said in one for one in told] == ([True] if said else []), told

@@ -54,8 +54,11 @@ class ArduSubKnobs:
     imu_Hz: float = knob(100.0, 10.0, 400.0, "inertial samples that are asked for [Hz]")
     pressure_Hz: float = knob(20.0, 1.0, 50.0, "pressures that are asked for [Hz]")
     field_Hz: float = knob(10.0, 1.0, 50.0, "magnetic fields that are passed on, at most [Hz]")
-    barometer: int = knob(
-        0, 0, 3, "number of the barometer in the water: SCALED_PRESSURE, 2 or 3; 0: 2, or 1 where 2 cannot be it [-]"
+    barometer: int | None = knob(
+        None,
+        1,
+        3,
+        "number of the barometer in the water: SCALED_PRESSURE, 2 or 3; none: 2, or 1 if 2 cannot be it [-]",
     )
     largest_Pa: float = knob(3.1e6, 1e5, 1e8, "pressure at the end of the barometer; a Bar30 reads 30 bar [Pa]")
     latency_s: float = knob(0.005, 0.0, 0.5, "measurement to arrival at the least [s]")
@@ -72,7 +75,8 @@ class ArduSub(Companion):
         self._knobs = knobs
         self._imu_clock = Timebase(1e-6, latency_s=knobs.latency_s, on_break=self._on_break)
         self._baro_clock = Timebase(1e-3, latency_s=knobs.latency_s)
-        self._barometer, self._pressed = knobs.barometer or BESIDE_BOARD, False
+        self._barometer = BESIDE_BOARD if knobs.barometer is None else knobs.barometer
+        self._pressed = False
         streams = {RAW_IMU: knobs.imu_Hz, BAROMETERS[self._barometer - 1]: knobs.pressure_Hz}
         super().__init__("ardusub", SECOND_COMPUTER, streams, knobs.stall_s)
 
@@ -131,7 +135,7 @@ class ArduSub(Companion):
 
     def _known(self, pressure_Pa: float, stamp: Stamp) -> bool:
         """Whether the barometer is known to be the one: a second is looked at for a while before its word counts."""
-        if self._knobs.barometer or self._barometer == ON_BOARD:
+        if self._knobs.barometer is not None or self._barometer == ON_BOARD:
             return True
         self._looking = self._looking or stamp
         looked = seconds_between(self._looking, stamp) > LOOK_S
@@ -141,7 +145,7 @@ class ArduSub(Companion):
 
     def _leave_second(self, stamp: Stamp, why: str) -> list[Output]:
         """Take the barometer on the board instead, where the choice is ours; said once."""
-        if self._knobs.barometer or self._barometer == ON_BOARD:
+        if self._knobs.barometer is not None or self._barometer == ON_BOARD:
             return []
         self._barometer = ON_BOARD
         self._first_Pa.clear()
