@@ -6,7 +6,6 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 import yaml
@@ -62,7 +61,6 @@ NEITHER = (
         (["montecarlo", "--runs", "1.5"], "--runs: found '1.5', wanted a whole number; "),
         (["montecarlo", "--runs", "0"], "--runs: found 0"),
         (["montecarlo", "--vehicle", "nowhere.yaml"], "nowhere.yaml: cannot be read"),
-        (["faults", "--only", "dvl"], "wanted identifier, "),
         (["faults", "--seeds", "0"], "found 0"),
         (["faults", "--workers", "-1"], "found -1"),
         (["web", "--port", "70000"], "--port: found 70000, wanted 0 to 65535"),
@@ -209,19 +207,6 @@ def test_no_word_at_all_shows_every_command(capsys: pytest.CaptureFixture[str]) 
     assert command_line.main([]) == 2
     printed = capsys.readouterr().out
     assert all(f"  {name} " in printed for name in MODULES)
-
-
-@pytest.mark.parametrize("words", [["-k", "dvl75"], ["test/golden", "-k", "dvl75"], ["-x", "--", "-q"]])
-def test_options_of_pytest_reach_pytest(monkeypatch: pytest.MonkeyPatch, words: list[str]) -> None:
-    called: list[list[str]] = []
-
-    def started(command: list[str], **_: object) -> SimpleNamespace:
-        called.append(command)
-        return SimpleNamespace(wait=lambda: 0)
-
-    monkeypatch.setattr(subprocess, "Popen", started)
-    assert command_line.main(["test", *words]) == 0
-    assert called == [[sys.executable, "-m", "pytest", *words]]
 
 
 @pytest.mark.parametrize("buffered", [{}, {"PYTHONUNBUFFERED": "1"}])
