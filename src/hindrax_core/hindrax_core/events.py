@@ -9,6 +9,8 @@ Stamp = NewType("Stamp", int)
 ReadingT_co = TypeVar("ReadingT_co", covariant=True)
 
 NS_PER_S = 1_000_000_000
+EARLIEST = Stamp(-(2**62))
+"""Before every stamp: nothing has been seen yet. Differences to it fit into 64 bits."""
 
 
 def stamp_from_s(seconds: float) -> Stamp:

@@ -119,3 +119,8 @@ def sname_from_xyzw(x: float, y: float, z: float, w: float) -> Vec3:
     pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
     yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     return (roll, -pitch, wrapped(math.pi / 2.0 - yaw))
+
+
+def minus(a: Vec3, b: Vec3) -> Vec3:
+    """Difference of two vectors in the same axes, such as a lever from the second place to the first."""
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])

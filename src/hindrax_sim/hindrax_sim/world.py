@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 from hindrax_core.events import NS_PER_S, Stamp, seconds_between, stamp_from_s
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import Quaternion, Vec3
+from hindrax_core.rotation import minus
 from hindrax_core.vehicle import WITHIN, Mount, Vehicle
 from hindrax_sim.conditions.world_table import realize
-from hindrax_sim.physics.geometry import euler, minus, plus, quaternion, rotate, rotate_back, unit
+from hindrax_sim.physics.geometry import euler, plus, quaternion, rotate, rotate_back, unit
 from hindrax_sim.physics.normal_draws import NormalDraws
 from hindrax_sim.physics.plant import LONGEST_STEP_S, Plant
 from hindrax_sim.physics.pool import PoolWalls

@@ -14,7 +14,7 @@ from hindrax_control.navigation.attitude_filter import SPANS, Offset, Span, mean
 from hindrax_control.navigation.horizontal_filter import PositionKnobs, PositionUncertainty
 from hindrax_control.navigation.wall_sonar import WallSonar, wall_knobs
 from hindrax_control.sensors import NOWHERE, SensorMount, why_impossible
-from hindrax_core.events import NS_PER_S, Stamp, Stamped, after
+from hindrax_core.events import EARLIEST, NS_PER_S, Stamp, Stamped, after
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.input_checks import Refusals
 from hindrax_core.knobs import knob
@@ -24,7 +24,6 @@ from hindrax_core.sensor_table import row_of
 from hindrax_core.signals import NAN, ZERO6, Consistency, Navigation
 from hindrax_core.vehicle import Vehicle
 
-LONG_AGO = Stamp(-(2**62))
 LEAST_UPRIGHT = 0.3
 """Cosine of tilt below which the downward velocity determines heave too poorly."""
 MOST_WAITING = 200
@@ -80,11 +79,11 @@ class Navigator:
         self.refused = 0
         self._position, self._heading_rad = (0.0, 0.0), 0.0
         self._reckoning = PositionUncertainty(knobs)
-        self._reckoned = LONG_AGO
+        self._reckoned = EARLIEST
         self._offset = self._unknown = Offset((0.0, 0.0, 0.0), 0.5 * math.radians(knobs.offset_dps))
         self.refusals = Refusals()
         self._begin(Stamp(0))
-        self._imu = self._changed = LONG_AGO
+        self._imu = self._changed = EARLIEST
         self._sample = ZERO6
 
     def _begin(self, stamp: Stamp) -> None:
@@ -100,8 +99,8 @@ class Navigator:
         self._walls = {name: WallSonar(self._mounts[name], by_wall, half_beam_rad) for name in self._looking}
         self._waiting: deque[tuple[Stamp, Reading, str]] = deque(maxlen=MOST_WAITING)
         self._received: dict[str, Stamp] = {}
-        self._locked = self._depth = self._altitude = LONG_AGO
-        self._echo = stamp if self._has_sonar else LONG_AGO
+        self._locked = self._depth = self._altitude = EARLIEST
+        self._echo = stamp if self._has_sonar else EARLIEST
         self._rate_radps: Vec3 = (0.0, 0.0, 0.0)
         self._aligned = False
         self._spans: deque[Span] = deque(maxlen=SPANS)
@@ -276,7 +275,7 @@ class Navigator:
         self._position = self._aiding.place_m = (north + north_m, east + east_m)
         self._reckoning.move(self._attitude.heading_rad, north_m, east_m, dt)
         still_s = (self._imu - self._reckoned) / NS_PER_S - dt
-        if self._reckoned != LONG_AGO and still_s > dt:
+        if self._reckoned != EARLIEST and still_s > dt:
             # The filters restarted; the velocity meanwhile is unknown.
             self._reckoning.unmeasured(self._vehicle.limits.speed_mps, still_s)
         elif not self._locked_at(self._imu):
@@ -338,7 +337,7 @@ class Navigator:
         if self._forces_N and not self._pushed:
             wall.face(self._attitude.rotation)
         used = wall.echo(reading.range_m, knobs.range_sigma_m(reading.range_m), self._attitude.rotation, delay_s)
-        self._seen[source] = max(valid, self._seen.get(source, valid)) if used else self._seen.get(source, LONG_AGO)
+        self._seen[source] = max(valid, self._seen.get(source, valid)) if used else self._seen.get(source, EARLIEST)
         return used
 
     def _dvl_altitude(self, altitude_m: float, valid: Stamp, at: SensorMount) -> None:
@@ -365,7 +364,7 @@ class Navigator:
         velocities, sigmas = [NAN, NAN], [NAN, NAN]
         fresh = after(stamp, -self._knobs.lock_s)
         for name, wall in self._walls.items():
-            if self._seen.get(name, LONG_AGO) > fresh:
+            if self._seen.get(name, EARLIEST) > fresh:
                 velocities[wall.axis], sigmas[wall.axis] = wall.velocity_mps(), wall.sigma_mps()
         return velocities, sigmas
 
@@ -411,7 +410,7 @@ class Navigator:
 
 def _age_s(valid: Stamp, now: Stamp) -> float:
     """Age of what was valid at a stamp; infinite where nothing was ever used."""
-    return math.inf if valid == LONG_AGO else (now - valid) / NS_PER_S
+    return math.inf if valid == EARLIEST else (now - valid) / NS_PER_S
 
 
 def _end(valid: Stamp, reading: Reading) -> Stamp:

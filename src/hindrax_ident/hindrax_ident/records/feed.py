@@ -20,9 +20,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeAlias, TypeVar
 
-from hindrax_core.events import Stamp, Stamped, after
+from hindrax_core.events import EARLIEST, Stamp, Stamped, after
 from hindrax_core.readings import BottomVelocity, Pressure, Vec3, Vec6
-from hindrax_core.rotation import cross, matrix, rotate
+from hindrax_core.rotation import cross, matrix, minus, rotate
 from hindrax_core.sensor_table import Capability
 from hindrax_core.signals import NAN, Attitude, IdentEvent, Navigation, Phase, Thrust, Velocity, Way
 from hindrax_core.vehicle import Mount, Vehicle
@@ -55,7 +55,6 @@ VELOCITIES = (BottomVelocity, WallRange, Navigation, Velocity, Way)
 KINDS = (Phase, Thrust, Navigation, Pressure, BottomVelocity, WallRange, Attitude, Way, Velocity)
 """Order at equal stamps: inputs to the vehicle first, then its motion."""
 RANKS: dict[type, int] = {kind: rank for rank, kind in enumerate(KINDS)}
-EARLIEST = Stamp(-(2**62))
 ReadingT = TypeVar("ReadingT")
 
 
@@ -120,8 +119,8 @@ class Feed:
         roll, pitch, yaw = (math.radians(angle) for angle in mount.rotation_deg)
         self._rotation = matrix((roll, pitch, yaw))
         self._center_m = vehicle.center_of_mass_m
-        self._dvl_lever_m = _difference(mount.position_m, self._center_m)
-        self._below_sensor_m = _difference(self._center_m, _first_mount(vehicle, "depth").position_m)
+        self._dvl_lever_m = minus(mount.position_m, self._center_m)
+        self._below_sensor_m = minus(self._center_m, _first_mount(vehicle, "depth").position_m)
         self._sonars = {name: _Looking(vehicle.sensors[name], self._center_m) for name in wall_sonars(vehicle)}
         self._attitude_rad: Vec3 = (NAN, NAN, NAN)
         self._rate_radps: Vec3 = (0.0, 0.0, 0.0)
@@ -213,7 +212,7 @@ class _Looking:
         self._beam = beam = rotate(matrix((roll, pitch, yaw)), (0.0, 0.0, 1.0))
         self.axis = 0 if abs(beam[0]) >= abs(beam[1]) else 1
         self._sign = math.copysign(1.0, beam[self.axis])
-        self._lever_m = _difference(mount.position_m, center_m)
+        self._lever_m = minus(mount.position_m, center_m)
         self._before, self._heading_rad = Phase("", ""), NAN
 
     def aim(self, phase: Phase, heading_rad: float) -> None:
@@ -262,7 +261,3 @@ def identified(vehicle: Vehicle, capability: Capability) -> str:
 def _first_mount(vehicle: Vehicle, capability: Capability) -> Mount:
     """Its mount; at the origin and not turned where the file has none."""
     return vehicle.sensors.get(identified(vehicle, capability), Mount(""))
-
-
-def _difference(a: Vec3, b: Vec3) -> Vec3:
-    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])

@@ -9,9 +9,10 @@ from dataclasses import replace
 from typing import TypeAlias
 
 from hindrax_core.readings import Vec3, Vec6, vec6
+from hindrax_core.rotation import minus
 from hindrax_core.vehicle import AXES, Drag, Vehicle
 from hindrax_sim.conditions.realization import TESTED, Realization
-from hindrax_sim.physics.geometry import lever_wrench, minus, plus, rotate_back, unit
+from hindrax_sim.physics.geometry import lever_wrench, plus, rotate_back, unit
 from hindrax_sim.physics.normal_draws import NormalDraws
 from hindrax_sim.physics.plant import Plant
 

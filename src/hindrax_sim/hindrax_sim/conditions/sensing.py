@@ -5,10 +5,11 @@ from collections import deque
 from dataclasses import replace
 
 from hindrax_core.readings import Vec3, Vec6
+from hindrax_core.rotation import minus
 from hindrax_core.sensor_table import Capability
 from hindrax_core.signals import ZERO6
 from hindrax_sim.conditions.realization import Realization, Travel
-from hindrax_sim.physics.geometry import minus, plus, unit
+from hindrax_sim.physics.geometry import plus, unit
 from hindrax_sim.physics.normal_draws import NormalDraws
 from hindrax_sim.physics.plant import Plant
 

@@ -5,10 +5,11 @@ from collections.abc import Callable
 
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import Vec6, vec6
+from hindrax_core.rotation import minus
 from hindrax_core.signals import ZERO6
 from hindrax_core.vehicle import AXES
 from hindrax_sim.conditions.realization import Realization
-from hindrax_sim.physics.geometry import lever_wrench, minus, plus, rotate_back
+from hindrax_sim.physics.geometry import lever_wrench, plus, rotate_back
 from hindrax_sim.physics.normal_draws import NormalDraws
 from hindrax_sim.physics.plant import Plant
 

@@ -15,10 +15,11 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from hindrax_core.readings import BottomTrack, BottomVelocity, Vec3
+from hindrax_core.rotation import minus
 from hindrax_sim.devices.dvl75 import dvl_truth
 from hindrax_sim.devices.dvl75_sentences import DvlTruth
 from hindrax_sim.devices.emulator import Emulator, Part
-from hindrax_sim.physics.geometry import minus, plus
+from hindrax_sim.physics.geometry import plus
 
 RANGE_MODES = ((0.05, 0.6, 15.0), (0.3, 3.0, 10.0), (1.5, 14.0, 5.5), (7.7, 36.0, 7.5), (15.0, 50.0, 3.0))
 """Lower and upper altitude [m], reports a second. Page "Range mode"; the A50 reaches 50 m."""

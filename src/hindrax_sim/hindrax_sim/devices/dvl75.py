@@ -14,11 +14,11 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from hindrax_core.readings import BottomTrack, BottomVelocity, DeviceText, Position, Vec3
-from hindrax_core.rotation import matrix, rotate
+from hindrax_core.rotation import matrix, minus, rotate
 from hindrax_sim.devices import dvl75_sentences as sentences
 from hindrax_sim.devices.dvl75_sentences import DvlSettings, DvlTruth
 from hindrax_sim.devices.emulator import BaudRateLine, Emulator, Part
-from hindrax_sim.physics.geometry import minus, plus
+from hindrax_sim.physics.geometry import plus
 from hindrax_sim.world import Mounting, World
 
 __all__ = ["Dvl75", "DvlSettings", "DvlTruth"]

@@ -9,11 +9,6 @@ from collections.abc import Sequence
 from hindrax_core.readings import Quaternion, Vec3, Vec6
 
 
-def minus(a: Vec3, b: Vec3) -> Vec3:
-    """Difference."""
-    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
-
-
 def plus(a: Vec3, b: Vec3, share: float = 1.0) -> Vec3:
     """Sum of a vector and a share of another."""
     return (a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2])

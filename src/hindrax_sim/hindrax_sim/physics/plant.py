@@ -13,8 +13,9 @@ import numpy as np
 
 from hindrax_core.errors import UsageError
 from hindrax_core.readings import Quaternion, Vec3, Vec6, vec6
+from hindrax_core.rotation import minus
 from hindrax_core.vehicle import AXES, Hydrodynamics, Vehicle
-from hindrax_sim.physics.geometry import combined, minus, quaternion, rotate_back
+from hindrax_sim.physics.geometry import combined, quaternion, rotate_back
 from hindrax_sim.physics.thruster import ThrusterLag, thruster_force, wrench_per_newton
 
 Rows: TypeAlias = list[list[float]]

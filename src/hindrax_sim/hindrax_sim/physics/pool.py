@@ -6,8 +6,9 @@ The pool frame lies in the middle of the surface: x along the length, y along th
 import math
 
 from hindrax_core.readings import Vec3
+from hindrax_core.rotation import minus
 from hindrax_core.vehicle import Pool, Vehicle
-from hindrax_sim.physics.geometry import minus, rotate, rotate_back
+from hindrax_sim.physics.geometry import rotate, rotate_back
 from hindrax_sim.physics.plant import Plant
 
 

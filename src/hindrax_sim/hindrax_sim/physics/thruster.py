@@ -9,11 +9,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from hindrax_core.readings import Vec6
+from hindrax_core.rotation import minus
 from hindrax_core.signals import ZERO6
 from hindrax_core.thrust.curves import Curve
 from hindrax_core.thrust.table import ThrustTable
 from hindrax_core.vehicle import Thruster, Vehicle
-from hindrax_sim.physics.geometry import combined, lever_wrench, minus
+from hindrax_sim.physics.geometry import combined, lever_wrench
 
 AMPERE = 0.13
 """Current [A] of a thruster per newton to the power 1.5: power goes with thrust to that power (momentum theory)."""
