@@ -780,6 +780,8 @@ def test_the_log_of_an_ardusub_says_which_vehicle_it_is_of(tmp_path: Path, capsy
     log.write_bytes(dataflash_of_yaw({"FRAME_CONFIG": 5.0}))
     assert main(["vehicle", "new", "other", "--from", str(log), "--out", str(tmp_path / "o.yaml")]) == 2
     assert "found FRAME_CONFIG 5, wanted an ArduSub with the frame 1" in capsys.readouterr().err
+    assert main(["identify", str(log)]) == 2
+    assert "FRAME_CONFIG is 5, wanted one of a vehicle in the box, 1 (bluerov2), 2 (" in capsys.readouterr().err
 
 
 def dataflash_of_yaw(parameters: dict[str, float]) -> bytes:

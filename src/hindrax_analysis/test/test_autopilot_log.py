@@ -276,8 +276,15 @@ def test_the_wiring_of_an_ardusub_is_in_its_log(tmp_path: Path) -> None:
     assert [one.name for one in found if one.reversed] == ["T1", "T3"]
     with pytest.raises(UsageError, match=r"has 6 thrusters, the autopilot drives 8"):
         wired(load_vehicle(default_vehicle().parent / "bluerov2.yaml"), wiring)
-    file.write_bytes(with_parameters({"SERVO1_FUNCTION": 33.0}))
-    assert logged_wiring([file]) is None
+    few = {name: value for name, value in SWAPPED.items() if not name.startswith("SERVO8")}
+    file.write_bytes(with_parameters(few | {"SERVO3_FUNCTION": math.nan}))
+    cut = logged_wiring([file])
+    assert cut is not None
+    with pytest.raises(UsageError, match=r"drives 6 \(by its SERVOn_FUNCTION motors 1, 2, 4, 5, 6, 7\)"):
+        wired(heavy, cut)
+    for parameters in ({"SERVO1_FUNCTION": 33.0}, SWAPPED | {"FRAME_CONFIG": math.nan}):
+        file.write_bytes(with_parameters(parameters))
+        assert logged_wiring([file]) is None
 
 
 @pytest.mark.parametrize(("name", "motors"), [("bluerov2", 6), ("bluerov2-heavy", 8)])

@@ -130,7 +130,8 @@ def _starts(path: Path) -> tuple[list[ArduPilotLog], int]:
         messages += 1
         kind = message.get_type()
         if kind in PARAMETERS:
-            _rows_of(starts).parameters[_name(message)] = _value(message)
+            if math.isfinite(value := _value(message)):  # one that was never set, or a flipped bit
+                _rows_of(starts).parameters[_name(message)] = value
             continue
         if starts and at_s < starts[-1].newest_s - RESTART_s:
             starts.append(_Rows(dict(starts[-1].parameters)))

@@ -13,9 +13,9 @@ from hindrax_analysis.records.ardupilot_log import read_starts
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Thruster, Vehicle
 
-FRAMES = {1: "bluerov2", 2: "bluerov2-heavy"}
+VEHICLE_OF_FRAME = {1: "bluerov2", 2: "bluerov2-heavy"}
 """Frame of ArduSub -> vehicle in the box."""
-BOX = frozenset(FRAMES.values())
+BOX = frozenset(VEHICLE_OF_FRAME.values())
 """Vehicles in the box that an ArduSub drives: their files have ArduSub's own directions and outputs."""
 FIRST_MOTOR, MOST_MOTORS, OUTPUTS = 33, 8, 16
 LOGS = (".bin", ".tlog")
@@ -41,7 +41,7 @@ class Wiring:
     @property
     def kind(self) -> str:
         """Vehicle in the box with this frame; empty for another."""
-        return FRAMES.get(self.frame, "")
+        return VEHICLE_OF_FRAME.get(self.frame, "")
 
     @property
     def turned(self) -> tuple[int, ...]:
@@ -84,9 +84,10 @@ def wired(vehicle: Vehicle, wiring: Wiring) -> Vehicle:
     UsageError where the file has another number of thrusters.
     """
     if wiring.motors and len(wiring.motors) != len(vehicle.thrusters):
+        numbers = ", ".join(map(str, sorted(wiring.motors)))
         raise UsageError(
-            f"{vehicle.name}: has {len(vehicle.thrusters)} thrusters, the autopilot drives {len(wiring.motors)};"
-            " name the vehicle file of this vehicle with --vehicle"
+            f"{vehicle.name}: has {len(vehicle.thrusters)} thrusters, the autopilot drives {len(wiring.motors)} "
+            f"(by its SERVOn_FUNCTION motors {numbers}); name the vehicle file of this vehicle with --vehicle"
         )
     thrusters = tuple(_wired(one, wiring.motors.get(index)) for index, one in enumerate(vehicle.thrusters, start=1))
     return replace(vehicle, thrusters=thrusters)

@@ -27,7 +27,7 @@ from hindrax_analysis.identification.record_identification import (
     recorded_vehicle,
 )
 from hindrax_analysis.identification.verdict import show_next
-from hindrax_analysis.records.autopilot_vehicle import BOX, logged_wiring, wired
+from hindrax_analysis.records.autopilot_vehicle import BOX, VEHICLE_OF_FRAME, logged_wiring, wired
 from hindrax_analysis.records.csv_columns import COLUMNS
 from hindrax_analysis.records.third_party_bag import FRAMES, TopicSelection
 from hindrax_analysis.terminal import print_answer, working
@@ -103,9 +103,15 @@ def _with_wiring(records: Sequence[Path], named: Vehicle | None) -> Vehicle | No
     if named is None and wiring.kind:
         print_stderr(f"note: no --vehicle was named; the log's frame is that of {wiring.kind}, whose hull is assumed")
         return wired(load_vehicle(vehicle_file(wiring.kind)), wiring)
-    if named is not None and named.name in BOX:
+    if named is None:
+        known = ", ".join(f"{frame} ({name})" for frame, name in VEHICLE_OF_FRAME.items())
+        raise UsageError(
+            f"the log's FRAME_CONFIG is {wiring.frame}, wanted one of a vehicle in the box, {known}; "
+            "name the vehicle file with --vehicle (`./hindrax vehicle new` makes one)"
+        )
+    if named.name in BOX:
         return wired(named, wiring)
-    if named is not None and (turned := wiring.turned):
+    if turned := wiring.turned:
         names = ", ".join(f"T{motor}" for motor in turned)
         print_stderr(f"note: by the log's parameters {names} turn the other way; is that in {named.name}'s file?")
     return named
