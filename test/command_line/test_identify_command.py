@@ -772,6 +772,7 @@ def test_the_log_of_an_ardusub_says_which_vehicle_it_is_of(tmp_path: Path, capsy
     assert main(["identify", str(log)]) in (0, 1)
     told = capsys.readouterr().err
     assert "the log's frame is that of bluerov2-heavy, whose hull is assumed" in told
+    assert "name no outputs" not in told
     made = tmp_path / "mine.yaml"
     assert main(["vehicle", "new", "mine", "--from", str(log), "--out", str(made)]) == 0
     vehicle = load_vehicle(made)
@@ -781,7 +782,10 @@ def test_the_log_of_an_ardusub_says_which_vehicle_it_is_of(tmp_path: Path, capsy
     assert main(["vehicle", "new", "other", "--from", str(log), "--out", str(tmp_path / "o.yaml")]) == 2
     assert "found FRAME_CONFIG 5, wanted an ArduSub with the frame 1" in capsys.readouterr().err
     assert main(["identify", str(log)]) == 2
-    assert "FRAME_CONFIG is 5, wanted one of a vehicle in the box, 1 (bluerov2), 2 (" in capsys.readouterr().err
+    assert "name no outputs (SERVOn_FUNCTION): those of the vehicle file are assumed" in (
+        told := capsys.readouterr().err
+    )
+    assert "FRAME_CONFIG is 5, wanted one of a vehicle in the box, 1 (bluerov2), 2 (" in told
 
 
 def dataflash_of_yaw(parameters: dict[str, float]) -> bytes:

@@ -155,7 +155,8 @@ def test_without_a_dvl_surge_and_sway_are_left_out_before_anything_starts(hindra
     assert found.flown == ("heave", "roll", "pitch", "yaw")
     assert found.left_out == (("surge", UNMEASURED), ("sway", UNMEASURED))
     wanted = (
-        "sway: nothing measures its velocity, wanted a DVL, or a sonar that looks aside; .* heave, roll, pitch, yaw"
+        "sway: nothing measures its velocity, wanted a DVL, or a sonar that looks aside; .* heave, roll, pitch, yaw. "
+        "An odometry of yours .* poses alone do not, .* `./hindrax identify BAG --odometry TOPIC`"
     )
     with pytest.raises(UsageError, match=wanted):
         motions_to_fly(("yaw", "sway"), blind)

@@ -209,8 +209,13 @@ def require_measured(motions: Sequence[str], vehicle: Vehicle, *, velocity_known
     if lost:
         flown = flyable_motions(AXES, vehicle).flown
         others = f", or fly some of {', '.join(flown)}" if flown else ""
-        wanted = f"a DVL, or a sonar that looks {'ahead' if lost[0] == 'surge' else 'aside'}"
-        sentence = f"{lost[0]}: {UNMEASURED}, wanted {wanted}; add it to `sensors` in the vehicle file{others}"
+        looks = "ahead" if lost[0] == "surge" else "aside"
+        wanted = f"a DVL, or a sonar that looks {looks}"
+        sentence = (
+            f"{lost[0]}: {UNMEASURED}, wanted {wanted}; add it to `sensors` in the vehicle file{others}. An odometry "
+            "of yours that has velocities flies it too (docs/how-to/use-one-node.md); poses alone do not, they are "
+            "identified after a flight by hand: `./hindrax identify BAG --odometry TOPIC`"
+        )
         raise UsageError(Refusal(Reason.MOTION, sentence))
 
 

@@ -100,6 +100,10 @@ def _with_wiring(records: Sequence[Path], named: Vehicle | None) -> Vehicle | No
     wiring = logged_wiring(records)
     if wiring is None:
         return named
+    if not wiring.motors:
+        print_stderr(
+            "note: the log's parameters name no outputs (SERVOn_FUNCTION): those of the vehicle file are assumed"
+        )
     if named is None and wiring.kind:
         print_stderr(f"note: no --vehicle was named; the log's frame is that of {wiring.kind}, whose hull is assumed")
         return wired(load_vehicle(vehicle_file(wiring.kind)), wiring)
