@@ -259,8 +259,8 @@ def test_estimates_that_lack_late_measurements_are_explained_in_one_line(
 
 
 def _surer(real: Callable[..., Any]) -> Callable[..., Any]:
-    def message(estimate: Any) -> Any:
-        made = real(estimate)
+    def message(*given: Any) -> Any:
+        made = real(*given)
         made.samples += 1
         return made
 

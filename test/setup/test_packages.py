@@ -40,7 +40,7 @@ PIP_OF_MODULE = {
     "zstandard": "zstandard",
 }
 RUNTIME = (ROOT / "setup/runtime.in").read_text(encoding="utf-8")
-EXTRAS = {"hindrax_i2c_file"}
+EXTRAS = {"hindrax_i2c_file", "mujoco"}
 """Packages that are looked for, and whose lack is one sentence."""
 DEVELOPMENT_MODULES = {
     re.findall(r"^[\w.-]+", line)[0].lower().replace("-", "_")

@@ -264,6 +264,10 @@ def with_parameters(parameters: dict[str, float]) -> bytes:
 def test_the_wiring_of_an_ardusub_is_in_its_log(tmp_path: Path) -> None:
     file = tmp_path / "dive.bin"
     file.write_bytes(with_parameters(SWAPPED))
+    plain = logged_wiring([file])
+    assert plain is not None
+    assert plain.turned == (3,), "SERVOn_REVERSED is none of a motor's, but where its pulses are scaled"
+    file.write_bytes(with_parameters(SWAPPED | {"MOT_PWM_TYPE": 8.0}))
     wiring = logged_wiring([tmp_path / "not.csv", file])
     assert wiring is not None
     assert wiring.kind == "bluerov2-heavy"

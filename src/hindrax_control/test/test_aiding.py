@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from hindrax_control.navigation.aiding import Aiding
+from hindrax_control.navigation.measured_noise import MEMORY
 from hindrax_control.navigation.navigator import NavigatorKnobs
 from hindrax_control.sensors import SensorMount
 from hindrax_core.hydrostatics import GRAVITY_mps2
@@ -57,6 +58,11 @@ class Rig:
         pressure = water.surface_pressure_Pa + water.density_kgpm3 * GRAVITY_mps2 * depth_m
         return self.aiding.pressure(Pressure(pressure, 20.0), at, 0.0)
 
+    def pressures(self, depth_m: float) -> None:
+        """As many as show their noise."""
+        for _ in range(MEMORY):
+            self.pressure(depth_m)
+
     def magnetic(self, heading_rad: float, delay_s: float = 0.0) -> bool:
         """A field that says this heading from magnetic north."""
         return self.field((EARTH_T * math.cos(heading_rad), -EARTH_T * math.sin(heading_rad), 0.5 * EARTH_T), delay_s)
@@ -71,7 +77,7 @@ class Rig:
 
 def test_a_velocity_at_a_lever_is_that_of_the_origin_and_of_the_turn(hindrax: Vehicle) -> None:
     rig = Rig(hindrax)
-    rig.pressure(1.0)
+    rig.pressures(1.0)
     rig.wait(1.0, (0.3, -0.4, 0.5))
     # v + w x l = (0.1, 0.2, 0.05) + (0.3, -0.4, 0.5) x (0.2, -0.1, 0.3).
     assert rig.dvl((0.1 - 0.12 + 0.05, 0.2 + 0.1 - 0.09, 0.05 - 0.03 + 0.08), at=THERE)
@@ -140,6 +146,9 @@ def test_a_silence_of_the_dvl_or_no_depth_is_no_way_down(hindrax: Vehicle) -> No
     rig.dvl((0.0, 0.0, 0.1))
     assert rig.aiding.sunk_off_m == 0.0, "no depth to compare with"
     rig.pressure(1.0)
+    rig.dvl((0.0, 0.0, 0.105))
+    assert rig.aiding.sunk_off_m == 0.0, "two pressures make a rate, but not one that means anything"
+    rig.pressures(1.0)
     rig.wait(10.0)
     rig.dvl((0.0, 0.0, 0.11))
     assert 0.0 < rig.aiding.sunk_off_m < 0.1

@@ -1,8 +1,11 @@
 """The vehicle that an ArduSub says it has: frame, which output drives which thruster, and its sense.
 
 ArduSub's public sources and parameter list: `FRAME_CONFIG` (1 vectored, 2 vectored with six degrees of freedom),
-`SERVOn_FUNCTION` 33 to 40 (motor 1 to 8 at output n), `SERVOn_REVERSED`, `MOT_n_DIRECTION` (1 or -1). What no
-parameter knows (hull, positions, curves) is that of the vehicle file, or of the BlueROV2 in the box.
+`SERVOn_FUNCTION` 33 to 40 (motor 1 to 8 at output n), `MOT_n_DIRECTION` (1 or -1). What no parameter knows (hull,
+positions, curves) is that of the vehicle file, or of the BlueROV2 in the box.
+
+`SERVOn_REVERSED` turns a motor only where `MOT_PWM_TYPE` scales its pulses (`AP_Motors::rc_write`). An ArduSub 4.6 in
+a SITL gave output 1 the same 1560 us with it and without, and 1440 us with `MOT_1_DIRECTION` -1.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,8 +24,11 @@ FIRST_MOTOR, MOST_MOTORS, OUTPUTS = 33, 8, 16
 LOGS = (".bin", ".tlog")
 FRAME, LOW_V, PULSES_us = "FRAME_CONFIG", "BATT_LOW_VOLT", {"MOT_PWM_MIN": 1100.0, "MOT_PWM_MAX": 1900.0}
 """Parameters of the frame, of the voltage that counts as low (0: none), and of the ends of pulses, with defaults."""
+PULSE_TYPE, SCALED = "MOT_PWM_TYPE", (8.0, 9.0)
+"""Kind of pulses; PWMRange and PWMAngle, by which an output's own settings hold for a motor."""
 PARAMETERS = (
     FRAME,
+    PULSE_TYPE,
     LOW_V,
     *PULSES_us,
     *(f"SERVO{output}_{what}" for output in range(1, OUTPUTS + 1) for what in ("FUNCTION", "REVERSED")),
@@ -58,7 +64,8 @@ def wiring_of(parameters: Mapping[str, float]) -> Wiring | None:
         motor = round(parameters.get(f"SERVO{output}_FUNCTION", 0.0)) - FIRST_MOTOR + 1
         if 1 <= motor <= MOST_MOTORS:
             backwards = parameters.get(f"MOT_{motor}_DIRECTION", 1.0) < 0.0
-            turned = parameters.get(f"SERVO{output}_REVERSED", 0.0) > 0.0
+            scaled = parameters.get(PULSE_TYPE, 0.0) in SCALED
+            turned = scaled and parameters.get(f"SERVO{output}_REVERSED", 0.0) > 0.0
             motors[motor] = (output - 1, backwards != turned)
     return Wiring(round(parameters[FRAME]), motors)
 

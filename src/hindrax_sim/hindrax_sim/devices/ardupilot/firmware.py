@@ -81,6 +81,7 @@ def parameters_of(thrusters: Sequence[Thruster]) -> dict[str, float]:
         "FRAME_CONFIG": 2.0 if count > 6 else 1.0,
         **{f"SERVO{number}_FUNCTION": 0.0 for number in range(1, 17)},
         "MOT_PWM_MIN": 1100.0,
+        "MOT_PWM_TYPE": 0.0,
         "MOT_PWM_MAX": 1900.0,
         "JS_GAIN_DEFAULT": 0.5,
         "JS_THR_GAIN": 1.0,
