@@ -1,11 +1,11 @@
-"""A million frames for a stream decoder: out of a pool of good ones, half of them damaged, each in a way of its own."""
+"""Four hundred thousand frames for a stream decoder: out of a pool of good ones, half of them damaged, in many ways."""
 
 from collections.abc import Callable, Iterator, Sequence
 from random import Random
 
 from hindrax_core.testing import chunks
 
-FRAMES = 1_000_000
+FRAMES = 400_000
 BATCH = 1000
 POOL = 5000
 LONGEST_CHUNK = 4000

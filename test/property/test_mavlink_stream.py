@@ -1,4 +1,4 @@
-"""Laws of the MAVLink decoders, of host and firmware, over a million random and mutated frames."""
+"""Laws of the MAVLink decoders, of host and firmware, over four hundred thousand random and mutated frames."""
 
 import random
 import struct

@@ -1,4 +1,4 @@
-"""Laws of the stream decoders, on a million random and mutated frames each."""
+"""Laws of the stream decoders, on four hundred thousand random and mutated frames each."""
 
 import functools
 import operator
