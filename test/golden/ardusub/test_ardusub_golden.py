@@ -142,25 +142,25 @@ def barometers(knobs: ArduSubKnobs, noise_Pa: Mapping[int, float], seconds: floa
     return outputs
 
 
-def last_hPa(outputs: list[Any]) -> float:
-    read = [one.reading for one in outputs if isinstance(one, Stamped)]
-    pressures_Pa = [one.pressure_Pa for one in read if isinstance(one, Pressure)]
-    return pressures_Pa[-1] / 100.0
-
-
 @pytest.mark.parametrize(
     ("barometer", "noise_Pa", "wanted_hPa", "said"),
     [
         (None, {1: 5.0, 2: 20.0}, 1033.0, ""),  # a BlueROV2: the second is the Bar30
-        (None, {1: 5.0, 2: 2000.0}, 1023.0, "barometer 2 has a noise of"),  # a SITL: the second is none of depth
-        (None, {1: 5.0}, 1023.0, "barometer 2 is silent"),  # a board without a barometer of its own
+        (None, {1: 5.0, 2: 2000.0}, None, "barometer 2 has a noise of"),  # a SITL: the second is none of depth
+        (None, {1: 5.0}, None, "barometer 2 is silent"),  # a Bar30 that died; or a board without a barometer of its own
+        (1, {1: 5.0, 2: 2000.0}, 1023.0, ""),
         (2, {1: 5.0, 2: 2000.0}, 1033.0, ""),  # who names one gets it
     ],
 )
-def test_depth_is_by_the_barometer_that_can_be_one_of_depth(
-    barometer: int | None, noise_Pa: Mapping[int, float], wanted_hPa: float, said: str
+def test_depth_is_by_the_second_barometer_or_the_one_that_is_named_and_never_by_another(
+    barometer: int | None, noise_Pa: Mapping[int, float], wanted_hPa: float | None, said: str
 ) -> None:
     outputs = barometers(ArduSubKnobs(barometer=barometer), noise_Pa)
-    assert last_hPa(outputs) == pytest.approx(wanted_hPa, abs=1.0 if barometer is None else 80.0)
+    read = [one.reading for one in outputs if isinstance(one, Stamped)]
+    pressures_hPa = [one.pressure_Pa / 100.0 for one in read if isinstance(one, Pressure)]
+    if wanted_hPa is None:
+        assert not pressures_hPa
+    else:
+        assert pressures_hPa[-1] == pytest.approx(wanted_hPa, abs=80.0 if barometer == 2 else 1.0)
     told = [one.text for one in outputs if isinstance(one, Trouble)]
-    assert [said in one for one in told] == ([True] if said else []), told
+    assert [said in one and "barometer:=1" in one for one in told] == ([True] if said else []), told

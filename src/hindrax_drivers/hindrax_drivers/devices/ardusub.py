@@ -4,8 +4,9 @@ On a line of its own (`udpin:0.0.0.0:14551`, `tcp:127.0.0.1:5763`, a telemetry p
 thruster output. It asks for its streams, and for nothing else: it is a companion, no ground station.
 
 The depth sensor of a BlueROV2 is the second barometer, beside that of the autopilot's board. A board without one has it
-as the first; so has a SITL, whose second is one of the air with a noise of 0.2 m. A second barometer that is silent, or
-noisier than a sensor of depth can be, is therefore left for the first.
+as the first; so has a SITL, whose second is one of the air with a noise of 0.2 m. A second one that is silent, or
+noisier than a sensor of depth can be, is no depth, and said. The first is taken only where it is named: on a board it
+measures the air of a sealed hull, in which a vehicle never gets deeper.
 
 The autopilot's IMU is read as any other: the navigator finds attitude and velocities from its samples, which come at
 100 Hz, filtered by `INS_GYRO_FILTER`: twice as often as its ticks, which then keep to their grid. Stamps are mapped
@@ -36,7 +37,7 @@ from hindrax_drivers.protocols.mavlink import StatusText
 from hindrax_drivers.timebase import Timebase
 
 BAROMETERS = (SCALED_PRESSURE, SCALED_PRESSURE2, SCALED_PRESSURE3)
-BESIDE_BOARD, ON_BOARD = 2, 1
+BESIDE_BOARD = 2
 NOISY_Pa, LOOK_S = 500.0, 1.0
 """Noise of a barometer that is none of depth, 0.05 m (a Bar30 has 0.002 m), and the time in which it shows."""
 NO_SECOND_S = 3.0
@@ -58,7 +59,7 @@ class ArduSubKnobs:
         None,
         1,
         3,
-        "number of the barometer in the water: SCALED_PRESSURE, 2 or 3; none: 2, or 1 if 2 cannot be it [-]",
+        "number of the barometer in the water: SCALED_PRESSURE, 2 or 3; none: 2, if it can be one [-]",
     )
     largest_Pa: float = knob(3.1e6, 1e5, 1e8, "pressure at the end of the barometer; a Bar30 reads 30 bar [Pa]")
     latency_s: float = knob(0.005, 0.0, 0.5, "measurement to arrival at the least [s]")
@@ -76,7 +77,7 @@ class ArduSub(Companion):
         self._imu_clock = Timebase(1e-6, latency_s=knobs.latency_s, on_break=self._on_break)
         self._baro_clock = Timebase(1e-3, latency_s=knobs.latency_s)
         self._barometer = BESIDE_BOARD if knobs.barometer is None else knobs.barometer
-        self._pressed = False
+        self._pressed = self._said = False
         streams = {RAW_IMU: knobs.imu_Hz, BAROMETERS[self._barometer - 1]: knobs.pressure_Hz}
         super().__init__("ardusub", SECOND_COMPUTER, streams, knobs.stall_s)
 
@@ -103,7 +104,7 @@ class ArduSub(Companion):
         self._ready_since = (self._ready_since or stamp) if self.ready else None
         since = stamp if self._pressed or self._ready_since is None else self._ready_since
         if seconds_between(since, stamp) > NO_SECOND_S:
-            outputs += self._leave_second(stamp, "is silent")
+            outputs += self._no_depth(stamp, "is silent")
         return outputs
 
     def _on_imu(self, one: RawImu, stamp: Stamp) -> list[Output]:
@@ -127,32 +128,27 @@ class ArduSub(Companion):
             return [Rejected(stamp, "pressure: repeated", b"")]
         if not 0.0 < one.pressure_Pa < self._knobs.largest_Pa:
             return [Rejected(stamp, "pressure: range", b"")]
-        if not self._known(one.pressure_Pa, stamp):
+        if self._knobs.barometer is None and not self._seen(one.pressure_Pa, stamp):
             return []
         if (noise_Pa := _noise(self._first_Pa)) > NOISY_Pa:
-            return self._leave_second(stamp, f"has a noise of {noise_Pa:.0f} Pa")
+            return self._no_depth(stamp, f"has a noise of {noise_Pa:.0f} Pa")
         return [Stamped(self._baro_clock.map(one.boot_ms, stamp), Pressure(one.pressure_Pa, one.temperature_C))]
 
-    def _known(self, pressure_Pa: float, stamp: Stamp) -> bool:
-        """Whether the barometer is known to be the one: a second is looked at for a while before its word counts."""
-        if self._knobs.barometer is not None or self._barometer == ON_BOARD:
-            return True
+    def _seen(self, pressure_Pa: float, stamp: Stamp) -> bool:
+        """Whether a barometer that nobody named was looked at for a while: only then its word counts."""
         self._looking = self._looking or stamp
         looked = seconds_between(self._looking, stamp) > LOOK_S
         if not looked:
             self._first_Pa.append(pressure_Pa)
         return looked
 
-    def _leave_second(self, stamp: Stamp, why: str) -> list[Output]:
-        """Take the barometer on the board instead, where the choice is ours; said once."""
-        if self._knobs.barometer is not None or self._barometer == ON_BOARD:
+    def _no_depth(self, stamp: Stamp, why: str) -> list[Output]:
+        """Say once that the barometer is none of depth, and what to do where another is."""
+        if self._knobs.barometer is not None or self._said:
             return []
-        self._barometer = ON_BOARD
-        self._first_Pa.clear()
-        self._link.stream(BAROMETERS[ON_BOARD - 1], self._knobs.pressure_Hz)
-        return [
-            Trouble(stamp, f"ardusub: barometer 2 {why}: depth is by barometer 1; the parameter `barometer` names it")
-        ]
+        self._said = True
+        remedy = "check the depth sensor; where it is barometer 1, as in a SITL: `--set NAME.barometer:=1`"
+        return [Trouble(stamp, f"ardusub: barometer 2 {why}: no depth; {remedy}, NAME as in the vehicle file")]
 
     def _on_text(self, one: StatusText, stamp: Stamp) -> list[Output]:
         if not one.text.startswith(LEAK):

@@ -113,11 +113,6 @@ class Link:
         self.refused.clear()
         self._commands += (Command(ardupilot.SET_INTERVAL, (one, 1e6 / rate)) for one, rate in self._streams.items())
 
-    def stream(self, number: int, rate_Hz: float) -> None:
-        """Ask for one more stream, by the number of its message [Hz]."""
-        self._streams[number] = rate_Hz
-        self._commands.append(Command(ardupilot.SET_INTERVAL, (number, 1e6 / rate_Hz)))
-
     @property
     def own_system(self) -> int:
         """Our system: that of the ground station which the autopilot obeys, or that of the autopilot."""
