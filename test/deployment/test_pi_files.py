@@ -30,8 +30,8 @@ SUBSYSTEM = {"serial": "tty", "i2c": "i2c-dev", "gpio": "gpio"}
 GROUP = {"serial": "dialout", "i2c": "i2c", "gpio": "gpio"}
 LIBRARY = {"serial": "pyserial", "i2c": "smbus2", "gpio": "gpiod"}
 """By the wire of a sensor: kinds of device, their subsystem, the group that may open them, the library that does."""
-WIRES_OF_OUTPUT = {"pca9685": ("i2c", "gpio"), "stm32": ("serial",), "ardusub": ("serial",)}
-"""A PCA9685 may have a line that enables its outputs, which may drive a timer."""
+WIRES_OF_OUTPUT = {"pca9685": ("i2c", "gpio"), "stm32": ("serial",), "ardusub": ("serial",), "ros2_control": ()}
+"""A PCA9685 may have a line that enables its outputs, which may drive a timer; topics have no wire."""
 
 
 class CasedParser(configparser.ConfigParser):
