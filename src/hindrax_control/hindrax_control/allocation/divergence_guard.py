@@ -31,6 +31,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hindrax_control.allocation.effectiveness import Matrix, effectiveness
+from hindrax_control.allocation.thruster_fault_detector import without_more
 from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.knobs import knob
@@ -141,10 +142,8 @@ class DivergenceGuard:
         self._slow_rates = self._slow_rates + (rates - self._slow_rates) * keep
         residual = momentum - self._slow_model - self._B @ self._slow_thrust
         for known in (-self._slow_drag, self._slow_righting):
-            # More of the same than the file has: towards zero by it, and never beyond.
-            more = (self._knobs.known_times - 1.0) * np.abs(known)
-            residual = residual - np.sign(known) * np.clip(residual * np.sign(known), 0.0, more)
-        return np.asarray(residual), momentum
+            residual = without_more(residual, known, self._knobs.known_times)
+        return residual, momentum
 
     def _gather(self, residual: Matrix, dt: float) -> None:
         """Correlate the residual with what each thruster and each axis would leave [rad/s^2].

@@ -66,6 +66,12 @@ class FaultDetectorKnobs:
     sigma_thrust: float = knob(0.1, 0.0, 1.0, "loss of each thruster under load, as a share of its thrust [-]")
 
 
+def without_more(residual: Matrix, known: Matrix, times: float) -> Matrix:
+    """Residual (n,) without more of a known wrench (n,), up to so many times of it: towards zero, and never beyond."""
+    way = np.sign(known)
+    return np.asarray(residual - way * np.clip(residual * way, 0.0, (times - 1.0) * np.abs(known)))
+
+
 @dataclass(frozen=True, slots=True)
 class SuspectedFault:
     """A thruster and the share of its force that seems to be missing: 2 where it pushes the wrong way round."""
@@ -143,10 +149,7 @@ class ThrusterFaultDetector:
         Held at a tilt it turns no further, as if all its thrusters were dead. What resists the tilt is taken off, up to
         `righting_times` the righting moment. One dead thruster leaves the opposite: that tilts it on.
         """
-        way = np.sign(righting)
-        return np.asarray(
-            residual - way * np.clip(residual * way, 0.0, (self._knobs.righting_times - 1.0) * np.abs(righting))
-        )
+        return without_more(residual, righting, self._knobs.righting_times)
 
     def _filter(
         self, navigation: Navigation, rates: Vec6, drag: Sequence[float], forces_N: Sequence[float], dt: float
