@@ -1,13 +1,18 @@
 """The last screen of a result: a line a motion, and one next experiment with what it buys."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from rich.console import Console
 
-from hindrax_analysis.identification.verdict import show_next, show_verdicts
+from hindrax_analysis import terminal
+from hindrax_analysis.identification.verdict import NextFlight, show_next, show_verdicts
+from hindrax_core.text import screen_text
 from hindrax_core.text.digits import TWO_SIDED_95
 from hindrax_ident.assess.assessment import FLY_TWICE
+from hindrax_ident.assess.influences import MEASURED_THRUST
 from hindrax_ident.assess.results import DragBand, MotionResult, NextStep
 
 SPEED, FORCE, STD = np.array([0.1, 0.4]), np.array([1.0, 20.0]), np.array([0.5, 2.0])
@@ -45,30 +50,66 @@ def test_each_motion_has_a_line_with_the_interval_and_the_held_out_error(capsys:
     assert rows(capsys.readouterr().out) == [wanted]
     show_verdicts({"surge": SURGE, "sway": SWAY}, {"surge": 0.12})
     surge, sway = rows(capsys.readouterr().out)
-    assert surge == [*wanted[:4], "12%", wanted[4], "yes"]
-    assert sway[3:] == ["30%", "", "", "no"]
+    assert surge == [*wanted[:4], "12%", wanted[4]]
+    assert sway[0] == "sway*", "not identifiable"
+    assert sway[3:] == ["30%", "", ""]
 
 
 def test_what_has_no_drag_has_no_numbers(capsys: pytest.CaptureFixture[str]) -> None:
     show_verdicts({"surge": replace(SURGE, drag=None, quality={})}, {})
     assert rows(capsys.readouterr().out)[0][0] == "surge"
     show_verdicts({}, {})
-    show_next({"surge": replace(SURGE, drag=None)}, [])
-    show_next({}, ["./hindrax"])
+    show_next({"surge": replace(SURGE, drag=None)}, None)
+    show_next({}, NextFlight())
     assert capsys.readouterr().out == ""
 
 
 def test_the_next_experiment_is_that_of_the_worst_motion_and_states_what_it_buys(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    show_next({"surge": SURGE, "sway": SWAY}, ["./hindrax", "pool-test"])
+    show_next({"surge": SURGE, "sway": SWAY}, NextFlight())
     assert capsys.readouterr().out == (
-        "next: wait until the water is still; the drag of sway would be known to 20.0% instead of 30.0%\n"
+        "best next step: wait until the water is still; std of the drag of sway 20.0% instead of 30.0%\n"
     )
     still = replace(SWAY, drag=DragBand(SPEED, FORCE, STD, 900.0 * STD))
-    show_next({"surge": SURGE, "sway": still}, [])
-    assert "the drag of surge would be known" in capsys.readouterr().out, "sway hardly moved"
-    show_next({"heave_down": replace(SURGE, motion="heave_down")}, ["./hindrax", "pool-test", "--mock"])
+    show_next({"surge": SURGE, "sway": still}, None)
+    assert "std of the drag of surge" in capsys.readouterr().out, "sway hardly moved"
+    show_next({"heave_down": replace(SURGE, motion="heave_down")}, NextFlight(["--mock"]))
     printed = capsys.readouterr().out.splitlines()
-    assert printed[0] == f"next: {FLY_TWICE}; the drag of heave_down would be known to 7.5% instead of 10.0%"
+    assert printed[0] == f"best next step: {FLY_TWICE}; std of the drag of heave_down 7.5% instead of 10.0%"
     assert printed[1:] == ["  ./hindrax pool-test --mock --dof heave"]
+
+
+@pytest.mark.parametrize(
+    ("flight", "motion", "words"),
+    [
+        (NextFlight(["--mock"]), "surge", "./hindrax pool-test --session --mock --dof surge"),
+        (NextFlight(), "heave_up", "./hindrax pool-test --session --load 15 --dof heave"),
+        (NextFlight(), "yaw", "./hindrax pool-test --session --load 15 --lever 0.3 --dof yaw"),
+        (NextFlight(["--mock"], "my rov.yaml"), "sway", "./hindrax pool-test --session --mock --vehicle 'my rov.yaml'"),
+        (NextFlight(), "roll", ""),
+    ],
+)
+def test_a_weighing_is_the_session_of_a_pool_day(flight: NextFlight, motion: str, words: str) -> None:
+    printed = " ".join(flight.words(motion, MEASURED_THRUST))
+    assert printed.removesuffix(" --dof sway") == words
+
+
+def test_the_last_screen_of_all_motions_is_one_screen(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(terminal, "console", lambda: Console(width=80, file=sys.stdout))
+    monkeypatch.setattr(screen_text, "screen_width", lambda _: 80)
+    forces = DragBand(SPEED * 1.11, 0.0444 * FORCE, STD, 0.5 * STD)
+    motions = {
+        name: replace(SURGE, motion=name, identifiable=False, drag=forces, next_step=NextStep(MEASURED_THRUST, 1.0))
+        for name in ("surge", "sway", "heave_down", "heave_up", "roll", "pitch", "yaw")
+    }
+    show_verdicts(motions, {})
+    show_next(motions, NextFlight(["--mock"]))
+    printed = capsys.readouterr().out
+    lines = printed.splitlines()
+    assert len(rows(printed)) == len(motions)
+    assert "no room" not in printed, "of no column"
+    assert max(map(len, lines)) <= 80
+    assert len(lines) <= 24 - 4, "what aborted it, its pace, the report and the prompt stand there too"

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import yaml
 
+from hindrax_analysis.identification.verdict import NextFlight
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import MockOptions
@@ -32,7 +33,7 @@ from hindrax_core.vehicle import load_vehicle
 from hindrax_msgs.msg import AllocationStatus
 from hindrax_operator import one_thruster
 from hindrax_operator.one_thruster import pulses_of
-from hindrax_operator.pool_run import FlownManeuver, finish, simulated_world
+from hindrax_operator.pool_run import REPEATED, FlownManeuver, finish, simulated_world
 
 
 @pytest.fixture(autouse=True)
@@ -305,21 +306,21 @@ def test_a_sweep_that_makes_no_curve_is_refused_before_it_is_written(
 
 def test_a_mock_that_ran_into_a_wall_reports_it_at_the_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     nothing: Any = Message(results=Message(motions={}))
-    finish(nothing, RunFolder(tmp_path), FlownManeuver(facts={"wall_hits": 0}))
+    finish(nothing, RunFolder(tmp_path), FlownManeuver(facts={"wall_hits": 0}), NextFlight())
     assert capsys.readouterr().err == ""
-    finish(nothing, RunFolder(tmp_path), FlownManeuver(facts={"wall_hits": 2}))
+    finish(nothing, RunFolder(tmp_path), FlownManeuver(facts={"wall_hits": 2}), NextFlight())
     assert capsys.readouterr().err == "the mock vehicle ran into a wall of its pool (contacts: 2)\n"
 
 
 def test_the_world_that_was_drawn_is_for_the_report_with_its_units() -> None:
     facts = {"world": {"tether": 0.52449, "wake": 0.00172}, "world_units": {"tether": "N", "wake": "-"}}
-    assert simulated_world(facts) == ["the mock's world: tether 0.524 N, wake 0.00172"]
+    assert simulated_world(facts) == ["the mock's world: tether 0.524 N, wake 0.00172", REPEATED]
     assert simulated_world({}) == []
 
 
 def test_the_last_line_of_a_run_is_its_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     nothing: Any = Message(results=Message(motions={}))
-    finish(nothing, RunFolder(tmp_path), FlownManeuver())
+    finish(nothing, RunFolder(tmp_path), FlownManeuver(), NextFlight())
     assert capsys.readouterr().out == f"report: {tmp_path / 'report.html'}\n"
 
 

@@ -19,6 +19,7 @@ from hindrax_bringup.liveness import health_change
 from hindrax_bringup.network.tether import available_tether
 from hindrax_bringup.node_options import ParameterOverrides
 from hindrax_bringup.processes import EVERY, RECORDER
+from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import MockOptions, adopted, environment_beside
 from hindrax_bringup.stack_process import StackProcess, UpOptions
 from hindrax_bringup.supervisor import stop_signals
@@ -36,9 +37,14 @@ from hindrax_operator.snapshot import left_out, node_problems, troubles
 
 if TYPE_CHECKING:
     from hindrax_analysis.identification.bag_identification import Identified
+    from hindrax_analysis.identification.verdict import NextFlight
     from hindrax_operator.nodes.operator_node import Operator
 
 UP_S = 30.0
+REPEATED = (
+    "the seed repeats the world and the noise, not when processes run on this computer: a second run differs within "
+    "its +-; --plan repeats exactly"
+)
 ABORT, CONTINUE = "abort", "continue"
 FLY_S = 3600.0
 ARMING_S = 60.0
@@ -158,8 +164,8 @@ def run_pool_test(options: PoolOptions) -> int:
         print_json(document)
     else:
         if identified.results.motions:
-            show(identified)
-        finish(identified, folder, flight, mock=mock)
+            show(identified, reported=True)
+        finish(identified, folder, flight, next_flight(options))
     if flight.interrupted:
         return INTERRUPTED
     return 1 if flight.aborted or identified.left_out or not identified.complete else 0
@@ -189,10 +195,21 @@ def simulated_world(facts: Mapping[str, Any]) -> list[str]:
     """Effects that the mock has simulated beside the model, for the report; none for a real vehicle."""
     world = facts.get("world") or {}
     sizes = (f"{name} {size:.3g} {facts['world_units'][name]}".removesuffix(" -") for name, size in world.items())
-    return [f"the mock's world: {', '.join(sizes)}"] if world else []
+    return [f"the mock's world: {', '.join(sizes)}", REPEATED] if world else []
 
 
-def finish(identified: Identified, folder: RunFolder, flight: FlownManeuver, *, mock: bool = False) -> None:
+def next_flight(options: PoolOptions) -> NextFlight:
+    """What a flight after this one would fly: the same vehicle, in the same water where it is a mock."""
+    from hindrax_analysis.identification.verdict import NextFlight  # noqa: PLC0415  # SciPy is loaded after the flight
+
+    words: list[str] = []
+    if (mock := options.mock) is not None:
+        words = ["--mock", *(["--simulator", mock.simulator] if mock.simulator else [])]
+        words += ["--world", mock.world] if mock.world != ("ideal" if mock.simulator else "pool") else []
+    return NextFlight(words, "" if options.vehicle_file == default_vehicle() else str(options.vehicle_file))
+
+
+def finish(identified: Identified, folder: RunFolder, flight: FlownManeuver, following: NextFlight) -> None:
     """Print how a run ended, the next experiment, and where the report is."""
     from hindrax_analysis.identification.verdict import show_next  # noqa: PLC0415  # SciPy is loaded after the flight
 
@@ -208,12 +225,7 @@ def finish(identified: Identified, folder: RunFolder, flight: FlownManeuver, *, 
     if flight.vehicle_s:
         pace = f"{flight.real_time_factor:.1f} times real time"
         print_stderr(f"flown at {pace} ({flight.vehicle_s:.0f} s of vehicle time)")
-    if flight.facts:
-        print_fitted(
-            "the seed repeats the world and the noise, not when processes run on this computer: a second run differs "
-            "within its +-; --plan repeats exactly"
-        )
-    show_next(identified.results.motions, ["./hindrax", "pool-test", *(["--mock"] if mock else [])])
+    show_next(identified.results.motions, following)
     print_fitted(f"report: {folder.report}")
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from hindrax_analysis.coefficients_file import TABULATED, SavedCoefficients
 from hindrax_core.errors import HindraxError
 from hindrax_core.readings import Vec3, Vec6
-from hindrax_core.text.digits import measured
+from hindrax_core.text.digits import PLUS_MINUS, measured
 from hindrax_core.thrust.curves import running
 from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Thruster, Vehicle
 from hindrax_ident.arrays import Array, array
@@ -90,7 +90,7 @@ def _uncertainty_notes(motions: Mapping[str, MotionResult]) -> Iterator[str]:
             if number.quoted[1] > 0.0
         )
         if words:
-            yield f"{name}: {words} (one deviation, with calibration)"
+            yield f"{name}: {words} ({PLUS_MINUS}, with calibration)"
 
 
 def identified(saved: SavedCoefficients) -> dict[str, MotionResult]:

@@ -16,8 +16,8 @@ from hindrax_analysis.coefficients_file import (
     conditions_of,
     read_coefficients,
 )
-from hindrax_analysis.identification.verdict import show_verdicts
-from hindrax_analysis.published import CITATION, PAPER, published_of
+from hindrax_analysis.identification.verdict import REJECTED, marked, show_verdicts
+from hindrax_analysis.published import PAPER, published_of
 from hindrax_analysis.records.own_bag import bag_events, date_of, left_out, maneuver_record, seed_of, truth_in
 from hindrax_analysis.report.comparison import RunScatter
 from hindrax_analysis.report.figures import Trace
@@ -35,7 +35,6 @@ from hindrax_core.text.text_file import replace_text, writing
 from hindrax_core.topics import ESTIMATE, resolved
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import MotionResult, Results, with_truth
-from hindrax_ident.model.motion_model import MOTIONS, axis_units
 from hindrax_ident.online.session import Outcome, Session
 from hindrax_ident.tuning import Tuning
 
@@ -95,12 +94,11 @@ def identify_bag(
     return Identified(outcome, results, mock, origin, left_out=left_out(bag), seed=seed_of(bag))
 
 
-REJECTED = "*"
-"""Mark of a motion that is not identifiable, in the table and before its reasons."""
+def show(identified: Identified, *, reported: bool = False) -> None:
+    """Print coefficients with the true values of the mock and the paper's, reasons of what is not, then verdicts.
 
-
-def show(identified: Identified) -> None:
-    """Print coefficients with the true values of the mock and the paper's, reasons of what is not, then verdicts."""
+    `reported`: a report is written, which has the remarks on each motion.
+    """
     motions = identified.results.motions
     name = identified.results.vehicle.name
     papers = (PAPER,) if any(published_of(name, motion) for motion in motions) else ()
@@ -115,31 +113,25 @@ def show(identified: Identified) -> None:
             truth = () if not has_truth else ("" if number.truth is None else f"{number.truth:.4g}",)
             printed = f"{paper[key][0]:.2f} +- {paper[key][1]:.2f}" if key in paper else ""
             found = measured(*number.quoted)
-            marked = motion if result.identifiable else f"{motion} {REJECTED}"
-            rows.append((marked, f"{key} [{number.unit}]", found, *truth, *((printed,) if papers else ())))
+            rows.append((marked(result), f"{key} [{number.unit}]", found, *truth, *((printed,) if papers else ())))
     if rows:
         title = f"Identified coefficients, SNAME axes ({PLUS_MINUS}, calibration, water and tether included)"
-        lacking = print_table(title, ("motion", "coefficient"), numbers, rows, spare=papers, grouped=True)
-    if rows and papers and not lacking:
-        print_fitted(f"{PAPER}: {CITATION}")
-    _show_warnings(identified)
+        print_table(title, ("motion", "coefficient"), numbers, rows, spare=papers, grouped=True)
+    _show_warnings(identified, reported=reported)
     for motion, result in motions.items():
         if not result.identifiable:
-            print_fitted(f"{REJECTED} {motion}: not identifiable")
-            for reason in result.reasons:
-                print_fitted(f"  {reason}")
-            if (drag := result.drag) is not None:
-                speed_unit, unit = axis_units(MOTIONS[motion].axis)
-                ends = [f"{measured(*drag.quoted(at))} {unit} at {drag.speed[at]:.2g} {speed_unit}" for at in (0, -1)]
-                print_fitted(f"  drag: {', '.join(ends)}")
+            print_fitted(f"{REJECTED} {motion}: not identifiable: {'; '.join(result.reasons)}")
     show_verdicts(motions, identified.predicted)
 
 
-def _show_warnings(identified: Identified) -> None:
-    """Print what makes all results doubtful, then the warnings of the motions."""
+def _show_warnings(identified: Identified, *, reported: bool) -> None:
+    """Print what makes all results doubtful, then the warnings of the motions, or that the report has them."""
     for sentence in identified.left_out:
         print_fitted(f"{sentence}: earlier results may count force that it did not give")
-    for names, warning in shared_warnings(identified.results.motions):
+    warnings = shared_warnings(identified.results.motions)
+    if reported and warnings:
+        print_fitted(f"warnings, explained in the report: {sum(len(names) for names, _ in warnings)}")
+    for names, warning in [] if reported else warnings:
         print_fitted(f"{', '.join(names)}: {warning}")
 
 

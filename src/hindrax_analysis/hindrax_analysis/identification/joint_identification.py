@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
-from hindrax_analysis.identification.bag_identification import REJECTED
 from hindrax_analysis.identification.record_identification import APART_S, IdentificationTask, RecordSource
+from hindrax_analysis.identification.verdict import REJECTED
 from hindrax_analysis.records.own_bag import bag_events
 from hindrax_analysis.records.recording import Recording, tuned
 from hindrax_analysis.terminal import print_table

@@ -1,36 +1,68 @@
 """The last screen of a result: what each motion is worth, and the one experiment that would improve the result most."""
 
 import math
+import shlex
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
+from hindrax_analysis.identification.pool_session import WEIGHED
 from hindrax_analysis.terminal import print_table
 from hindrax_core.text.digits import TWO_SIDED_95, last_place
 from hindrax_core.text.screen_text import print_fitted, print_whole
 from hindrax_ident.assess.assessment import FLY_TWICE
+from hindrax_ident.assess.influences import MEASURED_THRUST
 from hindrax_ident.assess.quality import FORCE_SHARE
 from hindrax_ident.assess.results import MotionResult
 from hindrax_ident.model.motion_model import MOTIONS, axis_units
 
 ERROR, STILL = "held_out_rmse", "held_out_rmse_stays_still"
 TITLE = (
-    f"Verdict: drag at the highest speed (a std below {FORCE_SHARE:.0%} is twice as good as a guess from the envelope),"
-    " RMS error of the held-out motion in the unit of the speed (and of a guess that it stays still)"
+    f"Verdict: drag at the highest speed (a std below {FORCE_SHARE:.0%} is twice as good as a guess); "
+    "error of the prediction of held-out motion, and of a guess that it stays still, in the unit of the speed"
 )
-HELD_OUT = "error (still)"
+HELD_OUT, REHEARSED = "held-out error (still)", "rehearsed std"
+REJECTED = "*"
+"""Mark of a motion that is not identifiable, in the tables and before its reasons."""
+SESSION, WEIGHING = "--session", "weigh the thrust, in the guided session of a pool day"
+LOAD_N, LEVER_M = 15.0, 0.3
+"""Weight in water and lever of a known-weight test, as the page of a pool day has them."""
+
+
+@dataclass(frozen=True, slots=True)
+class NextFlight:
+    """What a next flight would fly, so that its command can be printed whole."""
+
+    mock: Sequence[str] = ()
+    """Options of the mock vehicle; empty for one in water."""
+    vehicle: str = ""
+    """File or name; empty for the default."""
+
+    def words(self, motion: str, remedy: str) -> list[str]:
+        """The command that does a step for a motion; none where it takes more than a command."""
+        axis, words = motion.partition("_")[0], ["./hindrax", "pool-test"]
+        if remedy == MEASURED_THRUST and axis in WEIGHED:
+            lever = ("--lever", f"{LEVER_M:g}") if axis == "yaw" else ()
+            words += [SESSION, *(() if self.mock else ("--load", f"{LOAD_N:g}", *lever))]
+        elif remedy != FLY_TWICE:
+            return []
+        vehicle = ("--vehicle", shlex.quote(self.vehicle)) if self.vehicle else ()
+        return [*words, *self.mock, *vehicle, "--dof", axis]
+
+
+def marked(result: MotionResult) -> str:
+    """Name of a motion, with the mark of one that is not identifiable."""
+    return result.motion if result.identifiable else f"{result.motion}{REJECTED}"
 
 
 def show_verdicts(motions: Mapping[str, MotionResult], predicted: Mapping[str, float]) -> None:
     """Print a line for each motion: drag with its 95 % interval, its deviation, error of the held-out prediction."""
-    rehearsed, doubtful = bool(predicted), not all(one.identifiable for one in motions.values())
-    numbers = ("drag", "95 % interval", "std", *(("rehearsed",) if rehearsed else ()), HELD_OUT)
+    numbers = ("drag", "95 % interval", "std", *((REHEARSED,) if predicted else ()), HELD_OUT)
     rows = []
     for motion, result in motions.items():
-        before = (f"{predicted[motion]:.0%}" if motion in predicted else "",) if rehearsed else ()
-        answer = ("yes" if result.identifiable else "no",) if doubtful else ()
-        rows.append((motion, *_drag(result), *before, _held_out(result), *answer))
+        before = (f"{predicted[motion]:.0%}" if motion in predicted else "",) if predicted else ()
+        rows.append((marked(result), *_drag(result), *before, _held_out(result)))
     if rows:
-        columns = (*numbers, *(("identified",) if doubtful else ()))
-        print_table(TITLE, ("motion",), columns, rows, spare=("rehearsed", HELD_OUT))
+        print_table(TITLE, ("motion",), numbers, rows, spare=(HELD_OUT, REHEARSED))
 
 
 def _drag(result: MotionResult) -> tuple[str, str, str]:
@@ -39,6 +71,7 @@ def _drag(result: MotionResult) -> tuple[str, str, str]:
         return "", "", ""
     speed, (force, std) = float(result.drag.speed[-1]), result.drag.quoted(-1)
     rate, unit = axis_units(MOTIONS[result.motion].axis)
+    unit = unit.replace(" ", "")
     if not (math.isfinite(force) and math.isfinite(std) and std > 0.0):
         return f"{force:.3g} {unit} at {speed:.2g} {rate}", "", ""
     digits = max(0, -last_place(std, 2))
@@ -54,11 +87,16 @@ def _held_out(result: MotionResult) -> str:
     error, still = (result.quality.get(name, math.nan) for name in (ERROR, STILL))
     if not (math.isfinite(error) and math.isfinite(still)):
         return ""
-    return f"{error:.2g} ({still:.2g})"
+    return f"{_short(error)} ({_short(still)})"
 
 
-def show_next(motions: Mapping[str, MotionResult], fly: Sequence[str]) -> None:
-    """Print the experiment that improves the worst drag most, and what it buys; `fly`: words of a flight, if any."""
+def _short(error: float) -> str:
+    """Two digits, and no more than three after the point: a screen of 80 columns has room for no more."""
+    return f"{error:.{min(3, max(0, -last_place(error, 2)))}f}"
+
+
+def show_next(motions: Mapping[str, MotionResult], flight: NextFlight | None) -> None:
+    """Print the best next step for the worst drag, what it buys, and its command where a vehicle has flown."""
     known = [(share, one) for one in motions.values() if (share := _share(one)) is not None]
     # Of a motion that hardly moved nothing would be known after the next step either.
     known = [(share, one) for share, one in known if share < 1.0] or known
@@ -69,10 +107,11 @@ def show_next(motions: Mapping[str, MotionResult], fly: Sequence[str]) -> None:
     assert step is not None
     assert drag is not None
     then = step.std / drag.quoted(-1)[0]
-    print_fitted(f"next: {step.remedy}; the drag of {worst.motion} would be known to {then:.1%} instead of {share:.1%}")
-    if step.remedy == FLY_TWICE and fly:
-        motion = worst.motion.partition("_")[0]
-        print_whole(f"  {' '.join(fly)} --dof {motion}")
+    bought = f"std of the drag of {worst.motion} {then:.1%} instead of {share:.1%}"
+    words = flight.words(worst.motion, step.remedy) if flight else []
+    print_fitted(f"best next step: {WEIGHING if SESSION in words else step.remedy}; {bought}")
+    if words:
+        print_whole(f"  {' '.join(words)}")
 
 
 def _share(result: MotionResult) -> float | None:

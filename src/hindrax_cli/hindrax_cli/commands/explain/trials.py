@@ -109,10 +109,18 @@ def print_montecarlo(document: dict[str, Any]) -> None:
     """Print the tables: refined result and the other methods, then the drag force."""
     methods = document["methods"]
     numbers = ("truth", "bias", "RMSE", "bound", "RMSE / bound", "in the 95 % interval", "in the calibrated")
-    headings = (*numbers, *(f"RMSE / bound, {method}" for method in methods))
+    others = [f"RMSE / bound, {method}" for method in methods]
+    headings = (*numbers, *others)
     rows = [(*_row(cell), *(_ratio(cells, cell) for cells in methods.values())) for cell in document["cells"]]
     title = f"{document['runs']} runs; RMSE / bound: 1 is the limit of what can be known"
-    print_table(title, ("motion", "coefficient"), headings, rows, spare=("bias", "truth"), grouped=True)
+    print_table(
+        title,
+        ("motion", "coefficient"),
+        headings,
+        rows,
+        spare=("bound", "RMSE", *others, "bias", "truth"),
+        grouped=True,
+    )
     low, high = document["ratio_by_chance"]
     print_fitted(f"{document['runs']} runs at the bound give {low:.2f} to {high:.2f} by chance, 95 times in 100")
     title = "Drag force at shares of the tested speed: relative error"
