@@ -181,6 +181,8 @@ def test_a_camera_the_estimate_over_time_and_banners_that_go(tmp_path: Path) -> 
         seen.wait("document.querySelector('#courses canvas').ariaLabel.startsWith('surge k_q over time, now 66.1')")
         assert seen.run("[...document.querySelectorAll('canvas,svg,#frame')].every(one => one.ariaLabel || one.alt)")
         assert seen.run(BAND_OF_NOW) > 40
+        keys = "[...document.querySelectorAll('.scroll')].every(one => one.tabIndex === 0 && one.ariaLabel)"
+        assert seen.run(keys), "what scrolls can be scrolled by keys"
 
         # What a banner says goes with what it says: a refusal when the vehicle is armed after all.
         page.vehicle.shown = replace(page.vehicle.shown, thrusters=DISARMED.thrusters)
