@@ -68,7 +68,7 @@ def test_another_machine_has_nothing_to_check(tmp_path: Path) -> None:
     ("file", "content", "name", "words"),
     [
         (pi.I2C_SPEED, (100_000).to_bytes(4, "big"), "i2c speed", "100 kHz, wanted 400 ->"),
-        (pi.RULES, "# of an earlier version\n", "device names", "differs from that of this version"),
+        (pi.RULES, "# of an earlier version\n", "device names", "differs from the file of this version"),
         (pi.THROTTLED, "50005\n", "power", "under-voltage now"),
         (pi.THROTTLED, "50000\n", "power", "there was under-voltage since the start"),
         ("boot/firmware/config.txt", "core_freq=500\ncore_freq_min=200\n", "core clock", "changes with the load"),

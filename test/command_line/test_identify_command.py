@@ -764,6 +764,14 @@ def test_a_place_that_cannot_be_written_is_reported_before_the_work(desk: Desk, 
     assert "no-record" not in printed
 
 
+def test_a_bag_of_another_vehicle_than_the_named_one_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    bag = str(clone_root() / "test" / "replay" / "bags" / "surge")
+    assert main(["identify", bag, "--vehicle", "bluerov2"]) == 0
+    assert "the record is of hindrax, --vehicle names bluerov2" in " ".join(capsys.readouterr().err.split())
+    assert main(["identify", bag, "--vehicle", "hindrax"]) == 0
+    assert "the record is of" not in capsys.readouterr().err
+
+
 def test_the_log_of_an_ardusub_says_which_vehicle_it_is_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """`identify dive.bin` and no other file; and the vehicle file that `vehicle new --from` makes of it."""
     log = tmp_path / "dive.bin"
@@ -771,7 +779,7 @@ def test_the_log_of_an_ardusub_says_which_vehicle_it_is_of(tmp_path: Path, capsy
     log.write_bytes(dataflash_of_yaw(parameters))
     assert main(["identify", str(log)]) in (0, 1)
     told = capsys.readouterr().err
-    assert "the log's frame is that of bluerov2-heavy, whose hull is assumed" in told
+    assert "the log's frame belongs to bluerov2-heavy, whose hull is assumed" in told
     assert "name no outputs" not in told
     made = tmp_path / "mine.yaml"
     assert main(["vehicle", "new", "mine", "--from", str(log), "--out", str(made)]) == 0
@@ -782,7 +790,7 @@ def test_the_log_of_an_ardusub_says_which_vehicle_it_is_of(tmp_path: Path, capsy
     assert main(["vehicle", "new", "other", "--from", str(log), "--out", str(tmp_path / "o.yaml")]) == 2
     assert "found FRAME_CONFIG 5, wanted an ArduSub with the frame 1" in capsys.readouterr().err
     assert main(["identify", str(log)]) == 2
-    assert "name no outputs (SERVOn_FUNCTION): those of the vehicle file are assumed" in (
+    assert "name no outputs (SERVOn_FUNCTION): the outputs of the vehicle file are assumed" in (
         told := capsys.readouterr().err
     )
     assert "FRAME_CONFIG is 5, wanted one of a vehicle in the box, 1 (bluerov2), 2 (" in told

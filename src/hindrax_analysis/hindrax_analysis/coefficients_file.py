@@ -107,7 +107,7 @@ def _head(conditions: ResultConditions) -> str:
         "(m + added_mass) v' = thrust - k_q |v| v - k_l v - b;  SI units; SNAME axes (x forward, y starboard, z down).",
         "Drag, added mass and thrust are about the center of mass.",
         "value: of the fit; std: of the noise of this run; std_calibrated: with all influences of the budget as well.",
-        "corrected: by what is probable of each influence, with 68 and 95 % intervals: the numbers to quote.",
+        "corrected: by the probable size of each influence, with 68 and 95 % intervals: the numbers to quote.",
         "covariance: rows and columns in the order of names (noise of this run only).",
     )
     return "".join(f"# {line}\n" for line in lines) + "\n"

@@ -432,7 +432,7 @@ def test_the_paper_stands_beside_its_own_vehicle_only(name: str, shown: bool) ->
 def test_the_tables_name_the_paper_only_where_its_rows_stand_beside_ours(report: RunReport) -> None:
     other = replace(report.results.vehicle, name="lbv")
     strange = run_page(replace(report, results=replace(report.results, vehicle=other)))
-    assert "<h3>Coefficients, beside Table 3 of COB-2023-1394</h3>" in run_page(report)
+    assert "<h3>Coefficients, next to Table 3 of COB-2023-1394</h3>" in run_page(report)
     assert "<h3>Coefficients</h3>" in strange
     assert "of COB-2023-1394" not in strange
 

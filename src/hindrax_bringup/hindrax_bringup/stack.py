@@ -42,7 +42,7 @@ OTHER_WORLD = "pool-test flies in pool where none is named; --world chooses"
 
 @dataclass(frozen=True, slots=True)
 class MockOptions:
-    """Options of the mock vehicle: seed, upper bound of its pace (0: as fast as the stack follows), faults, world.
+    """Options of the mock vehicle: seed, upper bound of its pace (0: as fast as the computer keeps up), faults, world.
 
     `truth`: file for the log of true states and pulses. `simulator`: another simulator that moves the vehicle over
     topics, as KIND or KIND:/PREFIX. `waits`: whether its time waits for a stack that is late; without, it goes at the

@@ -14,7 +14,7 @@ def generate_launch_description() -> LaunchDescription:
         "simulator": (None, "mujoco, gz, stonefish, or one with its prefix, such as gz:/model/rov"),
         "seed": ("1", "of the noise of the emulated devices"),
         "rate": ("0", "times real time at most; 0: the simulator decides"),
-        "world": ("ideal", "effects outside the model; the water is that of the simulator"),
+        "world": ("ideal", "effects outside the model; the simulator has its own water"),
         "faults": ("", "faults of devices, as for `./hindrax up --fault`; several separated by blanks"),
     }
     return stack(arguments, MockOptions)

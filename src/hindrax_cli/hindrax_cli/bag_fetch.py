@@ -112,7 +112,7 @@ def _fetch_one(remote: Remote, name: str, size: int, out: Path, progress: Progre
     answer = remote.ask(f"sha256sum < {shlex.quote(remote.folder + '/' + name)}")
     wanted = answer.partition(" ")[0].strip()
     if not re.fullmatch(r"[0-9a-f]{64}", wanted):
-        raise HindraxError(f"{name}: found {answer[:80]!r} for its checksum, wanted that of sha256sum there")
+        raise HindraxError(f"{name}: found {answer[:80]!r} for its checksum, wanted the one that sha256sum gives there")
     if target.is_file() and _hash(target) == wanted:
         return target, 0
     partial.parent.mkdir(parents=True, exist_ok=True)

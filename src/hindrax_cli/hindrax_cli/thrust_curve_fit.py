@@ -34,7 +34,7 @@ def add_rig(parser: argparse._ActionsContainer) -> None:
     """Setup of the sweep, and the name of its curve."""
     parser.add_argument("--lever-ratio", type=positive, default=1.0, metavar="RATIO", help="thrust over load [-]")
     parser.add_argument("--stop", type=positive, default=1500.0, metavar="US", help="stop pulse [us]")
-    found = f"half width without thrust [us]; default: that of the data, or {BASIC_ESC_us:g} of a Basic ESC"
+    found = f"half width without thrust [us]; default: by the data, or {BASIC_ESC_us:g} of a Basic ESC"
     parser.add_argument("--dead-band", type=positive, metavar="US", help=found)
     parser.add_argument("--supply", type=positive, metavar="V", help="supply voltage [V]; default: the column's mean")
     how = f"deviation of the load cell's gain [-]; needed, but for data of a manufacturer ({MANUFACTURER_SIGMA:g})"

@@ -78,7 +78,7 @@ NEITHER = (
         (["pool-test", "--rate", "0"], "--fault, --world, --rate and --simulator are for --mock only"),
         (["pool-test", "--simulator", "gz"], "--fault, --world, --rate and --simulator are for --mock only"),
         (["pool-test", "--mock", "--simulator", "gazebo"], "wanted one of mujoco, gz, stonefish"),
-        (["pool-test", "--mock", "--simulator", "gz", "--world", "pool"], "the water is that of --simulator"),
+        (["pool-test", "--mock", "--simulator", "gz", "--world", "pool"], "the simulator has its own water"),
         (["up", "--simulator", "gz"], "--seed and --simulator are for --mock only"),
         (["up", "--rate", "0"], "--fault, --world, --rate, --seed and --simulator are for --mock only"),
         (["pool-test", "--plan", "--rate", "0"], "--plan: found --rate, wanted no options of the stack"),

@@ -57,11 +57,11 @@ def test_goals_that_are_taken(goal: Goal) -> None:
         (replace(SURGE, on_cancel="sink"), "goal: ending 'sink' unknown, wanted hold or neutral"),
         (
             Goal(("surge", "sway"), levels=(0.5,)),
-            "goal: levels of surge, sway by plateaus, wanted those of one motion by plateaus",
+            "goal: levels of surge, sway by plateaus, wanted the levels of one motion by plateaus",
         ),
         (
             replace(SURGE, excitation="chirp", levels=(0.5,)),
-            "goal: levels of surge by chirp, wanted those of one motion by plateaus",
+            "goal: levels of surge by chirp, wanted the levels of one motion by plateaus",
         ),
         (replace(SURGE, levels=(0.5,) * 21), "goal: 21 levels, wanted at most 20; fly the rest after them"),
         (replace(SURGE, levels=(0.5, 1.01)), "goal: level 1.01, wanted 0 (the slowest plateau) to 1 (the fastest)"),

@@ -206,4 +206,4 @@ def _row_in(point: EntryPoint) -> Sensor | str:
         return f"{where}: {type(error).__name__}: {error}"
     if not isinstance(row, Sensor) or row.name != point.name:
         return f"{where}: found {row!r}, wanted a Sensor of that name"
-    return f"{where}: the name is that of a sensor of this stack" if point.name in _OWN else row
+    return f"{where}: the name belongs to a sensor of this stack" if point.name in _OWN else row

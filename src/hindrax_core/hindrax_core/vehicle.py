@@ -286,7 +286,7 @@ class Vehicle:
     center_of_buoyancy_m: Vec3 = knob((0.0, 0.0, 0.0), -10.0, 10.0, "center of buoyancy from the body origin [m]")
     depth_rating_m: float = knob(60.0, 0.0, 12000.0, "depth rating [m]")
     supply_V: float = knob(
-        USUAL_V, 5.0, 60.0, "supply without a battery sensor; in a file the default is that of its curves [V]"
+        USUAL_V, 5.0, 60.0, "supply without a battery sensor; in a file the default is the voltage of its curves [V]"
     )
     projected_areas_m2: Vec3 | None = knob(None, meaning="seen along x, y, z; for estimates from geometry [m^2]")
     water: Water = field(default_factory=Water)

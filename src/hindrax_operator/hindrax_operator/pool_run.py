@@ -174,7 +174,7 @@ def run_pool_test(options: PoolOptions) -> int:
 def proof_of(vehicle: Vehicle, options: PoolOptions) -> Proof:
     """How the vehicle file counts in this run: a mock is built by its file, so that is proven."""
     if options.mock is not None:
-        return Proof("vehicle file: counts as commissioned, a mock is built by it")
+        return Proof("vehicle file: counts as commissioned, because the mock is built from it")
     if not (reason := unproven(vehicle)):
         return Proof(f"vehicle file: commissioned on {vehicle.commissioned.date if vehicle.commissioned else ''}")
     if options.uncommissioned:

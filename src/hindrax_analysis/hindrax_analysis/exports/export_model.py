@@ -146,7 +146,7 @@ def unidentified_model(vehicle: Vehicle, source: str) -> ExportModel:
         remedy = f"`./hindrax estimate --vehicle {source}` prints a block to add"
         raise HindraxError(f"{source}: has no hydrodynamics, wanted some, or results of a run; {remedy}")
     top: Vec6 = (vehicle.limits.speed_mps,) * 3 + (1.0,) * 3
-    note = "drag and added mass are those of the vehicle file: nobody has identified them"
+    note = "drag and added mass come from the vehicle file: nobody has identified them"
     return ExportModel(vehicle, vehicle.hydrodynamics, top, source, (note,))
 
 

@@ -30,7 +30,7 @@ FILES = "vehicle.scn", "world.scn", "thruster.obj", "README.md"
 CONVENTIONS = (
     "A robot for a Stonefish scenario; body axes x forward, y right, z down, origin as in the vehicle file.",
     "Thrusters take newtons, in the order of the vehicle file; the speed of a rotor stands for its thrust.",
-    "Odometry is that of the center of mass. Sensors stand where the vehicle file puts them, without noise.",
+    "Odometry belongs to the center of mass. Sensors stand where the vehicle file puts them, without noise.",
 )
 KINDS: tuple[tuple[Capability, str], ...] = (("velocity", "dvl"), ("rates", "imu"), ("depth", "pressure"))
 """What a sensor measures, by capability, and the sensor of Stonefish that measures it."""

@@ -120,7 +120,7 @@ def _body_velocities(tables: Tables) -> tuple[list[tuple[Array, Array]], list[st
     kept = np.isfinite(world).all(axis=1)
     moved = array(Rotation.from_euler("ZYX", turned[kept][:, ::-1]).inv().apply(world[kept]))  # Fossen 2011 eq. 2.18
     rows = array(np.column_stack([moved, np.full_like(moved, np.nan)]))
-    notes = ["velocities are those of the autopilot's estimator, turned into body axes by its attitude"]
+    notes = ["velocities come from the autopilot's estimator, turned into body axes by its attitude"]
     if not kept.all():
         notes.append(f"for {100.0 * (1.0 - kept.mean()):.0f} % of the time the estimator claims none: left out")
     return [(array(t[kept]), rows)], notes
@@ -186,7 +186,7 @@ def _wrenches(path: Path, tables: Tables, vehicle: Vehicle) -> tuple[Array, Arra
     if connected.any():
         logged = supply[connected, 0]
         volts = np.interp(t, supply_t[connected], logged)
-        note = f"thrust is that of the curves at the logged {logged.min():.1f} to {logged.max():.1f} V"
+        note = f"thrust follows the curves at the logged {logged.min():.1f} to {logged.max():.1f} V"
     supplies_V = (STEP_V * np.round(volts / STEP_V)).tolist()
     wrenches = wrenches_of_pulses(str(path), channels.tolist(), supplies_V, vehicle)
     return t, wrenches, f"pulses of the outputs are converted by the vehicle file; {note}"

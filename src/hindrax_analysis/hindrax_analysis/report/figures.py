@@ -272,7 +272,7 @@ def _residuals(figures: MotionFigures) -> Chart:
         title="Residuals",
         x_label="time [s]",
         y_label=f"measured \u2212 fitted [{unit}]",
-        caption=f"Measured {what} minus that of the fitted model; it should be noise without a pattern.",
+        caption=f"Measured minus fitted {what}; it should be noise without a pattern.",
         layers=(Points(_clock(figures, t), residual, "measured", small=True),),
     )
 

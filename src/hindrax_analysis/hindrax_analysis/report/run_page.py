@@ -143,8 +143,8 @@ def _how_to_read(report: RunReport) -> str:
     words = (
         f"<p>Model of every motion: {mass}, in SI units and SNAME axes (x forward, y starboard, z down)"
         f"{righting}. Each value "
-        "is corrected by what is probable of each influence of the uncertainty budget; \u00b1 is half of its 68 % "
-        "interval, to quote for the vehicle. Below it is what the record alone gives, with its noise.</p>"
+        "is corrected by the probable size of each influence of the uncertainty budget; \u00b1 is half of its 68 % "
+        "interval, to quote for the vehicle. Below it is the result of the record alone, with its noise.</p>"
     )
     if report.conditions.assumptions:
         words += f"<p>Assumptions:</p>{bullets(report.conditions.assumptions)}"

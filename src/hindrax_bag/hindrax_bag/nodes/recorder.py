@@ -107,7 +107,7 @@ class Recorder(BatchedNode):
         try:
             named = topics_of(load_vehicle(vehicle)) if vehicle else ()
         except UsageError as error:  # what can be recorded is
-            self.get_logger().error(f"sensors of other names than those of their kinds are not recorded: {error}")
+            self.get_logger().error(f"sensors whose names differ from their kinds are not recorded: {error}")
         return {one.name: one for one in (*TOPICS, *named)}.values()
 
     def _describe(self, values: dict[str, str], vehicle: str) -> None:

@@ -275,7 +275,7 @@ def _standard_definition(file: Path, kind: str) -> str:
     try:
         from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415  # only such bags want it
     except ImportError as error:
-        raise UsageError(f"{why}; install those of the standard types: pip install rosbags") from error
+        raise UsageError(f"{why}; install the standard definitions: pip install rosbags") from error
     store = get_typestore(Stores.ROS2_HUMBLE)
     if kind not in store.types:
         remedy = "convert the bag to MCAP where its package is installed: ros2 bag convert"

@@ -74,7 +74,7 @@ def names(root: Path) -> Check:
     if not found:
         return Check("device names", f"no /{RULES}: ports keep the names of the kernel, which change", SET_UP)
     if ours.is_file() and found != _text(ours):
-        return Check("device names", f"/{RULES} differs from that of this version", SET_UP)
+        return Check("device names", f"/{RULES} differs from the file of this version", SET_UP)
     links = sorted(link.name for link in (root / "dev/hindrax").glob("*"))
     return Check("device names", f"/dev/hindrax: {', '.join(links) or 'empty, nothing is plugged in'}")
 

@@ -127,7 +127,7 @@ def _check_pulses(goal: Goal, vehicle: Vehicle) -> None:
     for pulse in goal.pulses:
         if len(pulse.forces_N) != len(vehicle.thrusters):
             found, wanted = len(pulse.forces_N), len(vehicle.thrusters)
-            raise _malformed(f"a pulse of {found} forces, wanted {wanted}, those of {vehicle.name}")
+            raise _malformed(f"a pulse of {found} forces, wanted {wanted}, as {vehicle.name} has")
         if not all(abs(force_N) <= MOST_PULSE_N for force_N in pulse.forces_N):  # nor is NaN
             largest_N = max(pulse.forces_N, key=lambda one: math.inf if math.isnan(one) else abs(one))
             raise _malformed(f"a pulse of {largest_N:g} N, wanted at most {MOST_PULSE_N:g} N of each thruster")
@@ -138,7 +138,7 @@ def _check_pulses(goal: Goal, vehicle: Vehicle) -> None:
 def _check_levels(goal: Goal) -> None:
     if goal.levels and (len(goal.motions) > 1 or goal.excitation != PLATEAUS):
         found = f"{', '.join(goal.motions)} by {goal.excitation}"
-        raise _malformed(f"levels of {found}, wanted those of one motion by {PLATEAUS}")
+        raise _malformed(f"levels of {found}, wanted the levels of one motion by {PLATEAUS}")
     if len(goal.levels) > MOST_LEVELS:
         raise _malformed(f"{len(goal.levels)} levels, wanted at most {MOST_LEVELS}; fly the rest after them")
     for level in goal.levels:

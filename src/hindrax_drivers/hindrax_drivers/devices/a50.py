@@ -39,7 +39,7 @@ class A50Knobs:
 
     configure: bool = knob(True, meaning="set what differs in the device at the start; off: only report it")
     speed_of_sound_mps: float | None = knob(
-        None, 1000.0, 2000.0, "speed of sound that the device uses; none: that of the vehicle's water [m/s]"
+        None, 1000.0, 2000.0, "speed of sound that the device uses; none: by the vehicle's water [m/s]"
     )
     range_mode: str = knob("auto", meaning="altitudes to search: auto, =1 (0.3 to 3 m), 0<=1 (0.05 to 3 m) ...")
     max_fom_mps: float = knob(0.1, 0.001, 10.0, "figure of merit above which there is no velocity [m/s]")

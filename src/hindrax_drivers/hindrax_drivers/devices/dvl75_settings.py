@@ -45,7 +45,7 @@ class Dvl75Knobs:
 
     baud: int = knob(115200, 9600, 921600, "line speed [bit/s]")
     speed_of_sound_mps: float | None = knob(
-        None, 1100.0, 1950.0, "speed of sound that the device uses; none: that of the vehicle's water [m/s]"
+        None, 1100.0, 1950.0, "speed of sound that the device uses; none: by the vehicle's water [m/s]"
     )
     velocity_adjustment: float = knob(1.0, 0.8, 1.25, "factor that the device applies to its velocities [-]")
     min_confidence: float = knob(0.5, 0.01, 1.0, "confidence below which there is no velocity [-]")

@@ -21,7 +21,7 @@ class Ping1dKnobs:
     gain: int = knob(2, 0, 6, "receiver gain, mode_auto off [-]")
     interval_s: float = knob(0.05, 0.01, 10.0, "time between pings [s]")
     speed_of_sound_mps: float | None = knob(
-        None, 1300.0, 1700.0, "speed of sound that the device uses; none: that of the vehicle's water [m/s]"
+        None, 1300.0, 1700.0, "speed of sound that the device uses; none: by the vehicle's water [m/s]"
     )
     min_confidence: float = knob(0.5, 0.0, 1.0, "confidence below which a distance is refused [-]")
     continuous: bool = knob(True, meaning="continuous pings; otherwise each ping is requested")

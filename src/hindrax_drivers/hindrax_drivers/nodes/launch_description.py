@@ -24,7 +24,7 @@ Argument = tuple[object, str]
 """Default and meaning."""
 ANY: dict[str, tuple[str | None, str]] = {
     "device": (None, "kind of sensor, of the table or of an installed package"),
-    "port": ("", "port; empty: that of its parameters, or the usual one"),
+    "port": ("", "port; empty: by its parameters, or the usual one"),
     "namespace": ("/", "namespace of its topics and services"),
     "parameters": ("", "ROS parameter file with its settings"),
 }

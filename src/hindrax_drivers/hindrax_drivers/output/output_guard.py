@@ -64,7 +64,7 @@ class OutputGuardKnobs:
             raise ValueError(f"margin_s: found {self.margin_s:g}, wanted less than silence_s ({self.silence_s:g})")
         least_us = max(self.low_us, LEAST_REST_us)
         if self.neutral_us is not None and not least_us <= self.neutral_us <= self.high_us:
-            wanted = f"{least_us:g} to {self.high_us:g}; without it: that of the vehicle file"
+            wanted = f"{least_us:g} to {self.high_us:g}; without it: by the vehicle file"
             raise ValueError(f"neutral_us: found {self.neutral_us:g}, wanted {wanted}")
 
 

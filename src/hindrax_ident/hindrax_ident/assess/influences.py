@@ -656,7 +656,7 @@ INFLUENCES: tuple[Influence, ...] = (
     ),
     Influence(
         "speed of sound of the sonar", "-", GAIN, _of_ranges(0.01), _velocity_gain,
-        "set the sonar's speed of sound to that of the water", of_readings=True, considered=True,
+        "set the sonar's speed of sound for the water", of_readings=True, considered=True,
     ),
     Influence(
         # cos(5 deg) is 0.004 below 1: wall, mount and thrust together are hardly better aligned by eye.

@@ -1,6 +1,7 @@
 """`hindrax identify`: the identification over recorded data, of this stack or third-party."""
 
 import argparse
+import contextlib
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -34,7 +35,7 @@ from hindrax_analysis.terminal import print_answer, working
 from hindrax_bringup.share_files import default_vehicle, vehicle_file
 from hindrax_cli.argument_types import add_json, named_vehicle, within
 from hindrax_cli.command import command, option
-from hindrax_core.errors import UsageError
+from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.refusals import told
 from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.text.text_file import require_place
@@ -46,6 +47,10 @@ from hindrax_ident.tuning import Tuning
 NO_VEHICLE = (
     "no --vehicle was named: dimensionless numbers are for the size of the Hindrax, and the added mass is left out; "
     "a file with name, mass_kg, volume_m3 and envelope_m is enough"
+)
+OF_ANOTHER = (
+    "the record is of {recorded}, --vehicle names {named}: thrust, mass and size of {named} are used; without it "
+    "the file in the record is"
 )
 UNNAMED = "unnamed vehicle"
 """Not by the name of the Hindrax: what the paper has of that would stand beside it."""
@@ -67,7 +72,7 @@ record. Invalid samples are left out and reported: zeros of a DVL without lock, 
 sensor, outliers; velocities that came in bursts are spread evenly.
 
 columns of a CSV record (SNAME axes or --frame flu; SI units, or others in the header line such as "u [cm/s]" or t_ms;
-names like vx, surge_force or those of PlotJuggler serve too; empty cells where a row says nothing; others are ignored):
+names like vx, surge_force or as of PlotJuggler serve too; empty cells where a row says nothing; others are ignored):
 """
 
 
@@ -77,7 +82,7 @@ def add_selection(parser: argparse.ArgumentParser) -> None:
     add("--odometry", default="", metavar="TOPIC", help="velocities; default: found by type")
     forces = "forces, or TOPIC:FIELD=us, N or ratio for an array with a value per output; default: found by type"
     add("--wrench", default="", metavar="TOPIC", help=forces)
-    axes = "axes, instead of those of the frame name; world: velocities of an odometry"
+    axes = "axes; default: by the frame name; world: velocities of an odometry"
     add("--frame", choices=FRAMES, default="", help=axes)
     add("--dof", nargs="+", default=[], choices=(*CHOICES, ALL), metavar="MOTION", help="default: all that moved")
     add("--from", dest="from_s", type=float, default=0.0, metavar="S", help="begin here [s]")
@@ -102,10 +107,10 @@ def _with_wiring(records: Sequence[Path], named: Vehicle | None) -> Vehicle | No
         return named
     if not wiring.motors:
         print_stderr(
-            "note: the log's parameters name no outputs (SERVOn_FUNCTION): those of the vehicle file are assumed"
+            "note: the log's parameters name no outputs (SERVOn_FUNCTION): the outputs of the vehicle file are assumed"
         )
     if named is None and wiring.kind:
-        print_stderr(f"note: no --vehicle was named; the log's frame is that of {wiring.kind}, whose hull is assumed")
+        print_stderr(f"note: no --vehicle was named; the log's frame belongs to {wiring.kind}, whose hull is assumed")
         return wired(load_vehicle(vehicle_file(wiring.kind)), wiring)
     if named is None:
         known = ", ".join(f"{frame} ({name})" for frame, name in VEHICLE_OF_FRAME.items())
@@ -190,7 +195,12 @@ def identify(arguments: argparse.Namespace) -> int:
 def _vehicle(named: Vehicle | None, source: RecordSource) -> tuple[Vehicle, list[str]]:
     """Vehicle, and the assumptions about it."""
     if named is not None:
-        return named, []
+        recorded = None
+        with contextlib.suppress(HindraxError):  # who names a file may do so because that of the record is damaged
+            recorded = recorded_vehicle(source)
+        if recorded is None or recorded.name == named.name:
+            return named, []
+        return named, [OF_ANOTHER.format(recorded=recorded.name, named=named.name)]
     recorded = recorded_vehicle(source)
     if recorded is not None:
         return recorded, []

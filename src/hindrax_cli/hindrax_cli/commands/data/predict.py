@@ -26,8 +26,8 @@ from hindrax_ident.assess.prediction import WINDOW_S, Prediction, predict_record
 
 ABOUT = """
 The model runs freely over windows of the record, from the velocity that fits the first second of each, with the
-measured thrust alone. The error of the model stands beside those of two trivial predictors: the vehicle stays still,
-and it keeps its speed. Coefficients that were fitted to the same record prove little.
+measured thrust alone. The error of the model is printed next to the errors of two trivial predictors: the vehicle
+stays still, and it keeps its speed. Coefficients that were fitted to the same record prove little.
 """
 
 

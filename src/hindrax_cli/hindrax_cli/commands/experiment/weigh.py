@@ -187,7 +187,7 @@ def show(found: Weighing, kept: str) -> None:
         ("half the difference of both ways, +-", f"{gain.sigma_difference:.2g}", "-"),
         ("weighed to", gain.load, unit),
     ]
-    print_values(f"Thrust of {found.axis} over that of its curves, losses included", rows)
+    print_values(f"Thrust of {found.axis} relative to its curves, losses included", rows)
     budget = sorted(found.contributions.items(), key=lambda one: -one[1])
     print_table("Its uncertainty", ["influence"], ["std [%]"], [(name, f"{100.0 * part:.2f}") for name, part in budget])
     if found.misfit > 3.0:

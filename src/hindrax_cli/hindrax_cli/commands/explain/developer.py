@@ -162,7 +162,7 @@ def _draw(folder: Path, *, again: bool) -> int:
     if again:
         flown = []
         for flight in figures.FLIGHTS:
-            print_stderr("flying with seed {}, true thrust over that of the curve {}".format(*flight))
+            print_stderr("flying with seed {}, true thrust over thrust of the curve {}".format(*flight))
             flown.append(figures.flown(*flight))
         kept = [flown[0], *({key: one[key] for key in one if key != "online"} for one in flown[1:])]
         (folder / figures.FLIGHTS_FILE).write_text(json.dumps(kept) + "\n", encoding="utf-8")

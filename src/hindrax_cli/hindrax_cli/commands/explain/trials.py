@@ -34,9 +34,7 @@ OneTrial = TypeVar("OneTrial", Trial, SessionTrial)
     partial(add_workers, processes=None),
     partial(add_vehicle, meaning="vehicle with its truth: file or name"),
     option("--world", default=IDEAL, help=f"what the model does not know: {FORM}. Default: {IDEAL}"),
-    option(
-        "--session", action="store_true", help="sessions: legs, weighing, repeats; what each bought, beside the goal"
-    ),
+    option("--session", action="store_true", help="sessions: legs, weighing, repeats; gain of each, next to the goal"),
     add_json,
 )
 def montecarlo(arguments: argparse.Namespace) -> int:
@@ -134,7 +132,7 @@ def print_montecarlo(document: dict[str, Any]) -> None:
     print_table(title, ("motion",), shares, drag)
     corrected = [_corrected(row) for row in document["drag"] if "rmse_corrected" in row]
     if corrected:
-        title = "Drag force, corrected by what is probable of each influence: relative error"
+        title = "Drag force, corrected by the probable size of each influence: relative error"
         columns = ("share", "bias [%]", "RMSE [%]", "in the 95 % interval", "width of that [%]")
         print_table(title, ("motion",), columns, corrected)
     for seed, trouble in document["troubles"].items():
@@ -197,7 +195,7 @@ def print_faults(title: str, table: Any, cells: Sequence[Any], violated: Sequenc
     add_json,
 )
 def bench(arguments: argparse.Namespace) -> int:
-    """Benchmarks, each beside a peer in the same run."""
+    """Benchmarks, each next to a peer in the same run."""
     folder = developer_module("benchmarks").__path__
     known = sorted(module.name for module in pkgutil.iter_modules(folder) if not module.ispkg)
     wanted = arguments.names or known

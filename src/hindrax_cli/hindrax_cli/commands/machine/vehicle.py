@@ -96,7 +96,7 @@ def _text_from(name: str, source: str) -> str:
     low_us, high_us = (round(parameters.get(one, usual)) for one, usual in PULSES_us.items())
     head = (
         f"# Frame, outputs and senses of the thrusters by {source if live else Path(source).name}; hull, water and\n"
-        f"# curves are those of a {wiring.kind} as sold: weigh yours as it flies, and correct mass_kg and volume_m3.\n"
+        f"# curves are as of a {wiring.kind} when sold: weigh yours as it flies, and correct mass_kg and volume_m3.\n"
     )
     if (low_us, high_us) != tuple(PULSES_us.values()):
         head += f"# The autopilot gives pulses from {low_us} to {high_us} us only (MOT_PWM_MIN and MOT_PWM_MAX).\n"

@@ -107,7 +107,7 @@ def _document(findings: Findings) -> dict[str, object]:
 
 
 def _show(findings: Findings, kept: list[str]) -> None:
-    title = "What the vehicle file claims, and what was found"
+    title = "Claims of the vehicle file, and findings"
     print_table(title, ["verdict", "claim", "claimed"], [], table(findings), ["found"])
     if findings.ended:
         print_stderr(f"ended early: {findings.ended}")

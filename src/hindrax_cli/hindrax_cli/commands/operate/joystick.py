@@ -24,7 +24,7 @@ from hindrax_operator.connection import add_stack, ordered_stack
     "ros2 run joy joy_node --ros-args -r joy:=/hindrax/joy\n"
     "ros2 run teleop_twist_keyboard teleop_twist_keyboard --ros-args -r cmd_vel:=/hindrax/cmd_vel",
     add_stack,
-    named_vehicle("vehicle: its file, or its name; default: that of the stack"),
+    named_vehicle("vehicle: its file, or its name; default: the one of the stack"),
     option(
         "--set", action="append", default=[], metavar="NAME:=VALUE", help="parameter of the node, such as dead_man:=5"
     ),

@@ -61,7 +61,7 @@ def require_known(options: MockOptions, vehicle: Vehicle) -> None:
 
         simulator_of(options.simulator, vehicle.name)
         if options.world != "ideal":
-            raise UsageError(f"--world {options.world}: the water is that of --simulator; leave it out, or say ideal")
+            raise UsageError(f"--world {options.world}: the simulator has its own water; leave it out, or say ideal")
     if options.faults:
         from hindrax_sim.faults.fault_registry import parse_fault  # noqa: PLC0415  # as above; takes 0.2 s
 

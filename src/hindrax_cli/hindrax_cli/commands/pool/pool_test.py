@@ -106,7 +106,7 @@ def require_start(vehicle: Vehicle, start: tuple[float, float, float]) -> None:
     ),
     option("--minutes", type=positive, help="time limit, after which it ends with the result so far"),
     option("--seed", type=seed, default=1, help="of the mock's noise and of the excitation; default 1"),
-    option("--rate", type=pace, help="mock: times real time at most; default, and 0: as fast as the stack follows"),
+    option("--rate", type=pace, help="mock: times real time at most; default, and 0: as fast as the computer keeps up"),
     option("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP),
     option("--world", help=f"{WORLD_HELP}. Default: pool; with --simulator: ideal"),
     option("--simulator", default="", metavar="KIND", help=SIMULATOR_HELP),
