@@ -16,7 +16,7 @@ from hindrax_core.knobs import build
 from hindrax_core.readings import Inertial, Magnetic, Reading
 from hindrax_core.testing import rehearse
 from hindrax_core.vehicle import Vehicle
-from hindrax_drivers.devices.icm20948 import DRIVER, MISALIGNED, NO_DATA_S, SILENT_LINE, Icm20948
+from hindrax_drivers.devices.icm20948 import DRIVER, MISALIGNED, NO_DATA_S, SILENT_LINE, TOLERATED, Icm20948
 from hindrax_drivers.devices.imu.ak09916 import REPEATS as MAG_REPEATS
 from hindrax_drivers.devices.imu.ak09916 import SET_UP_EVERY_S, Ak09916
 from hindrax_drivers.devices.imu.icm20948_samples import HUNG_AFTER, REPEATS, EdgeClock, Icm20948Knobs
@@ -60,11 +60,13 @@ class Chip:
                 self.resets += 1
                 self.fifo = b""
             self.registers[register] = operation.data[-1]
+            if register == 0x06 and operation.data[1] & 0x80:  # out of its reset at once
+                self.registers[register] = 0x01
             return b""
         if register == 0x72:
             data, self.fifo = self.fifo[: operation.count], self.fifo[operation.count :]
             return data
-        special = {0x00: b"\xea", 0x06: b"\x01", 0x39: b"\0\0"}
+        special = {0x00: b"\xea", 0x39: b"\0\0"}
         if register == 0x70:
             return (len(self.fifo) if self.count is None else self.count).to_bytes(2, "big")
         return special.get(register) or bytes([self.registers[register]])
@@ -198,6 +200,53 @@ def test_the_silence_of_a_sensor_that_was_just_configured_begins_with_the_first_
         assert list(play(sensor.cycle(after(START, NO_DATA_S)), chip)) == []
         with pytest.raises(DeviceError, match=r"no sample for 0.25 s"):
             play(sensor.cycle(after(START, NO_DATA_S + 0.01)), chip)
+
+
+def failing(sensor: Icm20948, chip: Chip, turn: int, register: int) -> Outputs:
+    """A cycle of which the transfer of one register fails on the wire, after it has taken the bytes."""
+    program = sensor.cycle(after(START, 0.02 * turn))
+    try:
+        operation = next(program)
+        while True:
+            assert isinstance(operation, Write | WriteRead)
+            answer = chip.transfer(operation)
+            operation = program.throw(NACK) if operation.data[0] == register else program.send(answer)
+    except StopIteration as stop:
+        outputs: Outputs = stop.value
+        return outputs
+
+
+@pytest.mark.parametrize("register", [0x70, 0x72])
+def test_a_transfer_that_fails_once_costs_its_samples_and_no_set_up(
+    sensor: Icm20948, chip: Chip, register: int
+) -> None:
+    chip.still(4)
+    assert reasons(failing(sensor, chip, 1, register)) == ["no acknowledge; tried again"]
+    chip.fifo += bytes(7)  # what a burst that was broken off leaves
+    assert reasons(cycle(sensor, chip, 2)) == []
+    chip.still(4)
+    outputs = cycle(sensor, chip, 3)
+    assert [type(one) for one in outputs] == [Stamped] * 4
+    assert after(START, 0.06 - 0.03) < outputs[-1].stamp <= after(START, 0.06)
+
+
+def test_transfers_that_fail_one_after_the_other_configure_the_sensor_anew(sensor: Icm20948, chip: Chip) -> None:
+    for again in (0, 10):
+        for turn in range(TOLERATED):
+            assert len(failing(sensor, chip, again + turn, 0x70)) == 1
+        if not again:
+            assert list(cycle(sensor, chip, TOLERATED)) == []
+    with pytest.raises(DeviceError, match="no acknowledge"):
+        failing(sensor, chip, 10 + TOLERATED, 0x70)
+
+
+def test_a_sensor_that_is_asleep_after_a_failed_transfer_is_configured_anew_at_once(
+    sensor: Icm20948, chip: Chip
+) -> None:
+    failing(sensor, chip, 1, 0x70)
+    chip.registers[0x06] = 0x41
+    with pytest.raises(DeviceError, match="has reset itself"):
+        cycle(sensor, chip, 2)
 
 
 def test_equal_samples_are_refused_and_a_hung_sensor_is_configured_anew(sensor: Icm20948, chip: Chip) -> None:

@@ -8,7 +8,7 @@ the edge of each sample, and no lateness of the host is in the stamps. Source: T
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from hindrax_core.bus_operations import EDGE, EDGES, Pause, Program, Read, Write
+from hindrax_core.bus_operations import EDGE, EDGES, DeviceError, Pause, Program, Read, Write
 from hindrax_core.driver_interface import Identity
 from hindrax_core.events import NS_PER_S, Rejected, Stamp, Stamped, after, seconds_between
 from hindrax_core.readings import Reading
@@ -25,6 +25,8 @@ MISALIGNED = 5
 LATE = 1.1
 """Samples may come faster than nominal by the drift of the clock; more than this, and the count itself is wrong."""
 
+TOLERATED = 2
+"""Fetches in a row that may fail on the bus: to configure takes 0.15 s, in which no state of the vehicle is known."""
 SILENT_LINE = f"data-ready line: not one edge per sample for {NO_DATA_S} s; the host's time instead"
 
 Outputs = list[Stamped[Reading] | Rejected]
@@ -47,7 +49,7 @@ class Icm20948(RegisterPart):
         self.period_s = knobs.period_s if knobs.mode == "fifo" else 1.0 / knobs.rate_Hz
         self._samples = SampleDecoder(knobs, correction(calibration or {}, "accel", "mps2"))
         self._mag = Ak09916(correction(calibration or {}, "mag", "T"))
-        self._turn = self._misaligned = 0
+        self._turn = self._misaligned = self._failures = 0
         self._fetched = self._timed = Stamp(0)
         timed = knobs.data_ready if knobs.mode == "fifo" else ""
         self._chip, self._line = chip_and_line(timed, "data_ready") if timed else ("", 0)
@@ -68,6 +70,7 @@ class Icm20948(RegisterPart):
             yield Write(EDGES + self._line, self._chip.encode())
             yield self.set(r.INT_ENABLE_1, r.RAW_DATA_READY)
         self._turn, self._misaligned, self._fetched, self._timed = 0, 0, Stamp(0), Stamp(0)
+        self._failures = 0
         self._samples.restart()
         knobs = self._knobs
         timed = f", timed by line {self._line} of {self._chip}" if self._chip else ""
@@ -77,17 +80,43 @@ class Icm20948(RegisterPart):
         )
 
     def cycle(self, stamp: Stamp) -> Program[Sequence[Stamped[Reading] | Rejected]]:
-        """Read all samples since the last cycle, and at lower rates temperature and magnetic field."""
+        """Read all samples since the last cycle, and at lower rates temperature and magnetic field.
+
+        A transfer that fails is tried again in the next cycle, and after `TOLERATED` in a row the error is raised.
+        """
+        outputs: Outputs = []
+        try:
+            if self._failures:
+                yield from self._resume()
+            yield from self._fetch(stamp, outputs)
+        except DeviceError as error:
+            self._failures += 1
+            if self._failures > TOLERATED:
+                raise
+            return [*outputs, Rejected(stamp, f"{error}; tried again", b"")]
+        self._failures = 0
+        return outputs
+
+    def _fetch(self, stamp: Stamp, outputs: Outputs) -> Program[None]:
+        """Add what there is to the outputs, which are kept where a later transfer fails."""
         knobs = self._knobs
-        outputs = yield from self._fetch_fifo(stamp) if knobs.mode == "fifo" else self._fetch_newest(stamp)
+        outputs += yield from self._fetch_fifo(stamp) if knobs.mode == "fifo" else self._fetch_newest(stamp)
         if self._samples.hung:
-            raise self.error("repeats the same sample")
+            raise self._failed("repeats the same sample")
         self._turn += 1
         if knobs.magnetometer and self._turn % knobs.magnetometer_every == 0:
             outputs += yield from self._mag.read(stamp)
         if self._turn % knobs.temperature_every == 0:
             yield from self._fetch_temperature()
-        return outputs
+
+    def _resume(self) -> Program[None]:
+        """Go on after a transfer that failed: it may have taken part of the samples, or come from a reset."""
+        if (yield self.get(r.PWR_MGMT_1, 1))[0] != r.CLOCK_AUTO:
+            raise self._failed("has reset itself")
+        if self._knobs.mode == "fifo":
+            yield from self._empty_fifo()
+        self._samples.restart()
+        self._misaligned = 0
 
     def _identify(self) -> Program[None]:
         yield self._bank(0)
@@ -210,8 +239,13 @@ class Icm20948(RegisterPart):
         if not 0 < self._fetched <= stamp:  # just configured, or the host's clock was set back
             self._fetched = stamp
         if seconds_between(self._fetched, stamp) > NO_DATA_S:
-            raise self.error(f"no sample for {NO_DATA_S} s; it may have reset itself")
+            raise self._failed(f"no sample for {NO_DATA_S} s; it may have reset itself")
         return []
+
+    def _failed(self, text: str) -> DeviceError:
+        """Error of the sensor and not of the wire: nothing is tried again."""
+        self._failures = TOLERATED
+        return self.error(text)
 
     def _bank(self, number: int) -> Write:
         return self.set(r.BANK, number << 4)
