@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import pytest
@@ -19,7 +20,7 @@ from hindrax_sim.devices.ping1d import PingTruth
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, altered_truth, fault_injector
 from hindrax_sim.hardware import TrueState
 from hindrax_sim.world import World
-from hindrax_tools.faults import table
+from hindrax_tools.faults import process_faults, table
 from hindrax_tools.faults.device_faults import ROWS, ModePilot, Watched, fly, reported, unsaid
 from hindrax_tools.faults.fault_outcome import (
     DISARMED,
@@ -142,6 +143,22 @@ def test_a_row_shows_the_worst_of_all_seeds() -> None:
     assert list(table.rows(cells, MOMENTS)) == []
     (bad,) = table.rows([*cells, replace(WELL, seed=3, violated=("ran into a wall",))], MODES)
     assert bad[3] == "VIOLATED"
+
+
+def test_progress_counts_cells_of_which_one_stack_serves_many(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [one for one in process_faults.ROWS if one.who == "recorder"]
+
+    def fly_stack(some: Sequence[process_faults.ProcessFault], seed: int) -> Iterator[FaultOutcome]:
+        return (replace(WELL, what=row.what, mode=mode, seed=seed) for mode in MODES for row in some)
+
+    monkeypatch.setattr(table.process_faults, "fly", fly_stack)
+    cells = table.fly(("recorder",), (1, 2), workers=1)
+    assert len(cells) == 2 * len(rows) * len(MODES)
+    counts = [line for line in capsys.readouterr().err.splitlines() if line.endswith("cells")]
+    assert counts[-1] == f"{len(cells)} of {len(cells)} cells"
+    assert len(set(counts)) == len(counts)
 
 
 @pytest.mark.parametrize("violated", [(), ("ran into a wall",)])

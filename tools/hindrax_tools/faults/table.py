@@ -20,10 +20,12 @@ def fly(only: Sequence[str], seeds: Sequence[int], workers: int | None = None) -
     jobs = [partial(process_faults.fly, some, seed) for some in together if some for seed in seeds]
     broken = [row for row in device_faults.ROWS if row.who in only]
     jobs += [partial(device_faults.fly, row, mode, seed) for row in broken for mode in EVERY_MODE for seed in seeds]
+    # How many flights they take is not known before: a stack serves the cells of its rows until one loses it.
+    count = len(seeds) * (len(harmed) * len(MODES) + len(broken) * len(EVERY_MODE))
     found: list[FaultOutcome] = []
-    for number, cells in enumerate(run_all(_fly, jobs, workers=workers), start=1):
+    for cells in run_all(_fly, jobs, workers=workers):
         found += cells
-        print(f"{number} of {len(jobs)} flights", file=sys.stderr, flush=True)
+        print(f"{len(found)} of {count} cells", file=sys.stderr, flush=True)
     return found
 
 
