@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 
+from hindrax_control.allocation.allocation_cycle import PLAUSIBLE
 from hindrax_control.allocation.allocator import AllocationKnobs, Allocator
 from hindrax_control.allocation.thruster_fault_detector import (
     EVERY,
@@ -306,9 +307,12 @@ class Pilot:
         """Return the wrench for this state; `allocation` is that of the last wrench.
 
         With the thrusters' forces in it, dead thrusters are detected. `unarmed`: why the thrusters are not armed;
-        `disobeying`: why they are armed and follow no command; the pilot finds itself when none of them pushes.
+        `disobeying`: why they are armed and follow no command; the pilot finds itself when none of them pushes, or when
+        their supply, `battery_V`, is dead.
         """
         self._powerless = self._powerless if armed else ""
+        if armed and battery_V < PLAUSIBLE[0] * self._vehicle.supply_V:
+            self._powerless = f"the supply of the thrusters measures {battery_V:.1f} V: it is dead"
         self._stamp, self._disobeying = stamp, (disobeying := disobeying or self._powerless)
         self._update(navigation, stamp, battery_V, armed=armed, unarmed=unarmed)
         shortfall = _sum(allocation.shortfall, self._unserved) if allocation else self._unserved

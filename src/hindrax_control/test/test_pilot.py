@@ -263,6 +263,17 @@ def test_a_dead_supply_is_told_by_every_hold_and_guard_until_it_is_disarmed(
     assert not any("supply" in one for one in hovering.fly().guards)
 
 
+def test_a_supply_that_measures_nothing_is_told_by_every_hold_though_nothing_is_pushed(hovering: Hovering) -> None:
+    hovering.fly()
+    hovering.pilot.set(Setpoint("depth"))
+    ideal = hovering.ideal
+    told = hovering.pilot.step(ideal.navigation(), ideal.stamp, armed=True, battery_V=0.2)
+    assert "the supply of the thrusters measures 0.2 V" in told.guards[0]
+    assert told.guards[0].reason is Reason.UNOBEYED
+    assert {one.note for one in told.holds if one.engaged} == {told.guards[0]}
+    assert not any("supply" in one for one in hovering.fly(armed=False).guards)
+
+
 def test_all_thrusters_rest_when_a_maneuver_wants_it_whatever_the_holds_want(
     hovering: Hovering, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -45,6 +45,24 @@ def test_how_long_a_measurement_counts_is_a_knob() -> None:
         assert [supply.measured_V(at(seconds)) for seconds in (counts_s, counts_s + 0.1)] == [13.0, None]
 
 
+@pytest.mark.parametrize("voltage", [0.0, 0.4, 3.6])
+def test_a_supply_that_was_measured_and_reads_nothing_is_dead_and_not_unwired(
+    supply: SupplyVoltage, voltage: float
+) -> None:
+    for tenth in range(20):
+        supply.update(voltage, at(0.1 * tenth))
+    assert math.isnan(supply.battery_V(at(2.0))), "an unwired sensor states nothing"
+    supply.update(14.5, at(3.0))
+    supply.update(voltage, at(3.1))
+    assert supply.battery_V(at(3.2)) == 14.5, "one sample may be wrong"
+    for tenth in range(32, 38):
+        supply.update(voltage, at(0.1 * tenth))
+    assert supply.battery_V(at(3.8)) == voltage
+    assert supply.status_text(at(3.8)) == f"{voltage:.1f} (measured: dead)"
+    supply.update(14.4, at(4.0))
+    assert supply.battery_V(at(4.0)) == 14.4
+
+
 def test_a_sensor_that_speaks_again_is_accepted_again(supply: SupplyVoltage) -> None:
     supply.update(13.0, at(0.0))
     assert supply.measured_V(at(60.0)) is None

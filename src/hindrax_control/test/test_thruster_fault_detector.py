@@ -75,6 +75,17 @@ def test_a_dead_supply_is_found_and_named_as_such(hindrax: Vehicle, ideal_vehicl
     assert Rig(hindrax, ideal_vehicle).fly(sinking, 10.0)[0] is None, "it is moved as it is pushed"
 
 
+@pytest.mark.parametrize(("force_N", "found"), [(20.0, False), (36.0, True)])
+def test_ballast_does_not_resist_more_than_ballast_can(
+    hindrax: Vehicle, ideal_vehicle: type[IdealVehicle], force_N: float, found: bool
+) -> None:
+    """A vehicle with one vertical thruster that rests: ballast may hold 20 N, but not a quarter of its weight."""
+    vertical = replace(hindrax.thrusters[4], position_m=(0.0, 0.0, 0.0))
+    rig = Rig(replace(hindrax, thrusters=(*hindrax.thrusters[:4], vertical)), ideal_vehicle, start_s=0.0)
+    suspect, _ = rig.fly(lambda _t: (0.0, 0.0, 0.0, 0.0, -force_N), 25.0, dead=tuple(rig.names))
+    assert (suspect is not None and suspect.name == EVERY) is found
+
+
 def test_a_vehicle_that_is_more_stable_than_its_file_is_not_held_fast(
     hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]
 ) -> None:

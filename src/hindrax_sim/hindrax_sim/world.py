@@ -77,6 +77,8 @@ class World:
         self.stamp = Stamp(0)
         self.dvl_silenced = False
         """Fault: the DVL finds no bottom."""
+        self.supply_dead = False
+        """Fault: the thrusters have no power, and a battery sensor sees it."""
         self.water_in_hull = False
         """Fault: the dry hull leaks."""
         self.pressure_drifts_since: Stamp | None = None
@@ -165,9 +167,14 @@ class World:
         return self.point_m((0.0, 0.0, 0.0))[2] - rotate(self.plant.quaternion, self.vehicle.center_of_mass_m)[2]
 
     @property
+    def supply_V(self) -> float:
+        """Voltage at the thrusters, as a battery sensor sees it."""
+        return 0.0 if self.supply_dead else self.plant.supply_V
+
+    @property
     def supply_A(self) -> float:
         """Current that all thrusters draw."""
-        return sum(map(thruster_A, self.plant.targets_N))
+        return 0.0 if self.supply_dead else sum(map(thruster_A, self.plant.targets_N))
 
     def point_m(self, lever_m: Vec3) -> Vec3:
         """Position of a point of the vehicle in the pool [m]."""

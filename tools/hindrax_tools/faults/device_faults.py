@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from hindrax_analysis.coefficients_file import ResultConditions
 from hindrax_analysis.report.run_page import RunReport, run_page
 from hindrax_bringup.share_files import default_vehicle, share_folder
+from hindrax_control.allocation.allocation_cycle import SupplyVoltage
 from hindrax_control.hold.holds import Setpoint
 from hindrax_control.maneuver.goal import Goal
 from hindrax_control.maneuver.maneuver import ManeuverOutput
@@ -156,6 +157,8 @@ class ModePilot:
     def __init__(self, mode: str, seed: int, vehicle: Vehicle | None = None) -> None:
         self.vehicle = vehicle or load_vehicle(default_vehicle())
         self.pilot = Pilot(self.vehicle)
+        self.supply = SupplyVoltage(self.vehicle.supply_V)
+        """As the allocation measures it."""
         self.mode, self.goal = mode, Goal(("surge",), seed=seed)
         self.maneuver: ManeuverOutput | None = None
         self.estimated: Navigation | None = None
@@ -172,7 +175,8 @@ class ModePilot:
         self._started_at = self._started_at or stamp
         if armed and self.mode == OPERATOR:
             self.pilot.set_operator_wrench(WRENCH, "base_link_fsd", stamp, stamp)
-        flight = self.pilot.step(navigation.reading, stamp, became, armed=armed)
+        battery_V = self.supply.battery_V(stamp)
+        flight = self.pilot.step(navigation.reading, stamp, became, armed=armed, battery_V=battery_V)
         self.maneuver = flight.maneuver
         self.disobeyed = next((one for one in flight.guards if one.reason is Reason.UNOBEYED), self.disobeyed)
         if (suspect := flight.suspected_fault) is not None:
@@ -234,6 +238,7 @@ def watched(pilot: ModePilot, faults: Sequence[FaultSpec], seed: int, until_s: f
     step = Lockstep(pilot.vehicle, pilot, seed, by_bytes=True, faults=faults)
     assert isinstance(step.rig, BytesRig)
     hardware, advance, onboard = step.rig.hardware, step.rig.hardware.advance, step.onboard
+    pilot.supply = onboard.cycle.supply
     from_s, *later_s = sorted(fault.start_s for fault in faults)
     found, unhealthy, since_s = Watched(Judge(hardware.true_state())), "", math.inf
 

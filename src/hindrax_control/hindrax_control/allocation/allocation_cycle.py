@@ -16,7 +16,7 @@ from hindrax_control.allocation.wrench_guard import WrenchGuard, WrenchGuardKnob
 from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Vec6
-from hindrax_core.signals import ZERO6, Allocation, Command
+from hindrax_core.signals import NAN, ZERO6, Allocation, Command
 from hindrax_core.vehicle import Vehicle
 
 KEPT = 32
@@ -24,6 +24,8 @@ NO_COMMAND = Command((), (), Stamp(0), 0)
 NO_PLAN = Allocation(ZERO6, ZERO6, ZERO6, (), (), ())
 PLAUSIBLE = (0.25, 2.0)
 """Plausible measurements, as fractions of the nominal voltage."""
+DEAD_AFTER_S = 0.5
+"""Time for which a supply that was measured must read less than that before it is dead: one sample may be wrong."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +44,8 @@ class SupplyVoltage:
     def __init__(self, nominal_V: float, knobs: SupplyKnobs | None = None) -> None:
         self._nominal_V, self._knobs = nominal_V, knobs or SupplyKnobs()
         self._last: tuple[Stamp, float] | None = None
+        self._low: tuple[Stamp, Stamp, float] | None = None
+        """Since when and until when a sensor that had measured a supply has measured none, and the last voltage."""
 
     def tune(self, knobs: SupplyKnobs) -> None:
         """Use other knobs from now on."""
@@ -49,13 +53,24 @@ class SupplyVoltage:
 
     def update(self, voltage_V: float, now: Stamp) -> str:
         """Set the measured voltage; returns the reason if it is implausible. Zero (an unwired sensor) is ignored."""
+        low, high = (part * self._nominal_V for part in PLAUSIBLE)
+        if self._last is not None and 0.0 <= voltage_V < low:
+            self._low = (self._low[0] if self._low else now, now, voltage_V)
         if voltage_V == 0.0:
             return ""
-        low, high = (part * self._nominal_V for part in PLAUSIBLE)
         if not low <= voltage_V <= high:
             return f"found {voltage_V:g} V, wanted {low:g} to {high:g} V"
-        self._last = (now, round(voltage_V, 1))
+        self._last, self._low = (now, round(voltage_V, 1)), None
         return ""
+
+    def battery_V(self, now: Stamp) -> float:
+        """What the operator and the guards are told: the measured voltage, that of a dead supply too, or NaN."""
+        if self._low is not None:
+            since, until, voltage_V = self._low
+            silent_s = seconds_between(until, now)
+            if seconds_between(since, until) >= DEAD_AFTER_S and silent_s <= self._knobs.silent_s:
+                return voltage_V
+        return self.measured_V(now) or NAN
 
     def measured_V(self, now: Stamp) -> float | None:
         """Measured voltage, rounded to 0.1 V; None without a recent measurement."""
@@ -73,6 +88,8 @@ class SupplyVoltage:
     def status_text(self, now: Stamp) -> str:
         """Voltage in use and its origin, for the operator."""
         measured_V = self.measured_V(now)
+        if (battery_V := self.battery_V(now)) < PLAUSIBLE[0] * self._nominal_V:
+            return f"{battery_V:.1f} (measured: dead)"
         if measured_V is not None:
             return f"{measured_V:.1f} (measured)"
         why = "no battery sensor" if self._last is None else "the battery sensor is silent"

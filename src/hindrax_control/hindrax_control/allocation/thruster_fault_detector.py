@@ -5,6 +5,7 @@ leaves one of a known direction, proportional to its commanded force; a current 
 Ballast and trim that differ from the vehicle file do: thrusters that hold a vehicle upright move nothing. So what
 heave, roll and pitch leave on the average is learned, and only what comes on top of it counts: against the force of a
 thruster (one that dies), and against what its force has on top of its own average (one that was dead from the start).
+But ballast has its limit: a vehicle that rests although much more than that is pushed against it is moved by none.
 For each thruster, and for all of them together, the part of the force that is missing is fitted; what explains most of
 a residual too large for the model's own errors, for long enough, is suspected.
 
@@ -28,12 +29,14 @@ import numpy as np
 from hindrax_control.allocation.effectiveness import Matrix, effectiveness
 from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.events import Stamp, seconds_between
+from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import Navigation
 from hindrax_core.vehicle import AXES, Vehicle
 
 LONGEST_STEP_S = 0.2
+HEAVE = AXES.index("heave")
 HYDROSTATIC = np.array([axis in ("heave", "roll", "pitch") for axis in AXES])
 AT_WORK_N = 0.1
 """Force below which all thrusters stand: nothing is learned while the vehicle is held."""
@@ -54,6 +57,7 @@ class FaultDetectorKnobs:
     """Detection thresholds."""
 
     trim_s: float = knob(30.0, 1.0, 600.0, "time over which ballast and trim are learned [s]")
+    ballast_share: float = knob(0.05, 0.0, 1.0, "ballast that the file may not know, as a share of the weight [-]")
     filter_s: float = knob(0.6, 0.1, 10.0, "time constant of the filter of the momentum balance [s]")
     memory_s: float = knob(2.5, 0.2, 60.0, "time over which evidence is gathered [s]")
     patience_s: float = knob(1.5, 0.0, 60.0, "time for which the evidence must hold [s]")
@@ -100,6 +104,7 @@ class ThrusterFaultDetector:
         self._least_missing = np.tile(np.append(one_only * self._knobs.missing, EVERY_MISSING), 2)
         self._least_explained = np.tile(np.append(one_only * self._knobs.explained, EVERY_EXPLAINED), 2)
         self._of_every = np.tile([name == EVERY for name in self._suspects], 2)
+        self._most_ballast_N = self._knobs.ballast_share * vehicle.mass_kg * GRAVITY_mps2
         self._lags_s = tuple(max(thruster.lag_s, 1e-3) for thruster in vehicle.thrusters)
         self._B: Matrix = effectiveness(vehicle)
         found = prior_dynamics(vehicle)
@@ -212,7 +217,12 @@ class ThrusterFaultDetector:
         signature = -np.hstack(together) * weight[:, None]
         # A column for each suspect: to all of them together, what is held upright is no evidence.
         held = self._not_by_righting(residual, righting)
-        surprise = np.where(self._of_every, held[:, None], residual[:, None]) * weight[:, None]
+        surprise = np.where(self._of_every, held[:, None], residual[:, None])
+        # Nor can ballast resist everything. What is beyond it is constant: its changes would be compared with nothing.
+        surprise[HEAVE, len(self._names)] += self._trim[HEAVE] - np.clip(
+            self._trim[HEAVE], -self._most_ballast_N, self._most_ballast_N
+        )
+        surprise *= weight[:, None]
         keep = -math.expm1(-dt / knobs.memory_s)
         self._along += (np.sum(signature * surprise, axis=0) - self._along) * keep
         self._power += (np.sum(signature * signature, axis=0) - self._power) * keep

@@ -33,7 +33,7 @@ from hindrax_core.input_checks import SinglePublisher, late_goal, names_of_other
 from hindrax_core.messages.contents import Read
 from hindrax_core.readings import BottomTrack, Echo, Reading, Vec6
 from hindrax_core.rotation import FSD, foreign_frame
-from hindrax_core.signals import NAN, Allocation, AppliedOutput, Estimate, Navigation
+from hindrax_core.signals import Allocation, AppliedOutput, Estimate, Navigation
 from hindrax_core.text.refusals import (
     CANCELLED,
     NOTHING,
@@ -326,7 +326,7 @@ class PilotNode(BatchedNode):
         goal = self._goal
         if goal is not None and goal.maneuver is not None and goal.handle.is_cancel_requested:
             goal.maneuver.cancel()
-        battery_V = self._supply.measured_V(stamped.stamp) or NAN
+        battery_V = self._supply.battery_V(stamped.stamp)
         state, armed = (stamped.reading, stamped.stamp, self._allocation), self._armed
         unarmed, disobeying = self._unarmed, self._unobeyed
         output = self._pilot.step(*state, armed=armed, unarmed=unarmed, disobeying=disobeying, battery_V=battery_V)

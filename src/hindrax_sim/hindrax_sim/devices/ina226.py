@@ -92,7 +92,7 @@ def _agrees(truth: Battery, reading: Battery) -> bool:
 
 EMULATOR = Emulator(
     make=Ina226,
-    truth=lambda world, _at: Battery(world.plant.supply_V, world.supply_A),
+    truth=lambda world, _at: Battery(world.supply_V, world.supply_A),
     example=lambda seconds: Battery(15.6 - 0.01 * seconds, 8.0 + 6.0 * math.sin(0.5 * seconds)),
     agrees=_agrees,
 )

@@ -42,6 +42,7 @@ def supply_dies(world: World, _target: str, on: bool) -> None:
     """Take all thrusters their power, while the computer has its own."""
     for thruster in world.vehicle.thrusters:
         world.fail_thruster(thruster.name, 0.0 if on else 1.0)
+    world.supply_dead = on
 
 
 def lock_lost(world: World, _target: str, on: bool) -> None:

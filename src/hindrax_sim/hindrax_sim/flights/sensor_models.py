@@ -126,7 +126,7 @@ def _sonar(world: World, at: Mounting, noise: SensorNoise, draws: NormalDraws) -
 
 def _battery(world: World, _at: Mounting, _noise: SensorNoise, _draws: NormalDraws) -> Sample:
     """Supply voltage at the speed controllers, in steps of an INA226; its error is that of 16 bits, so none here."""
-    return _single(world, lambda: readings.Battery(round(world.plant.supply_V / STEP_V) * STEP_V, world.supply_A))
+    return _single(world, lambda: readings.Battery(round(world.supply_V / STEP_V) * STEP_V, world.supply_A))
 
 
 def _dvl(world: World, at: Mounting, noise: SensorNoise, draws: NormalDraws) -> Sample:

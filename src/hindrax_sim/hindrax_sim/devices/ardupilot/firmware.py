@@ -68,7 +68,7 @@ def autopilot_truth(world: World, at: Mounting) -> AutopilotTruth:
         force,
         world.magnetic_T(at),
         world.pressure_Pa(at),
-        supply_V=world.plant.supply_V,
+        supply_V=world.supply_V,
         supply_A=world.supply_A,
         wet=world.water_in_hull,
     )
