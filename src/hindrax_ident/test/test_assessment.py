@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -76,6 +77,14 @@ def assessed(vehicle: Vehicle, surge: DraftFit, heave: DraftFit) -> dict[int, As
     found, failed = assess(vehicle, {0: surge, 2: heave}, tuning=PLAIN)
     assert failed == {}
     return found
+
+
+def test_an_assessment_comes_from_another_process_as_it_was(assessed: dict[int, Assessment]) -> None:
+    there = pickle.loads(pickle.dumps(assessed))
+    for axis, one in assessed.items():
+        assert np.array_equal(there[axis].calibrated, one.calibrated)
+        motion = MOTIONS["surge" if axis == 0 else "heave_down"]
+        assert result_of(motion, there[axis]).to_json() == result_of(motion, one).to_json()
 
 
 # ---- drafts

@@ -275,6 +275,15 @@ class Influence:
     usual_cause: str = ""
     loss: bool = False
 
+    def __reduce__(self) -> "tuple[Callable[[str], Influence], tuple[str]]":
+        """By its name, as results of other processes come: the functions of a row cannot be pickled."""
+        return influence_named, (self.name,)
+
+
+def influence_named(name: str) -> Influence:
+    """The row of the table `INFLUENCES`."""
+    return next(one for one in INFLUENCES if one.name == name)
+
 
 # ---- thrust
 
