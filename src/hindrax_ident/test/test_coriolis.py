@@ -1,6 +1,7 @@
 """Motions on other axes: the forces they make, and what becomes of an estimate that knows of them."""
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -101,7 +102,7 @@ class Told(Session):
 
 def off(vehicle: Vehicle, inputs: list[Any], known: Mapping[int, tuple[float, float]]) -> list[Any]:
     """Error of k_r [N m] and its standard deviation: refined and online."""
-    session = Told(vehicle, silent=True)
+    session = Told(vehicle, every_s=math.inf)
     session.known = known
     for event in inputs:
         session.step(event)

@@ -14,9 +14,11 @@ import pytest
 from hindrax_ident.arrays import Array, Index, array
 from hindrax_ident.fit import delay as module
 from hindrax_ident.fit.delay import (
+    SEARCHED_S,
     STARTS,
     DelayEstimate,
     _Search,
+    _spread,
     delay_impulses,
     fit_with_delays,
     lag_impulse,
@@ -36,6 +38,28 @@ SURGE, THETA = Model(0, 15.22), array(np.array([66.48, 1.25, 0.0, 27.3]))
 PRIOR = Prior(array(np.array([60.0, 2.0, 0.0, 25.0])), array(np.array([60.0, 30.0, 5.0, 30.0])))
 LAG_S, LATENCY_S = 0.25, 0.08
 FORCE_N = 6.0
+
+
+def test_a_long_record_is_searched_in_parts_of_all_its_time() -> None:
+    stretches = tuple(Stretch(60.0 * at, 60.0 * at + 50.0) for at in range(40))
+    parts = _spread(stretches)
+    assert parts == stretches[::4]
+    assert sum(one.end_s - one.start_s for one in parts) <= SEARCHED_S
+    assert _spread(stretches[:12]) == stretches[:12]
+
+
+def test_the_search_over_parts_ends_where_that_over_all_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    flight = fly(SURGE, THETA, back_and_forth((4.0, 9.0, 13.0), 5.0, 80.0), LAG_S)
+    t = flight.grid.times_s[::20]
+    v = flight.path.v[::20] + 0.003 * np.random.default_rng(2).standard_normal(len(t))
+    stretches = tuple(Stretch(10.0 * at, 10.0 * at + 9.9) for at in range(8))
+    record = Record(Series(t, array(v)), Series(flight.times_s, flight.commands), stretches)
+    whole = search_delay(SURGE, record, PRIOR.values, PRIOR, 0.1)
+    monkeypatch.setattr(module, "SEARCHED_S", 20.0)
+    assert len(_spread(stretches)) == 2
+    parts = search_delay(SURGE, record, PRIOR.values, PRIOR, 0.1)
+    assert (parts.lag_s, parts.latency_s) == pytest.approx((whole.lag_s, whole.latency_s), abs=1e-3)
+    assert parts.theta == pytest.approx(whole.theta, rel=2e-3, abs=0.05)
 
 
 def grid_of(times: Array, *starts: int) -> Grid:

@@ -9,6 +9,7 @@ from hindrax_ident.arrays import Array, array
 from hindrax_ident.fit.output_error_problem import (
     LinearizedProblem,
     OutputErrorProblem,
+    _project,
     build_problem,
     error_dynamics_of,
     linearize,
@@ -42,6 +43,22 @@ VELOCITIES = series(*every(0.1, 0.0, 1.0), *every(0.1, 2.0, 2.9))
 
 def record_of(velocity: Series = VELOCITIES, position: Series = NOTHING, **more: object) -> Record:
     return replace(Record(velocity, FORCE, TWO, position=position), **more)  # type: ignore[arg-type]
+
+
+def test_the_initial_velocities_of_all_stretches_are_projected_out_as_by_orthogonal_factors() -> None:
+    problem = build_problem(SURGE, record_of())
+    rng = np.random.default_rng(3)
+    table = rng.standard_normal((21, 6))
+    table[11:, 4] = 0.0  # nothing was measured of the second stretch
+    expected, first = table[:, :4].copy(), slice(0, 11)
+    Q, R = np.linalg.qr(table[first, 4:5])
+    expected[first] -= Q @ (Q.T @ expected[first])
+    along = Q.T @ table[first, :4] / R
+    starts = _project(problem, table)
+    assert table[:, :4] == pytest.approx(expected, abs=1e-12)
+    assert starts[0, 0] == pytest.approx(along[0], abs=1e-12)
+    assert np.all(starts[1] == 0.0)
+    assert np.all(starts[:, 1] == 0.0)
 
 
 def test_steps_are_short_and_stretches_begin_anew() -> None:

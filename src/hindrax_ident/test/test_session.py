@@ -138,6 +138,20 @@ def test_same_events_give_the_same_bits(vehicle: Vehicle, surge: list[Any]) -> N
     assert first[0].finalize().results.to_json() == second[0].finalize().results.to_json()
 
 
+def test_estimates_that_nobody_wants_so_often_are_left_out_and_the_same_is_learned(
+    vehicle: Vehicle, surge: list[Any]
+) -> None:
+    session, every = run(vehicle, surge)
+    for every_s in (2.0, math.inf):
+        seldom = Session(vehicle, every_s=every_s)
+        found = [one for event in Feed(vehicle, seldom.tuning).all(surge) for one in seldom.step(event)]
+        assert {(one.stamp, one.reading.values) for one in found} <= {(one.stamp, one.reading.values) for one in every}
+        assert len(found) == pytest.approx(80.0 / every_s, abs=2)
+        assert min(np.diff([one.stamp for one in found]), default=2e9) >= 2e9
+        learned, there = (one._axes[0].estimator.estimate() for one in (seldom, session))
+        assert all(np.array_equal(one, other) for one, other in zip(learned, there, strict=True))
+
+
 def test_who_listens_earlier_learns_the_same_bits(vehicle: Vehicle, surge: list[Any]) -> None:
     """As the identifier hears the vehicle before the recorder is up, and a replay has what was recorded."""
     t0, thrust = surge[0].stamp, next(one for one in surge if isinstance(one.reading, Thrust))

@@ -45,8 +45,8 @@ HERE = Workers()
 """This process."""
 
 
-def add_workers(parser: argparse.ArgumentParser, processes: int | None = 1) -> None:
-    """Options for `workers_of`; `processes`: those of this machine where neither option is given."""
+def add_workers(parser: argparse.ArgumentParser, processes: int | None = 1, usual: str = "") -> None:
+    """Options for `workers_of`; `processes`: those of this machine where neither option is given, and its words."""
 
     def count(text: str) -> int:
         """Argument type: one process or more."""
@@ -54,7 +54,7 @@ def add_workers(parser: argparse.ArgumentParser, processes: int | None = 1) -> N
             raise argparse.ArgumentTypeError(f"found {text}, wanted 1 or more")
         return number
 
-    usual = "one per core" if processes is None else f"{processes}"
+    usual = usual or ("one per core" if processes is None else f"{processes}")
     parser.add_argument("--cluster", default="", metavar="ADDRESS", help="compute on this Dask cluster")
     parser.add_argument(
         "--workers", type=count, default=processes, metavar="N", help=f"local processes; default: {usual}"

@@ -47,6 +47,11 @@ from hindrax_ident.tuning import Tuning
 APART_S = 1000.0
 """Time between concatenated records: no stretch spans it."""
 CSV_ENDINGS = (".csv", ".tsv", ".txt")
+LONG_S = 300.0
+"""Time in records from which the axes are worth a process each."""
+TRACE_S, TRACE_POINTS = 0.5, 2000.0
+"""Longest time between the online estimates of a report, which takes a longer one for a pause; and how many it wants at
+least: a chart draws a third of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,8 +178,11 @@ def identify_sources(
 ) -> Identified:
     """Identify over one record, or over several pooled and each by itself.
 
-    `progress` gets records that are done, `reached` steps, where the `workers` are this process.
+    Several records are one job of the `workers` each; a recording alone has one for each axis. `progress` gets records
+    that are done, `reached` steps, where they are taken in this process.
     """
+    if len(sources) == 1 and sources[0].recording is not None:
+        return _identify(sources, vehicle, task, reached, workers=workers)
     told = (reached,) if workers.here else ()
     groups = [sources, *([one] for one in sources if len(sources) > 1)]
     jobs = [partial(_identify, group, vehicle, task, *told) for group in groups]
@@ -190,11 +198,19 @@ def identify_sources(
     return replace(whole, results=results, runs=tuple(runs), spreads=spreads)
 
 
+def worthwhile(workers: Workers, sources: Sequence[RecordSource]) -> Workers:
+    """Short records stay in this process where nobody asked for others: each of those takes seconds to begin."""
+    lasts_s = sum(one.recording.duration_s for one in sources if one.recording)
+    return HERE if workers.processes is None and not workers.cluster and lasts_s < LONG_S else workers
+
+
 def _identify(
     sources: Sequence[RecordSource],
     vehicle: Vehicle,
     task: IdentificationTask,
     progress: Callable[[str], None] = lambda _text: None,
+    *,
+    workers: Workers = HERE,
 ) -> Identified:
     axes, span = task.axes or tuple(range(6)), task.span
     if len(sources) == 1 and sources[0].recording is None and span.whole:
@@ -219,7 +235,7 @@ def _identify(
         raise UsageError(
             f"nothing was measured from {span.from_s:g} s to {span.to_s:g} s: the record lasts {lasts:.4g} s"
         )
-    return _identify_recordings(recordings, vehicle, task, progress)
+    return _identify_recordings(recordings, vehicle, task, progress, workers)
 
 
 def _own(sources: Sequence[RecordSource]) -> list[RecordSource]:
@@ -295,18 +311,23 @@ def _cut(found: Iterator[Stamped[IdentEvent]], span: Span, begin: Stamp) -> Iter
 
 
 def _identify_recordings(
-    recordings: Sequence[Recording], vehicle: Vehicle, task: IdentificationTask, progress: Callable[[str], None]
+    recordings: Sequence[Recording],
+    vehicle: Vehicle,
+    task: IdentificationTask,
+    progress: Callable[[str], None],
+    workers: Workers,
 ) -> Identified:
     """Identify each axis in a separate session: in such a record all axes may move at once."""
     tuning, axes = tuned(recordings, task.tuning), task.axes or tuple(range(6))
     motions: dict[str, MotionResult] = {}
     assessments: dict[int, Assessment] = {}
     traces: dict[str, Trace] = {}
-    for axis in axes:
-        usable = [one for one in recordings if not reason_to_skip(one, axis)]
+    usable_on = {axis: [one for one in recordings if not reason_to_skip(one, axis)] for axis in axes}
+    found = workers.run([partial(_axis, usable, vehicle, axis, tuning) for axis, usable in usable_on.items() if usable])
+    for axis, usable in usable_on.items():
         if usable:
             progress(f"fit and uncertainty of {AXES[axis]}")
-            outcome, seen = _axis(usable, vehicle, axis, tuning)
+            outcome, seen = next(found)
             against = plausibility.wrong_thrust_sign(usable, axis)
             for name, one in outcome.results.motions.items():
                 motions[name] = plausibility.with_plausibility_check(one, vehicle, against)
@@ -339,7 +360,8 @@ def _skipped(recording: Recording, axis: int) -> dict[str, MotionResult]:
 def _axis(
     recordings: Sequence[Recording], vehicle: Vehicle, axis: int, tuning: Tuning
 ) -> tuple[Outcome, dict[str, Trace]]:
-    feed, session = Feed(vehicle, tuning), Session(vehicle, tuning)
+    lasts_s = sum(one.duration_s for one in recordings)
+    feed, session = Feed(vehicle, tuning), Session(vehicle, tuning, every_s=min(TRACE_S, lasts_s / TRACE_POINTS))
     seen: dict[str, list[tuple[float, tuple[float, ...], tuple[float, ...]]]] = {}
     names: dict[str, tuple[str, ...]] = {}
     first = Stamp(0)
@@ -362,7 +384,7 @@ def _concatenated(recordings: Sequence[Recording], axis: int) -> Iterator[Stampe
 
 
 def _session_over(found: Iterator[Stamped[IdentEvent]], vehicle: Vehicle, tuning: Tuning) -> Session:
-    session = Session(vehicle, tuning)
+    session = Session(vehicle, tuning, every_s=math.inf)
     for event in found:
         session.step(event)
     return session

@@ -297,7 +297,7 @@ def events(recording: Recording, axis: int, begin_s: float = 0.0) -> Iterator[St
     for t, (roll, pitch, depth) in zip(recording.attitude_t.tolist(), recording.attitude.tolist(), strict=True):
         if axis == 2 and not measured and math.isfinite(depth):
             parts.append((t, 2, Attitude((NAN, NAN, NAN), depth)))
-        elif axis != 2 and (math.isfinite(roll) or math.isfinite(pitch)):
+        elif axis not in (2, 5) and (math.isfinite(roll) or math.isfinite(pitch)):
             parts.append((t, 2, Attitude((roll, pitch, NAN))))
     parts.sort(key=lambda part: part[:2])
     yield from (Stamped(stamp_from_s(begin_s + t), event) for t, _, event in parts)

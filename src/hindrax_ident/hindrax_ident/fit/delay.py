@@ -29,7 +29,7 @@ from hindrax_ident.model.model_parameters import Prior, newton_step
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.model.simulation import Grid, Trajectory, per_step
 from hindrax_ident.model.thrust_lag import LaggedThrust
-from hindrax_ident.records.axis_record import Record
+from hindrax_ident.records.axis_record import Record, Stretch
 
 MASS = -3
 """Index of the total mass among the unknowns of a search: lag and latency follow it."""
@@ -43,6 +43,8 @@ ROBUST = 3.0
 glitches."""
 STARTS = ((0.1, 0.0), (0.3, 0.0), (0.0, 0.2))
 """Initial lags and latencies of the search [s]."""
+SEARCHED_S = 600.0
+"""Time in stretches beyond which the search begins over a part of them."""
 
 
 def lag_impulse(record: Record, grid: Grid) -> Array:
@@ -80,8 +82,20 @@ class DelayEstimate(NamedTuple):
 
 def search_delay(model: Model, record: Record, start: Array, prior: Prior, sigma_s: float) -> DelayEstimate:
     """Lag, latency and parameters of the best unwhitened fit; `sigma_s`: prior standard deviation of both delays."""
+    few = record.with_stretches(_spread(record.stretches))
+    search = _Search(build_problem(model, few), few, prior, sigma_s)
+    found = min((search.run(start, np.array(begin)) for begin in STARTS), key=lambda found: found.error)
+    if few.stretches == record.stretches or not math.isfinite(found.error):
+        return found
+    # Which of the basins it is, a part says as well; where in it, all of the record.
     search = _Search(build_problem(model, record), record, prior, sigma_s)
-    return min((search.run(start, np.array(begin)) for begin in STARTS), key=lambda found: found.error)
+    return search.run(found.theta, np.array([found.lag_s, found.latency_s]))
+
+
+def _spread(stretches: tuple[Stretch, ...]) -> tuple[Stretch, ...]:
+    """All of a short record; of a long one evenly every so many stretches."""
+    lasts_s = sum(one.end_s - one.start_s for one in stretches)
+    return stretches[:: max(1, math.ceil(lasts_s / SEARCHED_S))]
 
 
 class _Search:

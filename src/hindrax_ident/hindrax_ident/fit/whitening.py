@@ -21,7 +21,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_banded
+from scipy.linalg.lapack import dtbtrs
 
 from hindrax_ident.arrays import Array, Flags, Index, array
 from hindrax_ident.model.thrust_lag import LEAST_MEMORY_s
@@ -201,5 +201,6 @@ def _predicted(chain: ErrorDynamics, A: Array, K: Array, table: Array) -> Array:
     for i in range(3):
         for j in range(3):
             bands[3 + i - j, j : 3 * n - 3 : 3] = -moved[:, i, j]
-    states = solve_banded((5, 0), bands, drive.reshape(3 * n, m), overwrite_b=True, check_finite=False)
+    # Of a triangle with ones on its diagonal: a general banded solver would factor it first, in six times the time.
+    states, _ = dtbtrs(bands, drive.reshape(3 * n, m), uplo="L", diag="U")
     return array(states.reshape(n, 3, m)[np.arange(n), chain.channel])

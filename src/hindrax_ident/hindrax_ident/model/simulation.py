@@ -10,14 +10,14 @@ gives the whole trajectory in a few solves, and the sensitivities are further ri
 (implicit function theorem). Stretches of a record are solved side by side.
 
 The matrix leaves out the end terms: they are small, so a few steps more converge, and without them no row looks ahead
-of its time. Where no attitude restores, it is then triangular, and a solve is one forward substitution.
+of its time: a solve is one forward substitution.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import blas, solve_banded
+from scipy.linalg.lapack import dtbtrs
 
 from hindrax_ident.arrays import Array, Flags, array
 from hindrax_ident.model.motion_model import Model
@@ -117,7 +117,7 @@ def trajectory(model: Model, theta: Array, grid: Grid, start: Trajectory) -> Tra
             if not np.all(np.isfinite(residual)):
                 return None
             try:
-                change = _solve(model, _bands(model, theta, grid, v, s), residual)
+                change = _solve(_jacobian(model, theta, grid, v, s), residual)
             except np.linalg.LinAlgError:
                 return None
             v, s = v - change[:, 0], s - change[:, 1]
@@ -157,7 +157,7 @@ def sensitivities(model: Model, theta: Array, grid: Grid, path: Trajectory, impu
     right[grid.starts, 1, p + 1] = 1.0
     if impulses is not None:
         right[:, 0, p + 2 :] = impulses
-    return _solve(model, _bands(model, theta, grid, path.v, path.s), right)
+    return _solve(_jacobian(model, theta, grid, path.v, path.s), right)
 
 
 def _residual(model: Model, theta: Array, grid: Grid, v: Array, s: Array) -> Array:
@@ -171,32 +171,35 @@ def _residual(model: Model, theta: Array, grid: Grid, v: Array, s: Array) -> Arr
     return out
 
 
-def _bands(model: Model, theta: Array, grid: Grid, v: Array, s: Array) -> Array:
-    """Jacobian of the residual, (5, 2 n), over (v_0, s_0, v_1, s_1, ...), in the form of solve_banded((3, 1))."""
+def _jacobian(model: Model, theta: Array, grid: Grid, v: Array, s: Array) -> tuple[Array, Array]:
+    """Jacobian of the residual as a triangle, and the shares (n,) by which it became one.
+
+    Over (v_0, s_0, v_1, s_1, ...), with the diagonal and three bands below it: (4, 2 n). Only the stiffness, at s_k in
+    the row of momentum k, is above the diagonal; that row less the share h/2 stiffness of the row of kinematics
+    s_k - h/2 v_k - s_k-1 - h/2 v_k-1 has none. So a solve is one forward substitution, with or without an attitude.
+    """
     n, half, inside = len(v), 0.5 * grid.steps_s, ~grid.starts
     slope = model.slope(theta, v)
     stiffness = theta[-2] * np.cos(s) if model.restores else np.zeros(n)
-    bands = np.zeros((5, 2 * n))
-    bands[1, 0::2] = np.where(inside, theta[-1] + half * slope, 1.0)
-    bands[1, 1::2] = 1.0
-    bands[0, 1::2] = half * stiffness
-    bands[2, 0::2] = -half
-    later = inside[1:]
-    bands[3, 0 : 2 * n - 2 : 2] = np.where(later, -theta[-1] + half[1:] * slope[:-1], 0.0)
-    bands[2, 1 : 2 * n - 2 : 2] = half[1:] * stiffness[:-1]
-    bands[4, 0 : 2 * n - 2 : 2] = -half[1:]
-    bands[3, 1 : 2 * n - 2 : 2] = np.where(later, -1.0, 0.0)
-    return bands
+    share, later = half * stiffness, inside[1:]
+    bands = np.zeros((4, 2 * n))
+    bands[0, 0::2] = np.where(inside, theta[-1] + half * slope, 1.0) + share * half
+    bands[0, 1::2] = 1.0
+    bands[1, 0::2] = -half
+    before = -theta[-1] + half[1:] * slope[:-1]
+    bands[2, 0 : 2 * n - 2 : 2] = np.where(later, before, 0.0) + share[1:] * half[1:]
+    bands[1, 1 : 2 * n - 2 : 2] = half[1:] * stiffness[:-1] + share[1:]
+    bands[3, 0 : 2 * n - 2 : 2] = -half[1:]
+    bands[2, 1 : 2 * n - 2 : 2] = np.where(later, -1.0, 0.0)
+    return bands, array(share)
 
 
-def _solve(model: Model, bands: Array, right: Array) -> Array:
-    """Solution of the banded system: (n, 2, m) or (n, 2), shaped as the right-hand sides; LinAlgError if singular."""
-    flat = right.reshape(2 * right.shape[0], -1)
-    if model.restores:
-        solved = solve_banded((3, 1), bands, flat, overwrite_b=False, check_finite=False)
-    else:
-        if not np.all(bands[1]):
-            raise np.linalg.LinAlgError("singular")
-        lower = np.asfortranarray(bands[1:])
-        solved = np.stack([blas.dtbsv(3, lower, column, lower=1) for column in flat.T], axis=1)
+def _solve(jacobian: tuple[Array, Array], right: Array) -> Array:
+    """Solution of the triangle: (n, 2, m) or (n, 2), shaped as the right-hand sides; LinAlgError if singular."""
+    bands, share = jacobian
+    moved = right.copy()
+    moved[:, 0] -= share.reshape(-1, *[1] * (right.ndim - 2)) * right[:, 1]
+    solved, zero_at = dtbtrs(bands, moved.reshape(2 * len(right), -1), uplo="L")
+    if zero_at:
+        raise np.linalg.LinAlgError("singular")
     return np.asarray(solved).reshape(right.shape)

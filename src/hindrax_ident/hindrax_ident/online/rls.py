@@ -26,7 +26,7 @@ from typing import TypeAlias, cast
 
 import numpy as np
 
-from hindrax_ident.arrays import Array
+from hindrax_ident.arrays import Array, Index
 
 State: TypeAlias = tuple[float, ...]
 """Estimates, rows of the strict upper triangle of U, diagonal of D, weighted squares of the residuals, weight."""
@@ -93,7 +93,7 @@ class Rls:
     def unit_covariance(self) -> Array:
         """Covariance for noise of variance one: (n, n). COB-2023-1394 eq. 7 without s2."""
         U = np.eye(self.n)
-        U[np.triu_indices(self.n, 1)] = self._state[self.n : -self.n - 2]
+        U[_above_diagonal(self.n)] = self._state[self.n : -self.n - 2]
         return np.asarray((U * self._state[-self.n - 2 : -2]) @ U.T)
 
     @property
@@ -107,6 +107,13 @@ class Rls:
     def weight(self) -> float:
         """Sum of the sample weights after forgetting; equals `samples` without forgetting."""
         return self._state[-1]
+
+
+@functools.cache
+def _above_diagonal(n: int) -> tuple[Index, Index]:
+    """Rows and columns of the strict upper triangle, (n (n - 1) / 2,) each; numpy takes longer for them than for P."""
+    rows, columns = np.triu_indices(n, 1)
+    return rows, columns
 
 
 @functools.cache

@@ -8,6 +8,7 @@
 It is deterministic. Its events are in the order of their stamps; the feed sorts them.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -57,9 +58,12 @@ class Outcome:
 class Session:
     """One run of one vehicle."""
 
-    def __init__(self, vehicle: Vehicle, tuning: Tuning | None = None, *, silent: bool = False) -> None:
-        """A `silent` session learns the same, but computes no estimate before the end."""
-        self._silent = silent
+    def __init__(self, vehicle: Vehicle, tuning: Tuning | None = None, *, every_s: float = 0.0) -> None:
+        """`every_s`: least time between the estimates of `step`, which take longer than learning; infinite: none.
+
+        What is learned does not depend on it.
+        """
+        self._every_s, self._due_s = every_s, 0.0 if math.isfinite(every_s) else math.inf
         self.vehicle, self.tuning = vehicle, tuning or Tuning()
         self._axes: dict[int, AxisSession] = {}
         self._log = PhaseLog([])
@@ -178,9 +182,14 @@ class Session:
 
     def _estimates(self, verdicts: list[tuple[float, SampleVerdict]]) -> Sequence[Stamped[Estimate]]:
         axis_session, motion, origin = self._active(), self._motion, self._origin
-        if self._silent or not axis_session or not motion or origin is None:
+        if not axis_session or not motion or origin is None:
             return ()
-        return [Stamped(after(origin, t_s), axis_session.estimate(motion, verdict)) for t_s, verdict in verdicts]
+        found = []
+        for t_s, verdict in verdicts:
+            if t_s >= self._due_s:
+                self._due_s = t_s + self._every_s
+                found.append(Stamped(after(origin, t_s), axis_session.estimate(motion, verdict)))
+        return found
 
     # ---- after the run
 

@@ -3,6 +3,7 @@
 Fly once, identify often: the `events` of a flight can be pickled and given to `identified` with changed code.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
@@ -113,10 +114,10 @@ def calibrated(vehicle: Vehicle) -> Vehicle:
 
 
 class _Heard(Session):
-    """A silent session that passes its events on."""
+    """A session without estimates that passes its events on."""
 
     def __init__(self, vehicle: Vehicle, listen: Callable[[Stamped[IdentEvent]], None]) -> None:
-        super().__init__(vehicle, silent=True)
+        super().__init__(vehicle, every_s=math.inf)
         self._listen = listen
 
     def step(self, event: Stamped[IdentEvent]) -> Sequence[Stamped[Estimate]]:

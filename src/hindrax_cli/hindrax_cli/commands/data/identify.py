@@ -26,6 +26,7 @@ from hindrax_analysis.identification.record_identification import (
     identify_sources,
     open_sources,
     recorded_vehicle,
+    worthwhile,
 )
 from hindrax_analysis.identification.verdict import show_next
 from hindrax_analysis.records.autopilot_vehicle import BOX, VEHICLE_OF_FRAME, logged_wiring, wired
@@ -147,7 +148,7 @@ def _about(parser: argparse.ArgumentParser) -> None:
         help=f"deviation of the wrench's gain; default: by the vehicle file, {GAIN_SIGMA:g} where it has no thrusters",
     ),
     option("--joint", action="store_true", help="also fit all axes together, with the terms that couple them"),
-    add_workers,
+    partial(add_workers, processes=None, usual="one per core for more than five minutes"),
     option("--report", type=Path, metavar="FILE", help="write an HTML report"),
     option("--coefficients", type=Path, metavar="FILE", help="write a coefficients.yaml"),
     add_json,
@@ -162,7 +163,7 @@ def identify(arguments: argparse.Namespace) -> int:
     gain_sigma = _gain_sigma(arguments.gain_sigma, vehicle, sources[0], notes)
     task = replace(task, mass_known=NO_VEHICLE not in notes, tuning=Tuning(wrench_gain_sigma=gain_sigma))
     with working(f"identifying over {', '.join(str(path) for path in arguments.records)}") as reached:
-        workers = workers_of(arguments)
+        workers = worthwhile(workers_of(arguments), sources)
         found = identify_sources(sources, vehicle, task, print_stderr, reached, workers=workers)
         steps = (reached,) if workers.here else ()
         jobs = [partial(identify_jointly, sources, vehicle, task, *steps)] if arguments.joint else []

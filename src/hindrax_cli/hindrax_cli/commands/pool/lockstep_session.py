@@ -1,5 +1,6 @@
 """A pool session in lock-step, for `montecarlo --session`: legs and weighings of one world, without ROS."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -86,7 +87,7 @@ def session_trial(seed: int, motions: tuple[str, ...], vehicle_file: str, world:
 
 
 def _joint(heard: Sequence[Sequence[Stamped[IdentEvent]]], vehicle: Vehicle) -> Results:
-    session = Session(vehicle, silent=True)
+    session = Session(vehicle, every_s=math.inf)
     for event in events_apart([iter(events) for events in heard]):
         session.step(event)
     return session.finalize().results
