@@ -2,18 +2,24 @@
 
 import ast
 import configparser
+import functools
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from launch_stand_in import put_in_place
 
+from hindrax_core.sensor_table import SENSORS
+
 ROOT = Path(__file__).parents[2]
 MOST_MODULES = 16
 MOST_ANY = 97
 """Lines of the product; what is left stands at libraries without annotations, and at documents of JSON and YAML."""
+MOST_CASTS = 10
+LEAST_EXPLAINED = 0.17
+"""Lines of the product that are comment or docstring, of those that are not empty [-]."""
 PACKAGES = sorted(path.parent.name for path in ROOT.glob("src/*/package.xml"))
 SOURCES = sorted(
     path
@@ -34,19 +40,83 @@ def imports(source: Path) -> Iterator[str]:
             yield from (alias.name for alias in node.names if alias.name.startswith("hindrax_"))
 
 
-def test_any_does_not_creep_back() -> None:
-    found = [
-        f"{source.relative_to(ROOT)}:{line}"
+@functools.cache
+def product() -> dict[str, tuple[str, ast.Module]]:
+    """Text and syntax tree of each file that is installed, without helpers of tests."""
+    texts = {
+        str(source.relative_to(ROOT)): source.read_text(encoding="utf-8")
         for source in SOURCES
         if "src" in source.relative_to(ROOT).parts and "testing" not in source.parts
-        for line in {
-            node.lineno
-            for node in ast.walk(ast.parse(source.read_text(encoding="utf-8")))
-            if (isinstance(node, ast.Name) and node.id == "Any")
-            or (isinstance(node, ast.Attribute) and node.attr == "Any")
-        }
-    ]
+    }
+    return {name: (text, ast.parse(text)) for name, text in texts.items()}
+
+
+def lines_with(found: Callable[[ast.AST], bool]) -> list[str]:
+    """File and line of each node of the product that is meant, once a line."""
+    nodes = ((name, node) for name, (_, tree) in product().items() for node in ast.walk(tree) if found(node))
+    return list(dict.fromkeys(f"{name}:{getattr(node, 'lineno', 0)}" for name, node in nodes))
+
+
+def is_named(node: ast.AST, name: str) -> bool:
+    """Whether a node is this name, alone or of a module."""
+    return (isinstance(node, ast.Name) and node.id == name) or (isinstance(node, ast.Attribute) and node.attr == name)
+
+
+def test_any_does_not_creep_back() -> None:
+    found = lines_with(lambda node: is_named(node, "Any"))
     assert len(found) <= MOST_ANY, f"{len(found)} lines with Any, wanted {MOST_ANY} at most; which type is it?"
+
+
+def test_casts_do_not_creep_back() -> None:
+    found = lines_with(lambda node: isinstance(node, ast.Call) and ast.unparse(node.func) in {"cast", "typing.cast"})
+    assert len(found) <= MOST_CASTS, f"{found}, wanted {MOST_CASTS} casts at most; which type is it?"
+
+
+def test_a_kind_of_sensor_is_named_by_its_row_and_its_own_modules_alone() -> None:
+    kinds = {row.name for row in SENSORS if re.search(r"\d", row.name)}
+    named = lines_with(lambda node: isinstance(node, ast.Constant) and node.value in kinds)
+    elsewhere = [one for one in named if "/devices/" not in one and "/sensor_table.py:" not in one]
+    assert not elsewhere, "ask for what it measures: Vehicle.measuring"
+
+
+def test_text_is_run_only_where_the_plan_says_so() -> None:
+    """`exec`, `eval`: hidden doors, each with its row on the page."""
+    doors = {
+        name
+        for source in SOURCES
+        for name in [str(source.relative_to(ROOT))]
+        for node in ast.walk(ast.parse(source.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in {"exec", "eval"}
+    }
+    page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
+    assert doors <= set(re.findall(r"^\| `([^`]+\.py)` \|", page, re.MULTILINE))
+
+
+def test_the_code_explains_itself() -> None:
+    explained = written = 0
+    for text, tree in product().values():
+        lines = text.splitlines()
+        of_text = {
+            at
+            for body in (getattr(node, "body", None) for node in ast.walk(tree))
+            if isinstance(body, list)
+            for one in body
+            if isinstance(one, ast.Expr) and isinstance(one.value, ast.Constant) and isinstance(one.value.value, str)
+            for at in range(one.lineno - 1, one.end_lineno or one.lineno)
+        }
+        full = [at for at, line in enumerate(lines) if line.strip()]
+        written += len(full)
+        explained += sum(at in of_text or lines[at].lstrip().startswith("#") for at in full)
+    assert explained > LEAST_EXPLAINED * written, f"{explained / written:.1%} of the lines say what for or why"
+
+
+def test_a_file_that_the_plan_names_is_there() -> None:
+    """Names of files on the page, whole or from a package or folder on, as its ways have them."""
+    page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
+    there = [f"/{source.relative_to(ROOT)}" for source in SOURCES]
+    named = set(re.findall(r"[\w/]*\w\.py\b", page)) - {"devices/NAME.py"}
+    assert len(named) > 50
+    assert not [name for name in sorted(named) if not any(one.endswith(f"/{name}") for one in there)]
 
 
 @pytest.mark.parametrize("folder", sorted(FOLDERS), ids=lambda folder: str(folder.relative_to(ROOT)))
