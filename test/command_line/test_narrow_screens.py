@@ -38,6 +38,7 @@ from hindrax_core.text.screen_text import COMMAND, UNBOUNDED
 from hindrax_core.vehicle import AxisGain, load_vehicle
 from hindrax_ident.arrays import array
 from hindrax_ident.assess.assessment import METHOD
+from hindrax_ident.assess.objections import unnamed
 from hindrax_laboratory import pendulum
 from hindrax_laboratory.benchmark.blind_benchmark import Row
 from hindrax_sim.flights.rehearsal import ExpectedBand, Flown, Rehearsal
@@ -112,7 +113,7 @@ def show_findings() -> None:
 
 
 def show_plan() -> None:
-    band = ExpectedBand(0.45, 0.023, 0.21, 0.26, ("the DVL loses the bottom",))
+    band = ExpectedBand(0.45, 0.023, 0.21, 0.26, (unnamed("the DVL loses the bottom"),))
     flown = Flown("surge", 0.0, 115.0, 1.54, 0.66, 0.17)
     pool_plan.show(Rehearsal("hindrax", "pool", (), (flown,), {"surge": band}, "", NOTHING))
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from hindrax_analysis.identification.record_identification import IdentificationTask, RecordSource, identify_sources
 from hindrax_analysis.records.damage import without_damage
+from hindrax_ident.assess.objections import CAUSES, Objection
 from hindrax_ident.assess.results import MotionResult
 from hindrax_ident.model.motion_model import MOTIONS
 from hindrax_laboratory.benchmark.foreign_plants import AS_THE_COMMAND, KINDS, PLANTS, ForeignRecord, fly, read, write
@@ -30,8 +31,8 @@ class Score:
     drag: tuple[float, ...]
     added_mass: float
     identified: bool
-    warnings: tuple[str, ...]
-    reasons: tuple[str, ...]
+    warnings: tuple[Objection, ...]
+    reasons: tuple[Objection, ...]
     band: float
     """Calibrated deviation of the drag at the highest speed, as a share of it [-]."""
 
@@ -88,9 +89,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _line(one: Score) -> str:
     drag = " ".join(f"{off:+5.1f}" for off in one.drag) or "none"
     verdict = "identified" if one.identified else "; ".join(one.reasons)
-    causes = " | ".join(
-        warning for warning in one.warnings if warning.startswith(("evidence of", "no influence explains"))
-    )
+    causes = " | ".join(warning for warning in one.warnings if warning.code in CAUSES)
     return (
         f"{one.record:18} {one.motion:11} drag {drag:18} mass {one.added_mass:+5.1f} {one.band:6.1%} {verdict} {causes}"
     )

@@ -7,7 +7,6 @@ unless the law is another drag.
 
 import argparse
 import math
-import re
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from hindrax_analysis.records.damage import without_damage
 from hindrax_analysis.records.recording import Recording
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
+from hindrax_ident.assess.objections import CAUSES
 from hindrax_ident.assess.results import MotionResult
 from hindrax_ident.model.motion_model import rigid_mass
 from hindrax_ident.tuning import Tuning
@@ -240,7 +240,7 @@ def _verdict(result: MotionResult, axes: dict[str, Axis], law: Law) -> MotionVer
     true = np.array([law.drag(axis, speed) for speed in drag.speed[at].tolist()])
     off = tuple(((drag.force[at] - true) / drag.std_calibrated[at]).tolist())
     mass = math.nan if added is None else (added.value - axis.added) / added.std_calibrated
-    named = tuple(words.group(1) for one in result.warnings if (words := re.search(r"shows ([^(]+) \(", one)))
+    named = tuple(str(one.numbers["influence"]) for one in result.warnings if one.code in CAUSES)
     return MotionVerdict(result.motion, off, mass, result.identifiable, named)
 
 

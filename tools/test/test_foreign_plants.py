@@ -16,6 +16,7 @@ from hindrax_analysis.identification.record_identification import (
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import array
+from hindrax_ident.assess.objections import Code, Objection
 from hindrax_ident.model.motion_model import MOTIONS
 from hindrax_laboratory.benchmark.foreign_plants import AS_THE_COMMAND, PLANTS, Fluid, read, recorded, write
 from hindrax_tools.foreign_verdicts import scores
@@ -29,9 +30,9 @@ MOST = 2.5
 """Deviations: of 24 records, 95 % are within two, and nothing identified is above three."""
 
 
-def false_causes(warnings: tuple[str, ...]) -> list[str]:
-    named = tuple(f"evidence of {cause}" for cause in FALSE)
-    return [warning for warning in warnings if warning.startswith(named)]
+def false_causes(warnings: tuple[Objection, ...]) -> list[Objection]:
+    evidence = [one for one in warnings if one.code is Code.EVIDENCE]
+    return [one for one in evidence if str(one.numbers["influence"]).startswith(FALSE)]
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,7 @@ from hindrax_core.text.yaml_text import read_yaml
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.joint_assessment import JointResults
+from hindrax_ident.assess.objections import read_back
 from hindrax_ident.assess.results import Contribution, Corrected, MotionResult, Number, Results
 
 KNOWN = ("k_q", "k_l", "b", "k_r", "added_mass")
@@ -186,7 +187,7 @@ def _motion(name: str, body: object, source: str) -> MotionResult:
     if not isinstance(speeds, list | tuple) or len(speeds) != 2:
         raise HindraxError(f"{path}.speeds: found {speeds!r}, wanted the lowest and the highest speed")
     low, high = (_finite(speed, f"{path}.speeds") for speed in speeds)
-    reasons = _words(body.get("reasons"), f"{path}.reasons")
+    sentences, codes = (_words(body.get(key), f"{path}.{key}") for key in ("reasons", "reason_codes"))
     names = _words(body.get("names"), f"{path}.names")
     keys = ("covariance", "covariance_calibrated", "covariance_corrected")
     noise, calibrated, corrected = (_matrix(body.get(key), len(names), f"{path}.{key}") for key in keys)
@@ -195,7 +196,7 @@ def _motion(name: str, body: object, source: str) -> MotionResult:
         "",
         numbers,
         bool(body.get("identifiable", True)),
-        reasons,
+        read_back(sentences, codes),
         (low, high),
         names,
         covariance=noise,

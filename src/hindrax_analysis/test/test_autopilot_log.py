@@ -20,6 +20,7 @@ from hindrax_control.allocation.thrust_curve import AppliedWrench
 from hindrax_core.errors import UsageError
 from hindrax_core.rotation import matrix, rotate
 from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_ident.assess.objections import Code
 
 ROV = load_vehicle(default_vehicle())
 VOLTS = 14.2
@@ -218,7 +219,7 @@ def test_a_log_without_velocities_has_rates_and_depths(tmp_path: Path) -> None:
     assert depth[-1] - depth[0] == pytest.approx(0.02 * (STEPS - 1), abs=1e-3)  # of the sensor in the water
     assert "no velocities are logged" in found.assumptions[0]
     assert "surge" in reason_to_skip(found, 0)
-    assert reason_to_skip(found, 5).startswith("the thrust on yaw never changes")
+    assert reason_to_skip(found, 5).code is Code.CONSTANT_THRUST
 
 
 def test_telemetry_counts_the_time_of_the_autopilot_not_of_the_receipt(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from hindrax_analysis.exports.export_model import export_model
 from hindrax_core.errors import HindraxError
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import array
+from hindrax_ident.assess.objections import Code, objection, unnamed
 from hindrax_ident.assess.results import Corrected, DragBand, MotionResult, Number, Results
 
 CORRECTED = Corrected(61.0123456789, (58.5, 63.5), (54.0, 64.0))
@@ -36,7 +37,7 @@ def a_result(motion: str = "surge", *, identifiable: bool = True) -> MotionResul
         samples=100,
         effective_samples=80.0,
         identifiable=identifiable,
-        reasons=() if identifiable else ("it hardly moved: 0.01 # at most",),
+        reasons=() if identifiable else (unnamed("it hardly moved: 0.01 # at most"), objection(Code.NOT_CONVERGED)),
         speeds=(0.1, 0.4),
         drag=DragBand(speed, 66.48 * speed**2, 0.1 * speed, 0.3 * speed),
     )
@@ -59,7 +60,9 @@ def test_numbers_come_back_to_the_last_digit(saved: Path) -> None:
     assert math.isnan(surge.coefficients["k_l"].std_calibrated)
     assert surge.speeds == (0.1, 0.4)
     assert not found.motions["yaw"].identifiable
-    assert found.motions["yaw"].reasons == ("it hardly moved: 0.01 # at most",)
+    reasons = found.motions["yaw"].reasons
+    assert reasons == ("it hardly moved: 0.01 # at most", "the fit did not converge")
+    assert [one.code for one in reasons] == [Code.UNNAMED, Code.NOT_CONVERGED]
 
 
 def test_conditions_come_back(saved: Path, vehicle: Vehicle) -> None:

@@ -38,6 +38,7 @@ from hindrax_analysis.report.run_page import RunReport, _facts, _how_to_read, ru
 from hindrax_analysis.testing.browser import browser, browser_at_hand
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import array
+from hindrax_ident.assess.objections import unnamed
 from hindrax_ident.assess.results import Contribution, DragBand, MotionResult, Number, Results, truth_of, with_truth
 from hindrax_ident.model.motion_model import model_of
 from hindrax_ident.online.session import Outcome, Session
@@ -242,7 +243,7 @@ def test_one_plateau_is_no_plateaus(count: float, text: str) -> None:
 
 
 def test_a_warning_about_many_motions_is_reported_once() -> None:
-    wide, late = "most of the band comes from the tether", "the stamps are late"
+    wide, late = unnamed("most of the band comes from the tether"), unnamed("the stamps are late")
     motions = {
         name: replace(a_motion(name, None), warnings=warnings)
         for name, warnings in {"surge": (late, wide), "sway": (wide,), "heave": (), "yaw": (late, wide)}.items()

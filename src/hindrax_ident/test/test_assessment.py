@@ -28,6 +28,7 @@ from hindrax_ident.assess.assessment import (
     unidentified,
 )
 from hindrax_ident.assess.influences import GAIN, LAG, LATENCY, MODEL, RUN, Case
+from hindrax_ident.assess.objections import Code, Objection, unnamed
 from hindrax_ident.assess.quality import Evidence, excitation, measured_speed, measurement_noise
 from hindrax_ident.assess.results import Contribution, NextStep
 from hindrax_ident.assess.uncertainty_budget import budget_of
@@ -264,9 +265,9 @@ def test_a_motion_without_bands_states_why_and_the_others_have_theirs(
 def evidence_of(patch: pytest.MonkeyPatch, motion: str, one: Assessment) -> tuple[Evidence, Any]:
     said: list[Evidence] = []
 
-    def reasons(evidence: Evidence) -> list[str]:
+    def reasons(evidence: Evidence) -> list[Objection]:
         said.append(evidence)
-        return ["because"]
+        return [unnamed("because")]
 
     patch.setattr(module, "reasons_against", reasons)
     result = result_of(MOTIONS[motion], one)
@@ -291,7 +292,11 @@ def test_a_result_is_that_of_the_rows_of_its_motion(
     assert result.speeds == (excited.low, excited.high)
     shown = one.budget.warnings()
     assert result.warnings[: len(shown)] == shown
-    assert "thrust calibration and losses between thrusters and hull" in result.warnings[len(shown)]
+    unseen = result.warnings[len(shown)]
+    assert (unseen.code, unseen.numbers["causes"]) == (
+        Code.UNSEEN,
+        "thrust calibration and losses between thrusters and hull",
+    )
     assert evidence.k == pytest.approx(fit.theta[rows[:2]])
     assert evidence.covariance == pytest.approx(one.separable[np.ix_(rows[:2], rows[:2])])
     assert evidence.excitation == excited
@@ -498,7 +503,7 @@ def test_quality_states_what_it_rests_on(assessed: dict[int, Assessment]) -> Non
 
 
 def test_a_motion_without_data_is_not_identified() -> None:
-    found = unidentified(MOTIONS["roll"], "nothing moved")
+    found = unidentified(MOTIONS["roll"], unnamed("nothing moved"))
     assert (found.motion, found.method, found.names, found.coefficients) == ("roll", "none", (), {})
     assert (found.identifiable, found.reasons, found.drag) == (False, ("nothing moved",), None)
     assert (found.samples, found.effective_samples, found.speeds) == (0, 0.0, (0.0, 0.0))

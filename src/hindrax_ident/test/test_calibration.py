@@ -201,5 +201,5 @@ def test_a_lopsided_hull_is_named(vehicle: Vehicle) -> None:
     lopsided = Model(0, 15.22, split=True)
     record = record_of(lopsided, np.array([66.48, 1.25, 45.0, 1.25, 0.0, 27.3]), sigma=0.002)
     reported = budget(vehicle, record, fitted(vehicle, record))
-    assert any("asymmetry" in warning for warning in reported.warnings())
+    assert any("asymmetry" in str(warning.numbers["influence"]) for warning in reported.warnings())
     assert reported.found("fore/aft asymmetry")[0] == pytest.approx(0.19, abs=0.05)

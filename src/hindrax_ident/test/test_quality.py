@@ -9,9 +9,9 @@ import pytest
 
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
+from hindrax_ident.assess.objections import Code, Objection, objection
 from hindrax_ident.assess.prediction import Prediction
 from hindrax_ident.assess.quality import (
-    OTHER_LAW,
     Evidence,
     Excitation,
     Validation,
@@ -49,7 +49,7 @@ WELL = Evidence(
 )
 
 
-def judged(**changes: Any) -> list[str]:
+def judged(**changes: Any) -> list[Objection]:
     """Reasons against a result that is well, but for some changes of its evidence or excitation."""
     moved = {name: changes.pop(name) for name in ("high", "share_at_one_speed") if name in changes}
     return reasons_against(replace(WELL, excitation=replace(WELL.excitation, **moved), **changes))
@@ -65,117 +65,126 @@ def predicted(fit: float, excess: float) -> Validation:
     return Validation(Prediction(0, "m/s", one, one, one, one, one, np.zeros(1, int)), fit, excess)
 
 
+LEAST_SHARE = {"wanted": 0.2, "influence": "current", "remedy": "wait until the water is still"}
+
+
 @pytest.mark.parametrize(
-    ("passed", "failed", "sentence"),
+    ("passed", "failed", "code", "numbers"),
     [
-        ({}, {"converged": False}, "the fit did not converge"),
-        ({"effective_samples": 10.0}, {"effective_samples": 9.9}, "9.9 independent samples, wanted 10"),
+        ({}, {"converged": False}, Code.NOT_CONVERGED, {}),
+        (
+            {"effective_samples": 10.0},
+            {"effective_samples": 9.9},
+            Code.FEW_SAMPLES,
+            {"found": 9.9, "wanted": 10.0},
+        ),
         (
             {"drag_std": 0.199 * DRAG_N},
             {"drag_std": 0.21 * DRAG_N},
-            "the drag at the highest speed is known to 21.0% only, wanted 20%, the gain",
+            Code.POORLY_KNOWN_DRAG,
+            {"share": pytest.approx(0.21), **LEAST_SHARE},
         ),
         (
             {"drag_std": 0.199 * DRAG_N},
             {"drag_std": 9e10 * DRAG_N},
-            "the drag at the highest speed is unknown: its uncertainty is larger than itself, wanted 20%, the gain",
+            Code.UNKNOWN_DRAG,
+            {"share": pytest.approx(9e10), **LEAST_SHARE},
         ),
         (
             {"current": 0.055},
             {"current": 0.06},
-            "at speeds up to 0.45 m/s a current of 0.06 m/s changes the drag by 27%: k_q and k_l cannot be separated",
+            Code.CURRENT,
+            {"speed": 0.45, "unit": "m/s", "current": 0.06, "share": pytest.approx(0.2667, rel=1e-3)},
         ),
-        (
-            {"share_at_one_speed": 0.69},
-            {"share_at_one_speed": 0.71},
-            "71% of the motion was at nearly one speed: only the transients separate k_q from k_l",
-        ),
+        ({"share_at_one_speed": 0.69}, {"share_at_one_speed": 0.71}, Code.ONE_SPEED, {"share": 0.71}),
         (
             {"covariance": uncertain(0.24, 0.24)},
             {"covariance": uncertain(0.26, 0.01)},
-            "speeds of 0.1 to 0.45 m/s do not separate k_q from k_l (either is uncertain by 26% of the drag)",
+            Code.NOT_SEPARATED,
+            {"low": 0.1, "high": 0.45, "unit": "m/s", "share": pytest.approx(0.26)},
         ),
         (
             {"covariance": uncertain(0.01, 0.24)},
             {"covariance": uncertain(0.01, 0.31)},
-            "speeds of 0.1 to 0.45 m/s do not separate k_q from k_l (either is uncertain by 31% of the drag)",
+            Code.NOT_SEPARATED,
+            {"low": 0.1, "high": 0.45, "unit": "m/s", "share": pytest.approx(0.31)},
         ),
         (
             {"k": array(np.array([-5.9, 40.0])), "covariance": array(np.diag([4.0, 0.1]))},
             {"k": array(np.array([-6.1, 40.0])), "covariance": array(np.diag([4.0, 0.1]))},
-            "k_q is negative (-6.1 +- 2.0): other forces than drag act, or the thrust obeys another law",
+            Code.NEGATIVE_DRAG,
+            {"name": "k_q", "shown": "-6.1 +- 2.0"},
         ),
         (
             {"k": array(np.array([80.0, -2.0]))},
             {"k": array(np.array([80.0, -8.0]))},
-            "k_l is negative (-8.00 +- 0.32): other forces than drag act, or the thrust obeys another law",
+            Code.NEGATIVE_DRAG,
+            {"name": "k_l", "shown": "-8.00 +- 0.32"},
         ),
         (
             {"k": array(np.array([80.0, -8.0])), "covariance": array(np.diag([1.0, 9.0]))},
             {"k": array(np.array([80.0, -8.0])), "covariance": array(np.diag([1.0, 4.0]))},
-            "k_l is negative (-8.0 +- 2.0): other forces than drag act, or the thrust obeys another law",
+            Code.NEGATIVE_DRAG,
+            {"name": "k_l", "shown": "-8.0 +- 2.0"},
         ),
-        (
-            {"added_mass_sigmas": -2.9},
-            {"added_mass_sigmas": -3.1},
-            "the total mass is 3.1 standard deviations below the body's own: check the units of force and velocity,",
-        ),
+        ({"added_mass_sigmas": -2.9}, {"added_mass_sigmas": -3.1}, Code.MASS_BELOW_BODY, {"sigmas": 3.1}),
         (
             {"offset": 0.19 * DRAG_N},
             {"offset": 0.21 * DRAG_N},
-            "a constant force of 2.9 N or more, 21% of the largest drag, acts as well: a current, the tether,",
+            Code.CONSTANT_FORCE,
+            {"force_N": 0.21 * DRAG_N, "share": pytest.approx(0.21)},
         ),
         (
             {"validation": predicted(0.51, 1.6)},
             {"validation": predicted(0.49, 1.6)},
-            "the held-out part of the run is predicted with a fit of only 49%",
+            Code.POOR_PREDICTION,
+            {"fit": 0.49},
         ),
         (
             {"validation": predicted(0.49, 1.4)},
             {"validation": predicted(0.49, 1.6)},
-            "the held-out part of the run is predicted with a fit of only 49%",
+            Code.POOR_PREDICTION,
+            {"fit": 0.49},
         ),
     ],
 )
-def test_every_reason_against_a_result_has_its_line(
-    passed: dict[str, Any], failed: dict[str, Any], sentence: str
+def test_every_reason_against_a_result_has_its_limit(
+    passed: dict[str, Any], failed: dict[str, Any], code: Code, numbers: dict[str, object]
 ) -> None:
     assert judged(**passed) == []
     (reason,) = judged(**failed)
-    assert reason.startswith(sentence)
+    assert (reason.code, reason.numbers) == (code, numbers)
 
 
 def test_a_turn_has_the_units_of_a_turn() -> None:
     (reason,) = judged(units=axis_units(5), covariance=uncertain(0.26, 0.01))
-    assert reason.startswith("speeds of 0.1 to 0.45 rad/s do")
+    assert (reason.code, reason.numbers["unit"]) == (Code.NOT_SEPARATED, "rad/s")
     (reason,) = judged(units=axis_units(5), k=array(-SURGE[:2]))
-    assert reason.startswith("the drag at 0.45 rad/s is -14 N m,")
-
-
-def test_a_drag_that_is_poorly_known_states_by_what_and_what_to_do() -> None:
-    assert judged(drag_std=DRAG_N)[0].endswith("; most by current: wait until the water is still")
+    assert (reason.code, reason.numbers["unit"], reason.numbers["force_unit"]) == (Code.NO_DRAG, "rad/s", "N m")
 
 
 @pytest.mark.parametrize(
-    ("changes", "sentence"),
+    ("changes", "expected"),
     [
-        ({"high": 0.009}, "it hardly moved: speed at most 0.012 m/s, no more than the noise of one measurement"),
+        ({"high": 0.009}, objection(Code.HARDLY_MOVED, speed=0.012, unit="m/s")),
         (
             {"high": 0.009, "measured_speed": 0.27},
-            f"it moved at up to 0.27 m/s, and this force explains 0.009 m/s of it: {OTHER_LAW}",
+            objection(Code.UNEXPLAINED_MOTION, speed=0.27, unit="m/s", explained=0.009),
         ),
         (
             {"k": array(-SURGE[:2])},
-            "the drag at 0.45 m/s is -14 N, wanted above 0: check the sign of the wrench",
+            objection(Code.NO_DRAG, speed=0.45, unit="m/s", drag=-DRAG_N, force_unit="N"),
         ),
     ],
 )
 def test_without_motion_or_drag_nothing_else_is_judged_but_what_was_reported_before(
-    changes: dict[str, Any], sentence: str
+    changes: dict[str, Any], expected: Objection
 ) -> None:
     poor = {"drag_std": 100.0, "offset": 100.0, "effective_samples": 3.0, "converged": False}
-    assert judged(**changes) == [sentence]
-    assert judged(**poor, **changes) == ["the fit did not converge", "3.0 independent samples, wanted 10", sentence]
+    (reason,) = judged(**changes)
+    assert (reason.code, reason) == (expected.code, expected)
+    codes = [one.code for one in judged(**poor, **changes)]
+    assert codes == [Code.NOT_CONVERGED, Code.FEW_SAMPLES, expected.code]
 
 
 def runs(*spans: tuple[float, float]) -> tuple[Stretch, ...]:

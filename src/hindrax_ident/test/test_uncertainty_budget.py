@@ -9,6 +9,7 @@ import pytest
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.influences import GAIN, MODEL, RUN, Case, Influence
+from hindrax_ident.assess.objections import Code
 from hindrax_ident.assess.uncertainty_budget import (
     ALL,
     NEAR_ODDS,
@@ -166,16 +167,21 @@ def test_what_was_found_is_in_the_unit_of_the_influence(budget: Budget) -> None:
 
 def test_warnings_name_what_the_record_shows_clearest_first(budget: Budget) -> None:
     gain, law = budget.warnings()
-    assert gain == "evidence of gain (-6.0 +- 1.0 %): weigh"
-    assert law == "evidence of law (0.150 +- 0.040 N): wait"
+    assert (gain.code, gain.numbers["influence"], gain.numbers["shown"]) == (Code.EVIDENCE, "gain", "-6.0 +- 1.0")
+    assert (law.numbers["influence"], law.numbers["unit"]) == ("law", "N")
     turning = replace(budget.case.fit, model=replace(budget.case.fit.model, axis=5))
     _, law = replace(budget, case=replace(budget.case, fit=turning)).warnings()
-    assert law == "evidence of law (0.150 +- 0.040 N m): wait"
+    assert law.numbers["unit"] == "N m"
     # Two deviations, or clearly seen but within what a pool has: no word.
     assert replace(budget, mean=array(np.array([0.0, 0.0, -1.4, 0.0]))).warnings() == ()
     assert replace(budget, mean=array(np.array([0.0, 0.0, 0.0, 0.9])), covariance=0.01 * COVARIANCE).warnings() == ()
     second = replace(budget, mean=array(np.array([0.0, 5.0, 0.0, 0.0])))
-    assert second.warnings() == ("evidence of current (2.50 +- 0.45 m/s): wait",)
+    (current,) = second.warnings()
+    assert (current.code, current.numbers["influence"], current.numbers["shown"]) == (
+        Code.EVIDENCE,
+        "current",
+        "2.50 +- 0.45",
+    )
 
 
 def test_what_no_record_shows_is_named_where_it_makes_most_of_a_band(budget: Budget) -> None:
@@ -423,4 +429,5 @@ def test_a_weighed_net_buoyancy_adds_to_what_the_record_shows(vehicle: Vehicle) 
 @pytest.mark.parametrize(("times", "explained"), [(9.5, True), (10.5, False)])
 def test_ten_times_what_a_pool_has_is_no_explanation(budget: Budget, times: float, explained: bool) -> None:
     (warning,) = replace(budget, mean=array(np.array([0.0, 0.0, -times, 0.0]))).warnings()
-    assert warning.startswith("evidence of gain (") is explained
+    assert warning.code is (Code.EVIDENCE if explained else Code.UNEXPLAINED_RESIDUALS)
+    assert warning.numbers["influence"] == "gain"

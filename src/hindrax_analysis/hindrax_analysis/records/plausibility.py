@@ -10,6 +10,7 @@ from hindrax_analysis.records.recording import Recording
 from hindrax_core.text.digits import measured
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array
+from hindrax_ident.assess.objections import NO_OBJECTION, Code, Objection, objection
 from hindrax_ident.assess.results import Contribution, MotionResult
 from hindrax_ident.model.motion_model import MOTIONS, axis_units, rigid_mass
 from hindrax_ident.model.thrust_lag import LaggedThrust
@@ -20,7 +21,6 @@ MOST_ADDED = 8.0
 """Largest ratio of added to body mass of anything but a flat plate [-]."""
 FASTEST = (10.0, 12.0)
 """Speeds [m/s] and rates [rad/s] that no small vehicle reaches under water."""
-REMEDY = "check the units of force and velocity, and the vehicle file"
 CONTRADICTED, LEAST_OFF = 3.0, 0.005
 """Least difference of the net buoyancy that is reported: in its deviations, and as a share of the weight."""
 INERTIA_SHARE = 0.3
@@ -33,12 +33,12 @@ AGAINST = -0.6
 """Correlation of velocity and thrust below which the sign of the thrust is wrong."""
 
 
-def wrong_thrust_sign(recordings: Sequence[Recording], axis: int) -> str:
-    """Reason against a result with motion opposite to the thrust; otherwise empty."""
+def wrong_thrust_sign(recordings: Sequence[Recording], axis: int) -> Objection:
+    """Return the objection to a result with motion opposite to the thrust; otherwise none."""
     v, force = np.concatenate([np.zeros((0, 2)), *(_velocity_and_thrust(one, axis) for one in recordings)]).T
     if not len(v) or np.ptp(v) == 0.0 or np.ptp(force) == 0.0 or np.corrcoef(v, force)[0, 1] > AGAINST:
-        return ""
-    return "it moves against its thrust: check the sign of the wrench, and the axes of both"
+        return NO_OBJECTION
+    return objection(Code.AGAINST_THRUST)
 
 
 def _velocity_and_thrust(recording: Recording, axis: int) -> Array:
@@ -50,8 +50,8 @@ def _velocity_and_thrust(recording: Recording, axis: int) -> Array:
     return np.column_stack([recording.velocity[moved, axis], thrust.force(recording.velocity_t[moved])])
 
 
-def with_plausibility_check(result: MotionResult, vehicle: Vehicle, against: str = "") -> MotionResult:
-    """The result, with each implausibility and other objections (`against`) as reasons."""
+def with_plausibility_check(result: MotionResult, vehicle: Vehicle, against: Objection = NO_OBJECTION) -> MotionResult:
+    """The result, with each implausibility and another objection (`against`) as reasons."""
     found = _implausibilities(result, vehicle) if result.coefficients else []
     reasons = [*found, against] if against else found
     return replace(result, identifiable=False, reasons=(*result.reasons, *reasons)) if reasons else result
@@ -66,10 +66,8 @@ def with_weight_check(result: MotionResult, vehicle: Vehicle) -> MotionResult:
     sigma_N = found.std_calibrated if math.isfinite(found.std_calibrated) else found.std
     if abs(off_N) < max(CONTRADICTED * sigma_N, LEAST_OFF * vehicle.weight_N):
         return result
-    warning = (
-        f"the record has a net buoyancy of {measured(found.value, sigma_N)} N, mass and volume of the vehicle file "
-        f"{vehicle.net_buoyancy_N:.3g} N: check mass_kg, volume_m3 and the density of the water"
-    )
+    shown = measured(found.value, sigma_N)
+    warning = objection(Code.OTHER_WEIGHT, shown=shown, known_N=vehicle.net_buoyancy_N)
     return replace(result, warnings=(*result.warnings, warning))
 
 
@@ -86,15 +84,15 @@ def with_inertia_uncertainty(result: MotionResult, vehicle: Vehicle) -> MotionRe
     return replace(result, coefficients=numbers, budget=budget)
 
 
-def _implausibilities(result: MotionResult, vehicle: Vehicle) -> list[str]:
+def _implausibilities(result: MotionResult, vehicle: Vehicle) -> list[Objection]:
     axis, speed = MOTIONS[result.motion].axis, result.speeds[1]
     out = []
     if speed > FASTEST[axis >= 3]:
-        out.append(f"speeds of up to {speed:.3g} {axis_units(axis)[0]}: {REMEDY}")
+        out.append(objection(Code.IMPLAUSIBLE_SPEED, speed=speed, unit=axis_units(axis)[0]))
     added = result.coefficients.get("added_mass")
     own = rigid_mass(vehicle, axis)
     if added is not None and axis < 3 and added.value > MOST_ADDED * own:
-        out.append(f"the added mass is {added.value / own:.0f} times the body's own: {REMEDY}")
+        out.append(objection(Code.IMPLAUSIBLE_MASS, times=added.value / own))
     if axis < 3 and result.drag is not None:
         # On the area of COB-2023-1394, volume to the power of two thirds, at the highest speed.
         pressure = 0.5 * vehicle.water.density_kgpm3 * float(result.drag.speed[-1]) ** 2
@@ -102,5 +100,5 @@ def _implausibilities(result: MotionResult, vehicle: Vehicle) -> list[str]:
         coefficient = float(result.drag.force[-1]) / max(1e-12, pressure * area_m2)
         if coefficient > 0.0 and not DRAG_COEFFICIENTS[0] < coefficient < DRAG_COEFFICIENTS[1]:
             low, high = DRAG_COEFFICIENTS
-            out.append(f"the drag coefficient is {coefficient:.2g}, wanted {low:g} to {high:g}: {REMEDY}")
+            out.append(objection(Code.IMPLAUSIBLE_DRAG, found=coefficient, low=low, high=high))
     return out

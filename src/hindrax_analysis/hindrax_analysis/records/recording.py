@@ -17,6 +17,7 @@ from hindrax_core.events import Stamped, stamp_from_s
 from hindrax_core.signals import NAN, Attitude, IdentEvent, Phase, Thrust, Velocity, Way
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array, Flags, array
+from hindrax_ident.assess.objections import NO_OBJECTION, Code, Objection, objection
 from hindrax_ident.model.motion_model import motions_of
 from hindrax_ident.online.record_session import SOURCE, finite_wrench
 from hindrax_ident.tuning import Tuning, for_foreign_records
@@ -178,30 +179,29 @@ def wrenches_of_pulses(
 # ---- usable axes
 
 
-def reason_to_skip(recording: Recording, axis: int) -> str:
-    """Reason why an axis cannot be identified, in one sentence; empty where it may be."""
-    return next(_reasons_to_skip(recording, axis), "")
+def reason_to_skip(recording: Recording, axis: int) -> Objection:
+    """Return why an axis cannot be identified; nothing where it may be."""
+    return next(_reasons_to_skip(recording, axis), NO_OBJECTION)
 
 
-def _reasons_to_skip(recording: Recording, axis: int) -> Iterator[str]:
+def _reasons_to_skip(recording: Recording, axis: int) -> Iterator[Objection]:
     """All reasons; each assumes that the previous ones do not apply."""
     speeds, forces = _speeds(recording, axis), _finite(recording.wrench[:, axis])
     step_s = _period(recording.velocity_t)
     if step_s > SLOWEST_S:
-        yield f"velocities are {step_s:.3g} s apart: name the unit of the times if it is not s, such as t_ms"
+        yield objection(Code.SLOW_VELOCITIES, step_s=step_s)
     if len(speeds) < FEWEST:
-        yield f"the record holds {len(speeds)} velocities of {AXES[axis]}, wanted {FEWEST} at least"
+        yield objection(Code.FEW_VELOCITIES, found=len(speeds), axis=AXES[axis], wanted=FEWEST)
     if not len(forces):
-        yield f"the record holds no {'moment' if axis >= 3 else 'force'} on {AXES[axis]}"
+        yield objection(Code.NO_THRUST, kind="moment" if axis >= 3 else "force", axis=AXES[axis])
         return
     late_s = float(recording.wrench_t[0]) - recording.end_s
     if late_s > 0.0:
-        yield f"the first force comes {late_s:.3g} s after the last velocity: check the times of both"
+        yield objection(Code.LATE_THRUST, late_s=late_s)
     if float(np.ptp(forces)) <= _rounding(recording.wrench, axis):
-        yield f"the thrust on {AXES[axis]} never changes{_axes_that_change(recording.wrench)}: nothing was excited"
+        yield objection(Code.CONSTANT_THRUST, axis=AXES[axis], where=_axes_that_change(recording.wrench))
     if float(np.ptp(speeds)) <= _rounding(recording.velocity, axis):
-        where = _axes_that_change(recording.velocity)
-        yield f"the velocity of {AXES[axis]} never changes{where}: it was not measured, or the vehicle did not move"
+        yield objection(Code.CONSTANT_VELOCITY, axis=AXES[axis], where=_axes_that_change(recording.velocity))
 
 
 def _rounding(table: Array, axis: int) -> float:

@@ -13,6 +13,7 @@ from hindrax_core.text.digits import measured
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.influences import LAG, LATENCY, MODEL, RUN, Case
+from hindrax_ident.assess.objections import Code, Objection, objection
 from hindrax_ident.assess.posterior import Draws
 from hindrax_ident.assess.quality import (
     Evidence,
@@ -281,13 +282,13 @@ def _own_mass(model: Model, reported: ReportedParameters) -> Array:
     return array(np.where(np.arange(len(reported.names)) == reported.mass, model.rigid, 0.0))
 
 
-def _at_bounds(theta: Array, covariance: Array, rigid: float, reported: ReportedParameters) -> tuple[str, ...]:
-    """One sentence for each coefficient that is reported at its bound, and what the record alone would make of it."""
+def _at_bounds(theta: Array, covariance: Array, rigid: float, reported: ReportedParameters) -> tuple[Objection, ...]:
+    """One objection for each coefficient that is reported at its bound, and what the record alone would make of it."""
     values = theta[reported.rows]
     values[reported.mass] -= rigid
     sigmas, within = _sigmas(covariance), _within(values, covariance, reported)
     return tuple(
-        f"{name} is at its bound, {least:g} {unit}: the record alone would make it {measured(value, sigma)} {unit}"
+        objection(Code.AT_BOUND, name=name, bound=least, unit=unit, shown=measured(value, sigma))
         for name, unit, least, value, sigma, shown in zip(
             reported.names, reported.units, reported.low, values.tolist(), sigmas.tolist(), within.tolist(), strict=True
         )
@@ -295,7 +296,7 @@ def _at_bounds(theta: Array, covariance: Array, rigid: float, reported: Reported
     )
 
 
-def _unseen(assessment: Assessment, reported: ReportedParameters, drag: _Drag) -> tuple[str, ...]:
+def _unseen(assessment: Assessment, reported: ReportedParameters, drag: _Drag) -> tuple[Objection, ...]:
     """Influences that no record shows and that make most of the band of drag (highest speed) or added mass."""
     mass = int(reported.rows[reported.mass])
     of_mass = assessment.budget.shifts[mass], float(assessment.noise[mass, mass])
@@ -442,6 +443,6 @@ def _quality(assessment: Assessment) -> dict[str, float]:
     return out
 
 
-def unidentified(motion: Motion, reason: str) -> MotionResult:
+def unidentified(motion: Motion, reason: Objection) -> MotionResult:
     """Result of a motion without usable data."""
     return MotionResult(motion.name, "none", {}, identifiable=False, reasons=(reason,))

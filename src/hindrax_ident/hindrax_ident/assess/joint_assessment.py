@@ -12,6 +12,7 @@ from hindrax_core.text.digits import measured
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.assessment import MASS_SHARE, SPEEDS
+from hindrax_ident.assess.objections import Code, Objection, objection, to_json
 from hindrax_ident.assess.results import Contribution, DragBand, Number
 from hindrax_ident.fit.joint import JointFit
 from hindrax_ident.model.motion_model import Motion, motions_of, rigid_mass
@@ -38,7 +39,7 @@ class JointMotion:
     drag: DragBand
     budget: tuple[Contribution, ...]
     """Of the drag at the highest speed, largest first."""
-    reasons: tuple[str, ...]
+    reasons: tuple[Objection, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +84,7 @@ class JointResults:
                     "drag_force": one.drag.to_json(),
                     "budget": {row.influence: row.std for row in one.budget},
                     "identifiable": not one.reasons,
-                    "reasons": list(one.reasons),
+                    **to_json("reason", one.reasons),
                 }
                 for name, one in self.motions.items()
             },
@@ -147,17 +148,15 @@ def _motion(fit: JointFit, motion: Motion, vehicle: Vehicle, numbers: Mapping[st
         of_motion["added_mass"] = Number(mass.value - body, mass.std, mass.std_calibrated, unit=mass.unit)
     reasons = []
     if not fit.converged:
-        reasons.append("the fit of all axes did not converge")
+        reasons.append(objection(Code.JOINT_NOT_CONVERGED))
     if not calibrated[-1] < MOST * force[-1]:
         shown = measured(float(force[-1]), float(calibrated[-1]))
-        reasons.append(f"the drag at the highest speed is {shown}: fly it faster or for longer")
+        reasons.append(objection(Code.JOINT_UNKNOWN_DRAG, shown=shown))
     spread = float(fit.frequencies[fit.axes.index(axis)])
     if spread < LEAST_FREQUENCIES:
-        reasons.append(
-            f"its thrust has about {spread:.0f} frequencies, wanted {LEAST_FREQUENCIES:.0f}: fly steps, or a chirp"
-        )
+        reasons.append(objection(Code.FEW_FREQUENCIES, found=spread, wanted=LEAST_FREQUENCIES))
     if fit.force_sigma[fit.axes.index(axis)] > MOST_UNKNOWN * fit.scales.pull[axis]:
-        reasons.append("forces that the model lacks are larger than half of the largest thrust")
+        reasons.append(objection(Code.UNKNOWN_FORCES))
     return JointMotion(
         {**of_motion, "b": at_rest},
         DragBand(array(speed), array(force), array(std), array(calibrated)),

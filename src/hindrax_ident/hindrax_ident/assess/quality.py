@@ -1,6 +1,6 @@
 """Quality of a result: excitation, whiteness, prediction of a held-out part, and the verdict.
 
-Each reason against a result is a sentence with the number behind it.
+What speaks against a result has a code and the number behind it; its sentence is in `objections`.
 """
 
 import itertools
@@ -12,6 +12,7 @@ import numpy as np
 
 from hindrax_core.text.digits import measured
 from hindrax_ident.arrays import Array, array
+from hindrax_ident.assess.objections import Code, Objection, objection
 from hindrax_ident.assess.prediction import WINDOW_S, Prediction, predict, windows_of
 from hindrax_ident.assess.results import Contribution
 from hindrax_ident.fit.autoregression import autocorrelation, ljung_box
@@ -40,8 +41,6 @@ BETWEEN_RUNS_S = 300.0
 
 MOVED = 2.0
 """Speed, in the noise of one measurement, above which a record holds a motion."""
-
-OTHER_LAW = "other forces than drag act, or the thrust obeys another law than recorded"
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,73 +213,58 @@ class Evidence:
     """Of the speed and of the drag."""
 
 
-def reasons_against(evidence: Evidence) -> list[str]:
-    """Reasons against k_q and k_l, one sentence each; empty when both are identified."""
-    high, (rate, force_unit) = evidence.excitation.high, evidence.units
+def reasons_against(evidence: Evidence) -> list[Objection]:
+    """Return what speaks against k_q and k_l; empty when both are identified."""
+    high, (unit, force_unit) = evidence.excitation.high, evidence.units
     gradient = np.array([high * high, high])
     force = float(evidence.k @ gradient)
     out = []
     if not evidence.converged:
-        out.append("the fit did not converge")
+        out.append(objection(Code.NOT_CONVERGED))
     if evidence.effective_samples < FEWEST_EFFECTIVE:
-        out.append(f"{evidence.effective_samples:.1f} independent samples, wanted {FEWEST_EFFECTIVE:.0f}")
+        out.append(objection(Code.FEW_SAMPLES, found=evidence.effective_samples, wanted=FEWEST_EFFECTIVE))
     if not high > evidence.noise:
-        return [*out, _too_slow(evidence)]
+        moved = evidence.measured_speed > MOVED * evidence.measurement_noise
+        slow = Code.UNEXPLAINED_MOTION if moved else Code.HARDLY_MOVED
+        return [*out, objection(slow, speed=evidence.measured_speed, unit=unit, explained=high)]
     if not force > 0.0:
-        drag = f"the drag at {high:.2g} {rate} is {force:.3g} {force_unit}"
-        return [*out, f"{drag}, wanted above 0: check the sign of the wrench"]
+        return [*out, objection(Code.NO_DRAG, speed=high, unit=unit, drag=force, force_unit=force_unit)]
     share, largest = evidence.drag_std / force, evidence.largest
     if share > FORCE_SHARE:
-        known = (
-            f"known to {share:.1%} only" if share < UNKNOWN_SHARE else "unknown: its uncertainty is larger than itself"
-        )
-        known = f"the drag at the highest speed is {known}, wanted {FORCE_SHARE:.0%}"
-        out.append(f"{known}, the gain of the thrust left out; most by {largest.influence}: {largest.remedy}")
-    out += _separation(evidence, force)
-    out += _physics(evidence, force)
-    return out
+        poor = Code.POORLY_KNOWN_DRAG if share < UNKNOWN_SHARE else Code.UNKNOWN_DRAG
+        by_most = {"influence": largest.influence, "remedy": largest.remedy}
+        out.append(objection(poor, share=share, wanted=FORCE_SHARE, **by_most))
+    return out + _separation(evidence, force) + _physics(evidence, force)
 
 
-def _too_slow(evidence: Evidence) -> str:
-    speed, unit = evidence.measured_speed, evidence.units[0]
-    if speed > MOVED * evidence.measurement_noise:
-        explained = f"{evidence.excitation.high:.2g} {unit} of it"
-        return f"it moved at up to {speed:.2g} {unit}, and this force explains {explained}: {OTHER_LAW}"
-    return f"it hardly moved: speed at most {speed:.2g} {unit}, no more than the noise of one measurement"
-
-
-def _separation(evidence: Evidence, force: float) -> list[str]:
-    low, high = evidence.excitation.low, evidence.excitation.high
+def _separation(evidence: Evidence, force: float) -> list[Objection]:
+    """What speaks against k_q and k_l each, where their sum may be known well."""
+    low, high, unit = evidence.excitation.low, evidence.excitation.high, evidence.units[0]
     if 2.0 * evidence.current > SPLIT_SHARE * high:
-        change = f"a current of {evidence.current:.2g} m/s changes the drag by {2.0 * evidence.current / high:.0%}"
-        return [f"at speeds up to {high:.2g} {evidence.units[0]} {change}: k_q and k_l cannot be separated"]
+        current = evidence.current
+        return [objection(Code.CURRENT, speed=high, unit=unit, current=current, share=2.0 * current / high)]
     if evidence.excitation.share_at_one_speed > ONE_SPEED_SHARE:
-        share_at_one_speed = f"{evidence.excitation.share_at_one_speed:.0%} of the motion was at nearly one speed"
-        return [f"{share_at_one_speed}: only the transients separate k_q from k_l; use the drag with its interval"]
+        return [objection(Code.ONE_SPEED, share=evidence.excitation.share_at_one_speed)]
     shares = np.sqrt(np.maximum(0.0, np.diag(evidence.covariance))) * np.array([high * high, high]) / force
     if shares.max() <= SPLIT_SHARE:
         return []
-    either = f"either is uncertain by {shares.max():.0%} of the drag"
-    span = f"{low:.2g} to {high:.2g} {evidence.units[0]}"
-    return [f"speeds of {span} do not separate k_q from k_l ({either}); use the drag with its interval"]
+    return [objection(Code.NOT_SEPARATED, low=low, high=high, unit=unit, share=float(shares.max()))]
 
 
-def _physics(evidence: Evidence, force: float) -> list[str]:
+def _physics(evidence: Evidence, force: float) -> list[Objection]:
+    """What no body in water does, and a model that does not predict."""
     out = []
     sigma = math.sqrt(max(0.0, float(evidence.covariance[0, 0])))
     if evidence.k[0] < -3.0 * sigma:
-        out.append(f"k_q is negative ({measured(evidence.k[0], sigma)}): {OTHER_LAW}")
+        out.append(objection(Code.NEGATIVE_DRAG, name="k_q", shown=measured(evidence.k[0], sigma)))
     sigma = math.sqrt(max(0.0, float(evidence.covariance[1, 1])))
     if evidence.k[1] < -3.0 * sigma and -evidence.k[1] * evidence.excitation.high > LINEAR_SHARE * force:
-        out.append(f"k_l is negative ({measured(evidence.k[1], sigma)}): {OTHER_LAW}")
+        out.append(objection(Code.NEGATIVE_DRAG, name="k_l", shown=measured(evidence.k[1], sigma)))
     if evidence.added_mass_sigmas < -3.0:
-        below = f"the total mass is {-evidence.added_mass_sigmas:.3g} standard deviations below the body's own"
-        out.append(f"{below}: check the units of force and velocity, and the mass of the vehicle file")
+        out.append(objection(Code.MASS_BELOW_BODY, sigmas=-evidence.added_mass_sigmas))
     if evidence.offset > OFFSET_SHARE * force:
-        beside = f"a constant force of {evidence.offset:.2g} N or more"
-        share = f"{evidence.offset / force:.0%} of the largest drag"
-        out.append(f"{beside}, {share}, acts as well: a current, the tether, or an offset of the thrust")
+        out.append(objection(Code.CONSTANT_FORCE, force_N=evidence.offset, share=evidence.offset / force))
     checked = evidence.validation
     if checked is not None and checked.fit < LEAST_FIT and checked.excess > 1.5:
-        out.append(f"the held-out part of the run is predicted with a fit of only {checked.fit:.0%}")
+        out.append(objection(Code.POOR_PREDICTION, fit=checked.fit))
     return out

@@ -11,6 +11,7 @@ import numpy as np
 
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array, array
+from hindrax_ident.assess.objections import Objection, to_json
 from hindrax_ident.model.motion_model import MOTIONS, offset, restoring
 
 Z95 = 1.959964
@@ -150,7 +151,7 @@ class MotionResult:
     method: str
     coefficients: Mapping[str, Number]
     identifiable: bool
-    reasons: tuple[str, ...] = ()
+    reasons: tuple[Objection, ...] = ()
     speeds: tuple[float, float] = (0.0, 0.0)
     names: tuple[str, ...] = ()
     covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
@@ -167,8 +168,8 @@ class MotionResult:
     """Per coefficient, and for the `drag` at the highest speed: contributions to the calibrated band, largest first."""
     next_step: NextStep | None = None
     """For the drag at the highest speed."""
-    warnings: tuple[str, ...] = ()
-    """Influences that the record shows, one sentence each."""
+    warnings: tuple[Objection, ...] = ()
+    """Influences that the record shows, and what else must be known before the result is used."""
 
     def value(self, name: str) -> float:
         """Value of a coefficient; NaN where missing."""
@@ -193,7 +194,7 @@ class MotionResult:
             "samples": self.samples,
             "effective_samples": self.effective_samples,
             "identifiable": self.identifiable,
-            "reasons": list(self.reasons),
+            **to_json("reason", self.reasons),
             "method": self.method,
             "names": list(self.names),
             "covariance": self.covariance.tolist(),
@@ -208,7 +209,7 @@ class MotionResult:
             "quality": dict(self.quality),
             "budget": {name: {row.influence: row.std for row in rows} for name, rows in self.budget.items()},
             "next_step": asdict(self.next_step) if self.next_step else None,
-            "warnings": list(self.warnings),
+            **to_json("warning", self.warnings),
         }
 
 

@@ -34,6 +34,7 @@ import numpy as np
 from hindrax_core.text.digits import measured
 from hindrax_ident.arrays import Array, Flags, array
 from hindrax_ident.assess.influences import GAIN, HEAVE, INFLUENCES, MODEL, NEAR, RUN, Case, Influence, acting
+from hindrax_ident.assess.objections import Code, Objection, objection
 from hindrax_ident.assess.posterior import LOSSLESS, Draws, Explanations, drawn
 from hindrax_ident.assess.results import Contribution
 from hindrax_ident.fit.scores import score
@@ -176,8 +177,8 @@ class Budget:
                 return sigma * float(self.mean[at]), sigma * math.sqrt(self.covariance[at, at])
         return math.nan, math.nan
 
-    def warnings(self) -> tuple[str, ...]:
-        """One sentence for each influence that the record shows beyond chance, the clearest first.
+    def warnings(self) -> tuple[Objection, ...]:
+        """One objection for each influence that the record shows beyond chance, the clearest first.
 
         None where the record needs none of them: then what it may not judge, such as inflow, explains it as well.
         """
@@ -191,20 +192,22 @@ class Budget:
             return ()
         return tuple(text for *_, text in sorted(clear, key=lambda one: one[:2], reverse=True))
 
-    def _named(self, at: int, influence: Influence, sigma: float) -> str:
-        """Sentence about an influence, by the value of one of its unknowns."""
+    def _named(self, at: int, influence: Influence, sigma: float) -> Objection:
+        """Objection about an influence, by the value of one of its unknowns."""
         value, spread = sigma * float(self.mean[at]), sigma * math.sqrt(self.covariance[at, at])
         unit = "N m" if influence.unit == "N" and self.case.axis >= 3 else influence.unit
-        shown = f"{influence.name} ({measured(value, spread)} {unit})"
-        if (times := abs(float(self.mean[at]))) > GREAT:
-            return (
-                f"no influence explains the residuals; the nearest, {shown}, is {times:.0f} times "
-                "the size in a pool: it is part of the uncertainty, but hardly the cause"
-            )
-        return f"evidence of {shown}: {influence.remedy}"
+        times = abs(float(self.mean[at]))
+        return objection(
+            Code.UNEXPLAINED_RESIDUALS if times > GREAT else Code.EVIDENCE,
+            influence=influence.name,
+            shown=measured(value, spread),
+            unit=unit,
+            times=times,
+            remedy=influence.remedy,
+        )
 
-    def unseen(self, quantities: Mapping[str, tuple[Array, float]]) -> tuple[str, ...]:
-        """One sentence for each remedy of what no record shows and what makes most of the variance of quantities.
+    def unseen(self, quantities: Mapping[str, tuple[Array, float]]) -> tuple[Objection, ...]:
+        """One objection for each remedy of what no record shows and what makes most of the variance of quantities.
 
         By their names: sensitivity (m,), and variance by the noise of the record.
         """
@@ -221,7 +224,7 @@ class Budget:
             wide = [name for name, (rest, noise, total) in left.items() if noise + rest[remedy] < (1.0 - MOST) * total]
             if wide:
                 causes, widened = " and ".join(names), " and ".join(wide)
-                out.append(f"most of the uncertainty of {widened} cannot be observed in the data ({causes}): {remedy}")
+                out.append(objection(Code.UNSEEN, widened=widened, causes=causes, remedy=remedy))
         return tuple(out)
 
     def _needs(self, rows: Sequence[slice]) -> bool:

@@ -27,6 +27,7 @@ from hindrax_ident.assess.assessment import (
     result_of,
     unidentified,
 )
+from hindrax_ident.assess.objections import Code, objection
 from hindrax_ident.assess.results import MotionResult, Results
 from hindrax_ident.model.coriolis import USUAL_MASS_RATIO, USUAL_MASS_RATIO_SIGMA, Masses, VelocityHistory
 from hindrax_ident.model.model_parameters import OnlineEstimates, one_sided, wide_prior
@@ -44,7 +45,6 @@ LONGEST_WAY_S = 15.0
 which unknown forces would explain as well as the parameters, and the fit would end in either basin."""
 FASTEST, STRONGEST = 50.0, 1e6
 """Velocities [m/s, rad/s] and thrusts [N, N m] beyond these are no measurements; filters would keep them long."""
-NO_FIT = "no coefficients explain this motion by this force: check axes, signs and times of both"
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,7 +228,8 @@ class Session:
         return Outcome(Results(motions, self.vehicle), assessments)
 
     def _unidentified(self, axis: int, error: ValueError) -> dict[str, MotionResult]:
-        why = NO_FIT if isinstance(error, np.linalg.LinAlgError) else str(error)
+        singular = isinstance(error, np.linalg.LinAlgError)
+        why = objection(Code.NO_FIT) if singular else objection(Code.UNUSABLE, why=str(error))
         return {motion.name: unidentified(motion, why) for motion in self._flown(axis)}
 
     def _flown(self, axis: int) -> tuple[Motion, ...]:

@@ -11,6 +11,7 @@ from hindrax_control.prior_dynamics import guessed
 from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.text.refusals import Refusal
 from hindrax_core.vehicle import Vehicle
+from hindrax_ident.assess.objections import Objection
 from hindrax_ident.assess.results import MotionResult
 from hindrax_ident.online.aim import Aim
 from hindrax_sim.conditions.world_table import IDEAL
@@ -45,7 +46,7 @@ class ExpectedBand:
     noise: float
     calibrated: float
     added_mass: float
-    reasons: tuple[str, ...]
+    reasons: tuple[Objection, ...]
 
 
 @dataclass(frozen=True, slots=True)
