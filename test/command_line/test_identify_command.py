@@ -764,6 +764,15 @@ def test_a_place_that_cannot_be_written_is_reported_before_the_work(desk: Desk, 
     assert "no-record" not in printed
 
 
+def test_what_is_no_record_is_told_which_files_are(desk: Desk, tmp_path: Path) -> None:
+    letter = tmp_path / "README.md"
+    letter.write_text("# Read me\n", encoding="utf-8")
+    assert main(["identify", str(letter)]) == 2
+    told = desk.capsys.readouterr().err
+    for ending in (".mcap", ".csv", ".bin", ".ulg"):
+        assert ending in told
+
+
 def test_a_bag_of_another_vehicle_than_the_named_one_is_said(capsys: pytest.CaptureFixture[str]) -> None:
     bag = str(clone_root() / "test" / "replay" / "bags" / "surge")
     assert main(["identify", bag, "--vehicle", "bluerov2"]) == 0

@@ -29,7 +29,7 @@ from hindrax_analysis.records.recording import (
 from hindrax_analysis.records.third_party_bag import TopicSelection, is_ours, read_bag, topics_of
 from hindrax_analysis.report.comparison import RunScatter, pool_runs
 from hindrax_analysis.report.figures import Trace
-from hindrax_bag.read.bag_reader import VEHICLE_FILE, attached_vehicle, attachments
+from hindrax_bag.read.bag_reader import KINDS, VEHICLE_FILE, attached_vehicle, attachments
 from hindrax_core.errors import UsageError, cause
 from hindrax_core.events import Stamp, Stamped, after, seconds_between
 from hindrax_core.signals import IdentEvent, Phase, Thrust
@@ -125,7 +125,13 @@ def _read(path: Path, wanted: TopicSelection, vehicle: Vehicle | None, *, part: 
         return [RecordSource(bag, one) for one in read_records(_text(bag), str(bag), wanted.frame, part=part)]
     if bag.suffix.lower() in ENDINGS:
         return [RecordSource(bag, one) for one in read_log(bag, vehicle)]
-    topics = topics_of(bag)
+    try:
+        topics = topics_of(bag)
+    except UsageError as error:
+        if bag.is_dir() or bag.suffix.lower() in KINDS:
+            raise
+        wants = ", ".join((*KINDS, *CSV_ENDINGS, *ENDINGS))
+        raise UsageError(f"{error}; wanted a bag, a run folder, or a file that ends in one of {wants}") from error
     if is_ours(topics) and wanted == TopicSelection():
         return [RecordSource(bag, mock=is_mock(bag))]
     if resolved(ALLOCATION) in topics and wanted == TopicSelection():

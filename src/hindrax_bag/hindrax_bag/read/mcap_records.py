@@ -77,7 +77,7 @@ def records(file: Path, damage: Damage | None = None, *, chunks: bool = True) ->
     with file.open("rb") as stream:
         start = stream.read(len(MAGIC))
         if not MAGIC.startswith(start):
-            raise UsageError(f"{file}: is no MCAP file, by its first bytes; name a bag or an .mcap or .db3 file")
+            raise UsageError(f"{file}: is no MCAP file, by its first bytes; name another")
         finished = False
         if start == MAGIC:
             for record in _whole_records(file, stream, noted, chunks=chunks):

@@ -44,7 +44,7 @@ class GraphLink(threading.Thread):
 
     def __init__(self, found: StackLock | None, *, sim_time: bool, namespace: str = NAMESPACE) -> None:
         super().__init__(name="operator's link", daemon=True)
-        self.title = found.title if found else "ROS graph of this terminal"
+        self.title = found.title if found else "no `./hindrax up` runs here; ROS graph of this terminal"
         self._join = partial(joined, found, sim_time=sim_time, namespace=namespace, tick=self._tick)
         self.present: Callable[[], bool] = lambda: True
         self._orders: queue.SimpleQueue[tuple[Order, OnDone]] = queue.SimpleQueue()

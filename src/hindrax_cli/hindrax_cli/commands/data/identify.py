@@ -245,9 +245,6 @@ def _show(arguments: argparse.Namespace, found: Identified, conditions: ResultCo
         print_stderr(f"assumed: {assumption}")
     if conditions.aborted:
         print_stderr(f"aborted by {conditions.aborted}; the results are of the part flown until then")
-    show(found, reported=bool(arguments.report))
-    if not found.results.motions:
-        print_stderr("no motion was flown in this record; `./hindrax bag info` lists its contents")
     foreign = not conditions.mock and found.origin is None
     for motion, result in found.results.motions.items() if foreign else ():
         if result.quality:
@@ -257,6 +254,9 @@ def _show(arguments: argparse.Namespace, found: Identified, conditions: ResultCo
         for key, one in spreads.items():
             times = f"{one.ratio:.1f} times their deviations, expected 1"
             print_fitted(f"{motion} {key}: {one.runs} runs differ by {times}; by {one.between:.3g} from run to run")
+    show(found, reported=bool(arguments.report))
+    if not found.results.motions:
+        print_stderr("no motion was flown in this record; `./hindrax bag info` lists its contents")
     show_next(found.results.motions, None)
     for name, path in (("coefficients", arguments.coefficients), ("report", arguments.report)):
         if path:
