@@ -25,6 +25,7 @@ from hindrax_bringup.testing.vehicle_files import hindrax_file
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.machine import mock
 from hindrax_cli.commands.operate import manual_control
+from hindrax_cli.commands.pool import report_export
 from hindrax_control.allocation.allocator import Allocator
 from hindrax_control.allocation.thrust_curve import ThrustCurve
 from hindrax_core.errors import HindraxError, UsageError
@@ -33,7 +34,7 @@ from hindrax_core.vehicle import load_vehicle
 from hindrax_msgs.msg import AllocationStatus
 from hindrax_operator import one_thruster
 from hindrax_operator.one_thruster import pulses_of
-from hindrax_operator.pool_run import REPEATED, FlownManeuver, finish, simulated_world
+from hindrax_operator.pool_run import FlownManeuver, finish, simulated_world
 
 
 @pytest.fixture(autouse=True)
@@ -314,8 +315,14 @@ def test_a_mock_that_ran_into_a_wall_reports_it_at_the_end(tmp_path: Path, capsy
 
 def test_the_world_that_was_drawn_is_for_the_report_with_its_units() -> None:
     facts = {"world": {"tether": 0.52449, "wake": 0.00172}, "world_units": {"tether": "N", "wake": "-"}}
-    assert simulated_world(facts) == ["the mock's world: tether 0.524 N, wake 0.00172", REPEATED]
+    assert simulated_world(facts) == ["the mock's world: tether 0.524 N, wake 0.00172"]
     assert simulated_world({}) == []
+
+
+def test_a_terminal_does_without_the_sizes_of_the_mocks_world(capsys: pytest.CaptureFixture[str]) -> None:
+    facts = {"world": {"tether": 0.52449}, "world_units": {"tether": "N"}}
+    report_export._note([*(f"assumed: {one}" for one in simulated_world(facts)), "surge: k_q 59"])
+    assert capsys.readouterr().err == "note: surge: k_q 59\n"
 
 
 def test_the_last_line_of_a_run_is_its_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

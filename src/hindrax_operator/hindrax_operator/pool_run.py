@@ -41,10 +41,7 @@ if TYPE_CHECKING:
     from hindrax_operator.nodes.operator_node import Operator
 
 UP_S = 30.0
-REPEATED = (
-    "the seed repeats the world and the noise, not when processes run on this computer: a second run differs within "
-    "its +-; --plan repeats exactly"
-)
+REPEATED = "seed: repeats the world and the noise, not the timing of processes; a second run differs within its +-"
 ABORT, CONTINUE = "abort", "continue"
 FLY_S = 3600.0
 ARMING_S = 60.0
@@ -132,6 +129,8 @@ def run_pool_test(options: PoolOptions) -> int:
     with Progress(headless=options.headless) as progress:
         progress.report(f"{vehicle.name} {servable}")
         progress.report(proof.text)
+        if mock:
+            progress.report(REPEATED)
         for line in plan:
             progress.report(line)
         flight = fly(options, folder, progress)
@@ -195,7 +194,7 @@ def simulated_world(facts: Mapping[str, Any]) -> list[str]:
     """Effects that the mock has simulated beside the model, for the report; none for a real vehicle."""
     world = facts.get("world") or {}
     sizes = (f"{name} {size:.3g} {facts['world_units'][name]}".removesuffix(" -") for name, size in world.items())
-    return [f"the mock's world: {', '.join(sizes)}", REPEATED] if world else []
+    return [f"the mock's world: {', '.join(sizes)}"] if world else []
 
 
 def next_flight(options: PoolOptions) -> NextFlight:
