@@ -1,4 +1,4 @@
-"""What the library promises to its users is said in sections that tools parse: the modules of the site's pages.
+"""What the library promises to its users is said in sections that tools parse: the site's pages and whole packages.
 
 One line is enough where it says all: up to two parameters, and errors that it names. Ruff checks the form of the
 sections (convention numpy), and that a section of parameters names them all.
@@ -14,7 +14,20 @@ import pytest
 
 from hindrax_tools.site.pages import API
 
-MODULES = sorted(module for modules in API.values() for module in modules)
+ROOT = Path(__file__).parents[2]
+WHOLE = ("hindrax_core", "hindrax_bag")
+"""Packages of which every module is held, but for nodes and helpers of tests."""
+
+
+def _modules() -> set[str]:
+    """Dotted names."""
+    shown = {module for modules in API.values() for module in modules}
+    paths = (path.relative_to(ROOT / "src" / one) for one in WHOLE for path in (ROOT / "src" / one / one).rglob("*.py"))
+    of_whole = {path.with_suffix("").parts for path in paths if path.name != "__init__.py"}
+    return shown | {".".join(parts) for parts in of_whole if not {"nodes", "testing"} & set(parts)}
+
+
+MODULES = sorted(_modules())
 SECTION = re.compile(r"^(Parameters|Returns|Yields|Raises)\n-+$", re.MULTILINE)
 MOST_IN_ONE_LINE = 2
 

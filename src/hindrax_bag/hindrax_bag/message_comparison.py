@@ -137,7 +137,24 @@ class ComparisonReport:
     def compare_bytes(
         self, topic: str, stamp: int, recorded: bytes, replayed: bytes, decode: Callable[[bytes], object]
     ) -> bool:
-        """Compare two CDR messages, decoded only when their bytes differ; True when only padding differs."""
+        """Compare two CDR messages, decoded only when their bytes differ.
+
+        Parameters
+        ----------
+        topic
+            Names the tolerances.
+        stamp
+            Time of receipt [ns], for the report.
+        recorded, replayed
+            The messages.
+        decode
+            Makes a message of one of the two.
+
+        Returns
+        -------
+        bool
+            Whether they are equal, or differ in padding only.
+        """
         if recorded == replayed or self._padding.same(topic, recorded, replayed, decode):
             if topic not in self._sizes:
                 rule, fields = self.rules.of(topic), flat(decode(recorded))
@@ -148,13 +165,33 @@ class ComparisonReport:
         return False
 
     def compare_messages(self, topic: str, stamp: int, recorded: object, replayed: object) -> None:
-        """Compare two decoded messages of one type."""
+        """Compare two decoded messages of one type.
+
+        Parameters
+        ----------
+        topic
+            Names the tolerances.
+        stamp
+            Time of receipt [ns], for the report.
+        recorded, replayed
+            The messages.
+        """
         self.compare_values(topic, stamp, dict(flat(recorded)), dict(flat(replayed)))
 
     def compare_values(
         self, topic: str, stamp: int, recorded: Mapping[str, object], replayed: Mapping[str, object]
     ) -> None:
-        """Compare two sets of named values; a name in only one of them is a difference."""
+        """Compare two sets of named values; a name in only one of them is a difference.
+
+        Parameters
+        ----------
+        topic
+            Names the tolerances.
+        stamp
+            Time of receipt [ns], for the report.
+        recorded, replayed
+            Values by the path of their field.
+        """
         tolerances = self._tolerances.setdefault(topic, {})
         rule = self.rules.of(topic)
         compared = 0
@@ -171,7 +208,19 @@ class ComparisonReport:
         self._count(topic, compared)
 
     def unmatched(self, topic: str, stamp: int, text: str, recorded: str, replayed: str) -> None:
-        """Record a message without a counterpart."""
+        """Record a message without a counterpart.
+
+        Parameters
+        ----------
+        topic
+            Of the message.
+        stamp
+            Time of receipt [ns].
+        text
+            What is missing.
+        recorded, replayed
+            What stands on either side of the report.
+        """
         self._differ(topic, f"{MISSING} {text}", stamp, recorded, replayed)
 
     def explain(self, topic: str, why: str) -> None:
@@ -227,7 +276,22 @@ class Padding:
         self._masks: dict[tuple[str, int], int] = {}
 
     def same(self, topic: str, one: bytes, other: bytes, decode: Callable[[bytes], object]) -> bool:
-        """Whether two messages differ in padding only."""
+        """Whether two messages differ in padding only; what was found to be padding is kept.
+
+        Parameters
+        ----------
+        topic
+            Topic of both.
+        one, other
+            CDR.
+        decode
+            Makes a message of one of the two.
+
+        Returns
+        -------
+        bool
+            True also for equal ones.
+        """
         if len(one) != len(other):
             return False
         key = (topic, len(one))

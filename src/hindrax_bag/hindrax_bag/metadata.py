@@ -217,9 +217,16 @@ def contents_of(file: Path) -> Contents:
 
 
 def write_metadata(folder: Path, known: Mapping[str, Contents]) -> None:
-    """Write metadata.yaml for the complete files of a bag; those in `known`, by name, are not read again.
+    """Write metadata.yaml for the complete files of a bag.
 
     It is on the disk before it has its name: a power cut leaves none, or a whole one.
+
+    Parameters
+    ----------
+    folder
+        The bag.
+    known
+        Contents of files, by name, which are not read again.
     """
     whole: list[Contents] = []
     for file in parts(folder):

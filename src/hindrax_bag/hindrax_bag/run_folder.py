@@ -32,9 +32,28 @@ class RunFolder:
 
 
 def make_run_folder(wanted: str | None, vehicle_file: Path, wanted_bytes: int = FREE_BYTES_WANTED) -> RunFolder:
-    """Create the folder; UsageError when it is occupied or cannot be created.
+    """Create the folder of a run, with a copy of the vehicle file in it.
 
-    HindraxError when fewer than `wanted_bytes` are free on its disk.
+    Parameters
+    ----------
+    wanted
+        Folder of the user; None: a new one, named by the time.
+    vehicle_file
+        Is copied.
+    wanted_bytes
+        Room that its disk must have [bytes].
+
+    Returns
+    -------
+    RunFolder
+        With a resolved path.
+
+    Raises
+    ------
+    UsageError
+        When the folder is occupied or cannot be created.
+    HindraxError
+        When there is too little room.
     """
     path = Path(wanted) if wanted else new_run(datetime.now(UTC).astimezone())
     if path.exists() and (not path.is_dir() or any(path.iterdir())):
@@ -56,6 +75,16 @@ def new_run(now: datetime) -> Path:
     """Folder named by the time, or by a number where the clock was never set; one more where that is taken.
 
     A computer without a battery clock begins every day at the same time.
+
+    Parameters
+    ----------
+    now
+        Local time.
+
+    Returns
+    -------
+    Path
+        Does not exist yet.
     """
     name = now.strftime("%Y-%m-%d_%H-%M-%S") if now.year >= FIRST_YEAR else "undated"
     numbered = (RUNS / (f"{name}_{number}" if number else name) for number in itertools.count())
@@ -63,9 +92,23 @@ def new_run(now: datetime) -> Path:
 
 
 def remove_oldest(runs: Path, most_bytes: float, in_use: Collection[Path]) -> Iterator[str]:
-    """Remove runs, the oldest first, until the others take at most `most_bytes`; yields a sentence for each.
+    """Remove runs, the oldest first, until the others take no more than a limit.
 
-    Removed is only what `make_run_folder` made, and never a run `in_use` (resolved paths).
+    Removed is only what `make_run_folder` made, and never a run in use.
+
+    Parameters
+    ----------
+    runs
+        Folder of all runs.
+    most_bytes
+        What they may take [bytes].
+    in_use
+        Resolved paths of runs that stay.
+
+    Yields
+    ------
+    str
+        A sentence for each that was removed, or could not be.
     """
     made = [path.resolve() for path in runs.glob("*") if not path.is_symlink() and RunFolder(path).vehicle.is_file()]
     sizes = {
@@ -85,9 +128,19 @@ def remove_oldest(runs: Path, most_bytes: float, in_use: Collection[Path]) -> It
 
 
 def write_parameters(file: Path, parameters: dict[str, dict[str, object]]) -> list[str]:
-    """Write ROS parameters, per pattern of node names, and return the arguments for a process to read them.
+    """Write ROS parameters for a process to read them. Of two patterns that name one node the later wins.
 
-    Of two patterns that name one node the later wins.
+    Parameters
+    ----------
+    file
+        Is overwritten.
+    parameters
+        Value by name, by pattern of node names.
+
+    Returns
+    -------
+    list[str]
+        Arguments for the process.
     """
     blocks = {node: {"ros__parameters": values} for node, values in parameters.items()}
     file.write_text(yaml.safe_dump(blocks, sort_keys=False), encoding="utf-8")

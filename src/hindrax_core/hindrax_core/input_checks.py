@@ -125,9 +125,19 @@ class SinglePublisher:
     name: str = ""
 
     def judge(self, publishers: Mapping[str, str], *, armed: bool) -> str:
-        """Reason why a new message is refused, given all publishers, name by GID; empty when it is not refused.
+        """Look at who publishes when a message comes, and remember the one that may.
 
-        The name is empty where it is not known.
+        Parameters
+        ----------
+        publishers
+            All publishers of the topic, name by GID; the name is empty where it is not known.
+        armed
+            Whether the thrusters are: then another publisher than before is refused.
+
+        Returns
+        -------
+        str
+            Why the message is refused; empty when it is not.
         """
         if len(publishers) != 1:
             listed = ", ".join(sorted(name or NAMELESS for name in publishers.values()))

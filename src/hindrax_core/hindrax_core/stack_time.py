@@ -21,6 +21,11 @@ def epoch_ns() -> int:
     """Wall time at which the monotonic clock was zero, by the wall clock as it is now.
 
     Of three looks the shortest counts: who was interrupted between the two clocks would see a step.
+
+    Returns
+    -------
+    int
+        Time since 1970 [ns].
     """
     return min(_look() for _ in range(3))[1]
 

@@ -61,11 +61,23 @@ def raw_topic(source: str) -> Topic:
 
 
 def carriers(vehicle: Vehicle, capability: Capability) -> dict[str, Topic]:
-    """Topic that each sensor which measures something publishes it on, by the name of the sensor.
+    """Topic that each sensor which measures something publishes it on.
 
     Of the quantities that carry it (`sensor_table.CARRIERS`) the first that any of them publishes: the altitude is that
     of the sonars, and of a DVL only where there is none. Where the vehicle file names no sensor, those of this stack
     under the names of their kinds: one may run alone, and a bag may hold what a file lacks.
+
+    Parameters
+    ----------
+    vehicle
+        With the sensors of its file.
+    capability
+        What is measured, such as "depth".
+
+    Returns
+    -------
+    dict[str, Topic]
+        By the name of the sensor; empty where nothing measures it.
     """
     named = {name: vehicle.sensors[name] for name in vehicle.measuring(capability)}
     usual = {row.name: Mount(row.name) for row in SENSORS if capability in capabilities(Mount(row.name))}
@@ -193,9 +205,19 @@ def ros_name(name: str) -> str:
 
 
 def namespace_arguments(namespace: str, *, own_clock: bool) -> list[str]:
-    """ROS arguments that put a process into a namespace; none for the default one.
+    """ROS arguments that put a process into a namespace.
 
-    `own_clock`: the vehicle is a mock, whose /clock is its own.
+    Parameters
+    ----------
+    namespace
+        Of the vehicle.
+    own_clock
+        Whether the vehicle is a mock, whose /clock is its own.
+
+    Returns
+    -------
+    list[str]
+        Words for the command line; none for the default namespace.
     """
     if namespace == NAMESPACE:
         return []

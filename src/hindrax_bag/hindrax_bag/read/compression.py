@@ -27,9 +27,22 @@ LZ4 = b"\x04\x22\x4d\x18"
 
 
 def unpacked(data: bytes) -> bytes:
-    """One message as it was before the compressor, or as it is; ValueError and its kin when it is damaged.
+    """One message as it was before the compressor. At most `MOST_B` are unpacked, whatever the frame claims.
 
-    At most `MOST_B` are unpacked, whatever the frame claims.
+    Parameters
+    ----------
+    data
+        As recorded, by Zstandard, LZ4 or not compressed at all.
+
+    Returns
+    -------
+    bytes
+        Plain CDR; what no compressor has written stays as it is.
+
+    Raises
+    ------
+    ValueError
+        And its kin of the libraries, when it is damaged or too large.
     """
     if data.startswith(PLAIN):
         return data
@@ -49,9 +62,24 @@ def unpacked(data: bytes) -> bytes:
 
 @contextmanager
 def unpacked_file(file: Path) -> Iterator[Path]:
-    """Place of a file that can be read: the file itself, or for a compressed one its content in a temporary folder.
+    """Unpack a compressed file for as long as the block lasts.
 
-    UsageError when it cannot be unpacked; HindraxError when the temporary folder has no room.
+    Parameters
+    ----------
+    file
+        Compressed, by its suffix, or not.
+
+    Yields
+    ------
+    Path
+        The file itself, or its content in a temporary folder.
+
+    Raises
+    ------
+    UsageError
+        When it cannot be unpacked.
+    HindraxError
+        When the temporary folder has no room.
     """
     if file.suffix not in COMPRESSED:
         yield file

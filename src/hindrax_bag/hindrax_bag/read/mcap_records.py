@@ -58,20 +58,55 @@ class Damage:
     """Damaged records that are left out; the one that a file ends in is not among them."""
 
     def add_loss(self, note: str, start: int, end: int) -> None:
-        """Record an unreadable part, with its time span [ns]."""
+        """Record an unreadable part.
+
+        Parameters
+        ----------
+        note
+            A sentence for the user.
+        start, end
+            Times of its first and last message [ns].
+        """
         self.notes.append(note)
         self.lost_s += max(0, end - start) / NS_PER_S
 
     def skip(self, note: str, start: int = 0, end: int = 0) -> None:
-        """Record a skipped unreadable record in the middle of a file, with its time span [ns]."""
+        """Record a skipped unreadable record in the middle of a file.
+
+        Parameters
+        ----------
+        note
+            A sentence for the user.
+        start, end
+            Times of its first and last message [ns]; 0 where they are not known.
+        """
         self.add_loss(note, start, end)
         self.left_out += 1
 
 
 def records(file: Path, damage: Damage | None = None, *, chunks: bool = True) -> Iterator[Any]:
-    """Records of a file in the order in which they were written, chunks opened; or those beside chunks and messages.
+    """Records of a file in the order in which they were written.
 
-    UsageError when the file is not MCAP at all. An empty file, or one cut within its first bytes, holds nothing.
+    An empty file, or one cut within its first bytes, holds nothing.
+
+    Parameters
+    ----------
+    file
+        An MCAP file, damaged or not.
+    damage
+        Is told what cannot be read.
+    chunks
+        Whether they are opened; else only what stands beside chunks and messages is given.
+
+    Yields
+    ------
+    Any
+        Records of the library `mcap`.
+
+    Raises
+    ------
+    UsageError
+        When the file is not MCAP at all.
     """
     noted = Damage() if damage is None else damage
     with file.open("rb") as stream:

@@ -62,12 +62,30 @@ def recover(
     progress: Callable[[int], None] = lambda _count: None,
     keep: Callable[[str, float], bool] = everything,
 ) -> Recovered:
-    """Copy every readable record of a bag into a new one; `progress` gets the number of messages from time to time.
+    """Copy every readable record of a bag into a new one.
 
-    `keep` chooses messages by topic, named as `messages` names it, and seconds since the first message of the bag.
+    Parameters
+    ----------
+    bag
+        Folder or file.
+    output
+        Folder of the copy, empty or new.
+    progress
+        Is told the number of messages from time to time.
+    keep
+        Chooses messages by topic, named as `messages` names it, and seconds since the first message of the bag.
 
-    UsageError when the output exists or the path is no bag; HindraxError when it cannot be written, or when what was
-    written does not read back.
+    Returns
+    -------
+    Recovered
+        What was copied, and what was lost.
+
+    Raises
+    ------
+    UsageError
+        When the output exists or the path is no bag.
+    HindraxError
+        When it cannot be written, or when what was written does not read back.
     """
     files = bag_files(bag)
     if output.exists() and any(output.iterdir() if output.is_dir() else [output]):
@@ -177,9 +195,19 @@ def _at_rest(bag: Path) -> bool:
 
 
 def complete(file: Path) -> str:
-    """Replace an unfinished file by a complete copy; returns a sentence about it.
+    """Replace an unfinished file by a complete copy.
 
     One without any message is removed. Where more than the end is damaged, the file is kept beside its copy.
+
+    Parameters
+    ----------
+    file
+        Of a bag; one that is still written is left alone.
+
+    Returns
+    -------
+    str
+        A sentence about what was done, or why it was not.
     """
     target = file.with_name(file.name + SUFFIX)
     with file.open("rb") as stream:

@@ -37,7 +37,27 @@ class Ros1Message(NamedTuple):
 
 
 def ros1_type(file: Path, name: str, definition: str) -> Ros1Type:
-    """Type by its ROS 1 name and definition; UsageError without `rosbags`, or when the definition is none."""
+    """Type of a ROS 1 message, as ROS 2 has it.
+
+    Parameters
+    ----------
+    file
+        Where it was found, for the error.
+    name
+        Name in ROS 1, such as nav_msgs/Odometry.
+    definition
+        Its text.
+
+    Returns
+    -------
+    Ros1Type
+        Name and definition of today, and the way from the bytes of ROS 1 to CDR.
+
+    Raises
+    ------
+    UsageError
+        Without `rosbags`, or when the definition is none.
+    """
     try:
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # noqa: PLC0415  # an extra
     except ImportError as error:

@@ -65,7 +65,17 @@ class BagFile:
         return topic in self._numbers
 
     def open_channel(self, channel: Channel, definition: str, encoding: str = "ros2msg") -> None:
-        """Declare a topic and, where it is the first of its type, its schema."""
+        """Declare a topic and, where it is the first of its type, its schema.
+
+        Parameters
+        ----------
+        channel
+            Topic, type and QoS.
+        definition
+            Text of the type.
+        encoding
+            Of the definition, as MCAP names it.
+        """
         if channel.type not in self._schemas:
             self._schemas[channel.type] = self._mcap.register_schema(channel.type, encoding, definition.encode())
         schema, metadata = self._schemas[channel.type], channel_metadata(channel)
@@ -73,7 +83,17 @@ class BagFile:
         self.contents.channels += (channel,)
 
     def write(self, topic: str, data: bytes, received: int, sent: int) -> None:
-        """Append one message of an open channel, with the time of receipt and of sending [ns]."""
+        """Append one message of an open channel.
+
+        Parameters
+        ----------
+        topic
+            Of an open channel.
+        data
+            CDR.
+        received, sent
+            Times [ns].
+        """
         self._mcap.add_message(self._numbers[topic], received, data, sent)
         contents = self.contents
         contents.counts[topic] += 1
@@ -82,7 +102,17 @@ class BagFile:
         contents.last = max(received, contents.last)
 
     def attach(self, name: str, media_type: str, data: bytes, stamp: int) -> None:
-        """Put a file inside."""
+        """Put a file inside.
+
+        Parameters
+        ----------
+        name, media_type
+            As MCAP has them, such as vehicle.yaml and application/yaml.
+        data
+            Content.
+        stamp
+            Its time [ns].
+        """
         self._mcap.add_attachment(stamp, stamp, name, media_type, data)
 
     def describe(self, name: str, values: Mapping[str, str]) -> None:
@@ -140,11 +170,23 @@ class BagWriter:
         return total
 
     def open(self, *, resume: bool = False) -> list[Path]:
-        """Create folder and file; returns files that an earlier recorder left unfinished.
+        """Create folder and file. A bag of no planned length waits for room on a full disk.
 
-        A bag of no planned length waits for room on a full disk. HindraxError when it cannot be made, when the disk
-        has no room for the planned length, when another recorder writes there, and when there is a bag already: unless
-        that one is to be resumed.
+        Parameters
+        ----------
+        resume
+            Whether a bag that is there already is gone on with.
+
+        Returns
+        -------
+        list[Path]
+            Files that an earlier recorder left unfinished.
+
+        Raises
+        ------
+        HindraxError
+            When it cannot be made, when the disk has no room for the planned length, when another recorder writes
+            there, and when there is a bag already that is not to be resumed.
         """
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -166,7 +208,17 @@ class BagWriter:
             raise HindraxError(f"{self.folder}: cannot record there ({cause(error)}); check disk and rights") from error
 
     def attach(self, name: str, media_type: str, data: bytes, stamp: int) -> None:
-        """Put a file inside every part: the vehicle file, parameters."""
+        """Put a file inside every part: the vehicle file, parameters.
+
+        Parameters
+        ----------
+        name, media_type
+            As MCAP has them, such as vehicle.yaml and application/yaml.
+        data
+            Content.
+        stamp
+            Its time [ns].
+        """
         self._extra(lambda part: part.attach(name, media_type, data, stamp))
 
     def describe(self, name: str, values: Mapping[str, str]) -> None:
@@ -174,7 +226,17 @@ class BagWriter:
         self._extra(lambda part: part.describe(name, values))
 
     def write(self, channel: Channel, data: bytes, received: int, sent: int) -> None:
-        """Append one received CDR message, with the time of receipt and of sending [ns]."""
+        """Append one received CDR message.
+
+        Parameters
+        ----------
+        channel
+            Topic, type and QoS; declared where it is new.
+        data
+            CDR.
+        received, sent
+            Times [ns].
+        """
         part, topic = self._part, channel.topic
         if part is None:
             return

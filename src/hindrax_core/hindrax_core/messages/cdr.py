@@ -105,9 +105,24 @@ class CdrLayout:
 
 
 def stretches(layout: CdrLayout, paths: Sequence[str]) -> Iterator[tuple[int, str, int]]:
-    """Offset, format and number of values of each stretch of fields that lie in a row, in the order of `paths`.
+    """Offset, format and number of values of each stretch of fields that lie in a row.
 
-    ValueError for a path that the type does not have.
+    Parameters
+    ----------
+    layout
+        Places of the fields of a type.
+    paths
+        Fields, in the order in which their values are wanted.
+
+    Yields
+    ------
+    tuple[int, str, int]
+        Offset in the message [bytes], codes for `struct` without byte order, and how many values they give.
+
+    Raises
+    ------
+    ValueError
+        For a path that the type does not have.
     """
     begin, end, codes, count = 0, -1, "", 0
     for path in paths:

@@ -47,16 +47,59 @@ def last_place(number: float, digits: int) -> int:
 
 
 def unlike(found: float, limit: float, places: int) -> tuple[str, str]:
-    """Both with so many decimal places, and up to three more where they would look alike."""
+    """Print two numbers so that a reader sees which is larger.
+
+    Parameters
+    ----------
+    found, limit
+        The numbers, in one unit.
+    places
+        Decimal places; up to three more where the two would look alike.
+
+    Returns
+    -------
+    tuple[str, str]
+        Both, with equally many places.
+    """
     pairs = [(f"{found:z.{digits}f}", f"{limit:z.{digits}f}") for digits in range(places, places + 4)]
     return next((pair for pair in pairs if pair[0] != pair[1]), pairs[0])
 
 
 def above(words: str, found: float, most: float, places: int) -> str:
-    """Words with both numbers where `found` is above `most`, else empty: "{} m deep, wanted at most {} m"."""
+    """Say that a number is above its limit.
+
+    Parameters
+    ----------
+    words
+        Two places for the numbers: "{} m deep, wanted at most {} m".
+    found, most
+        Number and limit, in one unit.
+    places
+        Decimal places, as in `unlike`.
+
+    Returns
+    -------
+    str
+        The words with both numbers; empty where `found` is not above `most`, or not a number.
+    """
     return words.format(*unlike(found, most, places)) if found > most else ""
 
 
 def below(words: str, found: float, least: float, places: int) -> str:
-    """The same where `found` is below `least`: "{} V, wanted at least {} V"."""
+    """Say that a number is below its limit.
+
+    Parameters
+    ----------
+    words
+        Two places for the numbers: "{} V, wanted at least {} V".
+    found, least
+        Number and limit, in one unit.
+    places
+        Decimal places, as in `unlike`.
+
+    Returns
+    -------
+    str
+        The words with both numbers; empty where `found` is not below `least`, or not a number.
+    """
     return words.format(*unlike(found, least, places)) if found < least else ""

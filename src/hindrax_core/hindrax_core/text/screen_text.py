@@ -39,9 +39,23 @@ def screen_width(stream: TextIO) -> int:
 
 
 def fitted(text: str, width: int, hang: int | None = None) -> str:
-    """Break the lines that are too long between words; what follows is indented by `hang`, or 2 more than its line.
+    """Break the lines that are too long between words.
 
     A word that is longer than the screen, such as a path, stays in one piece, and so does a line to be copied.
+
+    Parameters
+    ----------
+    text
+        Lines.
+    width
+        Of the screen [characters].
+    hang
+        Indent of what follows a break [characters]; None: 2 more than its line has.
+
+    Returns
+    -------
+    str
+        The same words, on more lines.
     """
     return "\n".join(_broken(line, width, hang) for line in text.split("\n"))
 
@@ -96,7 +110,17 @@ def printable(text: str) -> str:
 
 
 def print_fitted(text: object, stream: TextIO | None = None, end: str = "\n") -> None:
-    """Print sentences, on a screen broken between words; default: to stdout."""
+    """Print sentences, on a screen broken between words.
+
+    Parameters
+    ----------
+    text
+        What `str` makes of it.
+    stream
+        None: stdout.
+    end
+        Printed after it.
+    """
     to = sys.stdout if stream is None else stream
     print_whole(fitted(printable(str(text)), screen_width(to)), to, end)
 
@@ -107,9 +131,18 @@ def print_stderr(sentence: object) -> None:
 
 
 def print_whole(text: str, stream: TextIO | None = None, end: str = "\n") -> None:
-    """Print without wrapping: a document, a block to copy, a picture; default: to stdout.
+    """Print without wrapping: a document, a block to copy, a picture.
 
     Output on stderr gets lost where nothing can be written, as on a full disk: it must not end a flight.
+
+    Parameters
+    ----------
+    text
+        As it will stand there.
+    stream
+        None: stdout.
+    end
+        Printed after it.
     """
     to = sys.stdout if stream is None else stream
     with contextlib.suppress(OSError) if to is sys.stderr else contextlib.nullcontext():

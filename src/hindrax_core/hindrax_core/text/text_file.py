@@ -46,9 +46,21 @@ def _replace(target: Path, text: str) -> None:
 
 
 def require_place(file: Path, option: str = "") -> None:
-    """HindraxError where a file cannot be written, raised before the work whose result it is to hold.
+    """Try that a file can be written, before the work whose result it is to hold. The file stays as it was.
 
-    UsageError that starts with the option that named the file, if any.
+    Parameters
+    ----------
+    file
+        Place of the result.
+    option
+        Option that named it, with a space, for the error; empty where the user named none.
+
+    Raises
+    ------
+    UsageError
+        Where it cannot be written and an option named it; the OSError of the system is its cause.
+    HindraxError
+        The same without an option.
     """
     fresh = not file.exists()
     if not fresh and not (file.is_file() or file.is_dir()):
@@ -79,7 +91,26 @@ def nothing_left(place: Path) -> Iterator[None]:
 def writing(
     place: Path | str, remedy: str = "make room or name another place", kind: type[HindraxError] = HindraxError
 ) -> Iterator[None]:
-    """An error of its kind, with the remedy, where the block cannot write to the place."""
+    """Turn what goes wrong while a block writes into one sentence.
+
+    Parameters
+    ----------
+    place
+        What is written, for the error.
+    remedy
+        What the user can do.
+    kind
+        Class of the error.
+
+    Yields
+    ------
+    None
+
+    Raises
+    ------
+    HindraxError
+        Of this kind, for an OSError of the block.
+    """
     try:
         yield
     except OSError as error:

@@ -112,9 +112,21 @@ class ThrustTable:
         return tuple(gain * ((1.0 - part) * low + part * high) for low, high in rows)
 
     def at(self, volts: float, stop_us: float, exponent: float) -> tuple[Polyline, Polyline, tuple[float, float]]:
-        """Negative and positive direction at a voltage, and the ends of the dead band [us] between them.
+        """The curve at one voltage. A flat end, where the speed controller gives no more, is left out.
 
-        A flat end, where the speed controller gives no more, is left out.
+        Parameters
+        ----------
+        volts
+            Supply [V].
+        stop_us
+            Pulse at which the thruster stands [us].
+        exponent
+            Of the voltage, by which forces change beyond the voltages of the table [-].
+
+        Returns
+        -------
+        tuple[Polyline, Polyline, tuple[float, float]]
+            Negative and positive direction, and the ends of the dead band between them [us].
         """
         row = self.row_at(volts, exponent)
         knots = list(zip(self.pulse_us, row, strict=True))

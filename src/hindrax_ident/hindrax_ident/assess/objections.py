@@ -161,14 +161,19 @@ def unnamed(sentence: str) -> Objection:
 
 
 def read_back(sentences: Sequence[str], codes: Sequence[str] = ()) -> tuple[Objection, ...]:
-    """Return the objections of a file as they stand there; without codes, or with those of a later version, `UNNAMED`.
+    """Read what `to_json` wrote; sentences stay as they stand in the file.
 
     Parameters
     ----------
     sentences : (n,)
-        As they stand in the file.
+        Of reasons or warnings.
     codes : (n,)
         Words of their codes; where another number of them is given, none counts.
+
+    Returns
+    -------
+    tuple[Objection, ...]
+        `UNNAMED` without a code, or with that of a later version; without numbers.
     """
     known = {one.value for one in Code if one is not Code.NONE}
     given = codes if len(codes) == len(sentences) else [""] * len(sentences)
