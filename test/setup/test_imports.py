@@ -14,7 +14,7 @@ SLOW = ("scipy.stats", "scipy.signal", "scipy.optimize", "scipy.interpolate", "m
 ONBOARD = [process.module for process in (SENSORS, THRUSTERS, CONTROL, IDENTIFIER, RECORDER)]
 
 
-@pytest.mark.parametrize("module", [*ONBOARD, "hindrax_cli.commands.pool.pool_test"])
+@pytest.mark.parametrize("module", [*ONBOARD, "hindrax_cli.commands.pool.pool_flight"])
 def test_no_start_imports_what_is_slow(module: str) -> None:
     unwanted = (*SLOW, "hindrax_sim") if module in ONBOARD else SLOW
     # All nodes come from hindrax_ros; the type support of the first message is what they make next.

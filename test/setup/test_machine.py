@@ -474,7 +474,7 @@ def test_help_version_and_completion_need_no_set_up(clone: Clone, words: list[st
 def test_a_word_that_is_no_command_is_refused_before_a_set_up(clone: Clone) -> None:
     commands = clone.root / "src/hindrax_cli/hindrax_cli/command.py"
     commands.parent.mkdir(parents=True)
-    commands.write_text('GROUPS = {"the main job": {"pool.pool_test": "pool-test report"}}')
+    commands.write_text('GROUPS = {"the main job": {"pool.pool_flight": "pool-test report"}}')
     assert clone.run("pol-test").stdout == "answered without a set-up: pol-test\n"
     assert clone.steps() == []
     assert clone.run("pool-test").stdout.startswith("the tool got:")

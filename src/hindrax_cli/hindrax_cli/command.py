@@ -14,7 +14,7 @@ Run = Callable[[argparse.Namespace], int]
 Declare = Callable[[argparse.ArgumentParser], object]
 """Adds options to a parser."""
 GROUPS = {
-    "the main job": {"pool.pool_test": "pool-test", "pool.report_export": "report export", "pool.tune": "tune"},
+    "the main job": {"pool.pool_flight": "pool-test", "pool.report_export": "report export", "pool.tune": "tune"},
     "operate the vehicle": {
         "operate.up_stop": "up stop",
         "operate.health": "health",

@@ -19,7 +19,7 @@ from hindrax_cli import command_line
 from hindrax_cli.command import MODULES
 from hindrax_cli.commands.data.bag import WORDS as BAG
 from hindrax_cli.commands.operate import manual_control
-from hindrax_cli.commands.pool import pool_test
+from hindrax_cli.commands.pool import pool_flight
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import load_vehicle
 
@@ -273,7 +273,7 @@ def at_a_desk(tmp_path: Path) -> Path:
 def test_a_pool_test_without_its_ports_ends_at_once_and_names_the_mock(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, at_a_desk: Path
 ) -> None:
-    monkeypatch.setattr(pool_test, "run_pool_test", lambda options: pytest.fail(f"flown: {options}"))
+    monkeypatch.setattr(pool_flight, "run_pool_test", lambda options: pytest.fail(f"flown: {options}"))
     assert command_line.main(["pool-test", "--vehicle", str(at_a_desk)]) == 1
     printed = capsys.readouterr().err
     assert len(printed.splitlines()) == 1
@@ -291,7 +291,7 @@ def test_ports_that_are_there_but_silent_get_their_time(monkeypatch: pytest.Monk
         flown.append(options)
         return 0
 
-    monkeypatch.setattr(pool_test, "run_pool_test", run_pool_test)
+    monkeypatch.setattr(pool_flight, "run_pool_test", run_pool_test)
     for mount in load_vehicle(at_a_desk).sensors.values():
         Path(mount.port).touch()
     assert command_line.main(["pool-test", "--vehicle", str(at_a_desk)]) == 0

@@ -27,7 +27,7 @@ from hindrax_ident.assess.assessment import (
     result_of,
     unidentified,
 )
-from hindrax_ident.assess.influences import GAIN, LAG, LATENCY, MODEL, RUN, Case
+from hindrax_ident.assess.influences import GAIN, LAG, LATENCY, MODEL, RUN, AxisFit
 from hindrax_ident.assess.objections import Code, Objection, unnamed
 from hindrax_ident.assess.quality import Evidence, excitation, measured_speed, measurement_noise
 from hindrax_ident.assess.results import Contribution, NextStep
@@ -219,7 +219,7 @@ def test_drafts_of_motions_that_know_their_thrusters_share_their_noise(
 def test_bands_are_the_noise_and_what_the_influences_of_their_scopes_do(
     vehicle: Vehicle, surge: DraftFit, heave: DraftFit, assessed: dict[int, Assessment]
 ) -> None:
-    budgets = {axis: budget_of(Case(vehicle, one.record, one.fit, PLAIN)) for axis, one in ((0, surge), (2, heave))}
+    budgets = {axis: budget_of(AxisFit(vehicle, one.record, one.fit, PLAIN)) for axis, one in ((0, surge), (2, heave))}
     water = array(budgets[0].evidence + budgets[2].evidence)
     budget, found = budgets[0].in_water(water), assessed[0]
     assert found.noise == pytest.approx(surge.fit.covariance)

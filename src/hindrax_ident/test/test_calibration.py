@@ -9,7 +9,7 @@ from hindrax_core.thrust.curves import Branch, Curve
 from hindrax_core.thrust.table import ThrustTable
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array
-from hindrax_ident.assess.influences import INFLUENCES, Case
+from hindrax_ident.assess.influences import INFLUENCES, AxisFit
 from hindrax_ident.assess.thrust_calibration import branch_covariance, modes, thrust_shares
 from hindrax_ident.assess.uncertainty_budget import Budget, budget_of
 from hindrax_ident.fit.output_error import OutputErrorFit, refine
@@ -43,7 +43,7 @@ def fitted(vehicle: Vehicle, record: Record, model: Model | None = None) -> Outp
 def budget(vehicle: Vehicle, record: Record, fit: OutputErrorFit, *names: str, tuning: Tuning | None = None) -> Budget:
     """Budget of the rows of these names, or of all."""
     rows = [row for row in INFLUENCES if row.name in names or not names]
-    return budget_of(Case(vehicle, record, fit, tuning or Tuning()), rows)
+    return budget_of(AxisFit(vehicle, record, fit, tuning or Tuning()), rows)
 
 
 def calibration(vehicle: Vehicle, record: Record, fit: OutputErrorFit) -> Array:

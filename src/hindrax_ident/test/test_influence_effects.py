@@ -15,7 +15,7 @@ from hindrax_ident.assess.influences import (
     MODEL,
     OTHER_AXES,
     RUN,
-    Case,
+    AxisFit,
     Influence,
     _coasts,
     _root,
@@ -65,12 +65,12 @@ def moved(
 
 
 @pytest.fixture
-def case(vehicle: Vehicle, fit: OutputErrorFit) -> Case:
+def case(vehicle: Vehicle, fit: OutputErrorFit) -> AxisFit:
     record = Record(NOTHING, COMMANDS, (Stretch(0.0, 2.0), Stretch(5.0, 6.0)))
-    return Case(vehicle, record, moved(fit), Tuning())
+    return AxisFit(vehicle, record, moved(fit), Tuning())
 
 
-def on_axis(case: Case, model: Model, theta: Array) -> Case:
+def on_axis(case: AxisFit, model: Model, theta: Array) -> AxisFit:
     return replace(case, fit=replace(case.fit, model=model, theta=theta))
 
 
@@ -93,7 +93,7 @@ def of_commands(*commands: list[float] | Array) -> Array:
     return array(np.stack([np.where(STARTS, 0.0, np.diff(one[ends], prepend=0.0)) for one in totals], axis=1))
 
 
-def assert_effect(case: Case, name: str, wanted: Array) -> None:
+def assert_effect(case: AxisFit, name: str, wanted: Array) -> None:
     found = row(name).effect(case)
     assert found.shape == wanted.shape
     assert np.abs(found - wanted).max() < 1e-9 * max(1.0, float(np.abs(wanted).max()))
@@ -102,7 +102,7 @@ def assert_effect(case: Case, name: str, wanted: Array) -> None:
 # ---- the case
 
 
-def test_a_case_has_the_largest_thrust_and_speed_of_its_record(case: Case) -> None:
+def test_a_case_has_the_largest_thrust_and_speed_of_its_record(case: AxisFit) -> None:
     assert case.pull == pytest.approx(PULL)
     assert case.speed == pytest.approx(SPEED)
     assert case.thrust.tolist() == THRUST.tolist()
@@ -118,7 +118,7 @@ def test_a_case_has_the_largest_thrust_and_speed_of_its_record(case: Case) -> No
     assert braking.top_drag == pytest.approx(66.0 * SPEED**2 - 1.5 * SPEED)
 
 
-def test_thrust_acts_after_its_lag_and_on_velocities_that_come_late(case: Case) -> None:
+def test_thrust_acts_after_its_lag_and_on_velocities_that_come_late(case: AxisFit) -> None:
     late = replace(case, record=replace(case.record, lag_s=0.2, latency_s=0.3))
     at = int(np.searchsorted(TIMES, 1.0))
     # From 6 N to -9 N at 0.45 s, seen at 1 s of stamps that are 0.3 s late.
@@ -133,7 +133,7 @@ def test_thrust_acts_after_its_lag_and_on_velocities_that_come_late(case: Case) 
     assert gain == pytest.approx(-9.0 * 0.1 + fading)
 
 
-def test_what_follows_late_begins_with_each_stretch(case: Case) -> None:
+def test_what_follows_late_begins_with_each_stretch(case: AxisFit) -> None:
     found, value = case.delayed(0.5), 0.0
     for at, v in enumerate(V.tolist()):
         value = v if STARTS[at] else v + (value - v) * math.exp(-STEPS[at] / 0.5)
@@ -149,7 +149,7 @@ def test_what_follows_late_begins_with_each_stretch(case: Case) -> None:
         (Tuning(lag_doubt_s=0.2), True, 0.2),
     ],
 )
-def test_a_delay_that_was_found_is_doubted_more(case: Case, tuning: Tuning, found: bool, sigma_s: float) -> None:
+def test_a_delay_that_was_found_is_doubted_more(case: AxisFit, tuning: Tuning, found: bool, sigma_s: float) -> None:
     doubted = replace(case, tuning=tuning, delay_found=found)
     assert doubted.delay_sigma_s == sigma_s
     assert row("thrust lag").sigma(doubted) == row("latency of the velocity").sigma(doubted) == sigma_s
@@ -167,7 +167,7 @@ def test_a_delay_that_was_found_is_doubted_more(case: Case, tuning: Tuning, foun
     ],
 )
 def test_a_known_weight_measures_its_axis_and_direction(
-    case: Case, gain: dict[str, tuple[float | None, float | None]], signs: tuple[float, ...]
+    case: AxisFit, gain: dict[str, tuple[float | None, float | None]], signs: tuple[float, ...]
 ) -> None:
     weighed = weighed_by(case, {axis: AxisGain(10.0, 0.004, 0.01, *both) for axis, both in gain.items()})
     assert weighed.weighed == signs
@@ -175,11 +175,11 @@ def test_a_known_weight_measures_its_axis_and_direction(
     assert row("losses between thrusters and hull").sigma(weighed) == (0.06 if len(signs) < 2 else 0.0)
 
 
-def weighed_by(case: Case, gains: dict[str, AxisGain]) -> Case:
+def weighed_by(case: AxisFit, gains: dict[str, AxisGain]) -> AxisFit:
     return replace(case, vehicle=replace(case.vehicle, thrust_gain=gains))
 
 
-def inflow_by_rule(case: Case, held_N: float) -> Array:
+def inflow_by_rule(case: AxisFit, held_N: float) -> Array:
     shares, holding = thrust_shares(case.vehicle, case.axis), thrust_shares(case.vehicle, 2)
     total = np.zeros(len(TIMES))
     for index, (per_newton, share) in shares.items():
@@ -187,7 +187,7 @@ def inflow_by_rule(case: Case, held_N: float) -> Array:
     return array(total)
 
 
-def test_without_a_record_of_inflow_each_thruster_has_its_share(case: Case) -> None:
+def test_without_a_record_of_inflow_each_thruster_has_its_share(case: AxisFit) -> None:
     heavy = replace(case, vehicle=replace(case.vehicle, volume_m3=0.0163))
     assert heavy.vehicle.net_buoyancy_N > 5.0
     # Vertical thrusters hold the net buoyancy, but they do not push ahead.
@@ -199,7 +199,7 @@ def test_without_a_record_of_inflow_each_thruster_has_its_share(case: Case) -> N
     assert diving.inflow == pytest.approx(inflow_by_rule(diving, 0.0))
 
 
-def test_thrusters_that_hold_and_turn_at_once_have_the_sum_of_both(case: Case) -> None:
+def test_thrusters_that_hold_and_turn_at_once_have_the_sum_of_both(case: AxisFit) -> None:
     heavy = replace(case, vehicle=replace(case.vehicle, volume_m3=0.0163, thrusters=case.vehicle.thrusters[:-1]))
     rolling = on_axis(heavy, Model(3, 0.483, restores=True), array(np.array([1.0, 0.1, 0.0, 3.0, 0.7])))
     held_N = heavy.vehicle.net_buoyancy_N
@@ -210,13 +210,13 @@ def test_thrusters_that_hold_and_turn_at_once_have_the_sum_of_both(case: Case) -
 @pytest.mark.parametrize(
     "name", ["sag under load", "dead band of the thrust", "exponent of the thrust", "dead bands that differ"]
 )
-def test_a_small_thrust_errs_like_a_great_one(case: Case, name: str) -> None:
+def test_a_small_thrust_errs_like_a_great_one(case: AxisFit, name: str) -> None:
     doubted = replace(case, tuning=Tuning(thrust_doubt=0.3))
     small = replace(doubted, record=replace(case.record, thrust=Series(COMMANDS.t, array(0.001 * COMMANDS.y))))
     assert_effect(small, name, array(0.001 * row(name).effect(doubted)))
 
 
-def test_water_that_was_dragged_along_does_not_push_what_rests(case: Case) -> None:
+def test_water_that_was_dragged_along_does_not_push_what_rests(case: AxisFit) -> None:
     stopping = array(np.where(TIMES > 1.0, 0.0, -np.abs(V)))
     at_rest = replace(case, fit=moved(case.fit, stopping))
     late = at_rest.delayed(4.0)
@@ -224,7 +224,7 @@ def test_water_that_was_dragged_along_does_not_push_what_rests(case: Case) -> No
     assert not row("own wake").effect(at_rest).any()
 
 
-def test_a_vehicle_without_thrusters_pushes_at_its_center(case: Case) -> None:
+def test_a_vehicle_without_thrusters_pushes_at_its_center(case: AxisFit) -> None:
     bare = replace(case, vehicle=replace(case.vehicle, thrusters=()))
     assert bare.inflow == pytest.approx(np.sqrt(np.abs(THRUST)))
     wanted = -math.sqrt(PULL) * np.sqrt(np.abs(THRUST)) * V / 0.5
@@ -240,7 +240,7 @@ def test_a_vehicle_without_thrusters_pushes_at_its_center(case: Case) -> None:
 # ---- effects
 
 
-def test_a_gain_is_a_share_of_the_command(case: Case) -> None:
+def test_a_gain_is_a_share_of_the_command(case: AxisFit) -> None:
     assert_effect(case, "gain of the wrench", of_commands(COMMANDS.y))
     assert_effect(case, "losses between thrusters and hull", of_commands(-COMMANDS.y))
     sigma = case.vehicle.curves["main"].gain_sigma
@@ -258,7 +258,7 @@ def test_the_root_of_a_covariance_is_a_root() -> None:
 
 @pytest.mark.parametrize(("both", "known"), [((0.9, 1.1), (1.0, -1.0)), ((0.9, None), (1.0,)), ((None, 0.9), (-1.0,))])
 def test_what_a_known_weight_showed_at_its_load_is_no_error_any_more(
-    case: Case, both: tuple[float | None, float | None], known: tuple[float, ...]
+    case: AxisFit, both: tuple[float | None, float | None], known: tuple[float, ...]
 ) -> None:
     """Of an error e(T), e(10 N) T / 10 N is in the gain that it measured."""
     gain = AxisGain(10.0, 0.004, 0.01, *both)
@@ -274,7 +274,7 @@ def test_what_a_known_weight_showed_at_its_load_is_no_error_any_more(
     assert_effect(weighed, "dead bands that differ", of_commands(edges - measured * y / 10.0 * -PULL))
 
 
-def test_inflow_takes_ten_newtons_at_half_a_meter_per_second(case: Case) -> None:
+def test_inflow_takes_ten_newtons_at_half_a_meter_per_second(case: AxisFit) -> None:
     reported = array(np.array([1.0, 2.0, 0.5, 0.0, 3.0]))
     known = replace(case, record=replace(case.record, inflow=Series(COMMANDS.t, reported)))
     held = reported[np.searchsorted(COMMANDS.t, TIMES + 1e-9) - 1]
@@ -282,7 +282,7 @@ def test_inflow_takes_ten_newtons_at_half_a_meter_per_second(case: Case) -> None
     assert_effect(known, "inflow loss", of_force(-math.sqrt(10.0) * held * V / 0.5))
 
 
-def test_the_supply_sags_from_the_start_of_each_run(case: Case, fit: OutputErrorFit) -> None:
+def test_the_supply_sags_from_the_start_of_each_run(case: AxisFit, fit: OutputErrorFit) -> None:
     assert_effect(case, "sag over the run", of_force(-THRUST * TIMES / 900.0))
     times = array(np.where(TIMES < 3.0, TIMES + 100.0, TIMES + 1000.0))
     pooled = replace(case, fit=moved(fit, times=times))
@@ -301,12 +301,12 @@ def test_the_supply_sags_from_the_start_of_each_run(case: Case, fit: OutputError
         )
 
 
-def test_sag_under_load_grows_with_the_square(case: Case) -> None:
+def test_sag_under_load_grows_with_the_square(case: AxisFit) -> None:
     for name in ("sag under load", "losses that change with the load"):
         assert_effect(case, name, of_force(-THRUST * np.abs(THRUST) / PULL))
 
 
-def test_dead_bands_take_thrust_at_their_edges(case: Case) -> None:
+def test_dead_bands_take_thrust_at_their_edges(case: AxisFit) -> None:
     y = COMMANDS.y
     assert_effect(case, "dead bands that differ", of_commands(-PULL * np.clip(y / (0.1 * PULL), -1.0, 1.0)))
     doubted = replace(case, tuning=Tuning(thrust_doubt=0.3))
@@ -315,7 +315,7 @@ def test_dead_bands_take_thrust_at_their_edges(case: Case) -> None:
     assert_effect(doubted, "dead band of the thrust", wanted)
 
 
-def test_another_exponent_of_the_thrust_leaves_the_largest_as_it_is(case: Case) -> None:
+def test_another_exponent_of_the_thrust_leaves_the_largest_as_it_is(case: AxisFit) -> None:
     x = np.abs(COMMANDS.y) / PULL
     assert_effect(case, "exponent of the thrust", of_commands(PULL * np.sign(COMMANDS.y) * x * np.log(x)))
     still = replace(case, record=replace(case.record, thrust=Series(COMMANDS.t, array(np.zeros(5)))))
@@ -323,18 +323,18 @@ def test_another_exponent_of_the_thrust_leaves_the_largest_as_it_is(case: Case) 
         assert not row(name).effect(still).any()
 
 
-def test_delays_are_those_of_the_fit(case: Case) -> None:
+def test_delays_are_those_of_the_fit(case: AxisFit) -> None:
     grid = case.fit.problem.grid
     assert np.array_equal(row("thrust lag").effect(case), lag_impulse(case.record, grid))
     assert np.array_equal(row("stamps of the record").effect(case), lag_impulse(case.record, grid))
     assert np.array_equal(row("latency of the velocity").effect(case), latency_impulse(case.record, grid))
 
 
-def test_a_current_pushes_by_the_slope_of_the_drag(case: Case) -> None:
+def test_a_current_pushes_by_the_slope_of_the_drag(case: AxisFit) -> None:
     assert_effect(case, "current", of_force(SLOPE))
 
 
-def test_a_seiche_swings_in_a_pool_and_takes_the_water_along(case: Case) -> None:
+def test_a_seiche_swings_in_a_pool_and_takes_the_water_along(case: AxisFit) -> None:
     """Merian 1828: half a wave along 10 m of water 1.8 m deep."""
     rate = math.pi / 10.0 * math.sqrt(9.80665 * 1.8)
     own = 27.0 - case.vehicle.mass_kg + 15.3
@@ -345,7 +345,7 @@ def test_a_seiche_swings_in_a_pool_and_takes_the_water_along(case: Case) -> None
     )
 
 
-def test_a_tether_pulls_back_and_drags_and_sticks(case: Case) -> None:
+def test_a_tether_pulls_back_and_drags_and_sticks(case: AxisFit) -> None:
     assert_effect(case, "tether", of_force(array(-case.position)))
     x = V / SPEED
     assert_effect(case, "drag of the tether", of_force(array(-np.abs(x) * x)))
@@ -356,7 +356,7 @@ def test_a_tether_pulls_back_and_drags_and_sticks(case: Case) -> None:
     assert_effect(turning, "tether", of_force(array(-np.sin(heading)), array(-np.cos(heading))))
 
 
-def test_flow_follows_late(case: Case) -> None:
+def test_flow_follows_late(case: AxisFit) -> None:
     late, behind = case.delayed(1.0), case.delayed(4.0)
     left = 66.0 * (np.abs(V) * V - np.abs(late) * late) + 1.5 * (V - late)
     assert_effect(case, "fluid memory", of_force(array(-27.0 * (V - late)), array(left)))
@@ -364,7 +364,7 @@ def test_flow_follows_late(case: Case) -> None:
     assert np.any(behind * V < 0.0)
 
 
-def test_other_laws_of_the_drag_leave_that_at_the_highest_speed(case: Case) -> None:
+def test_other_laws_of_the_drag_leave_that_at_the_highest_speed(case: AxisFit) -> None:
     x = np.abs(V) / SPEED
     asymmetry, exponent = TOP * x**2, TOP * np.sign(V) * x**2 * np.log(np.maximum(1e-9, x))
     assert_effect(case, "fore/aft asymmetry", of_force(array(-asymmetry)))
@@ -380,7 +380,7 @@ def test_other_laws_of_the_drag_leave_that_at_the_highest_speed(case: Case) -> N
     assert row("fore/aft asymmetry").sigma(diving) == 0.0
 
 
-def test_masses_of_other_axes_err_by_their_own_columns(case: Case) -> None:
+def test_masses_of_other_axes_err_by_their_own_columns(case: AxisFit) -> None:
     errors = tuple(
         Series(COMMANDS.t, array(np.array(one))) for one in ([1.0, 2.0, 0.0, -1.0, 4.0], [0.5, 0.0, 1.0, 1.0, 0.0])
     )
@@ -389,14 +389,14 @@ def test_masses_of_other_axes_err_by_their_own_columns(case: Case) -> None:
     assert (row("masses of other axes").sigma(case), row("masses of other axes").sigma(known)) == (0.0, 1.0)
 
 
-def with_others(case: Case, **moved: Array) -> Case:
+def with_others(case: AxisFit, **moved: Array) -> AxisFit:
     """The case beside velocities of other axes."""
     still = array(np.zeros(len(TIMES)))
     others = tuple(Series(TIMES, moved.get(name, still)) for name in "uvwpqr")
     return replace(case, record=replace(case.record, others=others))
 
 
-def test_the_other_axes_act_by_a_tenth_of_the_own_mass_and_drag_and_by_the_whole_speed(case: Case) -> None:
+def test_the_other_axes_act_by_a_tenth_of_the_own_mass_and_drag_and_by_the_whole_speed(case: AxisFit) -> None:
     """Of one axis at constant speed across: no acceleration; two columns, in any rotation."""
     across = array(np.full(len(TIMES), 0.4))
     found = row(OTHER_AXES).effect(with_others(case, v=across))
@@ -410,13 +410,13 @@ def test_the_other_axes_act_by_a_tenth_of_the_own_mass_and_drag_and_by_the_whole
     assert abs(pushed[0]) == pytest.approx(0.1 * 27.0 * 0.5 * 0.1 * case.vehicle.characteristic_length_m, rel=0.1)
 
 
-def test_without_motion_beside_it_nothing_acts_from_the_other_axes(case: Case) -> None:
+def test_without_motion_beside_it_nothing_acts_from_the_other_axes(case: AxisFit) -> None:
     assert row(OTHER_AXES).sigma(case) == 0.0
     assert row(OTHER_AXES).sigma(with_others(case)) == 0.0
     assert row(OTHER_AXES).sigma(with_others(case, v=array(np.full(len(TIMES), 1e-4)))) == 0.0
 
 
-def test_a_tilt_is_a_share_of_the_net_buoyancy_or_of_the_stiffness(case: Case) -> None:
+def test_a_tilt_is_a_share_of_the_net_buoyancy_or_of_the_stiffness(case: AxisFit) -> None:
     for name in ("tilt of the accelerometer", "tilt of the mount"):
         assert_effect(case, name, of_force(np.full(32, case.vehicle.net_buoyancy_N)))
         rolling = on_axis(case, Model(3, 0.483, restores=True), array(np.array([1.0, 0.1, 0.0, 3.0, 0.7])))
@@ -426,7 +426,7 @@ def test_a_tilt_is_a_share_of_the_net_buoyancy_or_of_the_stiffness(case: Case) -
 @pytest.mark.parametrize(
     ("axis", "restores", "acts"), [(0, 0, 1), (1, 0, 1), (2, 0, 0), (3, 1, 1), (4, 1, 1), (5, 0, 0)]
 )
-def test_a_tilt_acts_where_weight_or_buoyancy_do(case: Case, axis: int, restores: int, acts: int) -> None:
+def test_a_tilt_acts_where_weight_or_buoyancy_do(case: AxisFit, axis: int, restores: int, acts: int) -> None:
     one = on_axis(case, Model(axis, 10.0, restores=bool(restores)), THETA)
     assert (row("tilt of the accelerometer").sigma(one) > 0.0) is bool(acts)
     assert row("tilt of the mount").sigma(one) == 0.02 * acts
@@ -434,7 +434,7 @@ def test_a_tilt_acts_where_weight_or_buoyancy_do(case: Case, axis: int, restores
         assert row(name).sigma(one) == (sigma if axis < 2 else 0.0)
 
 
-def test_an_accelerometer_that_was_calibrated_is_trusted_more(case: Case) -> None:
+def test_an_accelerometer_that_was_calibrated_is_trusted_more(case: AxisFit) -> None:
     assert row("tilt of the accelerometer").sigma(case) == 0.0125
     mount = case.vehicle.sensors["icm20948"]
     for key, sigma in (("accel_bias", 0.003), ("gyro_bias", 0.0125)):
@@ -446,7 +446,7 @@ def test_an_accelerometer_that_was_calibrated_is_trusted_more(case: Case) -> Non
         )
 
 
-def test_a_gain_of_the_velocity_scales_every_reading(case: Case) -> None:
+def test_a_gain_of_the_velocity_scales_every_reading(case: AxisFit) -> None:
     index, channel = np.array([0, 3, 3, 30]), np.array([0, 0, 1, 1])
     read = replace(case.fit, problem=replace(case.fit.problem, index=index, channel=channel))
     found = row("gain of the velocity").effect(replace(case, fit=read))
@@ -459,7 +459,7 @@ def test_a_gain_of_the_velocity_scales_every_reading(case: Case) -> None:
 # ---- coasts
 
 
-def coasting(case: Case, off_s: float, speed: float = 0.3, begin_s: float = 2.0) -> Case:
+def coasting(case: AxisFit, off_s: float, speed: float = 0.3, begin_s: float = 2.0) -> AxisFit:
     """Thrust at 12 N, taken away at this speed for a while."""
     times = array(np.linspace(0.0, 6.0, 121))
     starts = np.arange(121) == 0
@@ -476,14 +476,14 @@ def coasting(case: Case, off_s: float, speed: float = 0.3, begin_s: float = 2.0)
     [(1.2, 0.3, True), (0.9, 0.3, False), (1.2, 0.21, True), (1.2, 0.19, False), (1.2, -0.3, True)],
 )
 def test_a_coast_begins_at_half_the_speed_and_lasts_a_second(
-    case: Case, off_s: float, speed: float, shown: bool
+    case: AxisFit, off_s: float, speed: float, shown: bool
 ) -> None:
     assert _coasts(coasting(case, off_s, speed)) is shown
     assert row("inflow loss").shown(coasting(case, off_s, speed)) is shown
     assert not row("sag over the run").shown(case)
 
 
-def test_a_swing_is_a_coast_that_becomes_fast(case: Case) -> None:
+def test_a_swing_is_a_coast_that_becomes_fast(case: AxisFit) -> None:
     slow = coasting(case, 1.2, 0.05)
     assert not _coasts(slow)
     times, v = slow.fit.problem.grid.times_s, slow.fit.linear.path.v.copy()
@@ -492,7 +492,7 @@ def test_a_swing_is_a_coast_that_becomes_fast(case: Case) -> None:
     assert _coasts(replace(slow, fit=swung))
 
 
-def test_a_coast_is_within_one_stretch(case: Case) -> None:
+def test_a_coast_is_within_one_stretch(case: AxisFit) -> None:
     whole = coasting(case, 1.2)
     grid = whole.fit.problem.grid
     cut = replace(grid, starts=grid.starts | (np.abs(grid.times_s - 2.6) < 1e-6))
@@ -539,7 +539,7 @@ PRIORS: dict[str, tuple[str, float, bool, float, str, bool]] = {
 """Deviation in a pool as the worlds have it, whether the record may not judge it, and what near water leaves of it."""
 
 
-def test_every_influence_that_acts_has_the_prior_of_a_usual_pool(case: Case) -> None:
+def test_every_influence_that_acts_has_the_prior_of_a_usual_pool(case: AxisFit) -> None:
     tuning = Tuning(velocity_gain_sigma=0.005, thrust_doubt=0.02, wrench_gain_sigma=0.02, stamp_doubt_s=0.002)
     found = acting(replace(case, tuning=tuning))
     losses = "losses that change with the load"
@@ -561,7 +561,7 @@ def test_every_influence_that_acts_has_the_prior_of_a_usual_pool(case: Case) -> 
     assert PRIORS.keys() - plain == doubts | {"gain of the wrench", "gain of the velocity"}
 
 
-def test_thrusters_that_idle_against_each_other_leave_a_constant_force(case: Case) -> None:
+def test_thrusters_that_idle_against_each_other_leave_a_constant_force(case: AxisFit) -> None:
     """Eight that put 0.7 N each on the axis, and up to ten times that in a tenth of the flight's commands."""
     name, each_N = "differences between idle thrusters", 0.7
     effort = np.full(101, 8 * each_N**2)
@@ -580,7 +580,7 @@ def test_thrusters_that_idle_against_each_other_leave_a_constant_force(case: Cas
     assert (row(name).scope, row(name).considered, row(name).near, row(name).loss) == (MODEL, True, 0.37, False)
 
 
-def test_port_and_starboard_are_alike_ahead_and_astern_are_not(case: Case) -> None:
+def test_port_and_starboard_are_alike_ahead_and_astern_are_not(case: AxisFit) -> None:
     """Of a record that only tells a wrench, thrust may be weaker one way on any axis."""
     sigma, model = row("fore/aft asymmetry").sigma, case.fit.model
     yaw = on_axis(case, Model(5, 0.4), THETA)
@@ -589,19 +589,19 @@ def test_port_and_starboard_are_alike_ahead_and_astern_are_not(case: Case) -> No
     assert sigma(on_axis(case, Model(0, model.rigid, split=True), array(np.repeat(THETA, 2)[:6]))) == 0.0
 
 
-def test_only_along_the_pool_a_tether_grows(case: Case) -> None:
+def test_only_along_the_pool_a_tether_grows(case: AxisFit) -> None:
     sigma = row("drag of the tether with its length").sigma
     assert sigma(case) == pytest.approx(0.04 * PULL)
     assert sigma(on_axis(case, Model(5, 0.4), THETA)) == sigma(on_axis(case, Model(2, 15.0), THETA)) == 0.0
 
 
-def test_of_a_measured_supply_a_two_hundredth_is_left(case: Case) -> None:
+def test_of_a_measured_supply_a_two_hundredth_is_left(case: AxisFit) -> None:
     """Its voltage is used in steps of 0.1 V, of 14.8 V."""
     reported = replace(case, record=replace(case.record, supply_measured=True))
     assert row("sag over the run").sigma(reported) == row("sag under load").sigma(reported) == 0.005
 
 
-def test_what_nobody_given_is_doubted_more(case: Case) -> None:
+def test_what_nobody_given_is_doubted_more(case: AxisFit) -> None:
     bare = replace(case, vehicle=replace(case.vehicle, thrusters=()), tuning=Tuning(thrust_doubt=0.1))
     assert row("exponent of the thrust").sigma(bare) == 0.15
     for name in ("tether", "drag of the tether", "friction of the tether"):
@@ -612,12 +612,12 @@ def test_what_nobody_given_is_doubted_more(case: Case) -> None:
 
 
 @pytest.mark.parametrize("sigma", [0.0, -1.0, math.nan, math.inf])
-def test_an_influence_without_a_deviation_does_not_act(case: Case, sigma: float) -> None:
-    never: Callable[[Case], float] = lambda _case: sigma  # noqa: E731  # a row of one
+def test_an_influence_without_a_deviation_does_not_act(case: AxisFit, sigma: float) -> None:
+    never: Callable[[AxisFit], float] = lambda _case: sigma  # noqa: E731  # a row of one
     assert acting(case, [replace(row("own wake"), sigma=never)]) == []
 
 
-def test_a_row_is_plain_unless_it_states_more(case: Case) -> None:
+def test_a_row_is_plain_unless_it_states_more(case: AxisFit) -> None:
     plain = Influence("x", "N", RUN, lambda _case: 1.0, lambda one: one.v, "wait")
     assert (plain.of_readings, plain.considered, plain.measured, bool(plain.usual_cause), plain.loss) == (False,) * 5
     assert plain.near == 1.0

@@ -8,7 +8,7 @@ import pytest
 
 from hindrax_core.vehicle import AxisGain, Vehicle
 from hindrax_ident.arrays import Array, array
-from hindrax_ident.assess.influences import GAIN, INFLUENCES, MEASURED_THRUST, MODEL, RUN, Case, Influence, acting
+from hindrax_ident.assess.influences import GAIN, INFLUENCES, MEASURED_THRUST, MODEL, RUN, AxisFit, Influence, acting
 from hindrax_ident.assess.uncertainty_budget import ALL, Budget, _Likelihood, _posterior, _prior, budget_of
 from hindrax_ident.fit.output_error import refine
 from hindrax_ident.model.model_parameters import wide_prior
@@ -29,12 +29,12 @@ TOLD = ("tether", "fluid memory", "own wake")
 
 
 @pytest.fixture(scope="module")
-def flown(vehicle: Vehicle) -> Case:
+def flown(vehicle: Vehicle) -> AxisFit:
     """A run of surge without noise and its fit, about which the rows act; the noise comes later."""
     return flight_of(vehicle, 0, SURGE)
 
 
-def flight_of(vehicle: Vehicle, axis: int, theta: Array) -> Case:
+def flight_of(vehicle: Vehicle, axis: int, theta: Array) -> AxisFit:
     model = model_of(vehicle, axis)
     flight = fly(model, theta, back_and_forth((3.2, 6.0, 9.5, 13.5), 4.0, 64.0), 0.15)
     rng = np.random.default_rng(4)
@@ -45,10 +45,10 @@ def flight_of(vehicle: Vehicle, axis: int, theta: Array) -> Case:
     others = tuple(Series(t, array((one != axis) * 0.1 * np.sin((0.3 + 0.1 * one) * t))) for one in range(6))
     record = Record(measured, thrust, (Stretch(0.0, 63.9),), effort=idling, others=others, lag_s=0.15)
     prior = wide_prior(vehicle, model)
-    return Case(vehicle, record, refine(model, record, prior.values, prior), TUNING)
+    return AxisFit(vehicle, record, refine(model, record, prior.values, prior), TUNING)
 
 
-def with_influence(case: Case, row: Influence, size: float) -> Case:
+def with_influence(case: AxisFit, row: Influence, size: float) -> AxisFit:
     """The run with an influence of this size in its record, fitted again."""
     column, clean = size * row.effect(case)[:, :1], case.fit
     problem = clean.problem
@@ -65,7 +65,7 @@ def with_influence(case: Case, row: Influence, size: float) -> Case:
 
 
 @pytest.mark.parametrize("row", ACTING, ids=lambda row: row.name)
-def test_what_a_row_does_is_within_the_band(flown: Case, row: Influence) -> None:
+def test_what_a_row_does_is_within_the_band(flown: AxisFit, row: Influence) -> None:
     size = row.sigma(replace(flown, tuning=Tuning()) if row.name == "losses that change with the load" else flown)
     assert size > 0.0
     # What cannot be told is as great as is believed; the rest is far greater.
@@ -80,7 +80,7 @@ def test_what_a_row_does_is_within_the_band(flown: Case, row: Influence) -> None
         assert math.hypot(*budget.found("inflow loss")) > 1.4 * math.hypot(*budget_of(flown).found("inflow loss"))
 
 
-def test_a_known_weight_takes_what_it_measured_off_the_budget(flown: Case) -> None:
+def test_a_known_weight_takes_what_it_measured_off_the_budget(flown: AxisFit) -> None:
     gain = AxisGain(load=13.5, sigma=0.004, positive=1.0, negative=1.0)
     weighed = budget_of(replace(flown, vehicle=replace(flown.vehicle, thrust_gain={"surge": gain})))
     before = budget_of(flown)
@@ -97,7 +97,7 @@ def test_a_known_weight_takes_what_it_measured_off_the_budget(flown: Case) -> No
     assert narrow < 0.5 * wide
 
 
-def test_a_weight_on_one_side_leaves_the_losses_of_the_other(flown: Case) -> None:
+def test_a_weight_on_one_side_leaves_the_losses_of_the_other(flown: AxisFit) -> None:
     half = AxisGain(load=13.5, sigma=0.004, positive=1.0)
     both = replace(half, negative=1.0)
     bands = [
@@ -115,10 +115,10 @@ def test_a_tether_turns_a_vehicle_that_turns(vehicle: Vehicle) -> None:
     assert any("tether" in warning for warning in budget_of(case).warnings())
 
 
-def test_thrusters_that_oppose_each_other_damp_by_inflow_however_little_they_push(flown: Case) -> None:
+def test_thrusters_that_oppose_each_other_damp_by_inflow_however_little_they_push(flown: AxisFit) -> None:
     """The allocator holds idle thrusters against each other, out of their dead bands."""
 
-    def shift(case: Case) -> Array:
+    def shift(case: AxisFit) -> Array:
         budget = budget_of(case)
         (at,) = (columns.start for columns, row, _ in budget.rows if row.name == "inflow loss")
         return np.abs(budget.shifts[:, at])
@@ -131,7 +131,7 @@ def test_thrusters_that_oppose_each_other_damp_by_inflow_however_little_they_pus
     assert k_l * top > 5.0 * k_q * top**2
 
 
-def test_what_is_far_beyond_any_pool_is_no_explanation(flown: Case, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_far_beyond_any_pool_is_no_explanation(flown: AxisFit, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Budget, "_needs", lambda *_: True)
     budget = budget_of(flown)
     (at,) = (columns.start for columns, row, _ in budget.rows if row.name == "sag over the run")
@@ -144,7 +144,7 @@ def test_what_is_far_beyond_any_pool_is_no_explanation(flown: Case, monkeypatch:
     assert "59 times the size in a pool" in informative
 
 
-def test_what_may_not_be_judged_and_explains_a_record_as_well_leaves_no_cause(flown: Case) -> None:
+def test_what_may_not_be_judged_and_explains_a_record_as_well_leaves_no_cause(flown: AxisFit) -> None:
     """Inflow loss, in the place of which a sag would be named."""
     (inflow,) = (one for one in INFLUENCES if one.name == "inflow loss")
     budget = budget_of(with_influence(flown, inflow, 3.0 * inflow.sigma(flown)))
@@ -197,13 +197,13 @@ def test_inflow_that_one_motion_shows_counts_for_those_that_cannot_show_it(shown
     ],
 )
 def test_what_the_tuning_doubts_is_the_deviation_of_its_row(
-    flown: Case, name: str, tuning: Tuning, sigma: float
+    flown: AxisFit, name: str, tuning: Tuning, sigma: float
 ) -> None:
     (row,) = (row for row in INFLUENCES if row.name == name)
     assert row.sigma(replace(flown, tuning=tuning)) == sigma
 
 
-def test_a_doubted_thrust_may_be_the_pull_of_a_tether(flown: Case) -> None:
+def test_a_doubted_thrust_may_be_the_pull_of_a_tether(flown: AxisFit) -> None:
     (row,) = (row for row in INFLUENCES if row.name == "tether")
     known, doubted = (replace(flown, tuning=Tuning(thrust_doubt=doubt)) for doubt in (0.0, 0.1))
     assert 0.0 < row.sigma(known) < row.sigma(doubted) == pytest.approx(0.1 * doubted.pull)
@@ -214,7 +214,7 @@ def test_names_are_distinct_and_every_row_has_a_remedy() -> None:
     assert all(row.remedy and row.unit for row in INFLUENCES)
 
 
-def test_contributions_of_independent_rows_are_sensitivity_times_deviation(flown: Case) -> None:
+def test_contributions_of_independent_rows_are_sensitivity_times_deviation(flown: AxisFit) -> None:
     rows = [row for row in INFLUENCES if row.name in ("thrust calibration", "tilt of the mount")]
     budget = budget_of(flown, rows)
     total = np.sqrt(sum(one.std**2 for one in budget.contributions(budget.shifts[0])))
@@ -222,7 +222,7 @@ def test_contributions_of_independent_rows_are_sensitivity_times_deviation(flown
     assert budget.contributions(budget.shifts[0])[0].influence == "thrust calibration"
 
 
-def test_what_a_remedy_leaves_is_the_band_without_its_rows(flown: Case) -> None:
+def test_what_a_remedy_leaves_is_the_band_without_its_rows(flown: AxisFit) -> None:
     rows = {row.name: row for row in INFLUENCES}
     gains, delays = (
         ("thrust calibration", "losses between thrusters and hull"),
@@ -239,7 +239,7 @@ def test_what_a_remedy_leaves_is_the_band_without_its_rows(flown: Case) -> None:
     assert min(left.values()) < every.variance(sensitivity)[0]
 
 
-def test_contributions_of_some_scopes_leave_the_others_out(flown: Case) -> None:
+def test_contributions_of_some_scopes_leave_the_others_out(flown: AxisFit) -> None:
     budget = budget_of(flown)
     sensitivity = budget.drag_sensitivity(np.array([[flown.speed**2, flown.speed, 0.0, 0.0]]), np.array([flown.speed]))
     every, some = (
@@ -248,8 +248,8 @@ def test_contributions_of_some_scopes_leave_the_others_out(flown: Case) -> None:
     assert every - some == {row.name for _, row, _ in budget.rows if row.scope == GAIN} != set()
 
 
-def test_ranges_to_a_wall_have_rows_of_their_own(flown: Case) -> None:
-    def names(case: Case) -> set[str]:
+def test_ranges_to_a_wall_have_rows_of_their_own(flown: AxisFit) -> None:
+    def names(case: AxisFit) -> set[str]:
         return {row.name for row, _ in acting(case)}
 
     ranged = replace(flown, record=replace(flown.record, ranged=True))

@@ -8,7 +8,7 @@ import pytest
 
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
-from hindrax_ident.assess.influences import GAIN, MODEL, RUN, Case, Influence
+from hindrax_ident.assess.influences import GAIN, MODEL, RUN, AxisFit, Influence
 from hindrax_ident.assess.objections import Code
 from hindrax_ident.assess.uncertainty_budget import (
     ALL,
@@ -35,7 +35,7 @@ from hindrax_ident.tuning import Tuning
 SURGE = np.array([66.48, 1.25, 0.0, 27.3])
 
 
-def to_and_fro(case: Case) -> Array:
+def to_and_fro(case: AxisFit) -> Array:
     """Impulses of a force that comes and goes every nine seconds, which no parameter can explain."""
     return array((case.steps_s * np.sin(0.7 * np.cumsum(case.steps_s)))[:, None])
 
@@ -56,14 +56,14 @@ MOMENT = array(COVARIANCE + np.outer(MEAN, MEAN))
 
 
 @pytest.fixture(scope="module")
-def case(vehicle: Vehicle) -> Case:
+def case(vehicle: Vehicle) -> AxisFit:
     model = model_of(vehicle, 0)
     flight = fly(model, SURGE, back_and_forth((4.0, 13.0), 8.0, 32.0), 0.15)
     t = flight.grid.times_s[::10]
     v = flight.path.v[::10] + 0.004 * np.random.default_rng(4).standard_normal(len(t))
     record = Record(Series(t, v), Series(flight.times_s, flight.commands), (Stretch(0.0, 31.9),), lag_s=0.15)
     prior = wide_prior(vehicle, model)
-    return Case(vehicle, record, refine(model, record, prior.values, prior), Tuning())
+    return AxisFit(vehicle, record, refine(model, record, prior.values, prior), Tuning())
 
 
 def rows_with(gains: Influence) -> tuple[BudgetRow, ...]:
@@ -72,7 +72,7 @@ def rows_with(gains: Influence) -> tuple[BudgetRow, ...]:
 
 
 @pytest.fixture
-def budget(case: Case, monkeypatch: pytest.MonkeyPatch) -> Budget:
+def budget(case: AxisFit, monkeypatch: pytest.MonkeyPatch) -> Budget:
     """Numbers made up for a record of which nothing is known: whether it needs an influence is not asked."""
     monkeypatch.setattr(Budget, "_needs", lambda *_: True)
     return Budget(
@@ -206,7 +206,7 @@ def test_what_no_record_shows_is_named_where_it_makes_most_of_a_band(budget: Bud
 
 
 @pytest.mark.parametrize("loss", [False, True])
-def test_what_a_record_may_not_judge_keeps_its_prior(case: Case, loss: bool) -> None:
+def test_what_a_record_may_not_judge_keeps_its_prior(case: AxisFit, loss: bool) -> None:
     """A loss is on one side of nothing, but as far from it on the average."""
     hidden = replace(LAW, sigma=lambda _case: 3.0, considered=True, loss=loss)
     found = budget_of(case, (hidden,))
@@ -216,13 +216,13 @@ def test_what_a_record_may_not_judge_keeps_its_prior(case: Case, loss: bool) -> 
     assert shown.found("law")[1] < 0.5 * found.found("law")[1]
 
 
-def test_in_water_that_may_be_near_the_model_an_influence_is_a_little_less(case: Case) -> None:
+def test_in_water_that_may_be_near_the_model_an_influence_is_a_little_less(case: AxisFit) -> None:
     hidden = replace(LAW, sigma=lambda _case: 3.0, considered=True, near=0.2)
     found = budget_of(case, (hidden,))
     assert 0.9 < found.band()[0, 0] / found.prior_band("law")[0, 0] < 1.0
 
 
-def test_a_loss_is_weighed_against_its_prior_as_bayes_states(case: Case) -> None:
+def test_a_loss_is_weighed_against_its_prior_as_bayes_states(case: AxisFit) -> None:
     """Normal about 0.87 with deviation 0.5: the root mean square of anything between nothing and its greatest is 1."""
     loss = replace(LAW, sigma=lambda _case: 0.02, loss=True)
     scored = score(case.fit, 0.02 * to_and_fro(case))
@@ -235,7 +235,7 @@ def test_a_loss_is_weighed_against_its_prior_as_bayes_states(case: Case) -> None
     )
 
 
-def test_other_motions_show_how_near_the_water_is_to_the_model(case: Case) -> None:
+def test_other_motions_show_how_near_the_water_is_to_the_model(case: AxisFit) -> None:
     hidden = replace(LAW, sigma=lambda _case: 3.0, considered=True, near=0.2, loss=True)
     shares = []
     for near, usual in ((50.0, 0.0), (0.0, 50.0), (-NEAR_ODDS, 0.0)):
@@ -248,7 +248,7 @@ def test_other_motions_show_how_near_the_water_is_to_the_model(case: Case) -> No
     assert alone.in_water(alone.evidence).found("law") == pytest.approx(alone.found("law"))
 
 
-def test_a_record_that_shows_an_influence_shows_that_the_water_is_usual(case: Case) -> None:
+def test_a_record_that_shows_an_influence_shows_that_the_water_is_usual(case: AxisFit) -> None:
     def log_odds(size_N: float) -> float:
         """How much more likely usual water is than water near the model, by a force that was or was not there."""
         row = replace(LAW, sigma=lambda _case: 1.0, near=0.05)
@@ -267,7 +267,7 @@ def test_a_record_that_shows_an_influence_shows_that_the_water_is_usual(case: Ca
     assert log_odds(0.0) < 0.0 < log_odds(2.0)
 
 
-def test_an_influence_that_cannot_act_is_no_row(case: Case) -> None:
+def test_an_influence_that_cannot_act_is_no_row(case: AxisFit) -> None:
     ((_, only, _),) = budget_of(case, (replace(LAW, sigma=lambda _case: 0.0), GAINS)).rows
     assert only is GAINS
     nothing = budget_of(case, ())
@@ -388,7 +388,7 @@ def test_the_prior_of_each_water_is_that_of_its_row() -> None:
     assert _prior([]).mean.shape == (4, 0)
 
 
-def heave(case: Case, sigma_N: float | None) -> Case:
+def heave(case: AxisFit, sigma_N: float | None) -> AxisFit:
     """The case as if it were one of heave, with a weighed net buoyancy."""
     covariance = array(np.diag([1.0, 1.0, 1.0, 1.0, 0.04, 1.0]))
     theta = array(np.array([93.0, 5.0, 57.0, 12.0, 0.6, 37.0]))
@@ -396,7 +396,7 @@ def heave(case: Case, sigma_N: float | None) -> Case:
     return replace(case, fit=fit, tuning=Tuning(buoyancy_sigma_N=sigma_N))
 
 
-def test_a_weighed_net_buoyancy_is_a_reading_of_b(case: Case) -> None:
+def test_a_weighed_net_buoyancy_is_a_reading_of_b(case: AxisFit) -> None:
     rng = np.random.default_rng(1)
     shifts = array(rng.standard_normal((6, 3)))
     information, gradient = _weighed(heave(case, 0.3), shifts)
@@ -416,7 +416,7 @@ def test_a_weighed_net_buoyancy_adds_to_what_the_record_shows(vehicle: Vehicle) 
     t = flight.grid.times_s[::10]
     v = flight.path.v[::10] + 0.004 * np.random.default_rng(4).standard_normal(len(t))
     record = Record(Series(t, v), Series(flight.times_s, flight.commands), (Stretch(0.0, 23.9),), lag_s=0.15)
-    bare = Case(vehicle, record, refine(model, record, theta, wide_prior(vehicle, model)), Tuning())
+    bare = AxisFit(vehicle, record, refine(model, record, theta, wide_prior(vehicle, model)), Tuning())
     known = replace(bare, tuning=Tuning(buoyancy_sigma_N=0.1))
     plain, weighed = (budget_of(one, (GAINS, LAW)) for one in (bare, known))
     more, pull = _weighed(known, plain.shifts)

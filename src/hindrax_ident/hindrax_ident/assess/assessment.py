@@ -12,7 +12,7 @@ import numpy as np
 from hindrax_core.text.digits import measured
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array, array
-from hindrax_ident.assess.influences import LAG, LATENCY, MODEL, RUN, Case
+from hindrax_ident.assess.influences import LAG, LATENCY, MODEL, RUN, AxisFit
 from hindrax_ident.assess.objections import Code, Objection, objection
 from hindrax_ident.assess.posterior import Draws
 from hindrax_ident.assess.quality import (
@@ -154,11 +154,11 @@ def assess(
     return found, failed
 
 
-def _case(vehicle: Vehicle, drafted: DraftFit, tuning: Tuning) -> Case:
+def _case(vehicle: Vehicle, drafted: DraftFit, tuning: Tuning) -> AxisFit:
     fit = drafted.fit
     if tuning.thrust_doubt is not None and tuning.thrust_doubt > 0.0:
         fit = replace(fit, covariance=array(slow_force_ratio(fit) * fit.covariance))
-    return Case(vehicle, drafted.record, fit, tuning, drafted.moved)
+    return AxisFit(vehicle, drafted.record, fit, tuning, drafted.moved)
 
 
 def _assess(drafted: DraftFit, budget: Budget) -> Assessment:
@@ -183,7 +183,7 @@ def _with_delays(vehicle: Vehicle, drafted: DraftFit, tuning: Tuning) -> DraftFi
     """Refit with lag and latency from the residuals, where they contradict the vehicle file."""
     for _ in range(DELAY_ROUNDS):
         record, fit = drafted.record, drafted.fit
-        budget = budget_of(Case(vehicle, record, fit, tuning, drafted.moved))
+        budget = budget_of(AxisFit(vehicle, record, fit, tuning, drafted.moved))
         (lag_s, lag_sigma), (late_s, late_sigma) = (budget.found(name) for name in (LAG, LATENCY))
         least = 1.0 if drafted.moved else CONTRADICTION_SIGMAS
         lag_s, late_s = (

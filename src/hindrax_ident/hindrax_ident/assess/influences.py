@@ -72,7 +72,7 @@ GAIN, RUN, MODEL = "gain", "run", "model"
 
 
 @dataclass(frozen=True)
-class Case:
+class AxisFit:
     """One axis of one run: its vehicle, record, fit and tuning; arrays on the fit's grid, (n,) each."""
 
     vehicle: Vehicle
@@ -263,14 +263,14 @@ class Influence:
     name: str
     unit: str
     scope: str
-    sigma: Callable[[Case], float]
-    effect: Callable[[Case], Array]
+    sigma: Callable[[AxisFit], float]
+    effect: Callable[[AxisFit], Array]
     remedy: str
     of_readings: bool = False
     considered: bool = False
     measured: bool = False
-    shown: Callable[[Case], bool] = lambda _case: False
-    drag: Callable[[Case, Array], Array] | None = None
+    shown: Callable[[AxisFit], bool] = lambda _case: False
+    drag: Callable[[AxisFit, Array], Array] | None = None
     near: float = 1.0
     usual_cause: str = ""
     loss: bool = False
@@ -288,11 +288,11 @@ def influence_named(name: str) -> Influence:
 # ---- thrust
 
 
-def _gains(case: Case) -> list[ThrustErrorMode]:
+def _gains(case: AxisFit) -> list[ThrustErrorMode]:
     return modes(case.vehicle, case.axis) if len(case.record.thrust) else []
 
 
-def _calibration(case: Case) -> Array:
+def _calibration(case: AxisFit) -> Array:
     """One column per unknown of the thrust curves, each of one standard deviation."""
     kinds = [(mode.error, _root(mode.covariance)) for mode in _gains(case)]
     return case.of_commands(
@@ -300,7 +300,7 @@ def _calibration(case: Case) -> Array:
     )
 
 
-def _unweighed(case: Case, thrust: Array, error: Callable[[Array], Array]) -> Array:
+def _unweighed(case: AxisFit, thrust: Array, error: Callable[[Array], Array]) -> Array:
     """Rest of an error of the thrust, (n,) to (n, k), beside the gain that a known weight showed with it."""
     out, gain = error(thrust), case.weighing
     for sign in case.weighed:
@@ -308,7 +308,7 @@ def _unweighed(case: Case, thrust: Array, error: Callable[[Array], Array]) -> Ar
     return array(out)
 
 
-def _weighed_gain(case: Case) -> Array:
+def _weighed_gain(case: AxisFit) -> Array:
     """Standard deviations of the gain, the same both ways and different each way: two columns."""
     y, gain = case.record.thrust.y, case.weighing
     known = np.isin(np.sign(y), case.weighed)
@@ -321,20 +321,20 @@ def _root(covariance: Array) -> Array:
     return array(vectors * np.sqrt(np.maximum(0.0, values)))
 
 
-def _idle(case: Case) -> float:
+def _idle(case: AxisFit) -> float:
     """Root of the sum of squares of what the thrusters put on the axis when they idle against each other [N, N m]."""
     effort = case.record.effort.y
     turning = effort[effort > 0.0]
     return math.sqrt(float(np.percentile(turning, IDLING))) if len(turning) else 0.0
 
 
-def _idle_differences(case: Case) -> Array:
+def _idle_differences(case: AxisFit) -> Array:
     """A constant force while thrusters turn; none while all of them rest, as in a coast of heave."""
     effort = case.record.effort
     return case.of_commands(array(_idle(case) * (effort.y > 0.0)[:, None]), effort.t)
 
 
-def _inflow(case: Case) -> Array:
+def _inflow(case: AxisFit) -> Array:
     """Thrust lost to water that already moves along: T = T_nn n|n| - T_nu |n| u, Fossen 2011 eq. 9.8.
 
     A unit loses all of 10 N at 0.5 m/s along the thruster; a vehicle without thrusters, of its largest thrust.
@@ -346,7 +346,7 @@ def _inflow(case: Case) -> Array:
     return case.of_force(array(-math.sqrt(reference_N) * case.inflow * case.v / INFLOW_mps))
 
 
-def _coasts(case: Case) -> bool:
+def _coasts(case: AxisFit) -> bool:
     """Whether the thrust was taken away at speed, and for a while: beside plateaus, that separates inflow from drag."""
     idle = np.abs(case.thrust) < EDGE * case.pull
     fast = np.abs(case.v) > COASTS_FROM * case.speed
@@ -356,22 +356,22 @@ def _coasts(case: Case) -> bool:
     return bool(np.any(idle[begins] & np.logical_or.reduceat(fast, begins) & (lasts_s > COAST_S)))
 
 
-def _drift(case: Case) -> Array:
+def _drift(case: AxisFit) -> Array:
     """Thrust that falls evenly from the start of a run, by all in 15 min; pooled records each restart."""
     t = case.fit.problem.grid.times_s
     begins = np.where(np.diff(t, prepend=t[:1]) > BETWEEN_RUNS_S, t, 0.0)
     return case.of_force(array(-case.thrust * (t - np.maximum.accumulate(begins)) / SAG_S))
 
 
-def _load(case: Case) -> Array:
+def _load(case: AxisFit) -> Array:
     return case.of_force(_unweighed(case, case.thrust, lambda T: -(T * np.abs(T))[:, None] / max(1e-9, case.pull)))
 
 
-def _lag(case: Case) -> Array:
+def _lag(case: AxisFit) -> Array:
     return lag_impulse(case.record, case.fit.problem.grid)
 
 
-def _dead_band(case: Case) -> Array:
+def _dead_band(case: AxisFit) -> Array:
     """Thrust reduced by a force of the size of the sigma, and lost below it: two columns of one deviation."""
     command, band = case.record.thrust.y, max(1e-9, case.thrust_doubt * case.pull)
     return case.of_commands(
@@ -379,14 +379,14 @@ def _dead_band(case: Case) -> Array:
     )
 
 
-def _thrust_exponent(case: Case) -> Array:
+def _thrust_exponent(case: AxisFit) -> Array:
     """Change of the thrust per unit of its exponent over that recorded, the same at the largest."""
     y, pull = case.record.thrust.y, max(1e-9, case.pull)
     x = np.abs(y) / pull
     return case.of_commands((pull * np.sign(y) * x * np.log(np.maximum(x, 1e-9)))[:, None])
 
 
-def _edges(case: Case) -> Array:
+def _edges(case: AxisFit) -> Array:
     edge = max(1e-9, EDGE * case.pull)
     return case.of_commands(
         _unweighed(case, case.record.thrust.y, lambda y: -case.pull * np.clip(y / edge, -1.0, 1.0)[:, None])
@@ -396,19 +396,19 @@ def _edges(case: Case) -> Array:
 # ---- water
 
 
-def _memory(case: Case) -> Array:
+def _memory(case: AxisFit) -> Array:
     """Flow that follows late: a share of the drag, and one of the mass (Cummins' convolution, one exponential)."""
     late = case.delayed(MEMORY_S)
     of_drag, of_mass = case.drag(case.v) - case.drag(late), -case.mass * (case.v - late) / MEMORY_S
     return case.of_force(np.stack([of_mass, of_drag], axis=1))
 
 
-def _wake(case: Case) -> Array:
+def _wake(case: AxisFit) -> Array:
     behind = case.delayed(WAKE_S)
     return case.of_force(array(case.slope() * behind * (behind * case.v < 0.0)))
 
 
-def _asymmetry_sigma(case: Case) -> float:
+def _asymmetry_sigma(case: AxisFit) -> float:
     """A hull is alike to port and starboard, so only ahead and astern differ, and in pitch what bow and top share.
 
     Where only the record gives the thrust, it may be weaker in one direction of any axis.
@@ -418,18 +418,18 @@ def _asymmetry_sigma(case: Case) -> float:
     return 0.05 if case.axis == SURGE or case.thrust_doubt > 0.0 else 0.0125
 
 
-def _asymmetry(case: Case, v: Array) -> Array:
+def _asymmetry(case: AxisFit, v: Array) -> Array:
     """Quadratic drag greater ahead and smaller astern, in shares of that at the highest speed: (n, 1) [N, N m]."""
     return array(case.top_drag * (v[:, None] / max(1e-9, case.speed)) ** 2)
 
 
-def _exponent(case: Case, v: Array) -> Array:
+def _exponent(case: AxisFit, v: Array) -> Array:
     """Change of the drag per unit of its exponent: (n, 1) [N, N m]."""
     x = np.abs(v) / max(1e-9, case.speed)
     return array((case.top_drag * np.sign(v) * x * x * np.log(np.maximum(x, 1e-9)))[:, None])
 
 
-def _tether(case: Case) -> Array:
+def _tether(case: AxisFit) -> Array:
     """Pull that grows with the distance; in yaw, at the stern and always from one side: its moment turns with heading.
 
     One unknown in each direction.
@@ -440,23 +440,23 @@ def _tether(case: Case) -> Array:
     return case.of_force(-np.stack([np.sin(heading), np.cos(heading)], axis=1))
 
 
-def _longer_tether(case: Case) -> Array:
+def _longer_tether(case: AxisFit) -> Array:
     """Change of the drag of a tether from the middle of the way to its end: it grows with its length."""
     return case.of_force(-_braking(case) * case.position)
 
 
-def _braking(case: Case) -> Array:
+def _braking(case: AxisFit) -> Array:
     """Against the motion, with speed squared, 1 at the highest: (n,) [-]."""
     x = case.v / max(1e-9, case.speed)
     return array(np.abs(x) * x)
 
 
-def _friction(case: Case) -> Array:
+def _friction(case: AxisFit) -> Array:
     """A rope that drags over the floor or an edge: against the motion, and the same at every speed."""
     return case.of_force(-np.tanh(case.v / max(1e-9, STUCK * case.speed)))
 
 
-def _seiche(case: Case) -> Array:
+def _seiche(case: AxisFit) -> Array:
     """Standing wave along the pool: water that moves, and takes the vehicle along as it accelerates (Froude-Krylov)."""
     pool = case.vehicle.pool
     rate = math.pi * math.sqrt(GRAVITY_mps2 * pool.depth_m) / pool.length_m
@@ -467,7 +467,7 @@ def _seiche(case: Case) -> Array:
     return case.of_force(np.stack(parts, axis=1))
 
 
-def _coriolis(case: Case) -> Array:
+def _coriolis(case: AxisFit) -> Array:
     grid = case.fit.problem.grid
     totals = [LaggedThrust(error.t, error.y, 0.0).impulse(grid.times_s) for error in case.record.coriolis_errors]
     return per_step(np.stack(totals, axis=1), grid.starts)
@@ -486,34 +486,34 @@ def tilt_sigma_rad(vehicle: Vehicle, tuning: Tuning) -> float:
     return tuning.tilt_sigma_rad if known else tuning.raw_tilt_sigma_rad
 
 
-def _tilts(case: Case) -> bool:
+def _tilts(case: AxisFit) -> bool:
     return case.fit.model.restores or case.axis in HORIZONTAL
 
 
-def _tilt(case: Case) -> Array:
+def _tilt(case: AxisFit) -> Array:
     """Force or moment per radian of wrong roll or pitch; level by a tilted sensor, net buoyancy pushes along."""
     if case.fit.model.restores:
         return case.of_force(array(case.fit.theta[-2] * np.cos(case.fit.linear.path.s)))
     return case.of_force(np.full(len(case.v), case.vehicle.net_buoyancy_N))
 
 
-def _velocity_gain(case: Case) -> Array:
+def _velocity_gain(case: AxisFit) -> Array:
     """Every measured velocity, and every distance, larger by its share."""
     problem, path = case.fit.problem, case.fit.linear.path
     return np.stack([path.v, path.s], axis=1)[problem.index, problem.channel][:, None]
 
 
-def _of_ranges(sigma: float) -> Callable[[Case], float]:
+def _of_ranges(sigma: float) -> Callable[[AxisFit], float]:
     """Of a record of ranges to a wall alone."""
     return lambda case: sigma if case.record.ranged else 0.0
 
 
-def _sag(assumed: float) -> Callable[[Case], float]:
+def _sag(assumed: float) -> Callable[[AxisFit], float]:
     """Of the assumed supply voltage; of a measured one, what its rounding to 0.1 V leaves."""
     return lambda case: MEASURED_SAG if case.record.supply_measured else assumed
 
 
-def _always(sigma: float) -> Callable[[Case], float]:
+def _always(sigma: float) -> Callable[[AxisFit], float]:
     return lambda _case: sigma
 
 
@@ -679,7 +679,7 @@ INFLUENCES: tuple[Influence, ...] = (
 )  # fmt: skip
 
 
-def acting(case: Case, rows: Sequence[Influence] = INFLUENCES) -> list[tuple[Influence, float]]:
+def acting(case: AxisFit, rows: Sequence[Influence] = INFLUENCES) -> list[tuple[Influence, float]]:
     """Rows that can act on a case, with their prior standard deviations in their units."""
     known = [(row, row.sigma(case)) for row in rows]
     return [(row, sigma) for row, sigma in known if sigma > 0.0 and math.isfinite(sigma)]

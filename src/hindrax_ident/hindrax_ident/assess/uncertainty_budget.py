@@ -33,7 +33,7 @@ import numpy as np
 
 from hindrax_core.text.digits import measured
 from hindrax_ident.arrays import Array, Flags, array
-from hindrax_ident.assess.influences import GAIN, HEAVE, INFLUENCES, MODEL, NEAR, RUN, Case, Influence, acting
+from hindrax_ident.assess.influences import GAIN, HEAVE, INFLUENCES, MODEL, NEAR, RUN, AxisFit, Influence, acting
 from hindrax_ident.assess.objections import Code, Objection, objection
 from hindrax_ident.assess.posterior import LOSSLESS, Draws, Explanations, drawn
 from hindrax_ident.assess.results import Contribution
@@ -72,7 +72,7 @@ class Budget:
     `likelihood`: what the residuals show of the influences that they may judge, and the prior; `whole`: of all.
     """
 
-    case: Case
+    case: AxisFit
     rows: tuple[BudgetRow, ...]
     shifts: Array
     mean: Array
@@ -255,7 +255,7 @@ class Budget:
         return array(chosen @ moment @ chosen.T)
 
 
-def budget_of(case: Case, influences: Sequence[Influence] = INFLUENCES) -> Budget:
+def budget_of(case: AxisFit, influences: Sequence[Influence] = INFLUENCES) -> Budget:
     """Budget of a single case: every row's effect, and the joint estimate of all rows from the residuals.
 
     What may not be judged by the residuals, because another cause would leave the same (considered and not shown), has
@@ -424,7 +424,7 @@ def _given(variance: Array, root: Array) -> tuple[Array, Array]:
     return array(covariance), array(np.linalg.slogdet(learned)[1])
 
 
-def _weighed(case: Case, shifts: Array) -> tuple[Array, Array]:
+def _weighed(case: AxisFit, shifts: Array) -> tuple[Array, Array]:
     """Information (m, m) and gradient (m,) of a weighed net buoyancy: heave then shows the gain of the thrust.
 
     The fit gives net buoyancy in units of a thrust that is scaled wrongly. Its difference to the weighed one is one
