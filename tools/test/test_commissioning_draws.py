@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_control.commissioning.findings import MEASURED, PROVEN
-from hindrax_sim.conditions.world_table import POOL
-from hindrax_sim.faults.fault_registry import FaultSpec
+from hindrax_control.commissioning.findings import MEASURED, PROVEN, mended
+from hindrax_sim.conditions.world_table import IDEAL, POOL
+from hindrax_sim.faults.fault_registry import FaultSpec, as_built
 from hindrax_sim.flights.commissioning_flight import fly_commissioning
 from hindrax_tools.commissioning_draws import (
     ALWAYS_S,
@@ -46,6 +46,18 @@ def test_the_fault_is_named(vehicle: str, faults: tuple[str, ...], seed: int) ->
     judged = judge(Draw(vehicle, "any", tuple(map(spec, faults)), seed))
     assert judged.named, judged.said
     assert judged.tilt_deg < MOST_TILT_deg
+
+
+def test_wider_dead_bands_and_a_supply_that_sags_are_found_and_mended() -> None:
+    hindrax = vehicle_of("hindrax")
+    battery = replace(hindrax.sensors["ms5837"], device="ina226", address=0x44)
+    vehicle = replace(hindrax, supply_ohm=0.05, sensors={**hindrax.sensors, "ina226": battery})
+    built = as_built(vehicle, [spec("dead_bands_wider:curves"), spec("supply_sags:supply")])
+    findings = fly_commissioning(vehicle, 1, IDEAL, built=built).findings
+    assert {row.claim for row in findings.wrong} == {"dead band of main", "supply sag under load"}
+    repaired = mended(vehicle, findings.mends)
+    assert repaired.curves["main"].dead_band_us == pytest.approx(45.0, abs=4.5)
+    assert repaired.supply_ohm == pytest.approx(0.2, abs=0.02)
 
 
 def test_nothing_is_found_where_nothing_is_wrong_and_every_sensor_of_a_kind_is_judged() -> None:

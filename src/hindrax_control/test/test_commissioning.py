@@ -9,7 +9,8 @@ import pytest
 
 from hindrax_control.allocation.effectiveness import effectiveness
 from hindrax_control.commissioning.commissioning import Commissioning
-from hindrax_control.commissioning.findings import OPEN, PROVEN, WRONG, Finding, Findings, Mend, mended
+from hindrax_control.commissioning.dead_bands import YAW, DeadBandLadder, QUARTER_s
+from hindrax_control.commissioning.findings import MEASURED, OPEN, PROVEN, WRONG, Finding, Findings, Mend, mended
 from hindrax_control.commissioning.hypotheses import RIGHT_TURNS, Wiring, angles_deg, explain, turn_of
 from hindrax_control.commissioning.picture import BAD, svg
 from hindrax_control.commissioning.probes import body_pulses, probe_N, single_pulses
@@ -21,7 +22,7 @@ from hindrax_control.pilot import Pilot
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import Stamped, stamp_from_s
 from hindrax_core.hydrostatics import GRAVITY_mps2
-from hindrax_core.readings import BottomVelocity, Echo, Pressure, Reading
+from hindrax_core.readings import Battery, BottomVelocity, Echo, Pressure, Reading
 from hindrax_core.sensor_table import Capability
 from hindrax_core.signals import Navigation
 from hindrax_core.text.refusals import Reason, found
@@ -123,7 +124,10 @@ def test_what_tilted_the_vehicle_is_tried_once_more_at_half_the_lean() -> None:
 def test_motions_that_left_a_sensor_open_are_flown_once_more() -> None:
     work = as_claimed(HINDRAX)
     assert work.next_pulses(stamp_from_s(91.0)) == body_pulses(HINDRAX, effectiveness(HINDRAX)), "nothing was turned"
-    assert work.next_pulses(stamp_from_s(120.0)) is None
+    rung = work.next_pulses(stamp_from_s(120.0))
+    assert rung is not None
+    assert len(rung) == 3, "the dead bands come last"
+    assert work.next_pulses(stamp_from_s(130.0)) is None, "nothing was turned"
     ended, swapped = as_claimed(HINDRAX), as_claimed(HINDRAX)
     ended.ended = "stopped"
     swapped.wirings = (replace(swapped.wirings[0], sign=-1), *swapped.wirings[1:])
@@ -285,6 +289,17 @@ def test_the_picture_shows_what_is_wrong(vehicle: Vehicle) -> None:
     assert all(one.name in bad for one in vehicle.thrusters)
 
 
+def test_the_picture_states_dead_bands_and_supply() -> None:
+    rows = (
+        Finding("dead band of main", WRONG, "25 us", "they stand at 41 us, run at 45 us"),
+        Finding("supply sag under load", PROVEN, "50 mohm", "51 mohm"),
+    )
+    picture = svg(HINDRAX, Findings(rows))
+    assert "dead band of main: claimed 25 us, they stand at 41 us, run at 45 us" in picture
+    assert "supply sag under load: claimed 50 mohm, 51 mohm" in picture
+    assert picture.count(BAD) == svg(HINDRAX, Findings(rows[1:])).count(BAD) + 1
+
+
 def test_the_record_holds_for_its_geometry_only() -> None:
     assert unproven(HINDRAX) == "never commissioned"
     proven = replace(HINDRAX, commissioned=Commissioned(geometry_hash(HINDRAX), "2026-11-25"))
@@ -327,3 +342,138 @@ def test_a_second_depth_is_judged_by_its_own_readings() -> None:
     work.rest(stamp_from_s(0.0), stamp_from_s(2.0))
     verdicts = {row.claim: row.verdict for row in work.finalize().rows}
     assert (verdicts[f"{first} zero"], verdicts["second zero"], verdicts["silent depth"]) == (PROVEN, WRONG, OPEN)
+
+
+def climbed(vehicle: Vehicle, true_us: float, sigma: float = 0.05) -> tuple[list[float], list[Finding]]:
+    """Distances from the stop that were asked for, and what is found, where thrusters run from `true_us` on."""
+    ladder, asked = DeadBandLadder(vehicle, effectiveness(vehicle)), []
+    seen = [0.0]
+    while (pulses := ladder.climb(lambda: (seen[0], sigma))) is not None:
+        require_flyable(Goal((), pulses=pulses), vehicle)
+        assert ladder._asked is not None
+        asked.append(ladder._asked.next_us or 0.0)
+        seen[0] = 1.0 if asked[-1] >= true_us else 0.0
+    return asked, list(ladder.findings())
+
+
+@by_vehicle
+def test_thrusters_that_run_just_beyond_their_dead_band_are_asked_once(vehicle: Vehicle) -> None:
+    asked, (finding,) = climbed(vehicle, 0.0)
+    assert len(asked) == 1
+    close = asked[0] <= finding_us(finding.claimed) + 8.0
+    assert finding.verdict == (PROVEN if close else MEASURED), "a small vehicle turns too little"
+    assert finding.mends == ()
+
+
+def finding_us(text: str) -> float:
+    return float(text.partition(" ")[0])
+
+
+@pytest.mark.parametrize("true_us", [34.0, 45.0, 60.0, 70.0])
+def test_a_wider_dead_band_is_found_to_four_microseconds_and_mended(true_us: float) -> None:
+    asked, (finding,) = climbed(HINDRAX, true_us)
+    assert finding.verdict == WRONG
+    (mend,) = finding.mends
+    assert mend.keys == ("curves", "main", "dead_band_us")
+    assert true_us <= mended(HINDRAX, (mend,)).curves["main"].dead_band_us <= true_us + 4.5
+    assert len(asked) < 12
+
+
+def test_a_dead_band_beyond_what_is_harmless_is_wrong_without_a_line() -> None:
+    asked, (finding,) = climbed(HINDRAX, 500.0)
+    assert (finding.verdict, finding.mends) == (WRONG, ())
+    assert finding.found == f"they stand at {asked[-1]:.0f} us from the stop"
+
+
+def test_a_wider_dead_band_of_a_table_has_no_line_that_mends_it() -> None:
+    (heavy,) = [one for one in EVERY if one.name == "bluerov2-heavy"]
+    _, (finding,) = climbed(heavy, 50.0)
+    assert finding.verdict == WRONG
+    assert finding.mends == ()
+    assert "measure the curve again" in finding.remedy
+
+
+@pytest.mark.parametrize("sigma", [math.nan, 0.4])
+def test_water_that_turns_the_vehicle_shows_no_dead_band(sigma: float) -> None:
+    asked, (finding,) = climbed(HINDRAX, 0.0, sigma)
+    assert len(asked) == 1
+    assert (finding.verdict, finding.mends) == (MEASURED, ())
+
+
+def test_dead_bands_are_asked_for_by_a_turn_and_nothing_else() -> None:
+    B = effectiveness(HINDRAX)
+    pulses = DeadBandLadder(HINDRAX, B).climb(lambda: (math.nan, math.nan))
+    assert pulses is not None
+    assert [one.seconds for one in pulses] == [QUARTER_s, 2.0 * QUARTER_s, QUARTER_s]
+    for pulse in pulses:
+        wrench = B @ np.array(pulse.forces_N)
+        assert np.allclose(np.delete(wrench, YAW)[[0, 1, 2]], 0.0, atol=1e-9)
+        assert abs(wrench[YAW]) > 0.5
+
+
+def test_that_no_thruster_pushes_may_be_the_dead_bands() -> None:
+    work = as_claimed(HINDRAX)
+    work.wirings = tuple(Wiring(None, 1, 0.0, likelihood=1.0) for _ in HINDRAX.thrusters)
+    assert all("dead bands" in row.remedy for row in work._thruster_claims() if row.verdict == WRONG)
+    work.wirings = (work.wirings[0], *as_claimed(HINDRAX).wirings[1:])
+    assert "dead bands" not in work._thruster_claims()[0].remedy
+
+
+@pytest.mark.parametrize(
+    ("declared_ohm", "true_ohm", "verdict", "mends"),
+    [
+        (None, 0.05, MEASURED, 0),
+        (0.05, 0.05, PROVEN, 0),
+        (0.05, 0.02, PROVEN, 0),
+        (0.05, 0.06, PROVEN, 0),
+        (0.05, 0.15, WRONG, 1),
+        (0.0, 0.05, WRONG, 1),
+    ],
+)
+def test_a_supply_that_sags_more_than_declared_is_found(
+    declared_ohm: float | None, true_ohm: float, verdict: str, mends: int
+) -> None:
+    battery = replace(HINDRAX.sensors["ms5837"], device="ina226", address=0x44)
+    vehicle = replace(HINDRAX, supply_ohm=declared_ohm, sensors={**HINDRAX.sensors, "ina226": battery})
+    rng = np.random.default_rng(3)
+    work = Commissioning(vehicle)
+    for at in range(300):
+        current_A = 2.5 * (at > 30 and at % 10 > 6)
+        voltage_V = 15.0 - true_ohm * current_A + 0.003 * rng.normal()
+        work.on_reading("ina226", Stamped(stamp_from_s(0.1 * at), Battery(voltage_V, current_A)))
+    work.rest(stamp_from_s(0.0), stamp_from_s(3.0))
+    (row,) = [one for one in work.finalize().rows if one.claim == "supply sag under load"]
+    assert (row.verdict, len(row.mends)) == (verdict, mends)
+    assert f"{1e3 * true_ohm:.0f}" == row.found.partition(" ")[0] or abs(finding_us(row.found) - 1e3 * true_ohm) < 2.0
+    if row.mends:
+        assert row.mends[0].line.startswith("supply_ohm: 0.")
+        assert mended(vehicle, row.mends).supply_ohm == pytest.approx(true_ohm, abs=0.002)
+
+
+def test_a_battery_sensor_without_current_shows_no_sag() -> None:
+    battery = replace(HINDRAX.sensors["ms5837"], device="ads1115", address=0x48)
+    vehicle = replace(HINDRAX, supply_ohm=0.05, sensors={**HINDRAX.sensors, "ads1115": battery})
+    work = Commissioning(vehicle)
+    for at in range(100):
+        work.on_reading("ads1115", Stamped(stamp_from_s(0.1 * at), Battery(15.0, math.nan)))
+    work.rest(stamp_from_s(0.0), stamp_from_s(3.0))
+    (row,) = [one for one in work.finalize().rows if one.claim == "supply sag under load"]
+    assert (row.verdict, row.mends) == (MEASURED, ())
+
+
+def test_no_sensor_is_called_wrong_where_the_dead_bands_are() -> None:
+    (source,) = HINDRAX.measuring("depth")
+    work, water = as_claimed(HINDRAX), HINDRAX.water
+    for at in range(20):
+        pressure_Pa = water.surface_pressure_Pa + 1.2 * water.density_kgpm3 * GRAVITY_mps2
+        work.on_reading(source, Stamped(stamp_from_s(0.1 * at), Pressure(pressure_Pa, 20.0)))
+    work.rest(stamp_from_s(0.0), stamp_from_s(2.0))
+    assert {row.claim: row.verdict for row in work.finalize().rows}[f"{source} zero"] == WRONG
+    work._ladder = DeadBandLadder(HINDRAX, effectiveness(HINDRAX))
+    share = iter([0.0, 0.0, 1.0, 1.0])
+    while work._ladder.climb(lambda: (next(share), 0.05)) is not None:
+        pass
+    rows = {row.claim: row for row in work.finalize().rows}
+    assert rows["dead band of main"].verdict == WRONG
+    assert (rows[f"{source} zero"].verdict, rows[f"{source} zero"].mends) == (OPEN, ())
+    assert "dead bands first" in rows[f"{source} zero"].remedy

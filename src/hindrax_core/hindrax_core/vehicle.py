@@ -288,6 +288,9 @@ class Vehicle:
     supply_V: float = knob(
         USUAL_V, 5.0, 60.0, "supply without a battery sensor; in a file the default is the voltage of its curves [V]"
     )
+    supply_ohm: float | None = knob(
+        None, 0.0, 10.0, "resistance of battery, cables and plugs, by which the supply sags under load [ohm]"
+    )
     projected_areas_m2: Vec3 | None = knob(None, meaning="seen along x, y, z; for estimates from geometry [m^2]")
     water: Water = field(default_factory=Water)
     pool: Pool = field(default_factory=Pool)

@@ -215,6 +215,15 @@ def test_the_battery_sags_evenly() -> None:
 # ---- water
 
 
+def test_what_a_file_declares_of_its_supply_is_the_truth_of_its_mock_in_every_pool() -> None:
+    for sizes in ({}, {"supply_resistance": 0.03}):
+        world = World(replace(VEHICLE, supply_ohm=0.2), 1, Conditions(sizes=sizes))
+        world.drive([1600.0] * len(VEHICLE.thrusters))
+        world.advance(stamp_from_s(3.0))
+        assert VEHICLE.supply_V - world.supply_V == pytest.approx(0.2 * world.supply_A, rel=0.02)
+        assert world.supply_A > 1.0
+
+
 def test_the_tether_pulls_home_and_brakes_more_the_farther_it_is_out() -> None:
     pulling, dragged = made(tether=1.0), made(tether_drag=2.0)
     for x_m, share in ((0.0, 1.0), (2.5, 1.5)):

@@ -13,12 +13,14 @@ they see the floor. Where gravity is wrong nothing is armed: the attitude is fal
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
 
 from hindrax_control.allocation.effectiveness import Matrix, effectiveness
 from hindrax_control.commissioning import sensor_claims
+from hindrax_control.commissioning.dead_bands import YAW, DeadBandLadder
 from hindrax_control.commissioning.findings import MEASURED, OPEN, PROVEN, WRONG, Finding, Findings, Mend
 from hindrax_control.commissioning.hypotheses import RIGHT_TURNS, TURNED, Wiring, explain, turn_of
 from hindrax_control.commissioning.probes import body_pulses, single_pulses
@@ -51,6 +53,8 @@ SURE = 0.9
 """Likelihood from which on a wiring is told as found."""
 BROKEN_s = 0.5
 """Rest of a thruster within its pulses beyond which they are two attempts."""
+LEAST_BUSY = 5
+"""Samples of forces without which pulses were not flown."""
 SUNK_m = 0.2
 """Deeper than at rest by this, it climbs instead of diving."""
 
@@ -67,6 +71,9 @@ class Commissioning:
         self._round = 0
         self._gentle = self._singles_again = self._again = False
         self._begun_s = 0.0
+        self._ladder: DeadBandLadder | None = None
+        self._ladder_s = self._rung_s = np.inf
+        """When the dead bands were begun with, and the last pulses for them."""
         self.turn: Matrix = np.eye(3)
         """Correction of the inertial sensor: body as it is from body as its mount says."""
         self.wirings: tuple[Wiring, ...] = ()
@@ -103,7 +110,29 @@ class Commissioning:
         if not (self.ended or self._again) and self._as_claimed and self._left_open:
             self._again = True
             return self._body_pulses(now, math.inf if self._gentle else self._listing_rad())
-        return None
+        return None if self.ended or not self._as_claimed else self._dead_band_pulses(now)
+
+    def _dead_band_pulses(self, now: Stamp) -> tuple[Pulse, ...] | None:
+        """Pulses for the dead bands, after everything else: the bodies' motions judge the sensors without them."""
+        if self._ladder is None:
+            self._ladder, self._ladder_s = DeadBandLadder(self.vehicle, self.found), to_s(now)
+        pulses = self._ladder.climb(self._share_turned)
+        self._rung_s = to_s(now)
+        return pulses
+
+    def _share_turned(self) -> tuple[float, float]:
+        """Turn of the last pulses, as a share of what they should have turned, and its deviation; NaN unknown."""
+        at_s, rows = self.recording.forces.between(self._rung_s, np.inf)
+        busy = at_s[(np.abs(rows) > QUIET_N).any(axis=1)] if len(rows) else np.zeros(0)
+        if len(busy) < LEAST_BUSY:
+            return np.nan, np.nan
+        window = Window(busy[0] - BEFORE_s, busy[-1] + AFTER_s)
+        view, times_s = MotionView(self.recording, window, self._offset()), grid(window)
+        if not view.known:
+            return np.nan, np.nan
+        wrench = lagged(times_s, self.recording.forces, window, self._lag_s) @ self.found.T
+        answer = self._answer(self.turn, view, (times_s, self._prior.respond(times_s, wrench)))
+        return float(answer.wrench[YAW]), float(answer.sigma[YAW])
 
     def gentler(self, now: Stamp, aborted: Refusal) -> tuple[Pulse, ...] | None:
         """Pulses once more, more gently, where the vehicle tilted too far; None where that is no help.
@@ -176,7 +205,10 @@ class Commissioning:
         if self._round and self.upright and not self.wirings:
             self._judge_thrusters()
         rows = [*self._inertial_claims(), *self._thruster_claims()]
-        rows += sensor_claims.claims(self._evidence())
+        bands = tuple(self._ladder.findings()) if self._ladder is not None else ()
+        first = any(row.verdict == WRONG for row in bands)
+        rows += [_doubted(row) if first else row for row in sensor_claims.claims(self._evidence())]
+        rows += bands
         names = [one.name for one in self.vehicle.thrusters]
         wrenches = {names[at]: tuple(map(float, one.wrench)) for at, one in self.answers.items()}
         return Findings(tuple(rows), self.ended, wrenches)
@@ -263,7 +295,7 @@ class Commissioning:
 
     def _body_windows(self) -> list[Window]:
         """Windows in which more than one thruster ran, each from rest to rest."""
-        at_s, rows = self.recording.forces.between(self._begun_s, np.inf)
+        at_s, rows = self.recording.forces.between(self._begun_s, self._ladder_s)
         alone = self._windows()
         since = max((window.end_s for _, window in alone), default=self._begun_s) - AFTER_s + 0.1
         busy = at_s[(np.abs(rows) > QUIET_N).any(axis=1) & (at_s > since)] if len(rows) else np.zeros(0)
@@ -332,6 +364,8 @@ class Commissioning:
             return Finding(mine.name, OPEN, claimed, "was not pulsed")
         if wiring.drives is None:
             remedy = "look for a loose cable, a blocked propeller, a controller without power"
+            if all(one.drives is None for one in self.wirings):
+                remedy += "; or the dead bands are wider than these pulses: none of them pushes"
             return Finding(mine.name, WRONG, claimed, "does not push", wiring.likelihood, remedy)
         if wiring.likelihood < SURE:
             return Finding(mine.name, OPEN, claimed, "its pulses explain nothing surely", wiring.likelihood)
@@ -350,3 +384,10 @@ class Commissioning:
         if reversed_now is not other.reversed:
             mends.append(Mend(("thrusters", other.name, "reversed"), reversed_now))
         return Finding(mine.name, WRONG, claimed, f"{what}, {share}", wiring.likelihood, mends=tuple(mends))
+
+
+def _doubted(row: Finding) -> Finding:
+    """A claim of a sensor where dead bands are wider than the file says: what moved it was not what was asked for."""
+    if row.verdict != WRONG:
+        return row
+    return replace(row, verdict=OPEN, mends=(), remedy="mend the dead bands first, and commission again")

@@ -85,7 +85,8 @@ def table(findings: Findings) -> list[tuple[str, str, str, str]]:
 def mended(vehicle: Vehicle, mends: Sequence[Mend]) -> Vehicle:
     """Return the vehicle with these values, as the file has them after `--write`."""
     for mend in mends:
-        kind, *name, key = mend.keys
+        *path, key = mend.keys
+        kind, *name = path or [""]
         change: dict[str, Any] = {key: tuple(mend.value) if isinstance(mend.value, list) else mend.value}
         if kind == "thrusters":
             thrusters = tuple(replace(one, **change) if one.name == name[0] else one for one in vehicle.thrusters)
@@ -93,6 +94,11 @@ def mended(vehicle: Vehicle, mends: Sequence[Mend]) -> Vehicle:
         elif kind == "sensors":
             mount = replace(vehicle.sensors[name[0]], **change)
             vehicle = replace(vehicle, sensors={**vehicle.sensors, name[0]: mount})
+        elif kind == "curves":
+            curve = replace(vehicle.curves[name[0]], **change)
+            vehicle = replace(vehicle, curves={**vehicle.curves, name[0]: curve})
+        elif not kind:
+            vehicle = replace(vehicle, **change)
         else:
             vehicle = replace(vehicle, water=replace(vehicle.water, **change))
     return vehicle

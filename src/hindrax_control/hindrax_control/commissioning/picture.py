@@ -4,7 +4,7 @@ import html
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from hindrax_control.commissioning.findings import OPEN, WRONG, Findings
+from hindrax_control.commissioning.findings import OPEN, PROVEN, WRONG, Findings
 from hindrax_core.vehicle import Thruster, Vehicle
 
 WIDTH, HEIGHT, SPAN_px = 900, 460, 300.0
@@ -12,6 +12,7 @@ CLAIMED, FOUND, BAD, NONE = "#9aa5b1", "#1f7a4d", "#c62828", "#b26a00"
 LEGEND = ((CLAIMED, "claimed"), (FOUND, "found as claimed"), (BAD, "found otherwise"), (NONE, "not shown"))
 ARROW_px = 62.0
 SHORTEST_px = 3.0
+MOST_LINES = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,11 +53,21 @@ def svg(vehicle: Vehicle, findings: Findings) -> str:
         for thruster in vehicle.thrusters:
             wrench = findings.wrenches.get(thruster.name)
             lines += _thruster(view, thruster, wrench, verdicts.get(thruster.name, OPEN))
+    lines += _quantities(findings)
     for at, (color, words) in enumerate(LEGEND):
         x = 40 + 190 * at
         lines.append(f'<rect x="{x}" y="{HEIGHT - 28}" width="14" height="14" fill="{color}"/>')
         lines.append(f'<text x="{x + 20}" y="{HEIGHT - 16}" font-size="13">{words}</text>')
     return "\n".join([*lines, "</svg>"])
+
+
+def _quantities(findings: Findings) -> Iterator[str]:
+    """Lines of what has no place on the vehicle: dead bands and supply, claimed and found."""
+    rows = [row for row in findings.rows if row.claim.startswith(("dead band", "supply"))]
+    for at, row in enumerate(rows[:MOST_LINES]):
+        color = BAD if row.verdict == WRONG else FOUND if row.verdict == PROVEN else CLAIMED
+        text = html.escape(f"{row.claim}: claimed {row.claimed}, {row.found}")
+        yield f'<text x="40" y="{HEIGHT - 44 - 16 * at}" font-size="12" fill="{color}">{text}</text>'
 
 
 def _hull(vehicle: Vehicle, view: View) -> Iterator[str]:

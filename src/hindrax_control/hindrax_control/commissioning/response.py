@@ -179,4 +179,4 @@ def _fit(signal: Matrix, shape: Matrix, *others: Matrix) -> tuple[float, float, 
     left = float(np.sum((signal - columns @ found) ** 2))
     normal = np.linalg.pinv(columns.T @ columns)
     noise = CORRELATED * left / max(1, len(signal) - columns.shape[1])
-    return float(found[0]), float(np.sqrt(noise * normal[0, 0])), left
+    return float(found[0]), float(np.sqrt(max(0.0, noise * normal[0, 0]))), left

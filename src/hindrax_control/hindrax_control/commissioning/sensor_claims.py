@@ -38,6 +38,10 @@ STEEPEST, FLATTEST = -1.6, -0.55
 UNMOVED = 0.5
 """Largest change of the floor below while the vehicle turns, moves and dives, as a part of that of the depth."""
 LEAST_TURN_rad = 0.15
+AT_WORK, LEAST_A, LEAST_AT_WORK = 0.6, 0.3, 5
+"""Share of the largest current from which on a sample is at work; the least current and samples that show a sag."""
+SAG_SHARE, LEAST_SAG_OHM, LARGEST_SIGMA_OHM = 0.3, 0.02, 0.05
+"""A supply may sag by so much more than its file says; beyond the last deviation nothing is shown."""
 FOLLOWS, ASTRAY = 0.6, 1.0
 """Part of the turning of the field that the gyroscope leaves: with this it follows, beyond that it turns elsewhere."""
 
@@ -388,3 +392,39 @@ def _supply(evidence: Evidence) -> Iterator[Finding]:
     yield Finding(
         "supply", MEASURED, claimed, f"{rest_V:.1f} V at rest, {rest_V - least_V:.2f} V less under load{with_A}"
     )
+    yield _sag(evidence.vehicle, *_resistance_ohm(rows[:, 0], rows[:, 1]))
+
+
+def _resistance_ohm(voltage_V: Matrix, current_A: Matrix) -> tuple[float, float]:
+    """Resistance by which the voltage (k,) falls with the current (k,), and its deviation [ohm]; NaN: not shown.
+
+    Between samples at rest and at work, by their medians: a sensor measures both one after the other, so that those at
+    the edges of a pulse belong to no load. Both noises are those of samples about their medians.
+    """
+    known = np.isfinite(voltage_V) & np.isfinite(current_A)
+    voltage_V, current_A = voltage_V[known], np.abs(current_A[known])
+    most_A = float(np.max(current_A, initial=0.0))
+    work, rest = current_A >= AT_WORK * most_A, current_A <= (1.0 - AT_WORK) * most_A
+    if most_A < LEAST_A or min(work.sum(), rest.sum()) < LEAST_AT_WORK:
+        return math.nan, math.nan
+    step_A = float(np.median(current_A[work]) - np.median(current_A[rest]))
+    fall_V = float(np.median(voltage_V[rest]) - np.median(voltage_V[work]))
+    # 1.2533 is the deviation of a median over that of a mean, of normal noise.
+    noises = (1.2533 * np.std(voltage_V[part]) / math.sqrt(part.sum()) for part in (rest, work))
+    return fall_V / step_A, math.hypot(*noises) / step_A
+
+
+def _sag(vehicle: Vehicle, found_ohm: float, sigma_ohm: float) -> Finding:
+    """Finding on the resistance of the supply: wrong where it sags more than its file says, beyond the noise."""
+    claim, declared_ohm = "supply sag under load", vehicle.supply_ohm
+    claimed = "none" if declared_ohm is None else f"{1e3 * declared_ohm:g} mohm"
+    if not sigma_ohm <= LARGEST_SIGMA_OHM:  # nor is NaN
+        return Finding(claim, MEASURED, claimed, "not shown: the sensor measures no current, or there was too little")
+    found = f"{1e3 * found_ohm:.0f} mohm, give or take {1e3 * sigma_ohm:.0f}"
+    if declared_ohm is None:
+        return Finding(claim, MEASURED, claimed, found)
+    if found_ohm - declared_ohm <= max(SAG_SHARE * declared_ohm, LEAST_SAG_OHM, 3.0 * sigma_ohm):
+        return Finding(claim, PROVEN, claimed, found)
+    remedy = "look at plugs, cables and the age of the battery; or declare it"
+    mends = (Mend(("supply_ohm",), round(found_ohm, 3)),)
+    return Finding(claim, WRONG, claimed, found, remedy=remedy, mends=mends)

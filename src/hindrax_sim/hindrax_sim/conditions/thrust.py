@@ -44,7 +44,7 @@ def dead_bands(world: Realization, size: float, draws: NormalDraws) -> None:
     """
     curves = (world.vehicle.curves[thruster.curve] for thruster in world.vehicle.thrusters)
     wider = [max(size * draws.normal(), -_narrowest_us(curve)) for curve in curves]
-    _change_curves(world, lambda index, curve: _later(curve, wider[index]))
+    _change_curves(world, lambda index, curve: with_later_start(curve, wider[index]))
 
 
 def _change_curves(world: Realization, change: Callable[[int, Curve], Curve]) -> None:
@@ -71,7 +71,8 @@ def _narrowest_us(curve: Curve) -> float:
     return 0.9 * min(min(curve.stop_us - below, above - curve.stop_us) for below, above in ends)
 
 
-def _later(curve: Curve, wider_us: float) -> Curve:
+def with_later_start(curve: Curve, wider_us: float) -> Curve:
+    """Return the curve with a dead band that is wider by this on both sides, and begins as much later [us]."""
     if curve.table is not None:
         narrowest_us = _narrowest_us(curve)
 

@@ -14,6 +14,7 @@ from hindrax_sim.physics.normal_draws import NormalDraws
 IDEAL, POOL = "ideal", "pool"
 FORM = "ideal, pool, or NAME[=SIZE],... such as tether=1,dvl_yaw=2; after pool, they replace drawn sizes"
 SIGNED, ONE_SIDED = "normal", "uniform"
+SUPPLY_RESISTANCE = "supply_resistance"
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +69,7 @@ _ROWS = (
     Condition("thruster_wash", "-", 0.05, thrust.thruster_wash, ONE_SIDED, 0.05, most=0.5),
     Condition("hull_wash", "-", 0.05, thrust.hull_wash, ONE_SIDED, 0.05, most=1.0),
     Condition("battery_sag", "-", 0.1, thrust.battery_sag, ONE_SIDED, 0.1, most=0.5),
-    Condition("supply_resistance", "ohm", 0.05, thrust.supply_resistance, ONE_SIDED, 0.05, most=1.0),
+    Condition(SUPPLY_RESISTANCE, "ohm", 0.05, thrust.supply_resistance, ONE_SIDED, 0.05, most=1.0),
     Condition("tether", "N", 1.0, water.tether, ONE_SIDED, 1.0, most=100.0),
     Condition("tether_drag", "N", 2.0, water.tether_drag, ONE_SIDED, 2.0, most=100.0),
     Condition("fluid_memory", "-", 0.2, water.fluid_memory, ONE_SIDED, 0.2, most=1.0),
@@ -128,6 +129,8 @@ def _named(text: str, world: str) -> tuple[str, float]:
 def realize(vehicle: Vehicle, sizes: Mapping[str, float], seed: int) -> Realization:
     """The world in which a vehicle has these conditions; the seed fixes the rest of what is random in them."""
     made = Realization(vehicle)
+    if vehicle.supply_ohm is not None:  # what a file declares is the truth of its mock, and not drawn
+        sizes = {**sizes, SUPPLY_RESISTANCE: vehicle.supply_ohm}
     for row in _ROWS:
         if sizes.get(row.name):
             row.add(made, sizes[row.name], NormalDraws(f"condition {row.name}", seed))

@@ -7,7 +7,9 @@ from typing import TypeAlias
 from hindrax_core.errors import UsageError
 from hindrax_core.readings import Vec3
 from hindrax_core.vehicle import Thruster, Vehicle
+from hindrax_sim.conditions.thrust import with_later_start
 
+WIDER_us, MORE_OHM = 20.0, 0.15
 BuildFault: TypeAlias = Callable[[Vehicle, str], Vehicle]
 """The true vehicle of one as its file describes it; the name is that of a thruster, a pair of them, or a sensor."""
 
@@ -39,6 +41,17 @@ def turned(angles_deg: Vec3) -> BuildFault:
         return replace(vehicle, sensors={**vehicle.sensors, target: replace(mount, rotation_deg=(roll, pitch, yaw))})
 
     return turn
+
+
+def dead_bands_wider(vehicle: Vehicle, _target: str) -> Vehicle:
+    """Every speed controller begins 20 us later than the curves of the file say."""
+    curves = {name: with_later_start(curve, WIDER_us) for name, curve in vehicle.curves.items()}
+    return replace(vehicle, curves=curves)
+
+
+def supply_sags(vehicle: Vehicle, _target: str) -> Vehicle:
+    """Battery, cables and plugs have 150 milliohm more than the file says."""
+    return replace(vehicle, supply_ohm=(vehicle.supply_ohm or 0.0) + MORE_OHM)
 
 
 def _with(vehicle: Vehicle, changed: dict[int, Thruster]) -> Vehicle:

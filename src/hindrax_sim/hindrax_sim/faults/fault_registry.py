@@ -155,6 +155,10 @@ KINDS = (
     FaultKind(
         "thrusters_swapped", "they have each other's cable", on_vehicle=build.thrusters_swapped, others=(EACH_PAIR,)
     ),
+    FaultKind(
+        "dead_bands_wider", "20 us wider than the file says", on_vehicle=build.dead_bands_wider, others=("curves",)
+    ),
+    FaultKind("supply_sags", "150 milliohm more than the file says", on_vehicle=build.supply_sags, others=("supply",)),
     *(
         FaultKind(
             f"turned_{axis}_{angle}",
