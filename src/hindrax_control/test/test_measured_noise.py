@@ -28,6 +28,10 @@ def test_lasting_noise_is_learned_in_a_dive_too(slope: float) -> None:
     assert next(sigma for sigma, known in course if known) > 0.01, "when it counts as known"
 
 
+def test_a_sensor_that_is_asked_twice_as_often_as_it_measures_has_its_own_noise() -> None:
+    assert learned([value for value in noisy(0.02, 400) for _ in range(2)]) == learned(noisy(0.02, 400))
+
+
 def test_a_quiet_sensor_has_what_is_claimed_for_it() -> None:
     assert learned(noisy(0.001, 200, 0.05)) == CLAIMED
 

@@ -93,6 +93,7 @@ class ArduSub(Companion):
         self._baro_clock.restart()
         self._last: dict[str, object] = {}
         self._first_Pa: list[float] = []
+        self._first_noise_Pa = 0.0
         self._looking: Stamp | None = None
         self._ready_since: Stamp | None = None
         self._field_at = self._leak_at = Stamp(0)
@@ -130,8 +131,8 @@ class ArduSub(Companion):
             return [Rejected(stamp, "pressure: range", b"")]
         if self._knobs.barometer is None and not self._seen(one.pressure_Pa, stamp):
             return []
-        if (noise_Pa := _noise(self._first_Pa)) > NOISY_Pa:
-            return self._no_depth(stamp, f"has a noise of {noise_Pa:.0f} Pa")
+        if self._first_noise_Pa > NOISY_Pa:
+            return self._no_depth(stamp, f"has a noise of {self._first_noise_Pa:.0f} Pa")
         return [Stamped(self._baro_clock.map(one.boot_ms, stamp), Pressure(one.pressure_Pa, one.temperature_C))]
 
     def _seen(self, pressure_Pa: float, stamp: Stamp) -> bool:
@@ -140,6 +141,9 @@ class ArduSub(Companion):
         looked = seconds_between(self._looking, stamp) > LOOK_S
         if not looked:
             self._first_Pa.append(pressure_Pa)
+        elif self._first_Pa:
+            self._first_noise_Pa = _noise(self._first_Pa)
+            self._first_Pa.clear()
         return looked
 
     def _no_depth(self, stamp: Stamp, why: str) -> list[Output]:
