@@ -1,12 +1,13 @@
 """A vehicle file flown by an autopilot at an address: what it measures, and nothing that is not on its line."""
 
 import atexit
+import math
 import shutil
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import yaml
 
@@ -15,8 +16,13 @@ from hindrax_core.events import after
 from hindrax_core.text.yaml_text import read_yaml
 from hindrax_core.vehicle import OF_OUTPUT, load_vehicle
 
+if TYPE_CHECKING:
+    from hindrax_drivers.devices.ardupilot.link import Link
+
 DEVICE = "ardusub"
 PATIENCE_S, TURN_S = 15.0, 0.05
+ALIGNED_S, LOOK_S = 60.0, 2.0
+"""Time from its start in which an estimator with a GPS or DVL has a velocity, and the look at one that is older."""
 NAMES = ("autopilot", "estimator")
 """Of sensors that the file does not name; not every autopilot has a rangefinder."""
 ADDRESSES = ("udpin:", "udpout:", "tcp:", "/dev/")
@@ -28,56 +34,107 @@ def is_address(text: str) -> bool:
     return text.startswith(ADDRESSES)
 
 
+def require_address(address: str) -> None:
+    """UsageError for what is no address of an autopilot."""
+    if not is_address(address):
+        wanted = "udpin:0.0.0.0:14550, udpout:192.168.2.2:14550, tcp:127.0.0.1:5760 or /dev/ttyACM0"
+        raise UsageError(f"--autopilot: found {address!r}, wanted an address such as {wanted}")
+
+
 def asked_parameters(address: str, wanted: Sequence[str]) -> dict[str, float]:
     """Those parameters that the ArduSub at an address has, asked by name; nothing is written, nothing moves.
 
     HindraxError where none answers, and without the drivers, as in the wheel; DeviceError where the address cannot be
     opened.
     """
+    link = _link(address, wanted, {})
+    for _ in _listened(address, link, PATIENCE_S):
+        if link.system and not link.asking:
+            return link.parameters
+    raise _no_answer(address, link)
+
+
+def has_velocity(address: str, say: Callable[[str], None] = lambda _: None) -> bool:
+    """Whether the estimator of the ArduSub at an address claims a velocity, by a DVL or a GPS of the autopilot's own.
+
+    One that started within the last minute aligns first: it is waited for. Errors as those of `asked_parameters`.
+    """
+    _link(address, (), {})
+    from hindrax_drivers.devices.ardusub_ekf import STATUS_Hz, claims_velocity  # noqa: PLC0415  # as in `_link`
+    from hindrax_drivers.protocols.ardupilot import ATTITUDE, EKF_STATUS, Attitude, EstimatorStatus  # noqa: PLC0415
+
+    link = _link(address, (), {EKF_STATUS: STATUS_Hz, ATTITUDE: STATUS_Hz})
+    claims: list[bool] = []
+    told, up_s = False, math.inf
+    for message in _listened(address, link, ALIGNED_S + PATIENCE_S):
+        if isinstance(message, Attitude):
+            up_s = 1e-3 * message.boot_ms
+        elif isinstance(message, EstimatorStatus):
+            claims.append(claims_velocity(message))
+            if claims[-1]:
+                return True
+            if up_s > ALIGNED_S and len(claims) >= LOOK_S * STATUS_Hz:
+                return False
+            if up_s <= ALIGNED_S and not told:
+                told = True
+                say(f"waiting for the estimator of the autopilot, which started {up_s:.0f} s ago")
+    if not link.system:
+        raise _no_answer(address, link)
+    return False
+
+
+def _link(address: str, wanted: Sequence[str], streams: Mapping[int, float]) -> "Link":
+    """A link that asks for parameters and streams; HindraxError without the drivers."""
     try:
-        from hindrax_drivers.buses.clock import SystemClock  # noqa: PLC0415  # the wheel has no drivers
-        from hindrax_drivers.buses.line import open_line  # noqa: PLC0415  # as above
-        from hindrax_drivers.devices.ardupilot.link import BAUD, Link  # noqa: PLC0415  # as above
+        from hindrax_drivers.devices.ardupilot.link import Link  # noqa: PLC0415  # the wheel has no drivers
     except ImportError as error:
         raise HindraxError(
             f"{address}: to ask an autopilot needs the drivers of a clone of hindrax; give a log of it: --from dive.bin"
         ) from error
-    link = Link(wanted, {})
+    return Link(wanted, streams)
+
+
+def _listened(address: str, link: "Link", seconds: float) -> Iterator[object]:
+    """Messages of the autopilot on a line that is opened for it, and None after each turn of waiting."""
+    from hindrax_drivers.buses.clock import SystemClock  # noqa: PLC0415  # as in `_link`
+    from hindrax_drivers.buses.line import open_line  # noqa: PLC0415  # as above
+    from hindrax_drivers.devices.ardupilot.link import BAUD  # noqa: PLC0415  # as above
+
     with closing(SystemClock()) as clock, closing(open_line(address, BAUD, clock)) as line:
-        until = after(clock.now(), PATIENCE_S)
-        while (now := clock.now()) < until and (not link.system or link.asking):
+        until = after(clock.now(), seconds)
+        patient = after(clock.now(), PATIENCE_S)
+        while (now := clock.now()) < until and (link.system or now < patient):
             for order in link.tick(now):
                 line.send(order)
             line.wait(after(now, TURN_S))
             data, stamp = line.read()
-            for _ in link.feed(data, stamp):
-                """Telemetry: what was asked is in the link."""
-    if not link.system or link.asking:
-        who = (link.foreign and "an autopilot that is no ArduPilot") or "no heartbeat of an ArduPilot"
-        found = f"some parameters in {PATIENCE_S:g} s, not all" if link.system else who
-        raise HindraxError(
-            f"{address}: found {found}, wanted an ArduSub that answers; in BlueOS add a MAVLink endpoint that sends "
-            "here (Vehicle, MAVLink Endpoints)"
-        )
-    return link.parameters
+            yield from link.feed(data, stamp)
+            yield None
 
 
-def behind_autopilot(file: Path, address: str) -> tuple[Path, tuple[str, ...]]:
+def _no_answer(address: str, link: "Link") -> HindraxError:
+    who = (link.foreign and "an autopilot that is no ArduPilot") or "no heartbeat of an ArduPilot"
+    found = f"some parameters in {PATIENCE_S:g} s, not all" if link.system else who
+    return HindraxError(
+        f"{address}: found {found}, wanted an ArduSub that answers; in BlueOS add a MAVLink endpoint that sends "
+        "here (Vehicle, MAVLink Endpoints)"
+    )
+
+
+def behind_autopilot(file: Path, address: str, *, aided: bool = True) -> tuple[Path, tuple[str, ...]]:
     """A copy of a vehicle file behind an ArduSub at an address, and the names of the sensors that were left out.
 
-    The copy has the way of driving of the file. In the place of its DVL comes the autopilot's estimator: where there is
-    none, as on most BlueROV2, an unaided estimator has no velocity either. UsageError for what is no address.
+    The copy has the way of driving of the file. In the place of its DVL comes the autopilot's estimator, if it is
+    `aided`: as on most BlueROV2, it has no velocity where nothing gives it one. UsageError for what is no address.
     """
-    if not is_address(address):
-        wanted = "udpin:0.0.0.0:14550, udpout:192.168.2.2:14550, tcp:127.0.0.1:5760 or /dev/ttyACM0"
-        raise UsageError(f"--autopilot: found {address!r}, wanted an address such as {wanted}")
-    has_velocity = bool(load_vehicle(file).measuring("velocity"))
+    require_address(address)
+    measured = aided and bool(load_vehicle(file).measuring("velocity"))
     data: dict[str, Any] = read_yaml(file.read_text(encoding="utf-8"), f"vehicle file {file}")
     before, output = data.get("sensors") or {}, data.get("output") or {}
     kinds = OF_OUTPUT[DEVICE]
     own = {name: {**one, "port": ""} for name, one in before.items() if one["device"] in kinds}
     have = {one["device"] for one in own.values()}
-    wanted_kinds = zip(NAMES[: 1 + has_velocity], kinds, strict=False)
+    wanted_kinds = zip(NAMES[: 1 + measured], kinds, strict=False)
     own |= {name: {"device": kind} for name, kind in wanted_kinds if kind not in have}
     data["sensors"] = own
     data["output"] = {

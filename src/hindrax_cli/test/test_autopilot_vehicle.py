@@ -11,11 +11,12 @@ import pytest
 
 from hindrax_bringup.share_files import default_vehicle, vehicle_file
 from hindrax_cli import autopilot_vehicle
-from hindrax_cli.autopilot_vehicle import behind_autopilot
+from hindrax_cli.autopilot_vehicle import behind_autopilot, has_velocity
 from hindrax_cli.command_line import main
+from hindrax_control.maneuver.goal import flyable_motions
 from hindrax_core.errors import UsageError
-from hindrax_core.vehicle import load_vehicle
-from hindrax_sim.devices.ardupilot.firmware import ArduSub
+from hindrax_core.vehicle import AXES, load_vehicle
+from hindrax_sim.devices.ardupilot.firmware import BOOT_S, ArduSub, AutopilotTruth
 
 
 def test_only_what_the_autopilot_measures_stays_aboard() -> None:
@@ -47,6 +48,12 @@ def test_a_file_without_a_dvl_gets_no_velocity(tmp_path: Path) -> None:
     vehicle = load_vehicle(behind_autopilot(mine, "udpin:0.0.0.0:14550")[0])
     assert tuple(vehicle.sensors) == ("autopilot",)
     assert not vehicle.measuring("velocity")
+
+
+def test_an_estimator_that_nothing_aids_is_left_out() -> None:
+    vehicle = load_vehicle(behind_autopilot(vehicle_file("bluerov2-heavy"), "tcp:127.0.0.1:5760", aided=False)[0])
+    assert tuple(vehicle.sensors) == ("autopilot",)
+    assert flyable_motions(AXES, vehicle).flown == ("heave", "roll", "pitch", "yaw")
 
 
 def test_a_vehicle_with_another_output_may_be_flown_by_an_autopilot_too() -> None:
@@ -114,6 +121,22 @@ def test_the_file_of_a_vehicle_comes_from_the_autopilot_that_it_has(tmp_path: Pa
     assert tuple(vehicle.sensors) == vehicle.on_output_line, "what else is on board, it does not know"
     assert "pulses from 1100 to 1850 us only" in made.read_text()
     assert autopilot.parameters == before
+
+
+@pytest.mark.parametrize("velocity_mps", [None, (0.0, 0.0, 0.0)], ids=["nothing", "a DVL of its own"])
+def test_what_an_estimator_claims_is_asked_before_anything_starts(
+    velocity_mps: tuple[float, float, float] | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(autopilot_vehicle, "ALIGNED_S", BOOT_S + 1.0)
+    monkeypatch.setattr(autopilot_vehicle, "LOOK_S", 0.3)
+    autopilot = ArduSub(load_vehicle(vehicle_file("bluerov2-heavy")).thrusters, now_s=time.monotonic())
+    autopilot.set_truth(AutopilotTruth(velocity_mps=velocity_mps), time.monotonic())
+    said: list[str] = []
+    with sending(autopilot) as address:
+        assert has_velocity(address, said.append) is (velocity_mps is not None)
+    if velocity_mps is None:
+        assert len(said) == 1
+        assert said[0].startswith("waiting for the estimator of the autopilot, which started ")
 
 
 def test_an_autopilot_that_does_not_answer_is_told_with_the_remedy(

@@ -77,8 +77,7 @@ class ArduSubEkf(Companion):
         return []
 
     def _on_status(self, one: EstimatorStatus, stamp: Stamp) -> list[Output]:
-        known = one.flags & (HORIZONTAL | VERTICAL) == HORIZONTAL | VERTICAL
-        self._claims, self._claimed_at = known and not one.flags & CONSTANT_POSITION, stamp
+        self._claims, self._claimed_at = claims_velocity(one), stamp
         return []
 
     def _on_position(self, one: LocalPosition, stamp: Stamp) -> list[Output]:
@@ -110,6 +109,12 @@ class ArduSubEkf(Companion):
         )  # of the rotation into the reference: its inverse's rows
         u, v, w = (a * north + b * east + c * down for a, b, c in columns)
         return u, v, w
+
+
+def claims_velocity(status: EstimatorStatus) -> bool:
+    """Whether the estimator says that it knows a velocity, and does not assume a constant position."""
+    known = status.flags & (HORIZONTAL | VERTICAL) == HORIZONTAL | VERTICAL
+    return known and not status.flags & CONSTANT_POSITION
 
 
 DRIVER = Driver(ArduSubEkfKnobs, lambda knobs, _mount, _vehicle: ArduSubEkf(knobs))

@@ -21,7 +21,7 @@ from hindrax_cli.argument_types import (
     tuning_of,
 )
 from hindrax_cli.autopilot_vehicle import HELP as AUTOPILOT_HELP
-from hindrax_cli.autopilot_vehicle import behind_autopilot
+from hindrax_cli.autopilot_vehicle import behind_autopilot, has_velocity, require_address
 from hindrax_cli.command import command, option
 from hindrax_cli.commands.operate.manual_control import PLACE_HELP, place_of
 from hindrax_cli.commands.operate.up_stop import require_known
@@ -60,10 +60,20 @@ def _use_autopilot(arguments: argparse.Namespace) -> None:
     """Fly a copy of the vehicle file, behind the autopilot."""
     if arguments.mock:
         raise UsageError("--autopilot: found --mock too, wanted one: the mock has an autopilot of its own")
-    file, left_out = behind_autopilot(Path(arguments.vehicle), arguments.autopilot)
-    arguments.vehicle = str(file)
+    file, address = Path(arguments.vehicle), arguments.autopilot
+    require_address(address)
+    measured = bool(load_vehicle(file).measuring("velocity"))
+    aided = measured and (arguments.plan or has_velocity(address, lambda words: _say(f"--autopilot: {words}")))
+    copy, left_out = behind_autopilot(file, address, aided=aided)
+    arguments.vehicle = str(copy)
     if left_out:
-        sys.stderr.write(f"--autopilot: without {', '.join(left_out)}, which are not on its line\n")
+        _say(f"--autopilot: without {', '.join(left_out)}, which are not on its line")
+    if measured and not aided:
+        _say("--autopilot: its estimator claims no velocity (no DVL, no GPS): what needs one, it cannot fly")
+
+
+def _say(words: str) -> None:
+    sys.stderr.write(f"{words}\n")
 
 
 def require_start(vehicle: Vehicle, start: tuple[float, float, float]) -> None:
