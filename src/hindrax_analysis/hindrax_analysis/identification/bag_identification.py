@@ -19,7 +19,15 @@ from hindrax_analysis.coefficients_file import (
 )
 from hindrax_analysis.identification.verdict import REJECTED, marked, show_verdicts
 from hindrax_analysis.published import PAPER, published_of
-from hindrax_analysis.records.own_bag import bag_events, date_of, left_out, maneuver_record, seed_of, truth_in
+from hindrax_analysis.records.own_bag import (
+    bag_events,
+    date_of,
+    has_other_thrust,
+    left_out,
+    maneuver_record,
+    seed_of,
+    truth_in,
+)
 from hindrax_analysis.report.comparison import RunScatter
 from hindrax_analysis.report.figures import Trace
 from hindrax_analysis.report.run_page import RunReport, run_page
@@ -84,7 +92,8 @@ def identify_bag(
     progress: Callable[[str], None] = lambda _: None,
 ) -> Identified:
     """Run the session over a bag of this stack; in mock with the true value of each coefficient."""
-    progress("reading the bag")
+    anew = ", thrust anew from the pulses by the thrusters and curves of this vehicle file"
+    progress(f"reading the bag{anew if has_other_thrust(bag, vehicle) else ''}")
     session = Session(vehicle, tuning, every_s=math.inf)
     origin: Stamp | None = None
     for event in bag_events(bag, vehicle, tuning):

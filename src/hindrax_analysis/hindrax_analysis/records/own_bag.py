@@ -5,17 +5,27 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
 from mcap.records import Metadata
 
 from hindrax_bag.metadata import DESCRIPTION
-from hindrax_bag.read.bag_reader import MessageDecoder, bag_files, beside_messages, messages
+from hindrax_bag.read.bag_reader import (
+    MessageDecoder,
+    attached_vehicle,
+    attachments,
+    bag_files,
+    beside_messages,
+    messages,
+)
+from hindrax_control.allocation.thrust_curve import AppliedWrench
+from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamped
 from hindrax_core.messages.contents import Contents, Read
-from hindrax_core.signals import BLOCKED, IdentEvent
-from hindrax_core.topics import MANEUVER, THRUSTER_HEALTH, resolved
+from hindrax_core.signals import BLOCKED, IdentEvent, Thrust
+from hindrax_core.topics import ALLOCATION, MANEUVER, THRUSTER_HEALTH, resolved
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import truth_of
 from hindrax_ident.records.feed import Feed, Measurement
@@ -30,14 +40,53 @@ FLOWN = ("transient", "plateau", "coast", "excite")
 ENDED = ("done", "aborted")
 JOINED_S = 1.0
 """Longest time between two messages of one flight; the pilot publishes at 10 Hz."""
+MOST_VOLTAGES = 1000
 FIRST_YEAR = 2000
 """The mock's clock starts in 1970: before this year, the date is that of the file."""
 
 
 def bag_events(bag: str | Path, vehicle: Vehicle, tuning: Tuning | None = None) -> Iterator[Stamped[IdentEvent]]:
-    """Events of a bag, in the order of their stamps."""
-    by_topic = {resolved(topic): contents for topic, contents in measurements(vehicle).items()}
+    """Events of a bag, in the order of their stamps.
+
+    The thrust is that of the flight, or anew by the recorded pulses where this vehicle has other thrusters or curves.
+    """
+    wanted = measurements(vehicle)
+    if has_other_thrust(bag, vehicle):
+        wanted |= {ALLOCATION: thrust_by(vehicle)}
+    by_topic = {resolved(topic): contents for topic, contents in wanted.items()}
     return Feed(vehicle, replace(tuning or Tuning(), reorder_s=LATEST_S)).all(_measurements(bag, by_topic))
+
+
+def has_other_thrust(bag: str | Path, vehicle: Vehicle) -> bool:
+    """Whether the vehicle file inside of a bag gives its pulses another thrust than this one."""
+    try:
+        flown = attached_vehicle(bag, attachments(bag))
+    except UsageError:  # none inside, or one of another version: it says nothing
+        return False
+    if len(flown.thrusters) != len(vehicle.thrusters):
+        return False
+    return [*_pushes(flown)] != [*_pushes(vehicle)]
+
+
+def _pushes(vehicle: Vehicle) -> Iterator[object]:
+    """What makes the wrench of pulses: arms, directions and curves; the nominal voltage of unmeasured supplies."""
+    yield vehicle.supply_V
+    for one in vehicle.thrusters:
+        arm_m = tuple(a - b for a, b in zip(one.position_m, vehicle.center_of_mass_m, strict=True))
+        yield arm_m, one.direction, one.reversed, vehicle.curves.get(one.curve)
+
+
+def thrust_by(vehicle: Vehicle) -> Contents[Measurement]:
+    """Thrust of an AllocationStatus by its pulses and the curves of a vehicle, at the voltage that was measured."""
+    applied = lru_cache(MOST_VOLTAGES)(partial(AppliedWrench, vehicle))
+
+    def thrust(*found: float) -> Measurement:
+        *pulses_us, supply_V, measured = found
+        curves = applied(round(supply_V, 2) if measured else None)
+        forces_N = curves.forces_N(pulses_us)
+        return Thrust(curves.wrench(forces_N), forces_N, bool(measured))
+
+    return Contents(("pulses", "supply_voltage", "supply_measured"), thrust)
 
 
 def _measurements(bag: str | Path, by_topic: Mapping[str, Contents[Measurement]]) -> Iterator[Stamped[Measurement]]:
