@@ -57,6 +57,20 @@ def fit(record: Record) -> OutputErrorFit:
     return refine(SURGE, record, PRIOR.values, PRIOR)
 
 
+def test_positions_alone_lead_from_far_off_to_the_same_fit_as_from_the_prior() -> None:
+    # A live estimate of a dive: seven times the mass, a fifth of the drag.
+    flight = fly(SURGE, THETA, back_and_forth((4.0, 12.0), 4.0, END_s), 0.15)
+    t, s = flight.grid.times_s[::20], flight.path.s[::20]
+    noise = 0.012 * np.random.default_rng(3).standard_normal(len(t))
+    thrust = Series(flight.times_s, flight.commands)
+    record = Record(NOTHING, thrust, (Stretch(0.0, END_s),), position=Series(t, array(s + noise)), lag_s=0.15)
+    near = refine(SURGE, record, PRIOR.values, PRIOR)
+    far = refine(SURGE, record, array(np.array([15.0, 30.0, -0.3, 190.0])), PRIOR)
+    assert near.converged
+    assert far.converged
+    assert far.theta == pytest.approx(near.theta, rel=1e-3, abs=1e-3)
+
+
 def steepness(fit: OutputErrorFit, prior: Prior = PRIOR) -> float:
     """Largest slope of the cost, in units of the deviations: zero at the most likely parameters."""
     slope = fit.linear.gradient + (prior.values - fit.theta) / prior.sigmas**2
@@ -347,7 +361,7 @@ def test_beyond_five_deviations_is_an_outlier_in_each_channel_for_itself(fit: Ou
 
 def linear_of(r: Array, J: Array) -> LinearizedProblem:
     nothing = array(np.zeros((1, 2, 5)))
-    return LinearizedProblem(r, J, nothing, array(0.1 * r), None)  # type: ignore[arg-type]
+    return LinearizedProblem(r, J, nothing, array(0.1 * r), None, float(r @ r))  # type: ignore[arg-type]
 
 
 def drawn(n: int, rng: np.random.Generator, a: float = 0.0) -> Array:

@@ -17,6 +17,7 @@ first: an outlier left in would be taken for noise of all samples, and noise for
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -113,7 +114,7 @@ def refine(model: Model, record: Record, start: Array, prior: Prior) -> OutputEr
     problem = build_problem(model, record)
     noise = _first_noise(problem)
     white = whitener_of(problem, prior.values, problem.guess, noise)
-    linear, theta, _ = _descend(problem, start, problem.guess, white, prior, tolerance=ROUGH)
+    linear, theta = _best_of((start, prior.values), problem, white, prior)
     # Outliers first: their effect on the motion would be attributed to unknown forces.
     for _ in range(OUTLIER_ROUNDS):
         problem = _without_outliers(problem, linear)
@@ -211,7 +212,9 @@ def _descend(
 ) -> tuple[LinearizedProblem, Array, bool]:
     """Final linearization, parameters, (p,), and convergence of Levenberg-Marquardt, scaled by the sigmas.
 
-    What ends it is the step without damping: a damped one is small wherever nothing lower is found.
+    What ends it is the step without damping: a damped one is small wherever nothing lower is found. A step counts by
+    what the motion with its initial conditions really leaves, not by the forecast without them: that is too low far
+    from the solution, and nothing would be lower ever after. Damping shortens both, so that some step always is.
     Damping falls by 50 after a success, since near the solution plain Gauss-Newton steps are best, and rises by 10
     after a failure. `room` keeps the mass above the least that is possible, with the rest of the step still optimal.
     """
@@ -224,7 +227,7 @@ def _descend(
         if wanted < tolerance * math.sqrt(1.0 + problem.samples):
             return linear, theta, True
         step = newton_step(array(normal + damping * np.eye(len(theta))), gradient, room) / scale
-        tried = linearize(problem, theta + step, restarted(problem, linear, step), white)
+        tried = linearize(problem, theta + step, restarted(problem, linear, step, damping), white)
         if tried is not None and _total(tried, theta + step, prior) < _total(linear, theta, prior):
             theta, linear, damping = theta + step, tried, damping * 0.02
         elif wanted < NEGLIGIBLE or damping > 1e8:
@@ -234,6 +237,22 @@ def _descend(
     normal, gradient, scale = _scaled(linear, theta, prior)
     left = newton_step(normal, gradient, scale[-1] * (problem.model.least_mass - theta[-1]))
     return linear, theta, float(np.abs(left).max()) < LEFT
+
+
+def _best_of(
+    starts: Sequence[Array], problem: OutputErrorProblem, white: Whitener, prior: Prior
+) -> tuple[LinearizedProblem, Array]:
+    """Rough descent from the first of the starts, (p,) each, that ends well; where none does, the lowest.
+
+    A live estimate over positions alone may be nowhere near, and a descent from there creeps along a bent valley.
+    """
+    found: list[tuple[LinearizedProblem, Array]] = []
+    for start in starts:
+        linear, theta, ended = _descend(problem, start, problem.guess, white, prior, tolerance=ROUGH)
+        found.append((linear, theta))
+        if ended:
+            break
+    return min(found, key=lambda one: _total(*one, prior))
 
 
 def _scaled(linear: LinearizedProblem, theta: Array, prior: Prior) -> tuple[Array, Array, Array]:
@@ -249,7 +268,8 @@ def _scaled(linear: LinearizedProblem, theta: Array, prior: Prior) -> tuple[Arra
 
 
 def _total(linear: LinearizedProblem, theta: Array, prior: Prior) -> float:
-    return linear.cost + float(np.sum(((theta - prior.values) / prior.sigmas) ** 2))
+    """What the descent makes smallest: squared residuals and squared distance from the prior."""
+    return linear.whole + float(np.sum(((theta - prior.values) / prior.sigmas) ** 2))
 
 
 def _feasible_start(

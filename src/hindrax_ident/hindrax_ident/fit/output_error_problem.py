@@ -141,7 +141,7 @@ class LinearizedProblem:
 
     `r` (n,) and `J` (n, p) are whitened, in units of the innovations' standard deviations, without the initial
     conditions; `start` (stretches, 2, 1 + p): residuals and sensitivities of the initial conditions; `raw` (n,): plain
-    residuals [m/s or rad/s; m or rad].
+    residuals [m/s or rad/s; m or rad]; `whole`: sum of the squared residuals with the initial conditions as they are.
     """
 
     r: Array
@@ -149,10 +149,11 @@ class LinearizedProblem:
     start: Array
     raw: Array
     path: Trajectory
+    whole: float
 
     @property
     def cost(self) -> float:
-        """Sum of the squared residuals."""
+        """Sum of the squared residuals, as the best initial conditions would leave them if all were linear."""
         return float(self.r @ self.r)
 
     @property
@@ -188,8 +189,9 @@ def linearize(
     p = len(theta)
     extra = np.zeros((len(raw), 0)) if readings is None else readings
     table = white(np.column_stack([raw, S[:, :p], S[:, p + 2 :], extra, S[:, p : p + 2]]))
+    whole = float(table[:, 0] @ table[:, 0])
     start = _project(problem, table)
-    return LinearizedProblem(table[:, 0], table[:, 1:-2], start, raw, moved)
+    return LinearizedProblem(table[:, 0], table[:, 1:-2], start, raw, moved, whole)
 
 
 def _residuals(problem: OutputErrorProblem, path: Trajectory) -> Array:
@@ -279,10 +281,15 @@ def _project_velocities(problem: OutputErrorProblem, white: Array) -> Array:
     return array(steps)
 
 
-def restarted(problem: OutputErrorProblem, linear: LinearizedProblem, change: Array) -> Trajectory:
-    """Initial guess of the motion after a change of the parameters, with initial conditions updated to first order."""
+def restarted(
+    problem: OutputErrorProblem, linear: LinearizedProblem, change: Array, damping: float = 0.0
+) -> Trajectory:
+    """Initial guess of the motion after a change of the parameters, with initial conditions updated to first order.
+
+    `damping` shortens that update by 1 + damping.
+    """
     v, s = linear.path.v.copy(), linear.path.s.copy()
-    steps = linear.start[:, :, 0] - linear.start[:, :, 1:] @ change
+    steps = (linear.start[:, :, 0] - linear.start[:, :, 1:] @ change) / (1.0 + damping)
     v[problem.grid.starts] += steps[:, 0]
     s[problem.grid.starts] += steps[:, 1]
     return Trajectory(v, s)
