@@ -24,7 +24,9 @@ def thrusts(vehicle: Vehicle) -> list[Thrust]:
 
 
 def test_the_pulses_push_backwards_for_a_file_that_has_every_thruster_reversed(flown: Vehicle) -> None:
-    turned = replace(flown, thrusters=tuple(replace(one, azimuth_deg=one.azimuth_deg + 180.0) for one in flown.thrusters))
+    turned = replace(
+        flown, thrusters=tuple(replace(one, azimuth_deg=one.azimuth_deg + 180.0) for one in flown.thrusters)
+    )
     assert has_other_thrust(BAG, turned)
     before, after = thrusts(flown), thrusts(turned)
     assert max(abs(one.wrench[0]) for one in before) > 5.0

@@ -42,6 +42,9 @@ if TYPE_CHECKING:
 
 UP_S = 30.0
 REPEATED = "seed: repeats the world and the noise, not the timing of processes; a second run differs within its +-"
+STEADY_S = 20.0
+STATE_NODES = ("navigator", "estimator_health")
+"""Nodes whose troubles at a start mostly end by themselves, and the time given to them."""
 ABORT, CONTINUE = "abort", "continue"
 FLY_S = 3600.0
 ARMING_S = 60.0
@@ -293,6 +296,7 @@ def _operate(options: PoolOptions, flight: FlownManeuver, stack: StackProcess, p
         progress.report("waiting for the devices, the thrusters and a navigation solution")
         operator.wait(lambda: operator.navigation is not None, UP_S, lambda: missing_solution(operator))
         operator.wait(lambda: operator.thrusters is not None, UP_S, lambda: "a message from the thrusters")
+        await_steady_state(operator, reported, progress)
         progress.report(f"{state_before_arming(reported)}; arming, which holds neutral for the time that the ESCs need")
         if options.plan_is_the_pilots:
             found = operator.awaited(lambda: operator.plans, UP_S, lambda: "the plans of the pilot")
@@ -358,6 +362,22 @@ def interrupted_once() -> Iterator[None]:
 
     with stop_signals(interrupt):
         yield
+
+
+def await_steady_state(operator: Operator, reported: Mapping[str, str], progress: Progress) -> None:
+    """Give the state of the vehicle time to settle: a DVL locks, a noisy depth is learned, within seconds of a start.
+
+    What is not settled by then, the guards refuse by name.
+    """
+    begin, wall = operator.now(), time.monotonic()
+
+    def settled() -> bool:
+        late = operator.now() - begin > 1e9 * STEADY_S or time.monotonic() - wall > STEADY_S
+        return late or all(reported.get(name) == "" for name in STATE_NODES)
+
+    if not settled():
+        progress.report("waiting until the state of the vehicle is settled")
+        operator.wait(settled, 2.0 * STEADY_S, lambda: "the state of the vehicle")
 
 
 def state_before_arming(reported: Mapping[str, str]) -> str:

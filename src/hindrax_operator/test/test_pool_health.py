@@ -1,5 +1,7 @@
 """What a pool test reports of devices, nodes and the record before and while it flies."""
 
+import itertools
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,6 +11,7 @@ from hindrax_core.errors import HindraxError
 from hindrax_operator.pool_run import (
     ABORT,
     CONTINUE,
+    await_steady_state,
     report_devices,
     state_before_arming,
     watch_record,
@@ -71,3 +74,24 @@ def test_a_thruster_that_is_left_out_in_flight_is_told_of_at_once_and_once() -> 
         watch_thrusters(SimpleNamespace(health=health), told, progress)
     ending = "it is left out, and the flight goes on without it"
     assert reports == [f"{missing}; {ending}", f"T5: broken; {ending}"]
+
+
+@pytest.mark.parametrize(("steps_to_lock", "waited_s"), [(0, 0.0), (30, 3.0), (10_000, 20.0)])
+def test_the_state_of_the_vehicle_gets_time_to_settle_before_the_arming(steps_to_lock: int, waited_s: float) -> None:
+    reported = {"estimator_health": "", "navigator": "DVL has no bottom lock"} if steps_to_lock else {}
+    reports: list[str] = []
+    now_ns = 0
+
+    def wait(done: Callable[[], bool], _seconds: float, _what: object) -> None:
+        nonlocal now_ns
+        for step in itertools.count():
+            if step >= steps_to_lock:
+                reported["navigator"] = reported["estimator_health"] = ""
+            if done():
+                return
+            now_ns += 100_000_000
+
+    operator = SimpleNamespace(now=lambda: now_ns, wait=wait)
+    await_steady_state(operator, reported, SimpleNamespace(report=reports.append))  # type: ignore[arg-type]  # stand-ins
+    assert 1e-9 * now_ns == pytest.approx(waited_s, abs=0.11)
+    assert reports == ["waiting until the state of the vehicle is settled"]

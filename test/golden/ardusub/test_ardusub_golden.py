@@ -1,5 +1,6 @@
 """Messages of an autopilot against frames of pymavlink, and what we send and emulate as pymavlink reads it."""
 
+import itertools
 import math
 import random
 from collections.abc import Mapping
@@ -117,12 +118,15 @@ def test_the_emulator_has_the_layouts_of_pymavlink() -> None:
         assert (layout.extra, layout.fields.size) == (theirs.crc_extra, theirs.unpacker.size), theirs.msgname
 
 
-def barometers(knobs: ArduSubKnobs, noise_Pa: Mapping[int, float], seconds: float = 5.0) -> list[Any]:
-    """What the sensor makes of an autopilot whose barometers, by number, have so much noise; 20 pressures a second."""
+def barometers(knobs: ArduSubKnobs, noise_Pa: Mapping[int, float], seconds: float = 5.0, times: int = 1) -> list[Any]:
+    """What the sensor makes of an autopilot whose barometers, by number, have so much noise; 20 pressures a second.
+
+    Each is sent so many `times` before the next is measured.
+    """
     sensor, end, draws = Sensor(knobs), ardupilotmega.MAVLink(None, srcSystem=1, srcComponent=1), random.Random(1)
     beat = bytes(end.heartbeat_encode(12, 3, 0, 0, 4).pack(end))
     made = {1: end.scaled_pressure_encode, 2: end.scaled_pressure2_encode}
-    asked, outputs = set[int](), list(sensor.start(stamp_from_s(0.0)))
+    asked, outputs, measured = set[int](), list(sensor.start(stamp_from_s(0.0))), dict[int, float]()
     for step in range(int(20 * seconds)):
         now = stamp_from_s(0.05 * (step + 1))
         outputs += sensor.feed(beat, now) if step % 20 == 0 else ()
@@ -137,9 +141,23 @@ def barometers(knobs: ArduSubKnobs, noise_Pa: Mapping[int, float], seconds: floa
         outputs = [one for one in outputs if not isinstance(one, Send)]
         for number, sigma in noise_Pa.items():
             if {1: ardupilot.SCALED_PRESSURE, 2: ardupilot.SCALED_PRESSURE2}[number] in asked:
-                hPa = 1013.0 + 10.0 * number + draws.gauss(0.0, sigma / 100.0)
-                outputs += sensor.feed(bytes(made[number](50 * step, hPa, 0.0, 2000).pack(end)), now)
+                if step % times == 0 or number not in measured:
+                    measured[number] = 1013.0 + 10.0 * number + draws.gauss(0.0, sigma / 100.0)
+                outputs += sensor.feed(bytes(made[number](50 * step, measured[number], 0.0, 2000).pack(end)), now)
     return outputs
+
+
+def test_a_pressure_that_is_sent_twice_is_measured_once() -> None:
+    found = [one for one in barometers(ArduSubKnobs(barometer=1), {1: 5.0}, times=2) if isinstance(one, Stamped)]
+    pressures = [one for one in found if isinstance(one.reading, Pressure)]
+    assert len(pressures) == pytest.approx(5.0 * 10, abs=10)
+    assert all(sooner.reading != later.reading for sooner, later in itertools.pairwise(pressures))
+
+
+def test_a_pressure_that_stays_is_passed_on_now_and_then() -> None:
+    found = [one for one in barometers(ArduSubKnobs(barometer=1), {1: 0.0}) if isinstance(one, Stamped)]
+    stamps_s = [1e-9 * one.stamp for one in found if isinstance(one.reading, Pressure)]
+    assert max(later - sooner for sooner, later in itertools.pairwise(stamps_s)) == pytest.approx(0.3, abs=0.051)
 
 
 @pytest.mark.parametrize(

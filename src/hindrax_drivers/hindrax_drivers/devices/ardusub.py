@@ -41,6 +41,8 @@ BESIDE_BOARD = 2
 NOISY_Pa, LOOK_S = 500.0, 1.0
 """Noise of a barometer that is none of depth, 0.05 m (a Bar30 has 0.002 m), and the time in which it shows."""
 NO_SECOND_S = 3.0
+REPEATED_S = 0.3
+"""Time for which an equal pressure is the same measurement; one that stays is then one after all."""
 LEAK = "Leak Detected"
 DRY_AFTER_S, LEAK_EVERY_S = 25.0, 1.0
 """ArduSub repeats its warning of a leak every 20 s."""
@@ -94,6 +96,7 @@ class ArduSub(Companion):
         self._last: dict[str, object] = {}
         self._first_Pa: list[float] = []
         self._first_noise_Pa = 0.0
+        self._pressure_Pa, self._new_at = math.nan, Stamp(0)
         self._looking: Stamp | None = None
         self._ready_since: Stamp | None = None
         self._field_at = self._leak_at = Stamp(0)
@@ -125,8 +128,11 @@ class ArduSub(Companion):
         if one.number != self._barometer:
             return []
         self._pressed = True
-        if self._repeats("pressure", one):
+        # Asked for more often than it measures, the autopilot sends one measurement twice, with another time.
+        repeated = one.pressure_Pa == self._pressure_Pa and seconds_between(self._new_at, stamp) < REPEATED_S
+        if repeated or self._repeats("pressure", one):
             return [Rejected(stamp, "pressure: repeated", b"")]
+        self._pressure_Pa, self._new_at = one.pressure_Pa, stamp
         if not 0.0 < one.pressure_Pa < self._knobs.largest_Pa:
             return [Rejected(stamp, "pressure: range", b"")]
         if self._knobs.barometer is None and not self._seen(one.pressure_Pa, stamp):

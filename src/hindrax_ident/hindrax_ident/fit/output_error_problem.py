@@ -21,6 +21,7 @@ from hindrax_ident.records.axis_record import Record, Series
 LONGEST_STEP_S = 0.05
 FEWEST_SAMPLES = 8
 SAME_S = 1e-6
+FIRST = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,11 +129,18 @@ def _initial_guess(cut: list[tuple[Series, Series]], grids: list[Array]) -> Traj
     """Motion as measured; missing quantities are derived from measured ones."""
     velocities, positions = [], []
     for (v, s), grid in zip(cut, grids, strict=True):
-        speed = np.interp(grid, v.t, v.y) if len(v) else np.zeros(len(grid))
+        speed = _as_measured(grid, v) if len(v) else np.zeros(len(grid))
         integral = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(grid) * (speed[1:] + speed[:-1]))])
         velocities.append(speed)
-        positions.append(np.interp(grid, s.t, s.y) if len(s) else integral)
+        positions.append(_as_measured(grid, s) if len(s) else integral)
     return Trajectory(np.concatenate(velocities), np.concatenate(positions))
+
+
+def _as_measured(grid: Array, series: Series) -> Array:
+    """Measurements on the grid, (n,). The first is the median of some: the search begins with it, outlier or not."""
+    out = np.interp(grid, series.t, series.y)
+    out[0] = np.median(series.y[:FIRST])
+    return array(out)
 
 
 @dataclass(frozen=True, slots=True)
