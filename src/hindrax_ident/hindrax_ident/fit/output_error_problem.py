@@ -129,18 +129,17 @@ def _initial_guess(cut: list[tuple[Series, Series]], grids: list[Array]) -> Traj
     """Motion as measured; missing quantities are derived from measured ones."""
     velocities, positions = [], []
     for (v, s), grid in zip(cut, grids, strict=True):
-        speed = _as_measured(grid, v) if len(v) else np.zeros(len(grid))
-        integral = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(grid) * (speed[1:] + speed[:-1]))])
+        speed = np.interp(grid, v.t, v.y) if len(v) else np.zeros(len(grid))
+        place = np.interp(grid, s.t, s.y) if len(s) else None
+        if place is None:
+            place = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(grid) * (speed[1:] + speed[:-1]))])
+        # The search begins with the first of each, which may be an outlier: the median of some is none.
+        for values, measured in ((speed, v.y), (place, s.y)):
+            if len(measured):
+                values[0] = np.median(measured[:FIRST])
         velocities.append(speed)
-        positions.append(_as_measured(grid, s) if len(s) else integral)
+        positions.append(place)
     return Trajectory(np.concatenate(velocities), np.concatenate(positions))
-
-
-def _as_measured(grid: Array, series: Series) -> Array:
-    """Measurements on the grid, (n,). The first is the median of some: the search begins with it, outlier or not."""
-    out = np.interp(grid, series.t, series.y)
-    out[0] = np.median(series.y[:FIRST])
-    return array(out)
 
 
 @dataclass(frozen=True, slots=True)
