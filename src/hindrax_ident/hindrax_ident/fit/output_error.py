@@ -252,7 +252,7 @@ def _best_of(
         found.append((linear, theta))
         if ended:
             break
-    return min(found, key=lambda one: _total(*one, prior))
+    return min(found, key=lambda one: _total(one[0], one[1], prior))
 
 
 def _scaled(linear: LinearizedProblem, theta: Array, prior: Prior) -> tuple[Array, Array, Array]:
