@@ -25,6 +25,7 @@ from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.data import identify
 from hindrax_control.allocation.thrust_curve import AppliedWrench, thrust_curves
+from hindrax_core.errors import UsageError
 from hindrax_core.topics import MANEUVER, resolved
 from hindrax_core.vehicle import Drag, Vehicle, load_vehicle
 from hindrax_ident.arrays import Array
@@ -326,6 +327,43 @@ def test_stamps_of_others_leave_the_added_mass_in_doubt(desk: Desk) -> None:
     (t, v), forces = flown()
     late = desk.surge(as_csv(desk.folder / "a.csv", (t + 0.1, v), forces))
     assert abs(late["added_mass"]["value"] - TRUTH["added_mass"]) < 3.0 * late["added_mass"]["std"]
+
+
+# ---- all axes together
+
+
+def pilot_csv(folder: Path) -> Path:
+    """Surge and sway that are flown at once, by the same thrust."""
+    (t, v), (at, force) = flown()
+    rows = [(one, f"{speed:.4f},{speed:.4f},,") for one, speed in zip(t, v, strict=True)]
+    rows += [(one, f",,{newton:.4f},{newton:.4f}") for one, newton in zip(at, force, strict=True)]
+    file = folder / "pilot.csv"
+    file.write_text("\n".join(["t,u,v,X,Y", *(f"{one:.4f},{row}" for one, row in sorted(rows))]))
+    return file
+
+
+@pytest.mark.parametrize(
+    ("words", "fitted"), [((), True), (("--no-joint",), False), (("--joint",), True), (("--dof", "surge"), False)]
+)
+def test_a_record_that_moves_axes_at_once_is_fitted_with_all_of_them_unless_told_otherwise(
+    desk: Desk, words: tuple[str, ...], fitted: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+
+    def refuses(*_arguments: object) -> None:
+        asked.append(1)
+        raise UsageError("no stretch is long enough")
+
+    monkeypatch.setattr(identify, "identify_jointly", refuses)
+    record = pilot_csv(desk.folder)
+    if "--joint" in words:
+        assert desk.refused(record, "--vehicle", desk.small, *words).endswith("no stretch is long enough")
+    else:
+        assumed = desk.of_small(record, *words)["assumptions"]
+        together = [one for one in assumed if "all axes are fitted together too" in one]
+        failed = [one for one in assumed if one == "no fit of all axes together: no stretch is long enough"]
+        assert (len(together), len(failed)) == ((1, 1) if fitted else (0, 0))
+    assert bool(asked) == fitted
 
 
 # ---- several records

@@ -40,7 +40,7 @@ from hindrax_ident.arrays import array
 from hindrax_ident.assess.assessment import METHOD
 from hindrax_ident.assess.objections import unnamed
 from hindrax_laboratory import pendulum
-from hindrax_laboratory.benchmark.blind_benchmark import Row
+from hindrax_laboratory.benchmark.blind_benchmark import Common, Row
 from hindrax_sim.flights.rehearsal import ExpectedBand, Flown, Rehearsal
 from hindrax_sim.flights.step_flight import StepOutcome
 from hindrax_tools.faults import table as fault_table
@@ -119,7 +119,9 @@ def show_plan() -> None:
 
 
 def show_scores() -> None:
-    benchmark.print_rows({"ours": Row(0.62, 0.11, 0.14, 0.95, 3.2), "theirs": Row(1.0, 0.14)})
+    ours, theirs = Row(0.62, 0.11, 0.14, 0.95, 3.2), Row(1.0, 0.14)
+    benchmark.print_rows({"ours": ours, "theirs": theirs})
+    benchmark.print_common("ours", {"theirs": Common(78, ours, theirs)})
 
 
 PRINTERS: dict[str, Callable[[], None]] = {

@@ -12,7 +12,8 @@ from hindrax_cli.commands.explain import benchmark
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import AXES
 from hindrax_ident.arrays import array
-from hindrax_laboratory.benchmark.blind_benchmark import METHODS, TRUTH, answers, read_answers, score
+from hindrax_laboratory.benchmark.answer import Answer, AxisAnswer
+from hindrax_laboratory.benchmark.blind_benchmark import METHODS, TRUTH, answers, common, read_answers, score
 from hindrax_laboratory.benchmark.foreign_plants import ForeignRecord, read, write
 from hindrax_laboratory.benchmark.rivals import STEP_S, black_box, by_axis, plateaus
 
@@ -31,6 +32,22 @@ def test_an_answer_is_scored_in_error_coverage_and_refusals() -> None:
     assert row.worst == pytest.approx(2.0)
 
 
+def test_medians_are_compared_over_the_axes_that_both_answered() -> None:
+    """Ours answers the easy axis too, theirs the hard one too: only that of both is compared."""
+
+    def answer(force: float, mass: float) -> AxisAnswer:
+        return {"drag": [(1.0, 0.1), (2.0, 0.1), (force, 0.4)], "added_mass": (mass, 1.0)}
+
+    ours: dict[str, Answer] = {"one": {"surge": answer(4.0, 5.0), "sway": answer(5.0, 5.0)}, "not asked": {}}
+    theirs: dict[str, Answer] = {"one": {"sway": answer(6.0, 5.0), "yaw": answer(8.0, 5.0)}}
+    both = common(TRUE, ours, theirs)
+    assert both.axes == 1
+    assert (both.ours.error, both.theirs.error) == pytest.approx((0.25, 0.5))
+    assert score(TRUE, ours).error == pytest.approx(0.125)
+    nothing = common(TRUE, ours, {})
+    assert (nothing.axes, nothing.ours.error, nothing.theirs.error) == (0, None, None)
+
+
 def test_who_refuses_everything_has_no_error() -> None:
     row = score(TRUE, {})
     assert row.answered == 0.0
@@ -45,7 +62,9 @@ def test_plain_least_squares_answers_without_the_truth(tmp_path: Path, capsys: p
     (tmp_path / TRUTH).write_text(json.dumps(truth))
     (tmp_path / "plain.json").write_text(json.dumps(found))
     assert main(["benchmark", "score", str(tmp_path), str(tmp_path / "plain.json"), "--json"]) == 0
-    row = json.loads(capsys.readouterr().out)["rows"]["plain"]
+    document = json.loads(capsys.readouterr().out)
+    assert document["common"] == {"with": "plain", "rows": {}}, "there is no other"
+    row = document["rows"]["plain"]
     assert row["answered"] == 1.0
     assert row["covered"] < 0.6, "its bands are too narrow"
 

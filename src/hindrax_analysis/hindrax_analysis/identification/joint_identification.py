@@ -22,6 +22,54 @@ from hindrax_ident.model.motion_model import lag_s
 from hindrax_ident.records.six_axis_record import SixAxisRecord, six_axis_record
 from hindrax_ident.tuning import LAG_SIGMA_S, STAMP_SIGMA_S, USUAL_LAG_S, USUAL_LATENCY_S, Tuning
 
+STEP_S, STRONGEST = 0.1, 99.0
+"""Sampling of the thrust for the number of axes at once; and the percentile that is its largest."""
+SEVERAL = 1.3
+"""Axes pushed at once from which they are fitted together. Legs have 1.0, pilots 1.7, whirls 2.3."""
+
+
+def axes_at_once(recordings: Sequence[Recording]) -> float:
+    """On how many axes a record pushes at once [-]: 1 for one axis after the other, 6 for all of them all the time.
+
+    Each thrust counts as a share of the largest force, or moment, of the record, less its own median: what is held,
+    such as a net buoyancy, excites nothing. With p the squares of these shares at a time, one number for all axes that
+    share it alike is (sum p)^2 / sum p^2, and the mean over time is weighted by the power: rest does not count.
+    """
+    shares = []
+    for one in recordings:
+        t, known = one.wrench_t, np.isfinite(one.wrench)
+        if len(t) < 2 or not one.measured_t:
+            continue
+        times = np.arange(max(float(t[0]), one.begin_s), min(float(t[-1]), one.end_s), STEP_S)
+        index = np.searchsorted(t, times, side="right") - 1
+        force = np.where(known, one.wrench, 0.0)[index]
+        shares.append(force - np.median(force, axis=0) if len(times) else force)
+    joined = np.abs(np.concatenate(shares)) if shares else np.zeros((0, 6))
+    if not len(joined):
+        return 0.0
+    top = np.percentile(joined, STRONGEST, axis=0)
+    scale = np.repeat([max(1e-12, top[:3].max()), max(1e-12, top[3:].max())], 3)
+    power = np.minimum(1.0, joined / scale) ** 2
+    total = power.sum(axis=1)
+    return float(np.sum(total**2) / max(1e-300, float(np.sum(power**2))))
+
+
+def wants_joint_fit(sources: Sequence[RecordSource], task: IdentificationTask) -> tuple[bool, str]:
+    """Whether the axes of recordings are pushed at once, so that one fit of all is worth its time, and one sentence.
+
+    Bags of this stack have maneuvers, one axis after the other; nor is it worth it where one axis is asked for.
+    """
+    recordings = [one.recording.between(task.span.from_s, task.span.to_s) for one in sources if one.recording]
+    if len(recordings) < len(sources) or len(task.axes) == 1:
+        return False, ""
+    count = axes_at_once(recordings)
+    if count < SEVERAL:
+        return False, ""
+    return True, (
+        f"the record pushes on about {count:.1f} axes at once (from {SEVERAL:g} on): all axes are fitted together too, "
+        "with the forces that couple them; --no-joint leaves it out"
+    )
+
 
 def identify_jointly(
     sources: Sequence[RecordSource],

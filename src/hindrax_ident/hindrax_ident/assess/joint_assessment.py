@@ -167,7 +167,8 @@ def _motion(fit: JointFit, motion: Motion, vehicle: Vehicle, numbers: Mapping[st
 
 def _own_doubts(fit: JointFit, axis: str, speed: Array, top_drag: float) -> Array:
     """Change of the drag at speeds per deviation of each doubt, where that is one about its law: (n, m)."""
-    x = speed / speed[-1]
+    # Of an axis that never moved there is no drag, and none to bend.
+    x = speed / speed[-1] if speed[-1] > 0.0 else np.ones_like(speed)
     bent = top_drag * x**2 * np.log(x)
     mine = [one.sigma * (one.name == f"{axis}: exponent of the drag") for one in fit.doubts]
     return array(np.outer(bent, mine))

@@ -132,6 +132,33 @@ def score(truth: Mapping[str, Truth], given: Mapping[str, Answer]) -> Row:
     return Row(said / asked, error, float(np.median(bands)), covered, max(z))
 
 
+@dataclass(frozen=True, slots=True)
+class Common:
+    """Two answers over the axes to which both gave one: how many, and the row of each over these alone.
+
+    Medians of two tools say little beside each other where one answers the easy half.
+    """
+
+    axes: int
+    ours: Row
+    theirs: Row
+
+
+def common(truth: Mapping[str, Truth], ours: Mapping[str, Answer], theirs: Mapping[str, Answer]) -> Common:
+    """Compare two answers over the axes that both gave."""
+
+    def of_both(one: Mapping[str, Answer], other: Mapping[str, Answer]) -> dict[str, Answer]:
+        """Answers of one, where the other has some too."""
+        return {
+            name: {axis: answer for axis, answer in axes.items() if axis in other.get(name, {})}
+            for name, axes in one.items()
+            if name in truth
+        }
+
+    first, second = of_both(ours, theirs), of_both(theirs, ours)
+    return Common(sum(map(len, first.values())), score(truth, first), score(truth, second))
+
+
 def read_answers(file: Path) -> dict[str, Answer]:
     """Answers of any tool. UsageError says what in them is not as `score` wants it."""
     try:

@@ -17,7 +17,7 @@ from hindrax_analysis.identification.bag_identification import (
     write_report,
 )
 from hindrax_analysis.identification.executor import add_workers, workers_of
-from hindrax_analysis.identification.joint_identification import identify_jointly, show_joint
+from hindrax_analysis.identification.joint_identification import identify_jointly, show_joint, wants_joint_fit
 from hindrax_analysis.identification.record_identification import (
     IdentificationTask,
     RecordSource,
@@ -147,7 +147,13 @@ def _about(parser: argparse.ArgumentParser) -> None:
         metavar="SHARE",
         help=f"deviation of the wrench's gain; default: by the vehicle file, {GAIN_SIGMA:g} where it has no thrusters",
     ),
-    option("--joint", action="store_true", help="also fit all axes together, with the terms that couple them"),
+    option(
+        "--joint",
+        action="store_true",
+        default=None,
+        help="also fit all axes together, with the terms that couple them; default: where several are pushed at once",
+    ),
+    option("--no-joint", dest="joint", action="store_false", default=None, help="fit them axis by axis alone"),
     partial(add_workers, processes=None, usual="one per core for more than five minutes"),
     option("--report", type=Path, metavar="FILE", help="write an HTML report"),
     option("--coefficients", type=Path, metavar="FILE", help="write a coefficients.yaml"),
@@ -166,8 +172,15 @@ def identify(arguments: argparse.Namespace) -> int:
         workers = worthwhile(workers_of(arguments), sources)
         found = identify_sources(sources, vehicle, task, print_stderr, reached, workers=workers)
         steps = (reached,) if workers.here else ()
-        jobs = [partial(identify_jointly, sources, vehicle, task, *steps)] if arguments.joint else []
-        joint = next(workers.run(jobs), None)
+        together, why = wants_joint_fit(sources, task) if arguments.joint is None else (arguments.joint, "")
+        notes += [why] if why else []
+        jobs = [partial(identify_jointly, sources, vehicle, task, *steps)] if together else []
+        try:
+            joint = next(workers.run(jobs), None)
+        except UsageError as error:
+            if arguments.joint:
+                raise
+            joint, notes = None, [*notes, f"no fit of all axes together: {error}"]
     took_s = time.monotonic() - began
     ours = [source.path for source in sources if source.recording is None]
     files = [file for source in sources for file in source.files]

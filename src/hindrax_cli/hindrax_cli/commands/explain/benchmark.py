@@ -13,7 +13,17 @@ from hindrax_cli.command import command, option
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.text.text_file import replace_text, writing
-from hindrax_laboratory.benchmark.blind_benchmark import METHODS, TRUTH, Row, answers, make, read_answers, score
+from hindrax_laboratory.benchmark.blind_benchmark import (
+    METHODS,
+    TRUTH,
+    Common,
+    Row,
+    answers,
+    common,
+    make,
+    read_answers,
+    score,
+)
 
 ABOUT = """
 `make` flies ellipsoids in the fluid of MuJoCo (pip install mujoco) and writes a record and its questions per file, the
@@ -21,6 +31,8 @@ truth apart from them; `answer` writes what the methods here say, METHOD.json in
 of these and of files of other tools. The format is in docs/how-to/benchmark.md.
 """
 MAKE, ANSWER, SCORE = "make", "answer", "score"
+JOINT = "joint"
+"""The method beside which others stand, where it has answered."""
 
 
 def _about(parser: argparse.ArgumentParser) -> None:
@@ -56,12 +68,23 @@ def benchmark(arguments: argparse.Namespace) -> int:
         raise UsageError(f"{folder}: has no {TRUTH}; `make` writes it beside the records")
     truth = json.loads((folder / TRUTH).read_text(encoding="utf-8"))
     found = [folder / f"{name}.json" for name in METHODS if (folder / f"{name}.json").is_file()]
-    rows = {file.stem: score(truth, read_answers(file)) for file in [*found, *arguments.files]}
+    given = {file.stem: read_answers(file) for file in [*found, *arguments.files]}
+    rows = {name: score(truth, one) for name, one in given.items()}
+    reference = JOINT if JOINT in given else next(iter(given), "")
+    shared = {name: common(truth, given[reference], one) for name, one in given.items() if name != reference}
     document = {
         "axes": sum(len(one["drag"]) for one in truth.values()),
         "rows": {k: asdict(r) for k, r in rows.items()},
+        "common": {"with": reference, "rows": {name: asdict(one) for name, one in shared.items()}},
     }
-    return print_answer(document, lambda: print_rows(rows), as_json=arguments.json)
+
+    def show() -> None:
+        """Over all axes of each, then over those in common with the first."""
+        print_rows(rows)
+        if shared:
+            print_common(reference, shared)
+
+    return print_answer(document, show, as_json=arguments.json)
 
 
 def _answer(arguments: argparse.Namespace) -> int:
@@ -88,6 +111,16 @@ def print_rows(rows: dict[str, Row]) -> None:
     title = "Drag at three speeds and added mass of each axis, against the truth"
     heads = ("axes answered", "median error", "median std", "in the 95 % interval", "worst [std]")
     print_table(title, ("answers",), heads, [(name, *_cells(row)) for name, row in rows.items()])
+
+
+def print_common(reference: str, shared: dict[str, Common]) -> None:
+    """Print one line per tool beside the reference: medians over the axes that both answered."""
+    heads = ("in common", f"median error, {reference}", "median error", f"median std, {reference}", "median std")
+    lines = []
+    for name, one in shared.items():
+        numbers = (one.ours.error, one.theirs.error, one.ours.band, one.theirs.band)
+        lines.append((name, f"{one.axes} axes", *("" if x is None else f"{x:.0%}" for x in numbers)))
+    print_table(f"Over the axes that both answered: beside {reference}", ("answers",), heads, lines)
 
 
 def _cells(row: Row) -> Sequence[str]:

@@ -1,0 +1,67 @@
+"""When all axes are fitted together: by the number of axes that a record pushes on at once."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hindrax_analysis.identification.joint_identification import SEVERAL, axes_at_once, wants_joint_fit
+from hindrax_analysis.identification.record_identification import IdentificationTask, RecordSource, Span
+from hindrax_analysis.records.recording import Recording
+from hindrax_ident.arrays import Array, array
+
+T = array(np.arange(0.0, 60.0, 0.05))
+EMPTY_ANGLES = array(np.zeros((0, 3)))
+
+
+def pushed(wrench: Array) -> Recording:
+    still = array(np.zeros_like(wrench))
+    return Recording("record", T, still, T, wrench, array(np.zeros(0)), EMPTY_ANGLES)
+
+
+def sines(count: int) -> Array:
+    """The same sine on so many axes: moments are an axis' own kind, with their own largest."""
+    out = np.zeros((len(T), 6))
+    out[:, :count] = np.sin(T)[:, None]
+    return array(out)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 6])
+def test_axes_that_are_pushed_alike_at_the_same_time_are_counted(count: int) -> None:
+    assert axes_at_once([pushed(sines(count))]) == pytest.approx(count, rel=0.02)
+
+
+def legs() -> Array:
+    out = np.zeros((len(T), 6))
+    for axis in range(6):
+        mine = (T // 10.0).astype(int) == axis
+        out[mine, axis] = (20.0 if axis < 3 else 1.5) * np.sign(np.sin(T[mine]))
+    return array(out)
+
+
+def test_one_axis_after_the_other_is_one_also_while_the_others_are_held() -> None:
+    assert axes_at_once([pushed(legs())]) == pytest.approx(1.0, abs=0.01)
+    held = legs() + np.array([1.0, 1.0, 8.0, 0.0, 0.0, 0.0])
+    rng = np.random.default_rng(1)
+    held += rng.standard_normal(held.shape) * np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1])
+    assert 1.0 < axes_at_once([pushed(array(held))]) < SEVERAL
+
+
+def test_records_are_pooled_and_forces_that_nobody_knows_push_nothing() -> None:
+    known = sines(2)
+    known[:, 1] = np.nan
+    assert axes_at_once([pushed(known)]) == pytest.approx(1.0, rel=0.02)
+    assert axes_at_once([pushed(legs()), pushed(legs())]) == pytest.approx(1.0, abs=0.01)
+    assert axes_at_once([pushed(array(np.zeros((len(T), 6))))]) == 0.0
+
+
+def test_who_flies_several_axes_gets_a_fit_of_all_with_one_sentence() -> None:
+    source = RecordSource(Path("a.csv"), pushed(sines(3)))
+    wanted, why = wants_joint_fit([source], IdentificationTask())
+    assert wanted
+    assert "pushes on about 3.0 axes at once" in why
+    assert "--no-joint" in why
+    assert wants_joint_fit([source], IdentificationTask(axes=(0,))) == (False, "")
+    assert wants_joint_fit([RecordSource(Path("a.csv"), pushed(legs()))], IdentificationTask()) == (False, "")
+    assert wants_joint_fit([source], IdentificationTask(span=Span(1e3, 2e3))) == (False, "")
+    assert wants_joint_fit([RecordSource(Path("bag"))], IdentificationTask()) == (False, "")
