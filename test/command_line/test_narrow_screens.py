@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections import defaultdict
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -336,6 +337,17 @@ def test_a_title_that_is_longer_than_the_screen_breaks_too(
     assert all(len(line) <= 40 for line in capsys.readouterr().out.splitlines())
     terminal.print_table("Drag force at shares of the tested speed: relative error", ["motion"], ["x" * 30], rows)
     assert capsys.readouterr().out.splitlines()[:2] == ["Drag force at shares of the tested", "  speed: relative error"]
+
+
+def test_a_vehicle_that_is_proven_is_one_screen(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(terminal, "console", lambda: Console(width=80, file=sys.stdout))
+    thruster = Finding("lag of the thrusters", "proven", "channel 2, 0.15 s", "pushes as claimed, 107 % of its curve")
+    commission._show(Findings((thruster,) * 16, "", {}), ["  runs/a/commissioning.svg"])
+    assert len(capsys.readouterr().out.splitlines()) <= 23
+    commission._show(Findings((thruster, replace(thruster, verdict="wrong")), "", {}), [])
+    assert "channel 2" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("width", [200, 80, 60, 40])

@@ -56,8 +56,10 @@ def test_each_motion_has_a_line_with_the_interval_and_the_held_out_error(capsys:
 
 
 def test_what_has_no_drag_has_no_numbers(capsys: pytest.CaptureFixture[str]) -> None:
-    show_verdicts({"surge": replace(SURGE, drag=None, quality={})}, {})
-    assert rows(capsys.readouterr().out)[0][0] == "surge"
+    still = replace(SURGE, drag=None, quality={})
+    show_verdicts({"surge": still, "sway": SWAY}, {})
+    assert [row[0] for row in rows(capsys.readouterr().out)] == ["surge", "sway*"]
+    show_verdicts({"surge": still}, {})
     show_verdicts({}, {})
     show_next({"surge": replace(SURGE, drag=None)}, None)
     show_next({}, NextFlight())

@@ -61,7 +61,7 @@ def show_verdicts(motions: Mapping[str, MotionResult], predicted: Mapping[str, f
     for motion, result in motions.items():
         before = (f"{predicted[motion]:.0%}" if motion in predicted else "",) if predicted else ()
         rows.append((marked(result), *_drag(result), *before, _held_out(result)))
-    if rows:
+    if any(one.drag is not None for one in motions.values()):  # else the reasons say it all
         print_table(TITLE, ("motion",), numbers, rows, spare=(HELD_OUT, REHEARSED))
 
 

@@ -184,13 +184,15 @@ def _motion(report: RunReport, result: MotionResult) -> str:
 
 
 def _next(result: MotionResult) -> str:
-    """Next experiment, and the band of the drag after it."""
+    """Next experiment, and the deviation of the drag after it."""
     step, drag = result.next_step, result.drag
     force, std = drag.quoted(-1) if drag is not None else (0.0, 0.0)
     if step is None or not force > 0.0:
         return ""
     now, then = (f"{one / force:.1%}" for one in (std, step.std))
-    text = f"Next: {step.remedy}. The drag at the highest speed would be known to {then} instead of {now}."
+    text = (
+        f"Best next step: {step.remedy}. Standard deviation of the drag at the highest speed: {then} instead of {now}."
+    )
     return f"<p>{prose(text)}</p>"
 
 

@@ -12,7 +12,7 @@ from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_cli.command import command, option
 from hindrax_cli.commands.operate.up_stop import add_mock_options
 from hindrax_cli.vehicle_edit import add_write, require_editable, set_keys
-from hindrax_control.commissioning.findings import Findings, table
+from hindrax_control.commissioning.findings import MEASURED, PROVEN, Findings, table
 from hindrax_control.commissioning.picture import svg
 from hindrax_control.commissioning.record import geometry_hash, proof
 from hindrax_core.errors import UsageError
@@ -108,7 +108,11 @@ def _document(findings: Findings) -> dict[str, object]:
 
 def _show(findings: Findings, kept: list[str]) -> None:
     title = "Claims of the vehicle file, and findings"
-    print_table(title, ["verdict", "claim", "claimed"], [], table(findings), ["found"])
+    rows = table(findings)
+    if all(row.verdict in (PROVEN, MEASURED) for row in findings.rows):  # what was claimed stands in the file
+        print_table(title, ["verdict", "claim"], [], [(*names, found) for *names, _, found in rows], ["found"])
+    else:
+        print_table(title, ["verdict", "claim", "claimed"], [], rows, ["found"])
     if findings.ended:
         print_stderr(f"ended early: {findings.ended}")
     for line in kept:

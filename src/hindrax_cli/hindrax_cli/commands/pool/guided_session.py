@@ -248,7 +248,7 @@ def _report(folder: Path, session: PoolSession) -> None:
         for motion, one in step.reached.items():
             was = f"{before[motion].drag:.1%} -> " if motion in before else ""
             print_stderr(f"{step.name}: drag of {motion} {was}{one.drag:.1%}, wanted {drag_goal(motion):.0%}")
-        print_stderr(f"next: {next_sentence(session)}")
+        print_stderr(f"best next step: {next_sentence(session)}")
     print_stderr(f"{step.name}: kept in {folder}; {len(session.left)} steps are left")
 
 
@@ -278,4 +278,4 @@ def show_session(session: PoolSession) -> None:
         "at best: if thrust were weighed and the noise halved; largest left: what then remains"
     )
     print_table(title, ("motion",), ("goal [%]", *names, "added mass [%]", "at best [%]"), rows, ("largest left",))
-    print_fitted(f"next: {next_sentence(session)}")
+    print_fitted(f"best next step: {next_sentence(session)}")
