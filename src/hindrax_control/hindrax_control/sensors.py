@@ -20,6 +20,17 @@ def altimeters(vehicle: Vehicle) -> tuple[str, ...]:
     return tuple(name for name in measured if name not in with_velocity) or measured
 
 
+def velocity_is_estimated(vehicle: Vehicle) -> bool:
+    """Whether nothing on board measures a velocity, and an autopilot's estimator gives the only one."""
+    measured = vehicle.measuring("velocity")
+    return bool(measured) and set(measured) <= set(vehicle.on_output_line)
+
+
+def without_velocity(vehicle: Vehicle) -> str:
+    """Words for the absence of a velocity, by what should have one."""
+    return "the autopilot's estimator claims no velocity" if velocity_is_estimated(vehicle) else "no bottom lock"
+
+
 class SensorMount:
     """A mount of the vehicle file, made ready: `axis` is the sensor's z axis in body axes."""
 

@@ -20,7 +20,8 @@ from hindrax_control.pool_bounds import GuardedPlace, PoolBounds, PoolPosition
 from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.readings import Vec3
 from hindrax_core.signals import Navigation
-from hindrax_core.vehicle import Vehicle
+from hindrax_core.text.refusals import AIDING, Reason
+from hindrax_core.vehicle import Mount, Vehicle
 
 WELL = Navigation(
     (0.0, 0.0, 0.0),
@@ -207,6 +208,19 @@ def test_lost_lock_is_survived_for_a_while(look: Callable[..., tuple[str, ...]])
     assert [look(blind, 10.0 + t) for t in (0.0, 1.0, 3.0, 4.9)] == [(), (), (), ()]
     (found,) = look(blind, 15.0)
     assert found.startswith("dvl_lock: no bottom lock for 5.0 s, wanted less than 5.0 s; give the DVL more water")
+
+
+def test_a_lost_velocity_of_the_autopilot_sends_nobody_to_a_dvl_that_is_not_there(hindrax: Vehicle) -> None:
+    sensors = {"autopilot": Mount("ardusub"), "estimator": Mount("ardusub_ekf")}
+    vehicle = replace(hindrax, sensors=sensors, output=replace(hindrax.output, device="ardusub"))
+    guards = ManeuverGuards(vehicle)
+    blind = replace(WELL, dvl_locked=False, ages_s={"autopilot": 0.01}, depth_age_s=0.01)
+    guards.step(Situation(blind, None, {}, 0.0))
+    (found,) = (one for one in guards.step(Situation(blind, None, {}, 6.0)) if one.reason == Reason.DVL_LOCK)
+    assert found.startswith(
+        "dvl_lock: the autopilot's estimator claims no velocity for 6.0 s, wanted less than 5.0 s; "
+    )
+    assert found.endswith(AIDING)
 
 
 def test_battery_leak_time_and_thrusters(look: Callable[..., tuple[str, ...]]) -> None:

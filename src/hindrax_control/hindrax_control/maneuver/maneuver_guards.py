@@ -11,10 +11,11 @@ from dataclasses import dataclass
 from hindrax_control.maneuver.plan import LAG_S
 from hindrax_control.pool_bounds import GuardedPlace, PoolPosition
 from hindrax_control.prior_dynamics import prior_dynamics
+from hindrax_control.sensors import velocity_is_estimated, without_velocity
 from hindrax_core.knobs import choice, knob
 from hindrax_core.signals import NAN, Navigation
 from hindrax_core.text.digits import above, below, unlike
-from hindrax_core.text.refusals import Reason, Refusal, found
+from hindrax_core.text.refusals import AIDING, Reason, Refusal, found
 from hindrax_core.vehicle import Vehicle
 
 MOVES_mps = 0.2
@@ -80,6 +81,7 @@ class ManeuverGuards:
         self._inertial = vehicle.measuring("rates")
         self._depth = vehicle.measuring("depth")
         self._velocity = vehicle.measuring("velocity")
+        self._remedies = {Reason.DVL_LOCK: AIDING} if velocity_is_estimated(vehicle) else {}
         self._freedoms = prior_dynamics(vehicle)
         self._patience_s = dict.fromkeys((Reason.ATTITUDE, Reason.SPEED, Reason.SENSOR_AGE), self._knobs.patience_s)
         """The other guards act at once."""
@@ -89,7 +91,11 @@ class ManeuverGuards:
     def step(self, situation: Situation) -> tuple[Refusal, ...]:
         """Return "guard: what is wrong; what to do" for everything that is wrong now; nothing when all is well."""
         judged = self._guards(situation)
-        return tuple(found(guard, text) for guard, text in judged if self._lasts(guard, text, situation.time_s))
+        return tuple(
+            found(guard, text, self._remedies.get(guard, ""))
+            for guard, text in judged
+            if self._lasts(guard, text, situation.time_s)
+        )
 
     def _guards(self, situation: Situation) -> Iterator[tuple[Reason, str]]:
         """Yield each guard, and what it found and wanted: nothing where all is well."""
@@ -180,7 +186,7 @@ class ManeuverGuards:
             return ""
         since_s = situation.time_s - self._wrong_since_s.get(Reason.DVL_LOCK, situation.time_s)
         since, most = unlike(since_s, self._knobs.unlocked_s, 1)
-        return f"no bottom lock for {since} s, wanted less than {most} s"
+        return f"{without_velocity(self._vehicle)} for {since} s, wanted less than {most} s"
 
 
 def nearest(walls_m: Mapping[str, float]) -> tuple[str, float]:

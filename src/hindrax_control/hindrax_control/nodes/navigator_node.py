@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from hindrax_control.navigation.attitude_filter import Offset
 from hindrax_control.navigation.navigator import Navigator, NavigatorKnobs
+from hindrax_control.sensors import without_velocity
 from hindrax_core import topics
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, Stamped
@@ -82,7 +83,7 @@ class NavigatorNode(BatchedNode):
         self.settle_s = SETTLE_S
         self.on_state = on_state
         self._thrusters = len(vehicle.thrusters)
-        self._measures_velocity = bool(vehicle.measuring("velocity"))
+        self._unlocked = without_velocity(vehicle) if vehicle.measuring("velocity") else ""
         self._navigator = Navigator(vehicle, knobs(self, NavigatorKnobs, fixed={"": "the state would restart"}))
         self.confirm_position = self._navigator.confirm_position
         self._memory = Memory(os.environ)
@@ -142,6 +143,6 @@ class NavigatorNode(BatchedNode):
         if offset := self._navigator.gyroscope_offset:
             self._memory.write((*offset.rate_radps, offset.sigma_radps))
         values = {f"age of {source} [s]": f"{age:.3f}" for source, age in found.reading.ages_s.items()}
-        fine = found.reading.dvl_locked or not self._measures_velocity
-        wrong = [] if fine else ["DVL has no bottom lock: position is dead reckoned without it"]
+        lost = "" if found.reading.dvl_locked else self._unlocked
+        wrong = [f"{lost}: position is dead reckoned without a velocity"] if lost else []
         self._reporter.report(found.stamp, wrong, "navigating", values)

@@ -98,6 +98,8 @@ REMEDIES: Mapping[Reason, str] = {
     Reason.COMMISSION: "let it come to rest, check its trim and what is written of the thrusters, and commission again",
 }
 """What to do about each guard that finds something."""
+AIDING = "check what aids the autopilot's estimator, its DVL or GPS (QGroundControl, EKF status)"
+"""What to do instead about a velocity that only the autopilot has."""
 
 
 class Refusal(str):
@@ -137,9 +139,24 @@ CANCELLED = Refusal(Reason.CANCELLED, "cancelled: by the operator")
 STOPPED = Refusal(Reason.OPERATOR, "operator: stopped by Ctrl-C")
 
 
-def found(reason: Reason, text: str) -> Refusal:
-    """Return the refusal of a guard: its word, what it found and wanted, and the remedy."""
-    return Refusal(reason, f"{reason.word}: {text}; {REMEDIES[reason]}")
+def found(reason: Reason, text: str, remedy: str = "") -> Refusal:
+    """Make the refusal of a guard.
+
+    Parameters
+    ----------
+    reason
+        Which guard.
+    text
+        What it found and wanted.
+    remedy
+        What to do; empty: what is usual for this reason.
+
+    Returns
+    -------
+    Refusal
+        "word: what was found, what was wanted; remedy".
+    """
+    return Refusal(reason, f"{reason.word}: {text}; {remedy or REMEDIES[reason]}")
 
 
 def refusal_of(error: Exception) -> Refusal:
