@@ -88,7 +88,8 @@ REMEDIES: Mapping[Reason, str] = {
     Reason.TIME_OUT: "find what held it back (a current, a cable, a weak thruster) and fly it again",
     Reason.THRUSTERS: "repair them and `./hindrax thruster enable` them, or fly other motions",
     Reason.ATTITUDE: "bring it upright (`./hindrax hold roll 0`, `hold pitch 0`) and check its trim",
-    Reason.SPEED: "let it come to rest, and check the DVL (`./hindrax monitor`)",
+    Reason.SPEED: "let it come to rest, and check the DVL (`./hindrax monitor`); where it really was so fast, correct "
+    "thrust or drag in the vehicle file",
     Reason.SENSOR_AGE: "check the sensor (`./hindrax doctor`), then fly again",
     Reason.BLOCKED: "look for a wall, a cable or a rope, bring it to the middle of the pool and `./hindrax recentre` "
     "it",
