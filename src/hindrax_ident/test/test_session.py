@@ -12,7 +12,7 @@ from hindrax_core.signals import Attitude, Estimate, IdentEvent, Phase, Thrust, 
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array
 from hindrax_ident.assess.objections import Code
-from hindrax_ident.assess.results import truth_of, with_truth
+from hindrax_ident.assess.results import Results, truth_of, with_truth
 from hindrax_ident.model.motion_model import Model, model_of, motions_of, unit_wrench
 from hindrax_ident.online.session import Session
 from hindrax_ident.records.feed import Feed
@@ -24,6 +24,7 @@ LEVELS = {0: (3.2, 6.0, 9.5, 13.5), 1: (4.0, 9.0, 14.0, 20.0), 2: (5.0, 12.0, 20
           4: (0.6, 1.0, 1.4, 1.7), 5: (0.6, 1.2, 2.0, 2.8)}  # fmt: skip
 SPANS_S = {0: 10.0, 1: 10.0, 2: 4.0, 3: 5.0, 4: 5.0, 5: 8.0}
 NAMES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+Followed = tuple[Session, list[Stamped[Estimate]]]
 
 
 def theta_of(vehicle: Vehicle, axis: int) -> tuple[Model, Array]:
@@ -46,7 +47,7 @@ def run(
     vehicle: Vehicle,
     inputs: list[Stamped[IdentEvent]],
     tuning: Tuning | None = None,
-) -> tuple[Session, list[Stamped[Estimate]]]:
+) -> Followed:
     session = Session(vehicle, tuning)
     feed = Feed(vehicle, session.tuning)
     estimates = [estimate for event in feed.all(inputs) for estimate in session.step(event)]
@@ -56,6 +57,18 @@ def run(
 @pytest.fixture(scope="module")
 def surge(vehicle: Vehicle) -> list[Any]:
     return received(vehicle, 0, plateau_s=6.0)
+
+
+@pytest.fixture(scope="module")
+def followed(vehicle: Vehicle, surge: list[Any]) -> Followed:
+    """Session and estimates of `surge` as it is, only looked at: many tests compare with them."""
+    return run(vehicle, surge)
+
+
+@pytest.fixture(scope="module")
+def refined(followed: Followed) -> Results:
+    """Results of `surge` as it is."""
+    return followed[0].finalize().results
 
 
 def test_a_record_knows_what_each_thruster_did_unless_one_thrust_does_not_tell(
@@ -98,8 +111,8 @@ def test_truth_lies_within_three_standard_deviations(vehicle: Vehicle, axis: int
         assert force == pytest.approx(truth, rel=0.02)
 
 
-def test_an_estimate_follows_every_sample_and_states_what_became_of_it(vehicle: Vehicle, surge: list[Any]) -> None:
-    _, estimates = run(vehicle, surge)
+def test_an_estimate_follows_every_sample_and_states_what_became_of_it(surge: list[Any], followed: Followed) -> None:
+    _, estimates = followed
     samples = sum(isinstance(event.reading, Velocity) for event in surge)
     assert len(estimates) > samples - 20
     first, last = estimates[0].reading, estimates[-1].reading
@@ -115,12 +128,11 @@ def test_an_estimate_follows_every_sample_and_states_what_became_of_it(vehicle: 
     assert all(sigma > 0.0 for sigma in last.sigmas)
 
 
-def test_online_estimate_is_close_to_the_refined_one(vehicle: Vehicle, surge: list[Any]) -> None:
-    session, estimates = run(vehicle, surge)
-    refined = session.finalize().results.motions["surge"].coefficients
-    last = estimates[-1].reading
+def test_online_estimate_is_close_to_the_refined_one(followed: Followed, refined: Results) -> None:
+    numbers = refined.motions["surge"].coefficients
+    last = followed[1][-1].reading
     for name, value, sigma in zip(last.names, last.values, last.sigmas, strict=True):
-        assert abs(value - refined[name].value) < 5.0 * sigma
+        assert abs(value - numbers[name].value) < 5.0 * sigma
 
 
 def test_the_joint_filter_is_an_online_estimator_too(vehicle: Vehicle, surge: list[Any]) -> None:
@@ -132,17 +144,19 @@ def test_the_joint_filter_is_an_online_estimator_too(vehicle: Vehicle, surge: li
     assert set(session.finalize().results.motions["surge"].methods) == {"ekf", "plateaus"}
 
 
-def test_same_events_give_the_same_bits(vehicle: Vehicle, surge: list[Any]) -> None:
-    first, second = (run(vehicle, surge) for _ in range(2))
+def test_same_events_give_the_same_bits(
+    vehicle: Vehicle, surge: list[Any], followed: Followed, refined: Results
+) -> None:
+    session, estimates = run(vehicle, surge)
     # Text, because the innovation of a sample that was not learned from is not a number.
-    assert repr(first[1]) == repr(second[1])
-    assert first[0].finalize().results.to_json() == second[0].finalize().results.to_json()
+    assert repr(estimates) == repr(followed[1])
+    assert session.finalize().results.to_json() == refined.to_json()
 
 
 def test_estimates_that_nobody_wants_so_often_are_left_out_and_the_same_is_learned(
-    vehicle: Vehicle, surge: list[Any]
+    vehicle: Vehicle, surge: list[Any], followed: Followed
 ) -> None:
-    session, every = run(vehicle, surge)
+    session, every = followed
     for every_s in (2.0, math.inf):
         seldom = Session(vehicle, every_s=every_s)
         found = [one for event in Feed(vehicle, seldom.tuning).all(surge) for one in seldom.step(event)]
@@ -153,22 +167,22 @@ def test_estimates_that_nobody_wants_so_often_are_left_out_and_the_same_is_learn
         assert all(np.array_equal(one, other) for one, other in zip(learned, there, strict=True))
 
 
-def test_who_listens_earlier_learns_the_same_bits(vehicle: Vehicle, surge: list[Any]) -> None:
+def test_who_listens_earlier_learns_the_same_bits(vehicle: Vehicle, surge: list[Any], followed: Followed) -> None:
     """As the identifier hears the vehicle before the recorder is up, and a replay has what was recorded."""
     t0, thrust = surge[0].stamp, next(one for one in surge if isinstance(one.reading, Thrust))
     before = [
         Stamped(after(t0, -7.3), Velocity((0.1,) * 6, "dvl75")),
         Stamped(after(t0, -3.1), thrust.reading),
     ]
-    assert repr(run(vehicle, before + surge)[1]) == repr(run(vehicle, surge)[1])
+    assert repr(run(vehicle, before + surge)[1]) == repr(followed[1])
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_the_order_of_arrival_does_not_matter(vehicle: Vehicle, surge: list[Any], seed: int) -> None:
+def test_the_order_of_arrival_does_not_matter(vehicle: Vehicle, surge: list[Any], refined: Results, seed: int) -> None:
     rng = random.Random(seed)
     mixed = sorted(surge, key=lambda event: event.stamp / 1e9 + rng.uniform(0.0, 0.2))
     assert mixed != surge
-    assert run(vehicle, mixed)[0].finalize().results.to_json() == run(vehicle, surge)[0].finalize().results.to_json()
+    assert run(vehicle, mixed)[0].finalize().results.to_json() == refined.to_json()
 
 
 def test_nothing_is_learned_in_other_phases(vehicle: Vehicle, surge: list[Any]) -> None:
@@ -203,35 +217,45 @@ def test_a_gap_and_a_stale_thrust_are_held_and_named(vehicle: Vehicle, surge: li
     assert "the filters are settling" in reasons
 
 
-def test_an_outlier_is_refused(vehicle: Vehicle, surge: list[Any]) -> None:
+def test_an_outlier_is_refused(vehicle: Vehicle, surge: list[Any], refined: Results) -> None:
     spoiled = list(surge)
     index = next(k for k, event in enumerate(surge) if isinstance(event.reading, Velocity) and event.stamp > 40e9)
     nu = (5.0, *surge[index].reading.nu[1:])
     spoiled[index] = Stamped(surge[index].stamp, Velocity(nu, "dvl75"))
     session, estimates = run(vehicle, spoiled)
     assert [estimate.reading.reason for estimate in estimates].count("outlier") == 1
-    clean, _ = run(vehicle, surge)
-    a, b = (one.finalize().results.motions["surge"].coefficients["k_q"] for one in (session, clean))
+    a, b = (one.motions["surge"].coefficients["k_q"] for one in (session.finalize().results, refined))
     assert a.value == pytest.approx(b.value, abs=0.2 * b.std)
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -1e200, 60.0])
-def test_values_that_no_vehicle_has_do_no_harm(vehicle: Vehicle, surge: list[Any], value: float) -> None:
+def test_values_that_no_vehicle_has_do_no_harm(
+    vehicle: Vehicle, surge: list[Any], refined: Results, value: float
+) -> None:
     dirty = [*surge, Stamped(stamp_from_s(20.005), Velocity((value,) * 6, "dvl75")),
              Stamped(stamp_from_s(20.006), Thrust((value * 1e5,) * 6))]  # fmt: skip
     dirty.sort(key=lambda event: event.stamp)
-    assert run(vehicle, dirty)[0].finalize().results.to_json() == run(vehicle, surge)[0].finalize().results.to_json()
+    assert run(vehicle, dirty)[0].finalize().results.to_json() == refined.to_json()
+
+
+@pytest.fixture(scope="module")
+def heave(vehicle: Vehicle) -> tuple[list[Any], Results]:
+    """Events of heave, and the results of them."""
+    inputs = received(vehicle, 2, end_s=40.0)
+    return inputs, run(vehicle, inputs)[0].finalize().results
 
 
 @pytest.mark.parametrize("depth_m", [math.nan, math.inf, 1e200, -2e4])
-def test_depths_that_no_vehicle_has_do_no_harm(vehicle: Vehicle, depth_m: float) -> None:
-    heave = received(vehicle, 2, end_s=40.0)
+def test_depths_that_no_vehicle_has_do_no_harm(
+    vehicle: Vehicle, heave: tuple[list[Any], Results], depth_m: float
+) -> None:
+    inputs, expected = heave
     depth = Stamped(stamp_from_s(20.005), Attitude((math.nan,) * 3, depth_m))
-    dirty = sorted([*heave, depth], key=lambda event: event.stamp)
-    assert run(vehicle, dirty)[0].finalize().results.to_json() == run(vehicle, heave)[0].finalize().results.to_json()
+    dirty = sorted([*inputs, depth], key=lambda event: event.stamp)
+    assert run(vehicle, dirty)[0].finalize().results.to_json() == expected.to_json()
 
 
-def test_an_instrument_wins_over_the_navigator(vehicle: Vehicle, surge: list[Any]) -> None:
+def test_an_instrument_wins_over_the_navigator(vehicle: Vehicle, surge: list[Any], refined: Results) -> None:
     def navigator(event: Any) -> Stamped[Any]:
         nu = (event.reading.nu[0] + 0.3, *event.reading.nu[1:])
         return Stamped(after(event.stamp, 0.001), Velocity(nu, "navigation"))
@@ -241,10 +265,10 @@ def test_an_instrument_wins_over_the_navigator(vehicle: Vehicle, surge: list[Any
         for event in surge
         for one in ([event, navigator(event)] if isinstance(event.reading, Velocity) else [event])
     ]
-    assert run(vehicle, doubled)[0].finalize().results.to_json() == run(vehicle, surge)[0].finalize().results.to_json()
+    assert run(vehicle, doubled)[0].finalize().results.to_json() == refined.to_json()
 
 
-def test_a_latency_of_the_stamps_can_be_given(vehicle: Vehicle, surge: list[Any]) -> None:
+def test_a_latency_of_the_stamps_can_be_given(vehicle: Vehicle, surge: list[Any], refined: Results) -> None:
     late = [
         Stamped(after(event.stamp, 0.2), event.reading) if isinstance(event.reading, Velocity) else event
         for event in surge
@@ -256,7 +280,7 @@ def test_a_latency_of_the_stamps_can_be_given(vehicle: Vehicle, surge: list[Any]
         .results.motions["surge"]
         .coefficients["added_mass"]
     )
-    right = run(vehicle, surge)[0].finalize().results.motions["surge"].coefficients["added_mass"]
+    right = refined.motions["surge"].coefficients["added_mass"]
     assert reported.value == pytest.approx(right.value, abs=0.5 * right.std)
 
 
