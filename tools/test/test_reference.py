@@ -48,14 +48,16 @@ def test_the_nodes_in_the_readmes_of_the_packages_are_up_to_date() -> None:
 
 
 def test_a_stub_says_what_a_field_gives_and_takes() -> None:
-    files = message_stubs.stubs(clone_root())
-    imu, status = files["sensor_msgs/msg/__init__.pyi"], files["diagnostic_msgs/msg/__init__.pyi"]
+    """In the files, which the test above holds equal to what is generated."""
+    names = ("sensor_msgs/msg", "diagnostic_msgs/msg", "hindrax_msgs/srv")
+    folder = clone_root() / message_stubs.FOLDER
+    imu, status, services = ((folder / name / "__init__.pyi").read_text(encoding="utf-8") for name in names)
     assert "    def orientation_covariance(self) -> NDArray[np.float64]: ..." in imu
     assert "    def orientation_covariance(self, value: Iterable[float]) -> None: ..." in imu
     assert "    header: std_msgs.msg.Header" in imu
     assert "    OK: ClassVar[bytes]" in status
     assert "    def values(self) -> list[KeyValue]: ..." in status
-    assert "    Request: TypeAlias = Arm_Request" in files["hindrax_msgs/srv/__init__.pyi"]
+    assert "    Request: TypeAlias = Arm_Request" in services
 
 
 def test_a_stale_page_is_named_with_the_command_that_writes_it(
