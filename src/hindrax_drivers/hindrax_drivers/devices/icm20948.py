@@ -25,7 +25,7 @@ MISALIGNED = 5
 LATE = 1.1
 """Samples may come faster than nominal by the drift of the clock; more than this, and the count itself is wrong."""
 
-TOLERATED = 2
+TOLERATED = 5
 """Fetches in a row that may fail on the bus: to configure takes 0.15 s, in which no state of the vehicle is known."""
 SILENT_LINE = f"data-ready line: not one edge per sample for {NO_DATA_S} s; the host's time instead"
 
