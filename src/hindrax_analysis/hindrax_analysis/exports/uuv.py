@@ -8,7 +8,16 @@ origin of the link belongs.
 
 from xml.etree import ElementTree as ET
 
-from hindrax_analysis.exports.export_model import ExportModel, add, commented, mean_of_directions, numbers
+from hindrax_analysis.exports.export_model import (
+    LOWEST_SHARE,
+    ExportModel,
+    add,
+    commented,
+    law_of,
+    mean_of_directions,
+    numbers,
+    terminal_misfit,
+)
 from hindrax_core.vehicle import AXES
 
 CONVENTIONS = (
@@ -45,6 +54,14 @@ def write(model: ExportModel) -> str:
 
 
 def one_sided_notes(model: ExportModel) -> tuple[str, ...]:
-    """Lines for the axes whose two directions differ."""
-    drags = {axis: model.hydrodynamics.drag(axis) for axis in AXES}
-    return tuple(f"{axis} {ONE_SIDED}." for axis, drag in drags.items() if drag.k_q_negative is not None)
+    """Lines for the axes whose two directions differ: by how much their terminal speeds are off the mean's."""
+    notes: tuple[str, ...] = ()
+    for axis, top in zip(AXES, model.top_speed, strict=True):
+        drag = model.hydrodynamics.drag(axis)
+        if drag.k_q_negative is None:
+            continue
+        mean = law_of(*mean_of_directions(drag))
+        misfit = max(terminal_misfit(law_of(*drag.of(backward=side)), mean, top) for side in (False, True))
+        span = f"from {LOWEST_SHARE * top:.2g} to {top:.2g}"
+        notes += (f"{axis} {ONE_SIDED}; terminal speeds within {100.0 * misfit:.1f} % {span}.",)
+    return notes
