@@ -53,7 +53,7 @@ def test_the_knobs_of_the_guard_are_read_and_judged_as_the_node_does(tmp_path: P
     assert read(tmp_path, text).knobs == OutputGuardKnobs(neutral_us=1480.0)
     changed = read(tmp_path, text, "-p", "light_off_us:=900.0").guard
     assert changed.neutral == Pulses((1480.0,) * 8, (900.0,) * 2)
-    with pytest.raises(UsageError, match="thrusters: neutral_us: found 900, wanted 1100 to 1900; without it: that of"):
+    with pytest.raises(UsageError, match="neutral_us: found 900, wanted 1100 to 1900; without it: by the vehicle file"):
         read(tmp_path, text, "-p", "neutral_us:=900")
     with pytest.raises(UsageError, match="neutral_us: found 1950, wanted 1100 to 1900"):
         read(tmp_path, text, "-p", "neutral_us:=1950")

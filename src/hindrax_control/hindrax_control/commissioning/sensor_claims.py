@@ -40,6 +40,7 @@ UNMOVED = 0.5
 LEAST_TURN_rad = 0.15
 AT_WORK, LEAST_A, LEAST_AT_WORK = 0.6, 0.3, 5
 """Share of the largest current from which on a sample is at work; the least current and samples that show a sag."""
+SAG = "supply sag under load"
 SAG_SHARE, LEAST_SAG_OHM, LARGEST_SIGMA_OHM = 0.3, 0.02, 0.05
 """A supply may sag by so much more than its file says; beyond the last deviation nothing is shown."""
 FOLLOWS, ASTRAY = 0.6, 1.0
@@ -416,7 +417,7 @@ def _resistance_ohm(voltage_V: Matrix, current_A: Matrix) -> tuple[float, float]
 
 def _sag(vehicle: Vehicle, found_ohm: float, sigma_ohm: float) -> Finding:
     """Finding on the resistance of the supply: wrong where it sags more than its file says, beyond the noise."""
-    claim, declared_ohm = "supply sag under load", vehicle.supply_ohm
+    claim, declared_ohm = SAG, vehicle.supply_ohm
     claimed = "none" if declared_ohm is None else f"{1e3 * declared_ohm:g} mohm"
     if not sigma_ohm <= LARGEST_SIGMA_OHM:  # nor is NaN
         return Finding(claim, MEASURED, claimed, "not shown: the sensor measures no current, or there was too little")

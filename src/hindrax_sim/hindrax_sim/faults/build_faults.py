@@ -51,7 +51,8 @@ def dead_bands_wider(vehicle: Vehicle, _target: str) -> Vehicle:
 
 def supply_sags(vehicle: Vehicle, _target: str) -> Vehicle:
     """Battery, cables and plugs have 150 milliohm more than the file says."""
-    return replace(vehicle, supply_ohm=(vehicle.supply_ohm or 0.0) + MORE_OHM)
+    declared_ohm = 0.0 if vehicle.supply_ohm is None else vehicle.supply_ohm
+    return replace(vehicle, supply_ohm=declared_ohm + MORE_OHM)
 
 
 def _with(vehicle: Vehicle, changed: dict[int, Thruster]) -> Vehicle:
