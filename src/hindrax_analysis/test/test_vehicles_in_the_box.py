@@ -48,8 +48,11 @@ def test_the_curve_of_the_t200_is_that_of_its_public_table(name: str) -> None:
     assert at_12V.dead_us == (1464.0, 1536.0)
 
 
-@pytest.mark.parametrize("world", ["ideal", "pool"])
-@pytest.mark.parametrize("file", OTHERS, ids=lambda file: file.stem)
+@pytest.mark.parametrize(
+    ("file", "world"),
+    [*((one, "pool") for one in OTHERS), *((one, "ideal") for one in OTHERS if one.stem == "bluerov2-heavy")],
+    ids=lambda part: part if isinstance(part, str) else part.stem,
+)
 def test_each_flies_all_it_can_and_its_drag_is_within_its_band(file: Path, world: str) -> None:
     vehicle = load_vehicle(file)
     motions = served(file).flown
