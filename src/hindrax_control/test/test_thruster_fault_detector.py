@@ -100,6 +100,29 @@ def test_a_vehicle_that_is_more_stable_than_its_file_is_not_held_fast(
     assert Rig(stable, ideal_vehicle, replace(wobbly, name="as its file says")).fly(rolling, 30.0)[0] is None
 
 
+@pytest.mark.parametrize("dead", [False, True], ids=["more drag", "no supply"])
+def test_what_turns_against_five_times_the_drag_of_its_file_has_a_supply(
+    hindrax: Vehicle, ideal_vehicle: type[IdealVehicle], dead: bool
+) -> None:
+    turning = np.linalg.pinv(effectiveness(hindrax))[:, 5]
+
+    def forth_and_back(t: float) -> tuple[float, ...]:
+        """A yaw moment that is held for seconds, as on a plateau."""
+        return tuple((3.0 * math.copysign(1.0, math.sin(0.5 * t)) * turning).tolist())
+
+    known = hindrax.hydrodynamics
+    assert known is not None
+    assumed = replace(hindrax, hydrodynamics=replace(known, yaw=Drag(known.yaw.k_q / 5.0, known.yaw.k_l / 5.0)))
+    rig = Rig(hindrax, ideal_vehicle, assumed)
+    found, at_s = rig.fly(forth_and_back, 30.0, dead=tuple(rig.names) if dead else ())
+    if not dead:
+        assert found is None
+        return
+    assert found is not None
+    assert found.name == EVERY
+    assert at_s < 5.0 + 10.0
+
+
 def test_nobody_is_suspected_while_all_push(hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]) -> None:
     assert Rig(hindrax, ideal_vehicle).fly(wiggle, 60.0)[0] is None
 

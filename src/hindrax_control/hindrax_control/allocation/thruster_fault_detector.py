@@ -38,6 +38,7 @@ from hindrax_core.vehicle import AXES, Vehicle
 LONGEST_STEP_S = 0.2
 HEAVE = AXES.index("heave")
 HYDROSTATIC = np.array([axis in ("heave", "roll", "pitch") for axis in AXES])
+TURNS = np.array([axis in ("roll", "pitch", "yaw") for axis in AXES])
 AT_WORK_N = 0.1
 """Force below which all thrusters stand: nothing is learned while the vehicle is held."""
 FIRST_S = 5.0
@@ -66,7 +67,9 @@ class FaultDetectorKnobs:
     surprise: float = knob(9.0, 1.0, 1e4, "mean square of the residual, in variances of the model, from which on [-]")
     sigma: Vec6 = knob((0.8, 0.8, 1.0, 0.15, 0.2, 0.12), 1e-3, 1e3, "error of the model at rest [N, N m]")
     sigma_drag: float = knob(0.35, 0.0, 2.0, "error of the model as a share of the drag [-]")
-    righting_times: float = knob(6.0, 1.0, 50.0, "times its righting moment that a vehicle may have [-]")
+    righting_times: float = knob(
+        6.0, 1.0, 50.0, "times its righting moment, and its drag in a turn, that a vehicle may have [-]"
+    )
     sigma_thrust: float = knob(0.1, 0.0, 1.0, "loss of each thruster under load, as a share of its thrust [-]")
 
 
@@ -148,13 +151,15 @@ class ThrusterFaultDetector:
             residual, np.array(drag), np.array((0.0, 0.0, 0.0, *self._statics(navigation)[3:5], 0.0)), dt
         )
 
-    def _not_by_righting(self, residual: Matrix, righting: Matrix) -> Matrix:
-        """Residual (6,) without what a vehicle leaves that is more stable than its file [N m].
+    def _held(self, residual: Matrix, righting: Matrix, drag: Matrix) -> Matrix:
+        """Residual (6,) without what a vehicle leaves that resists a tilt or a turn more than its file says [N m].
 
-        Held at a tilt it turns no further, as if all its thrusters were dead. What resists the tilt is taken off, up to
-        `righting_times` the righting moment. One dead thruster leaves the opposite: that tilts it on.
+        Held at a tilt, or at the speed of a turn, it gathers no more speed, as if all its thrusters were dead. What
+        resists is taken off, up to `righting_times` the moment of the file. Thrusters that are dead leave the opposite:
+        one of them tilts it on, and without all of them it comes to rest, where nothing resists.
         """
-        return without_more(residual, righting, self._knobs.righting_times)
+        times = self._knobs.righting_times
+        return without_more(without_more(residual, righting, times), np.where(TURNS, -drag, 0.0), times)
 
     def _filter(
         self, navigation: Navigation, rates: Vec6, drag: Sequence[float], forces_N: Sequence[float], dt: float
@@ -216,7 +221,7 @@ class ThrusterFaultDetector:
         together = [part for parts in (wrenches, unusual) for part in (parts, parts.sum(axis=1, keepdims=True))]
         signature = -np.hstack(together) * weight[:, None]
         # A column for each suspect: to all of them together, what is held upright is no evidence.
-        held = self._not_by_righting(residual, righting)
+        held = self._held(residual, righting, drag)
         surprise = np.where(self._of_every, held[:, None], residual[:, None])
         # Nor can ballast resist everything. What is beyond it is constant: its changes would be compared with nothing.
         surprise[HEAVE, len(self._names)] += self._trim[HEAVE] - np.clip(
