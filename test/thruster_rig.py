@@ -91,7 +91,7 @@ class Pilot:
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
         self.states: list[Any] = []
-        self.sequence = 0
+        self.sequence, self.asked_at = 0, self.world.now
         self.last_at: Stamp | None = None
         self.commands = publisher(self.node, THRUSTER_COMMAND)
         subscription(self.node, THRUSTER_STATE, self.states.append)
@@ -126,7 +126,9 @@ class Pilot:
         from hindrax_ros.messages.convert import stamp_to_msg
 
         self.until(self.client.service_is_ready, "the service thrusters/arm")
-        self.sequence += 1
+        # A second request within one step of the clock is not newer than the first.
+        self.until(lambda: self.world.now > self.asked_at, "the clock to go on")
+        self.sequence, self.asked_at = self.sequence + 1, self.world.now
         request = Arm.Request(arm=True, sequence=self.sequence)
         request.stamp = stamp_to_msg(after(self.world.now, -age_s))
         future = self.client.call_async(request)

@@ -208,8 +208,9 @@ class Landscape:
         patch.setattr(module, "linearize", self.linearize)
         patch.setattr(module, "restarted", lambda *_: None)
 
-    def linearize(self, _problem: object, theta: Array, *_: object) -> LinearizedProblem | None:
+    def linearize(self, _problem: object, theta: Array, *_: object, refinements: int) -> LinearizedProblem | None:
         """A step of `steps` deviations in all directions, wherever it is."""
+        assert not refinements
         self.tried.append(theta)
         cost = next(self._costs)
         if cost is None:

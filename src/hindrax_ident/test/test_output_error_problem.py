@@ -179,9 +179,9 @@ def linearized(
     theta: Array,
     path: Trajectory | None = None,
     more: Array | None = None,
-    **readings: Array,
+    readings: Array | None = None,
 ) -> LinearizedProblem:
-    found = linearize(problem, theta, path or problem.guess, plain, more, **readings)
+    found = linearize(problem, theta, path or problem.guess, plain, more, readings=readings)
     assert found is not None
     return found
 

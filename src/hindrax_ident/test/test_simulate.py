@@ -6,9 +6,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from hindrax_ident.arrays import Array
+from hindrax_ident.arrays import Array, array
 from hindrax_ident.model.motion_model import Model
-from hindrax_ident.model.simulation import Grid, Trajectory, sensitivities, trajectory
+from hindrax_ident.model.simulation import Grid, Trajectory, per_step, sensitivities, trajectory
 from hindrax_ident.model.thrust_lag import LaggedThrust
 
 SURGE = (Model(0, 15.22), np.array([66.48, 1.25, 0.1, 27.3]))
@@ -102,6 +102,27 @@ def test_sensitivities_are_the_differences_of_the_motion(model: Model, theta: Ar
         (v, s)[index][grid.starts] += h
         other = path_of(model, theta, grid, Trajectory(v, s))
         same(S[:, 0, p + index], (other.v - path.v) / h)
+
+
+def test_refined_sensitivities_are_exact_where_a_motion_settles_within_a_few_steps() -> None:
+    model, _ = SURGE
+    theta = np.array([120.0, 20.0, 0.3, 7.0])
+    grid = grid_of(thrust(12.0).impulse)
+    coarse = Grid(grid.times_s[::5], grid.starts[::5], per_step(np.cumsum(grid.impulse)[::5], grid.starts[::5]))
+    path = path_of(model, array(theta), coarse, still(coarse))
+
+    def error(refinements: int) -> float:
+        """Largest error of the derivatives by the mass, as a share of the largest of these."""
+        S = sensitivities(model, array(theta), coarse, path, refinements=refinements)
+        h = 1e-5 * theta[-1]
+        other = path_of(model, array(theta + h * np.array([0.0, 0.0, 0.0, 1.0])), coarse, path)
+        differences = (other.v - path.v) / h
+        return float(np.abs(S[:, 0, 3] - differences).max() / np.abs(differences).max())
+
+    rough, once, thrice = error(0), error(1), error(3)
+    assert rough > 0.01
+    assert once < 0.3 * rough
+    assert thrice < 0.03 * rough
 
 
 def same(found: Array, expected: Array) -> None:

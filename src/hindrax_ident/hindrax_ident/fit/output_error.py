@@ -41,8 +41,10 @@ from hindrax_ident.model.motion_model import Model
 from hindrax_ident.model.simulation import Trajectory
 from hindrax_ident.records.axis_record import Record
 
-STEPS = 40
+STEPS, MANY_STEPS = 40, 200
+"""Of a search, and of one that goes on with refined derivatives: it creeps where a valley is bent."""
 TOLERANCE = 1e-10
+REFINEMENTS = 3
 ROUGH = 1e-4
 """Step, in standard deviations per square root of the samples, that ends a search before outliers and noise are known;
 TOLERANCE is that of the final search."""
@@ -125,7 +127,7 @@ def refine(model: Model, record: Record, start: Array, prior: Prior) -> OutputEr
         fresh = fit_noise(chain, linear.raw, noise, given_position=model.restores)
         settled, noise = _similar(fresh, noise), fresh
         white = Whitener(chain, noise)
-        linear, theta, converged = _descend(problem, theta, linear.path, white, prior)
+        linear, theta, converged = _searched(problem, theta, linear.path, white, prior)
         if settled:
             break
     return _fit_of(problem, linear, theta, white, prior, converged=converged)
@@ -150,7 +152,7 @@ def reweighted(fit: OutputErrorFit, noise: Noise, prior: Prior) -> OutputErrorFi
     """
     problem = fit.problem
     white = whitener_of(problem, fit.theta, fit.linear.path, noise)
-    linear, theta, converged = _descend(problem, fit.theta, fit.linear.path, white, prior)
+    linear, theta, converged = _searched(problem, fit.theta, fit.linear.path, white, prior)
     return _fit_of(problem, linear, theta, white, prior, converged=converged)
 
 
@@ -201,6 +203,16 @@ def _similar(a: Noise, b: Noise) -> bool:
     return all(abs(math.log(x / y)) < SIMILAR for x, y in pairs)
 
 
+def _searched(
+    problem: OutputErrorProblem, start: Array, path: Trajectory, white: Whitener, prior: Prior
+) -> tuple[LinearizedProblem, Array, bool]:
+    """As `_descend`; where that ends on the way, on with refined derivatives: those of a fast motion lead aside."""
+    linear, theta, ended = _descend(problem, start, path, white, prior)
+    if ended:
+        return linear, theta, ended
+    return _descend(problem, theta, linear.path, white, prior, refinements=REFINEMENTS)
+
+
 def _descend(
     problem: OutputErrorProblem,
     start: Array,
@@ -209,6 +221,7 @@ def _descend(
     prior: Prior,
     *,
     tolerance: float = TOLERANCE,
+    refinements: int = 0,
 ) -> tuple[LinearizedProblem, Array, bool]:
     """Final linearization, parameters, (p,), and convergence of Levenberg-Marquardt, scaled by the sigmas.
 
@@ -218,16 +231,17 @@ def _descend(
     Damping falls by 50 after a success, since near the solution plain Gauss-Newton steps are best, and rises by 10
     after a failure. `room` keeps the mass above the least that is possible, with the rest of the step still optimal.
     """
-    theta, linear = _feasible_start(problem, start, path, white, prior)
+    theta, linear = _feasible_start(problem, start, path, white, prior, refinements=refinements)
     damping = 1e-3
-    for _ in range(STEPS):
+    for _ in range(MANY_STEPS if refinements else STEPS):
         normal, gradient, scale = _scaled(linear, theta, prior)
         room = scale[-1] * (problem.model.least_mass - theta[-1])
         wanted = float(np.abs(newton_step(normal, gradient, room)).max())
         if wanted < tolerance * math.sqrt(1.0 + problem.samples):
             return linear, theta, True
         step = newton_step(array(normal + damping * np.eye(len(theta))), gradient, room) / scale
-        tried = linearize(problem, theta + step, restarted(problem, linear, step, damping), white)
+        begun = restarted(problem, linear, step, damping)
+        tried = linearize(problem, theta + step, begun, white, refinements=refinements)
         if tried is not None and _total(tried, theta + step, prior) < _total(linear, theta, prior):
             theta, linear, damping = theta + step, tried, damping * 0.02
         elif wanted < NEGLIGIBLE or damping > 1e8:
@@ -273,13 +287,20 @@ def _total(linear: LinearizedProblem, theta: Array, prior: Prior) -> float:
 
 
 def _feasible_start(
-    problem: OutputErrorProblem, start: Array, path: Trajectory, white: Whitener, prior: Prior
+    problem: OutputErrorProblem,
+    start: Array,
+    path: Trajectory,
+    white: Whitener,
+    prior: Prior,
+    *,
+    refinements: int = 0,
 ) -> tuple[Array, LinearizedProblem]:
     """Start, (p,), or the prior where the simulation diverges; with fitted initial conditions."""
     for theta in (start, prior.values):
-        linear = linearize(problem, theta, path, white)
+        linear = linearize(problem, theta, path, white, refinements=refinements)
         if linear is not None:
-            again = linearize(problem, theta, restarted(problem, linear, np.zeros(len(theta))), white)
+            begun = restarted(problem, linear, np.zeros(len(theta)))
+            again = linearize(problem, theta, begun, white, refinements=refinements)
             return theta, again or linear
     raise ValueError("the simulation diverges from both the start and the prior")
 

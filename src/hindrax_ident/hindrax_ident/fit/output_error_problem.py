@@ -182,16 +182,18 @@ def linearize(
     impulses: Array | None = None,
     *,
     readings: Array | None = None,
+    refinements: int = 0,
 ) -> LinearizedProblem | None:
     """Simulate from the start of each stretch of `path` and differentiate; None where it diverges.
 
     After the columns of the parameters, J has those of `impulses` (grid, m): unmodeled impulses over each step, and of
-    `readings` (n, k): errors of each measurement.
+    `readings` (n, k): errors of each measurement. `refinements` as of `sensitivities`.
     """
     moved = trajectory(problem.model, theta, problem.grid, path)
     if moved is None:
         return None
-    S = sensitivities(problem.model, theta, problem.grid, moved, impulses)[problem.index, problem.channel]
+    S = sensitivities(problem.model, theta, problem.grid, moved, impulses, refinements=refinements)
+    S = S[problem.index, problem.channel]
     raw = _residuals(problem, moved)
     p = len(theta)
     extra = np.zeros((len(raw), 0)) if readings is None else readings

@@ -62,8 +62,8 @@ class Grid:
         )
 
     def integral(self, x: Array) -> Array:
-        """Integral of x, (n,), over the step that ends at each time: (n,) [x s]; zero at a start."""
-        far, before, here, ahead = self.quadrature
+        """Integral of x, (n,) or (n, m), over the step that ends at each time: like x [x s]; zero at a start."""
+        far, before, here, ahead = self.quadrature.reshape(4, -1, *[1] * (x.ndim - 1))
         out = here * x
         out[1:] += before[1:] * x[:-1]
         out[2:] += far[2:] * x[:-2]
@@ -126,10 +126,20 @@ def trajectory(model: Model, theta: Array, grid: Grid, start: Trajectory) -> Tra
     return None
 
 
-def sensitivities(model: Model, theta: Array, grid: Grid, path: Trajectory, impulses: Array | None = None) -> Array:
+def sensitivities(
+    model: Model,
+    theta: Array,
+    grid: Grid,
+    path: Trajectory,
+    impulses: Array | None = None,
+    *,
+    refinements: int = 0,
+) -> Array:
     """Derivatives of the trajectory: the equations F(x, theta) = 0 give dx/dtheta = -(dF/dx)^-1 dF/dtheta.
 
-    dF/dx is the matrix of the last Newton step, so each column costs one more right-hand side.
+    dF/dx is the matrix of the last Newton step, so each column costs one more right-hand side. That matrix leaves out
+    the end terms: of a motion that settles within a few steps the derivatives are wrong by some hundredths. Each
+    refinement solves for what the whole equations leave, and makes them right by as much again.
 
     Parameters
     ----------
@@ -139,6 +149,8 @@ def sensitivities(model: Model, theta: Array, grid: Grid, path: Trajectory, impu
         What it returned.
     impulses : (n, m) [N s, N m s]
         Additional impulses over each step, to which the derivative is wanted too.
+    refinements
+        How often the derivatives are refined.
 
     Returns
     -------
@@ -157,7 +169,26 @@ def sensitivities(model: Model, theta: Array, grid: Grid, path: Trajectory, impu
     right[grid.starts, 1, p + 1] = 1.0
     if impulses is not None:
         right[:, 0, p + 2 :] = impulses
-    return _solve(_jacobian(model, theta, grid, path.v, path.s), right)
+    jacobian = _jacobian(model, theta, grid, path.v, path.s)
+    found = _solve(jacobian, right)
+    if refinements:
+        right[:, 0, : p - 1] = -grid.integral(columns) * ~grid.starts[:, None]
+    for _ in range(refinements):
+        found = found + _solve(jacobian, array(right - _changed(model, theta, grid, path, found)))
+    return found
+
+
+def _changed(model: Model, theta: Array, grid: Grid, path: Trajectory, x: Array) -> Array:
+    """Change of `_residual` with changes x of velocity and position, (n, 2, m): of first order, with all terms."""
+    slope = model.slope(theta, path.v)[:, None]
+    stiffness = theta[-2] * np.cos(path.s)[:, None] if model.restores else 0.0
+    out = np.empty_like(x)
+    out[1:, 0] = theta[-1] * (x[1:, 0] - x[:-1, 0])
+    out[1:, 1] = x[1:, 1] - x[:-1, 1]
+    out[:, 0] += grid.integral(array(slope * x[:, 0] + stiffness * x[:, 1]))
+    out[:, 1] -= grid.integral(x[:, 0])
+    out[grid.starts] = x[grid.starts]
+    return out
 
 
 def _residual(model: Model, theta: Array, grid: Grid, v: Array, s: Array) -> Array:
