@@ -16,7 +16,7 @@ from hindrax_core.knobs import build
 from hindrax_core.readings import Inertial, Magnetic, Reading
 from hindrax_core.testing import rehearse
 from hindrax_core.vehicle import Vehicle
-from hindrax_drivers.devices.icm20948 import DRIVER, MISALIGNED, NO_DATA_S, SILENT_LINE, TOLERATED, Icm20948
+from hindrax_drivers.devices.icm20948 import DRIVER, MISALIGNED, NO_DATA_S, SILENT_LINE, Icm20948
 from hindrax_drivers.devices.imu.ak09916 import REPEATS as MAG_REPEATS
 from hindrax_drivers.devices.imu.ak09916 import SET_UP_EVERY_S, Ak09916
 from hindrax_drivers.devices.imu.icm20948_samples import HUNG_AFTER, REPEATS, EdgeClock, Icm20948Knobs
@@ -202,42 +202,68 @@ def test_the_silence_of_a_sensor_that_was_just_configured_begins_with_the_first_
             play(sensor.cycle(after(START, NO_DATA_S + 0.01)), chip)
 
 
-def failing(sensor: Icm20948, chip: Chip, turn: int, register: int) -> Outputs:
-    """A cycle of which the transfer of one register fails on the wire, after it has taken the bytes."""
+def failing(sensor: Icm20948, chip: Chip, turn: int, register: int, *, taken: bool = False) -> Outputs:
+    """A cycle of which the transfer of one register fails on the wire, before or after it has taken the bytes."""
     program = sensor.cycle(after(START, 0.02 * turn))
     try:
         operation = next(program)
         while True:
             assert isinstance(operation, Write | WriteRead)
-            answer = chip.transfer(operation)
-            operation = program.throw(NACK) if operation.data[0] == register else program.send(answer)
+            fails = operation.data[0] == register
+            answer = b"" if fails and not taken else chip.transfer(operation)
+            operation = program.throw(NACK) if fails else program.send(answer)
     except StopIteration as stop:
         outputs: Outputs = stop.value
         return outputs
 
 
 @pytest.mark.parametrize("register", [0x70, 0x72])
-def test_a_transfer_that_fails_once_costs_its_samples_and_no_set_up(
-    sensor: Icm20948, chip: Chip, register: int
+@pytest.mark.parametrize("failures", [1, 5])
+def test_transfers_that_are_not_acknowledged_cost_no_sample(
+    sensor: Icm20948, chip: Chip, register: int, failures: int
 ) -> None:
+    for turn in range(1, 1 + failures):
+        chip.still(4)
+        assert reasons(failing(sensor, chip, turn, register)) == ["no acknowledge; tried again"]
     chip.still(4)
-    assert reasons(failing(sensor, chip, 1, register)) == ["no acknowledge; tried again"]
-    chip.fifo += bytes(7)  # what a burst that was broken off leaves
-    assert reasons(cycle(sensor, chip, 2)) == []
+    outputs = cycle(sensor, chip, 1 + failures)
+    assert [type(one) for one in outputs] == [Stamped] * 4 * (1 + failures)
+    assert chip.resets == 1
+
+
+def test_a_burst_that_was_broken_off_costs_its_samples_and_no_set_up(sensor: Icm20948, chip: Chip) -> None:
+    chip.still(4)
+    assert reasons(failing(sensor, chip, 1, 0x72, taken=True)) == ["no acknowledge; tried again"]
+    chip.fifo += bytes(7)
+    assert len(reasons(cycle(sensor, chip, 2))) == 1
     chip.still(4)
     outputs = cycle(sensor, chip, 3)
     assert [type(one) for one in outputs] == [Stamped] * 4
     assert after(START, 0.06 - 0.03) < outputs[-1].stamp <= after(START, 0.06)
 
 
-def test_transfers_that_fail_one_after_the_other_configure_the_sensor_anew(sensor: Icm20948, chip: Chip) -> None:
-    for again in (0, 10):
-        for turn in range(TOLERATED):
-            assert len(failing(sensor, chip, again + turn, 0x70)) == 1
-        if not again:
-            assert list(cycle(sensor, chip, TOLERATED)) == []
+def test_a_burst_that_took_whole_samples_leaves_the_time_of_the_next_ones(sensor: Icm20948, chip: Chip) -> None:
+    for turn in range(1, 4):
+        chip.still(4)
+        cycle(sensor, chip, turn)
+    chip.still(4)
+    failing(sensor, chip, 4, 0x72, taken=True)
+    chip.still(4)
+    outputs = cycle(sensor, chip, 5)
+    assert [type(one) for one in outputs] == [Stamped] * 4
+    assert after(START, 0.1 - 0.01) < outputs[-1].stamp <= after(START, 0.1)
+
+
+def test_transfers_that_fail_for_longer_than_a_sensor_may_be_silent_configure_it_anew(
+    sensor: Icm20948, chip: Chip
+) -> None:
+    chip.still(4)
+    cycle(sensor, chip, 1)
+    last = 1 + round(NO_DATA_S / 0.02)
+    for turn in range(2, last + 1):
+        assert len(failing(sensor, chip, turn, 0x70)) == 1
     with pytest.raises(DeviceError, match="no acknowledge"):
-        failing(sensor, chip, 10 + TOLERATED, 0x70)
+        failing(sensor, chip, last + 1, 0x70)
 
 
 def test_a_sensor_that_is_asleep_after_a_failed_transfer_is_configured_anew_at_once(

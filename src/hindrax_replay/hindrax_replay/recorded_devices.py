@@ -33,8 +33,8 @@ from hindrax_ros.parameter_file import FRAME_PREFIX
 KnobsT = TypeVar("KnobsT")
 Parameters = Mapping[str, Mapping[str, Any]]
 TICK_S = 0.05
-TRIES = 8
-"""A program, its failures (an inertial sensor raises its sixth) and its restart: more find nothing new."""
+TRIES = 4
+"""A program, the cycle after it (an inertial sensor fails with the second) and its restart: more find nothing new."""
 SENT = 1
 """hindrax_msgs/RawFrames: from the host to the device."""
 NO_FRAME = Stamp(0)

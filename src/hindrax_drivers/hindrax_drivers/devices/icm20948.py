@@ -20,13 +20,13 @@ from hindrax_drivers.driver import Driver, RegisterPart
 from hindrax_drivers.imu_calibration import correction
 
 NO_DATA_S = 0.25
+"""Time without a sample after which the sensor is set up anew. That takes 0.15 s, in which no state of the vehicle is
+known, and seldom succeeds where transfers fail; to try again takes one cycle."""
 MISALIGNED = 5
 """Counts in a row that are no whole number of samples: a sample may be half written, but not every time."""
 LATE = 1.1
 """Samples may come faster than nominal by the drift of the clock; more than this, and the count itself is wrong."""
 
-TOLERATED = 5
-"""Fetches in a row that may fail on the bus: to configure takes 0.15 s, in which no state of the vehicle is known."""
 SILENT_LINE = f"data-ready line: not one edge per sample for {NO_DATA_S} s; the host's time instead"
 
 Outputs = list[Stamped[Reading] | Rejected]
@@ -49,7 +49,8 @@ class Icm20948(RegisterPart):
         self.period_s = knobs.period_s if knobs.mode == "fifo" else 1.0 / knobs.rate_Hz
         self._samples = SampleDecoder(knobs, correction(calibration or {}, "accel", "mps2"))
         self._mag = Ak09916(correction(calibration or {}, "mag", "T"))
-        self._turn = self._misaligned = self._failures = 0
+        self._turn = self._misaligned = 0
+        self._interrupted = self._torn = self._faulty = False
         self._fetched = self._timed = Stamp(0)
         timed = knobs.data_ready if knobs.mode == "fifo" else ""
         self._chip, self._line = chip_and_line(timed, "data_ready") if timed else ("", 0)
@@ -70,7 +71,7 @@ class Icm20948(RegisterPart):
             yield Write(EDGES + self._line, self._chip.encode())
             yield self.set(r.INT_ENABLE_1, r.RAW_DATA_READY)
         self._turn, self._misaligned, self._fetched, self._timed = 0, 0, Stamp(0), Stamp(0)
-        self._failures = 0
+        self._interrupted = self._torn = self._faulty = False
         self._samples.restart()
         knobs = self._knobs
         timed = f", timed by line {self._line} of {self._chip}" if self._chip else ""
@@ -82,19 +83,19 @@ class Icm20948(RegisterPart):
     def cycle(self, stamp: Stamp) -> Program[Sequence[Stamped[Reading] | Rejected]]:
         """Read all samples since the last cycle, and at lower rates temperature and magnetic field.
 
-        A transfer that fails is tried again in the next cycle, and after `TOLERATED` in a row the error is raised.
+        A transfer that fails is tried again in the next cycle; without a sample for `NO_DATA_S` the error is raised.
         """
         outputs: Outputs = []
         try:
-            if self._failures:
-                yield from self._resume()
+            if self._interrupted:
+                yield from self._check_awake()
             yield from self._fetch(stamp, outputs)
         except DeviceError as error:
-            self._failures += 1
-            if self._failures > TOLERATED:
+            self._interrupted = True
+            if self._faulty or self._silent_s(stamp) > NO_DATA_S:
                 raise
             return [*outputs, Rejected(stamp, f"{error}; tried again", b"")]
-        self._failures = 0
+        self._interrupted = False
         return outputs
 
     def _fetch(self, stamp: Stamp, outputs: Outputs) -> Program[None]:
@@ -109,14 +110,10 @@ class Icm20948(RegisterPart):
         if self._turn % knobs.temperature_every == 0:
             yield from self._fetch_temperature()
 
-    def _resume(self) -> Program[None]:
-        """Go on after a transfer that failed: it may have taken part of the samples, or come from a reset."""
+    def _check_awake(self) -> Program[None]:
+        """After a transfer that failed: it may have come from a reset, in which the sensor sleeps."""
         if (yield self.get(r.PWR_MGMT_1, 1))[0] != r.CLOCK_AUTO:
             raise self._failed("has reset itself")
-        if self._knobs.mode == "fifo":
-            yield from self._empty_fifo()
-        self._samples.restart()
-        self._misaligned = 0
 
     def _identify(self) -> Program[None]:
         yield self._bank(0)
@@ -182,15 +179,19 @@ class Icm20948(RegisterPart):
         if wrong:
             yield from self._empty_fifo()
             self._samples.restart()
-            self._misaligned, self._fetched = 0, stamp
+            self._misaligned, self._fetched, self._torn = 0, stamp, False
             return [Rejected(stamp, wrong, raw)]
         if count == 0 or self._misaligned:
             return self._on_empty_fifo(stamp)
-        self._fetched = stamp
+        if self._torn:
+            self._samples.restart()  # their number is unknown
+        # A burst that fails has mostly taken nothing: what waits is fetched with the next samples.
+        self._torn = True
         data = yield self.get(r.FIFO_R_W, count)
+        edge = yield from self._fetch_edge()
+        self._fetched, self._torn = stamp, False
         if not self._chip:
             return self._samples.decode(data, stamp)
-        edge = yield from self._fetch_edge()
         still = edge == last and abs(EDGE.unpack(edge)[1] - stamp) < NS_PER_S * LATE / self._knobs.rate_Hz
         outputs = self._samples.decode(data, stamp, EDGE.unpack(edge) if still else None)
         return outputs + self._watch_line(stamp, edge)
@@ -215,7 +216,7 @@ class Icm20948(RegisterPart):
         elapsed_s = seconds_between(self._fetched, stamp)
         most = 4 + LATE * elapsed_s * self._knobs.rate_Hz
         self._misaligned = self._misaligned + 1 if count % r.SAMPLE_BYTES else 0
-        if self._misaligned >= MISALIGNED:
+        if self._misaligned >= (1 if self._torn else MISALIGNED):
             return f"FIFO out of step: {count} bytes are no whole number of samples"
         if self._fetched and elapsed_s >= 0.0 and count > most * r.SAMPLE_BYTES:
             return f"FIFO count {count} is more than {elapsed_s:.3f} s can have brought"
@@ -225,8 +226,8 @@ class Icm20948(RegisterPart):
         status = (yield self.get(r.INT_STATUS_1, 1))[0]
         if not status & r.RAW_DATA_READY:
             return self._on_empty_fifo(stamp)
-        self._fetched = stamp
         data = yield self.get(r.ACCEL_XOUT_H, r.SAMPLE_BYTES)
+        self._fetched = stamp
         # Half a period old on average; the number of skipped samples is unknown and not counted.
         return self._samples.decode_one(data, after(stamp, -0.5 / self._knobs.rate_Hz - self._knobs.filter_delay_s))
 
@@ -236,15 +237,19 @@ class Icm20948(RegisterPart):
 
     def _on_empty_fifo(self, stamp: Stamp) -> Outputs:
         """Check an empty FIFO: a sensor that has reset itself sleeps and gives no samples."""
-        if not 0 < self._fetched <= stamp:  # just configured, or the host's clock was set back
-            self._fetched = stamp
-        if seconds_between(self._fetched, stamp) > NO_DATA_S:
+        if self._silent_s(stamp) > NO_DATA_S:
             raise self._failed(f"no sample for {NO_DATA_S} s; it may have reset itself")
         return []
 
+    def _silent_s(self, stamp: Stamp) -> float:
+        """Time since the last samples, or since the first look for any."""
+        if not 0 < self._fetched <= stamp:  # just configured, or the host's clock was set back
+            self._fetched = stamp
+        return seconds_between(self._fetched, stamp)
+
     def _failed(self, text: str) -> DeviceError:
         """Error of the sensor and not of the wire: nothing is tried again."""
-        self._failures = TOLERATED
+        self._faulty = True
         return self.error(text)
 
     def _bank(self, number: int) -> Write:
