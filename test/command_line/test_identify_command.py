@@ -262,7 +262,7 @@ def test_what_cannot_be_known_is_called_so(desk: Desk, record: dict[str, Any]) -
 
 
 def test_the_wrong_sign_is_named(desk: Desk) -> None:
-    surge = desk.surge(desk.csv(gain=-1.0))
+    surge = desk.surge(desk.csv(gain=-1.0, end_s=40.0))
     assert not surge["identifiable"]
     assert "against_thrust" in surge["reason_codes"]
 
@@ -274,7 +274,7 @@ def test_a_current_is_seen_or_its_harm_lies_within_the_band(desk: Desk, current:
 
 
 def test_motion_that_has_nothing_to_do_with_the_thrust(desk: Desk) -> None:
-    (t, _), forces = flown()
+    (t, _), forces = flown(end_s=40.0)
     wander = np.cumsum(np.random.default_rng(3).standard_normal(len(t))) * 0.02
     surge = desk.surge(as_csv(desk.folder / "a.csv", (t, wander), forces))
     assert not surge["identifiable"]

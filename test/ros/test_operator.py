@@ -1,11 +1,13 @@
-"""The operator's commands against a stack that is up with the mock vehicle, each a process of its own.
+"""The operator's commands against a stack that is up with the mock vehicle.
 
-One stack for all: started once, driven through arming, holds, a push, a thruster out of use and a stop, then ended.
+One stack for all: started once, driven through arming, holds, a push, a thruster out of use and a stop, then ended. A
+command runs in this process, as a process of its own where its environment or its life is what is looked at.
 """
 
 import contextlib
 import http.client
 import importlib.util
+import io
 import json
 import os
 import re
@@ -17,11 +19,13 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import psutil
 import pytest
 
 from hindrax_bringup.stack_lock import FOLDER
+from hindrax_cli.command_line import main
 
 ROOT = Path(__file__).parents[2]
 SOURCES = [str(folder) for folder in sorted((ROOT / "src").glob("hindrax_*")) if folder.name != "hindrax_msgs"]
@@ -53,6 +57,15 @@ class Terminal:
         )
 
     def run(self, *words: str) -> tuple[int, str, str]:
+        """Code and output of a command in this process: one of its own imports ROS for longer than it does its work."""
+        out, wrong = io.StringIO(), io.StringIO()
+        here = patch.dict(os.environ, self.environment, clear=True)
+        with here, contextlib.redirect_stdout(out), contextlib.redirect_stderr(wrong):
+            code = main(words)
+        return code, out.getvalue(), wrong.getvalue()
+
+    def spawn(self, *words: str) -> tuple[int, str, str]:
+        """The same of a process of its own, as the shell of an operator starts it."""
         child = self.start(*words)
         try:
             out, _ = child.communicate(timeout=PATIENT_S)
@@ -155,11 +168,11 @@ FOREIGN = {
 
 def test_a_shell_of_another_graph_arms_steers_and_stops_this_stack(terminal: Terminal, up: psutil.Process) -> None:
     foreign = Terminal(terminal.environment | FOREIGN, terminal.folder)
-    code, _, wrong = foreign.run("arm")
+    code, _, wrong = foreign.spawn("arm")
     assert code == 0, wrong
     assert wrong.splitlines()[0].startswith("vehicle: hindrax (mock), ROS domain ")
     assert f"process {up.pid}, {terminal.folder / 'run'}" in wrong
-    assert foreign.run("hold", "heading")[0] == 0
+    assert foreign.spawn("hold", "heading")[0] == 0
     for words in (["hold", "heading"], ["arm"], ["wrench", "5", "0", "0", "0", "0", "0"]):
         away = Terminal(terminal.environment | {"ROS_DOMAIN_ID": "230"}, terminal.folder)
         code, printed, wrong = away.run(*words)
@@ -167,7 +180,7 @@ def test_a_shell_of_another_graph_arms_steers_and_stops_this_stack(terminal: Ter
         assert f"and ROS_DOMAIN_ID=230 is set here; if you mean it, add --stack {up.pid}" in wrong
     (thrusters,) = (one for one in up.children() if "hindrax_drivers.nodes.deadman" in one.cmdline())
     broken = Terminal(foreign.environment | {"ROS_DOMAIN_ID": "300"}, terminal.folder)
-    code, printed, wrong = broken.run("stop", "--stack", str(up.pid))
+    code, printed, wrong = broken.spawn("stop", "--stack", str(up.pid))
     assert (code, wrong) == (0, "")
     assert printed == f"stopped and disarmed: {whole_title(terminal, up)}\n"
     assert thrusters.is_running()
@@ -177,7 +190,7 @@ def test_a_shell_of_another_graph_arms_steers_and_stops_this_stack(terminal: Ter
 def test_a_stop_needs_no_ros_at_all(terminal: Terminal, up: psutil.Process) -> None:
     assert terminal.run("arm")[0] == 0
     without = Terminal(terminal.environment | {"LD_LIBRARY_PATH": ""}, terminal.folder)
-    code, printed, wrong = without.run("stop")
+    code, printed, wrong = without.spawn("stop")
     assert code == 0
     assert printed == f"stopped and disarmed: {whole_title(terminal, up)}\n"
     assert "disarmed, but over ROS nothing could be cancelled (ROS: ended with code 1" in wrong

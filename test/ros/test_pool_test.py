@@ -19,12 +19,12 @@ NOT_IN_MOCK = {
     *("joy", "cmd_vel", "lights", "thrusters/health_order"),
 }
 """Rows of the table that nobody publishes during a plain pool test in mock, beside those of sensors not carried."""
-TRUTH = {"k_q": 66.48, "k_l": 1.25, "b": 0.0, "added_mass": 12.08}
+COEFFICIENTS = {"k_q", "k_l", "b", "added_mass"}
 
 
 @pytest.fixture(scope="module")
-def run(ideal_flight: tuple[Path, Any]) -> tuple[Path, Any]:
-    return ideal_flight
+def run(tutorial_flight: tuple[Path, Any]) -> tuple[Path, Any]:
+    return tutorial_flight
 
 
 def test_the_document_has_the_agreed_shape(run: tuple[Path, Any]) -> None:
@@ -34,29 +34,13 @@ def test_the_document_has_the_agreed_shape(run: tuple[Path, Any]) -> None:
     assert document["real_time_factor"] > 0.0
     surge = document["motions"]["surge"]
     assert surge["identifiable"] is True
-    assert set(TRUTH) <= set(surge)
-    assert all({"value", "std", "truth"} <= set(surge[name]) for name in TRUTH)
+    assert set(surge) >= COEFFICIENTS
+    assert all({"value", "std", "truth"} <= set(surge[name]) for name in COEFFICIENTS)
 
 
-@pytest.mark.parametrize("speed", [0.2, 0.3, 0.4])
-def test_drag_is_within_three_percent(run: tuple[Path, Any], speed: float) -> None:
+def test_in_a_pool_the_drag_lies_within_its_calibrated_band(run: tuple[Path, Any]) -> None:
+    """In the ideal water of a lock-step, hindrax_sim's test_lockstep.py holds drag and coefficients within 3 %."""
     surge = run[1]["motions"]["surge"]
-    found = surge["k_q"]["value"] * speed**2 + surge["k_l"]["value"] * speed
-    assert found == pytest.approx(TRUTH["k_q"] * speed**2 + TRUTH["k_l"] * speed, rel=0.03)
-
-
-@pytest.mark.parametrize("name", ["k_q", "k_l", "b"])
-def test_truth_lies_within_three_deviations(run: tuple[Path, Any], name: str) -> None:
-    number = run[1]["motions"]["surge"][name]
-    assert abs(number["value"] - TRUTH[name]) < 3.0 * number["std"]
-
-
-def test_added_mass_is_within_five_percent(run: tuple[Path, Any]) -> None:
-    assert run[1]["motions"]["surge"]["added_mass"]["value"] == pytest.approx(TRUTH["added_mass"], rel=0.05)
-
-
-def test_in_a_pool_the_drag_lies_within_its_calibrated_band(tutorial_flight: tuple[Path, Any]) -> None:
-    surge = tutorial_flight[1]["motions"]["surge"]
     speed, force, std = (surge["drag_force"][name][-1] for name in ("speed", "force", "std_calibrated"))
     truth = surge["k_q"]["truth"] * speed**2 + surge["k_l"]["truth"] * speed
     assert abs(force - truth) < 3.0 * std

@@ -24,6 +24,7 @@ class Series:
     source: str = ""
     times_s: list[float] = field(default_factory=list)
     rows: list[Row] = field(default_factory=list)
+    _arrays: tuple[Matrix, Matrix] = field(default_factory=lambda: (np.zeros(0), np.zeros((0, 6))), repr=False)
 
     def add(self, source: str, stamp: Stamp, row: Row) -> None:
         """Append a sample; a second sensor of the quantity is not used."""
@@ -34,7 +35,9 @@ class Series:
 
     def between(self, begin_s: float, end_s: float) -> tuple[Matrix, Matrix]:
         """Times (n,) and values (n, k) within an interval, in the order of time."""
-        times, rows = np.array(self.times_s), np.array(self.rows)
+        if len(self._arrays[0]) != len(self.times_s):  # many ask between two samples
+            self._arrays = np.array(self.times_s), np.array(self.rows)
+        times, rows = self._arrays
         inside = np.flatnonzero((times >= begin_s) & (times < end_s)) if len(times) else np.zeros(0, int)
         order = inside[np.argsort(times[inside], kind="stable")] if len(inside) else inside
         return (times[order], rows[order]) if len(order) else (np.zeros(0), np.zeros((0, 6)))
