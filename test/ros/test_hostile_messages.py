@@ -38,6 +38,7 @@ from hindrax_control.testing.ideal_vehicle import IdealVehicle
 from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure
 from hindrax_core.signals import ZERO6, Estimate, Navigation
+from hindrax_core.text.refusals import Reason
 from hindrax_core.topics import (
     ALLOCATION,
     ALTITUDE,
@@ -332,7 +333,8 @@ def test_strange_thrusters_are_left_out_of_a_list(control: Control) -> None:
     listed = ThrusterHealth(disabled=["T2", "T99", "x" * 1000], reasons=["weak"])
     control.say(THRUSTER_HEALTH_ORDER, _of(listed, control.now()))
     assert control.pilot._disabled == {"T2": "weak"}
-    assert "found no thruster 'T99', wanted some of T1, T2" in control.pilot._reporter.refusals.last
+    assert control.pilot._reporter.refusals.last.reason is Reason.UNKNOWN_NAME
+    assert "T99" in control.pilot._reporter.refusals.last
 
 
 def test_a_goal_that_is_not_of_now_or_makes_no_sense_is_answered_and_flies_nothing(control: Control) -> None:
@@ -373,7 +375,7 @@ def test_a_state_of_other_thrusters_is_not_assumed(control: Control) -> None:
     assert control.pilot._armed
     for node in (control.pilot, control.allocator):
         assert node._reporter.refusals.counts == {THRUSTER_STATE.name: 4}
-        assert node._reporter.refusals.last == "thrusters/state: found a pulse of 9000 us, wanted 500 to 2500 us"
+        assert node._reporter.refusals.last.reason is Reason.MALFORMED
 
 
 @pytest.fixture

@@ -22,6 +22,7 @@ from hindrax_control.hold.station_keeping import StationKeeping, StationKeepingK
 from hindrax_control.maneuver.goal import (
     BUSY,
     HEADING_UNKNOWN,
+    POSITION_UNKNOWN,
     Goal,
     not_armed,
     require_flyable,
@@ -38,7 +39,7 @@ from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, seconds_between, to_s
 from hindrax_core.readings import Vec6, vec6
 from hindrax_core.signals import NAN, ZERO6, Allocation, Navigation
-from hindrax_core.text.refusals import NOTHING, SENSELESS, Reason, Refusal
+from hindrax_core.text.refusals import NOTHING, Reason, Refusal
 from hindrax_core.vehicle import AXES, Vehicle
 
 REFUSAL_S = 5.0
@@ -111,7 +112,7 @@ class Pilot:
         self._unarmed = self._disobeying = self._powerless = ""
         self._guards: tuple[Refusal, ...] = ()
         self._disabled: frozenset[str] = frozenset()
-        self._refused: dict[str, tuple[Stamp, str]] = {}
+        self._refused: dict[str, tuple[Stamp, Refusal]] = {}
         self._stamp = Stamp(0)
         self.water_in_hull = False
         """State of a leak sensor: no maneuver begins or continues. Holds do, and nothing disarms: it has to come up."""
@@ -121,7 +122,10 @@ class Pilot:
     def tune(self, knobs: PilotKnobs) -> None:
         """Use other knobs from now on, except those of `SAFETY_GROUPS`.
 
-        A maneuver in flight keeps the knobs that it began with.
+        Parameters
+        ----------
+        knobs
+            A maneuver in flight keeps those that it began with.
         """
         before, self._knobs = self._knobs, knobs
         self._holds.tune(knobs.holds)
@@ -143,7 +147,7 @@ class Pilot:
             self.refuse(setpoint.axis, reason)
         return reason
 
-    def refuse(self, axis: str, reason: str) -> None:
+    def refuse(self, axis: str, reason: Refusal) -> None:
         """Report in the state of a hold why a setpoint was refused."""
         self._refused[axis] = (self._stamp, reason)
 
@@ -157,7 +161,22 @@ class Pilot:
         return NOTHING
 
     def set_operator_wrench(self, wrench: Vec6, frame: str, stamp: Stamp, now: Stamp) -> tuple[Refusal, ...]:
-        """Add an operator wrench [N, Nm] to the holds until it is stale; returns the reasons of what is refused."""
+        """Add an operator's wrench to the holds until it is stale.
+
+        Parameters
+        ----------
+        wrench : [N, N m]
+            About the center of mass, in the axes of `frame`.
+        frame
+            base_link or base_link_fsd.
+        stamp, now
+            When it was made, and the time of the vehicle.
+
+        Returns
+        -------
+        tuple[Refusal, ...]
+            Why it, or a part of it, is refused.
+        """
         judged = self._guard.step(wrench, frame, stamp, now)
         refused = judged.refused
         if judged.wrench is not None and self.flying:
@@ -166,7 +185,7 @@ class Pilot:
             self._keeping_station = False
             self._operator_wrench = (stamp, judged.wrench)
         if refused:
-            self.refuse(OPERATOR, "; ".join(refused))
+            self.refuse(OPERATOR, Refusal(refused[0].reason, "; ".join(refused)))
         return refused
 
     def check(self, goal: Goal) -> None:
@@ -252,29 +271,38 @@ class Pilot:
         if self._was_armed or self._recentred:
             self.lose_place(JUMPED)
 
-    def recentre(self, x_m: float = NAN, y_m: float = NAN, turned_rad: float = NAN) -> str:
-        """Take it that the vehicle is at this place of the pool now; returns the reason of a refusal.
+    def recentre(self, x_m: float = NAN, y_m: float = NAN, turned_rad: float = NAN) -> Refusal:
+        """Take it that the vehicle is at this place of the pool now. A hold of the station stays where the vehicle is.
 
-        x along the length, y to the right of it [m], NaN: at the start of the knobs; heading from the length, NaN: as
-        reckoned. A hold of the station stays where the vehicle is.
+        Parameters
+        ----------
+        x_m, y_m : [m]
+            Along the length, and to the right of it; NaN: at the start of the knobs.
+        turned_rad : [rad]
+            Heading from the length; NaN: as reckoned.
+
+        Returns
+        -------
+        Refusal
+            `BUSY`, `HEADING`, `NAVIGATION` or `POOL`; nothing when it is taken.
         """
         if self.flying:
             return BUSY
         if self.pool is None or self._navigation is None:
             return HEADING_UNKNOWN
         if not all(map(math.isfinite, (*self._navigation.position_m, self._navigation.attitude_rad[2]))):
-            return f"the position is unknown; {SENSELESS}"
+            return POSITION_UNKNOWN
         try:
             start = PoolBounds(self._vehicle, 0.0, self._knobs.pool_bounds).start_m
             x_m, y_m = start if math.isnan(x_m) and math.isnan(y_m) else (x_m, y_m)
             pool = copy(self.pool)  # a maneuver that has ended keeps its own
             pool.recentre(self._navigation, x_m, y_m, turned_rad)
         except UsageError as error:
-            return str(error)
+            return Refusal(Reason.POOL, str(error))
         self.pool, self._recentred, self._unplaced = pool, True, ""
         if self._station is not None:
             self._station.start(self.pool.place(self._navigation))
-        return ""
+        return NOTHING
 
     def cancel(self, ending: str = "") -> None:
         """Stop the maneuver, if there is one: accepted at any moment. `ending`: hold, neutral, or that of the goal."""
@@ -304,11 +332,28 @@ class Pilot:
         disobeying: str = "",
         battery_V: float = NAN,
     ) -> PilotOutput:
-        """Return the wrench for this state; `allocation` is that of the last wrench.
+        """Return the wrench for this state.
 
-        With the thrusters' forces in it, dead thrusters are detected. `unarmed`: why the thrusters are not armed;
-        `disobeying`: why they are armed and follow no command; the pilot finds itself when none of them pushes, or when
-        their supply, `battery_V`, is dead.
+        Parameters
+        ----------
+        navigation, stamp
+            State, and its time.
+        allocation
+            Of the last wrench. With the thrusters' forces in it, dead thrusters are detected.
+        armed
+            Whether thrusters may turn.
+        unarmed
+            Why they may not.
+        disobeying
+            Why they are armed and follow no command; the pilot finds itself when none of them pushes, or when their
+            supply is dead.
+        battery_V : [V]
+            NaN where it is not measured.
+
+        Returns
+        -------
+        PilotOutput
+            Wrench about the center of mass in SNAME axes, state of holds, maneuver and guards.
         """
         self._powerless = self._powerless if armed else ""
         if armed and battery_V < PLAUSIBLE[0] * self._vehicle.supply_V:
@@ -335,10 +380,10 @@ class Pilot:
         suspected_fault = self._suspected_fault(navigation, stamp, allocation)
         return PilotOutput(total, states, flown, self._guards, suspected_fault, self._refusal(OPERATOR))
 
-    def _refusal(self, axis: str) -> str:
-        """Reason of a recent refusal, else empty."""
-        made, reason = self._refused.get(axis, (self._stamp, ""))
-        return reason if seconds_between(made, self._stamp) <= REFUSAL_S else ""
+    def _refusal(self, axis: str) -> Refusal:
+        """Return a recent refusal, else nothing."""
+        made, reason = self._refused.get(axis, (self._stamp, NOTHING))
+        return reason if seconds_between(made, self._stamp) <= REFUSAL_S else NOTHING
 
     def _with_refusal(self, state: HoldState) -> HoldState:
         """Add a recent refusal to the note of a hold."""

@@ -8,13 +8,24 @@ from hindrax_core.events import Stamped
 from hindrax_core.input_checks import impossible
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Reading, Vec3
 from hindrax_core.rotation import matrix, rotate
+from hindrax_core.text.refusals import Reason, Refusal, refused
 from hindrax_core.vehicle import Mount, Vehicle
 
 
 def altimeters(vehicle: Vehicle) -> tuple[str, ...]:
-    """Sensors that the height above the bottom is taken from: sonars; a DVL's own altitude where there is none.
+    """Sensors that the height above the bottom is taken from.
 
     The axis of a DVL is no beam: its altitude is a fit through four others, and comes late and rounded.
+
+    Parameters
+    ----------
+    vehicle
+        With its sensors.
+
+    Returns
+    -------
+    tuple[str, ...]
+        Names of sonars; a DVL's own altitude where there is none.
     """
     measured, with_velocity = vehicle.measuring("altitude"), vehicle.measuring("velocity")
     return tuple(name for name in measured if name not in with_velocity) or measured
@@ -76,11 +87,11 @@ BOUNDS: Mapping[type, tuple[Bound, ...]] = {
 }
 
 
-def why_impossible(stamped: Stamped[Reading]) -> str:
-    """Reason why a reading is impossible; else empty. The filters judge implausible ones."""
+def why_impossible(stamped: Stamped[Reading]) -> Refusal:
+    """Return why a reading is impossible (`IMPOSSIBLE`, `NO_TIME`), or nothing. The filters judge implausible ones."""
     reading = stamped.reading
     for what, size_of, most in BOUNDS.get(type(reading), ()):
         size = size_of(reading)
         if not 0.0 <= size <= most:  # nor is NaN
-            return f"found {what} {size:g}, wanted 0 to {most:g}"
+            return refused(Reason.IMPOSSIBLE, what=what, found=size, low=0.0, high=most, unit="")
     return impossible(stamped.stamp)

@@ -22,7 +22,7 @@ from hindrax_control.testing.ideal_vehicle import IdealVehicle
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6, Allocation
-from hindrax_core.text.refusals import Reason
+from hindrax_core.text.refusals import Reason, Refusal
 from hindrax_core.vehicle import Vehicle
 
 
@@ -101,7 +101,7 @@ def test_a_good_setpoint_takes_its_place(hovering: Hovering) -> None:
 
 def test_what_others_refuse_is_shown_too(hovering: Hovering) -> None:
     hovering.step()
-    hovering.pilot.refuse("heading", "hold heading: 3.0 s old")
+    hovering.pilot.refuse("heading", Refusal(Reason.LATE, "hold heading: 3.0 s old"))
     assert hovering.step() == {"heading": "refused: hold heading: 3.0 s old"}
 
 
@@ -139,7 +139,7 @@ def test_a_refusal_is_shown_beside_what_the_hold_states_itself(hovering: Hoverin
     hovering.pilot.set(Setpoint("heading"))
     hovering.ideal.heading = math.nan
     hovering.step()
-    hovering.pilot.refuse("heading", "hold heading: 3.0 s old")
+    hovering.pilot.refuse("heading", Refusal(Reason.LATE, "hold heading: 3.0 s old"))
     assert hovering.step()["heading"] == "not measured: no effort; refused: hold heading: 3.0 s old"
 
 
@@ -358,7 +358,7 @@ def test_a_goal_is_checked_before_it_is_flown_and_a_refusal_may_come_before_a_st
     hovering.pilot.check(Goal(("surge",)))
     with pytest.raises(UsageError, match="goal: motion 'jump' unknown"):
         hovering.pilot.check(Goal(("jump",)))
-    hovering.pilot.refuse("heading", "late")
+    hovering.pilot.refuse("heading", Refusal(Reason.LATE, "late"))
     hovering.ideal.time_s = 0.0
     assert hovering.step(seconds=0.0) == {"heading": "refused: late"}
 

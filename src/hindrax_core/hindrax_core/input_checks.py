@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 
 from hindrax_core.events import Stamp, seconds_between, to_s
 from hindrax_core.text.digits import above
-from hindrax_core.text.refusals import Reason, Refusal
+from hindrax_core.text.refusals import NOTHING, Reason, Refusal, refused
 
 EXPIRED, FUTURE, UNSTAMPED, TIMELESS = "expired", "from the future", "not stamped", "no clock"
 REMEDIES = {
@@ -49,6 +49,11 @@ class Untimely:
     def sentence(self) -> str:
         """Found and wanted value, and the remedy."""
         return f"{self.text}; {self.remedy}"
+
+    @property
+    def refusal(self) -> Refusal:
+        """The sentence with its code."""
+        return Refusal(self.reason, self.sentence)
 
     @property
     def remedy(self) -> str:
@@ -97,14 +102,14 @@ def order_window(*, mock: bool) -> StampWindow:
 
 def late_goal(untimely: Untimely) -> Refusal:
     """Refusal of a goal that came at the wrong time; one that only came late may be sent again."""
-    return Refusal(untimely.reason, f"{untimely.reason.word}: the goal is {untimely.sentence}")
+    return untimely.refusal.within(f"{untimely.reason.word}: the goal is ")
 
 
-def impossible(stamp: Stamp) -> str:
-    """Reason why a stamp cannot be that of a measurement on any clock; empty when it can."""
+def impossible(stamp: Stamp) -> Refusal:
+    """Return why a stamp cannot be that of a measurement on any clock (`NO_TIME`); nothing when it can."""
     if 0 <= stamp <= LAST:
-        return ""
-    return f"stamped {to_s(stamp):g} s, wanted 0 to {to_s(LAST):g} s"
+        return NOTHING
+    return refused(Reason.NO_TIME, found_s=to_s(stamp), latest_s=to_s(LAST))
 
 
 def _places(seconds: float) -> int:
@@ -124,7 +129,7 @@ class SinglePublisher:
     gid: str = ""
     name: str = ""
 
-    def judge(self, publishers: Mapping[str, str], *, armed: bool) -> str:
+    def judge(self, publishers: Mapping[str, str], *, armed: bool) -> Refusal:
         """Look at who publishes when a message comes, and remember the one that may.
 
         Parameters
@@ -136,19 +141,19 @@ class SinglePublisher:
 
         Returns
         -------
-        str
-            Why the message is refused; empty when it is not.
+        Refusal
+            `PUBLISHERS` or `OTHER_PUBLISHER`; nothing when the message may be obeyed.
         """
         if len(publishers) != 1:
             listed = ", ".join(sorted(name or NAMELESS for name in publishers.values()))
-            return f"found {len(publishers)} publishers{listed and f' ({listed})'}, wanted one"
+            return refused(Reason.PUBLISHERS, count=len(publishers), listed=listed and f" ({listed})")
         ((gid, name),) = publishers.items()
         if armed and self.gid and self.gid != gid:
             found = f"another {self.name}" if name == self.name else name or NAMELESS
-            return f"found {found}, wanted {self.name}, as when the thrusters were armed; disarm first"
+            return refused(Reason.OTHER_PUBLISHER, found=found, wanted=self.name)
         if gid != self.gid or name:
             self.gid, self.name = gid, name or NAMELESS
-        return ""
+        return NOTHING
 
     def is_contested(self, publishers: Mapping[str, str]) -> bool:
         """Whether there is another publisher: nobody is obeyed before one of them is gone."""
@@ -165,19 +170,19 @@ class Refusals:
     """Refusals of one node, for /diagnostics. `things` are our own names (topics, sensors), never received text."""
 
     counts: Counter[str] = field(default_factory=Counter)
-    last: str = ""
+    last: Refusal = NOTHING
     _reported: int = 0
 
-    def add(self, thing: str, why: str) -> str:
-        """Count a refusal and return its sentence."""
+    def add(self, thing: str, why: Refusal) -> Refusal:
+        """Count a refusal and return it with the name of its thing before it."""
         self.counts[thing] += 1
-        self.last = f"{thing}: {why}"[:LONGEST]
+        self.last = Refusal(why.reason, f"{thing}: {why}"[:LONGEST])
         return self.last
 
     def values(self) -> dict[str, str]:
         """Keys and values for /diagnostics; empty without refusals."""
         counted = {f"refused: {thing}": str(count) for thing, count in sorted(self.counts.items())}
-        return counted | {"last refused": self.last} if counted else {}
+        return counted | {"last refused": self.last, "last reason": self.last.reason.word} if counted else {}
 
     def new_refusals(self) -> list[str]:
         """Return the last sentence if anything was refused since the previous call."""

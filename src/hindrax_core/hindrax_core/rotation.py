@@ -4,6 +4,7 @@ import math
 from typing import TypeAlias
 
 from hindrax_core.readings import Vec3, Vec6
+from hindrax_core.text.refusals import NOTHING, Reason, Refusal, refused
 
 FSD, FLU = "base_link_fsd", "base_link"
 """Frames of the body: x forward, y starboard, z down (SNAME); x forward, y left, z up (REP-103)."""
@@ -14,12 +15,25 @@ def unprefixed(frame: str) -> str:
     return frame.rpartition("/")[2]
 
 
-def foreign_frame(frame: str, prefix: str) -> str:
-    """Why a frame is not of the vehicle with this prefix; empty where it is, has none itself, or none is wanted."""
+def foreign_frame(frame: str, prefix: str) -> Refusal:
+    """Return why a frame is not of the vehicle with this prefix.
+
+    Parameters
+    ----------
+    frame
+        As a message has it, with or without a prefix.
+    prefix
+        Of our frames, such as `rov1/`; empty: frames of any vehicle are taken.
+
+    Returns
+    -------
+    Refusal
+        `FOREIGN_FRAME`; nothing where the frame is ours, or has no prefix itself.
+    """
     its, _, name = frame.rpartition("/")
     if not (prefix and its) or f"{its}/" == prefix:
-        return ""
-    return f"found frame {frame[:60]!r}, of another vehicle; wanted {prefix}{name[:40]}"
+        return NOTHING
+    return refused(Reason.FOREIGN_FRAME, frame=frame[:60], wanted=f"{prefix}{name[:40]}")
 
 
 Matrix3: TypeAlias = tuple[Vec3, Vec3, Vec3]

@@ -12,12 +12,15 @@ from hindrax_core.text.refusals import (
     CANCELLED,
     NOTHING,
     REMEDIES,
+    SENTENCES,
     Reason,
     Refusal,
     found,
     received,
     refusal_of,
+    refused,
     told,
+    unreadable,
 )
 
 
@@ -46,6 +49,21 @@ def test_words_around_a_sentence_do_not_change_its_reason() -> None:
 def test_a_copy_keeps_the_reason(again: Callable[[Refusal], Refusal]) -> None:
     assert (again(CANCELLED), again(CANCELLED).reason) == (CANCELLED, Reason.CANCELLED)
     assert json.dumps(CANCELLED) == '"cancelled: by the operator"'
+
+
+def test_a_sentence_of_a_message_stands_once_and_has_its_numbers() -> None:
+    why = refused(Reason.FOREIGN_FRAME, frame="rov2/base_link", wanted="rov1/base_link")
+    assert why == "found frame 'rov2/base_link', of another vehicle; wanted rov1/base_link"
+    assert why.reason is Reason.FOREIGN_FRAME
+    with pytest.raises(KeyError):
+        refused(Reason.FOREIGN_FRAME, frame="rov2/base_link")
+    assert set(SENTENCES) == {one for one in Reason if one >= Reason.PUBLISHERS}
+
+
+def test_what_a_message_is_unreadable_by_keeps_its_code_else_it_is_malformed() -> None:
+    assert unreadable(ValueError(CANCELLED)) is CANCELLED
+    why = unreadable(ValueError("found 3 pulses, wanted 8"))
+    assert (why, why.reason) == ("found 3 pulses, wanted 8", Reason.MALFORMED)
 
 
 def test_an_error_carries_the_refusal_that_it_was_raised_with() -> None:

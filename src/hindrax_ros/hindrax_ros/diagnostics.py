@@ -9,6 +9,7 @@ from rclpy.node import Node
 
 from hindrax_core.events import Rejected, Stamp, seconds_between
 from hindrax_core.input_checks import Refusals
+from hindrax_core.text.refusals import Refusal
 from hindrax_core.topics import DIAGNOSTICS, Topic
 from hindrax_ros.graph import publisher
 from hindrax_ros.messages.convert import header
@@ -90,7 +91,7 @@ class DiagnosticsPublisher:
         self.refusals = refusals or Refusals()
         self._publisher = publisher(node, DIAGNOSTICS)
 
-    def refuse(self, topic: Topic, why: str) -> None:
+    def refuse(self, topic: Topic, why: Refusal) -> None:
         """Count a refused message and log it; the next report shows the count."""
         self._node.get_logger().warning(f"refused: {self.refusals.add(topic.name, why)}", throttle_duration_sec=1.0)
 

@@ -351,6 +351,13 @@ class Reason:
     PILOT: ClassVar[int]
     IDENTIFIER: ClassVar[int]
     RECORD: ClassVar[int]
+    PUBLISHERS: ClassVar[int]
+    OTHER_PUBLISHER: ClassVar[int]
+    FOREIGN_FRAME: ClassVar[int]
+    MALFORMED: ClassVar[int]
+    UNKNOWN_NAME: ClassVar[int]
+    IMPOSSIBLE: ClassVar[int]
+    NO_TIME: ClassVar[int]
     code: int
     def __init__(self, *, code: int = ...) -> None: ...
     @classmethod

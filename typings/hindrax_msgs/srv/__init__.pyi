@@ -44,7 +44,8 @@ class Recentre_Request:
 class Recentre_Response:
     accepted: bool
     reason: str
-    def __init__(self, *, accepted: bool = ..., reason: str = ...) -> None: ...
+    error_code: int
+    def __init__(self, *, accepted: bool = ..., reason: str = ..., error_code: int = ...) -> None: ...
     @classmethod
     def get_fields_and_field_types(cls) -> dict[str, str]: ...
 

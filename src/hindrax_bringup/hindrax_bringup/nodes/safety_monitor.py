@@ -20,6 +20,7 @@ from hindrax_bringup.network.link_monitor import NEUTRAL, STAY, LinkMonitor, Saf
 from hindrax_core.events import Stamp
 from hindrax_core.input_checks import TIMELESS, Refusals, order_window
 from hindrax_core.stack_time import STEP_S
+from hindrax_core.text.refusals import Refusal, unreadable
 from hindrax_core.text.screen_text import print_stderr
 from hindrax_core.topics import DIAGNOSTICS, HEARTBEAT, THRUSTER_HEALTH, THRUSTER_HEALTH_ORDER, THRUSTER_STATE, Topic
 from hindrax_msgs.msg import Heartbeat, ThrusterHealth
@@ -91,9 +92,9 @@ class SafetyMonitor(BatchedNode):
             if message:
                 self.report(message)
         elif untimely.kind != TIMELESS:
-            self._refuse(HEARTBEAT, f"the heartbeat is {untimely.sentence}")
+            self._refuse(HEARTBEAT, untimely.refusal.within("the heartbeat is "))
 
-    def _refuse(self, topic: Topic, why: str) -> None:
+    def _refuse(self, topic: Topic, why: Refusal) -> None:
         """Count a refused message; the first one of a topic is reported at once, diagnostics show the count."""
         known = topic.name in self._refusals.counts
         sentence = self._refusals.add(topic.name, why)
@@ -138,7 +139,7 @@ class SafetyMonitor(BatchedNode):
         try:
             self.armed = applied_from_bytes(data).armed
         except ValueError as error:
-            self._refuse(THRUSTER_STATE, str(error))
+            self._refuse(THRUSTER_STATE, unreadable(error))
 
     def _check_clock(self) -> None:
         """Disarm when the wall clock is set: orders of those who stamp with it would be refused from now on."""
@@ -161,7 +162,7 @@ class SafetyMonitor(BatchedNode):
         # A pilot that has received no list publishes one stamped zero.
         untimely = self._window.of_lists.judge(stamp, Stamp(max(now, self._listed_at))) if stamp != 0 else None
         if untimely is not None:
-            self._refuse(THRUSTER_HEALTH, f"the list is {untimely.sentence}")
+            self._refuse(THRUSTER_HEALTH, untimely.refusal.within("the list is "))
         elif stamp > self._listed_at:
             self._listed_at = stamp
             self._order.publish(message)

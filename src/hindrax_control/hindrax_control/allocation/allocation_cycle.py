@@ -17,6 +17,7 @@ from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import NAN, ZERO6, Allocation, Command
+from hindrax_core.text.refusals import NOTHING, Reason, Refusal, refused
 from hindrax_core.vehicle import Vehicle
 
 KEPT = 32
@@ -51,17 +52,17 @@ class SupplyVoltage:
         """Use other knobs from now on."""
         self._knobs = knobs
 
-    def update(self, voltage_V: float, now: Stamp) -> str:
-        """Set the measured voltage; returns the reason if it is implausible. Zero (an unwired sensor) is ignored."""
+    def update(self, voltage_V: float, now: Stamp) -> Refusal:
+        """Set the measured voltage; returns why it is refused (`IMPOSSIBLE`). Zero (an unwired sensor) is ignored."""
         low, high = (part * self._nominal_V for part in PLAUSIBLE)
         if self._last is not None and 0.0 <= voltage_V < low:
             self._low = (self._low[0] if self._low else now, now, voltage_V)
         if voltage_V == 0.0:
-            return ""
+            return NOTHING
         if not low <= voltage_V <= high:
-            return f"found {voltage_V:g} V, wanted {low:g} to {high:g} V"
+            return refused(Reason.IMPOSSIBLE, what="a supply of", found=voltage_V, low=low, high=high, unit=" V")
         self._last, self._low = (now, round(voltage_V, 1)), None
-        return ""
+        return NOTHING
 
     def battery_V(self, now: Stamp) -> float:
         """What the operator and the guards are told: the measured voltage, that of a dead supply too, or NaN."""
@@ -117,7 +118,7 @@ class AllocationCycle:
         self.supply = SupplyVoltage(vehicle.supply_V, supply)
         self.supply_V: float | None = None
         self.now = Stamp(0)
-        self.refused: tuple[str, ...] = ()
+        self.refused: tuple[Refusal, ...] = ()
         self.inexact = 0
         self._unserved: tuple[str, ...] = ()
         self.disabled: frozenset[str] = frozenset()
@@ -132,9 +133,23 @@ class AllocationCycle:
     def command(
         self, wrench: Vec6, frame: str, stamp: Stamp, now: Stamp, forces_N: Sequence[float] = ()
     ) -> Command | None:
-        """Guard and allocate a wrench [N, Nm], made at `stamp` in the axes of `frame`; None when it is refused.
+        """Guard and allocate a wrench.
 
-        With `forces_N` the thrusters get these, and the wrench is only what they should give.
+        Parameters
+        ----------
+        wrench : [N, N m]
+            About the center of mass, in the axes of `frame`.
+        frame
+            base_link or base_link_fsd.
+        stamp, now
+            When it was made, and the time of the vehicle.
+        forces_N : (thrusters,) [N]
+            With these the thrusters get them, and the wrench is only what they should give.
+
+        Returns
+        -------
+        Command | None
+            Pulses with their number; None when the wrench is refused.
         """
         self.now = now
         supply_V = self.supply.measured_V(now)

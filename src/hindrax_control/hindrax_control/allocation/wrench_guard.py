@@ -48,7 +48,22 @@ class WrenchGuard:
         self._last: Stamp | None = None
 
     def step(self, wrench: Vec6, frame: str, stamp: Stamp, now: Stamp) -> Accepted:
-        """Judge a wrench [N, Nm] about the center of mass, made at `stamp` in the axes of `frame`."""
+        """Judge a wrench at the border of the vehicle or of the allocator.
+
+        Parameters
+        ----------
+        wrench : [N, N m]
+            About the center of mass, in the axes of `frame`.
+        frame
+            base_link or base_link_fsd, with or without the vehicle's prefix.
+        stamp, now
+            When it was made, and the time of the vehicle.
+
+        Returns
+        -------
+        Accepted
+            The wrench in base_link_fsd within limits, or None; and what of it was refused.
+        """
         refusal = self._out_of_time(stamp, now)
         axes = unprefixed(frame)
         if not refusal and axes not in (FSD, FLU):
@@ -63,7 +78,7 @@ class WrenchGuard:
     def _out_of_time(self, stamp: Stamp, now: Stamp) -> Refusal:
         untimely = self._window.judge(stamp, now)
         if untimely is not None:
-            return Refusal(untimely.reason, f"wrench: {untimely.sentence}")
+            return untimely.refusal.within("wrench: ")
         older_s = 0.0 if self._last is None else seconds_between(stamp, self._last)
         if not older_s > 0.0:
             return NOTHING

@@ -28,6 +28,7 @@ ALONG = ("surge", "sway")
 LOOKS: Mapping[str, Capability] = {"surge": "range_ahead", "sway": "range_aside"}
 """Range to a wall that shows each of them without a DVL."""
 HEADING_UNKNOWN = Refusal(Reason.HEADING, f"the heading is unknown; {SENSELESS}")
+POSITION_UNKNOWN = Refusal(Reason.NAVIGATION, f"the position is unknown; {SENSELESS}")
 SHARE = 0.05
 """A lost axis counts as bound to a served one that makes at least this share of its row."""
 
@@ -62,7 +63,22 @@ class Goal:
 
 
 def require_flyable(goal: Goal, vehicle: Vehicle, disabled: frozenset[str] = frozenset()) -> None:
-    """UsageError with the refusal if this vehicle, without the disabled thrusters, can never fly a goal."""
+    """Refuse a goal that this vehicle can never fly.
+
+    Parameters
+    ----------
+    goal
+        Motions, excitation, ending.
+    vehicle
+        With its thrusters and limits.
+    disabled
+        Names of thrusters that are out of use.
+
+    Raises
+    ------
+    UsageError
+        With the refusal: `GOAL`, `MOTION` or `LIFT`.
+    """
     if goal.pulses:
         _check_pulses(goal, vehicle)
         return
@@ -86,7 +102,24 @@ def unobeyed(why: str) -> Refusal:
 def require_ready(
     *, flying: bool, armed: bool, unarmed: str, disobeying: str, guards: Sequence[Refusal], heading_known: bool
 ) -> None:
-    """HindraxError with the refusal if no maneuver can begin now; `guards`: what they find, the first first."""
+    """Refuse a maneuver that cannot begin now.
+
+    Parameters
+    ----------
+    flying, armed, heading_known
+        State of the vehicle.
+    unarmed
+        Why the thrusters are not armed.
+    disobeying
+        Why they are and follow no command; empty where they do.
+    guards
+        What they find, the first first.
+
+    Raises
+    ------
+    HindraxError
+        With the refusal: `BUSY`, `NOT_ARMED`, `UNOBEYED`, `HEADING`, or that of a guard.
+    """
     if flying:
         raise HindraxError(BUSY)
     if not armed:
@@ -163,7 +196,22 @@ class ServableMotions:
 def servable_motions(
     motions: Sequence[str], vehicle: Vehicle, disabled: frozenset[str] = frozenset()
 ) -> ServableMotions:
-    """Split motions (names of AXES) into those that the vehicle's enabled thrusters serve and those they do not."""
+    """Split motions into those that the vehicle's enabled thrusters serve and those they do not.
+
+    Parameters
+    ----------
+    motions
+        Names of AXES.
+    vehicle
+        With its thrusters.
+    disabled
+        Names of thrusters that are out of use.
+
+    Returns
+    -------
+    ServableMotions
+        Both parts, the second with the reasons.
+    """
     whole = effectiveness(vehicle)
     B = whole[:, [thruster.name not in disabled for thruster in vehicle.thrusters]]
     reasons = _reasons(B)
@@ -195,14 +243,44 @@ def _measured(motions: Sequence[str], vehicle: Vehicle) -> tuple[tuple[str, ...]
 def flyable_motions(
     motions: Sequence[str], vehicle: Vehicle, disabled: frozenset[str] = frozenset()
 ) -> ServableMotions:
-    """Split motions (names of AXES) into those that thrusters serve and sensors measure, and the others."""
+    """Split motions into those that thrusters serve and sensors measure, and the others.
+
+    Parameters
+    ----------
+    motions
+        Names of AXES.
+    vehicle
+        With its thrusters and sensors.
+    disabled
+        Names of thrusters that are out of use.
+
+    Returns
+    -------
+    ServableMotions
+        Both parts, the second with the reasons.
+    """
     served = servable_motions(motions, vehicle, disabled)
     flown, lost = _measured(served.flown, vehicle)
     return ServableMotions(flown, (*served.left_out, *((motion, UNMEASURED) for motion in lost)))
 
 
 def require_measured(motions: Sequence[str], vehicle: Vehicle, *, velocity_known: bool = False) -> None:
-    """UsageError that names the first motion that no sensor measures; `velocity_known`: another node gives it."""
+    """Refuse motions that no sensor measures.
+
+    Parameters
+    ----------
+    motions
+        Names of AXES.
+    vehicle
+        With its sensors.
+    velocity_known
+        Whether another node gives the velocity.
+
+    Raises
+    ------
+    UsageError
+        Names the first one.
+    """
     if velocity_known:
         return
     _, lost = _measured(motions, vehicle)
@@ -220,7 +298,22 @@ def require_measured(motions: Sequence[str], vehicle: Vehicle, *, velocity_known
 
 
 def require_servable(motions: Sequence[str], vehicle: Vehicle, disabled: frozenset[str] = frozenset()) -> None:
-    """UsageError that names the first motion that cannot be flown, why, and what can be flown instead."""
+    """Refuse motions that thrusters do not serve.
+
+    Parameters
+    ----------
+    motions
+        Names of AXES.
+    vehicle
+        With its thrusters.
+    disabled
+        Names of thrusters that are out of use.
+
+    Raises
+    ------
+    UsageError
+        Names the first one, why, and what can be flown instead.
+    """
     left_out = servable_motions(motions, vehicle, disabled).left_out
     if not left_out:
         return

@@ -21,6 +21,7 @@ from hindrax_core.knobs import knob
 from hindrax_core.rotation import matrix
 from hindrax_core.signals import NAN, NEVER, Consistency, Navigation
 from hindrax_core.text.digits import above
+from hindrax_core.text.refusals import NOTHING, Refusal
 from hindrax_core.vehicle import Vehicle
 
 FASTEST = 3.0
@@ -96,9 +97,21 @@ class EstimatorHealth:
     def step(
         self, navigation: Navigation, stamp: Stamp, forces_N: Sequence[float] = (), *, armed: bool
     ) -> tuple[str, ...]:
-        """Return "name: found, wanted; remedy" for every reason against thrust; nothing when all is well.
+        """Judge one state.
 
-        `armed` are thrusters that may turn or are about to; `forces_N`: what each should give now, where it is known.
+        Parameters
+        ----------
+        navigation, stamp
+            State, and its time.
+        forces_N : (thrusters,) [N]
+            What each should give now, where that is known.
+        armed
+            Whether thrusters may turn, or are about to.
+
+        Returns
+        -------
+        tuple[str, ...]
+            "name: found, wanted; remedy" for every reason against thrust; nothing when all is well.
         """
         diverging = self._divergence.step(navigation, stamp, forces_N if armed else ())
         found = self._restarted(navigation, armed=armed) + self._failing(navigation, stamp, diverging)
@@ -191,14 +204,29 @@ class ExternalOdometry:
         if 0.0 < range_m < math.inf:
             self._range = Stamped(stamp, range_m)
 
-    def step(self, found: Stamped[Navigation], source: str, now: Stamp) -> tuple[Stamped[Navigation] | None, str]:
-        """The state to fly on, or None; and why an odometry of `source` was refused, empty when it was not."""
+    def step(self, found: Stamped[Navigation], source: str, now: Stamp) -> tuple[Stamped[Navigation] | None, Refusal]:
+        """Make the state to fly on of somebody's odometry.
+
+        Parameters
+        ----------
+        found
+            State by the odometry.
+        source
+            GID of its publisher.
+        now
+            Time of the vehicle.
+
+        Returns
+        -------
+        tuple[Stamped[Navigation] | None, Refusal]
+            The state, None for one that is too near to the last or refused; why it was refused, if it was.
+        """
         untimely = WINDOW.judge(found.stamp, now)
         if untimely is not None:
-            return None, untimely.sentence
+            return None, untimely.refusal
         last = self._last
         if last is not None and source == self._source and 0.0 <= seconds_between(last.stamp, found.stamp) < SHORTEST_s:
-            return None, ""
+            return None, NOTHING
         if last is None or source != self._source or self._broken(last, found):
             self._began, self.breaks = found.stamp, self.breaks + (last is not None)
         self._source, self._last = source, found
@@ -214,7 +242,7 @@ class ExternalOdometry:
             depth_age_s=depth_age_s,
             altitude_age_s=age_s,
         )
-        return Stamped(found.stamp, state), ""
+        return Stamped(found.stamp, state), NOTHING
 
     def _broken(self, last: Stamped[Navigation], found: Stamped[Navigation]) -> bool:
         dt_s = seconds_between(last.stamp, found.stamp)

@@ -15,6 +15,7 @@ from hindrax_core.input_checks import SinglePublisher, impossible, names_of_othe
 from hindrax_core.readings import Vec6
 from hindrax_core.rotation import FLU, FSD, foreign_frame
 from hindrax_core.signals import ZERO6, Allocation
+from hindrax_core.text.refusals import unreadable
 from hindrax_core.topics import ALLOCATION, BATTERY, THRUSTER_COMMAND, THRUSTER_HEALTH, THRUSTER_STATE, WRENCH, Topic
 from hindrax_core.vehicle import Vehicle
 from hindrax_ros.batched_node import BatchedNode
@@ -119,7 +120,7 @@ class AllocatorNode(BatchedNode):
             applied = applied_from_bytes(data)
             check_pulses(applied.pulses_us, self._thrusters)
         except ValueError as error:
-            self._reporter.refuse(THRUSTER_STATE, str(error))
+            self._reporter.refuse(THRUSTER_STATE, unreadable(error))
             return
         if unfit := impossible(applied.stamp):
             self._reporter.refuse(THRUSTER_STATE, unfit)
@@ -137,7 +138,7 @@ class AllocatorNode(BatchedNode):
 
     def _report(self) -> None:
         cycle, now = self._cycle, self._cycle.now
-        wrong = [f"axes lost: {', '.join(cycle.lost_axes)}"] if cycle.lost_axes else list(cycle.refused)
+        wrong: list[str] = [f"axes lost: {', '.join(cycle.lost_axes)}"] if cycle.lost_axes else list(cycle.refused)
         if cycle.inexact:
             wrong.append(f"{cycle.inexact} wrenches without forces within limits; check the thrust curves")
         wrong += filter(None, [self._ignored_publishers(), cycle.supply.silence_warning(now)])

@@ -15,6 +15,7 @@ from hindrax_core.messages.inputs import InputKnobs, Inputs
 from hindrax_core.readings import Reading
 from hindrax_core.sensor_table import Capability
 from hindrax_core.signals import Allocation, Navigation
+from hindrax_core.text.refusals import unreadable
 from hindrax_core.vehicle import Vehicle
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.diagnostics import DiagnosticsPublisher
@@ -108,7 +109,7 @@ class NavigatorNode(BatchedNode):
             try:
                 stamped = read(data)
             except ValueError as error:
-                self._navigator.refusals.add(source, str(error))
+                self._navigator.refusals.add(source, unreadable(error))
                 return
             found = step(stamped, source)
             if found is not None:
@@ -124,7 +125,7 @@ class NavigatorNode(BatchedNode):
         try:
             thrust = thrust_from_bytes(data)
         except ValueError as error:
-            self._navigator.refusals.add(topics.ALLOCATION.name, str(error))
+            self._navigator.refusals.add(topics.ALLOCATION.name, unreadable(error))
             return
         if len(thrust.reading.forces_N) == self._thrusters:
             self._navigator.thrust(thrust.reading.forces_N)

@@ -14,7 +14,7 @@ from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.readings import vec6
 from hindrax_core.signals import NAN, UNKNOWN6, Allocation, Estimate
-from hindrax_core.text.refusals import Reason, Refusal
+from hindrax_core.text.refusals import NOTHING, Reason, Refusal, refused
 from hindrax_core.vehicle import AXES
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import AllocationStatus, HoldStatus, ManeuverStatus, ModelEstimate, MotionPlans, PoolPlace
@@ -63,17 +63,18 @@ def result_of(aborted: Refusal, handle: ServerGoalHandle) -> FlyManeuver.Result:
     return FlyManeuver.Result(completed=not aborted, aborted=str(aborted), error_code=aborted.reason)
 
 
-def unfit_estimate(message: ModelEstimate) -> str:
-    """Reason why a ModelEstimate cannot be one; empty when it can."""
+def unfit_estimate(message: ModelEstimate) -> Refusal:
+    """Return why a ModelEstimate cannot be one (`UNKNOWN_NAME`, `MALFORMED`); nothing when it can."""
     count = len(message.values)
     if message.motion not in LEARNED:
-        return f"found motion {message.motion[:40]!r}, wanted one of {', '.join(sorted(LEARNED))}"
+        return refused(Reason.UNKNOWN_NAME, what="motion", name=message.motion[:40], known=", ".join(sorted(LEARNED)))
     if not len(message.names) == len(message.units) == count or len(message.covariance) != count * count:
         found = f"{len(message.names)} names, {len(message.units)} units and {len(message.covariance)} covariances"
-        return f"found {found} for {count} values, wanted {count}, {count} and {count * count}"
+        wanted = f"{count}, {count} and {count * count}"
+        return refused(Reason.MALFORMED, found=f"{found} for {count} values", wanted=wanted)
     if any(message.covariance[index * (count + 1)] < 0.0 for index in range(count)):
-        return "found a negative variance, wanted none"
-    return ""
+        return refused(Reason.MALFORMED, found="a negative variance", wanted="none")
+    return NOTHING
 
 
 def allocation_from_msg(message: AllocationStatus, thrusters: int) -> Allocation:

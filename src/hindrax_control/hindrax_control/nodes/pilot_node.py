@@ -41,6 +41,8 @@ from hindrax_core.text.refusals import (
     Reason,
     Refusal,
     refusal_of,
+    refused,
+    unreadable,
 )
 from hindrax_core.vehicle import Vehicle
 from hindrax_msgs.action import FlyManeuver
@@ -191,7 +193,7 @@ class PilotNode(BatchedNode):
             applied = applied_from_bytes(data)
             check_pulses(applied.pulses_us, len(self._names))
         except ValueError as error:
-            self._refuse(topics.THRUSTER_STATE, str(error))
+            self._refuse(topics.THRUSTER_STATE, unreadable(error))
             return
         if not self._thrusters_known and applied.armings:
             self._pilot.lose_place(RESTARTED)
@@ -229,7 +231,7 @@ class PilotNode(BatchedNode):
         try:
             self.on_allocation(Stamp(0), pilot_messages.allocation_from_msg(message, len(self._names)))
         except ValueError as error:
-            self._refuse(topics.ALLOCATION, str(error))
+            self._refuse(topics.ALLOCATION, unreadable(error))
             return
         if message.supply_measured:
             self._supply.update(message.supply_voltage, self.now())
@@ -245,7 +247,7 @@ class PilotNode(BatchedNode):
         try:
             found = read(data)
         except ValueError as error:
-            self._refuse(topic, str(error))
+            self._refuse(topic, unreadable(error))
             return
         reading = found.reading
         if isinstance(reading, Echo):
@@ -267,7 +269,7 @@ class PilotNode(BatchedNode):
                     odometry_from_msg(message, self._prefix), self._source.gid, self.now()
                 )
             except ValueError as error:
-                unfit = str(error)
+                unfit = unreadable(error)
         if unfit:
             self._refuse(topics.ODOMETRY, unfit)
         if self._odometry.breaks != breaks:
@@ -288,7 +290,7 @@ class PilotNode(BatchedNode):
         # A list may be stamped right behind the one in force, whatever the clock did since that one was made.
         untimely = self._window.of_lists.judge(stamp, Stamp(max(now, self._listed_at)))
         if untimely is not None:
-            self._refuse(topics.THRUSTER_HEALTH_ORDER, f"the list is {untimely.sentence}")
+            self._refuse(topics.THRUSTER_HEALTH_ORDER, untimely.refusal.within("the list is "))
         elif stamp > self._listed_at:
             reasons = dict.fromkeys(message.disabled, "") | dict(zip(message.disabled, message.reasons, strict=False))
             self._publish_disabled(self._known(reasons), stamp)
@@ -298,9 +300,8 @@ class PilotNode(BatchedNode):
         unknown = sorted(reasons.keys() - self._names)
         if unknown:
             wanted = ", ".join(sorted(self._names))
-            self._refuse(
-                topics.THRUSTER_HEALTH_ORDER, f"found no thruster {unknown[0][:40]!r}, wanted some of {wanted}"
-            )
+            why = refused(Reason.UNKNOWN_NAME, what="thruster", name=unknown[0][:40], known=wanted)
+            self._refuse(topics.THRUSTER_HEALTH_ORDER, why)
         return {name: reason for name, reason in reasons.items() if name in self._names}
 
     def _publish_disabled(self, reasons: dict[str, str], stamp: Stamp) -> None:
@@ -347,18 +348,22 @@ class PilotNode(BatchedNode):
         """Keep a setpoint for the next cycle, which knows whether the thrusters are armed by now."""
         untimely = self._window.judge(stamp_from_msg(message.header.stamp), self.now())
         if message.axis not in HOLDS:
-            self._refuse(topics.HOLD_SETPOINT, f"hold {message.axis[:40]!r}: unknown, wanted one of {', '.join(HOLDS)}")
+            known = ", ".join(HOLDS)
+            self._refuse(
+                topics.HOLD_SETPOINT, refused(Reason.UNKNOWN_NAME, what="hold", name=message.axis[:40], known=known)
+            )
         elif untimely is not None:
-            self._refuse(topics.HOLD_SETPOINT, f"hold {message.axis}: {untimely.sentence}")
-            self._pilot.refuse(message.axis, f"hold {message.axis}: {untimely.sentence}")
+            why = untimely.refusal.within(f"hold {message.axis}: ")
+            self._refuse(topics.HOLD_SETPOINT, why)
+            self._pilot.refuse(message.axis, why)
         else:
             self._setpoints.append(Setpoint(message.axis, message.engaged, message.value))
 
     def _apply_setpoints(self) -> None:
         for setpoint in self._setpoints:
-            refused = self._pilot.set(setpoint)
-            if refused:
-                self._refuse(topics.HOLD_SETPOINT, refused)
+            why = self._pilot.set(setpoint)
+            if why:
+                self._refuse(topics.HOLD_SETPOINT, why)
         self._setpoints.clear()
 
     def _on_operator_wrench(self, message: WrenchStamped) -> None:
@@ -367,26 +372,26 @@ class PilotNode(BatchedNode):
         if foreign := foreign_frame(frame, self._prefix):
             self._refuse(topics.OPERATOR_WRENCH, foreign)
             return
-        for refused in self._pilot.set_operator_wrench(wrench, frame, stamp, self.now()):
-            self._refuse(topics.OPERATOR_WRENCH, refused)
+        for why in self._pilot.set_operator_wrench(wrench, frame, stamp, self.now()):
+            self._refuse(topics.OPERATOR_WRENCH, why)
 
     def _on_recentre(self, request: Recentre.Request, response: Recentre.Response) -> Recentre.Response:
         """Restart dead reckoning at the position given by the operator."""
         untimely = self._window.judge(stamp_from_msg(request.stamp), self.now())
-        refused = untimely.sentence if untimely else self._pilot.recentre(*pilot_messages.place_from_msg(request))
-        if refused:
-            self._reporter.refusals.add(RECENTRE, refused)
+        why = untimely.refusal if untimely else self._pilot.recentre(*pilot_messages.place_from_msg(request))
+        if why:
+            self._reporter.refusals.add(RECENTRE, why)
         else:
             self.confirm_position()
-        response.accepted, response.reason = not refused, refused
+        response.accepted, response.reason, response.error_code = not why, str(why), why.reason
         return response
 
     def _accept(self, handle: ServerGoalHandle) -> None:
         """Keep a goal until the vehicle can begin it, or finish it at once: a rejection cannot carry a reason."""
-        refused = self._unflyable(handle.request)
-        if refused:
-            self._reporter.refusals.add(GOAL, refused)
-            self._finish_goal(ActiveGoal(handle, Goal(())), refused)
+        why = self._unflyable(handle.request)
+        if why:
+            self._reporter.refusals.add(GOAL, why)
+            self._finish_goal(ActiveGoal(handle, Goal(())), why)
         else:
             self._goal = ActiveGoal(handle, self._goal_of(handle.request))
 

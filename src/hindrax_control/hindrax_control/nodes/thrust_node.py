@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from hindrax_control.allocation.thrust_curve import PULSE_FIELDS, AppliedWrench, pulses_of_channels
 from hindrax_core.events import Stamp
+from hindrax_core.text.refusals import Reason, refused, unreadable
 from hindrax_core.topics import Quality, Topic
 from hindrax_core.vehicle import load_vehicle
 from hindrax_msgs.msg import ThrusterCommand
@@ -38,7 +39,8 @@ class ThrustNode(BatchedNode):
                 break
             if kind not in PULSE_FIELDS or optional_class(kind) is None:
                 wanted = ", ".join(one for one in PULSE_FIELDS if optional_class(one) is not None)
-                self._reporter.refusals.add(PULSES.name, f"found {kind[:60]}, wanted one of {wanted}")
+                why = refused(Reason.MALFORMED, found=kind[:60], wanted=f"one of {wanted}")
+                self._reporter.refusals.add(PULSES.name, why)
                 continue
             self._type = kind
             self.lead = subscription(self, replace(PULSES, type=kind), self._on_pulses)
@@ -50,7 +52,7 @@ class ThrustNode(BatchedNode):
         try:
             pulses_us = pulses_of_channels(self._vehicle, list(getattr(message, PULSE_FIELDS[self._type])))
         except ValueError as error:
-            self._reporter.refusals.add(PULSES.name, str(error))
+            self._reporter.refusals.add(PULSES.name, unreadable(error))
             return
         wrench = self._applied.wrench(self._applied.forces_N(pulses_us))
         self._out.publish(wrench_to_msg(stamp or self.now(), wrench, self._prefix))

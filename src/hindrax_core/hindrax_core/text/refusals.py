@@ -70,6 +70,15 @@ class Reason(IntEnum):
     IDENTIFIER = 66
     RECORD = 67
 
+    # ---- what a message says: its sender has to change
+    PUBLISHERS = 70
+    OTHER_PUBLISHER = 71
+    FOREIGN_FRAME = 72
+    MALFORMED = 73
+    UNKNOWN_NAME = 74
+    IMPOSSIBLE = 75
+    NO_TIME = 76
+
     @property
     def word(self) -> str:
         """Its name as sentences and JSON have it, such as pool_box."""
@@ -101,6 +110,18 @@ REMEDIES: Mapping[Reason, str] = {
 """What to do about each guard that finds something."""
 AIDING = "check what aids the autopilot's estimator, its DVL or GPS (QGroundControl, EKF status)"
 """What to do instead about a velocity that only the autopilot has."""
+
+
+SENTENCES: Mapping[Reason, str] = {
+    Reason.PUBLISHERS: "found {count} publishers{listed}, wanted one",
+    Reason.OTHER_PUBLISHER: "found {found}, wanted {wanted}, as when the thrusters were armed; disarm first",
+    Reason.FOREIGN_FRAME: "found frame {frame!r}, of another vehicle; wanted {wanted}",
+    Reason.MALFORMED: "found {found}, wanted {wanted}",
+    Reason.UNKNOWN_NAME: "found no {what} {name!r}, wanted one of {known}",
+    Reason.IMPOSSIBLE: "found {what} {found:g}{unit}, wanted {low:g} to {high:g}{unit}",
+    Reason.NO_TIME: "stamped {found_s:g} s, wanted 0 to {latest_s:g} s",
+}
+"""The sentence of each reason to refuse a message, with the names and numbers behind it."""
 
 
 class Refusal(str):
@@ -158,6 +179,17 @@ def found(reason: Reason, text: str, remedy: str = "") -> Refusal:
         "word: what was found, what was wanted; remedy".
     """
     return Refusal(reason, f"{reason.word}: {text}; {remedy or REMEDIES[reason]}")
+
+
+def refused(reason: Reason, **numbers: object) -> Refusal:
+    """Return the refusal of a message; `numbers`: values of the fields of its sentence, KeyError without one."""
+    return Refusal(reason, SENTENCES[reason].format_map(numbers))
+
+
+def unreadable(error: ValueError) -> Refusal:
+    """Return why a message was refused by what reads it: the refusal in the error, else that it is malformed."""
+    given = refusal_of(error)
+    return Refusal(Reason.MALFORMED, given) if given.reason is Reason.UNNAMED else given
 
 
 def refusal_of(error: Exception) -> Refusal:

@@ -18,6 +18,7 @@ from hindrax_core.input_checks import Refusals
 from hindrax_core.messages.contents import Read
 from hindrax_core.signals import Estimate, IdentEvent
 from hindrax_core.text.digits import measured
+from hindrax_core.text.refusals import unreadable
 from hindrax_core.topics import ESTIMATE, Topic
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ident.assess.results import MotionResult
@@ -90,7 +91,7 @@ class Identifier(BatchedNode):
             try:
                 measurement = read(data)
             except ValueError as error:
-                self._refusals.add(topic.name, str(error))
+                self._refusals.add(topic.name, unreadable(error))
                 return
             for event in self._feed.step(measurement):
                 for estimate in self._session.step(event):
@@ -105,7 +106,7 @@ class Identifier(BatchedNode):
             try:
                 events = events_of(message, self.now(), self._prefix)
             except ValueError as error:
-                self._refusals.add(topic.name, str(error))
+                self._refusals.add(topic.name, unreadable(error))
                 return
             self._any_received = True
             self._waiting += events

@@ -9,6 +9,7 @@ from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.messages.contents import Read
 from hindrax_core.rotation import FLU, FSD, foreign_frame, unprefixed
 from hindrax_core.signals import NAN, Attitude, IdentEvent, Thrust, Velocity
+from hindrax_core.text.refusals import Reason, Refusal
 from hindrax_core.topics import Quality, Topic
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.records.feed import Measurement
@@ -57,9 +58,9 @@ def thrust_from_wrench(message: WrenchStamped, now: Stamp, prefix: str = "") -> 
     if foreign := foreign_frame(message.header.frame_id, prefix):
         raise ValueError(foreign)
     if frame not in (FSD, FLU, ""):
-        raise ValueError(f"found frame {frame[:40]!r}, wanted {FLU} or {FSD}")
+        raise ValueError(Refusal(Reason.FRAME, f"found frame {frame[:40]!r}, wanted {FLU} or {FSD}"))
     if not all(map(math.isfinite, wrench)):
-        raise ValueError("found a wrench that is not finite, wanted numbers")
+        raise ValueError(Refusal(Reason.NOT_FINITE, "found a wrench that is not finite, wanted numbers"))
     if frame != FSD:
         wrench = (*half_turn(wrench[:3]), *half_turn(wrench[3:]))
     return (Stamped(_sensible(stamp_from_msg(message.header.stamp), now), Thrust(wrench)),)
@@ -69,5 +70,6 @@ def _sensible(stamp: Stamp, now: Stamp) -> Stamp:
     """Stamp of a measurement, `now` where it has none; ValueError for one from the future."""
     lead_s = seconds_between(now, stamp)
     if now and lead_s > LARGEST_LEAD_s:
-        raise ValueError(f"found a stamp {lead_s:.0f} s ahead of the clock, wanted at most {LARGEST_LEAD_s:g} s")
+        found = f"found a stamp {lead_s:.0f} s ahead of the clock, wanted at most {LARGEST_LEAD_s:g} s"
+        raise ValueError(Refusal(Reason.CLOCK, found))
     return stamp or now

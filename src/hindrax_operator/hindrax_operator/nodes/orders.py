@@ -16,6 +16,7 @@ from hindrax_core.events import after
 from hindrax_core.readings import Vec6
 from hindrax_core.rotation import wrapped
 from hindrax_core.signals import ZERO6
+from hindrax_core.text.refusals import received
 from hindrax_core.topics import HOLD_SETPOINT, LIGHTS, OPERATOR_WRENCH, THRUSTER_COMMAND, THRUSTER_HEALTH_ORDER
 from hindrax_msgs.msg import (
     AllocationStatus,
@@ -41,7 +42,7 @@ KEPT_S = 1.0
 """Time in which the safety monitor sends its list of thrusters out of use to a restarted pilot."""
 SLOWEST_PACE = 0.2
 """A mock that is slower than this against the wall clock is given up."""
-NEAR = 1e-6
+SETPOINT_TOLERANCE = 1e-6
 LIGHTS_PERIOD_S = 0.3
 
 
@@ -123,7 +124,7 @@ def _holds_as(status: HoldStatus | None, wanted: HoldSetpoint) -> bool:
     if math.isnan(wanted.value):
         return math.isfinite(found.setpoint)
     off = found.setpoint - wanted.value
-    return abs(wrapped(off) if wanted.axis in ANGLES else off) < NEAR
+    return abs(wrapped(off) if wanted.axis in ANGLES else off) < SETPOINT_TOLERANCE
 
 
 def _note(status: HoldStatus | None, axis: str) -> str:
@@ -148,7 +149,7 @@ def recentre(operator: Operator, x_m: float, y_m: float, turned_rad: float) -> N
         operator.node.destroy_client(client)
     answer: Recentre.Response = future.result()
     if not answer.accepted:
-        raise HindraxError(f"recentre: {answer.reason}")
+        raise HindraxError(received(answer.error_code, answer.reason).within("recentre: "))
 
 
 def apply_wrench(operator: Operator, wrench: Vec6, seconds: float) -> AllocationStatus:
