@@ -61,7 +61,7 @@ LASTING_S = (0.1, 1.0, 5.0, 9999.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Case:
+class FaultCase:
     """One flight: the vehicle's file, the mode, the seed, and its faults."""
 
     vehicle: str
@@ -75,7 +75,7 @@ class Case:
         return " ".join((self.vehicle, self.mode, str(self.seed), *faults))
 
     @classmethod
-    def parse(cls, line: str) -> "Case":
+    def parse(cls, line: str) -> "FaultCase":
         """Undo `str`; UsageError names what is wrong."""
         try:
             vehicle, mode, seed, *faults = line.split()
@@ -98,7 +98,7 @@ def flown_by_bytes(file: Path) -> Vehicle:
     return vehicle if by_bytes else replace(vehicle, sensors=own.sensors, output=own.output)
 
 
-def drawn(vehicles: dict[str, Vehicle], random_: random.Random) -> Case:
+def drawn(vehicles: dict[str, Vehicle], random_: random.Random) -> FaultCase:
     """A random case of two or three faults."""
     name, mode = random_.choice(sorted(vehicles)), random_.choice(EVERY_MODE)
     targets = [(kind.name, device) for kind in FAULTS.values() for device in kind.devices(vehicles[name])]
@@ -107,10 +107,10 @@ def drawn(vehicles: dict[str, Vehicle], random_: random.Random) -> Case:
         FaultSpec(kind, (device,), round(random_.uniform(*FROM_S[mode]), 1), random_.choice(LASTING_S))
         for kind, device in random_.sample(targets, random_.choice((2, 2, 3)))
     )
-    return Case(name, mode, random_.randrange(1000), faults)
+    return FaultCase(name, mode, random_.randrange(1000), faults)
 
 
-def violations(case: Case) -> tuple[str, ...]:
+def violations(case: FaultCase) -> tuple[str, ...]:
     """Fly one case; what must not have happened, empty when nothing."""
     pilot = ModePilot(case.mode, case.seed, flown_by_bytes(vehicle_file(case.vehicle)))
     until_s = max(one.start_s for one in case.faults) + AFTER_S
@@ -137,11 +137,11 @@ def kinds(violated: Sequence[str]) -> frozenset[str]:
     return frozenset("".join(letter for letter in one if not letter.isdigit()) for one in violated)
 
 
-def shrunk(case: Case) -> Case:
+def shrunk(case: FaultCase) -> FaultCase:
     """The case with as few faults as still violate the same, and with plain numbers where they do too."""
     wanted = kinds(violations(case))
 
-    def same(one: Case) -> bool:
+    def same(one: FaultCase) -> bool:
         return bool(kinds(violations(one)) & wanted)
 
     for fault in case.faults:
@@ -152,7 +152,7 @@ def shrunk(case: Case) -> Case:
     return plain if plain != case and same(plain) else case
 
 
-def fuzzed(minutes: float, seed: int, workers: Workers = HERE) -> Iterator[tuple[Case, tuple[str, ...]]]:
+def fuzzed(minutes: float, seed: int, workers: Workers = HERE) -> Iterator[tuple[FaultCase, tuple[str, ...]]]:
     """Draw and fly cases for so long; yields each with what it violates. The draws do not depend on the workers."""
     random_ = random.Random(seed)  # noqa: S311  # no secret
     vehicles = {file.stem: flown_by_bytes(file) for file in sorted(share_folder("vehicles").glob("*.yaml"))}
@@ -181,7 +181,7 @@ def main(words: Sequence[str] | None = None) -> int:
 
 def _printed(arguments: argparse.Namespace) -> int:
     if arguments.repeat is not None:
-        violated = violations(Case.parse(arguments.repeat))
+        violated = violations(FaultCase.parse(arguments.repeat))
         print("\n".join(violated) or "nothing is violated")
         return int(bool(violated))
     flown = bad = 0

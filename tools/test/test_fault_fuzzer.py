@@ -15,7 +15,7 @@ from hindrax_tools.fault_fuzzer import (
     EVERY_MODE,
     KEPT_CASES,
     OUTPUT,
-    Case,
+    FaultCase,
     drawn,
     flown_by_bytes,
     kinds,
@@ -31,7 +31,7 @@ JUDGE = Judge(TrueState(30.0, (0.0,) * 3, (0.0,) * 3, 0.8, 0, (3.0, 1.5), (1600.
 
 
 def test_a_case_is_a_line_and_back() -> None:
-    case = Case.parse(LINE)
+    case = FaultCase.parse(LINE)
     assert (case.vehicle, case.mode, case.seed, len(case.faults)) == ("hindrax", "hold", 7, 3)
     assert str(case) == LINE
 
@@ -41,7 +41,7 @@ def test_a_case_is_a_line_and_back() -> None:
 )
 def test_what_is_no_case_is_named(line: str) -> None:
     with pytest.raises(UsageError, match="wanted"):
-        Case.parse(line)
+        FaultCase.parse(line)
 
 
 def test_draws_are_pairs_and_triples_of_faults_that_fall_on_the_vehicle_and_come_again_with_the_seed() -> None:
@@ -53,19 +53,19 @@ def test_draws_are_pairs_and_triples_of_faults_that_fall_on_the_vehicle_and_come
     for fault in (one for case in cases for one in case.faults):
         assert fault.devices[0] in FAULTS[fault.name].devices(vehicle)
         assert fault.devices[0] != OUTPUT
-    assert all(Case.parse(str(one)) == one for one in cases)
+    assert all(FaultCase.parse(str(one)) == one for one in cases)
 
 
 def test_a_finding_is_shrunk_to_the_fault_that_it_needs(monkeypatch: pytest.MonkeyPatch) -> None:
     flown: list[str] = []
 
-    def flies(case: Case) -> Sequence[str]:
+    def flies(case: FaultCase) -> Sequence[str]:
         flown.append(str(case))
         stuck = any(one.name == "depth_stuck" for one in case.faults)
         return (f"thrust for {len(flown)} s on a state that is wrong",) if stuck else ()
 
     monkeypatch.setattr(fault_fuzzer, "violations", flies)
-    assert str(shrunk(Case.parse(LINE))) == "hindrax hold 0 depth_stuck:ms5837@15+9999"
+    assert str(shrunk(FaultCase.parse(LINE))) == "hindrax hold 0 depth_stuck:ms5837@15+9999"
     assert kinds(["thrust for 0.71 s"]) == kinds(["thrust for 1.2 s"]) != kinds(["tilted by 50 deg"])
 
 
@@ -74,7 +74,7 @@ def test_a_defect_of_the_code_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> N
         raise ZeroDivisionError("of the pilot")
 
     monkeypatch.setattr(fault_fuzzer, "watched", fails)
-    assert violations(Case.parse(LINE)) == ("defect: ZeroDivisionError: of the pilot",)
+    assert violations(FaultCase.parse(LINE)) == ("defect: ZeroDivisionError: of the pilot",)
 
 
 @pytest.mark.parametrize(
@@ -91,7 +91,7 @@ def test_silence_and_a_good_exit_code_are_findings(
 ) -> None:
     monkeypatch.setattr(fault_fuzzer, "watched", lambda *_: found)
     monkeypatch.setattr(Judge, "flies_on", True)
-    assert violations(Case.parse("bluerov2-heavy maneuver 0 supply_dies:supply@30+9999")) == (violated,) * bool(
+    assert violations(FaultCase.parse("bluerov2-heavy maneuver 0 supply_dies:supply@30+9999")) == (violated,) * bool(
         violated
     )
 
@@ -107,7 +107,9 @@ def test_the_command_prints_findings_and_ends_with_1(
 ) -> None:
     monkeypatch.setattr(fault_fuzzer, "violations", lambda _: ("it ended, and nobody is told why",))
     assert main(["--repeat", LINE]) == 1
-    monkeypatch.setattr(fault_fuzzer, "fuzzed", lambda *_: [(Case.parse(LINE), ("it ended",)), (Case.parse(LINE), ())])
+    monkeypatch.setattr(
+        fault_fuzzer, "fuzzed", lambda *_: [(FaultCase.parse(LINE), ("it ended",)), (FaultCase.parse(LINE), ())]
+    )
     monkeypatch.setattr(fault_fuzzer, "shrunk", lambda case: case)
     assert main(["--minutes", "1"]) == 1
     out = capsys.readouterr().out
@@ -119,4 +121,4 @@ def test_the_command_prints_findings_and_ends_with_1(
 
 @pytest.mark.parametrize("line", KEPT_CASES.read_text(encoding="ascii").splitlines())
 def test_what_was_found_and_mended_is_not_violated_again(line: str) -> None:
-    assert violations(Case.parse(line)) == ()
+    assert violations(FaultCase.parse(line)) == ()

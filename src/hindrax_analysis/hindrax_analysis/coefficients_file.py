@@ -64,7 +64,22 @@ class ResultConditions:
 
 
 def conditions_of(vehicle: Vehicle, *, mock: bool, motions: tuple[str, ...] = ()) -> ResultConditions:
-    """Conditions from the vehicle file; use `dataclasses.replace` for the rest."""
+    """Conditions of a result by the vehicle file; use `dataclasses.replace` for the rest.
+
+    Parameters
+    ----------
+    vehicle
+        Name, hull and water.
+    mock
+        Whether the record is one of the simulation.
+    motions
+        That were flown.
+
+    Returns
+    -------
+    ResultConditions
+        Without bag, date and software.
+    """
     hull = vehicle.mass_kg, vehicle.volume_m3, vehicle.envelope_m[0]
     water = vehicle.water.density_kgpm3, vehicle.water.kinematic_viscosity_m2ps
     return ResultConditions(vehicle.name, *hull, *water, mock=mock, motions=motions)
@@ -88,7 +103,22 @@ def document(results: Results, conditions: ResultConditions) -> dict[str, Any]:
 
 
 def as_yaml(results: Results, conditions: ResultConditions, joint: JointResults | None = None) -> str:
-    """Text of the file, with comments; `joint`: those of all axes together."""
+    """Text of a coefficients.yaml, with comments.
+
+    Parameters
+    ----------
+    results
+        By motion.
+    conditions
+        Of the record.
+    joint
+        Results of all axes together, where there are any.
+
+    Returns
+    -------
+    str
+        YAML; the same results give the same text.
+    """
     data = document(results, conditions)
     parts = [_head(conditions), _dump({key: data[key] for key in data if key != "motions"}), "\nmotions:\n"]
     for name, result in results.motions.items():
@@ -160,7 +190,27 @@ def read_coefficients(file: Path, label: str = "") -> SavedCoefficients:
 
 
 def coefficients_of(data: object, source: str, label: str = "") -> SavedCoefficients:
-    """Check the plain data of a file."""
+    """Check the plain data of a file.
+
+    Parameters
+    ----------
+    data
+        As YAML or JSON holds it.
+    source
+        Name of the file, for errors.
+    label
+        Its name in a comparison.
+
+    Returns
+    -------
+    SavedCoefficients
+        Files of earlier versions have gaps in their conditions.
+
+    Raises
+    ------
+    HindraxError
+        Names the file, the key, what was found and what was wanted.
+    """
     if not isinstance(data, Mapping) or not isinstance(data.get("motions"), Mapping):
         raise HindraxError(f"{source}: no mapping 'motions', wanted a coefficients.yaml of a pool test or of identify")
     motions = {str(name): _motion(str(name), body, source) for name, body in data["motions"].items()}

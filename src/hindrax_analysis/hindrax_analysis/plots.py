@@ -25,7 +25,20 @@ BAND_ALPHA = 0.2
 
 
 def new_figure(rows: int, columns: int, width: float, height: float) -> tuple[Figure, list[Axes]]:
-    """A figure of rows x columns plots, its size in inches, and its axes row by row."""
+    """Make a figure of rows x columns plots.
+
+    Parameters
+    ----------
+    rows, columns
+        Of plots.
+    width, height : [inches]
+        Of the figure.
+
+    Returns
+    -------
+    tuple[Figure, list[Axes]]
+        The figure, and its axes row by row.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415  # only who draws waits for it
     from matplotlib.figure import Figure  # noqa: PLC0415  # the same
 
@@ -40,7 +53,17 @@ def new_figure(rows: int, columns: int, width: float, height: float) -> tuple[Fi
 
 
 def label(axis: Axes, x: str, y: str, title: str = "") -> None:
-    """Name both axes of a plot, with units, and its title."""
+    """Name both axes of a plot, and its title.
+
+    Parameters
+    ----------
+    axis
+        Of a plot.
+    x, y
+        With their units.
+    title
+        Empty: none.
+    """
     axis.set_xlabel(x)
     axis.set_ylabel(y)
     axis.set_title(title, loc="left", fontsize=10)

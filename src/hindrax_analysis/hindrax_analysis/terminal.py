@@ -28,7 +28,22 @@ def console() -> Console:
 
 
 def print_answer(document: Mapping[str, object] | object, text: object, *, as_json: bool) -> int:
-    """Print one JSON document, or a text for people: a sentence, or what a function prints. Exit code of success."""
+    """Print one JSON document, or a text for people.
+
+    Parameters
+    ----------
+    document
+        What a program reads.
+    text
+        A sentence, or a function that prints.
+    as_json
+        Which of the two.
+
+    Returns
+    -------
+    int
+        Exit code of success.
+    """
     if as_json:
         print_json(document)
     elif callable(text):
@@ -40,9 +55,17 @@ def print_answer(document: Mapping[str, object] | object, text: object, *, as_js
 
 @contextmanager
 def working(sentence: str) -> Iterator[Callable[[object], None]]:
-    """Tell on a terminal what is being computed and for how long, and how far it is, which is called with it.
+    """Tell on a terminal what is being computed and for how long. A file or a pipe gets nothing.
 
-    A file or a pipe gets nothing.
+    Parameters
+    ----------
+    sentence
+        What is computed.
+
+    Yields
+    ------
+    Callable[[object], None]
+        To be called with how far it is.
     """
     shown = SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn()
     screen = Console(stderr=True)
@@ -73,11 +96,27 @@ def print_table(
     spare: Sequence[str] = (),
     grouped: bool = False,
 ) -> list[str]:
-    """Print rows below the headings of words (left), numbers (right) and prose, which may wrap.
+    """Print rows below their headings.
 
-    Brackets are text, also in a cell; a Text keeps its style, a float has five digits, None and NaN are empty. A screen
-    that is too narrow does without the columns of `spare`, the last first, which are returned. `grouped`: the first
-    cell names a group.
+    Brackets are text, also in a cell; a Text keeps its style, a float has five digits, None and NaN are empty.
+
+    Parameters
+    ----------
+    title
+        Above it.
+    words, numbers, prose
+        Headings of columns that begin at the left, end at the right, and may wrap.
+    rows
+        A cell for each heading.
+    spare
+        Headings that a screen that is too narrow does without, the last first.
+    grouped
+        Whether the first cell names a group.
+
+    Returns
+    -------
+    list[str]
+        Headings that were left out.
     """
     table = ResultTable(title=Text(printable(title), style="table.title"), title_justify="left")
     table.spare, table.grouped = spare, grouped

@@ -4,8 +4,8 @@ import atexit
 import math
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import closing
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -47,7 +47,10 @@ def asked_parameters(address: str, wanted: Sequence[str]) -> dict[str, float]:
     HindraxError where none answers, and without the drivers, as in the wheel; DeviceError where the address cannot be
     opened.
     """
-    link = _link(address, wanted, {})
+    with _drivers_wanted(address):
+        from hindrax_drivers.devices.ardupilot.link import Link  # noqa: PLC0415  # the wheel has no drivers
+
+    link = Link(wanted, {})
     for _ in _listened(address, link, PATIENCE_S):
         if link.system and not link.asking:
             return link.parameters
@@ -59,11 +62,17 @@ def has_velocity(address: str, say: Callable[[str], None] = lambda _: None) -> b
 
     One that started within the last minute aligns first: it is waited for. Errors as those of `asked_parameters`.
     """
-    _link(address, (), {})
-    from hindrax_drivers.devices.ardusub_ekf import STATUS_Hz, claims_velocity  # noqa: PLC0415  # as in `_link`
-    from hindrax_drivers.protocols.ardupilot import ATTITUDE, EKF_STATUS, Attitude, EstimatorStatus  # noqa: PLC0415
+    with _drivers_wanted(address):
+        from hindrax_drivers.devices.ardupilot.link import Link  # noqa: PLC0415  # the wheel has no drivers
+        from hindrax_drivers.devices.ardusub_ekf import STATUS_Hz, claims_velocity  # noqa: PLC0415  # as above
+        from hindrax_drivers.protocols.ardupilot import (  # noqa: PLC0415  # as above
+            ATTITUDE,
+            EKF_STATUS,
+            Attitude,
+            EstimatorStatus,
+        )
 
-    link = _link(address, (), {EKF_STATUS: STATUS_Hz, ATTITUDE: STATUS_Hz})
+    link = Link((), {EKF_STATUS: STATUS_Hz, ATTITUDE: STATUS_Hz})
     claims: list[bool] = []
     told, up_s = False, math.inf
     for message in _listened(address, link, ALIGNED_S + PATIENCE_S):
@@ -83,20 +92,20 @@ def has_velocity(address: str, say: Callable[[str], None] = lambda _: None) -> b
     return False
 
 
-def _link(address: str, wanted: Sequence[str], streams: Mapping[int, float]) -> "Link":
-    """A link that asks for parameters and streams; HindraxError without the drivers."""
+@contextmanager
+def _drivers_wanted(address: str) -> Iterator[None]:
+    """HindraxError instead of an import that fails."""
     try:
-        from hindrax_drivers.devices.ardupilot.link import Link  # noqa: PLC0415  # the wheel has no drivers
+        yield
     except ImportError as error:
         raise HindraxError(
             f"{address}: to ask an autopilot needs the drivers of a clone of hindrax; give a log of it: --from dive.bin"
         ) from error
-    return Link(wanted, streams)
 
 
 def _listened(address: str, link: "Link", seconds: float) -> Iterator[object]:
     """Messages of the autopilot on a line that is opened for it, and None after each turn of waiting."""
-    from hindrax_drivers.buses.clock import SystemClock  # noqa: PLC0415  # as in `_link`
+    from hindrax_drivers.buses.clock import SystemClock  # noqa: PLC0415  # the wheel has no drivers
     from hindrax_drivers.buses.line import open_line  # noqa: PLC0415  # as above
     from hindrax_drivers.devices.ardupilot.link import BAUD  # noqa: PLC0415  # as above
 

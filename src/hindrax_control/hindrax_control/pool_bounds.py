@@ -89,9 +89,21 @@ class PoolBounds:
         self._reckoned_m, self._variance_m2 = origin_m, 0.0
 
     def recentre(self, navigation: Navigation, x_m: float, y_m: float, turned_rad: float) -> None:
-        """Take the vehicle to be at x, y now [m], turned from the length by this; NaN: as it was.
+        """Take the vehicle to be at a place now.
 
-        UsageError for a position outside this pool; then nothing of it may be used.
+        Parameters
+        ----------
+        navigation
+            State by which it is reckoned on.
+        x_m, y_m : [m]
+            Along and across the pool; NaN: as it was.
+        turned_rad : [rad]
+            Heading from the length; NaN: as it was.
+
+        Raises
+        ------
+        UsageError
+            For a position outside this pool; then nothing of it may be used.
         """
         if abs(turned_rad) > math.tau:
             found = f"{math.degrees(turned_rad):.0f} deg"
@@ -103,7 +115,20 @@ class PoolBounds:
         self._reckoned_m, self._variance_m2 = navigation.position_m, sigma_m**2 if math.isfinite(sigma_m) else 0.0
 
     def require_inside(self, x_m: float, y_m: float, heading_rad: float) -> None:
-        """UsageError for a position at which the hull, with this heading from the length, is not within the pool."""
+        """Refuse a position at which the hull is not within the pool.
+
+        Parameters
+        ----------
+        x_m, y_m : [m]
+            Along and across the pool.
+        heading_rad : [rad]
+            From the length.
+
+        Raises
+        ------
+        UsageError
+            Names the wall, found and wanted distance.
+        """
         reach_m, extent_m = self.reach_m(heading_rad), (self.length_m, self.width_m)
         for name, at_m, half_m, whole_m in zip("xy", (x_m, y_m), reach_m, extent_m, strict=True):
             if not half_m <= at_m <= whole_m - half_m:

@@ -47,9 +47,21 @@ class Teleop:
         self._shortest_s = self._made_s = self._received_s = math.inf
 
     def joystick(self, axes: Sequence[float], buttons: Sequence[int], made_s: float, now_s: float) -> Vec6 | None:
-        """Return the wrench, in base_link_fsd; None where nothing is to be sent.
+        """Turn the state of a joystick into a wrench.
 
         A release of the button is sent once, as zero; after that, silence leaves the vehicle to other sources.
+
+        Parameters
+        ----------
+        axes, buttons
+            As sensor_msgs/Joy has them.
+        made_s, now_s : [s]
+            When it was made, and the time now.
+
+        Returns
+        -------
+        Vec6 | None
+            In base_link_fsd [N, N m]; None where nothing is to be sent.
         """
         late = self._is_late(made_s, now_s)
         knobs = self._knobs

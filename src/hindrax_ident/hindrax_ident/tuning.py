@@ -77,7 +77,15 @@ class Tuning:
 def for_foreign_records(tuning: Tuning) -> Tuning:
     """Knobs for measurements of another stack, whose stamps, lag and thrusters are less well known.
 
-    What is set stays, also where it is 0.
+    Parameters
+    ----------
+    tuning
+        What is set in it stays, also where it is 0.
+
+    Returns
+    -------
+    Tuning
+        With doubts where it had none.
     """
     return replace(
         tuning,

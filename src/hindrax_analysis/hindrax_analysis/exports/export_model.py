@@ -112,9 +112,29 @@ def assumption_notes(saved: SavedCoefficients) -> list[str]:
 def export_model(saved: SavedCoefficients, vehicle: Vehicle, source: str, *, complete: bool = False) -> ExportModel:
     """Make an export model of the results of a file.
 
-    Missing results are an error, or with `complete` come from the vehicle file, with a note. A negative drag
-    coefficient, which would drive a simulated vehicle, is folded into the other one at the same force at the largest
-    tested speed.
+    A negative drag coefficient, which would drive a simulated vehicle, is folded into the other one at the same force
+    at the largest tested speed.
+
+    Parameters
+    ----------
+    saved
+        Results.
+    vehicle
+        Hull, thrusters and water.
+    source
+        Name of the file, for notes and errors.
+    complete
+        Whether missing results come from the vehicle file, with a note.
+
+    Returns
+    -------
+    ExportModel
+        In SNAME axes about the center of mass, SI.
+
+    Raises
+    ------
+    HindraxError
+        Where results are missing, or none are there at all.
     """
     motions = identified(saved)
     lost = {name: motion for name, motion in saved.motions.items() if not motion.identifiable}
@@ -140,7 +160,22 @@ def export_model(saved: SavedCoefficients, vehicle: Vehicle, source: str, *, com
 def unidentified_model(vehicle: Vehicle, source: str) -> ExportModel:
     """Make an export model of a vehicle file alone: to try a tool against numbers that one has put in oneself.
 
-    HindraxError when the file has no hydrodynamics.
+    Parameters
+    ----------
+    vehicle
+        With hydrodynamics.
+    source
+        Name of the file, for notes.
+
+    Returns
+    -------
+    ExportModel
+        In SNAME axes about the center of mass, SI.
+
+    Raises
+    ------
+    HindraxError
+        When the file has no hydrodynamics.
     """
     if vehicle.hydrodynamics is None:
         remedy = f"`./hindrax estimate --vehicle {source}` prints a block to add"
@@ -253,7 +288,20 @@ def law_of(k_q: float, k_l: float) -> Callable[[Array], Array]:
 
 
 def terminal_misfit(wanted: Callable[[Array], Array], given: Callable[[Array], Array], top: float) -> float:
-    """Largest relative error of the speed at which a thrust is met, over the tested speeds: laws force(speed)."""
+    """Largest relative error of the speed at which a thrust is met, over the tested speeds.
+
+    Parameters
+    ----------
+    wanted, given : (n,) to (n,) [m/s, rad/s] to [N, N m]
+        Drag by the result, and as the tool can have it.
+    top : [m/s, rad/s]
+        Largest tested speed.
+
+    Returns
+    -------
+    float
+        [-].
+    """
     speed = tested_speeds(top)
     thrust = wanted(speed)
     if not np.any(thrust):
@@ -278,14 +326,42 @@ def numbers(*values: float) -> str:
 
 
 def add(parent: ET.Element, name: str, text: str) -> ET.Element:
-    """Append a child element that holds a text."""
+    """Append a child element that holds a text.
+
+    Parameters
+    ----------
+    parent
+        Element.
+    name, text
+        Of the child.
+
+    Returns
+    -------
+    ET.Element
+        The child.
+    """
     child = ET.SubElement(parent, name)
     child.text = text
     return child
 
 
 def commented(root: ET.Element, model: ExportModel, conventions: tuple[str, ...]) -> str:
-    """XML text with its declaration, and the header lines as a comment in front."""
+    """XML text with its declaration, and the header lines as a comment in front.
+
+    Parameters
+    ----------
+    root
+        Element; it is indented in place.
+    model
+        Whose header lines they are.
+    conventions
+        Further lines.
+
+    Returns
+    -------
+    str
+        XML.
+    """
     ET.indent(root)
     # Two hyphens would end the comment early.
     body = "\n".join(f"  {line.replace('--', '- -')}" for line in header(model, conventions))

@@ -44,7 +44,25 @@ class Posterior:
         self.covariance = _joint(motions, self.names)
 
     def draw(self, count: int, seed: int) -> Array:
-        """Coefficients (count, n) of so many vehicles. One that would be driven by its own water is drawn again."""
+        """Draw vehicles; one that would be driven by its own water is drawn again.
+
+        Parameters
+        ----------
+        count
+            Number of vehicles.
+        seed
+            The same one gives the same vehicles.
+
+        Returns
+        -------
+        Array
+            (count, n), in the order of `names` and their units.
+
+        Raises
+        ------
+        HindraxError
+            Where hardly any vehicle within the intervals is physical.
+        """
         rng = np.random.default_rng(seed)
         power, axes = np.linalg.eigh(self.covariance)
         root = axes * np.sqrt(np.clip(power, 0.0, None))
@@ -122,7 +140,20 @@ def _signed(motion: MotionResult, key: str, row: str) -> float:
 def sampled_models(
     saved: SavedCoefficients, vehicle: Vehicle, source: str, count: int, *, seed: int, complete: bool
 ) -> Iterator[ExportModel]:
-    """Export models of so many vehicles drawn from a result."""
+    """Export models of vehicles drawn from a result.
+
+    Parameters
+    ----------
+    saved, vehicle, source, complete
+        As of `export_model`.
+    count, seed
+        As of `Posterior.draw`.
+
+    Yields
+    ------
+    ExportModel
+        One by one, each with a note of its number.
+    """
     posterior = Posterior(saved)
     for index, row in enumerate(posterior.draw(count, seed), start=1):
         model = export_model(posterior.saved(row), vehicle, source, complete=complete)
@@ -131,7 +162,20 @@ def sampled_models(
 
 
 def sample_table(saved: SavedCoefficients, count: int, *, seed: int) -> str:
-    """CSV with one line per vehicle drawn and one column per coefficient."""
+    """Table of vehicles drawn from a result.
+
+    Parameters
+    ----------
+    saved
+        Results.
+    count, seed
+        As of `Posterior.draw`.
+
+    Returns
+    -------
+    str
+        CSV with one line per vehicle and one column per coefficient, its unit in the heading.
+    """
     posterior = Posterior(saved)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

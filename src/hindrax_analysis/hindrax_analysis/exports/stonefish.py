@@ -72,7 +72,17 @@ def write(model: ExportModel, law: Law = "cubic") -> str:
 
 
 def parts(body: ET.Element, model: ExportModel, boxes: tuple["DragBox", "DragBox"]) -> None:
-    """Fill a compound body: drag, added mass and hull, about the origin of the vehicle file."""
+    """Fill a compound body: drag, added mass and hull, about the origin of the vehicle file.
+
+    Parameters
+    ----------
+    body
+        Element of the compound; changed in place.
+    model
+        What it is to do.
+    boxes
+        Of motion and of turning, by `drag_boxes`.
+    """
     for name, box in zip(("drag_of_motion", "drag_of_turning"), boxes, strict=True):
         _drag(body, model, name, box)
     _added_mass(body, model)
@@ -80,7 +90,22 @@ def parts(body: ET.Element, model: ExportModel, boxes: tuple["DragBox", "DragBox
 
 
 def notes_of(model: ExportModel, law: Law, boxes: tuple["DragBox", "DragBox"]) -> tuple[str, ...]:
-    """What Stonefish cannot do with this model, and by how much it errs."""
+    """What Stonefish cannot do with this model, and by how much it errs.
+
+    Parameters
+    ----------
+    model
+        What is wanted.
+    law
+        How Stonefish makes drag of a box: cubic, or quadratic.
+    boxes
+        By `drag_boxes`.
+
+    Returns
+    -------
+    tuple[str, ...]
+        Sentences.
+    """
     depth_m = whole_from_m(model.vehicle, boxes)
     shallow = (
         f"Shallower than {depth_m:.2g} m the box of turning is partly out of the water: too little drag, and tilt."
@@ -211,6 +236,18 @@ def drag_boxes(model: ExportModel, law: Law) -> tuple[DragBox, DragBox]:
     The moment of a box goes with its edge to the power of five, its force with the square: a small box with large
     coefficients resists motion and hardly turning, a large one the reverse. So six laws are met, each with two
     coefficients of its own. The large box is no larger than leaves the small one something to do.
+
+    Parameters
+    ----------
+    model
+        Drag of six axes.
+    law
+        How Stonefish makes drag of a box.
+
+    Returns
+    -------
+    tuple[DragBox, DragBox]
+        Edges [m] and coefficients [-].
     """
     vehicle = model.vehicle
     envelope = np.array(vehicle.envelope_m)

@@ -30,9 +30,19 @@ def parameter_file(gains: HoldGains, source: str) -> str:
 def ardusub_parameters(gains: HoldGains) -> Mapping[str, float]:
     """ArduSub's cascades with the same poles, per axis that it controls.
 
-    Its angle loop asks for a rate, ANG_P e, and its rate loop for a part of the largest moment, RAT_P (ANG_P e - r):
-    so K_d = RAT_P N and K_p = ANG_P K_d, where N is the moment of full output. Depth: a = VELZ_P (POSZ_P e - w), of
-    which ACCZ_P makes a throttle. Its outputs go to pulses without a thrust curve, so the gains hold near half thrust.
+    Its angle loop asks for a rate, ANG_P e, and its rate loop for a part of the largest moment, RAT_P (ANG_P e - r): so
+    K_d = RAT_P N and K_p = ANG_P K_d, where N is the moment of full output. Depth: a = VELZ_P (POSZ_P e - w), of which
+    ACCZ_P makes a throttle. Its outputs go to pulses without a thrust curve, so the gains hold near half thrust.
+
+    Parameters
+    ----------
+    gains
+        Of our holds, with the vehicle.
+
+    Returns
+    -------
+    Mapping[str, float]
+        By ArduSub's name of the parameter.
     """
     found: dict[str, float] = {}
     for axis, name in ARDUSUB_AXES.items():

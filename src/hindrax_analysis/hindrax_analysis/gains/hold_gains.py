@@ -126,7 +126,18 @@ class HoldGains:
 
 
 def hold_gains(saved: SavedCoefficients, vehicle: Vehicle, source: str, *, complete: bool) -> HoldGains:
-    """Gains from a result, robust over vehicles drawn from its uncertainty; HindraxError as for an export."""
+    """Gains from a result, robust over vehicles drawn from its uncertainty.
+
+    Parameters
+    ----------
+    saved, vehicle, source, complete
+        As of `export_model`, and so are the errors.
+
+    Returns
+    -------
+    HoldGains
+        For the vehicle with its losses: gains act on the commanded thrust.
+    """
     # Gains act on the commanded thrust, so on a vehicle with its losses.
     saved = as_fitted(saved)
     model = export_model(saved, vehicle, source, complete=complete)

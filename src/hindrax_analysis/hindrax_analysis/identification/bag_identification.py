@@ -74,7 +74,22 @@ class Identified:
         return bool(motions) and all(one.identifiable for one in motions.values())
 
     def document(self, bag: Path, report: Path | None, factor: float | None, aborted: Refusal) -> dict[str, object]:
-        """The JSON document of `pool-test` and `identify`."""
+        """The JSON document of `pool-test` and `identify`.
+
+        Parameters
+        ----------
+        bag, report
+            Files; no report: None.
+        factor : [-]
+            Times real time of the flight; None: not flown.
+        aborted
+            Why it ended early.
+
+        Returns
+        -------
+        dict[str, object]
+            Plain data.
+        """
         ends = {"bag": str(bag), "report": str(report) if report else None}
         out: dict[str, object] = {"thrusters_left_out": list(self.left_out)} if self.left_out else {}
         if self.seed is not None:
@@ -91,12 +106,32 @@ def identify_bag(
     tuning: Tuning | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Identified:
-    """Run the session over a bag of this stack; in mock with the true value of each coefficient."""
-    anew = ", thrust anew from the pulses by the thrusters and curves of this vehicle file"
-    progress(f"reading the bag{anew if has_other_thrust(bag, vehicle) else ''}")
+    """Run the session over a bag of this stack.
+
+    Parameters
+    ----------
+    bag
+        Folder.
+    vehicle
+        As it was flown, or as it is now believed to be.
+    mock
+        Whether the coefficients get the true values of the simulation.
+    tuning
+        Of the session; None: defaults.
+    progress
+        Called with a sentence about what begins.
+
+    Returns
+    -------
+    Identified
+        Results and assessments by motion.
+    """
+    thrust_anew = has_other_thrust(bag, vehicle)
+    how = ", thrust anew from the pulses by the thrusters and curves of this vehicle file" if thrust_anew else ""
+    progress(f"reading the bag{how}")
     session = Session(vehicle, tuning, every_s=math.inf)
     origin: Stamp | None = None
-    for event in bag_events(bag, vehicle, tuning):
+    for event in bag_events(bag, vehicle, tuning, thrust_anew=thrust_anew):
         origin = event.stamp if origin is None else min(origin, event.stamp)
         session.step(event)
     outcome = session.finalize(progress)
@@ -107,7 +142,12 @@ def identify_bag(
 def show(identified: Identified, *, reported: bool = False) -> None:
     """Print coefficients with the true values of the mock and the paper's, reasons of what is not, then verdicts.
 
-    `reported`: a report is written, which has the remarks on each motion.
+    Parameters
+    ----------
+    identified
+        Results.
+    reported
+        Whether a report is written, which has the remarks on each motion.
     """
     motions = identified.results.motions
     name = identified.results.vehicle.name
@@ -166,7 +206,27 @@ def identify_run(
 ) -> Identified:
     """Identify over the bag of a run and write its coefficients and its report.
 
-    Both contain why it was `aborted`, what was `predicted`, and what is `assumed` or simulated.
+    Parameters
+    ----------
+    folder
+        Of the run.
+    vehicle
+        As it was flown.
+    mock
+        Whether it was the simulation.
+    aborted
+        Why the flight ended early; empty where it did not.
+    predicted
+        Deviation of the drag that was planned for, by motion [-].
+    assumed
+        Sentences on what is assumed or simulated.
+    progress
+        Called with a sentence about what begins.
+
+    Returns
+    -------
+    Identified
+        As of `identify_bag`.
     """
     identified = replace(identify_bag(folder.bag, vehicle, mock=mock, progress=progress), predicted=predicted)
     conditions = recorded_conditions(identified, [folder.bag], [folder.bag], assumed, aborted=aborted)
@@ -179,7 +239,19 @@ def identify_run(
 def write_report(
     file: Path, identified: Identified, conditions: ResultConditions, bag: Path | None, *earlier: SavedCoefficients
 ) -> None:
-    """Write the report, with the online estimates in the `bag` where the record is one of this stack."""
+    """Write the report.
+
+    Parameters
+    ----------
+    file
+        HTML, replaced as a whole.
+    identified, conditions
+        Results, and how they came to be.
+    bag
+        Where the record is one of this stack: its online estimates are drawn. None: those of `identified`.
+    *earlier
+        Results to compare with.
+    """
     results, traces = identified.results, traces_of(bag, identified.origin) if bag else identified.traces
     report = RunReport(results, identified.outcome.assessments, conditions, traces, earlier)
     write(file, run_page(report))
@@ -202,7 +274,21 @@ def recorded_conditions(
 ) -> ResultConditions:
     """Conditions of a result over files, of which some are bags of this stack.
 
-    `aborted` is an end that neither a bag nor its run contains yet.
+    Parameters
+    ----------
+    identified
+        Results.
+    files, ours
+        All of them, and the bags of this stack among them.
+    assumed
+        Sentences on what is assumed.
+    aborted
+        An end that neither a bag nor its run contains yet.
+
+    Returns
+    -------
+    ResultConditions
+        With the hash of every file.
     """
     results, flown = identified.results, [maneuver_record(bag) for bag in ours]
     ends = [aborted or recorded_end(bag) or one.aborted for bag, one in zip(ours, flown, strict=True)]

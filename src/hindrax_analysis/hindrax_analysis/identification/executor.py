@@ -46,7 +46,22 @@ HERE = Workers()
 
 
 def add_workers(parser: argparse.ArgumentParser, processes: int | None = 1, usual: str = "") -> None:
-    """Options for `workers_of`; `processes`: those of this machine where neither option is given, and its words."""
+    """Add the options for `workers_of`.
+
+    Parameters
+    ----------
+    parser
+        Of a command.
+    processes
+        Local ones where neither option is given; None: one per core.
+    usual
+        Words for that in the help.
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        When the command line is parsed, for less than one process.
+    """
 
     def count(text: str) -> int:
         """Argument type: one process or more."""
@@ -69,7 +84,22 @@ def workers_of(arguments: argparse.Namespace) -> Workers:
 def run_all(
     work: Callable[[ItemT], ResultT], items: Sequence[ItemT], *, cluster: str = "", workers: int | None = None
 ) -> Iterator[ResultT]:
-    """On the cluster of an address, in this process for one worker, otherwise in processes (None: one per core)."""
+    """Do work over items, somewhere.
+
+    Parameters
+    ----------
+    work, items
+        A function that another process can import, and its arguments.
+    cluster
+        Address of a Dask scheduler; empty: this machine.
+    workers
+        Local processes; 1: this one; None: one per core.
+
+    Returns
+    -------
+    Iterator[ResultT]
+        In the order of the items.
+    """
     if cluster:
         return on_cluster(work, items, cluster)
     wanted = os.cpu_count() or 1 if workers is None else workers
@@ -77,7 +107,20 @@ def run_all(
 
 
 def in_processes(work: Callable[[ItemT], ResultT], items: Sequence[ItemT], workers: int) -> Iterator[ResultT]:
-    """Processes of this machine, each with single-threaded linear algebra."""
+    """Do work in processes of this machine, each with single-threaded linear algebra.
+
+    Parameters
+    ----------
+    work, items
+        A function that another process can import, and its arguments.
+    workers
+        Processes at most.
+
+    Yields
+    ------
+    ResultT
+        In the order of the items. Whatever ends the iteration early ends the processes.
+    """
     context, others = multiprocessing.get_context("spawn"), multiprocessing.active_children()
     with ProcessPoolExecutor(min(workers, max(1, len(items))), context, _begin) as pool:
         try:
@@ -118,9 +161,26 @@ def _begin() -> None:
 def on_cluster(
     work: Callable[[ItemT], ResultT], items: Sequence[ItemT], address: str, timeout_s: float = 10.0
 ) -> Iterator[ResultT]:
-    """A running Dask cluster, by the address of its scheduler.
+    """Do work on a running Dask cluster.
 
-    HindraxError when there is no scheduler at the address, when this software is missing there, or Dask here.
+    Parameters
+    ----------
+    work, items
+        A function that the workers can import, and its arguments.
+    address
+        Of the scheduler.
+    timeout_s : [s]
+        For its answer.
+
+    Yields
+    ------
+    ResultT
+        In the order of the items.
+
+    Raises
+    ------
+    HindraxError
+        When there is no scheduler at the address, when this software is missing there, or Dask here.
     """
     try:
         from distributed import Client  # noqa: PLC0415  # heavy, and only wanted with --cluster

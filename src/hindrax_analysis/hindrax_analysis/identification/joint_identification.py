@@ -29,11 +29,21 @@ SEVERAL = 1.3
 
 
 def axes_at_once(recordings: Sequence[Recording]) -> float:
-    """On how many axes a record pushes at once [-]: 1 for one axis after the other, 6 for all of them all the time.
+    """On how many axes a record pushes at once: 1 for one axis after the other, 6 for all of them all the time.
 
     Each thrust counts as a share of the largest force, or moment, of the record, less its own median: what is held,
     such as a net buoyancy, excites nothing. With p the squares of these shares at a time, one number for all axes that
     share it alike is (sum p)^2 / sum p^2, and the mean over time is weighted by the power: rest does not count.
+
+    Parameters
+    ----------
+    recordings
+        With wrenches of all axes.
+
+    Returns
+    -------
+    float
+        [-].
     """
     shares = []
     for one in recordings:
@@ -55,9 +65,21 @@ def axes_at_once(recordings: Sequence[Recording]) -> float:
 
 
 def wants_joint_fit(sources: Sequence[RecordSource], task: IdentificationTask) -> tuple[bool, str]:
-    """Whether the axes of recordings are pushed at once, so that one fit of all is worth its time, and one sentence.
+    """Whether the axes of recordings are pushed at once, so that one fit of all is worth its time.
 
     Bags of this stack have maneuvers, one axis after the other; nor is it worth it where one axis is asked for.
+
+    Parameters
+    ----------
+    sources
+        Records.
+    task
+        What is asked for.
+
+    Returns
+    -------
+    tuple[bool, str]
+        And one sentence on how it was decided; empty where there is nothing to say.
     """
     recordings = [one.recording.between(task.span.from_s, task.span.to_s) for one in sources if one.recording]
     if len(recordings) < len(sources) or len(task.axes) == 1:
@@ -77,7 +99,29 @@ def identify_jointly(
     task: IdentificationTask,
     progress: Callable[[str], None] = lambda _: None,
 ) -> JointResults:
-    """One fit of all axes over one record, or over several pooled. UsageError where a record cannot be fitted so."""
+    """Fit all axes over one record, or over several pooled.
+
+    Parameters
+    ----------
+    sources
+        Records.
+    vehicle
+        With its thrusters.
+    task
+        Which part of the time, which tuning.
+    progress
+        Called with a sentence about what begins.
+
+    Returns
+    -------
+    JointResults
+        Coefficients of all axes, and the terms that couple them.
+
+    Raises
+    ------
+    UsageError
+        Where a record cannot be fitted so.
+    """
     recordings = [
         (source.recording or recording_of(bag_events(source.path, vehicle), str(source.path))).between(
             task.span.from_s, task.span.to_s

@@ -87,7 +87,25 @@ def trial_of(
 ) -> Trial:
     """Compare the outcome of a run with what is true of the hull that flew.
 
-    `truth`: coefficients by motion; `drag_force`: of a motion at a signed speed [N, Nm]; `thrust_s` as in `bound_of`.
+    Parameters
+    ----------
+    seed
+        Of the run.
+    outcome
+        Of its session.
+    truth
+        Coefficients by motion.
+    drag_force : [m/s, rad/s] to [N, N m]
+        True drag of a motion at a signed speed.
+    trouble
+        Why there is no result; empty where there is one.
+    thrust_s : [s]
+        True density of the thrust noise, as in `bound_of`; None: not known.
+
+    Returns
+    -------
+    Trial
+        Errors of coefficients and of the drag.
     """
     found: list[CoefficientError] = []
     drag: list[DragError] = []
@@ -140,7 +158,15 @@ def _drag(result: MotionResult, drag_force: Callable[[str, float], float]) -> It
 def tabulate(trials: Sequence[Trial]) -> list[dict[str, Any]]:
     """One row per motion, coefficient and method over all runs, in the order of their first appearance.
 
-    `ratio` is the root mean square of error over bound: 1 is the limit.
+    Parameters
+    ----------
+    trials
+        Of one world.
+
+    Returns
+    -------
+    list[dict[str, Any]]
+        Bias, root mean square error, Cramer-Rao bound, their ratio (1 is the limit), and coverages of the intervals.
     """
     groups: dict[tuple[str, str, str], list[CoefficientError]] = {}
     for trial in trials:
@@ -185,9 +211,17 @@ def by_chance(runs: int) -> tuple[float, float]:
 
 
 def drag_bias(trials: Sequence[Trial]) -> list[dict[str, object]]:
-    """Relative error of the drag force at shares of the tested speed, per motion: mean, scatter, calibrated bands.
+    """Relative error of the drag force at shares of the tested speed, per motion.
 
-    `rmse_per_band` is the root mean square error over the median calibrated deviation.
+    Parameters
+    ----------
+    trials
+        Of one world.
+
+    Returns
+    -------
+    list[dict[str, object]]
+        Mean, scatter and coverage; `rmse_per_band` is the root mean square error over the median calibrated deviation.
     """
     groups: dict[tuple[str, float], list[DragError]] = {}
     for trial in trials:
@@ -208,7 +242,15 @@ def drag_bias(trials: Sequence[Trial]) -> list[dict[str, object]]:
 def summary(trials: Sequence[Trial]) -> dict[str, Any]:
     """Document of `montecarlo`: cells of the refined result, the other methods, and the drag force.
 
-    `ratio_by_chance` as `by_chance`.
+    Parameters
+    ----------
+    trials
+        Of one world.
+
+    Returns
+    -------
+    dict[str, Any]
+        Plain data; `ratio_by_chance` is the interval of an estimator at its bound (`by_chance`).
     """
     cells = tabulate(trials)
     others: dict[str, list[object]] = {}

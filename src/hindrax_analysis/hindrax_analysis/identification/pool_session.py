@@ -54,10 +54,21 @@ def drag_goal(motion: str) -> float:
 
 
 def reached_of(result: MotionResult) -> Reached:
-    """Where a motion stands, and what a weighing and a repeat could buy at best by its budget (GUM eq. 11a).
+    """Where a motion stands, and what a weighing and a repeat could buy at best by its budget.
 
-    Of the corrected numbers, which are those that are quoted. The rows are of the fit; a correction takes of each the
-    same part.
+    Variances of independent rows add up (GUM, JCGM 100, eq. 11a): a weighing takes those that MEASURED_THRUST remedies,
+    a repeat half of that of the noise. Of the corrected numbers, which are those that are quoted: the rows are of the
+    fit, and a correction takes of each the same part.
+
+    Parameters
+    ----------
+    result
+        Of the session so far.
+
+    Returns
+    -------
+    Reached
+        Shares of the drag at the highest speed, and of the added mass [-].
     """
     mass, drag = result.coefficients.get("added_mass"), result.drag
     mass_value, mass_std = mass.quoted if mass else (math.nan, math.nan)
@@ -166,10 +177,40 @@ class Stand(Protocol):
         """Have the tether led away; why not, or nothing."""
 
     def legs(self, motions: tuple[str, ...], folder: Path, session: PoolSession) -> tuple[float, str]:
-        """Fly motions into a new folder: seconds in the water, and why it was aborted."""
+        """Fly motions into a new folder.
+
+        Parameters
+        ----------
+        motions
+            In their order.
+        folder
+            Of the run; it does not exist yet.
+        session
+            With all that was done before.
+
+        Returns
+        -------
+        tuple[float, str]
+            Seconds in the water, and why it was aborted.
+        """
 
     def weigh(self, axis: str, folder: Path, session: PoolSession) -> tuple[AxisGain | None, float, str]:
-        """Weigh an axis: its gain, seconds in the water, and why there is none."""
+        """Weigh an axis.
+
+        Parameters
+        ----------
+        axis
+            One of AXES.
+        folder
+            Of the run; it does not exist yet.
+        session
+            With all that was done before.
+
+        Returns
+        -------
+        tuple[AxisGain | None, float, str]
+            Its gain, seconds in the water, and why there is none.
+        """
 
     def estimate(self, bags: Sequence[Path], session: PoolSession) -> Mapping[str, Reached]:
         """One estimate over all bags with all gains."""
@@ -178,9 +219,25 @@ class Stand(Protocol):
 def run_steps(
     session: PoolSession, folder: Path, stand: Stand, report: Callable[[PoolSession], None] = lambda _: None
 ) -> PoolSession:
-    """Do the steps that are left; each is kept on disk when it is finished, then `report` gets the session.
+    """Do the steps that are left; each is kept on disk when it is finished.
 
     A KeyboardInterrupt passes through: the step in hand is not kept, and is done again when the session goes on.
+
+    Parameters
+    ----------
+    session
+        As it was kept.
+    folder
+        Of the session.
+    stand
+        What does the steps.
+    report
+        Called with the session after each.
+
+    Returns
+    -------
+    PoolSession
+        With nothing left.
     """
     motions = tuple(session.settings["motions"])
     while session.left:

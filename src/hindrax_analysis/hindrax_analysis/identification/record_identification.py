@@ -92,10 +92,28 @@ class RecordSource:
 
 
 def open_sources(paths: Sequence[Path], wanted: TopicSelection, vehicle: Vehicle | None = None) -> list[RecordSource]:
-    """Read records; UsageError names what is missing or ambiguous. A run folder stands for its bag.
+    """Read records. A run folder stands for its bag.
 
     CSV files in sequence that hold different columns of the same time (one file per topic) are one record.
-    `vehicle`: converts pulses to newtons.
+
+    Parameters
+    ----------
+    paths
+        Bags, run folders, CSV files, logs.
+    wanted
+        Topics and body axes, where they are not clear.
+    vehicle
+        Converts pulses to newtons; None: not known.
+
+    Returns
+    -------
+    list[RecordSource]
+        One or more for each path.
+
+    Raises
+    ------
+    UsageError
+        Names what is missing or ambiguous.
     """
     sources: list[RecordSource] = []
     for path in paths:
@@ -184,8 +202,25 @@ def identify_sources(
 ) -> Identified:
     """Identify over one record, or over several pooled and each by itself.
 
-    Several records are one job of the `workers` each; a recording alone has one for each axis. `progress` gets records
-    that are done, `reached` steps, where they are taken in this process.
+    Parameters
+    ----------
+    sources
+        Records.
+    vehicle
+        With its thrusters.
+    task
+        Which motions, which part of the time, which tuning.
+    progress
+        Called with records that are done.
+    reached
+        Called with steps, where they are taken in this process.
+    workers
+        Several records are one job each; a recording alone has one for each axis.
+
+    Returns
+    -------
+    Identified
+        Of all of them together, with each by itself beside it.
     """
     if len(sources) == 1 and sources[0].recording is not None:
         return _identify(sources, vehicle, task, reached, workers=workers)
@@ -256,7 +291,22 @@ def _own(sources: Sequence[RecordSource]) -> list[RecordSource]:
 
 
 def axis_records(sources: Sequence[RecordSource], vehicle: Vehicle, task: IdentificationTask) -> dict[int, Record]:
-    """Velocities, thrust and usable stretches of each axis that was excited, as the identification takes them."""
+    """Velocities, thrust and usable stretches of each axis that was excited, as the identification takes them.
+
+    Parameters
+    ----------
+    sources
+        Records.
+    vehicle
+        With its thrusters.
+    task
+        Which motions, which part of the time, which tuning.
+
+    Returns
+    -------
+    dict[int, Record]
+        By axis (0 to 5).
+    """
     wanted = task.axes or tuple(range(6))
     ours = _own(sources)
     out: dict[int, Record] = {}

@@ -74,9 +74,19 @@ class ArduPilotLog:
 
 
 def read_starts(path: Path) -> list[ArduPilotLog]:
-    """Tables of each start of the autopilot in a log. UsageError for what is no such log.
+    """Tables of each start of the autopilot in a log.
 
     A log is asked twice, for its wiring and for its record, and read once: pymavlink takes minutes for a long dive.
+
+    Parameters
+    ----------
+    path
+        A .bin or .tlog file. UsageError for what is no such log.
+
+    Returns
+    -------
+    list[ArduPilotLog]
+        In time order.
     """
     status = path.stat()
     return _read_starts(path, status.st_size, status.st_mtime_ns)
@@ -234,9 +244,17 @@ class _Clock:
 
 
 def claimed(tables: Tables) -> tuple[Array, Array] | None:
-    """Times (n,) [s] and velocities (n, 3) [m/s] of a log, NaN where its estimator does not claim them.
+    """Velocities of a log, where its estimator claims them.
 
-    None without velocities. A log without the estimator's status is believed.
+    Parameters
+    ----------
+    tables
+        By the name of the message. A log without the estimator's status is believed.
+
+    Returns
+    -------
+    tuple[Array, Array] | None
+        Times (n,) [s] and velocities (n, 3) [m/s], NaN where they are not claimed; None without velocities.
     """
     if "velocity" not in tables:
         return None

@@ -49,9 +49,24 @@ LEAST_DEPTH_m = 0.05
 
 
 def read_log(path: Path, vehicle: Vehicle | None) -> list[Recording]:
-    """Read a log in SNAME axes: a record for each start of the autopilot that has what a record needs.
+    """Read a log in SNAME axes.
 
-    UsageError names what is missing, or that the vehicle file is.
+    Parameters
+    ----------
+    path
+        A .bin or .tlog file.
+    vehicle
+        Converts pulses to newtons; None: not known.
+
+    Returns
+    -------
+    list[Recording]
+        One for each start of the autopilot that has what a record needs.
+
+    Raises
+    ------
+    UsageError
+        Names what is missing, or that the vehicle file is.
     """
     if vehicle is None or not vehicle.thrusters:
         raise UsageError(f"{path}: holds pulses; name a vehicle file with thrusters and curves by --vehicle")

@@ -86,9 +86,24 @@ def logged_parameters(paths: Sequence[Path]) -> Mapping[str, float]:
 
 
 def wired(vehicle: Vehicle, wiring: Wiring) -> Vehicle:
-    """The vehicle with its thrusters, T1 to Tn in their order, at the outputs and in the senses of an ArduSub.
+    """Connect a vehicle as an ArduSub does.
 
-    UsageError where the file has another number of thrusters.
+    Parameters
+    ----------
+    vehicle
+        With thrusters T1 to Tn in their order.
+    wiring
+        Outputs and senses of the motors.
+
+    Returns
+    -------
+    Vehicle
+        With the channels and senses of the wiring.
+
+    Raises
+    ------
+    UsageError
+        Where the file has another number of thrusters.
     """
     if wiring.motors and len(wiring.motors) != len(vehicle.thrusters):
         numbers = ", ".join(map(str, sorted(wiring.motors)))

@@ -157,9 +157,21 @@ def to_world(vectors: Array, quaternions: Array) -> Array:
 
 
 def compare_frames(t_s: Array, positions: Array, quaternions: Array, velocities: Array) -> FrameErrors | None:
-    """Compare velocities (n, 3) with rates of the positions (n, 3) in both frames; None without comparable samples.
+    """Compare velocities with rates of the positions in both frames that they may be of.
 
     Positions at least COMPARED_S apart are compared with the mean velocity between them.
+
+    Parameters
+    ----------
+    t_s : (n,) [s]
+        Of all.
+    positions, quaternions, velocities : (n, 3) [m], (n, 4), (n, 3) [m/s]
+        Pose and velocity of an odometry.
+
+    Returns
+    -------
+    FrameErrors | None
+        Mean squares [m^2/s^2] by assumption; None without comparable samples.
     """
     known = np.isfinite(velocities[:, :2]).all(axis=1) & np.isfinite(quaternions).all(axis=1)
     t, p, q, v = t_s[known], positions[known, :2], quaternions[known], np.nan_to_num(velocities[known])
@@ -185,12 +197,22 @@ def _means(t: Array, values: Array, starts: list[int]) -> Array:
 
 
 def ways_from_poses(positions: Array, quaternions: Array) -> Array:
-    """Distances covered along the body axes, (n, 3) [m], from positions (n, 3) and attitudes (n, 4).
+    """Distances covered along the body axes.
 
         s_k = s_{k-1} + R_k' (p_k - p_{k-1}),  R_k the attitude halfway between the two
 
     At one heading this is the position along it, and its noise that of the positions: nothing is divided by the time
     between them, as in `velocities_from_poses`, and one position that is off moves no other.
+
+    Parameters
+    ----------
+    positions, quaternions : (n, 3) [m], (n, 4)
+        Of the body, x, y, z, w.
+
+    Returns
+    -------
+    Array
+        (n, 3) [m], from zero.
     """
     halfway = (
         quaternions[1:]
@@ -201,11 +223,21 @@ def ways_from_poses(positions: Array, quaternions: Array) -> Array:
 
 
 def are_exact(ways: Array) -> bool:
-    """Whether ways (n, 3), evenly sampled, have no noise, as those of a simulator: differences then lose nothing.
+    """Whether ways have no noise, as those of a simulator: differences then lose nothing.
 
-    Fitted as they are, the steps of the integration would be all that the fit leaves, and every influence of the
-    budget would be found in them. Noise shows in fourth differences, in which a motion hardly does; their variance is
-    70 times that of the positions. The largest twentieth is where the thrust steps.
+    Fitted as they are, the steps of the integration would be all that the fit leaves, and every influence of the budget
+    would be found in them. Noise shows in fourth differences, in which a motion hardly does; their variance is 70 times
+    that of the positions. The largest twentieth is where the thrust steps.
+
+    Parameters
+    ----------
+    ways : (n, 3) [m]
+        Evenly sampled.
+
+    Returns
+    -------
+    bool
+        True for those of a simulator.
     """
     fourth = np.sort(np.abs(np.diff(ways, n=4, axis=0)), axis=0)
     kept = fourth[: round(0.95 * len(fourth))]
@@ -213,7 +245,20 @@ def are_exact(ways: Array) -> bool:
 
 
 def velocities_from_poses(t_s: Array, positions: Array, quaternions: Array) -> tuple[Array, Array]:
-    """Times (m,) [s] and velocities (m, 6) [m/s, rad/s] in body axes from positions (n, 3) and attitudes (n, 4)."""
+    """Velocities in body axes from positions and attitudes.
+
+    Parameters
+    ----------
+    t_s : (n,) [s]
+        Of both.
+    positions, quaternions : (n, 3) [m], (n, 4)
+        Of the body, x, y, z, w.
+
+    Returns
+    -------
+    tuple[Array, Array]
+        Times (m,) [s] and velocities (m, 6) [m/s, rad/s].
+    """
     number = np.floor((t_s - t_s[0]) / max(BIN_S, float(np.median(np.diff(t_s))))).astype(int)
     _, place = np.unique(number, return_inverse=True)
     counts = np.bincount(place)[:, None]

@@ -145,7 +145,25 @@ def near_miss(header: str) -> str:
 
 
 def factor_of(name: str, unit: str, where: str) -> float:
-    """SI factor of a column. HindraxError for a unit that the column cannot have."""
+    """SI factor of a column.
+
+    Parameters
+    ----------
+    name, unit
+        Of the column.
+    where
+        File and line, for the error.
+
+    Returns
+    -------
+    float
+        Times a cell it is SI.
+
+    Raises
+    ------
+    HindraxError
+        For a unit that the column cannot have.
+    """
     factor = UNITS[name].get(_plain(unit))
     if factor is None:
         known = ", ".join(UNITS[name])
@@ -198,10 +216,27 @@ def time_of(text: str) -> float:
 
 
 def rows_of(text: str, source: str, is_header: Callable[[str], bool] = bool) -> list[Row]:
-    """Row of the header line, or else of the first line, and of each line below it; none for a file without rows.
+    """Row of the header line, or else of the first line, and of each line below it.
 
     Separators are comma, semicolon or tab, or spaces where there is no other; empty lines and those that begin with #
     are skipped. Where the comma does not separate it is that of decimals, and becomes a point.
+
+    Parameters
+    ----------
+    text, source
+        Of the file, and its name for errors.
+    is_header
+        Whether the cells of a line are names.
+
+    Returns
+    -------
+    list[Row]
+        None for a file without rows.
+
+    Raises
+    ------
+    HindraxError
+        For what is no text of lines and cells.
     """
     numbered = [(n, line.lstrip("\ufeff")) for n, line in enumerate(text.splitlines(), start=1)]
     lines = [(n, line) for n, line in numbered if line.strip() and not line.lstrip().startswith("#")]
@@ -226,7 +261,20 @@ def cells_of(lines: Sequence[str]) -> list[list[str]]:
 
 
 def check_width(cells: Sequence[str], header: Sequence[str], where: str) -> None:
-    """HindraxError for a row with more cells than the header line: its cells may be shifted."""
+    """Refuse a row with more cells than the header line: its cells may be shifted.
+
+    Parameters
+    ----------
+    cells, header
+        Of the row and of the header line.
+    where
+        File and line.
+
+    Raises
+    ------
+    HindraxError
+        With both numbers.
+    """
     if any(cells[len(header) :]):
         raise HindraxError(
             f"{where}: found {len(cells)} cells, wanted {len(header)} as in the header line; write decimals with a "

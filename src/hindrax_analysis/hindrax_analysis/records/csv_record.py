@@ -45,8 +45,19 @@ def read_records(text: str, source: str, frame: str = "", *, part: bool = False)
     A time that steps back begins another record: trials pasted below each other, a clock that began again. Pieces of
     the same time with different columns are one record.
 
-    `frame`: body axes of all columns, flu or fsd (also without one). With `part`, velocities or forces alone do.
-    HindraxError names line and column, what was found and what was wanted.
+    Parameters
+    ----------
+    text, source
+        Of the file, and its name. HindraxError names line and column, what was found and what was wanted.
+    frame
+        Body axes of all columns, flu or fsd; empty: fsd.
+    part
+        Whether velocities or forces alone do.
+
+    Returns
+    -------
+    list[Recording]
+        In SNAME axes, SI.
     """
     header, rows = _rows(text, source)
     meanings = _meanings(header, source, part=part)

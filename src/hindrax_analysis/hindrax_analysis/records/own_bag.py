@@ -45,13 +45,31 @@ FIRST_YEAR = 2000
 """The mock's clock starts in 1970: before this year, the date is that of the file."""
 
 
-def bag_events(bag: str | Path, vehicle: Vehicle, tuning: Tuning | None = None) -> Iterator[Stamped[IdentEvent]]:
+def bag_events(
+    bag: str | Path, vehicle: Vehicle, tuning: Tuning | None = None, *, thrust_anew: bool | None = None
+) -> Iterator[Stamped[IdentEvent]]:
     """Events of a bag, in the order of their stamps.
 
     The thrust is that of the flight, or anew by the recorded pulses where this vehicle has other thrusters or curves.
+
+    Parameters
+    ----------
+    bag
+        Of this stack.
+    vehicle
+        As it is believed to be.
+    tuning
+        How long events wait for each other; None: defaults.
+    thrust_anew
+        What `has_other_thrust` says of both, where it was asked already; None: it is asked here, which reads the bag.
+
+    Returns
+    -------
+    Iterator[Stamped[IdentEvent]]
+        As a live session gets them.
     """
     wanted = measurements(vehicle)
-    if has_other_thrust(bag, vehicle):
+    if has_other_thrust(bag, vehicle) if thrust_anew is None else thrust_anew:
         wanted |= {ALLOCATION: thrust_by(vehicle)}
     by_topic = {resolved(topic): contents for topic, contents in wanted.items()}
     return Feed(vehicle, replace(tuning or Tuning(), reorder_s=LATEST_S)).all(_measurements(bag, by_topic))

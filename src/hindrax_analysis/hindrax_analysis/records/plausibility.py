@@ -51,7 +51,22 @@ def _velocity_and_thrust(recording: Recording, axis: int) -> Array:
 
 
 def with_plausibility_check(result: MotionResult, vehicle: Vehicle, against: Objection = NO_OBJECTION) -> MotionResult:
-    """The result, with each implausibility and another objection (`against`) as reasons."""
+    """Add what is implausible of a result to its reasons.
+
+    Parameters
+    ----------
+    result
+        Of one motion.
+    vehicle
+        Mass and hull.
+    against
+        Another objection.
+
+    Returns
+    -------
+    MotionResult
+        Not identifiable where there is any.
+    """
     found = _implausibilities(result, vehicle) if result.coefficients else []
     reasons = [*found, against] if against else found
     return replace(result, identifiable=False, reasons=(*result.reasons, *reasons)) if reasons else result

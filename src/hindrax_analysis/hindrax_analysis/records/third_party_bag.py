@@ -80,9 +80,22 @@ def is_ours(topics: Mapping[str, str]) -> bool:
 
 
 def read_bag(bag: Path, wanted: TopicSelection, topics: Mapping[str, str], vehicle: Vehicle | None = None) -> Recording:
-    """Record of a third-party bag. UsageError, with a list of the topics, where they are missing or ambiguous.
+    """Read a third-party bag.
 
-    `vehicle`: converts pulses to newtons.
+    Parameters
+    ----------
+    bag, topics
+        Folder, and its topics with their types.
+    wanted
+        Topics and body axes, where they are not clear. UsageError, with a list of the topics, where one is missing or
+        ambiguous.
+    vehicle
+        Converts pulses to newtons; None: not known.
+
+    Returns
+    -------
+    Recording
+        In SNAME axes, SI.
     """
     velocity = _choose(bag, topics, (VELOCITY_TYPES, NAMED_VELOCITY_TYPES), wanted.odometry, ("velocity", "--odometry"))
     named = ThrusterValues.named(wanted.wrench)

@@ -73,9 +73,21 @@ class ThrusterValues:
 
 
 def wrenches_of_thrusters(values: ThrusterValues, rows: Sequence[Sequence[float]], vehicle: Vehicle) -> Array:
-    """Wrenches (n, 6) [N, N m] in SNAME axes of numbers per output channel, at the supply of the vehicle file.
+    """Wrenches of numbers per output channel, at the supply of the vehicle file.
 
-    UsageError for numbers that cannot be those of the vehicle.
+    Parameters
+    ----------
+    values
+        What the numbers are: pulses, newtons, shares.
+    rows : (n, channels)
+        Numbers. UsageError for those that cannot be of the vehicle.
+    vehicle
+        With its thrusters.
+
+    Returns
+    -------
+    Array
+        (n, 6) [N, N m] in SNAME axes.
     """
     unit = values.unit_of(rows)
     if unit == FORCES:

@@ -53,7 +53,20 @@ def data_range(parts: Sequence[Array], *, margin: float = MARGIN) -> tuple[float
 
 
 def ticks(low: float, high: float, wanted: int = 5) -> list[float]:
-    """Round numbers within a range, about as many as wanted."""
+    """Round numbers within a range.
+
+    Parameters
+    ----------
+    low, high
+        Ends.
+    wanted
+        About so many.
+
+    Returns
+    -------
+    list[float]
+        Multiples of 1, 2, 2.5 or 5 times a power of ten.
+    """
     raw = (high - low) / max(1, wanted)
     power = 10.0 ** math.floor(math.log10(raw))
     step = next(power * one for one in ROUND_STEPS if power * one >= raw * (1.0 - 1e-9))
@@ -191,7 +204,26 @@ def _axes(chart: Chart, sx: Scale, sy: Scale) -> str:
 
 
 def x_axis(scale: Scale, label: str, span: tuple[float, float], wanted: int, *, zero: bool = False) -> str:
-    """Vertical lines over the span from top to bottom at round numbers, which stand below it, and the label."""
+    """Vertical lines over a span at round numbers, which stand below it, and the label.
+
+    Parameters
+    ----------
+    scale
+        From values to pixels.
+    label
+        With its unit.
+    span : [pixels]
+        Top and bottom.
+    wanted
+        About so many lines.
+    zero
+        Whether the line of zero stands out.
+
+    Returns
+    -------
+    str
+        SVG.
+    """
     top, bottom = span
     parts, marks = [], ticks(scale.low, scale.high, wanted)
     for mark in marks:

@@ -30,7 +30,24 @@ class Entry:
 
 
 def forest(title: str, unit: str, entries: Sequence[Entry], caption: str, reference: float | None = None) -> str:
-    """HTML of one coefficient; `reference` is a vertical line through all rows (the truth of the mock)."""
+    """Plot one coefficient of several runs or methods below each other.
+
+    Parameters
+    ----------
+    title, unit
+        Of the coefficient.
+    entries
+        Value and intervals, one row each.
+    caption
+        Below the plot.
+    reference
+        Vertical line through all rows (the truth of the mock); None: none.
+
+    Returns
+    -------
+    str
+        HTML.
+    """
     entries = [entry for entry in entries if math.isfinite(entry.number.value)]
     height = TOP + ROW * len(entries) + BOTTOM
     scale = _scale(entries, reference)

@@ -43,9 +43,21 @@ def chips(texts: Sequence[tuple[str, str]]) -> str:
 def table(
     headings: Sequence[str], rows: Sequence[Sequence[str]], own: Sequence[int] = (), words: Sequence[int] = (0,)
 ) -> str:
-    """Table of cells that are HTML already; the rows in `own` stand out, the columns in `words` begin at the left.
+    """Table of cells that are HTML already. A phone shows each row as a card, every number under its heading.
 
-    A phone shows each row as a card, every number under its heading.
+    Parameters
+    ----------
+    headings, rows
+        Cells.
+    own
+        Rows that stand out.
+    words
+        Columns that begin at the left.
+
+    Returns
+    -------
+    str
+        HTML.
     """
     sides = [' class="left"' if column in words else "" for column in range(len(headings))]
     head = "".join(f"<th{side}>{heading}</th>" for side, heading in zip(sides, headings, strict=True))
@@ -72,7 +84,20 @@ def quoted(found: Number) -> str:
 
 
 def plus_minus(value: float, std: float, std_calibrated: float = math.nan) -> str:
-    """Value with the deviation to quote, rounded to its second digit, and below it the noise: 66.7 ± 1.4, ± 0.22."""
+    """Value with the deviation to quote, and below it the noise: 66.7 ± 1.4, ± 0.22.
+
+    Parameters
+    ----------
+    value, std
+        Of the fit.
+    std_calibrated
+        With all influences; NaN: not known, and then `std` is quoted.
+
+    Returns
+    -------
+    str
+        HTML, rounded to the second digit of the deviation.
+    """
     quoted = std_calibrated if math.isfinite(std_calibrated) else std
     digits = decimals(value, quoted)
     if not math.isfinite(quoted):

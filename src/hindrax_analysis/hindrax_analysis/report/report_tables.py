@@ -105,10 +105,22 @@ class Dimensionless:
 
 
 def dimensionless(vehicle: Vehicle, result: MotionResult) -> Dimensionless | None:
-    """Drag force in the paper's terms; None where the motion has no band of speeds.
+    """Drag force in the paper's terms.
 
-    C_D = F / (1/2 rho V^(2/3) U^2) and Re = U V^(1/3) / nu, for turns C_D = M / (1/2 rho L^5 w^2) and
-    Re = w L^2 / nu with the length of the vehicle.
+    C_D = F / (1/2 rho V^(2/3) U^2) and Re = U V^(1/3) / nu, for turns C_D = M / (1/2 rho L^5 w^2) and Re = w L^2 / nu
+    with the length of the vehicle.
+
+    Parameters
+    ----------
+    vehicle
+        Volume V, length L and water.
+    result
+        Of one motion.
+
+    Returns
+    -------
+    Dimensionless | None
+        None where the motion has no band of speeds.
     """
     band = result.drag
     if band is None:

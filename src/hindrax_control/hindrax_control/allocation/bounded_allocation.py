@@ -47,11 +47,21 @@ Row: TypeAlias = tuple[float, float, float, float]
 
 
 def facets(patterns: Matrix) -> Matrix:
-    """Facets (F, m), rows [-], of thrusters whose patterns without wrench are the columns (m, k) [-].
+    """Facets of what thrusters can give, whatever is added of their patterns without wrench.
 
     Of any k + 1 thrusters, the patterns have k columns, so one sum over those thrusters is blind to all k patterns: the
     left singular vector without a singular value. Where the columns depend on each other there are several such sums,
     and each is found again over fewer thrusters. Opposite and repeated rows are one facet: the largest entry is made 1.
+
+    Parameters
+    ----------
+    patterns : (m, k) [-]
+        Forces of m thrusters that give no wrench together, as columns.
+
+    Returns
+    -------
+    Matrix
+        (F, m) [-]: each row a sum of forces that no pattern changes.
     """
     m, k = patterns.shape
     if k == 0:
@@ -114,12 +124,20 @@ class AttainableSet:
         ]
 
     def fitted(self, forces_N: Sequence[float]) -> tuple[list[float], bool]:
-        """Return forces within limits with the wrench of these, and whether there are any; else as near as can be.
-
-        Pattern by pattern the size that moves least, among those that leave the later patterns a way.
+        """Bring forces within limits without a change of their wrench: pattern by pattern the size that moves least.
 
         Fourier and Motzkin's elimination, prepared once: the facets of the patterns after this one say how far it may
         go so that those can still mend the rest.
+
+        Parameters
+        ----------
+        forces_N : (thrusters,) [N]
+            With the wanted wrench.
+
+        Returns
+        -------
+        tuple[list[float], bool]
+            Forces, and whether they are within limits; where no such forces exist, they are as near as can be.
         """
         forces = np.array(forces_N)
         for pattern, rows, slopes, low, high in self._stages:

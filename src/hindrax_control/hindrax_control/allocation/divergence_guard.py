@@ -95,7 +95,20 @@ class DivergenceGuard:
         self._since_s = self._certain_s = 0.0
 
     def step(self, navigation: Navigation, stamp: Stamp, forces_N: Sequence[float]) -> str:
-        """Update with a state and the forces [N] commanded since the last; returns what diverges and why, or empty."""
+        """Compare what the vehicle does with what its thrusters should do to it.
+
+        Parameters
+        ----------
+        navigation, stamp
+            State, and its time.
+        forces_N : (thrusters,) [N]
+            Commanded since the last state; another number of them begins anew.
+
+        Returns
+        -------
+        str
+            What diverges and why; empty where nothing does, or not for long enough.
+        """
         dt = 0.0 if self._last is None else seconds_between(self._last, stamp)
         self._last = stamp
         rates, attitude_rad = np.array(navigation.rate_radps), navigation.attitude_rad

@@ -74,7 +74,20 @@ class FaultDetectorKnobs:
 
 
 def without_more(residual: Matrix, known: Matrix, times: float) -> Matrix:
-    """Residual (n,) without more of a known wrench (n,), up to so many times of it: towards zero, and never beyond."""
+    """Residual without more of a known wrench, up to so many times of it: towards zero, and never beyond.
+
+    Parameters
+    ----------
+    residual, known : (n,) [N, N m]
+        What is not explained, and what may act more strongly than modeled.
+    times : [-]
+        Largest multiple of the known wrench.
+
+    Returns
+    -------
+    Matrix
+        (n,) [N, N m].
+    """
     way = np.sign(known)
     return np.asarray(residual - way * np.clip(residual * way, 0.0, (times - 1.0) * np.abs(known)))
 
@@ -132,7 +145,20 @@ class ThrusterFaultDetector:
         self._unjudged_s = 0.0
 
     def step(self, navigation: Navigation, stamp: Stamp, forces_N: Sequence[float]) -> SuspectedFault | None:
-        """Update with a state and the forces [N] commanded since the last; returns the suspected thruster, if any."""
+        """Look for one thruster whose force is missing from the motion.
+
+        Parameters
+        ----------
+        navigation, stamp
+            State, and its time.
+        forces_N : (thrusters,) [N]
+            Commanded since the last state.
+
+        Returns
+        -------
+        SuspectedFault | None
+            The thruster whose loss explains the residuals, once that is clear.
+        """
         dt = 0.0 if self._last is None else seconds_between(self._last, stamp)
         self._last = stamp
         rates = (*navigation.velocity_mps, *navigation.rate_radps)

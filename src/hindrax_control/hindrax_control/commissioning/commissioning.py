@@ -135,11 +135,23 @@ class Commissioning:
         return float(answer.wrench[YAW]), float(answer.sigma[YAW])
 
     def gentler(self, now: Stamp, aborted: Refusal) -> tuple[Pulse, ...] | None:
-        """Pulses once more, more gently, where the vehicle tilted too far; None where that is no help.
+        """Pulses once more, more gently, where the vehicle tilted too far.
 
         On a busy computer pulses end late, and swing a vehicle further than planned although all is as claimed. Of
         single thrusters those are pulsed again that did not run to their end, at half the force; the whole body at half
         the lean, but not where a thruster is not as claimed.
+
+        Parameters
+        ----------
+        now
+            Time of the vehicle.
+        aborted
+            Why the flight ended.
+
+        Returns
+        -------
+        tuple[Pulse, ...] | None
+            None where that is no help.
         """
         if aborted.reason is not Reason.COMMISSION:
             return None

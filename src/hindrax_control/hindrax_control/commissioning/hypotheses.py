@@ -82,7 +82,22 @@ def turn_of(rotation_deg: Sequence[float]) -> Matrix:
 
 
 def explain(index: int, answer: Answer, B: Matrix) -> Wiring:
-    """Most likely wiring of the output of one thruster, by its answer per newton."""
+    """Find the most likely wiring of the output of one thruster.
+
+    Parameters
+    ----------
+    index
+        Of the thruster in the vehicle file.
+    answer
+        Wrench per newton by the motion that followed its pulses, with its deviation.
+    B : (6, thrusters) [-, m]
+        Effectiveness by the file.
+
+    Returns
+    -------
+    Wiring
+        Which thruster it drives, this or the other way round, and how strongly; or none. The most likely hypothesis.
+    """
     found = [_dead(answer)]
     found += [_drives(index, other, sign, answer, B) for other in range(B.shape[1]) for sign in (1, -1)]
     best = max(found, key=lambda one: one.log)

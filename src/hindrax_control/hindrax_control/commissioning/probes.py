@@ -32,9 +32,21 @@ COAST_s = 1.5
 
 
 def probe_N(vehicle: Vehicle, B: Matrix, share: float = 1.0) -> tuple[float, ...]:
-    """Force of each thruster's pulses: up to 3 N, less where it would swing the vehicle too far [N].
+    """Force of each thruster's pulses: up to 3 N, less where it would swing the vehicle too far.
 
-    `share` of it, where the thruster still turns.
+    Parameters
+    ----------
+    vehicle
+        Inertia, restoring moments and dead bands.
+    B : (6, thrusters) [-, m]
+        Effectiveness.
+    share : [-]
+        Of the usual force, where the thruster still turns with it.
+
+    Returns
+    -------
+    tuple[float, ...]
+        (thrusters,) [N].
     """
     inertia = Prior(vehicle).inertia[3:]
     # Forth, back, forth: the angle peaks in the middle, at the acceleration times the square of a quarter.
@@ -48,7 +60,22 @@ def probe_N(vehicle: Vehicle, B: Matrix, share: float = 1.0) -> tuple[float, ...
 
 
 def single_pulses(vehicle: Vehicle, B: Matrix, share: float = 1.0) -> tuple[Pulse, ...]:
-    """Pulses of each thruster alone, in the order of the vehicle file; `share` of the usual force."""
+    """Pulses of each thruster alone, in the order of the vehicle file.
+
+    Parameters
+    ----------
+    vehicle
+        With n thrusters.
+    B : (6, n) [-, m]
+        Effectiveness.
+    share : [-]
+        Of the usual force.
+
+    Returns
+    -------
+    tuple[Pulse, ...]
+        Each forward, back for twice as long, and forward: it ends about where it began.
+    """
     pulses: list[Pulse] = []
     for index, force_N in enumerate(probe_N(vehicle, B, share)):
         for sign, quarters in ((1.0, 1), (-1.0, 2), (1.0, 1)):
@@ -58,9 +85,23 @@ def single_pulses(vehicle: Vehicle, B: Matrix, share: float = 1.0) -> tuple[Puls
 
 
 def body_pulses(vehicle: Vehicle, found: Matrix, *, deep: bool = False, listing_rad: float = 0.0) -> tuple[Pulse, ...]:
-    """Pulses that turn, move and dive the vehicle with thrusters of this effectiveness (6, n), as it was found.
+    """Pulses that turn, move and dive the whole vehicle.
 
-    One that has sunk meanwhile (`deep`) climbs instead, and first. One that lists at rest is pushed more gently.
+    Parameters
+    ----------
+    vehicle
+        With n thrusters.
+    found : (6, n) [-, m]
+        Effectiveness as it was found.
+    deep
+        Whether it has sunk meanwhile: then it climbs instead, and first.
+    listing_rad : [rad]
+        List at rest: such a vehicle is pushed more gently.
+
+    Returns
+    -------
+    tuple[Pulse, ...]
+        Forces of all thrusters; each push is followed by the opposite one.
     """
     prior = Prior(vehicle)
     lean_rad = LEAN_rad * max(GENTLEST, min(1.0, 2.0 - listing_rad / LISTING_rad))

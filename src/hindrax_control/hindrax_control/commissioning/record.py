@@ -28,7 +28,20 @@ def geometry_hash(vehicle: Vehicle) -> str:
 
 
 def proof(vehicle: Vehicle, findings: Findings, bag: str, date: str) -> Commissioned | None:
-    """Record of a commissioning that proved the whole file; None of one that did not, or that mends the file first."""
+    """Record of a commissioning that proved the whole file.
+
+    Parameters
+    ----------
+    vehicle, findings
+        What was proven, and what was found.
+    bag, date
+        Of the commissioning.
+
+    Returns
+    -------
+    Commissioned | None
+        None of one that did not prove all, or that mends the file first.
+    """
     proven = findings.complete and not findings.mends
     return Commissioned(geometry_hash(vehicle), date, bag) if proven else None
 

@@ -27,7 +27,17 @@ class Series:
     _arrays: tuple[Matrix, Matrix] = field(default_factory=lambda: (np.zeros(0), np.zeros((0, 6))), repr=False)
 
     def add(self, source: str, stamp: Stamp, row: Row) -> None:
-        """Append a sample; a second sensor of the quantity is not used."""
+        """Append a sample; a second sensor of the quantity is not used.
+
+        Parameters
+        ----------
+        source
+            Name of the sensor.
+        stamp
+            Of the sample.
+        row
+            Its numbers.
+        """
         self.source = self.source or source
         if source == self.source:
             self.times_s.append(to_s(stamp))

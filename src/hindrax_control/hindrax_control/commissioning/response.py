@@ -60,10 +60,22 @@ class Prior:
         self.restoring = np.array([max(0.0, one.restoring) for one in freedoms])
 
     def respond(self, times_s: Matrix, force: Matrix) -> tuple[Matrix, Matrix]:
-        """Accelerations and rates (n, 6) of all axes under one force (n,) or a wrench (n, 6), from rest.
+        """Simulate the body from rest under a force, each axis for itself: drag and restoring are linear.
 
         Semi-implicit Euler steps, the force as its mean over the step: the position follows the new rate, so that what
         restores neither feeds nor damps the swing.
+
+        Parameters
+        ----------
+        times_s : (n,) [s]
+            Of the steps.
+        force : (n,) or (n, 6) [N, N m]
+            On every axis alike, or a wrench.
+
+        Returns
+        -------
+        tuple[Matrix, Matrix]
+            Accelerations and rates, (n, 6) each [m/s^2, rad/s^2], [m/s, rad/s].
         """
         force = force[:, None] * np.ones(6) if force.ndim == 1 else force
         accelerations, rates = np.zeros((len(times_s), 6)), np.zeros((len(times_s), 6))
@@ -78,10 +90,26 @@ class Prior:
 
 
 def lagged(times_s: Matrix, forces: Series, window: Window, lag_s: float) -> Matrix:
-    """Forces of all thrusters (n, thrusters) after a lag of first order at these times [N].
+    """Forces of all thrusters after a lag of first order.
 
     A command holds until the next one, so the lag over a step is an exponential, exactly but for where in the step the
     command came. A second before the window is read along, for the command that still holds at its beginning.
+
+    Parameters
+    ----------
+    times_s : (n,) [s]
+        At which they are wanted.
+    forces
+        Commanded ones, each from its time on [N].
+    window
+        Of the pulse.
+    lag_s : [s]
+        Time constant.
+
+    Returns
+    -------
+    Matrix
+        (n, thrusters) [N].
     """
     at_s, rows = forces.between(window.begin_s - 1.0, window.end_s)
     count = rows.shape[1] if len(rows) else 0
@@ -114,16 +142,29 @@ class MotionView:
         self.acceleration = _without_gravity(self.times_s, rows[:, :3], self.rates, window) if self.known else rows
 
     def answer(self, turn: Matrix, lever_m: Matrix, model_s: Matrix, model: tuple[Matrix, Matrix]) -> Answer:
-        """Wrench per unit of a force that explains the motion, with the sensor turned into the body by `turn` (3, 3).
-
-        `model`: accelerations and rates (n, 6) at `model_s` under the force. `lever_m`: of the sensor from the center
-        of mass.
+        """Wrench per unit of a force that explains the motion.
 
         Moments first, by the rates: a gyroscope reads the same everywhere on the body. With them the angular
         acceleration is known, and what it does at the lever, omega' x r, can be taken off the specific force; what is
         left is of the center of mass and gives the forces. An offset is fitted along with the rates, an offset and a
         slope with the accelerations: carried gravity drifts by the gyroscope's error. omega x (omega x r) is left out:
         it is of second order in rates that stay small. The misfit counts only the rates, which gravity cannot spoil.
+
+        Parameters
+        ----------
+        turn : (3, 3) [-]
+            From the sensor into the body.
+        lever_m : (3,) [m]
+            Of the sensor from the center of mass.
+        model_s : (k,) [s]
+            Times of the model.
+        model : (k, 6), (k, 6)
+            Accelerations and rates under the force.
+
+        Returns
+        -------
+        Answer
+            (6,) per newton [-, m], its deviation and the misfit.
         """
         at_s, rates = self.times_s, self.rates @ turn.T
         shapes = [[np.interp(at_s, model_s, part[:, axis]) for axis in range(6)] for part in model]
@@ -152,10 +193,24 @@ def _without_gravity(times_s: Matrix, force: Matrix, rates: Matrix, window: Wind
 
 
 def carried(times_s: Matrix, rates: Matrix, down: Matrix) -> Matrix:
-    """Direction of gravity (n, 3) in the axes of a gyroscope that turns by these rates (n, 3), from `down` (3,) on.
+    """Direction of gravity in the axes of a gyroscope.
 
     d' = -omega x d: what is fixed to the earth turns backwards in the body. An Euler step lengthens d a little; it is
     divided by its length.
+
+    Parameters
+    ----------
+    times_s : (n,) [s]
+        Of the samples.
+    rates : (n, 3) [rad/s]
+        Of the gyroscope.
+    down : (3,) [-]
+        Direction at the first sample.
+
+    Returns
+    -------
+    Matrix
+        (n, 3) [-], of length one.
     """
     x, y, z = down.tolist()
     found = np.empty_like(rates)

@@ -97,7 +97,24 @@ def claims(evidence: Evidence) -> list[Finding]:
 
 
 def turned(source: str, mount: Mount, turn: Matrix, why: str, likelihood: float = 1.0) -> Finding:
-    """Finding that a sensor is mounted with this turn on top of that of its file."""
+    """Finding that a sensor is mounted with a turn on top of that of its file.
+
+    Parameters
+    ----------
+    source, mount
+        Name of the sensor, and its mount by the file.
+    turn : (3, 3) [-]
+        On top of it.
+    why
+        What shows it.
+    likelihood : [-]
+        Of the turn, against all others.
+
+    Returns
+    -------
+    Finding
+        With the line that mends the file.
+    """
     claimed = str(list(mount.rotation_deg))
     rotation_deg = list(angles_deg(turn @ turn_of(mount.rotation_deg)))
     mend = Mend(("sensors", source, "rotation_deg"), rotation_deg)

@@ -118,9 +118,17 @@ class Holds:
     # ---- events
 
     def set(self, setpoint: Setpoint) -> Refusal:
-        """Engage, move or release one hold; returns why it is refused, or `NOTHING`.
+        """Engage, move or release one hold. Depth and altitude replace each other.
 
-        Depth and altitude replace each other.
+        Parameters
+        ----------
+        setpoint
+            Axis, whether it is engaged, and its value; NaN is not judged by the range.
+
+        Returns
+        -------
+        Refusal
+            `SETPOINT` and why, or `NOTHING`.
         """
         refusal = self._refusal_of(setpoint)
         if refusal:
@@ -168,9 +176,23 @@ class Holds:
     # ---- time
 
     def step(self, navigation: Navigation, stamp: Stamp, shortfall: Vec6 = ZERO6, *, armed: bool = True) -> HoldsOutput:
-        """Wrench of the holds for this state; `shortfall` is what the allocator could not give of the last wrench.
+        """Wrench of the holds for this state.
 
         A disarmed vehicle releases its holds: it shall not dive to an old setpoint when it is armed again.
+
+        Parameters
+        ----------
+        navigation, stamp
+            State, and its time.
+        shortfall : [N, N m]
+            What the allocator could not give of the last wrench: integral parts stand still there.
+        armed
+            Whether thrusters may turn.
+
+        Returns
+        -------
+        HoldsOutput
+            Wrench about the center of mass in SNAME axes, and the state of every hold.
         """
         if not armed:
             self.release()
@@ -267,9 +289,17 @@ class Holds:
 
 
 def down_rate(navigation: Navigation) -> float:
-    """Rate of depth [m/s]: the third row of the rotation from body to north-east-down (Fossen 2011 eq. 2.18).
+    """Rate of depth: the third row of the rotation from body to north-east-down (Fossen 2011, eq. 2.18).
 
-    Surge and sway, where unknown, count as zero: they matter only to a tilted vehicle.
+    Parameters
+    ----------
+    navigation
+        Attitude and velocity; surge and sway, where unknown, count as zero: they matter only to a tilted vehicle.
+
+    Returns
+    -------
+    float
+        [m/s], downwards.
     """
     roll, pitch, _ = navigation.attitude_rad
     u, v, w = navigation.velocity_mps

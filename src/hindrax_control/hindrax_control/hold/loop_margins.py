@@ -56,16 +56,43 @@ class Law:
 
 
 def law_of(freedom: PriorDynamics, bandwidth_radps: float, damping: float, integral_s: float) -> Law:
-    """Law of a bandwidth for the vehicle as it is believed to be."""
+    """Law of a bandwidth for the vehicle as it is believed to be.
+
+    Parameters
+    ----------
+    freedom
+        Inertia, drag and stiffness of one axis.
+    bandwidth_radps, damping, integral_s : [rad/s], [-], [s]
+        Of the closed loop; time of the integral part.
+
+    Returns
+    -------
+    Law
+        Gains, with the specification that they follow from.
+    """
     return Law(bandwidth_radps, damping, *gains(freedom, bandwidth_radps, damping), integral_s)
 
 
 def worst_margins(law: Law, freedoms: Sequence[PriorDynamics], delays: LoopDelays) -> Margins:
-    """Worst margins of a law over vehicles (one or many), which need not be the one that it was made for.
+    """Worst margins of a law over vehicles, which need not be the one that it was made for.
 
     Rows are vehicles, columns frequencies: L(i w) of all at once. The gain margin is read where the phase falls through
     -180 degrees, the phase margin where the size falls through one, at the last frequency before it; steps of the grid
     are below 2 %. Where the vehicle itself is stable, L has no pole to the right, so by Nyquist both margins decide.
+
+    Parameters
+    ----------
+    law
+        Gains.
+    freedoms
+        One vehicle or many.
+    delays
+        Lag and latency of the loop [s].
+
+    Returns
+    -------
+    Margins
+        Largest sensitivity, smallest gain and phase margin, and whether all are stable.
     """
     inertia, slope, restoring = (
         np.array([getattr(one, name) for one in freedoms])[:, None] for name in ("inertia", "slope", "restoring")
@@ -95,10 +122,28 @@ def fastest_law(
     span_radps: tuple[float, float],
     most_sensitivity: float = MOST_SENSITIVITY,
 ) -> Law:
-    """Law of the largest bandwidth within a span whose worst margins are kept; the first vehicle is the believed one.
+    """Law of the largest bandwidth whose worst margins are kept.
 
-    The integral part repeats the proportional one in six times the inverse bandwidth: it then takes little of the
-    phase at the crossover, which lies above the bandwidth.
+    The integral part repeats the proportional one in six times the inverse bandwidth: it then takes little of the phase
+    at the crossover, which lies above the bandwidth.
+
+    Parameters
+    ----------
+    freedoms
+        Vehicles; the first one is the believed one, for which the law is made.
+    delays
+        Lag and latency of the loop [s].
+    damping : [-]
+        Of the closed loop.
+    span_radps : [rad/s]
+        Least and largest bandwidth.
+    most_sensitivity : [-]
+        Largest |1 / (1 + L)|.
+
+    Returns
+    -------
+    Law
+        Where none is stable and keeps the sensitivity, the one with the smallest.
     """
     laws = [
         law_of(freedoms[0], bandwidth, damping, 6.0 / bandwidth)
@@ -113,10 +158,24 @@ def fastest_law(
 
 
 def reference_rate(freedom: PriorDynamics, bandwidth_radps: float, effort: float) -> float:
-    """Rate of a reference [m/s, rad/s] whose drag and acceleration together take no more than an effort [N, Nm].
+    """Rate of a reference whose drag and acceleration together take no more than an effort.
 
     The ramp of `regulator.py` changes its rate by 1.5 w v in a second; it does so from rest, and runs at v later, so
     both are bounded, not their sum, where acceleration is over before drag has grown: the larger of both counts.
+
+    Parameters
+    ----------
+    freedom
+        Inertia and drag.
+    bandwidth_radps : [rad/s]
+        w.
+    effort : [N, N m]
+        Largest.
+
+    Returns
+    -------
+    float
+        v [m/s, rad/s].
     """
     by_drag = freedom.rate_at(effort)
     by_start = effort / (1.5 * bandwidth_radps * freedom.inertia)

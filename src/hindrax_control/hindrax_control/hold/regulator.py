@@ -82,10 +82,25 @@ class Regulator:
         self.integral = 0.0
 
     def step(self, to_goal: float, error: float, rate: float, dt: float, shortfall: float = 0.0) -> float:
-        """Return the effort [N, Nm] beyond bias and restoring.
+        """Return the effort beyond bias and restoring.
 
-        `to_goal` is goal - reference and `error` reference - value, both already wrapped where they are angles;
-        `shortfall` is what the allocator could not give of the last effort.
+        Parameters
+        ----------
+        to_goal : [m, rad]
+            Goal - reference, wrapped where it is an angle.
+        error : [m, rad]
+            Reference - value, wrapped where it is an angle.
+        rate : [m/s, rad/s]
+            Of the value.
+        dt : [s]
+            Since the last step.
+        shortfall : [N, N m]
+            What the allocator could not give of the last effort: the integral part stands still.
+
+        Returns
+        -------
+        float
+            [N, N m].
         """
         dt = min(max(dt, 0.0), LONGEST_STEP_S)
         acceleration = self.ramp.step(to_goal, dt)
@@ -107,7 +122,20 @@ class Regulator:
 
 
 def gains(freedom: PriorDynamics, bandwidth_radps: float, damping: float) -> tuple[float, float]:
-    """Proportional and derivative gain [N/m, N s/m; Nm/rad, Nm s/rad]; a fifth of the stiffness is always ours."""
+    """Proportional and derivative gain for a closed loop of second order; a fifth of the stiffness is always ours.
+
+    Parameters
+    ----------
+    freedom
+        Inertia, drag and stiffness of the axis.
+    bandwidth_radps, damping : [rad/s], [-]
+        Of the closed loop.
+
+    Returns
+    -------
+    tuple[float, float]
+        [N/m, N s/m; N m/rad, N m s/rad].
+    """
     stiffness = freedom.inertia * bandwidth_radps * bandwidth_radps
     derivative = 2.0 * damping * bandwidth_radps * freedom.inertia - freedom.drag.k_l
     return max(stiffness - freedom.restoring, 0.2 * stiffness), max(derivative, 0.0)

@@ -48,10 +48,23 @@ class StationKeeping:
     def step(
         self, place: PoolPosition, dt: float, *, length_free: bool = False, held_back: bool = False
     ) -> tuple[float, float]:
-        """Surge and sway force [N]; zero while the place or the velocity is unknown.
+        """Surge and sway force that keeps a place of the pool.
 
-        `length_free`: someone else drives along the pool's length, and the goal follows the vehicle there. With
-        `held_back` the allocator cannot give what was asked: the integral part stands still.
+        Parameters
+        ----------
+        place
+            In pool axes [m], with heading and velocity.
+        dt : [s]
+            Since the last step.
+        length_free
+            Whether someone else drives along the pool's length: the goal follows the vehicle there.
+        held_back
+            Whether the allocator cannot give what was asked: the integral part stands still.
+
+        Returns
+        -------
+        tuple[float, float]
+            [N] in body axes; zero while the place or the velocity is unknown.
         """
         if not all(map(math.isfinite, (place.x_m, place.y_m, place.vx_mps, place.vy_mps))):
             self.goal_m = None

@@ -40,7 +40,24 @@ class Bounds:
 
 
 def signal(kind: str, seed: int, seconds: float, slowest_Hz: float) -> Signal:
-    """Make one of the excitations of a goal for a duration; nothing in it is slower than `slowest_Hz`."""
+    """Make one of the excitations of a goal.
+
+    Parameters
+    ----------
+    kind
+        steps, doublets, chirp or multisine.
+    seed
+        Of what is random in it.
+    seconds : [s]
+        Its duration.
+    slowest_Hz : [Hz]
+        Nothing in it is slower.
+
+    Returns
+    -------
+    Signal
+        A share of the largest thrust over time [-].
+    """
     makers = {"steps": _steps, "doublets": _doublets, "chirp": _chirp, "multisine": _multisine}
     return makers[kind](random.Random(seed), seconds, slowest_Hz)  # noqa: S311  # a test signal, not a secret
 
@@ -106,7 +123,24 @@ class Excite:
         self._damping = 2.0 * math.sqrt(self._stiffness * bounds.inertia)
 
     def step(self, coordinate: float, rate: float, time_s: float, *, trusted: bool = True) -> LegOutput:  # noqa: ARG002
-        """Drive on, given where the vehicle is along the motion and how fast; a leg asks whether that is measured."""
+        """Drive on.
+
+        Parameters
+        ----------
+        coordinate : [m, rad]
+            Along the motion.
+        rate : [m/s, rad/s]
+            Of the coordinate.
+        time_s : [s]
+            Since the start of the leg.
+        trusted
+            Whether the rate is measured: an excitation does not ask.
+
+        Returns
+        -------
+        LegOutput
+            Force beyond bias and restoring [N, N m], phase, and whether the leg is over.
+        """
         if self._started_s is None:
             self._started_s = time_s
         elapsed_s = time_s - self._started_s

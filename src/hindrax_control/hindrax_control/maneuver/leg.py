@@ -46,7 +46,24 @@ class LegController:
         self._since_s = math.nan
 
     def step(self, coordinate: float, rate: float, time_s: float, *, trusted: bool = True) -> LegOutput:
-        """Drive on, given where the vehicle is along the motion and how fast; `trusted`: the rate is measured."""
+        """Drive on.
+
+        Parameters
+        ----------
+        coordinate : [m, rad]
+            Along the motion.
+        rate : [m/s, rad/s]
+            Of the coordinate.
+        time_s : [s]
+            Since the start of the leg.
+        trusted
+            Whether the rate is measured.
+
+        Returns
+        -------
+        LegOutput
+            Force beyond bias and restoring [N, N m], phase, and whether the leg is over.
+        """
         leg = self.leg
         if math.isnan(self._since_s):
             self._since_s = time_s

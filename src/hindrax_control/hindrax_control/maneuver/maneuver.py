@@ -147,7 +147,24 @@ class Maneuver:
         lost_axes: Sequence[str] = (),
         battery_V: float = NAN,
     ) -> ManeuverOutput:
-        """Fly one cycle, given the state at `stamp` and the shortfall of the last wrench [N, Nm]."""
+        """Fly one cycle.
+
+        Parameters
+        ----------
+        navigation, stamp
+            State, and its time.
+        shortfall : [N, N m]
+            What the allocator could not give of the last wrench.
+        lost_axes
+            Which the enabled thrusters do not serve.
+        battery_V : [V]
+            NaN where it is not measured.
+
+        Returns
+        -------
+        ManeuverOutput
+            Wrench beside the holds, setpoints, phase, and the refusal with which it ended.
+        """
         last = self.last
         if last is not None and last.done:
             return last

@@ -138,7 +138,22 @@ class ManeuverGuards:
         return f"{near} m to the {wall} wall after braking, wanted {words}" if left_m < wanted_m else ""
 
     def guarded(self, place: PoolPosition, walls_m: Mapping[str, float], unplaced: str) -> GuardedPlace:
-        """A place as the guard sees it, with the distance to each wall [m]."""
+        """A place as the guard sees it.
+
+        Parameters
+        ----------
+        place
+            In pool axes.
+        walls_m
+            Distance from the hull to each wall [m].
+        unplaced
+            Why the place is not known; empty where it is.
+
+        Returns
+        -------
+        GuardedPlace
+            With the distances after braking, and the least one allowed [m].
+        """
         left_m = walls_after_braking_m(place, walls_m, self._knobs)
         return GuardedPlace(place, left_m, self.margin(place)[0], unplaced)
 
@@ -197,7 +212,22 @@ def nearest(walls_m: Mapping[str, float]) -> tuple[str, float]:
 def walls_after_braking_m(
     place: PoolPosition, walls_m: Mapping[str, float], knobs: ManeuverGuardKnobs
 ) -> Mapping[str, float]:
-    """Distance from the hull to each wall [m], less the way that braking takes; an unknown speed counts as none."""
+    """Distance from the hull to each wall, less the way that braking takes.
+
+    Parameters
+    ----------
+    place
+        In pool axes, with its velocity; an unknown speed counts as none.
+    walls_m
+        Distances now [m].
+    knobs
+        Deceleration of a braking.
+
+    Returns
+    -------
+    Mapping[str, float]
+        By wall [m].
+    """
     towards = {"south": -place.vx_mps, "north": place.vx_mps, "west": -place.vy_mps, "east": place.vy_mps}
     speeds = {wall: max(0.0, speed) for wall, speed in towards.items()}  # of 0 and NaN this is 0
     return {

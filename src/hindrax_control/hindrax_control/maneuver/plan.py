@@ -169,9 +169,26 @@ class Planner:
         self._allocator, self.disabled = allocator, disabled
 
     def plan(self, motion: str, pool: PoolBounds, levels: Sequence[float] = ()) -> Plan:
-        """Plan one of AXES; UsageError when pool, limits or thrusters leave no room for it.
+        """Plan one motion.
 
-        `levels`: plateaus to fly, from 0, the slowest, to 1, the fastest; without them, those of the knobs.
+        Parameters
+        ----------
+        motion
+            One of AXES.
+        pool
+            Room for it.
+        levels : [-]
+            Plateaus to fly, from 0, the slowest, to 1, the fastest; without them, those of the knobs.
+
+        Returns
+        -------
+        Plan
+            Legs with their forces, and how long they take.
+
+        Raises
+        ------
+        UsageError
+            Where pool, limits or thrusters leave no room for it.
         """
         if motion not in AXES:
             raise UsageError(Refusal(Reason.GOAL, f"motion {motion!r}: unknown, wanted one of {', '.join(AXES)}"))
@@ -330,10 +347,21 @@ def stopping(rate: float, pace: float) -> float:
 
 
 def coasting(rate: float, slowing: float, coast_s: float) -> tuple[float, float]:
-    """Way [m, rad] of a coast from a steady rate ahead, and the rate that is left: v' = -k v |v| after a lag.
+    """Way of a coast from a steady rate ahead, and the rate that is left: v' = -k v |v| after a lag.
 
-    `slowing`: the force of the plateau over the inertia [m/s^2, rad/s^2]; at that rate it is the drag, whatever the
-    prior says.
+    Parameters
+    ----------
+    rate : [m/s, rad/s]
+        At its beginning.
+    slowing : [m/s^2, rad/s^2]
+        The force of the plateau over the inertia; at that rate it is the drag, whatever the prior says.
+    coast_s : [s]
+        Its duration.
+
+    Returns
+    -------
+    tuple[float, float]
+        [m, rad] and [m/s, rad/s].
     """
     if rate <= 0.0:
         return 0.0, rate

@@ -97,7 +97,22 @@ class PulseManeuver:
         lost_axes: Sequence[str] = (),  # noqa: ARG002  # as above
         battery_V: float = NAN,
     ) -> ManeuverOutput:
-        """Fly one cycle, given the state at `stamp`."""
+        """Fly one cycle.
+
+        Parameters
+        ----------
+        navigation, stamp
+            State, and its time.
+        shortfall, lost_axes
+            As every maneuver is told; pulses do not ask.
+        battery_V : [V]
+            NaN where it is not measured.
+
+        Returns
+        -------
+        ManeuverOutput
+            Forces of single thrusters, or rest.
+        """
         if self.last is not None and self.last.done:
             return self.last
         begins = self._started_at is None

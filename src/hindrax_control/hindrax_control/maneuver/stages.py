@@ -76,7 +76,23 @@ class Stage:
         return ()
 
     def step(self, moment: StageInput) -> StageOutput:
-        """Act on one moment."""
+        """Act on one moment.
+
+        Parameters
+        ----------
+        moment
+            State, time and what the guards know.
+
+        Returns
+        -------
+        StageOutput
+            Wrench beside the holds, phase, whether it is over, and why it cannot go on.
+
+        Raises
+        ------
+        NotImplementedError
+            In this base; every stage has its own.
+        """
         raise NotImplementedError
 
     def _keep_station(self, moment: StageInput, *, length_free: bool = False) -> Vec6:

@@ -84,7 +84,22 @@ class Aiding:
         """What each DVL said last, and since when [s]."""
 
     def bottom_velocity(self, reading: BottomVelocity, mount: SensorMount, valid_s: float, source: str = "") -> bool:
-        """Fuse a velocity over ground, the mean over an interval around `valid_s` of filter time."""
+        """Fuse a velocity over ground.
+
+        Parameters
+        ----------
+        reading, mount
+            Velocity in the axes of its sensor, and where that sits.
+        valid_s : [s]
+            Middle of the interval of which it is the mean, in filter time.
+        source
+            Name of the sensor.
+
+        Returns
+        -------
+        bool
+            Whether it was taken.
+        """
         if reading.velocity_mps is None:
             return False
         half_s = 0.5 * max(reading.interval_s, SHORTEST_SPAN_S)
@@ -122,7 +137,22 @@ class Aiding:
         self._sunk_s = valid_s
 
     def pressure(self, reading: Pressure, mount: SensorMount, delay_s: float, source: str = "") -> bool:
-        """Fuse the depth that a pressure means, as sure as its noise lets it be."""
+        """Fuse the depth that a pressure means, as sure as its noise lets it be.
+
+        Parameters
+        ----------
+        reading, mount
+            Pressure, and where the sensor sits.
+        delay_s : [s]
+            How long ago it was valid.
+        source
+            Name of the sensor.
+
+        Returns
+        -------
+        bool
+            Whether it was taken.
+        """
         depth_m = self._water.depth_m(reading.pressure_Pa)
         if not abs(depth_m) <= self._deepest_m:
             return False
@@ -135,7 +165,20 @@ class Aiding:
         self.drift.floor(self.vertical.floor_m, self.place_m, valid_s)
 
     def echo(self, reading: Echo, mount: SensorMount, delay_s: float) -> bool:
-        """Fuse the range of the sonar: the nearest point of the floor within its beam answers."""
+        """Fuse the range of the sonar: the nearest point of the floor within its beam answers.
+
+        Parameters
+        ----------
+        reading, mount
+            Range, and where the sensor sits and looks.
+        delay_s : [s]
+            How long ago it was valid.
+
+        Returns
+        -------
+        bool
+            Whether it was taken.
+        """
         knobs = self._knobs
         if not reading.confidence >= knobs.sonar_confidence:
             return False
@@ -152,7 +195,20 @@ class Aiding:
         return self.vertical.altitude(height_m + self._below(mount.lever_m), sigma_m, delay_s)
 
     def magnetic(self, reading: Magnetic, mount: SensorMount, delay_s: float) -> bool:
-        """Fuse the heading that a magnetic field means."""
+        """Fuse the heading that a magnetic field means.
+
+        Parameters
+        ----------
+        reading, mount
+            Field in the axes of its sensor, and how that is turned.
+        delay_s : [s]
+            How long ago it was valid.
+
+        Returns
+        -------
+        bool
+            Whether it was taken.
+        """
         knobs, attitude = self._knobs, self.attitude
         if knobs.heading_from not in ("magnetometer", "both"):
             return False
@@ -186,7 +242,22 @@ class Aiding:
         return steered
 
     def dvl_altitude(self, altitude_m: float, mount: SensorMount, delay_s: float) -> bool:
-        """Fuse the altitude along the axis of a DVL."""
+        """Fuse the altitude along the axis of a DVL.
+
+        Parameters
+        ----------
+        altitude_m : [m]
+            Along the axis.
+        mount
+            Where the sensor sits and looks.
+        delay_s : [s]
+            How long ago it was valid.
+
+        Returns
+        -------
+        bool
+            Whether it was taken.
+        """
         return self._range(altitude_m, self._knobs.dvl_altitude_sigma_m, 0.0, mount, delay_s)
 
     def _below(self, lever_m: Vec3) -> float:

@@ -71,7 +71,17 @@ class AttitudeFilter:
         self.rotation: Matrix3 = IDENTITY
 
     def align(self, specific_force_mps2: Vec3, span_s: float, heading_rad: float = 0.0) -> None:
-        """Start level with gravity as it was over a span."""
+        """Start level with gravity as it was over a span.
+
+        Parameters
+        ----------
+        specific_force_mps2 : (3,) [m/s^2]
+            Mean over the span, in body axes.
+        span_s : [s]
+            Its length: the mean is as sure as that allows.
+        heading_rad : [rad]
+            From north.
+        """
         fx, fy, fz = specific_force_mps2
         roll, pitch = math.atan2(-fy, -fz), math.atan2(fx, math.hypot(fy, fz))
         cr, sr, cp, sp = math.cos(roll / 2), math.sin(roll / 2), math.cos(pitch / 2), math.sin(pitch / 2)
@@ -86,10 +96,17 @@ class AttitudeFilter:
         self.bias_radps, self._p_cross, self._p_bias = bias_radps, 0j, sigma_radps * sigma_radps
 
     def turn(self, angle_rad: Vec3, dt_s: float) -> None:
-        """Turn by what the gyroscope has seen in `dt_s` [rad], bias already taken off; what is not known grows.
+        """Turn by what the gyroscope has seen; what is not known grows.
 
         Prediction of the Kalman filter: e becomes e exp(-i r dt) - b dt, and the covariance with it. The angle about
         the vertical, r dt, is the part of the turn along d.
+
+        Parameters
+        ----------
+        angle_rad : (3,) [rad]
+            Turn in body axes, the bias already taken off.
+        dt_s : [s]
+            Its duration.
         """
         x, y, z = angle_rad
         dx, dy, dz = self.rotation[2]
@@ -108,6 +125,13 @@ class AttitudeFilter:
         omega_mes). The offset's gain is complex: its real part turns about the same axis, its imaginary part about the
         one a quarter ahead, d x e. The real part is negative: a tilt that lags behind means that too much offset was
         taken off.
+
+        Parameters
+        ----------
+        specific_force_mps2 : (3,) [m/s^2]
+            f, the mean over `dt_s`, in body axes.
+        dt_s : [s]
+            Its duration.
         """
         fx, fy, fz = specific_force_mps2
         norm = math.sqrt(fx * fx + fy * fy + fz * fz)
@@ -211,10 +235,22 @@ class Offset:
 
 
 def offset_at_rest(spans: Sequence[Span], span_s: float) -> Offset:
-    """The offset that spans of this length, one after the other, show.
+    """The offset of a gyroscope that spans at rest show.
 
     It is sure only as far as the rates are alike and gravity keeps its direction: the turn of gravity from the first
     span to the last, over the time between their middles, is a rate that the vehicle itself may have had.
+
+    Parameters
+    ----------
+    spans
+        Means of rates and specific forces, one after the other.
+    span_s : [s]
+        Length of each.
+
+    Returns
+    -------
+    Offset
+        (3,) [rad/s] with its standard deviation.
     """
     rates = [rate for rate, _ in spans]
     offset = mean(rates)

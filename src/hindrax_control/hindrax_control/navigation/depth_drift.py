@@ -41,13 +41,33 @@ class DepthDrift:
         self._now_s = now_s
 
     def step(self, off_mps: float, ahead_mps: float, span_s: float) -> None:
-        """Take a velocity of the DVL: way down by it less that by pressure, speed over ground, and its time."""
+        """Take a velocity of the DVL.
+
+        Parameters
+        ----------
+        off_mps : [m/s]
+            Way down by it less that by pressure.
+        ahead_mps : [m/s]
+            Speed over ground.
+        span_s : [s]
+            Its time.
+        """
         for at, sign in enumerate((1.0, -1.0)):
             gone_m = self._gone_m[at] + span_s * (sign * off_mps - BIAS_mps - LEAK * ahead_mps)
             self._gone_m[at] = max(0.0, gone_m)
 
     def floor(self, floor_m: float, place_m: tuple[float, float], now_s: float) -> None:
-        """Take a depth of the floor, where the place is known; what is not (NaN) changes nothing."""
+        """Take a depth of the floor, where the place is known; what is not (NaN) changes nothing.
+
+        Parameters
+        ----------
+        floor_m : [m]
+            Depth of the vehicle and range below it.
+        place_m : (2,) [m]
+            North and east.
+        now_s : [s]
+            Filter time.
+        """
         if math.isfinite(floor_m + sum(place_m)):
             place = (math.floor(place_m[0] / PLACE_m), math.floor(place_m[1] / PLACE_m))
             then_m, then_s = self._floors.setdefault(place, (floor_m, now_s))

@@ -98,10 +98,22 @@ class HeadingFilter:
         P[FIXED_Y, FIXED_Y] += walk
 
     def heading(self, off_rad: float, sigma_deg: float) -> tuple[float, float]:
-        """Fuse a heading that differs by `off_rad` from the caller's; returns corrections of heading and bias.
+        """Fuse a heading.
 
         The row of the measurement has a single one, at the heading, so H P is that row of P. The fields learn too, by
         what their errors have in common with the heading's.
+
+        Parameters
+        ----------
+        off_rad : [rad]
+            Measured less the caller's.
+        sigma_deg : [deg]
+            Standard deviation of the measurement.
+
+        Returns
+        -------
+        tuple[float, float]
+            Corrections of heading [rad] and of the bias of the rate [rad/s].
         """
         self._catch_up()
         if not self.known:
@@ -114,7 +126,22 @@ class HeadingFilter:
         return float(gain[HEADING]) * off_rad, float(gain[BIAS]) * off_rad
 
     def magnetic(self, x: float, y: float, heading_rad: float, forces_N: Sequence[float]) -> tuple[float, float] | None:
-        """Fuse a field in leveled body axes; returns corrections of heading and bias, None for an outlier."""
+        """Fuse a field in leveled body axes.
+
+        Parameters
+        ----------
+        x, y : [T]
+            Ahead and to starboard.
+        heading_rad : [rad]
+            The caller's.
+        forces_N : (thrusters,) [N]
+            Of the thrusters, whose currents have fields.
+
+        Returns
+        -------
+        tuple[float, float] | None
+            Corrections of heading [rad] and bias [rad/s]; None for an outlier.
+        """
         self._catch_up()
         turn = 0.0
         if not self._unit:

@@ -62,7 +62,17 @@ class HorizontalFilter:
         self.known = False
 
     def predict(self, acceleration_mps2: tuple[float, float], angle_rad: Vec3, now_s: float, dt_s: float) -> None:
-        """Advance by a mean acceleration in body axes; `angle_rad` is what the body turned meanwhile."""
+        """Advance by a mean acceleration.
+
+        Parameters
+        ----------
+        acceleration_mps2 : (2,) [m/s^2]
+            Ahead and to starboard in body axes, gravity taken off.
+        angle_rad : (3,) [rad]
+            What the body turned meanwhile.
+        now_s, dt_s : [s]
+            Filter time after the step, and its length.
+        """
         knobs = self._knobs
         offset_u, offset_v = self._offset
         du, dv = dt_s * (acceleration_mps2[0] + offset_u), dt_s * (acceleration_mps2[1] + offset_v)
@@ -80,10 +90,20 @@ class HorizontalFilter:
             self._rows.popleft()
 
     def way(self, from_s: float, to_s: float) -> PredictedInterval | None:
-        """Motion between two times; None when they are forgotten or in the future.
+        """Motion between two times.
 
         A mean of the velocity over the span is the difference of the rows' integrals, over the span; the offset was in
         all increments, so it counts for the time from the middle of the span until now.
+
+        Parameters
+        ----------
+        from_s, to_s : [s]
+            In filter time.
+
+        Returns
+        -------
+        PredictedInterval | None
+            None when they are forgotten or in the future.
         """
         oldest, now = self._rows[0], self._rows[-1]
         to_s = min(to_s, now[0])
@@ -112,11 +132,27 @@ class HorizontalFilter:
     def fuse(
         self, u_mps: float, v_mps: float, sigma_mps: float, way: PredictedInterval, *, repeated: bool = False
     ) -> bool:
-        """Fuse a velocity of the body origin that was the mean over a way; False when it is refused.
+        """Fuse a velocity of the body origin that was the mean over a way.
 
         Correction of the Kalman filter with h = [1, -delay]: `at_u` and `at_offset` are P h', `variance` is h P h' + R.
         Both axes have one P, so both are refused if one is off. Many refusals in a row mean that the filter is wrong,
         unless the value is `repeated`: then P grows by what they were off by, and the next one is taken.
+
+        Parameters
+        ----------
+        u_mps, v_mps : [m/s]
+            Surge and sway.
+        sigma_mps : [m/s]
+            Standard deviation of each.
+        way
+            What the filter predicts of the interval.
+        repeated
+            Whether the sensor has repeated its last value.
+
+        Returns
+        -------
+        bool
+            False when it is refused.
         """
         delay = way.delay_s
         p, cross, offset = self._p, self._p_cross, self._p_offset
@@ -179,7 +215,17 @@ class PositionUncertainty:
         self._noise_m2 = self._unmeasured_m = 0.0
 
     def move(self, heading_rad: float, north_m: float, east_m: float, dt_s: float) -> None:
-        """Count a step of dead reckoning with this heading."""
+        """Count a step of dead reckoning.
+
+        Parameters
+        ----------
+        heading_rad : [rad]
+            Meanwhile.
+        north_m, east_m : [m]
+            Way of the step.
+        dt_s : [s]
+            Its length.
+        """
         self._ahead_s += dt_s * math.cos(heading_rad)
         self._aside_s += dt_s * math.sin(heading_rad)
         self._north_m += north_m

@@ -60,7 +60,17 @@ class VelocityGain:
         self._sx = self._sy = self._xy = 0j
 
     def accelerated(self, change_mps: complex, yaw_rate_radps: float, now_s: float) -> None:
-        """Take one more change of velocity by the accelerometer, north + i east, gravity taken off."""
+        """Take one more change of velocity by the accelerometer.
+
+        Parameters
+        ----------
+        change_mps : [m/s]
+            North + i east, gravity taken off.
+        yaw_rate_radps : [rad/s]
+            Meanwhile: in turns no gain can be told.
+        now_s : [s]
+            Filter time.
+        """
         self._sum += change_mps
         self._track.append((now_s, self._sum))
         if abs(yaw_rate_radps) > TURNING_radps:

@@ -92,7 +92,20 @@ class VerticalFilter:
         return F, np.array([[half], [dt], [0.0], [0.0]]), Q
 
     def depth(self, depth_m: float, sigma_m: float, delay_s: float) -> bool:
-        """Fuse a depth that was valid `delay_s` ago; False when it is refused."""
+        """Fuse a depth.
+
+        Parameters
+        ----------
+        depth_m, sigma_m : [m]
+            Of the body origin, and its standard deviation.
+        delay_s : [s]
+            How long ago it was valid.
+
+        Returns
+        -------
+        bool
+            False when it is refused.
+        """
         if not self.has_depth:
             self.has_depth = True
             self._x[0, 0] = depth_m
@@ -105,7 +118,20 @@ class VerticalFilter:
         return used
 
     def altitude(self, altitude_m: float, sigma_m: float, delay_s: float) -> bool:
-        """Fuse a height above the floor that was valid `delay_s` ago; False when it is refused."""
+        """Fuse a height above the floor.
+
+        Parameters
+        ----------
+        altitude_m, sigma_m : [m]
+            Of the body origin, and its standard deviation.
+        delay_s : [s]
+            How long ago it was valid.
+
+        Returns
+        -------
+        bool
+            False when it is refused.
+        """
         if not self.has_floor:
             self.has_floor = True
             self._x[3, 0] = altitude_m + self._x[0, 0]

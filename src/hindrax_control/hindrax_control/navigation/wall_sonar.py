@@ -49,7 +49,17 @@ class WallSonar:
         )
 
     def predict(self, acceleration_mps2: complex, rotation: Matrix3, dt_s: float) -> None:
-        """Advance by an acceleration north + i east; forget the state where it looks at another wall."""
+        """Advance by an acceleration; forget the state where it looks at another wall.
+
+        Parameters
+        ----------
+        acceleration_mps2 : [m/s^2]
+            North + i east.
+        rotation : (3, 3) [-]
+            From body to north-east-down.
+        dt_s : [s]
+            Length of the step.
+        """
         if self._first_rad is None:
             return
         looks_rad = self._looks_rad(rotation) - self._first_rad
@@ -77,7 +87,22 @@ class WallSonar:
             self._began_m[0] += sum(turned * at_m for turned, at_m in zip(moved, self._position_m, strict=True))
 
     def echo(self, range_m: float, sigma_m: float, rotation: Matrix3, delay_s: float) -> bool:
-        """Fuse a range that was valid `delay_s` ago; False when it is of no use."""
+        """Fuse a range.
+
+        Parameters
+        ----------
+        range_m, sigma_m : [m]
+            Along the beam, and its standard deviation.
+        rotation : (3, 3) [-]
+            From body to north-east-down.
+        delay_s : [s]
+            How long ago it was valid.
+
+        Returns
+        -------
+        bool
+            False when it is of no use.
+        """
         if self._first_rad is None:
             self.face(rotation)
         if abs(self._turned_rad) > MOST_TURNED_rad or not rotation[2][2] > math.cos(MOST_TILTED_rad):
@@ -114,5 +139,20 @@ class WallSonar:
 
 
 def wall_knobs(knobs: VerticalKnobs, offset_mps2: float, offset_walk: float) -> VerticalKnobs:
-    """Knobs of the vertical filter with the acceleration offsets of the level ones."""
+    """Knobs of the vertical filter with the acceleration offsets of the level ones.
+
+    Parameters
+    ----------
+    knobs
+        Of the vertical filter.
+    offset_mps2 : [m/s^2]
+        Standard deviation of the offset.
+    offset_walk
+        How fast it wanders.
+
+    Returns
+    -------
+    VerticalKnobs
+        For a filter along a wall's normal.
+    """
     return replace(knobs, heave_bias_mps2=offset_mps2, heave_bias_walk=offset_walk)

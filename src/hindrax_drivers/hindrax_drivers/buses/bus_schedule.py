@@ -15,7 +15,7 @@ from hindrax_core.bus_operations import DeviceError, Pause, Program, Transaction
 from hindrax_core.driver_interface import Identity, RegisterDevice, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between, stamp_from_s
 from hindrax_core.readings import Reading
-from hindrax_drivers.buses.clock import EPOCH, NEVER
+from hindrax_drivers.buses.clock import EPOCH, LAST_STAMP
 
 BusOutput: TypeAlias = Stamped[Reading] | Rejected | Identity | Trouble
 Result: TypeAlias = tuple[str, Sequence[BusOutput]]
@@ -70,13 +70,13 @@ class BusSchedule:
         return name in self._devices and self._devices[name].configured
 
     def next_due(self, now: Stamp) -> Stamp:
-        """Return when to call `run_next` again (NEVER without devices); with nothing due yet, slack is used up.
+        """Return when to call `run_next` again (LAST_STAMP without devices); with nothing due yet, slack is used up.
 
         Pauses of the last turn count from this `now`.
         """
         self._update_clock(now)
         if not self._heap:
-            return NEVER
+            return LAST_STAMP
         first = self._heap[0][0]
         return first if first <= now else min(latest for _, _, latest, _ in self._heap)
 

@@ -15,7 +15,7 @@ from hindrax_core.stack_time import StackTime
 
 MOCK_PREFIX = "mock:"
 EPOCH = Stamp(0)
-NEVER = Stamp(2**63 - 1)
+LAST_STAMP = Stamp(2**63 - 1)
 
 Meanwhile: TypeAlias = Callable[[], None]
 

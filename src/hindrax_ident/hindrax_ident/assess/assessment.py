@@ -103,7 +103,30 @@ def draft(
 ) -> DraftFit:
     """Refine a record from the last online estimate, or from the prior where that predicts it better.
 
-    ValueError when it holds too few samples.
+    Parameters
+    ----------
+    vehicle
+        Whose influences decide whether lag and latency contradict its file.
+    model
+        Model of the axis, with p parameters.
+    record
+        Record of the axis.
+    prior
+        Of the parameters.
+    online
+        Estimates of the online methods, by name; the last one is a start.
+    tuning
+        `lag_doubt_s`: deviation of lag and latency where neither is known; None: refitted only where they contradict.
+
+    Returns
+    -------
+    DraftFit
+        Record (with the delays found), fit, prior and online estimates.
+
+    Raises
+    ------
+    ValueError
+        When the record holds too few samples.
     """
     live = [theta for theta, _ in list(online.values())[-1:]]
     start = nearest_start(model, record, [*live, prior.values])
@@ -134,14 +157,31 @@ def assess(
 ) -> tuple[dict[int, Assessment], dict[int, ValueError]]:
     """Bands of the drafts of a run from their uncertainty budgets, and why there are none.
 
-    All motions were flown in one water: what one record shows of it counts for all. `progress` gets what begins.
+    All motions were flown in one water, so what one record shows of it counts for all: the log evidence of the waters
+    is summed over the axes, and each budget is taken again in that water.
+
+    Parameters
+    ----------
+    vehicle
+        Of the run.
+    drafts
+        By axis (0 to 5).
+    tuning
+        Doubts in stamps, lag and thrust.
+    progress
+        Called with a sentence about what begins.
+
+    Returns
+    -------
+    tuple[dict[int, Assessment], dict[int, ValueError]]
+        By axis: what was assessed, and the errors of what could not be.
     """
     budgets: dict[int, Budget] = {}
     failed: dict[int, ValueError] = {}
     for index, (axis, one) in enumerate(drafts.items(), start=1):
         progress(f"uncertainty of {AXES[axis]}, {index} of {len(drafts)}")
         try:
-            budgets[axis] = budget_of(_case(vehicle, one, tuning))
+            budgets[axis] = budget_of(_axis_fit(vehicle, one, tuning))
         except ValueError as error:
             failed[axis] = error
     water = array(sum(one.evidence for one in budgets.values()))
@@ -154,15 +194,15 @@ def assess(
     return found, failed
 
 
-def _case(vehicle: Vehicle, drafted: DraftFit, tuning: Tuning) -> AxisFit:
-    fit = drafted.fit
+def _axis_fit(vehicle: Vehicle, draft_fit: DraftFit, tuning: Tuning) -> AxisFit:
+    fit = draft_fit.fit
     if tuning.thrust_doubt is not None and tuning.thrust_doubt > 0.0:
         fit = replace(fit, covariance=array(slow_force_ratio(fit) * fit.covariance))
-    return AxisFit(vehicle, drafted.record, fit, tuning, drafted.moved)
+    return AxisFit(vehicle, draft_fit.record, fit, tuning, draft_fit.moved)
 
 
-def _assess(drafted: DraftFit, budget: Budget) -> Assessment:
-    record, fit, prior, online = drafted.record, budget.case.fit, drafted.prior, drafted.online
+def _assess(draft_fit: DraftFit, budget: Budget) -> Assessment:
+    record, fit, prior, online = draft_fit.record, budget.case.fit, draft_fit.prior, draft_fit.online
     own = budget.band_of_run()
     return Assessment(
         record=record,
@@ -179,13 +219,13 @@ def _assess(drafted: DraftFit, budget: Budget) -> Assessment:
     )
 
 
-def _with_delays(vehicle: Vehicle, drafted: DraftFit, tuning: Tuning) -> DraftFit:
+def _with_delays(vehicle: Vehicle, draft_fit: DraftFit, tuning: Tuning) -> DraftFit:
     """Refit with lag and latency from the residuals, where they contradict the vehicle file."""
     for _ in range(DELAY_ROUNDS):
-        record, fit = drafted.record, drafted.fit
-        budget = budget_of(AxisFit(vehicle, record, fit, tuning, drafted.moved))
+        record, fit = draft_fit.record, draft_fit.fit
+        budget = budget_of(AxisFit(vehicle, record, fit, tuning, draft_fit.moved))
         (lag_s, lag_sigma), (late_s, late_sigma) = (budget.found(name) for name in (LAG, LATENCY))
-        least = 1.0 if drafted.moved else CONTRADICTION_SIGMAS
+        least = 1.0 if draft_fit.moved else CONTRADICTION_SIGMAS
         lag_s, late_s = (
             missing if abs(missing) > max(LEAST_DELAY_S, least * sigma) else 0.0
             for missing, sigma in ((lag_s, lag_sigma), (late_s, late_sigma))
@@ -198,8 +238,10 @@ def _with_delays(vehicle: Vehicle, drafted: DraftFit, tuning: Tuning) -> DraftFi
         if (later.lag_s, later.latency_s) == (record.lag_s, record.latency_s):
             break
         # Estimate the noise again: delays appeared as unknown forces.
-        drafted = replace(drafted, record=later, fit=refine(fit.model, later, fit.theta, drafted.prior), moved=True)
-    return drafted
+        draft_fit = replace(
+            draft_fit, record=later, fit=refine(fit.model, later, fit.theta, draft_fit.prior), moved=True
+        )
+    return draft_fit
 
 
 def result_of(motion: Motion, assessment: Assessment) -> MotionResult:
@@ -312,7 +354,25 @@ def _least_offset(theta: Array, covariance: Array, reported: ReportedParameters)
 def numbers_of(
     model: Model, motion: Motion, theta: Array, covariance: Array, calibrated: Array | None = None
 ) -> dict[str, Number]:
-    """Coefficients of one motion from the parameters of its axis; a poorly known mass is omitted."""
+    """Coefficients of one motion from the parameters of its axis; a poorly known mass is omitted.
+
+    Parameters
+    ----------
+    model
+        Of the axis, with p parameters.
+    motion
+        Axis and direction.
+    theta : (p,)
+        Parameters; the last one is the total mass.
+    covariance, calibrated : (p, p)
+        Of the parameters by this record alone, and with all influences; None: not known.
+
+    Returns
+    -------
+    dict[str, Number]
+        By coefficient (k_q, k_l, b, added_mass), within bounds where noise explains the violation. The added mass is
+        the total less the body's own; it is left out where its deviation exceeds MASS_SHARE of the total.
+    """
     reported = reported_parameters(model, motion)
     block = covariance[reported.square]
     values = theta[reported.rows]

@@ -26,7 +26,7 @@ from hindrax_ident.model.thrust_lag import LaggedThrust
 from hindrax_ident.records.axis_record import Record
 from hindrax_ident.tuning import Tuning
 
-LOST = 0.5
+DEADBAND_SIGMA = 0.5
 """Standard deviation of the share of thrust missing inside a dead band that no file describes [-]."""
 BETWEEN_RUNS_S = 900.0
 FOUND_DELAY_S = 0.1
@@ -60,7 +60,7 @@ MOST_CROSSINGS = 4
 SMOOTH_S = 0.4
 """Mean of a velocity before its change: that of one sample is noise."""
 SURGE, HEAVE, YAW = 0, 2, 5
-NEAR = 0.03
+NEAR_MODEL = 0.03
 """Share of the influences of a usual pool that is left in water near the model [-]."""
 IDLING = 10.0
 """Percentile of the effort that is that of idle thrusters."""
@@ -219,9 +219,19 @@ class AxisFit:
         return array(0.5 * self.steps_s[:, None] * (table + np.roll(table, 1, axis=0)))
 
     def of_commands(self, commands: Array, times_s: Array | None = None) -> Array:
-        """Impulses over each step of errors of the commanded thrust, (commands, k), through its lag: (n, k).
+        """Impulses over each step of errors of the commanded thrust, through its lag.
 
-        `times_s` (commands,): from when on each is in force; without them, those of the thrust.
+        Parameters
+        ----------
+        commands : (c, k) [N, N m per unit]
+            Errors of k influences for each command.
+        times_s : (c,) [s]
+            From when on each is in force; None: those of the thrust.
+
+        Returns
+        -------
+        Array
+            (n, k) [N s, N m s per unit], zero at the start of a stretch.
         """
         times_s = self.record.thrust.t if times_s is None else times_s
         totals = [LaggedThrust(times_s, one, self.record.lag_s) for one in commands.T]
@@ -375,7 +385,9 @@ def _dead_band(case: AxisFit) -> Array:
     """Thrust reduced by a force of the size of the sigma, and lost below it: two columns of one deviation."""
     command, band = case.record.thrust.y, max(1e-9, case.thrust_doubt * case.pull)
     return case.of_commands(
-        np.stack([-band * np.clip(command / band, -1.0, 1.0), -LOST * command * (np.abs(command) < band)], axis=1)
+        np.stack(
+            [-band * np.clip(command / band, -1.0, 1.0), -DEADBAND_SIGMA * command * (np.abs(command) < band)], axis=1
+        )
     )
 
 
@@ -477,10 +489,22 @@ def _coriolis(case: AxisFit) -> Array:
 
 
 def tilt_sigma_rad(vehicle: Vehicle, tuning: Tuning) -> float:
-    """Standard deviation of roll and pitch from the accelerometer; TDK DS-000189 table 2.
+    """Standard deviation of roll and pitch from the accelerometer.
 
-    Uncalibrated: its typical offset of 25 mg as two standard deviations. After `./hindrax imu calibrate`: 3 mg, the
-    drift over a few degrees of warming.
+    Uncalibrated: its typical offset of 25 mg as two standard deviations (TDK DS-000189, table 2). After `./hindrax imu
+    calibrate`: 3 mg, the drift over a few degrees of warming.
+
+    Parameters
+    ----------
+    vehicle
+        Whose inertial sensor may be calibrated.
+    tuning
+        `raw_tilt_sigma_rad` before a calibration, `tilt_sigma_rad` after it.
+
+    Returns
+    -------
+    float
+        Deviation of a static tilt [rad]: an offset over the acceleration of gravity.
     """
     known = any(key.startswith("accel") for mount in vehicle.sensors.values() for key in mount.calibration)
     return tuning.tilt_sigma_rad if known else tuning.raw_tilt_sigma_rad
@@ -545,7 +569,7 @@ INFLUENCES: tuple[Influence, ...] = (
         # A record of a wrench alone has the exponent of the thrust for it.
         "losses that change with the load", "-", MODEL,
         lambda case: 0.0 if case.thrust_doubt > 0.0 else 0.03, _load,
-        MEASURED_THRUST, near=NEAR, usual_cause="losses",
+        MEASURED_THRUST, near=NEAR_MODEL, usual_cause="losses",
     ),
     Influence(
         "inflow loss", "of 10 N at 0.5 m/s", GAIN, _always(0.12), _inflow,
@@ -560,15 +584,15 @@ INFLUENCES: tuple[Influence, ...] = (
     ),
     Influence(
         "sag over the run", "in 15 min", GAIN, _sag(0.1), _drift,
-        "measure the supply voltage, or repeat the first leg at the end", near=NEAR, loss=True,
+        "measure the supply voltage, or repeat the first leg at the end", near=NEAR_MODEL, loss=True,
     ),
     Influence(
         "sag under load", "-", MODEL, _sag(LOADED_SAG), _load,
-        "measure the supply voltage at the ESCs", near=NEAR, loss=True,
+        "measure the supply voltage at the ESCs", near=NEAR_MODEL, loss=True,
     ),
     Influence(
         "dead bands that differ", "of the largest thrust", MODEL, _always(0.01), _edges,
-        "measure the pulse at which each thruster starts", near=NEAR,
+        "measure the pulse at which each thruster starts", near=NEAR_MODEL,
     ),
     Influence(
         "dead band of the thrust", "sigma", MODEL,
@@ -578,7 +602,7 @@ INFLUENCES: tuple[Influence, ...] = (
     Influence(
         "exponent of the thrust", "-", MODEL,
         lambda case: (0.05 if _gains(case) else 0.15) if case.thrust_doubt > 0.0 else 0.0, _thrust_exponent,
-        "describe the thrusters in the vehicle file, or measure the thrust at several commands", near=NEAR,
+        "describe the thrusters in the vehicle file, or measure the thrust at several commands", near=NEAR_MODEL,
     ),
     Influence(
         LAG, "s", RUN, lambda case: case.delay_sigma_s, _lag,
@@ -601,33 +625,33 @@ INFLUENCES: tuple[Influence, ...] = (
     ),
     Influence(
         "seiche", "m/s", MODEL, lambda case: 0.006 if case.axis in HORIZONTAL else 0.0, _seiche,
-        "wait until the water is still", near=NEAR,
+        "wait until the water is still", near=NEAR_MODEL,
     ),
     Influence(
         "tether", "N", MODEL, lambda case: max(TETHER, case.thrust_doubt) * case.pull, _tether,
-        "leave the tether slack, or float it, and fly near its fixed end", near=NEAR,
+        "leave the tether slack, or float it, and fly near its fixed end", near=NEAR_MODEL,
     ),
     Influence(
         "drag of the tether", "N", MODEL, lambda case: max(TETHER, case.thrust_doubt) * case.pull,
         lambda case: case.of_force(-_braking(case)),
-        "fly near the fixed end of the tether, or with a thinner one", near=NEAR, loss=True,
+        "fly near the fixed end of the tether, or with a thinner one", near=NEAR_MODEL, loss=True,
     ),
     Influence(
         "drag of the tether with its length", "N", MODEL,
         lambda case: TETHER * case.pull if case.axis in HORIZONTAL else 0.0,
-        _longer_tether, "fly near the fixed end of the tether, or with a thinner one", near=NEAR,
+        _longer_tether, "fly near the fixed end of the tether, or with a thinner one", near=NEAR_MODEL,
     ),
     Influence(
         "friction of the tether", "N", MODEL, lambda case: case.thrust_doubt * case.pull, _friction,
-        "keep the tether off the floor and the edge", near=NEAR,
+        "keep the tether off the floor and the edge", near=NEAR_MODEL,
     ),
     Influence(
         "fluid memory", "-", MODEL, _always(0.06), _memory,
-        "longer plateaus and slower changes of speed", near=NEAR, loss=True,
+        "longer plateaus and slower changes of speed", near=NEAR_MODEL, loss=True,
     ),
     Influence(
         "own wake", "-", MODEL, _always(0.12), _wake,
-        "rest between legs until the water is still", near=NEAR, loss=True,
+        "rest between legs until the water is still", near=NEAR_MODEL, loss=True,
     ),
     Influence(
         "fore/aft asymmetry", "-", MODEL,
@@ -637,7 +661,7 @@ INFLUENCES: tuple[Influence, ...] = (
     Influence(
         "exponent of the drag", "-", MODEL, _always(0.17),
         lambda case: case.of_force(-_exponent(case, case.v)),
-        "fly the speeds at which the coefficients will be used", drag=_exponent, near=NEAR,
+        "fly the speeds at which the coefficients will be used", drag=_exponent, near=NEAR_MODEL,
     ),
     Influence(
         OTHER_AXES, "sigma", MODEL,

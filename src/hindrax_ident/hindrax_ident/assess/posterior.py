@@ -70,9 +70,24 @@ class Draws(NamedTuple):
 
 
 def drawn(known: Explanations, noise: Array, lossless: float = 0.0) -> Draws:
-    """Draws of the influences, and of the noise of the parameters with this covariance (p, p).
+    """Draw influences from their posterior, and the noise of the parameters.
 
-    `lossless`: probability, before the record, that no loss acts at all.
+    The explanations are the proposal of an importance sampling; the weight of a draw is the prior that a loss really
+    has (anywhere between nothing and its greatest) over the normal one that the explanations assume.
+
+    Parameters
+    ----------
+    known
+        Mixture of normal explanations of m influences.
+    noise : (p, p)
+        Covariance of the parameters by the fit alone.
+    lossless : [-]
+        Probability, before the record, that no loss acts at all.
+
+    Returns
+    -------
+    Draws
+        DRAWS of them; the seed is fixed, so that a record always gives the same numbers.
     """
     rng = np.random.default_rng(SEED)
     if lossless > 0.0:

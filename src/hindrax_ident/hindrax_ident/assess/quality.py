@@ -121,7 +121,22 @@ class Validation:
 
 
 def validation(record: Record, fit: OutputErrorFit, prior: Prior) -> Validation | None:
-    """Hold out the last run of several, or the last quarter of the motion of one; None when a part is too short."""
+    """Predict a part of a record by a model fitted to the rest.
+
+    Parameters
+    ----------
+    record
+        With its stretches.
+    fit
+        Of all of it: where the fit of the first part begins.
+    prior
+        Of the parameters.
+
+    Returns
+    -------
+    Validation | None
+        Over the last run of several, or over the last quarter of the motion of one; None when a part is too short.
+    """
     first, last = held_out(record.stretches, record.motion())
     try:
         theta, covariance, sigmas = retrained(fit, record.with_stretches(first), prior)
@@ -155,11 +170,22 @@ def _unknown(model: Model, theta: Array, covariance: Array, record: Record, pred
 
 
 def held_out(stretches: tuple[Stretch, ...], moved: Series = STILL) -> tuple[tuple[Stretch, ...], tuple[Stretch, ...]]:
-    """Stretches split so that the later part has a quarter of the motion; a stretch may be cut.
+    """Split stretches so that the later part has a quarter of the motion; a stretch may be cut.
 
-    `moved`: integral of the squared velocity (see `Record.motion`), without which a quarter of the time is held out. A
-    quarter of the clock may be one in which the axis rested, and then any error is more than its motion. Of several
+    A quarter of the clock may be one in which the axis rested, and then any error is more than its motion. Of several
     runs the later part is the last run, where that is no more than half of the time.
+
+    Parameters
+    ----------
+    stretches
+        In time order.
+    moved
+        Integral of the squared velocity over time (see `Record.motion`); without it a quarter of the time is held out.
+
+    Returns
+    -------
+    tuple[tuple[Stretch, ...], tuple[Stretch, ...]]
+        The first part and the part that is held out.
     """
     total = sum(one.end_s - one.start_s for one in stretches)
     runs = [at for at in range(1, len(stretches)) if stretches[at].start_s - stretches[at - 1].end_s > BETWEEN_RUNS_S]

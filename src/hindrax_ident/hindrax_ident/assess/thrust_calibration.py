@@ -51,9 +51,20 @@ def _gain_mode(curve: Curve, part: float) -> ThrustErrorMode:
 
 
 def thrust_shares(vehicle: Vehicle, axis: int) -> dict[int, tuple[float, float]]:
-    """Per thruster: wrench on the axis per newton, and newtons per unit of wrench on the axis (least squares).
+    """Per thruster: wrench on the axis per newton, and newtons per unit of wrench on the axis.
 
-    A vehicle without thrusters counts as one that pushes at the center, or turns at half its length.
+    Parameters
+    ----------
+    vehicle
+        One without thrusters counts as one that pushes at the center, or turns at half its length.
+    axis
+        0 to 5.
+
+    Returns
+    -------
+    dict[int, tuple[float, float]]
+        By the index of the thruster: its element of B [-, m], and of the pseudo-inverse of B [-, 1/m], which is the
+        allocation of least squares.
     """
     if not vehicle.thrusters:
         lever = 1.0 if axis < 3 else 0.5 * vehicle.characteristic_length_m
@@ -87,11 +98,21 @@ def _offset_error(sign: float, allocation: list[tuple[float, float]]) -> Callabl
 
 
 def branch_covariance(branch: Branch) -> Array:
-    """Covariance of c1 to c4: (4, 4) [N, N/us, ...], from their standard deviations.
+    """Covariance of the coefficients c1 to c4 of a thrust curve from their standard deviations.
 
     Publications print no correlations, and without them the cubic would be useless (COB-2023-1394: 137.8 N on c1
-    alone). Assumed are those of a least-squares fit to a sweep of evenly spaced pulses: (X'X)^-1 with the powers of
-    the pulse in X, computed about the middle of the sweep, where it is well conditioned, and carried over by T.
+    alone). Assumed are those of a least-squares fit to a sweep of evenly spaced pulses: (X'X)^-1 with the powers of the
+    pulse in X, computed about the middle of the sweep, where it is well conditioned, and carried over by T.
+
+    Parameters
+    ----------
+    branch
+        With `sigma` of its four coefficients, and the range of its pulses [us].
+
+    Returns
+    -------
+    Array
+        (4, 4) [N^2, N^2/us, ...].
     """
     pulses = np.linspace(branch.from_us, branch.to_us, TABLE)
     center, half = pulses.mean(), 0.5 * (branch.to_us - branch.from_us)

@@ -33,7 +33,7 @@ import numpy as np
 
 from hindrax_core.text.digits import measured
 from hindrax_ident.arrays import Array, Flags, array
-from hindrax_ident.assess.influences import GAIN, HEAVE, INFLUENCES, MODEL, NEAR, RUN, AxisFit, Influence, acting
+from hindrax_ident.assess.influences import GAIN, HEAVE, INFLUENCES, MODEL, NEAR_MODEL, RUN, AxisFit, Influence, acting
 from hindrax_ident.assess.objections import Code, Objection, objection
 from hindrax_ident.assess.posterior import LOSSLESS, Draws, Explanations, drawn
 from hindrax_ident.assess.results import Contribution
@@ -100,9 +100,14 @@ class Budget:
         return self._sandwich(self._moment, scopes)
 
     def band_of_run(self) -> Array:
-        """Covariance (p, p) of the parameters due to what differs in each run, and what is seen beyond chance.
+        """Covariance of the parameters due to what differs in each run, and to what is seen beyond chance.
 
         What is seen counts from SURPRISE deviations on, and gradually, so that a band does not jump at the limit.
+
+        Returns
+        -------
+        Array
+            (p, p), in the units of the parameters.
         """
         excess = 1.0 - (SURPRISE / np.maximum(self._surprise, SURPRISE)) ** 2
         shown = self.shifts @ (self.mean * excess)
@@ -130,9 +135,19 @@ class Budget:
         return array(np.sum(kept @ self._moment * kept, axis=1))
 
     def variance_without(self, sensitivity: Array) -> dict[str, float]:
-        """By remedy: what is left of the variance of a corrected quantity, of sensitivity (m,), if its rows were known.
+        """What is left of the variance of a corrected quantity if the influences behind one remedy were known.
 
         What is known of an influence is corrected, so only the covariance counts, not the mean.
+
+        Parameters
+        ----------
+        sensitivity : (m,)
+            Error of the quantity per unit of each influence.
+
+        Returns
+        -------
+        dict[str, float]
+            Variance left, by remedy.
         """
         columns: dict[str, list[int]] = {}
         for row, influence, _ in self.rows:
@@ -141,10 +156,22 @@ class Budget:
         return {remedy: max(0.0, known - self._lost(at, sensitivity)) for remedy, at in columns.items()}
 
     def contributions(self, sensitivity: Array, scopes: Collection[str] = ALL) -> list[Contribution]:
-        """Contribution of each influence to a quantity with this sensitivity (m,), largest first.
+        """Contribution of each influence to a quantity, largest first.
 
         Root of what the second moment of the quantity would lose if the influence were known, so never more than the
-        band: for an independent one sensitivity times deviation (GUM eq. 11a). Only those of the scopes.
+        band: for an independent one sensitivity times deviation (GUM, JCGM 100, eq. 11a).
+
+        Parameters
+        ----------
+        sensitivity : (m,)
+            Error of the quantity per unit of each influence.
+        scopes
+            Of GAIN, RUN and MODEL: those whose influences count.
+
+        Returns
+        -------
+        list[Contribution]
+            Name, standard deviation in the unit of the quantity, and remedy.
         """
         out = []
         sensitivity = sensitivity * self._within(scopes)
@@ -178,9 +205,14 @@ class Budget:
         return math.nan, math.nan
 
     def warnings(self) -> tuple[Objection, ...]:
-        """One objection for each influence that the record shows beyond chance, the clearest first.
+        """Objections to influences that the record shows beyond chance.
 
         None where the record needs none of them: then what it may not judge, such as inflow, explains it as well.
+
+        Returns
+        -------
+        tuple[Objection, ...]
+            One for each influence, the clearest first.
         """
         surprise = self._surprise
         clear = []
@@ -207,9 +239,17 @@ class Budget:
         )
 
     def unseen(self, quantities: Mapping[str, tuple[Array, float]]) -> tuple[Objection, ...]:
-        """One objection for each remedy of what no record shows and what makes most of the variance of quantities.
+        """Objections to what no record shows and what makes most of the variance of a quantity.
 
-        By their names: sensitivity (m,), and variance by the noise of the record.
+        Parameters
+        ----------
+        quantities
+            By name: sensitivity (m,), and variance by the noise of the record.
+
+        Returns
+        -------
+        tuple[Objection, ...]
+            One for each remedy without which more than MOST of a variance would be gone.
         """
         hidden: dict[str, list[str]] = {}
         for _, influence, _ in self.rows:
@@ -256,11 +296,25 @@ class Budget:
 
 
 def budget_of(case: AxisFit, influences: Sequence[Influence] = INFLUENCES) -> Budget:
-    """Budget of a single case: every row's effect, and the joint estimate of all rows from the residuals.
+    """Budget of a single case: the effect of every row, and the joint estimate of all rows from the residuals.
 
-    What may not be judged by the residuals, because another cause would leave the same (considered and not shown), has
-    its rows and columns of H and g set to zero: it keeps its prior, independent of all others. `whole` judges all,
-    to ask whether a record needs an influence that would be named.
+    With the fit's sensitivities J and the effects E of the influences, whitened, g = E'r and H = E'E less what J
+    explains are the score and the information of the influences (`scores`). What may not be judged by the residuals,
+    because another cause would leave the same (considered and not shown), has its rows and columns of H and g set to
+    zero: it keeps its prior, independent of all others. `whole` judges all, to ask whether a record needs an influence
+    that would be named.
+
+    Parameters
+    ----------
+    case
+        Fit of one axis, with its vehicle, record and doubts.
+    influences
+        Rows that may act.
+
+    Returns
+    -------
+    Budget
+        In units of the prior deviations, in the water of this record alone.
     """
     rows_acting = sorted(acting(case, influences), key=lambda pair: pair[0].of_readings)
     columns = [sigma * row.effect(case) for row, sigma in rows_acting]
@@ -311,7 +365,7 @@ def _prior(rows: Sequence[BudgetRow]) -> _Prior:
     usual, spread = LOSS_MEAN * loss * size, np.sqrt(1.0 - loss * LOSS_MEAN**2) * size
     # What acts one way only cannot take more than there is: no tails.
     both_ways = loss == 0.0
-    in_near = both_ways & (near > NEAR)
+    in_near = both_ways & (near > NEAR_MODEL)
     return _Prior(array(usual), array(spread), np.stack([*[in_near] * (len(size) - 1), both_ways]))
 
 

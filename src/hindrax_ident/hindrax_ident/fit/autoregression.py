@@ -18,9 +18,19 @@ LAGS = 40
 
 
 def fit_autoregression(pieces: Sequence[Array], highest_order: int = HIGHEST_ORDER) -> Array:
-    """Coefficients a, (order,) [-], of r_k = a_1 r_k-1 + ... + e_k over all pieces; order by the Bayesian criterion.
+    """Fit r_k = a_1 r_k-1 + ... + a_q r_k-q + e_k over all pieces; the order q is that of the Bayesian criterion.
 
-    Empty when the residuals are white or too few.
+    Parameters
+    ----------
+    pieces : (n,) each
+        Residuals without gaps; no lag reaches from one piece into another.
+    highest_order
+        Largest q that is tried.
+
+    Returns
+    -------
+    Array
+        a, (q,) [-]; empty when the residuals are white or too few.
     """
     usable = [piece for piece in pieces if len(piece) > 2 * highest_order]
     if sum(len(piece) for piece in usable) < 20 * (highest_order + 1):
@@ -73,6 +83,16 @@ def effective_samples(pieces: Sequence[Array]) -> float:
     """Equivalent number of independent samples for a mean: n / (1 + 2 sum of autocorrelations).
 
     The sum ends where the autocorrelation first falls to zero: beyond that it is noise.
+
+    Parameters
+    ----------
+    pieces : (n,) each
+        Samples without gaps.
+
+    Returns
+    -------
+    float
+        At most n where neighbors are alike; more where they alternate.
     """
     centered = [piece - piece.mean() for piece in pieces if len(piece) > 1]
     n = sum(len(piece) for piece in centered)

@@ -16,9 +16,26 @@ ROUNDS = 3
 
 
 def bound_of(fit: OutputErrorFit, theta: Array, thrust_s: float | None = None) -> Array:
-    """Smallest covariance of an unbiased estimate from the fit's record: (p, p).
+    """Smallest covariance of an unbiased estimate from the fit's record: the inverse of J'J at the true parameters.
 
-    With `thrust_s`, the true density of the thrust noise [s], there are no other unknown forces.
+    Parameters
+    ----------
+    fit
+        Whose record, grid and noise count.
+    theta : (p,)
+        True parameters.
+    thrust_s : [s]
+        True density of the thrust noise: then there are no other unknown forces. None: the noise is that of the fit.
+
+    Returns
+    -------
+    Array
+        (p, p), in the units of the parameters.
+
+    Raises
+    ------
+    ValueError
+        Where the simulation diverges with the true parameters.
     """
     problem, path = fit.problem, fit.linear.path
     noise = fit.noise if thrust_s is None else replace(fit.noise, force=0.0, thrust=thrust_s)

@@ -81,7 +81,28 @@ class DelayEstimate(NamedTuple):
 
 
 def search_delay(model: Model, record: Record, start: Array, prior: Prior, sigma_s: float) -> DelayEstimate:
-    """Lag, latency and parameters of the best unwhitened fit; `sigma_s`: prior standard deviation of both delays."""
+    """Find lag, latency and parameters together, by the best fit without whitening.
+
+    Levenberg-Marquardt over p + 2 unknowns from several lags and latencies (STARTS): the residual has a basin for each.
+
+    Parameters
+    ----------
+    model
+        With p parameters.
+    record
+        Of one axis; a long one is searched over a part first, then all of it from there.
+    start : (p,)
+        Parameters to begin with.
+    prior
+        Of the parameters.
+    sigma_s : [s]
+        Prior standard deviation of both delays, about those of the record.
+
+    Returns
+    -------
+    DelayEstimate
+        Of the smallest mean absolute residual; an infinite one where every simulation diverged.
+    """
     few = record.with_stretches(_spread(record.stretches))
     search = _Search(build_problem(model, few), few, prior, sigma_s)
     found = min((search.run(start, np.array(begin)) for begin in STARTS), key=lambda found: found.error)
@@ -192,7 +213,24 @@ class _Search:
 def fit_with_delays(
     record: Record, start: Array, model: Model, prior: Prior, sigma_s: float
 ) -> tuple[Record, OutputErrorFit]:
-    """Record and fit once lag and latency agree with the whitened residuals and with their prior."""
+    """Fit with lag and latency that agree with the whitened residuals and with their prior.
+
+    Parameters
+    ----------
+    record
+        Of one axis.
+    start : (p,)
+        Parameters to begin with.
+    model, prior
+        Of the axis.
+    sigma_s : [s]
+        Prior standard deviation of both delays.
+
+    Returns
+    -------
+    tuple[Record, OutputErrorFit]
+        The record with the delays found, and its fit.
+    """
     usual_s = prior_delays(record)
     first = search_delay(model, record, start, prior, sigma_s)
     record = replace(record, lag_s=first.lag_s, latency_s=first.latency_s)

@@ -117,9 +117,32 @@ def fit_jointly(
     gain_sigma: float,
     progress: Callable[[str], None] = lambda _: None,
 ) -> JointFit:
-    """Fit all axes of a record; ValueError where fewer than two were moved and measured.
+    """Fit all axes of a record, and decide by evidence which terms beyond each axis' own act.
 
-    A long record is fitted over a few stretches first: all of it begins where those end.
+    A long record is fitted over a few stretches first: the fit of all of it begins where those end.
+
+    Parameters
+    ----------
+    record
+        Velocities, depth, thrust and attitude of all axes.
+    vehicle
+        Mass, inertia and thrusters: scales and priors of the terms.
+    delays
+        Prior lag and latencies [s].
+    gain_sigma : [-]
+        Standard deviation of the gain of the wrench.
+    progress
+        Called with a sentence about what begins.
+
+    Returns
+    -------
+    JointFit
+        Terms that stay, their values and covariance, and the odds of each that might.
+
+    Raises
+    ------
+    ValueError
+        Where fewer than two axes were moved and measured.
     """
     if len(record.axes) < 2:
         raise ValueError("fewer than two axes were moved and measured: such a record is fitted axis by axis")

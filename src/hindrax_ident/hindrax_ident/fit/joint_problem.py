@@ -51,10 +51,24 @@ class Noise:
     kept: Array
 
     def updated(self, squares: Array, free: Array, kept: Array) -> Noise:
-        """Of the largest restricted likelihood, one step of its fixed point, within a factor of ten.
+        """One step of the fixed point of the restricted likelihood, within a factor of ten.
 
-        `squares` and `free` (2, states) of forces and measurements. Measurements that say everything would leave
-        nothing to the model: so their variance is not far below what their fast changes show.
+        Measurements that say everything would leave nothing to the model: so their variance is not far below what their
+        fast changes show (NOISE_SHARES).
+
+        Parameters
+        ----------
+        squares : (2, states)
+            Sums of squares of what is new in forces, and of the errors of measurements.
+        free : (2, states)
+            Degrees of freedom that the smoother leaves to each.
+        kept : (states,) [-]
+            Share of an unknown force that is left after a step.
+
+        Returns
+        -------
+        Noise
+            With variances of squares / free.
         """
         force, velocity = (
             np.clip(square / np.maximum(1.0, number), 0.1 * old, 10.0 * old)
@@ -174,9 +188,21 @@ class JointProblem:
         return list(self.record.axes)
 
     def normal(self, velocities: Sequence[Array], *, all_terms: bool = False, begins: bool = False) -> Normal:
-        """Sum over the stretches; with terms that are not in only where all are wanted.
+        """Normal equations of the parameters, summed over the stretches.
 
-        `begins`: masses act on accelerations as measured, as long as the model does not know better.
+        Parameters
+        ----------
+        velocities : (n, states) each
+            Motion of each stretch about which is linearized.
+        all_terms
+            Whether terms that are not in now have their columns too: for the odds.
+        begins
+            Whether masses act on accelerations as measured: as long as the model does not know better.
+
+        Returns
+        -------
+        Normal
+            S (p, p) and s (p,), with the part of each block.
         """
         used = np.flatnonzero(self.kept | all_terms)
         # The same probes in each step: else the noise would never settle.
@@ -193,16 +219,41 @@ class JointProblem:
         )
 
     def cost(self, velocities: Sequence[Array], M: Array, prior: tuple[Array, Array]) -> float:
-        """What is minimized, with the metric of a mass (6, 6); `prior`: means and deviations (p,)."""
+        """What is minimized: squares of forces, of measurements and of the parameters' distance from their prior.
+
+        Parameters
+        ----------
+        velocities : (n, states) each
+            Motion of each stretch.
+        M : (6, 6)
+            Mass in whose metric forces count.
+        prior : (p,), (p,)
+            Means and standard deviations of the parameters.
+
+        Returns
+        -------
+        float
+            Without unit.
+        """
         squares = self.squares(velocities, M)
         of_prior = np.sum(((self.theta - prior[0]) / prior[1])[self.kept] ** 2)
         return float(np.sum(squares[0] / self.noise.force) + np.sum(squares[1] / self.noise.velocity) + of_prior)
 
     def squares(self, velocities: Sequence[Array], M: Array | None = None) -> Array:
-        """Sums of the squares of what is new in unknown forces, and of measurement errors: (2, states).
+        """Sums of the squares of what is new in unknown forces, and of measurement errors.
 
-        With a mass, (6, 6), forces are those that would accelerate it as much: of two models, the one with the smaller
-        mass has not the smaller forces by that.
+        Parameters
+        ----------
+        velocities : (n, states) each
+            Motion of each stretch.
+        M : (6, 6)
+            With it, forces are those that would accelerate this mass as much: of two models, the one with the smaller
+            mass has not the smaller forces by that. None: forces as they are.
+
+        Returns
+        -------
+        Array
+            (2, states) [N^2 or N^2 m^2; m^2/s^2, rad^2/s^2 or m^2].
         """
         out, na = np.zeros((2, velocities[0].shape[1])), len(self.axes)
         for grid, v in zip(self.record.grids, velocities, strict=True):
@@ -218,9 +269,19 @@ class JointProblem:
         return array(out)
 
     def memory(self, velocities: Sequence[Array]) -> Array:
-        """Share of an unknown force that is left after a step, (states,): from its covariance after one span and two.
+        """Share of an unknown force that is left after a step, from its covariance after one span and after two.
 
-        That after none has the noise of the measurements in it.
+        The covariance after none has the noise of the measurements in it.
+
+        Parameters
+        ----------
+        velocities : (n, states) each
+            Motion of each stretch.
+
+        Returns
+        -------
+        Array
+            (states,) [-]; zero for a depth.
         """
         step_s, axes = self.record.grids[0].step_s, len(self.axes)
         span = max(1, round(MEMORY_SPAN_S / step_s))

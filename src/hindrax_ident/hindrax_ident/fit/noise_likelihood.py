@@ -47,7 +47,24 @@ OTHERS = np.linspace(-2.0, 2.0, 21)
 
 
 def fit_noise(chain: ErrorDynamics, residual: Array, before: Noise, *, given_position: bool = False) -> Noise:
-    """Most likely noise of a residual (n,). With `given_position` the position variance stays fixed."""
+    """Most likely split of a residual into measurement noise and unknown force.
+
+    Parameters
+    ----------
+    chain
+        Error dynamics between the n measurements.
+    residual : (n,) [m/s, rad/s, m, rad]
+        Measured minus simulated.
+    before
+        Noise of the last round, about which the variance of positions is searched.
+    given_position
+        Whether the variance of positions stays as it is.
+
+    Returns
+    -------
+    Noise
+        Of the largest likelihood over the candidates of the module's head.
+    """
     # The variance of the positions is found in turns with the other two: all three at once would be a grid of 21 times
     # as many candidates, and one turn moves it by less than the spacing of OTHERS.
     main = _main(chain)
@@ -86,13 +103,28 @@ def _best(pieces: _Pieces, ratios: ArrayLike, parts: ArrayLike, others: ArrayLik
 
 
 def disturbance_profile(chain: ErrorDynamics, residual: Array, noise: Noise, thrusts: Array) -> tuple[Array, Array]:
-    """Likelihood of a residual (n,) over thrust noise densities (m,) [s]; the measurement variances stay fixed.
+    """Likelihood of a residual over densities of the thrust noise; the variances of the measurements stay fixed.
 
     For a fit over several motions: the thrust noise is one of the thrusters, so their profiles add up, while each
     motion has unknown forces of its own, over which its profile is maximized here. Of two explanations that are as
     likely, the one without such forces counts (PENALTY).
 
-    Twice the negative log-likelihood, and the most likely density of the other unknown acceleration: (m,) each.
+    Parameters
+    ----------
+    chain
+        Error dynamics between the n measurements of one motion.
+    residual : (n,) [m/s, rad/s, m, rad]
+        Measured minus simulated.
+    noise
+        Variances of the measurements, and the total density that is shared out.
+    thrusts : (m,) [s]
+        Candidate densities, per squared acceleration due to the thrusters.
+
+    Returns
+    -------
+    tuple[Array, Array]
+        Twice the negative log-likelihood (m,), and the most likely density of the other unknown acceleration (m,)
+        [m^2/s^3, rad^2/s^3].
     """
     main = _main(chain)
     pieces = _Pieces(chain, residual, main)

@@ -184,10 +184,29 @@ def linearize(
     readings: Array | None = None,
     refinements: int = 0,
 ) -> LinearizedProblem | None:
-    """Simulate from the start of each stretch of `path` and differentiate; None where it diverges.
+    """Simulate from the start of each stretch of a path and differentiate.
 
-    After the columns of the parameters, J has those of `impulses` (grid, m): unmodeled impulses over each step, and of
-    `readings` (n, k): errors of each measurement. `refinements` as of `sensitivities`.
+    Parameters
+    ----------
+    problem
+        Measurements, grid and model of one axis.
+    theta : (p,)
+        Parameters.
+    path
+        Motion whose states at the start of each stretch count.
+    white
+        Whitens a table, (n, k) to (n, k).
+    impulses : (grid, m) [N s, N m s per unit]
+        Unmodeled impulses over each step: columns of J after those of the parameters.
+    readings : (n, k) [m/s, rad/s, m, rad per unit]
+        Errors of each measurement: the last columns of J.
+    refinements
+        As of `sensitivities`.
+
+    Returns
+    -------
+    LinearizedProblem | None
+        Whitened residuals and sensitivities, initial conditions projected out; None where the motion diverges.
     """
     moved = trajectory(problem.model, theta, problem.grid, path)
     if moved is None:
@@ -215,9 +234,21 @@ def mean_error(problem: OutputErrorProblem, residuals: Array) -> float:
 
 
 def nearest_start(model: Model, record: Record, starts: Sequence[Array]) -> Array:
-    """Those of some parameters, (p,) each, whose motion is nearest to the record; the first where several are.
+    """Choose the parameters whose motion is nearest to the record; the first where several are.
 
     A descent ends in the basin in which it begins, and a live estimate of a short run may be in another one.
+
+    Parameters
+    ----------
+    model, record
+        Of the axis.
+    starts : (p,) each
+        Candidates.
+
+    Returns
+    -------
+    Array
+        (p,), one of them.
     """
     problem = build_problem(model, record)
 
@@ -230,7 +261,22 @@ def nearest_start(model: Model, record: Record, starts: Sequence[Array]) -> Arra
 
 
 def error_dynamics_of(problem: OutputErrorProblem, theta: Array, path: Trajectory) -> ErrorDynamics:
-    """Linearized error dynamics between the measurements."""
+    """Error dynamics v' = -d v - k s + a between the measurements, linearized along a path.
+
+    Parameters
+    ----------
+    problem
+        With n measurements.
+    theta : (p,)
+        Parameters: d is the slope of the drag over the mass, k that of the restoring moment.
+    path
+        Motion along which they are linearized.
+
+    Returns
+    -------
+    ErrorDynamics
+        (n,) each.
+    """
     model, index, starts = problem.model, problem.index, problem.starts()
     v, s = path.v[index], path.s[index]
     stiffness = theta[-2] * np.cos(s) / theta[-1] if model.restores else np.zeros(len(s))
@@ -254,7 +300,20 @@ def _effort(problem: OutputErrorProblem, steps_s: Array) -> Array:
 
 
 def whitener_of(problem: OutputErrorProblem, theta: Array, path: Trajectory, noise: Noise) -> Whitener:
-    """Whitener for the motion along a path."""
+    """Whitener for the motion along a path.
+
+    Parameters
+    ----------
+    problem, theta, path
+        As of `error_dynamics_of`.
+    noise
+        Variances of the measurements and of unknown forces.
+
+    Returns
+    -------
+    Whitener
+        A Kalman filter whose innovations are white, of unit variance.
+    """
     return Whitener(error_dynamics_of(problem, theta, path), noise)
 
 
@@ -293,9 +352,21 @@ def _project_velocities(problem: OutputErrorProblem, white: Array) -> Array:
 def restarted(
     problem: OutputErrorProblem, linear: LinearizedProblem, change: Array, damping: float = 0.0
 ) -> Trajectory:
-    """Initial guess of the motion after a change of the parameters, with initial conditions updated to first order.
+    """Initial guess of the motion after a change of the parameters, its initial conditions updated to first order.
 
-    `damping` shortens that update by 1 + damping.
+    Parameters
+    ----------
+    problem, linear
+        The problem, and its linearization before the change.
+    change : (p,)
+        Of the parameters.
+    damping : [-]
+        Shortens the update by 1 + damping, as the step of the parameters.
+
+    Returns
+    -------
+    Trajectory
+        Right at the start of each stretch; elsewhere as before.
     """
     v, s = linear.path.v.copy(), linear.path.s.copy()
     steps = (linear.start[:, :, 0] - linear.start[:, :, 1:] @ change) / (1.0 + damping)

@@ -12,15 +12,28 @@ CHANCE = 0.999
 
 
 def scatter_inflation(gradients: Array, informations: Sequence[Array], inverse: Array, covariance: Array) -> Array:
-    """Ratios of the scatter between blocks to the standard deviations, where significantly above 1: (p,) [-].
-
-    `gradients` (blocks, p) of the cost and `informations` (p, p) of each block; `inverse` (p, p) of their sum with the
-    prior's; `covariance` (p, p) of the parameters by the noise.
+    """Ratios of the scatter between blocks to the standard deviations, where it is significantly above 1.
 
     At the minimum the gradients J'r of all blocks sum to nearly zero. H^-1 times that of one block is what the block
     would like to change; the sum of the squares of these changes is the variance of the estimate if blocks are
-    independent, whatever the residuals look like within them. It is rough with few blocks: hence the limit, a
-    quantile of chi squared over its degrees of freedom.
+    independent, whatever the residuals look like within them. It is rough with few blocks: hence the limit, a quantile
+    of chi squared over its degrees of freedom.
+
+    Parameters
+    ----------
+    gradients : (blocks, p)
+        Of the cost, by block.
+    informations : (p, p) each
+        Of the blocks.
+    inverse : (p, p)
+        Of the sum of the informations and that of the prior: H^-1.
+    covariance : (p, p)
+        Of the parameters by the noise.
+
+    Returns
+    -------
+    Array
+        (p,) [-], 1 or more.
     """
     blocks = len(gradients)
     if blocks < 4:

@@ -41,7 +41,22 @@ class ScoreTest:
 
 
 def score(fit: OutputErrorFit, impulses: Array, readings: Array | None = None) -> ScoreTest:
-    """Test impulses over each step of the fit's grid, (n, m) [N s, N m s per unit], then errors of its measurements."""
+    """Test impulses and errors of measurements that the fit does not model, without fitting them (score test).
+
+    Parameters
+    ----------
+    fit
+        A converged fit.
+    impulses : (grid, m) [N s, N m s per unit]
+        Unmodeled impulses over each step.
+    readings : (n, k) [m/s, rad/s, m, rad per unit]
+        Errors of each measurement; None: none.
+
+    Returns
+    -------
+    ScoreTest
+        Gradient and information of the m + k unknowns, and the shift of the parameters per unit of each.
+    """
     p, m = len(fit.theta), impulses.shape[1] + (0 if readings is None else readings.shape[1])
     linear = linearize(fit.problem, fit.theta, fit.linear.path, fit.whitener, impulses, readings=readings)
     if linear is None:
@@ -62,9 +77,19 @@ def _noise(fit: OutputErrorFit) -> float:
 
 
 def slow_force_ratio(fit: OutputErrorFit) -> float:
-    """Ratio of the power of slow unknown forces in the residuals to that expected from the noise; 1 or more.
+    """Ratio of the power of slow unknown forces in the residuals to that expected from the noise.
 
     Whitening over the memory of the thrusters does not cover a tether, an operator or a swell (third-party records).
+
+    Parameters
+    ----------
+    fit
+        A converged fit.
+
+    Returns
+    -------
+    float
+        1 or more [-]: the factor of the covariance.
     """
     grid = fit.problem.grid
     longest_s = max(float(np.ptp(fit.problem.t[span])) for span in fit.problem.spans)

@@ -71,15 +71,25 @@ class ErrorDynamics:
 
 @np.errstate(over="ignore", invalid="ignore")  # parameters that make the error grow for ever; they are not finite then
 def transitions(chain: ErrorDynamics) -> tuple[Array, Array]:
-    """Transition of the error (v, s, a) over each step, and its covariance for unit density: (n, 3, 3) each, SI.
+    """Transition of the error (v, s, a) over each step, and its covariance for unit density.
 
     The matrix exponential of F h for every measurement at once: d and k change along the path, so there are thousands
-    of different ones (SciPy takes them one by one: 8 s for 5000; this, 6 ms). So: a Taylor series over
-    h = step / 2^doublings, short enough that its error stays below 1e-7, and squaring back. The covariance
+    of different ones (SciPy takes them one by one: 8 s for 5000; this, 6 ms). So: a Taylor series over h = step /
+    2^doublings, short enough that its error stays below 1e-7, and squaring back. The covariance
 
         Q(h) = integral of e^(F u) D e^(F' u) du from 0 to h,   D = diag(0, 0, 1 / T^2)
 
     is Simpson's rule over the short step; Q(2h) = Q(h) + A Q(h) A' then doubles it along with A.
+
+    Parameters
+    ----------
+    chain
+        Of n measurements: d, k, steps and the memory T.
+
+    Returns
+    -------
+    tuple[Array, Array]
+        A and Q: (n, 3, 3) each, SI.
     """
     n, rate = len(chain.step_s), 1.0 / max(LEAST_MEMORY_s, chain.memory_s)
     fastest = rate + float(np.abs(chain.damping).max() + np.sqrt(np.abs(chain.stiffness).max()))
@@ -106,14 +116,26 @@ def _series(F: Array) -> Array:
 
 
 def gains(chain: ErrorDynamics, transition: tuple[Array, Array], noise: Noise) -> tuple[Array, Array]:
-    """Kalman gains (n, 3) and standard deviations of the innovations (n,).
+    """Kalman gains, and standard deviations of the innovations.
 
     They depend on the noise and on which channel is measured when, not on the residuals: computed once per noise, they
     serve all columns. Velocity and position at the start of a stretch count as exact: their errors are nuisance
-    parameters, and `output_error_problem` projects them out. The unknown acceleration starts at its stationary
-    variance q / (2 T).
+    parameters, and `output_error_problem` projects them out. The unknown acceleration starts at its stationary variance
+    q / (2 T).
 
-    A measurement that does not count (an outlier) has no gain: the filter predicts across it.
+    Parameters
+    ----------
+    chain
+        Of n measurements; one that does not count (an outlier) has no gain: the filter predicts across it.
+    transition : (n, 3, 3), (n, 3, 3)
+        A and Q of `transitions`.
+    noise
+        Variances of both channels, and the density q.
+
+    Returns
+    -------
+    tuple[Array, Array]
+        Gains (n, 3) of v, s and a; deviations (n,) [m/s, rad/s, m, rad].
     """
     A, Q = transition
     density, variances = chain.density(noise), (noise.velocity, noise.position)

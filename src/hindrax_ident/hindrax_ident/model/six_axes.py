@@ -30,7 +30,7 @@ ADDED, ADDED_SIGMA = 1.8, 3.0
 """Total mass before a fit and its deviation, in those of the body [-]; `model_parameters.wide_prior` has the same."""
 REST = 0.005
 """Deviation of an offset, of the weight (in moments: at the length of the vehicle) [-]."""
-LOST, LOST_SIGMA, EXPONENT, THRUST_EXPONENT = 0.06, 0.07, 0.1, 0.05
+INFLOW_LOSS, INFLOW_LOSS_SIGMA, EXPONENT, THRUST_EXPONENT = 0.06, 0.07, 0.1, 0.05
 """Inflow loss as `assess.influences` has it, in a usual pool or in none; deviations of exponents [-]."""
 GAIN_REMEDY = "describe the thrusters in the vehicle file, or measure the thrust at several commands"
 INFLOW_REMEDY = "legs with the thrust off at speed, together with boosts from rest and plateaus, separate it from drag"
@@ -80,7 +80,20 @@ def symmetric(at: tuple[int, int]) -> Array:
 
 
 def inertial_force(M: Array, nu: Array, acceleration: Array) -> Array:
-    """M v' + C(M) v: (n, 6) [N, N m], from the momentum M v of the body axes (Kirchhoff)."""
+    """M v' + C(M) v: the inertial force of a body with the momentum M v, in body axes (Kirchhoff).
+
+    Parameters
+    ----------
+    M : (6, 6) [kg, kg m, kg m^2]
+        Total mass, symmetric.
+    nu, acceleration : (n, 6) [m/s, rad/s], [m/s^2, rad/s^2]
+        Velocities of the body and their derivatives.
+
+    Returns
+    -------
+    Array
+        (n, 6) [N, N m].
+    """
     momentum = nu @ M
     turning, linear = nu[:, 3:], momentum[:, :3]
     out = acceleration @ M
@@ -260,14 +273,33 @@ def _doubts(vehicle: Vehicle, axis: int, scales: Scales, gain_sigma: float, drag
     name = AXES[axis]
     return [
         Term(f"{name}: gain of the wrench", DOUBT, 0.0, max(1e-6, gain_sigma), "-", of_gain, remedy=GAIN_REMEDY),
-        Term(f"{name}: inflow loss", DOUBT, LOST, LOST_SIGMA, "-", inflow, 0.0, remedy=INFLOW_REMEDY),
+        Term(f"{name}: inflow loss", DOUBT, INFLOW_LOSS, INFLOW_LOSS_SIGMA, "-", inflow, 0.0, remedy=INFLOW_REMEDY),
         Term(f"{name}: exponent of the drag", DOUBT, 0.0, EXPONENT, "-", exponent, remedy=SPEEDS_REMEDY),
         Term(f"{name}: exponent of the thrust", DOUBT, 0.0, THRUST_EXPONENT, "-", load, remedy=GAIN_REMEDY),
     ]
 
 
 def terms_of(vehicle: Vehicle, axes: tuple[int, ...], scales: Scales, gain_sigma: float, drags: Array) -> list[Term]:
-    """All terms of the axes that were measured: own, doubts, and those that the record may admit."""
+    """Terms of the axes that were measured: their own, doubts, and those that the record may admit.
+
+    Parameters
+    ----------
+    vehicle
+        Of which priors are made.
+    axes
+        Measured and moved.
+    scales
+        Largest speeds and thrusts of the record.
+    gain_sigma : [-]
+        Standard deviation of the gain of the wrench.
+    drags : (6,) [N, N m]
+        Drag at the largest speeds, of a first fit: for the size of doubts.
+
+    Returns
+    -------
+    list[Term]
+        Own terms first; names are unique.
+    """
     out = [term for axis in axes for term in (_mass_term(vehicle, axis, axis), *_own_terms(vehicle, axis))]
     out += [term for axis in axes for term in _standing_terms(vehicle, axis)]
     out += [term for axis in axes for term in _doubts(vehicle, axis, scales, gain_sigma, float(drags[axis]))]

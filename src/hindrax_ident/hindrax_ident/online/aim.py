@@ -58,7 +58,22 @@ def plan_text(motions: Sequence[str], aim: Aim) -> str:
 
 
 def check_experiment(motions: Sequence[str], aim: Aim, on_cancel: str = "hold") -> None:
-    """UsageError that names what is invalid."""
+    """Check an experiment before it is begun.
+
+    Parameters
+    ----------
+    motions
+        Of AXES.
+    aim
+        What is wanted of their drag, and the time for it.
+    on_cancel
+        Ending of a cancelled maneuver: hold or neutral.
+
+    Raises
+    ------
+    UsageError
+        Names what is invalid, found and wanted.
+    """
     if not motions:
         raise UsageError(f"goal: no motion, wanted some of {', '.join(AXES)}")
     for motion in motions:

@@ -182,7 +182,17 @@ class AxisEstimator:
         return math.sqrt(self._rls.variance)
 
     def thrust(self, t_s: float, force: float, effort: float | None = None) -> None:
-        """Thrust commanded from this time on; `effort` as in a record, by default that of a single thruster."""
+        """Thrust commanded from this time on.
+
+        Parameters
+        ----------
+        t_s : [s]
+            In time order.
+        force : [N, N m]
+            On the axis.
+        effort : [N^2, N^2 m^2]
+            Sum of the squared parts of the thrusters, as in a record; None: that of a single thruster.
+        """
         if self._filter:
             self._inputs.append((t_s, "thrust", force))
         self._thrusts.append((t_s, "thrust", force))
@@ -220,9 +230,23 @@ class AxisEstimator:
         return max(waiting, default=self._thrust_s)
 
     def velocity(self, t_s: float, v: float, refusal: str = "", *, derived: bool = False) -> SampleVerdict:
-        """Add one velocity; with a `refusal` it updates the filters but not the estimate.
+        """Add one velocity, and learn from it where nothing speaks against that.
 
-        `derived`: computed from positions, which the joint filter has used already.
+        Parameters
+        ----------
+        t_s : [s]
+            Later than the one before.
+        v : [m/s, rad/s]
+            Mean over a sample of its instrument.
+        refusal
+            Why the estimate is not to be updated; the filters are nevertheless.
+        derived
+            Whether it was computed from positions, which the joint filter has used already.
+
+        Returns
+        -------
+        SampleVerdict
+            Whether it was learned from; the reason where not, the innovation where it was.
         """
         regression, tuning = self.regression, self._tuning
         self._apply_inputs_until(t_s)

@@ -91,7 +91,17 @@ class AxisSession:
         return effort, inflow
 
     def motion(self, t_s: float, nu: Vec6, masses: Masses) -> None:
-        """Velocities of all axes from this time on, and the present estimates of the masses (see `coriolis`)."""
+        """Velocities of all axes from this time on: with the masses they cause forces on this one (`coriolis`).
+
+        Parameters
+        ----------
+        t_s : [s]
+            In time order.
+        nu : (6,) [m/s, rad/s]
+            Body velocities; that of the own axis does not count.
+        masses
+            Present estimates of the masses.
+        """
         axis = self.model.axis
         others = (*nu[:axis], 0.0, *nu[axis + 1 :])
         if others == self._others:
@@ -102,7 +112,24 @@ class AxisSession:
         self.estimator.known(t_s, self._hydrostatic + self._coriolis)
 
     def velocity(self, t_s: float, v: float, source: str, refusal: str) -> list[tuple[float, SampleVerdict]]:
-        """Add one velocity of one source; return the verdicts on the means that it completes."""
+        """Add one velocity of one source; a mean over a bin is learned from.
+
+        Parameters
+        ----------
+        t_s : [s]
+            In time order.
+        v : [m/s, rad/s]
+            Along the axis; NaN is left out.
+        source
+            Instrument or navigator; one of them counts.
+        refusal
+            Why the estimate is not to be updated; empty where it is.
+
+        Returns
+        -------
+        list[tuple[float, SampleVerdict]]
+            Time [s] and verdict of each mean that it completes.
+        """
         if not math.isfinite(v) or not self._speed_source.accepts(source) or self._is_derived:
             return []
         points = self._speed_bin.add(t_s, v)
@@ -120,7 +147,24 @@ class AxisSession:
     def attitude(
         self, t_s: float, attitude_rad: tuple[float, float, float], depth_m: float, refusal: str
     ) -> list[tuple[float, SampleVerdict]]:
-        """Add attitude and depth: known forces, angles, and in heave the velocity derived from depth."""
+        """Add attitude and depth: known forces, angles, and in heave the velocity derived from depth.
+
+        Parameters
+        ----------
+        t_s : [s]
+            In time order.
+        attitude_rad : (3,) [rad]
+            Roll, pitch, yaw; NaN where unknown.
+        depth_m : [m]
+            NaN where unknown.
+        refusal
+            Why the estimate is not to be updated; empty where it is.
+
+        Returns
+        -------
+        list[tuple[float, SampleVerdict]]
+            As of `velocity`; only in heave there are any.
+        """
         axis = self.model.axis
         roll, pitch, _ = attitude_rad
         if axis < 2 and math.isfinite(roll) and math.isfinite(pitch):
@@ -140,7 +184,24 @@ class AxisSession:
             kept.append((t_s, position))
 
     def way(self, t_s: float, way_m: float, source: str, refusal: str) -> list[tuple[float, SampleVerdict]]:
-        """Add the depth, or the way along the axis: the final fit takes it as it is, the live estimate its slopes."""
+        """Add the depth, or the way along the axis: the final fit takes it as it is, the live estimate its slopes.
+
+        Parameters
+        ----------
+        t_s : [s]
+            In time order.
+        way_m : [m]
+            Along the axis; NaN is left out.
+        source
+            Instrument or navigator; one of them counts.
+        refusal
+            Why the estimate is not to be updated; empty where it is.
+
+        Returns
+        -------
+        list[tuple[float, SampleVerdict]]
+            Time [s] between two means and the verdict on their slope, where no instrument measures the velocity.
+        """
         if not math.isfinite(way_m) or not self._way_source.accepts(source):
             return []
         self._add_position(t_s, way_m, source)
@@ -185,7 +246,20 @@ class AxisSession:
         return array(times), array(wrenches).reshape(-1, 6)
 
     def record(self, stretches: tuple[Stretch, ...], plateaus: tuple[Stretch, ...], masses: Masses) -> Record:
-        """Record of the axis, with the stretches of time in which it may be used."""
+        """Record of the axis until now, for the final fit.
+
+        Parameters
+        ----------
+        stretches, plateaus
+            Spans of time that may be used, and those at constant thrust.
+        masses
+            Of all axes, for the forces by motion along the others.
+
+        Returns
+        -------
+        Record
+            Velocities of the source in use, thrust, known forces and positions.
+        """
         velocities = Samples() if self._is_derived else self._velocities.get(self._speed_source.name, Samples())
         moved_s, *nu = np.array(self._other_velocities or [(0.0, *ZERO6)]).T
         effort, inflow = self._of_forces()

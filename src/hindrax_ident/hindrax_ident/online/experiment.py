@@ -59,9 +59,18 @@ class DragEstimate:
         return float(np.median(self._variance(self.covariance) / self._variance(array(flown))))
 
     def after(self, level: float) -> tuple[float, float, int]:
-        """Improvement by flying a level out and back, the time on its plateaus [s], and how often it is to be flown.
+        """What flying one more level would improve.
 
-        The improvement counts in squares of what is wanted, and only down to that.
+        Parameters
+        ----------
+        level : [-]
+            From the slowest plateau flown (0) to the fastest (1).
+
+        Returns
+        -------
+        tuple[float, float, int]
+            Improvement in squares of what is wanted, and only down to that; time on its plateaus [s]; how often it is
+            to be flown out and back.
         """
         fast, order = np.abs(self.plateaus.v), np.argsort(np.abs(self.plateaus.v))
         speed = float(fast.min() + level * (fast.max() - fast.min()))
@@ -83,7 +92,22 @@ class DragEstimate:
 
 
 def drag_of(session: Session, axis: int, until: float | None) -> DragEstimate | None:
-    """Present estimate of the drag along an axis; None before two speeds were flown."""
+    """Present estimate of the drag along an axis, by its plateaus.
+
+    Parameters
+    ----------
+    session
+        Live session.
+    axis
+        0 to 5.
+    until : [-]
+        Wanted deviation of the drag, as a share of it; None: OF_CALIBRATION of that of the thrust.
+
+    Returns
+    -------
+    DragEstimate | None
+        None before two speeds were flown, or where there is no fit.
+    """
     if axis not in session.axes:
         return None
     plateaus = measure(session.record(axis))
@@ -104,7 +128,22 @@ def drag_of(session: Session, axis: int, until: float | None) -> DragEstimate | 
 
 
 def calibration_of(session: Session, axis: int, force: float) -> float:
-    """Standard deviation of a thrust by its calibration, as a share of it [-]."""
+    """Standard deviation of a thrust by its calibration.
+
+    Parameters
+    ----------
+    session
+        With its vehicle.
+    axis
+        0 to 5.
+    force : [N, N m]
+        Thrust on the axis.
+
+    Returns
+    -------
+    float
+        Share of the thrust [-].
+    """
     at = array([force])
     errors = [(mode.error(at), mode.covariance) for mode in modes(session.vehicle, axis)]
     variance = sum(float((error @ covariance @ error.T)[0, 0]) for error, covariance in errors)

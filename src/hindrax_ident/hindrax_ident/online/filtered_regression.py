@@ -105,9 +105,21 @@ class FilteredRegression:
         self._position = (t_s, angle_rad)
 
     def velocity(self, t_s: float, v: float, spread_s2: float = 0.0) -> Sample | None:
-        """Add a velocity measured at this time; None for the first after a restart, which only initializes the filters.
+        """Add a velocity measured at this time.
 
-        `spread_s2`: variance of the span of time over which it is a mean [s^2].
+        Parameters
+        ----------
+        t_s : [s]
+            Later than the one before.
+        v : [m/s, rad/s]
+            Along the axis.
+        spread_s2 : [s^2]
+            Variance of the span of time over which it is a mean.
+
+        Returns
+        -------
+        Sample | None
+            Row of the regression; None for the first after a restart, which only initializes the filters.
         """
         terms = self._terms_at(t_s, v)
         self._undo = self.velocity_time_s, self._z, self._terms, self._sums, self._start, self._recent, self._direction
@@ -245,11 +257,23 @@ def _two_poles(a: float, b: float, step: float, at_a: float, at_b: float) -> flo
 
 
 def found_delays(coefficients: Sequence[float], lag_s: float) -> tuple[float, float]:
-    """Lag, and delay beyond that of the inputs [s], from the first two coefficients of `Sample.shapes` over 1 / M.
+    """Lag, and delay of the inputs beyond it, from the coefficients of the first two shapes of the thrust.
 
-    `lag_s`, T, is that of the filter. With u = s / (1 + s T), which is (1 - 1 / (1 + s T)) / T, thrust behind a lag L
-    and a delay d is 1 / (1 + s T) times a power series of u: an expansion in Laguerre functions (Wahlberg 1991, IEEE
-    Transactions on Automatic Control 36, 551). Its cumulants are L + d and L squared.
+    With u = s / (1 + s T), which is (1 - 1 / (1 + s T)) / T, thrust behind a lag L and a delay d is 1 / (1 + s T) times
+    a power series of u: an expansion in Laguerre functions (Wahlberg 1991, IEEE Transactions on Automatic Control 36,
+    551). Its cumulants are L + d and L squared.
+
+    Parameters
+    ----------
+    coefficients : (2,) [s, s^2]
+        Of `Sample.shapes`, over 1 / M.
+    lag_s : [s]
+        T, that of the filter.
+
+    Returns
+    -------
+    tuple[float, float]
+        L and d [s].
     """
     first, second, *_ = coefficients
     spread = lag_s * lag_s - 2.0 * lag_s * first + 2.0 * second - first * first

@@ -33,7 +33,17 @@ class JointFilter:
         return len(self._x) > 0
 
     def start(self, t_s: float, theta: Array, covariance: Array, noise_variance: float) -> None:
-        """Start at this time from parameters with their covariance; the next samples determine the motion."""
+        """Start at this time; the next samples determine the motion.
+
+        Parameters
+        ----------
+        t_s : [s]
+            Time of the state.
+        theta, covariance : (p,), (p, p)
+            Parameters and their covariance.
+        noise_variance : [m^2/s^2, rad^2/s^2]
+            Of one velocity.
+        """
         q, Q = scaled(theta.tolist(), covariance)
         n = len(q) + 2
         self._x = np.concatenate([[0.0, 0.0], q])

@@ -60,9 +60,21 @@ class RecordSession:
 
 
 def of_axis(reading: IdentEvent, axis: int) -> IdentEvent | None:
-    """Part of a measurement for the session of one axis, or None.
+    """Pick the part of a measurement that the session of one axis is to have.
 
     Velocities and thrusts are those of all axes: motion along the others causes forces on this one.
+
+    Parameters
+    ----------
+    reading
+        Any event of a record.
+    axis
+        0 to 5.
+
+    Returns
+    -------
+    IdentEvent | None
+        None where it says nothing about the axis.
     """
     if isinstance(reading, Thrust):
         return Thrust(finite_wrench(reading.wrench)) if math.isfinite(reading.wrench[axis]) else None

@@ -247,11 +247,11 @@ class Session:
         values, sigmas = zip(*(self._estimated_mass(axis, drafts.get(axis)) for axis in range(6)), strict=True)
         return Masses(values, sigmas)
 
-    def _estimated_mass(self, axis: int, drafted: DraftFit | None) -> tuple[float, float]:
+    def _estimated_mass(self, axis: int, draft_fit: DraftFit | None) -> tuple[float, float]:
         """Total mass of an axis and its deviation [kg, kg m^2]: refined, online, or the usual ratio."""
         rigid = rigid_mass(self.vehicle, axis)
-        if drafted or axis in self._axes:
-            fit = drafted.fit if drafted else None
+        if draft_fit or axis in self._axes:
+            fit = draft_fit.fit if draft_fit else None
             theta, covariance = (fit.theta, fit.covariance) if fit else self._axes[axis].estimator.estimate()
             value, sigma = float(theta[-1]), float(np.sqrt(covariance[-1, -1]))
             if sigma < MASS_SHARE * value:

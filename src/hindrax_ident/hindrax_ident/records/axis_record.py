@@ -167,7 +167,15 @@ class PhaseLog:
     changes: list[tuple[float, str, str]]
 
     def add(self, t_s: float, motion: str, phase: str) -> None:
-        """Add the motion and phase from this time on; a blocked one has begun before."""
+        """Add the motion and phase from this time on; a blocked one has begun before.
+
+        Parameters
+        ----------
+        t_s : [s]
+            In time order.
+        motion, phase
+            As of the maneuver's status.
+        """
         if phase == BLOCKED:
             t_s -= BEFORE_BLOCKED_S
             self.changes = [one for one in self.changes if one[0] < t_s]
@@ -181,7 +189,22 @@ class PhaseLog:
     def stretches(
         self, motions: Sequence[str], phases: Sequence[str], end_s: float, join_s: float = 0.0
     ) -> list[Stretch]:
-        """Spans of the given motions and phases; spans up to `join_s` apart are joined."""
+        """Spans of the given motions and phases.
+
+        Parameters
+        ----------
+        motions, phases
+            Those that count.
+        end_s : [s]
+            End of the last one.
+        join_s : [s]
+            Spans that are at most so far apart are joined.
+
+        Returns
+        -------
+        list[Stretch]
+            In time order.
+        """
         ordered = sorted(self.changes)
         ends = [*(t for t, _, _ in ordered[1:]), end_s]
         spans: list[Stretch] = []
@@ -194,7 +217,24 @@ class PhaseLog:
 
 
 def usable(spans: Sequence[Stretch], measured: Array, thrust: Series, tuning: Tuning) -> tuple[Stretch, ...]:
-    """Cut spans where measurements pause or thrust is unknown, and into pieces within the longest length."""
+    """Cut spans where measurements pause or thrust is unknown, and into pieces within the longest length.
+
+    Parameters
+    ----------
+    spans
+        Of the motion and phases that count.
+    measured : (n,) [s]
+        Times of the measurements.
+    thrust
+        Thrust on the axis.
+    tuning
+        `gap_s`, `thrust_age_s` and `stretch_s`: longest pause, age of a thrust, and length [s].
+
+    Returns
+    -------
+    tuple[Stretch, ...]
+        Each from one measurement to another.
+    """
     if not len(thrust) or not len(measured):
         return ()
     last = np.searchsorted(thrust.t, measured, side="right") - 1

@@ -32,10 +32,23 @@ SHORTEST_S = 5.0
 
 
 def excited_stretches(spans: Sequence[Stretch], t: Array, wrenches: Array, axis: int) -> list[Stretch]:
-    """Parts of spans in which the thrust on the axis excites it; all of them where that is nearly all of their time.
+    """Cut spans to the parts in which the thrust on the axis excites it.
 
-    `wrenches` (n, 6) [N, N m], each from its time `t` (n,) on. The thrust at rest is that of the longest time: it holds
-    the net buoyancy.
+    The thrust at rest is that of the longest time: it holds the net buoyancy.
+
+    Parameters
+    ----------
+    spans
+        In time order.
+    t, wrenches : (n,) [s], (n, 6) [N, N m]
+        Thrust on all axes, each from its time on.
+    axis
+        0 to 5.
+
+    Returns
+    -------
+    list[Stretch]
+        All of the spans where the parts are nearly all of their time (WHOLE), or where there are none.
     """
     if not len(t) or not spans:
         return list(spans)

@@ -78,9 +78,17 @@ class StampSorter(Generic[ReadingT]):
         self._newest_of: dict[tuple[int, str], Stamp] = {}
 
     def push(self, *measurements: Stamped[ReadingT]) -> Iterator[Stamped[ReadingT]]:
-        """Add measurements, also a backlog of them, and yield all that have waited long enough.
+        """Add measurements, also a backlog of them; one that is too late is dropped and counted.
 
-        One that is too late is dropped and counted.
+        Parameters
+        ----------
+        *measurements
+            In any order.
+
+        Yields
+        ------
+        Stamped[ReadingT]
+            Those that have waited long enough, in the order of their stamps.
         """
         for one in measurements:
             stamp, reading = one.stamp, one.reading

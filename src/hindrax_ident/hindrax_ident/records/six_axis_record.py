@@ -71,6 +71,16 @@ class SixAxisRecord:
 
         The participation ratio of the power, (sum P)^2 / sum P^2. A thrust of n sines determines 2 n numbers of a
         linear system (persistent excitation; Ljung, System Identification, 2nd ed., section 13.2).
+
+        Parameters
+        ----------
+        axis
+            0 to 5.
+
+        Returns
+        -------
+        float
+            1 for one sine.
         """
         times = np.arange(self.wrench_t[0], self.wrench_t[-1], SPECTRUM_STEP_S)
         y = np.interp(times, self.wrench_t, self.wrench[:, axis])
@@ -86,9 +96,28 @@ class SixAxisRecord:
 def six_axis_record(
     velocity: tuple[Array, Array], wrench: tuple[Array, Array], attitude: tuple[Array, Array], gap_s: float
 ) -> SixAxisRecord:
-    """Record of tables, each with its times: velocity (n, 6), wrench (m, 6), roll, pitch and depth (k, 3); NaN unknown.
+    """Make a record of tables, each with its times; NaN where something is unknown.
 
-    ValueError where no stretch is long enough. Depth is used where no velocity of heave was measured.
+    Parameters
+    ----------
+    velocity : (n,) [s], (n, 6) [m/s, rad/s]
+        Body velocities about the center of mass.
+    wrench : (m,) [s], (m, 6) [N, N m]
+        Thrust, each from its time on.
+    attitude : (k,) [s], (k, 3) [rad, rad, m]
+        Roll, pitch and depth. The depth is used where no velocity of heave was measured.
+    gap_s : [s]
+        A longer pause between measurements divides stretches.
+
+    Returns
+    -------
+    SixAxisRecord
+        On grids of at most COARSEST_S.
+
+    Raises
+    ------
+    ValueError
+        Where no stretch is long enough, or there are too few velocities and forces.
     """
     (v_t, v), (w_t, w), (a_t, a) = velocity, wrench, attitude
     velocities = tuple(_finite(v_t, one) for one in v.T)

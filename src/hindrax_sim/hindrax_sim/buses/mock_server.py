@@ -23,7 +23,7 @@ from hindrax_core.bus_operations import Transaction
 from hindrax_core.errors import HindraxError, UsageError, cause
 from hindrax_core.events import Stamp
 from hindrax_drivers.buses import mock_protocol
-from hindrax_drivers.buses.clock import EPOCH, NEVER
+from hindrax_drivers.buses.clock import EPOCH, LAST_STAMP
 from hindrax_drivers.buses.mock_protocol import LARGEST_FRAME, Kind
 
 
@@ -68,8 +68,8 @@ class BusServer:
         return len(ready)
 
     def earliest_wakeup(self) -> Stamp:
-        """Return the earliest wake-up time of the sleeping clients; NEVER when none sleeps."""
-        return min((client.until for client in self._clients if client.until is not None), default=NEVER)
+        """Return the earliest wake-up time of the sleeping clients; LAST_STAMP when none sleeps."""
+        return min((client.until for client in self._clients if client.until is not None), default=LAST_STAMP)
 
     def busy(self) -> list[str]:
         """Names of clients that are awake and have slept before: time should wait for them.

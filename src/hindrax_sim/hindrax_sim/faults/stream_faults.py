@@ -18,7 +18,7 @@ from hindrax_sim.faults.fault_schedule import FaultSchedule, Scheduled, Switch
 
 LEAP_S = 1000.0
 HOLD_S = 0.25
-LOST, LATE_S = 0.2, 0.3
+LOST_SHARE, LATE_S = 0.2, 0.3
 Random: TypeAlias = np.random.Generator
 
 
@@ -73,7 +73,7 @@ def _flipped(random: Random, data: bytes) -> list[bytes]:
 
 
 def _lost(random: Random, data: bytes) -> bytes:
-    return b"" if random.random() < LOST else data
+    return b"" if random.random() < LOST_SHARE else data
 
 
 def _arrived(random: Random, data: bytes) -> list[bytes]:

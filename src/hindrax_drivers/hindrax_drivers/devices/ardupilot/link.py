@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 from hindrax_core.driver_interface import Output, Send
 from hindrax_core.events import Rejected, Stamp, seconds_between
+from hindrax_core.signals import NEVER
 from hindrax_drivers.protocols import ardupilot, mavlink
 from hindrax_drivers.protocols.ardupilot import FROM_AUTOPILOT, GROUND_STATION, ParameterValue, Version
 from hindrax_drivers.protocols.mavlink import AUTOPILOT, ONBOARD_COMPUTER, SYSTEM, CommandAck, Decoder, Heartbeat, Sent
@@ -31,7 +32,6 @@ AT_ONCE = 8
 LOST_S = 3.0
 """Silence of the heartbeat, 1 Hz, after which the autopilot counts as lost."""
 ACCEPTED, IN_PROGRESS = 0, 5
-NEVER = Stamp(0)
 SECOND_COMPUTER, THIRD_COMPUTER, FOURTH_COMPUTER, COMPANION = 192, 193, 194, 18
 """MAV_COMP_ID_ONBOARD_COMPUTER2 to 4, MAV_TYPE_ONBOARD_CONTROLLER."""
 ARDUPILOT = 3
