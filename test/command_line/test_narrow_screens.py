@@ -9,6 +9,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,9 +19,12 @@ from rich.console import Console
 
 from hindrax_analysis import terminal
 from hindrax_analysis.gains.hold_gains import designed
+from hindrax_analysis.identification.bag_identification import show
 from hindrax_analysis.identification.known_weight import Weighing
 from hindrax_analysis.identification.montecarlo import CoefficientError, DragError, Trial, summary
+from hindrax_analysis.identification.verdict import NextFlight
 from hindrax_analysis.terminal import ResultTable
+from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.clone import clone_root
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli import command_line, pool_plan
@@ -33,15 +38,19 @@ from hindrax_cli.commands.operate.status import StackStatus
 from hindrax_cli.commands.pool import tune
 from hindrax_cli.health_checks import Check
 from hindrax_control.commissioning.findings import Finding, Findings, Mend
+from hindrax_control.maneuver.plan import plans_of
 from hindrax_core.text import screen_text
 from hindrax_core.text.refusals import NOTHING
 from hindrax_core.text.screen_text import COMMAND, UNBOUNDED
-from hindrax_core.vehicle import AxisGain, load_vehicle
+from hindrax_core.vehicle import AXES, AxisGain, load_vehicle
 from hindrax_ident.arrays import array
-from hindrax_ident.assess.assessment import METHOD
+from hindrax_ident.assess.assessment import FLY_TWICE, METHOD
 from hindrax_ident.assess.objections import unnamed
+from hindrax_ident.assess.results import DragBand, MotionResult, NextStep, Number, Results
+from hindrax_ident.model import motion_model
 from hindrax_laboratory import pendulum
 from hindrax_laboratory.benchmark.blind_benchmark import Common, Row
+from hindrax_operator.pool_run import FlownManeuver, finish
 from hindrax_sim.flights.rehearsal import ExpectedBand, Flown, Rehearsal
 from hindrax_sim.flights.step_flight import StepOutcome
 from hindrax_tools.faults import table as fault_table
@@ -148,7 +157,10 @@ WITHOUT_UNIT = {
     "RMSE / bound",
     "RMSE / std",
     "ROS domain",
-    "held-out error (still)",
+    "error (still)",
+    "agrees",
+    "misprint",
+    "does not follow",
     "gain",
 }
 """Headings of numbers that count something, are a ratio, or are a unit themselves."""
@@ -285,23 +297,6 @@ def test_nothing_is_cut(
             assert not cut, f"{width} columns"
 
 
-@pytest.mark.parametrize("vehicle", ["hindrax", "bluerov2", "bluerov2-heavy", "lbv"])
-@pytest.mark.parametrize(
-    "command",
-    ["vehicle show {}", "vehicle check {}", "estimate --vehicle {}", "allocate --vehicle {} --wrench 9 0 2 0 0 0"],
-)
-def test_tables_of_every_vehicle_are_tables_on_80_columns(
-    command: str, vehicle: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(terminal, "console", lambda: Console(width=80, file=sys.stdout))
-    monkeypatch.setattr(terminal, "_stacked", lambda *_: pytest.fail("too wide for a table"))
-    main(command.format(vehicle).split())
-    printed = capsys.readouterr().out
-    assert "\u250f" in printed
-    path_of_file = [line for line in printed.splitlines() if line.strip().endswith(".yaml")]  # copied whole
-    assert max(len(line) for line in printed.splitlines() if line not in path_of_file) <= 80
-
-
 @pytest.mark.parametrize("command", sorted({*COMMANDS, *RECORDS, *PRINTERS}))
 def test_default_tables_are_tables_on_80_columns(
     command: str,
@@ -312,7 +307,7 @@ def test_default_tables_are_tables_on_80_columns(
     monkeypatch.setattr(terminal, "console", lambda: Console(width=80, file=sys.stdout))
     for table in tables[command]:
         terminal._print_whole_or_stacked(table)
-        assert "\u250f" in capsys.readouterr().out, str(table.title)
+        assert "\u2547" in capsys.readouterr().out, str(table.title)
 
 
 @pytest.mark.parametrize("command", [*COMMANDS, *RECORDS, *PRINTERS])
@@ -325,7 +320,8 @@ def test_every_number_has_its_unit(command: str, tables: Mapping[str, list[Resul
         for heading, one in zip(headings, table.columns, strict=True):
             beside = all(re.search(r"[A-Za-z%]", str(cell)) for cell in one.cells if cell)
             if one.justify == "right" and heading and not (in_names or "unit" in headings or beside):
-                assert "[" in heading or heading in WITHOUT_UNIT, f"{table.title}: {heading}"
+                captioned = f"{heading} [" in str(table.title)
+                assert captioned or "[" in heading or heading in WITHOUT_UNIT, f"{table.title}: {heading}"
 
 
 def test_a_title_that_is_longer_than_the_screen_breaks_too(
@@ -337,6 +333,90 @@ def test_a_title_that_is_longer_than_the_screen_breaks_too(
     assert all(len(line) <= 40 for line in capsys.readouterr().out.splitlines())
     terminal.print_table("Drag force at shares of the tested speed: relative error", ["motion"], ["x" * 30], rows)
     assert capsys.readouterr().out.splitlines()[:2] == ["Drag force at shares of the tested", "  speed: relative error"]
+
+
+def show_many_trials() -> None:
+    motions, names = (*AXES, "heave_up"), ("k_q", "k_l", "b", "added_mass")
+    errors = [CoefficientError(motion, name, METHOD, 1.5, 0.5, 0.5, 66.48, 0.9) for motion in motions for name in names]
+    drag = [DragError(motion, share, 0.01, 0.1) for motion in motions for share in (0.5, 1.0)]
+    trials.print_montecarlo(summary([Trial(seed, tuple(errors), tuple(drag)) for seed in (1, 2)]))
+
+
+def show_sick_machine() -> None:
+    wires = ["/dev/hindrax/dvl", "/dev/hindrax/ping", "/dev/i2c-1"]
+    missing = [Check(one, "not there", "check cable and power; install the udev rules that make it") for one in wires]
+    unasked = [
+        Check(one, "not asked: no port", f"see {wires[0]}") for one in ("dvl75", "ping1d", "icm20948", "pca9685")
+    ]
+    doctor.show([*(Check(f"check {number}", "as it should be") for number in range(14)), *missing, *unasked])
+
+
+def show_long_plan() -> None:
+    band = ExpectedBand(0.832, 0.023, 0.21, 0.26, ())
+    motions = ("surge", "sway", "heave_down", "heave_up", "roll", "pitch", "yaw")
+    bands = dict.fromkeys(motions, band) | {"pitch": replace(band, reasons=(unnamed("the tether drags"),))}
+    flown = tuple(Flown(motion, 0.0, 115.0, 1.54, 0.66, 0.17) for motion in AXES)
+    plans = tuple(plans_of(load_vehicle(default_vehicle()), AXES))
+    pool_plan.show(Rehearsal("hindrax", "pool", plans, flown, bands, "", NOTHING))
+
+
+def show_all_motions() -> None:
+    names = ("surge", "sway", "heave_down", "heave_up", "roll", "pitch", "yaw")
+    numbers = {
+        name: Number(*((55.0, 5.84) if name == "k_q" else (-0.291, 0.0573)), truth=0.1127, unit=unit)
+        for name, unit in motion_model.coefficient_units(3).items()
+    }
+    drag = DragBand(array([0.1, 0.832]), array([0.1, 0.819]), array([0.01, 0.08]), array([0.01, 0.08]))
+    quality = {"held_out_rmse": 0.0123, "held_out_rmse_stays_still": 0.234}
+    motions = {
+        name: MotionResult(
+            name, METHOD, numbers, identifiable=True, drag=drag, quality=quality, next_step=NextStep(FLY_TWICE, 0.05)
+        )
+        for name in names
+    }
+    found: Any = SimpleNamespace(
+        results=Results(motions, load_vehicle(default_vehicle())), left_out=(), predicted={}, spreads={}
+    )
+    show(found, reported=True)
+    finish(found, RunFolder(Path("runs/2026-05-04_10-00-00")), FlownManeuver(), NextFlight(["--mock"]))
+
+
+VEHICLES = ("hindrax", "bluerov2", "bluerov2-heavy", "lbv")
+OF_A_VEHICLE = (
+    "vehicle show {}",
+    "vehicle check {}",
+    "estimate --vehicle {}",
+    "allocate --vehicle {} --wrench 9 0 2 0 0 0",
+)
+FULL: dict[str, Callable[[], object]] = {
+    "montecarlo": show_many_trials,
+    "doctor": show_sick_machine,
+    "pool-test": show_all_motions,
+    "pool-test --plan": show_long_plan,
+    **{name: printer for name, printer in PRINTERS.items() if name not in ("montecarlo", "pool-test")},
+    **{
+        words: partial(main, words.split())
+        for words in ("papers", *(line.format(vehicle) for line in OF_A_VEHICLE for vehicle in VEHICLES))
+    },
+    **{name: partial(main, COMMANDS[name].split()) for name in ("bag", "bag list")},
+}
+"""What prints the default tables of a command, of as many motions, checks and topics as there are."""
+
+
+@pytest.mark.parametrize("command", FULL)
+def test_the_default_tables_of_a_command_are_one_screen(
+    command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, value in {"COLUMNS": "80", "LINES": "24", "TERM": "dumb"}.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(screen_text, "screen_width", lambda _: 80)
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    FULL[command]()
+    lines = "".join(capsys.readouterr()).splitlines()
+    assert lines
+    assert max(len(line) for line in lines if not line.endswith(".yaml")) <= 80
+    assert len(lines) <= (24 if command == "pool-test" else 23), "the prompt is the last; of a result, the title goes"
+    assert not [line for line in lines if re.search(r"\[[^]]+\]: ", line)], "too narrow for a table"
 
 
 def test_a_vehicle_that_is_proven_is_one_screen(

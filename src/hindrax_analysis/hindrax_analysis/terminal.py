@@ -27,6 +27,11 @@ def console() -> Console:
     return Console(width=None if sys.stdout.isatty() else UNBOUNDED)
 
 
+def screen_rows() -> int:
+    """Lines that fit on the screen of stdout above its prompt; UNBOUNDED off a terminal."""
+    return console().height - 1 if sys.stdout.isatty() else UNBOUNDED
+
+
 def print_answer(document: Mapping[str, object] | object, text: object, *, as_json: bool) -> int:
     """Print one JSON document, or a text for people.
 
@@ -118,7 +123,7 @@ def print_table(
     list[str]
         Headings that were left out.
     """
-    table = ResultTable(title=Text(printable(title), style="table.title"), title_justify="left")
+    table = ResultTable(title=printable(title))
     table.spare, table.grouped = spare, grouped
     for heading in words:
         table.add_column(Text(heading), no_wrap=True)
@@ -142,6 +147,8 @@ def _print_whole_or_stacked(table: ResultTable) -> list[str]:
     for count, broken, folded in ((len(present), False, False), *steps, (0, True, True)):
         shown = _narrowed(table, present[count:], broken=broken, folded=folded)
         if _least_width(shown) <= screen.width:
+            if table.title:
+                screen.print(Text(fitted(str(table.title), screen.width), style="table.title"))
             screen.print(shown)
             if present[count:]:
                 print_fitted(f"(no room here for: {', '.join(present[count:])}; a wider screen shows it)")
@@ -158,7 +165,7 @@ def _narrowed(table: ResultTable, left_out: Sequence[str], *, broken: bool, fold
 
     `broken`: long headings have several lines; `folded`: long names too.
     """
-    made = Table(title=table.title, title_justify="left")
+    made = Table(show_edge=False)
     columns = [column for column in table.columns if str(column.header) not in left_out]
     for column in columns:
         heading = _broken(column) if broken and column.no_wrap else column.header

@@ -66,7 +66,7 @@ def test_a_column_of_remarks_is_there_when_there_are_remarks(capsys: pytest.Capt
     for remark in ("", "disabled"):
         print_table("Thrusters", ("name",), ("force [N]", ""), [("T1", "1.00", ""), ("T2", "2.00", remark)])
         row = next(line for line in capsys.readouterr().out.splitlines() if "T2" in line)
-        assert row.split("\u2502")[3:] == ([f" {remark} ", ""] if remark else [""])
+        assert row.split("\u2502")[2:] == ([f" {remark} "] if remark else [])
 
 
 def test_a_column_of_sentences_is_there_when_there_are_sentences(capsys: pytest.CaptureFixture[str]) -> None:
@@ -115,8 +115,8 @@ def test_a_table_of_values_has_the_digits_that_the_deviation_leaves(
     value: float, std: float, texts: tuple[str, str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     print_values("Fit", [("c", Value(value, std), "N")])
-    row = capsys.readouterr().out.splitlines()[-2]
-    assert [cell.strip() for cell in row.strip("\u2502").split("\u2502")] == ["c", *texts, "N"]
+    row = capsys.readouterr().out.splitlines()[-1]
+    assert [cell.strip() for cell in row.split("\u2502")] == ["c", *texts, "N"]
 
 
 def test_long_work_is_reported_on_a_terminal_alone(

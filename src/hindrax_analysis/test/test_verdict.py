@@ -36,11 +36,7 @@ SWAY = replace(
 
 
 def rows(printed: str) -> list[list[str]]:
-    return [
-        [cell.strip() for cell in line.strip("\u2502").split("\u2502")]
-        for line in printed.splitlines()
-        if line.startswith("\u2502")
-    ]
+    return [[cell.strip() for cell in line.split("\u2502")] for line in printed.splitlines() if "\u2502" in line]
 
 
 def test_each_motion_has_a_line_with_the_interval_and_the_held_out_error(capsys: pytest.CaptureFixture[str]) -> None:

@@ -31,7 +31,8 @@ MARGIN = 0.8
 """Speed limit over the speed up to which a vehicle rights itself."""
 ARROWS = "\u2191\u2197\u2192\u2198\u2193\u2199\u2190\u2196"
 UP, DOWN = "\u2299", "\u2297"
-WIDE, TALL = 45, 15
+WIDE, TALL = 45, 9
+"""Of the picture [characters, lines]: poses and forces fit below it on a screen of 24 lines."""
 
 
 def findings(vehicle: Vehicle) -> list[Check]:
@@ -188,7 +189,7 @@ def picture(vehicle: Vehicle) -> str:
             taken |= cells[at]
             canvas[at][start : start + len(label)] = label
     lines = ["bow".center(WIDE), *("".join(row) for row in canvas)]
-    return "\n".join(line.rstrip() for line in lines)
+    return "\n".join(line.rstrip() for line in lines).rstrip()
 
 
 def _arrow(azimuth_deg: float, elevation_deg: float) -> str:

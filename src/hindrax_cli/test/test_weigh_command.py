@@ -86,6 +86,6 @@ def test_a_gain_is_reported_with_its_deviation_and_the_load_with_its_unit(
 ) -> None:
     gain = AxisGain(load=15.0, sigma=0.0061192, sigma_difference=0.01294, positive=0.92169, negative=None)
     weigh.show(Weighing(axis, gain, {"alignment": 0.0006}, 0.0, 0.5), "not saved")
-    rows = [[cell.strip() for cell in line.split("\u2502")[1:-1]] for line in capsys.readouterr().out.splitlines()]
+    rows = [[cell.strip() for cell in line.split("\u2502")] for line in capsys.readouterr().out.splitlines()]
     assert ["positive", "0.9217", "0.0061", "-"] in rows
     assert ["weighed to", "15", "", unit] in rows

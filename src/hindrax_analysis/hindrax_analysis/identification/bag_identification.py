@@ -31,7 +31,7 @@ from hindrax_analysis.records.own_bag import (
 from hindrax_analysis.report.comparison import RunScatter
 from hindrax_analysis.report.figures import Trace
 from hindrax_analysis.report.run_page import RunReport, run_page
-from hindrax_analysis.terminal import print_table
+from hindrax_analysis.terminal import print_table, screen_rows
 from hindrax_bag import software_version
 from hindrax_bag.read.bag_reader import bag_files, is_bag, messages
 from hindrax_bag.run_folder import RunFolder
@@ -46,6 +46,11 @@ from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import MotionResult, Results, with_truth
 from hindrax_ident.online.session import Outcome, Session
 from hindrax_ident.tuning import Tuning
+
+LAST_LINES = 12
+"""Titles, headings, next step and report around the rows of the last screen."""
+LINE, OFF_LINE = ("k_q", "k_l", "added_mass", "b"), ("k_r",)
+"""Coefficients that the line of a motion has room for, and the others."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,10 +155,49 @@ def show(identified: Identified, *, reported: bool = False) -> None:
         Whether a report is written, which has the remarks on each motion.
     """
     motions = identified.results.motions
+    warnings = shared_warnings(motions)
+    for sentence in identified.left_out:
+        print_fitted(f"{sentence}: earlier results may count force that it did not give")
+    told = [f"{sum(len(names) for names, _ in warnings)} warnings"] if reported and warnings else []
+    if sum(len(result.coefficients) + 1 for result in motions.values()) + LAST_LINES > screen_rows():
+        _show_short(motions, "report" if reported else "--json", told)
+    else:
+        _show_in_full(identified)
+        if told:
+            print_fitted(f"explained in the report: {told[0]}")
+    for names, warning in [] if reported else warnings:
+        print_fitted(f"{', '.join(names)}: {warning}")
+    for motion, result in motions.items():
+        if not result.identifiable:
+            print_fitted(f"{REJECTED} {motion}: not identifiable: {'; '.join(result.reasons)}")
+    show_verdicts(motions, identified.predicted)
+
+
+def _show_short(motions: Mapping[str, MotionResult], where: str, told: Sequence[str]) -> None:
+    """Print a row for each motion: what a screen of 24 lines has room for beside the verdicts of all motions."""
+    names, rows = [name for name in LINE if _has(motions, name)], []
+    for result in motions.values():
+        numbers = (result.coefficients.get(name) for name in names)
+        rows.append((marked(result), *("" if one is None else measured(*one.quoted) for one in numbers)))
+    rest = [*(["truth"] if _has_truth(motions) else []), *(name for name in OFF_LINE if _has(motions, name)), *told]
+    title = f"Coefficients (SI; {PLUS_MINUS}{f'; {where}: ' if rest else ''}{', '.join(rest)})"
+    print_table(title, ("motion",), names, rows, spare=("added_mass", "b"))
+
+
+def _has(motions: Mapping[str, MotionResult], name: str) -> bool:
+    return any(name in result.coefficients for result in motions.values())
+
+
+def _has_truth(motions: Mapping[str, MotionResult]) -> bool:
+    return any(one.truth is not None for result in motions.values() for one in result.coefficients.values())
+
+
+def _show_in_full(identified: Identified) -> None:
+    """Print a row for each coefficient, with its unit, the true value of the mock and the paper's."""
+    motions = identified.results.motions
     name = identified.results.vehicle.name
     papers = (PAPER,) if any(published_of(name, motion) for motion in motions) else ()
-    truths = [one.truth for result in motions.values() for one in result.coefficients.values()]
-    has_truth = any(one is not None for one in truths)
+    has_truth = _has_truth(motions)
     numbers = ("value", *(("truth",) if has_truth else ()), *papers)
     rows = []
     for motion, result in motions.items():
@@ -167,22 +211,6 @@ def show(identified: Identified, *, reported: bool = False) -> None:
     if rows:
         title = f"Identified coefficients, SNAME axes ({PLUS_MINUS}, calibration, water and tether included)"
         print_table(title, ("motion", "coefficient"), numbers, rows, spare=papers, grouped=True)
-    _show_warnings(identified, reported=reported)
-    for motion, result in motions.items():
-        if not result.identifiable:
-            print_fitted(f"{REJECTED} {motion}: not identifiable: {'; '.join(result.reasons)}")
-    show_verdicts(motions, identified.predicted)
-
-
-def _show_warnings(identified: Identified, *, reported: bool) -> None:
-    """Print what makes all results doubtful, then the warnings of the motions, or that the report has them."""
-    for sentence in identified.left_out:
-        print_fitted(f"{sentence}: earlier results may count force that it did not give")
-    warnings = shared_warnings(identified.results.motions)
-    if reported and warnings:
-        print_fitted(f"warnings, explained in the report: {sum(len(names) for names, _ in warnings)}")
-    for names, warning in [] if reported else warnings:
-        print_fitted(f"{', '.join(names)}: {warning}")
 
 
 def shared_warnings(motions: Mapping[str, MotionResult]) -> list[tuple[list[str], str]]:

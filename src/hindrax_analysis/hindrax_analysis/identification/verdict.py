@@ -16,11 +16,9 @@ from hindrax_ident.assess.results import MotionResult
 from hindrax_ident.model.motion_model import MOTIONS, axis_units
 
 ERROR, STILL = "held_out_rmse", "held_out_rmse_stays_still"
-TITLE = (
-    f"Verdict: drag at the highest speed (a std below {FORCE_SHARE:.0%} is twice as good as a guess); "
-    "error of the prediction of held-out motion, and of a guess that it stays still, in the unit of the speed"
-)
-HELD_OUT, REHEARSED = "held-out error (still)", "rehearsed std"
+TITLE = f"Verdict: drag at highest speed (std below {FORCE_SHARE:.0%} is good), held-out error (still)"
+"""One line on a screen; docs/have-a-log.md says against what it is good, and what the error is of."""
+HELD_OUT, REHEARSED = "error (still)", "rehearsed std"
 REJECTED = "*"
 """Mark of a motion that is not identifiable, in the tables and before its reasons."""
 SESSION, WEIGHING = "--session", "weigh the thrust, in the guided session of a pool day"

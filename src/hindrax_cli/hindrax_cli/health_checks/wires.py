@@ -133,7 +133,7 @@ def _asked(name: str, where: str, ask: Callable[[], str]) -> Check:
         and not where.startswith(GPIO_PREFIX)
         and not Path(where.removeprefix(MOCK_PREFIX)).exists()
     ):
-        return Check(name, f"not identified: {where} is missing", f"see {where}")
+        return Check(name, "not asked: no port", f"see {where}")
     try:
         return Check(name, f"{ask()} at {where}")
     except HindraxError as error:

@@ -11,7 +11,7 @@ from pathlib import Path
 from rich import progress
 from rich.console import Console
 
-from hindrax_analysis.terminal import print_answer, print_table, working
+from hindrax_analysis.terminal import print_answer, print_table, screen_rows, working
 from hindrax_bag.read.message_columns import FieldSeries, extract, series
 from hindrax_bag.read.recovery import Recovered, recover
 from hindrax_bag.read.survey import ListedBag, Survey, find_bags, survey
@@ -19,35 +19,44 @@ from hindrax_cli.argument_types import add_json
 from hindrax_cli.bag_fetch import Progress, fetch, remote_of
 from hindrax_cli.command import add_words, command, option
 from hindrax_core.errors import UsageError
-from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.screen_text import UNBOUNDED, print_fitted
 from hindrax_core.text.text_file import nothing_left, require_place, writing
 
 PLOTS = (".png", ".svg", ".pdf")
 BAG = option("bag", type=Path, metavar="BAG", help="folder of a bag, or one of its files")
 OUT = option("--out", type=Path, metavar="PATH", help="where the result goes")
+ALL = option("--all", action="store_true", help="every topic, also where the screen has no room")
+INFO_LINES = 7
+"""Of a survey beside its topics and notes: title, heading, what had no room."""
 TOPICS = option("--topics", nargs="+", metavar="TOPIC", help="only these; default all")
 
 
-@command("./hindrax bag info runs/2026-01-31_14-00-00/bag", BAG, add_json)
+@command("./hindrax bag info runs/2026-01-31_14-00-00/bag", BAG, ALL, add_json)
 def info(arguments: argparse.Namespace) -> int:
     """Topics, counts, rates and times of a bag."""
     with working("messages read") as progress:
         found = survey(arguments.bag, progress)
-    return print_answer(found.document(), lambda: _show_info(found), as_json=arguments.json)
+    return print_answer(found.document(), lambda: _show_info(found, whole=arguments.all), as_json=arguments.json)
 
 
-def _show_info(found: Survey) -> None:
+def _show_info(found: Survey, *, whole: bool = False) -> None:
+    """Print the topics; of more than the screen has room for only the busiest, unless the `whole` bag is asked for."""
+    notes = [f"inside: {', '.join(found.inside) or 'no files'}", *found.damage.notes]
+    if found.damage.unfinished:
+        notes.append(f"the bag is unfinished; ./hindrax bag recover {found.bag} completes it")
+    shown, room = found.topics, UNBOUNDED if whole else screen_rows() - INFO_LINES - len(notes)
+    if len(shown) > room:
+        busiest = sorted(shown, key=lambda name: -shown[name].count)[: max(1, room)]
+        shown = {name: shown[name] for name in busiest}
+        notes.insert(0, f"{len(found.topics) - len(shown)} more topics with fewer messages: --all shows them")
     title = f"{found.bag}: {found.seconds:.1f} s, {found.messages} messages, {_mb(found.size_bytes)}"
     rows = [
         (name, one.type, one.count, f"{found.rate_Hz(one):g}", one.bytes // max(1, one.count))
-        for name, one in sorted(found.topics.items())
+        for name, one in sorted(shown.items())
     ]
     print_table(title, ("topic", "type"), ("messages", "Hz", "bytes each"), rows, spare=("bytes each", "type"))
-    print_fitted(f"inside: {', '.join(found.inside) or 'no files'}")
-    for note in found.damage.notes:
+    for note in notes:
         print_fitted(note)
-    if found.damage.unfinished:
-        print_fitted(f"the bag is unfinished; ./hindrax bag recover {found.bag} completes it")
 
 
 @command(

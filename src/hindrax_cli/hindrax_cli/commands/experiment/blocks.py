@@ -17,6 +17,13 @@ from hindrax_laboratory.bollard import COLUMNS
 
 SIZES = (("length", "m", "along x"), ("width", "m", "along y"), ("height", "m", "along z"), ("mass", "kg", "dry mass"))
 AREAS = ("front", "side", "top")
+ESTIMATED = {
+    "added mass": ("kg", "kg m^2"),
+    "quadratic drag": ("N s^2/m^2", "Nm s^2"),
+    "linear drag": ("N s/m", "Nm s"),
+    "inertia": ("kg m^2",),
+}
+"""Columns of the estimate, with the units of translation and rotation."""
 
 
 @command(
@@ -74,21 +81,15 @@ def _dimensions(arguments: argparse.Namespace) -> Dimensions:
 
 
 def _show_estimate(model: EmpiricalModel) -> None:
-    for title, axes, units in (
-        ("translation", range(3), ("[kg]", "[N s^2/m^2]", "[N s/m]")),
-        ("rotation", range(3, 6), ("[kg m^2]", "[Nm s^2]", "[Nm s]")),
-    ):
-        quantities = zip(("added mass", "quadratic drag", "linear drag"), units, strict=True)
-        headings = [f"{quantity} {unit}" for quantity, unit in quantities]
-        headings += ["inertia [kg m^2]"] if title == "rotation" else []
-        rows = []
-        for index in axes:
-            values = [model.added_mass[index], model.quadratic_drag[index], model.linear_drag[index]]
-            values += [model.inertia_kgm2[index - 3]] if title == "rotation" else []
-            rows.append((AXES[index], *(f"{value:.3g}" for value in values)))
-        print_table(f"Estimate from dimensions, {title}", ["axis"], headings, rows)
+    rows = []
+    for index, axis in enumerate(AXES):
+        values = [model.added_mass[index], model.quadratic_drag[index], model.linear_drag[index]]
+        values += [model.inertia_kgm2[index - 3]] if index >= 3 else []
+        rows.append((axis, *(f"{value:.3g}" for value in values), *([""] if index < 3 else [])))
+    units = "; ".join(f"{quantity} [{', '.join(of)}]" for quantity, of in ESTIMATED.items())
+    print_table(f"Estimate from dimensions: {units}", ["axis"], list(ESTIMATED), rows)
     print_fitted(
         f"scale from two to three dimensions: added mass {model.scale_added_mass:.3f}, drag {model.scale_drag:.3f}"
     )
-    print_fitted("\nfor the vehicle file (prior of plans, truth of the mock):\n")
+    print_fitted("for the vehicle file (prior of plans, truth of the mock):")
     print_whole(block_text(hydrodynamics_of(model)), end="")

@@ -4,12 +4,12 @@ import argparse
 import pkgutil
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 from hindrax_analysis.identification.executor import add_workers, workers_of
 from hindrax_analysis.identification.montecarlo import Trial, summary, trial_of
 from hindrax_analysis.identification.pool_session import MASS_GOAL
-from hindrax_analysis.terminal import print_answer, print_table
+from hindrax_analysis.terminal import print_answer, print_table, screen_rows
 from hindrax_bringup.clone import developer_module
 from hindrax_cli.argument_types import add_json, add_vehicle, at_least
 from hindrax_cli.command import command, option
@@ -22,6 +22,10 @@ from hindrax_ident.model import motion_model
 from hindrax_sim.conditions.world_table import FORM, IDEAL, sizes_of
 from hindrax_sim.flights.pool_flight import fly
 
+TABLE_LINES = 3
+"""Of a table beside its rows: title and heading."""
+Document: TypeAlias = dict[str, Any]
+"""Of a command: plain data, as JSON has it."""
 OneTrial = TypeVar("OneTrial", Trial, SessionTrial)
 
 
@@ -34,6 +38,7 @@ OneTrial = TypeVar("OneTrial", Trial, SessionTrial)
     partial(add_workers, processes=None),
     partial(add_vehicle, meaning="vehicle with its truth: file or name"),
     option("--world", default=IDEAL, help=f"what the model does not know: {FORM}. Default: {IDEAL}"),
+    option("--all", action="store_true", help="every coefficient and speed, also where the screen has no room"),
     option("--session", action="store_true", help="sessions: legs, weighing, repeats; gain of each, next to the goal"),
     add_json,
 )
@@ -56,7 +61,7 @@ def montecarlo(arguments: argparse.Namespace) -> int:
     document = summary(trials)
     if not document["cells"]:
         raise HindraxError(f"none of {len(trials)} runs gave a result: {trials[0].trouble}")
-    return print_answer(document, lambda: print_montecarlo(document), as_json=arguments.json)
+    return print_answer(document, lambda: print_montecarlo(document, whole=arguments.all), as_json=arguments.json)
 
 
 def _told(what: str, jobs: Sequence[Callable[[], OneTrial]], arguments: argparse.Namespace) -> list[OneTrial]:
@@ -78,7 +83,7 @@ def _sessions(arguments: argparse.Namespace, motions: tuple[str, ...], seeds: ra
     return print_answer(document, lambda: print_sessions(document), as_json=arguments.json)
 
 
-def print_sessions(document: dict[str, Any]) -> None:
+def print_sessions(document: Document) -> None:
     """Print one line per motion: goal, then the medians after each kind of step, and the coverage."""
     numbers = ("goal [%]", "first legs [%]", "weighed [%]", "repeated [%]", "9 in 10 [%]", "mass [%]", "covered")
     keys = ("goal_drag", "drag_first", "drag_weighed", "drag", "drag_p90", "added_mass")
@@ -103,8 +108,35 @@ def trial(seed: int, motions: tuple[str, ...], excitation: str, vehicle_file: st
     return trial_of(seed, flight.outcome, *hull, trouble=flight.aborted, thrust_s=thrust_s)
 
 
-def print_montecarlo(document: dict[str, Any]) -> None:
-    """Print the tables: refined result and the other methods, then the drag force."""
+def print_montecarlo(document: Document, *, whole: bool = False) -> None:
+    """Print the tables; where the screen has too few lines a row for each motion, unless the `whole` is wanted."""
+    tables = ("cells", "drag") if any("rmse_corrected" in row for row in document["drag"]) else ("cells",)
+    lines = sum(len(document[name]) for name in (*tables, "drag")) + TABLE_LINES * (1 + len(tables))
+    if not whole and lines > screen_rows():
+        _print_short(document)
+    else:
+        _print_in_full(document)
+    for seed, trouble in document["troubles"].items():
+        print_fitted(f"seed {seed}: {trouble}")
+
+
+def _print_short(document: Document) -> None:
+    """Print a row for each motion: its coefficients, then its drag at the highest speed."""
+    cells = {(one["motion"], one["coefficient"]): one for one in document["cells"]}
+    motions, names = (tuple(dict.fromkeys(key[at] for key in cells)) for at in (0, 1))
+    rows = []
+    for motion in motions:
+        found = (cells.get((motion, name)) for name in names)
+        texts = ("" if one is None else f"{one['ratio']:.2f} ({one['coverage95_calibrated']:.0%})" for one in found)
+        rows.append((motion, *texts))
+    title = f"{document['runs']} runs: RMSE / bound (truth in the calibrated 95 % interval)"
+    print_table(title, ("motion",), names, rows)
+    _print_drag([row for row in document["drag"] if row["share_of_speed"] == 1.0], "highest speed")
+    print_fitted("bias, RMSE, bound, other methods, drag at lower speeds: --all")
+
+
+def _print_in_full(document: Document) -> None:
+    """Print refined result and the other methods, then the drag force, as found and as corrected."""
     methods = document["methods"]
     numbers = ("truth", "bias", "RMSE", "bound", "RMSE / bound", "in the 95 % interval", "in the calibrated")
     others = [f"RMSE / bound, {method}" for method in methods]
@@ -121,31 +153,33 @@ def print_montecarlo(document: dict[str, Any]) -> None:
     )
     low, high = document["ratio_by_chance"]
     print_fitted(f"{document['runs']} runs at the bound give {low:.2f} to {high:.2f} by chance, 95 times in 100")
-    title = "Drag force at shares of the tested speed: relative error"
-    shares = ("share", "bias [%]", "RMSE [%]", "in the calibrated 95 % interval", "RMSE / std")
-    drag = []
-    for row in document["drag"]:
-        percents = (f"{100 * row[key]:.2f}" for key in ("bias", "rmse"))
-        held = "" if row["coverage95_calibrated"] is None else f"{row['coverage95_calibrated']:.0%}"
-        per_band = "" if row["rmse_per_band"] is None else f"{row['rmse_per_band']:.2f}"
-        drag.append((row["motion"], f"{row['share_of_speed']:.0%}", *percents, held, per_band))
-    print_table(title, ("motion",), shares, drag)
+    _print_drag(document["drag"], "shares of the tested speed")
     corrected = [_corrected(row) for row in document["drag"] if "rmse_corrected" in row]
     if corrected:
         title = "Drag force, corrected by the probable size of each influence: relative error"
         columns = ("share", "bias [%]", "RMSE [%]", "in the 95 % interval", "width of that [%]")
         print_table(title, ("motion",), columns, corrected)
-    for seed, trouble in document["troubles"].items():
-        print_fitted(f"seed {seed}: {trouble}")
 
 
-def _corrected(row: dict[str, Any]) -> tuple[str, ...]:
+def _print_drag(rows: Sequence[Document], where: str) -> None:
+    title = f"Drag force at {where}: relative error, calibrated intervals"
+    shares = ("share", "bias [%]", "RMSE [%]", "in the 95 % interval", "RMSE / std")
+    drag = []
+    for row in rows:
+        percents = (f"{100 * row[key]:.2f}" for key in ("bias", "rmse"))
+        held = "" if row["coverage95_calibrated"] is None else f"{row['coverage95_calibrated']:.0%}"
+        per_band = "" if row["rmse_per_band"] is None else f"{row['rmse_per_band']:.2f}"
+        drag.append((row["motion"], f"{row['share_of_speed']:.0%}", *percents, held, per_band))
+    print_table(title, ("motion",), shares, drag)
+
+
+def _corrected(row: Document) -> tuple[str, ...]:
     bias, rmse, held, width = (row[f"{name}_corrected"] for name in ("bias", "rmse", "coverage95", "width95"))
     errors = f"{100 * bias:.2f}", f"{100 * rmse:.2f}", f"{held:.0%}", f"{100 * width:.0f}"
     return row["motion"], f"{row['share_of_speed']:.0%}", *errors
 
 
-def _row(cell: dict[str, Any]) -> tuple[str, ...]:
+def _row(cell: Document) -> tuple[str, ...]:
     numbers = tuple(f"{cell[key]:.4g}" for key in ("truth", "bias", "rmse", "crlb"))
     held = (f"{cell[key]:.0%}" for key in ("coverage95", "coverage95_calibrated"))
     axis = motion_model.MOTIONS[cell["motion"]].axis

@@ -6,11 +6,11 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from rich.console import Group
+from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
-from hindrax_analysis.terminal import console, print_answer
+from hindrax_analysis.terminal import console, print_answer, screen_rows
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.network.tether import add_tether, tether_setting
 from hindrax_bringup.ros_graph import full_shared_memory
@@ -22,13 +22,16 @@ from hindrax_cli.command import command, option
 from hindrax_cli.health_checks import Check, machine, nodes, wires
 from hindrax_cli.health_checks.pi import board
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.text.screen_text import print_fitted, print_stderr
+from hindrax_core.text.screen_text import UNBOUNDED, print_fitted, print_stderr
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_drivers.nodes.thruster_settings import Settings
 from hindrax_operator.connection import add_sim_time, joined
 
 LEAST_FOUND = 30
 """Characters a line in which what was found is readable beside the names."""
+
+GAPS = 6
+"""Between mark, name and what was found [characters]."""
 
 
 @command(
@@ -39,6 +42,7 @@ LEAST_FOUND = 30
     add_tether,
     add_vehicle,
     option("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP),
+    option("--all", action="store_true", help="every check on its line, also where the screen has no room"),
     add_json,
     add_tuning,
 )
@@ -63,7 +67,8 @@ def doctor(arguments: argparse.Namespace) -> int:
         checks += in_mock(settings, Path(arguments.vehicle), tuple(arguments.fault))
     else:
         checks += wires.ports(vehicle, {}) + wires.devices(settings, {}, settings.clock)
-    print_answer({"checks": [one.document() for one in checks]}, lambda: show(checks), as_json=arguments.json)
+    document = {"checks": [one.document() for one in checks]}
+    print_answer(document, lambda: show(checks, whole=arguments.all), as_json=arguments.json)
     return 0 if all(one.ok for one in checks) else 1
 
 
@@ -99,19 +104,34 @@ def in_mock(settings: Settings, vehicle_file: Path, faults: tuple[str, ...]) -> 
             return wires.ports(settings.vehicle, ports) + wires.devices(settings, ports, str(stack.mock_facts["clock"]))
 
 
-def show(checks: Sequence[Check]) -> None:
-    """Print what was found, and for what is not well its remedy: beside the name, on a narrow screen below it."""
-    screen = console()
-    beside = screen.width >= max(len(check.name) for check in checks) + len("PROBLEM") + LEAST_FOUND
+def show(checks: Sequence[Check], *, whole: bool = False) -> None:
+    """Print what was found, and for each problem its remedy: beside the name, on a narrow screen below it.
+
+    Where the screen has too few lines, only the names of the checks without a problem, unless the `whole` is wanted.
+    """
+    screen, room = console(), UNBOUNDED if whole else screen_rows() - 1
+    table = _found(checks, screen)
+    if room < UNBOUNDED and len(screen.render_lines(table)) > room:
+        fine = dict.fromkeys(check.name for check in checks if check.ok)
+        print_fitted(f"ok (--all shows what was found): {', '.join(fine)}")
+        table = _found([check for check in checks if not check.ok], screen)
+    if table.rows:
+        screen.print(table)
+    wrong = sum(not check.ok for check in checks)
+    print_fitted(f"{wrong} of {len(checks)} checks found a problem" if wrong else f"all {len(checks)} checks passed")
+
+
+def _found(checks: Sequence[Check], screen: Console) -> Table:
+    names = max([len(check.name) for check in checks], default=0) + len("PROBLEM")
+    beside = screen.width >= names + LEAST_FOUND
     table = Table.grid(padding=(0, 2, 0, 0))
     for _ in range(3 if beside else 2):
         # A path may be longer than the screen, and is not cut.
         table.add_column(overflow="fold")
     for check in checks:
         mark = Text("ok", style="green") if check.ok else Text("PROBLEM", style="bold red")
-        name, found = Text(check.name, style="bold"), [Text(check.found)]
-        found += [] if check.ok else [Text(f"-> {check.remedy}", style="yellow")]
-        table.add_row(mark, *([name, Group(*found)] if beside else [Group(name, *found)]))
-    screen.print(table)
-    wrong = sum(not check.ok for check in checks)
-    print_fitted(f"{wrong} of {len(checks)} checks found a problem" if wrong else f"all {len(checks)} checks passed")
+        name, found, remedy = Text(check.name, style="bold"), Text(check.found), Text(f"-> {check.remedy}", "yellow")
+        short = len(found) + len(remedy) < screen.width - names - GAPS
+        found = found if check.ok else Text(" " if short else "\n").join((found, remedy))
+        table.add_row(mark, *([name, found] if beside else [Group(name, found)]))
+    return table

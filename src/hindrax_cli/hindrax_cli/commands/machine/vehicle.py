@@ -28,7 +28,7 @@ from hindrax_control.maneuver.goal import largest_wrench, servable_motions
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whole
 from hindrax_core.text.text_file import replace_text, require_place, writing
-from hindrax_core.vehicle import AXES, Thruster, Vehicle, load_vehicle, vehicle_from_text
+from hindrax_core.vehicle import AXES, WRENCH_UNITS, Thruster, Vehicle, load_vehicle, vehicle_from_text
 
 UPRIGHT_deg = 90.0
 KEPT = ".answers"
@@ -167,12 +167,11 @@ def _show(vehicle: Vehicle, file: Path, reach: dict[str, float], reasons: dict[s
         low, high = curve.range_N
         position = "  ".join(f"{at:+.3f}" for at in one.position_m)
         rows.append((one.name, position, _pointing(one), f"{low:.1f} to {high:+.1f}"))
-    print_table("Thrusters", ["name"], ["forward, starboard, down [m]", "points to [deg]", "force [N]"], rows)
-    rows = []
-    for axis, most in reach.items():
-        unit = "N" if axis in AXES[:3] else "Nm"
-        rows.append((axis, f"{most:.1f} {unit}" if most else "none", reasons.get(axis, "")))
-    print_table("Each axis alone", ["axis"], ["largest"], rows, ["why not"])
+    print_table("", ["thruster"], ["forward, starboard, down [m]", "points to [deg]", "force [N]"], rows)
+    units = zip(reach.items(), WRENCH_UNITS, strict=True)
+    print_fitted(f"largest alone: {', '.join(f'{axis} {most:.1f} {unit}' for (axis, most), unit in units if most)}")
+    for reason in dict.fromkeys(reasons.values()):
+        print_fitted(f"{', '.join(axis for axis in reasons if reasons[axis] == reason)}: {reason}")
 
 
 def _pointing(thruster: Thruster) -> str:
