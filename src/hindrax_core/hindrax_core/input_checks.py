@@ -123,7 +123,7 @@ class SinglePublisher:
 
     Known by the identifier of its endpoint (GID), empty until there is one; it changes only while the thrusters are
     disarmed. Names are for sentences: two publishers may share one, and after a stall longer than the lease of the
-    middleware a process no longer knows those of the others (ADR 46).
+    middleware a process no longer knows those of the others (ADR 13).
     """
 
     gid: str = ""

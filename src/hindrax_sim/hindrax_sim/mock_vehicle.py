@@ -33,7 +33,7 @@ class Governor:
 
     While the control loop keeps up, time runs free (or at `rate`, where that is not zero). When it falls behind by more
     than a period and a half, time nearly stands still until it has caught up. A loop that is dead for a second is
-    waited for no more than in real time, and so is one while no thruster turns (ADR 33).
+    waited for no more than in real time, and so is one while no thruster turns (ADR 44).
 
     With `waits` off nobody is waited for: the vehicle moves on at `rate`, as a real one does.
     """

@@ -4,7 +4,7 @@ Messages of one shape (the same lengths of all strings and sequences) have every
 finds these places in the bytes of one message; `CdrReader` uses them for all of its shape, and learns a new one when
 such a message comes along. Little-endian CDR as of XCDR1: alignment counts from behind the four bytes of encapsulation.
 
-ADR 25 has what this saves against message objects, and ADR 42 why it needs no ROS.
+ADR 25 has what this saves against message objects, and ADR 7 why it needs no ROS.
 """
 
 import struct

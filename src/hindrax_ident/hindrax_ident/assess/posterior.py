@@ -27,7 +27,7 @@ EVEN = math.sqrt(math.tau / 12.0)
 """Density of a uniform distribution over that of the normal one of its mean and deviation, at the mean."""
 LOSSLESS = 0.25
 """Probability that a force that nobody computed from thrusters has no losses: a simulation has none, and one that was
-measured in the water is free of them. With it both hold: records without any, and of propellers in MuJoCo (ADR 68)."""
+measured in the water is free of them. With it both hold: records without any, and of propellers in MuJoCo (ADR 31)."""
 
 
 class Explanations(NamedTuple):
