@@ -82,6 +82,7 @@ class Prior:
         x, v = np.zeros(6), np.zeros(6)
         for at in range(1, len(times_s)):
             dt = times_s[at] - times_s[at - 1]
+            # The mean of both ends of the step, since a pulse begins and ends between two.
             a = (0.5 * (force[at] + force[at - 1]) - self.drag * v - self.restoring * x) / self.inertia
             v = v + a * dt
             x = x + v * dt
@@ -119,6 +120,7 @@ def lagged(times_s: Matrix, forces: Series, window: Window, lag_s: float) -> Mat
     given = np.zeros_like(wanted)
     for at in range(1, len(times_s)):
         dt = times_s[at] - times_s[at - 1]
+        # A lag of zero is a thruster that follows at once.
         keep = np.exp(-dt / lag_s) if lag_s > 0.0 else 0.0
         given[at] = wanted[at] + (given[at - 1] - wanted[at]) * keep
     return given
@@ -173,6 +175,7 @@ class MotionView:
         for axis in range(3, 6):
             wrench[axis], sigma[axis], left = _fit(rates[:, axis - 3], shapes[1][axis], even)
             misfit += left
+        # By the model, not by differences of the rates: those are noisier than what they are to explain.
         turning = np.column_stack([wrench[axis] * shapes[0][axis] for axis in range(3, 6)])
         linear = self.acceleration @ turn.T - np.cross(turning, lever_m)
         for axis in range(3):
@@ -186,6 +189,7 @@ def _without_gravity(times_s: Matrix, force: Matrix, rates: Matrix, window: Wind
     Specific force is acceleration minus gravity; at rest it points up, so `-rest` is down, and its own size is used for
     gravity's: an accelerometer's scale may be off by more than g differs from place to place.
     """
+    # Before anything pushes: then all that the accelerometer feels is gravity.
     quiet = times_s < window.begin_s + BEFORE_s
     rest = force[quiet].mean(axis=0) if quiet.any() else force[0]
     size = float(np.linalg.norm(rest)) or GRAVITY_mps2

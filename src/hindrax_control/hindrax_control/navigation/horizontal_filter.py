@@ -78,10 +78,12 @@ class HorizontalFilter:
         du, dv = dt_s * (acceleration_mps2[0] + offset_u), dt_s * (acceleration_mps2[1] + offset_v)
         self.u_mps += du
         self.v_mps += dv
+        # P = F P F' + Q written out: once, for both axes share it.
         self._p += dt_s * (2.0 * self._p_cross + dt_s * self._p_offset + knobs.accelerometer_noise**2)
         self._p_cross += dt_s * self._p_offset
         self._p_offset += dt_s * knobs.offset_walk**2
         _, sum_u, sum_v, int_u, int_v, ax, ay, az = self._rows[-1]
+        # Sums since the start, not increments: a span between any two rows is then one subtraction.
         new_u, new_v = sum_u + du, sum_v + dv
         int_u, int_v = int_u + 0.5 * dt_s * (sum_u + new_u), int_v + 0.5 * dt_s * (sum_v + new_v)
         ax, ay, az = ax + angle_rad[0], ay + angle_rad[1], az + angle_rad[2]
@@ -106,6 +108,7 @@ class HorizontalFilter:
             None when they are forgotten or in the future.
         """
         oldest, now = self._rows[0], self._rows[-1]
+        # A sample may be valid a moment after the last inertial one; what lies between is too short to matter.
         to_s = min(to_s, now[0])
         if from_s < oldest[0] or to_s - from_s < LEAST_SPAN_S:
             return None
@@ -156,9 +159,11 @@ class HorizontalFilter:
         """
         delay = way.delay_s
         p, cross, offset = self._p, self._p_cross, self._p_offset
+        # The sample is older than the state by `delay`, in which the offset has acted: so it says something of both.
         at_u, at_offset = p - delay * cross, cross - delay * offset
         variance = at_u - delay * at_offset + sigma_mps * sigma_mps
         off_u, off_v = u_mps - (self.u_mps - way.du_mps), v_mps - (self.v_mps - way.dv_mps)
+        # The first velocity is taken as it is: nothing is known that it could contradict.
         if self.known and max(off_u * off_u, off_v * off_v) > self._knobs.gate**2 * variance:
             return self._refuse(off_u, off_v, repeated=repeated)
         self.known = True
@@ -172,9 +177,11 @@ class HorizontalFilter:
 
     def _refuse(self, off_u: float, off_v: float, *, repeated: bool) -> bool:
         self.refused = min(MOST_SURPLUS, self.refused + 1)
+        # A sensor that hangs repeats one value: any number of equal ones must not outvote the filter.
         self._refused += not repeated
         if self._refused >= self._knobs.patience:
             self._refused = 0
+            # Not the state jumps, its certainty ends: the next velocity then counts nearly alone.
             self._p += max(off_u * off_u, off_v * off_v)
         return False
 

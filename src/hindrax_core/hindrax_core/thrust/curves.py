@@ -140,6 +140,7 @@ def running(curve: Curve, supply_V: float | None = None, margin_us: float = 0.0)
         if margin_us:
             back, forth = back.cut(back.from_us, below), forth.cut(above, forth.to_us)
         return Running(back, forth, (below, above))
+    # One factor for all pulses: what is monotone stays so, and an inverse for one voltage serves all.
     gain = 1.0 if supply_V is None else float((supply_V / curve.supply_V) ** curve.supply_exponent)
     half_us = curve.dead_band_us + margin_us
     below, above = curve.stop_us - half_us, curve.stop_us + half_us
@@ -175,6 +176,7 @@ def _branch_problems(branch: Branch, sign: float) -> list[str]:
     ends = ((pulse_us, branch.force_N(pulse_us)) for pulse_us in (branch.from_us, branch.to_us))
     wrong = [f"gives {force:.4g} N at {at:g} us, wanted a {wanted} force" for at, force in ends if force * sign < 0.0]
     low, high = branch.from_us, branch.to_us
+    # A branch that turns has two pulses for one force: allocation could not be inverted.
     turns = [f"{point:.1f}" for point in stationary_points(branch.c) if low < point < high]
     if turns:
         return [f"is not monotone: it turns at {' and '.join(turns)} us, within {low:g} to {high:g} us", *wrong]
@@ -231,6 +233,7 @@ def inverse(c: Coefficients, low: float, high: float) -> Inverse:
     if c4 == 0.0:
         solve = _quadratic(c, 0.5 * (low + high)) if c3 else (lambda y: (y - c1) / c2)
         return _clipped(solve, c, low, high)
+    # Cardano and Viete: without the square, one trigonometric or hyperbolic identity gives the root.
     shift = -c3 / (3.0 * c4)
     # x = shift + t turns the cubic into t^3 + p t + q; only q depends on the value.
     p = c2 / c4 - 3.0 * shift * shift

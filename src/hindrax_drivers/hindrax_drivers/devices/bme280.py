@@ -58,6 +58,7 @@ def calibration_of(low: bytes, high: bytes) -> Calibration:
     words = struct.unpack_from("<H2hH8h", low)
     if not high:
         return Calibration(words[:3], words[3:], ())
+    # H4 and H5 have twelve bits each and share one byte, 0xE5: its low half belongs to H4, its high half to H5.
     h2, h3, h4_high, shared, h5_high, h6 = struct.unpack("<hBbBbb", high)
     return Calibration(
         words[:3], words[3:], (low[25], h2, h3, h4_high * 16 + shared % 16, h5_high * 16 + shared // 16, h6)
@@ -79,6 +80,7 @@ def _pressure(p: Sequence[int], fine: float, raw: int) -> float:
     warm = fine / 2.0 - 64000.0
     offset = (warm * warm * p6 / 32768.0 + warm * p5 * 2.0) / 4.0 + p4 * 65536.0
     gain = (1.0 + (p3 * warm * warm / 524288.0 + p2 * warm) / 524288.0 / 32768.0) * p1
+    # A calibration of zeros: the data sheet has the same case, against a division by zero.
     if gain == 0.0:
         return math.nan
     first = (1048576.0 - raw - offset / 4096.0) * 6250.0 / gain
@@ -107,12 +109,14 @@ class Bme280(RegisterPart):
             raise self.error(f"found id {found:#04x}, wanted 0x60 (BME280) or 0x58 (BMP280)")
         yield self.set(RESET, RESET_WORD)
         yield Pause(START_UP_S)
+        # It has no checksum, and one wrong bit would shift every pressure without a trace.
         first, again = (yield from self._coefficients(found)), (yield from self._coefficients(found))
         if first != again or not any(first[0]) or set(first[0]) == {0xFF}:
             raise self.error("two reads of its calibration differ, or are empty: a disturbed bus, or a broken part")
         self._calibration = calibration_of(*first)
         self._last: Air | None = None
         self._last_raw, self._repeats = b"", 0
+        # Section 5.4.3: a change of ctrl_hum takes effect with the next write of ctrl_meas, which every cycle makes.
         if self._calibration.h:
             yield self.set(CTRL_HUM, HUMIDITY_ONCE)
         return Identity(f"{PARTS[found]} at {self.address:#04x}")
@@ -120,10 +124,12 @@ class Bme280(RegisterPart):
     def cycle(self, stamp: Stamp) -> Program[Sequence[Stamped[Reading] | Rejected]]:
         """Measure once; the stamp is the middle of the measurement."""
         yield self.set(CTRL_MEAS, FORCED_T1_P4)
+        # With slack: the result waits in the part, so it is fetched when the bus is awake anyway.
         yield Pause(MEASUREMENT_S, max(0.0, self._knobs.period_s - MEASUREMENT_S))
         humidity, status, settings, *_ = block = yield self.get(CTRL_HUM, 13)
         if status & (MEASURING | UPDATING):
             raise self.error(f"not done after {MEASUREMENT_S:g} s (status {status:#04x})")
+        # After a brownout it answers as before, with oversampling off: its registers tell, its data do not.
         if settings != ASLEEP_T1_P4 or (self._calibration.h and humidity != HUMIDITY_ONCE):
             raise self.error(f"lost its settings (ctrl_hum {humidity:#04x}, ctrl_meas {settings:#04x})")
         raw = bytes(block[5:])

@@ -199,6 +199,7 @@ def _begun(record: SixAxisRecord, vehicle: Vehicle, delays: Delays, gain_sigma: 
     theta = array([term.mean for term in terms])
     for place, term in enumerate(terms):
         if term.drag_power == 2:
+            # Drag begins near what holds the highest thrust at the highest speed: that of a plate may be far off.
             held = HELD * float(pull[term.drag_axis]) / max(1e-6, float(scales.speed[term.drag_axis])) ** 2
             theta[place] = min(held, MOST_PLATES * term.mean)
     kept = np.array([term.kind != CROSS for term in terms])
@@ -242,8 +243,10 @@ def _advanced(
         search = replace(search, kept=kept, odds=odds, theta=array(np.where(kept, search.theta, means)))
     problem, theta, doubts = search.problem(record), search.theta, search.of_kind(DOUBT)
     own = np.flatnonzero(search.kept & ~doubts)
+    # Delays stay until masses and drag are about right: before, they would explain what is wrong with those.
     own = own if index >= STEADY else own[own >= DELAYS]
     prior = 1.0 / sigmas[own] ** 2
+    # Doubts are not among them: the record may not judge them, and they only widen what is found.
     C = array(np.linalg.inv(normal.S[np.ix_(own, own)] + np.diag(prior)))
     wanted = theta.copy()
     wanted[own] = bounded(
@@ -261,10 +264,12 @@ def _advanced(
             array(v + (share * (dv[:, 0] - dv[:, 1:] @ step)).reshape(v.shape))
             for v, dv in zip(velocities, normal.steps, strict=True)
         ]
+        # The first steps may make it worse: the motion as measured has errors that no model reaches.
         if index < BEGIN or trial.cost(tried, M, (means, sigmas)) <= before:
             break
     noise = search.noise
     if index >= NOISY:
+        # Not before the model explains something: else its lack would be taken for noise, and stay.
         noise = noise.updated(trial.squares(tried), normal.free, trial.memory(tried))
     terms = search.terms
     if selects or index < BEGIN:
@@ -309,6 +314,7 @@ def _admitted(search: _Search, normal: Normal) -> tuple[Flags, dict[str, float]]
         For one term more, or one less, the evidence of a linear model follows from its value and its deviation.
         """
         own, rest = np.flatnonzero(kept), np.flatnonzero(~kept)
+        # One inverse serves all terms: one less is in its diagonal, one more is a rank-one step from it.
         V = np.linalg.inv(normal.S[np.ix_(own, own)] + np.diag(prior[own]))
         values, known = np.zeros(len(b)), np.ones(len(b))
         values[own], known[own] = V @ b[own], 1.0 / np.diag(V)
@@ -321,6 +327,7 @@ def _admitted(search: _Search, normal: Normal) -> tuple[Flags, dict[str, float]]
     for _ in range(3 * int(cross.sum())):
         found, values = odds(kept)
         leaves = np.where(cross & kept, found, math.inf)
+        # A term whose value would be beyond its bound does not enter: at the bound it would explain nothing.
         enters = np.where(cross & ~kept & (values >= least), found, -math.inf)
         if leaves.min() < least_odds:
             kept[int(leaves.argmin())] = False

@@ -260,6 +260,7 @@ class JointProblem:
             step = self._steps(grid, v)
             w = step.w
             if M is not None:
+                # w M^-1 is the acceleration that the model does not explain; times the given mass it is a force again.
                 w = np.column_stack([w[:, :na] @ np.linalg.inv(step.M) @ M[np.ix_(self.axes, self.axes)], w[:, na:]])
             out[0] += np.sum(self._fresh(array(w)) ** 2, axis=0)
             for place in range(v.shape[1]):
@@ -284,12 +285,14 @@ class JointProblem:
             (states,) [-]; zero for a depth.
         """
         step_s, axes = self.record.grids[0].step_s, len(self.axes)
+        # Over a span, not a step: what is new in one step is small beside the noise of two velocities.
         span = max(1, round(MEMORY_SPAN_S / step_s))
         sums = np.zeros((2, velocities[0].shape[1]))
         for grid, v in zip(self.record.grids, velocities, strict=True):
             w = self._steps(grid, v).w
             sums += [np.sum(w[one:] * w[:-one], axis=0) for one in (span, 2 * span)]
         share = np.divide(sums[1], sums[0], out=np.zeros_like(sums[0]), where=sums[0] > 0.0)
+        # From the share over a span to that over a step, and never so near to 1 that a force would be a drift.
         found = np.minimum(np.maximum(share, 0.0) ** (1.0 / span), math.exp(-step_s / LONGEST_MEMORY_S))
         return array(np.where(np.arange(len(found)) < axes, found, 0.0))
 
@@ -317,6 +320,7 @@ class JointProblem:
         thrust = self._thrust(grid, max(0.0, float(self.theta[LAG])))
         M = array(masses(self.terms, array(np.where(self.kept, self.theta, 0.0)))[np.ix_(axes, axes)])
         nu, predicted = np.zeros((len(v) - 1, 6)), np.zeros((len(v) - 1, 6))
+        # Forces in the middle of a step, so that the difference of the velocities is right to second order.
         nu[:, axes] = 0.5 * (v[:-1, :na] + v[1:, :na])
         state = State(nu, np.zeros_like(nu), thrust, grid.angles_rad)
         missing = (self._resisting(state) - thrust)[:, axes]
@@ -324,6 +328,7 @@ class JointProblem:
         w = np.diff(v, axis=0) / grid.step_s
         w[:, :na] = w[:, :na] @ M + missing
         if v.shape[1] > na:
+            # A depth is a state without a force: its rate is the velocity along the vertical.
             w[:, na] -= np.sum(nu[:, :3] * grid.down, axis=1)
         return _Steps(state, M, array(w), predicted)
 
@@ -332,6 +337,7 @@ class JointProblem:
         kept = self.noise.kept.reshape(-1, *[1] * (w.ndim - 2))
         out = w.copy()
         out[1:] -= kept * w[:-1]
+        # The first one has the stationary variance; this brings it down to that of what is new.
         out[0] *= np.sqrt(1.0 - kept**2)
         return array(out)
 
@@ -346,6 +352,7 @@ class JointProblem:
             axis = self.axes[place]
             one = self.record.velocities[axis]
         latency = LATENCY + (axis >= 3)
+        # Stamps are late by the latency, so each velocity is compared with the state of before.
         t = one.t - float(self.theta[latency])
         inside = (t >= grid.times_s[0]) & (t <= grid.times_s[-1])
         return _Measured(*grid.places(array(t[inside])), array(one.y[inside]), latency) if inside.any() else None
@@ -357,18 +364,22 @@ class JointProblem:
         inertia, slope = np.eye(ns) / h, np.zeros((len(v) - 1, ns, ns))
         inertia[:na, :na] = steps.M / h
         for place, axis in enumerate(axes):
+            # By differences: a new term then needs no derivative of its own.
             nudge = NUDGE * np.eye(6)[axis]
             ahead, back = (self._resisting(replace(steps.state, nu=steps.state.nu + one)) for one in (nudge, -nudge))
             slope[:, :na, place] = ((ahead - back) / (2.0 * NUDGE))[:, axes]
             if ns > na and axis < 3:
                 slope[:, na, place] = -grid.down[:, axis]
+        # Half of the slope at each end of the step, since the forces are taken in its middle.
         late, before = inertia + 0.5 * slope, -inertia + 0.5 * slope
         kept = self.noise.kept[:, None]
         mid, old = before.copy(), np.zeros_like(before)
+        # What is new in a step is its force less the kept share of that before, which depends on one state more.
         mid[1:] -= kept * late[:-1]
         old[1:] = -kept * before[:-1]
         for one in (late, mid):
             one[0] *= np.sqrt(1.0 - kept**2)
+        # The acceleration of the model has no noise; that of a difference would bias the masses towards zero.
         acceleration = steps.predicted
         if begins:
             acceleration = np.zeros_like(steps.predicted)
@@ -380,6 +391,7 @@ class JointProblem:
                 if axis in place_of:
                     columns[:, place_of[axis], k] = force
         if len(used) and used[0] == LAG:
+            # No term of a force: the lag moves the thrust itself.
             more = self._thrust(grid, max(0.0, float(self.theta[LAG])) + SHORT_s)
             columns[:, :na, 0] = -((more - steps.state.thrust) / SHORT_s)[:, axes]
         return _Dependence(array(late), mid, array(old), self._fresh(columns), self._fresh(steps.w))
@@ -393,6 +405,7 @@ class JointProblem:
         weighted = np.concatenate([-d.w[:, :, None], d.columns], axis=2) * W[:, None]
         signs = rng.choice([-1.0, 1.0], (n - 1, ns))
         of_forces = signs[:, :, None] * np.eye(ns) * np.sqrt(W)[:, None]
+        # One factorization for all: the step, its dependence on the parameters, and a random probe for each variance.
         right = d.on_states(array(np.concatenate([weighted, of_forces, np.zeros((n - 1, ns, ns))], axis=2)))
         D, L, L2 = _blocks(d, W)
         free = np.stack([np.full(ns, n - 1.0), np.zeros(ns)])
@@ -401,6 +414,7 @@ class JointProblem:
                 continue
             e = own.errors(v[:, place])
             weight = self._robust(e, place) / self.noise.velocity[place]
+            # A measurement between two states is their weighted mean, so it is in both diagonals and beside them.
             D[:, place, place] += np.bincount(own.step, weight * (1.0 - own.part) ** 2, n)
             D[:, place, place] += np.bincount(own.step + 1, weight * own.part**2, n)
             L[:, place, place] += np.bincount(own.step, own.part * (1.0 - own.part) * weight, n - 1)
@@ -410,6 +424,7 @@ class JointProblem:
             )
             free[1, place] = len(e)
             for k in np.flatnonzero(used == own.latency).tolist():
+                # A latency moves the place at which the state is read: by its rate.
                 moved = (v[own.step, place] - v[own.step + 1, place]) / grid.step_s
                 right[:, place, 1 + k] += own.placed(array(weight * moved), n)
                 S[k, k] += np.sum(weight * moved**2)

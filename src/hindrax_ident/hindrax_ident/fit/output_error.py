@@ -124,6 +124,7 @@ def refine(model: Model, record: Record, start: Array, prior: Prior) -> OutputEr
         linear, theta, _ = _descend(problem, theta, linear.path, white, prior, tolerance=ROUGH)
     for _ in range(REWEIGHTINGS):
         chain = error_dynamics_of(problem, theta, linear.path)
+        # The noise of the last round is where the next search begins, so rounds agree after a few.
         fresh = fit_noise(chain, linear.raw, noise, given_position=model.restores)
         settled, noise = _similar(fresh, noise), fresh
         white = Whitener(chain, noise)
@@ -192,6 +193,7 @@ def _first_noise(problem: OutputErrorProblem) -> Noise:
     variances = []
     for channel in (0, 1):
         changes = [np.diff(problem.y[span][problem.channel[span] == channel], n=2) for span in problem.spans]
+        # Within stretches only: a gap between two is no change of the motion.
         joined = np.concatenate(changes)
         variances.append(max(1e-12, float(np.mean(joined**2) / 6.0)) if len(joined) else 1.0)
     return Noise(variances[0], ATTITUDE_SIGMA_rad**2 if problem.model.restores else variances[1])
@@ -235,15 +237,18 @@ def _descend(
     damping = 1e-3
     for _ in range(MANY_STEPS if refinements else STEPS):
         normal, gradient, scale = _scaled(linear, theta, prior)
+        # In scaled units, as the step: a mass below the least has no motion to be compared with.
         room = scale[-1] * (problem.model.least_mass - theta[-1])
         wanted = float(np.abs(newton_step(normal, gradient, room)).max())
         if wanted < tolerance * math.sqrt(1.0 + problem.samples):
             return linear, theta, True
         step = newton_step(array(normal + damping * np.eye(len(theta))), gradient, room) / scale
+        # The motion begins where the initial conditions would be by now: else each trial would seem worse than it is.
         begun = restarted(problem, linear, step, damping)
         tried = linearize(problem, theta + step, begun, white, refinements=refinements)
         if tried is not None and _total(tried, theta + step, prior) < _total(linear, theta, prior):
             theta, linear, damping = theta + step, tried, damping * 0.02
+        # Nothing lower is left that numbers can tell.
         elif wanted < NEGLIGIBLE or damping > 1e8:
             break
         else:

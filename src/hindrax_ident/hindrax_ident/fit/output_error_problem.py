@@ -78,6 +78,7 @@ def build_problem(model: Model, record: Record) -> OutputErrorProblem:
     cut = [(v, s) for v, s in cut if len(v) + len(s) >= FEWEST_SAMPLES]
     if not cut:
         raise ValueError(f"no stretch of the record has enough samples, wanted {FEWEST_SAMPLES}")
+    # Every measurement is a point of the grid: nothing is interpolated, so no error of that is taken for noise.
     grids = [_grid(_merged(v.t, s.t)) for v, s in cut]
     times = np.concatenate(grids)
     offsets = np.cumsum([0, *(len(grid) for grid in grids)])
@@ -111,6 +112,7 @@ def _grid(times: Array) -> Array:
     """Measurement times and points between them, (n,) [s], so that no step exceeds LONGEST_STEP_S."""
     steps = np.diff(times)
     parts = np.maximum(1, np.ceil(steps / LONGEST_STEP_S - 1e-6)).astype(int)
+    # Between measurements that are far apart, points are added: the rule of fourth order wants short steps.
     index = np.repeat(np.arange(len(steps)), parts)
     within = np.arange(len(index)) - np.repeat(np.cumsum(parts) - parts, parts)
     return array(np.append(times[index] + steps[index] * within / parts[index], times[-1]))
@@ -120,6 +122,7 @@ def _interleaved(v: Series, s: Series, grid: Array, offset: int) -> tuple[Array,
     """Times [s], values, grid indices and channels of both series in time order: (n,) each."""
     t = np.concatenate([v.t, s.t])
     channel = np.concatenate([np.zeros(len(v)), np.ones(len(s))])
+    # Stable: at equal times a velocity stays before a position, whatever the machine.
     order = np.argsort(t, kind="stable")
     index = np.searchsorted(grid, t[order] - SAME_S) + offset
     return t[order], np.concatenate([v.y, s.y])[order], array(index), channel[order]
@@ -132,6 +135,7 @@ def _initial_guess(cut: list[tuple[Series, Series]], grids: list[Array]) -> Traj
         speed = np.interp(grid, v.t, v.y) if len(v) else np.zeros(len(grid))
         place = np.interp(grid, s.t, s.y) if len(s) else None
         if place is None:
+            # Where no position was measured only its changes count, so any origin serves.
             place = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(grid) * (speed[1:] + speed[:-1]))])
         # The search begins with the first of each, which may be an outlier: the median of some is none.
         for values, measured in ((speed, v.y), (place, s.y)):
@@ -212,12 +216,14 @@ def linearize(
     if moved is None:
         return None
     S = sensitivities(problem.model, theta, problem.grid, moved, impulses, refinements=refinements)
+    # Of velocity and position at every point, those that were measured.
     S = S[problem.index, problem.channel]
     raw = _residuals(problem, moved)
     p = len(theta)
     extra = np.zeros((len(raw), 0)) if readings is None else readings
     table = white(np.column_stack([raw, S[:, :p], S[:, p + 2 :], extra, S[:, p : p + 2]]))
     whole = float(table[:, 0] @ table[:, 0])
+    # Initial conditions of each stretch are nuisances: what they explain is taken out of all columns, exactly.
     start = _project(problem, table)
     return LinearizedProblem(table[:, 0], table[:, 1:-2], start, raw, moved, whole)
 
@@ -294,6 +300,7 @@ def _effort(problem: OutputErrorProblem, steps_s: Array) -> Array:
     """
     gained = np.diff(problem.efforts, prepend=problem.efforts[:1])
     known = steps_s > SAME_S
+    # A step of no length has no rate of its own.
     following = np.searchsorted(np.flatnonzero(known), np.arange(len(known)))
     steps = np.append(np.flatnonzero(known), len(known) - 1)[following]
     return array(gained[steps] / np.maximum(SAME_S, steps_s[steps]))

@@ -51,6 +51,7 @@ class Grid:
         neighbors, or the difference quotient of the only one at the ends of a stretch: a x_k-1 - (a + c) x_k + c x_k+1.
         """
         h = self.steps_s
+        # The grid is uneven: stamps of two sensors are merged, so the parabola has unequal arms.
         after = np.append(h[1:], 0.0)  # zero where a stretch ends
         both = np.where((h > 0.0) & (after > 0.0), h + after, 1.0)
         a = -_ratio(np.where(after > 0.0, after, 1.0), h * both)
@@ -114,6 +115,7 @@ def trajectory(model: Model, theta: Array, grid: Grid, start: Trajectory) -> Tra
     with np.errstate(over="ignore", invalid="ignore"):
         for _ in range(NEWTON_STEPS):
             residual = _residual(model, theta, grid, v, s)
+            # Parameters of a trial step may let the motion run away; that is an answer, not an error.
             if not np.all(np.isfinite(residual)):
                 return None
             try:
@@ -162,9 +164,11 @@ def sensitivities(
     extra = 0 if impulses is None else impulses.shape[1]
     right = np.zeros((n, 2, p + 2 + extra))
     half = 0.5 * grid.steps_s[:, None]
+    # dF/dtheta: the columns of the force over each step; the last parameter, the mass, multiplies the change of v.
     columns = model.columns(path.v, path.s)
     right[1:, 0, : p - 1] = -half[1:] * (columns[1:] + columns[:-1])
     right[1:, 0, p - 1] = -np.diff(path.v) * ~grid.starts[1:]
+    # The rows of a start say v = v_0 and s = s_0.
     right[grid.starts, 0, p] = 1.0
     right[grid.starts, 1, p + 1] = 1.0
     if impulses is not None:
@@ -172,6 +176,7 @@ def sensitivities(
     jacobian = _jacobian(model, theta, grid, path.v, path.s)
     found = _solve(jacobian, right)
     if refinements:
+        # From here on with the end terms, which the matrix leaves out and the equations have.
         right[:, 0, : p - 1] = -grid.integral(columns) * ~grid.starts[:, None]
     for _ in range(refinements):
         found = found + _solve(jacobian, array(right - _changed(model, theta, grid, path, found)))
@@ -187,6 +192,7 @@ def _changed(model: Model, theta: Array, grid: Grid, path: Trajectory, x: Array)
     out[1:, 1] = x[1:, 1] - x[:-1, 1]
     out[:, 0] += grid.integral(array(slope * x[:, 0] + stiffness * x[:, 1]))
     out[:, 1] -= grid.integral(x[:, 0])
+    # The rows of a start have no step before them: they hold the initial conditions.
     out[grid.starts] = x[grid.starts]
     return out
 
