@@ -219,7 +219,7 @@ def ways_from_poses(positions: Array, quaternions: Array) -> Array:
         + np.where(np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0, -1.0, 1.0)[:, None] * quaternions[:-1]
     )
     steps = Rotation.from_quat(halfway).inv().apply(np.diff(positions, axis=0))
-    return array(np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)]))
+    return np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
 
 
 def are_exact(ways: Array) -> bool:
@@ -266,7 +266,7 @@ def velocities_from_poses(t_s: Array, positions: Array, quaternions: Array) -> t
     turned = np.where(np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0, -1.0, 1.0)
     signed = quaternions * np.cumprod([1.0, *turned])[:, None]
     t, p, q = (
-        array(np.column_stack([np.bincount(place, column) for column in one.T]) / counts)
+        np.column_stack([np.bincount(place, column) for column in one.T]) / counts
         for one in (t_s[:, None], positions, signed)
     )
     steps = np.diff(t, axis=0)
@@ -274,4 +274,4 @@ def velocities_from_poses(t_s: Array, positions: Array, quaternions: Array) -> t
     rates = 2.0 * small.as_quat(canonical=True)[:, :3] / steps
     middle = Rotation.from_quat(q[1:] + q[:-1])
     velocities = np.column_stack([middle.inv().apply(np.diff(p, axis=0) / steps), rates])
-    return array(0.5 * (t[1:, 0] + t[:-1, 0])), array(velocities)
+    return 0.5 * (t[1:, 0] + t[:-1, 0]), velocities

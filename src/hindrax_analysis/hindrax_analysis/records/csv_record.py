@@ -66,7 +66,7 @@ def read_records(text: str, source: str, frame: str = "", *, part: bool = False)
     for line, cells in rows:
         check_width(cells, header, f"{source}, line {line}")
     columns = {
-        meaning.name: array(meaning.factor * _values(rows, i, meaning, f"column {header[i]}", source))
+        meaning.name: meaning.factor * _values(rows, i, meaning, f"column {header[i]}", source)
         for i, meaning in meanings.items()
     }
     if "t_ns" in columns:
@@ -78,7 +78,7 @@ def read_records(text: str, source: str, frame: str = "", *, part: bool = False)
         for factor, unit in [(factor, unit) for least, factor, unit in UNIX_SCALES if size > least][:1]:
             columns["t"], by_size = array(factor * columns["t"]), f"times are in {unit} since 1970, by their size"
     pieces = _pieces(columns["t"])
-    parts = [_recording(source, {name: array(values[piece]) for name, values in columns.items()}) for piece in pieces]
+    parts = [_recording(source, {name: values[piece] for name, values in columns.items()}) for piece in pieces]
     recordings = _together([one for one in parts if one.measured_t or len(one.wrench_t)])
     axes = "x forward, y left, z up, as named" if frame == "flu" else "SNAME: x forward, y starboard, z down"
     back = f"time steps back {len(recordings) - 1} times: {len(recordings)} records" if len(recordings) > 1 else ""
@@ -215,14 +215,14 @@ def _recording(source: str, columns: dict[str, Array]) -> Recording:
     t = columns["t"]
     origin, empty = float(t[0]), np.full(len(t), NAN)
     way_t, way = _ways(columns, origin)
-    if len(way_t) and are_exact(array(way[:, np.isfinite(way).any(axis=0)])):
+    if len(way_t) and are_exact(way[:, np.isfinite(way).any(axis=0)]):
         columns = columns | _speeds(columns, way_t + origin, way)
         way_t, way = NO_TIMES, NO_WAYS
     parts = []
     for names in ("uvwpqr", "XYZKMN", ("roll", "pitch", "depth")):
         table = np.stack([columns.get(name, empty) for name in names], axis=1)
         known = np.isfinite(table).any(axis=1)
-        parts.append((array(t[known] - origin), array(table[known])))
+        parts.append((t[known] - origin, table[known]))
     return Recording(source, *parts[0], *parts[1], *parts[2], origin, (), way_t, way)
 
 
@@ -233,9 +233,9 @@ def _ways(columns: dict[str, Array], origin: float) -> tuple[Array, Array]:
     x, y, half = columns["px"], columns["py"], 0.5 * columns["yaw"]
     known, none = np.isfinite(x + y + half), np.zeros_like(x)
     attitudes = np.column_stack([none, none, np.sin(half), np.cos(half)])
-    ways = ways_from_poses(array(np.column_stack([x, y, none])[known]), array(attitudes[known]))
+    ways = ways_from_poses(np.column_stack([x, y, none])[known], attitudes[known])
     measured = [speed in columns for speed in "uv"]
-    return array(columns["t"][known] - origin), array(np.where([*measured, True], NAN, ways))
+    return columns["t"][known] - origin, np.where([*measured, True], NAN, ways)
 
 
 def _speeds(columns: dict[str, Array], t: Array, way: Array) -> dict[str, Array]:
@@ -244,5 +244,5 @@ def _speeds(columns: dict[str, Array], t: Array, way: Array) -> dict[str, Array]
     for speed, along in zip("uv", way.T[:2], strict=True):
         if speed not in columns:
             rates = np.gradient(along, t)
-            found[speed] = array(np.where(np.isin(columns["t"], t), np.interp(columns["t"], t, rates), NAN))
+            found[speed] = np.where(np.isin(columns["t"], t), np.interp(columns["t"], t, rates), NAN)
     return found

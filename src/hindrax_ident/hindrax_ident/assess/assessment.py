@@ -197,7 +197,7 @@ def assess(
 def _axis_fit(vehicle: Vehicle, draft_fit: DraftFit, tuning: Tuning) -> AxisFit:
     fit = draft_fit.fit
     if tuning.thrust_doubt is not None and tuning.thrust_doubt > 0.0:
-        fit = replace(fit, covariance=array(slow_force_ratio(fit) * fit.covariance))
+        fit = replace(fit, covariance=slow_force_ratio(fit) * fit.covariance)
     return AxisFit(vehicle, draft_fit.record, fit, tuning, draft_fit.moved)
 
 
@@ -206,16 +206,16 @@ def _assess(draft_fit: DraftFit, budget: Budget) -> Assessment:
     own = budget.band_of_run()
     return Assessment(
         record=record,
-        fit=replace(fit, covariance=array(fit.covariance + own)),
-        calibrated=array(fit.covariance + budget.band()),
-        separable=array(fit.covariance + budget.band((RUN, MODEL))),
+        fit=replace(fit, covariance=fit.covariance + own),
+        calibrated=fit.covariance + budget.band(),
+        separable=fit.covariance + budget.band((RUN, MODEL)),
         budget=budget,
         draws=budget.draws(fit.covariance),
         noise=fit.covariance,
         plateaus=measure(record),
         whiteness=whiteness(fit),
         validation=validation(record, fit, prior),
-        online={name: (theta, array(covariance + own)) for name, (theta, covariance) in online.items()},
+        online={name: (theta, covariance + own) for name, (theta, covariance) in online.items()},
     )
 
 
@@ -257,7 +257,7 @@ def result_of(motion: Motion, assessment: Assessment) -> MotionResult:
     interval = assessment.draws.interval(true)
     # The sensitivities are those of a fit that is off by this share: to first order in it is the correction known.
     doubt = drag.off * (interval.center - theta[reported.rows] + _own_mass(model, reported))
-    interval = interval.widened(array(np.abs(doubt)))
+    interval = interval.widened(np.abs(doubt))
     numbers = {
         name: replace(number, corrected=interval.at(reported.names.index(name)))
         for name, number in numbers_of(model, motion, theta, fit.covariance, calibrated).items()
@@ -288,7 +288,7 @@ def result_of(motion: Motion, assessment: Assessment) -> MotionResult:
         names=reported.names,
         covariance=covariance,
         covariance_calibrated=widened,
-        covariance_corrected=array(assessment.draws.covariance(true) + np.outer(doubt, doubt)),
+        covariance_corrected=assessment.draws.covariance(true) + np.outer(doubt, doubt),
         samples=fit.samples,
         effective_samples=fit.effective_samples,
         identifiable=not reasons,
@@ -321,7 +321,7 @@ def _corrected(assessment: Assessment, reported: ReportedParameters) -> Array:
 
 def _own_mass(model: Model, reported: ReportedParameters) -> Array:
     """What a parameter has of the body: (coefficients,); the total mass has its own one, the others have nothing."""
-    return array(np.where(np.arange(len(reported.names)) == reported.mass, model.rigid, 0.0))
+    return np.where(np.arange(len(reported.names)) == reported.mass, model.rigid, 0.0)
 
 
 def _at_bounds(theta: Array, covariance: Array, rigid: float, reported: ReportedParameters) -> tuple[Objection, ...]:
@@ -429,10 +429,10 @@ def _drag(motion: Motion, assessment: Assessment, excited: Excitation) -> _Drag:
     noise, own = (np.maximum(0.0, np.sum(gradient @ C * gradient, axis=1)) for C in (assessment.noise, fit.covariance))
     sensitivity = budget.drag_sensitivity(array(gradient), array(speed * (motion.side or 1)))
     wide, separable = (np.sqrt(noise + budget.variance(sensitivity, scopes)) for scopes in (ALL, (RUN, MODEL)))
-    force = array(gradient @ fit.theta)
-    corrected = _corrected_drag(assessment, array(gradient), force, sensitivity)
+    force = gradient @ fit.theta
+    corrected = _corrected_drag(assessment, gradient, force, sensitivity)
     off = min(1.0, abs(float((corrected.center[-1] - force[-1]) / force[-1]))) if force[-1] else 1.0
-    corrected = corrected.widened(array(off * np.abs(corrected.center - force)))
+    corrected = corrected.widened(off * np.abs(corrected.center - force))
     band = DragBand(array(speed), force, array(np.sqrt(own)), array(wide), corrected)
     known = excited.high > excited.low > 0.0
     top, variance = sensitivity[-1], float(noise[-1])
@@ -446,7 +446,7 @@ def _drag(motion: Motion, assessment: Assessment, excited: Excitation) -> _Drag:
 def _corrected_drag(assessment: Assessment, gradient: Array, force: Array, sensitivity: Array) -> Interval:
     """Posterior of drags (n,): gradient to the parameters (n, p), sensitivity to the influences (n, m)."""
     draws = assessment.draws
-    return draws.interval(array(force - draws.influences @ sensitivity.T - draws.noise @ gradient.T))
+    return draws.interval(force - draws.influences @ sensitivity.T - draws.noise @ gradient.T)
 
 
 def _next_step(noise: float, variance: float, without: Mapping[str, float]) -> NextStep:

@@ -128,7 +128,7 @@ class AxisFit:
         out = np.zeros(len(self.v))
         for index, (per_newton, share) in thrust_shares(vehicle, self.axis).items():
             out += per_newton**2 * np.sqrt(np.abs(share * self.thrust + holding.get(index, 0.0) * held_N))
-        return array(out)
+        return out
 
     @cached_property
     def others(self) -> Array:
@@ -141,7 +141,7 @@ class AxisFit:
         kernel = np.ones(max(1, round(SMOOTH_S / max(1e-9, float(np.median(self.steps_s[self.steps_s > 0.0]))))))
         weight = np.convolve(np.ones(len(t)), kernel, "same")
         rows = [np.convolve(np.interp(t, one.t, one.y), kernel, "same") / weight for one in self.record.others]
-        return array(np.stack(rows, axis=1) * to_own)
+        return np.stack(rows, axis=1) * to_own
 
     @cached_property
     def crossing(self) -> Array:
@@ -197,7 +197,7 @@ class AxisFit:
     def drag(self, v: Array) -> Array:
         """Drag of the fit at velocities (n,): (n,) [N, N m]."""
         drags = self.fit.model.drags
-        return array(self.fit.model.columns(v, v)[:, :drags] @ self.fit.theta[:drags])
+        return self.fit.model.columns(v, v)[:, :drags] @ self.fit.theta[:drags]
 
     @cached_property
     def top_drag(self) -> float:
@@ -216,7 +216,7 @@ class AxisFit:
     def of_force(self, force: Array) -> Array:
         """Impulses over each step of forces at its ends, (n,) or (n, k): (n, k) [N s, N m s]."""
         table = np.column_stack([force])
-        return array(0.5 * self.steps_s[:, None] * (table + np.roll(table, 1, axis=0)))
+        return 0.5 * self.steps_s[:, None] * (table + np.roll(table, 1, axis=0))
 
     def of_commands(self, commands: Array, times_s: Array | None = None) -> Array:
         """Impulses over each step of errors of the commanded thrust, through its lag.
@@ -249,7 +249,7 @@ class AxisFit:
     def position(self) -> Array:
         """Position from the middle of the flown distance, in units of half of it: (n,) [-]."""
         s = self.fit.linear.path.s - float(np.median(self.fit.linear.path.s))
-        return array(s / max(1e-9, _highest(s)))
+        return s / max(1e-9, _highest(s))
 
 
 def _highest(values: Array) -> float:
@@ -315,7 +315,7 @@ def _unweighed(case: AxisFit, thrust: Array, error: Callable[[Array], Array]) ->
     out, gain = error(thrust), case.weighing
     for sign in case.weighed:
         out = out - np.maximum(0.0, sign * thrust)[:, None] * error(array([sign * gain.load])) / gain.load
-    return array(out)
+    return out
 
 
 def _weighed_gain(case: AxisFit) -> Array:
@@ -353,7 +353,7 @@ def _inflow(case: AxisFit) -> Array:
     if not case.vehicle.thrusters:
         ((_, share),) = thrust_shares(case.vehicle, case.axis).values()
         reference_N = abs(share) * case.pull
-    return case.of_force(array(-math.sqrt(reference_N) * case.inflow * case.v / INFLOW_mps))
+    return case.of_force(-math.sqrt(reference_N) * case.inflow * case.v / INFLOW_mps)
 
 
 def _coasts(case: AxisFit) -> bool:
@@ -370,7 +370,7 @@ def _drift(case: AxisFit) -> Array:
     """Thrust that falls evenly from the start of a run, by all in 15 min; pooled records each restart."""
     t = case.fit.problem.grid.times_s
     begins = np.where(np.diff(t, prepend=t[:1]) > BETWEEN_RUNS_S, t, 0.0)
-    return case.of_force(array(-case.thrust * (t - np.maximum.accumulate(begins)) / SAG_S))
+    return case.of_force(-case.thrust * (t - np.maximum.accumulate(begins)) / SAG_S)
 
 
 def _load(case: AxisFit) -> Array:
@@ -417,7 +417,7 @@ def _memory(case: AxisFit) -> Array:
 
 def _wake(case: AxisFit) -> Array:
     behind = case.delayed(WAKE_S)
-    return case.of_force(array(case.slope() * behind * (behind * case.v < 0.0)))
+    return case.of_force(case.slope() * behind * (behind * case.v < 0.0))
 
 
 def _asymmetry_sigma(case: AxisFit) -> float:
@@ -432,7 +432,7 @@ def _asymmetry_sigma(case: AxisFit) -> float:
 
 def _asymmetry(case: AxisFit, v: Array) -> Array:
     """Quadratic drag greater ahead and smaller astern, in shares of that at the highest speed: (n, 1) [N, N m]."""
-    return array(case.top_drag * (v[:, None] / max(1e-9, case.speed)) ** 2)
+    return case.top_drag * (v[:, None] / max(1e-9, case.speed)) ** 2
 
 
 def _exponent(case: AxisFit, v: Array) -> Array:
@@ -460,7 +460,7 @@ def _longer_tether(case: AxisFit) -> Array:
 def _braking(case: AxisFit) -> Array:
     """Against the motion, with speed squared, 1 at the highest: (n,) [-]."""
     x = case.v / max(1e-9, case.speed)
-    return array(np.abs(x) * x)
+    return np.abs(x) * x
 
 
 def _friction(case: AxisFit) -> Array:
@@ -517,7 +517,7 @@ def _tilts(case: AxisFit) -> bool:
 def _tilt(case: AxisFit) -> Array:
     """Force or moment per radian of wrong roll or pitch; level by a tilted sensor, net buoyancy pushes along."""
     if case.fit.model.restores:
-        return case.of_force(array(case.fit.theta[-2] * np.cos(case.fit.linear.path.s)))
+        return case.of_force(case.fit.theta[-2] * np.cos(case.fit.linear.path.s))
     return case.of_force(np.full(len(case.v), case.vehicle.net_buoyancy_N))
 
 

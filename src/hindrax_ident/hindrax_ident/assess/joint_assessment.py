@@ -93,7 +93,7 @@ class JointResults:
 
 def joint_results(fit: JointFit, vehicle: Vehicle) -> JointResults:
     """Results of a joint fit."""
-    wide = array(fit.covariance + fit.by_doubt @ fit.by_doubt.T)
+    wide = fit.covariance + fit.by_doubt @ fit.by_doubt.T
     numbers = {
         term.name: Number(value, std, std_calibrated, unit=term.unit)
         for term, value, std, std_calibrated in zip(
@@ -110,8 +110,8 @@ def joint_results(fit: JointFit, vehicle: Vehicle) -> JointResults:
         table[unknown], table[:, unknown] = math.nan, math.nan
     return JointResults(
         motions={one.name: _motion(fit, one, vehicle, numbers) for axis in fit.axes for one in motions_of(axis)},
-        added_mass=array(added),
-        added_mass_std=array(std),
+        added_mass=added,
+        added_mass_std=std,
         terms={
             term.name: CrossTerm(numbers[term.name], fit.odds[term.name]) for term in fit.terms if term.kind == CROSS
         },
@@ -171,4 +171,4 @@ def _own_doubts(fit: JointFit, axis: str, speed: Array, top_drag: float) -> Arra
     x = speed / speed[-1] if speed[-1] > 0.0 else np.ones_like(speed)
     bent = top_drag * x**2 * np.log(x)
     mine = [one.sigma * (one.name == f"{axis}: exponent of the drag") for one in fit.doubts]
-    return array(np.outer(bent, mine))
+    return np.outer(bent, mine)

@@ -61,12 +61,12 @@ class Draws(NamedTuple):
         below = np.cumsum(weight, axis=0) - 0.5 * weight
         ends = [0.5 * (1.0 + side * share) for share in (WITHIN_68, WITHIN_95) for side in (-1.0, 1.0)]
         found = [array([float(np.interp(end, p, x)) for p, x in zip(below.T, ordered.T, strict=True)]) for end in ends]
-        return Interval(array(self.weight @ values), *found)
+        return Interval(self.weight @ values, *found)
 
     def covariance(self, values: Array) -> Array:
         """Of quantities drawn with these, (n, k): (k, k)."""
         apart = values - self.weight @ values
-        return array((self.weight[:, None] * apart).T @ apart)
+        return (self.weight[:, None] * apart).T @ apart
 
 
 def drawn(known: Explanations, noise: Array, lossless: float = 0.0) -> Draws:
@@ -101,7 +101,7 @@ def drawn(known: Explanations, noise: Array, lossless: float = 0.0) -> Draws:
     for one in np.unique(of).tolist():
         here = of == one
         influences[here] = known.mean[one] + standard[here, :m] @ _root(known.covariance[one]).T
-    return Draws(influences, array(standard[:, m:] @ _root(noise).T), _importance(known, influences, of))
+    return Draws(influences, standard[:, m:] @ _root(noise).T, _importance(known, influences, of))
 
 
 def _perhaps_lossless(known: Explanations, lossless: float) -> Explanations:
@@ -123,11 +123,11 @@ def _perhaps_lossless(known: Explanations, lossless: float) -> Explanations:
     log -= 0.5 * (far + np.linalg.slogdet(along)[1])
     weight = np.concatenate([(1.0 - lossless) * known.weight, lossless * known.weight * np.exp(log)])
     return Explanations(
-        array(weight / weight.sum()),
-        array(np.concatenate([known.mean, mean])),
-        array(np.concatenate([known.covariance, covariance])),
-        array(np.concatenate([known.usual, known.usual])),
-        array(np.concatenate([known.spread, known.spread])),
+        weight / weight.sum(),
+        np.concatenate([known.mean, mean]),
+        np.concatenate([known.covariance, covariance]),
+        np.concatenate([known.usual, known.usual]),
+        np.concatenate([known.spread, known.spread]),
         known.loss,
     )
 

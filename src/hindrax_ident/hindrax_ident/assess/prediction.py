@@ -111,7 +111,7 @@ def predict(model: Model, theta: Array, record: Record) -> Prediction:
         steady, predicted = still + v0 * (t - problem.grid.times_s[first]), path.s[at]
     else:
         still, steady, predicted, unit = np.zeros(len(t)), v0, path.v[at], f"{unit}/s"
-    return Prediction(model.axis, unit, t, problem.y[counts], predicted, array(still), array(steady), window)
+    return Prediction(model.axis, unit, t, problem.y[counts], predicted, still, steady, window)
 
 
 def predictions_joined(parts: Sequence[Prediction]) -> Prediction:

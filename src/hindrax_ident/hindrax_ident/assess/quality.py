@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hindrax_core.text.digits import measured
-from hindrax_ident.arrays import Array, array
+from hindrax_ident.arrays import Array
 from hindrax_ident.assess.objections import Code, Objection, objection
 from hindrax_ident.assess.prediction import WINDOW_S, Prediction, predict, windows_of
 from hindrax_ident.assess.results import Contribution
@@ -162,7 +162,7 @@ def _unknown(model: Model, theta: Array, covariance: Array, record: Record, pred
     total = 0.0
     for change in changes:
         try:
-            other = predict(model, array(theta + change), record)
+            other = predict(model, theta + change, record)
         except ValueError:
             return math.inf
         total += float(np.mean((other.predicted - predicted.predicted) ** 2))

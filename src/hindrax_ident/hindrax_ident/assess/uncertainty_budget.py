@@ -111,7 +111,7 @@ class Budget:
         """
         excess = 1.0 - (SURPRISE / np.maximum(self._surprise, SURPRISE)) ** 2
         shown = self.shifts @ (self.mean * excess)
-        return array(self._sandwich(self.covariance, (RUN,)) + np.outer(shown, shown))
+        return self._sandwich(self.covariance, (RUN,)) + np.outer(shown, shown)
 
     def prior_band(self, name: str) -> Array:
         """Covariance of the parameters due to one influence, before the record: (p, p)."""
@@ -123,7 +123,7 @@ class Budget:
 
     def drag_sensitivity(self, gradient: Array, v: Array) -> Array:
         """Error of the drag at velocities v (n,) per unit of each influence: (n, m); `gradient` (n, p) of the drag."""
-        out = array(gradient @ self.shifts)
+        out = gradient @ self.shifts
         for row, influence, sigma in self.rows:
             if influence.drag is not None:
                 out[:, row] -= sigma * np.sign(v)[:, None] * influence.drag(self.case, v)
@@ -281,7 +281,7 @@ class Budget:
 
     @property
     def _moment(self) -> Array:
-        return array(self.covariance + np.outer(self.mean, self.mean))
+        return self.covariance + np.outer(self.mean, self.mean)
 
     def _within(self, scopes: Collection[str]) -> Array:
         """1 for the columns of influences of these scopes, otherwise 0: (m,)."""
@@ -292,7 +292,7 @@ class Budget:
 
     def _sandwich(self, moment: Array, scopes: Collection[str]) -> Array:
         chosen = self.shifts * self._within(scopes)
-        return array(chosen @ moment @ chosen.T)
+        return chosen @ moment @ chosen.T
 
 
 def budget_of(case: AxisFit, influences: Sequence[Influence] = INFLUENCES) -> Budget:
@@ -330,11 +330,11 @@ def budget_of(case: AxisFit, influences: Sequence[Influence] = INFLUENCES) -> Bu
     weighed = _weighed(case, found.shifts)
     prior = _prior(rows)
     likelihood = _Likelihood(
-        array(found.information * np.outer(judged, judged) + weighed[0]),
-        array(found.gradient * judged + weighed[1]),
+        found.information * np.outer(judged, judged) + weighed[0],
+        found.gradient * judged + weighed[1],
         prior,
     )
-    whole = _Likelihood(array(found.information + weighed[0]), array(found.gradient + weighed[1]), prior)
+    whole = _Likelihood(found.information + weighed[0], found.gradient + weighed[1], prior)
     known = _posterior(likelihood)
     return Budget(
         case=case,
@@ -366,7 +366,7 @@ def _prior(rows: Sequence[BudgetRow]) -> _Prior:
     # What acts one way only cannot take more than there is: no tails.
     both_ways = loss == 0.0
     in_near = both_ways & (near > NEAR_MODEL)
-    return _Prior(array(usual), array(spread), np.stack([*[in_near] * (len(size) - 1), both_ways]))
+    return _Prior(usual, spread, np.stack([*[in_near] * (len(size) - 1), both_ways]))
 
 
 class _Prior(NamedTuple):
@@ -387,7 +387,7 @@ class _Likelihood(NamedTuple):
 
 def _only(data: _Likelihood, kept: Array) -> _Likelihood:
     """The likelihood of a record without the influences whose place in `kept`, (m,), is zero."""
-    return _Likelihood(array(data.information * np.outer(kept, kept)), array(data.gradient * kept), data.prior)
+    return _Likelihood(data.information * np.outer(kept, kept), data.gradient * kept, data.prior)
 
 
 def _evidence(data: _Likelihood) -> float:
@@ -433,8 +433,8 @@ def _posterior(data: _Likelihood, water: Array | None = None) -> _Posterior:
     total = np.tensordot(weight, covariance, 1) + (weight[:, None] * apart).T @ apart
     of = np.repeat(np.arange(len(found)), [len(one.evidence) for one in found])
     usual, spread, loss = data.prior.mean[of], data.prior.sigma[of], array(data.prior.mean[-1] > 0.0)
-    explanations = Explanations(array(weight), mean, covariance, usual, spread, loss)
-    return _Posterior(array(middle), array(total), own, explanations)
+    explanations = Explanations(weight, mean, covariance, usual, spread, loss)
+    return _Posterior(middle, total, own, explanations)
 
 
 def _explained(information: Array, gradient: Array, usual: Array, sigma: Array, tails: Flags) -> _Explained:
@@ -462,7 +462,7 @@ def _explained(information: Array, gradient: Array, usual: Array, sigma: Array, 
     same = np.abs(mean[:, None] - mean[None]).max(axis=2, initial=0.0) < SAME_EXPLANATION
     # One that is found from many starts counts once.
     evidence += known - np.log(same.sum(axis=1))
-    return _Explained(array(usual + sigma * mean), array(sigma[:, None] * covariance * sigma), array(evidence))
+    return _Explained(usual + sigma * mean, sigma[:, None] * covariance * sigma, evidence)
 
 
 def _given(variance: Array, root: Array) -> tuple[Array, Array]:
@@ -475,7 +475,7 @@ def _given(variance: Array, root: Array) -> tuple[Array, Array]:
     scaled = scale[:, :, None] * root
     learned = np.eye(len(root)) + scaled @ np.swapaxes(scaled, 1, 2)
     covariance = np.linalg.inv(learned) * scale[:, :, None] * scale[:, None, :]
-    return array(covariance), array(np.linalg.slogdet(learned)[1])
+    return covariance, np.linalg.slogdet(learned)[1]
 
 
 def _weighed(case: AxisFit, shifts: Array) -> tuple[Array, Array]:
@@ -490,4 +490,4 @@ def _weighed(case: AxisFit, shifts: Array) -> tuple[Array, Array]:
     at = case.fit.model.names.index("b")
     variance = sigma**2 + float(case.fit.covariance[at, at])
     missing = float(case.fit.theta[at]) - case.vehicle.net_buoyancy_N
-    return array(np.outer(shifts[at], shifts[at]) / variance), array(shifts[at] * missing / variance)
+    return np.outer(shifts[at], shifts[at]) / variance, shifts[at] * missing / variance

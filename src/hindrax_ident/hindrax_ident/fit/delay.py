@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hindrax_ident.arrays import Array, array
+from hindrax_ident.arrays import Array
 from hindrax_ident.fit.output_error import OutputErrorFit, refine
 from hindrax_ident.fit.output_error_problem import (
     LinearizedProblem,
@@ -63,7 +63,7 @@ def latency_impulse(record: Record, grid: Grid) -> Array:
 
 def delay_impulses(record: Record, grid: Grid) -> Array:
     """Columns `lag_impulse` and `latency_impulse`: (n, 2) [N, N m]."""
-    return array(np.hstack([lag_impulse(record, grid), latency_impulse(record, grid)]))
+    return np.hstack([lag_impulse(record, grid), latency_impulse(record, grid)])
 
 
 def prior_delays(record: Record) -> Array:
@@ -156,7 +156,7 @@ class _Search:
             x, path, damping, weights = tried, then.path, 0.1 * damping, self._weights(then)
             if moved < SETTLED_S:
                 break
-        return DelayEstimate(self._error(now), float(x[-2]), float(x[-1]), array(x[: self._size]))
+        return DelayEstimate(self._error(now), float(x[-2]), float(x[-1]), x[: self._size])
 
     def _begin(self, theta: Array, delays: Array) -> tuple[Array, LinearizedProblem | None]:
         """Initial unknowns, (p + 2,), and the problem about them; None where the simulation diverges."""
@@ -172,9 +172,9 @@ class _Search:
         normal = linear.information + np.diag(self._information)
         gradient = linear.gradient + self._information * (self._mean - x)
         scale = np.sqrt(np.diag(normal))
-        damped = array(normal / np.outer(scale, scale) + damping * np.eye(len(x)))
+        damped = normal / np.outer(scale, scale) + damping * np.eye(len(x))
         room = scale[MASS] * (self._problem.model.least_mass - x[MASS])
-        return self._bounded(x + newton_step(damped, array(gradient / scale), float(room), MASS) / scale)
+        return self._bounded(x + newton_step(damped, gradient / scale, float(room), MASS) / scale)
 
     def _at(self, x: Array, path: Trajectory, weigh: Callable[[Array], Array]) -> LinearizedProblem | None:
         record = replace(self._record, lag_s=float(x[-2]), latency_s=float(x[-1]))
@@ -200,7 +200,7 @@ class _Search:
                 usual = max(1e-9, float(np.percentile(np.abs(linear.raw[own]), 90.0)) / 1.645)
                 far = np.maximum(1.0, np.abs(linear.raw[own]) / (ROBUST * usual))
                 weights[own] = 1.0 / (usual * np.sqrt(far))
-        return lambda table: array(table * weights[:, None])
+        return lambda table: table * weights[:, None]
 
     def _cost(self, linear: LinearizedProblem, x: Array) -> float:
         return linear.cost + float(self._information @ (x - self._mean) ** 2)

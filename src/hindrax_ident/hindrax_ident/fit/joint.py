@@ -107,7 +107,7 @@ class JointFit:
     @property
     def by_doubt(self) -> Array:
         """Change of the parameters per deviation of each doubt: (p, m)."""
-        return array(self.shifts * [one.sigma for one in self.doubts])
+        return self.shifts * [one.sigma for one in self.doubts]
 
 
 def fit_jointly(
@@ -193,7 +193,7 @@ class _Search:
 
 def _begun(record: SixAxisRecord, vehicle: Vehicle, delays: Delays, gain_sigma: float) -> _Search:
     """Everything at its prior, without cross terms."""
-    pull = array(np.percentile(np.abs(record.wrench), LARGEST, axis=0))
+    pull = np.percentile(np.abs(record.wrench), LARGEST, axis=0)
     scales = Scales(pull, array([_highest(record, axis) for axis in range(6)]))
     terms = (*delays.terms(), *terms_of(vehicle, record.axes, scales, gain_sigma, np.zeros(6)))
     theta = array([term.mean for term in terms])
@@ -294,7 +294,7 @@ def _within_masses(search: _Search, step: Array) -> Array:
     axes = sorted({term.mass[0] for term in search.terms if term.mass})
     block, rigid = np.ix_(axes, axes), np.diag([rigid_mass(search.vehicle, axis) for axis in range(6)])
     for _ in range(30):
-        left = (masses(search.terms, array(search.theta + step)) - LEAST_MASS * rigid)[block]
+        left = (masses(search.terms, search.theta + step) - LEAST_MASS * rigid)[block]
         if np.linalg.eigvalsh(left).min() > 0.0:
             return step
         step = array(0.5 * step)
@@ -321,7 +321,7 @@ def _admitted(search: _Search, normal: Normal) -> tuple[Flags, dict[str, float]]
         across = normal.S[np.ix_(rest, own)]
         known[rest] = np.diag(normal.S)[rest] + prior[rest] - np.sum(across @ V * across, axis=1)
         values[rest] = (b[rest] - across @ values[own]) / known[rest]
-        return array(0.5 * values**2 * known - 0.5 * np.log(known / prior)), array(values + means)
+        return 0.5 * values**2 * known - 0.5 * np.log(known / prior), values + means
 
     kept, least_odds = ~cross, LEAST_ODDS + math.log(max(1, int(cross.sum())))
     for _ in range(3 * int(cross.sum())):

@@ -75,7 +75,7 @@ class Noise:
             for square, number, old in zip(squares, free, (self.force, self.velocity), strict=True)
         )
         within = np.clip(velocity, *(share * self.of_changes for share in NOISE_SHARES))
-        return Noise(array(np.maximum(force, 1e-12)), array(within), self.of_changes, kept)
+        return Noise(np.maximum(force, 1e-12), within, self.of_changes, kept)
 
 
 def first_noise(record: SixAxisRecord, pull: Array) -> Noise:
@@ -96,7 +96,7 @@ def first_velocities(record: SixAxisRecord, grid: Grid) -> Array:
     """States of a stretch as measured: (n, states)."""
     measured = [record.velocities[axis] for axis in record.axes] + ([record.depth] if len(record.depth) else [])
     n = len(grid.times_s)
-    return array(np.stack([np.interp(grid.times_s, o.t, o.y) if len(o) else np.zeros(n) for o in measured], axis=1))
+    return np.stack([np.interp(grid.times_s, o.t, o.y) if len(o) else np.zeros(n) for o in measured], axis=1)
 
 
 def masses(terms: Sequence[Term], theta: Array) -> Array:
@@ -142,7 +142,7 @@ class _Measured(NamedTuple):
 
     def errors(self, v: Array) -> Array:
         """Of a state (n,): (m,)."""
-        return array(self.y - (1.0 - self.part) * v[self.step] - self.part * v[self.step + 1])
+        return self.y - (1.0 - self.part) * v[self.step] - self.part * v[self.step + 1]
 
     def placed(self, values: Array, n: int) -> Array:
         """Values at the measurements (m,), on the states between which they are: (n,)."""
@@ -169,7 +169,7 @@ class _Dependence(NamedTuple):
         out[1:] += late
         out[:-1] += mid
         out[:-2] += old[1:]
-        return array(out)
+        return out
 
 
 @dataclass(frozen=True)
@@ -262,12 +262,12 @@ class JointProblem:
             if M is not None:
                 # w M^-1 is the acceleration that the model does not explain; times the given mass it is a force again.
                 w = np.column_stack([w[:, :na] @ np.linalg.inv(step.M) @ M[np.ix_(self.axes, self.axes)], w[:, na:]])
-            out[0] += np.sum(self._fresh(array(w)) ** 2, axis=0)
+            out[0] += np.sum(self._fresh(w) ** 2, axis=0)
             for place in range(v.shape[1]):
                 if (own := self._measured(place, grid)) is not None:
                     e = own.errors(v[:, place])
                     out[1, place] += np.sum(self._robust(e, place) * e**2)
-        return array(out)
+        return out
 
     def memory(self, velocities: Sequence[Array]) -> Array:
         """Share of an unknown force that is left after a step, from its covariance after one span and after two.
@@ -294,7 +294,7 @@ class JointProblem:
         share = np.divide(sums[1], sums[0], out=np.zeros_like(sums[0]), where=sums[0] > 0.0)
         # From the share over a span to that over a step, and never so near to 1 that a force would be a drift.
         found = np.minimum(np.maximum(share, 0.0) ** (1.0 / span), math.exp(-step_s / LONGEST_MEMORY_S))
-        return array(np.where(np.arange(len(found)) < axes, found, 0.0))
+        return np.where(np.arange(len(found)) < axes, found, 0.0)
 
     # ---- one stretch
 
@@ -302,23 +302,23 @@ class JointProblem:
         """Mean thrust of each step: (n - 1, 6) [N, N m]."""
         r = self.record
         impulses = [LaggedThrust(r.wrench_t, one, lag_s).impulse(grid.times_s) for one in r.wrench.T]
-        return array(np.diff(np.stack(impulses, axis=1), axis=0) / grid.step_s)
+        return np.diff(np.stack(impulses, axis=1), axis=0) / grid.step_s
 
     def _resisting(self, state: State) -> Array:
         """Forces of all terms that are in, and C(M) v, without M v': (n, 6)."""
-        theta = array(np.where(self.kept, self.theta, 0.0))
+        theta = np.where(self.kept, self.theta, 0.0)
         out = inertial_force(masses(self.terms, theta), state.nu, np.zeros_like(state.nu))
         for term, value in zip(self.terms, theta.tolist(), strict=True):
             if value != 0.0 and not term.mass:
                 for axis, force in term.force(state).items():
                     out[:, axis] += value * force
-        return array(out)
+        return out
 
     def _steps(self, grid: Grid, v: Array) -> _Steps:
         """Unknown force of each step of a stretch, and what it was computed from."""
         axes, na = self.axes, len(self.axes)
         thrust = self._thrust(grid, max(0.0, float(self.theta[LAG])))
-        M = array(masses(self.terms, array(np.where(self.kept, self.theta, 0.0)))[np.ix_(axes, axes)])
+        M = masses(self.terms, np.where(self.kept, self.theta, 0.0))[np.ix_(axes, axes)]
         nu, predicted = np.zeros((len(v) - 1, 6)), np.zeros((len(v) - 1, 6))
         # Forces in the middle of a step, so that the difference of the velocities is right to second order.
         nu[:, axes] = 0.5 * (v[:-1, :na] + v[1:, :na])
@@ -330,7 +330,7 @@ class JointProblem:
         if v.shape[1] > na:
             # A depth is a state without a force: its rate is the velocity along the vertical.
             w[:, na] -= np.sum(nu[:, :3] * grid.down, axis=1)
-        return _Steps(state, M, array(w), predicted)
+        return _Steps(state, M, w, predicted)
 
     def _fresh(self, w: Array) -> Array:
         """What is new in each step of unknown forces (n, states, ...), of equal variance."""
@@ -339,7 +339,7 @@ class JointProblem:
         out[1:] -= kept * w[:-1]
         # The first one has the stationary variance; this brings it down to that of what is new.
         out[0] *= np.sqrt(1.0 - kept**2)
-        return array(out)
+        return out
 
     def _robust(self, e: Array, place: int) -> Array:
         """Weights of measurement errors: 1 but for outliers."""
@@ -355,7 +355,7 @@ class JointProblem:
         # Stamps are late by the latency, so each velocity is compared with the state of before.
         t = one.t - float(self.theta[latency])
         inside = (t >= grid.times_s[0]) & (t <= grid.times_s[-1])
-        return _Measured(*grid.places(array(t[inside])), array(one.y[inside]), latency) if inside.any() else None
+        return _Measured(*grid.places(t[inside]), one.y[inside], latency) if inside.any() else None
 
     def _dependence(self, grid: Grid, v: Array, used: Index, *, begins: bool) -> _Dependence:
         """Derivatives of what is new in the unknown forces."""
@@ -394,7 +394,7 @@ class JointProblem:
             # No term of a force: the lag moves the thrust itself.
             more = self._thrust(grid, max(0.0, float(self.theta[LAG])) + SHORT_s)
             columns[:, :na, 0] = -((more - steps.state.thrust) / SHORT_s)[:, axes]
-        return _Dependence(array(late), mid, array(old), self._fresh(columns), self._fresh(steps.w))
+        return _Dependence(late, mid, old, self._fresh(columns), self._fresh(steps.w))
 
     def _stretch(self, grid: Grid, v: Array, used: Index, rng: np.random.Generator, *, begins: bool) -> Normal:
         """Normal equations of one stretch."""
@@ -406,7 +406,7 @@ class JointProblem:
         signs = rng.choice([-1.0, 1.0], (n - 1, ns))
         of_forces = signs[:, :, None] * np.eye(ns) * np.sqrt(W)[:, None]
         # One factorization for all: the step, its dependence on the parameters, and a random probe for each variance.
-        right = d.on_states(array(np.concatenate([weighted, of_forces, np.zeros((n - 1, ns, ns))], axis=2)))
+        right = d.on_states(np.concatenate([weighted, of_forces, np.zeros((n - 1, ns, ns))], axis=2))
         D, L, L2 = _blocks(d, W)
         free = np.stack([np.full(ns, n - 1.0), np.zeros(ns)])
         for place in range(ns):
@@ -418,15 +418,13 @@ class JointProblem:
             D[:, place, place] += np.bincount(own.step, weight * (1.0 - own.part) ** 2, n)
             D[:, place, place] += np.bincount(own.step + 1, weight * own.part**2, n)
             L[:, place, place] += np.bincount(own.step, own.part * (1.0 - own.part) * weight, n - 1)
-            right[:, place, 0] += own.placed(array(weight * e), n)
-            right[:, place, 1 + u + ns + place] = own.placed(
-                array(np.sqrt(weight) * rng.choice([-1.0, 1.0], len(e))), n
-            )
+            right[:, place, 0] += own.placed(weight * e, n)
+            right[:, place, 1 + u + ns + place] = own.placed(np.sqrt(weight) * rng.choice([-1.0, 1.0], len(e)), n)
             free[1, place] = len(e)
             for k in np.flatnonzero(used == own.latency).tolist():
                 # A latency moves the place at which the state is read: by its rate.
                 moved = (v[own.step, place] - v[own.step + 1, place]) / grid.step_s
-                right[:, place, 1 + k] += own.placed(array(weight * moved), n)
+                right[:, place, 1 + k] += own.placed(weight * moved, n)
                 S[k, k] += np.sum(weight * moved**2)
                 rows[:, k] += np.bincount(own.step, weight * moved * e, n - 1)
         flat = right.reshape(n * ns, -1)
@@ -442,11 +440,11 @@ class JointProblem:
         parts = [whitened.reshape(n - 1, ns, u)[block == one].reshape(-1, u) for one in np.unique(block)]
         scores = array([rows[block == one].sum(axis=0) for one in np.unique(block)])
         return Normal(
-            _spread(array(0.5 * (S + S.T)), used, p),
+            _spread(0.5 * (S + S.T), used, p),
             _spread(s, used, p),
-            array([_spread(array(one), used, p) for one in scores]),
-            [_spread(array(one.T @ one), used, p) for one in parts],
-            array(free),
+            array([_spread(one, used, p) for one in scores]),
+            [_spread(one.T @ one, used, p) for one in parts],
+            free,
             [steps],
         )
 
@@ -455,7 +453,7 @@ def _spread(values: Array, used: Index, p: int) -> Array:
     """Numbers of the parameters that are used, among all p; a vector or a square."""
     out = np.zeros([p] * values.ndim)
     out[np.ix_(*[used] * values.ndim)] = values
-    return array(out)
+    return out
 
 
 def _blocks(d: _Dependence, W: Array) -> tuple[Array, Array, Array]:
@@ -481,4 +479,4 @@ def _banded(*blocks: Array) -> Array:
             for b in range(s):
                 if below or a >= b:
                     out[below * s + a - b, b : (n - below) * s : s] = block[:, a, b]
-    return array(out)
+    return out

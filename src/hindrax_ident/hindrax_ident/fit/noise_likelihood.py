@@ -22,7 +22,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hindrax_ident.arrays import Array, Flags, Index, array
+from hindrax_ident.arrays import Array, Flags, Index
 from hindrax_ident.fit.whitening import ErrorDynamics, Noise, transitions
 from hindrax_ident.model.thrust_lag import LEAST_MEMORY_s
 
@@ -97,7 +97,7 @@ def _ratio_and_part(pieces: _Pieces, other: float) -> tuple[float, float]:
 
 def _best(pieces: _Pieces, ratios: ArrayLike, parts: ArrayLike, others: ArrayLike) -> tuple[float, float, float]:
     """Most likely of all combinations, in the units of `_Pieces.scores`."""
-    ratio, part, other = (array(one).ravel() for one in np.meshgrid(ratios, parts, others, indexing="ij"))
+    ratio, part, other = (one.ravel() for one in np.meshgrid(ratios, parts, others, indexing="ij"))
     best = int(np.argmin(pieces.scores(ratio, part, other)[0]))
     return float(ratio[best]), float(part[best]), float(other[best])
 
@@ -129,14 +129,14 @@ def disturbance_profile(chain: ErrorDynamics, residual: Array, noise: Noise, thr
     main = _main(chain)
     pieces = _Pieces(chain, residual, main)
     size = noise.velocity if main == 0 else noise.position
-    forces = array((noise.force + noise.thrust * pieces.mean_thrust) * np.array(FLOORS))
+    forces = (noise.force + noise.thrust * pieces.mean_thrust) * np.array(FLOORS)
     candidates, beside = np.meshgrid(thrusts, forces, indexing="ij")
     other = np.full(candidates.size, math.log10(noise.position / noise.velocity))
     squares, logs, n = pieces.filtered(beside.ravel() / size, candidates.ravel() / size, other)
     cost = (squares / size + logs + n * math.log(size)).reshape(candidates.shape) + PENALTY * (forces > 0.0)
     best = cost.argmin(axis=1)
     # Pieces sample a long record: scale the cost to all of it.
-    return array(cost.min(axis=1) * (chain.counts.sum() / n)), array(forces[best])
+    return cost.min(axis=1) * (chain.counts.sum() / n), forces[best]
 
 
 def _piece_rows(starts: Flags) -> tuple[Index, Flags]:

@@ -242,7 +242,7 @@ def _descend(
         wanted = float(np.abs(newton_step(normal, gradient, room)).max())
         if wanted < tolerance * math.sqrt(1.0 + problem.samples):
             return linear, theta, True
-        step = newton_step(array(normal + damping * np.eye(len(theta))), gradient, room) / scale
+        step = newton_step(normal + damping * np.eye(len(theta)), gradient, room) / scale
         # The motion begins where the initial conditions would be by now: else each trial would seem worse than it is.
         begun = restarted(problem, linear, step, damping)
         tried = linearize(problem, theta + step, begun, white, refinements=refinements)
@@ -282,8 +282,8 @@ def _scaled(linear: LinearizedProblem, theta: Array, prior: Prior) -> tuple[Arra
     """
     information = linear.information + prior.information
     gradient = linear.gradient + prior.information @ (prior.values - theta)
-    scale = array(np.sqrt(np.diag(information)))
-    return array(information / np.outer(scale, scale)), array(gradient / scale), scale
+    scale = np.sqrt(np.diag(information))
+    return information / np.outer(scale, scale), gradient / scale, scale
 
 
 def _total(linear: LinearizedProblem, theta: Array, prior: Prior) -> float:
@@ -387,7 +387,7 @@ def _with_color(
         for own in rows:
             colored_columns = color_backward(color, linear.J[own])
             middle += colored_columns.T @ colored_columns * size
-    return array(inverse @ middle @ inverse) if colored else plain
+    return (inverse @ middle @ inverse) if colored else plain
 
 
 def _innovation_variance(pieces: list[Array], color: Array) -> float:
@@ -399,7 +399,7 @@ def _unpredicted(piece: Array, color: Array) -> Array:
     """Innovations of an autoregression: (n - order,), in the unit of the piece."""
     n, order = len(piece) - len(color), len(color)
     terms = (a * piece[order - k : order - k + n] for k, a in enumerate(color, 1))
-    return array(piece[order:] - sum(terms, np.zeros(n)))
+    return piece[order:] - sum(terms, np.zeros(n))
 
 
 def _blocks(linear: LinearizedProblem, problem: OutputErrorProblem) -> tuple[Array, list[Array]]:
@@ -411,5 +411,5 @@ def _blocks(linear: LinearizedProblem, problem: OutputErrorProblem) -> tuple[Arr
         count = max(1, round(length / BLOCK_S))
         block = np.minimum(count - 1, ((times - times[0]) / max(length, 1e-9) * count).astype(int))
         gradients += [J[block == one].T @ r[block == one] for one in range(count)]
-        informations += [array(J[block == one].T @ J[block == one]) for one in range(count)]
+        informations += [(J[block == one].T @ J[block == one]) for one in range(count)]
     return np.array(gradients), informations

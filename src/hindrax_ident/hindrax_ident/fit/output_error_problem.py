@@ -115,7 +115,7 @@ def _grid(times: Array) -> Array:
     # Between measurements that are far apart, points are added: the rule of fourth order wants short steps.
     index = np.repeat(np.arange(len(steps)), parts)
     within = np.arange(len(index)) - np.repeat(np.cumsum(parts) - parts, parts)
-    return array(np.append(times[index] + steps[index] * within / parts[index], times[-1]))
+    return np.append(times[index] + steps[index] * within / parts[index], times[-1])
 
 
 def _interleaved(v: Series, s: Series, grid: Array, offset: int) -> tuple[Array, Array, Array, Array]:
@@ -170,12 +170,12 @@ class LinearizedProblem:
     @property
     def information(self) -> Array:
         """J'J: (p, p)."""
-        return array(self.J.T @ self.J)
+        return self.J.T @ self.J
 
     @property
     def gradient(self) -> Array:
         """J'r: (p,)."""
-        return array(self.J.T @ self.r)
+        return self.J.T @ self.r
 
 
 def linearize(
@@ -231,7 +231,7 @@ def linearize(
 def _residuals(problem: OutputErrorProblem, path: Trajectory) -> Array:
     """Measurements minus what a motion predicts of them: (n,) [m/s or rad/s; m or rad]."""
     predicted = np.stack([path.v, path.s], axis=1)[problem.index, problem.channel]
-    return array(problem.y - predicted)
+    return problem.y - predicted
 
 
 def mean_error(problem: OutputErrorProblem, residuals: Array) -> float:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import chdtri
 
-from hindrax_ident.arrays import Array, array
+from hindrax_ident.arrays import Array
 
 BLOCK_S = 15.0
 CHANCE = 0.999
@@ -40,12 +40,12 @@ def scatter_inflation(gradients: Array, informations: Sequence[Array], inverse: 
         return np.ones(len(inverse))
     scatter = np.sum((gradients @ inverse) ** 2, axis=0) * blocks / (blocks - 1)
     # A parameter of which the record knows nothing has no scatter, and none to compare it with.
-    ratio = _ratio(array(scatter), array(np.diag(covariance)))
+    ratio = _ratio(scatter, np.diag(covariance))
     # Blocks with little information on a parameter add few degrees of freedom to its scatter.
     shares = np.array([np.diag(inverse @ information @ inverse) for information in informations])
-    freedom = np.maximum(1.0, _ratio(array(shares.sum(axis=0) ** 2), array(np.sum(shares**2, axis=0))) - 1.0)
-    limit = array(chdtri(freedom, 1.0 - CHANCE)) / freedom
-    return array(np.where(ratio > limit, np.sqrt(ratio), 1.0))
+    freedom = np.maximum(1.0, _ratio(shares.sum(axis=0) ** 2, np.sum(shares**2, axis=0)) - 1.0)
+    limit = chdtri(freedom, 1.0 - CHANCE) / freedom
+    return np.where(ratio > limit, np.sqrt(ratio), 1.0)
 
 
 def _ratio(over: Array, under: Array) -> Array:

@@ -32,7 +32,7 @@ class ScoreTest:
     @property
     def values(self) -> Array:
         """Estimates from the residuals alone: (m,)."""
-        return array(self.covariance @ self.gradient)
+        return self.covariance @ self.gradient
 
     @property
     def covariance(self) -> Array:

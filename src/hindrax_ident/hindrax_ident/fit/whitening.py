@@ -66,7 +66,7 @@ class ErrorDynamics:
 
     def density(self, noise: Noise) -> Array:
         """Density of the unknown acceleration over each step: (n,) [m^2/s^3, rad^2/s^3]."""
-        return array(noise.force + noise.thrust * self.thrust)
+        return noise.force + noise.thrust * self.thrust
 
 
 @np.errstate(over="ignore", invalid="ignore")  # parameters that make the error grow for ever; they are not finite then
@@ -106,13 +106,13 @@ def transitions(chain: ErrorDynamics) -> tuple[Array, Array]:
     for _ in range(doublings):
         Q = Q + A @ Q @ A.mT
         A = A @ A
-    return array(A), array(Q)
+    return A, Q
 
 
 def _series(F: Array) -> Array:
     """Matrix exponential to fourth order: (n, 3, 3). Its error is SHORT^5 / 120 of the step at most."""
     square = F @ F
-    return array(np.eye(3) + F + square / 2.0 + F @ square / 6.0 + square @ square / 24.0)
+    return np.eye(3) + F + square / 2.0 + F @ square / 6.0 + square @ square / 24.0
 
 
 def gains(chain: ErrorDynamics, transition: tuple[Array, Array], noise: Noise) -> tuple[Array, Array]:
@@ -176,7 +176,7 @@ def gains(chain: ErrorDynamics, transition: tuple[Array, Array], noise: Noise) -
         K.append((kv, ks, ka))
         vv, vs, va = vv - kv * hv, vs - kv * hs, va - kv * ha
         ss, sa, aa = ss - ks * hs, sa - ks * ha, aa - ka * ha
-    return np.array(K), array(np.sqrt(S))
+    return np.array(K), np.sqrt(S)
 
 
 class Whitener:
@@ -193,7 +193,7 @@ class Whitener:
             transition = transitions(chain)
             self._A = transition[0]
             self._K, scale = gains(chain, transition, noise)
-        self._weight = array(chain.counts / scale)[:, None]
+        self._weight = (chain.counts / scale)[:, None]
 
     def __call__(self, table: Array) -> Array:
         """Innovations of each column in units of their standard deviation: (n, m) to (n, m); zero for outliers."""

@@ -89,7 +89,7 @@ def per_step(totals: Array, starts: Flags) -> Array:
     """Increase of totals, (n,) or (n, m), over the step that ends at each time; zero at the start of a stretch."""
     steps = np.diff(totals, axis=0, prepend=totals[:1])
     steps[starts] = 0.0
-    return array(steps)
+    return steps
 
 
 def trajectory(model: Model, theta: Array, grid: Grid, start: Trajectory) -> Trajectory | None:
@@ -179,7 +179,7 @@ def sensitivities(
         # From here on with the end terms, which the matrix leaves out and the equations have.
         right[:, 0, : p - 1] = -grid.integral(columns) * ~grid.starts[:, None]
     for _ in range(refinements):
-        found = found + _solve(jacobian, array(right - _changed(model, theta, grid, path, found)))
+        found = found + _solve(jacobian, right - _changed(model, theta, grid, path, found))
     return found
 
 
@@ -190,7 +190,7 @@ def _changed(model: Model, theta: Array, grid: Grid, path: Trajectory, x: Array)
     out = np.empty_like(x)
     out[1:, 0] = theta[-1] * (x[1:, 0] - x[:-1, 0])
     out[1:, 1] = x[1:, 1] - x[:-1, 1]
-    out[:, 0] += grid.integral(array(slope * x[:, 0] + stiffness * x[:, 1]))
+    out[:, 0] += grid.integral(slope * x[:, 0] + stiffness * x[:, 1])
     out[:, 1] -= grid.integral(x[:, 0])
     # The rows of a start have no step before them: they hold the initial conditions.
     out[grid.starts] = x[grid.starts]
@@ -228,7 +228,7 @@ def _jacobian(model: Model, theta: Array, grid: Grid, v: Array, s: Array) -> tup
     bands[1, 1 : 2 * n - 2 : 2] = half[1:] * stiffness[:-1] + share[1:]
     bands[3, 0 : 2 * n - 2 : 2] = -half[1:]
     bands[2, 1 : 2 * n - 2 : 2] = np.where(later, -1.0, 0.0)
-    return bands, array(share)
+    return bands, share
 
 
 def _solve(jacobian: tuple[Array, Array], right: Array) -> Array:

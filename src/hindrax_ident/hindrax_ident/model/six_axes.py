@@ -18,7 +18,7 @@ from typing import TypeAlias
 import numpy as np
 
 from hindrax_core.vehicle import AXES, Vehicle
-from hindrax_ident.arrays import Array, array
+from hindrax_ident.arrays import Array
 from hindrax_ident.model.motion_model import LEAST_MASS, offset, restoring, rigid_mass
 
 OWN, CROSS, DOUBT = "own", "cross", "doubt"
@@ -99,7 +99,7 @@ def inertial_force(M: Array, nu: Array, acceleration: Array) -> Array:
     out = acceleration @ M
     out[:, :3] += np.cross(turning, linear)
     out[:, 3:] += np.cross(turning, momentum[:, 3:]) + np.cross(nu[:, :3], linear)
-    return array(out)
+    return out
 
 
 def _mass_term(vehicle: Vehicle, i: int, j: int) -> Term:

@@ -353,7 +353,7 @@ class AxisEstimator:
             return
         rows = np.array(self._rows)
         self._rows = []
-        self._blocks.append(array(rows.T @ rows))
+        self._blocks.append(rows.T @ rows)
         if len(self._blocks) == MOST_BLOCKS:
             self._blocks = [one + other for one, other in zip(self._blocks[::2], self._blocks[1::2], strict=True)]
             self._length *= 2

@@ -98,7 +98,7 @@ class Record:
     def impulse(self, at_s: Array) -> Array:
         """Impulse of thrust after its lag and of known forces, up to each time: (n,) [N s, N m s]."""
         thrust = LaggedThrust(self.thrust.t, self.thrust.y, self.lag_s).impulse(at_s - self.latency_s)
-        return array(thrust + sum(part.impulse(at_s) for part in self._measured()))
+        return thrust + sum(part.impulse(at_s) for part in self._measured())
 
     def force(self, at_s: Array) -> Array:
         """Thrust after its lag and known forces: (n,) [N, N m]."""
@@ -118,17 +118,17 @@ class Record:
         """Mean velocities over spans of SPAN_S within the stretches, of what measures the motion: (n,) [m/s, rad/s]."""
         way = self._way()
         parts = [_slopes(way.between(one.start_s, one.end_s)).y for one in self.stretches]
-        return array(np.concatenate(parts)) if parts else EMPTY
+        return np.concatenate(parts) if parts else EMPTY
 
     def motion(self) -> Series:
         """Integral of the squared velocity within the stretches, by spans of SPAN_S: how much the axis has moved."""
         way, total, times, sums = self._way(), 0.0, [EMPTY], [EMPTY]
         for one in self.stretches:
             moved = _slopes(way.between(one.start_s, one.end_s))
-            sums.append(array(total + np.concatenate([[0.0], np.cumsum(moved.y**2)])))
+            sums.append(total + np.concatenate([[0.0], np.cumsum(moved.y**2)]))
             times.append(array(np.linspace(one.start_s, one.end_s, len(sums[-1]))))
             total = float(sums[-1][-1])
-        return Series(array(np.concatenate(times)), array(np.concatenate(sums)))
+        return Series(np.concatenate(times), np.concatenate(sums))
 
     def _way(self) -> Series:
         """Distance, by the velocity where it was measured."""
@@ -146,7 +146,7 @@ def _slopes(placed: Series) -> Series:
     if len(placed) < 2:
         return Series(EMPTY, EMPTY)
     times = np.arange(placed.t[0], placed.t[-1], SPAN_S)
-    return Series(array(times[1:]), array(np.diff(np.interp(times, placed.t, placed.y)) / SPAN_S))
+    return Series(times[1:], np.diff(np.interp(times, placed.t, placed.y)) / SPAN_S)
 
 
 def side_of(record: Record) -> int:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hindrax_ident.arrays import Array, Flags, array
+from hindrax_ident.arrays import Array, Flags
 from hindrax_ident.model.thrust_lag import LaggedThrust
 from hindrax_ident.records.axis_record import Stretch
 
@@ -85,4 +85,4 @@ def _mean_thrust(t: Array, thrust: Array, at_s: Array) -> Array:
     order = np.argsort(thrust)
     held = np.cumsum(np.diff(np.append(t, at_s[-1]))[order])
     at_rest = thrust[order][min(len(thrust) - 1, int(np.searchsorted(held, 0.5 * held[-1])))]
-    return LaggedThrust(t, array(np.abs(thrust - at_rest)), MEAN_S).force(at_s)
+    return LaggedThrust(t, np.abs(thrust - at_rest), MEAN_S).force(at_s)

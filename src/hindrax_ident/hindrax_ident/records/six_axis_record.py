@@ -44,7 +44,7 @@ class Grid:
         """Step in which each time (m,) is, and the part of it that has passed [-]."""
         at = (t - self.times_s[0]) / self.step_s
         index: Index = np.clip(at.astype(np.intp), 0, len(self.times_s) - 2)
-        return index, array(at - index)
+        return index, at - index
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +123,7 @@ def six_axis_record(
     velocities = tuple(_finite(v_t, one) for one in v.T)
     depth = _finite(a_t, a[:, 2]) if len(velocities[2]) < FEWEST else Series(array([]), array([]))
     known_w = np.isfinite(w).any(axis=1)
-    w_t, w = w_t[known_w], array(np.nan_to_num(w[known_w]))
+    w_t, w = w_t[known_w], np.nan_to_num(w[known_w])
     measured = np.unique(np.concatenate([one.t for one in (*velocities, depth)]))
     if not len(w_t) or len(measured) < FEWEST:
         raise ValueError("the record holds too few velocities and forces for a fit of all axes")
@@ -139,7 +139,7 @@ def six_axis_record(
 
 def _finite(t: Array, y: Array) -> Series:
     known = np.isfinite(y)
-    return Series(array(t[known]), array(y[known]))
+    return Series(t[known], y[known])
 
 
 def _period(velocities: Sequence[Series]) -> float:
@@ -155,8 +155,8 @@ def _grids(times_s: Array, step_s: float, angles: Sequence[Series]) -> list[Grid
     for start, stop in itertools.pairwise(edges.tolist()):
         steps = math.floor((stop - start) / step_s)
         if steps > FEWEST:
-            t = array(start + step_s * np.arange(steps + 1))
+            t = start + step_s * np.arange(steps + 1)
             middle = t[:-1] + 0.5 * step_s
             level = [np.interp(middle, one.t, one.y) if len(one) else np.zeros(steps) for one in angles]
-            out.append(Grid(t, array(np.stack(level, axis=1))))
+            out.append(Grid(t, np.stack(level, axis=1)))
     return out

@@ -5,7 +5,7 @@ import functools
 import numpy as np
 from scipy.linalg import expm
 
-from hindrax_ident.arrays import Array, array
+from hindrax_ident.arrays import Array
 from hindrax_ident.fit.whitening import ErrorDynamics, Noise
 
 MEMORY_S = 0.15
@@ -65,4 +65,4 @@ def covariance_of(chain: ErrorDynamics, noise: Noise, wide: float = 0.0) -> Arra
         with_earlier[:, k] = P[:, at[k]]
         C[k, :k] = C[:k, k] = with_earlier[at[k], :k]
         C[k, k] += P[at[k], at[k]]
-    return array(C)
+    return C
