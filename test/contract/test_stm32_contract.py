@@ -15,7 +15,7 @@ from hindrax_sim.devices.stm32 import Stm32 as Emulator
 CHANNELS = (*range(8), 8, 9)
 REST = (1500.0,) * 8 + (1100.0,) * 2
 FULL = (1900.0,) * 10
-STEP_s = 0.01
+STEP_S = 0.01
 
 
 class Bench:
@@ -40,8 +40,8 @@ class Bench:
             self.take(self.driver.feed(data, stamp_from_s(self.now_s)))
 
     def run(self, seconds: float) -> None:
-        for _ in range(round(seconds / STEP_s)):
-            self.now_s += STEP_s
+        for _ in range(round(seconds / STEP_S)):
+            self.now_s += STEP_S
             stamp = stamp_from_s(self.now_s)
             if self.wish is not None:
                 self.take([self.driver.override(self.wish, stamp)])

@@ -19,7 +19,7 @@ from hindrax_sim.physics.plant import Plant
 
 VEHICLES = Path(__file__).parents[2] / "src/hindrax_bringup/vehicles"
 NAMES = ("hindrax", "bluerov2", "bluerov2-heavy", "lbv")
-DT_s, SECONDS = 0.004, 3.0
+DT_S, SECONDS = 0.004, 3.0
 HALF_TURN = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
 UP = (0.0, 0.0, -1.0, 0.0, 0.0, 0.0)
 COUPLED = ((0.6, 0.4, 0.0, 0.0, 0.0, 0.5), (0.5, 0.0, 0.5, 0.0, 0.3, 0.0), (0.4, 0.4, -0.4, 0.3, 0.3, 0.4))
@@ -40,7 +40,7 @@ class Engine(Protocol):
 
 class InGz:
     def __init__(self, model: ExportModel, _folder: Path) -> None:
-        self._inner = GzModel(gz.write(model), DT_s, model.vehicle.water.density_kgpm3)
+        self._inner = GzModel(gz.write(model), DT_S, model.vehicle.water.density_kgpm3)
 
     def step(self, wrench: Array) -> None:
         self._inner.step(array(HALF_TURN * np.array(wrench)))
@@ -55,7 +55,7 @@ class InMujoco:
         for name, text in mujoco.folder(model).items():
             (folder / name).write_text(text)
         self._inner = loaded(folder / "mujoco_vehicle.py").UnderwaterVehicle.from_folder(folder)
-        self._inner.model.opt.timestep = DT_s
+        self._inner.model.opt.timestep = DT_S
 
     def step(self, wrench: Array) -> None:
         self._inner.step(np.array(wrench))
@@ -72,7 +72,7 @@ class InPython:
         self.velocity, self._attitude = np.zeros(6), np.zeros(3)
 
     def step(self, wrench: Array) -> None:
-        self.velocity, self._attitude = self._module.step(self.velocity, self._attitude, wrench, DT_s)
+        self.velocity, self._attitude = self._module.step(self.velocity, self._attitude, wrench, DT_S)
 
 
 def loaded(file: Path) -> Any:
@@ -102,7 +102,7 @@ def holding(model: ExportModel) -> Array:
 def flown(step: Callable[[Array], None], velocity: Callable[[], Array], wrench: Array) -> Array:
     """Velocities (n, 6) after a step of the wrench, from rest."""
     rows = []
-    for _ in range(int(SECONDS / DT_s)):
+    for _ in range(int(SECONDS / DT_S)):
         step(wrench)
         rows.append(velocity())
     return np.array(rows)
@@ -113,7 +113,7 @@ def of_plant(model: ExportModel, wrench: Array) -> Array:
     plant = Plant(model.vehicle, (lambda _plant, _dt: force,))
     plant.place((0.0, 0.0, 50.0), (0.0, 0.0, 0.0))
     return flown(
-        lambda _wrench: plant.step(DT_s),
+        lambda _wrench: plant.step(DT_S),
         lambda: array([plant.u, plant.v, plant.w, plant.p, plant.q, plant.r]),
         wrench,
     )
@@ -121,7 +121,7 @@ def of_plant(model: ExportModel, wrench: Array) -> Array:
 
 def rise_s(speed: Array) -> float:
     """Time until a motion has gathered 63 % of its last speed [s], between samples."""
-    return float(np.interp(0.632 * abs(speed[-1]), np.abs(speed), DT_s * np.arange(1, len(speed) + 1)))
+    return float(np.interp(0.632 * abs(speed[-1]), np.abs(speed), DT_S * np.arange(1, len(speed) + 1)))
 
 
 @pytest.mark.parametrize("engine", [InGz, InMujoco, InPython])
@@ -149,7 +149,7 @@ def test_steps_of_six_axes_and_coupled_ones_are_those_of_the_plant(
             axis = int(np.argmax(np.abs(parts)))
             assert found[-1, axis] == pytest.approx(wanted[-1, axis], rel=terminal), about
             assert rise_s(found[:, axis]) == pytest.approx(
-                rise_s(wanted[:, axis]), rel=max(0.02, terminal), abs=0.5 * DT_s
+                rise_s(wanted[:, axis]), rel=max(0.02, terminal), abs=0.5 * DT_S
             ), about
 
 

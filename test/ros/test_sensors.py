@@ -34,7 +34,7 @@ VEHICLE = load_vehicle(default_vehicle())
 CARRIED = [sensor for sensor in SENSORS if sensor.name in VEHICLE.sensors]
 PATIENT_S = 60.0
 FAULTS = {"dvl75": "garbage", "ping1d": "garbage", "icm20948": "nack", "ms5837": "nack"}
-LAST_s = 5
+LAST_S = 5
 RATES_Hz = {"dvl75": (55.0, 65.0), "ping1d": (5.0, 25.0), "icm20948": (200.0, 260.0), "ms5837": (20.0, 60.0)}
 """What each device says in a second, readings of every kind; the pinger adapts its interval."""
 
@@ -111,7 +111,7 @@ def test_a_late_mock_is_waited_for_and_every_device_states_how_it_is(reports: Re
         )
 
     reports.until(waiting)
-    faults = [parse_fault(f"{fault}:{name}@0+{LAST_s}") for name, fault in FAULTS.items()]
+    faults = [parse_fault(f"{fault}:{name}@0+{LAST_S}") for name, fault in FAULTS.items()]
     with MockVehicle(Hardware(VEHICLE, 1, faults=faults), tmp_path, rate=0.0) as mock:
         reports.step = mock.step
         reports.until(lambda name, status, values: measuring(name, status, values) and knows_what_was_wrong(values))

@@ -22,7 +22,7 @@ from hindrax_sim.flights.lockstep import Lockstep
 from hindrax_sim.flights.pool_flight import GoalPilot, calibrated
 from hindrax_sim.world import Conditions, World
 
-LONGEST_s = 1800.0
+LONGEST_S = 1800.0
 REFUSED = "never armed"
 DONE = "done"
 
@@ -90,7 +90,7 @@ def ending(seed: int, files: Sequence[Path]) -> Ending:
     sizes = sizes_of(POOL, seed) | dict(fault.sizes)
     flight = Lockstep(vehicle, pilot, seed, conditions=Conditions(sizes=sizes), faults=fault.faults)
     fault.begin(flight.world)
-    for _ in flight.run(LONGEST_s):
+    for _ in flight.run(LONGEST_S):
         pass
     how = REFUSED if pilot.output is None else pilot.output.aborted or DONE
     return Ending(vehicle.name, "all" if seed % 2 else chosen[0], fault, seed, how, flight.world.box.wall_hits)

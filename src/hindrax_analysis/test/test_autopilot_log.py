@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 
-from hindrax_analysis.records.ardupilot_log import CHANNELS, WRAP_s, read_starts
+from hindrax_analysis.records.ardupilot_log import CHANNELS, WRAP_S, read_starts
 from hindrax_analysis.records.autopilot_log import read_log
 from hindrax_analysis.records.autopilot_vehicle import logged_wiring, wired
 from hindrax_analysis.records.recording import Recording, reason_to_skip
@@ -234,7 +234,7 @@ def test_telemetry_counts_the_time_of_the_autopilot_not_of_the_receipt(tmp_path:
 def test_the_time_of_the_outputs_begins_again_and_the_record_does_not(tmp_path: Path) -> None:
     """Microseconds of 32 bits: 71.6 minutes."""
     file = tmp_path / "dive.tlog"
-    file.write_bytes(b"".join(tlog(start_ms=round(1e3 * WRAP_s) - 1000)))
+    file.write_bytes(b"".join(tlog(start_ms=round(1e3 * WRAP_S) - 1000)))
     found = read(file)
     assert len(found.wrench_t) == STEPS
     assert found.duration_s == pytest.approx(0.1 * (STEPS - 1), abs=1e-3)

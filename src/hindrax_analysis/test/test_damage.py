@@ -9,8 +9,8 @@ from hindrax_analysis.records.damage import without_damage
 from hindrax_analysis.records.recording import Recording
 from hindrax_ident.arrays import Array, array
 
-PERIOD_s, NOISE_mps = 0.1, 0.01
-T = array(PERIOD_s * np.arange(800))
+PERIOD_S, NOISE_mps = 0.1, 0.01
+T = array(PERIOD_S * np.arange(800))
 PUSH_N = np.where(np.sin(2.0 * np.pi * T / 20.0) > 0.0, 10.0, -10.0)
 
 
@@ -18,7 +18,7 @@ def moving() -> Array:
     """Velocities (n,) [m/s] of a mass of 30 kg with drag, back and forth under `PUSH_N`, with noise."""
     v = np.zeros(len(T))
     for i in range(1, len(T)):
-        v[i] = v[i - 1] + PERIOD_s / 30.0 * (PUSH_N[i - 1] - 60.0 * abs(v[i - 1]) * v[i - 1])
+        v[i] = v[i - 1] + PERIOD_S / 30.0 * (PUSH_N[i - 1] - 60.0 * abs(v[i - 1]) * v[i - 1])
     return array(v + NOISE_mps * np.random.default_rng(5).standard_normal(len(T)))
 
 
@@ -31,7 +31,7 @@ def recorded(*columns: Array, t: Array = T) -> Recording:
 
 
 def between(start_s: float, end_s: float) -> slice:
-    return slice(round(start_s / PERIOD_s), round(end_s / PERIOD_s))
+    return slice(round(start_s / PERIOD_S), round(end_s / PERIOD_S))
 
 
 def test_zeros_of_a_dvl_without_lock_are_left_out_on_all_its_axes() -> None:

@@ -18,7 +18,7 @@ from hindrax_ident.testing.synthetic_runs import back_and_forth, fly
 
 ROV = Vehicle("rov", mass_kg=20.0, volume_m3=0.0203, envelope_m=(0.6, 0.5, 0.4))
 TRUE = {"k_q": 60.0, "k_l": 2.0, "b": 0.5, "added_mass": 12.0}
-END_s = 60.0
+END_S = 60.0
 
 
 def numbers(**changed: float) -> dict[str, dict[str, Number]]:
@@ -28,11 +28,11 @@ def numbers(**changed: float) -> dict[str, dict[str, Number]]:
 def flown(noise_mps: float = 0.0) -> Record:
     """Surge back and forth, velocities at 10 Hz."""
     theta: Array = parameters_of(model_of(ROV, 0), {"surge": TRUE})
-    flight = fly(model_of(ROV, 0), theta, back_and_forth((4.0, 8.0, 12.0), 5.0, END_s), 0.0)
+    flight = fly(model_of(ROV, 0), theta, back_and_forth((4.0, 8.0, 12.0), 5.0, END_S), 0.0)
     t, v = flight.grid.times_s[::20], flight.path.v[::20]
     v = array(v + noise_mps * np.random.default_rng(1).standard_normal(len(v)))
     thrust = Series(flight.times_s, flight.commands)
-    return Record(Series(t, v), thrust, (Stretch(0.0, END_s),))
+    return Record(Series(t, v), thrust, (Stretch(0.0, END_S),))
 
 
 def test_the_motion_of_the_model_itself_is_predicted() -> None:

@@ -12,7 +12,7 @@ from hindrax_bag.read.survey import ListedBag, find_bags, survey
 from hindrax_core.errors import UsageError
 
 START = 1_700_000_000_000_000_000
-TIMES_s = {"/a": (1.0, 0.0, 2.0, 3.0), "/b": (2.5,)}
+TIMES_S = {"/a": (1.0, 0.0, 2.0, 3.0), "/b": (2.5,)}
 
 
 def written(folder: Path, name: str = "bag_0.mcap", *, finish: bool = True) -> Path:
@@ -22,7 +22,7 @@ def written(folder: Path, name: str = "bag_0.mcap", *, finish: bool = True) -> P
         writer = Writer(stream)
         writer.start(profile="ros2")
         schema = writer.register_schema("std_msgs/msg/Empty", "ros2msg", b"")
-        for topic, times in TIMES_s.items():
+        for topic, times in TIMES_S.items():
             channel = writer.register_channel(topic, "cdr", schema)
             for time_s in times:
                 at = START + round(time_s * 1e9)
@@ -56,7 +56,7 @@ def test_a_bag_is_counted_topic_by_topic_from_the_first_message_to_the_last(
 
 
 def test_a_bag_of_one_moment_has_no_rate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(TIMES_s, "/a", (2.5,))
+    monkeypatch.setitem(TIMES_S, "/a", (2.5,))
     written(tmp_path / "bag")
     found = survey(tmp_path / "bag")
     assert found.seconds == 0.0

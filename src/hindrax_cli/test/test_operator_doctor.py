@@ -33,7 +33,7 @@ from hindrax_drivers.buses import gpio
 from hindrax_drivers.nodes.thruster_settings import Settings
 from hindrax_drivers.output.output_guard import OutputGuardKnobs, Pulses
 
-NOW_s = 1_767_225_600.0  # 2026-01-01
+NOW_S = 1_767_225_600.0  # 2026-01-01
 
 
 @pytest.fixture(autouse=True)
@@ -62,11 +62,11 @@ def test_people_get_the_same_as_lines(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 def test_the_clock() -> None:
-    good = machine.clock(KernelTime(True, 0.02), NOW_s)
+    good = machine.clock(KernelTime(True, 0.02), NOW_S)
     assert (good.ok, good.found) == (True, "2026-01-01 00:00 UTC, synchronized, error at most 20 ms")
     assert "was never set" in machine.clock(KernelTime(True, 0.0), 3600.0).found
-    assert "chrony" in machine.clock(KernelTime(False, 16.0), NOW_s).remedy
-    assert "wait for NTP" in machine.clock(KernelTime(True, 3.0), NOW_s).remedy
+    assert "chrony" in machine.clock(KernelTime(False, 16.0), NOW_S).remedy
+    assert "wait for NTP" in machine.clock(KernelTime(True, 3.0), NOW_S).remedy
 
 
 def test_the_kernel_can_be_asked() -> None:

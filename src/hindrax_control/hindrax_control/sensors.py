@@ -65,7 +65,7 @@ MOST_FORCE_mps2, MOST_RATE_radps = 1e3, 1e2
 MOST_FIELD_T = 0.1
 MOST_PRESSURE_Pa = 2e8
 """The deepest sea has 1.1e8 Pa."""
-FARTHEST_m, FASTEST_mps, LONGEST_s = 1e4, 1e3, 60.0
+FARTHEST_m, FASTEST_mps, LONGEST_S = 1e4, 1e3, 60.0
 
 
 Bound: TypeAlias = tuple[str, Callable[[Any], float], float]
@@ -81,7 +81,7 @@ BOUNDS: Mapping[type, tuple[Bound, ...]] = {
     BottomVelocity: (
         ("speed [m/s]", lambda one: math.hypot(*(one.velocity_mps or ())), FASTEST_mps),
         ("deviation [m/s]", lambda one: one.sigma_mps, FASTEST_mps),
-        ("interval [s]", lambda one: one.interval_s, LONGEST_s),
+        ("interval [s]", lambda one: one.interval_s, LONGEST_S),
     ),
     BottomTrack: (("altitude [m]", lambda one: one.altitude_m or 0.0, FARTHEST_m),),
 }

@@ -9,7 +9,7 @@ import pytest
 
 from hindrax_control.allocation.effectiveness import effectiveness
 from hindrax_control.commissioning.commissioning import Commissioning
-from hindrax_control.commissioning.dead_bands import YAW, DeadBandLadder, QUARTER_s
+from hindrax_control.commissioning.dead_bands import QUARTER_S, YAW, DeadBandLadder
 from hindrax_control.commissioning.findings import MEASURED, OPEN, PROVEN, WRONG, Finding, Findings, Mend, mended
 from hindrax_control.commissioning.hypotheses import RIGHT_TURNS, Wiring, angles_deg, explain, turn_of
 from hindrax_control.commissioning.picture import BAD, svg
@@ -17,7 +17,7 @@ from hindrax_control.commissioning.probes import body_pulses, probe_N, single_pu
 from hindrax_control.commissioning.record import UNPROVEN_mps, geometry_hash, slowed, unproven
 from hindrax_control.commissioning.response import Answer, Prior
 from hindrax_control.maneuver.goal import MOST_PULSE_N, Goal, Pulse, require_flyable
-from hindrax_control.maneuver.pulses import CALM_PATIENCE_s, PulseManeuver, believed
+from hindrax_control.maneuver.pulses import CALM_PATIENCE_S, PulseManeuver, believed
 from hindrax_control.pilot import Pilot
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import Stamped, stamp_from_s
@@ -168,7 +168,7 @@ def test_a_pulse_waits_for_rest_but_not_for_ever() -> None:
     swinging = replace(QUIET, rate_radps=(0.2, 0.0, 0.0))
     forces = flown(PulseManeuver(HINDRAX, goal), swinging, 20.0)
     begin = next(at for at, one in enumerate(forces) if any(one))
-    assert begin == pytest.approx(CALM_PATIENCE_s * 50.0, abs=2)
+    assert begin == pytest.approx(CALM_PATIENCE_S * 50.0, abs=2)
 
 
 @pytest.mark.parametrize(
@@ -404,7 +404,7 @@ def test_dead_bands_are_asked_for_by_a_turn_and_nothing_else() -> None:
     B = effectiveness(HINDRAX)
     pulses = DeadBandLadder(HINDRAX, B).climb(lambda: (math.nan, math.nan))
     assert pulses is not None
-    assert [one.seconds for one in pulses] == [QUARTER_s, 2.0 * QUARTER_s, QUARTER_s]
+    assert [one.seconds for one in pulses] == [QUARTER_S, 2.0 * QUARTER_S, QUARTER_S]
     for pulse in pulses:
         wrench = B @ np.array(pulse.forces_N)
         assert np.allclose(np.delete(wrench, YAW)[[0, 1, 2]], 0.0, atol=1e-9)

@@ -46,14 +46,14 @@ def test_signals_push_both_ways_and_hold_several_frequencies(kind: str) -> None:
 
 
 SLOWEST_Hz = 0.05
-TICK_s = 0.01
+TICK_S = 0.01
 
 
 def pieces(kind: str, seed: int, seconds: float) -> list[tuple[float, float]]:
     """Values of a signal of constant pieces, each with how long it lasts, from its start to its end."""
     wave = signal(kind, seed, seconds, SLOWEST_Hz)
-    grouped = itertools.groupby(wave(TICK_s * (index + 0.5)) for index in range(round(seconds / TICK_s)))
-    return [(value, TICK_s * len(list(same))) for value, same in grouped]
+    grouped = itertools.groupby(wave(TICK_S * (index + 0.5)) for index in range(round(seconds / TICK_S)))
+    return [(value, TICK_S * len(list(same))) for value, same in grouped]
 
 
 def test_steps_take_every_level_once_each_way_and_so_come_back() -> None:
@@ -63,7 +63,7 @@ def test_steps_take_every_level_once_each_way_and_so_come_back() -> None:
         there, back = values[::2], values[1::2]
         assert back == tuple(-value for value in there)
         assert sorted(map(abs, there)) == pytest.approx([(index + 1) / len(there) for index in range(len(there))])
-        assert lengths_s == pytest.approx([60.0 / len(values)] * len(values), abs=2.0 * TICK_s)
+        assert lengths_s == pytest.approx([60.0 / len(values)] * len(values), abs=2.0 * TICK_S)
         assert 2.0 * max(lengths_s) < 1.0 / SLOWEST_Hz
         orders.add(tuple(map(abs, there)))
     assert len(orders) > 1
@@ -78,7 +78,7 @@ def test_doublets_come_back_and_pause_before_the_next() -> None:
         :-1
     ]:
         assert (back, pause) == (-there, 0.0)
-        assert (back_s, pause_s) == pytest.approx((there_s, there_s), abs=2.0 * TICK_s)
+        assert (back_s, pause_s) == pytest.approx((there_s, there_s), abs=2.0 * TICK_S)
         sizes.append(there)
         widths_s.append(there_s)
     assert 2.0 * max(widths_s) <= 1.0 / SLOWEST_Hz
@@ -89,7 +89,7 @@ def test_doublets_come_back_and_pause_before_the_next() -> None:
 
 def test_a_chirp_rises_evenly_from_the_slowest_frequency_by_three_octaves_and_a_half() -> None:
     wave = signal("chirp", 1, 60.0, SLOWEST_Hz)
-    crossings = np.array([t for t in np.arange(0.0, 60.0, TICK_s).tolist() if wave(t) * wave(t + TICK_s) < 0.0])
+    crossings = np.array([t for t in np.arange(0.0, 60.0, TICK_S).tolist() if wave(t) * wave(t + TICK_S) < 0.0])
     frequencies_Hz = 0.5 / np.diff(crossings)
     rise, begin_Hz = np.polyfit(0.5 * (crossings[1:] + crossings[:-1]), frequencies_Hz, 1)
     assert begin_Hz == pytest.approx(SLOWEST_Hz, rel=0.1)

@@ -35,7 +35,7 @@ AT_START = Navigation(
 )
 TOO_LOW = replace(AT_START, depth_m=1.4, altitude_m=0.6)
 """Never at rest at its pose, whatever surge and sway do."""
-STEP_s = 0.05
+STEP_S = 0.05
 Make = Callable[..., Maneuver]
 
 
@@ -53,8 +53,8 @@ def stepped(
 ) -> list[ManeuverOutput]:
     """Outputs from a time on, to its end at most."""
     out = []
-    for index in range(round(seconds / STEP_s)):
-        out.append(maneuver.step(navigation, stamp_from_s(begin_s + STEP_s * (index + 1)), **given))
+    for index in range(round(seconds / STEP_S)):
+        out.append(maneuver.step(navigation, stamp_from_s(begin_s + STEP_S * (index + 1)), **given))
         if out[-1].done:
             break
     return out
@@ -86,9 +86,9 @@ def test_what_is_in_trouble_brakes_at_once_and_ends_when_it_is_slow(make: Make) 
     maneuver = make("yaw")
     reported = stepped(maneuver, 100.0, TOO_LOW)
     (braked,) = (index for index, one in enumerate(reported) if one.setpoints == BRAKED)
-    assert STEP_s * braked == pytest.approx(75.0, abs=0.2)
+    assert STEP_S * braked == pytest.approx(75.0, abs=0.2)
     assert reported[-1].aborted.startswith("settle: altitude off by -0.30 m")
-    assert STEP_s * (len(reported) - braked) == pytest.approx(1.0, abs=0.2), "it is at rest"
+    assert STEP_S * (len(reported) - braked) == pytest.approx(1.0, abs=0.2), "it is at rest"
 
 
 def test_who_cancels_it_waits_for_one_stop(make: Make) -> None:
@@ -98,7 +98,7 @@ def test_who_cancels_it_waits_for_one_stop(make: Make) -> None:
     reported = stepped(maneuver, 20.0, begin_s=1.0)
     assert [bool(one.setpoints) for one in reported] == [True] + [False] * (len(reported) - 1)
     assert {one.phase.motion for one in reported[:-1]} == {"yaw"}
-    assert STEP_s * len(reported) == pytest.approx(1.0, abs=0.2)
+    assert STEP_S * len(reported) == pytest.approx(1.0, abs=0.2)
 
 
 def test_what_is_stopping_counts_down_and_makes_no_more_progress(make: Make) -> None:
@@ -130,7 +130,7 @@ def test_progress_is_the_share_of_the_planned_time_and_what_takes_longer_counts_
     maneuver = make("yaw")
     reported = stepped(maneuver, 10.0, TOO_LOW)
     for passed_s, counted_s in ((0.0, 0.0), (1.0, 1.0), (2.5, 2.5), (9.0, 2.5)):
-        one = reported[round(passed_s / STEP_s)]
+        one = reported[round(passed_s / STEP_S)]
         assert one.progress == pytest.approx(counted_s / maneuver.seconds)
         assert one.remaining_s == pytest.approx(maneuver.seconds - counted_s)
         assert one.wall_distance_m == pytest.approx(3.0 - 0.235), "the nearest one"
@@ -149,7 +149,7 @@ def test_it_is_given_up_some_time_after_it_should_be_over(make: Make) -> None:
     reported = stepped(maneuver, 70.0, TOO_LOW)
     ended = next(index for index, one in enumerate(reported) if one.remaining_s < 3.0)
     assert reported[-1].aborted.reason is Reason.TIME_OUT
-    assert STEP_s * ended == pytest.approx(1.5 * maneuver.seconds + 10.0, abs=0.2)
+    assert STEP_S * ended == pytest.approx(1.5 * maneuver.seconds + 10.0, abs=0.2)
 
 
 @pytest.mark.parametrize(
@@ -183,8 +183,8 @@ def pushed_for(make: Make, seconds: float, shortfall: Callable[[Vec6], Vec6]) ->
     maneuver, missing, out = make("surge"), ZERO6, []
     # It settles where it starts, then nothing moves it.
     place = replace(AT_START, position_m=(maneuver.plans[0].start_m[0] - 5.0, 0.0))
-    for index in range(round(seconds / STEP_s)):
-        out.append(maneuver.step(place, stamp_from_s(STEP_s * (index + 1)), shortfall=missing))
+    for index in range(round(seconds / STEP_S)):
+        out.append(maneuver.step(place, stamp_from_s(STEP_S * (index + 1)), shortfall=missing))
         missing = shortfall(out[-1].wrench)
     return out
 
@@ -224,7 +224,7 @@ def test_after_its_end_it_keeps_the_place_and_nothing_else(make: Make) -> None:
     maneuver.cancel()
     stepped(maneuver, 20.0, begin_s=2.0)
     carried = replace(AT_START, position_m=(-0.3, 0.2))
-    pushes = [maneuver.keep(carried, stamp_from_s(30.0 + STEP_s * index)) for index in range(20)]
+    pushes = [maneuver.keep(carried, stamp_from_s(30.0 + STEP_S * index)) for index in range(20)]
     X, Y, *others = pushes[-1]
     assert Y < 0.0 < pushes[0][0] < X
     assert others == [0.0] * 4
@@ -234,14 +234,14 @@ def test_turns_are_counted_on_beyond_half_a_turn(make: Make) -> None:
     """A vehicle that turns on and on while it is to fly a leg of half a turn: the leg ends by its angle."""
     maneuver, begin_s = make("yaw"), 0.0
     while maneuver.step(AT_START, stamp_from_s(begin_s)).phase.phase == "settle":
-        begin_s += STEP_s
+        begin_s += STEP_S
     phases = []
     for index in range(80):
-        heading_rad = 1.2 * STEP_s * index
+        heading_rad = 1.2 * STEP_S * index
         turning = replace(
             AT_START, attitude_rad=(0.0, 0.0, math.remainder(heading_rad, math.tau)), rate_radps=(0.0, 0.0, 1.2)
         )
-        phases.append((heading_rad, maneuver.step(turning, stamp_from_s(begin_s + STEP_s * (index + 1))).phase.phase))
+        phases.append((heading_rad, maneuver.step(turning, stamp_from_s(begin_s + STEP_S * (index + 1))).phase.phase))
     over_rad = next(heading_rad for heading_rad, phase in phases if phase in ("coast", "transit"))
     assert 0.4 * math.pi < over_rad < math.pi
 
@@ -257,10 +257,10 @@ def test_an_excitation_is_as_strong_as_the_fastest_leg_but_no_stronger_than_its_
     maneuver, time_s, forces = make("surge", excitation="steps"), 0.0, [0.0]
     start = replace(AT_START, position_m=(maneuver.plans[0].start_m[0] - 5.0, 0.0))
     while maneuver.step(start, stamp_from_s(time_s)).phase.phase == "settle":
-        time_s += STEP_s
-    for index in range(round(50.0 / STEP_s)):
+        time_s += STEP_S
+    for index in range(round(50.0 / STEP_S)):
         moving = replace(AT_START, velocity_mps=(math.copysign(0.4, forces[-1]), 0.0, 0.0))
-        forces.append(maneuver.step(moving, stamp_from_s(time_s + STEP_s * (index + 1))).force)
+        forces.append(maneuver.step(moving, stamp_from_s(time_s + STEP_S * (index + 1))).force)
     legs = maneuver.plans[0].legs
     fastest = max(legs, key=lambda leg: abs(leg.rate))
     assert max(map(abs, forces)) < max(leg.boost for leg in legs)

@@ -144,7 +144,7 @@ def test_legs_along_the_pool_are_as_long_as_their_plateau_needs(
         assert knobs.plateau_s < plateau_s < 1.3 * knobs.plateau_s
 
 
-BOOSTS_s = {"surge": 1.2, "sway": 1.2, "heave": 0.8, "roll": 0.25, "pitch": 0.3, "yaw": 0.8}
+BOOSTS_S = {"surge": 1.2, "sway": 1.2, "heave": 0.8, "roll": 0.25, "pitch": 0.3, "yaw": 0.8}
 
 
 @pytest.mark.parametrize("motion", AXES)
@@ -154,7 +154,7 @@ def test_a_boost_gets_up_to_speed_in_its_time_and_every_leg_ends_with_a_coast_or
     planner, plan = planned(hindrax, allocator, motion)
     for leg in plan.legs:
         assert leg.boost < planner.force_limit(motion, leg.sign)
-        assert leg.pace == pytest.approx(max(abs(leg.rate) / BOOSTS_s[motion], 0.2))
+        assert leg.pace == pytest.approx(max(abs(leg.rate) / BOOSTS_S[motion], 0.2))
         if motion not in ("roll", "pitch"):
             assert (leg.coast_s, leg.natural_radps) == (PlanKnobs().coast_s, 0.0)
         elif leg.sign > 0.0:

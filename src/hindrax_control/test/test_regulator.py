@@ -10,7 +10,7 @@ from hindrax_control.hold.regulator import LoopTuning, Ramp, Regulator, gains, r
 from hindrax_control.prior_dynamics import PriorDynamics
 from hindrax_core.vehicle import Drag, Limits, Vehicle
 
-STEP_s = 0.01
+STEP_S = 0.01
 HEAVE = PriorDynamics(30.0, Drag(60.0, 5.0))
 TUNING = LoopTuning(bandwidth_radps=1.2, damping=1.0, integral_s=4.0, rate=0.25, authority=15.0)
 WITHOUT_INTEGRAL = replace(TUNING, authority=0.0)
@@ -27,12 +27,12 @@ def flown(
 ) -> list[tuple[float, float]]:
     """Fly the very vehicle of the prior, which starts at rest; values and references after each step."""
     rate, seen = 0.0, list[tuple[float, float]]()
-    for _ in range(round(seconds / STEP_s)):
+    for _ in range(round(seconds / STEP_S)):
         to_goal, error = goal - regulator.ramp.value, regulator.ramp.value - value
-        force = regulator.step(to_goal, error, rate, STEP_s) + push_N
+        force = regulator.step(to_goal, error, rate, STEP_S) + push_N
         force -= freedom.drag_force(rate) + freedom.restoring * math.sin(value)
-        rate += force / freedom.inertia * STEP_s
-        value += rate * STEP_s
+        rate += force / freedom.inertia * STEP_S
+        value += rate * STEP_S
         seen.append((value, regulator.ramp.value))
     return seen
 
@@ -51,15 +51,15 @@ def test_a_reference_begins_as_the_vehicle_moves_and_stops_at_its_goal(goal_m: f
     ramp.start(0.0, begin_mps)
     rates_mps, places_m = [begin_mps], [0.0]
     for _ in range(800):
-        gained_mps2 = ramp.step(goal_m - ramp.value, STEP_s)
-        assert gained_mps2 * STEP_s == pytest.approx(ramp.rate - rates_mps[-1])
+        gained_mps2 = ramp.step(goal_m - ramp.value, STEP_S)
+        assert gained_mps2 * STEP_S == pytest.approx(ramp.rate - rates_mps[-1])
         rates_mps.append(ramp.rate)
         places_m.append(ramp.value)
     assert places_m[-1] == pytest.approx(goal_m, abs=0.005)
     assert max(map(abs, rates_mps)) <= TUNING.rate + 1e-9
     # From rest to its rate in no less than two thirds of a time constant, so thrusters can follow.
     most_mps2 = TUNING.rate * 1.5 * TUNING.bandwidth_radps
-    assert max(abs(b - a) for a, b in itertools.pairwise(rates_mps)) == pytest.approx(most_mps2 * STEP_s)
+    assert max(abs(b - a) for a, b in itertools.pairwise(rates_mps)) == pytest.approx(most_mps2 * STEP_S)
     if begin_mps == 0.0:
         assert max(place_m / goal_m for place_m in places_m) < 1.02
     if abs(goal_m) == 1.0:
@@ -79,7 +79,7 @@ def test_off_its_reference_it_comes_back_with_both_poles_at_the_bandwidth(restor
     seen = flown(Regulator(linear, WITHOUT_INTEGRAL), linear, 0.0, 5.0, value=0.1)
     for seconds in (0.5, 1.0, 2.0, 4.0):
         turned = TUNING.bandwidth_radps * seconds
-        assert seen[round(seconds / STEP_s)][0] == pytest.approx(0.1 * (1.0 + turned) * math.exp(-turned), abs=0.002)
+        assert seen[round(seconds / STEP_S)][0] == pytest.approx(0.1 * (1.0 + turned) * math.exp(-turned), abs=0.002)
 
 
 def test_a_fifth_of_the_stiffness_is_always_ours_and_damping_never_negative() -> None:
@@ -106,14 +106,14 @@ def test_the_integral_part_keeps_to_its_authority(push_N: float) -> None:
 def kept_off(regulator: Regulator, error_m: float, seconds: float, shortfall_N: float = 0.0) -> float:
     """Keep a vehicle at rest off its reference for a while; returns what the integral part has gained [N]."""
     before_N = regulator.integral
-    for _ in range(round(seconds / STEP_s)):
-        regulator.step(0.0, error_m, 0.0, STEP_s, shortfall_N)
+    for _ in range(round(seconds / STEP_S)):
+        regulator.step(0.0, error_m, 0.0, STEP_S, shortfall_N)
     return regulator.integral - before_N
 
 
 def test_the_integral_part_repeats_the_proportional_one_in_its_time() -> None:
     regulator = Regulator(HEAVE, TUNING)
-    proportional_N = Regulator(HEAVE, WITHOUT_INTEGRAL).step(0.0, 0.1, 0.0, STEP_s)
+    proportional_N = Regulator(HEAVE, WITHOUT_INTEGRAL).step(0.0, 0.1, 0.0, STEP_S)
     assert kept_off(regulator, 0.1, TUNING.integral_s) == pytest.approx(proportional_N)
 
 
@@ -132,11 +132,11 @@ def test_a_reference_comes_along_with_a_vehicle_that_is_carried_away(side: float
     regulator, leash_m = Regulator(HEAVE, WITHOUT_INTEGRAL), TUNING.rate / TUNING.bandwidth_radps
     for far_m in (1.0, 2.0):
         value_m = -side * far_m
-        force_N = regulator.step(0.0, regulator.ramp.value - value_m, 0.0, STEP_s, side * 5.0)
+        force_N = regulator.step(0.0, regulator.ramp.value - value_m, 0.0, STEP_S, side * 5.0)
         assert regulator.ramp.value == pytest.approx(value_m + side * leash_m, abs=0.001)
         assert force_N == pytest.approx(side * regulator.proportional * leash_m)
     near_m = 0.5 * leash_m
-    regulator.step(0.0, side * near_m, 0.0, STEP_s, side * 5.0)
+    regulator.step(0.0, side * near_m, 0.0, STEP_S, side * 5.0)
     assert regulator.ramp.value == pytest.approx(-2.0 * side + side * leash_m, abs=0.001)
 
 

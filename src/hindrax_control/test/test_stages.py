@@ -38,13 +38,13 @@ HERE = PoolPosition(5.0, 3.0, 0.0, 0.0, 0.0)
 AT_REST = Navigation((0.0, 0.0, 0.4), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.1, 0.9, (0.0, 0.0), dvl_locked=True)
 POSE = Pose(HERE, 0.4, ("altitude", 0.9), floor_m=2.0)
 AWAY = replace(HERE, x_m=5.1, y_m=2.9)
-BEGIN_s = 100.0
+BEGIN_S = 100.0
 
 
 def moment(time_s: float, place: PoolPosition = HERE, *, fresh: bool = True, **changes: Any) -> StageInput:
     """A vehicle at rest at its pose, but for some changes of its navigation, some time after the stage has begun."""
     navigation = replace(AT_REST, **changes)
-    return StageInput(navigation, place, BEGIN_s + time_s, 0.05, turned_rad=3.5, altitude_measured=fresh)
+    return StageInput(navigation, place, BEGIN_S + time_s, 0.05, turned_rad=3.5, altitude_measured=fresh)
 
 
 @pytest.fixture
@@ -238,7 +238,7 @@ def test_driving_an_axis_releases_its_holds_and_no_others(
     assert output.velocity == pytest.approx(rate)
     assert stage.motion == motion_name(axis, rate)
     assert not output.finished
-    assert stage.step(replace(moving, time_s=BEGIN_s + 60.0)).finished
+    assert stage.step(replace(moving, time_s=BEGIN_S + 60.0)).finished
     ends_m = [end.x_m for end in stage.ends]
     assert ends_m == (pytest.approx([-6.9, 9.1]) if axis == "surge" else [])
 

@@ -23,7 +23,7 @@ REMEDIES = {
     TIMELESS: "wait for the clock (/clock in mock) and try again",
 }
 OTHER_CLOCK = "one of the two uses the clock of a mock: add --sim-time to a command, use_sim_time to a node"
-OTHER_CLOCK_s = 1e9
+OTHER_CLOCK_S = 1e9
 """Clocks of two machines never differ by this; the time of a mock begins at zero."""
 LAST = Stamp((2**31 - 1) * 10**9)
 """Latest time that a ROS stamp can carry (builtin_interfaces/Time: int32 seconds)."""
@@ -79,7 +79,7 @@ class StampWindow:
         ahead = "stamped {} s in the future, wanted at most {} s ahead of the vehicle's clock"
         early = above(ahead, -age_s, self.lead_s, _places(self.lead_s))
         if old or early:
-            return Untimely(EXPIRED if old else FUTURE, old or early, abs(age_s) > OTHER_CLOCK_s)
+            return Untimely(EXPIRED if old else FUTURE, old or early, abs(age_s) > OTHER_CLOCK_S)
         return None
 
     @property

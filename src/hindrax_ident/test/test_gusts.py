@@ -13,11 +13,11 @@ from hindrax_ident.testing.synthetic_runs import COMMAND_S, STEP_S, back_and_for
 
 SURGE = np.array([66.48, 1.25, 0.0, 27.3])
 YAW = np.array([0.55, 1.47, 0.0, 0.76])
-DENSITY_s = 4e-5
+DENSITY_S = 4e-5
 """2 % of the thrust, drawn ten times a second."""
 
 
-def fitted(vehicle: Vehicle, axis: int, seed: int, density_s: float = DENSITY_s) -> OutputErrorFit:
+def fitted(vehicle: Vehicle, axis: int, seed: int, density_s: float = DENSITY_S) -> OutputErrorFit:
     """Fit of a flight through gusts: surge by a poor log, yaw by a gyroscope."""
     rng = np.random.default_rng(seed)
     theta, levels, sigma = (SURGE, (4.0, 12.0), 0.02) if axis == 0 else (YAW, (1.0, 2.0), 0.001)
@@ -36,7 +36,7 @@ def test_a_motion_that_hardly_sees_gusts_learns_of_them_from_one_that_does(vehic
     seeing = fitted(vehicle, 5, 1)
     blind = fitted(vehicle, 0, 2)
     found = common_noise({0: blind, 5: seeing})
-    assert found[0].thrust == found[5].thrust == pytest.approx(DENSITY_s, rel=0.4)
+    assert found[0].thrust == found[5].thrust == pytest.approx(DENSITY_S, rel=0.4)
     assert found[0].velocity == blind.noise.velocity
     again = reweighted(blind, found[0], wide_prior(vehicle, blind.model))
     assert again.noise == found[0]
@@ -47,7 +47,7 @@ def test_a_motion_that_contradicts_keeps_its_own(vehicle: Vehicle) -> None:
     fits = {
         5: fitted(vehicle, 5, 1),
         3: fitted(vehicle, 5, 3),
-        0: fitted(vehicle, 5, 4, density_s=400.0 * DENSITY_s),
+        0: fitted(vehicle, 5, 4, density_s=400.0 * DENSITY_S),
     }
     assert set(common_noise(fits)) == {3, 5}
 

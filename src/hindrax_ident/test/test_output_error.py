@@ -39,13 +39,13 @@ SURGE, THETA = Model(0, 15.22), array(np.array([66.48, 1.25, 0.3, 27.3]))
 PRIOR = Prior(array(np.array([50.0, 5.0, 0.0, 30.0])), array(np.array([30.0, 20.0, 2.0, 20.0])))
 NOTHING = Series(array(np.zeros(0)), array(np.zeros(0)))
 SIGMA_mps = 0.005
-END_s = 20.0
+END_S = 20.0
 
 
 @pytest.fixture(scope="module")
 def record() -> Record:
     """Two stretches of surge, seen at 10 Hz."""
-    flight = fly(SURGE, THETA, back_and_forth((4.0, 12.0), 4.0, END_s), 0.15)
+    flight = fly(SURGE, THETA, back_and_forth((4.0, 12.0), 4.0, END_S), 0.15)
     t, v = flight.grid.times_s[::20], flight.path.v[::20]
     noise = SIGMA_mps * np.random.default_rng(2).standard_normal(len(t))
     thrust = Series(flight.times_s, flight.commands)
@@ -59,11 +59,11 @@ def fit(record: Record) -> OutputErrorFit:
 
 def test_positions_alone_lead_from_far_off_to_the_same_fit_as_from_the_prior() -> None:
     # A live estimate of a dive: seven times the mass, a fifth of the drag.
-    flight = fly(SURGE, THETA, back_and_forth((4.0, 12.0), 4.0, END_s), 0.15)
+    flight = fly(SURGE, THETA, back_and_forth((4.0, 12.0), 4.0, END_S), 0.15)
     t, s = flight.grid.times_s[::20], flight.path.s[::20]
     noise = 0.012 * np.random.default_rng(3).standard_normal(len(t))
     thrust = Series(flight.times_s, flight.commands)
-    record = Record(NOTHING, thrust, (Stretch(0.0, END_s),), position=Series(t, array(s + noise)), lag_s=0.15)
+    record = Record(NOTHING, thrust, (Stretch(0.0, END_S),), position=Series(t, array(s + noise)), lag_s=0.15)
     near = refine(SURGE, record, PRIOR.values, PRIOR)
     far = refine(SURGE, record, array(np.array([15.0, 30.0, -0.3, 190.0])), PRIOR)
     assert near.converged
@@ -128,7 +128,7 @@ def test_another_record_is_fitted_with_the_noise_of_the_first_and_without_its_ou
 
 
 def test_positions_have_deviations_of_their_own(record: Record, recwarn: pytest.WarningsRecorder) -> None:
-    flight = fly(SURGE, THETA, back_and_forth((4.0, 12.0), 4.0, END_s), 0.15)
+    flight = fly(SURGE, THETA, back_and_forth((4.0, 12.0), 4.0, END_S), 0.15)
     t, s = flight.grid.times_s[::40], flight.path.s[::40]
     placed = Series(t, array(s + 0.02 * np.random.default_rng(7).standard_normal(len(t))))
     both = replace(record, position=placed)
@@ -149,7 +149,7 @@ def test_a_slow_error_is_an_unknown_force(record: Record) -> None:
     """The noise that it takes for it is that of the residuals, again and again until it stays."""
     force = 0.4 * np.repeat(np.random.default_rng(1).standard_normal(100), 10)[: len(record.thrust.t)]
     pushed = fly(
-        SURGE, THETA, back_and_forth((4.0, 12.0), 4.0, END_s), 0.15,
+        SURGE, THETA, back_and_forth((4.0, 12.0), 4.0, END_S), 0.15,
         array(force / np.maximum(1e-9, np.abs(record.thrust.y)) * np.sign(record.thrust.y)),
     )  # fmt: skip
     t, v = pushed.grid.times_s[::20], pushed.path.v[::20]

@@ -6,22 +6,22 @@ import numpy as np
 import pytest
 
 from hindrax_ident.arrays import Array
-from hindrax_ident.online.filtered_regression import UNKNOWN, RATE_NOISE_radps, RowWhitener, THRUST_NOISE_s
+from hindrax_ident.online.filtered_regression import THRUST_NOISE_S, UNKNOWN, RATE_NOISE_radps, RowWhitener
 
-STEP_s, POLE, LAG_s, MASS, MOMENT_Nm = 0.015, 1.3, 0.15, 0.7, 2.0
+STEP_S, POLE, LAG_S, MASS, MOMENT_Nm = 0.015, 1.3, 0.15, 0.7, 2.0
 
 
 def disturbed(seed: int, acting: Array) -> tuple[Array, Array]:
     """Rows y of a vehicle at rest behind the filter, in rad/s, and the disturbance in them: (n,) each."""
     rng = np.random.default_rng(seed)
     inner = 20
-    h = STEP_s / inner
+    h = STEP_S / inner
     pushed = moved = 0.0
     kept = []
     for on in acting:
         for _ in range(inner):
-            white = rng.standard_normal() * math.sqrt(THRUST_NOISE_s / h) * MOMENT_Nm / MASS * on
-            pushed += h / LAG_s * (white - pushed)
+            white = rng.standard_normal() * math.sqrt(THRUST_NOISE_S / h) * MOMENT_Nm / MASS * on
+            pushed += h / LAG_S * (white - pushed)
             moved += h * (pushed - POLE * moved)
         kept.append(moved)
     moves = np.array(kept)
@@ -30,10 +30,10 @@ def disturbed(seed: int, acting: Array) -> tuple[Array, Array]:
 
 def whitened(rows: Array, acting: Array) -> tuple[Array, Array]:
     """Whitened rows [rad/s] and their weights [-]: (n,) each."""
-    whitener, out = RowWhitener(2, LAG_s, MASS), []
+    whitener, out = RowWhitener(2, LAG_S, MASS), []
     for index, (y, on) in enumerate(zip(rows, acting, strict=True)):
-        whitener.effort(index * STEP_s, on * MOMENT_Nm**2)
-        whitener.advance((index + 1) * STEP_s, POLE)
+        whitener.effort(index * STEP_S, on * MOMENT_Nm**2)
+        whitener.advance((index + 1) * STEP_S, POLE)
         *_, new = whitener.unpredicted((1.0, y))
         out.append((new * whitener.scale, whitener.scale))
         whitener.update([0.0, new])
@@ -65,8 +65,8 @@ def test_thrusters_at_rest_disturb_nobody_and_their_rows_count_in_full() -> None
 
 
 def test_the_first_row_after_a_restart_only_shows_the_disturbance() -> None:
-    whitener = RowWhitener(2, LAG_s, MASS)
-    for t_s in (0.0, STEP_s):
+    whitener = RowWhitener(2, LAG_S, MASS)
+    for t_s in (0.0, STEP_S):
         whitener.effort(t_s, 0.0)
         whitener.advance(t_s, POLE)
     assert whitener.scale == pytest.approx(1.0 / math.sqrt(UNKNOWN), rel=0.05)
@@ -80,17 +80,17 @@ def test_the_first_row_after_a_restart_only_shows_the_disturbance() -> None:
 def test_no_lag_and_a_lag_like_the_filter_give_finite_weights(lag_s: float) -> None:
     whitener = RowWhitener(1, lag_s, MASS)
     for index in range(200):
-        whitener.effort(index * STEP_s, 4.0)
-        whitener.advance((index + 1) * STEP_s, POLE)
+        whitener.effort(index * STEP_S, 4.0)
+        whitener.advance((index + 1) * STEP_S, POLE)
         whitener.update(whitener.unpredicted((0.0,)))
     assert 0.1 < whitener.scale < 1.0
 
 
 @pytest.mark.parametrize("effort", [1e300, math.inf, math.nan])
 def test_an_effort_that_cannot_be_is_forgotten_again(effort: float) -> None:
-    whitener = RowWhitener(1, LAG_s, MASS)
+    whitener = RowWhitener(1, LAG_S, MASS)
     for index in range(2000):
-        whitener.effort(index * STEP_s, effort if index < 3 else 0.0)
-        whitener.advance((index + 1) * STEP_s, POLE)
+        whitener.effort(index * STEP_S, effort if index < 3 else 0.0)
+        whitener.advance((index + 1) * STEP_S, POLE)
         whitener.update(whitener.unpredicted((0.1,)))
     assert whitener.scale > 0.9

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 ANGLES = ("heading", "roll", "pitch")
 """Holds whose values are angles."""
-SILENT_s = 2.0
+SILENT_S = 2.0
 """Without a status for this long a maneuver is over: the pilot sends ten a second."""
 LEVELS = {b"\x00": "ok", b"\x01": "warning", b"\x02": "error", b"\x03": "stale"}
 USUAL_STOP_us = 1500.0
@@ -166,7 +166,7 @@ def _flight(status: ManeuverStatus | None, now_s: float) -> ManeuverView | None:
         return None
     where = status.wall_distance, status.force, status.velocity
     silent_s = now_s - status.header.stamp.sec - 1e-9 * status.header.stamp.nanosec
-    reported = status.phase in ("done", "aborted") or silent_s <= SILENT_s
+    reported = status.phase in ("done", "aborted") or silent_s <= SILENT_S
     aborted = status.aborted if reported else f"silence: no status for {silent_s:.0f} s, as after a stop"
     return ManeuverView(status.motion, status.phase, aborted, status.progress, status.remaining, *where)
 

@@ -17,7 +17,7 @@ from hindrax_ros.messages.fast_serialization import navigation_writer
 from hindrax_ros.messages.serialization import deserialized, message_class
 
 STATUS, SAMPLES = resolved(NAVIGATION), "/hindrax/icm20948/data_raw"
-TICKS_s = [10.0 + 0.02 * tick for tick in range(100)]
+TICKS_S = [10.0 + 0.02 * tick for tick in range(100)]
 
 
 def state(at_s: float) -> Stamped[Navigation]:
@@ -43,12 +43,12 @@ def stage(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 @pytest.mark.parametrize("ahead", [0, 1, 5])
 def test_a_state_that_was_recorded_before_its_samples_is_compared_with_its_own(stage: Any, ahead: int) -> None:
-    for index, at_s in enumerate(TICKS_s):
+    for index, at_s in enumerate(TICKS_S):
         if index >= ahead:
-            sample = TICKS_s[index - ahead]
+            sample = TICKS_S[index - ahead]
             stage.feed(SimpleNamespace(topic=SAMPLES, data=sample), sample)
         stage.feed(recorded(at_s), None)
-    for sample in TICKS_s[len(TICKS_s) - ahead :]:
+    for sample in TICKS_S[len(TICKS_S) - ahead :]:
         stage.feed(SimpleNamespace(topic=SAMPLES, data=sample), sample)
     stage.finish()
     assert stage._ledger.differences() == []
@@ -56,10 +56,10 @@ def test_a_state_that_was_recorded_before_its_samples_is_compared_with_its_own(s
 
 
 def test_a_state_that_no_replay_reaches_is_told(stage: Any) -> None:
-    for at_s in TICKS_s[:50]:
+    for at_s in TICKS_S[:50]:
         stage.feed(SimpleNamespace(topic=SAMPLES, data=at_s), at_s)
-    for at_s in TICKS_s:
+    for at_s in TICKS_S:
         stage.feed(recorded(at_s), None)
-    stage.feed(recorded(TICKS_s[-1] + 1.0), None)
+    stage.feed(recorded(TICKS_S[-1] + 1.0), None)
     stage.finish()
     assert [one.topic for one in stage._ledger.differences()] == [STATUS]

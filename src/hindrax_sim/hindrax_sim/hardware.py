@@ -26,8 +26,8 @@ from hindrax_sim.physics.plant import Plant
 from hindrax_sim.world import Conditions, Mounting, World
 
 START = stamp_from_s(10.0)
-STEP_s = 0.005
-STEP_ns = stamp_from_s(STEP_s)
+STEP_S = 0.005
+STEP_ns = stamp_from_s(STEP_S)
 ALL_CALL, GENERAL_CALL = 0x70, 0x00
 LOOP_CHANNEL, LOOP_LINE = 15, 17
 """Spare channel of the PCA9685, and the GPIO that it is wired back to, as `hindrax oscillator` has it by default."""

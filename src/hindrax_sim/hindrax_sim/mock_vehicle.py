@@ -12,14 +12,14 @@ from hindrax_sim.buses.mock_server import BusServer
 from hindrax_sim.buses.mounted_file import MountedFile, Transfer
 from hindrax_sim.buses.serial_ends import Pty, TcpEnd, UdpEnd
 from hindrax_sim.devices.ardupilot.firmware import ArduSub
-from hindrax_sim.hardware import THRUSTERS, Hardware, STEP_ns, STEP_s
+from hindrax_sim.hardware import STEP_S, THRUSTERS, Hardware, STEP_ns
 
 if TYPE_CHECKING:
     from hindrax_sim.recorded_hardware import RecordedHardware
 
 FileT = TypeVar("FileT", bound=MountedFile)
 
-FREE_LAG_s, DEAD_LAG_s, SLOW = 0.035, 1.0, 8.0
+FREE_LAG_S, DEAD_LAG_S, SLOW = 0.035, 1.0, 8.0
 MADE_UP_S = 0.1
 PATIENCE_S = 0.1
 """Wall time for which an awake client may hold up one step: a hung client must not stop the mock."""
@@ -46,11 +46,11 @@ class Governor:
 
     def least_wall_s(self, step_s: float, now: Stamp, last_write: Stamp | None) -> float:
         """Minimum wall time of the step from `now` [s]."""
-        lag_s = seconds_between(last_write, now) if last_write is not None else DEAD_LAG_s
-        held = self.turns and lag_s < DEAD_LAG_s
+        lag_s = seconds_between(last_write, now) if last_write is not None else DEAD_LAG_S
+        held = self.turns and lag_s < DEAD_LAG_S
         if held:
             self.worst_lag_s = max(self.worst_lag_s, lag_s)
-        slowness = 0.0 if lag_s <= FREE_LAG_s or not self.waits else SLOW if held else 1.0
+        slowness = 0.0 if lag_s <= FREE_LAG_S or not self.waits else SLOW if held else 1.0
         return max(step_s / self.rate if self.rate > 0.0 else 0.0, step_s * slowness)
 
 
@@ -197,13 +197,13 @@ class Ports:
 
     def _wait(self, now: Stamp) -> None:
         """Serve clients until the minimum wall time of the step is over."""
-        while (least := self.governor.least_wall_s(STEP_s, now, self.last_write)) > 0.0:
+        while (least := self.governor.least_wall_s(STEP_S, now, self.last_write)) > 0.0:
             left = self._step_began + least - time.monotonic()
             if left <= 0.0:
                 break
             self._server.serve(now, min(left, 0.002))
         # At wall-clock rate a late step is made up for: programs that sleep by the wall clock must not drift.
-        due = self._step_began + least if 0.0 < least <= STEP_s else time.monotonic()
+        due = self._step_began + least if 0.0 < least <= STEP_S else time.monotonic()
         self._step_began = max(due, time.monotonic() - MADE_UP_S)
 
     def _transfer(self, transaction: Transaction, now: Stamp) -> bytes:

@@ -7,19 +7,19 @@ import pytest
 from hindrax_core.events import Stamp
 from hindrax_core.vehicle import Vehicle
 from hindrax_sim.hardware import Hardware
-from hindrax_sim.mock_vehicle import SLOW, FREE_LAG_s, Governor, MockVehicle
+from hindrax_sim.mock_vehicle import FREE_LAG_S, SLOW, Governor, MockVehicle
 
-STEP_s = 0.005
+STEP_S = 0.005
 REPEATED = Stamp(90_000_000)
 """The output repeats neutral this long after its last write, without any control loop."""
 
 
 def test_a_late_loop_holds_time_back_only_while_a_thruster_turns() -> None:
-    assert Governor(turns=True).least_wall_s(STEP_s, REPEATED, Stamp(0)) == SLOW * STEP_s
+    assert Governor(turns=True).least_wall_s(STEP_S, REPEATED, Stamp(0)) == SLOW * STEP_S
     starting = Governor(turns=False)
-    assert starting.least_wall_s(STEP_s, REPEATED, Stamp(0)) == STEP_s
+    assert starting.least_wall_s(STEP_S, REPEATED, Stamp(0)) == STEP_S
     assert starting.worst_lag_s == 0.0
-    assert starting.least_wall_s(STEP_s, Stamp(round(FREE_LAG_s * 1e9)), Stamp(0)) == 0.0
+    assert starting.least_wall_s(STEP_S, Stamp(round(FREE_LAG_S * 1e9)), Stamp(0)) == 0.0
 
 
 def test_a_mock_knows_whether_a_thruster_turns(
@@ -35,7 +35,7 @@ def test_a_mock_knows_whether_a_thruster_turns(
 def test_a_mock_that_waits_for_nobody_keeps_its_rate(
     vehicle: Vehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert Governor(rate=1.0, waits=False).least_wall_s(STEP_s, REPEATED, Stamp(0)) == STEP_s
+    assert Governor(rate=1.0, waits=False).least_wall_s(STEP_S, REPEATED, Stamp(0)) == STEP_S
     with MockVehicle(Hardware(vehicle, 1), tmp_path, rate=100.0, waits=False) as mock:
         monkeypatch.setattr(mock._server, "busy", lambda: pytest.fail("it asks who is late"))
         mock.step()

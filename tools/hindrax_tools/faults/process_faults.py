@@ -58,7 +58,7 @@ STALL_S = 6.0
 SIGNALS = {DIED: signal.SIGKILL, FROZEN: signal.SIGSTOP}
 LIES = {CONTROL.name: THRUSTER_COMMAND, THRUSTERS.name: THRUSTER_STATE}
 """Messages of an impersonator: full thrust without a request, and thrusters at rest."""
-LIE_PERIOD_s = 0.02
+LIE_PERIOD_S = 0.02
 RESET = Write(0x00, b"\x06")
 """Software reset of every chip on the bus (NXP PCA9685 rev. 4, section 7.6): what a brown-out does."""
 ABSENT_EVERY_S, ABSENT_S = 30.0, 2.0
@@ -180,7 +180,7 @@ class FaultyStack:
         if what == IMPERSONATED:
             with (
                 operator.sender(LIES[who], who) as send,
-                operator.repeating(LIE_PERIOD_s, lambda: send(self._false_message(who))),
+                operator.repeating(LIE_PERIOD_S, lambda: send(self._false_message(who))),
             ):
                 yield lambda: True
             with contextlib.suppress(HindraxError):  # a new sole commander is accepted once it was disarmed

@@ -27,7 +27,7 @@ CONVENTIONS = (
     ),
     "Controls are thrusts in newton, one per thruster, behind a first-order lag.",
 )
-STEP_s = 0.002
+STEP_S = 0.002
 FOLDER = ("vehicle.xml", "hydrodynamics.py", "mujoco_vehicle.py", "ros_vehicle.py", "README.md")
 
 
@@ -37,7 +37,7 @@ def write(model: ExportModel) -> str:
     root = ET.Element("mujoco", model=vehicle.name)
     ET.SubElement(root, "compiler", angle="radian")
     # Fluid of its own would act a second time.
-    ET.SubElement(root, "option", timestep=numbers(STEP_s), gravity="0 0 -9.80665", density="0", viscosity="0")
+    ET.SubElement(root, "option", timestep=numbers(STEP_S), gravity="0 0 -9.80665", density="0", viscosity="0")
     visual = ET.SubElement(root, "visual")
     ET.SubElement(visual, "headlight", diffuse="0.7 0.7 0.7")
     world = ET.SubElement(root, "worldbody")

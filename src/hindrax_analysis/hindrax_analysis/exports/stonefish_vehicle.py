@@ -21,7 +21,7 @@ LINK = "base_link"
 ODOMETRY_Hz, SENSOR_Hz = 100.0, 10.0
 PROPELLER_m = 0.076
 DENSITY_kgpm3 = 1000.0
-LEAST_LAG_s = 0.01
+LEAST_LAG_S = 0.01
 """Shorter than this the rotor has no dynamics: at Stonefish's usual step of 10 ms it would overshoot."""
 CLEAR_m = 0.3
 """Depth of the highest point of its parts at the start."""
@@ -87,8 +87,8 @@ def _thruster(robot: ET.Element, vehicle: Vehicle, thruster: Thruster) -> None:
     ET.SubElement(propeller, "material", name="Hull")
     ET.SubElement(propeller, "look", name="Thruster")
     lag_s = thruster.lag_s
-    rotor = ET.SubElement(actuator, "rotor_dynamics", type="zero_order" if lag_s < LEAST_LAG_s else "first_order")
-    if lag_s >= LEAST_LAG_s:
+    rotor = ET.SubElement(actuator, "rotor_dynamics", type="zero_order" if lag_s < LEAST_LAG_S else "first_order")
+    if lag_s >= LEAST_LAG_S:
         ET.SubElement(rotor, "time_constant", value=numbers(lag_s))
     curve = ET.SubElement(actuator, "thrust_model", type="linear_interpolation")
     ET.SubElement(curve, "input", value=numbers(low, high))

@@ -56,12 +56,12 @@ INSTANCES = ("C", "I", "Inst", "Instance", "port")
 """Fields that number the sensors, estimators or ports of a kind; the first of each is used."""
 HORIZONTAL, VERTICAL, CONSTANT_POSITION = 1 << 1, 1 << 2, 1 << 7
 """Bits of the estimator's status: what it claims, and that it has no aiding."""
-WRAP_s = 2.0**32 * 1e-6
+WRAP_S = 2.0**32 * 1e-6
 """The time of the outputs, in microseconds of 32 bits, begins again after 71.6 minutes."""
 MOST_ROWS = 2_000_000
 MOST_DAMAGED = 0.001
 """Places that are no message, of all messages, from which on the others are not believed either. A cut has one."""
-RESTART_s = 5.0
+RESTART_S = 5.0
 """A time since power-up that steps back by more than this is that of another start."""
 
 
@@ -143,7 +143,7 @@ def _starts(path: Path) -> tuple[list[ArduPilotLog], int]:
             if math.isfinite(value := _value(message)):  # one that was never set, or a flipped bit
                 _rows_of(starts).parameters[_name(message)] = value
             continue
-        if starts and at_s < starts[-1].newest_s - RESTART_s:
+        if starts and at_s < starts[-1].newest_s - RESTART_S:
             starts.append(_Rows(dict(starts[-1].parameters)))
         _rows_of(starts).add(path, kind, message, at_s)
     return [ArduPilotLog(one.tables(), one.parameters) for one in starts if one.found], messages
@@ -157,7 +157,7 @@ def _in_order(stamped: Iterator[tuple[Any, float]]) -> Iterator[tuple[Any, float
     before_s, held = math.nan, None
     for one in stamped:
         if held is not None:
-            if abs(held[1] - before_s) > RESTART_s >= abs(one[1] - before_s):
+            if abs(held[1] - before_s) > RESTART_S >= abs(one[1] - before_s):
                 held = one
                 continue
             yield held
@@ -229,9 +229,9 @@ class _Clock:
         if (boot_ms := getattr(message, "time_boot_ms", None)) is not None:
             return self._seen(1e-3 * boot_ms, received_s)
         if (usec := getattr(message, "time_usec", None)) is not None:
-            at_s = 1e-6 * usec + self._wraps * WRAP_s
-            if at_s < self._last_s - 0.5 * WRAP_s:
-                self._wraps, at_s = self._wraps + 1, at_s + WRAP_s
+            at_s = 1e-6 * usec + self._wraps * WRAP_S
+            if at_s < self._last_s - 0.5 * WRAP_S:
+                self._wraps, at_s = self._wraps + 1, at_s + WRAP_S
             self._last_s = at_s
             return self._seen(at_s, received_s)
         return received_s - self._delay_s if math.isfinite(self._delay_s) else received_s
@@ -239,7 +239,7 @@ class _Clock:
     def _seen(self, at_s: float, received_s: float) -> float:
         delay_s = received_s - at_s
         # After a restart the clocks are apart by more than any delay.
-        self._delay_s = delay_s if delay_s > self._delay_s + RESTART_s else min(self._delay_s, delay_s)
+        self._delay_s = delay_s if delay_s > self._delay_s + RESTART_S else min(self._delay_s, delay_s)
         return at_s
 
 

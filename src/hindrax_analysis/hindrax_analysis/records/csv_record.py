@@ -35,7 +35,7 @@ PLACE = {"px", "py", "yaw"}
 """Columns that show the way along surge and sway."""
 FEWEST_ROWS, MOST_RECORDS = 20, 50
 """Shorter or more numerous than this, pieces between steps back are no records but lines out of order."""
-STEP_BACK_s, STEP_BACK_PERIODS = 1.0, 20.0
+STEP_BACK_S, STEP_BACK_PERIODS = 1.0, 20.0
 """A time that steps back by more than both begins a record; by less it is jitter."""
 
 
@@ -92,7 +92,7 @@ def _pieces(t: Array) -> list[np.ndarray[tuple[int], np.dtype[np.intp]]]:
     steps = np.diff(t)
     rising = steps[steps > 0.0]
     period_s = float(np.median(rising)) if len(rising) else 0.0
-    back = np.flatnonzero(steps < -max(STEP_BACK_s, STEP_BACK_PERIODS * period_s)) + 1
+    back = np.flatnonzero(steps < -max(STEP_BACK_S, STEP_BACK_PERIODS * period_s)) + 1
     pieces = np.split(np.arange(len(t)), back)
     if len(pieces) > MOST_RECORDS or min(map(len, pieces)) < FEWEST_ROWS:
         pieces = [np.arange(len(t))]

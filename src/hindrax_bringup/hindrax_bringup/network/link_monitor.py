@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from hindrax_core.knobs import choice
 
 HOLD, NEUTRAL, STAY = "hold", "neutral", "stay"
-PATIENCE_s = 2.0
+PATIENCE_S = 2.0
 """Four beats; half of them may be lost before the link counts as lost."""
 STEADY_BEATS = 4
 """Heartbeats, none later than the patience after the one before, from which a link counts as steady."""
-UNSTEADY_PATIENCE_s = 10.0
+UNSTEADY_PATIENCE_S = 10.0
 """Longest silence of a link that is not steady yet: discovery and a busy machine delay the first heartbeats."""
 
 
@@ -40,7 +40,7 @@ class LinkMonitor:
         elif self.lost:
             message = f"link: the operator is back after {silent_s:.1f} s"
         if self.regular < STEADY_BEATS:
-            on_time = self.last_s is not None and not self.lost and silent_s <= PATIENCE_s
+            on_time = self.last_s is not None and not self.lost and silent_s <= PATIENCE_S
             self.regular = self.regular + 1 if on_time else 1
         self.last_s, self.lost = now_s, False
         return message
@@ -55,7 +55,7 @@ class LinkMonitor:
     @property
     def allowed_s(self) -> float:
         """Silence after which the link is lost [s]: longer before it is steady."""
-        return PATIENCE_s if self.regular >= STEADY_BEATS else UNSTEADY_PATIENCE_s
+        return PATIENCE_S if self.regular >= STEADY_BEATS else UNSTEADY_PATIENCE_S
 
     def silent_s(self, now_s: float) -> float:
         """Return the time since the last heartbeat [s]; zero before the first."""

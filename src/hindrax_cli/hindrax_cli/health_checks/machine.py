@@ -27,7 +27,7 @@ from hindrax_core.errors import HindraxError
 LIBRARIES = ("numpy", "scipy", "yaml", "rich", "textual", "serial", "smbus2", "mcap")
 PYTHONS = ((3, 11), (3, 12))
 GROUPS = ("dialout", "i2c", "gpio")
-TIME_ERROR, STA_UNSYNC, MAX_ERROR_s = 5, 0x0040, 0.5
+TIME_ERROR, STA_UNSYNC, MAX_ERROR_S = 5, 0x0040, 0.5
 NODE_WORDS = tuple(f"hindrax_{room}.nodes." for room in ("drivers", "control", "ident", "bag", "sim"))
 NODE_NAMES = tuple(process.name for process in EVERY)
 LAUNCHERS = ("hindrax", "ros2", "launch")
@@ -128,8 +128,8 @@ def clock(kernel: KernelTime, now_s: float) -> Check:
     if not kernel.synchronized:
         remedy = "start chrony or systemd-timesyncd; without internet let the vehicle follow the topside computer"
         return Check("time", f"{date}, not synchronized", remedy)
-    if kernel.error_s > MAX_ERROR_s:
-        return Check("time", f"{date}, error up to {kernel.error_s:.2f} s", f"wanted {MAX_ERROR_s:g} s; wait for NTP")
+    if kernel.error_s > MAX_ERROR_S:
+        return Check("time", f"{date}, error up to {kernel.error_s:.2f} s", f"wanted {MAX_ERROR_S:g} s; wait for NTP")
     return Check("time", f"{date}, synchronized, error at most {1e3 * kernel.error_s:.0f} ms")
 
 

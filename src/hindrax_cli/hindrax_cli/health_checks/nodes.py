@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 from hindrax_cli.health_checks import Check
-from hindrax_core.input_checks import OTHER_CLOCK_s
+from hindrax_core.input_checks import OTHER_CLOCK_S
 from hindrax_core.topics import THRUSTER_STATE
 from hindrax_core.vehicle import Vehicle
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from hindrax_operator.nodes.operator_node import Operator
 
 LISTEN_S = 4.0
-OFFSET_s = 0.2
+OFFSET_S = 0.2
 """A request to arm that seems a second old is refused, and a command half a second old."""
 NODES = ("thrusters", "navigator", "estimator_health", "pilot", "allocator", "identifier")
 
@@ -70,11 +70,11 @@ def clocks(ages_s: Sequence[float]) -> Check:
         remedy = "see `tether`, then `./hindrax doctor` on the vehicle"
         return Check("clocks", "no message from the vehicle", remedy)
     least, most = min(ages_s), max(ages_s)
-    if abs(least) > OFFSET_s:
+    if abs(least) > OFFSET_S:
         which = "behind" if least > 0.0 else "ahead of"
         found = f"the vehicle's clock is {abs(least):.2f} s {which} this one"
         remedy = "synchronize the vehicle to this machine: docs/how-to/two-machines.md"
-        return Check("clocks", found, MOCK_CLOCK if abs(least) > OTHER_CLOCK_s else remedy)
+        return Check("clocks", found, MOCK_CLOCK if abs(least) > OTHER_CLOCK_S else remedy)
     return Check("clocks", f"the vehicle's stamps arrive {1e3 * least:.0f} to {1e3 * most:.0f} ms old")
 
 

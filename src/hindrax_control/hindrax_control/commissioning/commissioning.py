@@ -26,9 +26,9 @@ from hindrax_control.commissioning.hypotheses import RIGHT_TURNS, TURNED, Wiring
 from hindrax_control.commissioning.probes import body_pulses, single_pulses
 from hindrax_control.commissioning.recording import Recording
 from hindrax_control.commissioning.response import (
-    AFTER_s,
+    AFTER_S,
+    BEFORE_S,
     Answer,
-    BEFORE_s,
     MotionView,
     Prior,
     Window,
@@ -48,10 +48,10 @@ UPRIGHT = 0.8
 """Cosine of the largest tilt at rest that is trim; a right angle is a mount."""
 QUIET_N = 0.05
 """Force below which a thruster stands still."""
-LAGS_s = (0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.45)
+LAGS_S = (0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.45)
 SURE = 0.9
 """Likelihood from which on a wiring is told as found."""
-BROKEN_s = 0.5
+BROKEN_S = 0.5
 """Rest of a thruster within its pulses beyond which they are two attempts."""
 LEAST_BUSY = 5
 """Samples of forces without which pulses were not flown."""
@@ -126,7 +126,7 @@ class Commissioning:
         busy = at_s[(np.abs(rows) > QUIET_N).any(axis=1)] if len(rows) else np.zeros(0)
         if len(busy) < LEAST_BUSY:
             return np.nan, np.nan
-        window = Window(busy[0] - BEFORE_s, busy[-1] + AFTER_s)
+        window = Window(busy[0] - BEFORE_S, busy[-1] + AFTER_S)
         view, times_s = MotionView(self.recording, window, self._offset()), grid(window)
         if not view.known:
             return np.nan, np.nan
@@ -300,23 +300,23 @@ class Commissioning:
             stop = np.flatnonzero(together)
             mine = mine[mine < stop[0]] if len(stop) else mine
             if len(mine):  # one that was ended, and pulsed again, counts by its last pulses
-                mine = mine[np.flatnonzero(np.diff(at_s[mine], prepend=-np.inf) > BROKEN_s)[-1] :]
+                mine = mine[np.flatnonzero(np.diff(at_s[mine], prepend=-np.inf) > BROKEN_S)[-1] :]
             if len(mine) > 5:
-                found.append((index, Window(at_s[mine[0]] - BEFORE_s, at_s[mine[-1]] + AFTER_s)))
+                found.append((index, Window(at_s[mine[0]] - BEFORE_S, at_s[mine[-1]] + AFTER_S)))
         return found
 
     def _body_windows(self) -> list[Window]:
         """Windows in which more than one thruster ran, each from rest to rest."""
         at_s, rows = self.recording.forces.between(self._begun_s, self._ladder_s)
         alone = self._windows()
-        since = max((window.end_s for _, window in alone), default=self._begun_s) - AFTER_s + 0.1
+        since = max((window.end_s for _, window in alone), default=self._begun_s) - AFTER_S + 0.1
         busy = at_s[(np.abs(rows) > QUIET_N).any(axis=1) & (at_s > since)] if len(rows) else np.zeros(0)
         windows: list[Window] = []
         for moment in busy:
-            if windows and moment - windows[-1].end_s < sensor_claims.JOINED_s - AFTER_s:
-                windows[-1] = Window(windows[-1].begin_s, moment + AFTER_s)
+            if windows and moment - windows[-1].end_s < sensor_claims.JOINED_S - AFTER_S:
+                windows[-1] = Window(windows[-1].begin_s, moment + AFTER_S)
             else:
-                windows.append(Window(moment - BEFORE_s, moment + AFTER_s))
+                windows.append(Window(moment - BEFORE_S, moment + AFTER_S))
         return windows
 
     def _judge_thrusters(self) -> None:
@@ -326,7 +326,7 @@ class Commissioning:
         # Once with the lag of the file, to know who moves; then the lag that fits them best.
         best = max((self._explained(turn, windows, self._lag_s) for turn in turns), key=lambda one: one[0])
         self.turn = best[1]
-        lags = {lag_s: self._misfit(windows, lag_s) for lag_s in (*LAGS_s, self._lag_s)}
+        lags = {lag_s: self._misfit(windows, lag_s) for lag_s in (*LAGS_S, self._lag_s)}
         self._lag_s = min(lags, key=lambda one: lags[one])
         _, self.turn, self.wirings, self.answers = self._explained(self.turn, windows, self._lag_s)
 

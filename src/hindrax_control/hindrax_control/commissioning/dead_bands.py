@@ -25,7 +25,7 @@ from hindrax_control.maneuver.goal import MOST_PULSE_N, Pulse
 from hindrax_core.thrust.curves import running
 from hindrax_core.vehicle import Vehicle
 
-QUARTER_s = 0.25
+QUARTER_S = 0.25
 STEP_us = 8.0
 """Between two rungs; a band that is wider by less is as claimed: two thrusters differ by as much."""
 CLOSE_us = 4.0
@@ -145,7 +145,7 @@ class DeadBandLadder:
     def _turn_radps(self, rungs: Rungs, at_us: float) -> float:
         """Turn [rad/s] of a quarter at this distance from the stop; 0 where it is beyond what is harmless."""
         forces_N = np.array(self._forces_N(rungs, at_us, 1.0))
-        turn = float(abs(self.found[YAW] @ forces_N)) * QUARTER_s / self._inertia
+        turn = float(abs(self.found[YAW] @ forces_N)) * QUARTER_S / self._inertia
         return turn if np.max(np.abs(forces_N)) <= MOST_PULSE_N and turn <= MOST_TURN_radps else 0.0
 
     def _forces_N(self, rungs: Rungs, at_us: float, way: float) -> tuple[float, ...]:
@@ -160,6 +160,6 @@ class DeadBandLadder:
     def _pulses(self, rungs: Rungs) -> tuple[Pulse, ...]:
         at_us = rungs.next_us or 0.0
         return tuple(
-            Pulse(self._forces_N(rungs, at_us, way), quarters * QUARTER_s, calm=at == 0)
+            Pulse(self._forces_N(rungs, at_us, way), quarters * QUARTER_S, calm=at == 0)
             for at, (way, quarters) in enumerate(((1.0, 1), (-1.0, 2), (1.0, 1)))
         )

@@ -14,7 +14,7 @@ from hindrax_control.commissioning.response import Prior
 from hindrax_control.maneuver.goal import LONGEST_PULSE_S, MOST_PULSE_N, Pulse
 from hindrax_core.vehicle import Vehicle
 
-QUARTER_s = 0.25
+QUARTER_S = 0.25
 SWING_rad = math.radians(5.0)
 """Largest angle that a pulse of a single thruster may make."""
 RUNNING = 1.3
@@ -24,11 +24,11 @@ LEAN_rad = math.radians(6.0)
 """Tilt of the whole vehicle's motions at rest, where thrusters cannot push without it; it swings to twice of it."""
 LISTING_rad, GENTLEST = math.radians(7.0), 0.5
 """List at rest up to which it is allowed, and the part of it that is left of it at the most."""
-START_s = 0.25
+START_S = 0.25
 """What the lag of the thrusters takes off a pulse."""
 LEAST_SHARE = 0.15
 """A push along an axis is worth it from this share of a thruster's force on."""
-COAST_s = 1.5
+COAST_S = 1.5
 
 
 def probe_N(vehicle: Vehicle, B: Matrix, share: float = 1.0) -> tuple[float, ...]:
@@ -50,7 +50,7 @@ def probe_N(vehicle: Vehicle, B: Matrix, share: float = 1.0) -> tuple[float, ...
     """
     inertia = Prior(vehicle).inertia[3:]
     # Forth, back, forth: the angle peaks in the middle, at the acceleration times the square of a quarter.
-    swing = np.max(np.abs(B[3:]) / inertia[:, None], axis=0, initial=0.0) * QUARTER_s**2
+    swing = np.max(np.abs(B[3:]) / inertia[:, None], axis=0, initial=0.0) * QUARTER_S**2
     found = []
     for curve, per_newton in zip(thrust_curves(vehicle), swing, strict=True):
         least_N = RUNNING * max(abs(gap) for gap in curve.gap_N)
@@ -80,7 +80,7 @@ def single_pulses(vehicle: Vehicle, B: Matrix, share: float = 1.0) -> tuple[Puls
     for index, force_N in enumerate(probe_N(vehicle, B, share)):
         for sign, quarters in ((1.0, 1), (-1.0, 2), (1.0, 1)):
             forces_N = tuple(sign * force_N * (at == index) for at in range(len(vehicle.thrusters)))
-            pulses.append(Pulse(forces_N, quarters * QUARTER_s, calm=len(pulses) % 3 == 0))
+            pulses.append(Pulse(forces_N, quarters * QUARTER_S, calm=len(pulses) % 3 == 0))
     return tuple(pulses)
 
 
@@ -125,7 +125,7 @@ def body_pulses(vehicle: Vehicle, found: Matrix, *, deep: bool = False, listing_
 
 
 def _rest(vehicle: Vehicle) -> Pulse:
-    return Pulse((0.0,) * len(vehicle.thrusters), COAST_s, calm=False)
+    return Pulse((0.0,) * len(vehicle.thrusters), COAST_S, calm=False)
 
 
 def _push(  # noqa: PLR0917  # a vehicle and how it is pushed
@@ -150,7 +150,7 @@ def _push(  # noqa: PLR0917  # a vehicle and how it is pushed
     given_axis = float(found[axis] @ forces)
     if given_axis < LEAST_SHARE * (MOST_PULSE_N if axis < 3 else 0.5):
         return none, 0.0
-    seconds = speed * float(prior.inertia[axis]) / given_axis + START_s
+    seconds = speed * float(prior.inertia[axis]) / given_axis + START_S
     return tuple(map(float, forces)), min(LONGEST_PULSE_S, seconds)
 
 

@@ -20,8 +20,8 @@ from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.vehicle import AXES, Vehicle
 
-STEP_s = 0.004
-BEFORE_s, AFTER_s = 0.25, 0.6
+STEP_S = 0.004
+BEFORE_S, AFTER_S = 0.25, 0.6
 """Rest before a pulse, and what is looked at after it."""
 SLOW = (0.1, 0.1, 0.1, 0.3, 0.3, 0.3)
 """Rates at which the quadratic drag is taken as linear [m/s, rad/s]."""
@@ -32,7 +32,7 @@ CORRELATED = 4.0
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """An interval [s], begun at rest `BEFORE_s` ahead of the first pulse."""
+    """An interval [s], begun at rest `BEFORE_S` ahead of the first pulse."""
 
     begin_s: float
     end_s: float
@@ -128,7 +128,7 @@ def lagged(times_s: Matrix, forces: Series, window: Window, lag_s: float) -> Mat
 
 def grid(window: Window) -> Matrix:
     """Times (n,) of the model in a window [s]."""
-    return np.asarray(np.arange(window.begin_s, window.end_s, STEP_s))
+    return np.asarray(np.arange(window.begin_s, window.end_s, STEP_S))
 
 
 class MotionView:
@@ -190,7 +190,7 @@ def _without_gravity(times_s: Matrix, force: Matrix, rates: Matrix, window: Wind
     gravity's: an accelerometer's scale may be off by more than g differs from place to place.
     """
     # Before anything pushes: then all that the accelerometer feels is gravity.
-    quiet = times_s < window.begin_s + BEFORE_s
+    quiet = times_s < window.begin_s + BEFORE_S
     rest = force[quiet].mean(axis=0) if quiet.any() else force[0]
     size = float(np.linalg.norm(rest)) or GRAVITY_mps2
     return np.asarray(force + size * carried(times_s, rates, -rest / size))

@@ -20,11 +20,11 @@ from hindrax_control.allocation.effectiveness import Matrix
 from hindrax_control.commissioning.findings import MEASURED, OPEN, PROVEN, WRONG, Finding, Mend
 from hindrax_control.commissioning.hypotheses import RIGHT_TURNS, angles_deg, turn_of
 from hindrax_control.commissioning.recording import Recording, Series
-from hindrax_control.commissioning.response import BEFORE_s, Prior, Window, carried, grid, lagged
+from hindrax_control.commissioning.response import BEFORE_S, Prior, Window, carried, grid, lagged
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.vehicle import Mount, Vehicle
 
-JOINED_s = 2.5
+JOINED_S = 2.5
 """Pulses of the body that follow each other sooner are one motion."""
 LOCKED = 0.5
 """Share of the velocities with a lock below which a DVL does not look at the floor."""
@@ -83,7 +83,7 @@ class Evidence:
         """Times (n,) [s] and direction of gravity in body axes (n, 3) [-], from the rest ahead of a motion on."""
         mount = self.vehicle.sensors[self.recording.inertial.source]
         body = self.turn @ turn_of(mount.rotation_deg)
-        _, rows = self.recording.inertial.between(window.begin_s, window.begin_s + BEFORE_s)
+        _, rows = self.recording.inertial.between(window.begin_s, window.begin_s + BEFORE_S)
         times_s, rates = self.rates(window)
         if not (len(rows) and len(times_s)):
             return np.zeros(0), np.zeros((0, 3))

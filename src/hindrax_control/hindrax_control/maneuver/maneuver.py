@@ -32,9 +32,9 @@ from hindrax_core.readings import Vec6
 from hindrax_core.signals import BLOCKED, NAN, ZERO6, Navigation, Phase
 from hindrax_core.text.refusals import CANCELLED, NOTHING, Reason, Refusal, found
 
-SETTLING_s = 2.5
+SETTLING_S = 2.5
 """Time to come to rest at a place, beside the way to it."""
-SILENT_s = 1.0
+SILENT_S = 1.0
 """Age of the last echo beyond which a maneuver uses the depth instead."""
 
 
@@ -240,7 +240,7 @@ class Maneuver:
         if math.isfinite(place.heading_rad):
             self._turned_rad += math.remainder(place.heading_rad - self._turned_rad, math.tau)
         held_back = max(abs(shortfall[0]), abs(shortfall[1])) > self._knobs.shortfall_N
-        fresh = math.isfinite(navigation.altitude_m) and navigation.altitude_age_s <= SILENT_s
+        fresh = math.isfinite(navigation.altitude_m) and navigation.altitude_age_s <= SILENT_S
         passed_s = seconds_between(self._started_at, stamp)
         along = tuple(map(math.isfinite, navigation.velocity_mps[:2]))
         velocity, by_wall = self._velocity or any(along), self._looks and any(along)
@@ -281,7 +281,7 @@ class Maneuver:
         """Stages of a plan that begins where the one before it ended."""
         place = PoolPosition(*plan.start_m, plan.heading_rad, 0.0, 0.0)
         pose = Pose(place, self._pool.axis_rad + plan.heading_rad, plan.vertical, self._pool.depth_m)
-        seconds = SETTLING_s + math.dist(before_m, plan.start_m) / self.station.speed_mps
+        seconds = SETTLING_S + math.dist(before_m, plan.start_m) / self.station.speed_mps
         begin: list[Stage] = [SettleAtPose(plan.motion, self.station, pose, seconds=seconds)]
         if plan.hover_s > 0.0:
             begin.append(Hover(plan.legs[0].name, self.station, plan.hover_s))

@@ -36,7 +36,7 @@ the third. Neutral from here, a vehicle that rights itself stays below 30 degree
 UPRIGHT = 0.8
 """Cosine of a list; beyond it, it is the sensor that is turned."""
 MOST_RATE_radps = math.radians(90.0)
-CALM_radps, CALM_s, CALM_PATIENCE_s = math.radians(2.5), 0.3, 6.0
+CALM_radps, CALM_S, CALM_PATIENCE_S = math.radians(2.5), 0.3, 6.0
 """Rates that count as rest, for how long they must last, and how long they are waited for."""
 
 
@@ -62,9 +62,9 @@ class PulseManeuver:
         self._rest = (0.0,) * len(vehicle.thrusters)
         self._knobs = knobs or ManeuverKnobs()
         self._safety = ManeuverGuards(vehicle, safety_knobs)
-        self.seconds = sum(pulse.seconds + pulse.calm * CALM_s for pulse in goal.pulses)
+        self.seconds = sum(pulse.seconds + pulse.calm * CALM_S for pulse in goal.pulses)
         """Shortest duration [s]."""
-        self._longest_s = sum(pulse.seconds + pulse.calm * CALM_PATIENCE_s for pulse in goal.pulses) + 1.0
+        self._longest_s = sum(pulse.seconds + pulse.calm * CALM_PATIENCE_S for pulse in goal.pulses) + 1.0
         self._at = -1
         self._since_s = 0.0
         self._restless_s = 0.0
@@ -136,7 +136,7 @@ class PulseManeuver:
         ended_s = self._since_s + (pulses[self._at].seconds if self._at >= 0 else 0.0)
         if max(map(abs, navigation.rate_radps)) > CALM_radps:
             self._restless_s = now_s
-        calm = now_s - max(self._restless_s, ended_s) >= CALM_s or now_s - ended_s >= CALM_PATIENCE_s
+        calm = now_s - max(self._restless_s, ended_s) >= CALM_S or now_s - ended_s >= CALM_PATIENCE_S
         if pulses[following].calm and not calm:
             return self._rest, "settle"
         self._at, self._since_s = following, now_s

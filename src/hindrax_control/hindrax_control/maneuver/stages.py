@@ -140,7 +140,7 @@ class Pose:
 REST_m, REST_DEPTH_m, REST_HEADING_rad = 0.15, 0.05, math.radians(2.0)
 REST_mps, REST_radps = 0.04, math.radians(3.0)
 """Residual motion allowed at the end of a stage of rest."""
-LASTING_s, PATIENCE_s = 0.8, 75.0
+LASTING_S, PATIENCE_S = 0.8, 75.0
 """For how long it must be so, and how long that may take."""
 
 
@@ -173,9 +173,9 @@ class SettleAtPose(Stage):
         if off:
             self._still_since_s = moment.time_s
         waited_s = moment.time_s - self._started_s
-        late = off and waited_s > PATIENCE_s
+        late = off and waited_s > PATIENCE_S
         trouble = found(Reason.SETTLE, f"{off} after {waited_s:.0f} s") if late else NOTHING
-        finished = moment.time_s - self._still_since_s >= LASTING_s
+        finished = moment.time_s - self._still_since_s >= LASTING_S
         return StageOutput(wrench, "settle", finished=finished, trouble=trouble)
 
     def _off(self, moment: StageInput) -> str:
@@ -253,7 +253,7 @@ class ExciteMotion(Stage):
         return (navigation.dvl_locked or moment.by_wall) and not abs(high_m) > STEADY_m and abs(turned_rad) < STEADY_rad
 
 
-STOPPING_s, LEAST_s, PATIENT_s = 2.0, 1.0, 8.0
+STOPPING_S, LEAST_S, PATIENT_S = 2.0, 1.0, 8.0
 """Usual, shortest and longest time of a stop."""
 
 
@@ -261,7 +261,7 @@ class BrakeAndHold(Stage):
     """Brakes and holds where it is; ends in the hold, or neutral, as asked."""
 
     def __init__(self, motion: str, station: StationKeeping, *, neutral: bool) -> None:
-        super().__init__(motion, station, STOPPING_s)
+        super().__init__(motion, station, STOPPING_S)
         self._neutral = neutral
 
     def begin(self, moment: StageInput) -> tuple[Setpoint, ...]:
@@ -275,7 +275,7 @@ class BrakeAndHold(Stage):
         wrench = self._keep_station(moment)
         speed = math.sqrt(sum(v * v for v in moment.navigation.velocity_mps if math.isfinite(v)))
         waited_s = moment.time_s - self._started_s
-        finished = waited_s > PATIENT_s or (waited_s > LEAST_s and speed < REST_mps)
+        finished = waited_s > PATIENT_S or (waited_s > LEAST_S and speed < REST_mps)
         return StageOutput(ZERO6 if finished and self._neutral else wrench, "settle", finished=finished)
 
 

@@ -35,11 +35,11 @@ AT_ONCE = ("gravity", "divergence")
 """Checks of what is smoothed already: an attitude that turns away at 40 deg/s leaves no time for patience."""
 WINDOW = StampWindow(0.5, 0.1)
 """For the stamps of an odometry; those of a wrench have the same limits."""
-SHORTEST_s = 0.015
+SHORTEST_S = 0.015
 """States in between are left out: the pilot counts on 50 Hz."""
 JUMP_m = 0.3
 """A position may be corrected by so much at once."""
-ALTITUDE_AGE_s = 2.0
+ALTITUDE_AGE_S = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,7 +225,7 @@ class ExternalOdometry:
         if untimely is not None:
             return None, untimely.refusal
         last = self._last
-        if last is not None and source == self._source and 0.0 <= seconds_between(last.stamp, found.stamp) < SHORTEST_s:
+        if last is not None and source == self._source and 0.0 <= seconds_between(last.stamp, found.stamp) < SHORTEST_S:
             return None, NOTHING
         if last is None or source != self._source or self._broken(last, found):
             self._began, self.breaks = found.stamp, self.breaks + (last is not None)
@@ -254,7 +254,7 @@ class ExternalOdometry:
         if self._range is None or self._mount is None:
             return NAN, math.inf
         age_s = max(0.0, seconds_between(self._range.stamp, found.stamp))
-        if age_s > ALTITUDE_AGE_s:
+        if age_s > ALTITUDE_AGE_S:
             return NAN, age_s
         down = matrix(found.reading.attitude_rad)[2]
         axis, lever = self._mount.axis, self._mount.lever_m

@@ -27,7 +27,7 @@ from hindrax_drivers.protocols.waterlinked_protocol import VelocityReport
 from hindrax_drivers.timebase import Break, Timebase
 
 NS_PER_US = 1000
-LONGEST_INTERVAL_s = 0.5
+LONGEST_INTERVAL_S = 0.5
 """Of the slowest range mode; after a gap a velocity does not count for the time before."""
 ASK_EVERY_S, TRIES = 3.0, 3
 NAME = "Water Linked DVL"
@@ -150,7 +150,7 @@ class A50:
             imu_calibration="",
             skipped_pings=0,
         )
-        interval_s = min(found.interval_s, LONGEST_INTERVAL_s)
+        interval_s = min(found.interval_s, LONGEST_INTERVAL_S)
         if not valid:
             return track, BottomVelocity(None, math.inf, 0.0, interval_s, found.validity_us)
         sigma = math.hypot(self._knobs.sigma_floor_mps, found.sigma_mps)

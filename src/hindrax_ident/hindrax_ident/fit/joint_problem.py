@@ -22,7 +22,7 @@ from hindrax_ident.records.six_axis_record import Grid, SixAxisRecord
 
 OUTLIER = 4.0
 """Error of a measurement, in deviations, beyond which its weight falls (Huber)."""
-SHORT_s, NUDGE = 1e-3, 1e-4
+SHORT_S, NUDGE = 1e-3, 1e-4
 """Steps of numerical derivatives: of the lag, and of velocities."""
 MEMORY_SPAN_S, LONGEST_MEMORY_S = 0.2, 2.0
 """Spans whose covariance gives the memory of unknown forces, and its longest time constant."""
@@ -392,8 +392,8 @@ class JointProblem:
                     columns[:, place_of[axis], k] = force
         if len(used) and used[0] == LAG:
             # No term of a force: the lag moves the thrust itself.
-            more = self._thrust(grid, max(0.0, float(self.theta[LAG])) + SHORT_s)
-            columns[:, :na, 0] = -((more - steps.state.thrust) / SHORT_s)[:, axes]
+            more = self._thrust(grid, max(0.0, float(self.theta[LAG])) + SHORT_S)
+            columns[:, :na, 0] = -((more - steps.state.thrust) / SHORT_S)[:, axes]
         return _Dependence(late, mid, old, self._fresh(columns), self._fresh(steps.w))
 
     def _stretch(self, grid: Grid, v: Array, used: Index, rng: np.random.Generator, *, begins: bool) -> Normal:

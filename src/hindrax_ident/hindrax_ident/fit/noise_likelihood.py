@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 
 from hindrax_ident.arrays import Array, Flags, Index
 from hindrax_ident.fit.whitening import ErrorDynamics, Noise, transitions
-from hindrax_ident.model.thrust_lag import LEAST_MEMORY_s
+from hindrax_ident.model.thrust_lag import LEAST_MEMORY_S
 
 ENOUGH = 5000
 """Samples sufficient to estimate the noise; a longer record is subsampled by pieces."""
@@ -164,7 +164,7 @@ class _Pieces:
         self._channel, self._counts = chain.channel[rows], chain.counts[rows] & present
         self._thrust, self._residual = chain.thrust[rows], residual[rows]
         self.mean_thrust = max(1e-300, float(self._thrust.mean()))
-        self._memory_s, self._main = max(LEAST_MEMORY_s, chain.memory_s), main
+        self._memory_s, self._main = max(LEAST_MEMORY_S, chain.memory_s), main
 
     def scores(self, ratio: Array, part: Array, other: Array) -> tuple[Array, Array]:
         """Twice the negative log-likelihood per sample, and the main channel's variance: (g,) each.

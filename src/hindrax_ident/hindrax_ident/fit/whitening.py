@@ -24,7 +24,7 @@ import numpy as np
 from scipy.linalg.lapack import dtbtrs
 
 from hindrax_ident.arrays import Array, Flags, Index, array
-from hindrax_ident.model.thrust_lag import LEAST_MEMORY_s
+from hindrax_ident.model.thrust_lag import LEAST_MEMORY_S
 
 NEGLIGIBLE_Hz = 1e-4
 """Density of the unknown acceleration, in measurement variances, below which it is neglected."""
@@ -91,7 +91,7 @@ def transitions(chain: ErrorDynamics) -> tuple[Array, Array]:
     tuple[Array, Array]
         A and Q: (n, 3, 3) each, SI.
     """
-    n, rate = len(chain.step_s), 1.0 / max(LEAST_MEMORY_s, chain.memory_s)
+    n, rate = len(chain.step_s), 1.0 / max(LEAST_MEMORY_S, chain.memory_s)
     fastest = rate + float(np.abs(chain.damping).max() + np.sqrt(np.abs(chain.stiffness).max()))
     doublings = math.ceil(math.log2(max(1.0, fastest * float(chain.step_s.max()) / SHORT)))
     h = chain.step_s / 2**doublings
@@ -140,7 +140,7 @@ def gains(chain: ErrorDynamics, transition: tuple[Array, Array], noise: Noise) -
     A, Q = transition
     density, variances = chain.density(noise), (noise.velocity, noise.position)
     grown = Q * density[:, None, None]
-    first = (density / (2.0 * max(LEAST_MEMORY_s, chain.memory_s))).tolist()
+    first = (density / (2.0 * max(LEAST_MEMORY_S, chain.memory_s))).tolist()
     rows = zip(
         chain.channel.tolist(),
         chain.starts.tolist(),

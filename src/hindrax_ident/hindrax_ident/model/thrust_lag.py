@@ -11,7 +11,7 @@ from scipy.linalg import blas
 
 from hindrax_ident.arrays import Array, Index
 
-LEAST_MEMORY_s = 0.02
+LEAST_MEMORY_S = 0.02
 """Shortest time constant of an unknown force, where the thrusters have no lag: it is a state of the filters of
 `fit.whitening` and `online.filtered_regression`, and white noise cannot be one."""
 

@@ -34,7 +34,7 @@ ANY = Quality(reliable=False, depth=5000)
 """Takes reliable publishers too; keeps what comes while `ident/assess` computes."""
 ANY_ODOMETRY = Topic("odometry", "nav_msgs/msg/Odometry", ANY, 0, "velocities and attitude of any vehicle")
 ANY_WRENCH = Topic("wrench", "geometry_msgs/msg/WrenchStamped", ANY, 0, "wrench that its thrusters achieve")
-LARGEST_LEAD_s = 60.0
+LARGEST_LEAD_S = 60.0
 """A stamp farther ahead of the clock would make all that follow it late."""
 LARGEST_VARIANCE = 1e3
 """Variances from here on, or below zero, mean that a velocity is not measured."""
@@ -69,7 +69,7 @@ def thrust_from_wrench(message: WrenchStamped, now: Stamp, prefix: str = "") -> 
 def _sensible(stamp: Stamp, now: Stamp) -> Stamp:
     """Stamp of a measurement, `now` where it has none; ValueError for one from the future."""
     lead_s = seconds_between(now, stamp)
-    if now and lead_s > LARGEST_LEAD_s:
-        found = f"found a stamp {lead_s:.0f} s ahead of the clock, wanted at most {LARGEST_LEAD_s:g} s"
+    if now and lead_s > LARGEST_LEAD_S:
+        found = f"found a stamp {lead_s:.0f} s ahead of the clock, wanted at most {LARGEST_LEAD_S:g} s"
         raise ValueError(Refusal(Reason.CLOCK, found))
     return stamp or now

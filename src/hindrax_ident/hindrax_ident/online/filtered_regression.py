@@ -20,7 +20,7 @@ import numpy as np
 
 from hindrax_ident.arrays import Array
 from hindrax_ident.model.motion_model import Model
-from hindrax_ident.model.thrust_lag import LaggedInput, LEAST_MEMORY_s
+from hindrax_ident.model.thrust_lag import LEAST_MEMORY_S, LaggedInput
 
 SETTLED = 0.05
 """Largest share of the filters' initial transient when samples are used: three time constants."""
@@ -29,7 +29,7 @@ CLEAR_SIGN = 8.0
 DIRECTION_S = 0.3
 """Time over which the velocities before have a sign: a vehicle at rest moves slower than the noise of one velocity, and
 one that turns back has both signs within a second."""
-THRUST_NOISE_s = 1e-4
+THRUST_NOISE_S = 1e-4
 """Density of the thrust noise per squared thrust: 3 % for a tenth of a second."""
 RATE_NOISE_radps = 0.0025
 """Noise of a gyroscope's mean over 15 ms, which weighs least against the thrust noise; a Doppler log [m/s] has more."""
@@ -311,8 +311,8 @@ class RowWhitener:
     def __init__(self, columns: int, lag_s: float, mass: float) -> None:
         """`columns` of a row, its response among them; the prior `mass` [kg, kg m^2] only weights the rows."""
         self._columns = columns
-        self._density = THRUST_NOISE_s / (mass * RATE_NOISE_radps) ** 2
-        self._rate = 1.0 / max(lag_s, LEAST_MEMORY_s)
+        self._density = THRUST_NOISE_S / (mass * RATE_NOISE_radps) ** 2
+        self._rate = 1.0 / max(lag_s, LEAST_MEMORY_S)
         self._effort = LaggedInput(lag_s)
         self._t_row = math.nan
         self.restart()

@@ -12,7 +12,7 @@ from hindrax_core.errors import INTERRUPTED
 from hindrax_operator.monitor import draw
 from hindrax_operator.monitor.graph_link import GraphLink
 
-REFRESH_s = 0.2
+REFRESH_S = 0.2
 FRAMED = ("state", "thrusters", "holds", "health", "maneuver")
 TWO_COLUMNS = 78
 """Narrower than this, the sections stand below each other."""
@@ -62,7 +62,7 @@ class Monitor(App[int]):
         for name, place in self._places.items():
             if place.has_class("section"):
                 place.border_title = name
-        self.set_interval(REFRESH_s, self.refresh_snapshot)
+        self.set_interval(REFRESH_S, self.refresh_snapshot)
         self.refresh_snapshot()
 
     def on_resize(self, event: Resize) -> None:
@@ -74,7 +74,7 @@ class Monitor(App[int]):
         view = self._vehicle.snapshot()
         places = self._places
         for screen in self.screen_stack[-1:]:  # none while it is being taken down
-            screen.set_class(view.silent_s > draw.SILENT_s, "old")
+            screen.set_class(view.silent_s > draw.SILENT_S, "old")
         places["headline"].update(draw.headline(view, self._vehicle.title))
         for name, section in draw.SECTIONS.items():
             places[name].update(section(view))

@@ -14,7 +14,7 @@ from hindrax_operator.progress import units
 from hindrax_operator.snapshot import ANGLES, ManeuverView, NodeHealth, Snapshot, Thrusters
 
 GOOD, WARN, BAD, DIM, VALUE = "green", "yellow", "bold red", "grey58", "bold"
-SILENT_s = 2.0
+SILENT_S = 2.0
 FULL_us = 400.0
 """Half the span of the pulses: a full bar."""
 BAR, PROGRESS = 8, 28
@@ -26,7 +26,7 @@ SHORT_NAMES = {"added_mass": "m_a"}
 def headline(view: Snapshot, title: str) -> Text:
     """Armed or not, before everything else; then who and when."""
     thrusters = view.thrusters
-    if view.silent_s > SILENT_s:
+    if view.silent_s > SILENT_S:
         silent = "no message yet" if math.isinf(view.silent_s) else f"no message for {view.silent_s:.0f} s"
         hint = "" if view.stoppable else "  no program left to stop it: if it thrusts, cut the power"
         return Text.assemble((f" {silent} ", "bold white on red"), hint, "  ", (title, DIM))

@@ -57,10 +57,10 @@ RESULT_LOST = Refusal(Reason.IDENTIFIER, "identifier: its result was lost; see w
 WITHOUT_REASON = Refusal(Reason.UNNAMED, "maneuver: ended without a reason")
 LINK_S = 0.3
 """Time for the last messages to reach their subscribers before the node is destroyed."""
-FLOWN_s = 1.0
+FLOWN_S = 1.0
 UNOBEYED_S = 0.5
 """Time without an applied command after which armed thrusters count as disobedient: the first may be on its way."""
-MANEUVER_LOST_s = 10.0
+MANEUVER_LOST_S = 10.0
 """Silence about a maneuver on a working link after which it counts as over; the pilot publishes at 10 Hz."""
 
 
@@ -208,7 +208,7 @@ class Operator:
         if seen is None or seen.phase in ("done", "aborted"):
             return ""
         age_s = seconds_between(stamp_from_msg(seen.header.stamp), self.now())
-        return seen.motion if age_s < FLOWN_s else ""
+        return seen.motion if age_s < FLOWN_S else ""
 
     @property
     def stoppable(self) -> bool:
@@ -311,7 +311,7 @@ class Operator:
                 return now is not None
             began = began or now.state == ArmingPhase.ARMING
             begin, last = stamp_from_msg(since.header.stamp), stamp_from_msg(now.header.stamp)
-            return now.state == ArmingPhase.DISARMED and (began or seconds_between(begin, last) > FLOWN_s)
+            return now.state == ArmingPhase.DISARMED and (began or seconds_between(begin, last) > FLOWN_S)
 
         self.wait(ended, seconds, self._thruster_state)
         if self.armed is not arm:
@@ -414,7 +414,7 @@ class Operator:
         now, found = "the thrusters are silent", self.thrusters
         if found is not None:
             now = f"the thrusters are {found.state}" + (f" ({found.reason})" if found.reason else "")
-        text = f"link: no status of the maneuver for {MANEUVER_LOST_s:.0f} s, and {now}; {AGAIN}"
+        text = f"link: no status of the maneuver for {MANEUVER_LOST_S:.0f} s, and {now}; {AGAIN}"
         return Refusal(Reason.LINK, text)
 
     def _maneuver_lost(self) -> bool:
@@ -423,7 +423,7 @@ class Operator:
             return False
         now = self.now()
         silent_s = seconds_between(stamp_from_msg(self.maneuver.header.stamp), now)
-        return silent_s > MANEUVER_LOST_s and seconds_between(self.navigation.stamp, now) < FLOWN_s
+        return silent_s > MANEUVER_LOST_S and seconds_between(self.navigation.stamp, now) < FLOWN_S
 
     def cancel(self) -> None:
         """Cancel what is being flown, if anything."""

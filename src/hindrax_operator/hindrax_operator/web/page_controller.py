@@ -17,7 +17,7 @@ from hindrax_control.maneuver.goal import Goal, check_goal
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.online.aim import Aim, ExperimentGoal, check_experiment
-from hindrax_operator.monitor.draw import SILENT_s
+from hindrax_operator.monitor.draw import SILENT_S
 from hindrax_operator.monitor.graph_link import GraphLink
 from hindrax_operator.snapshot import CameraFrame
 from hindrax_operator.web.access import RefusedRequest
@@ -130,7 +130,7 @@ class PageController:
     def _begin(self, name: str, *, armed: bool, wanted: str) -> None:
         """Take an order that flies; Refused for a silent vehicle, in the other state, or while one is under way."""
         view = self._vehicle.snapshot()
-        if view.silent_s > SILENT_s:
+        if view.silent_s > SILENT_S:
             raise RefusedRequest(HTTPStatus.CONFLICT, f"{name}: the vehicle is silent; `./hindrax doctor` says why")
         with self._lock:
             if self._flying:

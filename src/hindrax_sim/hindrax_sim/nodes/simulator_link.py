@@ -20,7 +20,7 @@ from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, to_s
 from hindrax_core.vehicle import Vehicle
 from hindrax_ros.messages.convert import stamp_from_msg
-from hindrax_sim.hardware import STEP_s
+from hindrax_sim.hardware import STEP_S
 from hindrax_sim.physics.followed_plant import FollowedPlant, Sample
 from hindrax_sim.simulators import Simulator
 
@@ -30,7 +30,7 @@ FIRST_WITHIN_S = 45.0
 """Wall time that a simulator has to publish its first state."""
 SILENT_S = 1.0
 """Wall time without a state after which the thrusters get zero: a paused simulator must not go on with our last."""
-ROUNDING_s = 1e-6
+ROUNDING_S = 1e-6
 
 
 class SimulatorLink:
@@ -69,7 +69,7 @@ class SimulatorLink:
 
     def may_step(self) -> bool:
         """Whether the simulator has reached the next step of the mock."""
-        return self._plant.reached_s >= self._plant.time_s + STEP_s - ROUNDING_s
+        return self._plant.reached_s >= self._plant.time_s + STEP_S - ROUNDING_S
 
     def rest(self) -> None:
         """Send no force."""
@@ -80,7 +80,7 @@ class SimulatorLink:
 
         One answer to each, so that a simulator which waits for them cannot run ahead of the stack.
         """
-        while self._unanswered_s and self._unanswered_s[0] <= self._plant.time_s + ROUNDING_s:
+        while self._unanswered_s and self._unanswered_s[0] <= self._plant.time_s + ROUNDING_S:
             self._unanswered_s.popleft()
             self._send(list(self._plant.targets_N))
 

@@ -14,7 +14,7 @@ from hindrax_core.vehicle import Vehicle
 from hindrax_sim.physics.plant import Influence, Plant, ThrustLoss
 
 VectorT = TypeVar("VectorT", Vec3, Vec6)
-KEPT_s = 0.5
+KEPT_S = 0.5
 """Length of the track that is kept behind the time of the plant."""
 
 
@@ -63,7 +63,7 @@ class FollowedPlant(Plant):
         elif sample.time_s < self._samples[-1].time_s:
             raise ValueError(f"found the time {sample.time_s:.3f} s after {self._samples[-1].time_s:.3f} s")
         self._samples.append(sample)
-        old = bisect_right(self._samples, self.time_s - self._shift_s - KEPT_s, key=lambda one: one.time_s)
+        old = bisect_right(self._samples, self.time_s - self._shift_s - KEPT_S, key=lambda one: one.time_s)
         del self._samples[: max(0, min(old, len(self._samples) - 2))]
 
     @property

@@ -53,7 +53,7 @@ STICK_TOLERANCE_us, PULSE_TOLERANCE_us = 8.0, 3.0
 CONFIRMED_S = 2.5
 """Time from an accepted arming by which the heartbeat says so."""
 FRESH_S = 1.0
-WRAP_s = 2.0**32 * 1e-6
+WRAP_S = 2.0**32 * 1e-6
 HALF_us = 400.0
 """Way of a stick to either end."""
 FAREWELLS = 3
@@ -333,7 +333,7 @@ class ArduSub:
     def _on_clock(self, boot_s: float, stamp: Stamp) -> list[Output]:
         """Whether it has restarted: its time since power-up goes back, but where its 32 bits overflow."""
         before, self._boot_s = self._boot_s, boot_s
-        if boot_s >= before - 1.0 or before - boot_s > 0.5 * WRAP_s or self._restarted:
+        if boot_s >= before - 1.0 or before - boot_s > 0.5 * WRAP_S or self._restarted:
             return []
         self._restarted = True
         return self._end("the autopilot has restarted", stamp)
