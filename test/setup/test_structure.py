@@ -15,10 +15,10 @@ from hindrax_core.sensor_table import SENSORS
 
 ROOT = Path(__file__).parents[2]
 MOST_MODULES = 16
-MOST_ANY = 97
+MOST_ANY = 94
 """Lines of the product; what is left stands at libraries without annotations, and at documents of JSON and YAML."""
 MOST_CASTS = 10
-LEAST_EXPLAINED = 0.17
+LEAST_EXPLAINED = 0.2
 """Lines of the product that are comment or docstring, of those that are not empty [-]."""
 PACKAGES = sorted(path.parent.name for path in ROOT.glob("src/*/package.xml"))
 SOURCES = sorted(
@@ -117,6 +117,17 @@ def test_a_file_that_the_plan_names_is_there() -> None:
     named = set(re.findall(r"[\w/]*\w\.py\b", page)) - {"devices/NAME.py"}
     assert len(named) > 50
     assert not [name for name in sorted(named) if not any(one.endswith(f"/{name}") for one in there)]
+
+
+def test_what_the_ways_name_in_a_file_is_defined_there() -> None:
+    """Such as `maneuver/goal.py: require_flyable`: a function, a class or a table."""
+    page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
+    named = re.findall(r"([\w/]*\w\.py): ([A-Za-z]+[A-Z_][A-Za-z_]*)\b", page)
+    assert len(named) > 5
+    for name, symbol in named:
+        texts = [source.read_text(encoding="utf-8") for source in SOURCES if str(source).endswith(f"/{name}")]
+        defined = re.compile(rf"^(?:class |def |){symbol}\b", re.MULTILINE)
+        assert any(defined.search(text) for text in texts), f"{name}: {symbol}"
 
 
 @pytest.mark.parametrize("folder", sorted(FOLDERS), ids=lambda folder: str(folder.relative_to(ROOT)))
