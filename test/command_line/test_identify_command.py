@@ -262,14 +262,14 @@ def test_what_cannot_be_known_is_called_so(desk: Desk, record: dict[str, Any]) -
 
 
 def test_the_wrong_sign_is_named(desk: Desk) -> None:
-    surge = desk.surge(desk.csv(gain=-1.0, end_s=40.0))
+    surge = desk.surge(desk.csv(gain=-1.0, end_s=25.0))
     assert not surge["identifiable"]
     assert "against_thrust" in surge["reason_codes"]
 
 
-@pytest.mark.parametrize("current", [0.03, 0.1])
-def test_a_current_is_seen_or_its_harm_lies_within_the_band(desk: Desk, current: float) -> None:
-    surge = desk.surge(desk.csv(current=current))
+def test_a_current_is_seen_or_its_harm_lies_within_the_band(desk: Desk) -> None:
+    """A slow one, as it is not seen; hindrax_ident's test_honesty.py has others."""
+    surge = desk.surge(desk.csv(current=0.03))
     assert not surge["identifiable"] or is_true(surge)
 
 
@@ -296,7 +296,7 @@ def test_pauses_part_the_record(desk: Desk) -> None:
     assert is_true(surge)
 
 
-@pytest.mark.parametrize(("speed", "force"), [(1000.0, 1.0), (1.0, 0.01), (0.01, 1.0)])
+@pytest.mark.parametrize(("speed", "force"), [(1000.0, 1.0), (0.01, 1.0)])
 def test_wrong_units_are_suspected(desk: Desk, speed: float, force: float) -> None:
     (t, v), (t_w, w) = flown()
     surge = desk.surge(as_csv(desk.folder / "a.csv", (t, speed * v), (t_w, force * w)))
@@ -334,7 +334,7 @@ def test_stamps_of_others_leave_the_added_mass_in_doubt(desk: Desk) -> None:
 
 def pilot_csv(folder: Path) -> Path:
     """Surge and sway that are flown at once, by the same thrust."""
-    (t, v), (at, force) = flown()
+    (t, v), (at, force) = flown(end_s=40.0)
     rows = [(one, f"{speed:.4f},{speed:.4f},,") for one, speed in zip(t, v, strict=True)]
     rows += [(one, f",,{newton:.4f},{newton:.4f}") for one, newton in zip(at, force, strict=True)]
     file = folder / "pilot.csv"
@@ -370,17 +370,17 @@ def test_a_record_that_moves_axes_at_once_is_fitted_with_all_of_them_unless_told
 
 
 def test_several_records_are_pooled_and_their_spread_is_shown(desk: Desk) -> None:
-    records = [as_csv(desk.folder / f"{seed}.csv", *flown(seed=seed)) for seed in range(3)]
+    records = [as_csv(desk.folder / f"{seed}.csv", *flown(seed=seed)) for seed in range(2)]
     assert main(["identify", *map(str, records), "--vehicle", str(desk.small), "--json"]) == 0
     captured = desk.capsys.readouterr()
-    assert "2.csv alone, 3 of 3" in captured.err
+    assert "1.csv alone, 2 of 2" in captured.err
     document = json.loads(captured.out)
     pooled, runs = document["motions"]["surge"], [run["motions"]["surge"] for run in document["runs"]]
     assert is_true(pooled)
-    assert len(runs) == 3
-    assert pooled["samples"] > 2.5 * runs[0]["samples"]
+    assert len(runs) == 2
+    assert pooled["samples"] > 1.8 * runs[0]["samples"]
     assert pooled["k_q"]["std"] < max(run["k_q"]["std"] for run in runs)
-    assert document["spread"]["surge"]["k_q"]["runs"] == 3
+    assert document["spread"]["surge"]["k_q"]["runs"] == 2
 
 
 def test_records_that_disagree_widen_the_band(desk: Desk) -> None:
@@ -480,7 +480,6 @@ def as_bag(
 def test_every_type_of_velocity_serves(desk: Desk, velocity: str) -> None:
     bag = as_bag(desk.folder / "a.mcap", (velocity, "/a/velocity", "rov/base_link"))
     document = desk.of_small(bag, "--dof", "surge")
-    assert desk.of_small(bag, "--dof", "all")["motions"].keys() == desk.of_small(bag)["motions"].keys()
     assert document["motions"]["surge"]["identifiable"]
     assert is_true(document["motions"]["surge"])
     assert any("REP-103" in one for one in document["assumptions"])
@@ -489,6 +488,7 @@ def test_every_type_of_velocity_serves(desk: Desk, velocity: str) -> None:
 def test_a_wrench_without_stamps_is_taken_by_its_times_of_receipt(desk: Desk) -> None:
     bag = as_bag(desk.folder / "a.mcap", wrench=("geometry_msgs/msg/Wrench", "/thrust", ""))
     document = desk.of_small(bag)
+    assert desk.of_small(bag, "--dof", "all")["motions"].keys() == document["motions"].keys()
     assert is_true(document["motions"]["surge"])
     assert any("receipt" in one for one in document["assumptions"])
 
@@ -556,7 +556,7 @@ def test_a_bag_without_forces_lists_what_it_holds(desk: Desk) -> None:
 
 
 def test_sqlite_bags_open_too(desk: Desk) -> None:
-    mcap = as_bag(desk.folder / "a.mcap")
+    mcap = as_bag(desk.folder / "a.mcap", end_s=40.0)
     bag = desk.folder / "a.db3"
     with sqlite3.connect(bag) as base:
         base.execute("CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT)")
@@ -575,7 +575,10 @@ def test_sqlite_bags_open_too(desk: Desk) -> None:
                 base.execute("INSERT INTO message_definitions VALUES(?, ?, 'ros2msg', ?)", text)
             received = (numbers[message.topic], message.received, message.data)
             base.execute("INSERT INTO messages(topic_id, timestamp, data) VALUES(?, ?, ?)", received)
-    assert desk.surge(bag)["k_q"]["value"] == pytest.approx(desk.surge(mcap)["k_q"]["value"], rel=1e-9)
+    assert set(desk.of_small(bag)["motions"]) == {"surge"}
+    read, wanted = (read_bag(one, TopicSelection(), topics_of(one)) for one in (bag, mcap))
+    assert np.array_equal(read.velocity, wanted.velocity)
+    assert np.array_equal(read.wrench, wanted.wrench)
 
 
 # ---- what is not there can be made
@@ -705,7 +708,8 @@ def px4_log(vehicle: Vehicle, surge: Drag, mass_kg: float) -> Iterator[tuple[str
     for step in range(3000):
         at_us, volts = 50_000 * step, 16.5 - 0.001 * step
         pulses = ardusub.outputs("surge", (0.5, -0.5, 0.25, -0.25, -0.4, 0.4)[step // 80 % 6])
-        applied = AppliedWrench(vehicle, volts)
+        if step % 100 == 0:  # 5 s: the curves are made for a voltage, and it falls slowly
+            applied = AppliedWrench(vehicle, volts - 0.05)
         v += step_s * (applied.wrench(applied.forces_N(pulses))[0] - surge.k_q * abs(v) * v - surge.k_l * v) / mass_kg
         seen, late_us = math.sqrt(0.5) * (v + rng.normal(0.0, 0.01)), at_us + 50_000
         yield "vehicle_attitude", 0, (late_us, late_us, math.cos(math.pi / 8), 0.0, 0.0, math.sin(math.pi / 8))

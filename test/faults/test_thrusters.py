@@ -107,7 +107,7 @@ def test_with_a_second_commander_neither_moves_anything_until_one_is_gone(flight
     assert pilot.states[-1].reason == both
     answer = pilot.arm()
     assert (answer.accepted, answer.reason) == (False, both)
-    pilot.run(10.0)
+    pilot.run(3.0)
     assert flight.is_neutral()
     pilot.speaking = False
     stranger.destroy_node()

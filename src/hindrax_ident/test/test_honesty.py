@@ -151,8 +151,14 @@ def drifting(inputs: list[Any], current_mps: float) -> list[Any]:
     ]
 
 
-@pytest.mark.parametrize("current_mps", [-0.3, -0.05, 0.02, 0.15])
-@pytest.mark.parametrize("levels", [(4.0, 9.0, 13.0), (1.1, 1.4, 1.8), (0.24, 0.26, 0.33)])
+@pytest.mark.parametrize(
+    ("levels", "current_mps"),
+    [
+        *(((4.0, 9.0, 13.0), current) for current in (-0.3, 0.02)),
+        *(((1.1, 1.4, 1.8), current) for current in (-0.05, 0.15)),
+        *(((0.24, 0.26, 0.33), current) for current in (-0.3, 0.02)),
+    ],
+)
 def test_an_unknown_current_is_not_taken_for_drag_with_confidence(
     vehicle: Vehicle, levels: Vec3, current_mps: float
 ) -> None:
