@@ -26,6 +26,8 @@ from hindrax_ident.fit.delay import (
     prior_delays,
     search_delay,
 )
+from hindrax_ident.fit.output_error import OutputErrorFit
+from hindrax_ident.fit.output_error import refine as module_refine
 from hindrax_ident.fit.output_error_problem import LinearizedProblem, build_problem, linearize
 from hindrax_ident.fit.scores import score
 from hindrax_ident.model.model_parameters import Prior
@@ -48,18 +50,40 @@ def test_a_long_record_is_searched_in_parts_of_all_its_time() -> None:
     assert _spread(stretches[:12]) == stretches[:12]
 
 
-def test_the_search_over_parts_ends_where_that_over_all_does(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fit_over_parts_at_first_ends_where_that_over_all_does(monkeypatch: pytest.MonkeyPatch) -> None:
     flight = fly(SURGE, THETA, back_and_forth((4.0, 9.0, 13.0), 5.0, 80.0), LAG_S)
     t = flight.grid.times_s[::20]
     v = flight.path.v[::20] + 0.003 * np.random.default_rng(2).standard_normal(len(t))
     stretches = tuple(Stretch(10.0 * at, 10.0 * at + 9.9) for at in range(8))
     record = Record(Series(t, array(v)), Series(flight.times_s, flight.commands), stretches)
-    whole = search_delay(SURGE, record, PRIOR.values, PRIOR, 0.1)
+    found, whole = fit_with_delays(record, PRIOR.values, SURGE, PRIOR, 0.1)
+    fitted = list[int]()
+
+    def refine(model: Model, part: Record, *given: Any, **more: Any) -> OutputErrorFit:
+        fitted.append(len(part.stretches))
+        return module_refine(model, part, *given, **more)
+
     monkeypatch.setattr(module, "SEARCHED_S", 20.0)
+    monkeypatch.setattr(module, "refine", refine)
     assert len(_spread(stretches)) == 2
-    parts = search_delay(SURGE, record, PRIOR.values, PRIOR, 0.1)
-    assert (parts.lag_s, parts.latency_s) == pytest.approx((whole.lag_s, whole.latency_s), abs=1e-3)
-    assert parts.theta == pytest.approx(whole.theta, rel=2e-3, abs=0.05)
+    again, parts = fit_with_delays(record, PRIOR.values, SURGE, PRIOR, 0.1)
+    assert fitted[0] == 2
+    assert fitted[-1] == 8
+    assert fitted.count(8) <= 2
+    assert (again.lag_s, again.latency_s) == pytest.approx((found.lag_s, found.latency_s), abs=1e-3)
+    off = np.abs(parts.theta - whole.theta) / np.sqrt(np.diag(whole.covariance))
+    assert off.max() < 0.1
+
+
+@pytest.mark.parametrize(("moved_s", "fits"), [(0.019, 2), (0.021, 3)])
+def test_delays_have_settled_that_change_by_little_of_what_is_not_known_of_them(
+    late: Record, moved_s: float, fits: int
+) -> None:
+    """A tenth of 0.2 s; the record is fitted once more with what was found roughly at first."""
+    with pytest.MonkeyPatch.context() as patch:
+        one = Rounds(patch, (0.3, 0.1), (0.3 + moved_s, 0.1), (0.3 + moved_s, 0.1), sigma_s=0.2)
+        fit_with_delays(late, THETA, SURGE, PRIOR, 0.1)
+    assert len(one.fitted) == fits
 
 
 def grid_of(times: Array, *starts: int) -> Grid:
@@ -342,28 +366,33 @@ def test_the_delays_of_a_fit_are_between_what_it_shows_and_what_is_accepted(late
 class Rounds:
     """In the place of searches and fit: delays that whitened searches find, one round after the other."""
 
-    def __init__(self, patch: pytest.MonkeyPatch, *found: tuple[float, float]) -> None:
-        self.fitted, self._found = list[tuple[float, float]](), iter(found)
+    def __init__(self, patch: pytest.MonkeyPatch, *found: tuple[float, float], sigma_s: float = 0.0) -> None:
+        self.fitted, self._found, self._sigma_s = list[tuple[float, float]](), iter(found), sigma_s
         self.problem = self.whitener = None
         self.model, self.theta = SURGE, THETA
         patch.setattr(module, "search_delay", lambda *_: DelayEstimate(0.0, 0.5, -0.2, THETA))
         patch.setattr(module, "refine", self.refine)
         patch.setattr(module, "_Search", lambda *_, **__: self)
 
-    def refine(self, _model: Model, record: Record, _start: Array, _belief: Prior) -> Rounds:
+    def refine(
+        self, _model: Model, record: Record, _start: Array, _belief: Prior, like: Rounds | None = None, **rough: bool
+    ) -> Rounds:
+        assert (like is self) is bool(self.fitted)
+        assert bool(rough) is not bool(self.fitted)
         self.fitted.append((record.lag_s, record.latency_s))
         return self
 
     def run(self, _theta: Array, delays: Array) -> DelayEstimate:
         assert tuple(delays) == self.fitted[-1]
         lag_s, latency_s = next(self._found)
-        return DelayEstimate(0.0 if math.isfinite(lag_s) else math.inf, lag_s, latency_s, THETA)
+        error = 0.0 if math.isfinite(lag_s) else math.inf
+        return DelayEstimate(error, lag_s, latency_s, THETA, (self._sigma_s, self._sigma_s))
 
 
 @pytest.mark.parametrize(
     ("found", "rounds"),
     [
-        ([(0.5004, -0.1996)], []),
+        ([(0.5004, -0.1996)], [(0.5, -0.2)]),
         ([(0.25, 0.25), (0.2504, 0.25)], [(0.25, 0.25)]),
         ([(0.25, 0.25), (0.25, 0.26), (0.25, 0.26)], [(0.25, 0.25), (0.25, 0.26)]),
         ([(0.35, 0.25), (0.25, 0.25)] * 3, [(0.35, 0.25), (0.25, 0.25)] * 2),

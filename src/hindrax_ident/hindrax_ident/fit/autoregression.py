@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.linalg.lapack import dtbtrs
 
 from hindrax_ident.arrays import Array
 
@@ -64,9 +65,10 @@ def color_backward(a: Array, x: Array) -> Array:
     """Transposed coloring filter over the columns of one piece, (n, m): x'x becomes x' Omega x at unit innovation."""
     if not len(a):
         return x
-    from scipy.signal import lfilter  # noqa: PLC0415  # takes 1.1 s; the live identifier never comes here
-
-    return np.asarray(lfilter([1.0], np.concatenate([[1.0], -a]), x[::-1], axis=0)[::-1])
+    # One forward substitution; `lfilter` is the same, and its import takes longer than the fit of a record.
+    bands = np.repeat(np.concatenate([[1.0], -a])[:, None], len(x), axis=1)
+    solved, _ = dtbtrs(bands, x[::-1], uplo="L", diag="U")
+    return np.asarray(solved[::-1])
 
 
 def autocorrelation(pieces: Sequence[Array], lags: int = LAGS) -> Array:

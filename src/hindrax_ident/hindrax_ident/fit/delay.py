@@ -35,8 +35,10 @@ MASS = -3
 """Index of the total mass among the unknowns of a search: lag and latency follow it."""
 SMALL_S = 1e-4
 LONGEST_S = 1.0
-STEPS = 25
-SETTLED_S = 1e-3
+STEPS, MOST_DAMPING = 25, 1e6
+SETTLED_S, NEGLIGIBLE = 1e-3, 0.1
+"""Largest change of the delays that have settled, and in their standard deviations: of an axis that barely moves
+they may be anywhere, and go on changing."""
 ROUNDS = 4
 ROBUST = 3.0
 """Standard deviations beyond which residuals get less weight, but never zero: delayed thrust is among them, as are
@@ -44,7 +46,7 @@ glitches."""
 STARTS = ((0.1, 0.0), (0.3, 0.0), (0.0, 0.2))
 """Initial lags and latencies of the search [s]."""
 SEARCHED_S = 600.0
-"""Time in stretches beyond which the search begins over a part of them."""
+"""Time in stretches beyond which search and fit begin over a part of them."""
 
 
 def lag_impulse(record: Record, grid: Grid) -> Array:
@@ -72,12 +74,16 @@ def prior_delays(record: Record) -> Array:
 
 
 class DelayEstimate(NamedTuple):
-    """Result of a search: mean absolute residual, lag and latency [s], parameters (p,)."""
+    """Result of a search: mean absolute residual, lag and latency [s], parameters (p,), deviations of both delays [s].
+
+    The deviations are those of the weighted or whitened residuals and of the prior.
+    """
 
     error: float
     lag_s: float
     latency_s: float
     theta: Array
+    sigmas_s: tuple[float, float] = (0.0, 0.0)
 
 
 def search_delay(model: Model, record: Record, start: Array, prior: Prior, sigma_s: float) -> DelayEstimate:
@@ -90,7 +96,7 @@ def search_delay(model: Model, record: Record, start: Array, prior: Prior, sigma
     model
         With p parameters.
     record
-        Of one axis; a long one is searched over a part first, then all of it from there.
+        Of one axis.
     start : (p,)
         Parameters to begin with.
     prior
@@ -103,14 +109,8 @@ def search_delay(model: Model, record: Record, start: Array, prior: Prior, sigma
     DelayEstimate
         Of the smallest mean absolute residual; an infinite one where every simulation diverged.
     """
-    few = record.with_stretches(_spread(record.stretches))
-    search = _Search(build_problem(model, few), few, prior, sigma_s)
-    found = min((search.run(start, np.array(begin)) for begin in STARTS), key=lambda found: found.error)
-    if few.stretches == record.stretches or not math.isfinite(found.error):
-        return found
-    # Which of the basins it is, a part says as well; where in it, all of the record.
     search = _Search(build_problem(model, record), record, prior, sigma_s)
-    return search.run(found.theta, np.array([found.lag_s, found.latency_s]))
+    return min((search.run(start, np.array(begin)) for begin in STARTS), key=lambda found: found.error)
 
 
 def _spread(stretches: tuple[Stretch, ...]) -> tuple[Stretch, ...]:
@@ -140,12 +140,12 @@ class _Search:
 
     def run(self, theta: Array, delays: Array) -> DelayEstimate:
         """Search from there, or from the prior where the simulation diverges; infinite error where both do."""
-        path, damping = self._problem.guess, 1e-2
+        damping = 1e-2
         x, now = self._begin(theta, delays)
         weights = self._weights(now)
+        now = now and self._at(x, now.path, weights)
         for _ in range(STEPS):
-            now = self._at(x, path, weights)
-            if now is None or damping > 1e6:
+            if now is None or damping > MOST_DAMPING:
                 break
             tried = self._step(now, x, damping)
             then = self._at(tried, restarted(self._problem, now, tried - x), weights)
@@ -153,10 +153,11 @@ class _Search:
                 damping *= 10.0
                 continue
             moved = float(np.abs(tried - x)[self._size :].max())
-            x, path, damping, weights = tried, then.path, 0.1 * damping, self._weights(then)
+            x, damping, before, weights = tried, 0.1 * damping, weights, self._weights(then)
+            now = then if weights is before else self._at(x, then.path, weights)
             if moved < SETTLED_S:
                 break
-        return DelayEstimate(self._error(now), float(x[-2]), float(x[-1]), x[: self._size])
+        return DelayEstimate(self._error(now), float(x[-2]), float(x[-1]), x[: self._size], self._sigmas_s(now))
 
     def _begin(self, theta: Array, delays: Array) -> tuple[Array, LinearizedProblem | None]:
         """Initial unknowns, (p + 2,), and the problem about them; None where the simulation diverges."""
@@ -182,6 +183,13 @@ class _Search:
         moved = Grid(grid.times_s, grid.starts, per_step(record.impulse(grid.times_s), grid.starts))
         problem = replace(self._problem, grid=moved)
         return linearize(problem, x[: self._size], path, weigh, delay_impulses(record, grid)) if x[MASS] > 0.0 else None
+
+    def _sigmas_s(self, linear: LinearizedProblem | None) -> tuple[float, float]:
+        """Standard deviations of lag and latency, all other unknowns as uncertain as they are [s]."""
+        if linear is None:
+            return 0.0, 0.0
+        variances = np.diag(np.linalg.inv(linear.information + np.diag(self._information)))
+        return math.sqrt(max(0.0, variances[-2])), math.sqrt(max(0.0, variances[-1]))
 
     def _bounded(self, x: Array) -> Array:
         """Unknowns with both delays within limits: (p + 2,)."""
@@ -215,6 +223,8 @@ def fit_with_delays(
 ) -> tuple[Record, OutputErrorFit]:
     """Fit with lag and latency that agree with the whitened residuals and with their prior.
 
+    Of a long record first over a part of it: delays, outliers and noise take many steps to find, and few to improve.
+
     Parameters
     ----------
     record
@@ -231,18 +241,31 @@ def fit_with_delays(
     tuple[Record, OutputErrorFit]
         The record with the delays found, and its fit.
     """
-    usual_s = prior_delays(record)
-    first = search_delay(model, record, start, prior, sigma_s)
-    record = replace(record, lag_s=first.lag_s, latency_s=first.latency_s)
-    fit = refine(model, record, first.theta, prior)
+    few, usual_s = record.with_stretches(_spread(record.stretches)), prior_delays(record)
+    first = search_delay(model, few, start, prior, sigma_s)
+    few = replace(few, lag_s=first.lag_s, latency_s=first.latency_s)
+    found, fit = _settled(few, refine(model, few, first.theta, prior, rough=True), prior, sigma_s, usual_s)
+    if found.stretches != record.stretches:
+        whole = found.with_stretches(record.stretches)
+        found, fit = _settled(whole, refine(model, whole, fit.theta, prior, fit), prior, sigma_s, usual_s)
+    elif found is few:
+        fit = refine(model, found, fit.theta, prior, fit)
+    return found, fit
+
+
+def _settled(
+    record: Record, fit: OutputErrorFit, prior: Prior, sigma_s: float, usual_s: Array
+) -> tuple[Record, OutputErrorFit]:
+    """Record and fit after searches of the delays and fits in turn, until neither changes the other."""
     for _ in range(ROUNDS):
         before = np.array([record.lag_s, record.latency_s])
         search = _Search(fit.problem, record, prior, sigma_s, usual_s=usual_s, whitener=fit.whitener)
         found = search.run(fit.theta, before)
         if not math.isfinite(found.error):
             break
-        if max(abs(found.lag_s - record.lag_s), abs(found.latency_s - record.latency_s)) < SETTLED_S:
+        moved_s = np.abs(np.array([found.lag_s, found.latency_s]) - before)
+        if np.all(moved_s < np.maximum(SETTLED_S, NEGLIGIBLE * np.array(found.sigmas_s))):
             break
         record = replace(record, lag_s=found.lag_s, latency_s=found.latency_s)
-        fit = refine(fit.model, record, found.theta, prior)
+        fit = refine(fit.model, record, found.theta, prior, fit)
     return record, fit

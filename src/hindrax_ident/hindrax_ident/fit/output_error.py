@@ -49,9 +49,10 @@ ROUGH = 1e-4
 """Step, in standard deviations per square root of the samples, that ends a search before outliers and noise are known;
 TOLERANCE is that of the final search."""
 NEGLIGIBLE, LEFT = 1e-3, 0.25
-"""Largest final steps, in standard deviations: where rounding keeps the cost from decreasing; and of a search that has
-converged, whatever ended it: the last of STEPS, or no step that decreases the cost, because the sensitivities of a fast
-motion and the fit of the initial conditions are not exact. A band has many such steps."""
+"""Largest final steps, in standard deviations: where rounding keeps the cost from decreasing, of steps that are damped
+or not; and of a search that has converged, whatever ended it: the last of STEPS, or no step that decreases the cost,
+because the sensitivities of a fast motion and the fit of the initial conditions are not exact. A band has many such
+steps. A cost that decreases by the square of NEGLIGIBLE was that near to its least."""
 OUTLIER_ROUNDS = 2
 REWEIGHTINGS = 3
 SIMILAR = 0.2
@@ -87,7 +88,15 @@ class OutputErrorFit:
     prior_information: Array
 
 
-def refine(model: Model, record: Record, start: Array, prior: Prior) -> OutputErrorFit:
+def refine(
+    model: Model,
+    record: Record,
+    start: Array,
+    prior: Prior,
+    like: OutputErrorFit | None = None,
+    *,
+    rough: bool = False,
+) -> OutputErrorFit:
     """Fit a record: outliers, noise and parameters in turn, see the head of this module.
 
     Deterministic: equal records give equal results, from any start within the basin of the solution.
@@ -102,6 +111,11 @@ def refine(model: Model, record: Record, start: Array, prior: Prior) -> OutputEr
         Parameters to begin with, such as the recursive estimate.
     prior
         Values and deviations (p,).
+    like
+        A fit of nearly the same, such as with other delays or over a part of the record: the search begins with its
+        noise, and not with the prior as well.
+    rough
+        Whether the search may end where the noise is known, and the parameters nearly.
 
     Returns
     -------
@@ -114,9 +128,14 @@ def refine(model: Model, record: Record, start: Array, prior: Prior) -> OutputEr
         When the record has too few samples, or the simulation diverges from both start and prior.
     """
     problem = build_problem(model, record)
-    noise = _first_noise(problem)
-    white = whitener_of(problem, prior.values, problem.guess, noise)
-    linear, theta = _best_of((start, prior.values), problem, white, prior)
+    if like:
+        noise = like.noise
+        white = whitener_of(problem, start, problem.guess, noise)
+        theta, linear = _feasible_start(problem, start, problem.guess, white, prior)
+    else:
+        noise = _first_noise(problem)
+        white = whitener_of(problem, prior.values, problem.guess, noise)
+        linear, theta = _best_of((start, prior.values), problem, white, prior)
     # Outliers first: their effect on the motion would be attributed to unknown forces.
     for _ in range(OUTLIER_ROUNDS):
         problem = _without_outliers(problem, linear)
@@ -128,7 +147,10 @@ def refine(model: Model, record: Record, start: Array, prior: Prior) -> OutputEr
         fresh = fit_noise(chain, linear.raw, noise, given_position=model.restores)
         settled, noise = _similar(fresh, noise), fresh
         white = Whitener(chain, noise)
-        linear, theta, converged = _searched(problem, theta, linear.path, white, prior)
+        if rough:
+            linear, theta, converged = _descend(problem, theta, linear.path, white, prior, tolerance=ROUGH)
+        else:
+            linear, theta, converged = _searched(problem, theta, linear.path, white, prior)
         if settled:
             break
     return _fit_of(problem, linear, theta, white, prior, converged=converged)
@@ -231,25 +253,31 @@ def _descend(
     what the motion with its initial conditions really leaves, not by the forecast without them: that is too low far
     from the solution, and nothing would be lower ever after. Damping shortens both, so that some step always is.
     Damping falls by 50 after a success, since near the solution plain Gauss-Newton steps are best, and rises by 10
-    after a failure. `room` keeps the mass above the least that is possible, with the rest of the step still optimal.
+    after a failure, until a step would be negligible: an axis that barely moves has nothing lower for many dampings.
+    `room` keeps the mass above the least that is possible, with the rest of the step still optimal.
     """
     theta, linear = _feasible_start(problem, start, path, white, prior, refinements=refinements)
-    damping = 1e-3
+    damping, close = 1e-3, tolerance * math.sqrt(1.0 + problem.samples)
+    little = max(NEGLIGIBLE, close)
     for _ in range(MANY_STEPS if refinements else STEPS):
         normal, gradient, scale = _scaled(linear, theta, prior)
         # In scaled units, as the step: a mass below the least has no motion to be compared with.
         room = scale[-1] * (problem.model.least_mass - theta[-1])
         wanted = float(np.abs(newton_step(normal, gradient, room)).max())
-        if wanted < tolerance * math.sqrt(1.0 + problem.samples):
+        if wanted < close:
             return linear, theta, True
-        step = newton_step(normal + damping * np.eye(len(theta)), gradient, room) / scale
+        damped = newton_step(normal + damping * np.eye(len(theta)), gradient, room)
+        step = damped / scale
         # The motion begins where the initial conditions would be by now: else each trial would seem worse than it is.
         begun = restarted(problem, linear, step, damping)
         tried = linearize(problem, theta + step, begun, white, refinements=refinements)
-        if tried is not None and _total(tried, theta + step, prior) < _total(linear, theta, prior):
-            theta, linear, damping = theta + step, tried, damping * 0.02
-        # Nothing lower is left that numbers can tell.
-        elif wanted < NEGLIGIBLE or damping > 1e8:
+        gained = _total(linear, theta, prior) - (math.inf if tried is None else _total(tried, theta + step, prior))
+        if tried is not None and gained > 0.0:
+            theta, linear = theta + step, tried
+            if damping < 1.0 and gained < max(little**2, tolerance * tried.whole):
+                break
+            damping *= 0.02
+        elif (tried is not None and float(np.abs(damped).max()) < little) or damping > 1e8:
             break
         else:
             damping = max(1e-6, damping) * 10.0
