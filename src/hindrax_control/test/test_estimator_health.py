@@ -1,6 +1,7 @@
 """Every way in which a state can be wrong is named, with its limit and a remedy, and is not forgotten in flight."""
 
 import math
+import pickle
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -8,7 +9,7 @@ from typing import Any
 import pytest
 
 from hindrax_control.navigation.attitude_filter import AttitudeFilter
-from hindrax_control.navigation.estimator_health import EstimatorHealth, EstimatorHealthKnobs
+from hindrax_control.navigation.estimator_health import EstimatorHealth, EstimatorHealthKnobs, FailedCheck, StateCheck
 from hindrax_control.navigation.navigator import NavigatorKnobs
 from hindrax_core.events import Stamp, stamp_from_s
 from hindrax_core.hydrostatics import GRAVITY_mps2
@@ -38,8 +39,8 @@ class Watch:
     def __init__(self) -> None:
         self.health, self.time_s = EstimatorHealth(VEHICLE), 10.0
 
-    def see(self, state: Navigation, seconds: float, *, armed: bool = True) -> tuple[str, ...]:
-        found: tuple[str, ...] = ()
+    def see(self, state: Navigation, seconds: float, *, armed: bool = True) -> tuple[FailedCheck, ...]:
+        found: tuple[FailedCheck, ...] = ()
         for _ in range(round(seconds * 50)):
             self.time_s += 0.02
             found = self.health.step(state, stamp_from_s(self.time_s), armed=armed)
@@ -65,7 +66,7 @@ WRONG = {
 @pytest.mark.parametrize("name", WRONG)
 def test_what_is_wrong_is_named_with_limit_and_remedy(name: str) -> None:
     (failed,) = Watch().see(WRONG[name], 0.2)
-    assert failed.startswith(f"{name}: ")
+    assert failed.check == name
     assert "wanted" in failed
     assert "; " in failed
 
@@ -111,7 +112,7 @@ def test_a_state_that_began_anew_in_flight_is_not_trusted_and_one_that_began_on_
     watch = Watch()
     assert not watch.see(WELL, 1.0)
     (failed,) = watch.see(anew, 0.02)
-    assert failed.startswith("restart: ")
+    assert failed.check is StateCheck.RESTART
     assert watch.see(anew, 5.0)
     grounded = Watch()
     assert not grounded.see(WELL, 1.0, armed=False)
@@ -142,7 +143,7 @@ def test_where_the_lines_are_drawn() -> None:
         watch.health = EstimatorHealth(fast)
         assert watch.see(inside, 0.2) == ()
         (failed,) = watch.see(beyond, 0.2)
-        assert failed.startswith(f"{name}: ")
+        assert failed.check == name
 
 
 def test_a_gyroscope_that_jumps_is_reported_within_half_a_second_of_a_tilt_that_is_wrong() -> None:
@@ -167,3 +168,9 @@ def test_thrust_back_and_forth_is_no_gyroscope_that_jumps() -> None:
         attitude.turn((0.0, 0.0, 0.0), 0.02)
         attitude.level((push_mps2, 0.0, -GRAVITY_mps2), 0.02)
         assert not watch.see(wrong(gravity_off_rad=attitude.gravity_off_rad), 0.02)
+
+
+def test_a_failed_check_keeps_its_code_in_a_copy() -> None:
+    (failed,) = Watch().see(WRONG["tilt"], 0.2)
+    again = pickle.loads(pickle.dumps(failed))
+    assert (again, again.check) == (failed, StateCheck.TILT)

@@ -22,7 +22,7 @@ from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamped, after, seconds_between
 from hindrax_core.readings import Battery
 from hindrax_core.sensor_table import Capability
-from hindrax_core.text.refusals import STOPPED
+from hindrax_core.text.refusals import NOTHING, STOPPED, Reason, Refusal
 from hindrax_core.topics import ALLOCATION, BATTERY, Topic, carriers
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_operator.pool_run import disarmed_at_the_end, interrupted_once, missing_solution
@@ -45,6 +45,9 @@ SLOWEST_PACE = 0.2
 OWN_ALTITUDE = "/altitude"
 """Of a DVL: no echo."""
 FLY_S = 1200.0
+NO_GRAVITY = Refusal(
+    Reason.COMMISSION, "gravity is not where the file has it: nothing was armed; mend that and commission again"
+)
 HEARD: tuple[Capability, ...] = ("rates", "field", "velocity", "depth", "altitude")
 
 
@@ -130,8 +133,8 @@ def _listening(operator: Operator, work: Commissioning) -> Iterator[None]:
             operator.node.destroy_subscription(one)
 
 
-def _rest(operator: Operator, work: Commissioning, report: Report, over: Over) -> str:
-    """Wait while the vehicle rests; returns why it ended early, else an empty text."""
+def _rest(operator: Operator, work: Commissioning, report: Report, over: Over) -> Refusal:
+    """Wait while the vehicle rests; returns why it ended early, if it did."""
     report(f"keep your hands off: at rest for {SETTLED_S + REST_S:.0f} s, afloat and disarmed")
     begin = after(operator.now(), SETTLED_S)
     end = after(begin, REST_S)
@@ -140,14 +143,14 @@ def _rest(operator: Operator, work: Commissioning, report: Report, over: Over) -
     if over():
         return STOPPED
     work.rest(begin, end)
-    return ""
+    return NOTHING
 
 
-def _pulse(operator: Operator, work: Commissioning, report: Report, over: Over, *, arm: bool) -> str:
-    """Fly what the commissioning asks for, and disarm; returns why it ended early, else an empty text."""
+def _pulse(operator: Operator, work: Commissioning, report: Report, over: Over, *, arm: bool) -> Refusal:
+    """Fly what the commissioning asks for, and disarm; returns why it ended early, if it did."""
     pulses = work.next_pulses(operator.now())
     if pulses is None:
-        return "gravity is not where the file has it: nothing was armed; mend that and commission again"
+        return NO_GRAVITY
     with interrupted_once(), disarmed_at_the_end(operator):
         _arm(operator, report, over, arm=arm)
         begin = operator.now()
@@ -164,10 +167,10 @@ def _pulse(operator: Operator, work: Commissioning, report: Report, over: Over, 
                 continue
             pulses = work.gentler(operator.now(), aborted)
             if pulses is None:
-                return "; ".join([aborted, *node_problems(operator)])
+                return Refusal(aborted.reason, "; ".join([aborted, *node_problems(operator)]))
             report(f"{aborted.partition(';')[0]}: once more, more gently")
         report(f"flown in {seconds_between(begin, operator.now()):.0f} s; disarming")
-    return ""
+    return NOTHING
 
 
 def _seconds(pulses: Sequence[Pulse]) -> float:

@@ -11,6 +11,8 @@ for this vehicle: another source, a step back in time or a jump is a restart, wh
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from typing import Self
 
 from hindrax_control.allocation.divergence_guard import DivergenceGuard, DivergenceKnobs
 from hindrax_control.navigation.velocity_gain import described
@@ -31,8 +33,6 @@ BEYOND_deg = 25.0
 
 SILENT_S = 1.0
 """Without pressure for longer, the depth is that of the accelerometer and of the floor."""
-AT_ONCE = ("gravity", "divergence")
-"""Checks of what is smoothed already: an attitude that turns away at 40 deg/s leaves no time for patience."""
 WINDOW = StampWindow(0.5, 0.1)
 """For the stamps of an odometry; those of a wrench have the same limits."""
 SHORTEST_S = 0.015
@@ -62,23 +62,68 @@ class EstimatorHealthKnobs:
     divergence: DivergenceKnobs = field(default_factory=DivergenceKnobs)
 
 
-REMEDIES: Mapping[str, str] = {
-    "finite": "restart the control process; see /diagnostics",
-    "attitude": "let the vehicle float quietly for some seconds",
-    "gravity": "let the vehicle rest; check the mount of the inertial sensor",
-    "depth": "let it rest at the surface; check the pressure sensor (`./hindrax doctor`)",
-    "velocity": "let it rest; check the DVL (`./hindrax monitor`)",
-    "gain": "check the DVL's mount and scale (`./hindrax commission`)",
-    "sinking": "check pressure sensor and DVL (`./hindrax monitor`)",
-    "drift": "let it rest at the surface; check the pressure sensor (`./hindrax doctor`)",
-    "floor": "bring it up; check the pressure sensor (`./hindrax doctor`)",
-    "frozen": "check the inertial sensor (`./hindrax doctor`)",
-    "rate": "check the inertial sensor (`./hindrax doctor`)",
-    "speed": "let it come to rest; check the sensors (`./hindrax monitor`)",
-    "tilt": "bring it upright, and check its trim",
-    "divergence": "bring it upright, run each thruster alone (`./hindrax thruster`), correct its wiring or sign",
+class StateCheck(StrEnum):
+    """What a state can fail; the word begins its sentence, in diagnostics and as the reason of a disarm."""
+
+    FINITE = "finite"
+    ATTITUDE = "attitude"
+    GRAVITY = "gravity"
+    DEPTH = "depth"
+    VELOCITY = "velocity"
+    GAIN = "gain"
+    SINKING = "sinking"
+    DRIFT = "drift"
+    FLOOR = "floor"
+    FROZEN = "frozen"
+    RATE = "rate"
+    SPEED = "speed"
+    TILT = "tilt"
+    DIVERGENCE = "divergence"
+    RESTART = "restart"
+
+
+class FailedCheck(str):
+    """The sentence of a failed check, "check: found, wanted; remedy", which knows its check."""
+
+    __slots__ = ("check",)
+    check: StateCheck
+
+    def __new__(cls, check: StateCheck, sentence: str) -> Self:
+        """Make the sentence of a check; `failed` takes the remedy from the table."""
+        made = super().__new__(cls, sentence)
+        made.check = check
+        return made
+
+    def __getnewargs__(self) -> tuple[StateCheck, str]:  # type: ignore[override]  # what makes a copy of it
+        return self.check, str(self)
+
+
+REMEDIES: Mapping[StateCheck, str] = {
+    StateCheck.FINITE: "restart the control process; see /diagnostics",
+    StateCheck.ATTITUDE: "let the vehicle float quietly for some seconds",
+    StateCheck.GRAVITY: "let the vehicle rest; check the mount of the inertial sensor",
+    StateCheck.DEPTH: "let it rest at the surface; check the pressure sensor (`./hindrax doctor`)",
+    StateCheck.VELOCITY: "let it rest; check the DVL (`./hindrax monitor`)",
+    StateCheck.GAIN: "check the DVL's mount and scale (`./hindrax commission`)",
+    StateCheck.SINKING: "check pressure sensor and DVL (`./hindrax monitor`)",
+    StateCheck.DRIFT: "let it rest at the surface; check the pressure sensor (`./hindrax doctor`)",
+    StateCheck.FLOOR: "bring it up; check the pressure sensor (`./hindrax doctor`)",
+    StateCheck.FROZEN: "check the inertial sensor (`./hindrax doctor`)",
+    StateCheck.RATE: "check the inertial sensor (`./hindrax doctor`)",
+    StateCheck.SPEED: "let it come to rest; check the sensors (`./hindrax monitor`)",
+    StateCheck.TILT: "bring it upright, and check its trim",
+    StateCheck.DIVERGENCE: "bring it upright, run each thruster alone (`./hindrax thruster`), correct its wiring or "
+    "sign",
+    StateCheck.RESTART: "disarm and arm again",
 }
 """Remedy of each failed check."""
+AT_ONCE = (StateCheck.GRAVITY, StateCheck.DIVERGENCE)
+"""Checks of what is smoothed already: an attitude that turns away at 40 deg/s leaves no time for patience."""
+
+
+def failed(check: StateCheck, found: str) -> FailedCheck:
+    """Make "check: what was found, what was wanted; remedy"."""
+    return FailedCheck(check, f"{check}: {found}; {REMEDIES[check]}")
 
 
 class EstimatorHealth:
@@ -89,14 +134,14 @@ class EstimatorHealth:
         self._limits = vehicle.limits
         self._has_depth = bool(vehicle.measuring("depth"))
         self._divergence = DivergenceGuard(vehicle, self._knobs.divergence)
-        self._failing_since: dict[str, Stamp] = {}
-        self._held: tuple[str, ...] = ()
+        self._failing_since: dict[StateCheck, Stamp] = {}
+        self._held: tuple[FailedCheck, ...] = ()
         self._failed_at = NEVER
         self._began: Stamp | None = None
 
     def step(
         self, navigation: Navigation, stamp: Stamp, forces_N: Sequence[float] = (), *, armed: bool
-    ) -> tuple[str, ...]:
+    ) -> tuple[FailedCheck, ...]:
         """Judge one state.
 
         Parameters
@@ -110,8 +155,8 @@ class EstimatorHealth:
 
         Returns
         -------
-        tuple[str, ...]
-            "name: found, wanted; remedy" for every reason against thrust; nothing when all is well.
+        tuple[FailedCheck, ...]
+            Every reason against thrust; nothing when all is well.
         """
         diverging = self._divergence.step(navigation, stamp, forces_N if armed else ())
         found = self._restarted(navigation, armed=armed) + self._failing(navigation, stamp, diverging)
@@ -122,60 +167,62 @@ class EstimatorHealth:
             self._held = ()
         return self._held
 
-    def _restarted(self, navigation: Navigation, *, armed: bool) -> tuple[str, ...]:
+    def _restarted(self, navigation: Navigation, *, armed: bool) -> tuple[FailedCheck, ...]:
         """Say that this is not the state with which the thrusters were armed."""
         began = navigation.consistency.began
         before, self._began = self._began, began
         if before is None or before == began or not armed:
             return ()
-        return ("restart: the state of the vehicle restarted in flight, wanted a continuous one; disarm and arm again",)
+        found = "the state of the vehicle restarted in flight, wanted a continuous one"
+        return (failed(StateCheck.RESTART, found),)
 
-    def _failing(self, navigation: Navigation, stamp: Stamp, diverging: str) -> tuple[str, ...]:
+    def _failing(self, navigation: Navigation, stamp: Stamp, diverging: str) -> tuple[FailedCheck, ...]:
         found = []
-        for name, text in (("divergence", diverging), *self._checks(navigation)):
-            patience_s = 0.0 if name in AT_ONCE else self._knobs.patience_s
+        for check, text in ((StateCheck.DIVERGENCE, diverging), *self._checks(navigation)):
+            patience_s = 0.0 if check in AT_ONCE else self._knobs.patience_s
             if not text:
-                self._failing_since.pop(name, None)
-            elif seconds_between(self._failing_since.setdefault(name, stamp), stamp) >= patience_s:
-                found.append(f"{name}: {text}; {REMEDIES[name]}")
+                self._failing_since.pop(check, None)
+            elif seconds_between(self._failing_since.setdefault(check, stamp), stamp) >= patience_s:
+                found.append(failed(check, text))
         return tuple(found)
 
-    def _checks(self, navigation: Navigation) -> Iterator[tuple[str, str]]:
-        """Yield the name of each check, and what it found and wanted: nothing where it holds."""
+    def _checks(self, navigation: Navigation) -> Iterator[tuple[StateCheck, str]]:
+        """Yield each check, and what it found and wanted: nothing where it holds."""
         knobs, limits, evidence = self._knobs, self._limits, navigation.consistency
         roll, pitch, yaw = navigation.attitude_rad
         # Attitude and rates are always known; velocity and depth may not be.
         finite = all(map(math.isfinite, (roll, pitch, yaw, *navigation.rate_radps)))
-        yield "finite", "" if finite else "attitude or rates are no numbers, wanted finite ones"
+        yield StateCheck.FINITE, "" if finite else "attitude or rates are no numbers, wanted finite ones"
         found, most = math.degrees(evidence.tilt_sigma_rad), knobs.tilt_sigma_deg
-        yield "attitude", above("tilt known to {} deg, wanted {} deg", found, most, 1)
+        yield StateCheck.ATTITUDE, above("tilt known to {} deg, wanted {} deg", found, most, 1)
         found, most = math.degrees(evidence.gravity_off_rad), knobs.gravity_deg
-        yield "gravity", above("{} deg from where it is measured, wanted at most {} deg", found, most, 0)
+        yield StateCheck.GRAVITY, above("{} deg from where it is measured, wanted at most {} deg", found, most, 0)
         refused, fewest = evidence.refused_depths, knobs.refused
         words = "depths by pressure contradict depth and heave velocity, wanted fewer than"
-        yield "depth", f"{refused} {words} {fewest}" if refused >= fewest else ""
+        yield StateCheck.DEPTH, f"{refused} {words} {fewest}" if refused >= fewest else ""
         refused, fewest = evidence.refused_velocities, knobs.refused_velocities
         words = "velocities of the DVL contradict the accelerometer, wanted fewer than"
-        yield "velocity", f"{refused} {words} {fewest}" if refused >= fewest else ""
-        yield "gain", self._wrong_gain(evidence)
+        yield StateCheck.VELOCITY, f"{refused} {words} {fewest}" if refused >= fewest else ""
+        yield StateCheck.GAIN, self._wrong_gain(evidence)
         words = "DVL and pressure differ by {} m, wanted at most {} m"
-        yield "sinking", above(words, abs(evidence.sunk_off_m), knobs.sunk_m, 2)
+        yield StateCheck.SINKING, above(words, abs(evidence.sunk_off_m), knobs.sunk_m, 2)
         words = "depth by pressure is {} m off DVL and range to the floor, wanted at most {} m"
-        yield "drift", above(words, abs(evidence.drifted_off_m), knobs.drifted_m, 2)
+        yield StateCheck.DRIFT, above(words, abs(evidence.drifted_off_m), knobs.drifted_m, 2)
         words = "{} m below it without pressure, wanted at most {} m"
         # Never measured at all is the guards' concern: an age of infinity here would be a false alarm at the start.
         silent_s = navigation.depth_age_s if self._has_depth and math.isfinite(navigation.depth_age_s) else 0.0
-        yield "floor", above(words, -navigation.altitude_m, knobs.below_floor_m, 2) if silent_s > SILENT_S else ""
+        below = above(words, -navigation.altitude_m, knobs.below_floor_m, 2) if silent_s > SILENT_S else ""
+        yield StateCheck.FLOOR, below
         found, most = evidence.frozen_s, knobs.frozen_s
         words = "the inertial sensor has repeated one sample for"
-        yield "frozen", f"{words} {found:.1f} s, wanted noise" if found > most else ""
+        yield StateCheck.FROZEN, f"{words} {found:.1f} s, wanted noise" if found > most else ""
         found, most = math.degrees(math.hypot(*navigation.rate_radps)), knobs.rate_dps
-        yield "rate", above("{} deg/s, wanted at most {} deg/s", found, most, 0)
+        yield StateCheck.RATE, above("{} deg/s, wanted at most {} deg/s", found, most, 0)
         found = math.sqrt(sum(v * v for v in navigation.velocity_mps if not math.isnan(v)))
-        yield "speed", above("{} m/s, wanted at most {} m/s", found, FASTEST * limits.speed_mps, 1)
+        yield StateCheck.SPEED, above("{} m/s, wanted at most {} m/s", found, FASTEST * limits.speed_mps, 1)
         leans = math.isfinite(roll) and math.isfinite(pitch)
         found = math.degrees(math.acos(math.cos(roll) * math.cos(pitch))) if leans else 0.0
-        yield "tilt", above("{} deg, wanted at most {} deg", found, limits.tilt_deg + BEYOND_deg, 0)
+        yield StateCheck.TILT, above("{} deg, wanted at most {} deg", found, limits.tilt_deg + BEYOND_deg, 0)
 
     def _wrong_gain(self, evidence: Consistency) -> str:
         """Say that the DVL is turned or scaled, where its changes of velocity show it beyond doubt."""
