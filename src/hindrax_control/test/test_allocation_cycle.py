@@ -11,6 +11,7 @@ from hindrax_core.events import Stamp, after, stamp_from_s
 from hindrax_core.readings import Vec6
 from hindrax_core.rotation import FSD
 from hindrax_core.signals import ZERO6, Allocation, Command
+from hindrax_core.text.refusals import Reason
 from hindrax_core.vehicle import Vehicle
 
 NOW = Stamp(10**9)
@@ -116,11 +117,12 @@ def test_numbers_go_on_after_a_command_that_was_sent_before(cycle: AllocationCyc
 def test_what_was_refused_is_reported_until_something_is_served(cycle: AllocationCycle) -> None:
     before = commanded(cycle)
     assert cycle.command(WRENCH, "map", after(START, 0.02), after(START, 0.02)) is None
-    assert "found frame 'map'" in cycle.refused[0]
+    assert cycle.refused[0].reason is Reason.FRAME
     assert cycle.achieved(before.sequence, before.pulses_us).refused == cycle.refused
     partly = commanded(cycle, (math.nan, *WRENCH[1:]), 0.04)
     refused = cycle.achieved(partly.sequence, partly.pulses_us).refused
-    assert refused == cycle.refused == ("X: found nan, wanted a finite number",)
+    assert refused == cycle.refused
+    assert [one.reason for one in cycle.refused] == [Reason.NOT_FINITE]
     assert cycle.achieved(before.sequence, before.pulses_us).refused == ()
 
 
