@@ -98,18 +98,20 @@ def explain(index: int, answer: Answer, B: Matrix) -> Wiring:
     Wiring
         Which thruster it drives, this or the other way round, and how strongly; or none. The most likely hypothesis.
     """
-    found = [_dead(answer)]
+    # Either it drives nothing, or one of the thrusters, one way or the other: so the likelihoods add up to one.
+    found = [Wiring(None, 1, 0.0, log=DEAD + _fits(answer, np.zeros(6)))]
     found += [_drives(index, other, sign, answer, B) for other in range(B.shape[1]) for sign in (1, -1)]
     best = max(found, key=lambda one: one.log)
     total = sum(math.exp(max(-700.0, one.log - best.log)) for one in found)
     return Wiring(best.drives, best.sign, best.strength, 1.0 / total, best.log)
 
 
-def _dead(answer: Answer) -> Wiring:
-    return Wiring(None, 1, 0.0, log=DEAD + _fits(answer, np.zeros(6)))
-
-
 def _drives(index: int, other: int, sign: int, answer: Answer, B: Matrix) -> Wiring:
+    """Hypothesis that an output drives another thruster, or its own, this way: with the strength that fits best.
+
+    Before the pulses a wrong plug and a turned thruster are improbable (MOVED, REVERSED), and so is a strength far from
+    the file's, by its logarithm.
+    """
     beforehand = (MOVED if other != index else 0.0) + (REVERSED if sign < 0 else 0.0)
     best = max(
         (

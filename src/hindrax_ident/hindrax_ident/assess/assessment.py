@@ -27,7 +27,7 @@ from hindrax_ident.assess.quality import (
     validation,
     whiteness,
 )
-from hindrax_ident.assess.results import Contribution, DragBand, Interval, MotionResult, NextStep, Number
+from hindrax_ident.assess.results import Contribution, DragBand, MotionResult, NextStep, Number
 from hindrax_ident.assess.uncertainty_budget import ALL, Budget, budget_of
 from hindrax_ident.fit.delay import fit_with_delays
 from hindrax_ident.fit.disturbance_noise import common_noise
@@ -421,7 +421,12 @@ class _Drag(NamedTuple):
 
 
 def _drag(motion: Motion, assessment: Assessment, excited: Excitation) -> _Drag:
-    fit, budget = assessment.fit, assessment.budget
+    """Drag D = k_q v^2 + k_l v at speeds (n,) between the lowest and the highest that were flown, and what it is worth.
+
+    Its error is a linear function of those of the parameters, gradient (n, p), and of the influences, sensitivity
+    (n, m): so bands are variances of both, and the posterior of D is D of the fit less these errors, draw by draw.
+    """
+    fit, budget, draws = assessment.fit, assessment.budget, assessment.draws
     k_q, k_l, *_ = reported_parameters(fit.model, motion).rows
     speed = np.linspace(excited.low, excited.high, SPEEDS)
     gradient = np.zeros((SPEEDS, len(fit.theta)))
@@ -430,7 +435,7 @@ def _drag(motion: Motion, assessment: Assessment, excited: Excitation) -> _Drag:
     sensitivity = budget.drag_sensitivity(array(gradient), array(speed * (motion.side or 1)))
     wide, separable = (np.sqrt(noise + budget.variance(sensitivity, scopes)) for scopes in (ALL, (RUN, MODEL)))
     force = gradient @ fit.theta
-    corrected = _corrected_drag(assessment, gradient, force, sensitivity)
+    corrected = draws.interval(force - draws.influences @ sensitivity.T - draws.noise @ gradient.T)
     off = min(1.0, abs(float((corrected.center[-1] - force[-1]) / force[-1]))) if force[-1] else 1.0
     corrected = corrected.widened(off * np.abs(corrected.center - force))
     band = DragBand(array(speed), force, array(np.sqrt(own)), array(wide), corrected)
@@ -441,12 +446,6 @@ def _drag(motion: Motion, assessment: Assessment, excited: Excitation) -> _Drag:
     remaining = variance + float(top @ budget.covariance @ top)
     next_step = _next_step(variance, remaining, budget.variance_without(top))
     return _Drag(band if known else None, float(separable[-1]), largest, rows_of_top, next_step, off, (top, variance))
-
-
-def _corrected_drag(assessment: Assessment, gradient: Array, force: Array, sensitivity: Array) -> Interval:
-    """Posterior of drags (n,): gradient to the parameters (n, p), sensitivity to the influences (n, m)."""
-    draws = assessment.draws
-    return draws.interval(force - draws.influences @ sensitivity.T - draws.noise @ gradient.T)
 
 
 def _next_step(noise: float, variance: float, without: Mapping[str, float]) -> NextStep:
