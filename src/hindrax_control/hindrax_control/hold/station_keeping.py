@@ -83,6 +83,13 @@ class StationKeeping:
     def _force(
         self, place: PoolPosition, faster_mps2: tuple[float, float], dt: float, *, held_back: bool
     ) -> tuple[float, float]:
+        """Surge and sway force [N]: spring, damping and integral of the error, and what the reference itself needs.
+
+        The integral lives in pool axes, because a current pushes the same way whatever the heading; all else is turned
+        into body axes, where gains, drag and inertia differ between surge and sway. Damping acts on the rate by which
+        the vehicle lags behind the reference, so a transit is not braked; drag and inertia of the reference are given
+        ahead.
+        """
         cos, sin = math.cos(place.heading_rad), math.sin(place.heading_rad)
         error_x, error_y = self._x.value - place.x_m, self._y.value - place.y_m
         (stiff_u, damp_u), (stiff_v, damp_v) = self._gains

@@ -205,6 +205,7 @@ class AttitudeFilter:
         self._set((w * unit, i * unit, j * unit, k * unit))
 
     def _set(self, q: Quaternion) -> None:
+        """Keep a quaternion of length one, w x y z, and its rotation (3, 3) from body to north-east-down."""
         self.q = q
         w, x, y, z = q
         self.rotation = (

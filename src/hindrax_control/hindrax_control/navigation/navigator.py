@@ -152,6 +152,11 @@ class Navigator:
         return None
 
     def _inertial(self, stamp: Stamp, reading: Inertial, source: str) -> Stamped[Navigation] | None:
+        """Add one sample to the sums of the tick; a Navigation comes back when it completes one.
+
+        Trapezoids of rates and of specific forces, in the axes of the sensor: they are turned into the body once per
+        tick.
+        """
         dt = (stamp - self._imu) / NS_PER_S
         fx, fy, fz = reading.specific_force_mps2
         p, q, r = reading.rate_radps
@@ -234,6 +239,12 @@ class Navigator:
         return True
 
     def _predict(self, turned: Vec3, force: Vec3, dt: float, at: SensorMount) -> None:
+        """Carry attitude, heading, depth, velocities and place over a tick of `dt` [s].
+
+        `turned` [rad] and the specific `force` [m/s^2] of the tick are in body axes. The accelerations of u and v are
+        those of a body that turns: f + g d - omega x v, without heave where no depth shows it or the vehicle lies on
+        its side.
+        """
         attitude, horizontal = self._attitude, self._horizontal
         bp, bq, br = attitude.bias_radps
         angle = (turned[0] - bp * dt, turned[1] - bq * dt, turned[2] - br * dt)

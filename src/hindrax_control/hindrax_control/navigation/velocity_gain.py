@@ -99,6 +99,11 @@ class VelocityGain:
         self.gain = self._slope()
 
     def _slope(self) -> Gain:
+        """The gain c of the module's head; unknown where x or y shows no push, or they do not follow each other.
+
+        Its deviation is that of a slope over x: the residual of y over the sum of squares of x, with as many
+        independent samples as there are windows.
+        """
         weight = self._weight
         xx = self._xx - abs(self._sx) ** 2 / weight
         yy = self._yy - abs(self._sy) ** 2 / weight

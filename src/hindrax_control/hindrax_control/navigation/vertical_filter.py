@@ -147,6 +147,7 @@ class VerticalFilter:
     def _fuse(self, source: str, off: float, sigma: float, H: Matrix) -> bool:
         # One measurement at a time, so its innovation covariance is a number and nothing is inverted. Joseph's form of
         # P stays symmetric and positive whatever the rounding; the short form (I - K H) P does not, in a run of hours.
+        """Correct by a measurement that is off by so much, of this deviation and row H (1, 4); False when refused."""
         cross, R = self._P @ H.T, sigma * sigma
         variance = (H @ cross).item() + R
         if not off * off <= self._knobs.gate**2 * variance:

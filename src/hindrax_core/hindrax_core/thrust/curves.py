@@ -260,6 +260,7 @@ def _clipped(solve: Inverse, c: Coefficients, low: float, high: float) -> Invers
 
 
 def _quadratic(c: Coefficients, inside: float) -> Inverse:
+    """Root of a quadratic on the side of its vertex where `inside` lies: y = turning + c3 (x - vertex)^2."""
     c1, c2, c3, _ = c
     vertex = -c2 / (2.0 * c3)
     side = math.copysign(1.0, inside - vertex)

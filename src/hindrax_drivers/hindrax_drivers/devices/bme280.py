@@ -76,6 +76,7 @@ def air_of(calibration: Calibration, raw: bytes) -> Air:
 
 
 def _pressure(p: Sequence[int], fine: float, raw: int) -> float:
+    """Pressure [Pa] of a raw count, at the fine temperature: the double-precision formula of section 8.1."""
     p1, p2, p3, p4, p5, p6, p7, p8, p9 = p
     warm = fine / 2.0 - 64000.0
     offset = (warm * warm * p6 / 32768.0 + warm * p5 * 2.0) / 4.0 + p4 * 65536.0
@@ -88,6 +89,7 @@ def _pressure(p: Sequence[int], fine: float, raw: int) -> float:
 
 
 def _humidity(h: Sequence[int], fine: float, raw: int) -> float:
+    """Relative humidity, 0 to 1, of a raw count, at the fine temperature: as of section 8.1."""
     h1, h2, h3, h4, h5, h6 = h
     warm = fine - 76800.0
     gain = h2 / 65536.0 * (1.0 + h6 / 67108864.0 * warm * (1.0 + h3 / 67108864.0 * warm))

@@ -106,6 +106,7 @@ def compensate(prom: Prom, d1: int, d2: int) -> tuple[int, int]:
 
 
 def _second_order_30(dt: int, temperature: int) -> tuple[int, int, int]:
+    """Corrections Ti, OFFi and SENSi of a 30BA, which is off below 20 C and more so below -15 C. DS 30BA page 11."""
     warm = temperature - 2000
     if warm >= 0:
         return 2 * dt * dt >> 37, warm * warm >> 4, 0
@@ -117,6 +118,7 @@ def _second_order_30(dt: int, temperature: int) -> tuple[int, int, int]:
 
 
 def _second_order_02(dt: int, temperature: int) -> tuple[int, int, int]:
+    """Corrections Ti, OFFi and SENSi of a 02BA below 20 C. DS 02BA page 9."""
     warm = temperature - 2000
     if warm >= 0:
         return 0, 0, 0

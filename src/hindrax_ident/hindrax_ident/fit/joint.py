@@ -340,6 +340,12 @@ def _admitted(search: _Search, normal: Normal) -> tuple[Flags, dict[str, float]]
 
 
 def _result(record: SixAxisRecord, search: _Search, velocities: list[Array]) -> JointFit:
+    """Covariance, shifts by what the record may not judge, and convergence of a search that has ended.
+
+    With S the information of the record and C the inverse of S plus that of the prior, C S C is the part of C that is
+    noise: it is widened where blocks scatter more. A doubt that is one deviation off moves the parameters by -C S_d
+    times that, S_d being its columns of S (Schmidt: considered, not estimated).
+    """
     normal = search.problem(record).normal(velocities)
     sigmas, doubts = search.column("sigma"), search.of_kind(DOUBT)
     own, doubted = np.flatnonzero(search.kept & ~doubts), np.flatnonzero(doubts)

@@ -74,6 +74,7 @@ class LaggedInput:
         return taken
 
     def _advance(self, t_s: float) -> None:
+        """Add the integral over the step h since the last time: c h + (l - c) T (1 - exp(-h / T))."""
         step = t_s - self._t_s
         if not step > 0.0:
             return

@@ -82,6 +82,12 @@ class JointFilter:
             self._correct(1, s, self._position_noise)
 
     def _predict(self, t_s: float) -> None:
+        """Carry velocity v, position s and covariance to this time: an implicit midpoint step of M v' = thrust - force.
+
+        The parameters q are over the mass, its inverse last: so v changes by q_M times the impulse, less h times the
+        columns of the force in the middle of the step. The middle depends on the change; three rounds find it, steps
+        being short.
+        """
         h = t_s - self._t_state
         if not h > 0.0:
             return
