@@ -11,7 +11,7 @@ from hindrax_cli import command_line
 
 def test_a_part_that_nobody_knows_is_wrong_use(capsys: pytest.CaptureFixture[str]) -> None:
     assert command_line.main(["faults", "--only", "dvl"]) == 2
-    assert "wanted identifier, " in capsys.readouterr().err
+    assert "found 'dvl' (did you mean dvl75?), wanted identifier, " in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("words", [["-k", "dvl75"], ["test/golden", "-k", "dvl75"], ["-x", "--", "-q"]])

@@ -42,7 +42,7 @@ class Line:
 
 
 def recorded(words: Sequence[str], folder: Path) -> list[Line]:
-    """Run a command in a terminal of its own and keep its lines; what it colors loses its color."""
+    """Run a command in a terminal of its own and keep its lines, without colors and without the path of the folder."""
     child, terminal = pty.fork()
     if child == 0:
         fcntl.ioctl(1, termios.TIOCSWINSZ, struct.pack("HHHH", TALL, WIDE, 0, 0))
@@ -58,7 +58,8 @@ def recorded(words: Sequence[str], folder: Path) -> list[Line]:
             break
         *whole, rest = (rest + read).split(b"\n")
         at_s = time.monotonic() - begin
-        lines += [Line(at_s, text) for one in whole if not SPINNER.search(text := _text(one))]
+        texts = [_text(one).replace(f"{folder}/", "") for one in whole]
+        lines += [Line(at_s, text) for text in texts if not SPINNER.search(text)]
     os.close(terminal)
     os.waitpid(child, 0)
     return lines

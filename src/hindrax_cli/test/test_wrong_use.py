@@ -89,6 +89,10 @@ NEITHER = (
         (["pool-test", "--mock", "--out", "/proc/nowhere"], "/proc/nowhere: cannot be written"),
         (["bag", "inof"], "invalid choice: 'inof' (did you mean info?)"),
         (["pool-test", "--mock", "--world", "pol"], "--world pol: found 'pol' (did you mean pool?), wanted one of"),
+        (
+            ["weigh", "surge", "--mock", "--load", "15", "--world", "pol"],
+            "--world pol: found 'pol' (did you mean pool?)",
+        ),
         (["up", "--mock", "--world", "tehter=1"], "found 'tehter' (did you mean tether?)"),
         (["pool-test", "--mock", "--fault", "garbege:dvl75"], "found 'garbege' (did you mean garbage?)"),
         (["up", "--mock", "--fault", "garbage:dvl"], "garbage on 'dvl', wanted one of"),

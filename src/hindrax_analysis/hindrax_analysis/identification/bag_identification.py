@@ -158,13 +158,13 @@ def show(identified: Identified, *, reported: bool = False) -> None:
     warnings = shared_warnings(motions)
     for sentence in identified.left_out:
         print_fitted(f"{sentence}: earlier results may count force that it did not give")
-    told = [f"{sum(len(names) for names, _ in warnings)} warnings"] if reported and warnings else []
+    told = [f"warnings ({sum(len(names) for names, _ in warnings)})"] if reported and warnings else []
     if sum(len(result.coefficients) + 1 for result in motions.values()) + LAST_LINES > screen_rows():
         _show_short(motions, "report" if reported else "--json", told)
     else:
         _show_in_full(identified)
         if told:
-            print_fitted(f"explained in the report: {told[0]}")
+            print_fitted(f"in the report: {told[0]}")
     for names, warning in [] if reported else warnings:
         print_fitted(f"{', '.join(names)}: {warning}")
     for motion, result in motions.items():

@@ -117,7 +117,8 @@ def rehearse(
         motion = output.phase.motion.partition("_")[0]
         if now_s >= REPORT_S * reported[0]:
             reported[0] += 1
-            report(f"{motion or 'begins'}, {now_s:.0f} s in the water")
+            part = f"{motion}, {len({one.motion for one in rows} | {motion})} of {len(motions)}" if motion else "begins"
+            report(f"{part}, {now_s:.0f} s in the water")
         if motion and (not rows or rows[-1].motion != motion):
             rows.append(Flown(motion, now_s, now_s))
         row = rows[-1]

@@ -36,6 +36,7 @@ from hindrax_analysis.terminal import print_answer, working
 from hindrax_bringup.share_files import default_vehicle, vehicle_file
 from hindrax_cli.argument_types import add_json, named_vehicle, within
 from hindrax_cli.command import command, option
+from hindrax_cli.command_line import as_called
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.refusals import told
 from hindrax_core.text.screen_text import print_fitted, print_stderr
@@ -269,7 +270,7 @@ def _show(arguments: argparse.Namespace, found: Identified, conditions: ResultCo
             print_fitted(f"{motion} {key}: {one.runs} runs differ by {times}; by {one.between:.3g} from run to run")
     show(found, reported=bool(arguments.report))
     if not found.results.motions:
-        print_stderr("no motion was flown in this record; `./hindrax bag info` lists its contents")
+        print_stderr(as_called("no motion was flown in this record; `./hindrax bag info` lists its contents"))
     show_next(found.results.motions, None)
     for name, path in (("coefficients", arguments.coefficients), ("report", arguments.report)):
         if path:

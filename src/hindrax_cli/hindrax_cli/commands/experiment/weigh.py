@@ -87,8 +87,10 @@ def _holds(arguments: argparse.Namespace, vehicle: Vehicle, axis: int) -> list[H
     lever = (arguments.lever or 0.0) if arguments.axis == "yaw" else 1.0
     check_load(vehicle, arguments.axis, arguments.load or 0.0, lever)
     if arguments.mock:
-        from hindrax_sim.flights.weighing_flight import MOCK_LOADS, fly_weighing  # noqa: PLC0415  # no simulator on the vehicle
+        from hindrax_sim.conditions.world_table import sizes_of  # noqa: PLC0415  # no simulator on the vehicle
+        from hindrax_sim.flights.weighing_flight import MOCK_LOADS, fly_weighing  # noqa: PLC0415  # as above
 
+        sizes_of(arguments.world, arguments.seed)
         load = f"={arguments.load}" if arguments.load else ""
         world = f"{arguments.world},{MOCK_LOADS[arguments.axis]}{load}"
         print_stderr(f"world of the mock: {arguments.world} ({OTHER_WORLD}), seed {arguments.seed}")

@@ -16,6 +16,7 @@ from hindrax_cli.command import command, option
 from hindrax_cli.commands.pool.lockstep_session import SessionTrial, session_summary, session_trial
 from hindrax_control.maneuver.goal import EXCITATIONS, PLATEAUS, motions_to_fly
 from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.text.nearest import did_you_mean
 from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.vehicle import AXES, load_vehicle
 from hindrax_ident.model import motion_model
@@ -204,7 +205,9 @@ def faults(arguments: argparse.Namespace) -> int:
     table = developer_module("faults.table")
     only = tuple(arguments.only or table.WHO)
     if strange := [name for name in only if name not in table.WHO]:
-        raise UsageError(f"--only: found {strange[0]!r}, wanted {', '.join(table.WHO)}")
+        raise UsageError(
+            f"--only: found {strange[0]!r}{did_you_mean(strange[0], table.WHO)}, wanted {', '.join(table.WHO)}"
+        )
     cells = table.fly(only, range(1, arguments.seeds + 1), arguments.workers)
     violated = [f"{one.who} {one.what}, {one.mode}, seed {one.seed}: {why}" for one in cells for why in one.violated]
     document = {"cells": cells, "violated": violated}
@@ -235,7 +238,7 @@ def bench(arguments: argparse.Namespace) -> int:
     wanted = arguments.names or known
     unknown = [name for name in wanted if name not in known]
     if unknown:
-        raise UsageError(f"no benchmark {unknown[0]!r}; there are {', '.join(known)}")
+        raise UsageError(f"no benchmark {unknown[0]!r}{did_you_mean(unknown[0], known)}; there are {', '.join(known)}")
     rows: list[dict[str, object]] = []
     for name in wanted:
         print_stderr(f"measuring {name} ...")
