@@ -3,13 +3,15 @@
 import argparse
 import ast
 import json
+import math
 import re
 import shlex
 import shutil
-from dataclasses import is_dataclass
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 from xml.etree import ElementTree as ET
 
 import pytest
@@ -19,6 +21,7 @@ from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli import command_line
 from hindrax_cli.command import MODULES
 from hindrax_cli.command_line import main
+from hindrax_core.knobs import Knob, knob_of
 from hindrax_core.vehicle import Mount, Output, Vehicle, load_vehicle
 from hindrax_operator.node_parameters import NODES
 from hindrax_tools import reference
@@ -85,6 +88,22 @@ def test_no_number_stands_for_not_set(kind: type[Any]) -> None:
         assert not (default in ("0", "0.0") and re.search(r"\b0: |\b0 for ", meaning)), (
             f"{kind.__name__}.{name}: use None"
         )
+
+
+def defaults(kind: type[Any]) -> Iterator[tuple[str, float, Knob]]:
+    """Every number that a setting has by itself, also of blocks inside, and its declaration."""
+    hints = get_type_hints(kind)
+    for declared in fields(kind):
+        if is_dataclass(hints[declared.name]):
+            yield from defaults(hints[declared.name])
+        elif isinstance(declared.default, int | float):
+            yield f"{kind.__name__}.{declared.name}", declared.default, knob_of(declared)
+
+
+@pytest.mark.parametrize("kind", [Vehicle, *(kind for kinds in NODES.values() for kind in kinds)])
+def test_every_default_lies_within_its_own_range(kind: type[Any]) -> None:
+    for name, value, knob in defaults(kind):
+        assert math.isnan(value) or knob.low <= value <= knob.high, name
 
 
 def test_every_dataclass_that_a_node_declares_as_parameters_is_on_the_page() -> None:

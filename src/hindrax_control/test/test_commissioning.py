@@ -97,6 +97,21 @@ def test_a_body_with_dead_thrusters_is_moved_by_the_others() -> None:
     assert not any(one[0] or one[5] for one in forces)
 
 
+@by_vehicle
+def test_a_vehicle_that_sank_is_brought_up_again_before_anything_else(vehicle: Vehicle) -> None:
+    B, rest = effectiveness(vehicle), body_pulses(vehicle, effectiveness(vehicle))
+    upward = {}
+    for sunk_m in (0.1, 0.5, 1.0):
+        pulses = body_pulses(vehicle, B, sunk_m=sunk_m)
+        require_flyable(Goal((), pulses=pulses), vehicle)
+        upward[sunk_m] = -sum(float(B[2] @ np.array(one.forces_N)) * one.seconds for one in pulses)
+    once = max(abs(float(B[2] @ np.array(one.forces_N))) * one.seconds for one in rest)
+    assert upward[0.1] == pytest.approx(0.0, abs=0.05)
+    assert upward[0.5] >= 3 * 0.9 * once, "0.3 m by pushes of 0.12 m"
+    assert upward[1.0] >= 7 * 0.9 * once
+    assert float(B[2] @ np.array(pulses[0].forces_N)) < 0.0
+
+
 def as_claimed(vehicle: Vehicle) -> Commissioning:
     """Commissioning whose thrusters were all found to push as claimed."""
     work = Commissioning(vehicle)

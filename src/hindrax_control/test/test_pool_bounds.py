@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hindrax_control.pool_bounds import PoolBounds, PoolBoundsKnobs
+from hindrax_control.pool_bounds import PoolBounds, PoolBoundsKnobs, PoolPosition
 from hindrax_core.errors import UsageError
 from hindrax_core.readings import Vec3
 from hindrax_core.signals import Navigation
@@ -141,3 +141,29 @@ def test_a_place_is_judged_by_the_heading_from_the_length_of_the_pool() -> None:
     PoolBounds(HINDRAX, 0.5).recentre(navigation((0.0, 0.0), 0.5), 5.0, 0.3, math.nan)
     with pytest.raises(UsageError, match=r"y: found 0.3 m, wanted 0.3\d to"):
         PoolBounds(HINDRAX, 0.0).recentre(navigation((0.0, 0.0), 1.0), 5.0, 0.3, math.nan)
+
+
+@pytest.mark.parametrize("seen", [(True, True), (True, False), (False, True), (False, False)])
+def test_a_way_in_the_pool_is_along_surge_and_sway_where_they_are_measured(seen: tuple[bool, bool]) -> None:
+    place = PoolPosition(4.0, 2.0, 0.7, 0.0, 0.0, seen=seen)
+    way = complex(1.3, -0.6) * cmath.exp(-0.7j)
+    along_aside = (way.real * seen[0], way.imag * seen[1])
+    assert place.body(1.3, -0.6) == pytest.approx(along_aside)
+    assert place.off_m(5.3, 1.4) == pytest.approx(math.hypot(*along_aside))
+
+
+@pytest.mark.parametrize(
+    ("velocity", "found", "seen"),
+    [
+        ((0.3, 0.1, 0.0), (0.3, 0.1), (True, True)),
+        ((0.3, math.nan, 0.0), (0.3, 0.0), (True, False)),
+        ((math.nan, 0.1, 0.0), (0.0, 0.1), (False, True)),
+        ((math.nan, math.nan, 0.0), (math.nan, math.nan), (True, True)),
+    ],
+)
+def test_of_one_velocity_that_is_measured_the_other_is_zero_and_of_none_both_are_unknown(
+    velocity: Vec3, found: tuple[float, float], seen: tuple[bool, bool]
+) -> None:
+    place = PoolBounds(HINDRAX, 0.0).place(navigation((0.0, 0.0), 0.0, velocity))
+    assert (place.vx_mps, place.vy_mps) == pytest.approx(found, nan_ok=True)
+    assert place.seen == seen

@@ -1,7 +1,7 @@
 """Of several publishers none is obeyed, and the one who is stays while the thrusters are armed."""
 
-from hindrax_core.input_checks import NAMELESS, SinglePublisher, names_of_others
-from hindrax_core.text.refusals import Reason
+from hindrax_core.input_checks import NAMELESS, Refusals, SinglePublisher, names_of_others
+from hindrax_core.text.refusals import Reason, Refusal
 
 ONE, OTHER = {"01": "/rov/controller"}, {"02": "/stranger"}
 AGAIN = {"03": "/rov/controller"}
@@ -70,3 +70,19 @@ def test_another_one_takes_over_only_while_disarmed() -> None:
 def test_others_are_all_but_the_one_with_our_name() -> None:
     assert names_of_others(ONE | OTHER | {"04": ""}, "/rov/controller") == f"/stranger, {NAMELESS}"
     assert names_of_others(ONE, "/rov/controller") == ""
+
+
+def test_what_was_refused_is_counted_by_thing_and_the_last_sentence_is_kept() -> None:
+    refusals = Refusals()
+    assert (refusals.values(), refusals.new_refusals()) == ({}, [])
+    for thing in ("wrench", "goal", "wrench"):
+        sentence = refusals.add(thing, Refusal(Reason.LATE, "too old"))
+        assert (sentence, sentence.reason) == (f"{thing}: too old", Reason.LATE)
+    assert refusals.values() == {
+        "refused: goal": "1",
+        "refused: wrench": "2",
+        "last refused": "wrench: too old",
+        "last reason": Reason.LATE.word,
+    }
+    assert refusals.new_refusals() == ["refused: wrench: too old"]
+    assert refusals.new_refusals() == [], "nothing new"

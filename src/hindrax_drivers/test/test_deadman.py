@@ -199,6 +199,50 @@ def test_an_order_to_end_goes_to_the_child_once_and_neutral_is_last(
     assert run(man, monkeypatch, Child(-15, ends=False))[0] == 1, "neutral is not on the wire"
 
 
+class Stops:
+    """Somebody asks to stop, until he is answered."""
+
+    def __init__(self) -> None:
+        self.pending = True
+        self.answers: list[tuple[str, bool]] = []
+
+    def answer(self, how: str, *, neutral: bool) -> None:
+        self.pending = False
+        self.answers.append((how, neutral))
+
+
+def test_a_node_that_starts_obeys_a_stop_without_being_asked(man: DeadMan) -> None:
+    child, stops = Child(0), Stops()
+    man._stops = stops  # type: ignore[assignment]  # its own request
+    assert man._obeys(child, 100.0)
+    assert stops.answers == [("the node was starting, disarmed", True)]
+    assert man._neutral.writes == 1  # type: ignore[attr-defined]  # our own
+
+
+@pytest.mark.parametrize(("waited_s", "obeys"), [(0.9, True), (1.1, False), (10.5, False)])
+def test_a_node_that_does_not_disarm_in_a_second_does_not_obey(man: DeadMan, waited_s: float, obeys: bool) -> None:
+    child = Child(0, ends=False)
+    man._stops = Stops()  # type: ignore[assignment]  # its own request
+    child.beaten_at, child.stop_s, child.armed = NOW, 10.0, True
+    assert man._obeys(child, 10.0 + waited_s) is obeys
+
+
+def test_an_autopilot_is_disarmed_again_and_again_until_it_says_so(
+    man: DeadMan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    neutral: Any = man._neutral
+    neutral.armed, released = True, []
+
+    def write() -> None:
+        neutral.writes += 1
+        neutral.armed = neutral.writes < 3
+
+    monkeypatch.setattr(neutral, "write", write)
+    monkeypatch.setattr(neutral, "release", lambda: released.append(neutral.writes))
+    man._see_disarmed()
+    assert (neutral.writes, released) == (3, [3])
+
+
 class Chip:
     """Registers of a PCA9685 on a bus of its own, whose time goes on when somebody sleeps."""
 

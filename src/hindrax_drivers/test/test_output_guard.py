@@ -95,7 +95,9 @@ def test_lamps_leave_running_thrusters_alone() -> None:
     assert due == Pulses(NEUTRAL, (1500.0, 1100.0))
 
 
-@pytest.mark.parametrize("levels", [(), (1.0,), *((1.0, wrong) for wrong in (1.01, -0.01, float("nan"), float("inf")))])
+@pytest.mark.parametrize(
+    "levels", [(), (1.0,), (1.0,) * 3, *((1.0, wrong) for wrong in (1.01, -0.01, float("nan"), float("inf")))]
+)
 def test_what_is_no_brightness_is_refused(levels: tuple[float, ...]) -> None:
     state, decision = GUARD.light(GUARD.start(at(0.0)), levels, at(0.0))
     assert isinstance(decision, RefusedCommand)
@@ -143,6 +145,7 @@ def test_arm_request_is_refused_with_its_reason(stamp_s: float, sequence: int, r
     after_request, answer = GUARD.arm(state, Request(at(stamp_s), sequence), at(0.0))
     assert not answer.accepted
     assert reason in answer.reason
+    assert (answer.reason.reason is Reason.LATE) == (stamp_s < -1.0), "only what came late may be sent again"
     assert after_request.phase is ArmingPhase.DISARMED
 
 
@@ -367,6 +370,7 @@ def test_neutral_is_repeated() -> None:
         (command(8.1, 79), 8.1, "out of order"),
         (command(7.95, 99), 8.1, "out of order"),
         (command(8.1, 99, FULL[:7]), 8.1, "wrong count"),
+        (command(8.1, 99, (*FULL, 1500.0)), 8.1, "wrong count"),
         (command(8.1, 99, FULL, (1500.0,)), 8.1, "wrong count"),
         (command(8.1, 99, (float("nan"), *FULL[1:])), 8.1, "not a pulse"),
         (command(8.1, 99, (float("inf"), *FULL[1:])), 8.1, "not a pulse"),
@@ -403,6 +407,12 @@ def test_a_sender_that_starts_again_is_received_once_the_old_one_is_silent_but_m
     assert state.phase is ArmingPhase.DISARMED
     assert "has restarted" in state.reason
     assert state.commanded_at == at(8.45)
+
+
+@pytest.mark.parametrize("lost", [1, 1000, 2**31 - 2])
+def test_however_many_commands_were_lost_the_next_one_is_newer(lost: int) -> None:
+    _, pulses = accepted_command(armed(), command(8.1, 81 + lost), 8.1)
+    assert pulses.sequence == 81 + lost
 
 
 def test_the_sequence_may_wrap() -> None:
@@ -665,6 +675,11 @@ def test_each_thruster_rests_at_the_stop_pulse_of_its_curve_unless_the_knob_stat
 def test_a_rest_that_the_output_cannot_make_is_refused(vehicle: Vehicle, knobs: OutputGuardKnobs, words: str) -> None:
     with pytest.raises(UsageError, match=words):
         guard_of(vehicle, knobs)
+
+
+@pytest.mark.parametrize("end_us", [1100.0, 1900.0])
+def test_a_thruster_may_rest_at_either_end_of_what_the_guard_makes(end_us: float) -> None:
+    assert guard_of(VEHICLE, OutputGuardKnobs(neutral_us=end_us)).neutral.thrusters == (end_us,) * 8
 
 
 def test_an_stm32_rests_within_the_dead_band() -> None:

@@ -55,8 +55,6 @@ BROKEN_S = 0.5
 """Rest of a thruster within its pulses beyond which they are two attempts."""
 LEAST_BUSY = 5
 """Samples of forces without which pulses were not flown."""
-SUNK_m = 0.2
-"""Deeper than at rest by this, it climbs instead of diving."""
 
 
 class Commissioning:
@@ -181,8 +179,8 @@ class Commissioning:
         return any(row.verdict == OPEN and not row.remedy for row in sensor_claims.claims(self._evidence()))
 
     def _body_pulses(self, now: Stamp, listing_rad: float) -> tuple[Pulse, ...] | None:
-        deep = self._sunk_m(to_s(now)) > SUNK_m
-        return body_pulses(self.vehicle, self.found, deep=deep, listing_rad=listing_rad) or None
+        sunk_m = self._sunk_m(to_s(now))
+        return body_pulses(self.vehicle, self.found, sunk_m=sunk_m, listing_rad=listing_rad) or None
 
     def _listing_rad(self) -> float:
         """Angle between the vertical of the body and gravity at rest."""

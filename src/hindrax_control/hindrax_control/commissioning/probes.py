@@ -26,9 +26,13 @@ LISTING_rad, GENTLEST = math.radians(7.0), 0.5
 """List at rest up to which it is allowed, and the part of it that is left of it at the most."""
 START_S = 0.25
 """What the lag of the thrusters takes off a pulse."""
+SUNK_m = 0.2
+"""Deeper than at rest by this, it climbs instead of diving."""
 LEAST_SHARE = 0.15
 """A push along an axis is worth it from this share of a thruster's force on."""
 COAST_S = 1.5
+RISE_m, MOST_RISES = 0.12, 12
+"""Way up of one push against a slow sinking, and how many follow each other at the most."""
 
 
 def probe_N(vehicle: Vehicle, B: Matrix, share: float = 1.0) -> tuple[float, ...]:
@@ -84,7 +88,7 @@ def single_pulses(vehicle: Vehicle, B: Matrix, share: float = 1.0) -> tuple[Puls
     return tuple(pulses)
 
 
-def body_pulses(vehicle: Vehicle, found: Matrix, *, deep: bool = False, listing_rad: float = 0.0) -> tuple[Pulse, ...]:
+def body_pulses(vehicle: Vehicle, found: Matrix, *, sunk_m: float = 0.0, listing_rad: float = 0.0) -> tuple[Pulse, ...]:
     """Pulses that turn, move and dive the whole vehicle.
 
     Parameters
@@ -93,25 +97,29 @@ def body_pulses(vehicle: Vehicle, found: Matrix, *, deep: bool = False, listing_
         With n thrusters.
     found : (6, n) [-, m]
         Effectiveness as it was found.
-    deep
-        Whether it has sunk meanwhile: then it climbs instead, and first.
+    sunk_m : [m]
+        Way that it has sunk meanwhile: it is pushed up by about that first, else it would end on the floor, and climbs
+        instead of diving.
     listing_rad : [rad]
         List at rest: such a vehicle is pushed more gently.
 
     Returns
     -------
     tuple[Pulse, ...]
-        Forces of all thrusters; each push is followed by the opposite one.
+        Forces of all thrusters; but for those up, each push is followed by the opposite one.
     """
     prior = Prior(vehicle)
     lean_rad = LEAN_rad * max(GENTLEST, min(1.0, 2.0 - listing_rad / LISTING_rad))
     pulses: list[Pulse] = []
     down_N, down_s = _push(vehicle, prior, found, 2, DIVE_mps, lean_rad)
+    deep = sunk_m > SUNK_m
     if deep:
         down_N = tuple(-force_N for force_N in down_N)
     rest = _rest(vehicle)
     dive = (Pulse(down_N, down_s), rest, Pulse(tuple(-force_N for force_N in down_N), down_s, calm=False), rest)
-    pulses += dive if deep and down_s else ()
+    if deep and down_s:
+        pulses += (Pulse(down_N, down_s, calm=False), rest) * min(MOST_RISES, math.ceil((sunk_m - SUNK_m) / RISE_m))
+        pulses += dive
     for axis, speed in ((5, TURN_radps), (0, AHEAD_mps), (1, AHEAD_mps)):
         forces_N, seconds = _push(vehicle, prior, found, axis, speed, lean_rad)
         if seconds:
