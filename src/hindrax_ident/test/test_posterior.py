@@ -89,7 +89,7 @@ def test_without_a_loss_the_other_influences_are_what_they_are_given_that() -> N
 def test_explanations_have_their_shares_and_noise_is_added() -> None:
     two = Explanations(
         weight=array([0.25, 0.75]),
-        mean=array([[-4.0], [4.0]]),
+        mean=array([[-2.0], [2.0]]),
         covariance=array(np.full((2, 1, 1), 1e-6)),
         usual=array(np.zeros((2, 1))),
         spread=array(np.ones((2, 1))),
@@ -100,8 +100,24 @@ def test_explanations_have_their_shares_and_noise_is_added() -> None:
     assert np.mean(draws.influences[:, 0] < 0.0) == pytest.approx(0.25, abs=1.0 / DRAWS)
     assert draws.covariance(draws.noise) == pytest.approx(noise, abs=0.15)
     found = draws.interval(draws.influences)
-    assert found.center[0] == pytest.approx(2.0, abs=0.01)
-    assert (found.low68[0], found.high68[0]) == pytest.approx((-4.0, 4.0), abs=0.01)
+    assert found.center[0] == pytest.approx(1.0, abs=0.01)
+    assert (found.low68[0], found.high68[0]) == pytest.approx((-2.0, 2.0), abs=0.01)
+
+
+def test_what_is_far_greater_than_usual_stands_in_for_another_cause_and_widens_either_way() -> None:
+    """A real ArduSub: sway was corrected by 20 deviations of one row and 8 of another, to half of what it was."""
+    far = Explanations(
+        weight=array([1.0]),
+        mean=array([[-20.0, 1.0]]),
+        covariance=array(np.diag([1e-6, 1e-6])[None]),
+        usual=array(np.zeros((1, 2))),
+        spread=array(np.ones((1, 2))),
+        loss=array(np.zeros(2)),
+    )
+    found = drawn(far, NO_NOISE).interval(drawn(far, NO_NOISE).influences)
+    assert found.center == pytest.approx([0.0, 1.0], abs=0.01)
+    assert (found.low95[0], found.high95[0]) == pytest.approx((-20.0, 20.0), abs=0.01)
+    assert (found.low95[1], found.high95[1]) == pytest.approx((1.0, 1.0), abs=0.01)
 
 
 def test_the_same_record_gives_the_same_numbers() -> None:

@@ -25,6 +25,8 @@ may look like a gain."""
 WITHIN_68, WITHIN_95 = 0.6827, 0.95
 EVEN = math.sqrt(math.tau / 12.0)
 """Density of a uniform distribution over that of the normal one of its mean and deviation, at the mean."""
+STAND_IN = 3.0
+"""Prior deviations beyond which an influence stands in for what no row has: its size counts, and not its sign."""
 LOSSLESS = 0.25
 """Probability that a force that nobody computed from thrusters has no losses: a simulation has none, and one that was
 measured in the water is free of them. With it both hold: records without any, and of propellers in MuJoCo (ADR 31)."""
@@ -101,7 +103,20 @@ def drawn(known: Explanations, noise: Array, lossless: float = 0.0) -> Draws:
     for one in np.unique(of).tolist():
         here = of == one
         influences[here] = known.mean[one] + standard[here, :m] @ _root(known.covariance[one]).T
-    return Draws(influences, standard[:, m:] @ _root(noise).T, _importance(known, influences, of))
+    weight = _importance(known, influences, of)
+    return Draws(_either_way(influences, known.loss), standard[:, m:] @ _root(noise).T, weight)
+
+
+def _either_way(influences: Array, loss: Array) -> Array:
+    """Draws (n, m) in which what is far greater than usual has either sign, all of it together in every other draw.
+
+    A record that contradicts the model is explained by whatever row resembles the contradiction most, at many times
+    what that row may be: curves of other thrusters, by an exponent of the drag of one. That is no known effect to
+    correct (GUM 3.2.4); the coefficients may be wrong by as much, in either direction.
+    """
+    far = (np.abs(influences) > STAND_IN) & (loss == 0.0)
+    far[::2] = False
+    return np.where(far, -influences, influences)
 
 
 def _perhaps_lossless(known: Explanations, lossless: float) -> Explanations:
