@@ -54,7 +54,7 @@ def predicted_of(arguments: argparse.Namespace, aim: Aim) -> Mapping[str, float]
     vehicle = load_vehicle(Path(arguments.vehicle))
     motions = motions_to_fly(arguments.dof, vehicle).flown
     check_experiment(motions, aim)
-    print_stderr("rehearsing in lock-step what to expect")
+    print_stderr("rehearsing the flight in lock-step")
     with working("rehearsing") as reached:
         found = rehearse(motions, arguments.seed, vehicle=vehicle, aim=aim, report=reached)
     bands = {motion: band.calibrated for motion, band in found.bands.items() if math.isfinite(band.calibrated)}

@@ -105,7 +105,7 @@ REMEDIES: Mapping[Reason, str] = {
     Reason.DVL_LOCK: "give the DVL more water above a flat floor, or check it (`./hindrax doctor`)",
     Reason.SETTLE: "look for a current, a cable that pulls, or a thruster that does not push (`./hindrax monitor`)",
     Reason.NAVIGATION: SENSELESS,
-    Reason.COMMISSION: "let it come to rest, check its trim and what is written of the thrusters, and commission again",
+    Reason.COMMISSION: "let it come to rest, check its trim and the thrusters of the file, and commission again",
 }
 """What to do about each guard that finds something."""
 AIDING = "check what aids the autopilot's estimator, its DVL or GPS (QGroundControl, EKF status)"

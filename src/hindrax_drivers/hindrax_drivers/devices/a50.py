@@ -37,7 +37,7 @@ NAME = "Water Linked DVL"
 class A50Knobs:
     """Settings of the driver, and of the DVL itself as far as `configure` lets it."""
 
-    configure: bool = knob(True, meaning="set what differs in the device at the start; off: only report it")
+    configure: bool = knob(True, meaning="correct the settings of the device at the start; off: only report them")
     speed_of_sound_mps: float | None = knob(
         None, 1000.0, 2000.0, "speed of sound that the device uses; none: by the vehicle's water [m/s]"
     )

@@ -58,9 +58,14 @@ def stop(operator: Operator) -> list[str]:
     return failed
 
 
+def awaited_thrusters(operator: Operator) -> ThrusterState:
+    """State of the thrusters; HindraxError where no stack tells it, with the command that starts one."""
+    return operator.awaited(lambda: operator.thrusters, SEEN_S, lambda: f"the thrusters; {UP}")
+
+
 def require_armed(operator: Operator) -> None:
     """HindraxError unless the thrusters are armed and nothing is being flown."""
-    found = operator.awaited(lambda: operator.thrusters, SEEN_S, lambda: f"the thrusters; {UP}")
+    found = awaited_thrusters(operator)
     if not found.armed:
         raise HindraxError(f"the thrusters are {found.state} ({found.reason}), wanted armed; `./hindrax arm` first")
     operator.pause(0.3)

@@ -99,7 +99,7 @@ def code_of(process: subprocess.Popen[bytes]) -> int:
 def _what(parser: argparse.ArgumentParser) -> None:
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--check", action="store_true", help="only list stale pages (the default); exit code 1 if any")
-    what.add_argument("--write", action="store_true", help="write what is stale: pages, access policies, stubs")
+    what.add_argument("--write", action="store_true", help="write stale files: pages, access policies, stubs")
     what.add_argument("--figures", action="store_true", help="redraw the figures of the explanation")
     what.add_argument("--site", action="store_true", help="build the site of the documentation into --out")
     what.add_argument("--example-data", action="store_true", help="make the example data in --out: a run, and a log")
@@ -109,7 +109,7 @@ def _what(parser: argparse.ArgumentParser) -> None:
 @command(
     "./hindrax reference --write\n# flies sixteen pool tests, then draws the figures:\n./hindrax reference --fly",
     _what,
-    option("--out", type=Path, metavar="DIR", help="folder of what is written"),
+    option("--out", type=Path, metavar="DIR", help="folder of the output"),
     option("--repository", default="", metavar="URL", help="with --site: where its files are, such as .../blob/v0.2.0"),
 )
 def reference(arguments: argparse.Namespace) -> int:

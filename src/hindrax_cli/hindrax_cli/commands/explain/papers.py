@@ -49,7 +49,7 @@ def _show_summary(cells: Sequence[Cell]) -> None:
         for cell in wrong
     ]
     print_table("Misprints", ("paper", "row", "quantity"), ("printed", "recomputed", "unit"), numbers)
-    print_fitted("the cells, and what does not follow: --paper A, or --all")
+    print_fitted("all cells, also those that do not follow: --paper A, or --all")
 
 
 def _show_cells(cells: Sequence[Cell]) -> None:

@@ -38,7 +38,7 @@ OneTrial = TypeVar("OneTrial", Trial, SessionTrial)
     option("--seed", type=int, default=1, help="seed of the first run; the others follow. Default 1"),
     partial(add_workers, processes=None),
     partial(add_vehicle, meaning="vehicle with its truth: file or name"),
-    option("--world", default=IDEAL, help=f"what the model does not know: {FORM}. Default: {IDEAL}"),
+    option("--world", default=IDEAL, help=f"effects outside the model: {FORM}. Default: {IDEAL}"),
     option("--all", action="store_true", help="every coefficient and speed, also where the screen has no room"),
     option("--session", action="store_true", help="sessions: legs, weighing, repeats; gain of each, next to the goal"),
     add_json,
@@ -143,7 +143,7 @@ def _print_in_full(document: Document) -> None:
     others = [f"RMSE / bound, {method}" for method in methods]
     headings = (*numbers, *others)
     rows = [(*_row(cell), *(_ratio(cells, cell) for cells in methods.values())) for cell in document["cells"]]
-    title = f"{document['runs']} runs; RMSE / bound: 1 is the limit of what can be known"
+    title = f"{document['runs']} runs; RMSE / bound: 1 is the best that the data allow"
     print_table(
         title,
         ("motion", "coefficient"),

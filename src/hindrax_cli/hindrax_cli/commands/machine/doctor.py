@@ -113,7 +113,7 @@ def show(checks: Sequence[Check], *, whole: bool = False) -> None:
     table = _found(checks, screen)
     if room < UNBOUNDED and len(screen.render_lines(table)) > room:
         fine = dict.fromkeys(check.name for check in checks if check.ok)
-        print_fitted(f"ok (--all shows what was found): {', '.join(fine)}")
+        print_fitted(f"ok (--all shows the findings): {', '.join(fine)}")
         table = _found([check for check in checks if not check.ok], screen)
     if table.rows:
         screen.print(table)

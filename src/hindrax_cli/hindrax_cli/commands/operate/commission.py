@@ -69,6 +69,7 @@ def _in_mock(arguments: argparse.Namespace) -> tuple[Findings, RunFolder, str]:
 
 def _beside(arguments: argparse.Namespace) -> tuple[Findings, RunFolder, str]:
     from hindrax_operator.commissioning_run import commission_beside  # noqa: PLC0415  # as above
+    from hindrax_operator.nodes.orders import awaited_thrusters  # noqa: PLC0415  # as above
 
     found = ordered_stack(arguments)
     vehicle = load_vehicle(arguments.vehicle)
@@ -77,6 +78,7 @@ def _beside(arguments: argparse.Namespace) -> tuple[Findings, RunFolder, str]:
             f"--vehicle {arguments.vehicle}: the stack flies another file ({found.vehicle}); name that one"
         )
     with joined(found, sim_time=arguments.sim_time, namespace=arguments.namespace) as operator:
+        awaited_thrusters(operator)  # without a stack, silence would count against every sensor
         findings = commission_beside(operator, vehicle, print_stderr, arm=arguments.arm)
     folder = make_run_folder(arguments.out, Path(arguments.vehicle))
     return findings, folder, found.bag if found is not None else ""

@@ -106,7 +106,7 @@ def require_start(vehicle: Vehicle, start: tuple[float, float, float]) -> None:
         nargs="+",
         default=["surge"],
         choices=[*AXES, "all"],
-        help="default: surge; all: what its thrusters serve",
+        help="default: surge; all: every motion that its thrusters serve",
     ),
     option(
         "--until",
