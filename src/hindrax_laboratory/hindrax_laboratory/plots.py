@@ -105,7 +105,20 @@ def thrust_table(sheets: Sequence[Sheet], found: MeasuredTable) -> Figure:
 
 
 def bollard(pulse_us: Array, thrust_N: Array, curve: BollardCurve) -> Figure:
-    """The sweep, both cubics with a band of two standard deviations, and the residuals."""
+    """The sweep, both cubics with a band of two standard deviations, and the residuals.
+
+    Parameters
+    ----------
+    pulse_us, thrust_N : (n,) [us], (n,) [N]
+        Of the sweep.
+    curve
+        Fitted.
+
+    Returns
+    -------
+    Figure
+        Two plots.
+    """
     figure, (above, below) = new_figure(2, 1, 8.0, 6.0)
     above.plot(pulse_us, thrust_N, "o", color=MEASURED, markersize=3, label="load cell")
     for direction, color in ((curve.negative, SECOND), (curve.positive, MODEL)):
@@ -131,7 +144,20 @@ def _forces(direction: Direction, pulse_us: Array) -> tuple[Array, Array]:
 
 
 def towing(speed_mps: Array, drag_N: Array, fit: Towing) -> Figure:
-    """Towing points, the fitted drag and its two parts."""
+    """Towing points, the fitted drag and its two parts.
+
+    Parameters
+    ----------
+    speed_mps, drag_N : (n,) [m/s], (n,) [N]
+        Points.
+    fit
+        Quadratic and linear part.
+
+    Returns
+    -------
+    Figure
+        One plot.
+    """
     figure, (axis,) = new_figure(1, 1, 7.0, 4.5)
     axis.plot(speed_mps, drag_N, "o", color=MEASURED, label="measured")
     speeds = array(np.linspace(min(0.0, speed_mps.min()), max(0.0, speed_mps.max()), 200))
@@ -144,7 +170,24 @@ def towing(speed_mps: Array, drag_N: Array, fit: Towing) -> Figure:
 
 
 def step(plant: StepPlant, thrusts_N: Sequence[float], duration_s: float, tests: Sequence[StepTest] = ()) -> Figure:
-    """Velocity and acceleration after steps of thrust; recorded velocities as points. Badawy 2012, figures 14 to 17."""
+    """Velocity and acceleration after steps of thrust; recorded velocities as points. Badawy 2012, figures 14 to 17.
+
+    Parameters
+    ----------
+    plant
+        Simulated.
+    thrusts_N : [N]
+        Of the steps.
+    duration_s : [s]
+        Of each.
+    tests
+        Recorded ones.
+
+    Returns
+    -------
+    Figure
+        Two plots.
+    """
     figure, (left, right) = new_figure(1, 2, 10.0, 4.2)
     time = array(np.linspace(0.0, duration_s, 400))
     shades = np.linspace(0.35, 1.0, len(thrusts_N))

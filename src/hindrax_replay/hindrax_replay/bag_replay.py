@@ -69,11 +69,25 @@ def replay(
     results: bool = False,
     names: Mapping[str, str] | None = None,
 ) -> Replayed:
-    """Replay a bag and compare; `results`: also finish the identification, for a reference.
+    """Replay a bag and compare. UsageError when it is no bag, or has no vehicle file inside and none is given.
 
-    `names`: our topic by the bag's topic, for third-party bags.
+    Parameters
+    ----------
+    bag
+        Folder.
+    rules
+        Tolerances; None: those of the package.
+    vehicle
+        None: the one in the bag.
+    results
+        Whether the identification is finished too, for a reference.
+    names
+        Our topic by the bag's topic, for third-party bags; None: all are ours.
 
-    UsageError when it is no bag, or has no vehicle file inside and none is given.
+    Returns
+    -------
+    Replayed
+        Counts, differences and times.
     """
     start = time.perf_counter()
     inside = attachments(bag)
@@ -122,9 +136,26 @@ def _by_type(vehicle: Vehicle) -> dict[str, str]:
 
 
 def names_of(bag: Path, remaps: Sequence[str], vehicle: Vehicle) -> dict[str, str]:
-    """Our topic by the bag's topic: from `THEIRS:=OURS`, else by type in a bag that holds none of our topics.
+    """Find which topics of a third-party bag are ours.
 
-    UsageError for a remap that does not fit, for a type that several topics have, and when nothing is left to replay.
+    Parameters
+    ----------
+    bag
+        Folder.
+    remaps
+        `THEIRS:=OURS`.
+    vehicle
+        Whose topics are looked for.
+
+    Returns
+    -------
+    dict[str, str]
+        Our topic by the bag's, by the remaps, else by type where the bag holds none of our topics.
+
+    Raises
+    ------
+    UsageError
+        For a remap that does not fit, for a type that several topics have, and when nothing is left to replay.
     """
     types = {resolved(topic): topic.type for topic in topics_of_vehicle(vehicle)}
     if not remaps and any(message.topic in types for message in messages(bag)):
@@ -233,7 +264,18 @@ class SecondStage:
             self._send()
 
     def result(self) -> Any:
-        """Result of the second stage once it is through; raises its exception if it had one."""
+        """Result of the second stage once it is through; raises its exception if it had one.
+
+        Returns
+        -------
+        Any
+            Of `follow`.
+
+        Raises
+        ------
+        HindraxError
+            When its process was killed.
+        """
         self._send()
         try:
             found = self._pipe.recv()

@@ -53,7 +53,18 @@ class SerialWire:
     """Times at which its port was opened."""
 
     def frame(self, stamp: Stamp, direction: int, data: bytes) -> Iterator[Output]:
-        """Advance time to the frame, then feed it."""
+        """Advance time to the frame, then feed it.
+
+        Parameters
+        ----------
+        stamp, direction, data
+            As it was recorded.
+
+        Yields
+        ------
+        Output
+            What the driver makes of it.
+        """
         if not self.stamp or (direction == SENT and not data):
             self.stamp = stamp
             self.opened.append(stamp)
@@ -83,7 +94,18 @@ class RegisterWire:
     _configured: bool = False
 
     def frame(self, stamp: Stamp, direction: int, data: bytes) -> Sequence[Output]:
-        """Feed a transaction, and with the next frame its answer."""
+        """Feed a transaction, and with the next frame its answer.
+
+        Parameters
+        ----------
+        stamp, direction, data
+            As it was recorded.
+
+        Returns
+        -------
+        Sequence[Output]
+            What the driver makes of it.
+        """
         self.stamp = stamp
         if direction == SENT:
             self._asked = _transaction(data)
@@ -158,7 +180,22 @@ def prefix_of(parameters: Parameters, name: str) -> str:
 
 
 def knobs_of(kind: type[KnobsT], parameters: Parameters, name: str) -> KnobsT:
-    """Knobs of a node from the parameters of the recorded run; defaults for the others."""
+    """Knobs of a node from the parameters of the recorded run; defaults for the others.
+
+    Parameters
+    ----------
+    kind
+        Dataclass of knobs.
+    parameters
+        Of the run.
+    name
+        Of the node.
+
+    Returns
+    -------
+    KnobsT
+        Checked.
+    """
     given = parameters.get(name, {})
     names = [one.name for one in fields(kind)]  # type: ignore[arg-type]  # a dataclass by contract
     return build(kind, {one: given[one] for one in names if one in given}, name)

@@ -52,9 +52,21 @@ Row = tuple[int, dict[str, object]]
 
 
 def replay_ros(bag: Path, rules: Rules, vehicle_file: str | None = None, out: Path | None = None) -> Replayed:
-    """Run the processes over a bag and compare; with `out` the folder of that run is kept.
+    """Run the processes over a bag and compare.
 
-    UsageError when the bag holds no wire frames or no vehicle file; HindraxError when a process ends on the way.
+    Parameters
+    ----------
+    bag, rules
+        Folder, and tolerances.
+    vehicle_file
+        None: the one in the bag. UsageError when neither is there, or the bag holds no wire frames.
+    out
+        Folder of that run, which is kept; None: it is not.
+
+    Returns
+    -------
+    Replayed
+        Counts, differences and times. HindraxError when a process ends on the way.
     """
     begin = time.perf_counter()
     found = survey(bag)
@@ -133,7 +145,17 @@ def _wait(wires: SupervisedProcess, supervisor: Supervisor, folder: RunFolder, s
 
 
 def compare_bags(recorded: Path, replayed: Path, ledger: ComparisonReport, vehicle: Vehicle) -> None:
-    """Compare the messages of devices, navigator, allocator and identifier in the span that both bags cover."""
+    """Compare the messages of devices, navigator, allocator and identifier in the span that both bags cover.
+
+    Parameters
+    ----------
+    recorded, replayed
+        Folders.
+    ledger
+        Gets what differs.
+    vehicle
+        Of both.
+    """
     devices = compared(vehicle)
     there, here = (_rows(bag, devices | COMPUTED) for bag in (recorded, replayed))
     for topic in sorted(there):

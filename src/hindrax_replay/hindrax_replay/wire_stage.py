@@ -46,7 +46,15 @@ class ReferenceSamples(dict[str, dict[str, Any]]):
         return True
 
     def keep(self, topic: str, key: object, message: object) -> None:
-        """Keep the values of a message."""
+        """Keep the values of a message.
+
+        Parameters
+        ----------
+        topic, key
+            Where they are kept.
+        message
+            Decoded.
+        """
         self.setdefault(topic, {})[str(key)] = dict(flat(message))
 
 
@@ -179,7 +187,24 @@ class WireStage:
 
 
 def compare_lazily(ledger: ComparisonReport, message: BagMessage, stamp: int, made: object) -> bool:
-    """Compare bytes first and fields only when they differ; True when nothing differs."""
+    """Compare bytes first, and fields only when they differ.
+
+    Parameters
+    ----------
+    ledger
+        Gets what differs.
+    message
+        As it was recorded.
+    stamp : [ns]
+        Of the message.
+    made
+        The message of now.
+
+    Returns
+    -------
+    bool
+        True when nothing differs.
+    """
     form = message.form
     if form.old:
         # Bytes of different message definitions cannot be compared, only fields.

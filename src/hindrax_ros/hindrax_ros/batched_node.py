@@ -106,10 +106,22 @@ class BatchedNode(CheckedNode):
         super().__init__(name, namespace=NAMESPACE, parameter_overrides=overrides, **options)
 
     def bypass(self, source: Node, topic: Topic) -> bool:
-        """Read a topic no more from the graph if `source`, of the same process, publishes it under the same name.
+        """Read a topic no more from the graph where a node of the same process publishes it.
 
         The caller then passes its messages on by call. Where a remap separates the two, this changes nothing. A
         subscription that nobody reads stays in the graph, so that `ros2 node info` and rqt_graph show the edge.
+
+        Parameters
+        ----------
+        source
+            Node of the same process.
+        topic
+            Row of the topics table.
+
+        Returns
+        -------
+        bool
+            Whether both have it under the same full name.
         """
         name = self.resolve_topic_name(topic.name)
         if source.resolve_topic_name(topic.name) != name:

@@ -48,7 +48,22 @@ class NodeDiagnostics:
         self.troubles += 1
 
     def report(self, name: str, now: Stamp, stale_s: float) -> DiagnosticStatus:
-        """Return the status since the last report."""
+        """Return the status since the last report.
+
+        Parameters
+        ----------
+        name
+            Of the status.
+        now
+            Time of the node.
+        stale_s : [s]
+            A reading older than this is an error.
+
+        Returns
+        -------
+        DiagnosticStatus
+            With the rate of readings, and counts of rejects by their reasons.
+        """
         elapsed = seconds_between(self.last_report, now) if self.last_report is not None else 0.0
         rate = self.readings / elapsed if elapsed > 0.0 else 0.0
         age = seconds_between(self.last_reading, now) if self.last_reading is not None else float("inf")
@@ -78,7 +93,22 @@ class NodeDiagnostics:
 
 
 def status(name: str, level: bytes, message: str, values: Mapping[str, str], *, hardware: str = "") -> DiagnosticStatus:
-    """Make one status."""
+    """Make one status.
+
+    Parameters
+    ----------
+    name, level, message
+        As diagnostic_msgs has them.
+    values
+        Keys and values.
+    hardware
+        Identity of a device; empty: none.
+
+    Returns
+    -------
+    DiagnosticStatus
+        For a DiagnosticArray.
+    """
     pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
     return DiagnosticStatus(name=name, level=level, message=message, values=pairs, hardware_id=hardware)
 
@@ -103,7 +133,21 @@ class DiagnosticsPublisher:
         values: Mapping[str, str],
         level: bytes = DiagnosticStatus.WARN,
     ) -> None:
-        """Publish the status of the node itself: of this level with what is wrong, or `well` in a word."""
+        """Publish the status of the node itself.
+
+        Parameters
+        ----------
+        now
+            Its stamp.
+        wrong
+            Sentences; with one, or with a new refusal, it has this level.
+        well
+            A word for a node with nothing wrong.
+        values
+            Keys and values; refusals are added.
+        level
+            Of what is wrong.
+        """
         text = "; ".join([*wrong, *self.refusals.new_refusals()])
         values = {**values, **self.refusals.values()}
         self.publish(now, status(self._name, level if text else DiagnosticStatus.OK, text or well, values))

@@ -41,7 +41,19 @@ def profile(quality: Quality) -> QoSProfile:
 def publisher(node: Node, topic: Topic, *, held: bool = True) -> Publisher | DeferredPublisher:
     """Make the publisher of one row of the topics table (a plain one: safety does not wait for a lifecycle).
 
-    That of a batched node sends when its publish queue is flushed, unless `held` is false.
+    Parameters
+    ----------
+    node
+        Of the publisher.
+    topic
+        Row of the table: name, type, quality of service.
+    held
+        Whether that of a batched node sends only when its publish queue is flushed.
+
+    Returns
+    -------
+    Publisher | DeferredPublisher
+        Deferred for a batched node.
     """
     made = Node.create_publisher(node, message_class(topic.type), topic.name, profile(topic.quality))
     return DeferredPublisher(made, node.publish_queue) if held and isinstance(node, BatchedNode) else made
@@ -50,10 +62,28 @@ def publisher(node: Node, topic: Topic, *, held: bool = True) -> Publisher | Def
 def subscription(
     node: Node, topic: Topic, callback: Callable[[Any], None], *, raw: bool = False, queue: int = QUEUE
 ) -> Subscription:
-    """Subscription to one row of the topics table; with `raw` the callback gets the CDR bytes.
+    """Subscribe to one row of the topics table.
 
-    `queue` messages wait for a node that takes them when its turn comes; a command never has company. Where the topic
-    is remapped, the publisher may be of another stack: many send best effort, of which a reliable reader gets nothing.
+    Where the topic is remapped, the publisher may be of another stack: many send best effort, of which a reliable
+    reader gets nothing. So such a subscription is best effort, unless the topic is latched.
+
+    Parameters
+    ----------
+    node
+        Of the subscription.
+    topic
+        Row of the table.
+    callback
+        Gets each message.
+    raw
+        Whether it gets CDR bytes instead.
+    queue
+        Messages that wait for a node that takes them when its turn comes; a command never has company.
+
+    Returns
+    -------
+    Subscription
+        Of rclpy.
     """
     command = topic.quality.depth == 1
     quality = topic.quality if command else replace(topic.quality, depth=queue)

@@ -12,9 +12,23 @@ FRAME_PREFIX = "frame_prefix"
 
 
 def parameter_blocks(file: str) -> Iterator[tuple[str, dict[str, object] | None]]:
-    """Yield the pattern of the nodes and the parameters of each block; None for what is no block of parameters.
+    """Read a ROS parameter file, block by block; of two blocks the later wins.
 
-    Of two blocks the later wins. Parameters in nested blocks have names with dots. UsageError: it cannot be read.
+    Parameters
+    ----------
+    file
+        Its name.
+
+    Yields
+    ------
+    tuple[str, dict[str, object] | None]
+        Pattern of the nodes, and their parameters: those in nested blocks have names with dots. None for what is no
+        block of parameters.
+
+    Raises
+    ------
+    UsageError
+        When it cannot be read.
     """
     try:
         found = read_yaml(Path(file).read_text(encoding="utf-8"), f"parameter file {file}")

@@ -46,13 +46,42 @@ SHOWN = 40
 
 
 def text(node: Node, name: str, default: str, meaning: str) -> str:
-    """Declare one text parameter, fixed at start, and return its value."""
+    """Declare one text parameter, fixed at start.
+
+    Parameters
+    ----------
+    node, name, default
+        Of the parameter.
+    meaning
+        For `ros2 param describe`.
+
+    Returns
+    -------
+    str
+        Its value.
+    """
     descriptor = ParameterDescriptor(description=meaning, read_only=True)
     return str(node.declare_parameter(name, default, descriptor).value)
 
 
 def frame_prefix(node: Node) -> str:
-    """Declare the prefix of every frame that the node publishes, as robot_state_publisher has it."""
+    """Declare the prefix of every frame that the node publishes, as robot_state_publisher has it.
+
+    Parameters
+    ----------
+    node
+        Of the parameter.
+
+    Returns
+    -------
+    str
+        Its value, such as `rov1/`.
+
+    Raises
+    ------
+    UsageError
+        For what is no prefix.
+    """
     prefix = text(node, FRAME_PREFIX, "", "prefix of its frames, such as rov1/ [-]")
     if not re.fullmatch(r"(?:[A-Za-z]\w*/)*", prefix, re.ASCII):
         raise UsageError(f"{node.get_name()}.{FRAME_PREFIX}: found {prefix!r}, wanted a name that ends in /, as rov1/")
@@ -60,7 +89,25 @@ def frame_prefix(node: Node) -> str:
 
 
 def whole(node: Node, name: str, default: int | None, meaning: str) -> int | None:
-    """Declare one whole number, fixed at start, and return its value; None, or an empty text, where it is not set."""
+    """Declare one whole number, fixed at start.
+
+    Parameters
+    ----------
+    node, name, default
+        Of the parameter; None: not set.
+    meaning
+        For `ros2 param describe`.
+
+    Returns
+    -------
+    int | None
+        Its value; None, or an empty text, where it is not set.
+
+    Raises
+    ------
+    UsageError
+        For a text that is no whole number.
+    """
     descriptor = ParameterDescriptor(description=meaning, read_only=True, dynamic_typing=True)
     value = node.declare_parameter(name, default, descriptor).value
     if value in (None, ""):
@@ -71,11 +118,25 @@ def whole(node: Node, name: str, default: int | None, meaning: str) -> int | Non
 
 
 def knobs(node: Node, cls: type[T], tune: Callable[[T], None] | None = None, *, fixed: Mapping[str, str] = FIXED) -> T:
-    """Declare every knob of a dataclass as a parameter of the node and return a checked instance of their values.
+    """Declare every knob of a dataclass as a parameter of the node.
 
-    Knobs of a nested dataclass are declared as `field.knob`. A whole number is accepted for a float. `tune` gets a new
-    instance when parameters have changed while the node runs; without it they cannot. `fixed`: why those whose names
-    begin so cannot. UsageError names a value that is wrong.
+    Knobs of a nested dataclass are declared as `field.knob`. A whole number is accepted for a float.
+
+    Parameters
+    ----------
+    node
+        Of the parameters.
+    cls
+        Dataclass of knobs.
+    tune
+        Gets a new instance when parameters have changed while the node runs; None: they cannot.
+    fixed
+        Why those whose names begin so cannot.
+
+    Returns
+    -------
+    T
+        A checked instance of their values. UsageError names a value that is wrong.
     """
     given = node._parameter_overrides  # noqa: SLF001  # rclpy offers no other way to them
     names = list(leaves(cls))
@@ -117,9 +178,21 @@ def renamed(name: str) -> str:
 def unknown_parameters(
     node: str, given: Iterable[str], declared: Collection[str], elsewhere: Collection[str] = ()
 ) -> list[str]:
-    """Return one sentence for each parameter given to a node that neither it nor its process declares.
+    """Find parameters that nobody declares.
 
-    `elsewhere`: the names that the other nodes of the process declare; arguments of a process reach all its nodes.
+    Parameters
+    ----------
+    node
+        Name of a node.
+    given
+        Parameters that were given to it.
+    declared, elsewhere
+        Names that it declares, and that the other nodes of the process do: arguments of a process reach all its nodes.
+
+    Returns
+    -------
+    list[str]
+        One sentence for each that neither declares.
     """
     found = []
     for name in sorted({*given} - {*declared}):

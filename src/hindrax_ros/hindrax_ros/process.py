@@ -55,11 +55,26 @@ def spin(
     *,
     renamed: str = "",
 ) -> int:
-    """Make the nodes, spin them until a stop signal, close them, and return the exit code of the process.
+    """Make the nodes, spin them until a stop signal, close them.
 
     A node that owns something (a port, a thread, a file) offers `close()`, called before it is destroyed. An exception
-    in a callback is our own mistake: nothing catches it, the process ends and its supervisor starts it again. Nodes
-    that cannot be made with their arguments give a one-line error. `renamed`: the node that `-r __node:=NAME` means.
+    in a callback is our own mistake: nothing catches it, the process ends and its supervisor starts it again.
+
+    Parameters
+    ----------
+    make
+        Makes the nodes; those that cannot be made with their arguments give a one-line error.
+    arguments
+        Of the process; None: its own.
+    stop
+        Signal to stop; None: SIGINT and SIGTERM.
+    renamed
+        The node that `-r __node:=NAME` means.
+
+    Returns
+    -------
+    int
+        Exit code of the process.
     """
     arguments = scoped(sys.argv if arguments is None else arguments, renamed)
     stop, heartbeat = stop or StopSignal(), HeartbeatFile(os.environ)

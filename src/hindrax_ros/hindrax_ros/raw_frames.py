@@ -31,7 +31,17 @@ class FrameTap:
         self._data = bytearray()
 
     def add(self, stamp: Stamp, sent: bool, data: bytes) -> None:
-        """Add one frame, sent or received; publish the batch when it is old enough."""
+        """Add one frame; publish the batch when it is old enough.
+
+        Parameters
+        ----------
+        stamp
+            Of the frame.
+        sent
+            Whether it went to the device.
+        data
+            Its bytes.
+        """
         if self._begin is None:
             self._begin = stamp
         self._stamps.append(stamp)

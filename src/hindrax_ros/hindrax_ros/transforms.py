@@ -33,9 +33,21 @@ def fixed(frame: Frame, prefix: str = "") -> TransformStamped:
 
 
 def transform_publisher(node: BatchedNode, vehicle: Vehicle, prefix: str = "") -> Callable[[Stamped[Navigation]], None]:
-    """Publish the description of a vehicle and its fixed frames; the publisher is for the pose of base_link.
+    """Publish the description of a vehicle and its fixed frames.
 
-    The links of the description have no prefix: RViz and robot_state_publisher put one before them.
+    Parameters
+    ----------
+    node
+        That publishes.
+    vehicle
+        Mounts and thrusters.
+    prefix
+        Of the frames. The links of the description have none: RViz and robot_state_publisher put one before them.
+
+    Returns
+    -------
+    Callable[[Stamped[Navigation]], None]
+        Publishes the pose of base_link.
     """
     publisher(node, ROBOT_DESCRIPTION).publish(String(data=urdf_of(vehicle)))
     publisher(node, TF_STATIC).publish(TFMessage(transforms=[fixed(frame, prefix) for frame in frames_of(vehicle)]))

@@ -47,7 +47,19 @@ class Row:
 
 
 def make(folder: Path, only: str = "", seeds: Sequence[int] = (1, 2), workers: Workers = HERE) -> None:
-    """Fly the records; questions without answers, and the truth in its own file."""
+    """Fly the records: questions without answers, and the truth in its own file.
+
+    Parameters
+    ----------
+    folder
+        For both.
+    only
+        Part of the names of records; empty: all.
+    seeds
+        Flights of each.
+    workers
+        Where the flights are computed.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     wanted = [(plant, kind, seed) for plant in PLANTS for kind in KINDS for seed in seeds]
     jobs = [partial(fly, *one) for one in wanted if only in f"{one[0].name}-{one[1]}-{one[2]}"]
@@ -60,7 +72,22 @@ def make(folder: Path, only: str = "", seeds: Sequence[int] = (1, 2), workers: W
 
 
 def answers(folder: Path, method: str, workers: Workers = HERE) -> dict[str, Answer]:
-    """What a method says of all records of a folder; it does not open the truth."""
+    """Ask a method about all records of a folder; it does not open the truth.
+
+    Parameters
+    ----------
+    folder
+        Of `make`.
+    method
+        Name of the method.
+    workers
+        Where it computes.
+
+    Returns
+    -------
+    dict[str, Answer]
+        By record.
+    """
     records = [read(file) for file in sorted(folder.glob("*.npz"))]
     found = workers.run([partial(METHODS[method], one) for one in records])
     return {record.name: answer for record, answer in zip(records, found, strict=True)}
@@ -145,7 +172,18 @@ class Common:
 
 
 def common(truth: Mapping[str, Truth], ours: Mapping[str, Answer], theirs: Mapping[str, Answer]) -> Common:
-    """Compare two answers over the axes that both gave."""
+    """Compare two answers over the axes that both gave.
+
+    Parameters
+    ----------
+    truth, ours, theirs
+        By record.
+
+    Returns
+    -------
+    Common
+        Errors of both.
+    """
 
     def of_both(one: Mapping[str, Answer], other: Mapping[str, Answer]) -> dict[str, Answer]:
         """Answers of one, where the other has some too."""

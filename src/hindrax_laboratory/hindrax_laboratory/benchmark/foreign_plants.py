@@ -249,7 +249,22 @@ class _Motion:
 
 
 def fly(plant: Plant, kind: str, seed: int) -> ForeignRecord:
-    """Simulate a flight: what is not pushed is held by damping, depth and heading by their errors too."""
+    """Simulate a flight: what is not pushed is held by damping, depth and heading by their errors too.
+
+    Parameters
+    ----------
+    plant
+        Vehicle and water of another kind.
+    kind
+        How it is flown.
+    seed
+        Of what is random in it.
+
+    Returns
+    -------
+    ForeignRecord
+        Velocities and wrenches, as a team would have recorded them.
+    """
     rng, fluid = np.random.default_rng(seed), Fluid(plant)
     wanted, lasts_s = helmsman(kind, rng)
     B = plant.directions

@@ -81,7 +81,22 @@ def _drag(theta: Array, C: Array, quadratic: int, speeds: Array) -> list[Pair]:
 
 
 def least_squares(v: Array, thrust: Array, others: Array, speeds: Array) -> AxisAnswer:
-    """Plain: m v' + k_q |v| v + k_l v + b = thrust, with accelerations from differences."""
+    """Plain: m v' + k_q |v| v + k_l v + b = thrust, with accelerations from differences.
+
+    Parameters
+    ----------
+    v, thrust : (n,) [m/s, rad/s], (n,) [N, N m]
+        Of one axis, evenly sampled.
+    others : (n, 5) [m/s, rad/s]
+        Velocities of the other axes.
+    speeds : (k,) [m/s, rad/s]
+        At which the drag is asked.
+
+    Returns
+    -------
+    AxisAnswer
+        Drag and mass with their deviations.
+    """
     columns = np.column_stack([np.gradient(v, STEP_S), np.abs(v) * v, v, others])
     theta, C = _fitted(array(columns), thrust)
     inertia = float(theta[0]), math.sqrt(float(C[0, 0]))
@@ -89,7 +104,18 @@ def least_squares(v: Array, thrust: Array, others: Array, speeds: Array) -> Axis
 
 
 def plateaus(v: Array, thrust: Array, others: Array, speeds: Array) -> AxisAnswer | None:
-    """Thrust against speed where both are steady, one point a plateau (COB-2023-1394); no mass follows from that."""
+    """Thrust against speed where both are steady, one point a plateau (COB-2023-1394); no mass follows from that.
+
+    Parameters
+    ----------
+    v, thrust, others, speeds
+        As of `least_squares`.
+
+    Returns
+    -------
+    AxisAnswer | None
+        None where there are too few plateaus, or all at one speed.
+    """
     width = round(STEADY_S / STEP_S)
     most_v, most_thrust = np.percentile(np.abs(v), 98.0), np.percentile(np.abs(thrust), 98.0)
     points, index = [], 0
@@ -110,7 +136,22 @@ def plateaus(v: Array, thrust: Array, others: Array, speeds: Array) -> AxisAnswe
 def black_box(v: Array, thrust: Array, _others: Array, speeds: Array) -> AxisAnswer | None:
     """Polynomial NARX model by sysidentpy (FROLS); its drag is the thrust that keeps a speed. No deviations.
 
-    UsageError where sysidentpy is not installed.
+    Parameters
+    ----------
+    v, thrust, speeds
+        As of `least_squares`.
+    _others
+        It does not ask.
+
+    Returns
+    -------
+    AxisAnswer | None
+        None where it finds no model that keeps the speeds.
+
+    Raises
+    ------
+    UsageError
+        Where sysidentpy is not installed.
     """
     try:
         from sysidentpy.basis_function import Polynomial  # noqa: PLC0415  # an extra

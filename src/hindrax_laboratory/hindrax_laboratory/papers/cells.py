@@ -150,9 +150,21 @@ class Row:
 
 
 def slip_of_result(printed: Printed, recomputed: float) -> tuple[Verdict, str]:
-    """Return "misprint" and its sentence when one slip of a digit turns the printed result into the recomputed one.
+    """Ask whether one slip of a digit turns a printed result into the recomputed one.
 
     A wrong last digit is no slip of hand but a lack of precision.
+
+    Parameters
+    ----------
+    printed
+        Number as the paper prints it.
+    recomputed
+        By us.
+
+    Returns
+    -------
+    tuple[Verdict, str]
+        "misprint" and its sentence when it does.
     """
     if printed.digits < FEWEST_DIGITS:
         return "does not follow", ""

@@ -75,7 +75,22 @@ def _search_for_curve(row: Row) -> str:
 
 
 def drag_coefficient(motion: str, v: Mapping[str, float], length_m: float = ANGULAR_LENGTH_m) -> float:
-    """Mean over the Reynolds range of F / (1/2 rho A x^2); A is V^(2/3), for a rotation L^5. Text to Table 4."""
+    """Mean over the Reynolds range of F / (1/2 rho A x^2); A is V^(2/3), for a rotation L^5. Text to Table 4.
+
+    Parameters
+    ----------
+    motion
+        Of the table.
+    v
+        Numbers of its row.
+    length_m : [m]
+        L of a rotation.
+
+    Returns
+    -------
+    float
+        [-].
+    """
     if motion in ROTATIONS:
         size, reference = length_m**2, length_m**5
     else:

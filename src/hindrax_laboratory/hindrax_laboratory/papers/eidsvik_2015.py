@@ -81,9 +81,14 @@ def _row(table: Table, prism: Printed | None = None) -> Row:
 
 
 def recompute() -> list[Cell]:
-    """All golden tables. Tolerance as stated for each; projected areas and dimensions are taken as exact.
+    """All golden tables; projected areas and dimensions are taken as exact.
 
     Neptunus once more with the prism coefficient as the text prints it. Tolerance: a part in ten thousand.
+
+    Returns
+    -------
+    list[Cell]
+        Each with its tolerance.
     """
     again = replace(TABLES[0], name=f"added mass, prism {PRISM_SIX_PRINTED.text} as in the text", relative=1e-4)
     rows = [*map(_row, TABLES), _row(again, PRISM_SIX_PRINTED)]

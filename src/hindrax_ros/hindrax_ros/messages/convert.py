@@ -62,7 +62,18 @@ def _plain(vector: Vector3) -> Vec3:
 
 
 def quaternion_from_sname(roll: float, pitch: float, yaw: float) -> QuaternionMsg:
-    """Orientation of the REP-103 body in east, north, up, from SNAME angles."""
+    """Orientation of the REP-103 body in east, north, up, from SNAME angles.
+
+    Parameters
+    ----------
+    roll, pitch, yaw : [rad]
+        Of the SNAME body in north, east, down.
+
+    Returns
+    -------
+    QuaternionMsg
+        x, y, z, w of length one.
+    """
     x, y, z, w = xyzw_from_sname(roll, pitch, yaw)
     return QuaternionMsg(x=x, y=y, z=z, w=w)
 
@@ -70,8 +81,22 @@ def quaternion_from_sname(roll: float, pitch: float, yaw: float) -> QuaternionMs
 def odometry_from_msg(message: Odometry, prefix: str = "") -> Stamped[Navigation]:
     """State in any odometry of `base_link` in a world with z up, as REP-105 has it; z = 0 is the surface.
 
-    `prefix`: of the frames of our vehicle. ValueError for other frames and for what is no orientation.
-    A variance of zero or less means unknown.
+    Parameters
+    ----------
+    message
+        A variance of zero or less in it means unknown.
+    prefix
+        Of the frames of our vehicle; empty: any.
+
+    Returns
+    -------
+    Stamped[Navigation]
+        In SNAME axes; the altitude is NaN.
+
+    Raises
+    ------
+    ValueError
+        For other frames, with the refusal where they are another vehicle's, and for what is no orientation.
     """
     world, body = message.header.frame_id, message.child_frame_id
     if foreign := foreign_frame(body, prefix):
@@ -105,7 +130,22 @@ def _sigma(variance: float) -> float:
 
 
 def wrench_to_msg(stamp: Stamp, wrench: Vec6, prefix: str = "") -> WrenchStamped:
-    """Wrench in the SNAME body frame."""
+    """Wrench as a message in the SNAME body frame.
+
+    Parameters
+    ----------
+    stamp
+        When it was made.
+    wrench : [N, N m]
+        About the center of mass, SNAME axes.
+    prefix
+        Of the frame.
+
+    Returns
+    -------
+    WrenchStamped
+        In base_link_fsd.
+    """
     made = Wrench(force=vector_to_msg(wrench[:3]), torque=vector_to_msg(wrench[3:]))
     return WrenchStamped(header=header(stamp, prefix + FSD), wrench=made)
 

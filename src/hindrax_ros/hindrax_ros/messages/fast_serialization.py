@@ -61,7 +61,16 @@ def navigation_writer(prefix: str = "") -> Callable[[Stamped[Navigation]], bytes
 def odometry_writer(prefix: str = "") -> Callable[[Stamped[Navigation]], bytes]:
     """Make a writer of Odometry: pose in `odom` (east, north, up from the start), twist in `base_link` (REP-105).
 
-    Variances: of the velocities, and of east and north since the position was last known; NaN where unknown.
+    Parameters
+    ----------
+    prefix
+        Of both frames.
+
+    Returns
+    -------
+    Callable[[Stamped[Navigation]], bytes]
+        Writes CDR bytes. Variances are those of the velocities, and of east and north since the position was last
+        known; NaN where unknown.
     """
     pose = (*parts("pose.pose.position"), *parts("pose.pose.orientation", "xyzw"), "pose.covariance")
     twist = (*parts("twist.twist.linear"), *parts("twist.twist.angular"), "twist.covariance")
@@ -123,7 +132,22 @@ def applied_writer(output: str) -> Callable[[AppliedOutput], bytes]:
 def allocation_writer(
     thrusters: Sequence[str], nominal_V: float, prefix: str = ""
 ) -> Callable[[AppliedOutput, Allocation, float | None], bytes]:
-    """Make a writer of AllocationStatus: what applied pulses achieve, by the measured supply, None: the nominal one."""
+    """Make a writer of AllocationStatus.
+
+    Parameters
+    ----------
+    thrusters
+        Their names.
+    nominal_V : [V]
+        Supply where none is measured.
+    prefix
+        Of the frame.
+
+    Returns
+    -------
+    Callable[[AppliedOutput, Allocation, float | None], bytes]
+        Writes CDR bytes of what applied pulses achieve, by the measured supply; None: the nominal one.
+    """
     numbers = ("sequence", "wanted", "achieved", "shortfall", "forces", "pulses", "saturated")
     writer = CdrWriter(*STAMP, *numbers, "supply_voltage", "supply_measured")
 
@@ -164,9 +188,23 @@ def raw_frames_bytes(
     lengths: Sequence[int],
     data: bytes | bytearray,
 ) -> bytes:
-    """Bytes of RawFrames, whose batches all differ in shape; the last four arguments are as in its definition.
+    """Bytes of RawFrames, whose batches all differ in shape.
 
     A C struct is aligned as CDR is: each number at a multiple of its size.
+
+    Parameters
+    ----------
+    stamp
+        Of the message.
+    source
+        Name of the sensor or output.
+    stamps, directions, lengths, data
+        As in the definition of the message, one entry for each frame.
+
+    Returns
+    -------
+    bytes
+        CDR.
     """
     name, count = source.encode() + b"\0", len(stamps)
     form = f"iII1sI{len(name)}sI{count}QI{count}sI{count}II{len(data)}s"

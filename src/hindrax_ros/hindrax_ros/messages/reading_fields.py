@@ -256,9 +256,19 @@ FIELDS: Mapping[str, Fields] = {
 
 
 def writer(quantity: str, frame: str = "") -> Callable[..., bytes | None]:
-    """Make the writer of a quantity of one sensor, called with a stamped reading, and with what else `values` takes.
+    """Make the writer of a quantity of one sensor.
 
-    It returns the bytes of the message; None if the reading has none.
+    Parameters
+    ----------
+    quantity
+        Row of the table.
+    frame
+        Of its messages.
+
+    Returns
+    -------
+    Callable[..., bytes | None]
+        Called with a stamped reading, and with what else `values` takes: CDR bytes; None if the reading has none.
     """
     row = FIELDS[quantity]
     made = CdrWriter(*STAMP, *row.paths)
@@ -272,8 +282,16 @@ def writer(quantity: str, frame: str = "") -> Callable[..., bytes | None]:
 
 
 def reader(topic: Topic) -> Read[Reading]:
-    """Make the reader of a sensor's topic: what its messages hold of a reading, NaN for the rest.
+    """Make the reader of a sensor's topic.
 
-    ValueError for bytes of another kind.
+    Parameters
+    ----------
+    topic
+        Row of the topics table.
+
+    Returns
+    -------
+    Read[Reading]
+        From CDR bytes to what they hold of a reading, NaN for the rest; ValueError for bytes of another kind.
     """
     return contents_reader(topic.type, of_sensor(topic))

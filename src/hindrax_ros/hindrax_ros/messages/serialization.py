@@ -123,7 +123,18 @@ def deserialized(data: bytes, kind: type[MessageT]) -> MessageT:
 def as_message(decoded: object, message_type: type[Message]) -> Message:
     """Message of a type whose fields have the values of the same names in any decoded object, nested ones too.
 
-    Sequences of messages are not converted; no message of ours that old bags hold has one.
+    Parameters
+    ----------
+    decoded
+        An object with attributes. Sequences of messages are not converted; no message of ours that old bags hold has
+        one.
+    message_type
+        Class of the message.
+
+    Returns
+    -------
+    Message
+        A new one.
     """
     message = message_type()
     for name in message_type.get_fields_and_field_types():
