@@ -17,7 +17,7 @@ from hindrax_tools.site.pages import API
 ROOT = Path(__file__).parents[2]
 WHOLE = (
     *("hindrax_core", "hindrax_bag", "hindrax_ident", "hindrax_control", "hindrax_analysis", "hindrax_laboratory"),
-    *("hindrax_ros", "hindrax_replay"),
+    *("hindrax_ros", "hindrax_drivers", "hindrax_replay"),
 )
 """Packages of which every module is held, but for nodes and helpers of tests."""
 

@@ -37,9 +37,21 @@ class CapturedReadings:
 
 
 def mount_of(vehicle: Vehicle, driver: type[object], name: str | None = None) -> tuple[str, Mount]:
-    """Name and mount of the sensor that a driver serves: of several the one called `name`, or the first.
+    """Find the sensor that a driver serves.
 
-    UsageError when there is none.
+    Parameters
+    ----------
+    vehicle
+        With its sensors.
+    driver
+        Class of the device.
+    name
+        Of the sensor, where there are several; None: the first.
+
+    Returns
+    -------
+    tuple[str, Mount]
+        Its name and mount. UsageError when there is none.
     """
     kind = driver.__module__.rpartition(".")[2]
     names = [one for one, mount in vehicle.sensors.items() if row_of(mount.device).driver_module == driver.__module__]
@@ -47,9 +59,21 @@ def mount_of(vehicle: Vehicle, driver: type[object], name: str | None = None) ->
 
 
 def measuring(vehicle: Vehicle, capability: Capability, name: str | None = None) -> tuple[str, Mount]:
-    """Name and mount of the sensor that measures something, of several the one called `name`, or the first.
+    """Find the sensor that measures something.
 
-    UsageError when there is none.
+    Parameters
+    ----------
+    vehicle
+        With its sensors.
+    capability
+        What is measured.
+    name
+        Of the sensor, where there are several; None: the first.
+
+    Returns
+    -------
+    tuple[str, Mount]
+        Its name and mount. UsageError when there is none.
     """
     return _chosen(vehicle, vehicle.measuring(capability), name, f"that measures {capability}")
 
@@ -70,9 +94,30 @@ def capture(
     progress: Callable[[float], None],
     answered: Callable[[], None] = lambda: None,
 ) -> CapturedReadings:
-    """Run a device for some seconds of bus time from its answer on. HindraxError, with the last trouble, without one.
+    """Run a device for a while, from its answer on.
 
-    `answered` is called in between, to show the operator what to do once a device answers.
+    Parameters
+    ----------
+    port
+        Of its bus.
+    device
+        To be configured and cycled.
+    seconds : [s]
+        Bus time after its answer.
+    progress
+        Called with the time since.
+    answered
+        Called in between, to show the operator what to do once a device answers.
+
+    Returns
+    -------
+    CapturedReadings
+        What it measured.
+
+    Raises
+    ------
+    HindraxError
+        Without an answer, with the last trouble.
     """
     received: list[Output] = []
     with closing(open_bus(port, "tool")) as bus:

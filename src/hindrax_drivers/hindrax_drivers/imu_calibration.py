@@ -40,7 +40,18 @@ class Correction:
         return self.offset == (0.0, 0.0, 0.0) and self.matrix == IDENTITY
 
     def apply(self, x: float, y: float, z: float) -> Vec3:
-        """Correct one raw vector."""
+        """Correct one raw vector.
+
+        Parameters
+        ----------
+        x, y, z
+            In axes of the chip.
+
+        Returns
+        -------
+        Vec3
+            In the same unit.
+        """
         ox, oy, oz = self.offset
         a, b, c, d, e, f, g, h, i = self.matrix
         x, y, z = x - ox, y - oy, z - oz
@@ -61,9 +72,19 @@ class Correction:
 
 
 def correction(calibration: Mapping[str, tuple[float, ...]], prefix: str, unit: str) -> Correction:
-    """Read `<prefix>_offset_<unit>` (3) and `<prefix>_matrix` (9) or `<prefix>_scale` (3) from a mount.
+    """Read a correction from a mount.
 
-    UsageError names the key when the number of values is wrong.
+    Parameters
+    ----------
+    calibration
+        Of the mount: `<prefix>_offset_<unit>` (3) and `<prefix>_matrix` (9) or `<prefix>_scale` (3).
+    prefix, unit
+        Of the keys.
+
+    Returns
+    -------
+    Correction
+        None of it set: of no effect. UsageError names the key when the number of values is wrong.
     """
     offset = _values(calibration, f"{prefix}_offset_{unit}", 3) or (0.0, 0.0, 0.0)
     x, y, z = _values(calibration, f"{prefix}_scale", 3) or (1.0, 1.0, 1.0)
@@ -76,8 +97,24 @@ def fit_sphere(points: Sequence[Vec3], radius: float | None = None) -> Correctio
 
     Least squares fit of a general ellipsoid x'Ax + b'x = 1 (Li and Griffiths, "Least squares ellipsoid specific
     fitting", GMP 2004, without its constraint, which noise as small as a sensor's does not need); the matrix is the
-    symmetric root of A: it stretches and does not turn. Without a radius (the field is not known) the matrix keeps the
-    volume. HindraxError when the points do not fix an ellipsoid.
+    symmetric root of A: it stretches and does not turn.
+
+    Parameters
+    ----------
+    points : (n, 3)
+        Raw vectors.
+    radius
+        Of the sphere, in their unit; None: not known, and the matrix keeps the volume.
+
+    Returns
+    -------
+    Correction
+        Offset and matrix.
+
+    Raises
+    ------
+    HindraxError
+        When the points do not fix an ellipsoid.
     """
     raw = np.asarray(points, dtype=float)
     if raw.ndim != 2 or len(raw) < FEWEST_POINTS:

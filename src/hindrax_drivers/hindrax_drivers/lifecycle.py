@@ -55,7 +55,20 @@ ON_REQUEST = {
 
 
 def requested(state: State, number: int, label: str) -> Transition | None:
-    """Transition that a request means in this state, or None. A label outranks the number, as in rcl."""
+    """Find the transition that a request means. A label outranks the number, as in rcl.
+
+    Parameters
+    ----------
+    state
+        Of the node.
+    number, label
+        Of the request; an empty label: none.
+
+    Returns
+    -------
+    Transition | None
+        None for what cannot be requested in this state.
+    """
     for one in TRANSITIONS:
         if one.start is state and (one.label == label if label else one.number == number):
             return one
@@ -63,7 +76,20 @@ def requested(state: State, number: int, label: str) -> Transition | None:
 
 
 def next_transition(state: State, wanted: State, *, found: bool) -> Transition | None:
-    """Next automatic transition towards the wanted state, as far as the device allows; None when done."""
+    """Find the next automatic transition, as far as the device allows.
+
+    Parameters
+    ----------
+    state, wanted
+        Of the node.
+    found
+        Whether the device has answered.
+
+    Returns
+    -------
+    Transition | None
+        None when done.
+    """
     if State.FINALIZED in (state, wanted):
         return None
     goal = wanted if found else State.UNCONFIGURED

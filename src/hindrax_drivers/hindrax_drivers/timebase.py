@@ -83,7 +83,17 @@ class Timebase:
     def map(self, ticks: int, arrival: Stamp) -> Stamp:
         """Time at which a sample with this tick count was taken.
 
-        Never later than `arrival` and, between breaks, never earlier than the stamp before.
+        Parameters
+        ----------
+        ticks
+            Of the device's clock.
+        arrival
+            It is never later than this and, between breaks, never earlier than the stamp before.
+
+        Returns
+        -------
+        Stamp
+            By the least delayed arrivals.
         """
         if not self._running or ticks < self._ticks or arrival < self._arrival:
             self._start_over(ticks, arrival)

@@ -57,7 +57,22 @@ class BusSchedule:
         self._last = EPOCH
 
     def add(self, name: str, device: RegisterDevice, start: Stamp = EPOCH) -> None:
-        """Add a device; it is configured at `start` and cycles from then on."""
+        """Add a device.
+
+        Parameters
+        ----------
+        name
+            Of the device.
+        device
+            Its programs.
+        start
+            When it is configured; it cycles from then on.
+
+        Raises
+        ------
+        ValueError
+            For a name that is there already, and a period that is not above 0.
+        """
         if name in self._devices:
             raise ValueError(f"{name}: is in the schedule already")
         if not device.period_s > 0.0:
@@ -70,9 +85,17 @@ class BusSchedule:
         return name in self._devices and self._devices[name].configured
 
     def next_due(self, now: Stamp) -> Stamp:
-        """Return when to call `run_next` again (LAST_STAMP without devices); with nothing due yet, slack is used up.
+        """Find when to run again; with nothing due yet, slack is used up.
 
-        Pauses of the last turn count from this `now`.
+        Parameters
+        ----------
+        now
+            Pauses of the last turn count from it.
+
+        Returns
+        -------
+        Stamp
+            For `run_next`; LAST_STAMP without devices.
         """
         self._update_clock(now)
         if not self._heap:

@@ -31,9 +31,16 @@ class Clock(Protocol):
         """Time of this clock."""
 
     def sleep_until(self, stamp: Stamp, readable: int | None = None, meanwhile: Meanwhile = nothing) -> None:
-        """Return when the time has come, after `wake()`, or when the descriptor `readable` has bytes: check which.
+        """Sleep; check why it returned.
 
-        `meanwhile` is called once, at the start, for work that no device waits for. A mock's time advances by then.
+        Parameters
+        ----------
+        stamp
+            It returns when this time has come, or after `wake()`.
+        readable
+            A descriptor: it returns when that has bytes; None: none.
+        meanwhile
+            Called once, at the start, for work that no device waits for. A mock's time advances by then.
         """
 
     def wake(self) -> None:
@@ -99,7 +106,13 @@ class SystemClock:
         return self._time.now()
 
     def sleep_until(self, stamp: Stamp, readable: int | None = None, meanwhile: Meanwhile = nothing) -> None:
-        """Sleep at most as long as the stamp lies ahead now."""
+        """Sleep at most as long as the stamp lies ahead now.
+
+        Parameters
+        ----------
+        stamp, readable, meanwhile
+            As of `Clock`.
+        """
         meanwhile()
         left_s = (stamp - self.now()) / NS_PER_S
         if left_s > 0.0:

@@ -39,7 +39,25 @@ def find_chip(chip: str) -> str:
 
 
 def request_line(chip: str, line: int, **settings: Any) -> Any:
-    """Request one line. DeviceError with cause and remedy."""
+    """Request one line.
+
+    Parameters
+    ----------
+    chip, line
+        Of the kernel.
+    **settings
+        As gpiod has them.
+
+    Returns
+    -------
+    Any
+        The request of gpiod.
+
+    Raises
+    ------
+    DeviceError
+        With cause and remedy.
+    """
     gpiod, path = library(), find_chip(chip)
     try:
         return gpiod.request_lines(path, consumer=CONSUMER, config={line: gpiod.LineSettings(**settings)})
@@ -54,7 +72,13 @@ class InputLines(dict[int, Any]):
     """Requested input lines, by number."""
 
     def request(self, chip: str, line: int, **settings: Any) -> None:
-        """Request a line, given back before where it is ours. DeviceError with cause and remedy."""
+        """Request a line, given back before where it is ours. DeviceError with cause and remedy.
+
+        Parameters
+        ----------
+        chip, line, **settings
+            As of `request_line`.
+        """
         if line in self:
             self.pop(line).release()
         self[line] = request_line(chip, line, direction=library().line.Direction.INPUT, **settings)

@@ -110,9 +110,22 @@ def is_network(path: str) -> bool:
 
 
 def open_line(path: str, baud: int, clock: Clock) -> Line:
-    """Open a serial port, listen at `udp://ADDRESS:PORT`, or connect to `tcp://HOST:PORT`. DeviceError says why not.
+    """Open a line to a serial device. DeviceError says why not.
 
-    `udpin:ADDRESS:PORT` listens for datagrams that are taken as they are, `udpout:HOST:PORT` sends to who listens.
+    Parameters
+    ----------
+    path
+        A serial port; `udp://ADDRESS:PORT` listens; `tcp://HOST:PORT` connects; `udpin:ADDRESS:PORT` listens for
+        datagrams that are taken as they are; `udpout:HOST:PORT` sends to who listens.
+    baud
+        Of a serial port.
+    clock
+        For the stamps of what is read.
+
+    Returns
+    -------
+    Line
+        To be closed.
     """
     if path.startswith((UDP_PREFIX, UDP_IN)):
         return UdpPort(path, clock)

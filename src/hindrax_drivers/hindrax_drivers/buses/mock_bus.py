@@ -46,7 +46,13 @@ class VirtualClock:
         return Stamp(self._page[0])
 
     def sleep_until(self, stamp: Stamp, readable: int | None = None, meanwhile: Meanwhile = nothing) -> None:
-        """Report this client as idle until then, and wait."""
+        """Report this client as idle until then, and wait.
+
+        Parameters
+        ----------
+        stamp, readable, meanwhile
+            As of `Clock`.
+        """
         if stamp <= self._page[0]:
             meanwhile()
             return

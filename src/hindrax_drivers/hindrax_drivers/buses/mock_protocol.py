@@ -71,7 +71,7 @@ def parse_hello(body: bytes) -> str:
 
 
 def parse_transfer(body: bytes) -> Transaction:
-    """Transaction of a TRANSFER, as `pack_transaction` encodes it."""
+    """Transaction of a TRANSFER, as `pack_transaction` encodes it; ProtocolError for other bytes."""
     try:
         return unpack_transaction(body)
     except ValueError as error:
@@ -84,7 +84,7 @@ def sleep(stamp: int) -> bytes:
 
 
 def number(layout: struct.Struct, body: bytes) -> int:
-    """The one number of a body: STAMP in SLEEP and TIME, ERRNO in FAILED."""
+    """The one number of a body: STAMP in SLEEP and TIME, ERRNO in FAILED; ProtocolError for another length."""
     if len(body) != layout.size:
         raise ProtocolError(f"found {len(body)} bytes, wanted a number of {layout.size}")
     return int(layout.unpack(body)[0])

@@ -7,9 +7,19 @@ from hindrax_drivers.buses.mock_bus import VirtualBus, VirtualClock
 
 
 def open_bus(port: str, name: str = "") -> RegisterBus:
-    """Open "/dev/i2c-1" (Linux), "gpio:CHIP" or "mock:/path/to/socket" (mock hardware, always asked for by name).
+    """Open a bus. DeviceError with the missing part and the remedy.
 
-    DeviceError with the missing part and the remedy.
+    Parameters
+    ----------
+    port
+        "/dev/i2c-1" (Linux), "gpio:CHIP" or "mock:/path/to/socket" (mock hardware, always asked for by name).
+    name
+        Of the client, for the mock.
+
+    Returns
+    -------
+    RegisterBus
+        To be closed.
     """
     if port.startswith(MOCK_PREFIX):
         return VirtualBus(port.removeprefix(MOCK_PREFIX), name)
@@ -19,10 +29,19 @@ def open_bus(port: str, name: str = "") -> RegisterBus:
 
 
 def open_clock(port: str, name: str = "") -> Clock:
-    """Open "system", or "mock:/path/to/socket" for the clock of mock hardware.
+    """Open the clock of a port.
 
-    `name` identifies the client to the mock, so that it can wake a serial node whose port gets bytes
-    (`BusServer.wake`). Any other port is real and uses system time.
+    Parameters
+    ----------
+    port
+        "system", or "mock:/path/to/socket" for the clock of mock hardware; any other one is real and uses system time.
+    name
+        Of the client, so that the mock can wake a serial node whose port gets bytes (`BusServer.wake`).
+
+    Returns
+    -------
+    Clock
+        To be closed.
     """
     if port.startswith(MOCK_PREFIX):
         return VirtualClock(port.removeprefix(MOCK_PREFIX), name)

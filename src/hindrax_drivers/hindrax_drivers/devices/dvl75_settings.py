@@ -70,7 +70,22 @@ DEFAULT_KNOBS, FRESH_WATER = Dvl75Knobs(), Water()
 
 
 def wanted_settings(knobs: Dvl75Knobs, model: str = "DVL-75", water: Water = FRESH_WATER) -> dict[str, str]:
-    """Flash settings that this driver wants, as $DVNVM reports them; the altitude comes with $DVEXT or $DVPDX."""
+    """Flash settings that this driver wants, as $DVNVM reports them; the altitude comes with $DVEXT or $DVPDX.
+
+    Parameters
+    ----------
+    knobs
+        Of the driver.
+    model
+        As the device calls itself.
+    water
+        For the speed of sound.
+
+    Returns
+    -------
+    dict[str, str]
+        By their names.
+    """
     return {
         "DVPDL messages": "ON",
         "DVPDX messages" if model == "Tracker 650" else "DVEXT messages": "ON",
@@ -80,10 +95,23 @@ def wanted_settings(knobs: Dvl75Knobs, model: str = "DVL-75", water: Water = FRE
 
 
 def commands(current: Mapping[str, str], wanted: Mapping[str, str], always: bool = False) -> tuple[bytes, ...]:
-    """Command lines that bring a device from its `current` settings (its $DVNVM) to the `wanted` ones.
+    """Command lines that bring a device to the wanted settings. Page "Commands Accepted by the DVL".
 
-    Settings live in flash, which wears: one that already holds is left alone unless `always`; one that the device did
-    not report is sent. Page "Commands Accepted by the DVL".
+    Settings live in flash, which wears: one that already holds is left alone.
+
+    Parameters
+    ----------
+    current
+        Of its $DVNVM; one that the device did not report is sent.
+    wanted
+        By their names.
+    always
+        Whether those that hold are sent too.
+
+    Returns
+    -------
+    tuple[bytes, ...]
+        Whole lines.
     """
     model = current.get("Model", "")
     return tuple(

@@ -84,6 +84,16 @@ class Icm20948(RegisterPart):
         """Read all samples since the last cycle, and at lower rates temperature and magnetic field.
 
         A transfer that fails is tried again in the next cycle; without a sample for `NO_DATA_S` the error is raised.
+
+        Parameters
+        ----------
+        stamp
+            Begin of the cycle.
+
+        Yields
+        ------
+        Transaction | Pause
+            What it wants from the bus; it returns readings and rejects.
         """
         outputs: Outputs = []
         try:

@@ -88,9 +88,21 @@ def model_of(c1: int) -> Model | None:
 
 
 def compensate(prom: Prom, d1: int, d2: int) -> tuple[int, int]:
-    """Temperature [0.01 C] and pressure [0.1 mbar of a 30BA, 0.01 mbar of a 02BA]: the steps of the datasheets.
+    """Compensate both conversions: the steps of the datasheets, in integers that round down, to second order.
 
-    Second-order compensation in integers that round down. DS 30BA page 7 and 11, DS 02BA page 7 and 9.
+    DS 30BA page 7 and 11, DS 02BA page 7 and 9.
+
+    Parameters
+    ----------
+    prom
+        Coefficients C1 to C6, and the model.
+    d1, d2
+        Raw pressure and temperature, 24 bits.
+
+    Returns
+    -------
+    tuple[int, int]
+        Temperature [0.01 C] and pressure [0.1 mbar of a 30BA, 0.01 mbar of a 02BA].
     """
     c1, c2, c3, c4, c5, c6 = prom.c
     dt = d2 - (c5 << 8)
@@ -126,7 +138,18 @@ def _second_order_02(dt: int, temperature: int) -> tuple[int, int, int]:
 
 
 def reading_of(prom: Prom, d1: int, d2: int) -> Pressure:
-    """Compensated conversions, in SI."""
+    """Compensated conversions, in SI.
+
+    Parameters
+    ----------
+    prom, d1, d2
+        As of `compensate`.
+
+    Returns
+    -------
+    Pressure
+        [Pa], [C].
+    """
     temperature_cC, pressure_steps = compensate(prom, d1, d2)
     return Pressure(pressure_steps * (10.0 if prom.model == "30BA" else 1.0), temperature_cC * 0.01)
 

@@ -57,6 +57,11 @@ class Pca9685(RegisterPart):
 
         A chip that runs as wanted gets its neutral pulses first and is never put to sleep; otherwise its outputs are
         off until neutral is in all its registers. Clears the all-call address, on which a stranger could write.
+
+        Yields
+        ------
+        Transaction | Pause
+            What it wants from the bus; it returns the identity.
         """
         mode = (yield self.get(MODE1, 1))[0]
         prescale = (yield self.get(PRE_SCALE, 1))[0]
@@ -87,9 +92,24 @@ class Pca9685(RegisterPart):
         yield from self.write(self.rest_us)
 
     def check(self, pulses_us: Sequence[float]) -> Program[None]:
-        """DeviceError unless the chip is still set up, with these pulses in its channels [us].
+        """Read back whether the chip is still set up.
 
         A mismatch means a supply loss, a foreign write, or a lost bit.
+
+        Parameters
+        ----------
+        pulses_us : [us]
+            That are to be in its channels.
+
+        Yields
+        ------
+        Transaction | Pause
+            What it wants from the bus.
+
+        Raises
+        ------
+        DeviceError
+            For a mismatch.
         """
         mode1, mode2 = yield self.get(MODE1, 2)
         (prescale,) = yield self.get(PRE_SCALE, 1)

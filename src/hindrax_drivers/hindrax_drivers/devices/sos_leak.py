@@ -44,7 +44,7 @@ class SosLeak:
         return Identity(f"leak probe at line {self._line}, wet when {self._knobs.wet_level}, bias {self._knobs.bias}")
 
     def cycle(self, stamp: Stamp) -> Program[Sequence[Stamped[Reading] | Rejected]]:
-        """Look; a level counts once it has been the same for some looks in a row."""
+        """Look; a level counts once it was the same for some looks in a row; DeviceError where it never settles."""
         raw = yield Read(self._line, 1)
         first, changed = self._level < 0, raw[0] != self._level
         self._level, self._same = raw[0], 1 if changed else self._same + 1

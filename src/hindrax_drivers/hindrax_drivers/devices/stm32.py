@@ -87,6 +87,20 @@ class Stm32:
         """Send the wanted pulses; request arming once, and disarming until confirmed.
 
         Until the board is armed the thrusters stay neutral: it refuses to arm otherwise.
+
+        Parameters
+        ----------
+        thrusters_us, lights_us : [us]
+            In the order of the vehicle file.
+        stamp
+            Now.
+        armed
+            Whether thrusters may be other than neutral.
+
+        Returns
+        -------
+        Iterable[Output]
+            Frames to send, and troubles.
         """
         waiting = armed and not self.armed
         thrusters = (BOARD_NEUTRAL_us,) * len(thrusters_us) if waiting else thrusters_us

@@ -98,9 +98,24 @@ class ForceOutput:
 
 
 def topics_of(vehicle: Vehicle, port: str) -> list[str]:
-    """Topics of the forces: one of an array, or one for each thruster where the port says `{name}`.
+    """Topics of the forces.
 
-    UsageError for what is no topic.
+    Parameters
+    ----------
+    vehicle
+        With its thrusters.
+    port
+        One topic of an array, or with `{name}` one for each thruster.
+
+    Returns
+    -------
+    list[str]
+        In the order of the thrusters.
+
+    Raises
+    ------
+    UsageError
+        For what is no topic.
     """
     if not port or port.startswith(("/dev/", "mock:")):
         wanted = (

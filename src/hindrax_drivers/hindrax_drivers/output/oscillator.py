@@ -22,7 +22,18 @@ Edge = tuple[int, int]
 
 
 def look(address: int, chip: str, line: int) -> Program[None]:
-    """Find chip and GPIO line, and change nothing. DeviceError where one of them is missing."""
+    """Find chip and GPIO line, and change nothing. DeviceError where one of them is missing.
+
+    Parameters
+    ----------
+    address, chip, line
+        Of the PCA9685, and of the line that sees its pulses.
+
+    Yields
+    ------
+    Transaction | Pause
+        What it wants from the bus.
+    """
     yield WriteRead(address, bytes([MODE1]), 1)
     yield Write(EDGES + line, chip.encode())
 
@@ -37,7 +48,20 @@ def begin(address: int, channel: int) -> Program[int]:
 
 
 def edges(chip: str, line: int, seconds: float) -> Program[Sequence[Edge]]:
-    """Newest rising edge of a line, at 51 looks over some seconds."""
+    """Look for the newest rising edge of a line, 51 times over some seconds.
+
+    Parameters
+    ----------
+    chip, line
+        That sees the pulses.
+    seconds : [s]
+        Bus time.
+
+    Yields
+    ------
+    Transaction | Pause
+        What it wants from the bus; it returns the edges.
+    """
     yield Write(EDGES + line, chip.encode())
     found = []
     for _ in range(LOOKS + 1):

@@ -217,9 +217,24 @@ class OutputGuard:
     def command(
         self, state: OutputGuardState, command: Command, now: Stamp
     ) -> tuple[OutputGuardState, Pulses | RefusedCommand]:
-        """Check a command. A malformed one makes the output neutral until the next valid one; an old one is dropped.
+        """Check a command.
 
-        While not armed, good commands set the lights and keep the line alive, and the thrusters stay neutral.
+        A malformed one makes the output neutral until the next valid one; an old one is dropped. While not armed, good
+        commands set the lights and keep the line alive, and the thrusters stay neutral.
+
+        Parameters
+        ----------
+        state
+            Before it.
+        command
+            Pulses with stamp and number.
+        now
+            Time of the output.
+
+        Returns
+        -------
+        tuple[OutputGuardState, Pulses | RefusedCommand]
+            State after it; what to write, or why it is refused.
         """
         state, now = self._observe(state, now)
         refusal = self._untimely(state, command, now)
@@ -238,15 +253,44 @@ class OutputGuard:
         return replace(state, pulses=pulses, written_at=now, moved_at=now), pulses
 
     def refuse(self, state: OutputGuardState, refusal: RefusedCommand, now: Stamp) -> OutputGuardState:
-        """Record a refused command, by this guard or by its host: the reason when no other one is obeyed."""
+        """Record a refused command, by this guard or by its host: the reason when no other one is obeyed.
+
+        Parameters
+        ----------
+        state
+            Before it.
+        refusal
+            Code and sentence.
+        now
+            Time of the output.
+
+        Returns
+        -------
+        OutputGuardState
+            After it.
+        """
         return replace(state, refused=refusal.text, refused_at=now)
 
     def light(
         self, state: OutputGuardState, levels: tuple[float, ...], now: Stamp
     ) -> tuple[OutputGuardState, Pulses | RefusedCommand]:
-        """Set the brightness of every lamp, 0 (dark) to 1, armed or not, and nothing else.
+        """Set the brightness of every lamp, armed or not, and nothing else.
 
         Lamps keep their level as long as commands arrive.
+
+        Parameters
+        ----------
+        state
+            Before it.
+        levels : [-]
+            0 (dark) to 1.
+        now
+            Time of the output.
+
+        Returns
+        -------
+        tuple[OutputGuardState, Pulses | RefusedCommand]
+            State after it; what to write, or why it is refused.
         """
         state, now = self._observe(state, now)
         if len(levels) != self.lights or not all(0.0 <= level <= 1.0 for level in levels):
@@ -278,7 +322,22 @@ class OutputGuard:
         return state.seen if state.fresh_until is None else min(due, state.fresh_until)
 
     def arm(self, state: OutputGuardState, request: Request, now: Stamp) -> tuple[OutputGuardState, Answer]:
-        """Start arming, unless the request is late or out of order or the output is faulted; returns the reason."""
+        """Start arming, unless the request is late or out of order or the output is faulted.
+
+        Parameters
+        ----------
+        state
+            Before it.
+        request
+            Stamp, or number of a challenge.
+        now
+            Time of the output.
+
+        Returns
+        -------
+        tuple[OutputGuardState, Answer]
+            State after it; whether it is accepted, and why not.
+        """
         state, now = self._observe(state, now)
         if request.stamp == 0:
             state, why = self._challenged(state, request, now)
@@ -313,7 +372,18 @@ class OutputGuard:
         return replace(state, challenge=made), Refusal(Reason.REPEAT, sentence)
 
     def disarm(self, state: OutputGuardState, request: Request, now: Stamp) -> tuple[OutputGuardState, Answer]:
-        """Disarm at once, however old the request is; arm requests made before it are refused from now on."""
+        """Disarm at once, however old the request is; arm requests made before it are refused from now on.
+
+        Parameters
+        ----------
+        state, request, now
+            As of `arm`.
+
+        Returns
+        -------
+        tuple[OutputGuardState, Answer]
+            State after it; it is always accepted.
+        """
         state, now = self._observe(state, now)
         made = Stamp(min(request.stamp, now))
         if request.reason:
@@ -325,7 +395,20 @@ class OutputGuard:
         return self.drop(state, "disarmed by request", now), Answer(accepted=True)
 
     def drop(self, state: OutputGuardState, reason: str, now: Stamp) -> OutputGuardState:
-        """Disarm for a reason of the host's own; a fault stays a fault."""
+        """Disarm for a reason of the host's own; a fault stays a fault.
+
+        Parameters
+        ----------
+        state, now
+            Before it, and time of the output.
+        reason
+            For `thrusters/state`.
+
+        Returns
+        -------
+        OutputGuardState
+            After it.
+        """
         if state.phase is ArmingPhase.FAULTED:
             return state
         return self._enter(state, ArmingPhase.DISARMED, reason, now)
@@ -335,7 +418,20 @@ class OutputGuard:
         return state if state.failing_since is None else replace(state, failing_since=None)
 
     def failed(self, state: OutputGuardState, why: str, now: Stamp) -> OutputGuardState:
-        """Record a failed write: arming starts over, and an output that keeps failing is faulted."""
+        """Record a failed write: arming starts over, and an output that keeps failing is faulted.
+
+        Parameters
+        ----------
+        state, now
+            Before it, and time of the output.
+        why
+            For `thrusters/state`.
+
+        Returns
+        -------
+        OutputGuardState
+            After it.
+        """
         since = now if state.failing_since is None else state.failing_since
         state = replace(state, failing_since=since)
         if state.phase is not ArmingPhase.FAULTED and seconds_between(since, now) >= self.knobs.failing_s:
@@ -343,7 +439,20 @@ class OutputGuard:
         return replace(state, since=now) if state.phase is ArmingPhase.ARMING else state
 
     def fault(self, state: OutputGuardState, why: str, now: Stamp) -> OutputGuardState:
-        """Fault the output at once: its state shows that it does not follow commands."""
+        """Fault the output at once: its state shows that it does not follow commands.
+
+        Parameters
+        ----------
+        state, now
+            Before it, and time of the output.
+        why
+            For `thrusters/state`.
+
+        Returns
+        -------
+        OutputGuardState
+            After it.
+        """
         return self._enter(state, ArmingPhase.FAULTED, why, now)
 
     def restored(self, state: OutputGuardState, now: Stamp) -> OutputGuardState:
@@ -460,9 +569,24 @@ def _faulted(state: OutputGuardState) -> Refusal:
 
 
 def guard_of(vehicle: Vehicle, knobs: OutputGuardKnobs | None = None) -> OutputGuard:
-    """Guard of the thrusters and lamps of a vehicle file, at rest where their curves are.
+    """Make the guard of the thrusters and lamps of a vehicle file, at rest where their curves are.
 
-    UsageError where a thruster rests at a pulse that the guard or the output does not make.
+    Parameters
+    ----------
+    vehicle
+        Channels, curves and limits.
+    knobs
+        Times and slew; None: defaults.
+
+    Returns
+    -------
+    OutputGuard
+        Stateless.
+
+    Raises
+    ------
+    UsageError
+        Where a thruster rests at a pulse that the guard or the output does not make.
     """
     chosen = knobs or OutputGuardKnobs()
     curves = [vehicle.curves[one.curve] for one in vehicle.thrusters]

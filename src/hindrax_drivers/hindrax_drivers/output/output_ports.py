@@ -121,7 +121,22 @@ class OutputDevice(Protocol):
     def drive(
         self, thrusters_us: tuple[float, ...], lights_us: tuple[float, ...], stamp: Stamp, *, armed: bool
     ) -> Iterable[Output]:
-        """Pass on the wanted pulses, and whether they may be other than neutral."""
+        """Pass on the wanted pulses.
+
+        Parameters
+        ----------
+        thrusters_us, lights_us : [us]
+            In the order of the vehicle file.
+        stamp
+            Now.
+        armed
+            Whether thrusters may be other than neutral.
+
+        Returns
+        -------
+        Iterable[Output]
+            Frames to send, and troubles.
+        """
 
     def fault(self) -> str:
         """Why it does not follow although it should be armed; empty where it does."""
@@ -157,7 +172,18 @@ class LineOutput:
             self._port.wait(soon, meanwhile)
 
     def set_up(self) -> str:
-        """Open the line and wait until the device is ready; one that has answered is waited for on the open line."""
+        """Open the line and wait until the device is ready; one that has answered is waited for on the open line.
+
+        Returns
+        -------
+        str
+            Its identity.
+
+        Raises
+        ------
+        DeviceError
+            Where it does not answer in time.
+        """
         if self._port is None or not self._device.settling:
             self.close_port()
             self._port = open_line(self._path, self._device.baud, self._clock)
@@ -207,7 +233,7 @@ class LineOutput:
         return outputs
 
     def check(self, pulses: Pulses) -> None:
-        """Require that it speaks; it reports its pulses unprompted."""
+        """Require that it speaks, DeviceError where it does not; it reports its pulses unprompted."""
         del pulses
         if not self._device.ready:
             raise DeviceError(f"{self._path}: {self._device.trouble}")
@@ -245,11 +271,27 @@ ThrusterOutput: TypeAlias = RegisterOutput | LineOutput | ForceOutput
 def open_output(
     vehicle: Vehicle, port: str, clock: str, tap: Tap, name: str, *, neutral: Pulses, riders: Sequence[Rider] = ()
 ) -> ThrusterOutput:
-    """Open the output of a vehicle file at a port ("mock:..." too), set up to the neutral of its guard.
+    """Open the output of a vehicle file. DeviceError says what is missing.
 
-    `riders`: sensors on its line.
+    Parameters
+    ----------
+    vehicle
+        Whose output it is.
+    port, clock
+        "mock:..." too.
+    tap
+        Gets every frame.
+    name
+        Of the client.
+    neutral
+        Of its guard: the output is set up to it.
+    riders
+        Sensors on its line.
 
-    DeviceError says what is missing.
+    Returns
+    -------
+    ThrusterOutput
+        Ready to write.
     """
     if vehicle.output.device == "stm32":
         return LineOutput(port, Stm32(vehicle.output_channels()), open_clock(clock, name), tap)

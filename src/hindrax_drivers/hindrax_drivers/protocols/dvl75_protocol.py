@@ -58,9 +58,19 @@ class LineSplitter:
 
 
 def checksum(body: bytes) -> int:
-    """XOR of all bytes (at most MAX_LINE): the whole as one integer, folded onto its lower half until a byte is left.
+    """XOR of all bytes: the whole as one integer, folded onto its lower half until a byte is left.
 
     Half the time of a loop over the bytes in C, a twentieth of one in Python.
+
+    Parameters
+    ----------
+    body
+        At most MAX_LINE bytes.
+
+    Returns
+    -------
+    int
+        0 to 255.
     """
     n = int.from_bytes(body, "big")
     for half in (4096, 2048, 1024, 512, 256, 128, 64, 32, 16, 8):
@@ -77,9 +87,17 @@ def split_verified(line: bytes) -> list[bytes]:
 
 
 def require_numbers(body: bytes) -> None:
-    """SentenceError unless only digits, signs, points and commas are there.
+    """Require plain notation: float() alone would also take `nan`, `1e9`, `1_0` and blanks.
 
-    float() alone would also take `nan`, `1e9`, `1_0` and blanks.
+    Parameters
+    ----------
+    body
+        Fields with their commas.
+
+    Raises
+    ------
+    SentenceError
+        Unless only digits, signs, points and commas are there.
     """
     if body.translate(None, _NUMERIC):
         raise SentenceError("number")
@@ -91,7 +109,7 @@ def number(field: bytes) -> float:
 
 
 def numbers(fields: list[bytes]) -> list[float]:
-    """Finite numbers of fields in plain notation."""
+    """Finite numbers of fields in plain notation; SentenceError for others."""
     require_numbers(b"".join(fields))
     try:
         return list(map(float, fields))
@@ -100,7 +118,7 @@ def numbers(fields: list[bytes]) -> list[float]:
 
 
 def integer(field: bytes) -> int:
-    """Whole number of a field in plain notation."""
+    """Whole number of a field in plain notation; SentenceError for another."""
     require_numbers(field)
     try:
         return int(field)
@@ -109,7 +127,7 @@ def integer(field: bytes) -> int:
 
 
 def position_delta(fields: list[bytes]) -> Delta:
-    """Fields of a $DVPDL, or of a $DVPDX without its last four. Page "$DVPDL and $DVPDX"."""
+    """Fields of a $DVPDL, or of a $DVPDX without its last four; SentenceError. Page "$DVPDL and $DVPDX"."""
     if len(fields) != 10:
         raise SentenceError("fields")
     _, tu, dtu, _, _, _, x, y, z, confidence = fields
@@ -120,17 +138,34 @@ def position_delta(fields: list[bytes]) -> Delta:
 
 
 def standoff(fields: list[bytes]) -> float:
-    """Distance to the target plane along its normal [m], last field of a $DVPDX. Page "$DVPDL and $DVPDX"."""
+    """Distance to the target plane [m], last field of a $DVPDX; SentenceError. Page "$DVPDL and $DVPDX"."""
     if len(fields) != 14:
         raise SentenceError("fields")
     return number(fields[13])
 
 
 def extended(fields: list[bytes], attitude_sign: Vec3) -> BottomTrack:
-    """Fields of a $DVEXT: 34 values, and an empty one where captured lines have it. Page "$DVEXT: DVL Extended Data".
+    """Read a $DVEXT. Page "$DVEXT: DVL Extended Data".
 
-    What the page calls optional, or another IMU fills otherwise, costs itself and not the altitude: calibration
-    digits are kept as they come, a beam without a number has NaN.
+    What the page calls optional, or another IMU fills otherwise, costs itself and not the altitude: calibration digits
+    are kept as they come, a beam without a number has NaN.
+
+    Parameters
+    ----------
+    fields
+        34 values, and an empty one where captured lines have it.
+    attitude_sign
+        Of roll, pitch and heading, to ours.
+
+    Returns
+    -------
+    BottomTrack
+        SI.
+
+    Raises
+    ------
+    SentenceError
+        For another number of fields, or what is no number.
     """
     if len(fields) < 35:
         raise SentenceError("fields")
@@ -184,7 +219,23 @@ def position(fields: list[bytes]) -> Position | None:
 
 
 def recommended_minimum(fields: list[bytes]) -> Position | None:
-    """Place in the device's own $GPRMC: status, ddmm.mmmm and N or S, dddmm.mmmm and E or W. NMEA 0183, RMC."""
+    """Place in the device's own $GPRMC. NMEA 0183, RMC.
+
+    Parameters
+    ----------
+    fields
+        Status, ddmm.mmmm and N or S, dddmm.mmmm and E or W.
+
+    Returns
+    -------
+    Position | None
+        None without a place.
+
+    Raises
+    ------
+    SentenceError
+        For too few fields.
+    """
     if len(fields) < 7:
         raise SentenceError("fields")
     latitude, longitude = (_degrees(fields[at], fields[at + 1] in (b"S", b"W")) for at in (3, 5))
@@ -204,9 +255,24 @@ def _place(latitude_deg: float, longitude_deg: float, *, fixed: bool) -> Positio
 
 
 def kalman_support(fields: list[bytes]) -> KalmanSupport:
-    """$DVKFA: version, sequence, interval, then the groups. Page "$DVKFA, $DVKFB Kalman Filter Support Messages".
+    """Read a $DVKFA. Page "$DVKFA, $DVKFB Kalman Filter Support Messages".
 
     The page names the fields of the groups nowhere; they are handed on in their order.
+
+    Parameters
+    ----------
+    fields
+        Version, sequence, interval, then the groups.
+
+    Returns
+    -------
+    KalmanSupport
+        Numbers as the device has them.
+
+    Raises
+    ------
+    SentenceError
+        For too few fields, or what is no number.
     """
     if len(fields) < 4:
         raise SentenceError("fields")
@@ -218,7 +284,23 @@ def kalman_support(fields: list[bytes]) -> KalmanSupport:
 
 
 def retweet(line: bytes) -> list[float]:
-    """Eleven numbers of an `IMU:` line: quaternion, acceleration, rates, time. Page "Re-Tweeted IMU Messages"."""
+    """Eleven numbers of an `IMU:` line; SentenceError. Page "Re-Tweeted IMU Messages".
+
+    Parameters
+    ----------
+    line
+        Quaternion, acceleration, rates, time.
+
+    Returns
+    -------
+    list[float]
+        In their order.
+
+    Raises
+    ------
+    SentenceError
+        For another number of them.
+    """
     fields = line.removeprefix(b"IMU:").strip().split(b",")
     if len(fields) != 11:
         raise SentenceError("fields")

@@ -87,7 +87,18 @@ class MavlinkFrame:
 
 
 def heartbeat(kind: int, autopilot: int, status: int) -> Sent:
-    """HEARTBEAT without a mode: MAV_TYPE, MAV_AUTOPILOT, MAV_STATE."""
+    """HEARTBEAT without a mode.
+
+    Parameters
+    ----------
+    kind, autopilot, status
+        MAV_TYPE, MAV_AUTOPILOT, MAV_STATE.
+
+    Returns
+    -------
+    Sent
+        To be encoded.
+    """
     return 0, struct.pack("<IBBBBB", 0, kind, autopilot, 0, status, 3)
 
 
@@ -97,13 +108,43 @@ def channels_override(pulses_us: Sequence[int]) -> Sent:
 
 
 def command_long(command: int, parameters: Sequence[float], confirmation: int = 0, system: int = SYSTEM) -> Sent:
-    """COMMAND_LONG: a command with its first parameters; the others of the seven are zero."""
+    """COMMAND_LONG: a command with its first parameters; the others of the seven are zero.
+
+    Parameters
+    ----------
+    command, parameters
+        MAV_CMD, and its parameters.
+    confirmation
+        Counts repeats.
+    system
+        Whom it is for.
+
+    Returns
+    -------
+    Sent
+        To be encoded.
+    """
     given = (*parameters, *(0.0,) * (7 - len(parameters)))
     return 76, struct.pack("<7fHBBB", *given, command, system, AUTOPILOT, confirmation)
 
 
 def encode(message: Sent, sequence: int, system: int = SYSTEM, component: int = ONBOARD_COMPUTER) -> bytes:
-    """One frame of ours. Zeros at the end of the payload are left out, but for its first byte."""
+    """One frame of ours. Zeros at the end of the payload are left out, but for its first byte.
+
+    Parameters
+    ----------
+    message
+        To be sent.
+    sequence
+        Counts up, modulo 256.
+    system, component
+        Ours.
+
+    Returns
+    -------
+    bytes
+        MAVLink 2.
+    """
     number, fields = message
     payload = fields.rstrip(b"\x00") or b"\x00"
     head = struct.pack("<BBBBBB", len(payload), 0, 0, sequence & 0xFF, system, component)

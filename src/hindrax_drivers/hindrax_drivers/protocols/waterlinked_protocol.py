@@ -167,7 +167,7 @@ def dead_reckoning(report: Mapping[str, object]) -> DeadReckoning:
 
 
 def settings(response: Mapping[str, object]) -> dict[str, object]:
-    """Configuration in the answer to `get_config`. Section "Fetching current configuration"."""
+    """Configuration in the answer to `get_config`; ReportError. Section "Fetching current configuration"."""
     found = response.get("result")
     if not isinstance(found, dict):
         raise ReportError("response: no configuration")
@@ -183,7 +183,7 @@ def command(name: str, **parameters: object) -> bytes:
 
 
 def text(report: Mapping[str, object], name: str) -> str:
-    """Field that is a text."""
+    """Field that is a text; ReportError for another."""
     found = report.get(name)
     if not isinstance(found, str):
         raise ReportError(f"{report.get('type', 'report')}: {name}" if name == "format" else "report: type")

@@ -137,7 +137,22 @@ class Link:
         return Send(data)
 
     def command(self, number: int, *parameters: float, confirmation: int = 0) -> Send:
-        """COMMAND_LONG to the autopilot, whose answer is the caller's to wait for."""
+        """COMMAND_LONG to the autopilot, whose answer is the caller's to wait for.
+
+        Parameters
+        ----------
+        number
+            MAV_CMD.
+        *parameters
+            The first of seven; the others are zero.
+        confirmation
+            Counts repeats.
+
+        Returns
+        -------
+        Send
+            One frame.
+        """
         return self.send(mavlink.command_long(number, parameters, confirmation, self.system))
 
     def feed(self, data: bytes, stamp: Stamp) -> Iterator[object]:

@@ -90,7 +90,22 @@ class Motor:
 
 
 def thrust_table(curve: Curve, supply_V: float, *, mirrored: bool) -> tuple[Matrix, Matrix]:
-    """Pulses (m,) [us] and thrusts (m,) [N] of a thruster, both rising; its dead band is all but level."""
+    """Tabulate a thruster; its dead band is all but level, so that both columns rise.
+
+    Parameters
+    ----------
+    curve
+        Of the vehicle file.
+    supply_V : [V]
+        At which it holds.
+    mirrored
+        Whether the thruster turns the other way.
+
+    Returns
+    -------
+    tuple[Matrix, Matrix]
+        Pulses (m,) [us] and thrusts (m,) [N].
+    """
     now = running(curve, supply_V)
     back = np.linspace(now.negative.from_us, now.negative.to_us, SAMPLES)
     forth = np.linspace(now.positive.from_us, now.positive.to_us, SAMPLES)

@@ -190,7 +190,21 @@ class ArduSub:
     ) -> Iterable[Output]:
         """Pass on the wanted pulses of the thrusters; arm once when they may move, disarm when they may no longer.
 
-        Lamps are the autopilot's own.
+        Parameters
+        ----------
+        thrusters_us : [us]
+            In the order of the vehicle file.
+        lights_us : [us]
+            Lamps are the autopilot's own.
+        stamp
+            Now.
+        armed
+            Whether they may be other than neutral.
+
+        Returns
+        -------
+        Iterable[Output]
+            Frames to send, and troubles.
         """
         del lights_us
         outputs: list[Output] = []

@@ -116,9 +116,14 @@ class Ak09916:
 
 
 def self_test() -> Program[tuple[int, int, int] | None]:
-    """Counts of the field that the die makes itself; None when none comes. The bypass must be on; resets the die.
+    """Measure the field that the die makes itself; the bypass must be on; resets the die.
 
     Sequence of the data sheet of the AK09916, section 9.4.4: power down, self-test mode, data ready, read.
+
+    Yields
+    ------
+    Transaction | Pause
+        What it wants from the bus; it returns counts of three axes, None when none comes.
     """
     try:
         yield Write(r.MAG_ADDRESS, bytes([r.MAG_CNTL2, 0]))

@@ -88,9 +88,21 @@ class EdgeClock:
         self._anchor: tuple[int, int] | None = None
 
     def map(self, ticks: int, edge: tuple[int, int] | None) -> int | None:
-        """Time of a sample [ns], None without an edge. `edge`: number and time of the newest one, if its own.
+        """Time a sample by the edge that announced it.
 
         An edge counts if as many are ahead of the samples as at the last one: a lost or foreign edge times nothing.
+
+        Parameters
+        ----------
+        ticks
+            Number of the sample.
+        edge
+            Number and time [ns] of the newest edge, if its own.
+
+        Returns
+        -------
+        int | None
+            Time [ns]; None without an edge.
         """
         if edge is not None:
             before, self._ahead = self._ahead, edge[0] - ticks
@@ -143,7 +155,19 @@ class SampleDecoder:
     def decode(self, data: bytes, arrival: Stamp, edge: tuple[int, int] | None = None) -> Outputs:
         """Decode whole samples that arrived together, oldest first.
 
-        Only the newest sample informs the sample clock: the others waited for it. `edge` see EdgeClock.
+        Parameters
+        ----------
+        data
+            Of the FIFO.
+        arrival
+            Only the newest sample informs the sample clock: the others waited for it.
+        edge
+            As of `EdgeClock`.
+
+        Returns
+        -------
+        Outputs
+            Readings and rejects.
         """
         outputs: Outputs = []
         count = len(data) // SAMPLE.size
