@@ -77,7 +77,9 @@ def test_an_experiment_is_rehearsed_and_its_minutes_cut_what_flies(
     assert found["aborted"] is None
     assert found["ended"] == "0.9 minutes are over; more was wanted of surge"
     assert len(reached) >= 10
-    assert str(reached[-1]).startswith("surge, 5"), "the motion and the time of what is rehearsed"
+    assert str(reached[-1]).startswith("surge, 2 of 2, 5"), (
+        "the motion, how many there are, and the time of what is rehearsed"
+    )
 
 
 @pytest.mark.parametrize(

@@ -275,7 +275,7 @@ def show_session(session: PoolSession) -> None:
         rows.append((motion, *cells, last.cause))
     title = (
         f"Session of {session.seconds / 60.0:.0f} min of water: calibrated std of the drag at the highest speed; "
-        "at best: with the thrust weighed and half the noise, where one influence is the largest left"
+        "at best: with the thrust weighed and half the noise; largest left: the greatest influence after that"
     )
     print_table(title, ("motion",), ("goal [%]", *names, "added mass [%]", "at best [%]"), rows, ("largest left",))
     print_fitted(f"best next step: {next_sentence(session)}")
