@@ -27,9 +27,11 @@ NEUTRAL = (1500.0,) * 8
 class Bench:
     """Driver and firmware on one wire; `pulses` are handed over fifty times a second while `alive`."""
 
-    def __init__(self, vehicle: Vehicle = HEAVY, control: str = "manual_control", fault: str = "") -> None:
+    def __init__(
+        self, vehicle: Vehicle = HEAVY, control: str = "manual_control", fault: str = "", lasts_s: float = 5.0
+    ) -> None:
         self.board = firmware.ArduSub(vehicle.thrusters, now_s=10.0)
-        specs = [FaultSpec(fault, ("thrusters",), 5.0, 5.0)] if fault else []
+        specs = [FaultSpec(fault, ("thrusters",), 5.0, lasts_s)] if fault else []
         self.link = with_faults("thrusters", self.board, specs, 1, 10.0)
         self.device = ArduSub(replace(vehicle, output=replace(vehicle.output, device="ardusub", control=control)))
         self.now: Stamp = stamp_from_s(10.0)
@@ -37,6 +39,8 @@ class Bench:
         self.armed, self.alive = False, True
         self.outputs: list[Output] = []
         self.to_board, self.sent, self.turn = b"", b"", 0
+        self.on_wire: dict[Stamp, tuple[float, ...]] = {}
+        """What the thrusters got, by time."""
         self.take(self.device.start(self.now))
 
     def take(self, outputs: Iterable[Output]) -> None:
@@ -52,6 +56,7 @@ class Bench:
             sent, self.to_board = self.to_board, b""
             self.sent += sent
             data = self.link.receive(sent, to_s(self.now)) + self.link.step(to_s(self.now))
+            self.on_wire[self.now] = self.wire()
             self.turn += 1
             if not self.alive:
                 continue
@@ -78,8 +83,18 @@ class Bench:
         return tuple(pulse or 0.0 for pulse in self.board.pulses_us()[: len(self.pulses)])
 
     def applied(self) -> tuple[float, ...]:
-        readings = [one.reading for one in self.outputs if isinstance(one, Stamped)]
-        return [one.pulses_us for one in readings if isinstance(one, AppliedPulses)][-1]
+        return self.reports()[-1][1]
+
+    def reports(self) -> list[tuple[Stamp, tuple[float, ...]]]:
+        """Reported pulses with their stamps."""
+        readings = [(one.stamp, one.reading) for one in self.outputs if isinstance(one, Stamped)]
+        return [(stamp, one.pulses_us) for stamp, one in readings if isinstance(one, AppliedPulses)]
+
+    def swing(self, seconds: float) -> None:
+        """Drive two commands in turn, each for a tenth of a second."""
+        for turn in range(round(10.0 * seconds)):
+            self.pulses = AHEAD if turn % 2 else ALL_AXES
+            self.run(0.1)
 
     def texts(self) -> list[str]:
         return [one.text for one in self.outputs if isinstance(one, Trouble)]
@@ -104,6 +119,42 @@ def test_the_pulses_that_were_asked_for_are_output_and_reported(control: str, pu
     assert bench.wire() == NEUTRAL
     assert not bench.board.armed
     assert bench.device.fault() == ""
+
+
+def unlike_the_wire(bench: Bench, stamp: Stamp, pulses: tuple[float, ...]) -> bool:
+    """Whether the thrusters did not get these pulses within 10 ms of a stamp, as near as a link can tell."""
+    near = [wire for at, wire in bench.on_wire.items() if abs(at - stamp) <= stamp_from_s(0.01)]
+    return pulses not in near
+
+
+@pytest.mark.parametrize("held", ["", "merged"])
+def test_reported_pulses_have_the_time_at_which_the_autopilot_made_them(held: str) -> None:
+    """Whenever the link delivers: `merged` holds everything for up to a quarter of a second."""
+    bench = Bench(fault=held, lasts_s=60.0)
+    bench.fly(*AHEAD)
+    bench.run(6.0)
+    bench.outputs.clear()
+    bench.swing(4.0)
+    reports = bench.reports()
+    assert len(reports) > 180
+    assert not [stamp for stamp, pulses in reports if unlike_the_wire(bench, stamp, pulses)]
+    stamps = [stamp for stamp, _ in reports]
+    assert stamps == sorted(stamps)
+
+
+@pytest.mark.parametrize("leap_s", [-1000.0, -0.2, 0.2, 1000.0, 2.0**32 * 1e-6 - 30.0])
+def test_pulses_never_look_later_than_their_arrival_whatever_the_autopilot_s_clock_does(leap_s: float) -> None:
+    """A restart ends the flight; a leap ahead, and the overflow of the 32 bits, do not."""
+    bench = Bench(fault="merged", lasts_s=60.0)
+    bench.fly(*AHEAD)
+    bench.board.jump_clock(leap_s)
+    for _ in range(60):
+        before = len(bench.reports())
+        bench.run(0.5)
+        assert all(stamp <= bench.now for stamp, _ in bench.reports()[before:])
+    stamp, pulses = bench.reports()[-1]
+    assert not unlike_the_wire(bench, stamp, pulses)
+    assert (bench.device.fault() == "") is (leap_s > -1.0)
 
 
 def wrench(vehicle: Vehicle, pulses: tuple[float, ...]) -> tuple[float, ...]:

@@ -69,7 +69,9 @@ def test_one_line_carries_thrust_and_what_the_autopilot_measures(tmp_path: Path)
             output.wait(Stamp(mock.hardware.stamp + 20_000_000))
             output.serve()
         assert mock.hardware.output.pulses_us()[:8] == AHEAD
-        assert output.applied(Pulses(AHEAD, ())) == AHEAD
+        made = output.applied(Pulses(AHEAD, ()))
+        assert made.reading.pulses_us == AHEAD
+        assert made.stamp < mock.hardware.stamp, "when the autopilot had them, not now"
         assert mock.hardware.world.plant.u > 0.1
         kinds = [type(one) for one in readings]
         assert kinds.count(Inertial) > 280

@@ -102,7 +102,7 @@ class Command(NamedTuple):
 
 
 class AppliedOutput(NamedTuple):
-    """Output from this time on: whether armed, actual pulses [us], sequence of their command, armings so far.
+    """Output: whether armed, pulses [us] with the time of theirs, sequence of the last command, armings so far.
 
     `phase` of the output guard and `reason`, where they are known.
     """

@@ -304,7 +304,7 @@ def test_what_was_applied_is_published_and_a_change_of_phase_is_reported_once(ma
     assert (state.armed, state.state, state.reason, state.output) == (True, "armed", "", "pca9685")
     assert (list(state.pulses), state.sequence, state.armings) == ([1500.0, 1600.5], 9, 2)
     health = bench.node.health
-    assert (health.readings, health.last_reading, health.note) == (2, Stamp(6_000_000_007), "armed")
+    assert (health.readings, health.last_reading, health.note) == (2, bench.thread.now, "armed")
     bench.becomes(ArmingPhase.DISARMED, "silence")
     assert health.note == "disarmed: silence"
     state = deserialize_message(bench.published["thrusters/state"][-1], ThrusterState)

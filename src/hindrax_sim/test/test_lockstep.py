@@ -1,6 +1,7 @@
 """The whole vehicle without ROS: both fidelities, determinism, faults, and what the identification finds."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -12,6 +13,7 @@ from hindrax_control.maneuver.goal import Goal
 from hindrax_control.maneuver.plan import PlanKnobs
 from hindrax_control.pilot import PilotKnobs
 from hindrax_core.errors import UsageError
+from hindrax_core.events import to_s
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6, Allocation, Estimate, Navigation, Phase
 from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
@@ -179,6 +181,35 @@ def test_a_vehicle_without_sensors_states_nothing_and_time_still_passes() -> Non
     step = Lockstep(bare, Idle(), by_bytes=True)
     assert list(step.run(1.0)) == []
     assert step.elapsed_s == pytest.approx(1.0, abs=0.03)
+
+
+def test_thrust_through_an_ardusub_has_the_time_at_which_it_was_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever the link did: the forces of the mock's own thrusters change when the stack says they do."""
+    vehicle = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/bluerov2-heavy.yaml")
+    pilot = Idle()
+    step = Lockstep(vehicle, pilot, 5, by_bytes=True)
+    list(step.run(9.0))
+    said: list[tuple[float, bool]] = []
+    true: list[tuple[float, bool]] = []
+    drive = step.world.drive
+
+    def noted(pulses_us: Sequence[float]) -> None:
+        drive(pulses_us)
+        true.append((to_s(step.world.stamp), step.world.plant.targets_N[0] > 0.0))
+
+    monkeypatch.setattr(step.world, "drive", noted)
+    for turn in range(20):
+        pilot.order = LockstepCommand(((1.0 if turn % 2 else -1.0) * 10.0, *ZERO6[1:]), Phase("", ""), armed=True)
+        said += [(to_s(one.stamp), one.reading.forces_N[0] > 0.0) for one in events(step, 0.3, Allocation)]
+
+    def changes(seen: list[tuple[float, bool]]) -> list[float]:
+        return [at for (_, before), (at, now) in pairwise(seen) if before is not now]
+
+    late_s = [at - truth for at, truth in zip(changes(said), changes(true), strict=True)]
+    assert len(late_s) >= 19
+    # It is sampled every 20 ms.
+    assert 0.0 < sum(late_s) / len(late_s) < 0.02
+    assert max(map(abs, late_s)) < 0.03
 
 
 def test_by_bytes_an_ardusub_arms_pushes_and_says_who_has_taken_over() -> None:

@@ -101,7 +101,7 @@ def test_the_emulated_autopilot_speaks_as_pymavlink_reads() -> None:
     found: dict[str, Any] = {}
     for number in (1, 27, 30, 36, 65, 137, 148, 193, 251):
         order = end.command_long_encode(1, 1, 512, 0, number, 0, 0, 0, 0, 0, 0).pack(end)
-        for one in ardupilotmega.MAVLink(None).parse_buffer(board.receive(bytes(order), 0.0)):
+        for one in ardupilotmega.MAVLink(None).parse_buffer(board.receive(bytes(order), 0.1 * number)):
             found[one.get_type()] = one
     assert found["COMMAND_ACK"].result == 0
     assert found["SYS_STATUS"].voltage_battery == 14800

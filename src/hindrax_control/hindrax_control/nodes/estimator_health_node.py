@@ -66,11 +66,11 @@ class EstimatorHealthNode(BatchedNode):
         # Arming is rare, and its text is slow to decode.
         state = deserialized(data, ThrusterState)
         self._armed = state.armed or state.state == "arming"
-        if self._armed and abs(seconds_between(self._asked, applied.stamp)) >= ASK_AGAIN_S:
-            self._asked = applied.stamp
+        if self._armed and abs(seconds_between(self._asked, now := self._now())) >= ASK_AGAIN_S:
+            self._asked = now
             # The thrusters' state is the answer. A reason keeps the request from outranking an operator.
-            stamp = stamp_to_msg(self._now())
-            self._arm.call_async(Arm.Request(arm=False, sequence=0, reason=self._failed[0], stamp=stamp))
+            request = Arm.Request(arm=False, sequence=0, reason=self._failed[0], stamp=stamp_to_msg(now))
+            self._arm.call_async(request)
 
     def _report(self, stamped: Stamped[Navigation]) -> None:
         found = stamped.reading.consistency

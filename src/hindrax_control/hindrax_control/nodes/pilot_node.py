@@ -208,8 +208,8 @@ class PilotNode(BatchedNode):
     def _judge_obedience(self, applied: AppliedOutput, data: bytes) -> None:
         """Keep the reason why an armed output has applied no command for a while."""
         if not applied.armed or applied.sequence:
-            self._obeyed_at, self._unobeyed = applied.stamp, ""
-        elif seconds_between(self._obeyed_at, applied.stamp) > UNOBEYED_S:
+            self._obeyed_at, self._unobeyed = self.now(), ""
+        elif seconds_between(self._obeyed_at, self.now()) > UNOBEYED_S:
             self._unobeyed = deserialized(data, ThrusterState).reason
 
     def _on_estimate(self, message: ModelEstimate) -> None:

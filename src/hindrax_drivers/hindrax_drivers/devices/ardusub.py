@@ -23,7 +23,7 @@ from hindrax_core.events import Rejected, Stamp, Stamped, seconds_between
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Inertial, Leak, Magnetic, Pressure, Reading
 from hindrax_drivers.devices.ardupilot.companion import Companion
-from hindrax_drivers.devices.ardupilot.link import SECOND_COMPUTER, Handlers
+from hindrax_drivers.devices.ardupilot.link import LATENCY_S, SECOND_COMPUTER, Handlers
 from hindrax_drivers.driver import Driver
 from hindrax_drivers.protocols.ardupilot import (
     RAW_IMU,
@@ -64,7 +64,7 @@ class ArduSubKnobs:
         "number of the barometer in the water: SCALED_PRESSURE, 2 or 3; none: 2, if it can be one [-]",
     )
     largest_Pa: float = knob(3.1e6, 1e5, 1e8, "pressure at the end of the barometer; a Bar30 reads 30 bar [Pa]")
-    latency_s: float = knob(0.005, 0.0, 0.5, "measurement to arrival at the least [s]")
+    latency_s: float = knob(LATENCY_S, 0.0, 0.5, "measurement to arrival at the least [s]")
     stall_s: float = knob(1.5, 0.5, 60.0, "silence that is reported [s]")
 
 

@@ -17,7 +17,7 @@ from hindrax_core.knobs import knob
 from hindrax_core.readings import BottomVelocity, Vec3
 from hindrax_core.rotation import matrix
 from hindrax_drivers.devices.ardupilot.companion import Companion
-from hindrax_drivers.devices.ardupilot.link import THIRD_COMPUTER, Handlers
+from hindrax_drivers.devices.ardupilot.link import LATENCY_S, THIRD_COMPUTER, Handlers
 from hindrax_drivers.driver import Driver
 from hindrax_drivers.protocols.ardupilot import (
     ATTITUDE,
@@ -43,7 +43,7 @@ class ArduSubEkfKnobs:
     rate_Hz: float = knob(20.0, 2.0, 50.0, "velocities that are asked for [Hz]")
     sigma_mps: float = knob(0.03, 0.001, 1.0, "standard deviation of a velocity, which the messages do not have [m/s]")
     max_speed_mps: float = knob(5.0, 0.1, 20.0, "largest velocity along an axis [m/s]")
-    latency_s: float = knob(0.005, 0.0, 0.5, "measurement to arrival at the least [s]")
+    latency_s: float = knob(LATENCY_S, 0.0, 0.5, "measurement to arrival at the least [s]")
     stall_s: float = knob(1.5, 0.5, 60.0, "silence that is reported [s]")
 
 

@@ -12,7 +12,7 @@ from hindrax_core.events import Rejected, Stamp, Stamped
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Echo
 from hindrax_drivers.devices.ardupilot.companion import Companion
-from hindrax_drivers.devices.ardupilot.link import FOURTH_COMPUTER, Handlers
+from hindrax_drivers.devices.ardupilot.link import FOURTH_COMPUTER, LATENCY_S, Handlers
 from hindrax_drivers.driver import Driver
 from hindrax_drivers.protocols.ardupilot import DISTANCE, Distance
 from hindrax_drivers.timebase import Timebase
@@ -29,7 +29,7 @@ class ArduSubRangeKnobs:
     orientation: int = knob(25, 0, 101, "MAV_SENSOR_ORIENTATION of the rangefinder: 25 down, 0 ahead [-]")
     least_m: float = knob(0.3, 0.01, 10.0, "shortest distance; a Ping measures from 0.3 m on [m]")
     most_m: float = knob(100.0, 1.0, 600.0, "longest distance [m]")
-    latency_s: float = knob(0.005, 0.0, 0.5, "measurement to arrival at the least [s]")
+    latency_s: float = knob(LATENCY_S, 0.0, 0.5, "measurement to arrival at the least [s]")
     stall_s: float = knob(1.5, 0.5, 60.0, "silence that is reported [s]")
 
 

@@ -156,7 +156,7 @@ class ThrustersNode(DeviceNode):
         if applied.phase == ArmingPhase.FAULTED:
             self.health.identity = ""
         else:
-            self.health.reading(applied.stamp)
+            self.health.reading(self._thread.now)
         self._state.publish(self._state_bytes(applied))
         if self._confirms and applied.phase not in (ArmingPhase.ARMING, ArmingPhase.ARMED):
             self._confirms = False

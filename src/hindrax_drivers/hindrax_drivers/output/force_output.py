@@ -14,7 +14,8 @@ from typing import Protocol
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Output
 from hindrax_core.errors import UsageError
-from hindrax_core.events import Stamp
+from hindrax_core.events import Stamp, Stamped
+from hindrax_core.readings import AppliedPulses
 from hindrax_core.thrust.curves import running
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.buses.clock import Clock, Meanwhile, nothing
@@ -61,9 +62,9 @@ class ForceOutput:
         """Send the forces of the pulses; zeros while disarmed, whatever the pulses are."""
         self._topics.send(self._forces_N(pulses.thrusters) if armed else [0.0] * len(self._curves))
 
-    def applied(self, pulses: Pulses) -> tuple[float, ...]:
-        """As wanted: nobody reports what became of them."""
-        return pulses.thrusters
+    def applied(self, pulses: Pulses) -> Stamped[AppliedPulses]:
+        """As wanted, from now on: nobody reports what became of them."""
+        return Stamped(self.now(), AppliedPulses(pulses.thrusters))
 
     def serve(self) -> Sequence[Output]:
         """Return nothing: the topics only go one way."""

@@ -211,6 +211,7 @@ class OutputHost:
     def _report(self) -> None:
         """Report the last pulses that were written: after a failed write they are most likely still active."""
         state, last = self._state, self._last
-        made, now, why = self._output.applied(last), self._output.now(), state.reason or state.unobeyed
-        applied = AppliedOutput(now, state.armed, made, last.sequence, state.armings, state.phase, why)
+        made, why = self._output.applied(last), state.reason or state.unobeyed
+        pulses_us = made.reading.pulses_us
+        applied = AppliedOutput(made.stamp, state.armed, pulses_us, last.sequence, state.armings, state.phase, why)
         self._listener.applied(applied)

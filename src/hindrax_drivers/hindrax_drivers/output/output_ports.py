@@ -52,9 +52,9 @@ class RegisterOutput:
         self._run(self._chip.write(pulses.all_us))
         self._line.written()
 
-    def applied(self, pulses: Pulses) -> tuple[float, ...]:
-        """Pulses of the thrusters as the counts make them [us]."""
-        return self._chip.applied(pulses.thrusters)
+    def applied(self, pulses: Pulses) -> Stamped[AppliedPulses]:
+        """Pulses of the thrusters as the counts make them [us]: from now on."""
+        return Stamped(self._bus.now(), AppliedPulses(self._chip.applied(pulses.thrusters)))
 
     def serve(self) -> Sequence[Output]:
         """Return nothing: a register chip sends nothing unprompted."""
@@ -159,7 +159,7 @@ class LineOutput:
         self._riders = riders
         self._port: Line | None = None
         self._outputs: list[Output] = []
-        self._seen: tuple[float, ...] = ()
+        self._seen: Stamped[AppliedPulses] | None = None
         self.now = clock.now
         self.wake = clock.wake
 
@@ -209,9 +209,11 @@ class LineOutput:
         outputs = self._device.drive(pulses.thrusters, pulses.lights, self._clock.now(), armed=armed)
         self._outputs += self._send(outputs)
 
-    def applied(self, pulses: Pulses) -> tuple[float, ...]:
-        """Last reported pulses of the board; before a report, the wanted ones."""
-        return self._seen[: len(pulses.thrusters)] or pulses.thrusters
+    def applied(self, pulses: Pulses) -> Stamped[AppliedPulses]:
+        """Last reported pulses of the board, and when it had them; before a report, the wanted ones, now."""
+        if self._seen is None:
+            return Stamped(self._clock.now(), AppliedPulses(pulses.thrusters))
+        return Stamped(self._seen.stamp, AppliedPulses(self._seen.reading.pulses_us[: len(pulses.thrusters)]))
 
     def serve(self) -> Sequence[Output]:
         """Decode received bytes, run the driver's timers, keep the reported pulses."""
@@ -229,7 +231,7 @@ class LineOutput:
             self._ride(rider, [*(rider.device.feed(data, stamp) if data else ()), *rider.device.tick(stamp)])
         for one in outputs:
             if isinstance(one, Stamped) and isinstance(one.reading, AppliedPulses):
-                self._seen = one.reading.pulses_us
+                self._seen = Stamped(one.stamp, one.reading)
         return outputs
 
     def check(self, pulses: Pulses) -> None:

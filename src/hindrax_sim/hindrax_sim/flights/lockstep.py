@@ -16,7 +16,7 @@ from hindrax_control.allocation.allocation_cycle import AllocationCycle
 from hindrax_control.navigation.estimator_health import EstimatorHealth
 from hindrax_control.navigation.navigator import Navigator
 from hindrax_core.events import Stamp, Stamped, after, seconds_between
-from hindrax_core.readings import Battery, BottomVelocity, Echo, Pressure, Reading, Vec6
+from hindrax_core.readings import AppliedPulses, Battery, BottomVelocity, Echo, Pressure, Reading, Vec6
 from hindrax_core.rotation import FSD
 from hindrax_core.signals import ZERO6, Allocation, Estimate, Navigation, Phase, Thrust
 from hindrax_core.vehicle import Vehicle
@@ -57,7 +57,7 @@ class LockstepPilot(Protocol):
 class LockstepOutput(Protocol):
     """What makes the pulses."""
 
-    def drive(self, pulses_us: Sequence[float], *, armed: bool) -> tuple[float, ...]:
+    def drive(self, pulses_us: Sequence[float], *, armed: bool) -> Stamped[AppliedPulses]:
         """Apply pulses of the thrusters [us], neutral ones where it is not armed; return the actual ones."""
 
     def fault(self) -> str:
@@ -151,13 +151,14 @@ class Onboard:
         self._state, answer = self._guard.command(self._state, command, now)
         if isinstance(answer, RefusedCommand):
             return
-        applied = self.cycle.achieved(planned.sequence, self._output.drive(answer.thrusters, armed=self.armed))
+        made = self._output.drive(answer.thrusters, armed=self.armed)
+        applied = self.cycle.achieved(planned.sequence, made.reading.pulses_us)
         self._state = self._guard.written(self._state)
         self._became = applied
         self.navigator.thrust(applied.forces_N)
-        events.append(Stamped(now, applied))
+        events.append(Stamped(made.stamp, applied))
         thrust = Thrust(applied.achieved, applied.forces_N, self.cycle.supply_V is not None)
-        self._learn(Stamped(now, thrust), events)
+        self._learn(Stamped(made.stamp, thrust), events)
 
     def _arm(self, wanted: bool, now: Stamp) -> None:
         """Request arming or disarming as the pilot wants; the guard decides."""

@@ -42,12 +42,12 @@ class ChipOutput:
         """Return nothing: it has no timers."""
         return []
 
-    def drive(self, pulses_us: Sequence[float], *, armed: bool) -> tuple[float, ...]:
+    def drive(self, pulses_us: Sequence[float], *, armed: bool) -> Stamped[AppliedPulses]:
         """Write pulses, which the chip rounds to its counts. A failed write is logged: the previous pulses stay."""
         del armed
         if self._run(self._pca.write([*pulses_us, *self._lights])):
             self._made_us = self._pca.applied(pulses_us)
-        return self._made_us
+        return Stamped(self._hardware.stamp, AppliedPulses(self._made_us))
 
     def fault(self) -> str:
         """Return no fault: a chip has no state of its own."""
@@ -82,7 +82,8 @@ class AutopilotOutput:
         """`riders`: drivers of the sensors on its line, by name; `log` gets what the drivers have to say."""
         self._hardware, self._riders, self._log = hardware, riders, log
         guard = guard_of(vehicle)
-        self._made_us, self._lights = guard.neutral.thrusters, guard.neutral.lights
+        self._lights = guard.neutral.lights
+        self._made = Stamped(hardware.stamp, AppliedPulses(guard.neutral.thrusters))
         self._device = ArduSub(vehicle)
         self._answer = b""
         self._start()
@@ -109,11 +110,11 @@ class AutopilotOutput:
             self._start()
         return self._of_all(lambda device: device.tick(self._hardware.stamp))
 
-    def drive(self, pulses_us: Sequence[float], *, armed: bool) -> tuple[float, ...]:
-        """Hand over the wanted pulses; return the pulses that it reported last."""
+    def drive(self, pulses_us: Sequence[float], *, armed: bool) -> Stamped[AppliedPulses]:
+        """Hand over the wanted pulses; return the pulses that it reported last, of when they were."""
         outputs = self._device.drive(tuple(pulses_us), self._lights, self._hardware.stamp, armed=armed)
         self._sort(THRUSTERS, outputs)
-        return self._made_us
+        return self._made
 
     def fault(self) -> str:
         """Why it does not follow; empty where it does."""
@@ -138,7 +139,7 @@ class AutopilotOutput:
             elif not isinstance(output, Stamped):
                 self._log.append((name, output))
             elif isinstance(output.reading, AppliedPulses):
-                self._made_us = output.reading.pulses_us
+                self._made = Stamped(output.stamp, output.reading)
             else:
                 readings.append((name, output))
         return readings

@@ -13,7 +13,7 @@ from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Output, Send, SerialDevice
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, Stamped, after, to_s
-from hindrax_core.readings import Reading
+from hindrax_core.readings import AppliedPulses, Reading
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.buses.bus_schedule import BusSchedule
 from hindrax_drivers.driver_registry import driver_of
@@ -76,12 +76,12 @@ class ReadingsRig:
             if readings:
                 self._push(when + sensor.latency_ns, sensor, readings)
 
-    def drive(self, pulses_us: Sequence[float], *, armed: bool) -> tuple[float, ...]:
+    def drive(self, pulses_us: Sequence[float], *, armed: bool) -> Stamped[AppliedPulses]:
         """Apply thruster pulses, unrounded: each to the motor at its channel."""
         del armed
         pulses = tuple(pulses_us)
         self.world.drive([pulses[index] for index in self._order])
-        return pulses
+        return Stamped(self.world.stamp, AppliedPulses(pulses))
 
     def fault(self) -> str:
         """Return no fault: motors have none."""
@@ -175,7 +175,7 @@ class BytesRig:
                 self.log.append((name, output))
         return readings
 
-    def drive(self, pulses_us: Sequence[float], *, armed: bool) -> tuple[float, ...]:
+    def drive(self, pulses_us: Sequence[float], *, armed: bool) -> Stamped[AppliedPulses]:
         """Write pulses through the driver of the output; return those that it makes of them."""
         return self._output.drive(pulses_us, armed=armed)
 

@@ -24,6 +24,8 @@ GCS_SYSTEM = 255
 GCS_PARAMETERS = ("MAV_GCS_SYSID", "SYSID_MYGCS")
 """That parameter: from 4.7 on, and before."""
 BAUD = 115200
+LATENCY_S = 0.005
+"""From what a message tells to its arrival, at the least."""
 HEARTBEAT_S = 1.0
 ANSWER_S, ATTEMPTS = 0.3, 4
 """Wait for an answer, and how often a request is sent before it counts as unanswered."""

@@ -2,7 +2,8 @@
 
 Two ways (ADR 57). By `manual_control`, as a joystick: the sticks that come nearest to the wanted pulses, in MANUAL,
 through the autopilot's own mixer and the pilot's gain. By `motor_test`: each thruster's pulse, MAV_CMD_DO_MOTOR_TEST.
-Either way SERVO_OUTPUT_RAW says what every thruster really got, and that is what is reported as applied.
+Either way SERVO_OUTPUT_RAW says what every thruster really got, and that is what is reported as applied, with the time
+at which the autopilot says it was so. Whether the autopilot is there is judged by the arrival of its messages alone.
 
     idle --arm--> arming: MANUAL, then arm --accepted--> armed --disarm--> leaving --confirmed--> idle
     armed --another party, a failsafe, a restart--> ended: a neutral stick, then silence, until it is armed anew
@@ -19,7 +20,16 @@ from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
 from hindrax_core.readings import AppliedPulses, Battery, DeviceText
 from hindrax_core.vehicle import Vehicle
-from hindrax_drivers.devices.ardupilot.link import ACCEPTED, ATTEMPTS, BAUD, IN_PROGRESS, Handlers, Link, no_submarine
+from hindrax_drivers.devices.ardupilot.link import (
+    ACCEPTED,
+    ATTEMPTS,
+    BAUD,
+    IN_PROGRESS,
+    LATENCY_S,
+    Handlers,
+    Link,
+    no_submarine,
+)
 from hindrax_drivers.devices.ardupilot.mixer import FACTORS, CENTER_us, Mixer, Motor, push_of, thrust_table
 from hindrax_drivers.protocols import ardupilot
 from hindrax_drivers.protocols.ardupilot import (
@@ -32,6 +42,7 @@ from hindrax_drivers.protocols.ardupilot import (
     Supply,
 )
 from hindrax_drivers.protocols.mavlink import CommandAck, StatusText
+from hindrax_drivers.timebase import Timebase
 
 MANUAL = 19
 """ArduSub's number of its mode."""
@@ -53,7 +64,8 @@ STICK_TOLERANCE_us, PULSE_TOLERANCE_us = 8.0, 3.0
 CONFIRMED_S = 2.5
 """Time from an accepted arming by which the heartbeat says so."""
 FRESH_S = 1.0
-WRAP_S = 2.0**32 * 1e-6
+WRAP_us, BACK_us = 2**32, 1_000_000
+"""Length of the autopilot's clock; how far it must go back for a restart."""
 HALF_us = 400.0
 """Way of a stick to either end."""
 FAREWELLS = 3
@@ -103,6 +115,7 @@ class ArduSub:
         """`streams`: further ones, for sensors on the same link [Hz]."""
         self._vehicle, self._by_test = vehicle, vehicle.output.control == "motor_test"
         self._link = Link(PARAMETERS, {**STREAMS, **(streams or {})})
+        self._clock = Timebase(1e-6, latency_s=LATENCY_S)
         self._asked = False
         self._owned = False
         """Whether it was armed from here, and neither disarmed since nor taken over."""
@@ -231,7 +244,8 @@ class ArduSub:
         self._named: dict[str, float] = {}
         self._last_text = ""
         self._restarted = self._seen_armed = self._tested = False
-        self._boot_s, self._tries = -math.inf, 0
+        self._clock.restart()
+        self._boot_us = self._overflows = self._tries = 0
         self._now = stamp
         self._step_at = self._armed_at = self._served_at = self._accepted_at = Stamp(0)
         self._sticks_at = self._tests_at = Stamp(0)
@@ -344,10 +358,12 @@ class ArduSub:
             return [Trouble(stamp, f"ardusub: {message.text}")]
         return [Stamped(stamp, DeviceText(message.text))]
 
-    def _on_clock(self, boot_s: float, stamp: Stamp) -> list[Output]:
+    def _on_clock(self, boot_us: int, stamp: Stamp) -> list[Output]:
         """Whether it has restarted: its time since power-up goes back, but where its 32 bits overflow."""
-        before, self._boot_s = self._boot_s, boot_s
-        if boot_s >= before - 1.0 or before - boot_s > 0.5 * WRAP_S or self._restarted:
+        back_us, self._boot_us = self._boot_us - boot_us, boot_us
+        overflown = back_us > WRAP_us // 2
+        self._overflows += overflown
+        if back_us <= BACK_us or overflown or self._restarted:
             return []
         self._restarted = True
         return self._end("the autopilot has restarted", stamp)
@@ -356,10 +372,11 @@ class ArduSub:
         if not self._motors:
             return []
         self._served_at = stamp
-        restarted = self._on_clock(1e-6 * message.boot_us, stamp)
+        restarted = self._on_clock(message.boot_us, stamp)
+        at = self._clock.map(self._overflows * WRAP_us + message.boot_us, stamp)
         # No pulse at all, as behind a safety switch, is no thrust.
         pulses = tuple(message.pulses_us[one.channel] or CENTER_us for one in self._motors)
-        outputs: list[Output] = [*restarted, Stamped(stamp, AppliedPulses(pulses))]
+        outputs: list[Output] = [*restarted, Stamped(at, AppliedPulses(pulses))]
         return outputs + (self._compare(pulses, PULSE_TOLERANCE_us, "pulse", stamp) if self._by_test else [])
 
     def _compare(self, found: tuple[float, ...], tolerance: float, what: str, stamp: Stamp) -> list[Output]:

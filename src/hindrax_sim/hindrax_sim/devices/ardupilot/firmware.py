@@ -27,6 +27,8 @@ ALERT, CRITICAL, WARNING, INFO = 1, 2, 4, 6
 BOOT_S = 1.0
 """Until it speaks again; the real one needs 10 s and more, which would only make the tests longer."""
 TEST_TIMEOUT_S, TEST_COOLDOWN_S = 0.5, 10.0
+HANDED_S = 0.03
+"""Time between two deliveries of the link: firmware, router and network pass messages on in batches."""
 VERSION = (4, 5, 1)
 VECTORED = ((0, 0, 1, 0, -1, 1), (0, 0, -1, 0, -1, -1), (0, 0, -1, 0, 1, 1), (0, 0, 1, 0, 1, -1))
 """Factors of a motor as the source lists them: roll, pitch, yaw, throttle, forward, lateral."""
@@ -109,6 +111,7 @@ class _Channel:
     outbox: list[bytes] = field(default_factory=list)
     intervals_s: dict[int, float] = field(default_factory=dict)
     due_s: dict[int, float] = field(default_factory=dict)
+    handed_s: float = -math.inf
 
 
 class ArduSub(Part[AutopilotTruth]):
@@ -199,10 +202,13 @@ class ArduSub(Part[AutopilotTruth]):
         return self.sent(index)
 
     def sent(self, index: int) -> bytes:
-        """Take what a channel has sent."""
-        outbox = self.channels[index].outbox
-        data = b"".join(outbox)
-        outbox.clear()
+        """Take what a channel has sent, where it is time for a batch."""
+        channel = self.channels[index]
+        if not channel.outbox or self._now_s < channel.handed_s + HANDED_S:
+            return b""
+        channel.handed_s = self._now_s
+        data = b"".join(channel.outbox)
+        channel.outbox.clear()
         return data
 
     def take_driven(self) -> bool:
