@@ -54,7 +54,7 @@ def test_rates_may_differ_and_rows_may_be_out_of_order() -> None:
         ('t,u,X\n0,1,"2\n1,1,2', "quotation mark"),
         ("t,u (furlong/s),X\n0,1,2", "unit 'furlong/s', wanted one of m/s"),
         ("t,u,X\ns,parsec,N\n0,1,2", "line 2, column u: found the unit 'parsec'"),
-        ("t,u,pwm1\n0,1,1600", "forces are missing"),
+        ("t,u,lamp\n0,1,1600", "forces are missing"),
         ("velocity,force\n0.1,2", "hindrax towing"),
         ("t,u,X\n1,1,2\n1,2,3", "all times are the same"),
     ],

@@ -140,7 +140,8 @@ def _read(path: Path, wanted: TopicSelection, vehicle: Vehicle | None, *, part: 
     if not bag.exists():
         raise UsageError(f"{path}: does not exist; name a bag, a run folder, a CSV file or a log of ArduPilot or PX4")
     if bag.suffix.lower() in CSV_ENDINGS:
-        return [RecordSource(bag, one) for one in read_records(_text(bag), str(bag), wanted.frame, part=part)]
+        found = read_records(_text(bag), str(bag), wanted.frame, part=part, vehicle=vehicle)
+        return [RecordSource(bag, one) for one in found]
     if bag.suffix.lower() in ENDINGS:
         return [RecordSource(bag, one) for one in read_log(bag, vehicle)]
     try:

@@ -128,7 +128,7 @@ def meaning_of(header: str) -> Meaning | None:
         return Meaning(name, 1e-9 if name == NANOSECONDS else 1.0, has_unit=name == NANOSECONDS)
     before, _, unit = header.strip().rpartition("_")
     name = _name(before) if before else None
-    factor = UNITS[name].get(_plain(unit)) if name else None
+    factor = UNITS[name].get(plain_unit(unit)) if name else None
     return Meaning(name, factor, has_unit=True) if name and factor else None
 
 
@@ -164,14 +164,14 @@ def factor_of(name: str, unit: str, where: str) -> float:
     HindraxError
         For a unit that the column cannot have.
     """
-    factor = UNITS[name].get(_plain(unit))
+    factor = UNITS[name].get(plain_unit(unit))
     if factor is None:
         known = ", ".join(UNITS[name])
         raise HindraxError(f"column {where}: found the unit {unit!r}, wanted one of {known}; change the header line")
     return factor
 
 
-def _plain(unit: str) -> str:
+def plain_unit(unit: str) -> str:
     """A unit in normalized spelling."""
     text = unit.strip().lower().replace("\N{MICRO SIGN}", "u").replace("\N{GREEK SMALL LETTER MU}", "u")
     text = text.replace("\N{DEGREE SIGN}", "deg").replace("per", "/")

@@ -19,15 +19,26 @@ from hindrax_analysis.records.csv_columns import (
     rows_of,
     time_of,
 )
-from hindrax_analysis.records.recording import NO_TIMES, NO_WAYS, Recording, are_parts, joined
+from hindrax_analysis.records.csv_thrusters import (
+    MEANING,
+    OUTPUTS,
+    OutputColumn,
+    output_columns,
+    outputs_of,
+    supply_column,
+)
+from hindrax_analysis.records.recording import HALF_TURN, NO_TIMES, NO_WAYS, Recording, are_parts, joined
+from hindrax_analysis.records.thruster_values import FORCES as THRUSTER_FORCES
 from hindrax_core.errors import HindraxError
 from hindrax_core.signals import NAN
+from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 
 MOST_LINES = 250_000
 """More than an hour at 60 Hz; the identification of as many takes 2 GB."""
 UNIX_SCALES = ((1e17, 1e-9, "ns"), (1e14, 1e-6, "us"), (1e11, 1e-3, "ms"))
 """Times above the first number are since 1970: factor and unit."""
+FORCES = "XYZKMN"
 REAL_FORCES = "forces are those achieved by the thrusters, about the center of mass"
 
 
@@ -39,7 +50,9 @@ STEP_BACK_S, STEP_BACK_PERIODS = 1.0, 20.0
 """A time that steps back by more than both begins a record; by less it is jitter."""
 
 
-def read_records(text: str, source: str, frame: str = "", *, part: bool = False) -> list[Recording]:
+def read_records(
+    text: str, source: str, frame: str = "", *, part: bool = False, vehicle: Vehicle | None = None
+) -> list[Recording]:
     """Read the records of a file with named columns (`COLUMNS`); cells may be empty, so rates may differ.
 
     A time that steps back begins another record: trials pasted below each other, a clock that began again. Pieces of
@@ -53,6 +66,8 @@ def read_records(text: str, source: str, frame: str = "", *, part: bool = False)
         Body axes of all columns, flu or fsd; empty: fsd.
     part
         Whether velocities or forces alone do.
+    vehicle
+        Makes forces of the columns of single thrusters (`csv_thrusters`); None: not known.
 
     Returns
     -------
@@ -61,14 +76,22 @@ def read_records(text: str, source: str, frame: str = "", *, part: bool = False)
     """
     header, rows = _rows(text, source)
     meanings = _meanings(header, source, part=part)
+    outputs = {} if {one.name for one in meanings.values()} & set(FORCES) else output_columns(header)
     if not any(_is_data(row[i]) for _, row in rows[:1] for i in meanings if i < len(row)):
+        units = rows[0][1]
+        outputs = {i: one.with_unit(units[i]) if i < len(units) else one for i, one in outputs.items()}
         meanings, rows = _with_units(meanings, rows, source), rows[1:]
     for line, cells in rows:
         check_width(cells, header, f"{source}, line {line}")
     columns = {
-        meaning.name: meaning.factor * _values(rows, i, meaning, f"column {header[i]}", source)
+        meaning.name: meaning.factor * _values(rows, i, meaning.name, f"column {header[i]}", source)
         for i, meaning in meanings.items()
     }
+    forces_are = REAL_FORCES
+    if outputs:
+        forces, forces_are = _forces_of_outputs(outputs, header, rows, source, vehicle)
+        # The whole record is turned below, and these are in SNAME axes already.
+        columns |= zip(FORCES, (forces * HALF_TURN if frame == "flu" else forces).T, strict=True)
     if "t_ns" in columns:
         columns["t"] = array(columns["t"] + columns.pop("t_ns"))
     _check_times(columns["t"], rows, source)
@@ -82,7 +105,7 @@ def read_records(text: str, source: str, frame: str = "", *, part: bool = False)
     recordings = _together([one for one in parts if one.measured_t or len(one.wrench_t)])
     axes = "x forward, y left, z up, as named" if frame == "flu" else "SNAME: x forward, y starboard, z down"
     back = f"time steps back {len(recordings) - 1} times: {len(recordings)} records" if len(recordings) > 1 else ""
-    assumptions = tuple(one for one in (by_size, f"axes are {axes}", REAL_FORCES, back) if one)
+    assumptions = tuple(one for one in (by_size, f"axes are {axes}", forces_are, back) if one)
     turned = [one.half_turned() if frame == "flu" else one for one in recordings]
     return [replace(one, assumptions=assumptions) for one in turned]
 
@@ -144,10 +167,12 @@ def _meanings(header: list[str], source: str, *, part: bool) -> dict[int, Meanin
     twice = [header[i] for i, known in found.items() if names.count(known.name) > 1]
     if twice:
         raise HindraxError(f"{source}: columns {' and '.join(twice)} mean the same, wanted one; remove the other")
-    pairs = [(speed, force) for speed, force in zip("uvwpqr", "XYZKMN", strict=True) if force in names]
+    outputs = bool(output_columns(header))
+    forces = FORCES if outputs and not set(FORCES) & set(names) else names
+    pairs = [(speed, force) for speed, force in zip("uvwpqr", FORCES, strict=True) if force in forces]
     others = {"w": {"depth"}, "u": PLACE, "v": PLACE}
     usable = [force for speed, force in pairs if {speed} <= set(names) or others.get(speed, {""}) <= set(names)]
-    if "t" not in names or not (usable or (part and len(names) > 1)):
+    if "t" not in names or not (usable or (part and (outputs or len(names) > 1))):
         raise HindraxError(
             f"{source}: found the columns {', '.join(header)}; wanted t and at least one pair of velocity and force "
             "of the same axis (u and X, v and Y, w and Z, p and K, q and M, r and N), with the unit where it is not "
@@ -163,7 +188,7 @@ def _hint(names: set[str], header: list[str]) -> str:
     misses = [miss for cell in header if not meaning_of(cell) and (miss := near_miss(cell))]
     if misses:
         return f"; {'; '.join(misses)}"
-    return "" if names & set("XYZKMN") else "; forces are missing: convert pulses or commands to newtons first"
+    return "" if names & set(FORCES) else f"; forces are missing: name them so, or {OUTPUTS} for {MEANING}"
 
 
 def _is_data(cell: str) -> bool:
@@ -189,9 +214,23 @@ def _with_units(meanings: dict[int, Meaning], rows: list[Row], source: str) -> d
     return out
 
 
-def _values(rows: list[Row], index: int, meaning: Meaning, column: str, source: str) -> Array:
+def _forces_of_outputs(
+    columns: dict[int, OutputColumn], header: list[str], rows: list[Row], source: str, vehicle: Vehicle | None
+) -> tuple[Array, str]:
+    """Wrench of each row, (n, 6) [N, N m] in SNAME axes, and what was assumed for it."""
+    numbers = {index: _values(rows, index, "", f"column {header[index]}", source) for index in columns}
+    supply = supply_column(header)
+    volts = array(np.full(len(rows), NAN)) if supply is None else _values(rows, supply, "", header[supply], source)
+    found = outputs_of(source, columns, numbers, volts)
+    forces = found.wrenches(vehicle)
+    supplied = f"at the voltage of {header[supply]}" if supply is not None else "at the supply of the vehicle file"
+    how = f", {supplied}" if found.unit != THRUSTER_FORCES else ""
+    return forces, f"forces follow from {len(columns)} outputs by the thrusters of the vehicle file{how}"
+
+
+def _values(rows: list[Row], index: int, name: str, column: str, source: str) -> Array:
     """Numbers of one column: (n,), in the unit of the file; NaN for empty cells."""
-    read: Callable[[str], float] = time_of if meaning.name == "t" else number
+    read: Callable[[str], float] = time_of if name == "t" else number
     out = []
     for line, cells in rows:
         text = cells[index] if index < len(cells) else ""
@@ -219,7 +258,7 @@ def _recording(source: str, columns: dict[str, Array]) -> Recording:
         columns = columns | _speeds(columns, way_t + origin, way)
         way_t, way = NO_TIMES, NO_WAYS
     parts = []
-    for names in ("uvwpqr", "XYZKMN", ("roll", "pitch", "depth")):
+    for names in ("uvwpqr", FORCES, ("roll", "pitch", "depth")):
         table = np.stack([columns.get(name, empty) for name in names], axis=1)
         known = np.isfinite(table).any(axis=1)
         parts.append((t[known] - origin, table[known]))

@@ -26,11 +26,15 @@ UNITS = {
 
 @dataclass(frozen=True, slots=True)
 class ThrusterValues:
-    """A topic with one number per output channel: the path of the field (empty: by its type) and the unit, if named."""
+    """A topic with one number per output channel: the path of the field (empty: by its type) and the unit, if named.
+
+    `remedy` says how a unit is named where `--wrench` does not do it.
+    """
 
     topic: str
     field: str = ""
     unit: str = ""
+    remedy: str = ""
 
     @classmethod
     def named(cls, text: str) -> "ThrusterValues":
@@ -66,14 +70,15 @@ class ThrusterValues:
         if self.unit or all(low <= value <= high or value == 0.0 for value in values):
             return self.unit or PULSES
         name = f"--wrench {self.topic}{':' * bool(self.field)}{self.field}"
-        raise UsageError(
-            f"{self.topic}: holds {min(values):g} to {max(values):g}, no pulses in microseconds; name their unit: "
-            f"{name}={FORCES} for newtons, {name}={THROTTLES} for shares of full throttle"
-        )
+        ways = self.remedy or f"{name}={FORCES} for newtons, {name}={THROTTLES} for shares of full throttle"
+        found = f"holds {min(values):g} to {max(values):g}, no pulses in microseconds"
+        raise UsageError(f"{self.topic}: {found}; name their unit: {ways}")
 
 
-def wrenches_of_thrusters(values: ThrusterValues, rows: Sequence[Sequence[float]], vehicle: Vehicle) -> Array:
-    """Wrenches of numbers per output channel, at the supply of the vehicle file.
+def wrenches_of_thrusters(
+    values: ThrusterValues, rows: Sequence[Sequence[float]], vehicle: Vehicle, supplies_V: Sequence[float] = ()
+) -> Array:
+    """Wrenches of numbers per output channel.
 
     Parameters
     ----------
@@ -83,6 +88,8 @@ def wrenches_of_thrusters(values: ThrusterValues, rows: Sequence[Sequence[float]
         Numbers. UsageError for those that cannot be of the vehicle.
     vehicle
         With its thrusters.
+    supplies_V : (n,) [V]
+        Supply at each row; empty: of the vehicle file. Forces do not need it.
 
     Returns
     -------
@@ -96,7 +103,7 @@ def wrenches_of_thrusters(values: ThrusterValues, rows: Sequence[Sequence[float]
         return np.array([wrench(row) for row in forces])
     if unit == THROTTLES:
         rows = _pulses(values, rows, vehicle)
-    return wrenches_of_pulses(values.topic, rows, [vehicle.supply_V] * len(rows), vehicle)
+    return wrenches_of_pulses(values.topic, rows, supplies_V or [vehicle.supply_V] * len(rows), vehicle)
 
 
 def _of_channels(values: ThrusterValues, row: Sequence[float], vehicle: Vehicle) -> list[float]:

@@ -31,6 +31,7 @@ from hindrax_analysis.identification.record_identification import (
 from hindrax_analysis.identification.verdict import show_next
 from hindrax_analysis.records.autopilot_vehicle import BOX, VEHICLE_OF_FRAME, logged_wiring, wired
 from hindrax_analysis.records.csv_columns import COLUMNS
+from hindrax_analysis.records.csv_thrusters import MEANING, OUTPUTS
 from hindrax_analysis.records.third_party_bag import FRAMES, TopicSelection
 from hindrax_analysis.terminal import print_answer, working
 from hindrax_bringup.share_files import default_vehicle, vehicle_file
@@ -129,7 +130,7 @@ def _with_wiring(records: Sequence[Path], named: Vehicle | None) -> Vehicle | No
 
 
 def _about(parser: argparse.ArgumentParser) -> None:
-    columns = "\n".join(f"  {name:<8} {meaning}" for name, meaning in COLUMNS.items())
+    columns = "\n".join(f"  {name:<8} {meaning}" for name, meaning in {**COLUMNS, OUTPUTS: MEANING}.items())
     parser.description = f"{parser.description}\n{ABOUT}{columns}"
 
 
