@@ -35,10 +35,27 @@ COLUMNS: dict[str, str] = {
 
 DEGREE = math.pi / 180.0
 KGF, LBF, INCH = 9.80665, 4.4482216152605, 0.0254
-_TIME = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "nsec": 1e-9, "min": 60.0}
+_TIME = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "usec": 1e-6, "ns": 1e-9, "nsec": 1e-9, "min": 60.0}
 _SPEED = {"m/s": 1.0, "cm/s": 0.01, "mm/s": 1e-3, "km/h": 1.0 / 3.6, "kn": 1852.0 / 3600.0, "ft/s": 12.0 * INCH}
-_SPEED |= {"mps": 1.0, "cmps": 0.01, "mmps": 1e-3, **dict.fromkeys(("kt", "kts", "knots"), _SPEED["kn"])}
-_RATE = {"rad/s": 1.0, "radps": 1.0, "deg/s": DEGREE, "degps": DEGREE, "dps": DEGREE, "rpm": math.tau / 60.0}
+_SPEED |= {
+    "mps": 1.0,
+    "cmps": 0.01,
+    "mmps": 1e-3,
+    "ms": 1.0,
+    "cms": 0.01,
+    "mms": 1e-3,
+    **dict.fromkeys(("kt", "kts", "knots"), _SPEED["kn"]),
+}
+_RATE = {
+    "rad/s": 1.0,
+    "radps": 1.0,
+    "rads": 1.0,
+    "degs": DEGREE,
+    "deg/s": DEGREE,
+    "degps": DEGREE,
+    "dps": DEGREE,
+    "rpm": math.tau / 60.0,
+}
 _FORCE = {"n": 1.0, "kn": 1e3, "mn": 1e-3, "kgf": KGF, "gf": 1e-3 * KGF, "lbf": LBF}
 _MOMENT = {"nm": 1.0, "knm": 1e3, "mnm": 1e-3, "kgfm": KGF, "lbfft": LBF * 12.0 * INCH, "lbfin": LBF * INCH}
 _ANGLE = {"rad": 1.0, "deg": DEGREE}
@@ -66,6 +83,11 @@ _ALONG = (
 AXES_OF = {name: columns for names, columns in _ALONG for name in names.split()}
 """Names of a quantity without an axis, and the columns they may be, by motion."""
 
+VECTORS = {"nu": "uvwpqr", "tau": "XYZKMN"}
+"""Velocities and forces as the vectors of Fossen 2011 (eq. 2.4, 2.5), in columns with numbers from 0 or from 1."""
+_FROM = "dvl imu odom odometry ekf nav navigation est estimate estimated meas measured body rov auv vehicle robot state"
+ORIGINS = frozenset(re.findall(r"\w+", _FROM))
+"""Words that say where a number is from, not what it is."""
 UNKNOWN = {"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"}
 """Cells without a value."""
 PREAMBLE = 40
@@ -76,11 +98,15 @@ _IN_BRACKETS = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
 
 
 class Meaning(NamedTuple):
-    """A column of `COLUMNS`, the SI factor of its numbers, and whether the header line names the unit."""
+    """A column of `COLUMNS`, the SI factor of its numbers, and whether the header line names the unit.
+
+    `gives_way`: a looser name, which is not used where another column of the same meaning has a usual one.
+    """
 
     name: str
     factor: float
     has_unit: bool
+    gives_way: bool = False
 
 
 def _names() -> Iterator[tuple[str, str]]:
@@ -101,6 +127,20 @@ def _names() -> Iterator[tuple[str, str]]:
         yield from ((name, moment) for name in (*moments, *_pairs(word, ("moment", "torque", "tau"))))
 
 
+def _more_names() -> Iterator[tuple[str, str]]:
+    """Names in use that give way to those of `_names`, and the column of each."""
+    times = ("elapsed_time", "time_boot", "seconds", "sec", "secs", "date_time", "datetime", "utc")
+    yield from ((name, "t") for name in times)
+    yield from ((name, NANOSECONDS) for name in ("nanosec", "nanosecs", "nanoseconds", "nsec", "nsecs"))
+    yield from (("forward_velocity", "u"), ("forward_speed", "u"))
+    for axis, word, speed, rate in zip("xyz", ("roll", "pitch", "yaw"), "uvw", "pqr", strict=True):
+        yield from ((f"{name}_{axis}", speed) for name in ("linear_velocity", "linear_vel", "lin_vel"))
+        yield from ((f"{name}_{axis}", rate) for name in ("gyr", "ang_vel", "angular_vel", "angular_rate"))
+        yield from ((name, rate) for name in (f"{word}rate", f"{word}speed", *_pairs(word, ("vel",))))
+    for vector, columns in VECTORS.items():
+        yield from ((f"{vector}_{number}", column) for number, column in enumerate(columns, start=1))
+
+
 def _pairs(word: str, others: Sequence[str]) -> list[str]:
     return [f"{a}_{b}" for other in others for a, b in ((word, other), (other, word))]
 
@@ -108,6 +148,7 @@ def _pairs(word: str, others: Sequence[str]) -> list[str]:
 NANOSECONDS = "t_ns"
 """The nanoseconds of a stamp in two columns."""
 NAMES: dict[str, str] = dict(_names())
+MORE_NAMES: dict[str, str] = {**{name: name for name in "uvwpqr"}, **dict(_more_names()), **NAMES}
 _ENDINGS = {
     **{f"_position_{axis}": f"p{axis}" for axis in "xy"},
     **{f"_{field}": NAMES[field] for field in map("_".join, product(("linear", "angular", "force", "torque"), "xyz"))},
@@ -118,18 +159,34 @@ _ENDINGS = {
 
 
 def meaning_of(header: str) -> Meaning | None:
-    """Meaning of a column by its header; None for an unused one. HindraxError for an unknown unit."""
+    """Meaning of a column by its header; None for an unused one. HindraxError for an unknown unit of a usual name."""
+    found = _meaning(header, _name)
+    if found:
+        return found
+    try:
+        looser = _meaning(header, _looser_name)
+    except HindraxError:
+        return None
+    return looser and looser._replace(gives_way=True)
+
+
+def _meaning(header: str, name_of: Callable[[str], str | None]) -> Meaning | None:
     brackets = _IN_BRACKETS.match(header)
     if brackets:
-        name = _name(brackets["name"])
+        name = name_of(brackets["name"])
         return (name and Meaning(name, factor_of(name, brackets["unit"], header), has_unit=True)) or None
-    name = _name(header)
+    name = name_of(header)
     if name:
         return Meaning(name, 1e-9 if name == NANOSECONDS else 1.0, has_unit=name == NANOSECONDS)
-    before, _, unit = header.strip().rpartition("_")
-    name = _name(before) if before else None
-    factor = UNITS[name].get(plain_unit(unit)) if name else None
-    return Meaning(name, factor, has_unit=True) if name and factor else None
+    # The unit is the last word; of a looser name also the last two, as in surge_cm_s, or in capitals, as in TimeUS.
+    usual = name_of is _name
+    words = (header.strip() if usual else _apart(header.strip())).split("_")
+    for last in (1,) if usual else (1, 2):
+        name = name_of("_".join(words[:-last]))
+        factor = UNITS[name].get(plain_unit("_".join(words[-last:]))) if name else None
+        if name and factor:
+            return Meaning(name, factor, has_unit=True)
+    return None
 
 
 def near_miss(header: str) -> str:
@@ -188,8 +245,29 @@ def _name(text: str) -> str | None:
     return next((name for ending, name in _ENDINGS.items() if words.endswith(ending)), None)
 
 
+def _looser_name(text: str) -> str | None:
+    """Column of a name in other spellings, without the words that say where a number is from."""
+    words = _words(_apart(text)).split("_")
+    return MORE_NAMES.get("_".join(words)) or MORE_NAMES.get("_".join(word for word in words if word not in ORIGINS))
+
+
 def _words(text: str) -> str:
     return re.sub(r"[^0-9a-z]+", "_", text.lower()).strip("_")
+
+
+def _apart(text: str) -> str:
+    """`GyrZ` and `TimeUS` as two words each."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", text)
+
+
+def from_one(header: Sequence[str]) -> list[str]:
+    """Header line in which vectors such as nu[0] ... nu[5] are nu_1 ... nu_6."""
+    counted = [re.fullmatch(rf"({'|'.join(VECTORS)})_(\d)", _words(cell)) for cell in header]
+    from_zero = {found[1] for found in counted if found and found[2] == "0"}
+    return [
+        f"{found[1]}_{int(found[2]) + (found[1] in from_zero)}" if found else cell
+        for cell, found in zip(header, counted, strict=True)
+    ]
 
 
 def number(text: str) -> float:
@@ -203,11 +281,19 @@ def number(text: str) -> float:
     return value if math.isfinite(value) else math.nan
 
 
+_CLOCK = re.compile(r"(?:(\d+):)?(\d+):(\d+(?:\.\d*)?)")
+_DURATION = re.compile(r"(-?[\d.]+(?:e[+-]?\d+)?)\s*([a-z]+)", re.IGNORECASE)
+
+
 def time_of(text: str) -> float:
-    """A time: a number, or an ISO 8601 date and time in seconds since 1970."""
+    """A time in seconds: a number, `0.1 sec`, a clock's `1:02:03.4`, or an ISO 8601 date and time since 1970."""
     try:
         return number(text)
     except ValueError:
+        if clock := _CLOCK.fullmatch(text):
+            return 3600.0 * float(clock[1] or 0) + 60.0 * float(clock[2]) + float(clock[3])
+        if (lasting := _DURATION.fullmatch(text)) and plain_unit(lasting[2]) in _TIME:
+            return float(lasting[1]) * _TIME[plain_unit(lasting[2])]
         found = datetime.fromisoformat(text)
         return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
 

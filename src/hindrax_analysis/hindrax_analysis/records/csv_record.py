@@ -13,6 +13,7 @@ from hindrax_analysis.records.csv_columns import (
     cells_of,
     check_width,
     factor_of,
+    from_one,
     meaning_of,
     near_miss,
     number,
@@ -160,9 +161,11 @@ def _is_header(line: str) -> bool:
 def _meanings(header: list[str], source: str, *, part: bool) -> dict[int, Meaning]:
     """Meaning of each used column, by index. HindraxError when too few, or two mean the same."""
     try:
-        found = {i: known for i, cell in enumerate(header) if (known := meaning_of(cell))}
+        found = {i: known for i, cell in enumerate(from_one(header)) if (known := meaning_of(cell))}
     except HindraxError as error:
         raise HindraxError(f"{source}, {error}") from None
+    usual = {known.name for known in found.values() if not known.gives_way}
+    found = {i: known for i, known in found.items() if not (known.gives_way and known.name in usual)}
     names = [known.name for known in found.values()]
     twice = [header[i] for i, known in found.items() if names.count(known.name) > 1]
     if twice:

@@ -1,0 +1,90 @@
+"""Names that other people's CSV files have for the columns of a record."""
+
+import pytest
+
+from hindrax_analysis.records.csv_columns import meaning_of, time_of
+from hindrax_analysis.records.csv_record import read_records
+from hindrax_analysis.records.recording import Recording
+from hindrax_core.errors import HindraxError
+
+
+def read(header: str, *rows: str) -> Recording:
+    (one,) = read_records("\n".join([header, *rows]), "x.csv")
+    return one
+
+
+@pytest.mark.parametrize(
+    ("header", "name", "factor"),
+    [
+        ("TimeUS", "t", 1e-6),
+        ("time_boot_ms", "t", 1e-3),
+        ("Elapsed Time [min]", "t", 60.0),
+        ("lin_vel_x", "u", 1.0),
+        ("v_body_y", "v", 1.0),
+        ("dvl_vz", "w", 1.0),
+        ("/dvl/velocity/x", "u", 1.0),
+        ("SurgeVel_cm_s", "u", 0.01),
+        ("rov_u_m_s", "u", 1.0),
+        ("GyrZ", "r", 1.0),
+        ("yawspeed", "r", 1.0),
+        ("/imu/angular_velocity/y", "q", 1.0),
+        ("nu_6", "r", 1.0),
+        ("tau_1", "X", 1.0),
+    ],
+)
+def test_loose_names_are_known(header: str, name: str, factor: float) -> None:
+    found = meaning_of(header)
+    assert found is not None
+    assert found.gives_way
+    assert (found.name, found.factor) == (name, pytest.approx(factor))
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "u_std",
+        "cmd_vx",
+        "setpoint_u",
+        "surge_ref",
+        "vx_cov",
+        "target_velocity_x",
+        "mx",
+        "m_z",
+        "ekf_vx [counts]",
+        "psi_dot",
+    ],
+)
+def test_commands_deviations_and_magnetic_fields_are_not_taken_for_motion(header: str) -> None:
+    assert meaning_of(header) is None
+
+
+def test_a_loose_name_gives_way_to_a_usual_one() -> None:
+    found = read("timestamp,TimeUS,u,dvl_vx,X", "0,0,0.1,9,1", "1,1000000,0.2,9,2")
+    assert found.velocity[:, 0].tolist() == [0.1, 0.2]
+    assert found.velocity_t.tolist() == [0.0, 1.0]
+
+
+def test_two_loose_names_of_one_meaning_are_refused() -> None:
+    with pytest.raises(HindraxError, match="dvl_vx and ekf_vx mean the same"):
+        read("t,dvl_vx,ekf_vx,X", "0,0.1,9,1", "1,0.2,9,2")
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_vectors_count_from_zero_or_one(first: int) -> None:
+    names = [f"{vector}[{number + first}]" for vector in ("nu", "tau") for number in range(6)]
+    found = read(",".join(["t", *names]), ",".join(map(str, range(13))), ",".join(map(str, range(1, 14))))
+    assert found.velocity[0].tolist() == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+    assert found.wrench[0].tolist() == [7.0, 8.0, 9.0, 10.0, 11.0, 12.0]
+
+
+def test_seconds_and_nanoseconds_are_one_time() -> None:
+    found = read("sec,nanosec,u,X", "5,500000000,0.1,1", "6,250000000,0.2,2")
+    assert found.velocity_t.tolist() == [0.0, 0.75]
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"),
+    [("0.1 sec", 0.1), ("250 ms", 0.25), ("1:02:03.5", 3723.5), ("02:03", 123.0), ("1970-01-01 00:00:01", 1.0)],
+)
+def test_times_are_read_as_spreadsheets_and_matlab_write_them(text: str, seconds: float) -> None:
+    assert time_of(text) == pytest.approx(seconds)
