@@ -148,7 +148,7 @@ def _pairs(word: str, others: Sequence[str]) -> list[str]:
 NANOSECONDS = "t_ns"
 """The nanoseconds of a stamp in two columns."""
 NAMES: dict[str, str] = dict(_names())
-MORE_NAMES: dict[str, str] = {**{name: name for name in "uvwpqr"}, **dict(_more_names()), **NAMES}
+MORE_NAMES: dict[str, str] = {**dict(_more_names()), **NAMES}
 _ENDINGS = {
     **{f"_position_{axis}": f"p{axis}" for axis in "xy"},
     **{f"_{field}": NAMES[field] for field in map("_".join, product(("linear", "angular", "force", "torque"), "xyz"))},
@@ -247,6 +247,8 @@ def _name(text: str) -> str | None:
 
 def _looser_name(text: str) -> str | None:
     """Column of a name in other spellings, without the words that say where a number is from."""
+    if text in COLUMNS:
+        return text
     words = _words(_apart(text)).split("_")
     return MORE_NAMES.get("_".join(words)) or MORE_NAMES.get("_".join(word for word in words if word not in ORIGINS))
 
