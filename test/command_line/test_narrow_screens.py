@@ -19,17 +19,18 @@ from rich.console import Console
 
 from hindrax_analysis import terminal
 from hindrax_analysis.gains.hold_gains import designed
-from hindrax_analysis.identification.bag_identification import show
 from hindrax_analysis.identification.known_weight import Weighing
 from hindrax_analysis.identification.montecarlo import CoefficientError, DragError, Trial, summary
 from hindrax_analysis.identification.verdict import NextFlight
 from hindrax_analysis.terminal import ResultTable
+from hindrax_bag.read.survey import ListedBag
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.clone import clone_root
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli import command_line, pool_plan
 from hindrax_cli.command import MODULES
 from hindrax_cli.command_line import load, main, parser_of, print_overview
+from hindrax_cli.commands.data import bag
 from hindrax_cli.commands.experiment import weigh
 from hindrax_cli.commands.explain import benchmark, trials
 from hindrax_cli.commands.machine import doctor
@@ -40,11 +41,12 @@ from hindrax_cli.health_checks import Check
 from hindrax_control.commissioning.findings import Finding, Findings, Mend
 from hindrax_control.maneuver.plan import plans_of
 from hindrax_core.text import screen_text
-from hindrax_core.text.refusals import NOTHING
+from hindrax_core.text.refusals import NOTHING, Reason, Refusal
 from hindrax_core.text.screen_text import COMMAND, UNBOUNDED
 from hindrax_core.vehicle import AXES, AxisGain, load_vehicle
 from hindrax_ident.arrays import array
-from hindrax_ident.assess.assessment import FLY_TWICE, METHOD
+from hindrax_ident.assess.assessment import METHOD
+from hindrax_ident.assess.influences import MEASURED_THRUST
 from hindrax_ident.assess.objections import unnamed
 from hindrax_ident.assess.results import DragBand, MotionResult, NextStep, Number, Results
 from hindrax_ident.model import motion_model
@@ -53,6 +55,7 @@ from hindrax_laboratory.benchmark.blind_benchmark import Common, Row
 from hindrax_operator.pool_run import FlownManeuver, finish
 from hindrax_sim.flights.rehearsal import ExpectedBand, Flown, Rehearsal
 from hindrax_sim.flights.step_flight import StepOutcome
+from hindrax_tools.faults import device_faults, process_faults
 from hindrax_tools.faults import table as fault_table
 from hindrax_tools.faults.fault_outcome import EVERY_MODE, FaultOutcome
 from hindrax_tools.reference.commands import words_of
@@ -342,17 +345,47 @@ def show_many_trials() -> None:
     trials.print_montecarlo(summary([Trial(seed, tuple(errors), tuple(drag)) for seed in (1, 2)]))
 
 
-def show_sick_machine() -> None:
-    wires = ["/dev/hindrax/dvl", "/dev/hindrax/ping", "/dev/i2c-1"]
-    missing = [Check(one, "not there", "check cable and power; install the udev rules that make it") for one in wires]
-    unasked = [
-        Check(one, "not asked: no port", f"see {wires[0]}") for one in ("dvl75", "ping1d", "icm20948", "pca9685")
+def sick_machine(problems: int) -> list[Check]:
+    """As a laptop without devices finds them; paths and remedies are as long as they come."""
+    fine = [Check(f"check {number}", "as it should be") for number in range(14)]
+    rules = "check cable and power; `sudo docker/pi/set-up.sh` installs the udev rules that make this name"
+    missing = [Check(f"/dev/hindrax/{one}", "not there", rules) for one in ("dvl", "ping", "imu", "gps", "output")]
+    others = [
+        Check("time", "2026-11-27 16:11 UTC, not synchronized", "start chrony or systemd-timesyncd"),
+        Check("/dev/i2c-1", "not allowed, it belongs to group i2c", "sudo usermod -aG i2c $USER, log in again"),
+        Check("disk", "0.3 GB free in /home/pilot/runs, wanted 0.5 GB at least", "remove runs, or name --out"),
     ]
-    doctor.show([*(Check(f"check {number}", "as it should be") for number in range(14)), *missing, *unasked])
+    unasked = [Check(f"sensor{at}", "not asked: no port", f"see /dev/hindrax/{at}") for at in range(problems)]
+    return [*fine, *[*others, *missing, *unasked][:problems]]
 
 
-def show_long_plan() -> None:
-    band = ExpectedBand(0.832, 0.023, 0.21, 0.26, ())
+def show_sick_machine(problems: int) -> None:
+    doctor.show(sick_machine(problems))
+
+
+def show_many_faults() -> None:
+    rows = [(row.who, row.what) for row in process_faults.ROWS] + [(row.who, row.what) for row in device_faults.ROWS]
+    found = [FaultOutcome(*row, mode, 1, 0.5, 0.0, 2.0, "too late: 1 s") for row in rows for mode in EVERY_MODE]
+    trials.print_faults("Time to neutral, the longest of 3 seeds", fault_table, found, [])
+
+
+def show_many_rates() -> None:
+    name = "record a message of 4096 bytes, chunk and flush included"
+    peer = "smbus2 0.5.0, polled sample by sample, no stamp and no check"
+    rows: list[dict[str, object]] = [
+        {"name": f"{name} {number}", "ours_us": 5.7, "peer_us": 25.8, "ratio": 4.5, "peer": peer}
+        for number in range(40)
+    ]
+    trials.print_bench(rows)
+
+
+def show_many_bags() -> None:
+    found = [ListedBag(Path(f"runs/2026-05-04_10-{at}-00/bag"), 3_000_000, True, 93.0, 9000) for at in range(10, 60)]
+    bag._show_list(found, Path("runs"))
+
+
+def show_long_plan(*reasons: str) -> None:
+    band = ExpectedBand(0.832, 0.023, 0.21, 0.26, tuple(map(unnamed, reasons)))
     motions = ("surge", "sway", "heave_down", "heave_up", "roll", "pitch", "yaw")
     bands = dict.fromkeys(motions, band) | {"pitch": replace(band, reasons=(unnamed("the tether drags"),))}
     flown = tuple(Flown(motion, 0.0, 115.0, 1.54, 0.66, 0.17) for motion in AXES)
@@ -360,7 +393,8 @@ def show_long_plan() -> None:
     pool_plan.show(Rehearsal("hindrax", "pool", plans, flown, bands, "", NOTHING))
 
 
-def show_all_motions() -> None:
+def show_all_motions(*reasons: str, aborted: Refusal = NOTHING) -> None:
+    """Every motion, all identifiable or all refused for the same reasons."""
     names = ("surge", "sway", "heave_down", "heave_up", "roll", "pitch", "yaw")
     numbers = {
         name: Number(*((55.0, 5.84) if name == "k_q" else (-0.291, 0.0573)), truth=0.1127, unit=unit)
@@ -370,15 +404,22 @@ def show_all_motions() -> None:
     quality = {"held_out_rmse": 0.0123, "held_out_rmse_stays_still": 0.234}
     motions = {
         name: MotionResult(
-            name, METHOD, numbers, identifiable=True, drag=drag, quality=quality, next_step=NextStep(FLY_TWICE, 0.05)
+            name,
+            METHOD,
+            numbers,
+            identifiable=not reasons,
+            reasons=tuple(map(unnamed, reasons)),
+            drag=drag,
+            quality=quality,
+            next_step=NextStep(MEASURED_THRUST, 0.05),
         )
         for name in names
     }
     found: Any = SimpleNamespace(
         results=Results(motions, load_vehicle(default_vehicle())), left_out=(), predicted={}, spreads={}
     )
-    show(found, reported=True)
-    finish(found, RunFolder(Path("runs/2026-05-04_10-00-00")), FlownManeuver(), NextFlight(["--mock"]))
+    flight = FlownManeuver(aborted=aborted, vehicle_s=387.0, wall_s=90.0)
+    finish(found, RunFolder(Path("runs/2026-05-04_10-00-00")), flight, NextFlight())
 
 
 VEHICLES = ("hindrax", "bluerov2", "bluerov2-heavy", "lbv")
@@ -390,9 +431,21 @@ OF_A_VEHICLE = (
 )
 FULL: dict[str, Callable[[], object]] = {
     "montecarlo": show_many_trials,
-    "doctor": show_sick_machine,
+    **{f"doctor, {count} problems": partial(show_sick_machine, count) for count in (0, 3, 9, 20)},
     "pool-test": show_all_motions,
+    "pool-test, refused": partial(
+        show_all_motions, "speeds of 0.1 to 0.3 m/s do not separate k_q from k_l; use the drag with its interval"
+    ),
+    "pool-test, aborted": partial(
+        show_all_motions,
+        "it hardly moved",
+        aborted=Refusal(Reason.POOL, "too near to a wall, 0.30 m; wanted 0.50 m at least"),
+    ),
     "pool-test --plan": show_long_plan,
+    "pool-test --plan, refused": partial(show_long_plan, "the DVL loses the bottom", "it hardly moved: speed 0.01 m/s"),
+    "faults, all": show_many_faults,
+    "bench, all": show_many_rates,
+    "bag list, many": show_many_bags,
     **{name: printer for name, printer in PRINTERS.items() if name not in ("montecarlo", "pool-test")},
     **{
         words: partial(main, words.split())
@@ -415,7 +468,7 @@ def test_the_default_tables_of_a_command_are_one_screen(
     lines = "".join(capsys.readouterr()).splitlines()
     assert lines
     assert max(len(line) for line in lines if not line.endswith(".yaml")) <= 80
-    assert len(lines) <= (24 if command == "pool-test" else 23), "the prompt is the last; of a result, the title goes"
+    assert len(lines) <= 23, "the prompt is the last"
     assert not [line for line in lines if re.search(r"\[[^]]+\]: ", line)], "too narrow for a table"
 
 

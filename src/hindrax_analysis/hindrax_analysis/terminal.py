@@ -1,10 +1,12 @@
 """Results on the terminal: tables, values with their units, or one JSON document."""
 
+import io
 import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from textwrap import TextWrapper
+from typing import TextIO
 
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -30,6 +32,40 @@ def console() -> Console:
 def screen_rows() -> int:
     """Lines that fit on the screen of stdout above its prompt; UNBOUNDED off a terminal."""
     return console().height - 1 if sys.stdout.isatty() else UNBOUNDED
+
+
+class _Page(io.StringIO):
+    """What is printed before it is shown: as wide, and as much of a terminal, as where it will be shown."""
+
+    def __init__(self, shown: TextIO) -> None:
+        super().__init__()
+        self._shown = shown
+
+    def isatty(self) -> bool:
+        return self._shown.isatty()
+
+    def fileno(self) -> int:
+        return self._shown.fileno()
+
+
+def print_what_fits(*ways: Callable[[], object], above: int = 0) -> None:
+    """Print the first of several ways for which the screen has lines enough, or the last of them.
+
+    Parameters
+    ----------
+    *ways
+        Each prints the same result on stdout, the longest first. Off a terminal there is room for the first.
+    above
+        Lines already on the screen that belong to it.
+    """
+    text = ""
+    for way in ways:
+        with redirect_stdout(_Page(sys.stdout)) as page:
+            way()
+        text = page.getvalue()
+        if text.count("\n") <= screen_rows() - above:
+            break
+    print_whole(text, end="")
 
 
 def print_answer(document: Mapping[str, object] | object, text: object, *, as_json: bool) -> int:
@@ -89,6 +125,8 @@ class ResultTable(Table):
     """Headings of columns that a narrow screen does without, the first to go last."""
     grouped = False
     """Whether rows with the same first cell are a group."""
+    dense = False
+    """Whether no lines are drawn, to be one line shorter."""
 
 
 def print_table(
@@ -100,6 +138,7 @@ def print_table(
     *,
     spare: Sequence[str] = (),
     grouped: bool = False,
+    dense: bool = False,
 ) -> list[str]:
     """Print rows below their headings.
 
@@ -117,6 +156,8 @@ def print_table(
         Headings that a screen that is too narrow does without, the last first.
     grouped
         Whether the first cell names a group.
+    dense
+        Whether it is drawn without lines, for a screen that is full.
 
     Returns
     -------
@@ -124,7 +165,7 @@ def print_table(
         Headings that were left out.
     """
     table = ResultTable(title=printable(title))
-    table.spare, table.grouped = spare, grouped
+    table.spare, table.grouped, table.dense = spare, grouped, dense
     for heading in words:
         table.add_column(Text(heading), no_wrap=True)
     for heading in numbers:
@@ -165,7 +206,7 @@ def _narrowed(table: ResultTable, left_out: Sequence[str], *, broken: bool, fold
 
     `broken`: long headings have several lines; `folded`: long names too.
     """
-    made = Table(show_edge=False)
+    made = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0)) if table.dense else Table(show_edge=False)
     columns = [column for column in table.columns if str(column.header) not in left_out]
     for column in columns:
         heading = _broken(column) if broken and column.no_wrap else column.header

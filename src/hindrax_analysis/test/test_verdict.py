@@ -8,11 +8,18 @@ import pytest
 from rich.console import Console
 
 from hindrax_analysis import terminal
-from hindrax_analysis.identification.verdict import NextFlight, show_next, show_verdicts
+from hindrax_analysis.identification.verdict import (
+    COMMANDS,
+    SIMULATED,
+    NextFlight,
+    NextReport,
+    show_next,
+    show_verdicts,
+)
 from hindrax_core.text import screen_text
 from hindrax_core.text.digits import TWO_SIDED_95
 from hindrax_ident.assess.assessment import FLY_TWICE
-from hindrax_ident.assess.influences import MEASURED_THRUST
+from hindrax_ident.assess.influences import INFLUENCES, MEASURED_THRUST
 from hindrax_ident.assess.results import DragBand, MotionResult, NextStep
 
 SPEED, FORCE, STD = np.array([0.1, 0.4]), np.array([1.0, 20.0]), np.array([0.5, 2.0])
@@ -57,7 +64,7 @@ def test_what_has_no_drag_has_no_numbers(capsys: pytest.CaptureFixture[str]) -> 
     assert [row[0] for row in rows(capsys.readouterr().out)] == ["surge", "sway*"]
     show_verdicts({"surge": still}, {})
     show_verdicts({}, {})
-    show_next({"surge": replace(SURGE, drag=None)}, None)
+    show_next({"surge": replace(SURGE, drag=None)}, NextFlight())
     show_next({}, NextFlight())
     assert capsys.readouterr().out == ""
 
@@ -67,14 +74,15 @@ def test_the_next_experiment_is_that_of_the_worst_motion_and_states_what_it_buys
 ) -> None:
     show_next({"surge": SURGE, "sway": SWAY}, NextFlight())
     assert capsys.readouterr().out == (
-        "best next step: wait until the water is still; std of the drag of sway 20.0% instead of 30.0%\n"
+        "best next step: wait until the water is still; std of the drag of sway 30.0% -> 20.0% at best\n"
+        "  ./hindrax pool-test --dof sway\n"
     )
     still = replace(SWAY, drag=DragBand(SPEED, FORCE, STD, 900.0 * STD))
-    show_next({"surge": SURGE, "sway": still}, None)
+    show_next({"surge": SURGE, "sway": still}, NextFlight())
     assert "std of the drag of surge" in capsys.readouterr().out, "sway hardly moved"
     show_next({"heave_down": replace(SURGE, motion="heave_down")}, NextFlight(["--mock"]))
     printed = capsys.readouterr().out.splitlines()
-    assert printed[0] == f"best next step: {FLY_TWICE}; std of the drag of heave_down 7.5% instead of 10.0%"
+    assert printed[0] == f"best next step: {FLY_TWICE}; std of the drag of heave_down 10.0% -> 7.5% at best"
     assert printed[1:] == ["  ./hindrax pool-test --mock --dof heave"]
 
 
@@ -82,15 +90,36 @@ def test_the_next_experiment_is_that_of_the_worst_motion_and_states_what_it_buys
     ("flight", "motion", "words"),
     [
         (NextFlight(["--mock"]), "surge", "./hindrax pool-test --session --mock --dof surge"),
+        (NextFlight(["--mock"], "ideal"), "surge", "./hindrax pool-test --session --mock --world ideal --dof surge"),
         (NextFlight(), "heave_up", "./hindrax pool-test --session --load 15 --dof heave"),
         (NextFlight(), "yaw", "./hindrax pool-test --session --load 15 --lever 0.3 --dof yaw"),
-        (NextFlight(["--mock"], "my rov.yaml"), "sway", "./hindrax pool-test --session --mock --vehicle 'my rov.yaml'"),
-        (NextFlight(), "roll", ""),
+        (
+            NextFlight(["--mock"], vehicle="my rov.yaml"),
+            "sway",
+            "./hindrax pool-test --session --mock --vehicle 'my rov.yaml' --dof sway",
+        ),
+        (NextFlight(), "roll", "./hindrax bollard --help"),
     ],
 )
 def test_a_weighing_is_the_session_of_a_pool_day(flight: NextFlight, motion: str, words: str) -> None:
-    printed = " ".join(flight.words(motion, MEASURED_THRUST))
-    assert printed.removesuffix(" --dof sway") == words
+    assert " ".join(flight.words(motion, MEASURED_THRUST)) == words
+
+
+@pytest.mark.parametrize("remedy", sorted({row.remedy for row in INFLUENCES} | {FLY_TWICE}))
+def test_every_step_has_a_command(remedy: str) -> None:
+    water, mock = NextFlight(), NextFlight(["--mock"], "pool,wake=0.1")
+    for flight in (water, mock):
+        for motion in ("surge", "roll"):
+            assert flight.words(motion, remedy)[0] == "./hindrax"
+    assert NextReport("./hindrax identify a.csv --report a.html").words("surge", remedy)
+    named = f" --world pool,wake=0.1,{SIMULATED[remedy]}=0" if remedy in SIMULATED else ""
+    if named:
+        assert f"./hindrax pool-test --mock{named} --dof roll" == " ".join(mock.words("roll", remedy))
+
+
+def test_the_commands_are_of_steps_that_there_are() -> None:
+    """A remedy that is said in other words keeps its command."""
+    assert {*COMMANDS, *SIMULATED} <= {row.remedy for row in INFLUENCES}
 
 
 def test_the_last_screen_of_all_motions_is_one_screen(

@@ -181,6 +181,7 @@ def run_command(command: ToolCommand, words: list[str]) -> int:
             empty = [name for name, value in pairs if name[:1] == "-" and not value and name not in MAY_BE_EMPTY]
             if empty and not command.passes_on:
                 raise UsageError(f"{empty[0]}: found nothing, wanted a value; is a variable of the shell unset?")
+            arguments.typed = [command.name, *words]
             return command.run(arguments)
     except HindraxError as error:
         why = str(error).removeprefix(f"{command.name}: ")

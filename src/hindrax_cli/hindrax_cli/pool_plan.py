@@ -3,10 +3,11 @@
 import argparse
 import math
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 
 from hindrax_analysis.identification.verdict import REJECTED
-from hindrax_analysis.terminal import print_answer, print_table, screen_rows, working
+from hindrax_analysis.terminal import print_answer, print_table, print_what_fits, working
 from hindrax_control.maneuver.goal import motions_to_fly
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted, print_stderr
@@ -16,8 +17,6 @@ from hindrax_ident.online.aim import Aim, check_experiment
 from hindrax_sim.conditions.world_table import POOL, sizes_of
 from hindrax_sim.flights.rehearsal import Rehearsal, rehearse
 
-TABLES = 6
-"""Lines of the two tables beside their rows."""
 OF_THE_STACK = ("fault", "rate", "out", "params", "set")
 """Options of a stack, which a rehearsal does not start: to ignore one would show another plan than is flown."""
 
@@ -66,17 +65,37 @@ def predicted_of(arguments: argparse.Namespace, aim: Aim) -> Mapping[str, float]
 
 
 def show(found: Rehearsal) -> None:
-    """Print plan, timetable, bands and why it ended."""
-    lines = len(found.plans) + len(found.flown) + len(found.bands) + TABLES
-    for plan in found.plans if lines <= screen_rows() else ["the legs of each motion: --json"] if found.plans else []:
-        print_fitted(plan)
+    """Print plan, timetable, bands and why it ended; on a screen that is too short neither legs nor reasons."""
+    rejected = {motion: band.reasons for motion, band in found.bands.items() if band.reasons}
+
+    def way(*, legs: bool, reasons: bool) -> None:
+        unsaid = [*(["the legs of each motion"] if found.plans and not legs else [])]
+        unsaid += [f"why {REJECTED} (not identifiable)"] if rejected and not reasons else []
+        if unsaid:
+            print_fitted(f"--json shows: {', '.join(unsaid)}")
+        for plan in found.plans if legs else ():
+            print_fitted(plan)
+        _show_tables(found, dense=not reasons)
+        for motion, sentences in rejected.items() if reasons else ():
+            print_fitted(f"{REJECTED} {motion}: {'; '.join(sentences)}")
+        if found.ended:
+            print_fitted(f"ended: {found.ended}")
+
+    print_what_fits(
+        partial(way, legs=True, reasons=True),
+        partial(way, legs=False, reasons=True),
+        partial(way, legs=False, reasons=False),
+    )
+
+
+def _show_tables(found: Rehearsal, *, dense: bool) -> None:
     numbers = ("from [s]", "to [s]", "wall [m]", "floor [m]", "charge [Ah]")
     rows = []
     for one in found.flown:
         cells = (one.wall_m, one.floor_m, one.charge_Ah)
         rows.append((one.motion, f"{one.begin_s:.0f}", f"{one.end_s:.0f}", *(f"{cell:.2f}" for cell in cells)))
     drawn = f"{found.seconds:.0f} s in the water, {found.charge_Ah:.2f} Ah by momentum theory"
-    print_table(f"{found.vehicle} in the world {found.world}: {drawn}", ("motion",), numbers, rows)
+    print_table(f"{found.vehicle} in the world {found.world}: {drawn}", ("motion",), numbers, rows, dense=dense)
     rows = []
     for motion, band in found.bands.items():
         shares = (band.noise, band.calibrated, band.added_mass)
@@ -84,9 +103,5 @@ def show(found: Rehearsal) -> None:
         unit, _ = axis_units(MOTIONS[motion].axis)
         rows.append((f"{motion}{REJECTED if band.reasons else ''}", f"{band.speed:.2f} {unit}", *percents))
     title = "Standard deviations to be expected: of the drag, by noise and in all; of added mass"
-    print_table(title, ("motion",), ("highest speed", "noise [%]", "calibrated [%]", "added mass [%]"), rows)
-    for motion, band in found.bands.items():
-        if band.reasons:
-            print_fitted(f"{REJECTED} {motion}: {'; '.join(band.reasons)}")
-    if found.ended:
-        print_fitted(f"ended: {found.ended}")
+    names = ("highest speed", "noise [%]", "calibrated [%]", "added mass [%]")
+    print_table(title, ("motion",), names, rows, dense=dense)

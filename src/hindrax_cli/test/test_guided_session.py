@@ -1,7 +1,9 @@
 """The guided session on the command line: what it refuses, and a whole one with flights and estimates of a stand-in."""
 
 import json
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -131,3 +133,20 @@ def test_the_summary_of_sessions_has_the_goal_beside_what_was_reached() -> None:
     assert row["coverage95"] == pytest.approx(2.0 / 3.0)
     assert row["cause"] == "own wake"
     json.dumps(document)
+
+
+@pytest.mark.parametrize(
+    ("mock", "drag", "words"),
+    [
+        ({"seed": 1, "world": "pool"}, 0.09, "pool-test --session --mock --vehicle {}/vehicle.yaml --dof heave"),
+        ({"seed": 1, "world": "ideal"}, 0.09, "--session --mock --world ideal --vehicle {}/vehicle.yaml --dof heave"),
+        (None, 0.09, "pool-test --session --vehicle {}/vehicle.yaml --dof heave"),
+        (None, math.nan, "pool-test --session --vehicle {}/vehicle.yaml --dof surge heave"),
+        (None, 0.01, "./hindrax tune {}/coefficients.yaml"),
+    ],
+)
+def test_the_end_of_a_session_names_the_next_command(mock: object, drag: float, words: str, tmp_path: Path) -> None:
+    reached = Reached(drag, 0.1, drag, drag, drag, "own wake", "rest")
+    session = PoolSession({"mock": mock, "motions": ["surge", "heave"]}, ())
+    session = replace(session, done=(Step("legs 1", reached={"heave_down": reached}),))
+    assert words.format(tmp_path) in guided_session.next_command(session, RunFolder(tmp_path))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import shutil
 import signal
+import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -28,7 +29,7 @@ from hindrax_control.maneuver.goal import PLATEAUS, Goal, motions_to_fly
 from hindrax_control.maneuver.plan import plans_of
 from hindrax_core.errors import INTERRUPTED, HindraxError
 from hindrax_core.text.refusals import NOTHING, STOPPED, Reason, Refusal
-from hindrax_core.text.screen_text import print_fitted, print_stderr
+from hindrax_core.text.screen_text import fitted, print_fitted, print_stderr, screen_width
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ident.online.aim import Aim, ExperimentGoal, check_experiment, plan_text
 from hindrax_operator.operator_view import OperatorLink, OperatorView
@@ -138,7 +139,7 @@ def run_pool_test(options: PoolOptions) -> int:
             progress.report(line)
         flight = fly(options, folder, progress)
         progress.report("identifying over the bag")
-        from hindrax_analysis.identification.bag_identification import identify_run, show  # noqa: PLC0415  # SciPy and the report take a second: the stack starts first
+        from hindrax_analysis.identification.bag_identification import identify_run  # noqa: PLC0415  # SciPy and the report take a second: the stack starts first
         from hindrax_analysis.terminal import working  # noqa: PLC0415  # as above
 
         predicted = options.predicted
@@ -165,8 +166,6 @@ def run_pool_test(options: PoolOptions) -> int:
     if options.json:
         print_json(document)
     else:
-        if identified.results.motions:
-            show(identified, reported=True)
         finish(identified, folder, flight, next_flight(options))
     if flight.interrupted:
         return INTERRUPTED
@@ -204,31 +203,45 @@ def next_flight(options: PoolOptions) -> NextFlight:
     """What a flight after this one would fly: the same vehicle, in the same water where it is a mock."""
     from hindrax_analysis.identification.verdict import NextFlight  # noqa: PLC0415  # SciPy is loaded after the flight
 
-    words: list[str] = []
+    words, world = [], ""
     if (mock := options.mock) is not None:
         words = ["--mock", *(["--simulator", mock.simulator] if mock.simulator else [])]
-        words += ["--world", mock.world] if mock.world != ("ideal" if mock.simulator else "pool") else []
-    return NextFlight(words, "" if options.vehicle_file == default_vehicle() else str(options.vehicle_file))
+        world = mock.world if mock.world != ("ideal" if mock.simulator else "pool") else ""
+    vehicle = "" if options.vehicle_file == default_vehicle() else str(options.vehicle_file)
+    return NextFlight(words, world, vehicle)
 
 
 def finish(identified: Identified, folder: RunFolder, flight: FlownManeuver, following: NextFlight) -> None:
-    """Print how a run ended, the next experiment, and where the report is."""
-    from hindrax_analysis.identification.verdict import show_next  # noqa: PLC0415  # SciPy is loaded after the flight
+    """Print how a run ended, its results, the next experiment, and where the report is: all on one screen."""
+    from hindrax_analysis.identification.bag_identification import show  # noqa: PLC0415  # SciPy is loaded after the flight
+    from hindrax_analysis.identification.verdict import show_next  # noqa: PLC0415  # as above
 
-    if flight.aborted:
-        print_stderr(f"aborted by {flight.aborted}")
-        for line in flight.node_problems:
-            print_stderr(f"  {line}")
-        if not identified.results.motions:
-            print_stderr("nothing was flown: there is no data, so there are no coefficients")
-    if flight.facts.get("wall_hits"):
-        hits = flight.facts["wall_hits"]
-        print_stderr(f"the mock vehicle ran into a wall of its pool (contacts: {hits})")
+    said = _ends(identified, flight)
+    for sentence in said:
+        print_stderr(sentence)
+
+    def ending() -> None:
+        show_next(identified.results.motions, following)
+        print_fitted(f"report: {folder.report}")
+
+    if identified.results.motions:
+        width = screen_width(sys.stderr)
+        show(identified, reported=True, above=sum(len(fitted(one, width).splitlines()) for one in said), ending=ending)
+    else:
+        ending()
+
+
+def _ends(identified: Identified, flight: FlownManeuver) -> list[str]:
+    """How a flight ended, and how fast it was simulated."""
+    said = [f"aborted by {flight.aborted}", *(f"  {line}" for line in flight.node_problems)] if flight.aborted else []
+    if flight.aborted and not identified.results.motions:
+        said.append("nothing was flown: there is no data, so there are no coefficients")
+    if hits := flight.facts.get("wall_hits"):
+        said.append(f"the mock vehicle ran into a wall of its pool (contacts: {hits})")
     if flight.vehicle_s:
         pace = f"{flight.real_time_factor:.1f} times real time"
-        print_stderr(f"flown at {pace} ({flight.vehicle_s:.0f} s of vehicle time)")
-    show_next(identified.results.motions, following)
-    print_fitted(f"report: {folder.report}")
+        said.append(f"flown at {pace} ({flight.vehicle_s:.0f} s of vehicle time)")
+    return said
 
 
 def fly(options: PoolOptions, folder: RunFolder, progress: Progress, act: Act | None = None) -> FlownManeuver:

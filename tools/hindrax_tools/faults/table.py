@@ -10,6 +10,12 @@ from hindrax_tools.faults.fault_outcome import DISARMED, EVERY_MODE, MODES, MOME
 
 TABLES = {"": MODES, "; faults at other moments": MOMENTS}
 """What is printed: end of the title, and the modes."""
+GROUPS = {
+    "in flight": tuple(mode for mode in MODES if mode != DISARMED),
+    "at other moments": MOMENTS,
+    "disarmed": (DISARMED,),
+}
+"""Modes that share a column where the screen is short."""
 WHO = tuple(dict.fromkeys([row.who for row in process_faults.ROWS] + [row.who for row in device_faults.ROWS]))
 
 
@@ -51,6 +57,14 @@ def rows(cells: Sequence[FaultOutcome], modes: Sequence[str]) -> Iterator[tuple[
         told = dict.fromkeys(place for one in flown for place in one.told)
         entries = (entry([one for one in same if one.mode == mode]) for mode in modes)
         yield who, what, *entries, "; ".join(reasons), ", ".join(told)
+
+
+def short_rows(cells: Sequence[FaultOutcome]) -> Iterator[tuple[str, ...]]:
+    """Who, how many faults, an entry for each group of modes: the worst of all faults and seeds."""
+    for who in dict.fromkeys(one.who for one in cells):
+        own = [one for one in cells if one.who == who]
+        entries = (entry([one for one in own if one.mode in modes]) for modes in GROUPS.values())
+        yield who, str(len({one.what for one in own})), *entries
 
 
 def entry(cells: Sequence[FaultOutcome]) -> str:

@@ -5,6 +5,7 @@ import hashlib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,7 @@ from hindrax_analysis.records.own_bag import (
 from hindrax_analysis.report.comparison import RunScatter
 from hindrax_analysis.report.figures import Trace
 from hindrax_analysis.report.run_page import RunReport, run_page
-from hindrax_analysis.terminal import print_table, screen_rows
+from hindrax_analysis.terminal import print_table, print_what_fits
 from hindrax_bag import software_version
 from hindrax_bag.read.bag_reader import bag_files, is_bag, messages
 from hindrax_bag.run_folder import RunFolder
@@ -47,8 +48,6 @@ from hindrax_ident.assess.results import MotionResult, Results, with_truth
 from hindrax_ident.online.session import Outcome, Session
 from hindrax_ident.tuning import Tuning
 
-LAST_LINES = 12
-"""Titles, headings, next step and report around the rows of the last screen."""
 LINE, OFF_LINE = ("k_q", "k_l", "added_mass", "b"), ("k_r",)
 """Coefficients that the line of a motion has room for, and the others."""
 
@@ -144,8 +143,13 @@ def identify_bag(
     return Identified(outcome, results, mock, origin, left_out=left_out(bag), seed=seed_of(bag))
 
 
-def show(identified: Identified, *, reported: bool = False) -> None:
+def show(
+    identified: Identified, *, reported: bool = False, above: int = 0, ending: Callable[[], object] = lambda: None
+) -> None:
     """Print coefficients with the true values of the mock and the paper's, reasons of what is not, then verdicts.
+
+    All of it is one screen: where that has too few lines, first coefficients share a line, then warnings go, then
+    reasons, then coefficients. What went is named, with where it is.
 
     Parameters
     ----------
@@ -153,24 +157,47 @@ def show(identified: Identified, *, reported: bool = False) -> None:
         Results.
     reported
         Whether a report is written, which has the remarks on each motion.
+    above
+        Lines of this result that are on the screen already.
+    ending
+        Prints what comes after it on the same screen.
     """
     motions = identified.results.motions
     warnings = shared_warnings(motions)
-    for sentence in identified.left_out:
-        print_fitted(f"{sentence}: earlier results may count force that it did not give")
-    told = [f"warnings ({sum(len(names) for names, _ in warnings)})"] if reported and warnings else []
-    if sum(len(result.coefficients) + 1 for result in motions.values()) + LAST_LINES > screen_rows():
-        _show_short(motions, "report" if reported else "--json", told)
-    else:
-        _show_in_full(identified)
-        if told:
-            print_fitted(f"in the report: {told[0]}")
-    for names, warning in [] if reported else warnings:
-        print_fitted(f"{', '.join(names)}: {warning}")
-    for motion, result in motions.items():
-        if not result.identifiable:
-            print_fitted(f"{REJECTED} {motion}: not identifiable: {'; '.join(result.reasons)}")
-    show_verdicts(motions, identified.predicted)
+    where = "in the report" if reported else "--json shows"
+    count = f"warnings ({sum(len(names) for names, _ in warnings)})"
+    rejected = [one for one in motions.values() if not one.identifiable]
+    known = any(one.coefficients for one in motions.values())
+
+    def way(line: int, *, warned: bool, reasoned: bool) -> None:
+        """Coefficients each on a line of its own (2), those of a motion on one (1), or none of them (0)."""
+        unsaid = [*([count] if warnings and not warned else [])]
+        unsaid += [f"why {REJECTED} (not identifiable)"] if rejected and not reasoned else []
+        for sentence in identified.left_out:
+            print_fitted(f"{sentence}: earlier results may count force that it did not give")
+        if line == 1 and known:
+            _show_short(motions, where, unsaid)
+        else:
+            if line == 2:
+                _show_in_full(identified)
+            if rest := [*(["coefficients"] if known and line == 0 else []), *unsaid]:
+                print_fitted(f"{where}: {', '.join(rest)}")
+        for names, warning in warnings if warned else []:
+            print_fitted(f"{', '.join(names)}: {warning}")
+        for one in rejected if reasoned else []:
+            print_fitted(f"{REJECTED} {one.motion}: not identifiable: {'; '.join(one.reasons)}")
+        show_verdicts(motions, identified.predicted, dense=line < 2)
+        ending()
+
+    said = not reported
+    print_what_fits(
+        partial(way, 2, warned=said, reasoned=True),
+        partial(way, 1, warned=said, reasoned=True),
+        partial(way, 1, warned=False, reasoned=True),
+        partial(way, 1, warned=False, reasoned=False),
+        partial(way, 0, warned=False, reasoned=False),
+        above=above,
+    )
 
 
 def _show_short(motions: Mapping[str, MotionResult], where: str, told: Sequence[str]) -> None:
@@ -181,7 +208,7 @@ def _show_short(motions: Mapping[str, MotionResult], where: str, told: Sequence[
         rows.append((marked(result), *("" if one is None else measured(*one.quoted) for one in numbers)))
     rest = [*(["truth"] if _has_truth(motions) else []), *(name for name in OFF_LINE if _has(motions, name)), *told]
     title = f"Coefficients (SI; {PLUS_MINUS}{f'; {where}: ' if rest else ''}{', '.join(rest)})"
-    print_table(title, ("motion",), names, rows, spare=("added_mass", "b"))
+    print_table(title, ("motion",), names, rows, spare=("added_mass", "b"), dense=True)
 
 
 def _has(motions: Mapping[str, MotionResult], name: str) -> bool:

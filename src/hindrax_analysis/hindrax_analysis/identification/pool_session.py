@@ -316,14 +316,20 @@ def meets(motion: str, reached: Reached) -> bool:
     return reached.drag <= drag_goal(motion) and reached.added_mass <= MASS_GOAL
 
 
-def next_sentence(session: PoolSession) -> str:
-    """What to do next by the budget: the motion that is farthest from its goal, and what a step buys there at best."""
+def farthest_motion(session: PoolSession) -> str | None:
+    """Motion that is farthest from its goal; None where all reached it, or none has a drag."""
     known = {motion: one for motion, one in session.reached.items() if math.isfinite(one.drag)}
     wide = {motion: one.drag / drag_goal(motion) for motion, one in known.items() if one.drag > drag_goal(motion)}
-    if not wide:
+    return max(wide, key=wide.__getitem__, default=None)
+
+
+def next_sentence(session: PoolSession) -> str:
+    """What to do next by the budget: the motion that is farthest from its goal, and what a step buys there at best."""
+    motion = farthest_motion(session)
+    if motion is None:
+        known = any(math.isfinite(one.drag) for one in session.reached.values())
         return "the drag of every motion is as well known as wanted" if known else "no motion has a drag yet"
-    motion = max(wide, key=wide.__getitem__)
-    one = known[motion]
+    one = session.reached[motion]
     at = f"{motion} is known to {one.drag:.1%}, wanted {drag_goal(motion):.0%}"
     best = min(one.weighed, one.repeated)
     if session.left and best < 0.9 * one.drag:

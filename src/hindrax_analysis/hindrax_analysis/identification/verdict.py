@@ -4,12 +4,12 @@ import math
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 from hindrax_analysis.identification.pool_session import WEIGHED
 from hindrax_analysis.terminal import print_table
 from hindrax_core.text.digits import TWO_SIDED_95, last_place
 from hindrax_core.text.screen_text import print_fitted, print_whole
-from hindrax_ident.assess.assessment import FLY_TWICE
 from hindrax_ident.assess.influences import MEASURED_THRUST
 from hindrax_ident.assess.quality import FORCE_SHARE
 from hindrax_ident.assess.results import MotionResult
@@ -22,8 +22,48 @@ HELD_OUT, REHEARSED = "error (still)", "rehearsed std"
 REJECTED = "*"
 """Mark of a motion that is not identifiable, in the tables and before its reasons."""
 SESSION, WEIGHING = "--session", "weigh the thrust, in the guided session of a pool day"
+SIMULATOR, POOL = "--simulator", "pool"
 LOAD_N, LEVER_M = 15.0, 0.3
 """Weight in water and lever of a known-weight test, as the page of a pool day has them."""
+
+
+NEW_FILE, SWEEP = "./hindrax vehicle new myrov", "./hindrax thruster --help"
+COMMANDS: Mapping[str, str] = {
+    MEASURED_THRUST: "./hindrax bollard --help",
+    "describe the thrusters in the vehicle file, or measure the wrench": NEW_FILE,
+    "describe the thrusters in the vehicle file, or measure the thrust at several commands": NEW_FILE,
+    "describe the dead band in the vehicle file": NEW_FILE,
+    "measure each thruster near its dead band, or lower `allocation.idle_bias_N`": SWEEP,
+    "measure the pulse at which each thruster starts": SWEEP,
+    "measure the thrust lag with `./hindrax step`": "./hindrax step --help",
+    "tow it ahead and astern, one record of `./hindrax towing` each": "./hindrax towing --help",
+    "`./hindrax imu calibrate`": "./hindrax imu calibrate --write",
+}
+"""Remedies that are a command of their own; after any other the motion is flown again."""
+SIMULATED: Mapping[str, str] = {
+    "legs with the thrust off at speed, together with boosts from rest and plateaus, separate it from drag": (
+        "inflow_loss"
+    ),
+    "measure the supply voltage, or repeat the first leg at the end": "battery_sag",
+    "measure the supply voltage at the ESCs": "supply_resistance",
+    "fly each speed both ways, in still water": "current",
+    "wait until the water is still": "seiche",
+    "leave the tether slack, or float it, and fly near its fixed end": "tether",
+    "fly near the fixed end of the tether, or with a thinner one": "tether_drag",
+    "longer plateaus and slower changes of speed": "fluid_memory",
+    "rest between legs until the water is still": "wake",
+    "fly the speeds at which the coefficients will be used": "drag_exponent",
+    "align the sensors with the thrusters, and measure it": "imu_misalignment",
+    "compare the distance flown between two walls with a tape measure": "dvl_scale",
+}
+"""What the world of the mock does without where a remedy was followed: there nobody can lead a tether away."""
+
+
+class NextCommand(Protocol):
+    """Knows the command of a next step."""
+
+    def words(self, motion: str, remedy: str, /) -> list[str]:
+        """The command that does a step for a motion; none where it takes more than a command."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,19 +72,36 @@ class NextFlight:
 
     mock: Sequence[str] = ()
     """Options of the mock vehicle; empty for one in water."""
+    world: str = ""
+    """Of the mock; empty for its usual one."""
     vehicle: str = ""
     """File or name; empty for the default."""
 
     def words(self, motion: str, remedy: str) -> list[str]:
-        """The command that does a step for a motion; none where it takes more than a command."""
-        axis, words = motion.partition("_")[0], ["./hindrax", "pool-test"]
+        """The command that does a step for a motion, or flies it again after the step."""
+        axis, words, world = motion.partition("_")[0], ["./hindrax", "pool-test"], self.world
         if remedy == MEASURED_THRUST and axis in WEIGHED:
             lever = ("--lever", f"{LEVER_M:g}") if axis == "yaw" else ()
             words += [SESSION, *(() if self.mock else ("--load", f"{LOAD_N:g}", *lever))]
-        elif remedy != FLY_TWICE:
-            return []
+        elif remedy in COMMANDS:
+            return COMMANDS[remedy].split()
+        elif self.mock and SIMULATOR not in self.mock and remedy in SIMULATED:
+            world = f"{self.world or POOL},{SIMULATED[remedy]}=0"
         vehicle = ("--vehicle", shlex.quote(self.vehicle)) if self.vehicle else ()
-        return [*words, *self.mock, *vehicle, "--dof", axis]
+        return [*words, *self.mock, *(("--world", world) if world else ()), *vehicle, "--dof", axis]
+
+
+@dataclass(frozen=True, slots=True)
+class NextReport:
+    """A record that this stack did not fly: what each step would buy is in a report of it."""
+
+    command: str
+    """That writes the report; empty where it is written."""
+
+    def words(self, _motion: str, remedy: str) -> list[str]:
+        """The command of a step at the desk, else that of the report."""
+        desk = COMMANDS.get(remedy, "") if remedy != MEASURED_THRUST else ""
+        return [one for one in (desk or self.command,) if one]
 
 
 def marked(result: MotionResult) -> str:
@@ -52,15 +109,25 @@ def marked(result: MotionResult) -> str:
     return result.motion if result.identifiable else f"{result.motion}{REJECTED}"
 
 
-def show_verdicts(motions: Mapping[str, MotionResult], predicted: Mapping[str, float]) -> None:
-    """Print a line for each motion: drag with its 95 % interval, its deviation, error of the held-out prediction."""
+def show_verdicts(motions: Mapping[str, MotionResult], predicted: Mapping[str, float], *, dense: bool = False) -> None:
+    """Print a line for each motion: drag with its 95 % interval, its deviation, error of the held-out prediction.
+
+    Parameters
+    ----------
+    motions
+        Results by motion.
+    predicted
+        Deviation of the drag of each motion as a share of it, as a rehearsal predicted it [-]; empty without one.
+    dense
+        Whether the table is drawn without lines, for a screen that is full.
+    """
     numbers = ("drag", "95 % interval", "std", *((REHEARSED,) if predicted else ()), HELD_OUT)
     rows = []
     for motion, result in motions.items():
         before = (f"{predicted[motion]:.0%}" if motion in predicted else "",) if predicted else ()
         rows.append((marked(result), *_drag(result), *before, _held_out(result)))
     if any(one.drag is not None for one in motions.values()):  # else the reasons say it all
-        print_table(TITLE, ("motion",), numbers, rows, spare=(HELD_OUT, REHEARSED))
+        print_table(TITLE, ("motion",), numbers, rows, spare=(HELD_OUT, REHEARSED), dense=dense)
 
 
 def _drag(result: MotionResult) -> tuple[str, str, str]:
@@ -93,8 +160,8 @@ def _short(error: float) -> str:
     return f"{error:.{min(3, max(0, -last_place(error, 2)))}f}"
 
 
-def show_next(motions: Mapping[str, MotionResult], flight: NextFlight | None) -> None:
-    """Print the best next step for the worst drag, what it buys, and its command where a vehicle has flown."""
+def show_next(motions: Mapping[str, MotionResult], following: NextCommand) -> None:
+    """Print the best next step for the worst drag, what it buys at best, and its command."""
     known = [(share, one) for one in motions.values() if (share := _share(one)) is not None]
     # Of a motion that hardly moved nothing would be known after the next step either.
     known = [(share, one) for share, one in known if share < 1.0] or known
@@ -105,8 +172,8 @@ def show_next(motions: Mapping[str, MotionResult], flight: NextFlight | None) ->
     assert step is not None
     assert drag is not None
     then = step.std / drag.quoted(-1)[0]
-    bought = f"std of the drag of {worst.motion} {then:.1%} instead of {share:.1%}"
-    words = flight.words(worst.motion, step.remedy) if flight else []
+    bought = f"std of the drag of {worst.motion} {share:.1%} -> {then:.1%} at best"
+    words = following.words(worst.motion, step.remedy)
     print_fitted(f"best next step: {WEIGHING if SESSION in words else step.remedy}; {bought}")
     if words:
         print_whole(f"  {' '.join(words)}")

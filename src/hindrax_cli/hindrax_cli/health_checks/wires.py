@@ -99,7 +99,7 @@ def _absent(path: str) -> str:
         return "start the mock with ./hindrax mock"
     if path.startswith("/dev/i2c"):
         return "switch I2C on (raspi-config, or dtparam=i2c_arm=on in config.txt) and `sudo modprobe i2c-dev`"
-    return "check cable and power; install the udev rules that make this name"
+    return "check cable and power; `sudo docker/pi/set-up.sh` installs the udev rules that make this name"
 
 
 def _group(file: Path) -> str:

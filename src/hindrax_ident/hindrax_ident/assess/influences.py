@@ -656,7 +656,7 @@ INFLUENCES: tuple[Influence, ...] = (
     Influence(
         "fore/aft asymmetry", "-", MODEL,
         _asymmetry_sigma, lambda case: case.of_force(-_asymmetry(case, case.v)),
-        "identify each direction for itself", drag=_asymmetry, near=0.2,
+        "tow it ahead and astern, one record of `./hindrax towing` each", drag=_asymmetry, near=0.2,
     ),
     Influence(
         "exponent of the drag", "-", MODEL, _always(0.17),

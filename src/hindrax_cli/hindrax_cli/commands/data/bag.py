@@ -26,6 +26,8 @@ PLOTS = (".png", ".svg", ".pdf")
 BAG = option("bag", type=Path, metavar="BAG", help="folder of a bag, or one of its files")
 OUT = option("--out", type=Path, metavar="PATH", help="where the result goes")
 ALL = option("--all", action="store_true", help="every topic, also where the screen has no room")
+LIST_LINES = 4
+"""Title, heading and the sentence below the list."""
 INFO_LINES = 7
 """Of a survey beside its topics and notes: title, heading, what had no room."""
 TOPICS = option("--topics", nargs="+", metavar="TOPIC", help="only these; default all")
@@ -62,22 +64,29 @@ def _show_info(found: Survey, *, whole: bool = False) -> None:
 @command(
     "./hindrax bag list runs",
     option("folder", type=Path, nargs="?", default=Path("runs"), help="default: runs"),
+    option("--all", action="store_true", help="every bag, also where the screen has no room"),
     add_json,
 )
 def listed(arguments: argparse.Namespace) -> int:
     """Bags below a folder."""
     found = find_bags(arguments.folder)
     document = {"bags": [one.document() for one in found]}
-    return print_answer(document, lambda: _show_list(found, arguments.folder), as_json=arguments.json)
+    return print_answer(
+        document, lambda: _show_list(found, arguments.folder, whole=arguments.all), as_json=arguments.json
+    )
 
 
-def _show_list(found: Sequence[ListedBag], folder: Path) -> None:
-    rows = []
-    for one in found:
+def _show_list(found: Sequence[ListedBag], folder: Path, *, whole: bool = False) -> None:
+    """Print the bags; of more than the screen has room for only the last, unless the `whole` list is asked for."""
+    rows, room = [], UNBOUNDED if whole else screen_rows() - LIST_LINES
+    earlier = len(found) - max(1, room) if len(found) > room else 0
+    for one in found[earlier:]:
         numbers = ("", "", one.note) if one.note else (f"{one.seconds:.1f}", one.messages, "")
         rows.append((one.bag, f"{one.bytes / 1e6:.1f}", *numbers))
     if rows:
         print_table(f"bags below {folder}", ["bag"], ["MB", "s", "messages"], rows, [""])
+        if earlier:
+            print_fitted(f"{earlier} more bags, earlier by their names: --all shows them")
     else:
         print_fitted(f"no bags below {folder}")
 

@@ -2,6 +2,7 @@
 
 import argparse
 import contextlib
+import shlex
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -28,12 +29,13 @@ from hindrax_analysis.identification.record_identification import (
     recorded_vehicle,
     worthwhile,
 )
-from hindrax_analysis.identification.verdict import show_next
+from hindrax_analysis.identification.verdict import NextCommand, NextFlight, NextReport, show_next
 from hindrax_analysis.records.autopilot_vehicle import BOX, VEHICLE_OF_FRAME, logged_wiring, wired
 from hindrax_analysis.records.csv_columns import COLUMNS
 from hindrax_analysis.records.csv_thrusters import MEANING, OUTPUTS
 from hindrax_analysis.records.third_party_bag import FRAMES, TopicSelection
 from hindrax_analysis.terminal import print_answer, working
+from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.share_files import default_vehicle, vehicle_file
 from hindrax_cli.argument_types import add_json, named_vehicle, within
 from hindrax_cli.command import command, option
@@ -201,7 +203,7 @@ def identify(arguments: argparse.Namespace) -> int:
 
     def show_all() -> None:
         """Axis by axis, then all together."""
-        _show(arguments, found, conditions)
+        _show(arguments, found, conditions, _next(arguments, sources, vehicle))
         if joint:
             show_joint(joint)
 
@@ -255,7 +257,9 @@ def _delays(lag_s: float, latency_s: float) -> str:
     return f"thrust {lag_s:.2f} s; velocity stamps {abs(latency_s):.2f} s too {late}"
 
 
-def _show(arguments: argparse.Namespace, found: Identified, conditions: ResultConditions) -> None:
+def _show(
+    arguments: argparse.Namespace, found: Identified, conditions: ResultConditions, following: NextCommand
+) -> None:
     for assumption in conditions.assumptions:
         print_stderr(f"assumed: {assumption}")
     if conditions.aborted:
@@ -269,10 +273,27 @@ def _show(arguments: argparse.Namespace, found: Identified, conditions: ResultCo
         for key, one in spreads.items():
             times = f"{one.ratio:.1f} times their deviations, expected 1"
             print_fitted(f"{motion} {key}: {one.runs} runs differ by {times}; by {one.between:.3g} from run to run")
-    show(found, reported=bool(arguments.report))
     if not found.results.motions:
         print_stderr(as_called("no motion was flown in this record; `./hindrax bag info` lists its contents"))
-    show_next(found.results.motions, None)
+    show(found, reported=bool(arguments.report), ending=partial(_show_ending, arguments, found, following))
+
+
+def _show_ending(arguments: argparse.Namespace, found: Identified, following: NextCommand) -> None:
+    """The next step, and what was written."""
+    show_next(found.results.motions, following)
     for name, path in (("coefficients", arguments.coefficients), ("report", arguments.report)):
         if path:
             print_fitted(f"{name}: {path}")
+
+
+def _next(arguments: argparse.Namespace, sources: Sequence[RecordSource], vehicle: Vehicle) -> NextCommand:
+    """What would follow: a flight like the last one of this stack, or the report of a record of another."""
+    last = sources[-1]
+    if last.recording is None:
+        own = RunFolder(last.path.parent).vehicle
+        usual = vehicle.name == load_vehicle(default_vehicle()).name
+        return NextFlight(("--mock",) if last.mock else (), vehicle="" if usual else arguments.vehicle or str(own))
+    report = Path(arguments.records[0]).with_suffix(".html").name
+    return NextReport(
+        "" if arguments.report else f"{as_called(shlex.join(['./hindrax', *arguments.typed]))} --report {report}"
+    )

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias, TypeVar
 from hindrax_analysis.identification.executor import add_workers, workers_of
 from hindrax_analysis.identification.montecarlo import Trial, summary, trial_of
 from hindrax_analysis.identification.pool_session import MASS_GOAL
-from hindrax_analysis.terminal import print_answer, print_table, screen_rows
+from hindrax_analysis.terminal import print_answer, print_table, print_what_fits, screen_rows
 from hindrax_bringup.clone import developer_module
 from hindrax_cli.argument_types import add_json, add_vehicle, at_least
 from hindrax_cli.command import command, option
@@ -25,6 +25,8 @@ from hindrax_sim.flights.pool_flight import fly
 
 TABLE_LINES = 3
 """Of a table beside its rows: title and heading."""
+SHORT_LINES = 4
+"""Of a dense table beside its rows: title, heading on two lines, and the sentence about what it lacks."""
 Document: TypeAlias = dict[str, Any]
 """Of a command: plain data, as JSON has it."""
 OneTrial = TypeVar("OneTrial", Trial, SessionTrial)
@@ -217,13 +219,24 @@ def faults(arguments: argparse.Namespace) -> int:
 
 
 def print_faults(title: str, table: Any, cells: Sequence[Any], violated: Sequence[str]) -> None:
-    """Print the tables, and what must never be and was."""
-    for moments, modes in table.TABLES.items():
-        rows = list(table.rows(cells, modes))
-        if rows:
-            print_table(f"{title}{moments}", ("who", "what"), modes, rows, ("reported", "told"))
-    for sentence in violated:
-        print_fitted(f"violated: {sentence}")
+    """Print the tables, and what must never be and was; on a screen that is too short a row for each that failed."""
+
+    def way(show: Callable[[], None]) -> None:
+        show()
+        for sentence in violated:
+            print_fitted(f"violated: {sentence}")
+
+    def in_full() -> None:
+        for moments, modes in table.TABLES.items():
+            rows = list(table.rows(cells, modes))
+            if rows:
+                print_table(f"{title}{moments}", ("who", "what"), modes, rows, ("reported", "told"))
+
+    def short() -> None:
+        rows = list(table.short_rows(cells))
+        print_table(f"{title}; each fault: --json", ("who",), ("faults", *table.GROUPS), rows, dense=True)
+
+    print_what_fits(partial(way, in_full), partial(way, short))
 
 
 @command(
@@ -247,10 +260,20 @@ def bench(arguments: argparse.Namespace) -> int:
 
 
 def print_bench(rows: list[dict[str, object]]) -> None:
-    """Print a table."""
+    """Print a table; on a screen that is too short without the peers, and the first rows."""
     cells = [(row["name"], *(_cell(row.get(key)) for key in ("ours_us", "peer_us", "ratio", "peer"))) for row in rows]
-    numbers = ("ours [us]", "peer [us]", "ratio")
-    print_table("Medians; the ratio is peer / ours", ("what",), numbers, cells, ("peer",))
+    numbers, title = ("ours [us]", "peer [us]", "ratio"), "Medians; the ratio is peer / ours"
+
+    def short(shown: list[tuple[object, ...]]) -> None:
+        print_table(title, ("what",), numbers, [row[:-1] for row in shown], dense=True)
+        left = len(cells) - len(shown)
+        print_fitted(f"the peers{f', and {left} more rows' if left else ''}: --json")
+
+    print_what_fits(
+        partial(print_table, title, ("what",), numbers, cells, ("peer",)),
+        partial(short, cells),
+        partial(short, cells[: max(1, screen_rows() - SHORT_LINES)]),
+    )
 
 
 def _cell(value: object) -> str:

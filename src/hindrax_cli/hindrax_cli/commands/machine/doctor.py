@@ -4,13 +4,14 @@ import argparse
 import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
-from hindrax_analysis.terminal import console, print_answer, screen_rows
+from hindrax_analysis.terminal import console, print_answer, print_what_fits
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.network.tether import add_tether, tether_setting
 from hindrax_bringup.ros_graph import full_shared_memory
@@ -22,7 +23,7 @@ from hindrax_cli.command import command, option
 from hindrax_cli.health_checks import Check, machine, nodes, wires
 from hindrax_cli.health_checks.pi import board
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.text.screen_text import UNBOUNDED, print_fitted, print_stderr
+from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_drivers.nodes.thruster_settings import Settings
 from hindrax_operator.connection import add_sim_time, joined
@@ -107,18 +108,38 @@ def in_mock(settings: Settings, vehicle_file: Path, faults: tuple[str, ...]) -> 
 def show(checks: Sequence[Check], *, whole: bool = False) -> None:
     """Print what was found, and for each problem its remedy: beside the name, on a narrow screen below it.
 
-    Where the screen has too few lines, only the names of the checks without a problem, unless the `whole` is wanted.
+    Where the screen has too few lines, only the names of the checks without a problem, unless the `whole` is wanted;
+    then problems with the same remedy together; at last the names of these too.
     """
-    screen, room = console(), UNBOUNDED if whole else screen_rows() - 1
-    table = _found(checks, screen)
-    if room < UNBOUNDED and len(screen.render_lines(table)) > room:
-        fine = dict.fromkeys(check.name for check in checks if check.ok)
-        print_fitted(f"ok (--all shows the findings): {', '.join(fine)}")
-        table = _found([check for check in checks if not check.ok], screen)
-    if table.rows:
-        screen.print(table)
-    wrong = sum(not check.ok for check in checks)
-    print_fitted(f"{wrong} of {len(checks)} checks found a problem" if wrong else f"all {len(checks)} checks passed")
+    wrong = [check for check in checks if not check.ok]
+    fine = ", ".join(dict.fromkeys(check.name for check in checks if check.ok))
+    count = f"{len(wrong)} of {len(checks)} checks found a problem" if wrong else f"all {len(checks)} checks passed"
+
+    def way(shown: Sequence[Check], *sentences: str) -> None:
+        for sentence in sentences:
+            print_fitted(sentence)
+        if shown:
+            screen = console()
+            screen.print(_found(shown, screen))
+        print_fitted(count)
+
+    short = f"ok (--all shows the findings): {fine}"
+    names = f"PROBLEM (--all names the remedies): {', '.join(check.name for check in wrong)}"
+    ways = (
+        partial(way, checks),
+        partial(way, wrong, short),
+        partial(way, _together(wrong), short),
+        partial(way, [], names),
+    )
+    print_what_fits(*(ways[:1] if whole else ways))
+
+
+def _together(checks: Sequence[Check]) -> list[Check]:
+    """Checks with the same finding and the same remedy as one, in the order of the first of each."""
+    names: dict[tuple[str, str], list[str]] = {}
+    for check in checks:
+        names.setdefault((check.found, check.remedy), []).append(check.name)
+    return [Check(", ".join(of), found, remedy) for (found, remedy), of in names.items()]
 
 
 def _found(checks: Sequence[Check], screen: Console) -> Table:

@@ -1,6 +1,8 @@
 """`hindrax pool-test --session`: a pool day step by step, with a person beside the pool or in mock."""
 
 import argparse
+import math
+import shlex
 import shutil
 import sys
 from collections.abc import Mapping, Sequence
@@ -24,6 +26,7 @@ from hindrax_analysis.identification.pool_session import (
     PoolSession,
     Reached,
     drag_goal,
+    farthest_motion,
     load,
     meets,
     next_sentence,
@@ -43,7 +46,7 @@ from hindrax_control.maneuver.goal import PLATEAUS, motions_to_fly
 from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.errors import INTERRUPTED, HindraxError, UsageError
 from hindrax_core.text.refusals import NOTHING, Refusal
-from hindrax_core.text.screen_text import print_fitted, print_stderr
+from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whole
 from hindrax_core.vehicle import AXES, AxisGain, load_vehicle
 from hindrax_operator.pool_run import ABORT, PoolOptions, fly, planned, proof_of
 from hindrax_operator.progress import Progress
@@ -85,12 +88,12 @@ def guide(arguments: argparse.Namespace) -> int:
     write_report(folder.report, identified, conditions, None)
     document = identified.document(bags[0], folder.report, None, NOTHING) | session_document(session, folder.path)
 
-    def shown() -> None:
-        show(identified)
+    def ending() -> None:
         show_session(session)
+        print_whole(f"  {next_command(session, folder)}")
         print_fitted(f"report: {folder.report}")
 
-    print_answer(document, shown, as_json=arguments.json)
+    print_answer(document, partial(show, identified, reported=True, ending=ending), as_json=arguments.json)
     aborted = [step.name for step in session.done if step.remark.startswith("aborted")]
     return 1 if aborted or not identified.complete else 0
 
@@ -262,6 +265,19 @@ def session_document(session: PoolSession, folder: Path) -> dict[str, object]:
         "goal": {motion: {"drag": drag_goal(motion), "met": meets(motion, one)} for motion, one in reached.items()},
         "next": next_sentence(session),
     }
+
+
+def next_command(session: PoolSession, folder: RunFolder) -> str:
+    """The command of the next step: the same legs again, those of the motion that is farthest, or the use of it all."""
+    motion, mock = farthest_motion(session), session.settings["mock"]
+    options = ["--mock", *(["--world", mock["world"]] if mock["world"] != "pool" else [])] if mock else []
+    file = folder.vehicle
+    words = ["./hindrax", "pool-test", "--session", *options, "--vehicle", str(file), "--dof"]
+    if motion is not None:
+        return shlex.join([*words, motion.partition("_")[0]])
+    if not any(math.isfinite(one.drag) for one in session.reached.values()):
+        return shlex.join([*words, *session.settings["motions"]])
+    return shlex.join(["./hindrax", "tune", str(folder.coefficients)])
 
 
 def show_session(session: PoolSession) -> None:
