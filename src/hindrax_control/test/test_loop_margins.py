@@ -52,7 +52,7 @@ def test_the_fastest_law_keeps_its_margins_and_a_faster_one_does_not() -> None:
     # Bounds of both margins by the sensitivity (Aastroem and Murray, eq. 10.10).
     assert found.gain >= 1.7 / 0.7 - 0.05
     assert found.phase_rad >= 2.0 * math.asin(0.5 / 1.7) - 0.02
-    faster = law_of(MASS, 1.15 * law.bandwidth_radps, 1.0, 6.0 / (1.15 * law.bandwidth_radps))
+    faster = law_of(MASS, 1.15 * law.bandwidth_radps, 1.0, law.integral_s / 1.15)
     assert worst_margins(faster, [MASS], delays).sensitivity > 1.7
 
 
