@@ -17,6 +17,7 @@ from hindrax_drivers.devices.pca9685 import Pca9685
 from hindrax_drivers.output.enable_line import EnableLine
 from hindrax_drivers.output.output_guard import ArmingPhase, OutputGuard, OutputGuardKnobs, RefusedCommand, Request
 from hindrax_drivers.output.output_ports import RegisterOutput
+from hindrax_drivers.output.output_reasons import NO_REASON, OutputReason, output_reason
 from hindrax_drivers.output.output_thread import OutputThread
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.devices.pca9685 import Pca9685 as Emulator
@@ -25,7 +26,8 @@ from hindrax_sim.testing.lock_step import LockStep
 START = stamp_from_s(100.0)
 PATIENT_S = 30.0
 NEUTRAL, MOVING = (1500.0,) * 8, (1600.0,) * 8
-WHY = "inactive on request"
+WHY = output_reason(OutputReason.LIFECYCLE, state="inactive on request")
+GONE = output_reason(OutputReason.UNNAMED, sentence="the pilot has gone")
 NO_BUS = "no bus here; check the port"
 
 
@@ -152,13 +154,13 @@ def test_every_order_reaches_the_guard_at_once_and_the_end_is_neutral(bench: Ben
     bench.until(bench.fly)
     bench.thread.light((1.0, 0.0))
     bench.until(lambda: bench.makes((*MOVING, 1900.0, 1100.0)), 0.0)
-    bench.thread.drop("the pilot has gone")
-    bench.until(lambda: bench.told[-1].reason == "the pilot has gone", 0.0)
+    bench.thread.drop(GONE)
+    bench.until(lambda: bench.told[-1].reason == GONE, 0.0)
     assert bench.told[-1].phase is ArmingPhase.DISARMED
     assert bench.thread.arm(bench.request()).result(PATIENT_S).accepted
     bench.until(bench.fly)
     assert bench.thread.disarm(bench.request()).result(PATIENT_S).accepted
-    bench.until(lambda: bench.told[-1].reason == "disarmed by request", 0.0)
+    bench.until(lambda: bench.told[-1].reason == output_reason(OutputReason.REQUEST), 0.0)
     assert bench.thread.arm(bench.request()).result(PATIENT_S).accepted
     bench.until(bench.fly)
     bench.thread.stop(PATIENT_S)
@@ -190,8 +192,8 @@ def test_an_inhibition_from_before_the_output_was_open_holds_until_it_ends(bench
     assert bench.thread.arm(bench.request()).result(PATIENT_S).reason == NO_BUS
     bench.there = True
     bench.until(lambda: bench.thread.ready)
-    assert bench.thread.arm(bench.request()).result(PATIENT_S).reason == WHY
-    bench.thread.inhibit("")
+    assert bench.thread.arm(bench.request()).result(PATIENT_S).reason == str(WHY)
+    bench.thread.inhibit(NO_REASON)
     assert bench.thread.arm(bench.request()).result(PATIENT_S).accepted
     bench.thread.inhibit(WHY)
     bench.until(lambda: bench.told[-1].reason == WHY, 0.0)

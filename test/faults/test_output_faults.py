@@ -27,6 +27,7 @@ from hindrax_drivers.output.output_guard import (
 )
 from hindrax_drivers.output.output_host import OutputHost
 from hindrax_drivers.output.output_ports import RegisterOutput
+from hindrax_drivers.output.output_reasons import NEW, NO_REASON, OutputReason, output_reason
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.devices.pca9685 import Pca9685 as Emulator
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, with_bus_faults
@@ -157,7 +158,7 @@ def test_neutral_before_anything_else() -> None:
     flight.host.turn()
     assert flight.wire() == flight.neutral()
     assert flight.line.enabled
-    assert (flight.phase, flight.told[-1].reason) == (ArmingPhase.DISARMED, "not armed since start")
+    assert (flight.phase, flight.told[-1].reason) == (ArmingPhase.DISARMED, NEW)
     assert [one.split(":")[0] for one in flight.identities] == ["PCA9685 at 0x40"]
 
 
@@ -325,7 +326,7 @@ def test_an_absent_output_is_not_asked_before_it_is_looked_for_again() -> None:
         flight.host.turn()
 
 
-WHY = "inactive on request"
+WHY = output_reason(OutputReason.LIFECYCLE, state="inactive on request")
 
 
 def test_inhibited_is_neutral_disarmed_and_obeys_nobody_until_it_ends() -> None:
@@ -340,9 +341,9 @@ def test_inhibited_is_neutral_disarmed_and_obeys_nobody_until_it_ends() -> None:
     assert flight.wire() == flight.neutral()
     assert commanded - refused >= 50
     assert flight.refusals[refused:] == ["inhibited"] * (commanded - refused + 1)
-    assert flight.arm() == Answer(accepted=False, reason=Refusal(Reason.FAULTED, WHY))
+    assert flight.arm() == Answer(accepted=False, reason=Refusal(Reason.INHIBITED, WHY))
     assert flight.phase is ArmingPhase.DISARMED
-    flight.host.inhibit("")
+    flight.host.inhibit(NO_REASON)
     flight.run(0.1)
     assert flight.wire() == flight.neutral()
     flight.armed()
@@ -366,4 +367,4 @@ def test_an_inhibition_ends_arming_and_outlasts_a_fault_of_the_bus() -> None:
     assert {one.phase for one in flight.told[3:]} <= {ArmingPhase.DISARMED, ArmingPhase.FAULTED, ArmingPhase.ARMING}
     assert flight.phase is ArmingPhase.DISARMED
     assert flight.wire() == flight.neutral()
-    assert flight.arm() == Answer(accepted=False, reason=Refusal(Reason.FAULTED, WHY))
+    assert flight.arm() == Answer(accepted=False, reason=Refusal(Reason.INHIBITED, WHY))

@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 
 from hindrax_bringup.share_files import default_vehicle
-from hindrax_control.commissioning.record import unproven
+from hindrax_control.commissioning.record import NotProven, unproven
 from hindrax_core.vehicle import load_vehicle
 
 pytestmark = [pytest.mark.ros, pytest.mark.long]
@@ -53,7 +53,7 @@ def test_a_reversed_thruster_is_named_and_mended(tmp_path: Path) -> None:
     assert [(row["claim"], row["mends"]) for row in wrong] == [("T3", ["thrusters.T3.reversed: true"])]
     assert [one.reversed for one in load_vehicle(file).thrusters] == [at == 2 for at in range(8)]
     assert (tmp_path / "first" / "commissioning.svg").read_text(encoding="utf-8").startswith("<svg")
-    assert unproven(load_vehicle(file)) == "never commissioned"
+    assert unproven(load_vehicle(file)).code is NotProven.NEVER
 
 
 def test_a_true_file_gets_its_record(tmp_path: Path) -> None:
@@ -64,7 +64,7 @@ def test_a_true_file_gets_its_record(tmp_path: Path) -> None:
         # A stack that shares its cores may leave a claim open, which the vehicle is asked for once more.
         assert code == 1
         assert not [row for row in found["findings"] if row["verdict"] == "wrong"], found
-        assert unproven(load_vehicle(file)) == "never commissioned"
+        assert unproven(load_vehicle(file)).code is NotProven.NEVER
         code, found = commissioned(file, tmp_path / "again")
     assert (code, found["complete"]) == (0, True), found
     vehicle = load_vehicle(file)

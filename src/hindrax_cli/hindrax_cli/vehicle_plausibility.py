@@ -4,10 +4,12 @@ Bounds are wide: no vehicle from a hand-held ROV to one of the work class lies o
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from enum import StrEnum
 
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import Vec3
+from hindrax_core.text.coded import Coded, coded
 from hindrax_core.vehicle import Vehicle
 
 Units = Sequence[tuple[str, float]]
@@ -29,30 +31,70 @@ THRUST = (0.01, 5.0)
 """Thrust of one thruster over the weight of the vehicle: 0.1 for the Hindrax, 0.3 for a BlueROV2 with T200."""
 
 
-def hull_objection(volume_m3: float, size_m: Vec3) -> str:
+class Implausible(StrEnum):
+    """Why numbers of a vehicle cannot be; `NONE` where they can."""
+
+    NONE = ""
+    NUMBERS = "numbers"
+    """Too few, too many, none, or one out of its bounds."""
+    LAYOUT = "layout"
+    ENDED = "ended"
+    SLIM = "slim"
+    OVERFULL = "overfull"
+    EMPTY = "empty"
+    PULL = "pull"
+    THRUST = "thrust"
+    OUTSIDE = "outside"
+    POOL = "pool"
+
+
+SENTENCES: Mapping[Implausible, str] = {
+    Implausible.NONE: "",
+    Implausible.NUMBERS: "wanted {count} number{s} from {ranges}{hint}",
+    Implausible.LAYOUT: "wanted one of {known}",
+    Implausible.ENDED: "found 'nothing', the input has ended; wanted an answer to each question",
+    Implausible.SLIM: f"one side of its box is more than {SLIMMEST:g} times another: are all in the same unit?",
+    Implausible.OVERFULL: "{sizes}: more than it holds",
+    Implausible.EMPTY: f"{{sizes}}: less than {EMPTIEST:.0%} of it",
+    Implausible.PULL: f"{{pull_N:g}} N for a weight of {{weight_N:.3g}} N: wanted at most {PULL_AT_MOST:.0%} of it",
+    Implausible.THRUST: "{thrust_N:.3g} N for a weight of {weight_N:.3g} N: wanted {low:.2g} to {high:.3g} N",
+    Implausible.OUTSIDE: "far outside of an envelope of {size} m",
+    Implausible.POOL: "too small for a vehicle of {size} m",
+}
+"""The sentence of each code."""
+PLAUSIBLE = coded(SENTENCES, Implausible.NONE)
+"""The sentence of numbers that can be: empty."""
+
+
+def implausible(code: Implausible, **numbers: object) -> Coded[Implausible]:
+    """Fill the sentence of a code; `numbers` are its fields."""
+    return coded(SENTENCES, code, **numbers)
+
+
+def hull_objection(volume_m3: float, size_m: Vec3) -> Coded[Implausible]:
     """Why a displaced volume cannot be that of a hull in its box; empty when it can."""
     if max(size_m) > SLIMMEST * min(size_m):
-        return f"one side of its box is more than {SLIMMEST:g} times another: are all in the same unit?"
+        return implausible(Implausible.SLIM)
     box_m3 = math.prod(size_m)
     sizes = f"{volume_text(volume_m3)} displaced, and a box of {volume_text(box_m3)}"
     if volume_m3 > box_m3:
-        return f"{sizes}: more than it holds"
-    return "" if volume_m3 >= EMPTIEST * box_m3 else f"{sizes}: less than {EMPTIEST:.0%} of it"
+        return implausible(Implausible.OVERFULL, sizes=sizes)
+    return PLAUSIBLE if volume_m3 >= EMPTIEST * box_m3 else implausible(Implausible.EMPTY, sizes=sizes)
 
 
-def pull_objection(pull_N: float, weight_N: float) -> str:
+def pull_objection(pull_N: float, weight_N: float) -> Coded[Implausible]:
     """Why a net buoyancy cannot be that of a vehicle of this weight; empty when it can."""
     if abs(pull_N) <= PULL_AT_MOST * weight_N:
-        return ""
-    return f"{pull_N:g} N for a weight of {weight_N:.3g} N: wanted at most {PULL_AT_MOST:.0%} of it"
+        return PLAUSIBLE
+    return implausible(Implausible.PULL, pull_N=pull_N, weight_N=weight_N)
 
 
-def thrust_objection(thrust_N: float, weight_N: float) -> str:
+def thrust_objection(thrust_N: float, weight_N: float) -> Coded[Implausible]:
     """Why one thruster of a vehicle of this weight cannot push so hard; empty when it can."""
     low, high = (fraction * weight_N for fraction in THRUST)
     if low <= thrust_N <= high:
-        return ""
-    return f"{thrust_N:.3g} N for a weight of {weight_N:.3g} N: wanted {low:.2g} to {high:.3g} N"
+        return PLAUSIBLE
+    return implausible(Implausible.THRUST, thrust_N=thrust_N, weight_N=weight_N, low=low, high=high)
 
 
 def outside(position_m: Sequence[float], size_m: Sequence[float]) -> bool:

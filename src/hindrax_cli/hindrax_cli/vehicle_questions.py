@@ -13,8 +13,11 @@ from hindrax_cli.vehicle_plausibility import (
     FORCE,
     LENGTH,
     MASS,
+    PLAUSIBLE,
+    Implausible,
     Units,
     hull_objection,
+    implausible,
     likely_unit,
     mount_outside,
     outside,
@@ -26,6 +29,7 @@ from hindrax_core.errors import UsageError
 from hindrax_core.hydrostatics import GRAVITY_mps2, Water
 from hindrax_core.readings import Vec3
 from hindrax_core.sensor_table import SENSORS, Capability
+from hindrax_core.text.coded import Coded
 from hindrax_core.vehicle import Limits, vehicle_from_text
 from hindrax_ident.model.empirical_model import Dimensions, empirical, hydrodynamics_of
 
@@ -56,8 +60,8 @@ BACK = "<"
 Bounds = tuple[float, float]
 
 
-def _agrees(_: Answers) -> str:
-    return ""
+def _agrees(_: Answers) -> Coded[Implausible]:
+    return PLAUSIBLE
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +74,7 @@ class Question:
     text: str
     usual: Callable[[Answers], Sequence[float]] | Sequence[float] = ()
     """Meaning of an empty line; nothing: it must be answered."""
-    objection: Callable[[Answers], str] = _agrees
+    objection: Callable[[Answers], Coded[Implausible]] = _agrees
     """Why the answers up to this one do not agree; empty when they do."""
     units: Units = ()
     """Units in which it may have been answered by mistake."""
@@ -89,19 +93,22 @@ class Question:
         except ValueError:
             return ()
 
-    def wrong(self, line: str, found: tuple[float, ...], answers: Answers) -> str:
+    def wrong(self, line: str, found: tuple[float, ...], answers: Answers) -> Coded[Implausible]:
         """What was found, what was wanted and the unit that was likely meant; empty for a good answer."""
         problem = self._problem(found, answers, ", with decimal points" if "," in line else "")
         shown = line.strip() or " ".join(f"{one:g}" for one in found) or "nothing"
-        return f"{self.text}: found {shown!r}, {problem}{self._likely(found, answers)}" if problem else ""
+        if not problem:
+            return PLAUSIBLE
+        return Coded(problem.code, f"{self.text}: found {shown!r}, {problem}{self._likely(found, answers)}")
 
-    def _problem(self, found: tuple[float, ...], answers: Answers, hint: str = "") -> str:
+    def _problem(self, found: tuple[float, ...], answers: Answers, hint: str = "") -> Coded[Implausible]:
         if not self.is_within(found):
             count = len(self.bounds)
-            ranges = dict.fromkeys(f"{low:g} to {high:g}" for low, high in self.bounds)
-            return f"wanted {count} number{'s' if count > 1 else ''} from {', '.join(ranges)}{hint}"
+            ranges = ", ".join(dict.fromkeys(f"{low:g} to {high:g}" for low, high in self.bounds))
+            s = "s" if count > 1 else ""
+            return implausible(Implausible.NUMBERS, count=count, s=s, ranges=ranges, hint=hint)
         if self.key == "layout" and found[0] not in LAYOUTS:
-            return f"wanted one of {', '.join(map(str, LAYOUTS))}"
+            return implausible(Implausible.LAYOUT, known=", ".join(map(str, LAYOUTS)))
         return self.objection({**answers, self.key: found})
 
     def is_within(self, found: tuple[float, ...]) -> bool:
@@ -159,27 +166,31 @@ def _below(answers: Answers) -> Vec3:
     return (0.0, 0.0, round(0.5 * answers["size"][2], 3))
 
 
-def _apart_objection(key: str) -> Callable[[Answers], str]:
-    def objection(answers: Answers) -> str:
+def _apart_objection(key: str) -> Callable[[Answers], Coded[Implausible]]:
+    def objection(answers: Answers) -> Coded[Implausible]:
         ahead, across = answers[key]
-        length, width, height = _size(answers)
-        far = outside((0.5 * ahead, 0.5 * across), (length, width))
-        return f"far outside of an envelope of {length:g} x {width:g} x {height:g} m" if far else ""
+        size = _size(answers)
+        far = outside((0.5 * ahead, 0.5 * across), size[:2])
+        return implausible(Implausible.OUTSIDE, size=_shown(size)) if far else PLAUSIBLE
 
     return objection
 
 
-def _mount_objection(answers: Answers) -> str:
+def _mount_objection(answers: Answers) -> Coded[Implausible]:
     ahead, across, down = answers["dvl"]
     size = _size(answers)
     far = mount_outside((ahead, across, down), size)
-    return f"far outside of an envelope of {' x '.join(f'{one:g}' for one in size)} m" if far else ""
+    return implausible(Implausible.OUTSIDE, size=_shown(size)) if far else PLAUSIBLE
 
 
-def _pool_objection(answers: Answers) -> str:
+def _pool_objection(answers: Answers) -> Coded[Implausible]:
     size = _size(answers)
     holds = all(one >= most for one, most in zip(answers["pool"], (max(size[:2]), max(size[:2]), size[2]), strict=True))
-    return "" if holds else f"too small for a vehicle of {' x '.join(f'{one:g}' for one in size)} m"
+    return PLAUSIBLE if holds else implausible(Implausible.POOL, size=_shown(size))
+
+
+def _shown(size_m: Vec3) -> str:
+    return " x ".join(f"{one:g}" for one in size_m)
 
 
 APART = "front to rear and port to starboard"
@@ -242,9 +253,8 @@ def ask(
     while question := next((one for one in QUESTIONS if one.key not in answers and _is_put(one, answers)), None):
         line = line_of(question.prompt(answers, typed))
         if not line:
-            raise UsageError(
-                f"{question.text}: found 'nothing', the input has ended; wanted an answer to each question"
-            )
+            ended = implausible(Implausible.ENDED)
+            raise UsageError(Coded(ended.code, f"{question.text}: {ended}"))
         if line.strip() == BACK:
             answers.pop(next(reversed(answers), ""), None)
             continue

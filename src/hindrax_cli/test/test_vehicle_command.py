@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from hindrax_bringup.share_files import VEHICLE, default_vehicle, usual_vehicle, vehicle_file
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.machine import vehicle
+from hindrax_cli.vehicle_plausibility import SENTENCES, Implausible
 from hindrax_cli.vehicle_questions import BACK, QUESTIONS, ask, file_text
 from hindrax_cli.vehicle_review import DOWN, UP, findings, picture, same_positions
 from hindrax_control.allocation.allocator import Allocator
@@ -131,14 +132,14 @@ def test_a_damaged_file_of_answers_is_none(monkeypatch: pytest.MonkeyPatch, home
 def test_a_person_is_asked_both_answers_that_disagree_and_can_go_back() -> None:
     lines = ["11500", "", "0.457 0.338 0.254", "11.5", "", "8", BACK, "6", *[""] * 10]
     prompts: list[str] = []
-    wrong: list[str] = []
+    wrong: list[UsageError] = []
 
     def line_of(prompt: str) -> str:
         prompts.append(prompt.partition(".")[0] + prompt[prompt.rfind("[") :])
         return lines[len(prompts) - 1] + "\n"
 
-    answers = ask(line_of, lambda error: wrong.append(str(error)))
-    assert len(wrong) == 1
+    answers = ask(line_of, wrong.append)
+    assert [error.args[0].code for error in wrong] == [Implausible.OVERFULL]
     shown = ["1[11500]:", "3[0.457 0.338 0.254]:", "4[6]:", "5[45]:", "4[8]:", "5[45]:"]
     assert prompts[3:9] == shown
     assert (answers["mass"], answers["layout"]) == ((11.5,), (6.0,))
@@ -205,6 +206,22 @@ def test_a_person_who_mistypes_is_asked_again_and_keeps_what_was_answered() -> N
         ask(line_of, lambda error: wrong.append(str(error)))
     assert asked[0] == asked[1] != asked[2]
     assert "found 'heavy'" in wrong[0]
+
+
+def test_each_reason_to_ask_again_has_a_code() -> None:
+    assert set(SENTENCES) == set(Implausible)
+    by_key = {one.key: one for one in QUESTIONS}
+    earlier: dict[str, tuple[float, ...]] = {"mass": (11.5,), "buoyancy": (1.0,), "size": (0.457, 0.338, 0.254)}
+    given = {
+        "mass": (()), "layout": (7.0,), "size": (0.4, 0.3, 0.01), "buoyancy": (-9000.0,), "thrust": (3000.0,),
+        "dvl": (0.0, 0.0, 13.0), "pool": (1.0, 1.0, 0.5), "vectored": (31.0, 22.0), "angle": (45.0,),
+    }  # fmt: skip
+    found = {key: by_key[key].wrong("", numbers, earlier).code for key, numbers in given.items()}
+    assert found == {
+        "mass": Implausible.NUMBERS, "layout": Implausible.LAYOUT, "size": Implausible.SLIM,
+        "buoyancy": Implausible.PULL, "thrust": Implausible.THRUST, "dvl": Implausible.OUTSIDE,
+        "pool": Implausible.NONE, "vectored": Implausible.OUTSIDE, "angle": Implausible.NONE,
+    }  # fmt: skip
 
 
 def test_a_vehicle_without_thrusters_is_enough_for_identification(monkeypatch: pytest.MonkeyPatch, home: Path) -> None:

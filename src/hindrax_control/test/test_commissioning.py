@@ -14,7 +14,7 @@ from hindrax_control.commissioning.findings import MEASURED, OPEN, PROVEN, WRONG
 from hindrax_control.commissioning.hypotheses import RIGHT_TURNS, Wiring, angles_deg, explain, turn_of
 from hindrax_control.commissioning.picture import BAD, svg
 from hindrax_control.commissioning.probes import body_pulses, probe_N, single_pulses
-from hindrax_control.commissioning.record import UNPROVEN_mps, geometry_hash, slowed, unproven
+from hindrax_control.commissioning.record import NotProven, UNPROVEN_mps, geometry_hash, slowed, unproven
 from hindrax_control.commissioning.response import Answer, Prior
 from hindrax_control.maneuver.goal import MOST_PULSE_N, Goal, Pulse, require_flyable
 from hindrax_control.maneuver.pulses import CALM_PATIENCE_S, PulseManeuver, believed
@@ -316,14 +316,14 @@ def test_the_picture_states_dead_bands_and_supply() -> None:
 
 
 def test_the_record_holds_for_its_geometry_only() -> None:
-    assert unproven(HINDRAX) == "never commissioned"
+    assert unproven(HINDRAX).code is NotProven.NEVER
     proven = replace(HINDRAX, commissioned=Commissioned(geometry_hash(HINDRAX), "2026-11-25"))
-    assert unproven(proven) == ""
-    assert unproven(replace(proven, mass_kg=16.0)) == ""
+    assert unproven(proven).code is NotProven.NONE
+    assert not unproven(replace(proven, mass_kg=16.0))
     turned = mended(proven, (Mend(("sensors", "dvl75", "rotation_deg"), [0.0, 0.0, 90.0]),))
     swapped = mended(proven, (Mend(("thrusters", "T3", "channel"), 9),))
-    assert unproven(turned).startswith("changed since it was commissioned on 2026-11-25")
-    assert unproven(swapped).startswith("changed since")
+    assert unproven(turned).startswith("changed since it was commissioned on 2026-11-25 (geometry ")
+    assert (unproven(turned).code, unproven(swapped).code) == (NotProven.CHANGED, NotProven.CHANGED)
     assert slowed(HINDRAX).limits.speed_mps == UNPROVEN_mps
 
 

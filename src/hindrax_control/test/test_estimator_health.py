@@ -66,7 +66,7 @@ WRONG = {
 @pytest.mark.parametrize("name", WRONG)
 def test_what_is_wrong_is_named_with_limit_and_remedy(name: str) -> None:
     (failed,) = Watch().see(WRONG[name], 0.2)
-    assert failed.check == name
+    assert failed.code == name
     assert "wanted" in failed
     assert "; " in failed
 
@@ -112,7 +112,7 @@ def test_a_state_that_began_anew_in_flight_is_not_trusted_and_one_that_began_on_
     watch = Watch()
     assert not watch.see(WELL, 1.0)
     (failed,) = watch.see(anew, 0.02)
-    assert failed.check is StateCheck.RESTART
+    assert failed.code is StateCheck.RESTART
     assert watch.see(anew, 5.0)
     grounded = Watch()
     assert not grounded.see(WELL, 1.0, armed=False)
@@ -143,7 +143,7 @@ def test_where_the_lines_are_drawn() -> None:
         watch.health = EstimatorHealth(fast)
         assert watch.see(inside, 0.2) == ()
         (failed,) = watch.see(beyond, 0.2)
-        assert failed.check == name
+        assert failed.code == name
 
 
 def test_a_gyroscope_that_jumps_is_reported_within_half_a_second_of_a_tilt_that_is_wrong() -> None:
@@ -173,4 +173,4 @@ def test_thrust_back_and_forth_is_no_gyroscope_that_jumps() -> None:
 def test_a_failed_check_keeps_its_code_in_a_copy() -> None:
     (failed,) = Watch().see(WRONG["tilt"], 0.2)
     again = pickle.loads(pickle.dumps(failed))
-    assert (again, again.check) == (failed, StateCheck.TILT)
+    assert (again, again.code) == (failed, StateCheck.TILT)

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Generic, NewType, TypeVar
 
+from hindrax_core.rejects import Reject
+
 Stamp = NewType("Stamp", int)
 """Nanoseconds of ROS time (int, so that adding a sample period never rounds)."""
 
@@ -43,11 +45,16 @@ class Stamped(Generic[ReadingT_co]):
 
 @dataclass(frozen=True, slots=True)
 class Rejected:
-    """Rejected bytes with the reason; the bytes are cut to 64."""
+    """Rejected bytes with the reason, a `Reject` of ours or words of another package; the bytes are cut to 64."""
 
     stamp: Stamp
     reason: str
     data: bytes = b""
+
+    @property
+    def key(self) -> str:
+        """What it is counted by; words without a code count for themselves."""
+        return self.reason.key if isinstance(self.reason, Reject) else self.reason
 
     def __post_init__(self) -> None:
         """Limit the memory that invalid bytes can take."""

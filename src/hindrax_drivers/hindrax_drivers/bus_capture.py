@@ -25,7 +25,7 @@ ANSWER_S = 3.0
 
 @dataclass(frozen=True, slots=True)
 class CapturedReadings:
-    """Identity and readings of a device, in order, and each reason why something was rejected."""
+    """Identity and readings of a device, in order, and the last reason of each kind why something was rejected."""
 
     identity: str
     readings: tuple[Stamped[Reading], ...]
@@ -139,8 +139,10 @@ def capture(
         begin = bus.now()
         end = after(begin, seconds)
         run(end, lambda: progress((bus.now() - begin) / (end - begin)))
-    rejected = dict.fromkeys(one.reason for one in received if isinstance(one, Rejected))
-    return CapturedReadings(identities[0], tuple(one for one in received if isinstance(one, Stamped)), tuple(rejected))
+    rejected = {one.key: one.reason for one in received if isinstance(one, Rejected)}
+    return CapturedReadings(
+        identities[0], tuple(one for one in received if isinstance(one, Stamped)), tuple(rejected.values())
+    )
 
 
 def run_once(port: str, program: Program[ResultT]) -> ResultT:

@@ -14,7 +14,6 @@ from hindrax_core.signals import Command
 from hindrax_core.text.refusals import Reason, Refusal
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_drivers.output.output_guard import (
-    UNOBEYED,
     Answer,
     ArmingPhase,
     CommandFault,
@@ -26,6 +25,7 @@ from hindrax_drivers.output.output_guard import (
     Request,
     guard_of,
 )
+from hindrax_drivers.output.output_reasons import OutputReason, output_reason
 
 KNOBS = OutputGuardKnobs()
 GUARD = OutputGuard((1500.0,) * 8, lights=2, knobs=KNOBS)
@@ -65,7 +65,7 @@ def test_starts_disarmed_with_neutral_due_at_once() -> None:
     state, pulses = GUARD.tick(state, at(0.0))
     assert pulses == Pulses(NEUTRAL, (1100.0, 1100.0))
     assert pulses.all_us == (*NEUTRAL, 1100.0, 1100.0)
-    assert (state.phase, state.reason) == (ArmingPhase.DISARMED, "not armed since start")
+    assert (state.phase, state.reason.code) == (ArmingPhase.DISARMED, OutputReason.NEW)
 
 
 def test_commands_move_nothing_while_disarmed_but_switch_the_lights() -> None:
@@ -300,36 +300,37 @@ def test_arming_times_out_without_commands() -> None:
     state, _ = GUARD.tick(state, at(12.0))
     assert state.phase is ArmingPhase.ARMED
     state, _ = GUARD.tick(state, at(12.1))
-    assert (state.phase, state.reason) == (ArmingPhase.DISARMED, "no command for 5 s")
+    assert (state.phase, state.reason.code) == (ArmingPhase.DISARMED, OutputReason.SILENCE)
 
 
 def test_an_armed_output_that_refuses_commands_says_so_and_why_it_disarmed() -> None:
     state = armed()
-    assert state.unobeyed == ""
+    assert state.unobeyed.code is OutputReason.NONE
     state, _ = GUARD.tick(state, at(8.5))
-    assert state.unobeyed == "no command arrives"
+    assert state.unobeyed.code is OutputReason.NO_COMMAND
     other = RefusedCommand(CommandFault.SENDER, "found 2 publishers, wanted one")
     for tenth in range(85, 126):
         state, _ = GUARD.tick(GUARD.refuse(state, other, at(tenth / 10)), at(tenth / 10))
-        assert state.unobeyed == f"{UNOBEYED}: found 2 publishers, wanted one"
+        assert state.unobeyed == output_reason(OutputReason.UNOBEYED, refused=other.text)
     for tenth in range(126, 132):
         state, _ = GUARD.tick(GUARD.refuse(state, other, at(tenth / 10)), at(tenth / 10))
-    assert state.reason == "no command obeyed for 5 s: found 2 publishers, wanted one"
-    assert state.unobeyed == "", "the reason why it is disarmed is enough"
+    assert state.reason == output_reason(OutputReason.DISOBEYED, silent_s=5.0, refused=other.text)
+    assert state.unobeyed.code is OutputReason.NONE, "the reason why it is disarmed is enough"
 
 
 def test_a_refusal_among_obeyed_commands_explains_no_later_silence() -> None:
     state = armed()
     state, refused = GUARD.command(state, command(6.0, 80), at(8.0))
     assert isinstance(refused, RefusedCommand)
-    assert state.unobeyed == ""
+    assert state.unobeyed.code is OutputReason.NONE
     state, _ = accepted_command(state, command(8.1, 90), 8.1)
     state, _ = GUARD.tick(state, at(8.7))
-    assert state.unobeyed == "no command arrives"
+    assert state.unobeyed.code is OutputReason.NO_COMMAND
     state, _ = GUARD.command(state, command(6.0, 91), at(8.7))
+    assert state.unobeyed.code is OutputReason.UNOBEYED
     assert "old, wanted at most 0.20 s" in state.unobeyed
     state, _ = GUARD.tick(state, at(9.8))
-    assert state.unobeyed == "no command arrives"
+    assert state.unobeyed.code is OutputReason.NO_COMMAND
 
 
 def test_silence_goes_neutral_before_the_time_promised_and_long_silence_disarms() -> None:
@@ -346,7 +347,7 @@ def test_silence_goes_neutral_before_the_time_promised_and_long_silence_disarms(
     assert tripped is not None
     assert (state.phase, tripped.thrusters, tripped.sequence) == (ArmingPhase.ARMED, NEUTRAL, 0)
     state, _ = GUARD.tick(state, at(13.6))
-    assert (state.phase, state.reason) == (ArmingPhase.DISARMED, "no command for 5 s")
+    assert (state.phase, state.reason.code) == (ArmingPhase.DISARMED, OutputReason.SILENCE)
     state, pulses = accepted_command(state, command(14.0, 200), 14.0)
     assert pulses.thrusters == NEUTRAL
 
@@ -405,7 +406,7 @@ def test_a_sender_that_starts_again_is_received_once_the_old_one_is_silent_but_m
     state, pulses = accepted_command(state, command(8.45, 1), 8.45)
     assert pulses.thrusters == GUARD.neutral.thrusters
     assert state.phase is ArmingPhase.DISARMED
-    assert "has restarted" in state.reason
+    assert state.reason.code is OutputReason.OTHER_SENDER
     assert state.commanded_at == at(8.45)
 
 
@@ -451,31 +452,34 @@ def test_the_first_command_of_all_after_the_arming_time_begins_at_neutral() -> N
     assert (state.phase, pulses.thrusters) == (ArmingPhase.ARMED, NEUTRAL)
 
 
+STUCK = output_reason(OutputReason.DEVICE, found="bus is stuck")
+
+
 def test_writes_that_keep_failing_fault_the_output_and_it_comes_back_disarmed() -> None:
-    state = GUARD.failed(armed(), "bus is stuck", at(8.0))
+    state = GUARD.failed(armed(), STUCK, at(8.0))
     assert state.phase is ArmingPhase.ARMED
-    assert GUARD.failed(GUARD.written(state), "bus is stuck", at(8.3)).phase is ArmingPhase.ARMED
-    state = GUARD.failed(state, "bus is stuck", at(8.2))
-    assert (state.phase, state.reason) == (ArmingPhase.FAULTED, "bus is stuck")
+    assert GUARD.failed(GUARD.written(state), STUCK, at(8.3)).phase is ArmingPhase.ARMED
+    state = GUARD.failed(state, STUCK, at(8.2))
+    assert (state.phase, state.reason) == (ArmingPhase.FAULTED, STUCK)
     _, answer = GUARD.arm(state, Request(at(8.3), 7), at(8.3))
     assert answer == Answer(accepted=False, reason=Refusal(Reason.FAULTED, "output is faulted: bus is stuck"))
     state, pulses = accepted_command(state, command(8.4, 99), 8.4)
     assert pulses.thrusters == NEUTRAL
     state = GUARD.restored(state, at(9.0))
-    assert (state.phase, state.reason) == (ArmingPhase.DISARMED, "output is back after: bus is stuck")
+    assert (state.phase, state.reason) == (ArmingPhase.DISARMED, output_reason(OutputReason.RESTORED, fault=STUCK))
 
 
 def test_a_write_that_fails_once_does_not_put_off_the_end_by_silence() -> None:
-    state = GUARD.written(GUARD.failed(armed(), "no acknowledge", at(10.0)))
+    state = GUARD.written(GUARD.failed(armed(), output_reason(OutputReason.DEVICE, found="no acknowledge"), at(10.0)))
     state, _ = GUARD.tick(state, at(12.9))
     assert state.phase is ArmingPhase.ARMED
     state, _ = GUARD.tick(state, at(13.1))
-    assert (state.phase, state.reason) == (ArmingPhase.DISARMED, "no command for 5 s")
+    assert (state.phase, state.reason.code) == (ArmingPhase.DISARMED, OutputReason.SILENCE)
 
 
 def test_a_write_that_fails_while_arming_starts_the_neutral_time_again() -> None:
     state, _ = GUARD.arm(GUARD.start(at(0.0)), Request(at(0.0), 1), at(0.0))
-    state = GUARD.written(GUARD.failed(state, "no acknowledge", at(5.0)))
+    state = GUARD.written(GUARD.failed(state, output_reason(OutputReason.DEVICE, found="no acknowledge"), at(5.0)))
     state, _ = accepted_command(state, command(7.5, 1), 7.5)
     assert state.phase is ArmingPhase.ARMING
     state, _ = accepted_command(state, command(12.0, 2), 12.0)
@@ -490,7 +494,7 @@ def test_a_clock_that_goes_back_disarms() -> None:
     state, tick = GUARD.tick(state, at(-3600.0))
     assert tick is not None
     assert (state.phase, tick.thrusters) == (ArmingPhase.DISARMED, NEUTRAL)
-    assert "went back by" in state.reason
+    assert state.reason == output_reason(OutputReason.CLOCK, back_s=3608.05)
 
 
 @pytest.mark.parametrize("bad", [{"margin_s": 0.5}, {"neutral_us": 1000.0}, {"neutral_us": 999.0, "low_us": 500.0}])
@@ -611,9 +615,9 @@ class HostileHost(RuleBasedStateMachine):
 
     @rule(seconds=st.floats(0.0, 0.5))
     def fail(self, seconds: float) -> None:
-        self.state = GUARD.failed(self.state, "no acknowledge", self.now)
+        self.state = GUARD.failed(self.state, STUCK, self.now)
         self.let_time_pass(seconds, 0.0)
-        self.state = GUARD.failed(self.state, "no acknowledge", self.now)
+        self.state = GUARD.failed(self.state, STUCK, self.now)
         self.let_time_pass(0.001, 0.0)
 
     @precondition(lambda self: self.state.phase is ArmingPhase.FAULTED)

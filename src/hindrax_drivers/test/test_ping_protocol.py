@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hindrax_core.rejects import RejectCode
 from hindrax_core.testing import chunks
 from hindrax_drivers.protocols import ping_protocol as protocol
 from hindrax_drivers.protocols.ping_protocol import FrameSplitter, PingFrame, Refused, encode
@@ -46,7 +47,7 @@ def test_every_frame_that_is_not_overlapped_comes_through_and_every_byte_is_repo
     pieces = split(data)
     assert pieces[-1] == PingFrame(protocol.DISTANCE_SIMPLE, SIMPLE[8:-2])
     frames = sum(one.size for one in pieces if isinstance(one, PingFrame))
-    junk = sum(len(one.data) for one in pieces if isinstance(one, Refused) and one.reason == "garbage")
+    junk = sum(len(one.data) for one in pieces if isinstance(one, Refused) and one.reason is RejectCode.GARBAGE)
     assert frames + junk <= len(data)
 
 
@@ -58,20 +59,20 @@ def test_what_is_encoded_is_decoded_when_its_length_is_right(message: int, paylo
         assert pieces[0].size == len(payload) + 10
     else:
         assert isinstance(pieces[0], Refused)
-        assert pieces[0].reason in ("length", "unknown")
+        assert pieces[0].reason in (RejectCode.LENGTH, RejectCode.UNKNOWN)
 
 
 def test_a_false_frame_is_reported_as_a_whole_and_once() -> None:
     broken = bytearray(SIMPLE)
     broken[9] ^= 1
-    refused = Refused("checksum", bytes(broken))
+    refused = Refused(RejectCode.CHECKSUM, bytes(broken))
     assert split(bytes(broken) + SIMPLE) == [refused, *split(SIMPLE)]
-    assert split(bytes(broken) + bytes(3) + SIMPLE) == [refused, Refused("garbage", bytes(3)), *split(SIMPLE)]
+    assert split(bytes(broken) + bytes(3) + SIMPLE) == [refused, Refused(RejectCode.GARBAGE, bytes(3)), *split(SIMPLE)]
 
 
 def test_a_flood_of_false_marks_is_cheap_and_given() -> None:
     pieces = split(b"BR" * 20_000)
-    assert {one.reason if isinstance(one, Refused) else one for one in pieces} == {"unknown"}
+    assert {one.reason if isinstance(one, Refused) else one for one in pieces} == {RejectCode.UNKNOWN}
 
 
 def test_a_profile_whose_count_does_not_fit_is_none() -> None:
@@ -88,12 +89,12 @@ def test_what_a_corrupt_length_covers_comes_through_when_it_arrives() -> None:
     arrived = [splitter.feed(part) for part in (header + bytes(40), SIMPLE, SIMPLE)]
     frame = PingFrame(protocol.DISTANCE_SIMPLE, SIMPLE[8:-2])
     assert [[one for one in pieces if isinstance(one, PingFrame)] for pieces in arrived] == [[], [frame], [frame]]
-    assert [one.reason for one in arrived[1] if isinstance(one, Refused)] == ["length", "garbage"]
+    assert [one.reason for one in arrived[1] if isinstance(one, Refused)] == [RejectCode.LENGTH, RejectCode.GARBAGE]
 
 
 def garbage(pieces: list[protocol.Piece]) -> list[int]:
     """Lengths of what is told as garbage."""
-    return [len(one.data) for one in pieces if isinstance(one, Refused) and one.reason == "garbage"]
+    return [len(one.data) for one in pieces if isinstance(one, Refused) and one.reason is RejectCode.GARBAGE]
 
 
 def test_garbage_is_reported_sixty_four_bytes_at_a_time() -> None:
@@ -104,7 +105,7 @@ def test_garbage_is_reported_sixty_four_bytes_at_a_time() -> None:
 
 def test_what_follows_a_frame_inside_of_a_false_one_is_garbage_again() -> None:
     pieces = split(b"BR" + SIMPLE + bytes(64))
-    assert [one.reason for one in pieces if isinstance(one, Refused)] == ["length", "garbage"]
+    assert [one.reason for one in pieces if isinstance(one, Refused)] == [RejectCode.LENGTH, RejectCode.GARBAGE]
     assert garbage(pieces) == [64]
 
 

@@ -32,7 +32,6 @@ from hindrax_drivers.nodes import thrusters_node
 from hindrax_drivers.nodes.thruster_settings import ENDED, Settings, read_settings
 from hindrax_drivers.nodes.thrusters_node import LOOK_S, ThrustersNode, watch_parent
 from hindrax_drivers.output.output_guard import (
-    UNOBEYED,
     Answer,
     ArmingPhase,
     CommandFault,
@@ -42,6 +41,7 @@ from hindrax_drivers.output.output_guard import (
     RefusedCommand,
     Request,
 )
+from hindrax_drivers.output.output_reasons import OutputReason, output_reason
 from hindrax_msgs.msg import ThrusterCommand, ThrusterState
 from hindrax_msgs.srv import Arm
 from hindrax_ros.messages.serialization import deserialized
@@ -239,7 +239,9 @@ def test_whoever_commands_beside_another_is_not_obeyed_and_disarms(make: Make) -
     assert bench.command(4) == [refused]
     assert bench.looks == 2
     bench.becomes(ArmingPhase.DISARMED, why)
-    assert bench.node.health.alarm == f"{UNOBEYED}: {why}", "an error in /diagnostics before anybody arms"
+    assert bench.node.health.alarm == output_reason(OutputReason.UNOBEYED, refused=why), (
+        "an error in /diagnostics before anybody arms"
+    )
     bench.publishers = {"01": ONE}
     bench.now_s += LOOK_S
     assert bench.command(5) == [("inhibit", ""), command_of(5)]
@@ -267,9 +269,11 @@ def test_an_armed_output_that_obeys_no_command_is_an_error_in_diagnostics_and_is
     assert bench.node.health.alarm == ""
     for age in ("0.31", "0.35"):
         bench.node.refused(RefusedCommand(CommandFault.EXPIRED, f"command is {age} s old"), Stamp(1))
-        bench.becomes(ArmingPhase.ARMED, f"{UNOBEYED}: command is {age} s old")
-        assert bench.node.health.alarm == f"armed, but neutral: {UNOBEYED}: command is {age} s old"
-    assert bench.log == ["armed", "command refused: command is 0.31 s old", f"armed: {UNOBEYED}: command is 0.31 s old"]
+        unobeyed = output_reason(OutputReason.UNOBEYED, refused=f"command is {age} s old")
+        bench.becomes(ArmingPhase.ARMED, unobeyed)
+        assert bench.node.health.alarm == f"armed, but neutral: {unobeyed}"
+    first = output_reason(OutputReason.UNOBEYED, refused="command is 0.31 s old")
+    assert bench.log == ["armed", "command refused: command is 0.31 s old", f"armed: {first}"]
     bench.becomes(ArmingPhase.ARMED)
     assert (bench.node.health.alarm, bench.log[-1]) == ("", "armed")
 
@@ -384,7 +388,7 @@ def test_its_clock_and_its_end_are_those_of_the_thread(make: Make) -> None:
     bench.node.on_idle()
     assert sent == ["sent"]
     bench.thread.calls.clear()
-    bench.node.abandon("the dead man has died")
+    bench.node.abandon()
     bench.node.close()
     assert bench.thread.calls == [("drop", "the dead man has died"), ("stop",), ("stop",)]
 
@@ -428,7 +432,7 @@ def test_a_silent_dead_man_inhibits_and_a_dead_one_ends_the_process(monkeypatch:
         assert threading.current_thread().daemon, "it keeps no process alive"
         happened.append(answers)
 
-    node: Any = SimpleNamespace(now=lambda: Stamp(5), on_dead_man=on_dead_man, abandon=happened.append)
+    node: Any = SimpleNamespace(now=lambda: Stamp(5), on_dead_man=on_dead_man, abandon=lambda: happened.append(None))
     monkeypatch.setattr(thrusters_node, "ParentSilence", made)
     monkeypatch.setattr(thrusters_node, "KEEPALIVE_S", 0.001)
     monkeypatch.setattr(os, "kill", killed)
@@ -440,7 +444,7 @@ def test_a_silent_dead_man_inhibits_and_a_dead_one_ends_the_process(monkeypatch:
     os.close(alive)
     assert ended.wait(30.0)
     os.close(life)
-    assert happened == [False, True, False, "the dead man has died", (True, signal.SIGTERM)]
+    assert happened == [False, True, False, None, (True, signal.SIGTERM)]
     assert judges[0].beats == 1
 
 

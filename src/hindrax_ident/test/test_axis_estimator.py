@@ -8,7 +8,8 @@ import pytest
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.model.model_parameters import Prior
 from hindrax_ident.model.motion_model import Model
-from hindrax_ident.online.axis_estimator import AxisEstimator, SampleVerdict
+from hindrax_ident.online.axis_estimator import AxisEstimator
+from hindrax_ident.online.sample_verdict import SENTENCES, NotLearned, SampleVerdict, not_learned
 from hindrax_ident.records.binning import DEPTH_S
 from hindrax_ident.testing.synthetic_runs import STEP_S, Plan, back_and_forth, fly
 from hindrax_ident.tuning import Tuning
@@ -80,24 +81,31 @@ def still(
 def test_every_velocity_that_teaches_nothing_states_why() -> None:
     estimator = AxisEstimator(MODEL, LAG_S, PRIOR, Tuning())
     estimator.thrust(0.2, 0.0)
-    assert estimator.velocity(0.1, 0.0).reason == "no thrust received yet"
-    assert estimator.velocity(0.1, 0.0).reason == "its stamp is not later than the previous one"
+    assert estimator.velocity(0.1, 0.0).reason.code is NotLearned.NO_THRUST
+    assert estimator.velocity(0.1, 0.0).reason.code is NotLearned.NOT_LATER
     late = estimator.velocity(0.05, 0.0)
-    assert (late.learned, late.reason) == (False, "its stamp is not later than the previous one")
-    assert estimator.velocity(0.2, 0.0).reason == "the filters are settling"
-    assert estimator.velocity(0.3, 0.0, "turning").reason == "turning"
+    assert (late.learned, late.reason.code) == (False, NotLearned.NOT_LATER)
+    assert estimator.velocity(0.2, 0.0).reason.code is NotLearned.SETTLING
+    turning = not_learned(NotLearned.PHASE, phase="turning")
+    assert estimator.velocity(0.3, 0.0, turning).reason is turning
     settling = still(estimator, 0.3, 6.0)
-    assert {one.reason for one in settling} == {"the filters are settling", ""}
+    assert {one.reason.code for one in settling} == {NotLearned.SETTLING, NotLearned.NONE}
     assert [one.learned for one in settling] == sorted(one.learned for one in settling)
     assert math.isfinite(settling[-1].innovation)
     reasons = [estimator.velocity(6.3 + 0.48 * index, 0.0).reason for index in range(1, 6)]
-    assert reasons == ["", "", "", "", "the last thrust is 2.4 s old"]
+    assert reasons == ["", "", "", "", not_learned(NotLearned.OLD_THRUST, age_s=2.4)]
     estimator.thrust(10.0, 0.0)
-    assert estimator.velocity(10.0, 0.0).reason == "no velocity for 1.3 s"
-    assert still(estimator, 10.0, 0.1)[0].reason == "the filters are settling"
+    assert estimator.velocity(10.0, 0.0).reason == not_learned(NotLearned.GAP, pause_s=1.3)
+    assert still(estimator, 10.0, 0.1)[0].reason.code is NotLearned.SETTLING
     fresh = AxisEstimator(MODEL, LAG_S, PRIOR, Tuning())
     fresh.thrust(0.0, 0.0)
-    assert fresh.velocity(0.1, 0.0).reason == "first velocity"
+    assert fresh.velocity(0.1, 0.0).reason.code is NotLearned.FIRST_VELOCITY
+
+
+def test_a_reason_is_its_sentence_for_whoever_watches() -> None:
+    assert set(SENTENCES) == set(NotLearned)
+    assert not_learned(NotLearned.OLD_THRUST, age_s=2.4) == "the last thrust is 2.4 s old"
+    assert not_learned(NotLearned.PHASE, phase="settle") == "phase settle"
 
 
 def test_before_the_first_velocity_the_estimate_is_the_prior_and_no_narrower() -> None:
@@ -129,7 +137,7 @@ def test_a_wild_velocity_teaches_nothing_and_leaves_no_trace() -> None:
     before, samples = estimator.estimate()[0].tolist(), estimator.samples
     for sign in (1.0, -1.0):
         reported = estimator.velocity(70.0 + 0.05 * (2.0 + sign), 0.3 * sign)
-        assert (reported.learned, reported.reason) == (False, "outlier")
+        assert (reported.learned, reported.reason.code) == (False, NotLearned.OUTLIER)
         assert reported.innovation == pytest.approx(0.3 * sign, abs=0.05)
     assert estimator.estimate()[0].tolist() == before
     assert estimator.samples == samples
@@ -144,8 +152,8 @@ def test_when_every_velocity_is_wild_the_estimate_is_wrong_not_they() -> None:
     estimator, _ = taught(Tuning())
     still(estimator, 60.0, 10.0)
     verdicts = still(estimator, 70.0, 3.0, 0.3, every_s=0.04)
-    rejected = [one.reason for one in verdicts if not one.learned]
-    assert set(rejected) == {"outlier"}
+    rejected = [one.reason.code for one in verdicts if not one.learned]
+    assert set(rejected) == {NotLearned.OUTLIER}
     assert 10 <= len(rejected) <= 30
     assert not any(one.learned for one in verdicts[: len(rejected)])
 

@@ -10,9 +10,10 @@ import pytest
 from hindrax_ident.arrays import Array, Index, array
 from hindrax_ident.model.model_parameters import Prior
 from hindrax_ident.model.motion_model import Model
-from hindrax_ident.online.axis_estimator import AxisEstimator, SampleVerdict
+from hindrax_ident.online.axis_estimator import AxisEstimator
 from hindrax_ident.online.filtered_regression import FilteredRegression, Sample, physical
 from hindrax_ident.online.rls import Rls
+from hindrax_ident.online.sample_verdict import NotLearned, SampleVerdict, not_learned
 from hindrax_ident.tuning import Tuning
 
 SURGE = Model(0, 15.22)
@@ -61,7 +62,7 @@ def test_what_is_unexpected_of_a_velocity_is_taken_off_its_row_once_it_is_known(
 ) -> None:
     estimator = begun()
     stand = standing(estimator, Stand(samples))
-    assert estimator._learn(ROW, 1.0, derived=derived) == SampleVerdict(learned=True, innovation=INNOVATION_mps)
+    assert estimator._learn(ROW, 1.0, derived=derived) == SampleVerdict(innovation=INNOVATION_mps)
     assert stand.asked == [(ROW.x, ROW.y)]
     ((x, y),) = stand.taught
     share = INNOVATION_mps if cleaned else 0.0
@@ -134,9 +135,7 @@ def test_an_outlier_is_beyond_five_deviations_of_what_was_expected(
 
     estimator.regression = Regression(SURGE, 0.15, 1.0)
     reported = estimator._learn(ROW, 1.0, derived=False)
-    assert reported == SampleVerdict(
-        learned=not outlier, reason="outlier" if outlier else "", innovation=stand.innovation
-    )
+    assert reported == SampleVerdict(not_learned(NotLearned.OUTLIER if outlier else NotLearned.NONE), stand.innovation)
     assert len(stand.taught) == (not outlier)
     assert len(undone) == outlier
 
@@ -441,11 +440,11 @@ def test_a_pause_of_more_than_a_second_begins_anew() -> None:
     for at_s in (0.1, 0.2):
         estimator.velocity(at_s, 0.1)
     estimator.correlator.add(1.0)
-    assert estimator.velocity(1.2, 0.1).reason == "the filters are settling"
+    assert estimator.velocity(1.2, 0.1).reason.code is NotLearned.SETTLING
     estimator.correlator.add(1.0)
-    assert estimator.velocity(2.21, 0.1).reason == "the last thrust is 2.2 s old"
+    assert estimator.velocity(2.21, 0.1).reason == not_learned(NotLearned.OLD_THRUST, age_s=2.21)
     estimator.thrust(2.3, 0.0)
-    assert estimator.velocity(3.22, 0.1).reason == "no velocity for 1.0 s"
+    assert estimator.velocity(3.22, 0.1).reason.code is NotLearned.GAP
     assert estimator.correlator._past == []
 
 
@@ -454,5 +453,6 @@ def test_innovations_across_a_refusal_are_not_neighbors() -> None:
     estimator.thrust(0.0, 0.0)
     estimator.velocity(0.1, 0.1)
     estimator.correlator.add(1.0)
-    assert estimator.velocity(0.2, 0.1, "turning").reason == "turning"
+    turning = not_learned(NotLearned.PHASE, phase="turning")
+    assert estimator.velocity(0.2, 0.1, turning).reason is turning
     assert estimator.correlator._past == []

@@ -8,13 +8,15 @@ import pytest
 
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import NAN, Thrust
+from hindrax_core.text.coded import Coded
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.model.coriolis import Masses
 from hindrax_ident.model.model_parameters import Prior, wide_prior
 from hindrax_ident.model.motion_model import MOTIONS, Model, model_of, unit_wrench
-from hindrax_ident.online.axis_estimator import AxisEstimator, SampleVerdict
+from hindrax_ident.online.axis_estimator import AxisEstimator
 from hindrax_ident.online.axis_session import AxisSession
+from hindrax_ident.online.sample_verdict import LEARNED, NotLearned, SampleVerdict, not_learned
 from hindrax_ident.records.axis_record import Series, Stretch
 from hindrax_ident.tuning import Tuning
 
@@ -24,6 +26,11 @@ UNSAID = (NAN, NAN, NAN)
 Received = tuple[str, float, float]
 
 
+def at(moment: float) -> Coded[NotLearned]:
+    """A refusal that is told from others by its number."""
+    return not_learned(NotLearned.PHASE, phase=moment)
+
+
 class Estimator(AxisEstimator):
     """Keeps what it hears, and learns of it all the same."""
 
@@ -31,7 +38,7 @@ class Estimator(AxisEstimator):
         super().__init__(model, 0.15, prior, Tuning())
         self.received: list[Received] = []
         self.efforts: list[float | None] = []
-        self.refusals: list[tuple[str, bool]] = []
+        self.refusals: list[tuple[Coded[NotLearned], bool]] = []
 
     def thrust(self, t_s: float, force: float, effort: float | None = None) -> None:
         self.received.append(("thrust", t_s, force))
@@ -46,7 +53,9 @@ class Estimator(AxisEstimator):
         self.received.append(("position", t_s, position))
         super().position(t_s, position)
 
-    def velocity(self, t_s: float, v: float, refusal: str = "", *, derived: bool = False) -> SampleVerdict:
+    def velocity(
+        self, t_s: float, v: float, refusal: Coded[NotLearned] = LEARNED, *, derived: bool = False
+    ) -> SampleVerdict:
         self.received.append(("velocity", t_s, v))
         self.refusals.append((refusal, derived))
         return super().velocity(t_s, v, refusal, derived=derived)
@@ -77,8 +86,8 @@ def test_a_copy_of_a_session_shares_what_it_recorded_and_records_apart(vehicle: 
     session, _ = begun(vehicle, 0)
     for k in range(30):
         session.thrust(0.1 * k, Thrust((10.0, 0.0, 0.0, 0.0, 0.0, 0.0), (1.0,) * len(vehicle.thrusters)))
-        session.attitude(0.1 * k, LEVEL, NAN, "")
-        session.velocity(0.1 * k, 0.01 * k, "dvl", "")
+        session.attitude(0.1 * k, LEVEL, NAN)
+        session.velocity(0.1 * k, 0.01 * k, "dvl")
         session.motion(0.1 * k, (0.0, 0.01 * k, 0.0, 0.0, 0.0, 0.0), MASSES)
     judged = copy.deepcopy(session)
     for name in ("_thrusts", "_hydrostatics", "_other_velocities"):
@@ -88,7 +97,7 @@ def test_a_copy_of_a_session_shares_what_it_recorded_and_records_apart(vehicle: 
     assert judged._velocities["dvl"][0] is session._velocities["dvl"][0]
     before = session.record((), (), MASSES)
     session.thrust(3.0, Thrust((20.0, 0.0, 0.0, 0.0, 0.0, 0.0), (1.0,) * len(vehicle.thrusters)))
-    session.velocity(3.0, 0.3, "dvl", "")
+    session.velocity(3.0, 0.3, "dvl")
     found, now = judged.record((), (), MASSES), session.record((), (), MASSES)
     assert points(found.thrust) == points(before.thrust) != points(now.thrust)
     assert points(found.velocity) == points(before.velocity) != points(now.velocity)
@@ -164,18 +173,18 @@ def test_a_tilt_and_the_motion_of_the_other_axes_are_known_forces(vehicle: Vehic
     session, estimator = begun(vehicle, axis)
     assert callable(force)
     hydrostatic = force(-vehicle.net_buoyancy_N, 0.2, -0.1)
-    assert session.attitude(1.0, (0.2, -0.1, 2.0), 1.5, "") == []
+    assert session.attitude(1.0, (0.2, -0.1, 2.0), 1.5) == []
     nu = (0.3, -0.2, 0.1, 0.4, 0.5, -0.6)
     session.motion(2.0, nu, MASSES)
     m = MASSES.values
     coriolis = (m[1] * -0.2 * -0.6 - m[2] * 0.1 * 0.5, m[2] * 0.1 * 0.4 - m[0] * 0.3 * -0.6)[axis]
     later = force(-vehicle.net_buoyancy_N, -0.3, 0.2)
-    session.attitude(3.0, (-0.3, 0.2, NAN), NAN, "")
+    session.attitude(3.0, (-0.3, 0.2, NAN), NAN)
     known = [(1.0, hydrostatic), (2.0, hydrostatic + coriolis), (3.0, later + coriolis)]
     assert [t for t, _ in estimator.of("known")] == [t for t, _ in known]
     assert [one for _, one in estimator.of("known")] == pytest.approx([one for _, one in known])
     for unsaid in ((NAN, 0.1, 0.0), (0.1, NAN, 0.0), UNSAID):
-        session.attitude(4.0, unsaid, 1.0, "")
+        session.attitude(4.0, unsaid, 1.0)
     record = session.record((), (), MASSES)
     assert len(estimator.of("known")) == 3
     assert record.known.t.tolist() == [1.0, 3.0]
@@ -191,7 +200,7 @@ def test_a_tilt_and_the_motion_of_the_other_axes_are_known_forces(vehicle: Vehic
 @pytest.mark.parametrize("axis", range(2, 6))
 def test_hydrostatics_of_the_other_axes_are_in_their_models(vehicle: Vehicle, axis: int) -> None:
     session, estimator = begun(vehicle, axis)
-    session.attitude(1.0, (0.2, -0.1, 2.0), NAN, "")
+    session.attitude(1.0, (0.2, -0.1, 2.0), NAN)
     assert estimator.of("known") == []
     assert len(session.record((), (), MASSES).known) == 0
 
@@ -229,12 +238,12 @@ def test_fast_velocities_are_averaged_and_only_one_source_counts(vehicle: Vehicl
         (1.06, 0.4, "icm20948"),
         (1.07, 0.2, "icm20948"),
     ]
-    verdicts = [session.velocity(t_s, v, source, f"at {t_s}") for t_s, v, source in inputs]
+    verdicts = [session.velocity(t_s, v, source, at(t_s)) for t_s, v, source in inputs]
     # The bin of the navigator goes to the source that completes it.
     assert [len(one) for one in verdicts] == [0, 0, 1, 0, 0, 0, 1, 0, 1]
     assert estimator.of("velocity") == [pytest.approx(one) for one in ((1.005, 0.2), (1.025, 0.7), (1.055, 0.3))]
     assert [one[0][0] for one in verdicts if one] == pytest.approx([1.005, 1.025, 1.055])
-    assert estimator.refusals == [("at 1.02", False), ("at 1.05", False), ("at 1.07", False)]
+    assert estimator.refusals == [(at(1.02), False), (at(1.05), False), (at(1.07), False)]
     assert kept(session) == pytest.approx(np.array([[1.025, 0.7], [1.055, 0.3]]))
 
 
@@ -244,21 +253,21 @@ def test_angles_restore_roll_and_pitch_and_are_kept_twice_a_second(vehicle: Vehi
     for k in range(12):
         angles = [0.7, 0.8, 0.9]
         angles[index] = 0.1 * k
-        assert session.attitude(0.125 * k, (angles[0], angles[1], angles[2]), 1.0, "") == []
+        assert session.attitude(0.125 * k, (angles[0], angles[1], angles[2]), 1.0) == []
     other = [NAN, 0.1, 0.2]
     for unsaid in (UNSAID, tuple(other if index == 0 else [0.1, NAN, 0.2])):
-        session.attitude(2.0, (unsaid[0], unsaid[1], unsaid[2]), 1.0, "")
+        session.attitude(2.0, (unsaid[0], unsaid[1], unsaid[2]), 1.0)
     assert np.array(estimator.of("position")) == pytest.approx(np.array([(0.125 * k, 0.1 * k) for k in range(12)]))
     position = session.record((), (), MASSES).position
     assert position.t.tolist() == [0.0, 0.5, 1.0]
     assert position.y == pytest.approx([0.0, 0.4, 0.8])
-    session.attitude(2.0, (0.3, 0.3, NAN), NAN, "")
+    session.attitude(2.0, (0.3, 0.3, NAN), NAN)
     assert len(session.record((), (), MASSES).position) == 4
 
 
 def test_yaw_has_no_position(vehicle: Vehicle) -> None:
     session, estimator = begun(vehicle, 5)
-    assert session.attitude(1.0, (0.1, 0.2, 0.3), 1.5, "") == []
+    assert session.attitude(1.0, (0.1, 0.2, 0.3), 1.5) == []
     assert estimator.received == []
 
 
@@ -269,13 +278,13 @@ def depths(
     out = []
     for k in range(count):
         t_s = first_s + 0.05 * k
-        out += [at_s for at_s, _ in session.attitude(t_s, attitude, 1.0 + 0.2 * t_s, f"at {k}")]
+        out += [at_s for at_s, _ in session.attitude(t_s, attitude, 1.0 + 0.2 * t_s, at(k))]
     return out
 
 
 def test_depths_give_the_velocity_of_heave_where_no_instrument_does(vehicle: Vehicle) -> None:
     session, estimator = begun(vehicle, 2)
-    assert [len(session.velocity(t_s, 5.0, "navigation", "")) for t_s in (0.8, 0.9)] == [0, 1]
+    assert [len(session.velocity(t_s, 5.0, "navigation")) for t_s in (0.8, 0.9)] == [0, 1]
     assert len(kept(session)) == 1
     estimator.received.clear()
     estimator.refusals.clear()
@@ -284,12 +293,12 @@ def test_depths_give_the_velocity_of_heave_where_no_instrument_does(vehicle: Veh
     assert at_s == pytest.approx([1.075, 1.175, 1.275])
     assert [t for t, _ in estimator.of("velocity")] == pytest.approx(at_s)
     assert [v for _, v in estimator.of("velocity")] == pytest.approx([0.2] * 3)
-    assert estimator.refusals == [("at 4", True), ("at 6", True), ("at 8", True)]
+    assert estimator.refusals == [(at(4), True), (at(6), True), (at(8), True)]
     assert len(estimator.of("position")) == 9
     assert len(session.record((), (), MASSES).position) == 9
-    assert [session.velocity(2.0 + 0.1 * k, 5.0, "navigation", "") for k in range(3)] == [[]] * 3
+    assert [session.velocity(2.0 + 0.1 * k, 5.0, "navigation") for k in range(3)] == [[]] * 3
     assert len(kept(session)) == 0
-    assert session.attitude(2.0, UNSAID, NAN, "") == []
+    assert session.attitude(2.0, UNSAID, NAN) == []
     assert len(estimator.of("position")) == 9
 
 
@@ -308,8 +317,8 @@ def test_an_instrument_of_heave_replaces_the_velocity_of_the_depths(vehicle: Veh
     session, estimator = begun(vehicle, 2)
     depths(session, 1.0, 5)
     assert len(estimator.of("velocity")) == 1
-    session.velocity(1.3, 0.25, "dvl75", "")
-    session.velocity(1.4, 0.25, "dvl75", "")
+    session.velocity(1.3, 0.25, "dvl75")
+    session.velocity(1.4, 0.25, "dvl75")
     assert depths(session, 1.5, 5) == []
     assert kept(session) == pytest.approx(np.array([[1.3, 0.25]]))
     assert len(estimator.of("position")) == 10
@@ -317,9 +326,9 @@ def test_an_instrument_of_heave_replaces_the_velocity_of_the_depths(vehicle: Veh
 
 def test_depths_of_a_sensor_count_before_those_of_a_navigator(vehicle: Vehicle) -> None:
     session, estimator = begun(vehicle, 2)
-    session.attitude(1.0, LEVEL, 9.0, "")
-    session.attitude(1.01, UNSAID, 1.5, "")
-    session.attitude(1.02, LEVEL, 9.0, "")
+    session.attitude(1.0, LEVEL, 9.0)
+    session.attitude(1.01, UNSAID, 1.5)
+    session.attitude(1.02, LEVEL, 9.0)
     assert estimator.of("position") == [(1.0, 9.0), (1.01, 1.5)]
     assert points(session.record((), (), MASSES).position) == [(1.01, 1.5)]
 
@@ -329,8 +338,8 @@ def test_depths_are_nothing_to_the_other_axes(vehicle: Vehicle, axis: int) -> No
     session, estimator = begun(vehicle, axis)
     depths(session, 1.0, 9)
     assert [one for one in estimator.received if one[0] in ("position", "velocity")] == []
-    assert session.velocity(2.0, 0.1, "navigation", "") == []
-    assert len(session.velocity(2.1, 0.1, "navigation", "")) == 1
+    assert session.velocity(2.0, 0.1, "navigation") == []
+    assert len(session.velocity(2.1, 0.1, "navigation")) == 1
     assert len(kept(session)) == 1
 
 
@@ -340,7 +349,7 @@ def test_an_estimate_is_that_of_its_direction_and_without_the_mass_of_the_body(
 ) -> None:
     session, estimator = begun(vehicle, 2)
     estimator.regression.rate = 1.7
-    reported = session.estimate(MOTIONS[motion], SampleVerdict(learned=False, reason="outlier", innovation=0.02))
+    reported = session.estimate(MOTIONS[motion], SampleVerdict(not_learned(NotLearned.OUTLIER), 0.02))
     values, sigmas = session.prior.values, session.prior.sigmas
     assert reported.motion == motion
     assert reported.names == ("k_q", "k_l", "b", "added_mass")
@@ -349,7 +358,7 @@ def test_an_estimate_is_that_of_its_direction_and_without_the_mass_of_the_body(
     assert np.shape(reported.covariance) == (4, 4)
     assert np.sqrt(np.diag(reported.covariance))[-1] == pytest.approx(sigmas[-1], rel=0.01)
     assert (reported.samples, reported.effective_samples) == (0, 0.0)
-    assert (reported.learning, reported.reason) == (False, "outlier")
+    assert (reported.learning, reported.reason) == (False, not_learned(NotLearned.OUTLIER))
     # An innovation of the velocity is a force as far as the filter remembers it: over its time, on the mass.
     assert reported.innovation == pytest.approx(0.02 * 1.7 * values[-1], rel=1e-6)
 
@@ -358,7 +367,7 @@ def test_a_reported_value_is_within_its_bounds(vehicle: Vehicle) -> None:
     model = model_of(vehicle, 0)
     prior = Prior(np.array([-4.0, 3.0, 0.0, 14.0]), np.array([2.0, 1.0, 1.0, 5.0]))
     session = AxisSession(vehicle, model, prior, Tuning())
-    reported = session.estimate(MOTIONS["surge"], SampleVerdict(learned=True))
+    reported = session.estimate(MOTIONS["surge"], SampleVerdict())
     assert reported.values[0] == 0.0
     assert reported.values[3] == pytest.approx(0.0, abs=1e-9)
     assert reported.learning

@@ -25,6 +25,7 @@ class NodeDiagnostics:
     troubles: int = 0
     readings: int = 0
     rejects: Counter[str] = field(default_factory=Counter)
+    last_reject: str = ""
     last_reading: Stamp | None = None
     last_report: Stamp | None = None
     note: str = ""
@@ -39,8 +40,9 @@ class NodeDiagnostics:
         self.last_reading = stamp
 
     def reject(self, rejected: Rejected) -> None:
-        """Count rejected bytes by reason."""
-        self.rejects[rejected.reason] += 1
+        """Count rejected bytes by the key of their reason."""
+        self.rejects[rejected.key] += 1
+        self.last_reject = rejected.reason
 
     def troubled(self, text: str) -> None:
         """Set the last trouble, for the operator."""
@@ -74,6 +76,7 @@ class NodeDiagnostics:
             "rate [Hz]": f"{rate:.1f}",
             "age [s]": f"{age:.3f}",
             "rejects": str(sum(self.rejects.values())),
+            **({"last reject": self.last_reject} if self.last_reject else {}),
             "troubles": str(self.troubles),
             "last trouble": self.trouble,
             **{f"rejected: {reason}": str(count) for reason, count in sorted(self.rejects.items())},

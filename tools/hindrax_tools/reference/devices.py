@@ -25,7 +25,8 @@ data sheet, and a row in `hindrax_core/sensor_table.py`; [how to add one](../how
 one that the driver reports for the device of the mock vehicle. `--fault NAME:DEVICE@START+SECONDS` injects a fault.
 
 Every device reports once a second on `/diagnostics`, as `hindrax: NAME`, with these keys: `identity`, `rate [Hz]`,
-`age [s]` of the last reading, `rejects` and one `rejected: REASON` per reason, `troubles` and `last trouble`."""
+`age [s]` of the last reading, `rejects`, one `rejected: REASON` per reason and the `last reject`, `troubles` and
+`last trouble`."""
 OUTPUT = """Output devices make the pulses of the thrusters, behind the output guard; one of them is named by
 `output` in the vehicle file. All report under `thrusters`."""
 OUTPUTS = {

@@ -5,14 +5,33 @@ A file without it, or with one of another geometry, was never proven: maneuvers 
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, replace
+from enum import StrEnum
 
 from hindrax_control.commissioning.findings import Findings
+from hindrax_core.text.coded import Coded, coded
 from hindrax_core.vehicle import Commissioned, Vehicle
 
 UNPROVEN_mps = 0.1
 """Largest speed of a vehicle whose file is not proven."""
 DIGITS = 12
+
+
+class NotProven(StrEnum):
+    """Why a vehicle file is not proven; `NONE` where it is."""
+
+    NONE = ""
+    NEVER = "never"
+    CHANGED = "changed"
+
+
+SENTENCES: Mapping[NotProven, str] = {
+    NotProven.NONE: "",
+    NotProven.NEVER: "never commissioned",
+    NotProven.CHANGED: "changed since it was commissioned on {date} (geometry {found}, proven {proven})",
+}
+"""The sentence of each code."""
 REMEDY = "`./hindrax commission --write` proves it, --uncommissioned flies it as it is"
 
 
@@ -53,15 +72,14 @@ def lines_to_write(findings: Findings, record: Commissioned | None) -> list[str]
     return mends or ([] if record is None else ["commissioned:", *kept])
 
 
-def unproven(vehicle: Vehicle) -> str:
+def unproven(vehicle: Vehicle) -> Coded[NotProven]:
     """Reason why a vehicle file counts as not proven; empty when it is."""
     record = vehicle.commissioned
     if record is None:
-        return "never commissioned"
+        return coded(SENTENCES, NotProven.NEVER)
     found = geometry_hash(vehicle)
-    if record.geometry != found:
-        return f"changed since it was commissioned on {record.date} (geometry {found}, proven {record.geometry})"
-    return ""
+    code = NotProven.NONE if record.geometry == found else NotProven.CHANGED
+    return coded(SENTENCES, code, date=record.date, found=found, proven=record.geometry)
 
 
 def slow_sentence(vehicle: Vehicle) -> str:

@@ -12,7 +12,6 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import Self
 
 from hindrax_control.allocation.divergence_guard import DivergenceGuard, DivergenceKnobs
 from hindrax_control.navigation.velocity_gain import described
@@ -22,6 +21,7 @@ from hindrax_core.input_checks import StampWindow
 from hindrax_core.knobs import knob
 from hindrax_core.rotation import matrix
 from hindrax_core.signals import NAN, NEVER, Consistency, Navigation
+from hindrax_core.text.coded import Coded
 from hindrax_core.text.digits import above
 from hindrax_core.text.refusals import NOTHING, Refusal
 from hindrax_core.vehicle import Vehicle
@@ -82,20 +82,10 @@ class StateCheck(StrEnum):
     RESTART = "restart"
 
 
-class FailedCheck(str):
-    """The sentence of a failed check, "check: found, wanted; remedy", which knows its check."""
+class FailedCheck(Coded[StateCheck]):
+    """The sentence of a failed check, "check: found, wanted; remedy"; `failed` takes the remedy from the table."""
 
-    __slots__ = ("check",)
-    check: StateCheck
-
-    def __new__(cls, check: StateCheck, sentence: str) -> Self:
-        """Make the sentence of a check; `failed` takes the remedy from the table."""
-        made = super().__new__(cls, sentence)
-        made.check = check
-        return made
-
-    def __getnewargs__(self) -> tuple[StateCheck, str]:  # type: ignore[override]  # what makes a copy of it
-        return self.check, str(self)
+    __slots__ = ()
 
 
 REMEDIES: Mapping[StateCheck, str] = {

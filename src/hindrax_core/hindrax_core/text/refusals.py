@@ -7,7 +7,8 @@ are the `aborted_by` of JSON: neither is ever given to another reason.
 
 from collections.abc import Mapping, Sequence
 from enum import IntEnum
-from typing import Self
+
+from hindrax_core.text.coded import Coded
 
 
 class Reason(IntEnum):
@@ -124,23 +125,18 @@ SENTENCES: Mapping[Reason, str] = {
 """The sentence of each reason to refuse a message, with the names and numbers behind it."""
 
 
-class Refusal(str):
+class Refusal(Coded[Reason]):
     """The sentence of a refusal, "what was found, what was wanted; remedy", which knows its reason.
 
     It is false when nothing is refused (`NOTHING`).
     """
 
-    __slots__ = ("reason",)
-    reason: Reason
+    __slots__ = ()
 
-    def __new__(cls, reason: Reason, sentence: str) -> Self:
-        """Make the sentence of a reason."""
-        made = super().__new__(cls, sentence)
-        made.reason = reason
-        return made
-
-    def __getnewargs__(self) -> tuple[Reason, str]:  # type: ignore[override]  # what makes a copy of it
-        return self.reason, str(self)
+    @property
+    def reason(self) -> Reason:
+        """Its code."""
+        return self.code
 
     @property
     def word(self) -> str | None:

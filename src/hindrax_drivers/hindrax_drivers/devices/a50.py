@@ -21,6 +21,7 @@ from hindrax_core.events import Rejected, Stamp, Stamped, seconds_between
 from hindrax_core.hydrostatics import Water
 from hindrax_core.knobs import knob
 from hindrax_core.readings import BottomTrack, BottomVelocity
+from hindrax_core.rejects import RejectCode
 from hindrax_drivers.driver import Driver, SilenceMonitor, sound_mps
 from hindrax_drivers.protocols import waterlinked_protocol as protocol
 from hindrax_drivers.protocols.waterlinked_protocol import VelocityReport
@@ -114,7 +115,7 @@ class A50:
                 outputs += self._handlers.get(protocol.text(report, "type"), _refuse)(report, stamp)
                 self._silence.last_valid = stamp
             except protocol.ReportError as bad:
-                outputs.append(Rejected(stamp, str(bad), line))
+                outputs.append(Rejected(stamp, bad.reason, line))
         outputs += self._troubles
         self._troubles = []
         return outputs
@@ -122,9 +123,9 @@ class A50:
     def _on_velocity(self, report: Mapping[str, object], stamp: Stamp) -> Sequence[Output]:
         found = protocol.velocity_report(report)
         if found.validity_us == self._last_us:
-            raise protocol.ReportError("velocity: repeated")
+            raise protocol.ReportError(RejectCode.REPEATED, "velocity")
         if max(map(abs, found.velocity_mps)) > self._knobs.max_speed_mps and found.valid:
-            raise protocol.ReportError("velocity: range")
+            raise protocol.ReportError(RejectCode.RANGE, "velocity")
         self._last_us = found.validity_us
         sent = self._clock.map(found.transmission_us, stamp)
         valid = Stamp(sent - (found.transmission_us - found.validity_us) * NS_PER_US)
@@ -161,13 +162,13 @@ class A50:
         """Check a dead reckoning report. Its yaw is no heading and its place has no north: nothing is made of it."""
         at_s, self._last_position_s = self._last_position_s, protocol.dead_reckoning(report).time_s
         if at_s == self._last_position_s:
-            raise protocol.ReportError("position: repeated")
+            raise protocol.ReportError(RejectCode.REPEATED, "position")
         return ()
 
     def _on_response(self, report: Mapping[str, object], stamp: Stamp) -> list[Output]:
         order, done = report.get("response_to"), report.get("success")
         if not isinstance(order, str) or not isinstance(done, bool):
-            raise protocol.ReportError("response: fields")
+            raise protocol.ReportError(RejectCode.FIELDS, "response")
         if not done:
             reason = str(report.get("error_message", ""))[:100]
             return [Trouble(stamp, f"DVL: refused {order[:40]} ({reason or 'no reason given'})")]
@@ -234,7 +235,7 @@ class A50:
 
 def _refuse(_report: Mapping[str, object], _stamp: Stamp) -> Sequence[Output]:
     """Refuse a report of another kind."""
-    raise protocol.ReportError("report: type")
+    raise protocol.ReportError(RejectCode.TYPE, "report")
 
 
 def _same(found: object, wanted: object) -> bool:

@@ -13,6 +13,7 @@ from hindrax_core.driver_interface import Identity
 from hindrax_core.events import Rejected, Stamp, Stamped, after
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Battery, Reading
+from hindrax_core.rejects import RejectCode, reject
 from hindrax_drivers.driver import Driver, RegisterPart
 
 ADDRESS = 0x48
@@ -63,9 +64,9 @@ class Ads1115(RegisterPart):
         voltage, voltage_again, current, current_again = struct.unpack(">4h", raw)
         valid = after(stamp, CONVERSION_S)
         if (voltage, current) != (voltage_again, current_again):
-            return [Rejected(valid, "two reads differ", raw)]
+            return [Rejected(valid, reject(RejectCode.TWO_DIFFER), raw)]
         if max(voltage, current) >= END_OF_SCALE:
-            return [Rejected(valid, "end of the scale", raw)]
+            return [Rejected(valid, reject(RejectCode.END_OF_SCALE), raw)]
         volts, amperes = voltage * V_PER_COUNT, current * V_PER_COUNT
         current_A = (amperes - knobs.zero_current_V) * knobs.ampere_per_volt
         return [Stamped(valid, Battery(volts * knobs.volt_per_volt, current_A))]

@@ -22,6 +22,7 @@ from hindrax_core.driver_interface import Output, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, seconds_between
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Inertial, Leak, Magnetic, Pressure, Reading
+from hindrax_core.rejects import RejectCode, reject
 from hindrax_drivers.devices.ardupilot.companion import Companion
 from hindrax_drivers.devices.ardupilot.link import LATENCY_S, SECOND_COMPUTER, Handlers
 from hindrax_drivers.driver import Driver
@@ -113,10 +114,10 @@ class ArduSub(Companion):
 
     def _on_imu(self, one: RawImu, stamp: Stamp) -> list[Output]:
         if self._repeats("sample", one):
-            return [Rejected(stamp, "sample: repeated", b"")]
+            return [Rejected(stamp, reject(RejectCode.REPEATED, "sample"), b"")]
         self._sampled = stamp
         if not _within(one.force_mps2, FULL_SCALE_mps2) or not _within(one.rate_radps, FULL_SCALE_radps):
-            return [Rejected(stamp, "sample: range", b"")]
+            return [Rejected(stamp, reject(RejectCode.RANGE, "sample"), b"")]
         at = self._imu_clock.map(one.boot_us, stamp)
         outputs: list[Output] = [Stamped(at, Inertial(one.force_mps2, one.rate_radps, one.temperature_C))]
         if any(one.field_T) and seconds_between(self._field_at, at) >= 1.0 / self._knobs.field_Hz:
@@ -131,10 +132,10 @@ class ArduSub(Companion):
         # Asked for more often than it measures, the autopilot sends one measurement twice, with another time.
         repeated = one.pressure_Pa == self._pressure_Pa and seconds_between(self._new_at, stamp) < REPEATED_S
         if repeated or self._repeats("pressure", one):
-            return [Rejected(stamp, "pressure: repeated", b"")]
+            return [Rejected(stamp, reject(RejectCode.REPEATED, "pressure"), b"")]
         self._pressure_Pa, self._new_at = one.pressure_Pa, stamp
         if not 0.0 < one.pressure_Pa < self._knobs.largest_Pa:
-            return [Rejected(stamp, "pressure: range", b"")]
+            return [Rejected(stamp, reject(RejectCode.RANGE, "pressure"), b"")]
         if self._knobs.barometer is None and not self._seen(one.pressure_Pa, stamp):
             return []
         if self._first_noise_Pa > NOISY_Pa:

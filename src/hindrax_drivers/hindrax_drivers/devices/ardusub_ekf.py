@@ -15,6 +15,7 @@ from hindrax_core.driver_interface import Output
 from hindrax_core.events import Rejected, Stamp, Stamped, seconds_between
 from hindrax_core.knobs import knob
 from hindrax_core.readings import BottomVelocity, Vec3
+from hindrax_core.rejects import RejectCode, reject
 from hindrax_core.rotation import matrix
 from hindrax_drivers.devices.ardupilot.companion import Companion
 from hindrax_drivers.devices.ardupilot.link import LATENCY_S, THIRD_COMPUTER, Handlers
@@ -83,7 +84,7 @@ class ArduSubEkf(Companion):
     def _on_position(self, one: LocalPosition, stamp: Stamp) -> list[Output]:
         before, self._last = self._last, one
         if before is not None and before.boot_ms == one.boot_ms:
-            return [Rejected(stamp, "velocity: repeated", b"")]
+            return [Rejected(stamp, reject(RejectCode.REPEATED, "velocity"), b"")]
         self._sampled = stamp
         at = self._clock.map(one.boot_ms, stamp)
         velocity = self._in_body(one) if self._claimed(stamp) else None
@@ -91,7 +92,7 @@ class ArduSubEkf(Companion):
         if velocity is None:
             return [Stamped(at, BottomVelocity(None, math.inf, 0.0, interval_s, device_us))]
         if max(map(abs, velocity)) > self._knobs.max_speed_mps:
-            return [Rejected(stamp, "velocity: range", b"")]
+            return [Rejected(stamp, reject(RejectCode.RANGE, "velocity"), b"")]
         return [Stamped(at, BottomVelocity(velocity, self._knobs.sigma_mps, 1.0, interval_s, device_us))]
 
     def _claimed(self, stamp: Stamp) -> bool:

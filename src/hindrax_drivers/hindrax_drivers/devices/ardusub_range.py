@@ -11,6 +11,7 @@ from hindrax_core.driver_interface import Output
 from hindrax_core.events import Rejected, Stamp, Stamped
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Echo
+from hindrax_core.rejects import RejectCode, reject
 from hindrax_drivers.devices.ardupilot.companion import Companion
 from hindrax_drivers.devices.ardupilot.link import FOURTH_COMPUTER, LATENCY_S, Handlers
 from hindrax_drivers.driver import Driver
@@ -57,11 +58,11 @@ class ArduSubRange(Companion):
         if one.orientation != self._knobs.orientation:
             return []
         if one.boot_ms == self._last_ms:
-            return [Rejected(stamp, "distance: repeated", b"")]
+            return [Rejected(stamp, reject(RejectCode.REPEATED, "distance"), b"")]
         self._last_ms, self._sampled, self._count = one.boot_ms, stamp, self._count + 1
         at = self._clock.map(one.boot_ms, stamp)
         if one.range_m > self._knobs.most_m:
-            return [Rejected(stamp, "distance: range", b"")]
+            return [Rejected(stamp, reject(RejectCode.RANGE, "distance"), b"")]
         seen = one.range_m >= self._knobs.least_m and one.quality != 0.0
         confidence = (UNRATED if math.isnan(one.quality) else one.quality) if seen else 0.0
         return [Stamped(at, Echo(one.range_m, confidence, self._count))]

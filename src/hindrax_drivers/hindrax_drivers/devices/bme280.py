@@ -14,6 +14,7 @@ from hindrax_core.driver_interface import Identity
 from hindrax_core.events import Rejected, Stamp, Stamped, after
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Air, Reading
+from hindrax_core.rejects import Reject, RejectCode, reject
 from hindrax_drivers.driver import Driver, RegisterPart
 
 ADDRESS = 0x77
@@ -140,9 +141,9 @@ class Bme280(RegisterPart):
         if self._repeats >= HUNG_AFTER:
             raise self.error("repeats the same measurement")
         valid = after(stamp, 0.5 * MEASUREMENT_S)
-        reason = (
-            f"{self._repeats + 1} equal measurements" if self._repeats >= REPEATS else self._refusal(last, self._last)
-        )
+        reason = self._refusal(last, self._last)
+        if self._repeats >= REPEATS:
+            reason = reject(RejectCode.REPEATED, found=f"{self._repeats + 1} equal measurements")
         if reason:
             return [Rejected(valid, reason, raw)]
         return [] if last is None else [Stamped(valid, self._last)]
@@ -151,18 +152,18 @@ class Bme280(RegisterPart):
         low = yield self.get(CALIBRATION, 26)
         return low, (yield self.get(CALIBRATION_H, 7)) if PARTS[part] == "BME280" else b""
 
-    def _refusal(self, last: Air | None, new: Air) -> str:
-        """Reason why a sample is implausible, also beside the one before it; empty when it is plausible."""
+    def _refusal(self, last: Air | None, new: Air) -> Reject | None:
+        """Reason why a sample is implausible, also beside the one before it; None when it is plausible."""
         if not LIMITS_Pa[0] <= new.pressure_Pa <= LIMITS_Pa[1] or not LIMITS_C[0] <= new.temperature_C <= LIMITS_C[1]:
-            return "range"
+            return reject(RejectCode.RANGE)
         if last is None:
-            return ""
+            return None
         steps = (
             abs(new.pressure_Pa - last.pressure_Pa) / self._knobs.largest_step_Pa,
             abs(new.temperature_C - last.temperature_C) / LARGEST_STEP_C,
             abs(new.humidity - last.humidity) / LARGEST_STEP_HUMIDITY,
         )
-        return "leap" if any(step > 1.0 for step in steps) else ""
+        return reject(RejectCode.LEAP) if any(step > 1.0 for step in steps) else None
 
 
 DRIVER = Driver(Bme280Knobs, lambda knobs, mount, _vehicle: Bme280(knobs, mount.address))

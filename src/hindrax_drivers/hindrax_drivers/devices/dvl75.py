@@ -18,6 +18,7 @@ from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import NS_PER_S, Rejected, Stamp, Stamped, seconds_between
 from hindrax_core.hydrostatics import Water
 from hindrax_core.readings import BottomVelocity, DeviceText, Echo, Vec3
+from hindrax_core.rejects import RejectCode, reject
 from hindrax_drivers.devices.dvl75_settings import DEFAULT_KNOBS, FRESH_WATER, Dvl75Knobs, commands, wanted_settings
 from hindrax_drivers.driver import Driver, SilenceMonitor
 from hindrax_drivers.protocols import dvl75_protocol as protocol
@@ -88,7 +89,7 @@ class Dvl75:
             try:
                 outputs += self._on_line(line, stamp)
             except protocol.SentenceError as bad:
-                outputs.append(Rejected(stamp, f"{_name(line)}: {bad}", line))
+                outputs.append(Rejected(stamp, reject(bad.code, _name(line)), line))
         outputs += self._troubles
         self._troubles = []
         return outputs
@@ -97,7 +98,7 @@ class Dvl75:
         if line.startswith(b"$DVPDL,"):
             return self._on_delta(protocol.split_verified(line), line, stamp)
         if len(line) >= protocol.MAX_LINE:
-            raise protocol.SentenceError("length")
+            raise protocol.SentenceError(RejectCode.LENGTH)
         retweet, self._retweet = self._retweet, line == RETWEET
         if line[:1] != b"$":
             return self._on_plain(line, stamp)
@@ -108,7 +109,7 @@ class Dvl75:
             return self._on_known(fields, line, stamp)
         handler = self._handlers.get(fields[0])
         if handler is None:
-            raise protocol.SentenceError("unknown")
+            raise protocol.SentenceError(RejectCode.UNKNOWN)
         self._silence.last_valid = stamp
         return handler(fields, line, stamp)
 
@@ -117,14 +118,14 @@ class Dvl75:
         tag = fields[0]
         now_us, span_us, moved, percent = protocol.position_delta(fields if tag == b"DVPDL" else fields[:10])
         if not (0 <= now_us < protocol.CLOCK_END_US and SHORTEST_us <= span_us <= LONGEST_us and 0 <= percent <= 100):
-            raise protocol.SentenceError("range")
+            raise protocol.SentenceError(RejectCode.RANGE)
         if now_us == self._last_us:
             if tag == self._last_tag:
-                raise protocol.SentenceError("repeated")
+                raise protocol.SentenceError(RejectCode.REPEATED)
             self._last_tag = tag
             return self._standoff(fields, percent, self._last_stamp)
         if 0 < now_us - self._last_us < 0.9 * span_us and self._last_us >= 0:
-            raise protocol.SentenceError("overlap")
+            raise protocol.SentenceError(RejectCode.OVERLAP)
         reading = self._velocity(moved, span_us, percent, now_us)
         middle = self._clock.map(now_us, stamp) - span_us * 500
         at = self._last_stamp = Stamp(max(self._last_stamp, middle))  # never before the previous one
@@ -150,7 +151,7 @@ class Dvl75:
         x, y, z = moved
         reach = self._knobs.max_speed_mps * span_s
         if not (-reach <= x <= reach and -reach <= y <= reach and -reach <= z <= reach):
-            raise protocol.SentenceError("range")
+            raise protocol.SentenceError(RejectCode.RANGE)
         sx, sy, sz = self._knobs.axis_sign
         velocity = (sx * x / span_s, sy * y / span_s, sz * z / span_s)
         sigma = math.sqrt(self._knobs.sigma_floor_mps**2 + ROUNDING_VARIANCE_m2 / (span_s * span_s))
@@ -160,7 +161,7 @@ class Dvl75:
         """Decode $DVEXT. It has no time: its stamp is the start of transmission, never before the last one."""
         if line == self._last_extended:
             # Four beams measured to a tenth of a millimetre per second do not come out the same twice.
-            raise protocol.SentenceError("repeated")
+            raise protocol.SentenceError(RejectCode.REPEATED)
         track = protocol.extended(fields, self._knobs.attitude_sign)
         self._last_extended = line
         on_wire_ns = round((len(line) + 2) * 10 * NS_PER_S / self._knobs.baud)
@@ -185,7 +186,7 @@ class Dvl75:
     def _on_text(self, fields: list[bytes], _: bytes, stamp: Stamp) -> list[Output]:
         text = b",".join(fields[1:])
         if not _printable(text):
-            raise protocol.SentenceError("text")
+            raise protocol.SentenceError(RejectCode.TEXT)
         return [Stamped(stamp, DeviceText(text.decode("ascii").strip()))]
 
     def _on_kalman(self, fields: list[bytes], _: bytes, stamp: Stamp) -> list[Output]:
@@ -210,9 +211,9 @@ class Dvl75:
             protocol.retweet(line)
             return []
         if line[-3:-2] == b"*":
-            raise protocol.SentenceError("cut")
+            raise protocol.SentenceError(RejectCode.CUT)
         if not _printable(line) or line.upper() == line.lower():
-            raise protocol.SentenceError("text")
+            raise protocol.SentenceError(RejectCode.TEXT)
         return [Stamped(stamp, DeviceText(line.decode("ascii").strip()))]
 
     def _identify(self, model: str) -> list[Output]:

@@ -12,6 +12,7 @@ from hindrax_core.bus_operations import EDGE, EDGES, DeviceError, Pause, Program
 from hindrax_core.driver_interface import Identity
 from hindrax_core.events import NS_PER_S, Rejected, Stamp, Stamped, after, seconds_between
 from hindrax_core.readings import Reading
+from hindrax_core.rejects import Reject, RejectCode, reject
 from hindrax_core.vehicle import Mount, chip_and_line
 from hindrax_drivers.devices.imu import icm20948_registers as r
 from hindrax_drivers.devices.imu.ak09916 import Ak09916
@@ -27,7 +28,11 @@ MISALIGNED = 5
 LATE = 1.1
 """Samples may come faster than nominal by the drift of the clock; more than this, and the count itself is wrong."""
 
-SILENT_LINE = f"data-ready line: not one edge per sample for {NO_DATA_S} s; the host's time instead"
+SILENT_LINE = reject(
+    RejectCode.SILENT,
+    "data-ready line",
+    found=f"not one edge per sample for {NO_DATA_S} s; the host's time instead",
+)
 
 Outputs = list[Stamped[Reading] | Rejected]
 
@@ -104,7 +109,7 @@ class Icm20948(RegisterPart):
             self._interrupted = True
             if self._faulty or self._silent_s(stamp) > NO_DATA_S:
                 raise
-            return [*outputs, Rejected(stamp, f"{error}; tried again", b"")]
+            return [*outputs, Rejected(stamp, reject(RejectCode.BUS, found=f"{error}; tried again"), b"")]
         self._interrupted = False
         return outputs
 
@@ -219,18 +224,20 @@ class Icm20948(RegisterPart):
         self._timed = stamp
         return [Rejected(stamp, SILENT_LINE, edge)]
 
-    def _fifo_fault(self, count: int, stamp: Stamp) -> str:
-        """Reason why the FIFO must be emptied at this fill level; a half-written sample is waited for."""
+    def _fifo_fault(self, count: int, stamp: Stamp) -> Reject | None:
+        """Reason why the FIFO must be emptied at this fill level, if any; a half-written sample is waited for."""
         if count > r.FIFO_BYTES - r.SAMPLE_BYTES:
-            return f"FIFO overflow: {count} bytes waiting, samples are lost"
+            return reject(RejectCode.OVERFLOW, found=f"FIFO overflow: {count} bytes waiting, samples are lost")
         elapsed_s = seconds_between(self._fetched, stamp)
         most = 4 + LATE * elapsed_s * self._knobs.rate_Hz
         self._misaligned = self._misaligned + 1 if count % r.SAMPLE_BYTES else 0
         if self._misaligned >= (1 if self._torn else MISALIGNED):
-            return f"FIFO out of step: {count} bytes are no whole number of samples"
+            found = f"FIFO out of step: {count} bytes are no whole number of samples"
+            return reject(RejectCode.OUT_OF_STEP, found=found)
         if self._fetched and elapsed_s >= 0.0 and count > most * r.SAMPLE_BYTES:
-            return f"FIFO count {count} is more than {elapsed_s:.3f} s can have brought"
-        return ""
+            found = f"FIFO count {count} is more than {elapsed_s:.3f} s can have brought"
+            return reject(RejectCode.TOO_MANY, found=found)
+        return None
 
     def _fetch_newest(self, stamp: Stamp) -> Program[Outputs]:
         status = (yield self.get(r.INT_STATUS_1, 1))[0]

@@ -13,6 +13,7 @@ from hindrax_core.driver_interface import Identity
 from hindrax_core.events import Rejected, Stamp, Stamped, after
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Battery, Reading
+from hindrax_core.rejects import RejectCode, reject
 from hindrax_drivers.driver import Driver, RegisterPart
 
 ADDRESS = 0x41
@@ -71,9 +72,9 @@ class Ina226(RegisterPart):
             raw += yield self.get(register, 2)
         shunt, bus = struct.unpack_from(">2h", raw)
         if raw[:4] != raw[4:]:
-            return [Rejected(valid, "two reads differ", raw)]
+            return [Rejected(valid, reject(RejectCode.TWO_DIFFER), raw)]
         if abs(shunt) >= END_OF_SCALE or not 0 <= bus < END_OF_SCALE:
-            return [Rejected(valid, "end of the scale", raw[:4])]
+            return [Rejected(valid, reject(RejectCode.END_OF_SCALE), raw[:4])]
         return [Stamped(valid, Battery(bus * V_PER_COUNT, shunt * SHUNT_V_PER_COUNT / self._shunt_ohm))]
 
     def _set(self, value: int) -> Write:

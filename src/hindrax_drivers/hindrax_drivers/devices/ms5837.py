@@ -13,6 +13,7 @@ from hindrax_core.driver_interface import Identity
 from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
 from hindrax_core.knobs import choice, knob
 from hindrax_core.readings import Pressure, Reading
+from hindrax_core.rejects import Reject, RejectCode, reject
 from hindrax_drivers.driver import Driver, RegisterPart
 
 Model: TypeAlias = Literal["30BA", "02BA"]
@@ -221,21 +222,24 @@ class Ms5837(RegisterPart):
         model: Model = "02BA" if self._knobs.model == "02BA" else "30BA"
         return model, "" if found == model else f" (its calibration looks like {found or 'neither model'})"
 
-    def _implausible(self, d1: int, stamped: Stamped[Pressure]) -> str:
-        """Reason why a reading is implausible; empty when it is plausible."""
+    def _implausible(self, d1: int, stamped: Stamped[Pressure]) -> Reject | None:
+        """Reason why a reading is implausible; None when it is plausible."""
         reading = stamped.reading
         lowest_Pa, highest_Pa = LIMITS_Pa[self._prom.model]
         if not lowest_Pa <= reading.pressure_Pa <= highest_Pa:
-            return f"{reading.pressure_Pa:.0f} Pa is outside the range of an MS5837-{self._prom.model}"
+            return self._outside(f"{reading.pressure_Pa:.0f} Pa")
         if not LIMITS_C[0] <= reading.temperature_C <= LIMITS_C[1]:
-            return f"{reading.temperature_C:.1f} C is outside the range of an MS5837-{self._prom.model}"
+            return self._outside(f"{reading.temperature_C:.1f} C")
         self._repeats = self._repeats + 1 if d1 == self._last_d1 else 0
         self._last_d1 = d1
         if self._repeats >= REPEATS:
-            return f"{self._repeats + 1} equal conversions"
+            return reject(RejectCode.REPEATED, found=f"{self._repeats + 1} equal conversions")
         return self._jump(stamped)
 
-    def _jump(self, stamped: Stamped[Pressure]) -> str:
+    def _outside(self, found: str) -> Reject:
+        return reject(RejectCode.RANGE, found=f"{found} is outside the range of an MS5837-{self._prom.model}")
+
+    def _jump(self, stamped: Stamped[Pressure]) -> Reject | None:
         """Compare with the last accepted reading over the time between; a lasting jump is accepted."""
         reading, last = stamped.reading, self._last
         if last is not None and self._leaps < ACCEPT_AFTER:
@@ -248,9 +252,10 @@ class Ms5837(RegisterPart):
                 or abs(step_C) > FASTEST_Kps * slowest_s
             ):
                 self._leaps += 1
-                return f"leap of {step_Pa:+.0f} Pa, {step_C:+.1f} K in {span_s:.3f} s: no vehicle moves like that"
+                steps = f"leap of {step_Pa:+.0f} Pa, {step_C:+.1f} K in {span_s:.3f} s"
+                return reject(RejectCode.LEAP, found=f"{steps}: no vehicle moves like that")
         self._leaps, self._last = 0, stamped
-        return ""
+        return None
 
 
 DRIVER = Driver(Ms5837Knobs, lambda knobs, mount, _vehicle: Ms5837(knobs, mount.address))

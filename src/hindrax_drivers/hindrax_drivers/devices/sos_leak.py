@@ -12,6 +12,7 @@ from hindrax_core.driver_interface import Identity
 from hindrax_core.events import Rejected, Stamp, Stamped
 from hindrax_core.knobs import choice, knob
 from hindrax_core.readings import Leak, Reading
+from hindrax_core.rejects import RejectCode, reject
 from hindrax_drivers.driver import Driver
 
 LINE = 27
@@ -54,7 +55,7 @@ class SosLeak:
         self._restless += 1
         if self._restless > RESTLESS_LOOKS + self._knobs.looks:
             raise DeviceError(f"line {self._line}: changes all the time; a floating line, or another signal")
-        return [Rejected(stamp, "changed a moment ago", raw)] if changed and not first else []
+        return [Rejected(stamp, reject(RejectCode.CHANGED), raw)] if changed and not first else []
 
 
 DRIVER = Driver(SosLeakKnobs, lambda knobs, mount, _vehicle: SosLeak(knobs, mount.address))

@@ -24,6 +24,7 @@ from hindrax_core.events import Rejected, Stamp, Stamped, seconds_between
 from hindrax_core.input_checks import SinglePublisher
 from hindrax_core.readings import AppliedPulses, Battery
 from hindrax_core.signals import AppliedOutput
+from hindrax_core.text.coded import Coded
 from hindrax_core.text.refusals import Reason, Refusal
 from hindrax_core.topics import BATTERY, LIGHTS, THRUSTER_COMMAND, THRUSTER_STATE
 from hindrax_drivers.buses.ports import open_clock
@@ -45,7 +46,6 @@ from hindrax_drivers.nodes.thruster_settings import (
 from hindrax_drivers.output.force_output import DEVICE as FORCES
 from hindrax_drivers.output.force_output import ForceOutput, require_force_curves
 from hindrax_drivers.output.output_guard import (
-    UNOBEYED,
     ArmingPhase,
     CommandFault,
     OutputGuardKnobs,
@@ -54,6 +54,7 @@ from hindrax_drivers.output.output_guard import (
     guard_of,
 )
 from hindrax_drivers.output.output_ports import Rider, ThrusterOutput, open_output
+from hindrax_drivers.output.output_reasons import NO_REASON, OutputReason, all_of, output_reason
 from hindrax_drivers.output.output_thread import OutputThread
 from hindrax_msgs.srv import Arm
 from hindrax_ros.graph import publisher, publishers_of, subscription
@@ -88,12 +89,13 @@ class ThrustersNode(DeviceNode):
             knobs(self, OutputAlone)
         guard = guard_of(settings.vehicle, knobs(self, OutputGuardKnobs, fixed={"": SAFETY}))
         ended = os.environ.get(ENDED, "")
-        self._guard = replace(guard, begun=f"not armed since {ended} and was started again") if ended else guard
+        begun = output_reason(OutputReason.STARTED_AGAIN, ended=ended)
+        self._guard = replace(guard, begun=begun) if ended else guard
         self._riders: list[Rider] = []
         self._phase = self._reason = ""
         self._confirms = False
         self._commander, self._unfit, self._look_s = SinglePublisher(), "", 0.0
-        self._inhibited_by = {"dead man": "", "lifecycle": "", "commander": ""}
+        self._inhibited_by = dict.fromkeys(("dead man", "lifecycle", "commander"), NO_REASON)
         self._state = publisher(self, THRUSTER_STATE)
         self._state_bytes = applied_writer(settings.vehicle.output.device)
         self._battery, self._battery_bytes = None, writer("battery")
@@ -124,25 +126,26 @@ class ThrustersNode(DeviceNode):
         self._riders.append(Rider(device, node.deliver, node.frame))
         return node
 
-    def abandon(self, reason: str) -> None:
+    def abandon(self) -> None:
         """Write neutral now, because the dead man is gone."""
-        self._thread.drop(reason)
+        self._thread.drop(output_reason(OutputReason.DEAD_MAN, what="has died"))
         self._thread.stop()
 
     def on_dead_man(self, *, answers: bool) -> None:
         """Hold neutral and disarmed while the dead man does not answer."""
-        self._inhibit("dead man", "" if answers else "the dead man does not answer")
+        silent = output_reason(OutputReason.DEAD_MAN, what="does not answer")
+        self._inhibit("dead man", NO_REASON if answers else silent)
 
     def stop_thrust(self) -> None:
         """Disarm for the dead man, which somebody has asked to stop."""
         self._thread.disarm(Request(self._thread.now, 0, STOPPED))
         self._confirms = True
 
-    def _inhibit(self, who: str, reason: str) -> None:
+    def _inhibit(self, who: str, reason: Coded[OutputReason]) -> None:
         if self._inhibited_by[who] == reason:
             return
         self._inhibited_by[who] = reason
-        self._thread.inhibit("; ".join(filter(None, self._inhibited_by.values())))
+        self._thread.inhibit(all_of(self._inhibited_by))
 
     def applied(self, applied: AppliedOutput) -> None:
         """Publish the applied pulses."""
@@ -166,7 +169,7 @@ class ThrustersNode(DeviceNode):
         """Reason why commands have no effect now or would have none; empty when they would."""
         if armed and self._reason:
             return f"armed, but neutral: {self._reason}"
-        return f"{UNOBEYED}: {self._unfit}" if self._unfit else ""
+        return output_reason(OutputReason.UNOBEYED, refused=self._unfit) if self._unfit else NO_REASON
 
     def on_idle(self) -> None:
         """Send the queued messages."""
@@ -194,7 +197,8 @@ class ThrustersNode(DeviceNode):
 
     def on_request(self, wanted: State) -> None:
         """Go neutral and disarm in every state but active."""
-        self._inhibit("lifecycle", ON_REQUEST[wanted])
+        held = ON_REQUEST[wanted]
+        self._inhibit("lifecycle", output_reason(OutputReason.LIFECYCLE, state=held) if held else NO_REASON)
 
     def _on_command(self, data: bytes) -> None:
         try:
@@ -215,7 +219,8 @@ class ThrustersNode(DeviceNode):
         publishers = publishers_of(self, THRUSTER_COMMAND)
         unfit = self._commander.judge(publishers, armed=self._phase == ArmingPhase.ARMED)
         self._unfit = f"{THRUSTER_COMMAND.name}: {unfit}" if unfit else ""
-        self._inhibit("commander", self._unfit if self._commander.is_contested(publishers) else "")
+        contested = output_reason(OutputReason.PUBLISHERS, found=self._unfit)
+        self._inhibit("commander", contested if self._commander.is_contested(publishers) else NO_REASON)
 
     def _on_arm(self, request: Arm.Request, response: Arm.Response) -> Arm.Response:
         if request.arm:  # the disturber may have left, and no command arrived since
@@ -283,7 +288,7 @@ def watch_parent(life: int, node: ThrustersNode) -> None:
             if silence.silent(now, now_s) is not silent:
                 silent = not silent
                 node.on_dead_man(answers=not silent)
-        node.abandon("the dead man has died")
+        node.abandon()
         os.kill(os.getpid(), signal.SIGTERM)
 
     threading.Thread(target=wait, name="parent", daemon=True).start()

@@ -20,15 +20,15 @@ from hindrax_core.events import Stamp, after, seconds_between
 from hindrax_core.input_checks import EXPIRED, FUTURE, TIMELESS, UNSTAMPED, StampWindow
 from hindrax_core.knobs import knob
 from hindrax_core.signals import Command
+from hindrax_core.text.coded import Coded
 from hindrax_core.text.refusals import NOTHING, Reason, Refusal
 from hindrax_core.thrust.curves import running
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.devices.stm32 import BOARD_NEUTRAL_us
+from hindrax_drivers.output.output_reasons import NEW, NO_REASON, OutputReason, output_reason
 
 SERVO_LOW_us, SERVO_HIGH_us = 500.0, 2500.0
 """A value outside is no servo pulse but garbage; one inside is clipped to the limits."""
-UNOBEYED = "no command is obeyed"
-"""Begins the reason why an armed output is neutral although it is commanded."""
 REFUSING_S = 1.0
 """Time for which the last refusal explains why nothing is obeyed."""
 AGAIN = frozenset((Reason.LATE, Reason.CLOCK, Reason.OUT_OF_ORDER))
@@ -151,7 +151,7 @@ class OutputGuardState:
     """
 
     phase: ArmingPhase
-    reason: str
+    reason: Coded[OutputReason]
     since: Stamp
     seen: Stamp
     pulses: Pulses
@@ -181,11 +181,13 @@ class OutputGuardState:
         return self.fresh_until is not None and self.seen < self.fresh_until
 
     @property
-    def unobeyed(self) -> str:
+    def unobeyed(self) -> Coded[OutputReason]:
         """Reason why an armed output obeys no command now; empty when it does."""
         if not self.armed or self.fresh:
-            return ""
-        return f"{UNOBEYED}: {self.refused}" if self.refusing else "no command arrives"
+            return NO_REASON
+        if not self.refusing:
+            return output_reason(OutputReason.NO_COMMAND)
+        return output_reason(OutputReason.UNOBEYED, refused=self.refused)
 
     @property
     def refusing(self) -> bool:
@@ -202,7 +204,7 @@ class OutputGuard:
     knobs: OutputGuardKnobs = OutputGuardKnobs()
     fresh_number: Callable[[], int] = lambda: 100_000 + secrets.randbelow(900_000)
     """Number for a challenge: six digits that nobody guesses, and none in use before."""
-    begun: str = "not armed since start"
+    begun: Coded[OutputReason] = NEW
     """Why it is disarmed at first."""
 
     @property
@@ -244,7 +246,7 @@ class OutputGuard:
         if refusal is not None:
             return self.refuse(replace(state, fresh_until=None), refusal, now), refusal
         if state.armed and state.last_command and not _newer(command.sequence, state.last_command.sequence):
-            state = self.drop(state, "the sender of commands has restarted: arm again", now)
+            state = self.drop(state, output_reason(OutputReason.OTHER_SENDER), now)
         held = self._held(state)
         fresh_until = after(Stamp(min(command.stamp, now)), self.knobs.silence_s - self.knobs.margin_s)
         state = replace(state, commanded_at=now, fresh_until=fresh_until, last_command=command, refused_at=None)
@@ -349,7 +351,7 @@ class OutputGuard:
         state = replace(state, last_request=request)
         if state.phase is not ArmingPhase.DISARMED:
             return state, Answer(accepted=True)
-        return self._enter(state, ArmingPhase.ARMING, "waiting for the ESCs", now), Answer(accepted=True)
+        return self._enter(state, ArmingPhase.ARMING, output_reason(OutputReason.WAITING), now), Answer(accepted=True)
 
     def _challenged(self, state: OutputGuardState, request: Request, now: Stamp) -> tuple[OutputGuardState, Refusal]:
         """Judge a request without a stamp by the number that it repeats; the reason of a refusal has a new number.
@@ -388,13 +390,14 @@ class OutputGuard:
         made = Stamp(min(request.stamp, now))
         if request.reason:
             state = replace(state, monitor_disarmed_at=max(made, state.monitor_disarmed_at or made))
-            return self.drop(state, request.reason, now), Answer(accepted=True)
+            why = output_reason(OutputReason.UNNAMED, sentence=request.reason)
+            return self.drop(state, why, now), Answer(accepted=True)
         last = state.last_request or request
         sequence = request.sequence if _newer(request.sequence, last.sequence) else last.sequence
         state = replace(state, last_request=Request(max(made, Stamp(min(last.stamp, now))), sequence))
-        return self.drop(state, "disarmed by request", now), Answer(accepted=True)
+        return self.drop(state, output_reason(OutputReason.REQUEST), now), Answer(accepted=True)
 
-    def drop(self, state: OutputGuardState, reason: str, now: Stamp) -> OutputGuardState:
+    def drop(self, state: OutputGuardState, reason: Coded[OutputReason], now: Stamp) -> OutputGuardState:
         """Disarm for a reason of the host's own; a fault stays a fault.
 
         Parameters
@@ -417,7 +420,7 @@ class OutputGuard:
         """Record that the last pulses have reached the output."""
         return state if state.failing_since is None else replace(state, failing_since=None)
 
-    def failed(self, state: OutputGuardState, why: str, now: Stamp) -> OutputGuardState:
+    def failed(self, state: OutputGuardState, why: Coded[OutputReason], now: Stamp) -> OutputGuardState:
         """Record a failed write: arming starts over, and an output that keeps failing is faulted.
 
         Parameters
@@ -438,7 +441,7 @@ class OutputGuard:
             return self._enter(state, ArmingPhase.FAULTED, why, now)
         return replace(state, since=now) if state.phase is ArmingPhase.ARMING else state
 
-    def fault(self, state: OutputGuardState, why: str, now: Stamp) -> OutputGuardState:
+    def fault(self, state: OutputGuardState, why: Coded[OutputReason], now: Stamp) -> OutputGuardState:
         """Fault the output at once: its state shows that it does not follow commands.
 
         Parameters
@@ -460,7 +463,8 @@ class OutputGuard:
         if state.phase is not ArmingPhase.FAULTED:
             return state
         state = replace(state, failing_since=None)
-        return self._enter(state, ArmingPhase.DISARMED, f"output is back after: {state.reason}", now)
+        why = output_reason(OutputReason.RESTORED, fault=state.reason)
+        return self._enter(state, ArmingPhase.DISARMED, why, now)
 
     def _observe(self, state: OutputGuardState, now: Stamp) -> tuple[OutputGuardState, Stamp]:
         """Apply the effects of time. A small step back of the clock is ignored; a jump back disarms."""
@@ -470,11 +474,12 @@ class OutputGuard:
         now = max(now, state.seen)
         state = replace(state, seen=now)
         if state.phase is ArmingPhase.ARMING and seconds_between(state.since, now) >= self.knobs.arming_s:
-            state = self._enter(state, ArmingPhase.ARMED, "", now)
+            state = self._enter(state, ArmingPhase.ARMED, NO_REASON, now)
         commanded = state.since if state.commanded_at is None else state.commanded_at
         if state.armed and seconds_between(max(commanded, state.since), now) > self.knobs.disarm_after_s:
-            what = f"no command{' obeyed' if state.refusing else ''} for {self.knobs.disarm_after_s:g} s"
-            state = self.drop(state, f"{what}: {state.refused}" if state.refusing else what, now)
+            code = OutputReason.DISOBEYED if state.refusing else OutputReason.SILENCE
+            silence = output_reason(code, silent_s=self.knobs.disarm_after_s, refused=state.refused)
+            state = self.drop(state, silence, now)
         if seconds_between(commanded, now) > self.knobs.disarm_after_s:
             state = replace(state, commanded_at=None)
         if state.lit_at is not None and seconds_between(state.lit_at, now) > self.knobs.disarm_after_s:
@@ -493,9 +498,11 @@ class OutputGuard:
             monitor_disarmed_at=None,
             refused_at=None,
         )
-        return replace(self.drop(forgotten, f"the clock went back by {back_s:.3g} s", now), since=now)
+        return replace(self.drop(forgotten, output_reason(OutputReason.CLOCK, back_s=back_s), now), since=now)
 
-    def _enter(self, state: OutputGuardState, phase: ArmingPhase, reason: str, now: Stamp) -> OutputGuardState:
+    def _enter(
+        self, state: OutputGuardState, phase: ArmingPhase, reason: Coded[OutputReason], now: Stamp
+    ) -> OutputGuardState:
         """Change the phase. Armed keeps the fresh command that brought it; any other phase makes neutral due now."""
         if phase is ArmingPhase.ARMED:
             return replace(state, phase=phase, reason=reason, since=now, armings=state.armings + 1)

@@ -11,6 +11,7 @@ from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Output
 from hindrax_core.events import Stamp, after, seconds_between
 from hindrax_core.signals import AppliedOutput, Command
+from hindrax_core.text.coded import Coded
 from hindrax_core.text.refusals import Reason, Refusal
 from hindrax_drivers.output.output_guard import (
     Answer,
@@ -23,6 +24,7 @@ from hindrax_drivers.output.output_guard import (
     Request,
 )
 from hindrax_drivers.output.output_ports import ThrusterOutput
+from hindrax_drivers.output.output_reasons import NO_REASON, OutputReason, output_reason
 
 SET_UP_AGAIN_S = 0.5
 CHECK_S = 1.0
@@ -57,9 +59,9 @@ class OutputHost:
     def __init__(self, output: ThrusterOutput, guard: OutputGuard, listener: OutputListener) -> None:
         self._output, self._guard, self._listener = output, guard, listener
         now = output.now()
-        self._state = guard.fault(guard.start(now), "the output is not set up yet", now)
+        self._state = guard.fault(guard.start(now), output_reason(OutputReason.NOT_SET_UP), now)
         self._was_set_up = False
-        self._inhibited_because = ""
+        self._inhibited_because = NO_REASON
         self._pending: Pulses | None = None
         self._last = guard.neutral
         self._set_up_at = self._checked_at = now
@@ -105,11 +107,11 @@ class OutputHost:
         self._state, answer = self._guard.disarm(self._state, request, self._output.now())
         return answer
 
-    def drop(self, reason: str) -> None:
+    def drop(self, reason: Coded[OutputReason]) -> None:
         """Disarm for a reason of the caller's own."""
         self._state = self._guard.drop(self._state, reason, self._output.now())
 
-    def inhibit(self, reason: str) -> None:
+    def inhibit(self, reason: Coded[OutputReason]) -> None:
         """Disarm, and refuse every command while there is a reason; an empty reason ends it."""
         self._inhibited_because = reason
         if reason:
@@ -137,7 +139,7 @@ class OutputHost:
     def broken(self, why: str) -> None:
         """Fault, and set up again at once: an unreachable output must not keep its last pulses."""
         now = self._output.now()
-        self._state = self._guard.fault(self._state, why, now)
+        self._state = self._guard.fault(self._state, output_reason(OutputReason.DEVICE, found=why), now)
         self._set_up_at = now
         self._output.shut_off()
         self._listener.troubled(why)
@@ -152,7 +154,7 @@ class OutputHost:
         except DeviceError as error:
             now = self._output.now()
             self._set_up_at = after(now, SET_UP_AGAIN_S)
-            self._state = self._guard.fault(self._state, str(error), now)
+            self._state = self._guard.fault(self._state, output_reason(OutputReason.DEVICE, found=error), now)
             self._listener.troubled(str(error))
             self._report()
             return
@@ -171,7 +173,7 @@ class OutputHost:
             self._listener.deliver(outputs)
         fault = self._output.fault() if self._state.armed else ""
         if fault:
-            self.drop(fault)
+            self.drop(output_reason(OutputReason.DEVICE, found=fault))
 
     def _write(self) -> None:
         """Write what a command or the clock requires. A change to neutral overrides an earlier command."""
@@ -182,7 +184,8 @@ class OutputHost:
         try:
             self._output.write(pulses, armed=self._state.armed)
         except DeviceError as error:
-            self._state = self._guard.failed(self._state, str(error), self._output.now())
+            why = output_reason(OutputReason.DEVICE, found=error)
+            self._state = self._guard.failed(self._state, why, self._output.now())
             if self.ready:
                 self._listener.troubled(str(error))
             else:

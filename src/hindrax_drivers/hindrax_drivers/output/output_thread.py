@@ -9,11 +9,13 @@ from typing import Any
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.signals import Command
+from hindrax_core.text.coded import Coded
 from hindrax_core.text.refusals import Reason, Refusal
 from hindrax_drivers.buses.port_threads import ServingThread
 from hindrax_drivers.output.output_guard import Answer, OutputGuard, RefusedCommand, Request
 from hindrax_drivers.output.output_host import OutputHost, OutputListener
 from hindrax_drivers.output.output_ports import ThrusterOutput
+from hindrax_drivers.output.output_reasons import NO_REASON, OutputReason
 
 REOPEN_S = 0.5
 BEAT_S = 0.1
@@ -38,7 +40,7 @@ class OutputThread(ServingThread):
         self.ready = False
         """Whether the output is set up and follows commands."""
         self._closed_because = "the output is not open yet"
-        self._inhibited_because = ""
+        self._inhibited_because = NO_REASON
         self._beaten_at = Stamp(0)
 
     @property
@@ -67,11 +69,11 @@ class OutputThread(ServingThread):
         """Disarm at once. From any thread."""
         return self._ask(lambda host: host.disarm(request))
 
-    def drop(self, reason: str) -> None:
+    def drop(self, reason: Coded[OutputReason]) -> None:
         """Disarm for an internal reason. From any thread."""
         self._post(lambda host: host.drop(reason))
 
-    def inhibit(self, reason: str) -> None:
+    def inhibit(self, reason: Coded[OutputReason]) -> None:
         """Hold neutral and disarmed while there is a reason; an empty reason ends it. From any thread."""
         self._inhibited_because = reason
         self._post(lambda host: host.inhibit(reason))

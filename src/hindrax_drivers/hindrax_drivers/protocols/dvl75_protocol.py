@@ -13,6 +13,7 @@ import re
 from typing import TypeAlias
 
 from hindrax_core.readings import Beam, BottomTrack, KalmanSupport, Position, Vec3
+from hindrax_core.rejects import RejectCode
 
 Delta: TypeAlias = tuple[int, int, Vec3, int]
 """Device time [us], interval [us], change of position in it [m], confidence [%]."""
@@ -30,7 +31,11 @@ _NUMERIC = b"0123456789.,-+"
 
 
 class SentenceError(ValueError):
-    """A sentence that is refused; the text is the reason, out of a small set, so that refusals can be counted."""
+    """A sentence that is refused, with its code."""
+
+    def __init__(self, code: RejectCode) -> None:
+        super().__init__(code.value)
+        self.code = code
 
 
 class LineSplitter:
@@ -82,7 +87,7 @@ def split_verified(line: bytes) -> list[bytes]:
     """Fields of `$TAG,...*hh`, the tag (without `$`) first; SentenceError unless the checksum is there and holds."""
     body = line[1:-3]
     if checksum(body) != _DIGITS.get(line[-3:]):
-        raise SentenceError("checksum" if line[-3:] in _DIGITS else "no checksum")
+        raise SentenceError(RejectCode.CHECKSUM if line[-3:] in _DIGITS else RejectCode.NO_CHECKSUM)
     return body.split(b",")
 
 
@@ -100,7 +105,7 @@ def require_numbers(body: bytes) -> None:
         Unless only digits, signs, points and commas are there.
     """
     if body.translate(None, _NUMERIC):
-        raise SentenceError("number")
+        raise SentenceError(RejectCode.NUMBER)
 
 
 def number(field: bytes) -> float:
@@ -114,7 +119,7 @@ def numbers(fields: list[bytes]) -> list[float]:
     try:
         return list(map(float, fields))
     except ValueError:
-        raise SentenceError("number") from None
+        raise SentenceError(RejectCode.NUMBER) from None
 
 
 def integer(field: bytes) -> int:
@@ -123,24 +128,24 @@ def integer(field: bytes) -> int:
     try:
         return int(field)
     except ValueError:
-        raise SentenceError("number") from None
+        raise SentenceError(RejectCode.NUMBER) from None
 
 
 def position_delta(fields: list[bytes]) -> Delta:
     """Fields of a $DVPDL, or of a $DVPDX without its last four; SentenceError. Page "$DVPDL and $DVPDX"."""
     if len(fields) != 10:
-        raise SentenceError("fields")
+        raise SentenceError(RejectCode.FIELDS)
     _, tu, dtu, _, _, _, x, y, z, confidence = fields
     try:
         return int(tu), int(dtu), (float(x), float(y), float(z)), int(confidence)
     except ValueError:
-        raise SentenceError("number") from None
+        raise SentenceError(RejectCode.NUMBER) from None
 
 
 def standoff(fields: list[bytes]) -> float:
     """Distance to the target plane [m], last field of a $DVPDX; SentenceError. Page "$DVPDL and $DVPDX"."""
     if len(fields) != 14:
-        raise SentenceError("fields")
+        raise SentenceError(RejectCode.FIELDS)
     return number(fields[13])
 
 
@@ -168,15 +173,15 @@ def extended(fields: list[bytes], attitude_sign: Vec3) -> BottomTrack:
         For another number of fields, or what is no number.
     """
     if len(fields) < 35:
-        raise SentenceError("fields")
+        raise SentenceError(RejectCode.FIELDS)
     if fields[1] not in (b"T", b"F"):
-        raise SentenceError("flag")
+        raise SentenceError(RejectCode.FLAG)
     locked = fields[1] == b"T"
     roll, pitch, heading, skipped, _, altitude, north, east = numbers(fields[4:12])
     if abs(roll) > 180.0 or abs(pitch) > 180.0 or not 0.0 <= heading <= 360.0 or not skipped.is_integer():
-        raise SentenceError("range")
+        raise SentenceError(RejectCode.RANGE)
     if locked and not 0.0 < altitude < FARTHEST_m:
-        raise SentenceError("range")
+        raise SentenceError(RejectCode.RANGE)
     return BottomTrack(
         locked=locked,
         roll_rad=math.radians(roll * attitude_sign[0]),
@@ -237,7 +242,7 @@ def recommended_minimum(fields: list[bytes]) -> Position | None:
         For too few fields.
     """
     if len(fields) < 7:
-        raise SentenceError("fields")
+        raise SentenceError(RejectCode.FIELDS)
     latitude, longitude = (_degrees(fields[at], fields[at + 1] in (b"S", b"W")) for at in (3, 5))
     return _place(latitude, longitude, fixed=fields[2] == b"A")
 
@@ -275,11 +280,11 @@ def kalman_support(fields: list[bytes]) -> KalmanSupport:
         For too few fields, or what is no number.
     """
     if len(fields) < 4:
-        raise SentenceError("fields")
+        raise SentenceError(RejectCode.FIELDS)
     try:
         version = int(fields[1], 0)
     except ValueError:
-        raise SentenceError("number") from None
+        raise SentenceError(RejectCode.NUMBER) from None
     return KalmanSupport(version, integer(fields[2]), number(fields[3]), tuple(_with_gaps(fields[4:])))
 
 
@@ -303,7 +308,7 @@ def retweet(line: bytes) -> list[float]:
     """
     fields = line.removeprefix(b"IMU:").strip().split(b",")
     if len(fields) != 11:
-        raise SentenceError("fields")
+        raise SentenceError(RejectCode.FIELDS)
     return numbers(fields)
 
 

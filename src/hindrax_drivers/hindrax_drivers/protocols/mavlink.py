@@ -12,6 +12,7 @@ from typing import Any, TypeAlias
 
 from hindrax_core.events import Rejected, Stamp
 from hindrax_core.readings import AppliedPulses, Battery
+from hindrax_core.rejects import Reject, RejectCode, reject
 from hindrax_drivers.protocols.mavlink_definitions import LAYOUTS
 
 STX = 0xFD
@@ -171,7 +172,7 @@ class Decoder:
         self._read = read
         self._buffer = bytearray()
         self._refused = bytearray()
-        self._why = ""
+        self._why = reject(RejectCode.NO_START)
 
     def feed(self, data: bytes, stamp: Stamp) -> Iterator[MavlinkFrame | Rejected]:
         """Return all complete frames. Rejected bytes come before the frame that follows them, 64 at a time."""
@@ -179,7 +180,7 @@ class Decoder:
         while len(self._buffer) >= HEAD:
             start = self._buffer.find(STX)
             if start:
-                yield from self._refuse(len(self._buffer) if start < 0 else start, "no start of a frame", stamp)
+                yield from self._refuse(len(self._buffer) if start < 0 else start, reject(RejectCode.NO_START), stamp)
                 continue
             why, size = self._judge_head(), HEAD + self._buffer[1] + CHECKSUM
             if not why and size > len(self._buffer):
@@ -191,18 +192,21 @@ class Decoder:
                 yield self._flush(len(self._refused), stamp)
             yield self._pop_frame(size)
 
-    def _judge_head(self) -> str:
+    def _judge_head(self) -> Reject | None:
         length, incompatible, number = self._buffer[1], self._buffer[2], self._number()
         if incompatible:
-            return "signed, or of a later version"
+            return reject(RejectCode.SIGNED)
         if number not in LAYOUTS:
-            return f"unknown message {number}"
-        return "" if 0 < length <= LAYOUTS[number][1] else f"impossible length for message {number}"
+            return reject(RejectCode.UNKNOWN, found=f"unknown message {number}")
+        if 0 < length <= LAYOUTS[number][1]:
+            return None
+        return reject(RejectCode.LENGTH, found=f"impossible length for message {number}")
 
-    def _judge_checksum(self, size: int) -> str:
+    def _judge_checksum(self, size: int) -> Reject | None:
         body = bytes(self._buffer[1 : size - CHECKSUM])
         found = int.from_bytes(self._buffer[size - CHECKSUM : size], "little")
-        return "" if checksum(body, LAYOUTS[self._number()][0]) == found else "checksum"
+        same = checksum(body, LAYOUTS[self._number()][0]) == found
+        return None if same else reject(RejectCode.CHECKSUM)
 
     def _number(self) -> int:
         return int.from_bytes(self._buffer[7:10], "little")
@@ -217,9 +221,9 @@ class Decoder:
             message = of(fields.unpack_from(payload.ljust(fields.size, b"\x00")))
         return MavlinkFrame(system, component, sequence, message)
 
-    def _refuse(self, count: int, why: str, stamp: Stamp) -> Iterator[Rejected]:
+    def _refuse(self, count: int, why: Reject, stamp: Stamp) -> Iterator[Rejected]:
         # The first reason that names a frame is more specific than its absence.
-        if not self._refused or self._why == "no start of a frame":
+        if not self._refused or self._why.code is RejectCode.NO_START:
             self._why = why
         self._refused += self._buffer[:count]
         del self._buffer[:count]

@@ -9,6 +9,8 @@ import struct
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from hindrax_core.rejects import RejectCode
+
 MARK = b"BR"
 HEADER = struct.Struct("<2sHHBB")
 CHECKSUM = struct.Struct("<H")
@@ -71,7 +73,7 @@ class PingFrame:
 class Refused:
     """Bytes that are no frame."""
 
-    reason: str
+    reason: RejectCode
     data: bytes
 
 
@@ -160,16 +162,16 @@ class FrameSplitter:
         """Check the frame at a start mark with a whole header; False when more bytes are needed."""
         _, length, message, _, _ = HEADER.unpack_from(self._bytes)
         if not _possible(message, length):
-            self._refuse("length" if message in _LENGTHS else "unknown", HEADER.size, pieces)
+            self._refuse(RejectCode.LENGTH if message in _LENGTHS else RejectCode.UNKNOWN, HEADER.size, pieces)
             return True
         end = HEADER.size + length + CHECKSUM.size
         if self._covers_a_frame(end):
-            self._refuse("length", HEADER.size, pieces)
+            self._refuse(RejectCode.LENGTH, HEADER.size, pieces)
             return True
         if len(self._bytes) < end:
             return False
         if not _sum_holds(self._bytes[:end]):
-            self._refuse("checksum", end, pieces)
+            self._refuse(RejectCode.CHECKSUM, end, pieces)
             return True
         self._flush(pieces)
         pieces.append(PingFrame(message, self._bytes[HEADER.size : end - CHECKSUM.size]))
@@ -190,7 +192,7 @@ class FrameSplitter:
             at = self._bytes.find(MARK, at + len(MARK), end)
         return False
 
-    def _refuse(self, reason: str, size: int, pieces: list[Piece]) -> None:
+    def _refuse(self, reason: RejectCode, size: int, pieces: list[Piece]) -> None:
         """Report an invalid frame once, then continue after its mark; its bytes are not reported again."""
         self._flush(pieces)
         pieces.append(Refused(reason, self._bytes[:size]))
@@ -203,12 +205,12 @@ class FrameSplitter:
         self._junk += self._bytes[reported:count]
         self._bytes = self._bytes[count:]
         while len(self._junk) >= 64:
-            pieces.append(Refused("garbage", self._junk[:64]))
+            pieces.append(Refused(RejectCode.GARBAGE, self._junk[:64]))
             self._junk = self._junk[64:]
 
     def _flush(self, pieces: list[Piece]) -> None:
         if self._junk:
-            pieces.append(Refused("garbage", self._junk))
+            pieces.append(Refused(RejectCode.GARBAGE, self._junk))
             self._junk = b""
 
 

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from hindrax_core.readings import Beam, Vec3
+from hindrax_core.rejects import RejectCode, reject
 
 MAX_LINE = 8192
 """Bytes after which a line is no line; a velocity report with all digits has some 1200."""
@@ -26,7 +27,11 @@ WATER = ("water", "velocity_water")
 
 
 class ReportError(ValueError):
-    """A report that is refused; the text is the reason, out of a small set, so that refusals can be counted."""
+    """A report that is refused, with its reason."""
+
+    def __init__(self, code: RejectCode, kind: str, field: str = "") -> None:
+        self.reason = reject(code, kind, field=field)
+        super().__init__(self.reason)
 
 
 class LineSplitter:
@@ -73,9 +78,9 @@ def parse(line: bytes) -> Mapping[str, object]:
     try:
         found = json.loads(line, parse_constant=_refuse)
     except (ValueError, RecursionError) as error:
-        raise ReportError("line: no JSON") from error
+        raise ReportError(RejectCode.NOT_JSON, "line") from error
     if not isinstance(found, dict):
-        raise ReportError("line: no object")
+        raise ReportError(RejectCode.NOT_AN_OBJECT, "line")
     return found
 
 
@@ -88,11 +93,11 @@ def velocity_report(report: Mapping[str, object]) -> VelocityReport:
     """Read a velocity report. ReportError names the field that is wrong."""
     form = text(report, "format")
     if not form.startswith("json_v3"):
-        raise ReportError("velocity: format")
+        raise ReportError(RejectCode.FORMAT, "velocity")
     velocity = (_speed(report, "vx"), _speed(report, "vy"), _speed(report, "vz"))
     validity_us, transmission_us = (_whole(report, name) for name in ("time_of_validity", "time_of_transmission"))
     if not 0 <= transmission_us - validity_us <= LATEST_us:
-        raise ReportError("velocity: times")
+        raise ReportError(RejectCode.TIMES, "velocity")
     water = report.get("tracking_mode") in WATER or report.get("type") in WATER
     return VelocityReport(
         velocity,
@@ -117,25 +122,25 @@ def _sigma(covariance: object) -> float:
     eigenvalue (checked with the example of the page), which includes heave and is kept beside it.
     """
     if not isinstance(covariance, list):
-        raise ReportError("velocity: covariance")
+        raise ReportError(RejectCode.FIELD, "velocity", "covariance")
     try:
         (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = covariance
         symmetric = all(math.isclose(a, b, rel_tol=1e-9) for a, b in ((xy, yx), (xz, zx), (yz, zy)))
         if not symmetric or min(xx, yy, zz) < 0.0 or not max(xx, yy, zz) < FASTEST_mps**2:
-            raise ReportError("velocity: covariance")
+            raise ReportError(RejectCode.FIELD, "velocity", "covariance")
         return math.sqrt(max(xx, yy))
     except (TypeError, ValueError) as error:
-        raise ReportError("velocity: covariance") from error
+        raise ReportError(RejectCode.FIELD, "velocity", "covariance") from error
 
 
 def _beams(transducers: object) -> tuple[Beam, ...]:
     """Four beams in the order of their numbers; one without lock has no range."""
     if not isinstance(transducers, list) or len(transducers) != BEAMS:
-        raise ReportError("velocity: transducers")
+        raise ReportError(RejectCode.FIELD, "velocity", "transducers")
     beams = []
     for number, one in enumerate(transducers):
         if not isinstance(one, dict) or one.get("id") != number:
-            raise ReportError("velocity: transducers")
+            raise ReportError(RejectCode.FIELD, "velocity", "transducers")
         locked, range_m = _flag(one, "beam_valid"), _number(one, "distance", -1.0, 2.0 * FARTHEST_m)
         beams.append(
             Beam(locked, _speed(one, "velocity"), range_m if locked else None, _number(one, "rssi", -300, 300))
@@ -170,7 +175,7 @@ def settings(response: Mapping[str, object]) -> dict[str, object]:
     """Configuration in the answer to `get_config`; ReportError. Section "Fetching current configuration"."""
     found = response.get("result")
     if not isinstance(found, dict):
-        raise ReportError("response: no configuration")
+        raise ReportError(RejectCode.NO_CONFIGURATION, "response")
     return found
 
 
@@ -186,14 +191,16 @@ def text(report: Mapping[str, object], name: str) -> str:
     """Field that is a text; ReportError for another."""
     found = report.get(name)
     if not isinstance(found, str):
-        raise ReportError(f"{report.get('type', 'report')}: {name}" if name == "format" else "report: type")
+        if name == "format":
+            raise ReportError(RejectCode.FORMAT, str(report.get("type", "report")))
+        raise ReportError(RejectCode.TYPE, "report")
     return found
 
 
 def _number(report: Mapping[str, object], name: str, low: float, high: float, kind: str = "velocity") -> float:
     found = report.get(name)
     if isinstance(found, bool) or not isinstance(found, int | float) or not low <= found <= high:
-        raise ReportError(f"{kind}: {name}")
+        raise ReportError(RejectCode.FIELD, kind, name)
     return float(found)
 
 
@@ -204,12 +211,12 @@ def _speed(report: Mapping[str, object], name: str) -> float:
 def _whole(report: Mapping[str, object], name: str) -> int:
     found = report.get(name)
     if isinstance(found, bool) or not isinstance(found, int) or not 0 <= found < 1 << 63:
-        raise ReportError(f"velocity: {name}")
+        raise ReportError(RejectCode.FIELD, "velocity", name)
     return found
 
 
 def _flag(report: Mapping[str, object], name: str) -> bool:
     found = report.get(name)
     if not isinstance(found, bool):
-        raise ReportError(f"velocity: {name}")
+        raise ReportError(RejectCode.FIELD, "velocity", name)
     return found

@@ -9,6 +9,8 @@ from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from typing import Self
 
+from hindrax_core.text.coded import Coded
+
 
 class Code(StrEnum):
     """Code of an objection; those of warnings come last."""
@@ -127,20 +129,19 @@ SENTENCES: Mapping[Code, str] = {
 `influences.INFLUENCES`."""
 
 
-class Objection(str):
+class Objection(Coded[Code]):
     """The sentence of an objection, which knows its code and the numbers behind it.
 
     It is false when there is none (`NO_OBJECTION`).
     """
 
-    __slots__ = ("code", "numbers")
-    code: Code
+    __slots__ = ("numbers",)
     numbers: Mapping[str, object]
 
     def __new__(cls, code: Code, sentence: str, numbers: Mapping[str, object] | None = None) -> Self:
         """Make the sentence of a code; `objection` takes it from the table."""
-        made = super().__new__(cls, sentence)
-        made.code, made.numbers = code, {} if numbers is None else numbers
+        made = super().__new__(cls, code, sentence)
+        made.numbers = {} if numbers is None else numbers
         return made
 
     def __getnewargs__(self) -> tuple[Code, str, Mapping[str, object]]:  # type: ignore[override]  # for its copies

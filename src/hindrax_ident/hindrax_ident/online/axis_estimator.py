@@ -20,10 +20,11 @@ computed from sums, so a sample costs the same however long the run is.
 import itertools
 import math
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from hindrax_core.text.coded import Coded
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.fit.autoregression import Correlator
 from hindrax_ident.model.model_parameters import Prior
@@ -38,6 +39,7 @@ from hindrax_ident.online.filtered_regression import (
 )
 from hindrax_ident.online.joint_ekf import JointFilter
 from hindrax_ident.online.rls import Rls
+from hindrax_ident.online.sample_verdict import LEARNED, NotLearned, SampleVerdict, not_learned
 from hindrax_ident.records.binning import DEPTH_S
 from hindrax_ident.tuning import LAG_SIGMA_S, USUAL_LAG_S, USUAL_LATENCY_S, Tuning
 
@@ -73,15 +75,6 @@ KEPT = 10.0
 """Standard deviations of an estimate with wrong delays that are left of it as a prior: it was off by up to six."""
 MOST_OUTLIERS_IN_A_ROW = 20
 """Consecutive outliers after which samples are accepted again: then the estimate is wrong, not the samples."""
-
-
-@dataclass(frozen=True, slots=True)
-class SampleVerdict:
-    """Outcome of a sample: whether it was used, the reason if not, and its innovation [m/s, rad/s]."""
-
-    learned: bool
-    reason: str = ""
-    innovation: float = math.nan
 
 
 class AxisEstimator:
@@ -229,7 +222,9 @@ class AxisEstimator:
         waiting = itertools.takewhile(lambda at_s: at_s <= t_s, (at_s for at_s, _, _ in self._thrusts))
         return max(waiting, default=self._thrust_s)
 
-    def velocity(self, t_s: float, v: float, refusal: str = "", *, derived: bool = False) -> SampleVerdict:
+    def velocity(
+        self, t_s: float, v: float, refusal: Coded[NotLearned] = LEARNED, *, derived: bool = False
+    ) -> SampleVerdict:
         """Add one velocity, and learn from it where nothing speaks against that.
 
         Parameters
@@ -252,7 +247,7 @@ class AxisEstimator:
         self._apply_inputs_until(t_s)
         pause = t_s - regression.velocity_time_s
         if pause <= 0.0:
-            return SampleVerdict(learned=False, reason="its stamp is not later than the previous one")
+            return SampleVerdict(not_learned(NotLearned.NOT_LATER))
         if pause > tuning.gap_s:
             regression.restart()
             self._whitener.restart()
@@ -268,7 +263,7 @@ class AxisEstimator:
         refusal = refusal or self._refusal(sample, pause, age)
         if refusal or sample is None:
             self.correlator.restart()
-            return SampleVerdict(learned=False, reason=refusal)
+            return SampleVerdict(refusal)
         verdict = self._learn(sample, t_s, derived=derived)
         self._learned_s += pause
         # Differences of positions are too seldom to tell a delay better than the shapes describe it.
@@ -290,14 +285,15 @@ class AxisEstimator:
         columns = len(sample.x)
         return replace(sample, x=self._sum[:columns], shapes=self._sum[columns:-1], y=self._sum[-1])
 
-    def _refusal(self, sample: Sample | None, pause: float, age: float) -> str:
-        if math.isnan(age):
-            return "no thrust received yet"
-        if age > self._tuning.thrust_age_s:
-            return f"the last thrust is {age:.1f} s old"
+    def _refusal(self, sample: Sample | None, pause_s: float, age_s: float) -> Coded[NotLearned]:
+        if math.isnan(age_s):
+            return not_learned(NotLearned.NO_THRUST)
+        if age_s > self._tuning.thrust_age_s:
+            return not_learned(NotLearned.OLD_THRUST, age_s=age_s)
         if sample is None:
-            return "first velocity" if math.isnan(pause) else f"no velocity for {pause:.1f} s"
-        return "" if sample.settled else "the filters are settling"
+            first = math.isnan(pause_s)
+            return not_learned(NotLearned.FIRST_VELOCITY if first else NotLearned.GAP, pause_s=pause_s)
+        return LEARNED if sample.settled else not_learned(NotLearned.SETTLING)
 
     def _learn(self, sample: Sample, t_s: float, *, derived: bool) -> SampleVerdict:
         """Whiten a row, judge it, learn from it, and let what depends on the estimate follow it.
@@ -318,7 +314,7 @@ class AxisEstimator:
         self._outliers = self._outliers + 1 if self._is_outlier(innovation, information) else 0
         if 0 < self._outliers <= MOST_OUTLIERS_IN_A_ROW:
             self.regression.undo_last()
-            return SampleVerdict(learned=False, reason="outlier", innovation=innovation / scale)
+            return SampleVerdict(not_learned(NotLearned.OUTLIER), innovation / scale)
         if self.samples > self._known_after and not derived:
             # The noise of a velocity is in x as well as in y, which would bias the estimate: subtract from x what the
             # unexpected part of the velocity, the innovation, has added to it. Not before the estimate is known, when
@@ -338,7 +334,7 @@ class AxisEstimator:
         if self._filter and not self._filter.started and self.samples > START_FILTER_AFTER * len(self.model.names):
             theta, covariance = self.estimate()
             self._filter.start(t_s, theta, covariance, self._rls.variance)
-        return SampleVerdict(learned=True, innovation=innovation / scale)
+        return SampleVerdict(innovation=innovation / scale)
 
     def _is_outlier(self, innovation: float, information: float) -> bool:
         if self.samples <= self._known_after:

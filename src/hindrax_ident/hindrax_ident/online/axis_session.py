@@ -7,12 +7,14 @@ import numpy as np
 
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6, Estimate, Thrust
+from hindrax_core.text.coded import Coded
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.model.coriolis import Masses, coriolis, coriolis_errors
 from hindrax_ident.model.model_parameters import Prior, bounded, reported_parameters
 from hindrax_ident.model.motion_model import Model, Motion, known_force, lag_s, motions_of, unit_wrench
-from hindrax_ident.online.axis_estimator import AxisEstimator, SampleVerdict
+from hindrax_ident.online.axis_estimator import AxisEstimator
+from hindrax_ident.online.sample_verdict import LEARNED, NotLearned, SampleVerdict
 from hindrax_ident.records.axis_record import Record, Series, Stretch, series
 from hindrax_ident.records.binning import DEPTH_S, NAVIGATORS, SONAR, WAY_S, Bin, SourceSelector, mean
 from hindrax_ident.tuning import USUAL_LAG_S, USUAL_LATENCY_S, Tuning
@@ -111,7 +113,9 @@ class AxisSession:
         self._coriolis = coriolis(axis, masses.values, nu)
         self.estimator.known(t_s, self._hydrostatic + self._coriolis)
 
-    def velocity(self, t_s: float, v: float, source: str, refusal: str) -> list[tuple[float, SampleVerdict]]:
+    def velocity(
+        self, t_s: float, v: float, source: str, refusal: Coded[NotLearned] = LEARNED
+    ) -> list[tuple[float, SampleVerdict]]:
         """Add one velocity of one source; a mean over a bin is learned from.
 
         Parameters
@@ -123,7 +127,7 @@ class AxisSession:
         source
             Instrument or navigator; one of them counts.
         refusal
-            Why the estimate is not to be updated; empty where it is.
+            Why the estimate is not to be updated, if so.
 
         Returns
         -------
@@ -145,7 +149,7 @@ class AxisSession:
         return bool(self._way_source.name) and self._speed_source.name in ("", *NAVIGATORS)
 
     def attitude(
-        self, t_s: float, attitude_rad: tuple[float, float, float], depth_m: float, refusal: str
+        self, t_s: float, attitude_rad: tuple[float, float, float], depth_m: float, refusal: Coded[NotLearned] = LEARNED
     ) -> list[tuple[float, SampleVerdict]]:
         """Add attitude and depth: known forces, angles, and in heave the velocity derived from depth.
 
@@ -158,7 +162,7 @@ class AxisSession:
         depth_m : [m]
             NaN where unknown.
         refusal
-            Why the estimate is not to be updated; empty where it is.
+            Why the estimate is not to be updated, if so.
 
         Returns
         -------
@@ -183,7 +187,9 @@ class AxisSession:
         if not kept or t_s - kept[-1][0] >= self._position_s:
             kept.append((t_s, position))
 
-    def way(self, t_s: float, way_m: float, source: str, refusal: str) -> list[tuple[float, SampleVerdict]]:
+    def way(
+        self, t_s: float, way_m: float, source: str, refusal: Coded[NotLearned] = LEARNED
+    ) -> list[tuple[float, SampleVerdict]]:
         """Add the depth, or the way along the axis: the final fit takes it as it is, the live estimate its slopes.
 
         Parameters
@@ -195,7 +201,7 @@ class AxisSession:
         source
             Instrument or navigator; one of them counts.
         refusal
-            Why the estimate is not to be updated; empty where it is.
+            Why the estimate is not to be updated, if so.
 
         Returns
         -------

@@ -16,6 +16,7 @@ import numpy as np
 
 from hindrax_core.events import Stamp, Stamped, after, seconds_between
 from hindrax_core.signals import NAN, Attitude, Estimate, IdentEvent, Phase, Thrust, Velocity, Way
+from hindrax_core.text.coded import Coded
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.assess.assessment import (
     MASS_SHARE,
@@ -32,8 +33,8 @@ from hindrax_ident.assess.results import MotionResult, Results
 from hindrax_ident.model.coriolis import USUAL_MASS_RATIO, USUAL_MASS_RATIO_SIGMA, Masses, VelocityHistory
 from hindrax_ident.model.model_parameters import OnlineEstimates, one_sided, wide_prior
 from hindrax_ident.model.motion_model import MOTIONS, Motion, model_of, motions_of, rigid_mass
-from hindrax_ident.online.axis_estimator import SampleVerdict
 from hindrax_ident.online.axis_session import AxisSession
+from hindrax_ident.online.sample_verdict import LEARNED, NotLearned, SampleVerdict, not_learned
 from hindrax_ident.records.axis_record import PhaseLog, Record, side_of, usable
 from hindrax_ident.records.excited_time import excited_stretches
 from hindrax_ident.tuning import Tuning
@@ -154,9 +155,10 @@ class Session:
         )
         return replace(thrust, wrench=(X, Y, Z, K, M, N))
 
-    def _refusal(self) -> str:
+    def _refusal(self) -> Coded[NotLearned]:
         phases = ("plateau",) if self.tuning.plateaus_only else self.tuning.phases
-        return "" if self._phase.phase in phases else f"phase {self._phase.phase}"
+        phase = self._phase.phase
+        return LEARNED if phase in phases else not_learned(NotLearned.PHASE, phase=phase)
 
     def _on_attitude(self, t_s: float, attitude: Attitude) -> Sequence[Stamped[Estimate]]:
         axis_session = self._active()

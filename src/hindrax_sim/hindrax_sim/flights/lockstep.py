@@ -21,6 +21,7 @@ from hindrax_core.rotation import FSD
 from hindrax_core.signals import ZERO6, Allocation, Estimate, Navigation, Phase, Thrust
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.output.output_guard import RefusedCommand, Request, guard_of
+from hindrax_drivers.output.output_reasons import OutputReason, output_reason
 from hindrax_ident.online.session import Session
 from hindrax_ident.records.feed import Feed, Measurement, WallRange, wall_sonars
 from hindrax_sim.faults.fault_registry import FaultSpec
@@ -125,7 +126,7 @@ class Onboard:
         """Advance the output's time: without commands it goes neutral, as on the vehicle."""
         if self._state.armed and (fault := self._output.fault()):
             self.output_fault = fault
-            self._state = self._guard.drop(self._state, fault, now)
+            self._state = self._guard.drop(self._state, output_reason(OutputReason.DEVICE, found=fault), now)
         self._state, due = self._guard.tick(self._state, now)
         if due is not None:
             self._output.drive(due.thrusters, armed=self._state.armed)

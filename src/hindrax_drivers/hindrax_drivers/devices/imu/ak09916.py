@@ -9,9 +9,11 @@ from collections.abc import Sequence
 from hindrax_core.bus_operations import DeviceError, Pause, Program, Write, WriteRead
 from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
 from hindrax_core.readings import Magnetic
+from hindrax_core.rejects import Reject, RejectCode, reject
 from hindrax_drivers.devices.imu import icm20948_registers as r
 from hindrax_drivers.imu_calibration import Correction
 
+PART = "magnetometer"
 SET_UP_EVERY_S = 1.0
 SILENT_S = 0.5
 REPEATS = 20
@@ -66,7 +68,7 @@ class Ak09916:
         try:
             block = yield WriteRead(r.MAG_ADDRESS, bytes([r.MAG_ST1]), r.MAG_BLOCK)
         except DeviceError as error:
-            return self._lost(stamp, f"magnetometer: {error}")
+            return self._lost(stamp, reject(RejectCode.BUS, PART, found=str(error)))
         return self._decode(block, stamp)
 
     def _set_up_again(self, stamp: Stamp) -> Program[MagOutputs]:
@@ -74,25 +76,26 @@ class Ak09916:
             return ()
         self._tried = stamp
         found = yield from self.configure()
-        return () if self._ready else (Rejected(stamp, f"magnetometer: {found}"),)
+        return () if self._ready else (Rejected(stamp, reject(RejectCode.NO_DEVICE, PART, found=found)),)
 
     def _decode(self, block: bytes, stamp: Stamp) -> MagOutputs:
         """Decode a sample that is ready, has not overflowed and is not stuck."""
         if not block[0] & r.MAG_READY:
             self._sampled_at = self._sampled_at if 0 < self._sampled_at <= stamp else stamp
-            silent = seconds_between(self._sampled_at, stamp) > SILENT_S
-            return self._lost(stamp, f"magnetometer: no sample for {SILENT_S} s") if silent else ()
+            if seconds_between(self._sampled_at, stamp) <= SILENT_S:
+                return ()
+            return self._lost(stamp, reject(RejectCode.SILENT, PART, found=f"no sample for {SILENT_S} s"))
         self._sampled_at = stamp
         if block[8] & r.MAG_OVERFLOW:
-            return (Rejected(stamp, "magnetometer: field too strong (overflow)", block),)
+            return (Rejected(stamp, reject(RejectCode.TOO_STRONG, PART), block),)
         field = block[1:7]
         self._repeats = self._repeats + 1 if field == self._last else 0
         self._last = field
         if self._repeats >= REPEATS:
-            return self._lost(stamp, f"magnetometer: {self._repeats} equal samples", block)
+            return self._lost(stamp, reject(RejectCode.REPEATED, PART, found=f"{self._repeats} equal samples"), block)
         counts = _FIELD.unpack(field)
         if self._jumps(counts, stamp):
-            return (Rejected(stamp, "magnetometer: leap, no vehicle turns like that", block),)
+            return (Rejected(stamp, reject(RejectCode.LEAP, PART, found="leap, no vehicle turns like that"), block),)
         return (Stamped(after(stamp, -MEAN_AGE_S), self._magnetic(*counts)),)
 
     def _jumps(self, counts: tuple[int, ...], stamp: Stamp) -> bool:
@@ -110,7 +113,7 @@ class Ak09916:
         scale = r.MAG_T_PER_LSB
         return Magnetic(self._correction.apply(scale * x, -scale * y, -scale * z))
 
-    def _lost(self, stamp: Stamp, reason: str, data: bytes = b"") -> MagOutputs:
+    def _lost(self, stamp: Stamp, reason: Reject, data: bytes = b"") -> MagOutputs:
         self._ready, self._tried = False, stamp
         return (Rejected(stamp, reason, data),)
 

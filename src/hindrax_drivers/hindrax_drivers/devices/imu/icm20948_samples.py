@@ -7,6 +7,7 @@ from itertools import pairwise
 from hindrax_core.events import NS_PER_S, Rejected, Stamp, Stamped
 from hindrax_core.knobs import choice, knob
 from hindrax_core.readings import Inertial, Reading
+from hindrax_core.rejects import Reject, RejectCode, reject
 from hindrax_core.vehicle import chip_and_line
 from hindrax_drivers.devices.imu import icm20948_registers as r
 from hindrax_drivers.imu_calibration import Correction
@@ -211,21 +212,22 @@ class SampleDecoder:
             force = self._correction.apply(*force)
         return Stamped(stamp, Inertial(force, (g * gx, g * gy, g * gz), self.temperature_C))
 
-    def _implausible(self, raw: Raw, periods: float = 1.0) -> str:
-        """Reason why a sample so many periods after the one before is implausible; empty when it is plausible."""
+    def _implausible(self, raw: Raw, periods: float = 1.0) -> Reject | None:
+        """Reason why a sample so many periods after the one before is implausible; None when it is plausible."""
         last = self._last
         if raw == last:
             self._repeats += 1
-            return f"{self._repeats + 1} equal samples" if self._repeats > REPEATS else ""
+            repeated = reject(RejectCode.REPEATED, found=f"{self._repeats + 1} equal samples")
+            return repeated if self._repeats > REPEATS else None
         self._repeats = 0
         if LEAST in raw or MOST in raw:
-            return "saturated: the motion exceeds the range"
+            return reject(RejectCode.SATURATED, found="saturated: the motion exceeds the range")
         if last is not None and self._jumps(raw, last, periods) and self._leaps < ACCEPT_AFTER:
             self._leaps += 1
-            return "leap: no vehicle moves like that"
+            return reject(RejectCode.LEAP, found="leap: no vehicle moves like that")
         self._leaps = 0
         self._last = raw
-        return ""
+        return None
 
     def _jumps(self, raw: Raw, last: Raw, periods: float = 1.0) -> bool:
         force, rate = self._force_step * periods, self._rate_step * periods

@@ -1,0 +1,26 @@
+"""The /diagnostics of one node: rejects are counted by what does not grow."""
+
+from hindrax_core.events import Rejected, Stamp
+from hindrax_core.rejects import RejectCode, reject
+from hindrax_ros.diagnostics import NodeDiagnostics
+
+
+def test_rejects_are_counted_by_their_keys_and_the_last_is_told_whole() -> None:
+    health = NodeDiagnostics()
+    for step in range(700, 800):
+        health.reject(Rejected(Stamp(1), reject(RejectCode.LEAP, found=f"leap of {step} Pa")))
+    health.reject(Rejected(Stamp(2), reject(RejectCode.CHECKSUM, "frame")))
+    health.reject(Rejected(Stamp(3), "words of another package"))
+    values = {one.key: one.value for one in health.report("hindrax: depth", Stamp(4), 1.0).values}
+    assert {key: value for key, value in values.items() if "reject" in key} == {
+        "rejects": "102",
+        "last reject": "words of another package",
+        "rejected: frame: checksum": "1",
+        "rejected: leap": "100",
+        "rejected: words of another package": "1",
+    }
+
+
+def test_without_a_reject_there_is_none_to_tell() -> None:
+    values = {one.key for one in NodeDiagnostics().report("hindrax: depth", Stamp(4), 1.0).values}
+    assert "last reject" not in values
