@@ -69,7 +69,22 @@ def execute(
     stdout: int | IO[bytes],
     stderr: int | IO[bytes],
 ) -> subprocess.Popen[bytes]:
-    """Run `main` of a module in a process of its own group that ends with this one."""
+    """Run `main` of a module in a process of its own group that ends with this one.
+
+    Parameters
+    ----------
+    module, arguments
+        Dotted name of the module, and the words after its name in `sys.argv`.
+    environment
+        All of its environment variables.
+    stdout, stderr
+        File or descriptor of each; the caller may close them at once.
+
+    Returns
+    -------
+    subprocess.Popen[bytes]
+        The process; `wait` and `poll` give its exit code.
+    """
     return subprocess.Popen(  # noqa: S603  # our own interpreter and our own module
         [sys.executable, "-m", __name__, str(os.getpid()), module, *arguments],
         env=dict(environment),
@@ -83,7 +98,20 @@ def execute(
 def fork(
     module: str, arguments: Sequence[str], environment: Mapping[str, str], stdout: int, stderr: int
 ) -> ForkedProcess:
-    """The same by a fork: what the module imports is imported here first, once for all that need it."""
+    """The same by a fork: what the module imports is imported here first, once for all that need it.
+
+    Parameters
+    ----------
+    module, arguments, environment
+        As of `execute`.
+    stdout, stderr
+        Descriptors; the child has copies of them.
+
+    Returns
+    -------
+    ForkedProcess
+        In a group of its own; this process must have no threads that a fork would have to copy.
+    """
     with contextlib.suppress(Exception):  # it is imported again where its log is
         importlib.import_module(module)
     here = inspect.currentframe()

@@ -54,7 +54,17 @@ class LivenessFile:
         self.close()
 
     def beat(self, status: str, troubles: Mapping[str, str], *, armed: bool = False) -> None:
-        """Write the heartbeat of the tool: its activity, unhealthy nodes, and whether it may thrust."""
+        """Write the heartbeat of the tool, at most once per `PERIOD_S`, and tell the service manager.
+
+        Parameters
+        ----------
+        status
+            What the tool does, such as "up".
+        troubles
+            Sentence about each node that is unhealthy, by name; empty sentences are well.
+        armed
+            Whether its vehicle may thrust.
+        """
         now_s = time.monotonic()
         if now_s < self._next_s:
             return
@@ -129,7 +139,22 @@ def _liveness_of(path: Path, now_s: float) -> tuple[str, list[str]] | None:
 
 
 def beats(folder: Path, pid: int, now_s: float) -> dict[str, float]:
-    """Seconds since the last heartbeat of each process that a tool has started; infinite before the first."""
+    """Age of the last heartbeat of each process that a tool has started.
+
+    Parameters
+    ----------
+    folder
+        Runtime folder of this user.
+    pid
+        Of the tool.
+    now_s : [s]
+        Of the monotonic clock.
+
+    Returns
+    -------
+    dict[str, float]
+        Seconds since the last heartbeat, by the name of the process; infinite before the first.
+    """
     found = {}
     for path in sorted(folder.glob(f"{pid}-*{HEARTBEATS}/*")):
         if path.suffixes:  # what a process leaves to its successor
@@ -155,9 +180,21 @@ def silent(ages_s: Mapping[str, float]) -> list[str]:
 
 
 def health_change(name: str, before: str | None, now: str) -> str:
-    """Return a sentence if the health of a node has changed, else an empty text; numbers alone are no news.
+    """Return a sentence if the health of a node has changed; numbers alone are no news.
 
-    `before` is None for a node of which nothing was known.
+    Parameters
+    ----------
+    name
+        Of the node.
+    before
+        Its trouble as reported last, empty when it was well; None for a node of which nothing was known.
+    now
+        Its trouble now; empty when it is well.
+
+    Returns
+    -------
+    str
+        "name: trouble" or "name: ok"; empty where nothing is news.
     """
     if now:
         return f"{name}: {now}" if _words(now) != _words(before or "") else ""

@@ -120,7 +120,24 @@ def read_parameters(file: str) -> Blocks:
 
 
 def apply_setting(blocks: Blocks, text: str, namespace: str, nodes: Sequence[str]) -> None:
-    """Put one parameter, `node.name:=value`, into the blocks; UsageError names what is wrong with it."""
+    """Put one parameter into the blocks, wherever it stands already.
+
+    Parameters
+    ----------
+    blocks
+        Parameters by the pattern of the nodes that have them; changed in place.
+    text
+        "node.name:=value", with a value in YAML.
+    namespace
+        Of the nodes, with its leading slash.
+    nodes
+        Names of all nodes.
+
+    Raises
+    ------
+    UsageError
+        Where the text has another form, no node has this name, or the value is no YAML.
+    """
     names, assigned, value = text.partition(":=")
     node, dot, name = names.partition(".")
     if not (assigned and dot and name):

@@ -57,7 +57,20 @@ def usual_vehicle() -> str:
 def vehicle_file(name: str) -> Path:
     """Return the file of a vehicle: a file as it is named, else NAME.yaml here, of this user, or of the clone.
 
-    UsageError names the vehicles that there are.
+    Parameters
+    ----------
+    name
+        Path with a suffix or a folder, or the name of a vehicle.
+
+    Returns
+    -------
+    Path
+        As it is named, whether there is such a file or not; of a name, the first that there is.
+
+    Raises
+    ------
+    UsageError
+        Where no file has this name; lists those that there are.
     """
     path = Path(name).expanduser()
     if path.suffix or len(path.parts) != 1:

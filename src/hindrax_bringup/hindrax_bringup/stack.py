@@ -99,7 +99,18 @@ class Stack:
     ) -> None:
         """Start what replaces the vehicle (when asked for by name), the recorder, and the onboard processes.
 
-        It stops starting when it is `over`.
+        Parameters
+        ----------
+        hardware
+            The mock or a recorded run in place of the vehicle; None: the vehicle itself.
+        record
+            Whether everything is recorded into the bag of the folder, from before the first node.
+        onboard
+            Processes to start in this order; None: the recorder on request, then all that belong to the hardware.
+        without_operator
+            What the thrusters do without heartbeats of an operator; empty: as the parameters say.
+        over
+            Whether to stop starting; looked at before each process.
         """
         replayed = isinstance(hardware, ReplayOptions)
         if hardware is not None:
@@ -127,7 +138,17 @@ class Stack:
     def start_mock(
         self, options: MockOptions | ReplayOptions, *more: str, over: Callable[[], bool] = lambda: False
     ) -> None:
-        """Start what replaces the vehicle alone, with more words of its own; `mock_facts` then names its ports."""
+        """Start what replaces the vehicle alone; `mock_facts` then names its ports.
+
+        Parameters
+        ----------
+        options
+            Of the mock, or of the recorded run.
+        *more
+            Further arguments of its process.
+        over
+            Whether to wait no longer for its devices; `mock_facts` is empty then.
+        """
         if keystore := self.supervisor.environment.get(security.KEYSTORE, ""):
             print_stderr(security.unenforced(keystore))
         words = [*more, "--vehicle", str(self.folder.vehicle), *options.words()]
@@ -147,7 +168,31 @@ class Stack:
 def first_line(
     child: SupervisedProcess, seconds: float, log: Path, over: Callable[[], bool] = lambda: False
 ) -> Mapping[str, Any]:
-    """Read the one line of JSON that the mock prints when its devices are up; nothing when it is `over` before."""
+    """Read the one line of JSON that the mock prints when its devices are up.
+
+    Parameters
+    ----------
+    child
+        Its process, started with a pipe.
+    seconds : [s]
+        Longest wait for the line.
+    log
+        Its log, of which the end explains a failure.
+    over
+        Whether to wait no longer.
+
+    Returns
+    -------
+    Mapping[str, Any]
+        Its ports and clock; empty when it was `over` before.
+
+    Raises
+    ------
+    HindraxError
+        Where no line came in time, or it ended without one.
+    UsageError
+        Where it refused its arguments.
+    """
     pipe, deadline_s = child.output, time.monotonic() + seconds
     assert pipe is not None
     while not select.select([pipe], (), (), LOOK_S)[0]:
@@ -167,11 +212,30 @@ def environment(*, mock: bool, domain: int | None, tether: Tether | None = None)
     """Environment of the processes: this machine only, unless the user has a profile; in mock a domain of its own.
 
     Where a tether is named the graph reaches over it, and nowhere else. Where a keystore is named (a real vehicle on a
-    ROS installation), every process proves who it is. UsageError for a setting that no graph can have.
+    ROS installation), every process proves who it is.
 
     The profile replaces all other settings of the graph that this terminal has, but for its domain. It replaces the
     discovery range too: with LOCALHOST the middleware would bring shared memory back in, where every killed process
     slows all later ones down.
+
+    Parameters
+    ----------
+    mock
+        Whether something replaces the vehicle; then nothing of this terminal's graph but its domain is kept.
+    domain
+        ROS domain; None: that of this terminal.
+    tether
+        Interface to another machine; None: the graph stays here.
+
+    Returns
+    -------
+    dict[str, str]
+        All environment variables of a process.
+
+    Raises
+    ------
+    UsageError
+        For a domain or a middleware that no graph can have.
     """
     made = dict(os.environ)
     ros_graph.exported_domain(made)
@@ -200,7 +264,18 @@ def environment_beside(stack: StackLock) -> dict[str, str]:
 
 
 def stack_environment(*, mock: bool, domain: int | None, tether: Tether | None = None) -> dict[str, str]:
-    """Environment of the processes of a stack that starts now; a real one has its own time from now on."""
+    """Environment of the processes of a stack that starts now; a real one has its own time from now on.
+
+    Parameters
+    ----------
+    mock, domain, tether
+        As of `environment`.
+
+    Returns
+    -------
+    dict[str, str]
+        As of `environment`; of a real stack with the epoch of its time (ADR 9).
+    """
     made = environment(mock=mock, domain=domain, tether=tether)
     return made if mock else made | {stack_time.VARIABLE: str(stack_time.epoch_ns())}
 
@@ -210,6 +285,16 @@ def adopted(wanted: Mapping[str, str]) -> Iterator[None]:
     """Use exactly the ROS settings of a stack in this process, with the operator's enclave.
 
     The client library reads some of them when it is imported: import it, and what imports it, within the block.
+
+    Parameters
+    ----------
+    wanted
+        Environment with the settings of the stack's graph; other variables of it do not count.
+
+    Yields
+    ------
+    None
+        Afterwards the environment is what it was.
     """
     before = dict(os.environ)
     chosen = graph_settings(security.with_enclave(wanted, "operator"))
@@ -225,9 +310,20 @@ def adopted(wanted: Mapping[str, str]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def own_domain(*, mock: bool, namespace: str = NAMESPACE) -> Iterator[int | None]:
-    """A ROS domain that no process on this machine uses; None (leave as it is) where the user chose one.
+    """Reserve a ROS domain that no process on this machine uses.
 
-    HindraxError when a mock would join a stack of the same namespace in the domain that the user chose.
+    Parameters
+    ----------
+    mock
+        Whether something replaces the vehicle; a real stack takes the domain that is set.
+    namespace
+        Of the stack, in a domain that the user chose.
+
+    Yields
+    ------
+    int | None
+        The domain, free for as long as the block lasts; None (leave as it is) for a real stack, or where the user chose
+        one. HindraxError comes from `require_no_stack` when a mock would join a stack of the same namespace there.
     """
     if not mock:
         yield None

@@ -85,7 +85,20 @@ def runtime_folder() -> Path:
 
 
 def runtime_place() -> Path:
-    """Where that folder is, for who only looks. systemd takes that of a service away while the service restarts."""
+    """Where that folder is, for who only looks; UsageError where it belongs to another user.
+
+    systemd takes the folder of a service away while the service restarts.
+
+    Returns
+    -------
+    Path
+        As HINDRAX_RUNTIME_DIR names it, else below XDG_RUNTIME_DIR, else in /tmp per user; it may not exist.
+
+    Raises
+    ------
+    UsageError
+        Where the folder, or a link in its place, is another user's.
+    """
     named = os.environ.get(FOLDER)
     session = os.environ.get("XDG_RUNTIME_DIR", "")
     if named:
@@ -115,7 +128,22 @@ def announced(lock: StackLock) -> Iterator[Path]:
 def locked(path: Path, document: Mapping[str, object]) -> IO[str]:
     """Write a document and lock it until the file is closed, at the latest by the end of this process.
 
-    OSError names the file, and leaves nothing.
+    Parameters
+    ----------
+    path
+        Name that it gets once it is locked and complete: who looks never sees half of it.
+    document
+        Written as JSON.
+
+    Returns
+    -------
+    IO[str]
+        The open file, which holds the lock.
+
+    Raises
+    ------
+    OSError
+        Names the file, and leaves nothing.
     """
     draft = path.with_suffix(".draft")
     try:
@@ -162,7 +190,22 @@ def owned_document(path: Path) -> Any:
 def choose(found: list[StackLock], pid: int | None) -> StackLock | None:
     """Pick the stack that is meant: by its process, the only one, or the only one that waits for an operator.
 
-    None when none is announced, UsageError when it is not clear.
+    Parameters
+    ----------
+    found
+        Stacks that run now.
+    pid
+        Process of the one that was named; None: none was.
+
+    Returns
+    -------
+    StackLock | None
+        None when none is announced.
+
+    Raises
+    ------
+    UsageError
+        Where no stack has this process, or several may be meant; lists them.
     """
     if pid is not None:
         mine = [one for one in found if one.pid == pid]

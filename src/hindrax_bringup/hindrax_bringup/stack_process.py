@@ -148,9 +148,14 @@ class StackProcess:
         return [line for line in found if not line.startswith(LAST_WORDS)]
 
     def end(self) -> Mapping[str, object]:
-        """End it in order, however often Ctrl-C is pressed; returns the ground truth of its mock.
+        """End it in order, however often Ctrl-C is pressed.
 
-        HindraxError when an output could not be left safe.
+        HindraxError when an output could not be left safe, in the words of the stack.
+
+        Returns
+        -------
+        Mapping[str, object]
+            Ground truth of its mock; empty without one.
         """
         with stop_signals(lambda _number, _frame: None):
             if is_stopped(self.pid):  # it obeys nothing else; its processes end with it

@@ -45,7 +45,7 @@ SETTLED_S = 3.0
 
 
 def run_up(options: UpOptions, over: Callable[[], bool]) -> None:
-    """Start everything, say how to reach it, look after it until it is `over`."""
+    """Start everything, say how to reach it, look after it until it is `over`; HindraxError where that fails."""
     load_vehicle(options.vehicle_file).output_channels()
     if full := full_shared_memory():
         raise HindraxError(full)
@@ -157,7 +157,22 @@ def complete_earlier(runs: Path) -> subprocess.Popen[bytes] | None:
 
 
 def awaited(tether: Tether | None, over: Callable[[], bool], beating: LivenessFile) -> str:
-    """Wait for the tether, however long that takes; returns its address, empty without one."""
+    """Wait for the tether, however long that takes.
+
+    Parameters
+    ----------
+    tether
+        None: there is none to wait for.
+    over
+        Whether to wait no longer.
+    beating
+        Gets a heartbeat at each look, with the tether as the trouble: a service manager must not take it for hung.
+
+    Returns
+    -------
+    str
+        IPv4 address of this end; empty without a tether, or when it is `over`.
+    """
     if tether is None:
         return ""
 
@@ -197,9 +212,17 @@ def _require_same(tether: Tether | None, address: str) -> None:
 
 @contextlib.contextmanager
 def asked_to_end() -> Iterator[Callable[[], bool]]:
-    """Only note SIGINT and SIGTERM, however often they come; yields the question whether one has come.
+    """Only note SIGINT and SIGTERM, however often they come.
 
-    KeyboardInterrupt at the end when it was Ctrl-C: its exit code is one, also of what goes on until then.
+    Yields
+    ------
+    Callable[[], bool]
+        Whether one has come.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        At the end, when it was Ctrl-C: its exit code is one, also of what goes on until then.
     """
     came: list[int] = []
     with stop_signals(lambda number, _frame: came.append(number)):
@@ -209,7 +232,22 @@ def asked_to_end() -> Iterator[Callable[[], bool]]:
 
 
 def startup_text(lock: StackLock, folder: RunFolder, *, record: bool) -> str:
-    """Return how to reach the stack."""
+    """Return how to reach the stack from other terminals.
+
+    Parameters
+    ----------
+    lock
+        Its entry in the list of stacks, with the settings of its graph.
+    folder
+        Of the run.
+    record
+        Whether it has a bag.
+
+    Returns
+    -------
+    str
+        Lines: commands, settings for ROS 2 tools, processes and logs, bag.
+    """
     lines = [
         f"up: {lock.title}",
         "  from any terminal: ./hindrax monitor | web | arm | hold | wrench | disarm | stop",

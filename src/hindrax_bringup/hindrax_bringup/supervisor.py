@@ -99,7 +99,22 @@ class Supervisor:
             raise HindraxError(f"{error}; {unsafe}") from error
 
     def start(self, process: Process, arguments: Sequence[str] = (), *, pipe: bool = False) -> SupervisedProcess:
-        """Start one process; its output goes to `logs/NAME.log`, its stdout to a pipe on request."""
+        """Start one process; its output goes to `logs/NAME.log`.
+
+        Parameters
+        ----------
+        process
+            Name, module, and how it is treated when it ends.
+        arguments
+            Words of its command line.
+        pipe
+            Whether its stdout goes to a pipe in place of the log.
+
+        Returns
+        -------
+        SupervisedProcess
+            Also in `children`, by its name.
+        """
         heartbeat = self._heartbeats / process.name
         read, write = os.pipe() if pipe else (None, None)
         try:
@@ -254,6 +269,11 @@ def deferred_signals() -> Iterator[None]:
     """Have SIGINT and SIGTERM wait until the block ends, then act as before it.
 
     Ctrl-C raises wherever Python is; within a message that C++ is converting, that ends as another exception.
+
+    Yields
+    ------
+    None
+        Afterwards the first signal that came is raised again.
     """
     waiting: list[int] = []
     try:

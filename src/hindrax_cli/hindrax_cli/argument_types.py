@@ -19,7 +19,22 @@ WHICH = "vehicle: its file, or its name"
 
 
 def checked(kind: type[NumberT], wanted: str, fits: Callable[[NumberT], bool]) -> Callable[[str], NumberT]:
-    """Argument type: a number that fits; any other is refused with what was wanted."""
+    """Argument type: a number that fits; any other is refused with what was wanted.
+
+    Parameters
+    ----------
+    kind
+        `int` or `float`.
+    wanted
+        Words of the range, for the refusal.
+    fits
+        Whether a number is within it.
+
+    Returns
+    -------
+    Callable[[str], NumberT]
+        For the `type` of an argument.
+    """
 
     def read(text: str) -> NumberT:
         number = kind(text)
@@ -33,7 +48,20 @@ def checked(kind: type[NumberT], wanted: str, fits: Callable[[NumberT], bool]) -
 
 
 def within(kind: type[NumberT], low: NumberT, high: NumberT) -> Callable[[str], NumberT]:
-    """Argument type: a number from `low` to `high`."""
+    """Argument type: a number within bounds.
+
+    Parameters
+    ----------
+    kind
+        `int` or `float`.
+    low, high
+        Both are still taken.
+
+    Returns
+    -------
+    Callable[[str], NumberT]
+        For the `type` of an argument.
+    """
     return checked(kind, f"{low:.10g} to {high:.10g}", lambda number: low <= number <= high)
 
 

@@ -42,10 +42,22 @@ def require_address(address: str) -> None:
 
 
 def asked_parameters(address: str, wanted: Sequence[str]) -> dict[str, float]:
-    """Those parameters that the ArduSub at an address has, asked by name; nothing is written, nothing moves.
+    """Ask an ArduSub for parameters by name; nothing is written, nothing moves.
 
     HindraxError where none answers, and without the drivers, as in the wheel; DeviceError where the address cannot be
     opened.
+
+    Parameters
+    ----------
+    address
+        Of the autopilot, as udpin:0.0.0.0:14550.
+    wanted
+        Names.
+
+    Returns
+    -------
+    dict[str, float]
+        Those that it has.
     """
     with _drivers_wanted(address):
         from hindrax_drivers.devices.ardupilot.link import Link  # noqa: PLC0415  # the wheel has no drivers
@@ -58,9 +70,21 @@ def asked_parameters(address: str, wanted: Sequence[str]) -> dict[str, float]:
 
 
 def has_velocity(address: str, say: Callable[[str], None] = lambda _: None) -> bool:
-    """Whether the estimator of the ArduSub at an address claims a velocity, by a DVL or a GPS of the autopilot's own.
+    """Whether the estimator of an ArduSub claims a velocity, by a DVL or a GPS of the autopilot's own.
 
     One that started within the last minute aligns first: it is waited for. Errors as those of `asked_parameters`.
+
+    Parameters
+    ----------
+    address
+        Of the autopilot.
+    say
+        Is told that it is waited for.
+
+    Returns
+    -------
+    bool
+        True as soon as it claims one.
     """
     with _drivers_wanted(address):
         from hindrax_drivers.devices.ardupilot.link import Link  # noqa: PLC0415  # the wheel has no drivers
@@ -131,10 +155,24 @@ def _no_answer(address: str, link: "Link") -> HindraxError:
 
 
 def behind_autopilot(file: Path, address: str, *, aided: bool = True) -> tuple[Path, tuple[str, ...]]:
-    """A copy of a vehicle file behind an ArduSub at an address, and the names of the sensors that were left out.
+    """Make a copy of a vehicle file behind an ArduSub at an address; UsageError for what is no address.
 
     The copy has the way of driving of the file. In the place of its DVL comes the autopilot's estimator, if it is
-    `aided`: as on most BlueROV2, it has no velocity where nothing gives it one. UsageError for what is no address.
+    `aided`: as on most BlueROV2, it has no velocity where nothing gives it one.
+
+    Parameters
+    ----------
+    file
+        Of the vehicle.
+    address
+        Of the autopilot.
+    aided
+        Whether its estimator has a velocity.
+
+    Returns
+    -------
+    tuple[Path, tuple[str, ...]]
+        The copy, which stays as long as this program, and the names of the sensors that were left out.
     """
     require_address(address)
     measured = aided and bool(load_vehicle(file).measuring("velocity"))

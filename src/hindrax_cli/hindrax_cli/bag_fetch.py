@@ -61,7 +61,27 @@ class Remote:
 
 
 def remote_of(host: str, folder: str, ssh: str | None) -> Remote:
-    """A host as `name` or `user@name`; anything with a slash is a folder of this machine and `folder` is within it."""
+    """Read where bags are fetched from.
+
+    Parameters
+    ----------
+    host
+        `name` or `user@name` as ssh takes it; with a slash: a folder of this machine.
+    folder
+        On the host, or within that folder.
+    ssh
+        Command in the place of `SSH`; None: that.
+
+    Returns
+    -------
+    Remote
+        How its commands are run, and the folder.
+
+    Raises
+    ------
+    UsageError
+        For an empty host, or one that ssh would take for an option.
+    """
     if not host:
         raise UsageError("HOST is empty; name the vehicle, such as pi@rov.local, or a folder")
     if host.startswith("-") or not host.isprintable():
@@ -72,9 +92,26 @@ def remote_of(host: str, folder: str, ssh: str | None) -> Remote:
 
 
 def fetch(remote: Remote, out: Path, progress: Progress) -> dict[Path, int]:
-    """Copy all files below the remote folder that are not here yet; HindraxError when one cannot be had whole.
+    """Copy all files below the remote folder that are not here yet.
 
-    Returns every file, verified, with the number of its bytes that came this time.
+    Parameters
+    ----------
+    remote
+        Host and folder.
+    out
+        Folder here; files have the same place in it.
+    progress
+        Gets how far it is.
+
+    Returns
+    -------
+    dict[Path, int]
+        Every file, verified, with the number of its bytes that came this time.
+
+    Raises
+    ------
+    HindraxError
+        When there is none, when one cannot be had whole, or cannot be written here.
     """
     found = _listing(remote)
     if not found:

@@ -83,7 +83,22 @@ class ToolCommand:
 
 
 def command(example: str, *arguments: Declare, passes_on: bool = False) -> Callable[[Run], ToolCommand]:
-    """Make a function a command: its docstring is the help, `arguments` declare its options in this order."""
+    """Make a function a command: its docstring is the help.
+
+    Parameters
+    ----------
+    example
+        Lines for the end of the help.
+    *arguments
+        Declare its options, in this order.
+    passes_on
+        Whether all its arguments go to another program.
+
+    Returns
+    -------
+    Callable[[Run], ToolCommand]
+        Decorator.
+    """
     return lambda run: ToolCommand(run, example, arguments, passes_on)
 
 

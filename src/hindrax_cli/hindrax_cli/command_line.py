@@ -170,7 +170,7 @@ def parser_of(command: ToolCommand) -> argparse.ArgumentParser:
 
 
 def run_command(command: ToolCommand, words: list[str]) -> int:
-    """Parse the arguments of one command and run it; a HindraxError becomes one line and its exit code."""
+    """Parse the arguments of a command and run it; HindraxError and UsageError become one line and an exit code."""
     parser = parser_of(command)
     if command.passes_on and words[:1] not in (["-h"], ["--help"]):
         words = ["--", *words]  # argparse would look at the first one

@@ -67,7 +67,22 @@ def sections(page: str) -> dict[str, str]:
 
 
 def help_of(page: str, words: list[str], width: int = UNBOUNDED) -> str | None:
-    """Return the help of a command or subcommand, for a screen; None when there is no such command."""
+    """Return the help of a command or subcommand, for a screen.
+
+    Parameters
+    ----------
+    page
+        Text of docs/reference/commands.md.
+    words
+        Command and subcommand; further ones do not count.
+    width
+        Columns of the screen.
+
+    Returns
+    -------
+    str | None
+        None when there is no such command.
+    """
     found = sections(page)
     name = next((name for name in (" ".join(words[:2]), *words[:1]) if name in found), None)
     if name is None:
@@ -118,7 +133,22 @@ def vehicles_of(root: Path) -> list[str]:
 
 
 def completion(page: str, shell: str, vehicles: Sequence[str] = ()) -> str:
-    """Return the script by which a shell completes commands, subcommands, options and names of vehicles."""
+    """Return the script by which a shell completes commands, subcommands, options and names of vehicles.
+
+    Parameters
+    ----------
+    page
+        Text of docs/reference/commands.md.
+    shell
+        fish or zsh; else bash.
+    vehicles
+        Names to complete `--vehicle` by.
+
+    Returns
+    -------
+    str
+        To be evaluated by that shell.
+    """
     known = dict(words_of(page), setup=["--check", "--vehicle", "--all", "--help"])
     commands = [*(name for name in known if " " not in name), "help", "--help", "--version"]
     if shell == "fish":

@@ -59,7 +59,27 @@ def record(columns: Sequence[Column], nargs: str | None = None) -> Declare:
 
 
 def read_record(path: Path, columns: Sequence[Column], fields: Sequence[str]) -> dict[str, Array]:
-    """Columns by name, each (n,) in SI, of a CSV file, or of a bag if fields are given. UsageError: cannot be read."""
+    """Read columns of a record.
+
+    Parameters
+    ----------
+    path
+        CSV file, or a bag.
+    columns
+        Names and units.
+    fields
+        COLUMN=TOPIC:PATH of a bag; empty: it is no bag.
+
+    Returns
+    -------
+    dict[str, Array]
+        By name, each (n,) in SI.
+
+    Raises
+    ------
+    UsageError
+        Where it cannot be read, or a bag has no fields named.
+    """
     if fields:
         return _read_bag(path, fields, columns)
     if is_bag(path):
@@ -93,7 +113,15 @@ def _place(field: str, columns: Sequence[Column]) -> tuple[str, str]:
 
 
 def save_plot(path: Path | None, draw: Callable[..., Figure], *data: object) -> None:
-    """Save what `draw(*data)` draws when asked to; the kind follows from the file's name. UsageError: not writable."""
+    """Save a drawing when it is asked for; UsageError where that cannot be.
+
+    Parameters
+    ----------
+    path
+        File, whose suffix names the format; None: no drawing.
+    draw, *data
+        What draws, and its arguments.
+    """
     require_plot(path)
     if path is None:
         return

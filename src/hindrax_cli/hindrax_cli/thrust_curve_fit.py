@@ -46,7 +46,7 @@ def add_rig(parser: argparse._ActionsContainer) -> None:
 
 
 def fitted(arguments: argparse.Namespace) -> tuple[BollardCurve | MeasuredTable, str]:
-    """Curve of the sweep or of published data, drawn where asked for, and its block for the vehicle file."""
+    """Curve of a sweep or of published data, and its block for the vehicle file; UsageError without --load-cell-std."""
     published = not arguments.field and is_published(arguments.record)
     if not published and arguments.load_cell_std is None and arguments.record.exists():
         raise UsageError(f"--load-cell-std: found none, wanted how far the load cell may be off, {SUCH_AS}")
@@ -119,7 +119,17 @@ def _check_block(block: str, name: str) -> None:
 
 
 def print_curve(arguments: argparse.Namespace, curve: BollardCurve | MeasuredTable, block: str) -> None:
-    """Print the curve, the block, and a warning where a cubic falls or does not follow the smallest forces."""
+    """Print the curve, the block, and a warning where a cubic falls or does not follow the smallest forces.
+
+    Parameters
+    ----------
+    arguments
+        With `json`.
+    curve
+        Of the fit, or the table itself.
+    block
+        For the vehicle file.
+    """
     if isinstance(curve, MeasuredTable):
         print_answer({"curve": curve, "block": block}, lambda: _show_table(curve, block), as_json=arguments.json)
         return

@@ -14,15 +14,22 @@ from hindrax_core.vehicle import vehicle_from_text
 
 
 def set_key(file: Path, keys: Sequence[str], value: object) -> None:
-    """Set the value at a key path, adding the last key where it is missing; the file must be a valid vehicle after it.
+    """Set a value in a vehicle file, which must be valid after it; UsageError where that cannot be.
 
-    UsageError when the file cannot be read or written, or holds no such block.
+    Parameters
+    ----------
+    file
+        Of the vehicle.
+    keys
+        Path to the value; the last key is added where it is missing.
+    value
+        As YAML can hold it.
     """
     set_keys(file, [(keys, value)])
 
 
 def set_keys(file: Path, values: Sequence[tuple[Sequence[str], object]]) -> None:
-    """Set several values at once: all of them, or none. Errors as of `set_key`."""
+    """Set several values at once: all of them, or none; UsageError where that cannot be."""
     try:
         changed = file.read_text(encoding="utf-8")
         for keys, value in values:
@@ -43,7 +50,22 @@ def require_editable(arguments: argparse.Namespace) -> None:
 
 
 def keep(arguments: argparse.Namespace, keys: Sequence[str], value: object, where: str = "") -> str:
-    """Set a value in the vehicle file if --write asks for it; returns where it is now, or how to keep it."""
+    """Set a value in the vehicle file if --write asks for it.
+
+    Parameters
+    ----------
+    arguments
+        With `vehicle` and `write`.
+    keys, value
+        As of `set_key`.
+    where
+        Name of the place in the sentence; empty: the file.
+
+    Returns
+    -------
+    str
+        Where it is now, or how to keep it.
+    """
     if not arguments.write:
         return f"not saved; --write saves it to {where or 'the vehicle file'}"
     set_key(Path(arguments.vehicle), keys, value)
@@ -51,7 +73,29 @@ def keep(arguments: argparse.Namespace, keys: Sequence[str], value: object, wher
 
 
 def edited(text: str, keys: Sequence[str], value: object, source: str) -> str:
-    """Return the text with the value at the key path set; the key of an entry of a list is its `name`."""
+    """Set a value in the text of a vehicle file, and leave the rest as it stands, comments too.
+
+    Parameters
+    ----------
+    text
+        YAML.
+    keys
+        Path to the value; the key of an entry of a list is its `name`.
+    value
+        As YAML can hold it.
+    source
+        Of the text, for errors.
+
+    Returns
+    -------
+    str
+        The changed text.
+
+    Raises
+    ------
+    UsageError
+        Where there is no such block.
+    """
     node: yaml.Node | None = yaml.compose(text, Loader=yaml.SafeLoader)
     for depth, key in enumerate(keys[:-1]):
         node = _child(node, key)
@@ -103,7 +147,22 @@ def _end(text: str, node: yaml.Node) -> int:
 
 
 def with_outputs(text: str, name: str, motors: Mapping[int, tuple[int, bool]]) -> str:
-    """Text of a vehicle file with another name, and the thrusters T1 to Tn at these channels and in these senses."""
+    """Give a vehicle file another name, and its thrusters other channels and senses.
+
+    Parameters
+    ----------
+    text
+        Of a file of the box, with a line for each thruster T1 to Tn.
+    name
+        Of the vehicle.
+    motors
+        Channel, and whether it is reversed, by the number of the thruster.
+
+    Returns
+    -------
+    str
+        The changed text.
+    """
     lines = []
     for line in text.splitlines():
         found = re.match(r"( *- \{name: T(\d+), channel: )\d+(.*)\}(.*)$", line)
@@ -118,9 +177,23 @@ def with_outputs(text: str, name: str, motors: Mapping[int, tuple[int, bool]]) -
 
 
 def with_autopilot(text: str, address: str, low_V: float) -> str:
-    """Text of a vehicle file of the box behind an ArduSub at an address, with a lowest voltage; "" and 0: as it is.
+    """Put a vehicle file of the box behind an ArduSub.
 
     Sensors that are not the autopilot's become comments: it does not know what else is on board.
+
+    Parameters
+    ----------
+    text
+        Of the file.
+    address
+        Of the autopilot; empty: output and sensors stay.
+    low_V : [V]
+        Lowest voltage; 0: as it is.
+
+    Returns
+    -------
+    str
+        The changed text.
     """
     if low_V > 0.0:
         text = re.sub(r"(battery_V: )[0-9.]+", rf"\g<1>{low_V:g}", text)

@@ -108,7 +108,22 @@ def mount_outside(position_m: Vec3, size_m: Vec3) -> bool:
 
 
 def likely_unit(values: Sequence[float], units: Units, is_right: Callable[[tuple[float, ...]], bool]) -> str:
-    """First unit in which the values would be right, with them in ours: `centimeters: 0.457 0.338`; empty if none."""
+    """Find the unit in which values were likely given by mistake.
+
+    Parameters
+    ----------
+    values
+        As found, in our unit.
+    units
+        That are mistaken for ours.
+    is_right
+        Whether values in our unit can be.
+
+    Returns
+    -------
+    str
+        The first unit in which they would be right, with them in ours: `centimeters: 0.457 0.338`; empty if none.
+    """
     for unit, factor in units:
         converted = tuple(float(f"{factor * one:.4g}") for one in values)
         if is_right(converted):

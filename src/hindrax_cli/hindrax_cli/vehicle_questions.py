@@ -87,14 +87,40 @@ class Question:
         return typed.get(self.key, usual if usual and not self._problem(usual, answers) else ())
 
     def numbers(self, line: str, answers: Answers, typed: Answers) -> tuple[float, ...]:
-        """Numbers of a line, of an empty one what it means; none where it holds something else."""
+        """Read an answer.
+
+        Parameters
+        ----------
+        line
+            As typed; numbers with spaces or commas between.
+        answers, typed
+            Of the earlier questions, and all that was typed: what an empty line means.
+
+        Returns
+        -------
+        tuple[float, ...]
+            None where the line holds something else.
+        """
         try:
             return tuple(float(word) for word in line.replace(",", " ").split()) or self.suggestion(answers, typed)
         except ValueError:
             return ()
 
     def wrong(self, line: str, found: tuple[float, ...], answers: Answers) -> Coded[Implausible]:
-        """What was found, what was wanted and the unit that was likely meant; empty for a good answer."""
+        """Say what was found, what was wanted and the unit that was likely meant.
+
+        Parameters
+        ----------
+        line, found
+            As typed, and its numbers.
+        answers
+            Of the earlier questions, which it must agree with.
+
+        Returns
+        -------
+        Coded[Implausible]
+            Empty for a good answer.
+        """
         problem = self._problem(found, answers, ", with decimal points" if "," in line else "")
         shown = line.strip() or " ".join(f"{one:g}" for one in found) or "nothing"
         if not problem:
@@ -242,11 +268,31 @@ def ask(
     earlier: Answers | None = None,
     on_answer: Callable[[Answers], None] = lambda _: None,
 ) -> Answers:
-    """Put the questions; `line_of` shows a prompt and returns the line that was typed.
+    """Put the questions.
 
-    After an invalid answer `on_wrong` raises, or prints it and the question is put again, with the earlier one that it
-    does not agree with. What was typed, now or `earlier`, stands in brackets then. `on_answer` gets all that was typed
-    after each answer. The end of the input raises.
+    After an invalid answer the question is put again, with the earlier one that it does not agree with. What was typed,
+    now or `earlier`, stands in brackets then.
+
+    Parameters
+    ----------
+    line_of
+        Shows a prompt and returns the line that was typed.
+    on_wrong
+        Raises, or prints the error.
+    earlier
+        What was typed in an earlier start.
+    on_answer
+        Gets all that was typed, after each answer.
+
+    Returns
+    -------
+    Answers
+        Numbers by the key of their question.
+
+    Raises
+    ------
+    UsageError
+        At the end of the input.
     """
     answers: dict[str, tuple[float, ...]] = {}
     typed = dict(earlier or {})

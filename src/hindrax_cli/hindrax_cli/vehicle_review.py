@@ -41,10 +41,20 @@ def findings(vehicle: Vehicle) -> list[Check]:
 
 
 def upright_speed_mps(vehicle: Vehicle) -> float:
-    """Speed ahead beyond which a vehicle that cannot control pitch no longer rights itself; infinite where it does.
+    """Speed ahead beyond which a vehicle that cannot control pitch no longer rights itself.
 
     The moment of a pitched hull grows with (Z_w' - X_u') u^2 (Fossen 2011, section 6.3: Munk), its righting moment
     does not.
+
+    Parameters
+    ----------
+    vehicle
+        With hydrodynamics; without, nothing is known.
+
+    Returns
+    -------
+    float
+        [m/s]; infinite where it rights itself at any speed.
     """
     truth, flown = vehicle.hydrodynamics, servable_motions(AXES, vehicle).flown
     if truth is None or "pitch" in flown or truth.added_mass[2] <= truth.added_mass[0]:

@@ -54,7 +54,24 @@ HEARD: tuple[Capability, ...] = ("rates", "field", "velocity", "depth", "altitud
 def commission_mock(
     vehicle_file: Path, mock: MockOptions, out: str | None, report: Report
 ) -> tuple[Findings, RunFolder]:
-    """Commission the mock vehicle in a stack of its own, recorded in a run folder."""
+    """Commission the mock vehicle in a stack of its own, recorded in a run folder.
+
+    Parameters
+    ----------
+    vehicle_file
+        To be proven.
+    mock
+        Seed, pace, faults and world of the mock.
+    out
+        Folder of the run; None: a new one below `runs`.
+    report
+        Gets a sentence for each step, and those of the stack.
+
+    Returns
+    -------
+    tuple[Findings, RunFolder]
+        What was found, and where its bag lies.
+    """
     vehicle = load_vehicle(vehicle_file)
     vehicle.output_channels()
     folder = make_run_folder(out, vehicle_file)
@@ -80,9 +97,30 @@ def commission_mock(
 def commission_beside(
     operator: Operator, vehicle: Vehicle, report: Report, *, arm: bool, over: Over = lambda: False
 ) -> Findings:
-    """Commission the vehicle of a running stack; with `arm` it is armed here, else its operator is waited for.
+    """Commission the vehicle of a running stack: first at rest and disarmed, then by pulses of its thrusters.
 
-    `over`: whether nothing more is to be begun, beside a Ctrl-C.
+    Parameters
+    ----------
+    operator
+        In the graph of the stack.
+    vehicle
+        File to be proven.
+    report
+        Gets a sentence for each step.
+    arm
+        Whether it is armed here; else its operator is waited for.
+    over
+        Whether nothing more is to be begun, beside a Ctrl-C.
+
+    Returns
+    -------
+    Findings
+        Also of a commissioning that ended early; `ended` then says why.
+
+    Raises
+    ------
+    HindraxError
+        Where the thrusters are armed already: no vehicle at rest.
     """
     work = Commissioning(vehicle)
     with _listening(operator, work):

@@ -65,9 +65,25 @@ def joined(
     tick: Callable[[], None] = lambda: None,
     beating: bool = True,
 ) -> Iterator[Operator]:
-    """Yield an operator in the graph of a stack, with its time known; `tick` is called between its spins.
+    """Yield an operator in the graph of a stack, with its time known.
 
-    `beating`: whether it sends the heartbeat of an operator.
+    Parameters
+    ----------
+    found
+        The stack; None: the graph of this terminal.
+    sim_time
+        Whether the time comes by /clock though no mock of ours is `found`.
+    namespace
+        Of the nodes, where no stack is `found`.
+    tick
+        Called between the operator's spins.
+    beating
+        Whether it sends the heartbeat of an operator.
+
+    Yields
+    ------
+    Operator
+        It follows a stack that restarts because the wall clock was set.
     """
     here = _graph_of_this_terminal() if found is None else environment_beside(found)
     with adopted(here):
@@ -113,10 +129,7 @@ def _report_search() -> None:
 
 
 def meant_stack(arguments: argparse.Namespace) -> StackLock | None:
-    """Pick the stack that an order is for, None when none is announced.
-
-    UsageError for the only stack if this terminal, by its domain or its clone, may mean another one.
-    """
+    """Pick the stack of an order; UsageError where this terminal, by its domain or its clone, may mean another one."""
     found = chosen_stack(arguments)
     if found is not None and arguments.stack is None:
         require_meant(found, os.environ)
@@ -152,7 +165,17 @@ def _terminal_graph(made: Mapping[str, str]) -> str:
 def operator_of(arguments: argparse.Namespace, *, moves: bool = True) -> Iterator[Operator]:
     """Yield an operator in the graph selected by the arguments of a command, and print which vehicle it is.
 
-    `moves`: whether the command may make a thruster turn, so that nothing but the meant vehicle will do.
+    Parameters
+    ----------
+    arguments
+        With `stack`, `sim_time` and `namespace`.
+    moves
+        Whether the command may make a thruster turn, so that nothing but the meant vehicle will do.
+
+    Yields
+    ------
+    Operator
+        With its time known; as of `joined`.
     """
     found = meant_stack(arguments) if moves else chosen_stack(arguments)
     announce_target(found, arguments)

@@ -50,9 +50,21 @@ QUALITY_OF_SERVICE = "qos_overrides."
 
 
 def check_parameters(tuning: ParameterOverrides, vehicle: Vehicle) -> None:
-    """Refuse a parameter that its node does not declare, and a value that it would not take, by UsageError.
+    """Refuse a parameter that its node does not declare, and a value that it would not take.
 
     What a file gives to every node (`/**`) is wrong only where no node knows it.
+
+    Parameters
+    ----------
+    tuning
+        Parameter file, single settings and namespace of the nodes.
+    vehicle
+        Whose sensors have nodes of their own.
+
+    Raises
+    ------
+    UsageError
+        Names node, parameter and the nearest that there is, or the range.
     """
     kinds = {**NODES, **{name: (driver_of(mount.device).knobs,) for name, mount in vehicle.sensors.items()}}
     known = {name for all_of in kinds.values() for kind in all_of for name in leaves(kind)} | {*TEXTS}

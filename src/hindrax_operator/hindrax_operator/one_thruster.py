@@ -39,9 +39,27 @@ ARMING_S = 60.0
 def run_one(
     thruster: str, force_N: float, seconds: float, vehicle_file: Path, *, mock: bool, pid: int | None = None
 ) -> str:
-    """Arm, run one thruster for some seconds, disarm; returns what was done in one sentence.
+    """Arm, run one thruster for some seconds, disarm.
 
-    It is one of the stack with this `pid`, without one of the only stack that is a mock or is none.
+    Parameters
+    ----------
+    thruster
+        Name in the vehicle file, or number from 1.
+    force_N : [N]
+        Along its x axis.
+    seconds : [s]
+        Of the vehicle's time.
+    vehicle_file
+        Whose curve gives the pulse.
+    mock
+        Whether it is one of a mock, which is started where none is up; else of the stack here, or on the graph.
+    pid
+        Process of the stack it belongs to; None: the only one of this kind.
+
+    Returns
+    -------
+    str
+        One sentence: applied pulses of this thruster and of the others.
     """
     vehicle = load_vehicle(vehicle_file)
     vehicle.output_channels()
@@ -66,9 +84,26 @@ def run_one(
 
 
 def pulses_of(vehicle: Vehicle, thruster: str, force_N: float) -> tuple[int, list[float]]:
-    """Index of a thruster, by name or number from 1, and the pulses of all that make its force alone [us].
+    """Return the pulses with which one thruster gives a force and the others rest.
 
-    UsageError when there is no such thruster, or it cannot give this force.
+    Parameters
+    ----------
+    vehicle
+        With the curves of all thrusters.
+    thruster
+        Name in the vehicle file, or number from 1.
+    force_N : [N]
+        Along its x axis.
+
+    Returns
+    -------
+    tuple[int, list[float]]
+        Index of the thruster, and the pulse of each [us].
+
+    Raises
+    ------
+    UsageError
+        Where there is no such thruster, or its curve does not reach this force, or has it in the dead band.
     """
     names = [one.name for one in vehicle.thrusters]
     index = names.index(thruster) if thruster in names else _numbered(thruster, names)

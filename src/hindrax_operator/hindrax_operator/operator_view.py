@@ -60,7 +60,17 @@ class OperatorLink(OperatorView, Protocol):
     """A view that can also give orders, each with a time-out that names what it waited for."""
 
     def wait(self, done: Callable[[], bool], seconds: float, what: Callable[[], str]) -> None:
-        """Wait until `done`; HindraxError with the sentence of `what` after this much wall time."""
+        """Wait until something is done.
+
+        Parameters
+        ----------
+        done
+            Looked at between the spins.
+        seconds : [s]
+            Of wall time; HindraxError after it.
+        what
+            What was waited for, for the sentence of the error.
+        """
 
     def arm(self, *, arm: bool = True, seconds: float = 30.0) -> None:
         """Arm or disarm, and wait until the thrusters report it."""
@@ -69,7 +79,20 @@ class OperatorLink(OperatorView, Protocol):
         """Fly to the end; why it was aborted, `NOTHING` when all was flown, and what an experiment has reached."""
 
     def awaited(self, look: Callable[[], T | None], seconds: float, what: Callable[[], str]) -> T:
-        """Wait until `look` finds something, and return it; HindraxError as `wait`."""
+        """Wait until something is found.
+
+        Parameters
+        ----------
+        look
+            None until it is found.
+        seconds, what
+            As of `wait`, with its HindraxError.
+
+        Returns
+        -------
+        T
+            What `look` found.
+        """
 
     def cancel(self) -> None:
         """Cancel what is being flown, if anything."""

@@ -118,7 +118,23 @@ Act: TypeAlias = Callable[[PoolOptions, "Operator", Progress], Refusal]
 
 
 def run_pool_test(options: PoolOptions) -> int:
-    """Fly, identify, print; 0 when all was flown and identified, with all thrusters; INTERRUPTED after Ctrl-C."""
+    """Fly, identify, print.
+
+    Parameters
+    ----------
+    options
+        Vehicle, motions, mock or real, and how the result is shown.
+
+    Returns
+    -------
+    int
+        0 when all was flown and identified, with all thrusters; INTERRUPTED after Ctrl-C.
+
+    Raises
+    ------
+    HindraxError
+        Where the record could not be identified; with why the flight ended.
+    """
     vehicle = load_vehicle(options.vehicle_file)
     vehicle.output_channels()
     servable = motions_to_fly(options.motions, vehicle)
@@ -212,7 +228,19 @@ def next_flight(options: PoolOptions) -> NextFlight:
 
 
 def finish(identified: Identified, folder: RunFolder, flight: FlownManeuver, following: NextFlight) -> None:
-    """Print how a run ended, its results, the next experiment, and where the report is: all on one screen."""
+    """Print the result, how the flight ended, what the next one can gain, and where the report is: all on one screen.
+
+    Parameters
+    ----------
+    identified
+        Results over the bag, and warnings.
+    folder
+        Of the run, with its report.
+    flight
+        Why it was aborted, if so, and what was left out.
+    following
+        Best next flight.
+    """
     from hindrax_analysis.identification.bag_identification import show  # noqa: PLC0415  # SciPy is loaded after the flight
     from hindrax_analysis.identification.verdict import show_next  # noqa: PLC0415  # as above
 
@@ -247,7 +275,21 @@ def _ends(identified: Identified, flight: FlownManeuver) -> list[str]:
 def fly(options: PoolOptions, folder: RunFolder, progress: Progress, act: Act | None = None) -> FlownManeuver:
     """Have a stack started, fly the motions, end it; the bag is closed and readable when this returns.
 
-    `act` is done with the armed stack in place of the motions; it returns why it was aborted.
+    Parameters
+    ----------
+    options
+        Vehicle, motions, mock or real, parameters of the nodes.
+    folder
+        Of the run; removed where the stack refuses to begin.
+    progress
+        Gets what happens.
+    act
+        Done with the armed stack in place of the motions; it returns why it was aborted.
+
+    Returns
+    -------
+    FlownManeuver
+        Why it was aborted, if so, and the ground truth of a mock.
     """
     mock, flight = options.mock, FlownManeuver()
     whole = [one.name for one in EVERY if options.without_record != CONTINUE or one is not RECORDER]
@@ -381,6 +423,15 @@ def await_steady_state(operator: Operator, reported: Mapping[str, str], progress
     """Give the state of the vehicle time to settle: a DVL locks, a noisy depth is learned, within seconds of a start.
 
     What is not settled by then, the guards refuse by name.
+
+    Parameters
+    ----------
+    operator
+        On its time the wait is `STEADY_S` at most.
+    reported
+        Trouble of each node, as `report_devices` keeps it.
+    progress
+        Is told that it waits, if it does.
     """
     begin, wall = operator.now(), time.monotonic()
 
@@ -407,7 +458,17 @@ def missing_solution(operator: OperatorView) -> str:
 
 
 def report_devices(operator: OperatorView, reported: dict[str, str], progress: Progress) -> None:
-    """One line when a device or node is up, and one for what it still waits for; `reported`: their last reports."""
+    """One line when a device or node is up, and one for what it still waits for.
+
+    Parameters
+    ----------
+    operator
+        With the last diagnostics.
+    reported
+        Trouble of each node as reported last; brought up to date.
+    progress
+        Gets the lines.
+    """
     now = troubles(operator)
     for name, trouble in now.items():
         if change := health_change(name, reported.get(name), trouble):
@@ -416,7 +477,17 @@ def report_devices(operator: OperatorView, reported: dict[str, str], progress: P
 
 
 def watch_thrusters(operator: OperatorView, told: set[str], progress: Progress) -> None:
-    """Say at once that the vehicle flies on without a thruster; `told`: what was said before."""
+    """Say at once that the vehicle flies on without a thruster.
+
+    Parameters
+    ----------
+    operator
+        With the last state of allocation and output.
+    told
+        Sentences that were said before; brought up to date.
+    progress
+        Gets the new ones.
+    """
     for sentence in left_out(operator):
         if sentence not in told:
             told.add(sentence)
@@ -424,7 +495,24 @@ def watch_thrusters(operator: OperatorView, told: set[str], progress: Progress) 
 
 
 def watch_record(operator: OperatorView, reported: dict[str, str], progress: Progress, without_record: str) -> None:
-    """Say at once that a flight is no longer recorded; HindraxError when it then is to end."""
+    """Say at once that a flight is no longer recorded.
+
+    Parameters
+    ----------
+    operator
+        With the last diagnostics of the recorder.
+    reported
+        Failure of the recorder as reported last; brought up to date.
+    progress
+        Gets a change.
+    without_record
+        What then happens: `ABORT`, or `CONTINUE`.
+
+    Raises
+    ------
+    HindraxError
+        Where the flight is to end by it; with the option that flies on.
+    """
     name = RECORDER.name
     status = operator.diagnostics.get(f"hindrax: {name}")
     failure = str(status.message) if status is not None and status.level == b"\x02" else ""

@@ -62,7 +62,17 @@ class Progress:
         navigation: Stamped[Navigation] | None,
         estimates: dict[str, Stamped[Estimate]],
     ) -> None:
-        """Show the state of the maneuver, at most five times a second."""
+        """Show the state of the maneuver, at most five times a second.
+
+        Parameters
+        ----------
+        maneuver
+            Last status; None before the first, and then nothing is shown.
+        navigation
+            Last state of the vehicle; None before the first.
+        estimates
+            Last estimate of each motion, by its name.
+        """
         if maneuver is None or time.monotonic() - self._shown < REFRESH_S:
             return
         self._shown = time.monotonic()
@@ -82,7 +92,22 @@ class Progress:
 def panel(
     maneuver: ManeuverStatus, navigation: Stamped[Navigation] | None, estimates: dict[str, Stamped[Estimate]]
 ) -> Table:
-    """The live view: maneuver, vehicle, estimates so far."""
+    """Make the live view: maneuver, vehicle, estimates so far.
+
+    Parameters
+    ----------
+    maneuver
+        Its motion, phase, force, velocity and remaining time.
+    navigation
+        State of the vehicle; None: its row is left out.
+    estimates
+        By motion, a row each.
+
+    Returns
+    -------
+    Table
+        For `rich`.
+    """
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     done = round(20 * min(1.0, max(0.0, maneuver.progress)))
     bar = "#" * done + "." * (20 - done)

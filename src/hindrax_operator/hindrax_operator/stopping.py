@@ -65,7 +65,22 @@ def _stop(groups: Sequence[Sequence[int]]) -> list[OutputStop]:
 
 
 def stop_over_ros(found: StackLock | None, *, sim_time: bool, namespace: str = NAMESPACE) -> list[str]:
-    """Disarm and cancel every maneuver, in the graph of a stack or of this terminal; a sentence for what failed."""
+    """Disarm and cancel every maneuver over ROS, in a process of its own that has a time limit.
+
+    Parameters
+    ----------
+    found
+        The stack whose graph is joined; None: that of this terminal.
+    sim_time
+        Whether the time comes by /clock.
+    namespace
+        Of the nodes, where no stack is `found`.
+
+    Returns
+    -------
+    list[str]
+        A sentence for each thing that failed.
+    """
     document = json.dumps({"stack": found and found.pid, "sim_time": sim_time, "namespace": namespace})
     words = [sys.executable, "-P", "-m", "hindrax_operator.stopping", document]
     try:

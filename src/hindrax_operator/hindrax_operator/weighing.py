@@ -31,7 +31,30 @@ def weigh_on(
     ask: Callable[[float], None],
     report: Callable[[str], None],
 ) -> list[Hold]:
-    """Holds with loads on an axis [N, Nm]; `ask` the operator for each load, who is `ready` when it hangs."""
+    """Hold the vehicle with one load after the other, and average the force that it takes.
+
+    Parameters
+    ----------
+    operator
+        Of an armed stack.
+    vehicle
+        Whose tilts are held too, where its thrusters serve them.
+    axis
+        That the loads act on, 0 (surge) to 5 (yaw).
+    loads : [N, N m]
+        In the order of their holds.
+    ready
+        Whether the load hangs.
+    ask
+        Asks for a load.
+    report
+        Gets a sentence for each step.
+
+    Returns
+    -------
+    list[Hold]
+        Means over `HOLD_S`, after `SETTLE_S`; one for each load.
+    """
     from hindrax_operator.nodes.orders import hold, until  # noqa: PLC0415  # rclpy reads the environment first
 
     served = servable_motions(AXES, vehicle).flown

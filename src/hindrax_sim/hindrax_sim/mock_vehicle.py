@@ -45,7 +45,22 @@ class Governor:
     worst_lag_s: float = 0.0
 
     def least_wall_s(self, step_s: float, now: Stamp, last_write: Stamp | None) -> float:
-        """Minimum wall time of the step from `now` [s]."""
+        """Minimum wall time of the next step: the pace, and slower while a thruster turns and its commands are late.
+
+        Parameters
+        ----------
+        step_s : [s]
+            Length of the step in the mock's time.
+        now
+            Time of the mock.
+        last_write
+            When the output was written last; None: never.
+
+        Returns
+        -------
+        float
+            [s].
+        """
         lag_s = seconds_between(last_write, now) if last_write is not None else DEAD_LAG_S
         held = self.turns and lag_s < DEAD_LAG_S
         if held:
@@ -150,9 +165,17 @@ class Ports:
         return Stamp(self.hardware.stamp + STEP_ns)
 
     def offer_file(self, make: Callable[[Transfer, Callable[[], Stamp]], FileT]) -> FileT:
-        """Offer the bus also as a file for third-party programs: `make` gets its transfers and the time of the mock.
+        """Offer the bus also as a file for third-party programs.
 
-        The caller closes it, before the mock.
+        Parameters
+        ----------
+        make
+            Gets transfers on the bus and the time of the mock, and makes the file.
+
+        Returns
+        -------
+        FileT
+            The caller closes it, before the mock.
         """
         file = make(self.hardware.i2c.transfer, WallTime(lambda: self.hardware.stamp).now)
         self._server.register(file.fileno(), file.serve)

@@ -66,7 +66,15 @@ class RecordedPart:
     _last: Transaction | None = None
 
     def add(self, stamp: int, asked: Transaction, answer: bytes) -> None:
-        """Append a transaction of the record."""
+        """Append a transaction of the record.
+
+        Parameters
+        ----------
+        stamp : [ns]
+            When it was answered.
+        asked, answer
+            Transaction, and the bytes read.
+        """
         for before in (None, *self.asked[-1:]):
             self._where.setdefault((before, asked), []).append(len(self.asked))
         self.stamps.append(stamp)

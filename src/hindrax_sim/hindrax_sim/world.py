@@ -140,7 +140,7 @@ class World:
             self.plant.drive(pulses)
 
     def fail_thruster(self, name: str, gain: float = 0.0) -> None:
-        """Fault: this thruster produces only a share of its thrust from now on."""
+        """Fault: this thruster produces only a share of its thrust from now on; ValueError for an unknown one."""
         known = [one.name for one in self.vehicle.thrusters]
         if name not in known:
             raise ValueError(f"thruster {name!r}: unknown, wanted one of {', '.join(known)}")
@@ -225,9 +225,17 @@ class World:
         return at.into_sensor((u + q * lz - r * ly, v + r * lx - p * lz, w + p * ly - q * lx))
 
     def travel(self, at: Mounting) -> tuple[Vec3, Vec3]:
-        """Angle turned [rad] and ground covered [m] since the start, in the sensor's axes, summed step by step.
+        """Angle turned and ground covered since the start, as a velocity sensor takes them: with its errors.
 
-        As a velocity sensor takes them: with its errors.
+        Parameters
+        ----------
+        at
+            Lever and axes of the sensor.
+
+        Returns
+        -------
+        tuple[Vec3, Vec3]
+            [rad] and [m], in the sensor's axes, summed step by step.
         """
         plant = self.plant
         travel = (plant.ax, plant.ay, plant.az), (plant.sx, plant.sy, plant.sz)
@@ -248,9 +256,19 @@ class World:
         return math.acos(min(1.0, max(-1.0, along[2])))
 
     def range_m(self, at: Mounting, half_beam_rad: float = 0.0) -> float | None:
-        """Distance to the floor along the sensor's z axis, or to the nearest point of it within a cone.
+        """Distance to the floor along the sensor's z axis, or to its nearest point within a cone. Walls are not seen.
 
-        None when the axis does not meet the floor. Walls are not seen.
+        Parameters
+        ----------
+        at
+            Lever and axes of the sensor.
+        half_beam_rad : [rad]
+            Half the angle of the cone.
+
+        Returns
+        -------
+        float | None
+            [m]; None when the axis does not meet the floor.
         """
         slant = max(0.0, self.tilt_rad(at) - half_beam_rad)
         return self.height_m(at) / math.cos(slant) if slant < 1.4 else None
@@ -259,6 +277,16 @@ class World:
         """Distance that a sonar finds: to the floor where it is mounted to look down, else to what it looks at.
 
         That is the nearest of walls, floor and surface, each as in `range_m`.
+
+        Parameters
+        ----------
+        at, half_beam_rad
+            As of `range_m`.
+
+        Returns
+        -------
+        float | None
+            [m]; None when it meets nothing steeply enough.
         """
         if at.into_body((0.0, 0.0, 1.0))[2] > WITHIN:
             return self.range_m(at, half_beam_rad)

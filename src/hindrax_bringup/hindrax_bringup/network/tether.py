@@ -123,7 +123,29 @@ def address_of(interface: str, interfaces: Path = INTERFACES) -> str:
 
 
 def wait_for_address(tether: Tether, seconds: float, over: Callable[[], bool], report: Callable[[str], None]) -> str:
-    """Return the tether's address once it has carrier; empty when `over` became true. HindraxError after `seconds`."""
+    """Wait until the interface of the tether has carrier and an address.
+
+    Parameters
+    ----------
+    tether
+        Whose interface is looked at, twice a second.
+    seconds : [s]
+        Longest wait; may be infinite.
+    over
+        Whether to give up without an error.
+    report
+        Is told why it still waits, once per reason.
+
+    Returns
+    -------
+    str
+        IPv4 address; empty when `over` became true.
+
+    Raises
+    ------
+    HindraxError
+        After `seconds`, with the last reason.
+    """
     deadline, reported = time.monotonic() + seconds, ""
     while not over():
         try:

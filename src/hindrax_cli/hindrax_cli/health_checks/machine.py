@@ -151,10 +151,24 @@ def _is_node(one: Running) -> bool:
 
 
 def leftovers(found: list[Running], user: int, place: str = "") -> Check:
-    """Our nodes whose parent has died: they hold ports, and may answer in the wrong graph.
+    """Find our nodes whose parent has died: they hold ports, and may answer in the wrong graph.
 
     A parent with number 1 is the system's, unless that is our own tool, as in a container. Whose stacks are announced
     elsewhere (another service, a test) is not ours to judge.
+
+    Parameters
+    ----------
+    found
+        All processes.
+    user
+        Whose are looked at.
+    place
+        Where their stacks are announced; empty: in the usual place.
+
+    Returns
+    -------
+    Check
+        With the command that ends them.
     """
     first = next((one.words for one in found if one.pid == 1), "")
     if any(word in first for word in LAUNCHERS):

@@ -40,7 +40,22 @@ class Status(Protocol):
 
 
 def stack(operator: Operator, vehicle: Vehicle, title: str) -> list[Check]:
-    """Collect diagnostics for a while, then check every expected node."""
+    """Collect diagnostics for a while, then check every expected node.
+
+    Parameters
+    ----------
+    operator
+        In the graph of the stack.
+    vehicle
+        Whose sensors have nodes.
+    title
+        Of the stack.
+
+    Returns
+    -------
+    list[Check]
+        As of `judged`.
+    """
     operator.pause(LISTEN_S)
     return judged(operator.diagnostics, (*vehicle.sensors, *NODES), title)
 
@@ -79,7 +94,22 @@ def clocks(ages_s: Sequence[float]) -> Check:
 
 
 def judged(diagnostics: Mapping[str, Status], wanted: Iterable[str], title: str) -> list[Check]:
-    """One check for the stack, one for each node."""
+    """Judge the diagnostics of a stack.
+
+    Parameters
+    ----------
+    diagnostics
+        Last status by name.
+    wanted
+        Nodes that should report.
+    title
+        Of the stack.
+
+    Returns
+    -------
+    list[Check]
+        One for the stack, one for each node.
+    """
     if not diagnostics:
         return [Check("stack", f"{title}, but no node reports", "restart it; its logs say why")]
     by_name = {name.removeprefix("hindrax: "): one for name, one in diagnostics.items()}

@@ -117,7 +117,22 @@ def _speed(file: Path) -> str:
 
 
 def devices(settings: Settings, instead: Ports, clock: str) -> list[Check]:
-    """Every sensor and the output: its identity and rate."""
+    """Ask every sensor and the output for their identity, and sensors for their rate.
+
+    Parameters
+    ----------
+    settings
+        Vehicle and output.
+    instead
+        Ports in the place of those of the vehicle file, by name.
+    clock
+        system, or that of a mock.
+
+    Returns
+    -------
+    list[Check]
+        One for each.
+    """
     vehicle, found = settings.vehicle, []
     output = instead.get("thrusters", settings.port)
     for name, mount in vehicle.sensors.items():

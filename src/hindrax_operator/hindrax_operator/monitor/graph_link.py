@@ -84,7 +84,24 @@ class GraphLink(threading.Thread):
         self._orders.put((lambda operator: _fly(operator, goal), on_done))
 
     def commission(self, vehicle: Vehicle, report: Report, found: Callable[[Findings], None], on_done: OnDone) -> None:
-        """Order a commissioning; it reports what it does, then what it `found`, and begins nothing after an end."""
+        """Order a commissioning of the vehicle; it begins nothing more after an end of the page.
+
+        Parameters
+        ----------
+        vehicle
+            File to be proven; its operator arms.
+        report
+            Gets a sentence for each step.
+        found
+            Gets the findings, also of one that ended early.
+        on_done
+            Gets the sentence of the outcome, and whether it is good.
+
+        Raises
+        ------
+        HindraxError
+            Within the order, so that `on_done` is told, when the commissioning ended early.
+        """
         self._ended.clear()
 
         def order(operator: Operator) -> str:

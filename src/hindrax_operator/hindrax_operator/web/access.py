@@ -29,7 +29,7 @@ class Access:
     token: str
 
     def check_place(self, hosts: Sequence[str], origins: Sequence[str]) -> None:
-        """Refuse a strange Host (a foreign name that resolves to this host: DNS rebinding) and a strange Origin."""
+        """Raise RefusedRequest for a strange Origin, or Host (a foreign name that resolves to us: DNS rebinding)."""
         if len(hosts) != 1 or hostname(hosts[0]) not in self.hosts:
             found = ", ".join(hosts) or "none"
             wanted = " or ".join(sorted(self.hosts))
@@ -38,7 +38,7 @@ class Access:
             raise RefusedRequest(HTTPStatus.FORBIDDEN, "Origin: found another page, wanted the one that is served here")
 
     def check_token(self, authorization: str | None) -> None:
-        """Refuse a request without the token, compared in constant time."""
+        """Raise RefusedRequest for a request without the token, compared in constant time."""
         given = (authorization or "").removeprefix(BEARER)
         if not hmac.compare_digest(given.encode(), self.token.encode()):
             wrong = "token: missing or wrong; open the address that `./hindrax web` printed"
@@ -73,9 +73,24 @@ def is_loopback(host: str) -> bool:
 
 
 def called_hosts(address: str, names: Sequence[str]) -> frozenset[str]:
-    """Names by which a browser may call a server at this address: those given, or else by the address itself.
+    """Names by which a browser may call a server at this address.
 
-    With names, the address may mean every interface, as in a container. UsageError for a name that is none.
+    Parameters
+    ----------
+    address
+        Which it listens at; with names it may mean every interface, as in a container.
+    names
+        Of this host, without a port; empty: only the address itself.
+
+    Returns
+    -------
+    frozenset[str]
+        In lower case.
+
+    Raises
+    ------
+    UsageError
+        For a name that is none.
     """
     for name in names:
         if not hostname(name) or hostname(name) != name.lower():

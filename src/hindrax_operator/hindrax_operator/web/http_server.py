@@ -193,7 +193,7 @@ class RequestHandler(HTTPMessageDelegate):
 
 
 def image_type(content: bytes) -> str:
-    """Return the type of a picture by its beginning; Refused for what is no picture, or a giant one."""
+    """Return the type of a picture by its beginning; RefusedRequest for what is no picture, or a giant one."""
     for begin, kind in IMAGES.items():
         if content.startswith(begin) and len(content) <= LARGEST_FRAME_bytes:
             return kind
@@ -205,7 +205,7 @@ def image_type(content: bytes) -> str:
 
 
 def check_body(headers: HTTPHeaders) -> None:
-    """Refuse a body that is not announced as short JSON, by its length."""
+    """Raise RefusedRequest for a body that is not announced as short JSON, by its length."""
     if headers.get("Content-Type", "").partition(";")[0].strip().lower() != JSON_TYPE:
         raise RefusedRequest(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, f"body: wanted {JSON_TYPE}")
     length = headers.get("Content-Length", "")

@@ -86,7 +86,7 @@ class PageController:
         return json.dumps({"number": found.number, "rows": found.rows, "lines": found.lines, "picture": found.picture})
 
     def frame(self, camera: str) -> CameraFrame | None:
-        """Return the last frame of a camera, None before its first; Refused for one that is not on the graph."""
+        """Return the last frame of a camera, None before its first; RefusedRequest for one that is not on the graph."""
         if camera not in self._vehicle.snapshot().cameras:
             raise RefusedRequest(HTTPStatus.NOT_FOUND, "camera: none of that name on the graph")
         return self._vehicle.frame(camera)
@@ -101,7 +101,7 @@ class PageController:
         return time.monotonic() - self._seen_s < VIEWER_LOST_S
 
     def order(self, name: str, words: Mapping[str, object]) -> None:
-        """Pass an order on; Refused where it may not be, or makes no sense. Its outcome is part of a later update."""
+        """Pass an order on, or raise RefusedRequest; its outcome is part of a later update."""
         if self.read_only:
             raise RefusedRequest(HTTPStatus.FORBIDDEN, f"{name}: this page is read-only (`./hindrax web --read-only`)")
         if name == "fly":
@@ -128,7 +128,7 @@ class PageController:
         )
 
     def _begin(self, name: str, *, armed: bool, wanted: str) -> None:
-        """Take an order that flies; Refused for a silent vehicle, in the other state, or while one is under way."""
+        """Take an order that flies; RefusedRequest for a silent vehicle, in another state, or while one flies."""
         view = self._vehicle.snapshot()
         if view.silent_s > SILENT_S:
             raise RefusedRequest(HTTPStatus.CONFLICT, f"{name}: the vehicle is silent; `./hindrax doctor` says why")
@@ -164,7 +164,7 @@ class PageController:
 
 
 def goal_of(words: Mapping[str, object]) -> Goal | ExperimentGoal:
-    """Read a goal from a request, of an experiment where it has `until` or `minutes`; Refused names an invalid key."""
+    """Read a goal, of an experiment where it has `until` or `minutes`; RefusedRequest names an invalid key."""
     experiment = "until" in words or "minutes" in words
     known = ("motions", *(("until", "minutes") if experiment else ("excitation", "seed")), "on_cancel")
     unknown = sorted(set(words) - set(known))

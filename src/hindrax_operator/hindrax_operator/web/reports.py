@@ -25,7 +25,11 @@ class Reports:
     def listed(self) -> Sequence[Mapping[str, object]]:
         """Name of every run with a bag or a report, and whether it has the report; the newest first.
 
-        The newest report comes with a row per motion: verdict, drag at the highest speed with its standard deviation.
+        Returns
+        -------
+        Sequence[Mapping[str, object]]
+            `name` and `report`; the newest with a report has `motions` too, a row for each: verdict, and drag at the
+            highest speed with its standard deviation.
         """
         found = [{"name": name, "report": file.is_file()} for name, file in self._files().items()]
         newest = next((one for one in found if one["report"]), None)
@@ -34,7 +38,7 @@ class Reports:
         return found
 
     def read(self, name: str) -> bytes:
-        """Return one report; Refused when there is none of this name, or it is no page of ours by its size."""
+        """Return one report; RefusedRequest when there is none of this name, or it is no page of ours by its size."""
         file = self._files().get(name)
         if file is None or not file.is_file():
             raise RefusedRequest(HTTPStatus.NOT_FOUND, f"report: none of that name in {self.runs.name}")

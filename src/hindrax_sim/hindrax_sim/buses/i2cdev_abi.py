@@ -38,7 +38,29 @@ SMBUS_DATA = struct.Struct("=BB2xIQ")
 
 
 def message(address: int, flags: int, length: int, data: Callable[[], bytes]) -> Read | Write:
-    """Return what one i2c_msg asks for; `data` takes what a write sends from the caller's buffer."""
+    """Return what one i2c_msg asks for (linux/i2c.h).
+
+    Parameters
+    ----------
+    address
+        7 bits.
+    flags
+        Only `I2C_M_RD` counts.
+    length
+        Bytes to read or write.
+    data
+        Takes what a write sends from the caller's buffer.
+
+    Returns
+    -------
+    Read | Write
+        For the virtual bus.
+
+    Raises
+    ------
+    OSError
+        EINVAL for a message that is longer than an adapter takes.
+    """
     if length > LONGEST_MESSAGE:
         raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
     return Read(address, length) if flags & I2C_M_RD else Write(address, data())
@@ -47,9 +69,28 @@ def message(address: int, flags: int, length: int, data: Callable[[], bytes]) ->
 def transact(
     transfer: Callable[[Transaction, Stamp], bytes], messages: Sequence[Read | Write], now: Stamp
 ) -> list[bytes | None]:
-    """Run the messages of one I2C_RDWR; returns per message the bytes read, or None for a write.
+    """Run the messages of one I2C_RDWR.
 
     A write that is followed by a read of the same address is one transaction with a repeated START.
+
+    Parameters
+    ----------
+    transfer
+        Runs one transaction at a time, as `VirtualI2c.transfer`.
+    messages
+        In their order.
+    now
+        Time of the mock.
+
+    Returns
+    -------
+    list[bytes | None]
+        For each message the bytes read, None for a write.
+
+    Raises
+    ------
+    OSError
+        EINVAL for none, or more than an adapter takes.
     """
     if not 0 < len(messages) <= MOST_MESSAGES:
         raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
@@ -68,9 +109,30 @@ def transact(
 
 
 def smbus(address: int, reads: bool, command: int, size: int, data: bytes) -> Transaction:
-    """Return the transaction of an SMBus request. `data` is the caller's union (34 bytes).
+    """Return the transaction of an SMBus request (I2C_SMBUS of i2c-dev).
 
-    OSError EOPNOTSUPP for block reads whose length the device sends: a plain I2C adapter cannot do them.
+    Parameters
+    ----------
+    address
+        7 bits.
+    reads
+        Direction.
+    command
+        First byte on the wire, but for a quick command.
+    size
+        Kind of transaction: `QUICK`, `BYTE_DATA`, `WORD_DATA` and so on.
+    data : 34 bytes
+        The caller's union i2c_smbus_data.
+
+    Returns
+    -------
+    Transaction
+        For the virtual bus.
+
+    Raises
+    ------
+    OSError
+        EOPNOTSUPP for block reads whose length the device sends: a plain I2C adapter cannot do them.
     """
     head = bytes([command])
     if size == QUICK:
@@ -111,14 +173,31 @@ _CALL = (ctypes.c_int, ctypes.POINTER(_Span), ctypes.c_ulong, ctypes.POINTER(_Sp
 
 
 def fetch(pid: int, address: int, count: int) -> bytes:
-    """Read bytes at an address of a process; OSError EFAULT for an invalid address."""
+    """Read bytes at an address of a process (process_vm_readv(2)).
+
+    Parameters
+    ----------
+    pid, address, count
+        Process, place in its memory, and number of bytes.
+
+    Returns
+    -------
+    bytes
+        All of them; OSError EFAULT for an invalid address.
+    """
     buffer = ctypes.create_string_buffer(count)
     _move("process_vm_readv", pid, buffer, address, count)
     return buffer.raw
 
 
 def store(pid: int, address: int, data: bytes) -> None:
-    """Write bytes at an address of a process; OSError EFAULT for an invalid address."""
+    """Write bytes at an address of a process (process_vm_writev(2)); OSError EFAULT for an invalid address.
+
+    Parameters
+    ----------
+    pid, address, data
+        Process, place in its memory, and what to write there.
+    """
     _move("process_vm_writev", pid, ctypes.create_string_buffer(data, len(data)), address, len(data))
 
 

@@ -31,18 +31,38 @@ class IoctlSeam:
         self.now = Stamp(0)
 
     def open(self, path: str, _flags: int) -> int:
-        """Open as the kernel would."""
+        """Open as the kernel would: OSError ENOENT for another path."""
         if path != self._path:
             raise OSError(errno.ENOENT, os.strerror(errno.ENOENT), path)
         return DESCRIPTOR
 
     def close(self, descriptor: int) -> None:
-        """Close as the kernel would."""
+        """Close as the kernel would: OSError EBADF for another descriptor."""
         if descriptor != DESCRIPTOR:
             raise OSError(errno.EBADF, os.strerror(errno.EBADF))
 
     def ioctl(self, descriptor: int, request: int, argument: Any) -> int:
-        """Serve I2C_FUNCS and I2C_RDWR on the caller's structures."""
+        """Serve I2C_FUNCS and I2C_RDWR on the caller's structures.
+
+        Parameters
+        ----------
+        descriptor
+            As of `open`.
+        request
+            Number of the ioctl.
+        argument
+            ctypes structure of the request; what is read is stored in its buffers.
+
+        Returns
+        -------
+        int
+            As of ioctl(2).
+
+        Raises
+        ------
+        OSError
+            EBADF for another descriptor, ENOTTY for another request.
+        """
         if descriptor != DESCRIPTOR:
             raise OSError(errno.EBADF, os.strerror(errno.EBADF))
         if request == I2C_FUNCS:

@@ -54,9 +54,19 @@ class BusServer:
         self._selector.register(self._listener, selectors.EVENT_READ, self._accept)
 
     def serve(self, now: Stamp, timeout_s: float = 0.0) -> int:
-        """Set the time, wake clients that are due, answer requests; wait for them at most `timeout_s`.
+        """Set the time, wake clients that are due, answer requests.
 
-        Returns the number of clients that sent something.
+        Parameters
+        ----------
+        now
+            Time of the mock.
+        timeout_s : [s]
+            Longest wait for requests, of wall time.
+
+        Returns
+        -------
+        int
+            Number of clients that sent something.
         """
         self._set_time(now)
         for client in list(self._clients):
@@ -75,6 +85,11 @@ class BusServer:
         """Names of clients that are awake and have slept before: time should wait for them.
 
         A client that never sleeps on this clock, such as a diagnostic tool, does not hold up time.
+
+        Returns
+        -------
+        list[str]
+            As they have introduced themselves.
         """
         return [client.name for client in self._clients if client.has_slept and client.until is None]
 

@@ -45,6 +45,11 @@ class Pty:
         """Send bytes to the far end. A full buffer was not read for seconds: its content is discarded.
 
         So the next program that opens the port starts with current data, as on a real port.
+
+        Parameters
+        ----------
+        data
+            Discarded too while the port is unplugged.
         """
         if self._ends is None:
             return
@@ -125,7 +130,7 @@ class TcpEnd:
         self.plug(in_place=True)
 
     def plug(self, *, in_place: bool) -> None:
-        """Plug in, or unplug: clients then lose their connection."""
+        """Plug in, or unplug: clients then lose their connection; HindraxError where the TCP port is taken."""
         if in_place and self._listener is None:
             try:
                 self._listener = socket.create_server((HERE, self._port))

@@ -12,7 +12,7 @@ class VirtualI2c:
         self._devices: dict[int, RegisterEmulator] = {}
 
     def attach(self, address: int, device: RegisterEmulator) -> None:
-        """Attach a device at an address."""
+        """Attach a device at an address; ValueError where another one is."""
         if address in self._devices:
             raise ValueError(f"address {address:#04x}: is taken by {self._devices[address]!r}")
         self._devices[address] = device

@@ -1,6 +1,15 @@
 """Conditions of the hull: what is true of it beside the vehicle file, each added by a function, of a size.
 
 And known loads [N] that an operator hangs on it to weigh its thrust.
+
+Parameters
+----------
+world
+    In the making; it gets the condition.
+size
+    In the unit of its row of `world_table`; behind "Size:" stands where a usual size comes from.
+draws
+    Random numbers of this condition, for what else is random in it.
 """
 
 import math

@@ -12,6 +12,16 @@ def known_coefficients(world: Realization) -> dict[str, dict[str, float]]:
 
     The constant force `b` is zero of a horizontal axis, and that of the trim in roll and pitch; but a tether pulls
     with a force that changes with the place, and no one number is true of both.
+
+    Parameters
+    ----------
+    world
+        With all its conditions.
+
+    Returns
+    -------
+    dict[str, dict[str, float]]
+        By motion and name, as k_q of surge; SI units.
     """
     return {
         motion: {

@@ -1,4 +1,14 @@
-"""Conditions of thrusters and battery. Each function adds one of them, of a size, to a world in the making."""
+"""Conditions of thrusters and battery. Each function adds one of them, of a size, to a world in the making.
+
+Parameters
+----------
+world
+    In the making; it gets the condition.
+size
+    In the unit of its row of `world_table`; behind "Size:" stands where a usual size comes from.
+draws
+    Random numbers of this condition, for what else is random in it.
+"""
 
 import heapq
 import math

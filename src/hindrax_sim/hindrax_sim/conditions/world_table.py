@@ -96,9 +96,19 @@ CONDITIONS: Mapping[str, Condition] = {row.name: row for row in _ROWS}
 
 
 def sizes_of(world: str, seed: int) -> dict[str, float]:
-    """Sizes of the conditions in the world of this text and seed, those of size 0 left out.
+    """Read a world: `ideal`, `pool`, or conditions by name, as `--world` has them.
 
-    UsageError names what is wrong with the text.
+    Parameters
+    ----------
+    world
+        Text of this form: `FORM`; UsageError names what is wrong with it.
+    seed
+        From which pool draws its sizes.
+
+    Returns
+    -------
+    dict[str, float]
+        Size of each condition in the unit of its row; those of size 0 are left out.
     """
     first, *rest = world.split(",")
     sizes: dict[str, float] = {}
@@ -127,7 +137,22 @@ def _named(text: str, world: str) -> tuple[str, float]:
 
 
 def realize(vehicle: Vehicle, sizes: Mapping[str, float], seed: int) -> Realization:
-    """The world in which a vehicle has these conditions; the seed fixes the rest of what is random in them."""
+    """Make the world in which a vehicle has these conditions.
+
+    Parameters
+    ----------
+    vehicle
+        As its file has it; the resistance of a supply that it declares is true in its mock.
+    sizes
+        Of conditions by name, in the units of their rows.
+    seed
+        Fixes what else is random in them, as a direction.
+
+    Returns
+    -------
+    Realization
+        True vehicle, and what acts on it and on its sensors.
+    """
     made = Realization(vehicle)
     if vehicle.supply_ohm is not None:  # what a file declares is the truth of its mock, and not drawn
         sizes = {**sizes, SUPPLY_RESISTANCE: vehicle.supply_ohm}

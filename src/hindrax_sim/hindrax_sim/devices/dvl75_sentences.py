@@ -65,14 +65,46 @@ class Track:
 
 
 def delta(end_us: int, span_us: int, moved_m: Vec3, turned_rad: Vec3, confidence: int) -> bytes:
-    """$DVPDL by the clock of the device. Page "$DVPDL: DVL Position and Angle Deltas Message"."""
+    """Make $DVPDL by the clock of the device. Page "$DVPDL: DVL Position and Angle Deltas Message".
+
+    Parameters
+    ----------
+    end_us, span_us : [us]
+        End of the interval, and its length.
+    moved_m, turned_rad : (3,) [m], [rad]
+        Ground covered and angle turned in it, in the axes of the device.
+    confidence : [%]
+        Zero without bottom lock.
+
+    Returns
+    -------
+    bytes
+        With checksum and line end.
+    """
     angles = "".join(f",{angle:.6f}" for angle in turned_rad)
     ways = "".join(f",{way:.3f}" for way in moved_m)
     return sentence(f"DVPDL,{end_us},{span_us}{angles}{ways},{confidence}")
 
 
 def extended(truth: DvlTruth, settings: DvlSettings, span_us: int, track: Track) -> bytes:
-    """$DVEXT with the empty field at its end. Page "$DVEXT: DVL Extended Data"."""
+    """Make $DVEXT with the empty field at its end. Page "$DVEXT: DVL Extended Data".
+
+    Parameters
+    ----------
+    truth
+        What the head senses.
+    settings
+        Declination, offset of the heading, calibration.
+    span_us : [us]
+        Since the sentence before.
+    track
+        Bottom lock, place by dead reckoning, and the noise of its velocities.
+
+    Returns
+    -------
+    bytes
+        With checksum and line end.
+    """
     locked = track.locked
     roll, pitch, heading = (math.degrees(angle) for angle in truth.attitude_rad)
     heading += settings.declination_deg + settings.heading_offset_deg
@@ -95,7 +127,22 @@ def kalman(sequence: int, span_us: int) -> bytes:
 
 
 def minimum(seconds: float, place_deg: tuple[float, float], fix: bool) -> bytes:
-    """$GPRMC of the place by dead reckoning, valid once a position was given. NMEA 0183, RMC."""
+    """Make $GPRMC of the place by dead reckoning. NMEA 0183, RMC.
+
+    Parameters
+    ----------
+    seconds : [s]
+        Time of the day.
+    place_deg : (2,) [deg]
+        Latitude and longitude, positive north and east.
+    fix
+        Whether a position was given to it, so that the sentence is valid.
+
+    Returns
+    -------
+    bytes
+        With checksum and line end.
+    """
     hours, minutes = divmod(int(seconds) // 60, 60)
     latitude, longitude = place_deg
     north = f"{_degrees_minutes(latitude, 2)},{'S' if latitude < 0.0 else 'N'}"
@@ -110,9 +157,19 @@ def _degrees_minutes(degrees: float, digits: int) -> str:
 
 
 def configuration(settings: DvlSettings) -> bytes:
-    """Answer to CONFIGURATION. Keys as on the page "$DVNVM" and in Cerulean's OmniTrack.
+    """Make the answer to CONFIGURATION. Keys as on the page "$DVNVM" and in Cerulean's OmniTrack.
 
     Neither has a key for the heading offset, nor one for the pool mode of a DVL-75.
+
+    Parameters
+    ----------
+    settings
+        Of the device now.
+
+    Returns
+    -------
+    bytes
+        A headline, then $DVNVM with a pair for each setting.
     """
     pairs = {
         "Model": "DVL-75",

@@ -46,7 +46,7 @@ class Part(Generic[TruthT]):
         self._truth = truth
 
     def power_cycle(self, now_s: float) -> None:
-        """Fault, and power-up: power is lost and comes back at once."""
+        """Fault, and power-up: power is lost and comes back at once; NotImplementedError of a part that cannot."""
         raise NotImplementedError
 
     def jump_clock(self, seconds: float) -> None:
@@ -90,7 +90,7 @@ class BusStuckError(OSError):
 
 
 def refuse(_count: int, _now_s: float) -> bytes:
-    """Refuse a read: no device answers."""
+    """Refuse a read by NackError: no device answers."""
     raise NackError
 
 

@@ -29,7 +29,7 @@ def thrusters_swapped(vehicle: Vehicle, target: str) -> Vehicle:
 
 
 def turned(angles_deg: Vec3) -> BuildFault:
-    """Return the fault that a sensor is mounted with these roll, pitch and yaw on top of those of the file."""
+    """Return the fault that a sensor is mounted with these angles more; it raises UsageError where there is none."""
 
     def turn(vehicle: Vehicle, target: str) -> Vehicle:
         mount = vehicle.sensors.get(target)

@@ -175,9 +175,24 @@ FAULTS: Mapping[str, FaultKind] = {kind.name: kind for kind in KINDS}
 
 
 def parse_fault(text: str, vehicle: Vehicle | None = None) -> FaultSpec:
-    """Parse a fault specification: of a vehicle, or of one with each kind of sensor under the name of its kind.
+    """Parse a fault specification, as `--fault` has it.
 
-    UsageError names the error and the known faults, and what a fault falls on.
+    Parameters
+    ----------
+    text
+        NAME[:DEVICE][@START][+SECONDS].
+    vehicle
+        Whose devices it may fall on; None: one with each kind of sensor under the name of its kind.
+
+    Returns
+    -------
+    FaultSpec
+        Without a device: of all that it can fall on.
+
+    Raises
+    ------
+    UsageError
+        Names the error and the known faults, or what a fault can fall on.
     """
     head, at, when = text.partition("@")
     name, colon, device = head.partition(":")
@@ -213,9 +228,23 @@ def _seconds(written: str, text: str) -> float:
 def with_faults(
     name: str, device: SerialEmulator, specs: Sequence[FaultSpec], seed: int = 0, start_s: float = 0.0
 ) -> SerialEmulator:
-    """Wrap the device `name` with the faults that apply to it; returns the device itself without faults.
+    """Wrap a device on a serial line with the faults that apply to it.
 
-    Times of the specifications count from `start_s` of the world's time.
+    Parameters
+    ----------
+    name, device
+        Name in the vehicle file, and its emulator.
+    specs
+        Of all faults.
+    seed
+        Of what is random in them.
+    start_s : [s]
+        Time of the world from which those of the specifications count.
+
+    Returns
+    -------
+    SerialEmulator
+        The device itself where none applies to it.
     """
     schedule = _schedule(name, specs, start_s, lambda kind, at: kind.make and kind.make(seed * 1009 + at))
     return line.FaultyLine(device, schedule) if schedule else device
@@ -224,13 +253,39 @@ def with_faults(
 def with_bus_faults(
     name: str, device: object, specs: Sequence[FaultSpec], seed: int = 0, start_s: float = 0.0
 ) -> Callable[[RegisterEmulator], RegisterEmulator]:
-    """Return what wraps every address of the I2C part `name` with its faults. Times count from `start_s`."""
+    """Return what wraps every address of an I2C part with its faults.
+
+    Parameters
+    ----------
+    name, device
+        Name in the vehicle file, and its emulator.
+    specs, seed, start_s
+        As of `with_faults`.
+
+    Returns
+    -------
+    Callable[[RegisterEmulator], RegisterEmulator]
+        From the emulator of one address to that with faults; all addresses share their schedule.
+    """
     schedule = _schedule(name, specs, start_s, lambda kind, at: kind.on_bus and kind.on_bus(seed * 1009 + at))
     return partial(bus.FaultyPort, device, FaultSchedule(schedule))
 
 
 def fault_injector(world: World, specs: Sequence[FaultSpec], start_s: float = 0.0) -> Callable[[float], None]:
-    """Return what starts and ends the faults of vehicle and water, by time. Times count from `start_s`."""
+    """Return what starts and ends the faults of vehicle and water.
+
+    Parameters
+    ----------
+    world
+        Changed by them.
+    specs, start_s
+        As of `with_faults`.
+
+    Returns
+    -------
+    Callable[[float], None]
+        To be called with the time of the world [s] as it passes.
+    """
     acting = [(spec, FAULTS[spec.name].on_world) for spec in specs]
     schedule = FaultSchedule(
         [_scheduled((fault, one), spec, start_s) for spec, fault in acting if fault for one in spec.devices]
@@ -253,7 +308,20 @@ def as_built(vehicle: Vehicle, specs: Sequence[FaultSpec]) -> Vehicle:
 
 
 def altered_truth(name: str, specs: Sequence[FaultSpec], start_s: float = 0.0) -> Callable[[object, float], object]:
-    """Return the truth as the device `name` senses it, from the truth and the time. Times count from `start_s`."""
+    """Return what makes of the truth that which a device senses.
+
+    Parameters
+    ----------
+    name
+        In the vehicle file.
+    specs, start_s
+        As of `with_faults`.
+
+    Returns
+    -------
+    Callable[[object, float], object]
+        From truth and time of the world [s] to the truth of the same kind with the faults of that time.
+    """
     schedule = FaultSchedule(_schedule(name, specs, start_s, lambda kind, _at: kind.on_truth))
     before: dict[truth.SensorFault, tuple[object, float]] = {}
 

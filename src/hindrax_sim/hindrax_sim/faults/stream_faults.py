@@ -41,9 +41,21 @@ class StreamFault:
         self._transmit, self._receive = transmit, receive
 
     def outgoing(self, data: bytes, _now_s: float) -> list[bytes]:
-        """Return the chunks of the device's bytes that reach the host.
+        """Pass on bytes of the device.
 
         Called without data as time passes, and once with infinite time at the end, to return held bytes.
+
+        Parameters
+        ----------
+        data
+            What the device has sent.
+        _now_s : [s]
+            Time of the mock.
+
+        Returns
+        -------
+        list[bytes]
+            Chunks that reach the host now.
         """
         return self._transmit(self._random, data) if data else []
 

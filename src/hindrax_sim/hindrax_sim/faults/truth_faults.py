@@ -1,4 +1,21 @@
-"""Faults of vehicle and water, and devices that lie: their data is plausible, and what they measure is not true."""
+"""Faults of vehicle and water, and devices that lie: their data is plausible, and what they measure is not true.
+
+Parameters
+----------
+world, target, on
+    Of a fault of vehicle or water: changed in place; name of the thruster or device; whether the fault begins or ends.
+truth
+    Of a device that lies: what it would sense without this fault.
+was
+    What it sensed the time before, with the fault; `truth` at the first.
+dt_s : [s]
+    Time since then.
+
+Returns
+-------
+Truth of the same kind
+    Of a device that lies: what it senses.
+"""
 
 import math
 from collections.abc import Callable

@@ -36,9 +36,19 @@ class Failsafe:
         self._received = True
 
     def arm(self, now_ms: int) -> str:
-        """Arm, or return why not.
+        """Arm, unless something may move by it.
 
         The speed controllers must have seen neutral, and overrides must be fresh and neutral: arming moves nothing.
+
+        Parameters
+        ----------
+        now_ms : [ms]
+            Of the board's clock.
+
+        Returns
+        -------
+        str
+            Why it does not arm; empty when it does, or was armed.
         """
         if self.armed:
             return ""

@@ -39,7 +39,20 @@ def _add(crc: int, byte: int) -> int:
 
 
 def frame(message: int, payload: bytes, sequence: int, system: int, component: int) -> bytes:
-    """Encode a frame; trailing zeros of the payload are omitted, as MAVLink 2 requires."""
+    """Encode a frame; trailing zeros of the payload are omitted, as MAVLink 2 requires.
+
+    Parameters
+    ----------
+    message, payload
+        Number, and fields in the order of the wire.
+    sequence, system, component
+        Of the sender.
+
+    Returns
+    -------
+    bytes
+        From the start byte to the checksum.
+    """
     length = len(payload)
     while length > 1 and payload[length - 1] == 0:
         length -= 1

@@ -47,7 +47,18 @@ class CommissioningPilot:
         self._began = False
 
     def step(self, navigation: Stamped[Navigation], became: Allocation | None, *, armed: bool) -> LockstepCommand:
-        """Decide on the next order."""
+        """Decide on the next order: first rest, then one goal of pulses after the other.
+
+        Parameters
+        ----------
+        navigation, became, armed
+            As of `LockstepPilot.step`.
+
+        Returns
+        -------
+        LockstepCommand
+            Wrench or forces, and whether it should be armed.
+        """
         stamp = navigation.stamp
         self._first = self._first or stamp
         flight = self.pilot.step(navigation.reading, stamp, became, armed=armed)
@@ -104,7 +115,28 @@ def fly_commissioning(
     built: Vehicle | None = None,
     by_bytes: bool = False,
 ) -> CommissioningFlight:
-    """Commission a vehicle file; `built`: the vehicle as it is, with these faults on top."""
+    """Commission a vehicle file in lock-step.
+
+    Parameters
+    ----------
+    vehicle
+        Whose file is to be proven.
+    seed
+        Of noise, and of what is random in world and faults.
+    world
+        As of `--world`.
+    faults
+        On top of it.
+    built
+        The vehicle as it is; None: as its file.
+    by_bytes
+        Whether all goes through drivers and emulators; it takes ten times as long.
+
+    Returns
+    -------
+    CommissioningFlight
+        Findings, time and the largest tilt.
+    """
     vehicle = calibrated(vehicle)
     pilot = CommissioningPilot(vehicle)
     step = Lockstep(

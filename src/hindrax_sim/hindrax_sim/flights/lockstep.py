@@ -52,7 +52,22 @@ class LockstepPilot(Protocol):
     """Flies the vehicle: one command per Navigation."""
 
     def step(self, navigation: Stamped[Navigation], became: Allocation | None, *, armed: bool) -> LockstepCommand:
-        """Return the next command from the state, the result of the last wrench, and the output guard's state."""
+        """Return the next command.
+
+        Parameters
+        ----------
+        navigation
+            State of the vehicle.
+        became
+            What the allocation has made of the last wrench; None before the first.
+        armed
+            Whether the output guard lets pulses through.
+
+        Returns
+        -------
+        LockstepCommand
+            Wrench or forces [N, N m], phase, and whether it should be armed.
+        """
 
 
 class LockstepOutput(Protocol):
@@ -97,7 +112,22 @@ class Onboard:
         return self._state.reason
 
     def on_reading(self, source: str, reading: Stamped[Reading], now: Stamp) -> list[Event]:
-        """Process one reading; return the resulting events."""
+        """Process one reading: navigate, judge the state, ask the pilot, allocate, and let the identification learn.
+
+        Parameters
+        ----------
+        source
+            Name of the sensor in the vehicle file.
+        reading
+            With the time at which it was valid.
+        now
+            Time of the output.
+
+        Returns
+        -------
+        list[Event]
+            What came of it, in the order in which it came.
+        """
         events: list[Event] = []
         if isinstance(reading.reading, BottomVelocity | Pressure):
             self._learn(Stamped(reading.stamp, reading.reading), events)

@@ -15,7 +15,22 @@ from hindrax_sim.hardware import THRUSTERS, Hardware
 
 
 def transfer(hardware: Hardware, now: Stamp, transaction: Transaction) -> bytes:
-    """Transfer on the virtual bus; DeviceError as on a real one."""
+    """Transfer on the virtual bus; DeviceError as on a real one.
+
+    Parameters
+    ----------
+    hardware
+        With the bus.
+    now
+        Time of the mock.
+    transaction
+        To run.
+
+    Returns
+    -------
+    bytes
+        What was read.
+    """
     try:
         return hardware.i2c.transfer(transaction, now)
     except OSError as error:

@@ -74,11 +74,35 @@ def fly(
     listen: Callable[[Stamped[IdentEvent]], None] = lambda _event: None,
     by_bytes: bool = False,
 ) -> PoolFlight:
-    """Fly a goal with the modeled vehicle; `world` as for `--world`, its random sizes are drawn by the same seed.
+    """Fly a goal with the modeled vehicle, in lock-step.
 
-    `by_bytes`: through every driver and emulator, an emulated ArduSub too; it takes ten times as long.
+    Parameters
+    ----------
+    motions
+        In the order in which they are flown.
+    seed
+        Of noise and excitation; what is random in the world is drawn by it too.
+    world
+        As of `--world`.
+    vehicle
+        The truth, and what the stack knows.
+    excitation
+        Of the goal.
+    knobs
+        Of the pilot; None: defaults.
+    watch
+        Gets world and maneuver at each state while a goal is under way.
+    aim
+        With one, the identification chooses what is flown until it is reached.
+    listen
+        Gets every event that the identification gets.
+    by_bytes
+        Whether all goes through drivers and emulators, an emulated ArduSub too; it takes ten times as long.
 
-    With an aim, the identification chooses what is flown. `listen` gets every event that the identification gets.
+    Returns
+    -------
+    PoolFlight
+        World at the end, identification, why it was aborted, and plans.
     """
     vehicle = calibrated(vehicle)
     session = _Heard(vehicle, listen)
@@ -158,7 +182,18 @@ class GoalPilot:
         self._disabled: frozenset[str] = frozenset()
 
     def step(self, navigation: Stamped[Navigation], became: Allocation | None, *, armed: bool) -> LockstepCommand:
-        """Decide on the next order."""
+        """Decide on the next order: disable what is suspected, and begin the next goal when one is done.
+
+        Parameters
+        ----------
+        navigation, became, armed
+            As of `LockstepPilot.step`.
+
+        Returns
+        -------
+        LockstepCommand
+            Finished when no goal follows, or the guards refuse for `PATIENCE_S`.
+        """
         stamp = navigation.stamp
         if self._started_at is not None and seconds_between(self._started_at, stamp) >= self._cancel_at_s:
             self.pilot.cancel()

@@ -100,8 +100,19 @@ def rehearse(
 ) -> Rehearsal:
     """Fly motions in lock-step with the vehicle file as the truth; UsageError when they cannot be flown.
 
-    `report`: called with how far it is, once per `REPORT_S` of the vehicle. A vehicle without hydrodynamics is given
-    those that its plans suppose.
+    Parameters
+    ----------
+    motions, seed, world, excitation, aim
+        As of `pool_flight.fly`.
+    vehicle
+        One without hydrodynamics is given those that its plans suppose.
+    report
+        Told how far it is, once per `REPORT_S` of the vehicle.
+
+    Returns
+    -------
+    Rehearsal
+        For each motion its time, the nearest wall and floor and the charge; and what would be learned.
     """
     if vehicle.hydrodynamics is None:
         vehicle = replace(vehicle, hydrodynamics=guessed(vehicle))

@@ -182,7 +182,22 @@ Rates and latencies are those of ICM-20948, MS5837, Ping, DVL-75 and INA226: of 
 
 
 def sensors(world: World, noise: SensorNoise, seed: int) -> list[SensorModel]:
-    """Models of all that the sensors of the vehicle file measure, as far as there is one."""
+    """Make models of all that the sensors of the vehicle file measure, as far as there is one.
+
+    Parameters
+    ----------
+    world
+        That they sense, through the mounts of the true vehicle.
+    noise
+        Standard deviations.
+    seed
+        Of their draws, each with its own.
+
+    Returns
+    -------
+    list[SensorModel]
+        One for each quantity of each sensor.
+    """
     return [
         SensorModel(
             *(source, round(NS_PER_S / rate_Hz), round(NS_PER_S * latency_s)),

@@ -67,7 +67,18 @@ class StepPilot:
         self.errors: list[tuple[float, float]] = []
 
     def step(self, navigation: Stamped[Navigation], became: Allocation | None, *, armed: bool) -> LockstepCommand:
-        """Hold; the setpoints change once."""
+        """Hold; the setpoints change once.
+
+        Parameters
+        ----------
+        navigation, became, armed
+            As of `LockstepPilot.step`.
+
+        Returns
+        -------
+        LockstepCommand
+            Wrench of holds and station keeping.
+        """
         self._first = self._first or navigation
         time_s, state = seconds_between(self._first.stamp, navigation.stamp), navigation.reading
         place = self._box.place(state)
@@ -121,7 +132,26 @@ def step_flight(
     world: str = IDEAL,
     seed: int = SEED,
 ) -> StepOutcome:
-    """Fly a step with the true vehicle; gains are those of the model and the knobs."""
+    """Fly a step of the setpoints with the true vehicle.
+
+    Parameters
+    ----------
+    vehicle
+        The truth.
+    model
+        What the pilot takes for it; the gains are made of this one.
+    step
+        Which setpoints change, and by how much.
+    holds, station
+        Knobs; None: defaults.
+    world, seed
+        As of `pool_flight.fly`.
+
+    Returns
+    -------
+    StepOutcome
+        Time until the error stays within its band, and what remains of it.
+    """
     pilot = StepPilot(calibrated(model), step, holds, station)
     conditions = Conditions(sizes=sizes_of(world, seed))
     for _ in Lockstep(calibrated(vehicle), pilot, seed, conditions=conditions).run(READY_S + STEP_S + EACH_S):

@@ -35,7 +35,18 @@ class WeighingPilot:
         """When a measurement begins and ends, and the share of the load that hangs."""
 
     def step(self, navigation: Stamped[Navigation], became: Allocation | None, *, armed: bool) -> LockstepCommand:
-        """Decide on the next order."""
+        """Decide on the next order: hold everything, and change the load when its time is over.
+
+        Parameters
+        ----------
+        navigation, became, armed
+            As of `LockstepPilot.step`.
+
+        Returns
+        -------
+        LockstepCommand
+            Finished after the last load.
+        """
         stamp = navigation.stamp
         self._first = self._first or stamp
         flight = self.pilot.step(navigation.reading, stamp, became, armed=armed)
@@ -68,7 +79,26 @@ class WeighingFlight:
 
 
 def fly_weighing(vehicle: Vehicle, axis: int, world: str, seed: int, shares: Sequence[float]) -> WeighingFlight:
-    """Fly a known-weight test in a world with one known load, of which these shares hang one after the other."""
+    """Fly a known-weight test in a world with one known load.
+
+    Parameters
+    ----------
+    vehicle
+        The truth, and what the stack knows.
+    axis
+        That is weighed, 0 (surge) to 5 (yaw).
+    world
+        As of `--world`, with just one known load.
+    seed
+        Of noise and world.
+    shares
+        Of the load, which hang one after the other.
+
+    Returns
+    -------
+    WeighingFlight
+        Events for the identification, and for each share the span of its hold and its load [N, N m].
+    """
     vehicle = calibrated(vehicle)
     pilot = WeighingPilot(vehicle, shares)
     step = Lockstep(vehicle, pilot, seed, conditions=Conditions(sizes=sizes_of(world, seed)))

@@ -48,9 +48,19 @@ class FollowedPlant(Plant):
         super().__init__(vehicle, influences, losses)
 
     def follow(self, sample: Sample) -> None:
-        """Take one more sample; ValueError when it is no state, or of an earlier time than the last one.
+        """Take one more sample of another simulator.
 
         One of the same time is dropped: a simulator that is paused may go on saying so.
+
+        Parameters
+        ----------
+        sample
+            State at a time of the simulator's clock.
+
+        Raises
+        ------
+        ValueError
+            Where it is no state, or of an earlier time than the last one.
         """
         if not all(map(math.isfinite, (sample.time_s, *sample.position_m, *sample.attitude, *sample.velocity))):
             raise ValueError("found a state with a number that is none")

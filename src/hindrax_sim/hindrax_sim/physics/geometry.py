@@ -10,7 +10,20 @@ from hindrax_core.readings import Quaternion, Vec3, Vec6
 
 
 def plus(a: Vec3, b: Vec3, share: float = 1.0) -> Vec3:
-    """Sum of a vector and a share of another."""
+    """Sum of a vector and a share of another.
+
+    Parameters
+    ----------
+    a, b : (3,)
+        In the same axes and unit.
+    share
+        Factor of `b`.
+
+    Returns
+    -------
+    Vec3
+        a + share b.
+    """
     return (a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2])
 
 

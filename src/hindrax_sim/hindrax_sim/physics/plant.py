@@ -298,9 +298,27 @@ def truth_of(vehicle: Vehicle) -> Hydrodynamics:
 
 
 def coupling(inertia: Vec6, hydrodynamics: Hydrodynamics) -> Accelerations | None:
-    """Accelerations of forces and velocities with off-diagonal added mass; None where there is none.
+    """Accelerations of forces and velocities with off-diagonal added mass.
 
     Its symmetric part makes momenta (Fossen 2011, property 6.2), all of it resists; see Xu, Ma, Han 2017.
+
+    Parameters
+    ----------
+    inertia : (6,) [kg, kg m^2]
+        Body and added mass of each axis.
+    hydrodynamics
+        With `added_mass_cross`, (6, 6), zero on its diagonal.
+
+    Returns
+    -------
+    Accelerations | None
+        From forces (6,) [N, N m] and velocities (6,) [m/s, rad/s] to accelerations (6,) [m/s^2, rad/s^2], in body axes;
+        None without such a mass.
+
+    Raises
+    ------
+    UsageError
+        For another shape, or masses with which the kinetic energy can be negative.
     """
     if not hydrodynamics.added_mass_cross:
         return None

@@ -26,10 +26,24 @@ def thruster_A(force_N: float) -> float:
 
 
 def steady_force(curve: Curve, pulse_us: float, supply_V: float) -> float:
-    """Force [N] that a thruster settles at. COB-2023-1394 eq. 1, scaled by a power of the supply voltage; or a table.
+    """Force that a thruster settles at. COB-2023-1394 eq. 1, scaled by a power of the supply voltage; or a table.
 
     Inside the dead band the force is zero, and rises evenly from there to a branch that begins later; beyond a branch
     it is that of the end. Without a positive branch the negative one is mirrored about the stop pulse.
+
+    Parameters
+    ----------
+    curve
+        Of the thruster type.
+    pulse_us : [us]
+        Of a thruster that is not reversed.
+    supply_V : [V]
+        At its speed controller.
+
+    Returns
+    -------
+    float
+        [N], along its own x axis.
     """
     if curve.table is not None:
         return _table_force(curve.table, pulse_us, supply_V, curve.supply_exponent)
@@ -54,7 +68,22 @@ def _table_force(table: ThrustTable, pulse_us: float, supply_V: float, exponent:
 
 
 def thruster_force(vehicle: Vehicle, thruster: Thruster, pulse_us: float, supply_V: float) -> float:
-    """Steady force along the thruster's own direction; a pulse of zero is no signal, and the ESC stops."""
+    """Steady force of one thruster of a vehicle.
+
+    Parameters
+    ----------
+    vehicle, thruster
+        Whose curve counts, and which one; where it is reversed, its pulses are mirrored.
+    pulse_us : [us]
+        On the wire; zero is no signal, and the speed controller stops.
+    supply_V : [V]
+        At its speed controller.
+
+    Returns
+    -------
+    float
+        [N], along `thruster.direction`.
+    """
     curve = vehicle.curves[thruster.curve]
     if pulse_us <= 0.0:
         return 0.0

@@ -146,7 +146,17 @@ def plotted(arguments: argparse.Namespace) -> int:
 
 
 def draw(lines: Sequence[FieldSeries], out: Path, title: str) -> None:
-    """Save one panel per series over a common time axis."""
+    """Save one panel per series over a common time axis.
+
+    Parameters
+    ----------
+    lines
+        Series with their names and units.
+    out
+        File, whose suffix names the format.
+    title
+        Above the panels.
+    """
     from matplotlib.figure import Figure  # noqa: PLC0415  # slow to import, and only needed here
 
     figure = Figure(figsize=(9.0, 1.0 + 2.2 * len(lines)), layout="constrained")

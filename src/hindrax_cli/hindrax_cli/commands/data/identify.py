@@ -95,7 +95,7 @@ def add_selection(parser: argparse.ArgumentParser) -> None:
 
 
 def opened(arguments: argparse.Namespace) -> tuple[Vehicle | None, list[RecordSource], IdentificationTask]:
-    """The vehicle that is named, the records, and the axes and part of them that were asked for."""
+    """The vehicle that is named, the records, and the axes and part asked for; UsageError for an empty part."""
     if not arguments.to_s > arguments.from_s:
         raise UsageError(f"--to {arguments.to_s:g}: wanted more than --from {arguments.from_s:g}")
     topics = TopicSelection(arguments.odometry, arguments.wrench, arguments.frame)

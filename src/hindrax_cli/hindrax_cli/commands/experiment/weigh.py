@@ -105,7 +105,22 @@ def _holds(arguments: argparse.Namespace, vehicle: Vehicle, axis: int) -> list[H
 
 
 def check_load(vehicle: Vehicle, axis: str, weight_N: float, lever_m: float) -> None:
-    """UsageError for a load that would pull the vehicle away."""
+    """Refuse a load that would pull the vehicle away.
+
+    Parameters
+    ----------
+    vehicle
+        Whose thrusters hold against it.
+    axis
+        That it acts on, by name.
+    weight_N, lever_m : [N], [m]
+        Load, and its lever where the axis is yaw, else 1.
+
+    Raises
+    ------
+    UsageError
+        Names the largest force or moment of the thrusters.
+    """
     load, most, unit = weight_N * lever_m, largest_wrench(vehicle)[axis], "N m" if axis == "yaw" else "N"
     if load >= most:
         raise UsageError(
@@ -125,7 +140,17 @@ def _guided(arguments: argparse.Namespace, vehicle: Vehicle, axis: int, loads: S
 
 
 def ask_for_load(axis: str, weight_N: float, load: float) -> None:
-    """Tell a person what to hang on the vehicle, for a load with the axis [N, Nm]."""
+    """Tell a person what to hang on the vehicle.
+
+    Parameters
+    ----------
+    axis
+        That is weighed.
+    weight_N : [N]
+        Of the load in the water.
+    load : [N, N m]
+        With the axis; negative: the other way round, 0: nothing.
+    """
     _forget_what_was_typed()
     what = "nothing but its tether" if load == 0.0 else f"{weight_N:g} N: {ACTS[axis][load < 0.0]}"
     print_stderr(f"on the vehicle: {what}. Let it go gently, then press Enter")
@@ -144,7 +169,7 @@ def _forget_what_was_typed() -> None:
 
 
 def entered() -> bool:
-    """Whether a line was entered; it does not block, because the heartbeat of the operator must continue."""
+    """Whether a line was entered, without waiting: heartbeats must continue; HindraxError at the end of the input."""
     if not select.select([sys.stdin], [], [], 0.0)[0]:
         return False
     if not sys.stdin.readline():

@@ -79,7 +79,22 @@ class _Beside:
 
 
 def good(name: str, command: list[str], root: Path) -> bool:
-    """Run one check to its end, and print its result."""
+    """Run one check to its end, and print its result.
+
+    Parameters
+    ----------
+    name
+        In the headings.
+    command
+        Words of the process.
+    root
+        Folder in which it runs.
+
+    Returns
+    -------
+    bool
+        Whether its code was 0.
+    """
     begin = time.monotonic()
     print_fitted(f"== {name}")
     code = code_of(subprocess.Popen(command, cwd=root, stdin=subprocess.DEVNULL))  # noqa: S603  # our own commands

@@ -104,7 +104,26 @@ def print_sessions(document: Document) -> None:
 
 
 def trial(seed: int, motions: tuple[str, ...], excitation: str, vehicle_file: str, world: str) -> Trial:
-    """Fly one pool test in lock-step and compare its results with the truth."""
+    """Fly one pool test in lock-step and compare its results with the truth.
+
+    Parameters
+    ----------
+    seed
+        Of noise, excitation and world.
+    motions
+        In the order in which they are flown.
+    excitation
+        Of the goal.
+    vehicle_file
+        Truth, and what the stack knows.
+    world
+        As of `--world`.
+
+    Returns
+    -------
+    Trial
+        Errors and standard deviations by coefficient, and the Cramer-Rao bound.
+    """
     flight = fly(motions, seed, world, vehicle=load_vehicle(vehicle_file), excitation=excitation)
     thrust_s = flight.world.conditions.thrust_density_s
     hull = flight.truth, flight.drag_N
@@ -219,7 +238,19 @@ def faults(arguments: argparse.Namespace) -> int:
 
 
 def print_faults(title: str, table: Any, cells: Sequence[Any], violated: Sequence[str]) -> None:
-    """Print the tables, and what must never be and was; on a screen that is too short a row for each that failed."""
+    """Print the tables, and what must never be and was; on a screen that is too short a row for each that failed.
+
+    Parameters
+    ----------
+    title
+        Before that of each table.
+    table
+        Module of the kind of faults, with its rows and headings.
+    cells
+        One for each flight.
+    violated
+        Sentences of what must never be.
+    """
 
     def way(show: Callable[[], None]) -> None:
         show()

@@ -65,7 +65,20 @@ def imu(arguments: argparse.Namespace) -> int:
 
 
 def live(port: str, mount: Mount, seconds: float) -> tuple[list[Vec3], list[Vec3]]:
-    """Raw forces while turning slowly, and raw fields, captured from the sensor itself."""
+    """Capture raw forces while the vehicle turns slowly, and raw fields, from the sensor itself.
+
+    Parameters
+    ----------
+    port, mount
+        Bus, and address of the sensor.
+    seconds : [s]
+        Of turning.
+
+    Returns
+    -------
+    tuple[list[Vec3], list[Vec3]]
+        Specific forces [m/s^2] and fields [T], in the axes of the chip.
+    """
     task = f"turn the vehicle slowly about each axis, all the way round: {seconds:g} s"
     prompt = partial(print_stderr, task)
     sensor = Icm20948(Icm20948Knobs(), mount.address)
@@ -76,7 +89,20 @@ def live(port: str, mount: Mount, seconds: float) -> tuple[list[Vec3], list[Vec3
 
 
 def from_bag(bag: str, name: str, mount: Mount) -> tuple[list[Vec3], list[Vec3]]:
-    """Forces while turning slowly, and fields, as they were recorded: corrected by the vehicle file of that time."""
+    """Read forces while the vehicle turned slowly, and fields, as recorded: corrected by the vehicle file of that time.
+
+    Parameters
+    ----------
+    bag
+        With the topics of the sensor.
+    name, mount
+        Of the sensor in the vehicle file.
+
+    Returns
+    -------
+    tuple[list[Vec3], list[Vec3]]
+        Specific forces [m/s^2] and fields [T], in the axes of the chip.
+    """
     published = topics.sensor_topics(name, mount.device)
     inertial, magnetic = topics.resolved(published["data_raw"]), topics.resolved(published["mag"])
     forces: list[Vec3] = []
@@ -93,7 +119,22 @@ def from_bag(bag: str, name: str, mount: Mount) -> tuple[list[Vec3], list[Vec3]]
 def calibration(
     forces: list[Vec3], fields: list[Vec3], before: Mapping[str, tuple[float, ...]]
 ) -> tuple[dict[str, tuple[float, ...]], list[str]]:
-    """Entries for the vehicle file, and one remark per sensor. `before` is what was applied to the data already."""
+    """Fit spheres, and make entries for the vehicle file.
+
+    Parameters
+    ----------
+    forces : [m/s^2]
+        Those far from gravity do not count.
+    fields : [T]
+        In all directions.
+    before
+        Entries that were applied to the data already; the new ones hold both.
+
+    Returns
+    -------
+    tuple[dict[str, tuple[float, ...]], list[str]]
+        Entries, and one remark per sensor: how round it is now, or why there is none.
+    """
     at_rest = [one for one in forces if abs(math.hypot(*one) / GRAVITY_mps2 - 1.0) < NEAR_GRAVITY]
     found: dict[str, tuple[float, ...]] = {}
     remarks = []

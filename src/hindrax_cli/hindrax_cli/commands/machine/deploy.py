@@ -101,7 +101,22 @@ def looked(host: str) -> str:
 
 
 def run(host: str, step: DeploymentStep, clone: Path) -> None:
-    """Run one step to its end; HindraxError says which failed and what to do."""
+    """Run one step to its end.
+
+    Parameters
+    ----------
+    host
+        As ssh takes it.
+    step
+        Script for the host, and what feeds its input.
+    clone
+        Folder in which the feeder runs.
+
+    Raises
+    ------
+    HindraxError
+        Says which step failed and what to do.
+    """
     feeder = subprocess.Popen(step.feed, cwd=clone, stdout=subprocess.PIPE) if step.feed else None  # noqa: S603  # our own words
     try:
         source = feeder.stdout if feeder else subprocess.DEVNULL if not sys.stdin.isatty() else None

@@ -92,7 +92,22 @@ def of_stack(lock: StackLock) -> list[Check]:
 
 
 def in_mock(settings: Settings, vehicle_file: Path, faults: tuple[str, ...]) -> list[Check]:
-    """Start the mock's devices without a stack, and ask them as real ones are asked."""
+    """Start the mock's devices without a stack, and ask them as real ones are asked.
+
+    Parameters
+    ----------
+    settings
+        Vehicle and output.
+    vehicle_file
+        Of the mock.
+    faults
+        As of `--fault`.
+
+    Returns
+    -------
+    list[Check]
+        Of its ports and devices.
+    """
     print_stderr("asking the devices of a mock vehicle")
     with tempfile.TemporaryDirectory(prefix="hindrax-") as place:
         folder = RunFolder(Path(place))
@@ -108,8 +123,13 @@ def in_mock(settings: Settings, vehicle_file: Path, faults: tuple[str, ...]) -> 
 def show(checks: Sequence[Check], *, whole: bool = False) -> None:
     """Print what was found, and for each problem its remedy: beside the name, on a narrow screen below it.
 
-    Where the screen has too few lines, only the names of the checks without a problem, unless the `whole` is wanted;
-    then problems with the same remedy together; at last the names of these too.
+    Parameters
+    ----------
+    checks
+        In the order of the table.
+    whole
+        Whether all of it is wanted. Else, where the screen has too few lines, only the names of the checks without a
+        problem; then problems with the same remedy together; at last the names of these too.
     """
     wrong = [check for check in checks if not check.ok]
     fine = ", ".join(dict.fromkeys(check.name for check in checks if check.ok))

@@ -122,8 +122,28 @@ class DvlConversation:
     ) -> dict[str, object]:
         """Send what differs (or everything), then query again and report what still differs.
 
-        `named`: settings that were asked for; `before` and `last`: orders around them. What the device does not report
-        cannot be verified, and the report marks it.
+        What the device does not report cannot be verified, and the report marks it.
+
+        Parameters
+        ----------
+        before, last
+            Orders around the settings.
+        named
+            Settings that were asked for.
+        always
+            Whether to send also what the device reports as it is wanted.
+        dry_run
+            Whether to send nothing but the query.
+
+        Returns
+        -------
+        dict[str, object]
+            Port, identity, orders; `sent`, and once they were, `verified`, `unverified` and `settings`.
+
+        Raises
+        ------
+        HindraxError
+            For settings that it reports otherwise afterwards.
         """
         current = self._ask()
         wanted = {**flash.wanted_settings(self._knobs, current["Model"], self._water), **named}

@@ -67,10 +67,29 @@ def serve(
     dvl_tcp: bool = False,
     autopilot_tcp: bool = False,
 ) -> None:
-    """Serve until `over`; `announce` is called with every port by name once all are up.
+    """Serve the devices of a mock vehicle until it is over.
 
-    `place`: folder of the ports; `i2c_device`: a file to mount as the bus too; `dvl_udp`,
-    `dvl_tcp`, `autopilot_tcp`: the DVL-75, the A50, or the ArduSub is on the network.
+    Parameters
+    ----------
+    vehicle_file
+        Which devices, and the truth.
+    options
+        Seed, pace, faults and world.
+    announce
+        Gets every port by name once all are up.
+    over
+        Looked at between steps.
+    place
+        Folder of the ports; None: one of this user's.
+    i2c_device
+        A file to mount as the bus too; None: none.
+    dvl_udp, dvl_tcp, autopilot_tcp
+        Whether the DVL-75, the A50, or the ArduSub is on the network.
+
+    Raises
+    ------
+    UsageError
+        For an autopilot where the output of the vehicle is another.
     """
     vehicle = load_vehicle(vehicle_file)
     if autopilot_tcp and vehicle.output.device != "ardusub":

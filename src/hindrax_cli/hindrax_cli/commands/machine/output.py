@@ -88,7 +88,7 @@ def _gpio(name: str) -> tuple[str, int]:
 
 
 def require_output_free(vehicle: Vehicle) -> None:
-    """Refuse where another output is on board, or a stack that is up has it."""
+    """UsageError where another output is on board, HindraxError where a stack that is up has it."""
     if vehicle.output.device != "pca9685":
         raise UsageError(f"output.device: found {vehicle.output.device}, wanted pca9685")
     if (up := vehicle_stack()) is not None:

@@ -58,7 +58,29 @@ def ping(arguments: argparse.Namespace) -> int:
 
 
 def ask(path: str, sonar: Ping1d, wanted: type[ReadingT], order: bytes = b"") -> tuple[str, ReadingT]:
-    """Wake the sonar, give it the order, set it up; who it is, and its reading. HindraxError when none comes."""
+    """Wake a sonar, give it an order, set it up, and wait for a reading.
+
+    Parameters
+    ----------
+    path
+        Of the port.
+    sonar
+        Driver with its knobs.
+    wanted
+        Kind of the reading.
+    order
+        Bytes sent as soon as it has told who it is.
+
+    Returns
+    -------
+    tuple[str, ReadingT]
+        Who it is, and the reading.
+
+    Raises
+    ------
+    HindraxError
+        When none comes in `PATIENCE_S`, with the last trouble.
+    """
     identity, trouble = "", "silence"
     with closing(SystemClock()) as clock, closing(SerialPort(path, sonar.baud, clock)) as port:
         outputs: list[object] = list(sonar.start(clock.now()))
@@ -81,7 +103,22 @@ def ask(path: str, sonar: Ping1d, wanted: type[ReadingT], order: bytes = b"") ->
 
 
 def document(port: str, identity: str, echo: EchoProfile, round_trip_s: float) -> dict[str, object]:
-    """Return the answer for a program; strengths from 0 to 255, evenly over the scan."""
+    """Return the answer for a program.
+
+    Parameters
+    ----------
+    port, identity
+        Where, and who.
+    echo
+        Distance, confidence, and strengths from 0 to 255, evenly over the scan.
+    round_trip_s : [s]
+        From the request to the answer.
+
+    Returns
+    -------
+    dict[str, object]
+        For JSON.
+    """
     return {
         "port": port,
         "identity": identity,

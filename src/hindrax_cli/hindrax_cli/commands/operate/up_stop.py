@@ -143,7 +143,22 @@ def stop(arguments: argparse.Namespace) -> int:
 
 
 def cancelled(stack: StackLock, output: OutputStop, *, sim_time: bool) -> list[str]:
-    """Cancel over ROS what a stack flies; returns what failed. Nothing has, where its output is neutral already."""
+    """Cancel over ROS what a stack flies.
+
+    Parameters
+    ----------
+    stack
+        Whose graph is joined.
+    output
+        What was reached on its wire before.
+    sim_time
+        Whether the time comes by /clock.
+
+    Returns
+    -------
+    list[str]
+        What failed; nothing has where its output is neutral already.
+    """
     wrong = stop_over_ros(stack, sim_time=sim_time)
     if not wrong:
         if not output.neutral:
@@ -171,7 +186,7 @@ def stopped_elsewhere(arguments: argparse.Namespace, lost: Mapping[int, OutputSt
 
 
 def neutral_on_output(arguments: argparse.Namespace) -> int:
-    """Write neutral as the dead man would; refused while a stack controls the output."""
+    """Write neutral as the dead man would; UsageError while a stack has the output, HindraxError where that fails."""
     if (found := vehicle_stack()) is not None:
         raise UsageError(f"--output: {found.title} runs, and its dead man has the output; `./hindrax stop` stops it")
     settings = output_settings(arguments)

@@ -118,9 +118,19 @@ def web(arguments: argparse.Namespace) -> int:
 
 
 def kept_token(*, read_only: bool, new: bool = False) -> str:
-    """Return this user's token: the same after a restart, so that open pages stay valid; a read-only page has its own.
+    """Return this user's token: the same after a restart, so that open pages stay valid.
 
-    `new` makes another one, so that addresses that were given away no longer open the page.
+    Parameters
+    ----------
+    read_only
+        Whether it is that of a page that only shows.
+    new
+        Whether to make another one, so that addresses that were given away no longer open the page.
+
+    Returns
+    -------
+    str
+        Kept in the runtime folder, readable by this user only.
     """
     file = runtime_folder() / ("web.watch.token" if read_only else "web.token")
     file.touch(mode=0o600)
@@ -146,7 +156,20 @@ def _wait_for_vehicle(link: GraphLink, over: Callable[[], bool]) -> None:
 
 
 def page_url(address: str, port: int, token: str) -> str:
-    """Return the address of the page with the token, as a browser takes it."""
+    """Return the address of the page with the token, as a browser takes it.
+
+    Parameters
+    ----------
+    address, port
+        Which the server listens at; IPv6 gets its brackets.
+    token
+        Stands behind the #, which a browser never sends anywhere.
+
+    Returns
+    -------
+    str
+        http://ADDRESS:PORT/#TOKEN.
+    """
     return f"http://{f'[{address}]' if ':' in address else address}:{port}/#{token}"
 
 
@@ -161,7 +184,20 @@ def qr_code(text: str) -> str:
 
 
 def startup_text(address: str, port: int, token: str, *, read_only: bool) -> str:
-    """Return where the page is. The token stands behind the #, which a browser never sends anywhere."""
+    """Return where the page is, and how to see it from another machine.
+
+    Parameters
+    ----------
+    address, port, token
+        As of `page_url`.
+    read_only
+        Whether it only shows.
+
+    Returns
+    -------
+    str
+        Lines.
+    """
     lines = [f"web: {page_url(address, port, token)}", "  anyone with this address may watch"]
     lines[1] += "" if read_only else ", fly while the vehicle is armed, and stop it"
     if is_loopback(address):

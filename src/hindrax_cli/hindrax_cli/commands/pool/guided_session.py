@@ -64,7 +64,25 @@ LEAD_AWAY = (
 
 
 def guide(arguments: argparse.Namespace) -> int:
-    """Begin a session or go on with one; 0 when every step was done and every motion identified."""
+    """Begin a session or go on with one.
+
+    Parameters
+    ----------
+    arguments
+        Of `pool-test`.
+
+    Returns
+    -------
+    int
+        0 when every step was done and every motion identified; INTERRUPTED after Ctrl-C.
+
+    Raises
+    ------
+    UsageError
+        Names options that a session has no use for.
+    HindraxError
+        When no legs were flown, so that there is no estimate.
+    """
     found = [f"--{name}" for name in UNFIT if getattr(arguments, name) not in (None, [], "", False)]
     found += [f"--excitation {arguments.excitation}"] if arguments.excitation != PLATEAUS else []
     if found:
@@ -181,7 +199,25 @@ class StackStand:
         return "" if sys.stdin.readline() else "the input has ended"
 
     def legs(self, motions: tuple[str, ...], folder: Path, _session: PoolSession) -> tuple[float, str]:
-        """Fly motions; a Ctrl-C ends them in neutral, then the session."""
+        """Fly motions.
+
+        Parameters
+        ----------
+        motions, folder
+            What is flown, and the folder of its run.
+        _session
+            As it stands; not needed.
+
+        Returns
+        -------
+        tuple[float, str]
+            Seconds in the water, and why it was aborted or did not start; empty when all was flown.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            After a Ctrl-C has ended the flight in neutral: it ends the session.
+        """
         made = make_run_folder(str(folder), self._file)
         try:
             with Progress(headless=self.options.headless) as progress:
@@ -195,7 +231,25 @@ class StackStand:
         return flight.vehicle_s, str(flight.aborted)
 
     def weigh(self, axis: str, folder: Path, _session: PoolSession) -> tuple[AxisGain | None, float, str]:
-        """Weigh with the stack and a person, or in lock-step."""
+        """Weigh with the stack and a person, or in lock-step.
+
+        Parameters
+        ----------
+        axis, folder
+            What is weighed, and the folder of its run.
+        _session
+            As it stands; not needed.
+
+        Returns
+        -------
+        tuple[AxisGain | None, float, str]
+            Gain of the thrust, None without one; seconds in the water; why there is none.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            As of `legs`.
+        """
         if (mock := self._settings["mock"]) is not None:
             from hindrax_cli.commands.pool.lockstep_session import weigh_in_lockstep  # noqa: PLC0415  # no simulator on the vehicle
 

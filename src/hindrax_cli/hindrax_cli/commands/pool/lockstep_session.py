@@ -37,7 +37,24 @@ SHARES = (0.0, 1.0, -1.0, 1.0, -1.0)
 def weigh_in_lockstep(
     vehicle: Vehicle, axis: str, world: str, seed: int, shares: Sequence[float] = SHARES
 ) -> tuple[AxisGain, float]:
-    """Gain of an axis by a known load in a world, and the seconds that it takes."""
+    """Weigh an axis by a known load in lock-step.
+
+    Parameters
+    ----------
+    vehicle
+        Truth, and what the stack knows.
+    axis
+        By name.
+    world, seed
+        As of the legs; the load comes on top.
+    shares
+        Of the load, which hang one after the other.
+
+    Returns
+    -------
+    tuple[AxisGain, float]
+        Gain with its uncertainty, and the seconds that it takes.
+    """
     number = AXES.index(axis)
     flight = fly_weighing(vehicle, number, f"{world},{MOCK_LOADS[axis]}", seed, shares)
     spans = [LoadSpan(*one) for one in flight.spans]
@@ -58,7 +75,26 @@ class SessionTrial:
 
 
 def session_trial(seed: int, motions: tuple[str, ...], vehicle_file: str, world: str, repeats: int = 2) -> SessionTrial:
-    """Do all steps in one world; the estimate after the first legs, after all weighings, and after the repeats."""
+    """Do all steps of a session in one world.
+
+    Parameters
+    ----------
+    seed
+        Of noise, excitation and world.
+    motions
+        Of the legs.
+    vehicle_file
+        Truth, and what the stack knows.
+    world
+        As of `--world`.
+    repeats
+        Further legs at most.
+
+    Returns
+    -------
+    SessionTrial
+        The estimate after the first legs, after all weighings, and after the repeats.
+    """
     vehicle = calibrated(load_vehicle(vehicle_file))
     flights: list[PoolFlight] = []
     heard: list[list[Stamped[IdentEvent]]] = []

@@ -40,7 +40,7 @@ PLAN_HELP = "only rehearse it in lock-step: timetable, clearances, charge and un
 
 
 def aim_of(arguments: argparse.Namespace) -> Aim | None:
-    """End of the requested experiment; None for the pilot's plan."""
+    """End of the requested experiment, None for the pilot's plan; UsageError with an excitation without legs."""
     if arguments.until is None and arguments.minutes is None:
         return None
     if arguments.excitation != PLATEAUS:

@@ -265,7 +265,27 @@ def _model(saved: SavedCoefficients, file: Path, named: str | None) -> ExportMod
 
 
 def vehicle_of(saved: SavedCoefficients, file: Path, named: str | None) -> Vehicle:
-    """Vehicle of some results: the named one, or that of the run they lie in; UsageError for that of another."""
+    """Vehicle of some results.
+
+    Parameters
+    ----------
+    saved
+        Results, with the name of their vehicle.
+    file
+        Of the results; the vehicle file of their run lies beside it.
+    named
+        File that was named; None: that of the run.
+
+    Returns
+    -------
+    Vehicle
+        The named one even of another name, with a note.
+
+    Raises
+    ------
+    UsageError
+        Where the file beside the results is that of another vehicle.
+    """
     vehicle = load_vehicle(named) if named else _vehicle_beside(file)
     of = saved.conditions.vehicle
     if of in ("", vehicle.name):

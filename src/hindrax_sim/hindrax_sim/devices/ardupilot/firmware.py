@@ -194,7 +194,22 @@ class ArduSub(Part[AutopilotTruth]):
         return self.receive_on(0, data, now_s)
 
     def receive_on(self, index: int, data: bytes, now_s: float) -> bytes:
-        """Bytes on a channel; return what it has sent."""
+        """Process bytes of a channel.
+
+        Parameters
+        ----------
+        index
+            Of the channel: the line of the stack, then those of other ground stations.
+        data
+            From the host.
+        now_s : [s]
+            Time of the mock.
+
+        Returns
+        -------
+        bytes
+            What it has sent on that channel since the last time.
+        """
         self._now_s = now_s
         channel = self.channels[index]
         for one in channel.receiver.feed(data) if now_s >= self._silent_until_s else ():

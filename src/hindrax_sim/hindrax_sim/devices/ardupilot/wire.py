@@ -65,7 +65,20 @@ def checksum(body: bytes, extra: int) -> int:
 
 
 def frame(number: int, values: Fields, sequence: int, system: int, component: int) -> bytes:
-    """One frame; zeros at the end of its payload are left out."""
+    """Make one frame of MAVLink 2; zeros at the end of its payload are left out.
+
+    Parameters
+    ----------
+    number, values
+        Message, and its fields in the order of the wire.
+    sequence, system, component
+        Of the sender.
+
+    Returns
+    -------
+    bytes
+        From the start byte to the checksum.
+    """
     layout = LAYOUTS[number]
     payload = layout.fields.pack(*values).rstrip(b"\x00") or b"\x00"
     body = struct.pack("<6B", len(payload), 0, 0, sequence & 0xFF, system, component)

@@ -32,7 +32,19 @@ class Fifo:
         self.overflowed = False
 
     def push(self, sample: bytes, temperature: bytes, chosen: int, mode: int) -> None:
-        """Append the chosen parts (FIFO_EN_2) of a sample: accel x, y, z, gyro x, y, z, temperature."""
+        """Append the chosen parts of a sample. A full FIFO loses its oldest bytes, or in snapshot mode the new ones.
+
+        Parameters
+        ----------
+        sample : 12 bytes
+            Accelerations, then rates, big-endian, as in ACCEL_XOUT_H to GYRO_ZOUT_L.
+        temperature : 2 bytes
+            As in TEMP_OUT.
+        chosen
+            FIFO_EN_2.
+        mode
+            FIFO_MODE.
+        """
         parts = sample[0:6] if chosen & ACCEL else b""
         for axis in range(3):
             parts += sample[6 + 2 * axis : 8 + 2 * axis] if chosen & 0x02 << axis else b""

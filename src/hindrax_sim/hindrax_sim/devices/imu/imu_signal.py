@@ -69,6 +69,16 @@ def typical(seed: int) -> SensorErrors:
     """Draw the errors of a part: typical tolerances of the datasheet count as two standard deviations.
 
     The magnetometer is calibrated in its vehicle, with a residual of half a microtesla.
+
+    Parameters
+    ----------
+    seed
+        Of the draws.
+
+    Returns
+    -------
+    SensorErrors
+        Offsets and clock error; the noise is that of the datasheet.
     """
     draw = random.Random(f"imu {seed}")  # noqa: S311  # noise, not secrets
 
@@ -91,7 +101,20 @@ class LowPass:
         """Root of the noise bandwidth [sqrt(Hz)]."""
 
     def step(self, old: float, before: float, now: float) -> float:
-        """Output after one period, from the output and the input before it and the input now."""
+        """Advance the filter by one period.
+
+        Parameters
+        ----------
+        old, before
+            Output and input one period ago.
+        now
+            Input now.
+
+        Returns
+        -------
+        float
+            Output now, in the unit of the input.
+        """
         behind = self._lag * (now - before)
         return now - behind + (old - before + behind) * self._decay
 
@@ -118,7 +141,20 @@ class ImuSignal:
         self._before = self._filtered = None
 
     def sample(self, t_s: float, accel: LowPass, gyro: LowPass) -> Vec6:
-        """Specific force [m/s^2] and rate [rad/s] at a time, one period of the filters after the sample before."""
+        """Take one sample, filtered and with the errors of the part.
+
+        Parameters
+        ----------
+        t_s : [s]
+            One period of the filters after the sample before.
+        accel, gyro
+            Filters of the two.
+
+        Returns
+        -------
+        Vec6
+            Specific force [m/s^2] and rate [rad/s], in the axes of the chip.
+        """
         now = self.at(t_s)
         before, old = self._before or now, self._filtered or now
         filters = (accel, accel, accel, gyro, gyro, gyro)
