@@ -122,7 +122,7 @@ def trial(seed: int, motions: tuple[str, ...], excitation: str, vehicle_file: st
     Returns
     -------
     Trial
-        Errors and standard deviations by coefficient, and the Cramer-Rao bound.
+        Errors of its coefficients and of the drag; why some are missing.
     """
     flight = fly(motions, seed, world, vehicle=load_vehicle(vehicle_file), excitation=excitation)
     thrust_s = flight.world.conditions.thrust_density_s
