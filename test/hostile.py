@@ -66,7 +66,7 @@ def mutants(good: Any) -> Iterator[Any]:
             yield _with(good, path, value)
 
 
-def untimely(good: Any) -> Iterator[Any]:
+def wrong_stamps(good: Any) -> Iterator[Any]:
     """Messages that are good but for the time at which they say that they were made."""
     for sec, nanosec in TIMES:
         made = deepcopy(good)

@@ -288,7 +288,7 @@ def test_an_order_that_is_not_of_now_moves_nothing_is_counted_and_stands_in_no_o
     control: Control, topic: Topic
 ) -> None:
     order = ORDERS[topic](control.now())
-    sent = list(hostile.untimely(order))
+    sent = list(hostile.wrong_stamps(order))
     for message in sent:
         control.say(topic, message)
         assert control.still(), message
@@ -407,7 +407,7 @@ def test_nothing_that_anybodys_stack_states_ends_the_identifier_or_spoils_what_i
     for hear, message in ((odometry, state), (wrench, wrench_to_msg(now, PUSH))):
         for one in (*hostile.floods(type(message), stamp_to_msg(now)), *hostile.mutants(message)):
             hear(one)
-        for one in (*hostile.untimely(message), *hostile.untimely(message)):
+        for one in (*hostile.wrong_stamps(message), *hostile.wrong_stamps(message)):
             hear(one)
         identifier.drain()
         assert "wanted" in identifier._refusals.last

@@ -131,7 +131,7 @@ def test_control_lives_moves_nothing_and_states_what_it_refused(stranger: Strang
         (OPERATOR_WRENCH, wrench_to_msg(Stamp(0), (30.0, 0.0, 0.0, 0.0, 0.0, 0.0))),
         (THRUSTER_HEALTH_ORDER, ThrusterHealth(disabled=["T1"], reasons=["a test"])),
     ):
-        for message in hostile.untimely(order[1]):
+        for message in hostile.wrong_stamps(order[1]):
             stranger.send(order[0], message)
     goal = FlyManeuver.Goal(motions=["surge"], excitation="plateaus", on_cancel="hold")
     goal.stamp.sec = 2_000_000_000

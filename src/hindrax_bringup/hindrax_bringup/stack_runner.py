@@ -69,7 +69,7 @@ def _run(options: UpOptions, run: int, domain: int | None, over: Callable[[], bo
     if options.mock is not None:
         how_to_reach_it += f"\n  world of the mock: {options.mock.world} ({OTHER_WORLD}), seed {options.mock.seed}"
     if options.client:
-        _tell(asdict(lock))
+        _send(asdict(lock))
     else:
         complete_earlier(RUNS)
     supervised = Supervisor(folder.logs, made, show_reports=not options.client, forks=True, restarts=options.restarts)
@@ -92,7 +92,7 @@ def _run(options: UpOptions, run: int, domain: int | None, over: Callable[[], bo
                 supervisor, lambda: over() or (not options.client and clock.followed()), options, address, beating
             )
         if options.client:
-            _tell(stack.last_facts())
+            _send(stack.last_facts())
             return
         print_stderr("ending; the thrusters go neutral and disarm")
     print_stderr("ended; neutral is on the wire")
@@ -122,7 +122,7 @@ def _entry(options: UpOptions, folder: RunFolder, made: Mapping[str, str]) -> St
     )
 
 
-def _tell(document: Mapping[str, object]) -> None:
+def _send(document: Mapping[str, object]) -> None:
     with contextlib.suppress(OSError):  # the client has died; so will this process, in order
         print_whole(json.dumps(document))
 

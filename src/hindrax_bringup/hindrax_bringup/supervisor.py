@@ -161,13 +161,13 @@ class Supervisor:
         """Kill a process that is frozen; report one below it, which is its own to look after."""
         if child.frozen or child.handle.poll() is not None:
             return ""
-        alone = now_s - self._late_s > CONTINUED_S
-        child.frozen = _frozen(child, now_s, self._awake_s, stops_count=alone)
+        stops_count = now_s - self._late_s > CONTINUED_S
+        child.frozen = _frozen(child, now_s, self._awake_s, stops_count=stops_count)
         if child.frozen:
             _kill(child)
             held = child.handle.poll() is None
             return f"{child.process.name} is frozen ({child.frozen}); killed, but it does not end" if held else ""
-        if not alone:
+        if not stops_count:
             return ""
         before = child.stopped
         child.stopped = frozenset(pid for pid in descendants(child.handle.pid) if is_stopped(pid))

@@ -23,9 +23,9 @@ OF_THE_STACK = ("fault", "rate", "out", "params", "set")
 
 def rehearse_and_show(arguments: argparse.Namespace, aim: Aim | None) -> int:
     """Rehearse and print; 1 when a guard ended it. UsageError for options of a stack, which is not started."""
-    unfit = [f"--{name}" for name in OF_THE_STACK if getattr(arguments, name) not in (None, [], "")]
-    if unfit:
-        raise UsageError(f"--plan: found {', '.join(unfit)}, wanted no options of the stack, which it does not start")
+    given = [f"--{name}" for name in OF_THE_STACK if getattr(arguments, name) not in (None, [], "")]
+    if given:
+        raise UsageError(f"--plan: found {', '.join(given)}, wanted no options of the stack, which it does not start")
     vehicle, world = load_vehicle(Path(arguments.vehicle)), POOL if arguments.world is None else arguments.world
     sizes_of(world, arguments.seed)
     servable = motions_to_fly(arguments.dof, vehicle)

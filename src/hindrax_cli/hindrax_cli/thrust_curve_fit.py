@@ -27,7 +27,7 @@ SUCH_AS = "such as 0.02 of kitchen or luggage scales, or 0.005 of a load cell th
 MANUFACTURER_SIGMA = 0.05
 """Another specimen of the thruster, in another tank, at another speed controller; our estimate."""
 MOST_MISSED = 0.1
-UNFIT = f"look for another unit, or {OUTLIERS}"
+CURVE_REMEDY = f"look for another unit, or {OUTLIERS}"
 
 
 def add_rig(parser: argparse._ActionsContainer) -> None:
@@ -111,7 +111,7 @@ def _check_block(block: str, name: str) -> None:
     try:
         problems = problems_of(build(Curve, yaml.safe_load(block)["curves"][name], f"curves.{name}"))
     except UsageError as error:
-        raise HindraxError(f"bollard: the sweep gives no curve for a vehicle file: {error}; {UNFIT}") from error
+        raise HindraxError(f"bollard: the sweep gives no curve for a vehicle file: {error}; {CURVE_REMEDY}") from error
     if problems:
         raise HindraxError(
             f"bollard: {'; '.join(problems)}; tare the load cell, widen --dead-band, take --table, or {OUTLIERS}"

@@ -10,17 +10,27 @@ import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from enum import StrEnum
 
 from hindrax_core.events import Stamp, seconds_between, to_s
 from hindrax_core.text.digits import above
 from hindrax_core.text.refusals import NOTHING, Reason, Refusal, refused
 
-EXPIRED, FUTURE, UNSTAMPED, TIMELESS = "expired", "from the future", "not stamped", "no clock"
-REMEDIES = {
-    EXPIRED: "try again, and set the clocks of both machines if that does not help",
-    FUTURE: "set the clocks of both machines",
-    UNSTAMPED: "stamp it with the time of the clock in use",
-    TIMELESS: "wait for the clock (/clock in mock) and try again",
+
+class StampFault(StrEnum):
+    """What is wrong with a stamp; its word is counted by."""
+
+    EXPIRED = "expired"
+    FUTURE = "from the future"
+    UNSTAMPED = "not stamped"
+    TIMELESS = "no clock"
+
+
+REMEDIES: Mapping[StampFault, str] = {
+    StampFault.EXPIRED: "try again, and set the clocks of both machines if that does not help",
+    StampFault.FUTURE: "set the clocks of both machines",
+    StampFault.UNSTAMPED: "stamp it with the time of the clock in use",
+    StampFault.TIMELESS: "wait for the clock (/clock in mock) and try again",
 }
 OTHER_CLOCK = "one of the two uses the clock of a mock: add --sim-time to a command, use_sim_time to a node"
 OTHER_CLOCK_S = 1e9
@@ -33,17 +43,17 @@ LONGEST = 300
 
 
 @dataclass(frozen=True, slots=True)
-class Untimely:
+class WrongStamp:
     """Reason why a stamp is refused: a kind to count by, what was found and wanted."""
 
-    kind: str
+    kind: StampFault
     text: str
     other_clock: bool = False
 
     @property
     def reason(self) -> Reason:
         """Its code: what only came late may be sent again."""
-        return Reason.LATE if self.kind == EXPIRED else Reason.CLOCK
+        return Reason.LATE if self.kind is StampFault.EXPIRED else Reason.CLOCK
 
     @property
     def sentence(self) -> str:
@@ -68,18 +78,20 @@ class StampWindow:
     oldest_s: float
     lead_s: float
 
-    def judge(self, stamp: Stamp, now: Stamp) -> Untimely | None:
+    def judge(self, stamp: Stamp, now: Stamp) -> WrongStamp | None:
         """Check a stamp; None when the command is in time."""
         if stamp <= 0:
-            return Untimely(UNSTAMPED, f"stamped {to_s(stamp):g} s, wanted the time at which it was made")
+            return WrongStamp(StampFault.UNSTAMPED, f"stamped {to_s(stamp):g} s, wanted the time at which it was made")
         if now <= 0:
-            return Untimely(TIMELESS, "cannot be judged, because the vehicle's clock is not known yet")
+            return WrongStamp(StampFault.TIMELESS, "cannot be judged, because the vehicle's clock is not known yet")
         age_s = seconds_between(stamp, now)
         old = above("{} s old, wanted at most {} s", age_s, self.oldest_s, _places(self.oldest_s))
         ahead = "stamped {} s in the future, wanted at most {} s ahead of the vehicle's clock"
         early = above(ahead, -age_s, self.lead_s, _places(self.lead_s))
         if old or early:
-            return Untimely(EXPIRED if old else FUTURE, old or early, abs(age_s) > OTHER_CLOCK_S)
+            return WrongStamp(
+                StampFault.EXPIRED if old else StampFault.FUTURE, old or early, abs(age_s) > OTHER_CLOCK_S
+            )
         return None
 
     @property
@@ -100,9 +112,9 @@ def order_window(*, mock: bool) -> StampWindow:
     return MOCK_ORDER if mock else ORDER
 
 
-def late_goal(untimely: Untimely) -> Refusal:
+def late_goal(wrong_stamp: WrongStamp) -> Refusal:
     """Refusal of a goal that came at the wrong time; one that only came late may be sent again."""
-    return untimely.refusal.within(f"{untimely.reason.word}: the goal is ")
+    return wrong_stamp.refusal.within(f"{wrong_stamp.reason.word}: the goal is ")
 
 
 def impossible(stamp: Stamp) -> Refusal:

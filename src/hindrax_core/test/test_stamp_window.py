@@ -8,15 +8,12 @@ from hypothesis import strategies as st
 
 from hindrax_core.events import Stamp, after, seconds_between, stamp_from_s
 from hindrax_core.input_checks import (
-    EXPIRED,
-    FUTURE,
     LAST,
     MOCK_ORDER,
     ORDER,
-    TIMELESS,
-    UNSTAMPED,
+    StampFault,
     StampWindow,
-    Untimely,
+    WrongStamp,
     impossible,
     order_window,
 )
@@ -24,56 +21,60 @@ from hindrax_core.input_checks import (
 NOW = stamp_from_s(1.8e9)
 
 
-def refused(window: StampWindow, stamp: Stamp, now: Stamp = NOW) -> Untimely:
-    untimely = window.judge(stamp, now)
-    assert untimely is not None
-    return untimely
+def refused(window: StampWindow, stamp: Stamp, now: Stamp = NOW) -> WrongStamp:
+    wrong_stamp = window.judge(stamp, now)
+    assert wrong_stamp is not None
+    return wrong_stamp
 
 
 @pytest.mark.parametrize(
     ("ahead_s", "kind", "wanted"),
     [
-        (-1.5, EXPIRED, r"1\.5 s old, wanted at most 1\.0 s; try again, .*set the clocks.*"),
-        (0.25, FUTURE, r"stamped 0\.25 s in the future, wanted at most 0\.10 s ahead of the vehicle's clock; set .*"),
-        (2e8, FUTURE, r"stamped 200000000\.00 s in the future, .*; set the clocks of both machines"),
-        (1.1e9, FUTURE, r"stamped .* s in the future, .*; one of the two .*mock.*--sim-time.*"),
-        (-1.7e9, EXPIRED, r"1700000000\.0 s old, .*; one of the two .*mock.*--sim-time.*"),
+        (-1.5, StampFault.EXPIRED, r"1\.5 s old, wanted at most 1\.0 s; try again, .*set the clocks.*"),
+        (
+            0.25,
+            StampFault.FUTURE,
+            r"stamped 0\.25 s in the future, wanted at most 0\.10 s ahead .* clock; set .*",
+        ),
+        (2e8, StampFault.FUTURE, r"stamped 200000000\.00 s in the future, .*; set the clocks of both machines"),
+        (1.1e9, StampFault.FUTURE, r"stamped .* s in the future, .*; one of the two .*mock.*--sim-time.*"),
+        (-1.7e9, StampFault.EXPIRED, r"1700000000\.0 s old, .*; one of the two .*mock.*--sim-time.*"),
     ],
 )
 def test_what_is_not_of_now_states_how_far_off_it_is_and_what_to_do(ahead_s: float, kind: str, wanted: str) -> None:
-    untimely = refused(ORDER, after(NOW, ahead_s))
-    assert untimely.kind == kind
-    assert re.fullmatch(wanted, untimely.sentence)
+    wrong_stamp = refused(ORDER, after(NOW, ahead_s))
+    assert wrong_stamp.kind == kind
+    assert re.fullmatch(wanted, wrong_stamp.sentence)
 
 
 @pytest.mark.parametrize("window", [ORDER, MOCK_ORDER, ORDER.of_lists])
 @pytest.mark.parametrize("stamp", [0, -1, -1_000_000_000, -(2**31) * 1_000_000_000])
 @pytest.mark.parametrize("now", [0, 1, 500_000_000, NOW])
 def test_an_order_without_a_stamp_is_never_in_time(window: StampWindow, stamp: int, now: int) -> None:
-    untimely = refused(window, Stamp(stamp), Stamp(now))
-    assert untimely.kind == UNSTAMPED
-    assert untimely.sentence.endswith(
+    wrong_stamp = refused(window, Stamp(stamp), Stamp(now))
+    assert wrong_stamp.kind is StampFault.UNSTAMPED
+    assert wrong_stamp.sentence.endswith(
         "wanted the time at which it was made; stamp it with the time of the clock in use"
     )
 
 
 def test_before_the_time_is_known_no_order_can_be_judged() -> None:
-    untimely = refused(MOCK_ORDER, Stamp(1), Stamp(0))
-    assert untimely.kind == TIMELESS
-    assert "clock is not known yet; wait for the clock" in untimely.sentence
+    wrong_stamp = refused(MOCK_ORDER, Stamp(1), Stamp(0))
+    assert wrong_stamp.kind is StampFault.TIMELESS
+    assert "clock is not known yet; wait for the clock" in wrong_stamp.sentence
 
 
 def test_on_a_mock_s_clock_ten_seconds_either_way_are_in_time() -> None:
     assert order_window(mock=True).judge(after(NOW, 10.0), NOW) is None
     assert order_window(mock=True).judge(after(NOW, -10.0), NOW) is None
-    assert refused(order_window(mock=True), after(NOW, 10.1)).kind == FUTURE
-    assert refused(order_window(mock=True), after(NOW, -10.1)).kind == EXPIRED
+    assert refused(order_window(mock=True), after(NOW, 10.1)).kind is StampFault.FUTURE
+    assert refused(order_window(mock=True), after(NOW, -10.1)).kind is StampFault.EXPIRED
     assert order_window(mock=False) == ORDER
 
 
 def test_a_list_may_be_reported_again_long_after_it_was_made_but_not_before() -> None:
     assert ORDER.of_lists.judge(after(NOW, -1e6), NOW) is None
-    assert refused(ORDER.of_lists, after(NOW, 0.2)).kind == FUTURE
+    assert refused(ORDER.of_lists, after(NOW, 0.2)).kind is StampFault.FUTURE
 
 
 @given(

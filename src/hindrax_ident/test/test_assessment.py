@@ -125,7 +125,7 @@ def patch() -> Iterator[pytest.MonkeyPatch]:
         yield one
 
 
-def drafted(vehicle: Vehicle, one: DraftFit, online: Any = ONLINE, tuning: Tuning = PLAIN) -> DraftFit:
+def draft_of(vehicle: Vehicle, one: DraftFit, online: Any = ONLINE, tuning: Tuning = PLAIN) -> DraftFit:
     return draft(vehicle, one.fit.model, one.record, one.prior, online, tuning=tuning)
 
 
@@ -134,10 +134,10 @@ def test_a_draft_starts_from_the_last_online_estimate_or_from_the_prior(
 ) -> None:
     stand = Stand(patch, surge.fit)
     online = {"first": ONLINE["rls"], **ONLINE}
-    found = drafted(vehicle, surge, online)
+    found = draft_of(vehicle, surge, online)
     assert (found.record, found.prior, found.online, found.moved) == (surge.record, surge.prior, online, False)
     assert found.fit.theta.tolist() == (surge.fit.theta + 1.0).tolist()
-    drafted(vehicle, surge, {})
+    draft_of(vehicle, surge, {})
     assert stand.starts == [(SURGE * 1.1).tolist(), surge.prior.values.tolist()]
     assert stand.moved == [False, False]
 
@@ -162,7 +162,7 @@ def test_delays_that_contradict_the_vehicle_file_are_taken_over(
     found: tuple[float, float, float, float], delays: tuple[float, float] | None,
 ) -> None:  # fmt: skip
     stand = Stand(patch, surge.fit, found)
-    one = drafted(vehicle, surge)
+    one = draft_of(vehicle, surge)
     assert one.moved is (delays is not None)
     assert stand.delays == [(0.15, 0.01), *([delays] if delays else [])]
     assert (one.record.lag_s, one.record.latency_s) == pytest.approx(delays or (0.15, 0.01))
@@ -176,7 +176,7 @@ def test_once_moved_one_deviation_is_enough_and_after_three_rounds_it_is_good(
     vehicle: Vehicle, surge: DraftFit, patch: pytest.MonkeyPatch
 ) -> None:
     stand = Stand(patch, surge.fit, (0.06, 0.01, 0.0, 0.01), (0.011, 0.01, 0.009, 0.01), *[(0.02, 0.01, 0.0, 0.01)] * 5)
-    one = drafted(vehicle, surge)
+    one = draft_of(vehicle, surge)
     assert stand.delays == [(0.15, 0.01), (0.21, 0.01), (0.221, 0.01), (0.241, 0.01)]
     assert stand.moved == [False, True, True]
     assert one.record.lag_s == pytest.approx(0.241)
@@ -185,7 +185,7 @@ def test_once_moved_one_deviation_is_enough_and_after_three_rounds_it_is_good(
 def test_doubted_delays_are_fitted_together_with_the_rest(vehicle: Vehicle, surge: DraftFit) -> None:
     """And not moved again: they are in the band."""
     short = replace(surge, record=surge.record.with_stretches((Stretch(0.0, 15.0),)))
-    found = drafted(vehicle, short, {}, Tuning(lag_doubt_s=0.1))
+    found = draft_of(vehicle, short, {}, Tuning(lag_doubt_s=0.1))
     assert not found.moved
     assert found.record.lag_s == pytest.approx(0.15, abs=0.05)
     assert (found.record.lag_s, found.record.latency_s) != (0.15, 0.01)

@@ -96,8 +96,8 @@ class Told(Session):
 
     known: Mapping[int, tuple[float, float]] = {}
 
-    def _estimated_mass(self, axis: int, drafted: DraftFit | None) -> tuple[float, float]:
-        return self.known.get(axis) or super()._estimated_mass(axis, drafted)
+    def _estimated_mass(self, axis: int, draft_of: DraftFit | None) -> tuple[float, float]:
+        return self.known.get(axis) or super()._estimated_mass(axis, draft_of)
 
 
 def off(vehicle: Vehicle, inputs: list[Any], known: Mapping[int, tuple[float, float]]) -> list[Any]:

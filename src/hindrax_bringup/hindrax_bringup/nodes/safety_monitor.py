@@ -18,7 +18,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from hindrax_bringup.liveness import LivenessFile, health_change, nodes_liveness
 from hindrax_bringup.network.link_monitor import NEUTRAL, STAY, LinkMonitor, SafetyMonitorKnobs
 from hindrax_core.events import Stamp
-from hindrax_core.input_checks import TIMELESS, Refusals, order_window
+from hindrax_core.input_checks import Refusals, StampFault, order_window
 from hindrax_core.stack_time import STEP_S
 from hindrax_core.text.refusals import Refusal, unreadable
 from hindrax_core.text.screen_text import print_stderr
@@ -86,13 +86,13 @@ class SafetyMonitor(BatchedNode):
 
     def _on_heartbeat(self, beat: Heartbeat) -> None:
         """Accept a heartbeat unless it is stale (queued on a dead link) or its clock is wrong."""
-        untimely = self._window.judge(stamp_from_msg(beat.header.stamp), self.now())
-        if untimely is None:
+        wrong_stamp = self._window.judge(stamp_from_msg(beat.header.stamp), self.now())
+        if wrong_stamp is None:
             message = self._link.beat(time.monotonic())
             if message:
                 self.report(message)
-        elif untimely.kind != TIMELESS:
-            self._refuse(HEARTBEAT, untimely.refusal.within("the heartbeat is "))
+        elif wrong_stamp.kind is not StampFault.TIMELESS:
+            self._refuse(HEARTBEAT, wrong_stamp.refusal.within("the heartbeat is "))
 
     def _refuse(self, topic: Topic, why: Refusal) -> None:
         """Count a refused message; the first one of a topic is reported at once, diagnostics show the count."""
@@ -160,9 +160,9 @@ class SafetyMonitor(BatchedNode):
             self._untimed_list = message
             return
         # A pilot that has received no list publishes one stamped zero.
-        untimely = self._window.of_lists.judge(stamp, Stamp(max(now, self._listed_at))) if stamp != 0 else None
-        if untimely is not None:
-            self._refuse(THRUSTER_HEALTH, untimely.refusal.within("the list is "))
+        wrong_stamp = self._window.of_lists.judge(stamp, Stamp(max(now, self._listed_at))) if stamp != 0 else None
+        if wrong_stamp is not None:
+            self._refuse(THRUSTER_HEALTH, wrong_stamp.refusal.within("the list is "))
         elif stamp > self._listed_at:
             self._listed_at = stamp
             self._order.publish(message)

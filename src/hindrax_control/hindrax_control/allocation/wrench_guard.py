@@ -76,9 +76,9 @@ class WrenchGuard:
         return Accepted(limited, refused + clipped, finite)
 
     def _out_of_time(self, stamp: Stamp, now: Stamp) -> Refusal:
-        untimely = self._window.judge(stamp, now)
-        if untimely is not None:
-            return untimely.refusal.within("wrench: ")
+        wrong_stamp = self._window.judge(stamp, now)
+        if wrong_stamp is not None:
+            return wrong_stamp.refusal.within("wrench: ")
         older_s = 0.0 if self._last is None else seconds_between(stamp, self._last)
         if not older_s > 0.0:
             return NOTHING

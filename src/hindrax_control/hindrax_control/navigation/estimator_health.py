@@ -258,9 +258,9 @@ class ExternalOdometry:
         tuple[Stamped[Navigation] | None, Refusal]
             The state, None for one that is too near to the last or refused; why it was refused, if it was.
         """
-        untimely = WINDOW.judge(found.stamp, now)
-        if untimely is not None:
-            return None, untimely.refusal
+        wrong_stamp = WINDOW.judge(found.stamp, now)
+        if wrong_stamp is not None:
+            return None, wrong_stamp.refusal
         last = self._last
         if last is not None and source == self._source and 0.0 <= seconds_between(last.stamp, found.stamp) < SHORTEST_S:
             return None, NOTHING

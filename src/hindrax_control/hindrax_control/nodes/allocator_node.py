@@ -104,11 +104,11 @@ class AllocatorNode(BatchedNode):
         self._obey(self._commands[-1], made, self._reference_frame, self._now())
 
     def _obey(self, topic: Topic, message: WrenchStamped, frame: str, stamp: Stamp) -> None:
-        unfit = self._commander.judge(self._commanding(), armed=self._armed) or foreign_frame(frame, self._prefix)
-        if not unfit and not self.on_wrench(wrench_from_msg(message), frame, stamp, self._now()):
-            unfit = self._cycle.refused[0]
-        if unfit:
-            self._reporter.refuse(topic, unfit)
+        refused = self._commander.judge(self._commanding(), armed=self._armed) or foreign_frame(frame, self._prefix)
+        if not refused and not self.on_wrench(wrench_from_msg(message), frame, stamp, self._now()):
+            refused = self._cycle.refused[0]
+        if refused:
+            self._reporter.refuse(topic, refused)
 
     def _commanding(self) -> dict[str, str]:
         """Of all topics that command."""
@@ -122,8 +122,8 @@ class AllocatorNode(BatchedNode):
         except ValueError as error:
             self._reporter.refuse(THRUSTER_STATE, unreadable(error))
             return
-        if unfit := impossible(applied.stamp):
-            self._reporter.refuse(THRUSTER_STATE, unfit)
+        if refused := impossible(applied.stamp):
+            self._reporter.refuse(THRUSTER_STATE, refused)
             return
         self._armed = applied.armed
         achieved = self._cycle.achieved(applied.sequence, applied.pulses_us)
@@ -132,9 +132,9 @@ class AllocatorNode(BatchedNode):
         self._status.publish(self._status_bytes(applied, achieved, self._cycle.supply_V))
 
     def _on_battery(self, message: BatteryState) -> None:
-        unfit = self._cycle.supply.update(float(message.voltage), self._cycle.now)
-        if unfit:
-            self._reporter.refusals.add(BATTERY.name, unfit)
+        refused = self._cycle.supply.update(float(message.voltage), self._cycle.now)
+        if refused:
+            self._reporter.refusals.add(BATTERY.name, refused)
 
     def _report(self) -> None:
         cycle, now = self._cycle, self._cycle.now

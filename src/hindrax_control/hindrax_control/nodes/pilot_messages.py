@@ -63,7 +63,7 @@ def result_of(aborted: Refusal, handle: ServerGoalHandle) -> FlyManeuver.Result:
     return FlyManeuver.Result(completed=not aborted, aborted=str(aborted), error_code=aborted.reason)
 
 
-def unfit_estimate(message: ModelEstimate) -> Refusal:
+def estimate_refusal(message: ModelEstimate) -> Refusal:
     """Return why a ModelEstimate cannot be one (`UNKNOWN_NAME`, `MALFORMED`); nothing when it can."""
     count = len(message.values)
     if message.motion not in LEARNED:
@@ -78,7 +78,7 @@ def unfit_estimate(message: ModelEstimate) -> Refusal:
 
 
 def allocation_from_msg(message: AllocationStatus, thrusters: int) -> Allocation:
-    """Fields of an AllocationStatus for the pilot: shortfall [N, Nm], forces [N], lost axes. ValueError if unfit."""
+    """Fields of an AllocationStatus for the pilot: shortfall [N, Nm], forces [N], lost axes. ValueError if refused."""
     forces_N, shortfall = tuple(message.forces), tuple(map(float, message.shortfall))
     if len(forces_N) != thrusters or not all(map(math.isfinite, (*forces_N, *shortfall))):
         raise ValueError(f"found {len(forces_N)} forces and a shortfall, wanted {thrusters} finite ones")

@@ -214,9 +214,9 @@ class PilotNode(BatchedNode):
 
     def _on_estimate(self, message: ModelEstimate) -> None:
         """Keep the estimate of a motion, for the feedback of its maneuver."""
-        unfit = pilot_messages.unfit_estimate(message)
-        if unfit:
-            self._refuse(topics.ESTIMATE, unfit)
+        refused = pilot_messages.estimate_refusal(message)
+        if refused:
+            self._refuse(topics.ESTIMATE, refused)
         else:
             self._estimates[message.motion] = estimate_from_msg(message)
 
@@ -260,18 +260,18 @@ class PilotNode(BatchedNode):
         if self._altimeter is None and self._ranges:
             topic = self._ranges[0]
             self._altimeter = subscription(self, topic, partial(self._on_range, topic, reader(topic)), raw=True)
-        unfit = self._source.judge(publishers_of(self, topics.ODOMETRY), armed=self._armed)
+        refused = self._source.judge(publishers_of(self, topics.ODOMETRY), armed=self._armed)
         state: Stamped[Navigation] | None = None
         breaks = self._odometry.breaks
-        if not unfit:
+        if not refused:
             try:
-                state, unfit = self._odometry.step(
+                state, refused = self._odometry.step(
                     odometry_from_msg(message, self._prefix), self._source.gid, self.now()
                 )
             except ValueError as error:
-                unfit = unreadable(error)
-        if unfit:
-            self._refuse(topics.ODOMETRY, unfit)
+                refused = unreadable(error)
+        if refused:
+            self._refuse(topics.ODOMETRY, refused)
         if self._odometry.breaks != breaks:
             self._pilot.begin_anew()
         if state is not None:
@@ -288,9 +288,9 @@ class PilotNode(BatchedNode):
             self._untimed = [*self._untimed, message][-UNTIMED:]
             return
         # A list may be stamped right behind the one in force, whatever the clock did since that one was made.
-        untimely = self._window.of_lists.judge(stamp, Stamp(max(now, self._listed_at)))
-        if untimely is not None:
-            self._refuse(topics.THRUSTER_HEALTH_ORDER, untimely.refusal.within("the list is "))
+        wrong_stamp = self._window.of_lists.judge(stamp, Stamp(max(now, self._listed_at)))
+        if wrong_stamp is not None:
+            self._refuse(topics.THRUSTER_HEALTH_ORDER, wrong_stamp.refusal.within("the list is "))
         elif stamp > self._listed_at:
             reasons = dict.fromkeys(message.disabled, "") | dict(zip(message.disabled, message.reasons, strict=False))
             self._publish_disabled(self._known(reasons), stamp)
@@ -346,14 +346,14 @@ class PilotNode(BatchedNode):
 
     def _on_setpoint(self, message: HoldSetpoint) -> None:
         """Keep a setpoint for the next cycle, which knows whether the thrusters are armed by now."""
-        untimely = self._window.judge(stamp_from_msg(message.header.stamp), self.now())
+        wrong_stamp = self._window.judge(stamp_from_msg(message.header.stamp), self.now())
         if message.axis not in HOLDS:
             known = ", ".join(HOLDS)
             self._refuse(
                 topics.HOLD_SETPOINT, refused(Reason.UNKNOWN_NAME, what="hold", name=message.axis[:40], known=known)
             )
-        elif untimely is not None:
-            why = untimely.refusal.within(f"hold {message.axis}: ")
+        elif wrong_stamp is not None:
+            why = wrong_stamp.refusal.within(f"hold {message.axis}: ")
             self._refuse(topics.HOLD_SETPOINT, why)
             self._pilot.refuse(message.axis, why)
         else:
@@ -377,8 +377,8 @@ class PilotNode(BatchedNode):
 
     def _on_recentre(self, request: Recentre.Request, response: Recentre.Response) -> Recentre.Response:
         """Restart dead reckoning at the position given by the operator."""
-        untimely = self._window.judge(stamp_from_msg(request.stamp), self.now())
-        why = untimely.refusal if untimely else self._pilot.recentre(*pilot_messages.place_from_msg(request))
+        wrong_stamp = self._window.judge(stamp_from_msg(request.stamp), self.now())
+        why = wrong_stamp.refusal if wrong_stamp else self._pilot.recentre(*pilot_messages.place_from_msg(request))
         if why:
             self._reporter.refusals.add(RECENTRE, why)
         else:
@@ -400,9 +400,9 @@ class PilotNode(BatchedNode):
 
     def _unflyable(self, request: FlyManeuver.Goal) -> Refusal:
         """Return why a goal is not even kept, as "guard: sentence"; nothing when it is."""
-        untimely = self._window.judge(stamp_from_msg(request.stamp), self.now())
-        if untimely is not None:
-            return late_goal(untimely)
+        wrong_stamp = self._window.judge(stamp_from_msg(request.stamp), self.now())
+        if wrong_stamp is not None:
+            return late_goal(wrong_stamp)
         if self._goal is not None:
             return BUSY.within("start: ")
         try:

@@ -131,8 +131,8 @@ class A50:
         valid = Stamp(sent - (found.transmission_us - found.validity_us) * NS_PER_US)
         # Reports are in the order of their pings; the map may move by a little from one to the next.
         at = self._last_stamp = max(self._last_stamp, valid)
-        self._tell("hot", found.hot, stamp, "is hot and will shut down; put it into water, or switch it off")
-        self._tell("water", found.tracks_water, stamp, "tracks the water, wanted the bottom; set range_mode to auto")
+        self._report("hot", found.hot, stamp, "is hot and will shut down; put it into water, or switch it off")
+        self._report("water", found.tracks_water, stamp, "tracks the water, wanted the bottom; set range_mode to auto")
         return [*self._identify(found.format), *(Stamped(at, one) for one in self._readings(found))]
 
     def _readings(self, found: VelocityReport) -> tuple[BottomTrack, BottomVelocity]:
@@ -208,7 +208,7 @@ class A50:
         self._identity = f"{NAME}, {form[:20]}"
         return [Identity(self._identity)]
 
-    def _tell(self, what: str, now: bool, stamp: Stamp, sentence: str) -> None:
+    def _report(self, what: str, now: bool, stamp: Stamp, sentence: str) -> None:
         """Report something once, until it has gone."""
         if now and what not in self._told:
             self._troubles.append(Trouble(stamp, f"DVL {sentence}"))

@@ -94,7 +94,7 @@ class ThrustersNode(DeviceNode):
         self._riders: list[Rider] = []
         self._phase = self._reason = ""
         self._confirms = False
-        self._commander, self._unfit, self._look_s = SinglePublisher(), "", 0.0
+        self._commander, self._sender_refused, self._look_s = SinglePublisher(), "", 0.0
         self._inhibited_by = dict.fromkeys(("dead man", "lifecycle", "commander"), NO_REASON)
         self._state = publisher(self, THRUSTER_STATE)
         self._state_bytes = applied_writer(settings.vehicle.output.device)
@@ -169,7 +169,7 @@ class ThrustersNode(DeviceNode):
         """Reason why commands have no effect now or would have none; empty when they would."""
         if armed and self._reason:
             return f"armed, but neutral: {self._reason}"
-        return output_reason(OutputReason.UNOBEYED, refused=self._unfit) if self._unfit else NO_REASON
+        return output_reason(OutputReason.UNOBEYED, refused=self._sender_refused) if self._sender_refused else NO_REASON
 
     def on_idle(self) -> None:
         """Send the queued messages."""
@@ -209,17 +209,17 @@ class ThrustersNode(DeviceNode):
         if (now_s := time.monotonic()) >= self._look_s:
             self._look_s = now_s + LOOK_S
             self._look_for_commanders()
-        if self._unfit:  # as the graph was at most LOOK_S ago
-            self._thread.refuse(RefusedCommand(CommandFault.SENDER, self._unfit))
+        if self._sender_refused:  # as the graph was at most LOOK_S ago
+            self._thread.refuse(RefusedCommand(CommandFault.SENDER, self._sender_refused))
             return
         self._thread.command(ordered)
 
     def _look_for_commanders(self) -> None:
         """Judge the publishers of commands; disarmed, and not armed again, while there is another one."""
         publishers = publishers_of(self, THRUSTER_COMMAND)
-        unfit = self._commander.judge(publishers, armed=self._phase == ArmingPhase.ARMED)
-        self._unfit = f"{THRUSTER_COMMAND.name}: {unfit}" if unfit else ""
-        contested = output_reason(OutputReason.PUBLISHERS, found=self._unfit)
+        found = self._commander.judge(publishers, armed=self._phase == ArmingPhase.ARMED)
+        self._sender_refused = f"{THRUSTER_COMMAND.name}: {found}" if found else ""
+        contested = output_reason(OutputReason.PUBLISHERS, found=self._sender_refused)
         self._inhibit("commander", contested if self._commander.is_contested(publishers) else NO_REASON)
 
     def _on_arm(self, request: Arm.Request, response: Arm.Response) -> Arm.Response:

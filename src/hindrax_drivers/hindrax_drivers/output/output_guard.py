@@ -17,7 +17,7 @@ from enum import StrEnum
 
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, after, seconds_between
-from hindrax_core.input_checks import EXPIRED, FUTURE, TIMELESS, UNSTAMPED, StampWindow
+from hindrax_core.input_checks import StampFault, StampWindow
 from hindrax_core.knobs import knob
 from hindrax_core.signals import Command
 from hindrax_core.text.coded import Coded
@@ -121,10 +121,10 @@ class CommandFault(StrEnum):
     SENDER = "sender"
     INHIBITED = "inhibited"
     OUT_OF_ORDER = "out of order"
-    EXPIRED = EXPIRED
-    FUTURE = FUTURE
-    UNSTAMPED = UNSTAMPED
-    TIMELESS = TIMELESS
+    EXPIRED = StampFault.EXPIRED
+    FUTURE = StampFault.FUTURE
+    UNSTAMPED = StampFault.UNSTAMPED
+    TIMELESS = StampFault.TIMELESS
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,7 +239,7 @@ class OutputGuard:
             State after it; what to write, or why it is refused.
         """
         state, now = self._observe(state, now)
-        refusal = self._untimely(state, command, now)
+        refusal = self._wrong_time(state, command, now)
         if refusal is not None:
             return self.refuse(state, refusal, now), refusal
         refusal = self._malformed(command)
@@ -539,10 +539,10 @@ class OutputGuard:
                 return RefusedCommand(CommandFault.NOT_A_PULSE, f"pulse {index}: found {pulse:g}, wanted {wanted}")
         return None
 
-    def _untimely(self, state: OutputGuardState, command: Command, now: Stamp) -> RefusedCommand | None:
-        untimely = StampWindow(self.knobs.command_lifespan_s, self.knobs.future_s).judge(command.stamp, now)
-        if untimely is not None:
-            return RefusedCommand(CommandFault(untimely.kind), f"command is {untimely.sentence}")
+    def _wrong_time(self, state: OutputGuardState, command: Command, now: Stamp) -> RefusedCommand | None:
+        wrong_stamp = StampWindow(self.knobs.command_lifespan_s, self.knobs.future_s).judge(command.stamp, now)
+        if wrong_stamp is not None:
+            return RefusedCommand(CommandFault(wrong_stamp.kind), f"command is {wrong_stamp.sentence}")
         last = state.last_command
         if last is None:
             return None
@@ -553,11 +553,11 @@ class OutputGuard:
         return None
 
     def _request_fault(self, state: OutputGuardState, request: Request, now: Stamp) -> Refusal:
-        untimely = StampWindow(self.knobs.arm_lifespan_s, self.knobs.future_s).judge(request.stamp, now)
-        if untimely is not None:
-            clocks = untimely.remedy if untimely.other_clock else "set the clocks of both machines if this lasts"
-            reason = Reason.LATE if untimely.kind == EXPIRED else Reason.CLOCK
-            return Refusal(reason, f"request is {untimely.text}; {clocks}, and try again")
+        wrong_stamp = StampWindow(self.knobs.arm_lifespan_s, self.knobs.future_s).judge(request.stamp, now)
+        if wrong_stamp is not None:
+            clocks = wrong_stamp.remedy if wrong_stamp.other_clock else "set the clocks of both machines if this lasts"
+            reason = Reason.LATE if wrong_stamp.kind is StampFault.EXPIRED else Reason.CLOCK
+            return Refusal(reason, f"request is {wrong_stamp.text}; {clocks}, and try again")
         last = state.last_request
         if last is not None:
             # A restarted console counts from the beginning: accepted once no late request can still arrive.

@@ -95,9 +95,9 @@ class ExperimentServer:
             return Refusal(Reason.GOAL, str(error))
         if request.plan:
             return NOTHING
-        untimely = self._window.judge(stamp_from_msg(request.stamp), self._node.now())
-        if untimely is not None:
-            return late_goal(untimely)
+        wrong_stamp = self._window.judge(stamp_from_msg(request.stamp), self._node.now())
+        if wrong_stamp is not None:
+            return late_goal(wrong_stamp)
         if self._run is not None:
             return BUSY
         return NOTHING if self._fly.server_is_ready() else GONE

@@ -54,7 +54,7 @@ from hindrax_operator.progress import Progress
 if TYPE_CHECKING:
     from hindrax_operator.nodes.operator_node import Operator
 
-UNFIT = ("plan", "until", "minutes", "fault", "simulator", "start", "out", "autopilot", "params", "set")
+OF_OTHER_FLIGHTS = ("plan", "until", "minutes", "fault", "simulator", "start", "out", "autopilot", "params", "set")
 """Options of a single flight, which a session does not keep."""
 LOAD_SIGMA = 0.002
 LEAD_AWAY = (
@@ -83,7 +83,7 @@ def guide(arguments: argparse.Namespace) -> int:
     HindraxError
         When no legs were flown, so that there is no estimate.
     """
-    found = [f"--{name}" for name in UNFIT if getattr(arguments, name) not in (None, [], "", False)]
+    found = [f"--{name}" for name in OF_OTHER_FLIGHTS if getattr(arguments, name) not in (None, [], "", False)]
     found += [f"--excitation {arguments.excitation}"] if arguments.excitation != PLATEAUS else []
     if found:
         raise UsageError(f"--session: found {', '.join(found)}, wanted none of them: a session chooses its legs itself")

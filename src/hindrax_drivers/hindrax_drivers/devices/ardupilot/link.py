@@ -162,7 +162,7 @@ class Link:
         for event in self._decoder.feed(data, stamp):
             if isinstance(event, Rejected):
                 yield event
-            elif self._is_autopilot(event, stamp) and not self._take(event.message, stamp) and event.message:
+            elif self._is_autopilot(event, stamp) and not self._receive(event.message, stamp) and event.message:
                 yield event.message
 
     def _is_autopilot(self, frame: mavlink.MavlinkFrame, stamp: Stamp) -> bool:
@@ -178,7 +178,7 @@ class Link:
                 self.foreign = message
         return frame.system == self.system and frame.component == AUTOPILOT
 
-    def _take(self, message: object, stamp: Stamp) -> bool:
+    def _receive(self, message: object, stamp: Stamp) -> bool:
         """Whether a message is an answer to a request of the set-up."""
         if isinstance(message, ParameterValue):
             known = self._asked.pop(message.name, None) is not None or message.name in self._wanted
