@@ -1,5 +1,6 @@
 """A battery sensor and the allocator, by messages: with less voltage the same force takes a longer pulse."""
 
+import math
 import re
 import time
 from collections.abc import Iterator
@@ -67,7 +68,7 @@ class Bench:
         deadline = time.monotonic() + PATIENT_S
         while (found := self.reports.get("hindrax: allocator", (b"", "", "")))[2] != supply:
             assert time.monotonic() < deadline, f"last reported: {found}"
-            self._turn()
+            self.turn()
         return found[:2]
 
     def until_supplied(self, volts: float, *, measured: bool) -> list[float]:
@@ -77,12 +78,22 @@ class Bench:
             assert time.monotonic() < deadline, f"last heard: {self.said}"
             if measured:
                 self.battery.publish(BatteryState(voltage=volts, present=True))
-            self._turn()
+            self.turn()
         for _ in range(SETTLING):
-            self._turn()
+            self.turn()
         return list(self.said.pulses)
 
-    def _turn(self) -> None:
+    def until_heard(self) -> None:
+        """Publish a voltage until the allocator has it, which has no wrench yet."""
+        deadline = time.monotonic() + PATIENT_S
+        while math.isnan(self.allocator.supply.battery_V(Stamp(0))):
+            assert time.monotonic() < deadline
+            self.battery.publish(BatteryState(voltage=12.0, present=True))
+            self.allocator.drain()
+            self._executor.spin_once(timeout_sec=0.02)
+
+    def turn(self) -> None:
+        """Ask for a wrench once, and hear what comes back."""
         now = after(Stamp(self.node.get_clock().now().nanoseconds), self.later_s)
         self.allocator.on_wrench(UP, FSD, now, now)
         self.allocator.drain()
@@ -108,6 +119,14 @@ def test_a_measured_voltage_takes_the_place_of_the_nominal_one(bench: Bench) -> 
     assert bench.said.achieved[2] == pytest.approx(-30.0, abs=0.2)
     bench.battery.publish(BatteryState(voltage=float("nan"), present=True))
     assert bench.until_supplied(12.0, measured=True) == weak
+
+
+def test_a_voltage_that_came_before_the_first_wrench_is_as_good_as_a_later_one(bench: Bench) -> None:
+    bench.until_heard()
+    for _ in range(SETTLING):
+        bench.turn()
+    assert bench.said is not None
+    assert (bench.said.supply_voltage, bench.said.supply_measured) == (12.0, True)
 
 
 def test_a_battery_sensor_that_falls_silent_leaves_the_constant_and_a_complaint(bench: Bench) -> None:

@@ -132,7 +132,7 @@ class AllocatorNode(BatchedNode):
         self._status.publish(self._status_bytes(applied, achieved, self._cycle.supply_V))
 
     def _on_battery(self, message: BatteryState) -> None:
-        refused = self._cycle.supply.update(float(message.voltage), self._cycle.now)
+        refused = self._cycle.supply.update(float(message.voltage), Stamp(max(self._cycle.now, self._now())))
         if refused:
             self._reporter.refusals.add(BATTERY.name, refused)
 
