@@ -1,13 +1,16 @@
 """One leg on a vehicle whose thrust lags: it coasts, and brakes to rest, however strong and light the vehicle is."""
 
 import math
+import statistics
 from collections import deque
 from dataclasses import dataclass, replace
+from itertools import groupby
 
 import pytest
 
-from hindrax_control.maneuver.leg import LegController, LegOutput
-from hindrax_control.maneuver.plan import CHARACTERS, LAG_S, Leg
+from hindrax_control.maneuver.leg import Easing, LegController, LegOutput
+from hindrax_control.maneuver.maneuver_guards import ManeuverGuardKnobs
+from hindrax_control.maneuver.plan import CHARACTERS, EASED_FROM, LAG_S, SPEED_RESERVE, Leg
 
 STEP_S = 0.05
 DELAY_S = 0.2
@@ -44,21 +47,26 @@ def leg(
 class End:
     """Speed when the leg was told to be over, and when the thrust of its last lag had come; the furthest place.
 
-    `coasts`: times, forces and speeds of the coast.
+    `coasts`: times, forces and speeds of the coast. `speeds`: of all steps.
     """
 
     told_mps: float
     rest_mps: float
     furthest_m: float
     coasts: list[tuple[float, float, float]]
+    speeds: list[float]
 
 
-def flown(one: Leg) -> End:
-    """Fly a leg with thrust that comes a lag after it was asked for; no thrust is asked for after its end."""
-    driver, coming = LegController(one), deque([0.0] * round(DELAY_S / STEP_S))
+def flown(one: Leg, easing: Easing | None = None, drag: float = DRAG) -> End:
+    """Fly a leg with thrust that comes a lag after it was asked for; no thrust is asked for after its end.
+
+    `drag`: the true one.
+    """
+    driver, coming = LegController(one, easing), deque([0.0] * round(DELAY_S / STEP_S))
     x_m, v_mps, time_s, told_mps, furthest_m = one.start, 0.0, 0.0, math.nan, -math.inf
     rest_s = math.inf
     coasts: list[tuple[float, float, float]] = []
+    speeds: list[float] = []
     while time_s < rest_s:
         if math.isnan(told_mps):
             output = driver.step(x_m, v_mps, time_s)
@@ -67,12 +75,13 @@ def flown(one: Leg) -> End:
             if output.finished:
                 told_mps, rest_s = v_mps, time_s + DELAY_S
         coming.append(output.force if math.isnan(told_mps) else 0.0)
-        v_mps += (coming.popleft() - DRAG * abs(v_mps) * v_mps) / one.inertia * STEP_S
+        v_mps += (coming.popleft() - drag * abs(v_mps) * v_mps) / one.inertia * STEP_S
+        speeds.append(v_mps * one.sign)
         x_m += v_mps * STEP_S
         furthest_m = max(furthest_m, x_m * one.sign)
         time_s += STEP_S
         assert time_s < 60.0
-    return End(told_mps * one.sign, v_mps * one.sign, furthest_m, coasts)
+    return End(told_mps * one.sign, v_mps * one.sign, furthest_m, coasts, speeds)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -103,6 +112,36 @@ def test_a_leg_coasts_at_speed_and_ends_within_its_room(assumed: float, sign: fl
     assert 1.0 < times_s[-1] - times_s[0] <= 2.0 + STEP_S
     assert abs(end.rest_mps) < 0.15
     assert end.furthest_m <= 3.0
+
+
+LIMIT_mps = RATE_mps / SPEED_RESERVE
+
+
+def longest_s(speeds: list[float]) -> float:
+    """Longest time for which the speed was beyond its limit."""
+    beyond = [len(list(run)) for fast, run in groupby(speeds, lambda v: v > LIMIT_mps) if fast]
+    return STEP_S * max(beyond, default=0)
+
+
+@pytest.mark.parametrize("share", [0.4, 0.5, 0.65])
+def test_a_vehicle_with_less_drag_than_its_file_says_is_eased_before_the_guard_ends_the_flight(share: float) -> None:
+    easing, one = Easing(), replace(leg(2.1, coast_s=2.0), most=EASED_FROM * LIMIT_mps)
+    first = flown(one, easing, share * DRAG)
+    assert longest_s(first.speeds) < ManeuverGuardKnobs().patience_s
+    assert first.furthest_m <= 3.0
+    assert first.coasts
+    eased = easing.share
+    second = flown(replace(one, sign=-1.0, level=-one.level, rate=-one.rate, start=3.0, end=-3.0), easing, share * DRAG)
+    assert longest_s(second.speeds) < ManeuverGuardKnobs().patience_s
+    assert easing.share == eased < 1.0, "what one leg has found, the next ones know"
+    assert EASED_FROM * LIMIT_mps > statistics.median(second.speeds) > 0.7 * RATE_mps
+
+
+@pytest.mark.parametrize("share", [0.9, 1.0, 2.0])
+def test_a_vehicle_that_is_much_as_its_file_says_gets_the_forces_of_the_plan(share: float) -> None:
+    easing = Easing()
+    flown(replace(leg(2.1), most=EASED_FROM * LIMIT_mps), easing, share * DRAG)
+    assert easing == Easing()
 
 
 def test_a_leg_without_a_coast_keeps_its_force_until_it_brakes() -> None:

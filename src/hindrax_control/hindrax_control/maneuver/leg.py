@@ -5,7 +5,7 @@ A statistical test on the slope of the last samples decides whether the speed is
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from hindrax_control.maneuver.plan import CHARACTERS, LAG_S, TURNING, Leg, stopping
 
@@ -19,6 +19,8 @@ OVERSHOOT = 1.1
 """Share of a leg's end beyond which a swing is braked."""
 SWING_SHARE = 0.5
 """Share of a leg's end from which a swing is worth its time."""
+EASED = 0.7
+"""Share of its force with which a plateau goes on that was too fast."""
 LET_GO = 3.0
 """A plateau ends when the slope is this many times beyond what it may be."""
 
@@ -32,16 +34,23 @@ class LegOutput:
     finished: bool = False
 
 
+@dataclass(slots=True)
+class Easing:
+    """What the legs of a motion share: `share` of the planned forces, less than 1 where those were too fast."""
+
+    share: float = 1.0
+
+
 class LegController:
     """One leg from wherever the vehicle is. Time is the caller's, in seconds."""
 
-    def __init__(self, leg: Leg) -> None:
+    def __init__(self, leg: Leg, easing: Easing | None = None) -> None:
         self.leg, self.seconds, self.ends = leg, leg.seconds, (leg.start, leg.end)
+        self._planned, self._easing = leg.level, easing or Easing()
         # Drag brakes as well, but fades with the speed: it is left out.
         self._braking = leg.boost / leg.inertia
-        character = CHARACTERS[leg.axis]
-        self._steadiness = SteadyStateTest(character.window_s, character.negligible * abs(leg.level) / leg.inertia)
-        self._boost_s = character.boost_s
+        self._steadiness = self._steady_state_test()
+        self._boost_s = CHARACTERS[leg.axis].boost_s
         self._stretch, self._way = "boost", 1.0
         self._since_s = math.nan
 
@@ -64,22 +73,39 @@ class LegController:
         LegOutput
             Force beyond bias and restoring [N, N m], phase, and whether the leg is over.
         """
-        leg = self.leg
         if math.isnan(self._since_s):
             self._since_s = time_s
-        forward = rate * leg.sign
+            self._ease(1.0)
+        forward = rate * self.leg.sign
+        self._change(coordinate, forward, time_s)
+        if self._stretch == "hold":
+            self._lose_patience(coordinate, time_s)
+            return self._hold(rate, time_s, trusted=trusted)
+        return self._pass(forward, time_s)
+
+    def _change(self, coordinate: float, forward: float, time_s: float) -> None:
+        """Enter the stretch for which it is time: too fast, near enough to coast, or to brake."""
+        if forward > self.leg.most and self._stretch in ("boost", "hold"):
+            # What the boost has left, as long as its thrust still comes, is no fault of the plateau's force.
+            if self._stretch == "hold" and self._elapsed_s(time_s) > LAG_S:
+                self._ease(EASED)
+            self._enter("ease", time_s)
         # Thrust that is lost to inflow may never bring it up to speed; it swings all the same.
-        driven = ("boost", "hold", "push") if leg.natural_radps else ("hold",)
-        if leg.coast_s > 0.0 and self._stretch in driven and self._may_coast(coordinate, forward):
+        driven = ("boost", "hold", "push") if self.leg.natural_radps else ("hold", "ease")
+        if self.leg.coast_s > 0.0 and self._stretch in driven and self._may_coast(coordinate, forward):
             self._enter("coast", time_s)
         if self._stretch != "brake" and self._at_an_end(coordinate, forward):
             self._enter("brake", time_s)
             self._way = math.copysign(1.0, forward)
+
+    def _pass(self, forward: float, time_s: float) -> LegOutput:
+        """Fly a stretch that is no plateau."""
         if self._stretch == "boost":
             return self._boost(forward, time_s)
-        if self._stretch == "hold":
-            self._lose_patience(coordinate, time_s)
-            return self._hold(rate, time_s, trusted=trusted)
+        if self._stretch == "ease":
+            if forward <= abs(self.leg.rate):
+                self._enter("hold", time_s)
+            return LegOutput(0.0, "transient")
         if self._stretch == "push":
             return self._push(time_s)
         if self._stretch == "coast":
@@ -99,6 +125,17 @@ class LegController:
             return (leg.end - coordinate) * leg.sign <= way
         # During the boost it may still move backward from the leg before.
         return self._stretch == "hold" and (coordinate - leg.back) * leg.sign <= way
+
+    def _ease(self, share: float) -> None:
+        """Go on with a share of the force that the legs before had: less drag than the prior, or more thrust."""
+        self._easing.share *= share
+        if self._easing.share < 1.0:
+            self.leg = replace(self.leg, level=self._planned * self._easing.share)
+            self._steadiness = self._steady_state_test()
+
+    def _steady_state_test(self) -> "SteadyStateTest":
+        character = CHARACTERS[self.leg.axis]
+        return SteadyStateTest(character.window_s, character.negligible * abs(self.leg.level) / self.leg.inertia)
 
     def _enter(self, stretch: str, time_s: float) -> None:
         self._stretch, self._since_s = stretch, time_s

@@ -11,7 +11,7 @@ from hindrax_control.hold.holds import Setpoint
 from hindrax_control.hold.station_keeping import StationKeeping, StationKeepingKnobs
 from hindrax_control.maneuver.excitation import Bounds, Excite, signal
 from hindrax_control.maneuver.goal import LOOKS, PLATEAUS, Goal, require_flyable
-from hindrax_control.maneuver.leg import LegController
+from hindrax_control.maneuver.leg import Easing, LegController
 from hindrax_control.maneuver.maneuver_guards import ManeuverGuardKnobs, ManeuverGuards, Situation, nearest
 from hindrax_control.maneuver.plan import CHARACTERS, Plan, Planner
 from hindrax_control.maneuver.stages import (
@@ -288,8 +288,9 @@ class Maneuver:
         if self.goal.excitation != PLATEAUS:
             return [*begin, self._excite(plan, pose)]
         freedom = self._planner.freedoms[plan.motion]
+        easing = Easing()
         drives: list[Stage] = [
-            ExciteMotion(leg.axis, LegController(leg), freedom, self.station, pose) for leg in plan.legs
+            ExciteMotion(leg.axis, LegController(leg, easing), freedom, self.station, pose) for leg in plan.legs
         ]
         return [*begin, *drives]
 

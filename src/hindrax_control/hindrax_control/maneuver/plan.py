@@ -30,7 +30,8 @@ RISE_m = 0.3
 PACE_LEAST = 0.2
 """A boost accelerates at least this much [m/s^2, rad/s^2], however slow the plateau."""
 LEVEL_SHARE = 0.85
-SPEED_RESERVE = 0.8
+SPEED_RESERVE, EASED_FROM = 0.8, 0.9
+"""Shares of the speed limit: for the fastest plateau, and from which its force is eased."""
 TILT_RESERVE = 0.85
 
 
@@ -112,6 +113,8 @@ class Leg:
     """Longest time without thrust between plateau and braking [s]."""
     seconds: float
     """Expected duration [s]."""
+    most: float = math.inf
+    """Rate from which the force of the plateau is eased, [m/s]: little below the limit that ends the flight."""
     natural_radps: float = 0.0
     """Natural frequency of the prior where the leg ends in a swing: what rights itself stops without thrust."""
 
@@ -301,6 +304,7 @@ class Planner:
             coast_s=self.knobs.coast_s,
             # On the way up to speed half of the way is lost; braking ends before the leg does.
             seconds=abs((end - start) / rate) + 0.5 * abs(rate) / pace,
+            most=math.inf if motion in TURNING else EASED_FROM * self.vehicle.limits.speed_mps,
         )
         if freedom.restoring < 0.0:
             # Top-heavy: without thrust it turns over.
