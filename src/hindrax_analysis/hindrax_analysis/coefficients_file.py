@@ -30,6 +30,10 @@ TABULATED = ("k_q", "k_l", "b", "added_mass")
 """Those that tables, figures and exports have."""
 
 
+MOCK_WORLD = "the mock's world"
+"""Begins the assumption that lists the effects of a mock."""
+
+
 @dataclass(frozen=True, slots=True)
 class ResultConditions:
     """Conditions of a result: vehicle, water, record and software.

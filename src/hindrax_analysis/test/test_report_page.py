@@ -3,6 +3,7 @@
 import math
 import re
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -11,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hindrax_analysis.coefficients_file import ResultConditions, SavedCoefficients, conditions_of
+from hindrax_analysis.coefficients_file import MOCK_WORLD, ResultConditions, SavedCoefficients, conditions_of
 from hindrax_analysis.identification.bag_identification import shared_warnings
 from hindrax_analysis.published import CITATION, PUBLISHED, published_of
 from hindrax_analysis.report.chart import (
@@ -433,8 +434,8 @@ def test_the_paper_stands_beside_its_own_vehicle_only(name: str, shown: bool) ->
 def test_the_tables_name_the_paper_only_where_its_rows_stand_beside_ours(report: RunReport) -> None:
     other = replace(report.results.vehicle, name="lbv")
     strange = run_page(replace(report, results=replace(report.results, vehicle=other)))
-    assert "<h3>Coefficients, next to Table 3 of COB-2023-1394</h3>" in run_page(report)
-    assert "<h3>Coefficients</h3>" in strange
+    assert ">Coefficients, next to Table 3 of COB-2023-1394</h2>" in run_page(report)
+    assert ">Coefficients</h2>" in strange
     assert "of COB-2023-1394" not in strange
 
 
@@ -512,7 +513,7 @@ def test_a_run_in_which_nothing_was_flown_reports_it_and_shows_no_tables(report:
     text = run_page(replace(aborted(report), results=replace(report.results, motions={}), traces={}, assessments={}))
     ET.fromstring(main_of(text))
     assert "Nothing was flown" in text
-    assert "<h3>Coefficients" not in text
+    assert ">Coefficients" not in text
 
 
 def test_a_comparison_and_a_forest_mark_the_aborted_run(report: RunReport) -> None:
@@ -537,3 +538,17 @@ def test_a_thruster_that_was_left_out_stands_at_the_top(report: RunReport) -> No
     assert '<span class="chip bad">left out: T3</span>' in text
     assert f"<b>{out}.</b>" in text
     assert "left out" not in run_page(report)
+
+
+def test_the_world_of_a_mock_stands_in_the_conditions_and_other_assumptions_above_the_tables(report: RunReport) -> None:
+    assumptions = (f"{MOCK_WORLD}: tether 0.524 N", "axes are SNAME")
+    text = run_page(replace(report, conditions=replace(report.conditions, assumptions=assumptions)))
+    tables, conditions = text.index(">Coefficients"), text.index(">Conditions<")
+    assert text.index("axes are SNAME") < tables
+    assert text.index("tether 0.524 N") > conditions
+
+
+def test_headings_of_a_report_skip_no_level(report: RunReport) -> None:
+    levels = [int(level) for level in re.findall(r"<h([1-6])\b", run_page(report))]
+    assert levels[0] == 1
+    assert all(after <= before + 1 for before, after in pairwise(levels))

@@ -164,7 +164,7 @@ class Chart:
 def figure(chart: Chart) -> str:
     """HTML of a chart: heading, drawing, legend, caption."""
     return (
-        f"<figure><h4>{escape(chart.title)}</h4>{drawing(chart)}{_legend(chart)}"
+        f"<figure><h3>{escape(chart.title)}</h3>{drawing(chart)}{_legend(chart)}"
         f"<figcaption>{escape(chart.caption)}</figcaption></figure>"
     )
 

@@ -57,7 +57,7 @@ def forest(title: str, unit: str, entries: Sequence[Entry], caption: str, refere
     rows = "".join(_row(entry, TOP + ROW * (i + 0.5), scale) for i, entry in enumerate(entries))
     label = f"{title} [{unit}]" if unit else title
     return (
-        f'<figure class="forest"><h4>{escape(title)}</h4><svg viewBox="0 0 {WIDTH:g} {height:g}" role="img" '
+        f'<figure class="forest"><h3>{escape(title)}</h3><svg viewBox="0 0 {WIDTH:g} {height:g}" role="img" '
         f'aria-label="{escape(label)}">{x_axis(scale, label, (TOP, height - BOTTOM), 5)}{line}{rows}</svg>'
         f"<figcaption>{escape(caption)}</figcaption></figure>"
     )

@@ -71,7 +71,7 @@ def _printed(results: Results, *motions: str) -> bool:
 def _titled(title: str, number: int, results: Results) -> str:
     """Title of a table that the paper has too, with its number there where its rows stand beside ours."""
     beside = f", next to Table {number} of {PAPER}" if _printed(results, *results.motions) else ""
-    return f"<h3>{title}{beside}</h3>"
+    return f'<h2 class="minor">{title}{beside}</h2>'
 
 
 def as_printed(value: float, std: float) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
 
-from hindrax_analysis.coefficients_file import TABULATED, ResultConditions, SavedCoefficients
+from hindrax_analysis.coefficients_file import MOCK_WORLD, TABULATED, ResultConditions, SavedCoefficients
 from hindrax_analysis.published import CITATION, PAPER, published_of
 from hindrax_analysis.report.chart import figure
 from hindrax_analysis.report.figures import (
@@ -146,8 +146,9 @@ def _how_to_read(report: RunReport) -> str:
         "is corrected by the probable size of each influence of the uncertainty budget; \u00b1 is half of its 68 % "
         "interval, to quote for the vehicle. Below it is the result of the record alone, with its noise.</p>"
     )
-    if report.conditions.assumptions:
-        words += f"<p>Assumptions:</p>{bullets(report.conditions.assumptions)}"
+    assumed = [one for one in report.conditions.assumptions if not one.startswith(MOCK_WORLD)]
+    if assumed:
+        words += f"<p>Assumptions:</p>{bullets(assumed)}"
     return words
 
 
@@ -162,7 +163,7 @@ def _tables(report: RunReport) -> str:
         )
     predictions = table_predictions(report.assessments)
     if predictions:
-        text += f"<h3>Prediction of the held-out part</h3>{predictions}{PREDICTED}"
+        text += f'<h2 class="minor">Prediction of the held-out part</h2>{predictions}{PREDICTED}'
     return text
 
 
@@ -266,6 +267,7 @@ def _conditions(of: ResultConditions, vehicle: Vehicle) -> str:
         ("SHA-256 of the record", of.bag_sha256),
         ("software", of.software),
     ]
+    pairs += [(MOCK_WORLD, one.partition(": ")[2]) for one in of.assumptions if one.startswith(MOCK_WORLD)]
     sources = (
         f'<p class="soft">Drag model, coefficients and drag coefficients as in {PAPER} ({CITATION}). Standard '
         "deviations: its eq. 7 and 8, corrected for the autocorrelation of the residuals. The same numbers, with "

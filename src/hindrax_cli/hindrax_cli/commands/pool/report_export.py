@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from hindrax_analysis.coefficients_file import SavedCoefficients, read_coefficients
+from hindrax_analysis.coefficients_file import MOCK_WORLD, SavedCoefficients, read_coefficients
 from hindrax_analysis.exports import (
     fossen,
     gz,
@@ -236,7 +236,7 @@ def _text(path: Path | None, to: str, named: str | None) -> str:
     return FORMATS[to](_model_named(path, to, named))
 
 
-SIMULATED = "assumed: the mock's world"
+SIMULATED = f"assumed: {MOCK_WORLD}"
 """Start of a note of ten lines, which the exported file has and a terminal does without."""
 
 
