@@ -19,7 +19,7 @@ from hindrax_bringup.stack import adopted, environment, own_domain
 from hindrax_control.maneuver.goal import BUSY as PILOT_BUSY
 from hindrax_control.nodes.pilot_messages import result_of
 from hindrax_core.input_checks import MOCK_ORDER
-from hindrax_core.text.refusals import CANCELLED, told
+from hindrax_core.text.refusals import CANCELLED, from_sentence
 from hindrax_ident.nodes import experiment_server
 from hindrax_ident.nodes.identifier import Identifier
 from hindrax_ident.online.aim import Aim, ExperimentGoal
@@ -65,7 +65,9 @@ class StandInPilot:
             return
         self.flying = None
         handle.publish_feedback(FlyManeuver.Feedback(motion=handle.request.motions[0], phase="plateau"))
-        handle.execute(partial(result_of, CANCELLED if handle.is_cancel_requested else told(self.words.pop(0))))
+        handle.execute(
+            partial(result_of, CANCELLED if handle.is_cancel_requested else from_sentence(self.words.pop(0)))
+        )
 
     def close(self) -> None:
         """Go; twice is once."""

@@ -13,7 +13,7 @@ from hindrax_analysis.identification.pool_session import PoolSession, Reached, S
 from hindrax_bag.run_folder import RunFolder
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.pool import guided_session
-from hindrax_cli.commands.pool.guided_session import StackStand
+from hindrax_cli.commands.pool.guided_session import StackStepRunner
 from hindrax_cli.commands.pool.lockstep_session import SessionTrial, session_summary
 from hindrax_core.errors import HindraxError
 from hindrax_core.vehicle import AxisGain
@@ -72,13 +72,13 @@ def flights_without_a_stack(
     def weigh(*_: object) -> tuple[AxisGain, float, str]:
         return AxisGain(load=15.0, sigma=0.004, positive=0.94, negative=0.94), 200.0, ""
 
-    def estimate(_stand: StackStand, bags: Sequence[Path], session: PoolSession) -> Mapping[str, Reached]:
+    def estimate(_runner: StackStepRunner, bags: Sequence[Path], session: PoolSession) -> Mapping[str, Reached]:
         drag = 0.2 / (len(bags) + len(session.gains))
         return {"surge": Reached(drag, 0.05, drag, drag, 0.06, "own wake", "rest between legs")}
 
     patch.setattr(guided_session, "fly", fly)
-    patch.setattr(StackStand, "weigh", weigh)
-    patch.setattr(StackStand, "estimate", estimate)
+    patch.setattr(StackStepRunner, "weigh", weigh)
+    patch.setattr(StackStepRunner, "estimate", estimate)
     return flown
 
 

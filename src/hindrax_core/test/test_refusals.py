@@ -16,10 +16,10 @@ from hindrax_core.text.refusals import (
     Reason,
     Refusal,
     found,
+    from_sentence,
     received,
     refusal_of,
     refused,
-    told,
     unreadable,
 )
 
@@ -85,7 +85,7 @@ def test_an_error_carries_the_refusal_that_it_was_raised_with() -> None:
     ],
 )
 def test_the_sentence_of_an_older_record_names_its_reason(sentence: str, reason: Reason) -> None:
-    assert (told(sentence), told(sentence).reason) == (sentence, reason)
+    assert (from_sentence(sentence), from_sentence(sentence).reason) == (sentence, reason)
 
 
 @pytest.mark.parametrize(

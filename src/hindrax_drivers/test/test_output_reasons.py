@@ -8,8 +8,8 @@ from hindrax_drivers.output.output_reasons import (
     SENTENCES,
     OutputReason,
     all_of,
+    from_sentence,
     output_reason,
-    told,
 )
 
 SAMPLES: dict[OutputReason, tuple[dict[str, object], str]] = {
@@ -36,13 +36,13 @@ def test_every_code_has_its_sentence() -> None:
 )
 def test_a_sentence_that_came_alone_finds_its_code(code: OutputReason) -> None:
     numbers = SAMPLES[code][0] if code in SAMPLES else {}
-    assert told(str(output_reason(code, **numbers))).code is code
+    assert from_sentence(str(output_reason(code, **numbers))).code is code
 
 
 @pytest.mark.parametrize("code", [OutputReason.UNNAMED, OutputReason.DEVICE, OutputReason.LIFECYCLE])
 def test_words_of_somebody_else_have_no_code_of_ours(code: OutputReason) -> None:
     words = dict.fromkeys(("sentence", "found", "state"), "bus is stuck")
-    assert told(str(output_reason(code, **words))).code is OutputReason.UNNAMED
+    assert from_sentence(str(output_reason(code, **words))).code is OutputReason.UNNAMED
 
 
 def test_of_several_reasons_all_are_told_and_the_first_is_the_code() -> None:

@@ -16,7 +16,7 @@ from hindrax_bringup.stack_lock import StackLock
 from hindrax_bringup.testing.vehicle_files import hindrax_file
 from hindrax_control.maneuver.plan import plans_of
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.text.refusals import told
+from hindrax_core.text.refusals import from_sentence
 from hindrax_core.vehicle import Pool, load_vehicle
 from hindrax_operator import pool_run
 from hindrax_operator.pool_run import ABORT, FlownManeuver, PoolOptions, planned, run_pool_test
@@ -98,7 +98,9 @@ def test_results_that_find_no_room_are_reported_with_the_end_of_the_flight_and_h
     def full(*_: object, **__: object) -> None:
         raise HindraxError("coefficients.yaml: cannot be written; make room")
 
-    monkeypatch.setattr(pool_run, "fly", lambda *_: FlownManeuver(aborted=told("record: recording waits for room")))
+    monkeypatch.setattr(
+        pool_run, "fly", lambda *_: FlownManeuver(aborted=from_sentence("record: recording waits for room"))
+    )
     monkeypatch.setattr(bag_identification, "identify_run", full)
     out = tmp_path / "run"
     with pytest.raises(HindraxError) as reported:

@@ -170,7 +170,7 @@ def order_of(motions: Sequence[str], number: int) -> tuple[str, ...]:
     return tuple(motions) if number % 2 else tuple(reversed(motions))
 
 
-class Stand(Protocol):
+class StepRunner(Protocol):
     """What does the steps: the stack with a person beside the pool, or the mock."""
 
     def tether(self) -> str:
@@ -217,7 +217,7 @@ class Stand(Protocol):
 
 
 def run_steps(
-    session: PoolSession, folder: Path, stand: Stand, report: Callable[[PoolSession], None] = lambda _: None
+    session: PoolSession, folder: Path, runner: StepRunner, report: Callable[[PoolSession], None] = lambda _: None
 ) -> PoolSession:
     """Do the steps that are left; each is kept on disk when it is finished.
 
@@ -229,7 +229,7 @@ def run_steps(
         As it was kept.
     folder
         Of the session.
-    stand
+    runner
         What does the steps.
     report
         Called with the session after each.
@@ -241,30 +241,30 @@ def run_steps(
     """
     motions = tuple(session.settings["motions"])
     while session.left:
-        step = _do(session.left[0], motions, session, folder, stand)
+        step = _do(session.left[0], motions, session, folder, runner)
         session = replace(session, done=(*session.done, step))
         save(session, folder)
         # Weighings one after the other need one estimate, after the last.
         more = step.kind == WEIGH and session.left and session.left[0].startswith(WEIGH)
         if step.kind != TETHER and not more and session.folders:
-            reached = stand.estimate([folder / one for one in session.folders], session)
+            reached = runner.estimate([folder / one for one in session.folders], session)
             session = replace(session, done=(*session.done[:-1], replace(step, reached=reached)))
             save(session, folder)
         report(session)
     return session
 
 
-def _do(name: str, motions: tuple[str, ...], session: PoolSession, folder: Path, stand: Stand) -> Step:
+def _do(name: str, motions: tuple[str, ...], session: PoolSession, folder: Path, runner: StepRunner) -> Step:
     step = Step(name)
     if step.kind == TETHER:
-        return replace(step, remark=stand.tether())
+        return replace(step, remark=runner.tether())
     if step.kind == WEIGH:
-        gain, seconds, remark = stand.weigh(step.subject, _free(folder, name), session)
+        gain, seconds, remark = runner.weigh(step.subject, _free(folder, name), session)
         return replace(step, gain=gain, seconds=seconds, remark=remark)
     seconds, aborted = 0.0, ""
     for _ in range(TRIES):
         place = _free(folder, name)
-        took, aborted = stand.legs(order_of(motions, int(step.subject)), place, session)
+        took, aborted = runner.legs(order_of(motions, int(step.subject)), place, session)
         seconds += took
         if not aborted:
             break

@@ -197,10 +197,10 @@ def refusal_of(error: Exception) -> Refusal:
 def received(code: int, sentence: str) -> Refusal:
     """Return the refusal that a message carries. A code of a later version, or none, is found by the sentence."""
     known = code != Reason.NONE and any(code == one for one in Reason)
-    return Refusal(Reason(code), sentence) if known else told(sentence)
+    return Refusal(Reason(code), sentence) if known else from_sentence(sentence)
 
 
-def told(sentence: str) -> Refusal:
+def from_sentence(sentence: str) -> Refusal:
     """Return the refusal of a sentence alone, as older records have it: its first word names the reason."""
     if not sentence:
         return NOTHING

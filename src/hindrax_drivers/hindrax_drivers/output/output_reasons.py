@@ -76,7 +76,7 @@ def all_of(reasons: Mapping[str, Coded[OutputReason]]) -> Coded[OutputReason]:
     return Coded(given[0].code, "; ".join(given)) if given else NO_REASON
 
 
-def told(sentence: str) -> Coded[OutputReason]:
+def from_sentence(sentence: str) -> Coded[OutputReason]:
     """Return the reason that a message carries, which has the sentence only: its beginning names the code."""
     if not sentence:
         return NO_REASON

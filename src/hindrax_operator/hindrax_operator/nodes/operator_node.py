@@ -27,7 +27,7 @@ from hindrax_core.signals import Estimate, Navigation
 from hindrax_core.text.refusals import NOTHING, Reason, Refusal, received
 from hindrax_drivers.output.output_guard import AGAIN as ASK_AGAIN
 from hindrax_drivers.output.output_guard import ArmingPhase
-from hindrax_drivers.output.output_reasons import OutputReason, told
+from hindrax_drivers.output.output_reasons import OutputReason, from_sentence
 from hindrax_ident.online.aim import ExperimentGoal
 from hindrax_msgs.action import FlyManeuver, RunExperiment
 from hindrax_msgs.msg import (
@@ -325,7 +325,7 @@ class Operator:
         with contextlib.suppress(HindraxError):
             self.wait(lambda: not self.reason or bool(self.unobeyed), ANSWER_S, lambda: "a command")
         why = self.unobeyed
-        if told(why).code is OutputReason.UNOBEYED:
+        if from_sentence(why).code is OutputReason.UNOBEYED:
             with contextlib.suppress(HindraxError):  # they disarm by themselves when nothing is obeyed
                 self.arm(arm=False, seconds=ANSWER_S)
             raise HindraxError(f"the thrusters were armed, but {why}; disarmed again")

@@ -105,7 +105,7 @@ def fly(
         World at the end, identification, why it was aborted, and plans.
     """
     vehicle = calibrated(vehicle)
-    session = _Heard(vehicle, listen)
+    session = _ListenedSession(vehicle, listen)
     experiment = None if aim is None else Experiment(tuple(motions), aim)
     if experiment is None:
         pilot = GoalPilot(vehicle, Goal(tuple(motions), excitation, seed), knobs)
@@ -137,7 +137,7 @@ def calibrated(vehicle: Vehicle) -> Vehicle:
     return replace(vehicle, sensors=sensors)
 
 
-class _Heard(Session):
+class _ListenedSession(Session):
     """A session without estimates that passes its events on."""
 
     def __init__(self, vehicle: Vehicle, listen: Callable[[Stamped[IdentEvent]], None]) -> None:

@@ -41,7 +41,7 @@ from hindrax_cli.argument_types import add_json, named_vehicle, within
 from hindrax_cli.command import command, option
 from hindrax_cli.command_line import as_called
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.text.refusals import told
+from hindrax_core.text.refusals import from_sentence
 from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.text.text_file import require_place
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
@@ -197,7 +197,7 @@ def identify(arguments: argparse.Namespace) -> int:
         write(arguments.coefficients, as_yaml(found.results, conditions, joint))
     recorded_s = sum(source.recording.duration_s for source in sources if source.recording)
     factor = round(recorded_s / took_s, 2) if recorded_s and took_s > 0.0 else None
-    document = found.document(sources[0].path, arguments.report, factor, told(conditions.aborted))
+    document = found.document(sources[0].path, arguments.report, factor, from_sentence(conditions.aborted))
     document |= {"assumptions": conditions.assumptions, **_runs(sources, found)}
     document |= {"joint": joint.to_json()} if joint else {}
 

@@ -60,15 +60,15 @@ def montecarlo(arguments: argparse.Namespace) -> int:
             raise UsageError(f"--session: found --excitation {arguments.excitation}, wanted {PLATEAUS}")
         return _sessions(arguments, servable.flown, seeds)
     jobs = [partial(trial, seed, *how) for seed in seeds]
-    trials = _told("run", jobs, arguments)
+    trials = _results_of("run", jobs, arguments)
     document = summary(trials)
     if not document["cells"]:
         raise HindraxError(f"none of {len(trials)} runs gave a result: {trials[0].trouble}")
     return print_answer(document, lambda: print_montecarlo(document, whole=arguments.all), as_json=arguments.json)
 
 
-def _told(what: str, jobs: Sequence[Callable[[], OneTrial]], arguments: argparse.Namespace) -> list[OneTrial]:
-    """Results of all jobs; each is told as it is done."""
+def _results_of(what: str, jobs: Sequence[Callable[[], OneTrial]], arguments: argparse.Namespace) -> list[OneTrial]:
+    """Results of all jobs; each is reported as it is done."""
     trials: list[OneTrial] = []
     for one in workers_of(arguments).run(jobs):
         trials.append(one)
@@ -79,7 +79,7 @@ def _told(what: str, jobs: Sequence[Callable[[], OneTrial]], arguments: argparse
 def _sessions(arguments: argparse.Namespace, motions: tuple[str, ...], seeds: range) -> int:
     """Fly sessions; print the goal beside what was reached."""
     jobs = [partial(session_trial, seed, motions, arguments.vehicle, arguments.world) for seed in seeds]
-    trials = _told("session", jobs, arguments)
+    trials = _results_of("session", jobs, arguments)
     document = session_summary(trials)
     if not document["motions"]:
         raise HindraxError(f"none of {len(trials)} sessions gave a result: {trials[0].trouble}")

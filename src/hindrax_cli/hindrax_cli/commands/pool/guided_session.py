@@ -88,14 +88,14 @@ def guide(arguments: argparse.Namespace) -> int:
     if found:
         raise UsageError(f"--session: found {', '.join(found)}, wanted none of them: a session chooses its legs itself")
     session, folder = _opened(arguments)
-    stand = StackStand(arguments, session, folder)
+    runner = StackStepRunner(arguments, session, folder)
     save(session, folder.path)
     print_stderr(f"session {folder.path}: {', '.join(session.left) or 'all steps are done'}")
     try:
-        session = run_steps(session, folder.path, stand, partial(_report, folder.path))
+        session = run_steps(session, folder.path, runner, partial(_report, folder.path))
         if not session.folders:
             raise HindraxError(f"{folder.path}: no legs were flown ({session.done[1].remark}), so there is no estimate")
-        identified = stand.identified or stand.identify(_bags(session, folder), session)
+        identified = runner.identified or runner.identify(_bags(session, folder), session)
     except KeyboardInterrupt:
         mock = " --mock" if session.settings["mock"] else ""
         print_stderr(f"stopped; `./hindrax pool-test --session {folder.path}{mock}` goes on with the step in hand")
@@ -165,7 +165,7 @@ def _bags(session: PoolSession, folder: RunFolder) -> list[Path]:
     return [folder.path / one / "bag" for one in session.folders]
 
 
-class StackStand:
+class StackStepRunner:
     """Flies with the stack, each step for itself; in mock the weighing is in lock-step, in the world of the legs."""
 
     def __init__(self, arguments: argparse.Namespace, session: PoolSession, folder: RunFolder) -> None:

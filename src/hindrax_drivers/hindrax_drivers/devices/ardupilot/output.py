@@ -411,13 +411,13 @@ class ArduSub:
         if beat.armed:
             self._seen_armed = True
         elif self._seen_armed or late:
-            return self._end(f"the autopilot has been disarmed{self._said()}", stamp)
+            return self._end(f"the autopilot has been disarmed{self._last_words()}", stamp)
         if beat.mode != MANUAL and (self._seen_armed or late):
             mode = MODES.get(beat.mode, f"mode {beat.mode}")
-            return self._end(f"another party, or a failsafe, has taken over: {mode}{self._said()}", stamp)
+            return self._end(f"another party, or a failsafe, has taken over: {mode}{self._last_words()}", stamp)
         return []
 
-    def _said(self) -> str:
+    def _last_words(self) -> str:
         return f" ({self._last_text})" if self._last_text else ""
 
     def _end(self, why: str, stamp: Stamp, *, owned: bool = False) -> list[Output]:
@@ -547,7 +547,7 @@ class ArduSub:
             return []
         if seconds_between(self._accepted_at, stamp) < ASK_AGAIN_S:
             return []
-        return self._end(f"it refuses motor tests{self._said()}", stamp)
+        return self._end(f"it refuses motor tests{self._last_words()}", stamp)
 
     def _stick(self, stamp: Stamp, pulses_us: Sequence[float] = ()) -> list[Output]:
         """MANUAL_CONTROL nearest to some pulses; neutral without."""
