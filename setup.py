@@ -30,6 +30,8 @@ LEFT_OUT = {
     "hindrax_cli.pool_plan",
 }  # fmt: skip
 """Packages and modules that need ROS, or a stack."""
+ROS_ONLY = {"segno"}
+"""Python packages that only what is left out needs: addresses of the page for a phone."""
 OTHER_NAMES = {"yaml": "pyyaml"}
 LEAST = {"numpy": "numpy>=1.26"}
 
@@ -48,7 +50,7 @@ def requirements() -> list[str]:
         keys = (one.text or "" for one in manifest.findall("exec_depend"))
         found |= {key.removeprefix("python3-") for key in keys if key.startswith("python3-")}
         found |= {one.text or "" for one in manifest.findall("export/pip_depend")}
-    return sorted(LEAST.get(name, OTHER_NAMES.get(name, name)) for name in found)
+    return sorted(LEAST.get(name, OTHER_NAMES.get(name, name)) for name in found - ROS_ONLY)
 
 
 class WithoutRos(build_py):

@@ -13,6 +13,9 @@ import pytest
 from hindrax_bringup.clone import clone_root
 from hindrax_cli import command_page
 from hindrax_cli.command import MODULES
+from hindrax_sim.conditions.world_table import CONDITIONS
+from hindrax_sim.faults.fault_registry import FAULTS
+from hindrax_sim.simulators import SIMULATORS
 
 ASK = """
 import sys
@@ -22,7 +25,7 @@ from hindrax_cli.command_page import main
 sys.exit(main(Path(sys.argv[1]), sys.argv[2:]))
 """
 PAGE = command_page.page_of(clone_root())
-VEHICLES = command_page.vehicles_of(clone_root())
+VALUES = command_page.values_of(clone_root())
 COMPLETE = """
 COMP_WORDS=(./hindrax "$@") COMP_CWORD=$#
 _hindrax
@@ -41,7 +44,7 @@ def asked(*words: str) -> subprocess.CompletedProcess[str]:
 
 
 def completed(*words: str) -> list[str]:
-    script = command_page.completion(PAGE, "bash", VEHICLES) + COMPLETE
+    script = command_page.completion(PAGE, "bash", VALUES) + COMPLETE
     done = subprocess.run(
         ["bash", "-c", script, "bash", *words], capture_output=True, text=True, check=True, timeout=60
     )
@@ -102,7 +105,15 @@ def test_bash_completes_commands_their_words_options_and_choices() -> None:
     assert completed("pool-test", "--dof", "sur") == ["surge"]
     assert completed("--v") == ["--version"]
     assert completed("pool-test", "--mock", "--vehicle", "hin") == ["hindrax"]
-    assert set(completed("up", "--vehicle", "")) == set(VEHICLES) >= {"hindrax", "bluerov2-heavy"}
+    assert set(completed("up", "--vehicle", "")) == set(VALUES["--vehicle"]) >= {"hindrax", "bluerov2-heavy"}
+    assert completed("vehicle", "show", "lb") == ["lbv"]
+
+
+def test_bash_completes_the_values_of_an_option() -> None:
+    assert completed("up", "--mock", "--world", "tether_") == ["tether_drag"]
+    assert set(completed("mock", "--world", "")) == {"ideal", "pool", *CONDITIONS}
+    assert set(completed("doctor", "--mock", "--fault", "")) == set(FAULTS)
+    assert completed("pool-test", "--mock", "--simulator", "") == list(SIMULATORS)
 
 
 def test_the_options_of_the_set_up_are_completed_as_its_help_names_them() -> None:
@@ -116,7 +127,7 @@ def test_the_options_of_the_set_up_are_completed_as_its_help_names_them() -> Non
 def test_fish_offers_files_only_where_no_word_is_due(tmp_path: Path) -> None:
     (tmp_path / "a-file.txt").write_text("")
     asked_for = ("", "bag ", "bag info ", "replay ")
-    script = command_page.completion(PAGE, "fish") + "".join(
+    script = command_page.completion(PAGE, "fish", VALUES) + "".join(
         f"complete -C'hindrax {one}'; echo =\n" for one in asked_for
     )
     done = subprocess.run(
@@ -140,7 +151,7 @@ def test_fish_offers_files_only_where_no_word_is_due(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(shutil.which("zsh") is None, reason="no zsh on this machine")
 def test_a_zsh_without_completion_of_its_own_gets_it_and_keeps_its_home_clean(tmp_path: Path) -> None:
-    script = command_page.completion(PAGE, "zsh") + "print -r -- ${_comps[hindrax]}\n"
+    script = command_page.completion(PAGE, "zsh", VALUES) + "print -r -- ${_comps[hindrax]}\n"
     done = subprocess.run(
         ["zsh", "-f"],
         input=script,
@@ -158,7 +169,7 @@ def test_a_zsh_without_completion_of_its_own_gets_it_and_keeps_its_home_clean(tm
 def test_every_shell_gets_its_script_before_a_set_up(shell: str) -> None:
     done = asked("completion", shell)
     assert done.returncode == 0, done.stderr
-    assert done.stdout == command_page.completion(PAGE, shell, VEHICLES)
+    assert done.stdout == command_page.completion(PAGE, shell, VALUES)
     assert done.stdout.startswith(f"# Completion of hindrax for {shell}")
     assert all(f"--{option}" in done.stdout for option in ("mock", "dof", "json"))
 

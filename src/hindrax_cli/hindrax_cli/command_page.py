@@ -20,6 +20,9 @@ WIDTH = 24
 SHELLS = ("bash", "zsh", "fish")
 SECTION = re.compile(r"^##+ ", re.MULTILINE)
 FURNITURE = ("| ---", "| option", "```")
+NAMED = re.compile(r"^\| `(\w+)` \|", re.MULTILINE)
+"""First cell of a row of a reference page."""
+SIMULATORS = ["mujoco", "gz", "stonefish"]
 ROW = re.compile(r"^\| `(?P<form>[^`]+)` \| (?P<meaning>.*) \|$")
 
 BASH = """# Completion of hindrax for bash; keep it as ~/.local/share/bash-completion/completions/hindrax
@@ -27,11 +30,13 @@ _hindrax() {
   local known="${COMP_WORDS[1]}${COMP_WORDS[2]:+ ${COMP_WORDS[2]}}" words
   if [ "$COMP_CWORD" -eq 1 ]; then
     words='@COMMANDS@'
-  elif [ "${COMP_WORDS[COMP_CWORD-1]}" = --vehicle ]; then
-    words='@VEHICLES@'
   else
+    case "${COMP_WORDS[COMP_CWORD-1]}" in
+@VALUES@
+    *)
     case $known in
 @CASES@
+    esac
     esac
   fi
   COMPREPLY=($(compgen -W "$words" -- "${COMP_WORDS[COMP_CWORD]}"))
@@ -127,13 +132,21 @@ def _offered(form: str) -> list[str]:
     return [one for word in words for one in word.split("|") if re.fullmatch(r"[-a-z][-a-z0-9_]*", one)]
 
 
-def vehicles_of(root: Path) -> list[str]:
-    """Names of the vehicles of a clone."""
-    return sorted(file.stem for file in (root / "src" / "hindrax_bringup" / "vehicles").glob("*.yaml"))
+def values_of(root: Path) -> Mapping[str, list[str]]:
+    """What options of a clone may be given, beside the choices of their own page: vehicles, worlds, faults."""
+    reference = root / "docs" / "reference"
+    worlds = (reference / "worlds.md").read_text(encoding="utf-8")
+    faults = sections((reference / "devices.md").read_text(encoding="utf-8"))["Faults"]
+    return {
+        "--vehicle": sorted(file.stem for file in (root / "src" / "hindrax_bringup" / "vehicles").glob("*.yaml")),
+        "--world": ["ideal", "pool", *NAMED.findall(worlds)],
+        "--fault": NAMED.findall(faults),
+        "--simulator": SIMULATORS,
+    }
 
 
-def completion(page: str, shell: str, vehicles: Sequence[str] = ()) -> str:
-    """Return the script by which a shell completes commands, subcommands, options and names of vehicles.
+def completion(page: str, shell: str, values: Mapping[str, Sequence[str]]) -> str:
+    """Return the script by which a shell completes commands, subcommands, options and values of these.
 
     Parameters
     ----------
@@ -141,8 +154,8 @@ def completion(page: str, shell: str, vehicles: Sequence[str] = ()) -> str:
         Text of docs/reference/commands.md.
     shell
         fish or zsh; else bash.
-    vehicles
-        Names to complete `--vehicle` by.
+    values
+        Of options, as of `values_of`; names of vehicles follow `vehicle check` and `vehicle show` too.
 
     Returns
     -------
@@ -150,21 +163,23 @@ def completion(page: str, shell: str, vehicles: Sequence[str] = ()) -> str:
         To be evaluated by that shell.
     """
     known = dict(words_of(page), setup=["--check", "--vehicle", "--all", "--help"])
+    for name in ("vehicle check", "vehicle show"):
+        known[name] = [*values.get("--vehicle", ()), *known.get(name, ())]
     commands = [*(name for name in known if " " not in name), "help", "--help", "--version"]
     if shell == "fish":
         lines = (_fish_command(name, known) for name in known)
-        named = f"complete -c hindrax -l vehicle -r -a '{' '.join(vehicles)}'"
-        return "\n".join([FISH, _fish("__fish_use_subcommand", commands, files=False), named, *lines, ""])
+        named = (f"complete -c hindrax -l {name[2:]} -r -a '{' '.join(words)}'" for name, words in values.items())
+        return "\n".join([FISH, _fish("__fish_use_subcommand", commands, files=False), *named, *lines, ""])
     # Patterns of subcommands come before those of commands, which match them too.
     narrow_first = sorted(known.items(), key=lambda one: " " not in one[0])
     cases = "\n".join(starmap(_case, narrow_first))
     bash = BASH.replace("@COMMANDS@", " ".join(commands)).replace("@CASES@", cases)
-    bash = bash.replace("@VEHICLES@", " ".join(vehicles))
+    bash = bash.replace("@VALUES@", "\n".join(starmap(_case, values.items())))
     return ZSH + bash.partition("\n")[2] if shell == "zsh" else bash
 
 
 def _case(name: str, words: list[str]) -> str:
-    pattern = f"'{name}'" if " " in name else f"'{name}' | '{name} '*"
+    pattern = f"'{name}'" if " " in name or name.startswith("-") else f"'{name}' | '{name} '*"
     return f"      {pattern}) words='{' '.join(words)}' ;;"
 
 

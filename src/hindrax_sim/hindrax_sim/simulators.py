@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from hindrax_core.errors import UsageError
+from hindrax_core.text.nearest import found_in
 from hindrax_core.topics import ros_name
 
 UP, DOWN = (1.0, -1.0, -1.0), (1.0, 1.0, 1.0)
@@ -40,7 +41,7 @@ def simulator_of(text: str, name: str) -> Simulator:
     kind, _, prefix = text.partition(":")
     row = SIMULATORS.get(kind)
     if row is None or (prefix and not prefix.startswith("/")):
-        known = ", ".join(SIMULATORS)
-        raise UsageError(f"--simulator {text}: wanted one of {known}, or one with its prefix, such as gz:/model/rov")
+        found = found_in(kind, SIMULATORS) if row is None else f"found prefix {prefix!r}, wanted one that begins with /"
+        raise UsageError(f"--simulator {text}: {found}, or one with its prefix, such as gz:/model/rov")
     place = (prefix or row.prefix.format(name=ros_name(name))).rstrip("/")
     return replace(row, prefix=place, odometry=f"{place}/{row.odometry}", thrust=f"{place}/{row.thrust}")

@@ -116,7 +116,8 @@ def test_rows_are_named_alone_with_a_size_and_behind_pool() -> None:
         ("tether=much", r"tether=much, wanted 0 to 100 N"),
         ("tether=-1", r"tether=-1, wanted 0 to 100 N"),
         ("tether=nan", "tether=nan, wanted 0"),
-        ("pool,ideal", "found 'ideal'"),
+        ("tethr=1", r"found 'tethr' \(did you mean tether\?\); the form is"),
+        ("pool,ideal", "found 'ideal' behind another name, wanted it first"),
         ("", "found ''"),
     ],
 )

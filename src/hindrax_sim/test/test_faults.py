@@ -56,7 +56,9 @@ def test_the_link_of_an_autopilot_is_that_of_the_output_and_of_the_sensors_on_it
 @pytest.mark.parametrize(
     ("text", "error"),
     [
-        ("garbge:dvl75", "found 'garbge' (did you mean garbage?), wanted one of absent, "),
+        ("garbge:dvl75", "found 'garbge' (did you mean garbage?); the form is"),
+        ("dvl75:garbage", "found 'dvl75' (did you mean garbage:dvl75?)"),
+        ("garbage:dvl57", "garbage on 'dvl57' (did you mean dvl75?), wanted one of dvl75, a50"),
         ("", "found '', wanted one of absent, "),
         ("garbage:icm20948", "garbage on 'icm20948', wanted one of dvl75, a50, ping1d"),
         ("clock_jump:ping1d", "clock_jump on 'ping1d', wanted one of dvl75, a50"),

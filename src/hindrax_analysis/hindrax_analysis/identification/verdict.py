@@ -2,7 +2,7 @@
 
 import math
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -97,11 +97,13 @@ class NextReport:
 
     command: str
     """That writes the report; empty where it is written."""
+    called: Callable[[str], str] = str
+    """Gives a command the name of the tool in this installation."""
 
     def words(self, _motion: str, remedy: str) -> list[str]:
         """The command of a step at the desk, else that of the report."""
         desk = COMMANDS.get(remedy, "") if remedy != MEASURED_THRUST else ""
-        return [one for one in (desk or self.command,) if one]
+        return [self.called(one) for one in (desk or self.command,) if one]
 
 
 def marked(result: MotionResult) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from hindrax_core.errors import UsageError
-from hindrax_core.text.nearest import did_you_mean
+from hindrax_core.text.nearest import found_in
 from hindrax_core.vehicle import Vehicle
 from hindrax_sim.conditions import hull, sensing, thrust, water
 from hindrax_sim.conditions.realization import Realization
@@ -123,10 +123,10 @@ def sizes_of(world: str, seed: int) -> dict[str, float]:
 def _named(text: str, world: str) -> tuple[str, float]:
     name, equals, written = text.partition("=")
     row = CONDITIONS.get(name)
+    if name in (IDEAL, POOL):
+        raise UsageError(f"--world {world}: found {name!r} behind another name, wanted it first; the form is {FORM}")
     if row is None:
-        known = did_you_mean(name, (IDEAL, POOL, *CONDITIONS))
-        wanted = f"wanted one of {', '.join(CONDITIONS)}; the form is {FORM}"
-        raise UsageError(f"--world {world}: found {name!r}{known}, {wanted}")
+        raise UsageError(f"--world {world}: {found_in(name, CONDITIONS, (IDEAL, POOL))}; the form is {FORM}")
     try:
         size = float(written) if equals else row.size
     except ValueError:

@@ -13,7 +13,7 @@ from typing import TypeVar
 
 from hindrax_core.errors import UsageError
 from hindrax_core.sensor_table import SENSORS, Capability, Sensor, Wire, row_of
-from hindrax_core.text.nearest import did_you_mean
+from hindrax_core.text.nearest import did_you_mean, found_in
 from hindrax_core.vehicle import Vehicle
 from hindrax_sim.devices.emulator import RegisterEmulator, SerialEmulator
 from hindrax_sim.faults import build_faults as build
@@ -198,14 +198,14 @@ def parse_fault(text: str, vehicle: Vehicle | None = None) -> FaultSpec:
     name, colon, device = head.partition(":")
     kind = FAULTS.get(name)
     if kind is None:
-        found = f"found {name!r}{did_you_mean(name, FAULTS)}"
-        raise UsageError(f"--fault {text}: {found}, wanted one of {', '.join(FAULTS)}; the form is {FORM}")
+        turned = f"found {name!r} (did you mean {device}:{name}?)" if device in FAULTS else ""
+        raise UsageError(f"--fault {text}: {turned or found_in(name, FAULTS)}; the form is {FORM}")
     devices = kind.devices(vehicle)
     if not devices:
         raise UsageError(f"--fault {text}: {name} falls on nothing aboard; see `sensors` in the vehicle file")
     if colon and device not in devices:
-        known = ", ".join(devices)
-        raise UsageError(f"--fault {text}: {name} on {device!r}, wanted one of {known}; the form is {FORM}")
+        wanted = f"{did_you_mean(device, devices)}, wanted one of {', '.join(devices)}"
+        raise UsageError(f"--fault {text}: {name} on {device!r}{wanted}; the form is {FORM}")
     start, plus, duration = when.partition("+")
     return FaultSpec(
         name,

@@ -39,7 +39,7 @@ from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.share_files import default_vehicle, vehicle_file
 from hindrax_cli.argument_types import add_json, named_vehicle, within
 from hindrax_cli.command import command, option
-from hindrax_cli.command_line import as_called
+from hindrax_cli.command_line import as_called, is_here
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.refusals import from_sentence
 from hindrax_core.text.screen_text import print_fitted, print_stderr
@@ -289,11 +289,10 @@ def _show_ending(arguments: argparse.Namespace, found: Identified, following: Ne
 def _next(arguments: argparse.Namespace, sources: Sequence[RecordSource], vehicle: Vehicle) -> NextCommand:
     """What would follow: a flight like the last one of this stack, or the report of a record of another."""
     last = sources[-1]
-    if last.recording is None:
+    if last.recording is None and is_here("pool-test"):
         own = RunFolder(last.path.parent).vehicle
         usual = vehicle.name == load_vehicle(default_vehicle()).name
         return NextFlight(("--mock",) if last.mock else (), vehicle="" if usual else arguments.vehicle or str(own))
     report = Path(arguments.records[0]).with_suffix(".html").name
-    return NextReport(
-        "" if arguments.report else f"{as_called(shlex.join(['./hindrax', *arguments.typed]))} --report {report}"
-    )
+    again = shlex.join(["./hindrax", *arguments.typed, "--report", report])
+    return NextReport("" if arguments.report else again, as_called)

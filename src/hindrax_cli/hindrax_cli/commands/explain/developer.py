@@ -38,8 +38,8 @@ BESIDE = {
 def completion(arguments: argparse.Namespace) -> int:
     """Print the completion script for a shell; its first line says where to save it."""
     root = clone_root()
-    page, vehicles = command_page.page_of(root), command_page.vehicles_of(root)
-    print_whole(command_page.completion(page, arguments.shell, vehicles), end="")
+    page, values = command_page.page_of(root), command_page.values_of(root)
+    print_whole(command_page.completion(page, arguments.shell, values), end="")
     return 0
 
 

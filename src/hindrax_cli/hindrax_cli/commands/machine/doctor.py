@@ -20,6 +20,7 @@ from hindrax_bringup.stack_lock import UP, StackLock, stacks
 from hindrax_bringup.supervisor import Supervisor
 from hindrax_cli.argument_types import add_json, add_tuning, add_vehicle, output_settings
 from hindrax_cli.command import command, option
+from hindrax_cli.commands.operate.up_stop import require_known
 from hindrax_cli.health_checks import Check, machine, nodes, wires
 from hindrax_cli.health_checks.pi import board
 from hindrax_core.errors import HindraxError, UsageError
@@ -108,13 +109,15 @@ def in_mock(settings: Settings, vehicle_file: Path, faults: tuple[str, ...]) -> 
     list[Check]
         Of its ports and devices.
     """
+    options = MockOptions(rate=0.0, faults=faults)
+    require_known(options, settings.vehicle)
     print_stderr("asking the devices of a mock vehicle")
     with tempfile.TemporaryDirectory(prefix="hindrax-") as place:
         folder = RunFolder(Path(place))
         shutil.copyfile(vehicle_file, folder.vehicle)
         with Supervisor(folder.logs, environment(mock=True, domain=None)) as supervisor:
             stack = Stack(folder, supervisor)
-            stack.start_mock(MockOptions(rate=0.0, faults=faults), "--no-ros")
+            stack.start_mock(options, "--no-ros")
             ports = stack.mock_facts["ports"]
             assert isinstance(ports, Mapping)
             return wires.ports(settings.vehicle, ports) + wires.devices(settings, ports, str(stack.mock_facts["clock"]))

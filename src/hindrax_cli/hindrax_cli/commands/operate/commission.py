@@ -10,7 +10,7 @@ from hindrax_bag.run_folder import RunFolder, make_run_folder
 from hindrax_bringup.stack import MockOptions
 from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_cli.command import command, option
-from hindrax_cli.commands.operate.up_stop import add_mock_options
+from hindrax_cli.commands.operate.up_stop import add_mock_options, require_known
 from hindrax_cli.vehicle_edit import add_write, require_editable, set_keys
 from hindrax_control.commissioning.findings import MEASURED, PROVEN, Findings, table
 from hindrax_control.commissioning.picture import svg
@@ -44,9 +44,9 @@ AGAIN = "the file has changed: end the stack, start it with this file, and commi
 def commission(arguments: argparse.Namespace) -> int:
     """Prove the vehicle file in the water, in a minute or two: thrusters one by one, then sensors, depth and trim."""
     require_editable(arguments)
-    of_mock = arguments.fault or arguments.world or arguments.rate is not None or arguments.seed is not None
-    if of_mock and not arguments.mock:
-        raise UsageError("--fault, --world, --rate and --seed are for --mock only")
+    of_mock = arguments.fault or arguments.world or arguments.simulator
+    if (of_mock or arguments.rate is not None or arguments.seed is not None) and not arguments.mock:
+        raise UsageError("--fault, --world, --simulator, --rate and --seed are for --mock only")
     findings, folder, bag = _in_mock(arguments) if arguments.mock else _beside(arguments)
     vehicle = load_vehicle(arguments.vehicle)
     picture = folder.path / "commissioning.svg"
@@ -62,7 +62,8 @@ def _in_mock(arguments: argparse.Namespace) -> tuple[Findings, RunFolder, str]:
 
     pace = 0.0 if arguments.rate is None else arguments.rate
     seed = 1 if arguments.seed is None else arguments.seed
-    mock = MockOptions(seed, pace, tuple(arguments.fault), arguments.world or "ideal")
+    mock = MockOptions(seed, pace, tuple(arguments.fault), arguments.world or "ideal", simulator=arguments.simulator)
+    require_known(mock, load_vehicle(arguments.vehicle))
     findings, folder = commission_mock(Path(arguments.vehicle), mock, arguments.out, print_stderr)
     return findings, folder, str(folder.bag)
 

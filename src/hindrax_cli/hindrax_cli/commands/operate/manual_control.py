@@ -124,7 +124,7 @@ def place_text(x_m: float, y_m: float) -> str:
     return "at its start" if math.isnan(x_m) else f"{x_m:.2f} m from the south wall, {y_m:.2f} m from the west wall"
 
 
-def place_of(words: Sequence[str]) -> tuple[float, float, float]:
+def place_of(words: Sequence[str], name: str = "place") -> tuple[float, float, float]:
     """x, y [m] and heading [rad], NaN where none is given. UsageError for anything else."""
     wanted = "nothing, or X Y [DEG]: meters from the south and the west wall, and degrees from the pool's length"
     try:
@@ -132,7 +132,7 @@ def place_of(words: Sequence[str]) -> tuple[float, float, float]:
     except ValueError:
         numbers = [math.nan]
     if len(numbers) not in (0, 2, 3) or not all(map(math.isfinite, numbers)):
-        raise UsageError(f"place: found {' '.join(words)!r}, wanted {wanted}")
+        raise UsageError(f"{name}: found {' '.join(words)!r}, wanted {wanted}")
     x_m, y_m, degrees = (*numbers, *[math.nan] * (3 - len(numbers)))
     return x_m, y_m, math.radians(degrees)
 

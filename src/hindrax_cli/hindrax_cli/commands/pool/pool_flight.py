@@ -166,7 +166,11 @@ def pool_test(arguments: argparse.Namespace) -> int:
 
         require_ports(load_vehicle(Path(arguments.vehicle)), arguments.vehicle)
     mock = _mock(arguments) if arguments.mock else None
-    vehicle, tuning, start = load_vehicle(arguments.vehicle), tuning_of(arguments), place_of(arguments.start or [])
+    vehicle, tuning, start = (
+        load_vehicle(arguments.vehicle),
+        tuning_of(arguments),
+        place_of(arguments.start or [], "--start"),
+    )
     if mock is not None:
         require_known(mock, vehicle)
     if arguments.start:
