@@ -416,6 +416,35 @@ def test_without_motion_beside_it_nothing_acts_from_the_other_axes(case: AxisFit
     assert row(OTHER_AXES).sigma(with_others(case, v=array(np.full(len(TIMES), 1e-4)))) == 0.0
 
 
+def test_a_hull_at_an_angle_has_the_drag_of_the_area_it_turns_to_the_flow(case: AxisFit) -> None:
+    """By 1.2 x 0.4 x 0.3 m: beside it 1.2 x 0.3 of 0.4 x 0.3, three times the own area; below it four times."""
+    across = with_others(case, v=array(np.full(len(TIMES), 0.2)), w=array(np.full(len(TIMES), 0.1)))
+    model = replace(case.fit.model, crossed=True)
+    theta = np.array([66.0, 1.5, 0.0, 30.0, 27.0])
+    long = replace(on_axis(across, model, array(theta)), vehicle=replace(case.vehicle, envelope_m=(1.2, 0.4, 0.3)))
+    turned = np.sqrt(V**2 + (3.0 * 0.2) ** 2 + (4.0 * 0.1) ** 2)
+    k_q = TOP / SPEED**2
+    assert_effect(long, "drag by incidence", of_force(array(-k_q * (turned - np.abs(V)) * V)))
+    assert (row("drag by incidence").sigma(case), row("drag by incidence").sigma(long)) == (0.0, 2.0)
+    # Sway of the same hull has the largest area but one: only heave turns more to the flow, 1.2 x 0.4 of 1.2 x 0.3.
+    swaying = on_axis(long, replace(model, axis=1), array(theta))
+    turned = np.sqrt(V**2 + (4.0 / 3.0 * 0.1) ** 2 + 0.2**2)
+    sway_others = replace(
+        swaying,
+        record=replace(long.record, others=(long.record.others[1], long.record.others[0], *long.record.others[2:])),
+    )
+    assert_effect(sway_others, "drag by incidence", of_force(array(-k_q * (turned - np.abs(V)) * V)))
+
+
+def test_a_fit_that_has_the_drag_by_the_speed_across_does_not_fear_it_as_well(case: AxisFit) -> None:
+    """What is left of constant motion across: a tenth of the own drag, as a constant force."""
+    across = with_others(case, v=array(np.full(len(TIMES), 0.4)))
+    known = on_axis(across, replace(case.fit.model, crossed=True), array(np.array([66.0, 1.5, 0.0, 30.0, 27.0])))
+    found = row(OTHER_AXES).effect(known)
+    wanted = of_force(array(0.1 * TOP / SPEED**2 * 0.16 * np.ones(len(TIMES))))
+    assert found @ found.T == pytest.approx(wanted @ wanted.T, abs=1e-9)
+
+
 def test_a_tilt_is_a_share_of_the_net_buoyancy_or_of_the_stiffness(case: AxisFit) -> None:
     for name in ("tilt of the accelerometer", "tilt of the mount"):
         assert_effect(case, name, of_force(np.full(32, case.vehicle.net_buoyancy_N)))

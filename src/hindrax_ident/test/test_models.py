@@ -17,6 +17,7 @@ from hindrax_ident.model.motion_model import (
     offset,
     restoring,
     rigid_mass,
+    speed_across,
 )
 
 
@@ -49,14 +50,41 @@ def test_split_drag_uses_the_own_coefficients_of_each_direction() -> None:
     assert model.force(theta, v, np.zeros(2)) == pytest.approx(expected)
 
 
+@pytest.mark.parametrize("crossed", [False, True])
 @pytest.mark.parametrize("split", [False, True])
-def test_slope_is_the_derivative_of_the_force(split: bool) -> None:
-    model = Model(0, 15.22, split=split)
-    theta = np.array([93.52, 5.26, 56.57, 11.84, 0.5, 37.7])[[0, 1, 2, 3, 4, 5] if split else [0, 1, 4, 5]]
-    v, h = np.array([-0.4, -0.1, 0.2, 0.5]), 1e-6
+def test_slope_is_the_derivative_of_the_force(split: bool, crossed: bool) -> None:
+    model = Model(0, 15.22, split=split, crossed=crossed)
+    rows = [0, 1, *([2, 3] if split else []), 4, *([5] if crossed else []), 6]
+    theta = np.array([93.52, 5.26, 56.57, 11.84, 0.5, 80.0, 37.7])[rows]
+    v, across, h = np.array([-0.4, -0.1, 0.2, 0.5]), np.array([0.1, 0.3, 0.0, 0.2]), 1e-6
     still = np.zeros(4)
-    numeric = (model.force(theta, v + h, still) - model.force(theta, v - h, still)) / (2.0 * h)
-    assert model.slope(theta, v) == pytest.approx(numeric, rel=1e-6)
+    ahead, behind = (model.force(theta, v + step, still, across) for step in (h, -h))
+    assert model.slope(theta, v, across) == pytest.approx((ahead - behind) / (2.0 * h), rel=1e-6)
+
+
+def test_at_rest_the_drag_by_the_speed_across_has_its_slope_and_no_other_trouble() -> None:
+    """F = k_w w v near v = 0; nothing where the water rests too."""
+    model, theta = Model(0, 15.22, crossed=True), np.array([60.0, 2.0, 0.0, 80.0, 30.0])
+    assert model.slope(theta, np.zeros(2), np.array([0.3, 0.0])) == pytest.approx([2.0 + 80.0 * 0.3, 2.0])
+
+
+def test_the_speed_across_is_that_of_the_hull_in_the_unit_of_the_axis(vehicle: Vehicle) -> None:
+    """0.3 and 0.4 m/s across sway and heave; a hull of 0.59 m turns at 1.2 rad/s and moves at 0.295 m/s: 1 rad/s."""
+    nu = [np.array([one]) for one in (0.3, 9.0, 0.4, 0.5, 0.6, 0.7)]
+    assert speed_across(vehicle, 1, nu) == pytest.approx([0.5])
+    assert max(vehicle.envelope_m) == 0.59
+    turning = [np.array([one]) for one in (0.0, 0.295, 0.0, 0.0, 1.2, 9.0)]
+    assert speed_across(vehicle, 5, turning) == pytest.approx([np.hypot(1.0, 1.2)])
+
+
+def test_a_bluff_body_has_the_drag_of_its_whole_speed() -> None:
+    """k_w = k_q: F = k_q sqrt(v^2 + w^2) v, by 0.3 along and 0.4 m/s across 60 * 0.5 * 0.3 N."""
+    model = Model(0, 15.22, crossed=True)
+    assert model.names == ("k_q", "k_l", "b", "k_w", "mass")
+    theta = np.array([60.0, 0.0, 0.0, 60.0, 30.0])
+    force = model.force(theta, np.array([0.3, -0.3]), np.zeros(2), np.array([0.4, 0.4]))
+    assert force == pytest.approx([9.0, -9.0])
+    assert "k_w" not in model.names_of(1), "not a coefficient of the motion: it belongs to both axes"
 
 
 def test_rigid_part_is_mass_and_inertia_of_a_prism(vehicle: Vehicle) -> None:

@@ -2,6 +2,7 @@
 
 import math
 import random
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -323,3 +324,21 @@ def test_heave_in_one_direction_reports_that_direction(vehicle: Vehicle) -> None
     assert list(results.motions) == ["heave_down"]
     number = results.motions["heave_down"].coefficients["k_q"]
     assert number.value == pytest.approx(93.52, abs=4.0 * number.std)
+
+
+def test_only_a_record_that_moves_across_has_the_drag_by_it(vehicle: Vehicle, surge: list[Any]) -> None:
+    """An undivided one: in a maneuver the other axes are held."""
+
+    def model(inputs: list[Any], sway_mps: float) -> Model:
+        moved = [
+            replace(one, reading=replace(one.reading, nu=(one.reading.nu[0], sway_mps, *one.reading.nu[2:])))
+            if isinstance(one.reading, Velocity)
+            else one
+            for one in inputs
+        ]
+        return run(vehicle, moved)[0].refined(0).fit.model
+
+    undivided = received(vehicle, 0)
+    assert model(undivided, 0.2).crossed
+    assert not model(undivided, 0.02).crossed
+    assert not model(surge, 0.2).crossed

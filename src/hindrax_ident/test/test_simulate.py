@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from hindrax_ident.model.thrust_lag import LaggedThrust
 
 SURGE = (Model(0, 15.22), np.array([66.48, 1.25, 0.1, 27.3]))
 HEAVE = (Model(2, 15.22, split=True), np.array([93.52, 5.26, 56.57, 11.84, 0.7845, 37.7]))
+CROSSED = (Model(2, 15.22, split=True, crossed=True), np.array([93.52, 5.26, 56.57, 11.84, 0.7845, 70.0, 37.7]))
 ROLL = (Model(3, 0.483, restores=True), np.array([1.29, 0.05, 0.02, 3.0, 0.733]))
 
 
@@ -84,9 +86,10 @@ def runge_kutta(model: Model, theta: Array, lagged: LaggedThrust, end: float, h:
     return np.array(out)
 
 
-@pytest.mark.parametrize(("model", "theta", "scale"), [(*SURGE, 12.0), (*HEAVE, 30.0), (*ROLL, 1.4)])
+@pytest.mark.parametrize(("model", "theta", "scale"), [(*SURGE, 12.0), (*HEAVE, 30.0), (*CROSSED, 30.0), (*ROLL, 1.4)])
 def test_sensitivities_are_the_differences_of_the_motion(model: Model, theta: Array, scale: float) -> None:
     grid = grid_of(thrust(scale).impulse, starts=(0.0, 6.0))
+    grid = replace(grid, across=array(0.3 * np.abs(np.sin(grid.times_s))))
     start = Trajectory(np.where(grid.times_s < 6.0, 0.0, 0.1), np.where(grid.times_s < 6.0, 0.0, 0.05))
     path = path_of(model, theta, grid, start)
     S = sensitivities(model, theta, grid, path)

@@ -54,6 +54,9 @@ STUCK = 0.02
 CROSS_DRAG, OFF_DIAGONAL = 0.5, 0.1
 """Standard deviations of the drag that an axis has from the speed across it, of that of one speed, and of off-diagonal
 terms of added mass and drag, of the own ones [-]."""
+INCIDENCE = 2.0
+"""Standard deviation of the drag by incidence, in that of the projected area: a long hull has a drag coefficient of 0.3
+along and 1.1 across (Hoerner 1965, chapter 3)."""
 LEAST_CROSSING = 0.003
 """Impulse of another axis, of those of the thrust, below which it is nothing [-]."""
 MOST_CROSSINGS = 4
@@ -153,10 +156,12 @@ class AxisFit:
         others, starts = self.others, self.fit.problem.grid.starts
         own_kind = others[:, :3] if self.axis < 3 else others[:, 3:]
         whole = np.sqrt(self.v**2 + np.sum(own_kind**2, axis=1))
+        # A fit that has this drag as its parameter k_w knows it, and how well.
+        cross = 0.0 if self.fit.model.crossed else CROSS_DRAG
         across = -self.top_drag / max(1e-9, self.speed**2) * (whole - np.abs(self.v)) * self.v
         drags = self.top_drag / max(1e-9, self.speed**2) * np.abs(others) * others
         columns = [
-            self.of_force(CROSS_DRAG * across),
+            self.of_force(cross * across),
             self.of_force(OFF_DIAGONAL * drags),
             OFF_DIAGONAL * self.mass * per_step(others, starts),
         ]
@@ -206,7 +211,7 @@ class AxisFit:
 
     def slope(self) -> Array:
         """Derivative of the drag: (n,) [N s/m, N m s]."""
-        return self.fit.model.slope(self.fit.theta, self.v)
+        return self.fit.model.slope(self.fit.theta, self.v, self.fit.problem.grid.across)
 
     @property
     def mass(self) -> float:
@@ -441,6 +446,19 @@ def _exponent(case: AxisFit, v: Array) -> Array:
     return array((case.top_drag * np.sign(v) * x * x * np.log(np.maximum(x, 1e-9)))[:, None])
 
 
+def _incidence(case: AxisFit) -> Array:
+    """Drag along by the area that a hull turns to flow at an angle, where that is larger than the own one.
+
+    Of an ellipsoid in the envelope: area times speed is the root of the sum of (area of an axis times its velocity)^2.
+    The record cannot tell it from drag along: where it moves along there is an angle too.
+    """
+    length, width, height = case.vehicle.envelope_m
+    areas = np.array([width * height, length * height, length * width])
+    larger = np.maximum(1.0, areas / areas[case.axis])
+    turned = np.sqrt(case.v**2 + np.sum((larger * case.others[:, :3]) ** 2, axis=1))
+    return case.of_force(-case.top_drag / max(1e-9, case.speed**2) * (turned - np.abs(case.v)) * case.v)
+
+
 def _tether(case: AxisFit) -> Array:
     """Pull that grows with the distance; in yaw, at the stern and always from one side: its moment turns with heading.
 
@@ -667,6 +685,11 @@ INFLUENCES: tuple[Influence, ...] = (
         OTHER_AXES, "sigma", MODEL,
         lambda case: 1.0 if case.crossing.shape[1] else 0.0, lambda case: case.crossing,
         "fly one axis at a time, and hold the others",
+    ),
+    Influence(
+        "drag by incidence", "of the projected area", MODEL,
+        lambda case: INCIDENCE if case.fit.model.crossed and case.axis < 3 else 0.0, _incidence,
+        "fly one axis at a time, and hold the others", considered=True,
     ),
     Influence(
         "masses of other axes", "sigma", RUN,

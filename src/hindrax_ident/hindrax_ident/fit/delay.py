@@ -180,7 +180,7 @@ class _Search:
     def _at(self, x: Array, path: Trajectory, weigh: Callable[[Array], Array]) -> LinearizedProblem | None:
         record = replace(self._record, lag_s=float(x[-2]), latency_s=float(x[-1]))
         grid = self._problem.grid
-        moved = Grid(grid.times_s, grid.starts, per_step(record.impulse(grid.times_s), grid.starts))
+        moved = replace(grid, impulse=per_step(record.impulse(grid.times_s), grid.starts))
         problem = replace(self._problem, grid=moved)
         return linearize(problem, x[: self._size], path, weigh, delay_impulses(record, grid)) if x[MASS] > 0.0 else None
 

@@ -89,7 +89,9 @@ def build_problem(model: Model, record: Record) -> OutputErrorProblem:
     edges = np.cumsum([0, *(len(v) + len(s) for v, s in cut)]).tolist()
     return OutputErrorProblem(
         model=model,
-        grid=Grid(times, starts, per_step(record.impulse(times), starts)),
+        grid=Grid(
+            times, starts, per_step(record.impulse(times), starts), record.speed_across(times) if model.crossed else 0.0
+        ),
         t=t,
         y=y,
         index=index.astype(np.intp),
@@ -287,7 +289,9 @@ def error_dynamics_of(problem: OutputErrorProblem, theta: Array, path: Trajector
     v, s = path.v[index], path.s[index]
     stiffness = theta[-2] * np.cos(s) / theta[-1] if model.restores else np.zeros(len(s))
     steps = per_step(problem.t, starts)
-    damping, thrust_density = model.slope(theta, v) / theta[-1], _effort(problem, steps) / theta[-1] ** 2
+    across = problem.grid.across
+    slope = model.slope(theta, v, across if isinstance(across, float) else across[index])
+    damping, thrust_density = slope / theta[-1], _effort(problem, steps) / theta[-1] ** 2
     return ErrorDynamics(
         problem.channel, starts, steps, damping, stiffness, problem.counts, thrust_density, problem.lag_s
     )

@@ -5,7 +5,7 @@ Reported are coefficients by name; the parameters of a model also follow from th
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,7 +15,8 @@ from hindrax_ident.arrays import Array, Index, array
 from hindrax_ident.model.motion_model import Model, Motion, coefficient_units, motions_of, restoring
 
 NOT_NEGATIVE = ("k_q", "added_mass")
-WIDE = 30.0
+WIDE, CROSS_FLOW = 30.0, 2.0
+"""Prior deviations of a drag coefficient, and of that by the speed across, in the drag of a plate of this size [-]."""
 OnlineEstimates = Mapping[str, tuple[Array, Array]]
 """Parameters and their covariance, by the name of the method: (p,), (p, p)."""
 
@@ -216,3 +217,34 @@ def one_sided(model: Model, prior: Prior, online: OnlineEstimates, side: int) ->
     narrowed = {name: (theta[rows], C[np.ix_(rows, rows)]) for name, (theta, C) in online.items()}
     plain = Model(model.axis, model.rigid, split=False, restores=model.restores)
     return plain, Prior(prior.values[rows], prior.sigmas[rows]), narrowed
+
+
+def crossed(
+    vehicle: Vehicle, model: Model, prior: Prior, online: OnlineEstimates
+) -> tuple[Model, Prior, OnlineEstimates]:
+    """The model with the drag by the speed across, k_w, for a record that moves along several axes at once.
+
+    Parameters
+    ----------
+    vehicle
+        Envelope and water.
+    model, prior
+        Without it.
+    online
+        Estimates with covariances, by the name of the estimator.
+
+    Returns
+    -------
+    tuple[Model, Prior, OnlineEstimates]
+        The same with it; no online estimate knows of it.
+    """
+    at, lever_m = model.drags + 1, 0.5 * max(vehicle.envelope_m) if model.axis >= 3 else 1.0
+    plate = 0.5 * vehicle.water.density_kgpm3 * vehicle.characteristic_length_m**2 * lever_m**3
+    sigma = CROSS_FLOW * plate
+    wider = {}
+    for name, (theta, C) in online.items():
+        covariance = np.insert(np.insert(C, at, 0.0, axis=0), at, 0.0, axis=1)
+        covariance[at, at] = sigma**2
+        wider[name] = np.insert(theta, at, 0.0), covariance
+    values, sigmas = np.insert(prior.values, at, 0.0), np.insert(prior.sigmas, at, sigma)
+    return replace(model, crossed=True), Prior(values, sigmas), wider

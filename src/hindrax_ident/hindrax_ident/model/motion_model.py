@@ -8,18 +8,20 @@ per direction, as in COB-2023-1394 Table 3: its two motions share b (there: the 
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from hindrax_core.readings import Vec3
 from hindrax_core.vehicle import Thruster, Vehicle
-from hindrax_ident.arrays import Array
+from hindrax_ident.arrays import Array, array
 
 HORIZONTAL = (0, 1)
 """Axes with possible unmeasured current, and with a component of net buoyancy when tilted."""
 
 
+LEAST_SPEED = 1e-9
 LEAST_MASS = 0.5
 """Share of the mass of the body; less contradicts the vehicle file, and is reported [-]."""
 
@@ -79,13 +81,16 @@ def coefficient_units(axis: int) -> dict[str, str]:
 class Model:
     """The equation of one axis. Parameters in the order of `names`; the last is always the total mass.
 
-    `split`: separate drag coefficients for negative velocity. `restores`: k_r is among the parameters.
+    `split`: separate drag coefficients for negative velocity. `restores`: k_r is among the parameters. `crossed`: so is
+    k_w, the drag that grows with the speed w across: k_w (sqrt(v^2 + w^2) - |v|) v. A bluff body, whose drag is that of
+    its whole speed, has k_w = k_q; one that obeys the cross-flow principle has none (Faltinsen 1990, chapter 6).
     """
 
     axis: int
     rigid: float
     split: bool = False
     restores: bool = False
+    crossed: bool = False
 
     @property
     def least_mass(self) -> float:
@@ -94,9 +99,10 @@ class Model:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Parameters: drag (k_q, k_l; then for negative velocity), b, k_r where it restores, total mass."""
+        """Parameters: drag (k_q, k_l; then for negative velocity), b, k_w and k_r where there are, total mass."""
         drag = ("k_q", "k_l", "k_q_negative", "k_l_negative") if self.split else ("k_q", "k_l")
-        return (*drag, "b", *(("k_r",) if self.restores else ()), "mass")
+        more = (*(("k_w",) if self.crossed else ()), *(("k_r",) if self.restores else ()))
+        return (*drag, "b", *more, "mass")
 
     @property
     def drags(self) -> int:
@@ -108,17 +114,18 @@ class Model:
         suffix = "_negative" if self.split and side < 0 else ""
         return (f"k_q{suffix}", f"k_l{suffix}", "b", "mass", *(("k_r",) if self.restores else ()))
 
-    def columns(self, v: Array, position: Array) -> Array:
+    def columns(self, v: Array, position: Array, across: Array | float = 0.0) -> Array:
         """Regressors of all parameters but the mass: (n, p - 1) [m^2/s^2, m/s, 1] or [rad^2/s^2, rad/s, 1, 1]."""
         square = np.abs(v) * v
         drag = [square, v]
         if self.split:
             ahead, back = v > 0.0, v <= 0.0
             drag = [square * ahead, v * ahead, square * back, v * back]
-        rest = [np.sin(position)] if self.restores else []
+        rest = [(np.hypot(v, across) - np.abs(v)) * v] if self.crossed else []
+        rest += [np.sin(position)] if self.restores else []
         return np.stack([*drag, np.ones_like(v), *rest], axis=1)
 
-    def force(self, theta: Array, v: Array, position: Array) -> Array:
+    def force(self, theta: Array, v: Array, position: Array, across: Array | float = 0.0) -> Array:
         """Resisting force of the model: drag + b + restoring.
 
         Parameters
@@ -129,20 +136,52 @@ class Model:
             Velocity along the axis.
         position : (n,) [m, rad]
             Angle, for the restoring moment, or depth.
+        across : (n,) [m/s]
+            Speed across the axis, for k_w.
 
         Returns
         -------
         Array
             (n,) [N, N m], positive against a positive velocity.
         """
-        return np.asarray(self.columns(v, position) @ theta[:-1])
+        return np.asarray(self.columns(v, position, across) @ theta[:-1])
 
-    def slope(self, theta: Array, v: Array) -> Array:
+    def slope(self, theta: Array, v: Array, across: Array | float = 0.0) -> Array:
         """Derivative of drag with respect to velocity: (n,) [N s/m] or [N m s]."""
-        if not self.split:
-            return np.asarray(2.0 * theta[0] * np.abs(v) + theta[1])
-        ahead = v > 0.0
-        return np.where(ahead, 2.0 * theta[0] * v + theta[1], -2.0 * theta[2] * v + theta[3])
+        if self.split:
+            ahead = v > 0.0
+            own = np.where(ahead, 2.0 * theta[0] * v + theta[1], -2.0 * theta[2] * v + theta[3])
+        else:
+            own = np.asarray(2.0 * theta[0] * np.abs(v) + theta[1])
+        if not self.crossed:
+            return own
+        whole = np.maximum(np.hypot(v, across), LEAST_SPEED)
+        return np.asarray(own + theta[self.drags + 1] * (whole + v * v / whole - 2.0 * np.abs(v)))
+
+
+def speed_across(vehicle: Vehicle, axis: int, nu: Sequence[Array]) -> Array:
+    """Speed at the hull by motion along the other axes, in the unit of this one.
+
+    Of surge, sway and heave that of the center; of a turn that of the other turns, and of the center in turns of the
+    longest half of the hull, which moves with both.
+
+    Parameters
+    ----------
+    vehicle
+        Its envelope.
+    axis
+        Index, 0 to 5.
+    nu : (6,) of (n,) [m/s, rad/s]
+        Velocities of all axes; that of the own one does not count.
+
+    Returns
+    -------
+    Array
+        (n,) [m/s, rad/s].
+    """
+    own_unit = [1.0] * 3 + [0.0] * 3 if axis < 3 else [2.0 / max(vehicle.envelope_m)] * 3 + [1.0] * 3
+    own_unit[axis] = 0.0
+    return array(np.linalg.norm(np.stack(nu, axis=1) * own_unit, axis=1))
 
 
 def rigid_mass(vehicle: Vehicle, axis: int) -> float:

@@ -31,12 +31,13 @@ class Grid:
     """Times of all stretches one after the other, (n,) [s]; `starts` (n,) marks the first of each stretch.
 
     `impulse` (n,): impulse of thrust and known forces over the step that ends at each time [N s, N m s]; zero at a
-    start.
+    start. `across` (n,): speed across the axis [m/s], of a model with k_w.
     """
 
     times_s: Array
     starts: Flags
     impulse: Array
+    across: Array | float = 0.0
 
     @cached_property
     def steps_s(self) -> Array:
@@ -165,7 +166,7 @@ def sensitivities(
     right = np.zeros((n, 2, p + 2 + extra))
     half = 0.5 * grid.steps_s[:, None]
     # dF/dtheta: the columns of the force over each step; the last parameter, the mass, multiplies the change of v.
-    columns = model.columns(path.v, path.s)
+    columns = model.columns(path.v, path.s, grid.across)
     right[1:, 0, : p - 1] = -half[1:] * (columns[1:] + columns[:-1])
     right[1:, 0, p - 1] = -np.diff(path.v) * ~grid.starts[1:]
     # The rows of a start say v = v_0 and s = s_0.
@@ -185,7 +186,7 @@ def sensitivities(
 
 def _changed(model: Model, theta: Array, grid: Grid, path: Trajectory, x: Array) -> Array:
     """Change of `_residual` with changes x of velocity and position, (n, 2, m): of first order, with all terms."""
-    slope = model.slope(theta, path.v)[:, None]
+    slope = model.slope(theta, path.v, grid.across)[:, None]
     stiffness = theta[-2] * np.cos(path.s)[:, None] if model.restores else 0.0
     out = np.empty_like(x)
     out[1:, 0] = theta[-1] * (x[1:, 0] - x[:-1, 0])
@@ -202,7 +203,7 @@ def _residual(model: Model, theta: Array, grid: Grid, v: Array, s: Array) -> Arr
     out = np.empty((len(v), 2))
     out[1:, 0] = theta[-1] * (v[1:] - v[:-1])
     out[1:, 1] = s[1:] - s[:-1]
-    out[:, 0] += grid.integral(model.force(theta, v, s)) - grid.impulse
+    out[:, 0] += grid.integral(model.force(theta, v, s, grid.across)) - grid.impulse
     out[:, 1] -= grid.integral(v)
     out[grid.starts] = 0.0
     return out
@@ -216,7 +217,7 @@ def _jacobian(model: Model, theta: Array, grid: Grid, v: Array, s: Array) -> tup
     s_k - h/2 v_k - s_k-1 - h/2 v_k-1 has none. So a solve is one forward substitution, with or without an attitude.
     """
     n, half, inside = len(v), 0.5 * grid.steps_s, ~grid.starts
-    slope = model.slope(theta, v)
+    slope = model.slope(theta, v, grid.across)
     stiffness = theta[-2] * np.cos(s) if model.restores else np.zeros(n)
     share, later = half * stiffness, inside[1:]
     bands = np.zeros((4, 2 * n))

@@ -12,7 +12,15 @@ from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.model.coriolis import Masses, coriolis, coriolis_errors
 from hindrax_ident.model.model_parameters import Prior, bounded, reported_parameters
-from hindrax_ident.model.motion_model import Model, Motion, known_force, lag_s, motions_of, unit_wrench
+from hindrax_ident.model.motion_model import (
+    Model,
+    Motion,
+    known_force,
+    lag_s,
+    motions_of,
+    speed_across,
+    unit_wrench,
+)
 from hindrax_ident.online.axis_estimator import AxisEstimator
 from hindrax_ident.online.sample_verdict import LEARNED, NotLearned, SampleVerdict
 from hindrax_ident.records.axis_record import Record, Series, Stretch, series
@@ -277,6 +285,7 @@ class AxisSession:
             stretches=stretches,
             known=series(self._hydrostatics),
             others=tuple(Series(moved_s, one) for one in nu),
+            across=Series(moved_s, speed_across(self._vehicle, self.model.axis, nu)),
             coriolis=Series(moved_s, coriolis(self.model.axis, masses.values, nu)),
             coriolis_errors=tuple(Series(moved_s, error) for error in coriolis_errors(self.model.axis, masses, nu)),
             position=series(self._positions.get(self._way_source.name or "attitude", [])),

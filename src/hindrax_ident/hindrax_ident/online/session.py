@@ -31,7 +31,7 @@ from hindrax_ident.assess.assessment import (
 from hindrax_ident.assess.objections import Code, objection
 from hindrax_ident.assess.results import MotionResult, Results
 from hindrax_ident.model.coriolis import USUAL_MASS_RATIO, USUAL_MASS_RATIO_SIGMA, Masses, VelocityHistory
-from hindrax_ident.model.model_parameters import OnlineEstimates, one_sided, wide_prior
+from hindrax_ident.model.model_parameters import OnlineEstimates, crossed, one_sided, wide_prior
 from hindrax_ident.model.motion_model import MOTIONS, Motion, model_of, motions_of, rigid_mass
 from hindrax_ident.online.axis_session import AxisSession
 from hindrax_ident.online.sample_verdict import LEARNED, NotLearned, SampleVerdict, not_learned
@@ -41,6 +41,8 @@ from hindrax_ident.tuning import Tuning
 
 JOIN_S = 1.0
 """Longest pause between legs of one stretch: the equation of motion holds while the vehicle turns back."""
+CROSSED = 0.1
+"""Mean square of the speed across, of that along an axis, from which the drag by it is a parameter [-]."""
 LONGEST_WAY_S = 15.0
 """Longest stretch of surge or sway by places alone. An unmodeled force adds up twice there: over a minute it is metres,
 which unknown forces would explain as well as the parameters, and the fit would end in either basin."""
@@ -294,4 +296,7 @@ class Session:
         side = side_of(record) if model.split else 0
         if side:
             model, prior, online = one_sided(model, prior, online, side)
+        # Roll and pitch answer to their restoring moment: beside it a record does not tell two drags apart.
+        if self._log.undivided and not model.restores and record.crossing() > CROSSED:
+            model, prior, online = crossed(self.vehicle, model, prior, online)
         return draft(self.vehicle, model, record, prior, online, tuning=self.tuning)

@@ -20,6 +20,8 @@ EMPTY: Array = np.zeros(0)
 SPAN_S = 0.5
 """Time over which a velocity is a mean, where its noise must not count."""
 SHARE = 0.25
+SMOOTH_S = 0.4
+"""Mean of a speed across: a sample of it is noise and holds until the next."""
 """Share of the highest speed that the other direction must reach."""
 BEFORE_BLOCKED_S = 2.0
 """The time before a blocked phase is no free motion either; the pilot reports it after 1.5 s."""
@@ -64,8 +66,9 @@ class Record:
 
     `thrust` is the commanded thrust, `known` the hydrostatic force, `coriolis` that due to motion along other axes,
     `coriolis_errors` its errors (see `model.coriolis.coriolis_errors`); all hold until their next sample. `others` are
-    the velocities of all six axes, that of its own zero, or none. `position` is the depth [m] in heave, the angle [rad]
-    in roll and pitch, and the way [m] along an axis whose velocity no instrument measures; empty elsewhere. `effort` is
+    the velocities of all six axes, that of its own zero, or none; `across` is the speed that they make at the hull in
+    the unit of the axis (`model.motion_model.speed_across`). `position` is the depth [m] in heave, the angle [rad] in
+    roll and pitch, and the way [m] along an axis whose velocity no instrument measures; empty elsewhere. `effort` is
     the sum of the squared contributions of all thrusters on the axis [N^2, N^2 m^2], `inflow` that of the squared
     wrench per newton times the root of the force [N^0.5, N^0.5 m^2]; they hold like thrust, empty where unknown.
     """
@@ -75,6 +78,7 @@ class Record:
     stretches: tuple[Stretch, ...]
     known: Series = Series(EMPTY, EMPTY)
     others: tuple[Series, ...] = ()
+    across: Series = Series(EMPTY, EMPTY)
     coriolis: Series = Series(EMPTY, EMPTY)
     coriolis_errors: tuple[Series, ...] = ()
     position: Series = Series(EMPTY, EMPTY)
@@ -135,6 +139,19 @@ class Record:
         t, v = self.velocity.t, self.velocity.y
         way = Series(t, np.cumsum(np.diff(t, prepend=t[:1]) * 0.5 * (v + np.append(v[:1], v[:-1]))))
         return way if len(way) else self.position
+
+    def speed_across(self, at_s: Array) -> Array:
+        """Speed across the axis, a mean over SMOOTH_S: (n,) [m/s, rad/s]; zero where it was not measured."""
+        if not len(self.across):
+            return np.zeros(len(at_s))
+        way = LaggedThrust(self.across.t, self.across.y, 0.0)
+        return array((way.impulse(at_s + 0.5 * SMOOTH_S) - way.impulse(at_s - 0.5 * SMOOTH_S)) / SMOOTH_S)
+
+    def crossing(self) -> float:
+        """Mean square of the speed across, of that along the axis, within the stretches [-]; 0 without any."""
+        moved = self.motion()
+        along = float(moved.y[-1]) / max(1, len(moved) - len(self.stretches)) if len(moved) else 0.0
+        return float(np.mean(self.speed_across(moved.t) ** 2)) / along if along > 0.0 else 0.0
 
     def with_stretches(self, stretches: tuple[Stretch, ...]) -> Record:
         """The same record with other stretches."""
