@@ -76,7 +76,13 @@ def test_drag_by_the_speed_across_is_not_taken_for_that_along(vehicle: Vehicle, 
     record, sway = moving_across(flight, 0.35)
     middle = sway.t[20:-20]
     assert record.speed_across(middle) == pytest.approx(np.abs(0.35 * np.sin(0.9 * middle + 0.2)), abs=0.05)
-    model, prior, _ = crossed(vehicle, model_of(vehicle, 0), wide_prior(vehicle, model_of(vehicle, 0)), {})
+    plain_model = model_of(vehicle, 0)
+    theta, C = np.array([50.0, 5.0, 0.1, 30.0]), np.diag([4.0, 3.0, 2.0, 1.0])
+    model, prior, online = crossed(vehicle, plain_model, wide_prior(vehicle, plain_model), {"rls": (theta, C)})
+    same = wide_prior(vehicle, model)
+    assert (prior.values.tolist(), prior.sigmas.tolist()) == (same.values.tolist(), same.sigmas.tolist())
+    assert online["rls"][0].tolist() == [50.0, 5.0, 0.1, 0.0, 30.0]
+    assert np.diag(online["rls"][1]).tolist() == [4.0, 3.0, 2.0, prior.sigmas[3] ** 2, 1.0]
     found = refine(model, record, prior.values, prior)
     sigma = np.sqrt(np.diag(found.covariance))
     assert np.abs((found.theta - np.insert(SURGE, 3, SURGE[0])) / sigma).max() < 3.0

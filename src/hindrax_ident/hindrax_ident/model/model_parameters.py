@@ -187,12 +187,21 @@ def wide_prior(vehicle: Vehicle, model: Model) -> Prior:
     rotational = model.axis >= 3
     unit = 0.5 * vehicle.water.density_kgpm3 * length ** (5 if rotational else 2)
     drag = [2.0 * unit, 0.0] * (model.drags // 2)
+    across = [0.0] if model.crossed else []
     rest = [restoring(vehicle)] if model.restores else []
-    values = [*drag, 0.0, *rest, 1.8 * model.rigid]
+    values = [*drag, 0.0, *across, *rest, 1.8 * model.rigid]
     sigmas = [WIDE * unit] * (len(values) - 1) + [3.0 * model.rigid]
+    if model.crossed:
+        sigmas[model.drags + 1] = _cross_flow(vehicle, model)
     if model.restores:
         sigmas[-2] += abs(values[-2])
     return Prior(np.array(values), np.array(sigmas))
+
+
+def _cross_flow(vehicle: Vehicle, model: Model) -> float:
+    """Prior deviation of k_w: that of a plate of this size, at half of the longest side in a turn."""
+    lever_m = 0.5 * max(vehicle.envelope_m) if model.axis >= 3 else 1.0
+    return CROSS_FLOW * 0.5 * vehicle.water.density_kgpm3 * vehicle.characteristic_length_m**2 * lever_m**3
 
 
 def one_sided(model: Model, prior: Prior, online: OnlineEstimates, side: int) -> tuple[Model, Prior, OnlineEstimates]:
@@ -238,9 +247,7 @@ def crossed(
     tuple[Model, Prior, OnlineEstimates]
         The same with it; no online estimate knows of it.
     """
-    at, lever_m = model.drags + 1, 0.5 * max(vehicle.envelope_m) if model.axis >= 3 else 1.0
-    plate = 0.5 * vehicle.water.density_kgpm3 * vehicle.characteristic_length_m**2 * lever_m**3
-    sigma = CROSS_FLOW * plate
+    at, sigma = model.drags + 1, _cross_flow(vehicle, model)
     wider = {}
     for name, (theta, C) in online.items():
         covariance = np.insert(np.insert(C, at, 0.0, axis=0), at, 0.0, axis=1)

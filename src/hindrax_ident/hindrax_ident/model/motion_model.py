@@ -115,7 +115,22 @@ class Model:
         return (f"k_q{suffix}", f"k_l{suffix}", "b", "mass", *(("k_r",) if self.restores else ()))
 
     def columns(self, v: Array, position: Array, across: Array | float = 0.0) -> Array:
-        """Regressors of all parameters but the mass: (n, p - 1) [m^2/s^2, m/s, 1] or [rad^2/s^2, rad/s, 1, 1]."""
+        """Regressors of all parameters but the mass.
+
+        Parameters
+        ----------
+        v : (n,) [m/s, rad/s]
+            Velocity along the axis.
+        position : (n,) [m, rad]
+            Angle, for the restoring moment, or depth.
+        across : (n,) [m/s, rad/s]
+            Speed across the axis, for k_w (`speed_across`).
+
+        Returns
+        -------
+        Array
+            (n, p - 1) [m^2/s^2, m/s, 1] or [rad^2/s^2, rad/s, 1, 1].
+        """
         square = np.abs(v) * v
         drag = [square, v]
         if self.split:
@@ -136,7 +151,7 @@ class Model:
             Velocity along the axis.
         position : (n,) [m, rad]
             Angle, for the restoring moment, or depth.
-        across : (n,) [m/s]
+        across : (n,) [m/s, rad/s]
             Speed across the axis, for k_w.
 
         Returns
@@ -147,7 +162,20 @@ class Model:
         return np.asarray(self.columns(v, position, across) @ theta[:-1])
 
     def slope(self, theta: Array, v: Array, across: Array | float = 0.0) -> Array:
-        """Derivative of drag with respect to velocity: (n,) [N s/m] or [N m s]."""
+        """Derivative of drag with respect to velocity.
+
+        Parameters
+        ----------
+        theta : (p,)
+            Parameters in the order of `names`.
+        v, across : (n,) [m/s, rad/s]
+            Velocity along the axis, and speed across it, for k_w.
+
+        Returns
+        -------
+        Array
+            (n,) [N s/m] or [N m s].
+        """
         if self.split:
             ahead = v > 0.0
             own = np.where(ahead, 2.0 * theta[0] * v + theta[1], -2.0 * theta[2] * v + theta[3])
