@@ -52,6 +52,16 @@ def test_a_foreign_plant_is_within_the_bands_and_no_false_cause_is_named(name: s
         assert not abs(one.added_mass) > MOST, one
 
 
+def test_of_a_pilots_record_the_drag_along_an_axis_is_not_that_by_the_speed_across() -> None:
+    """Surge was up to 2.3 deviations too high, and heave refused, with 44 % of its drag as the deviation."""
+    record = read(RECORDS / "slender-pilot-1.npz")
+    found = {one.motion: one for axis in (0, 2) for one in scores(record, (axis,))}
+    assert max(max(one.drag) for one in found.values()) < 1.5, found
+    for motion in ("heave_down", "heave_up"):
+        assert found[motion].identified, found[motion]
+        assert found[motion].band < 0.3
+
+
 def test_one_fit_of_all_axes_is_within_the_bands_of_a_foreign_plant() -> None:
     """A minute of a record: surge, sway and heave are flown, the others held, and not said to be known."""
     record = read(RECORDS / "middle-chirps-1.npz")
