@@ -4,14 +4,19 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
+
+from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Output
-from hindrax_core.events import Stamp, Stamped, stamp_from_s
+from hindrax_core.events import Stamp, Stamped, seconds_between, stamp_from_s
 from hindrax_core.readings import Inertial, Pressure, Reading
 from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
 from hindrax_drivers.devices.ardupilot.output import ArduSub
 from hindrax_drivers.devices.ardusub import ArduSub as Sensor
+from hindrax_drivers.nodes.deadman import HUNG_S
 from hindrax_drivers.output.output_guard import Pulses
-from hindrax_drivers.output.output_ports import LineOutput, Rider
+from hindrax_drivers.output.output_ports import FOUND_WITHIN_S, LineOutput, Rider
+from hindrax_sim.devices.ardupilot import firmware
 from hindrax_sim.hardware import Hardware
 from hindrax_sim.mock_vehicle import MockVehicle
 
@@ -79,4 +84,18 @@ def test_one_line_carries_thrust_and_what_the_autopilot_measures(tmp_path: Path)
         assert frames["autopilot"][0] == b"", "a replay restarts the driver there"
         received = [data for data in frames["thrusters"] if data[:1] == b"\xfd"]
         assert set(received[-20:]) & set(frames["autopilot"]), "each keeps what it has read"
+        output.close()
+
+
+def test_an_autopilot_that_lacks_something_is_refused_at_once_and_not_waited_for(tmp_path: Path) -> None:
+    """Whoever serves the output must beat for its dead man, which takes three seconds of silence for a hang."""
+    with MockVehicle(Hardware(behind_ardusub(), 1), tmp_path, rate=0.0) as mock:
+        board = mock.hardware.output
+        assert isinstance(board, firmware.ArduSub)
+        board.parameters["FRAME_CONFIG"] = 7.0
+        output = LineOutput(mock.ports["thrusters"], ArduSub(behind_ardusub()), Beside(mock), lambda *_: None)
+        begin = mock.hardware.stamp
+        with pytest.raises(DeviceError, match="its FRAME_CONFIG is 7"):
+            output.set_up()
+        assert seconds_between(begin, mock.hardware.stamp) < FOUND_WITHIN_S < HUNG_S
         output.close()

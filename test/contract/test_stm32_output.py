@@ -188,7 +188,7 @@ def test_a_port_without_a_board_reports_it(bench: Bench) -> None:
     bench.board.disguise(True)
     bench.run(4.0)
     assert bench.phase() is ArmingPhase.FAULTED
-    assert "no MAVLink heartbeat; check the board (waited 3 s)" in bench.told[-1].reason
+    assert "no MAVLink heartbeat; check the board (waited 2 s)" in bench.told[-1].reason
 
 
 def test_a_board_that_falls_silent_in_flight_is_faulted_and_nobody_stays_armed(bench: Bench) -> None:

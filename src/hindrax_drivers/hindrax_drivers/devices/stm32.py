@@ -51,6 +51,7 @@ class Stm32:
     """
 
     baud = BAUD
+    lack = ""
 
     def __init__(self, channels: Sequence[int]) -> None:
         """ValueError for channels that collide or that an override does not have."""

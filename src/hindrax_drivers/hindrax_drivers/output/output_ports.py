@@ -24,7 +24,8 @@ from hindrax_drivers.output.output_guard import Pulses
 
 ResultT = TypeVar("ResultT")
 
-FOUND_WITHIN_S = 3.0
+FOUND_WITHIN_S = 2.0
+"""Well below the silence that the dead man takes for a hang."""
 SERIAL_TURN_S = 0.02
 
 
@@ -100,6 +101,10 @@ class OutputDevice(Protocol):
     @property
     def settling(self) -> bool:
         """Whether it has answered, and needs more time to become ready on an open line."""
+
+    @property
+    def lack(self) -> str:
+        """What is wrong with it, however long it is waited for; empty where time may help."""
 
     @property
     def trouble(self) -> str:
@@ -194,6 +199,8 @@ class LineOutput:
                 self._ride(rider, rider.device.start(now))
         deadline = after(self._clock.now(), FOUND_WITHIN_S)
         while not self._device.ready:
+            if self._device.lack:
+                raise DeviceError(f"{self._path}: {self._device.trouble}")
             if self._clock.now() >= deadline:
                 raise DeviceError(f"{self._path}: {self._device.trouble} (waited {FOUND_WITHIN_S:g} s)")
             try:
