@@ -298,6 +298,11 @@ def custom(board: firmware.ArduSub) -> None:
     board.parameters["FRAME_CONFIG"] = 7.0
 
 
+def larger(board: firmware.ArduSub) -> None:
+    """A heavy kit behind the file of six thrusters: its two more motors are driven by the same sticks."""
+    board.parameters |= {"FRAME_CONFIG": 2.0, "SERVO7_FUNCTION": 39.0, "SERVO8_FUNCTION": 40.0}
+
+
 def turned(board: firmware.ArduSub) -> None:
     board.parameters["MOT_5_DIRECTION"] = -board.parameters["MOT_5_DIRECTION"]
 
@@ -325,6 +330,16 @@ def test_what_lacks_something_is_refused_by_name(change: Callable[[firmware.Ardu
     assert not bench.device.ready
     assert lack in bench.device.trouble
     assert lack in " ".join(bench.texts())
+
+
+def test_motors_that_the_file_does_not_have_are_refused_by_name() -> None:
+    bench = Bench(STANDARD)
+    larger(bench.board)
+    bench.run(5.0)
+    assert not bench.device.ready
+    assert "its frame 2 drives motors 7, 8 too, at outputs 7, 8, which are no thrusters of the vehicle file" in (
+        bench.device.trouble
+    )
 
 
 def test_a_line_that_was_lost_in_flight_comes_back_to_a_disarmed_vehicle() -> None:

@@ -308,6 +308,12 @@ class ArduSub:
                 f"vehicle file has {len(self._motors)}; wanted a frame of these motors, or `control: motor_test` under "
                 "output"
             )
+        if others := self._others(frame):
+            numbers, outputs = (", ".join(map(str, those)) for those in (others, others.values()))
+            return (
+                f"its frame {frame} drives motors {numbers} too, at outputs {outputs}, which are no thrusters of the "
+                "vehicle file; take the file of this vehicle: `./hindrax vehicle new NAME --from LOG`"
+            )
         if backwards := self._backwards(frame):
             return (
                 f"its frame {frame} has {', '.join(backwards)} the other way round than the vehicle file; turn them in"
@@ -326,6 +332,13 @@ class ArduSub:
             )
         self._mixer = mixer
         return ""
+
+    def _others(self, frame: int) -> dict[int, int]:
+        """Outputs of the motors that its mixer drives and the file does not have, by their numbers."""
+        known = {one.number for one in self._motors}
+        functions = {output: self._link.parameters.get(f"SERVO{output}_FUNCTION", 0.0) for output in range(1, 17)}
+        wired = {round(function) - FIRST_MOTOR + 1: output for output, function in functions.items()}
+        return {number: wired[number] for number in range(1, len(FACTORS[frame]) + 1) if number in wired.keys() - known}
 
     def _backwards(self, frame: int) -> list[str]:
         """Thrusters that the file has the other way round than the frame: whoever pilots it by hand would know."""
