@@ -99,7 +99,7 @@ class Question:
         Returns
         -------
         tuple[float, ...]
-            None where the line holds something else.
+            Empty where the line holds something else.
         """
         try:
             return tuple(float(word) for word in line.replace(",", " ").split()) or self.suggestion(answers, typed)

@@ -45,7 +45,7 @@ class Governor:
     worst_lag_s: float = 0.0
 
     def least_wall_s(self, step_s: float, now: Stamp, last_write: Stamp | None) -> float:
-        """Minimum wall time of the next step: the pace, and slower while a thruster turns and its commands are late.
+        """Minimum wall time of the next step: that of the pace, and more while commands are late, by the rule above.
 
         Parameters
         ----------
