@@ -52,7 +52,7 @@ SENTENCES: Mapping[Implausible, str] = {
     Implausible.NONE: "",
     Implausible.NUMBERS: "wanted {count} number{s} from {ranges}{hint}",
     Implausible.LAYOUT: "wanted one of {known}",
-    Implausible.ENDED: "found 'nothing', the input has ended; wanted an answer to each question",
+    Implausible.ENDED: "found nothing, the input has ended; wanted an answer to each question",
     Implausible.SLIM: f"one side of its box is more than {SLIMMEST:g} times another: are all in the same unit?",
     Implausible.OVERFULL: "{sizes}: more than it holds",
     Implausible.EMPTY: f"{{sizes}}: less than {EMPTIEST:.0%} of it",

@@ -122,10 +122,13 @@ class Question:
             Empty for a good answer.
         """
         problem = self._problem(found, answers, ", with decimal points" if "," in line else "")
-        shown = line.strip() or " ".join(f"{one:g}" for one in found) or "nothing"
+        shown = line.strip() or " ".join(f"{one:g}" for one in found)
         if not problem:
             return PLAUSIBLE
-        return Coded(problem.code, f"{self.text}: found {shown!r}, {problem}{self._likely(found, answers)}")
+        return Coded(
+            problem.code,
+            f"{self.text}: found {repr(shown) if shown else 'nothing'}, {problem}{self._likely(found, answers)}",
+        )
 
     def _problem(self, found: tuple[float, ...], answers: Answers, hint: str = "") -> Coded[Implausible]:
         if not self.is_within(found):

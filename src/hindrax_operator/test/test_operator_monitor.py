@@ -252,6 +252,13 @@ def test_a_vehicle_that_falls_silent_is_not_shown_as_armed() -> None:
     assert "no program left to stop it: if it thrusts, cut the power" in text
 
 
+def test_a_stack_that_was_disarmed_before_it_ended_asks_nobody_to_cut_the_power() -> None:
+    ended = replace(FULL, thrusters=replace(FULL.thrusters, armed=False, state="disarmed"), silent_s=7.4)
+    text, _ = screen(replace(ended, stoppable=False))
+    assert "ended, disarmed before" in text
+    assert "cut the power" not in text
+
+
 @pytest.mark.parametrize(("part", "shown"), [(0.0, " " * 8 + "│" + " " * 8), (1.0, " " * 8 + "│" + "█" * 8)])
 def test_bars_begin_in_the_middle(part: float, shown: str) -> None:
     assert draw._bar(part, "cyan").plain == shown
