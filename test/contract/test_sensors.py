@@ -59,7 +59,7 @@ def _reads(plugged: Plugged, since_s: float, until_s: float) -> None:
     """Readings come; where not, say what was said instead."""
     told = plugged.complaints(since_s, until_s)[:3] or plugged.complaints()[-3:]
     assert kinds(plugged, since_s, until_s), (
-        f"no reading from {since_s:g} to {until_s:g} s, with the device well; the driver said {told or 'nothing'}:"
+        f"no reading from {since_s:g} to {until_s:g} s, with a healthy device; the driver said {told or 'nothing'}:"
         " check period, set-up, and what it refuses"
     )
 

@@ -129,7 +129,9 @@ class Fluid:
         try:
             import mujoco  # noqa: PLC0415  # only for a simulation; a written record is read without it
         except ImportError as error:
-            raise UsageError("needs the package `mujoco`, which is not installed here") from error
+            raise UsageError(
+                'needs the package `mujoco`, which is not installed here; pip install "hindrax[benchmark]"'
+            ) from error
         self._mujoco = mujoco
         geoms = "".join(
             f'<geom type="ellipsoid" size="{_text(one.half_m)}" pos="{_text(one.center_m)}" mass="0" '

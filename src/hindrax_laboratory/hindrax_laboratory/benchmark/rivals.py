@@ -157,7 +157,9 @@ def black_box(v: Array, thrust: Array, _others: Array, speeds: Array) -> AxisAns
         from sysidentpy.basis_function import Polynomial  # noqa: PLC0415  # an extra
         from sysidentpy.model_structure_selection import FROLS  # noqa: PLC0415
     except ImportError as error:
-        raise UsageError("needs the package `sysidentpy`, which is not installed here") from error
+        raise UsageError(
+            'needs the package `sysidentpy`, which is not installed here; pip install "hindrax[benchmark]"'
+        ) from error
     most_v, most = float(np.abs(v).max()), float(np.abs(thrust).max())
     y, x = (v / most_v).reshape(-1, 1), (thrust / most).reshape(-1, 1)
     with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()), np.errstate(all="ignore"):
