@@ -186,8 +186,8 @@ def on_cluster(
         from distributed import Client  # noqa: PLC0415  # heavy, and only wanted with --cluster
     except ImportError as error:
         raise HindraxError(
-            "--cluster needs the package `distributed`, which is not installed here; `./hindrax setup --all` installs it, "
-            'or pip install "hindrax[cluster]"'
+            "--cluster needs the package `distributed`, which is not installed here; `./hindrax setup --all` installs "
+            'it, or pip install "hindrax[cluster]"'
         ) from error
     try:
         client: Any = Client(address, timeout=timeout_s)  # type: ignore[no-untyped-call]  # Dask has no annotations
