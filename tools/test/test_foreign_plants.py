@@ -1,6 +1,7 @@
 """Bands and causes hold for records of water that is not ours: MuJoCo's, written once by `foreign_verdicts --write`."""
 
 import importlib.util
+import math
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from hindrax_ident.arrays import array
 from hindrax_ident.assess.objections import Code, Objection
 from hindrax_ident.model.motion_model import MOTIONS
 from hindrax_laboratory.benchmark.foreign_plants import AS_THE_COMMAND, PLANTS, Fluid, read, recorded, write
-from hindrax_tools.foreign_verdicts import scores
+from hindrax_tools.foreign_verdicts import Score, scores, summary
 
 RECORDS = Path(__file__).parent / "foreign_records"
 FALSE = ("dead band", "friction of the tether", "sag", "current")
@@ -98,6 +99,16 @@ def test_minutes_of_other_axes_do_not_make_an_axis_confidently_wrong() -> None:
     assert abs(force - 358.9 * 0.09) < 2.0 * sigma < 0.15 * force
     assert sway.identifiable, sway.reasons
     assert not false_causes(sway.warnings)
+
+
+def test_the_summary_counts_what_is_identified_and_how_far_it_is_off() -> None:
+    known = Score("a", "surge", (1.0, -2.5), math.nan, True, (), (), 0.1, (0.5, 3.0))
+    refused = Score("a", "sway", (9.0,), 9.0, False, (), (), 0.9, (9.0,))
+    assert summary([known, refused]) == (
+        "1 of 2 motions identified; fit: 50.0% of 2 within 2, -2.5 to +1.0; "
+        "corrected drag: 50.0% of 2 within 2, +0.5 to +3.0"
+    )
+    assert summary([refused]) == "0 of 1 motions identified"
 
 
 def test_a_written_record_is_read_back(tmp_path: Path) -> None:
