@@ -53,10 +53,10 @@ def test_bands_cover_and_the_bound_is_reached(vehicle: Vehicle, flight: Flight) 
     assert np.all(ratio < 1.5)
 
 
-def moving_across(flight: Flight, fastest_mps: float) -> tuple[Record, Series]:
-    """A record of a bluff body, k_w = k_q, that also moves across: and its speed across."""
+def moving_across(flight: Flight, fastest_mps: float, k_w: float) -> tuple[Record, Series]:
+    """A record of a body that also moves across, and its speed across."""
     across = fastest_mps * np.sin(0.9 * flight.grid.times_s + 0.2)
-    model, theta = Model(0, 15.22, crossed=True), np.insert(SURGE, 3, SURGE[0])
+    model, theta = Model(0, 15.22, crossed=True), np.insert(SURGE, 3, k_w)
     path = trajectory(model, theta, replace(flight.grid, across=np.abs(across)), flight.path)
     assert path is not None
     rng, every = np.random.default_rng(4), 10
@@ -73,7 +73,7 @@ def moving_across(flight: Flight, fastest_mps: float) -> tuple[Record, Series]:
 
 
 def test_drag_by_the_speed_across_is_not_taken_for_that_along(vehicle: Vehicle, flight: Flight) -> None:
-    record, sway = moving_across(flight, 0.35)
+    record, sway = moving_across(flight, 0.35, SURGE[0])
     middle = sway.t[20:-20]
     assert record.speed_across(middle) == pytest.approx(np.abs(0.35 * np.sin(0.9 * middle + 0.2)), abs=0.05)
     plain_model = model_of(vehicle, 0)
@@ -95,8 +95,19 @@ def test_drag_by_the_speed_across_is_not_taken_for_that_along(vehicle: Vehicle, 
     assert off > 4.0 * spread
 
 
+def test_where_the_water_has_no_drag_by_the_speed_across_none_is_found(vehicle: Vehicle, flight: Flight) -> None:
+    """As in most simulators, whose drag is that of each axis alone."""
+    record, _ = moving_across(flight, 0.35, 0.0)
+    model = replace(model_of(vehicle, 0), crossed=True)
+    prior = wide_prior(vehicle, model)
+    found = refine(model, record, prior.values, prior)
+    sigma = np.sqrt(np.diag(found.covariance))
+    assert np.abs((found.theta - np.insert(SURGE, 3, 0.0)) / sigma).max() < 3.0
+    assert sigma[3] < 0.3 * SURGE[0]
+
+
 def test_how_much_a_record_moves_across(flight: Flight) -> None:
-    record, sway = moving_across(flight, 0.35)
+    record, sway = moving_across(flight, 0.35, SURGE[0])
     along = float(np.mean(record.velocity.y**2))
     assert record.crossing() == pytest.approx(0.5 * 0.35**2 / along, rel=0.15)
     assert replace(record, across=Series(sway.t[:0], sway.y[:0])).crossing() == 0.0
