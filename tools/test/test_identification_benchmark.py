@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hindrax_laboratory.benchmark.foreign_plants import DOPPLER_mps, read
-from hindrax_tools.benchmarks.identification import LASTS_s, RECORD, repeated
+from hindrax_tools.benchmarks.identification import RECORD, LASTS_s, repeated
 
 
 def test_a_record_that_is_repeated_has_every_velocity_at_20_hertz_and_fresh_noise() -> None:
