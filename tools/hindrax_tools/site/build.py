@@ -68,6 +68,7 @@ def prepare(root: Path, folder: Path, programs: Path, repository: str) -> None:
     for title, modules in API.items():
         (docs / "api" / f"{slug(title)}.md").write_text(api_page(title, modules), encoding="utf-8")
     decisions = sorted(str(file.relative_to(docs)) for file in (docs / "adr").glob("*.md"))
+    shutil.copy(Path(__file__).with_name("site.css"), docs)
     settings = yaml.safe_load(Path(__file__).with_name("mkdocs.yml").read_text(encoding="utf-8"))
     settings["nav"] = navigation(texts["docs/README.md"], decisions)
     paths = [str(one) for one in sorted((root / "src").glob("hindrax_*"))]
@@ -83,7 +84,8 @@ def _drawn(formulas: Sequence[Formula], programs: Path) -> dict[Formula, str]:
         [programs / "python", "-c", DRAW], input=json.dumps(formulas), stdout=subprocess.PIPE, text=True, check=True
     )
     # A line that begins with <math> would begin a block, and end the paragraph.
-    return {one: f"<span>{drawn}</span>" for one, drawn in zip(formulas, json.loads(done.stdout), strict=True)}
+    spans = {one: '<span class="formula" tabindex="0">' if one[1] else "<span>" for one in formulas}
+    return {one: f"{spans[one]}{drawn}</span>" for one, drawn in zip(formulas, json.loads(done.stdout), strict=True)}
 
 
 def main() -> int:

@@ -43,6 +43,8 @@ def _outputs(source: str, known: dict[str, object], figure: Path) -> Iterator[st
         plt.close("all")
         yield f"![Figure of the cell above]({figure.parent.name}/{figure.name})"
     elif value is not None and hasattr(value, "_repr_html_") and hasattr(value, "columns"):
-        yield str(value._repr_html_())  # the protocol of notebooks
+        # The protocol of notebooks. A screen reader wants no empty head, and a keyboard a way into what scrolls.
+        drawn = str(value._repr_html_()).replace("<th></th>", "<td></td>")
+        yield drawn.replace('class="dataframe"', 'class="dataframe" tabindex="0"')
     elif value is not None:
         yield "```text\n{}\n```".format("\n".join(pformat(value, width=100).splitlines()[:MOST_LINES]))
