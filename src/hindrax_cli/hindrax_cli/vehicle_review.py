@@ -17,7 +17,7 @@ from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_control.maneuver.goal import LOOKS, flyable_motions, largest_wrench, servable_motions
 from hindrax_core.errors import UsageError
 from hindrax_core.sensor_table import Capability, all_sensors
-from hindrax_core.vehicle import AXES, WRENCH_UNITS, Vehicle
+from hindrax_core.vehicle import AXES, WRENCH_UNITS, Vehicle, capabilities
 
 NEEDED: Mapping[Capability, str] = {
     "rates": "attitude and rates",
@@ -149,14 +149,12 @@ def _without_dvl(vehicle: Vehicle) -> str:
 def _sensors(vehicle: Vehicle) -> list[Check]:
     far = [name for name, one in vehicle.sensors.items() if mount_outside(one.position_m, vehicle.envelope_m)]
     found = [Check("sensor positions", f"{', '.join(far)} far outside of the envelope", POSITIONS)] if far else []
+    for name, mount in vehicle.sensors.items():
+        measures = ", ".join(one.replace("_", " ") for one in capabilities(mount))
+        port = mount.port or ("on the output's line" if name in vehicle.on_output_line else "no port")
+        found.append(Check(name, f"{measures}; {port}"))
     for capability, what in NEEDED.items():
         names = vehicle.measuring(capability)
-        shared = vehicle.on_output_line
-        ports = [
-            Check(name, vehicle.sensors[name].port or ("on the output's line" if name in shared else "no port"))
-            for name in names
-        ]
-        found += [one for one in ports if one not in found]
         if not names and capability == "velocity" and vehicle.sensors:
             found.append(Check(capability, _without_dvl(vehicle)))
         elif not names:

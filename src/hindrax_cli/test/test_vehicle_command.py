@@ -3,6 +3,7 @@
 import io
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -377,3 +378,12 @@ def test_the_estimate_prints_the_block_to_paste(capsys: pytest.CaptureFixture[st
     assert pasted is not None
     assert pasted.added_mass == pytest.approx(model.added_mass, rel=0.01)
     assert [pasted.drag(axis).k_l for axis in AXES] == pytest.approx(model.linear_drag, rel=0.01)
+
+
+def test_each_sensor_is_listed_with_what_its_mount_makes_of_it() -> None:
+    vehicle = load_vehicle(default_vehicle())
+    down = vehicle.sensors["ping1d"]
+    ahead = replace(down, port="/dev/hindrax/ahead", rotation_deg=(0.0, 90.0, 0.0))
+    found = {one.name: one.found for one in findings(replace(vehicle, sensors={**vehicle.sensors, "bow": ahead}))}
+    assert found["ping1d"] == f"altitude; {down.port}"
+    assert found["bow"] == "range ahead; /dev/hindrax/ahead"
