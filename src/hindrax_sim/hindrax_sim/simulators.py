@@ -36,12 +36,17 @@ SIMULATORS: Mapping[str, Simulator] = {
 }  # fmt: skip
 
 
+EXAMPLE = "gz:/model/rov"
+
+
 def simulator_of(text: str, name: str) -> Simulator:
     """Row of `KIND` or `KIND:/PREFIX`, its topics filled in for a vehicle; UsageError for an unknown kind."""
     kind, _, prefix = text.partition(":")
     row = SIMULATORS.get(kind)
-    if row is None or (prefix and not prefix.startswith("/")):
-        found = found_in(kind, SIMULATORS) if row is None else f"found prefix {prefix!r}, wanted one that begins with /"
-        raise UsageError(f"--simulator {text}: {found}, or one with its prefix, such as gz:/model/rov")
+    if row is None:
+        raise UsageError(f"--simulator {text}: {found_in(kind, SIMULATORS)}, or one with its prefix, as in {EXAMPLE}")
+    if prefix and not prefix.startswith("/"):
+        found = f"found the prefix {prefix!r}, wanted one that begins with /, as in {EXAMPLE}"
+        raise UsageError(f"--simulator {text}: {found}")
     place = (prefix or row.prefix.format(name=ros_name(name))).rstrip("/")
     return replace(row, prefix=place, odometry=f"{place}/{row.odometry}", thrust=f"{place}/{row.thrust}")
