@@ -15,6 +15,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import mul
 
 import numpy as np
 
@@ -201,9 +202,9 @@ class FilteredRegression:
 
     def _shapes(self) -> tuple[float, ...]:
         """Differences of the thrust behind one lag, two and so on, all filtered, over powers of the lag."""
-        row, out = (self._force_f - self._known_f, *self._cascade_f), []
+        row, out = [self._force_f - self._known_f, *self._cascade_f], []
         while len(row) > 1:
-            row = tuple((one - other) / self.lag_s for one, other in itertools.pairwise(row))
+            row = [(one - other) / self.lag_s for one, other in itertools.pairwise(row)]
             out.append(row[0])
         return tuple(out)
 
@@ -232,22 +233,19 @@ class FilteredRegression:
         """Advance the thrust behind more than one lag: exactly, and its filter as if it were linear over the step."""
         part, force = step / self.lag_s, self._force
         decay = math.exp(-part)
-        gaps = self._lagged - force, *(one - force for one in self._cascade)
+        # Lists and `map`: a generator costs as much as what it computes, and this runs at every command and velocity.
+        gaps = [self._lagged - force]
+        gaps += [one - force for one in self._cascade]
         powers = [1.0]
         for order in range(1, len(gaps)):
             powers.append(powers[-1] * part / order)
-        after = tuple(
-            force + decay * sum(gap * power for gap, power in zip(gaps[at::-1], powers, strict=False))
-            for at in range(1, len(gaps))
-        )
+        after = [force + decay * sum(map(mul, gaps[at::-1], powers)) for at in range(1, len(gaps))]
         constant = (1.0 - kept) / self.rate
         ramp = (step - constant) / (self.rate * step)
         first = constant - ramp
-        self._cascade_f = tuple(
-            kept * total + first * was + ramp * now
-            for total, was, now in zip(self._cascade_f, self._cascade, after, strict=True)
-        )
-        self._cascade = after
+        parts = zip(self._cascade_f, self._cascade, after, strict=True)
+        filtered = [kept * total + first * was + ramp * now for total, was, now in parts]
+        self._cascade_f, self._cascade = tuple(filtered), tuple(after)
 
 
 def _two_poles(a: float, b: float, step: float, at_a: float, at_b: float) -> float:
