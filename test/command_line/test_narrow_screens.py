@@ -21,6 +21,7 @@ from hindrax_analysis import terminal
 from hindrax_analysis.gains.hold_gains import designed
 from hindrax_analysis.identification.known_weight import Weighing
 from hindrax_analysis.identification.montecarlo import CoefficientError, DragError, Trial, summary
+from hindrax_analysis.identification.pool_session import PoolSession, Reached, Step
 from hindrax_analysis.identification.verdict import NextFlight
 from hindrax_analysis.terminal import ResultTable
 from hindrax_bag.read.survey import ListedBag
@@ -36,7 +37,7 @@ from hindrax_cli.commands.explain import benchmark, trials
 from hindrax_cli.commands.machine import doctor
 from hindrax_cli.commands.operate import commission, status
 from hindrax_cli.commands.operate.status import StackStatus
-from hindrax_cli.commands.pool import tune
+from hindrax_cli.commands.pool import guided_session, tune
 from hindrax_cli.health_checks import Check
 from hindrax_control.commissioning.findings import Finding, Findings, Mend
 from hindrax_control.maneuver.plan import plans_of
@@ -393,7 +394,7 @@ def show_long_plan(*reasons: str) -> None:
     pool_plan.show(Rehearsal("hindrax", "pool", plans, flown, bands, "", NOTHING))
 
 
-def show_all_motions(*reasons: str, aborted: Refusal = NOTHING) -> None:
+def show_all_motions(*reasons: str, aborted: Refusal = NOTHING, session: PoolSession | None = None) -> None:
     """Every motion, all identifiable or all refused for the same reasons."""
     names = ("surge", "sway", "heave_down", "heave_up", "roll", "pitch", "yaw")
     numbers = {
@@ -418,8 +419,19 @@ def show_all_motions(*reasons: str, aborted: Refusal = NOTHING) -> None:
     found: Any = SimpleNamespace(
         results=Results(motions, load_vehicle(default_vehicle())), left_out=(), predicted={}, spreads={}
     )
+    if session is not None:
+        guided_session.show_end(found, session, RunFolder(Path("runs/2026-05-04_10-00-00")))
+        return
     flight = FlownManeuver(aborted=aborted, vehicle_s=387.0, wall_s=90.0)
     finish(found, RunFolder(Path("runs/2026-05-04_10-00-00")), flight, NextFlight())
+
+
+def show_session_of_all_motions() -> None:
+    motions = ("surge", "sway", "heave_down", "heave_up", "roll", "pitch", "yaw")
+    reached = Reached(0.2345, 0.3456, 0.1, 0.1, 0.1, "drag of the tether with its length", "fly near its fixed end")
+    names = ("legs 1", "weigh surge", "weigh sway", "weigh heave", "weigh yaw", "legs 2")
+    steps = tuple(Step(name, seconds=300.0, reached=dict.fromkeys(motions, reached)) for name in names)
+    show_all_motions(session=PoolSession({"mock": None, "motions": list(AXES)}, (), done=steps))
 
 
 VEHICLES = ("hindrax", "bluerov2", "bluerov2-heavy", "lbv")
@@ -441,6 +453,7 @@ FULL: dict[str, Callable[[], object]] = {
         "it hardly moved",
         aborted=Refusal(Reason.POOL, "too near to a wall, 0.30 m; wanted 0.50 m at least"),
     ),
+    "pool-test --session": show_session_of_all_motions,
     "pool-test --plan": show_long_plan,
     "pool-test --plan, refused": partial(show_long_plan, "the DVL loses the bottom", "it hardly moved: speed 0.01 m/s"),
     "faults, all": show_many_faults,
@@ -467,7 +480,7 @@ def test_the_default_tables_of_a_command_are_one_screen(
     FULL[command]()
     lines = "".join(capsys.readouterr()).splitlines()
     assert lines
-    assert max(len(line) for line in lines if not line.endswith(".yaml")) <= 80
+    assert max(len(line) for line in lines if not line.endswith(".yaml") and not COMMAND.search(line)) <= 80
     assert len(lines) <= 23, "the prompt is the last"
     assert not [line for line in lines if re.search(r"\[[^]]+\]: ", line)], "too narrow for a table"
 

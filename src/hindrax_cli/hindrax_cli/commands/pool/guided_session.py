@@ -37,7 +37,7 @@ from hindrax_analysis.identification.pool_session import (
 )
 from hindrax_analysis.identification.record_identification import IdentificationTask, identify_sources, open_sources
 from hindrax_analysis.records.third_party_bag import TopicSelection
-from hindrax_analysis.terminal import print_answer, print_table, working
+from hindrax_analysis.terminal import print_answer, print_table, print_what_fits, working
 from hindrax_bag.run_folder import RunFolder, make_run_folder
 from hindrax_bringup.stack import MockOptions
 from hindrax_cli.commands.experiment.weigh import SHARES, LEVER_SIGMA_m, ask_for_load, check_load, entered, require_tty
@@ -106,12 +106,7 @@ def guide(arguments: argparse.Namespace) -> int:
     write_report(folder.report, identified, conditions, None)
     document = identified.document(bags[0], folder.report, None, NOTHING) | session_document(session, folder.path)
 
-    def ending() -> None:
-        show_session(session)
-        print_whole(f"  {next_command(session, folder)}")
-        print_fitted(f"report: {folder.report}")
-
-    print_answer(document, partial(show, identified, reported=True, ending=ending), as_json=arguments.json)
+    print_answer(document, partial(show_end, identified, session, folder), as_json=arguments.json)
     aborted = [step.name for step in session.done if step.remark.startswith("aborted")]
     return 1 if aborted or not identified.complete else 0
 
@@ -321,6 +316,33 @@ def session_document(session: PoolSession, folder: Path) -> dict[str, object]:
     }
 
 
+def show_end(identified: Identified, session: PoolSession, folder: RunFolder) -> None:
+    """Print what a session found and reached, and what comes next; of many motions only what it reached.
+
+    Parameters
+    ----------
+    identified
+        The estimate over all legs.
+    session
+        With its finished steps.
+    folder
+        Of its results.
+    """
+
+    def ending(*, short: bool = False) -> None:
+        show_session(session, short=short)
+        print_whole(f"  {next_command(session, folder)}")
+        print_fitted(f"report: {folder.report}")
+
+    def alone(*, short: bool) -> None:
+        left_out = ["coefficients", "verdicts", "warnings", *(["causes"] if short else [])]
+        print_fitted(f"in the report: {', '.join(left_out)}")
+        ending(short=short)
+
+    whole = partial(show, identified, reported=True, ending=ending)
+    print_what_fits(whole, partial(alone, short=False), partial(alone, short=True))
+
+
 def next_command(session: PoolSession, folder: RunFolder) -> str:
     """The command of the next step: the same legs again, those of the motion that is farthest, or the use of it all."""
     motion, mock = farthest_motion(session), session.settings["mock"]
@@ -334,18 +356,19 @@ def next_command(session: PoolSession, folder: RunFolder) -> str:
     return shlex.join(["./hindrax", "tune", str(folder.coefficients)])
 
 
-def show_session(session: PoolSession) -> None:
-    """Print goal, what is reached, and what is left by the budget."""
+def show_session(session: PoolSession, *, short: bool = False) -> None:
+    """Print goal, what is reached, and what is left by the budget; `short`: without the causes of the latter."""
     stages = [step for step in session.done if step.reached]
     names = [f"after {step.name} [%]" for step in stages]
     rows = []
     for motion, last in session.reached.items():
         shares = [f"{100 * one.drag:.1f}" if (one := step.reached.get(motion)) else "" for step in stages]
         cells = (f"{100 * drag_goal(motion):.0f}", *shares, f"{100 * last.added_mass:.1f}", f"{100 * last.floor:.1f}")
-        rows.append((motion, *cells, last.cause))
-    title = (
-        f"Session of {session.seconds / 60.0:.0f} min of water: calibrated std of the drag at the highest speed; "
-        "at best: with the thrust weighed and half the noise; largest left: the greatest influence after that"
-    )
-    print_table(title, ("motion",), ("goal [%]", *names, "added mass [%]", "at best [%]"), rows, ("largest left",))
+        rows.append((motion, *cells, "" if short else last.cause))
+    minutes = f"{session.seconds / 60.0:.0f} min of water"
+    title = f"Session, {minutes}: std of the drag at the highest speed; at best: thrust weighed, half the noise"
+    numbers = ("goal [%]", *names, "added mass [%]", "at best [%]")
+    # What came between goes first: the first and the last stage tell what the day has bought.
+    spare = ("added mass [%]", *names[1:-1])
+    print_table(title, ("motion",), numbers, rows, ("largest left",), spare=spare, dense=short)
     print_fitted(f"best next step: {next_sentence(session)}")
