@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hindrax_core.vehicle import Vehicle
+from hindrax_ident.model.model_parameters import parameters_of
 from hindrax_ident.model.motion_model import (
     MOTIONS,
     Model,
@@ -120,3 +121,8 @@ def test_lag_of_an_axis_is_that_of_its_thrusters(vehicle: Vehicle) -> None:
     at_once = replace(vehicle, thrusters=tuple(replace(one, lag_s=0.0) for one in vehicle.thrusters))
     assert lag_s(at_once, 0) == 0.0
     assert lag_s(replace(vehicle, thrusters=()), 0) is None
+
+
+def test_coefficients_of_a_motion_are_those_without_speed_across() -> None:
+    given = {"surge": {"k_q": 60.0, "k_l": 2.0, "b": 0.1, "added_mass": 10.0}}
+    assert parameters_of(Model(0, 15.0, crossed=True), given).tolist() == [60.0, 2.0, 0.1, 0.0, 25.0]

@@ -72,7 +72,8 @@ def parameters_of(model: Model, coefficients: Mapping[str, Mapping[str, float]])
     UsageError
         Names what is missing.
     """
-    found: dict[str, float] = {}
+    # No motion reports k_w: coefficients are those of an axis that moves alone.
+    found = {"k_w": 0.0} if model.crossed else {}
     for motion in motions_of(model.axis):
         reported, known = reported_parameters(model, motion), coefficients.get(motion.name, {})
         rows = zip(reported.rows.tolist(), reported.names, strict=True)
