@@ -16,7 +16,7 @@ from hindrax_core.errors import UsageError
 from hindrax_core.events import to_s
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6, Allocation, Estimate, Navigation, Phase
-from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
+from hindrax_core.vehicle import AXES, Mount, Vehicle, load_vehicle
 from hindrax_ident.assess.results import MotionResult as Result
 from hindrax_sim.faults.fault_registry import parse_fault
 from hindrax_sim.flights.lockstep import Lockstep, LockstepCommand
@@ -210,6 +210,23 @@ def test_thrust_through_an_ardusub_has_the_time_at_which_it_was_made(monkeypatch
     # It is sampled every 20 ms.
     assert 0.0 < sum(late_s) / len(late_s) < 0.02
     assert max(map(abs, late_s)) < 0.03
+
+
+@pytest.mark.parametrize("motion", ["surge", "sway"])
+def test_a_vehicle_with_far_less_drag_than_its_file_says_is_flown_to_the_end(motion: str) -> None:
+    """Neither stopped by its speed, nor taken for one that no thruster moves; a file of 0.4 m/s leaves little room."""
+    vehicle = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/bluerov2.yaml")
+    hull = vehicle.hydrodynamics
+    assert hull is not None
+    both = {axis: hull.drag(axis) for axis in AXES}
+    less: dict[str, Any] = {axis: replace(one, k_q=0.4 * one.k_q, k_l=0.4 * one.k_l) for axis, one in both.items()}
+    pilot = GoalPilot(vehicle, Goal((motion,)))
+    step = Lockstep(vehicle, pilot, 1, built=replace(vehicle, hydrodynamics=replace(hull, **less)))
+    list(step.run(400.0))
+    assert pilot.output is not None
+    assert pilot.output.done
+    assert not pilot.output.aborted
+    assert not pilot.suspected
 
 
 def test_by_bytes_an_ardusub_arms_pushes_and_says_who_has_taken_over() -> None:

@@ -130,7 +130,7 @@ class ThrusterFaultDetector:
         self._last: Stamp | None = None
         self._trim: Matrix = np.zeros(6)
         self._usual: Matrix = np.zeros((6, len(self._names)))
-        self._learned_s = 0.0
+        self._learned_s: Matrix = np.zeros(6)
         self._clear()
 
     def _clear(self) -> None:
@@ -216,18 +216,21 @@ class ThrusterFaultDetector:
         X, Y, Z = mx * u, my * v, mz * w
         return r * Y - q * Z, p * Z - r * X, q * X - p * Y, Y * w - Z * v, Z * u - X * w, X * v - Y * u
 
-    def _learn_trim(self, residual: Matrix, wrenches: Matrix, dt: float) -> tuple[Matrix, Matrix]:
+    def _learn_trim(self, residual: Matrix, wrenches: Matrix, drag: Matrix, dt: float) -> tuple[Matrix, Matrix]:
         """Residual (6,) and wrenches of the thrusters (6, n) without what they were on the average [N, N m].
 
         Learned in heave, roll and pitch only, where ballast and trim act. What a thruster that was dead from the start
         leaves on the average is learned as if it were ballast; only its changes about the average stay in the residual,
-        so the wrench that they are compared with must lose its average too.
+        so the wrench that they are compared with must lose its average too. A second counts by the model's error at
+        rest to that in motion: in a dive the error of the drag would pass for ballast.
         """
         beyond, unusual = residual - self._trim, wrenches - self._usual
         if np.abs(self._slow_thrust).max() < AT_WORK_N:
             return beyond, np.zeros_like(wrenches)
-        self._learned_s += dt
-        learned = HYDROSTATIC * (dt / (self._learned_s if self._learned_s < FIRST_S else self._knobs.trim_s))
+        sigma = np.asarray(self._knobs.sigma)
+        counted_s = dt * sigma / (sigma + self._knobs.sigma_drag * np.abs(drag))
+        self._learned_s += counted_s
+        learned = HYDROSTATIC * counted_s / np.where(self._learned_s < FIRST_S, self._learned_s, self._knobs.trim_s)
         self._trim = self._trim + learned * beyond
         self._usual = self._usual + learned[:, None] * unusual
         return beyond, unusual
@@ -242,7 +245,7 @@ class ThrusterFaultDetector:
         knobs = self._knobs
         wrenches = self._B * self._slow_thrust
         at_work = knobs.sigma_thrust * np.linalg.norm(wrenches, axis=1)
-        residual, unusual = self._learn_trim(residual, wrenches, dt)
+        residual, unusual = self._learn_trim(residual, wrenches, drag, dt)
         weight = 1.0 / (np.asarray(knobs.sigma) + knobs.sigma_drag * np.abs(drag) + at_work)
         together = [part for parts in (wrenches, unusual) for part in (parts, parts.sum(axis=1, keepdims=True))]
         signature = -np.hstack(together) * weight[:, None]
