@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from hindrax_control.allocation.effectiveness import effectiveness
+from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_control.commissioning.commissioning import Commissioning
 from hindrax_control.commissioning.dead_bands import QUARTER_S, YAW, DeadBandLadder
 from hindrax_control.commissioning.findings import MEASURED, OPEN, PROVEN, WRONG, Finding, Findings, Mend, mended
@@ -382,6 +383,36 @@ def test_thrusters_that_run_just_beyond_their_dead_band_are_asked_once(vehicle: 
 
 def finding_us(text: str) -> float:
     return float(text.partition(" ")[0])
+
+
+def by_later_curves(vehicle: Vehicle, later_us: float) -> Finding:
+    """What is found where every curve begins later than the file says, by the turn that its forces make."""
+    ladder, B, curves = DeadBandLadder(vehicle, effectiveness(vehicle)), effectiveness(vehicle), thrust_curves(vehicle)
+    share = [0.0]
+    while (pulses := ladder.climb(lambda: (share[0], 0.05))) is not None:
+        forces_N = []
+        for curve, force_N in zip(curves, pulses[0].forces_N, strict=True):
+            offset_us = curve.pulse(force_N) - curve.stop_us
+            left_us = max(0.0, abs(offset_us) - later_us)
+            forces_N.append(curve.force(curve.stop_us + math.copysign(left_us, offset_us)))
+        share[0] = float(B[YAW] @ np.array(forces_N)) / float(B[YAW] @ np.array(pulses[0].forces_N))
+    (finding,) = ladder.findings()
+    return finding
+
+
+@by_vehicle
+@pytest.mark.parametrize("later_us", [0.0, 2.0, 4.0, 6.0, 7.5])
+def test_a_dead_band_that_is_wider_by_less_than_a_step_is_as_claimed(vehicle: Vehicle, later_us: float) -> None:
+    assert by_later_curves(vehicle, later_us).verdict in (PROVEN, MEASURED)
+
+
+@by_vehicle
+@pytest.mark.parametrize("later_us", [20.0, 30.0])
+def test_a_dead_band_that_is_wider_is_found_however_the_curve_begins(vehicle: Vehicle, later_us: float) -> None:
+    finding = by_later_curves(vehicle, later_us)
+    assert finding.verdict == WRONG
+    true_us = finding_us(finding.claimed) + later_us
+    assert all(abs(mended(vehicle, (mend,)).curves["main"].dead_band_us - true_us) <= 4.5 for mend in finding.mends)
 
 
 @pytest.mark.parametrize("true_us", [34.0, 45.0, 60.0, 70.0])

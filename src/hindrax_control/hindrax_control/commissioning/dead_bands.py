@@ -5,10 +5,13 @@
     findings = ladder.findings()
 
 One number of the file holds for all thrusters of a curve, so those of them that turn the vehicle are asked together:
-forth, back, forth, at the pulse just beyond the band. Where the vehicle does not turn, further from the stop, until it
-does; then once between the last two. Pulses within the band of the file cannot be asked for, so a band that is narrower
-than claimed is not found; it does no harm. What is compared is the turn at a few pulses with the one at 3 N, so the
-inertia of the prior, which both share, takes no part.
+forth, back, forth. A rung is a width of the band that may be the true one: does the vehicle turn by half of what it
+should, thrusters begin before it. A curve that begins with a step is asked just there. One that begins with nothing
+gives half only further from the stop, and is asked there: just beyond the band, a few microseconds would look like
+thrusters that stand. Rungs go further from the stop until the vehicle turns; then once between the last two. Pulses
+within the band of the file cannot be asked for, so a band that is narrower than claimed is not found; it does no harm.
+What is compared is the turn at a few pulses with the one at 3 N, so the inertia of the prior, which both share, takes
+no part.
 """
 
 from collections.abc import Callable, Iterator
@@ -50,12 +53,12 @@ class Rungs:
     users: tuple[int, ...]
     signs: tuple[float, ...]
     band_us: float
-    """Half width by the file, on its wider side."""
+    """Half width by the file, on its wider side; the others are half widths that were asked for."""
     next_us: float | None
     stands_us: float = 0.0
     runs_us: float | None = None
     least_us: float = 0.0
-    """The first rung: closer to the stop, the turn would be too small to be seen."""
+    """The first one: closer to the stop, the turn would be too small to be seen."""
     unsure: bool = False
 
 
@@ -106,7 +109,7 @@ class DeadBandLadder:
             rungs.stands_us = at_us
         if rungs.runs_us is None:
             further_us = at_us + STEP_us
-            rungs.next_us = further_us if self._turn_radps(rungs, further_us) > 0.0 else None
+            rungs.next_us = further_us if self._at_us(rungs, further_us) else None
         else:
             close = not rungs.stands_us or rungs.runs_us - rungs.stands_us <= CLOSE_us
             rungs.next_us = None if close else 0.5 * (rungs.stands_us + rungs.runs_us)
@@ -136,11 +139,23 @@ class DeadBandLadder:
         return Finding(claim, WRONG, claimed, found, mends=(mend,))
 
     def _first_us(self, rungs: Rungs) -> float:
-        """Distance of the first rung from the stop [us]: beyond the band, and far enough to be seen; 0: none is."""
-        at_us = rungs.band_us + STEP_us
-        while 0.0 < self._turn_radps(rungs, at_us) < LEAST_TURN_radps:
-            at_us += STEP_us
-        return at_us if self._turn_radps(rungs, at_us) >= LEAST_TURN_radps else 0.0
+        """First half width to ask for [us]: beyond the band, and with a turn that is large enough; 0: there is none."""
+        begins_us = rungs.band_us + STEP_us
+        while 0.0 < self._turn_radps(rungs, self._at_us(rungs, begins_us)) < LEAST_TURN_radps:
+            begins_us += 1.0
+        return begins_us if self._at_us(rungs, begins_us) else 0.0
+
+    def _at_us(self, rungs: Rungs, begins_us: float) -> float:
+        """Distance of the pulse from the stop [us] at which a curve that begins there gives half of the file's.
+
+        0: there is none, or it is beyond what is harmless.
+        """
+        wider_us, at_us = begins_us - rungs.band_us, begins_us
+        while 0.0 < (turn_radps := self._turn_radps(rungs, at_us)):
+            if self._turn_radps(rungs, at_us - wider_us) >= RUNS * turn_radps:
+                return at_us
+            at_us += 1.0
+        return 0.0
 
     def _turn_radps(self, rungs: Rungs, at_us: float) -> float:
         """Turn [rad/s] of a quarter at this distance from the stop; 0 where it is beyond what is harmless."""
@@ -158,7 +173,7 @@ class DeadBandLadder:
         return tuple(forces_N)
 
     def _pulses(self, rungs: Rungs) -> tuple[Pulse, ...]:
-        at_us = rungs.next_us or 0.0
+        at_us = self._at_us(rungs, rungs.next_us or 0.0)
         return tuple(
             Pulse(self._forces_N(rungs, at_us, way), quarters * QUARTER_S, calm=at == 0)
             for at, (way, quarters) in enumerate(((1.0, 1), (-1.0, 2), (1.0, 1)))
