@@ -7,7 +7,8 @@ Draws are evenly spread over the vehicles in the box and over the faults: each t
 of another, or in a ring of three; each sensor that measures along an axis turned by 90 and 180 degrees about each axis
 that matters to it. Each flies in its own pool. A fault is named when what mends the file makes it the vehicle as it was
 built, or, where no line of YAML can, when the part is called wrong; and when nothing else is. Where gravity shows that
-the inertial sensor is turned, nothing is armed: the file is mended and commissioned again, as the command says.
+the inertial sensor is turned, nothing is armed: the file is mended and commissioned again, as the command says. A
+vehicle that lists too far is trimmed first.
 """
 
 import argparse
@@ -32,8 +33,10 @@ from hindrax_sim.flights.commissioning_flight import CommissioningFlight, fly_co
 
 VEHICLES = ("hindrax", "bluerov2-heavy", "bluerov2", "lbv")
 ALWAYS_S = 1e9
-ROUNDS = 3
+ROUNDS = 4
 MOST_TILT_deg = 30.0
+TRIMMED = "center_of_mass=0.001"
+"""What a vehicle that is told to be trimmed still lists by."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +170,10 @@ def judge(draw: Draw, world: str = POOL) -> Judged:
         flight = fly_commissioning(claimed, draw.seed, world, broken, built=built)
         tilt_deg, seconds = max(tilt_deg, flight.tilt_deg), seconds + flight.seconds
         said += [f"{row.claim}: {row.found}" for row in flight.findings.wrong]
-        if not flight.findings.mends:
+        lists = any(row.claim == "trim at rest" for row in flight.findings.wrong)
+        if lists and TRIMMED not in world:
+            world = f"{world},{TRIMMED}"
+        elif not flight.findings.mends:
             break
         claimed = mended(claimed, flight.findings.mends)
     named = _is_built(claimed, built, draw, flight) and _nothing_else(draw, flight)

@@ -23,7 +23,7 @@ from hindrax_control.pilot import Pilot
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import Stamped, stamp_from_s
 from hindrax_core.hydrostatics import GRAVITY_mps2
-from hindrax_core.readings import Battery, BottomVelocity, Echo, Pressure, Reading
+from hindrax_core.readings import Battery, BottomVelocity, Echo, Inertial, Pressure, Reading
 from hindrax_core.sensor_table import Capability
 from hindrax_core.signals import Navigation
 from hindrax_core.text.refusals import Reason, found
@@ -204,6 +204,58 @@ def test_a_guard_ends_it_neutral(change: dict[str, object], said: str) -> None:
     assert output.neutral
     assert output.aborted.startswith(said)
     assert not any(output.forces_N)
+
+
+@pytest.mark.parametrize("list_deg", [0.0, 5.0, 12.0, 19.0, 22.0])
+def test_a_vehicle_that_lists_is_ended_neutral_before_it_tilts_to_thirty_degrees(list_deg: float) -> None:
+    maneuver = PulseManeuver(HINDRAX, Goal((), pulses=single_pulses(HINDRAX, effectiveness(HINDRAX))))
+    listing = replace(QUIET, attitude_rad=(math.radians(list_deg), 0.0, 0.0))
+    assert any(map(any, flown(maneuver, listing, 1.0)))
+    tilts = np.arange(list_deg, 30.0, 0.5)
+    outputs = [
+        maneuver.step(replace(QUIET, attitude_rad=(math.radians(tilt), 0.0, 0.0)), stamp_from_s(11.0 + 0.02 * at))
+        for at, tilt in enumerate(tilts)
+    ]
+    ended = next(tilt for tilt, output in zip(tilts, outputs, strict=True) if output.done)
+    assert ended == pytest.approx(min(27.5, list_deg + 20.5), abs=0.6)
+    assert outputs[-1].neutral
+    assert outputs[-1].aborted.startswith("commission: tilted by")
+
+
+def test_a_vehicle_without_room_for_a_swing_is_not_pulsed() -> None:
+    maneuver = PulseManeuver(HINDRAX, Goal((), pulses=single_pulses(HINDRAX, effectiveness(HINDRAX))))
+    listing = replace(QUIET, attitude_rad=(0.0, math.radians(24.0), 0.0))
+    assert not any(map(any, flown(maneuver, listing, 2.0)))
+    assert maneuver.last is not None
+    assert maneuver.last.aborted.startswith("commission: lists by 24 deg")
+
+
+def at_rest(vehicle: Vehicle, list_deg: float) -> Commissioning:
+    """Commissioning of a vehicle that rested with this list."""
+    work, (source, *_) = Commissioning(vehicle), vehicle.measuring("rates")
+    list_rad = math.radians(list_deg)
+    up = turn_of(vehicle.sensors[source].rotation_deg).T @ np.array([0.0, -math.sin(list_rad), -math.cos(list_rad)])
+    x, y, z = (GRAVITY_mps2 * up).tolist()
+    reading = Inertial((x, y, z), (0.0, 0.0, 0.0), 20.0)
+    for at in range(100):
+        work.on_reading(source, Stamped(stamp_from_s(0.02 * at), reading))
+    work.rest(stamp_from_s(0.0), stamp_from_s(2.0))
+    return work
+
+
+@by_vehicle
+def test_the_further_a_vehicle_lists_the_gentler_it_is_pulsed(vehicle: Vehicle) -> None:
+    usual, B = single_pulses(vehicle, effectiveness(vehicle)), effectiveness(vehicle)
+    assert at_rest(vehicle, 5.0).next_pulses(stamp_from_s(2.0)) == usual
+    gentler = at_rest(vehicle, 22.5).next_pulses(stamp_from_s(2.0))
+    assert gentler is not None
+    for one, other in zip(gentler, single_pulses(vehicle, B, share=4.5 / 8.0), strict=True):
+        assert one.forces_N == pytest.approx(other.forces_N)
+    lists = at_rest(vehicle, 24.0)
+    assert lists.next_pulses(stamp_from_s(2.0)) is None
+    rows = {row.claim: row for row in lists.finalize().rows}
+    assert rows["trim at rest"].verdict == WRONG
+    assert "trim it" in rows["trim at rest"].remedy
 
 
 def test_a_turned_sensor_does_not_end_it() -> None:

@@ -48,6 +48,7 @@ FLY_S = 1200.0
 NO_GRAVITY = Refusal(
     Reason.COMMISSION, "gravity is not where the file has it: nothing was armed; mend that and commission again"
 )
+LISTS = Refusal(Reason.COMMISSION, "it lists too far: nothing was armed; trim it and commission again")
 HEARD: tuple[Capability, ...] = ("rates", "field", "velocity", "depth", "altitude")
 
 
@@ -188,7 +189,7 @@ def _pulse(operator: Operator, work: Commissioning, report: Report, over: Over, 
     """Fly what the commissioning asks for, and disarm; returns why it ended early, if it did."""
     pulses = work.next_pulses(operator.now())
     if pulses is None:
-        return NO_GRAVITY
+        return LISTS if work.upright else NO_GRAVITY
     with interrupted_once(), disarmed_at_the_end(operator):
         _arm(operator, report, over, arm=arm)
         begin = operator.now()

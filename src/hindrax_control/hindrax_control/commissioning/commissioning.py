@@ -9,6 +9,7 @@
 
 Before arming, gravity says whether the inertial sensor is turned out of the vertical, and the DVL and the sonar whether
 they see the floor. Where gravity is wrong nothing is armed: the attitude is false then, and the vehicle would refuse.
+Nor is anything where the vehicle lists so far that no room is left for a swing: it is trimmed first.
 """
 
 import math
@@ -36,6 +37,7 @@ from hindrax_control.commissioning.response import (
     lagged,
 )
 from hindrax_control.maneuver.goal import Pulse
+from hindrax_control.maneuver.pulses import MOST_LEAN_rad, MOST_LIST_rad
 from hindrax_core.events import Stamp, Stamped, to_s
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import Reading
@@ -46,6 +48,8 @@ Model: TypeAlias = tuple[Matrix, tuple[Matrix, Matrix]]
 """Times (n,); accelerations and rates (n, 6)."""
 UPRIGHT = 0.8
 """Cosine of the largest tilt at rest that is trim; a right angle is a mount."""
+GENTLE, ROOM_rad = 0.5, math.radians(8.0)
+"""Of the usual force of single thrusters, the least; and the room for a swing from which on the force is the usual."""
 QUIET_N = 0.05
 """Force below which a thruster stands still."""
 LAGS_S = (0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.45)
@@ -101,7 +105,7 @@ class Commissioning:
         self._round += 1
         if self._round == 1:
             self._begun_s = to_s(now)
-            return single_pulses(self.vehicle, self.B) if self.upright else None
+            return single_pulses(self.vehicle, self.B, share=self._share) if self.fit else None
         if self._round == 2 and not self.ended:
             self._judge_thrusters()
             return self._body_pulses(now, self._listing_rad())
@@ -164,7 +168,7 @@ class Commissioning:
     def _single_pulses_left(self) -> tuple[Pulse, ...] | None:
         """Pulses of the thrusters from the one on that was at work last, at half the force where it still turns."""
         last = max((index for index, _ in self._windows()), default=0)
-        left = [one for one in single_pulses(self.vehicle, self.B, share=0.5) if not any(one.forces_N[:last])]
+        left = [one for one in single_pulses(self.vehicle, self.B, share=GENTLE) if not any(one.forces_N[:last])]
         return tuple(left) or None
 
     @property
@@ -195,6 +199,17 @@ class Commissioning:
         if not (len(before) and len(after)):
             return 0.0
         return float(after[:, 0].mean() - before[:, 0].mean()) / (water.density_kgpm3 * GRAVITY_mps2)
+
+    @property
+    def _share(self) -> float:
+        """Of the usual force of single thrusters: less where the list at rest leaves less room for their swing."""
+        room_rad = MOST_LEAN_rad - self._listing_rad()
+        return max(GENTLE, min(1.0, room_rad / ROOM_rad))
+
+    @property
+    def fit(self) -> bool:
+        """Whether it may be pulsed: upright, and with a list that leaves room for a swing."""
+        return self.upright and self._listing_rad() <= MOST_LIST_rad
 
     @property
     def upright(self) -> bool:
@@ -278,6 +293,8 @@ class Commissioning:
             return [sensor_claims.turned(source, mount, turn, "gravity comes from the side or from above")]
         roll_deg, pitch_deg = (float(np.degrees(np.arctan2(down[1], down[2]))), float(np.degrees(-np.arcsin(down[0]))))
         trim = Finding("trim at rest", MEASURED, "level", f"roll {roll_deg:+.1f}, pitch {pitch_deg:+.1f} deg")
+        if not self.fit:
+            trim = replace(trim, verdict=WRONG, remedy=f"trim it to {math.degrees(MOST_LIST_rad):.0f} deg at the most")
         if not self.wirings:
             return [Finding(claim, OPEN, claimed, "upright; nothing was pulsed to show more"), trim]
         if np.allclose(self.turn, np.eye(3)):

@@ -151,7 +151,7 @@ class DeadBandLadder:
         0: there is none, or it is beyond what is harmless.
         """
         wider_us, at_us = begins_us - rungs.band_us, begins_us
-        while 0.0 < (turn_radps := self._turn_radps(rungs, at_us)):
+        while (turn_radps := self._turn_radps(rungs, at_us)) > 0.0:
             if self._turn_radps(rungs, at_us - wider_us) >= RUNS * turn_radps:
                 return at_us
             at_us += 1.0

@@ -30,9 +30,11 @@ BELIEVED = frozenset(
     (Reason.DEPTH_BAND, Reason.ALTITUDE_BAND, Reason.BATTERY, Reason.LEAK, Reason.TIME_OUT, Reason.SENSOR_AGE)
 )
 """Guards that hold although the vehicle file may be wrong."""
-MOST_TILT_rad, MOST_LIST_rad, LEAST_TILT_rad = math.radians(20.0), math.radians(27.0), math.radians(8.0)
-"""From where it was at the start; less for one that lists there, by as much as both exceed the second, but at least
-the third. Neutral from here, a vehicle that rights itself stays below 30 degrees."""
+MOST_TILT_rad, MOST_LEAN_rad = math.radians(20.0), math.radians(27.0)
+"""From where it was at the start, and from the vertical. Neutral from here, a vehicle that rights itself stays below 30
+degrees."""
+MOST_LIST_rad = math.radians(23.0)
+"""At the start: one that lists further has no room left for its pulses, and is trimmed first."""
 UPRIGHT = 0.8
 """Cosine of a list; beyond it, it is the sensor that is turned."""
 MOST_RATE_radps = math.radians(90.0)
@@ -150,8 +152,13 @@ class PulseManeuver:
         cosine = sum(a * b for a, b in zip(down, self._down, strict=True))
         tilt_rad = math.acos(max(-1.0, min(1.0, cosine)))
         rate_radps = math.hypot(*navigation.rate_radps)
+        # Of a sensor that is turned, the vertical is false, and only the tilt from rest counts.
+        known = self._down[2] > UPRIGHT
+        list_rad, lean_rad = (math.acos(min(1.0, one[2])) if known else 0.0 for one in (self._down, down))
         own = (
-            above("tilted by {} deg from rest, wanted at most {} deg", *_deg(tilt_rad, self._most_tilt_rad()), 0),
+            above("lists by {} deg at rest, wanted at most {} deg", *_deg(list_rad, MOST_LIST_rad), 0),
+            above("tilted by {} deg from rest, wanted at most {} deg", *_deg(tilt_rad, MOST_TILT_rad), 0),
+            above("tilted by {} deg, wanted at most {} deg", *_deg(lean_rad, MOST_LEAN_rad), 0),
             above("turns at {} deg/s, wanted at most {} deg/s", *_deg(rate_radps, MOST_RATE_radps), 0),
             "" if math.isfinite(cosine + rate_radps) else "attitude or rate unknown, wanted both",
         )
@@ -168,12 +175,6 @@ class PulseManeuver:
             *(found(Reason.COMMISSION, text) for text in own if text),
             *believed(self._safety.step(situation)),
         )
-
-    def _most_tilt_rad(self) -> float:
-        """Largest tilt from rest, by the list there."""
-        upright = self._down[2] if self._down is not None else 1.0
-        list_rad = math.acos(min(1.0, upright)) if upright > UPRIGHT else 0.0
-        return max(LEAST_TILT_rad, min(MOST_TILT_rad, MOST_LIST_rad - list_rad))
 
     def _put_out(
         self, forces_N: tuple[float, ...], phase: str, now_s: float, *, done: bool, begins: bool = False
