@@ -136,6 +136,19 @@ def test_a_flight_from_boot_to_the_end(bench: Bench) -> None:
     assert not bench.board.armed
 
 
+def test_the_end_disarms_the_board(bench: Bench) -> None:
+    bench.run(0.5)
+    bench.arm()
+    bench.run(7.5)
+    assert bench.board.armed
+    received = len(bench.frames)
+    bench.host.end()
+    bench.sleep_until(after(bench.time, 0.1))
+    assert any(sent for _, sent, _ in bench.frames[received:])
+    assert bench.wire() == NEUTRAL
+    assert not bench.board.armed
+
+
 def test_a_board_that_refuses_to_arm_disarms_the_guard_with_its_reason(bench: Bench) -> None:
     bench.run(0.5)
     bench.arm()

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -70,6 +71,13 @@ def test_each_thruster_runs_alone_and_within_its_limit(vehicle: Vehicle) -> None
     assert [one for (one,) in dict.fromkeys(running)] == list(range(len(vehicle.thrusters)))
     assert float(np.max(np.abs(forces))) <= MOST_PULSE_N
     assert forces[-1] == (0.0,) * len(vehicle.thrusters)
+
+
+def test_the_motion_is_named_while_it_is_flown_and_not_at_its_end() -> None:
+    maneuver = PulseManeuver(HINDRAX, Goal((), pulses=(Pulse((2.0, *(0.0,) * 7), 0.1),)))
+    outputs = [maneuver.step(QUIET, stamp_from_s(10.0 + 0.02 * cycle)) for cycle in range(40)]
+    assert [name for name, _ in groupby(output.phase.motion for output in outputs)] == ["commission", ""]
+    assert [name for name, _ in groupby(output.phase.phase for output in outputs)] == ["settle", "excite", "done"]
 
 
 @by_vehicle

@@ -53,6 +53,7 @@ WRONG = {
     "gravity": wrong(gravity_off_rad=math.radians(26.0)),
     "depth": wrong(refused_depths=20),
     "velocity": wrong(refused_velocities=20),
+    "gain": wrong(velocity_gain=1j, velocity_gain_sigma=0.2),
     "sinking": wrong(sunk_off_m=-0.3),
     "drift": wrong(drifted_off_m=-0.3),
     "floor": replace(WELL, altitude_m=-0.4, depth_age_s=1.5),
@@ -69,6 +70,11 @@ def test_what_is_wrong_is_named_with_limit_and_remedy(name: str) -> None:
     assert failed.code == name
     assert "wanted" in failed
     assert "; " in failed
+
+
+@pytest.mark.parametrize(("gain", "sigma"), [(1.3 + 0j, 0.01), (0.7 + 0j, 0.01), (-1.0 + 0j, 1.0)])
+def test_a_gain_of_velocity_within_its_limit_or_its_noise_is_not_wrong(gain: complex, sigma: float) -> None:
+    assert not Watch().see(wrong(velocity_gain=gain, velocity_gain_sigma=sigma), 1.0)
 
 
 @pytest.mark.parametrize("name", sorted(WRONG.keys() - {"gravity"}))

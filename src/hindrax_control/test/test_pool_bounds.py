@@ -150,6 +150,7 @@ def test_a_way_in_the_pool_is_along_surge_and_sway_where_they_are_measured(seen:
     along_aside = (way.real * seen[0], way.imag * seen[1])
     assert place.body(1.3, -0.6) == pytest.approx(along_aside)
     assert place.off_m(5.3, 1.4) == pytest.approx(math.hypot(*along_aside))
+    assert PoolPosition(4.0, 2.0, 0.7, 0.0, 0.0).body(1.3, -0.6) == pytest.approx((way.real, way.imag))
 
 
 @pytest.mark.parametrize(

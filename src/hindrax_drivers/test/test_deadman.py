@@ -336,6 +336,7 @@ def test_what_cannot_be_written_is_reported_once_and_tried_again(
         chip.trouble = trouble
         neutral.write()
         assert neutral.trouble == trouble
+        assert not neutral.blocked, "a bus is nobody's"
     sent = [f"thrusters: cannot write neutral: {why}" for why in ("no acknowledge", "a line is low")]
     assert capsys.readouterr().err.splitlines() == sent
     chip.trouble = ""

@@ -264,7 +264,9 @@ def test_an_older_disarm_leaves_the_order_of_the_requests() -> None:
 
 
 def test_numbers_have_six_digits() -> None:
-    assert all(100_000 <= GUARD.fresh_number() <= 999_999 for _ in range(100))
+    numbers = [GUARD.fresh_number() for _ in range(1000)]
+    assert all(100_000 <= number <= 999_999 for number in numbers)
+    assert len(set(numbers)) > 990, "nobody guesses the next one"
 
 
 def test_a_console_that_starts_again_may_arm_after_a_second() -> None:
