@@ -448,6 +448,30 @@ def test_a_repetition_is_no_movement() -> None:
     assert pulses.thrusters == pytest.approx((1860.0,) * 8)
 
 
+def test_neutral_that_is_repeated_with_lamps_lit_is_no_movement() -> None:
+    state, _ = accepted_command(armed(), command(8.1, 81, NEUTRAL, (1900.0, 1500.0)), 8.1)
+    state, _ = GUARD.tick(state, at(8.5))
+    state, repeated = GUARD.tick(state, at(8.6))
+    assert repeated is not None
+    assert repeated.lights == (1900.0, 1500.0)
+    _, pulses = accepted_command(state, command(8.61, 82), 8.61)
+    assert pulses.thrusters == pytest.approx((1860.0,) * 8), "as far as a repetition goes"
+
+
+def test_neutral_is_due_when_it_is_repeated_though_its_command_grows_old_before() -> None:
+    state, _ = accepted_command(armed(), command(8.1, 81, NEUTRAL), 8.1)
+    state, _ = GUARD.tick(state, at(8.45))
+    assert GUARD.due(state) == at(8.45 + KNOBS.repeat_s)
+
+
+def test_lamps_of_a_command_go_out_when_none_has_come_for_long() -> None:
+    state, _ = accepted_command(GUARD.start(at(0.0)), command(0.1, 1, NEUTRAL, (1900.0, 1900.0)), 0.1)
+    state, kept = GUARD.tick(state, at(3.0))
+    assert kept is not None
+    assert kept.lights == (1900.0, 1900.0)
+    assert GUARD.tick(state, at(9.0))[1] == GUARD.neutral
+
+
 def test_the_first_command_of_all_after_the_arming_time_begins_at_neutral() -> None:
     state, _ = GUARD.arm(GUARD.start(at(0.0)), Request(at(0.0), 1), at(0.0))
     state, pulses = accepted_command(state, command(7.1, 1), 7.1)
