@@ -117,6 +117,16 @@ def test_arming_is_neutral_for_the_time_of_the_escs() -> None:
     assert state.phase is ArmingPhase.ARMED
 
 
+def test_who_arms_twice_neither_begins_anew_nor_ends_a_flight() -> None:
+    state, _ = GUARD.arm(GUARD.start(at(0.0)), Request(at(0.0), 1), at(0.0))
+    again, answer = GUARD.arm(state, Request(at(3.0), 2), at(3.0))
+    assert (answer.accepted, again.phase, again.since) == (True, ArmingPhase.ARMING, state.since)
+    flying = armed(FULL)
+    again, answer = GUARD.arm(flying, Request(at(8.05), 2), at(8.05))
+    assert (answer.accepted, again.phase, again.armings) == (True, ArmingPhase.ARMED, flying.armings)
+    assert GUARD.tick(again, at(8.09))[1] == flying.pulses
+
+
 def test_it_counts_how_often_it_was_armed_whatever_happened_between() -> None:
     state, pulses = GUARD.start(at(0.0)), NEUTRAL
     for turn in range(3):
