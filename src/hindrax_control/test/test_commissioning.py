@@ -19,7 +19,7 @@ from hindrax_control.commissioning.probes import body_pulses, probe_N, single_pu
 from hindrax_control.commissioning.record import NotProven, UNPROVEN_mps, geometry_hash, slowed, unproven
 from hindrax_control.commissioning.response import Answer, Prior
 from hindrax_control.maneuver.goal import MOST_PULSE_N, Goal, Pulse, require_flyable
-from hindrax_control.maneuver.pulses import CALM_PATIENCE_S, PulseManeuver, believed
+from hindrax_control.maneuver.pulses import CALM_PATIENCE_S, CALM_S, PulseManeuver, believed
 from hindrax_control.pilot import Pilot
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import Stamped, stamp_from_s
@@ -193,6 +193,13 @@ def test_a_pulse_waits_for_rest_but_not_for_ever() -> None:
     forces = flown(PulseManeuver(HINDRAX, goal), swinging, 20.0)
     begin = next(at for at, one in enumerate(forces) if any(one))
     assert begin == pytest.approx(CALM_PATIENCE_S * 50.0, abs=2)
+
+
+def test_a_pulse_waits_for_rest_from_the_end_of_the_one_before() -> None:
+    forces = flown(PulseManeuver(HINDRAX, Goal((), pulses=(Pulse((2.0, *(0.0,) * 7), 0.5),) * 2)), QUIET, 5.0)
+    lengths = [(running, len(list(cycles))) for running, cycles in groupby(map(any, forces))]
+    assert [running for running, _ in lengths] == [False, True, False, True, False]
+    assert [count for _, count in lengths[1:4]] == pytest.approx([25, CALM_S * 50.0, 25], abs=1)
 
 
 @pytest.mark.parametrize(
