@@ -1,6 +1,7 @@
 """All axes of records at once: recordings or bags of this stack to one joint fit."""
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -8,7 +9,7 @@ from hindrax_analysis.identification.record_identification import APART_S, Ident
 from hindrax_analysis.identification.verdict import REJECTED
 from hindrax_analysis.records.own_bag import bag_events
 from hindrax_analysis.records.recording import Recording, tuned
-from hindrax_analysis.terminal import print_table
+from hindrax_analysis.terminal import print_table, print_what_fits
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamped, seconds_between
 from hindrax_core.signals import Attitude, IdentEvent, Thrust, Velocity
@@ -187,22 +188,52 @@ def _gain(vehicle: Vehicle, tuning: Tuning) -> float:
 
 
 def show_joint(joint: JointResults) -> None:
-    """Print drag and added mass of each motion, and the terms that were admitted."""
+    """Print drag and added mass of each motion, and the terms that were admitted; a line a motion on a full screen."""
+
+    def in_full() -> None:
+        _show_coefficients(joint)
+        _show_terms(joint)
+        for name, number in joint.delays.items():
+            print_fitted(f"{name}: {measured(number.value, number.std_calibrated)} s")
+        for name, one in joint.motions.items():
+            for reason in one.reasons:
+                print_fitted(f"{REJECTED} {name}: not identifiable: {reason}")
+
+    print_what_fits(in_full, partial(_show_joint_short, joint))
+
+
+def _show_coefficients(joint: JointResults) -> None:
     rows = []
     for name, one in joint.motions.items():
-        marked = name if not one.reasons else f"{name} {REJECTED}"
+        marked = name if not one.reasons else f"{name}{REJECTED}"
         for key, number in one.coefficients.items():
             rows.append((marked, f"{key} [{number.unit}]", measured(number.value, number.std_calibrated)))
     title = f"All axes together, SNAME axes ({PLUS_MINUS}, with calibration)"
     print_table(title, ("motion", "coefficient"), ("value",), rows, grouped=True)
+
+
+def _show_terms(joint: JointResults) -> None:
     terms = [
         (name, measured(one.number.value, one.number.std_calibrated), one.number.unit, f"e^{one.evidence:.0f}")
         for name, one in sorted(joint.terms.items(), key=lambda pair: -pair[1].evidence)
     ]
     if terms:
         print_table("Terms that the record needs", ("term",), ("value", "unit", "odds"), terms)
-    for name, number in joint.delays.items():
-        print_fitted(f"{name}: {measured(number.value, number.std_calibrated)} s")
+
+
+def _show_joint_short(joint: JointResults) -> None:
+    """Print a row for each motion, and what is left out."""
+    names = [
+        key
+        for key in ("k_q", "k_l", "added_mass", "b")
+        if any(key in one.coefficients for one in joint.motions.values())
+    ]
+    rows = []
     for name, one in joint.motions.items():
-        for reason in one.reasons:
-            print_fitted(f"{REJECTED} {name}: not identifiable: {reason}")
+        numbers = (one.coefficients.get(key) for key in names)
+        cells = ("" if number is None else measured(number.value, number.std_calibrated) for number in numbers)
+        rows.append((name if not one.reasons else f"{name}{REJECTED}", *cells))
+    unsaid = [f"terms that the record needs ({len(joint.terms)})", "delays"]
+    unsaid += [f"why {REJECTED} (not identifiable)"] if any(one.reasons for one in joint.motions.values()) else []
+    print_table(f"All axes together (SI; {PLUS_MINUS})", ("motion",), names, rows, spare=("b",), dense=True)
+    print_fitted(f"--json shows: {', '.join(unsaid)}")

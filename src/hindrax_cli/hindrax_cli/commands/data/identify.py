@@ -202,10 +202,12 @@ def identify(arguments: argparse.Namespace) -> int:
     document |= {"joint": joint.to_json()} if joint else {}
 
     def show_all() -> None:
-        """Axis by axis, then all together."""
-        _show(arguments, found, conditions, _next(arguments, sources, vehicle))
+        """All together, then axis by axis: the verdicts and the next step are the last screen."""
+        _show_notes(found, conditions)
         if joint:
             show_joint(joint)
+        following = _next(arguments, sources, vehicle)
+        show(found, reported=bool(arguments.report), ending=partial(_show_ending, arguments, found, following))
 
     return print_answer(document, show_all, as_json=arguments.json)
 
@@ -257,9 +259,8 @@ def _delays(lag_s: float, latency_s: float) -> str:
     return f"thrust {lag_s:.2f} s; velocity stamps {abs(latency_s):.2f} s too {late}"
 
 
-def _show(
-    arguments: argparse.Namespace, found: Identified, conditions: ResultConditions, following: NextCommand
-) -> None:
+def _show_notes(found: Identified, conditions: ResultConditions) -> None:
+    """Assumptions, delays, spread of the runs: what the result is to be read with."""
     for assumption in conditions.assumptions:
         print_stderr(f"assumed: {assumption}")
     if conditions.aborted:
@@ -275,7 +276,6 @@ def _show(
             print_fitted(f"{motion} {key}: {one.runs} runs differ by {times}; by {one.between:.3g} from run to run")
     if not found.results.motions:
         print_stderr(as_called("no motion was flown in this record; `./hindrax bag info` lists its contents"))
-    show(found, reported=bool(arguments.report), ending=partial(_show_ending, arguments, found, following))
 
 
 def _show_ending(arguments: argparse.Namespace, found: Identified, following: NextCommand) -> None:
