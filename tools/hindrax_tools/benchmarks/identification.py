@@ -68,7 +68,7 @@ def repeated(flown: Recording, repeats: int) -> Recording:
     noisy = [v + noise * rng.standard_normal(v.shape) for _ in range(repeats)]
 
     def again(times: Array) -> Array:
-        """Times of all repeats."""
+        """Times of all repeats [s]: (n,) to (repeats n,)."""
         return np.concatenate([times + LASTS_s * index for index in range(repeats)])
 
     return recorded(
