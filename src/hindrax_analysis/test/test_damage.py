@@ -86,6 +86,10 @@ def test_outliers_are_left_out_and_a_reversal_is_none() -> None:
     surge[wild] += 2.0
     found = without_damage(recorded(surge))
     assert np.flatnonzero(np.isnan(found.velocity[:, 0])).tolist() == wild.tolist()
+    assert f"surge: {len(wild)} velocities far from all neighbors: left out" in found.assumptions
+    surge = moving()
+    surge[17] += 2.0
+    assert "surge: 1 velocity far from all neighbors: left out" in without_damage(recorded(surge)).assumptions
 
 
 def test_bursts_are_spread_evenly() -> None:

@@ -105,7 +105,8 @@ def read_records(
     parts = [_recording(source, {name: values[piece] for name, values in columns.items()}) for piece in pieces]
     recordings = _together([one for one in parts if one.measured_t or len(one.wrench_t)])
     axes = "x forward, y left, z up, as named" if frame == "flu" else "SNAME: x forward, y starboard, z down"
-    back = f"time steps back {len(recordings) - 1} times: {len(recordings)} records" if len(recordings) > 1 else ""
+    steps = "once" if len(recordings) == 2 else f"{len(recordings) - 1} times"
+    back = f"time steps back {steps}: {len(recordings)} records" if len(recordings) > 1 else ""
     assumptions = tuple(one for one in (by_size, f"axes are {axes}", forces_are, back) if one)
     turned = [one.half_turned() if frame == "flu" else one for one in recordings]
     return [replace(one, assumptions=assumptions) for one in turned]

@@ -51,7 +51,7 @@ def without_damage(recording: Recording) -> Recording:
             if axis < 3:  # without lock a DVL has no velocity at all
                 rows = spread.velocity[gone, :3]
                 velocity[gone, :3] = np.where((rows == 0.0) & (v[damaged] == 0.0)[:, None], np.nan, velocity[gone, :3])
-            notes.append(f"{name}: {damaged.sum()} velocities {what}")
+            notes.append(f"{name}: {damaged.sum()} {'velocity' if damaged.sum() == 1 else 'velocities'} {what}")
     return replace(spread, velocity=array(velocity), assumptions=(*recording.assumptions, *notes, *_gaps(spread)))
 
 
@@ -77,7 +77,7 @@ def _damage(t: Array, v: Array, force: Array) -> list[tuple[str, Flags]]:
     kept = np.flatnonzero(~np.any([np.zeros(len(v), dtype=bool), *(gone for _, gone in found)], axis=0))
     wild = kept[_outliers(v[kept])]
     if len(wild):
-        found.append(("far from their neighbors are outliers: left out", np.isin(np.arange(len(v)), wild)))
+        found.append(("far from all neighbors: left out", np.isin(np.arange(len(v)), wild)))
     return found
 
 
