@@ -22,7 +22,7 @@ from hindrax_control.prior_dynamics import PriorDynamics
 
 MOST_SENSITIVITY = 1.7
 """Ms allowed: gain margin of 2.4 at least, phase margin of 34 degrees at least, on the worst vehicle."""
-INTEGRAL_RATIO = 4.0
+INTEGRAL_RATIO = 3.0
 """Integral time times bandwidth. Less takes phase at the crossover, which lies above the bandwidth; more leaves a
 vehicle that something holds (a tether, dead bands) short of its setpoint for longer: at six, one turn of thirty steps
 in drawn pools stood 4 degrees off for six seconds."""
