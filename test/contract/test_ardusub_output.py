@@ -376,6 +376,7 @@ def test_a_poor_link_flies_on(control: str, fault: str) -> None:
         ("second_station", "another party has taken over: stick"),
         ("absent", "the autopilot has fallen silent"),
         ("reset", "the autopilot has"),
+        ("repeated", "the autopilot has fallen silent"),
     ],
 )
 def test_a_link_that_fails_ends_the_flight_by_name_at_neutral(fault: str, why: str) -> None:

@@ -128,3 +128,17 @@ def test_the_same_report_twice_is_no_second_measurement() -> None:
     driver = A50()
     assert len(readings(driver, changed())) == 2
     assert [one.reason for one in driver.feed(changed(), NOW) if isinstance(one, Rejected)] == ["velocity: repeated"]
+
+
+def test_a_batch_of_reports_that_comes_again_is_no_measurement_and_a_clock_that_was_set_is_no_batch() -> None:
+    """Each report of the batch is older than the one before it, so a look at the last alone takes both for new."""
+    driver, first_us = A50(), json.loads(VELOCITY["line"])["time_of_validity"]
+
+    def at(later_us: int) -> bytes:
+        sent_us = json.loads(VELOCITY["line"])["time_of_transmission"]
+        return changed(time_of_validity=first_us + later_us, time_of_transmission=sent_us + later_us)
+
+    batch = at(0) + at(100_000)
+    assert len(readings(driver, batch)) == 4
+    assert [readings(driver, batch) for _ in range(3)] == [[], [], []]
+    assert len(readings(driver, at(-5_000_000))) == 2

@@ -94,7 +94,6 @@ class ArduSub(Companion):
     def _clear(self) -> None:
         self._imu_clock.restart()
         self._baro_clock.restart()
-        self._last: dict[str, object] = {}
         self._first_Pa: list[float] = []
         self._first_noise_Pa = 0.0
         self._pressure_Pa, self._new_at = math.nan, Stamp(0)
@@ -113,7 +112,7 @@ class ArduSub(Companion):
         return outputs
 
     def _on_imu(self, one: RawImu, stamp: Stamp) -> list[Output]:
-        if self._repeats("sample", one):
+        if self._is_old("sample", 1e-6 * one.boot_us):
             return [Rejected(stamp, reject(RejectCode.REPEATED, "sample"), b"")]
         self._sampled = stamp
         if not _within(one.force_mps2, FULL_SCALE_mps2) or not _within(one.rate_radps, FULL_SCALE_radps):
@@ -131,7 +130,7 @@ class ArduSub(Companion):
         self._pressed = True
         # Asked for more often than it measures, the autopilot sends one measurement twice, with another time.
         repeated = one.pressure_Pa == self._pressure_Pa and seconds_between(self._new_at, stamp) < REPEATED_S
-        if repeated or self._repeats("pressure", one):
+        if repeated or self._is_old("pressure", 1e-3 * one.boot_ms):
             return [Rejected(stamp, reject(RejectCode.REPEATED, "pressure"), b"")]
         self._pressure_Pa, self._new_at = one.pressure_Pa, stamp
         if not 0.0 < one.pressure_Pa < self._knobs.largest_Pa:
@@ -175,10 +174,6 @@ class ArduSub(Companion):
         wet = self._wet_at is not None and seconds_between(self._wet_at, stamp) < DRY_AFTER_S
         reading: Reading = Leak(wet=wet)
         return [Stamped(stamp, reading)]
-
-    def _repeats(self, what: str, one: object) -> bool:
-        before, self._last[what] = self._last.get(what), one
-        return before == one
 
 
 def _noise(values: Sequence[float]) -> float:

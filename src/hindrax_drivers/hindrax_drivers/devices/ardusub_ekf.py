@@ -70,7 +70,6 @@ class ArduSubEkf(Companion):
     def _clear(self) -> None:
         self._clock.restart()
         self._attitude: Attitude | None = None
-        self._last: LocalPosition | None = None
         self._claims, self._claimed_at = False, Stamp(0)
 
     def _on_attitude(self, one: Attitude, _stamp: Stamp) -> list[Output]:
@@ -82,8 +81,7 @@ class ArduSubEkf(Companion):
         return []
 
     def _on_position(self, one: LocalPosition, stamp: Stamp) -> list[Output]:
-        before, self._last = self._last, one
-        if before is not None and before.boot_ms == one.boot_ms:
+        if self._is_old("velocity", 1e-3 * one.boot_ms):
             return [Rejected(stamp, reject(RejectCode.REPEATED, "velocity"), b"")]
         self._sampled = stamp
         at = self._clock.map(one.boot_ms, stamp)

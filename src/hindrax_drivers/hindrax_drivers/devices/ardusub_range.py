@@ -52,14 +52,14 @@ class ArduSubRange(Companion):
 
     def _clear(self) -> None:
         self._clock.restart()
-        self._last_ms, self._count = -1, 0
+        self._count = 0
 
     def _on_distance(self, one: Distance, stamp: Stamp) -> list[Output]:
         if one.orientation != self._knobs.orientation:
             return []
-        if one.boot_ms == self._last_ms:
+        if self._is_old("distance", 1e-3 * one.boot_ms):
             return [Rejected(stamp, reject(RejectCode.REPEATED, "distance"), b"")]
-        self._last_ms, self._sampled, self._count = one.boot_ms, stamp, self._count + 1
+        self._sampled, self._count = stamp, self._count + 1
         at = self._clock.map(one.boot_ms, stamp)
         if one.range_m > self._knobs.most_m:
             return [Rejected(stamp, reject(RejectCode.RANGE, "distance"), b"")]

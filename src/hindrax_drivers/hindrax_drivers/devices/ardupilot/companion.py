@@ -13,6 +13,11 @@ ASK_AGAIN_S = 1.0
 """Silence of the stream, with heartbeats, after which it is asked for anew: the autopilot has restarted."""
 
 
+RESTART_S = 1.0
+"""Step back of the time since power-up from which on it is a restart. By less, a message came again or out of order, as
+from a router that is stuck on its last batch."""
+
+
 class Companion(ABC):
     """One serial device: `streams` by message number [Hz], and what is made of their messages."""
 
@@ -39,7 +44,16 @@ class Companion(ABC):
         self._identity = self._told = ""
         self._sampled = self._asked = stamp
         self._broken: list[Trouble] = []
+        self._newest_s: dict[str, float] = {}
         self._clear()
+
+    def _is_old(self, what: str, boot_s: float) -> bool:
+        """Whether a message is no newer than the last of its kind, by the time since power-up."""
+        newest_s = self._newest_s.get(what, -RESTART_S)
+        if newest_s - RESTART_S < boot_s <= newest_s:
+            return True
+        self._newest_s[what] = boot_s
+        return False
 
     @property
     def ready(self) -> bool:

@@ -382,7 +382,9 @@ class ArduSub:
         return self._end("the autopilot has restarted", stamp)
 
     def _on_servos(self, message: ServoOutput, stamp: Stamp) -> list[Output]:
-        if not self._motors:
+        # One that came again, or out of order, as from a router that is stuck on its last batch, is no news of pulses.
+        came_again = message.boot_us > 0 and 0 <= self._boot_us - message.boot_us <= BACK_us
+        if not self._motors or came_again:
             return []
         self._served_at = stamp
         restarted = self._on_clock(message.boot_us, stamp)
