@@ -52,7 +52,9 @@ class Flight:
     def turn(self) -> None:
         for _ in range(CYCLES_PER_TURN):
             motion = self.pilot._phase[0]
-            state = ThrusterState(armed=motion != self._failing, state="armed", reason="no answer", pulses=[1500.0] * 8)
+            state = ThrusterState(
+                armed=motion != self._failing, state="armed", reason="no answer", sequence=1, pulses=[1500.0] * 8
+            )
             self.pilot._on_thrusters(serialized(state))
             self.pilot.on_navigation(Stamped(Stamp(self._start + self.ideal.stamp), self.ideal.navigation()))
         self._executor.spin_once(timeout_sec=0.0)
