@@ -62,8 +62,9 @@ SAID = {
     objection(Code.JOINT_NOT_CONVERGED): "the fit of all axes did not converge",
     objection(Code.JOINT_UNKNOWN_DRAG, shown="12 +- 7"): "the drag at the highest speed is 12 +- 7: fly it faster or "
     "for longer",
-    objection(Code.FEW_FREQUENCIES, found=2.1, wanted=3.0): "its thrust has about 2 frequencies, wanted 3: fly steps, "
-    "or a chirp",
+    objection(
+        Code.FEW_FREQUENCIES, found=2.1, wanted=3.0
+    ): "its thrust has 2.1 frequencies, wanted 3: fly steps, or a chirp",
     objection(Code.UNKNOWN_FORCES): "forces that the model lacks are larger than half of the largest thrust",
     objection(Code.AGAINST_THRUST): "it moves against its thrust: check the sign of the wrench, and the axes of both",
     objection(Code.IMPLAUSIBLE_SPEED, speed=450.0, unit="m/s"): "speeds of up to 450 m/s: check the units of force "

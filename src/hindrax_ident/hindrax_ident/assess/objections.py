@@ -111,7 +111,7 @@ SENTENCES: Mapping[Code, str] = {
     Code.POOR_PREDICTION: "the held-out part of the run is predicted with a fit of only {fit:.0%}",
     Code.JOINT_NOT_CONVERGED: "the fit of all axes did not converge",
     Code.JOINT_UNKNOWN_DRAG: "the drag at the highest speed is {shown}: fly it faster or for longer",
-    Code.FEW_FREQUENCIES: "its thrust has about {found:.0f} frequencies, wanted {wanted:.0f}: fly steps, or a chirp",
+    Code.FEW_FREQUENCIES: "its thrust has {found:.1f} frequencies, wanted {wanted:.0f}: fly steps, or a chirp",
     Code.UNKNOWN_FORCES: "forces that the model lacks are larger than half of the largest thrust",
     Code.AGAINST_THRUST: "it moves against its thrust: check the sign of the wrench, and the axes of both",
     Code.IMPLAUSIBLE_SPEED: f"speeds of up to {{speed:.3g}} {{unit}}: {_UNITS}",

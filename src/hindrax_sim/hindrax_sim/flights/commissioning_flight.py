@@ -155,5 +155,5 @@ def fly_commissioning(
             pilot.work.on_forces(event.stamp, event.reading.forces_N)
         roll, pitch, _ = step.world.attitude_rad
         tilt = min(tilt, math.cos(roll) * math.cos(pitch))
-    ended = pilot.ended or "; ".join(step.onboard.unhealthy)
+    ended = "; ".join(one for one in (pilot.ended, *step.onboard.unhealthy) if one)
     return CommissioningFlight(pilot.work.finalize(ended), step.elapsed_s - AFLOAT_S, math.degrees(math.acos(tilt)))

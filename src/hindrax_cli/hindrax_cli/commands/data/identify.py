@@ -267,7 +267,8 @@ def _show_notes(found: Identified, conditions: ResultConditions) -> None:
         print_stderr(f"aborted by {conditions.aborted}; the results are of the part flown until then")
     foreign = not conditions.mock and found.origin is None
     for motion, result in found.results.motions.items() if foreign else ():
-        if result.quality:
+        # Those of a refused fit are of anything: 1.00 s of a thrust that nobody flew.
+        if result.quality and result.identifiable:
             delays = _delays(result.quality["lag_s"], result.quality["latency_s"])
             print_fitted(f"{motion}: estimated delays: {delays}")
     for motion, spreads in found.spreads.items():
