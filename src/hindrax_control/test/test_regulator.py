@@ -161,7 +161,7 @@ def test_other_gains_keep_the_reference_and_what_was_learned() -> None:
     assert regulator.ramp.speed == 0.5
 
 
-def test_two_references_at_once_stay_below_the_speed_limit_and_a_slow_one_is_as_wanted(hindrax: Vehicle) -> None:
+def test_three_references_at_once_stay_below_the_speed_limit_and_a_slow_one_is_as_wanted(hindrax: Vehicle) -> None:
     slow = replace(hindrax, limits=Limits(speed_mps=0.2))
-    assert math.sqrt(2.0) * reference_speed(1.0, slow) < 0.2 < 2.0 * reference_speed(1.0, slow)
+    assert math.sqrt(3.0) * reference_speed(1.0, slow) < 0.2 < 3.0 * reference_speed(1.0, slow)
     assert reference_speed(0.05, slow) == 0.05

@@ -12,8 +12,7 @@ from hindrax_core.vehicle import Vehicle
 
 LONGEST_STEP_S = 0.2
 LIMIT_SHARE = 0.45
-"""Share of the speed limit for one reference: surge, sway and heave may move at once."""
-"""Share of the vehicle's speed limit at which a reference may move: two at once stay below the limit."""
+"""Share of the vehicle's speed limit at which a reference may move: surge, sway and heave at once stay below it."""
 
 
 @dataclass(frozen=True, slots=True)
