@@ -147,6 +147,15 @@ def test_a_repeated_sentence_is_no_new_measurement() -> None:
     assert not readings(outputs)
 
 
+def test_a_batch_of_sentences_that_comes_again_is_no_new_measurement() -> None:
+    driver, batch = started(), delta(10**6) + delta(10**6 + 50_000)
+    assert len(readings(list(driver.feed(batch, stamp_from_s(1.0))), BottomVelocity)) == 2
+    for second in (2.0, 3.0):
+        outputs = list(driver.feed(batch, stamp_from_s(second)))
+        assert readings(outputs, BottomVelocity) == []
+        assert reasons(outputs) == ["DVPDL: repeated"] * 2
+
+
 def test_intervals_do_not_overlap() -> None:
     driver = started()
     driver.feed(delta(10**6), Stamp(0))
