@@ -68,6 +68,8 @@ ABSENCES = tuple(f"absent:thrusters@{ABSENT_EVERY_S * number:g}+{ABSENT_S:g}" fo
 """A chip cannot be pulled out from another process: the mock does it again and again, for so long."""
 SOON_S, AFTER_S, PATIENT_S = 1.0, 3.0, 180.0
 """A fault comes within this time of the first thrust and is seen for so long; then the longest wait [wall time]."""
+TOLD_S = 8.0
+"""Time from a fault by which somebody has named it; on a busy machine a process is back before it has said why."""
 NEW_PROCESS_S = 60.0
 STATES = 200
 """Room for four seconds of states, should the tool be late."""
@@ -321,7 +323,8 @@ class _Seen:
         if self._harmed_s < math.inf:
             self._true += lines
             self._reason = "" if operator.armed else operator.reason
-            if self._true and self._true[-1].now_s - self._harmed_s > AFTER_S and self._ended():
+            since_s = self._true[-1].now_s - self._harmed_s if self._true else 0.0
+            if since_s > AFTER_S and self._ended() and (since_s > TOLD_S or not self._hidden()):
                 raise _SeenError
         elif any(map(self._flew_long_enough, lines)):
             self._said = len(self._stack.said)
@@ -347,6 +350,11 @@ class _Seen:
         """Whether all is at work again, and disarmed where that is wanted."""
         return self._whole() and (self._row.within_s == math.inf or not self._stack.operator.armed)
 
+    def _hidden(self) -> bool:
+        """Whether a process was killed or stopped by a signal, and neither terminal nor output has named it so far."""
+        named = self._stack.said[self._said :] or ENDED in self._reason
+        return self._row.what in SIGNALS and not (self._row.by_mock or named)
+
     def cell(self, seed: int, last: TrueState) -> FaultOutcome:
         """The judgement: each true state beside the state that was estimated then."""
         judge, estimates = Judge(self._true[0] if self._true else last), self._stack.estimates
@@ -361,7 +369,7 @@ class _Seen:
         said = self._stack.said[self._said :]
         told = ("terminal",) * bool(said or why) + ("exit 1",) * bool(aborted)
         # A process that a signal killed or stopped is named on the terminal of its stack, or by the output itself.
-        hidden = row.what in SIGNALS and not (row.by_mock or said or self.lost or ENDED in self._reason)
+        hidden = self._hidden() and not self.lost
         return judge.cell(
             row.who,
             row.what,
