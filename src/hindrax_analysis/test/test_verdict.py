@@ -69,6 +69,14 @@ def test_what_has_no_drag_has_no_numbers(capsys: pytest.CaptureFixture[str]) -> 
     assert capsys.readouterr().out == ""
 
 
+def test_a_vehicle_behind_an_autopilot_is_flown_again_as_it_was_named(capsys: pytest.CaptureFixture[str]) -> None:
+    """Its file was a copy in a folder that is gone."""
+    again = ("--autopilot", "tcp:127.0.0.1:5760", "--vehicle", "my rov.yaml", "--set", "autopilot.barometer:=1")
+    show_next({"surge": SURGE, "sway": SWAY}, NextFlight(vehicle="/tmp/copy.yaml", again=again))
+    words = "--autopilot tcp:127.0.0.1:5760 --vehicle 'my rov.yaml' --set autopilot.barometer:=1 --dof sway"
+    assert capsys.readouterr().out.splitlines()[1:] == [f"  ./hindrax pool-test {words}"]
+
+
 def test_the_next_experiment_is_that_of_the_worst_motion_and_states_what_it_buys(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -90,6 +98,7 @@ def test_the_next_experiment_is_that_of_the_worst_motion_and_states_what_it_buys
     ("flight", "motion", "words"),
     [
         (NextFlight(["--mock"]), "surge", "./hindrax pool-test --session --mock --dof surge"),
+        (NextFlight(again=("--autopilot", "udpin:0.0.0.0:14550")), "surge", "./hindrax weigh --help"),
         (NextFlight(["--mock"], "ideal"), "surge", "./hindrax pool-test --session --mock --world ideal --dof surge"),
         (NextFlight(), "heave_up", "./hindrax pool-test --session --load 15 --dof heave"),
         (NextFlight(), "yaw", "./hindrax pool-test --session --load 15 --lever 0.3 --dof yaw"),

@@ -79,6 +79,8 @@ class PoolOptions:
     """Whether a vehicle whose file is not proven flies as fast as that file says."""
     start: tuple[float, float, float] | None = None
     """Position in the pool before arming, as for `recentre`; none: by the pilot's parameters."""
+    again: tuple[str, ...] = ()
+    """Options that a next flight repeats as they were given, where the vehicle file is a copy for this one."""
 
     @property
     def plan_is_the_pilots(self) -> bool:
@@ -225,7 +227,7 @@ def next_flight(options: PoolOptions) -> NextFlight:
         words = ["--mock", *(["--simulator", mock.simulator] if mock.simulator else [])]
         world = mock.world if mock.world != ("ideal" if mock.simulator else "pool") else ""
     vehicle = "" if options.vehicle_file == default_vehicle() else str(options.vehicle_file)
-    return NextFlight(words, world, vehicle)
+    return NextFlight(words, world, vehicle, options.again)
 
 
 def finish(identified: Identified, folder: RunFolder, flight: FlownManeuver, following: NextFlight) -> None:

@@ -76,10 +76,14 @@ class NextFlight:
     """Of the mock; empty for its usual one."""
     vehicle: str = ""
     """File or name; empty for the default."""
+    again: Sequence[str] = ()
+    """Options of a flight behind an autopilot, as they were given: no session flies such a vehicle."""
 
     def words(self, motion: str, remedy: str) -> list[str]:
         """The command that does a step for a motion, or flies it again after the step."""
         axis, words, world = motion.partition("_")[0], ["./hindrax", "pool-test"], self.world
+        if remedy == MEASURED_THRUST and axis in WEIGHED and self.again:
+            return ["./hindrax", "weigh", "--help"]
         if remedy == MEASURED_THRUST and axis in WEIGHED:
             lever = ("--lever", f"{LEVER_M:g}") if axis == "yaw" else ()
             words += [SESSION, *(() if self.mock else ("--load", f"{LOAD_N:g}", *lever))]
@@ -87,6 +91,8 @@ class NextFlight:
             return COMMANDS[remedy].split()
         elif self.mock and SIMULATOR not in self.mock and remedy in SIMULATED:
             world = f"{self.world or POOL},{SIMULATED[remedy]}=0"
+        if self.again:
+            return [*words, *map(shlex.quote, self.again), "--dof", axis]
         vehicle = ("--vehicle", shlex.quote(self.vehicle)) if self.vehicle else ()
         return [*words, *self.mock, *(("--world", world) if world else ()), *vehicle, "--dof", axis]
 

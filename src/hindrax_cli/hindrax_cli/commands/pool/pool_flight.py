@@ -56,8 +56,8 @@ def _mock(arguments: argparse.Namespace) -> MockOptions:
     return MockOptions(arguments.seed, rate, tuple(arguments.fault), world, simulator=arguments.simulator)
 
 
-def _use_autopilot(arguments: argparse.Namespace) -> None:
-    """Fly a copy of the vehicle file, behind the autopilot."""
+def _use_autopilot(arguments: argparse.Namespace) -> tuple[str, ...]:
+    """Fly a copy of the vehicle file, behind the autopilot; return the options that fly it again."""
     if arguments.mock:
         raise UsageError("--autopilot: found --mock too, wanted one: the mock has an autopilot of its own")
     file, address = Path(arguments.vehicle), arguments.autopilot
@@ -70,6 +70,9 @@ def _use_autopilot(arguments: argparse.Namespace) -> None:
         _say(f"--autopilot: without {', '.join(left_out)}, which are not on its line")
     if measured and not aided:
         _say("--autopilot: its estimator claims no velocity (no DVL, no GPS): what needs one, it cannot fly")
+    settings = [word for one in arguments.set or () for word in ("--set", str(one))]
+    proof = ("--uncommissioned",) if arguments.uncommissioned else ()
+    return ("--autopilot", address, "--vehicle", str(file), *proof, *settings)
 
 
 def _say(words: str) -> None:
@@ -144,8 +147,7 @@ def require_start(vehicle: Vehicle, start: tuple[float, float, float]) -> None:
 )
 def pool_test(arguments: argparse.Namespace) -> int:
     """Fly the maneuvers and identify the vehicle: the main job."""
-    if arguments.autopilot is not None:
-        _use_autopilot(arguments)
+    again = () if arguments.autopilot is None else _use_autopilot(arguments)
     aim = aim_of(arguments)
     if arguments.session is not None:
         from hindrax_cli.commands.pool.guided_session import guide  # noqa: PLC0415  # a single flight needs none of it
@@ -198,5 +200,6 @@ def pool_test(arguments: argparse.Namespace) -> int:
             tuning=tuning,
             uncommissioned=arguments.uncommissioned,
             start=start if arguments.start else None,
+            again=again,
         )
     )
