@@ -1,5 +1,6 @@
 """The table of `hindrax bench`, without measuring anything."""
 
+import importlib
 import sys
 
 import pytest
@@ -43,3 +44,10 @@ def test_a_process_that_took_no_time_is_not_so_many_times_faster(capsys: pytest.
     print_bench(found)
     line = next(one for one in capsys.readouterr().out.splitlines() if "supervisor" in one)
     assert [cell.strip() for cell in line.split("\u2502")[1:4]] == ["0", "300000", ""]
+
+
+def test_what_a_benchmark_starts_as_a_process_of_a_stack_has_a_main() -> None:
+    """A package has none: the load of the recorder did not come up, and nobody saw it."""
+    pytest.importorskip("rclpy", reason="needs the ROS environment")
+    recording = importlib.import_module("hindrax_tools.benchmarks.recording")
+    assert callable(importlib.import_module(recording.LOAD.module).main)

@@ -34,6 +34,7 @@ SPAN = RATE_Hz // 2
 """Messages between two flushes: the recorder's own half second."""
 SPANS = 30
 CHUNK_BYTES = 262_144
+LOAD = Process("hindrax_tools.benchmark_peers", ())
 Span = Callable[[], None]
 """Writes so many messages, and flushes."""
 
@@ -91,15 +92,15 @@ def _figure(ours: Span, peer: str, theirs: Span) -> dict[str, object]:
 
 def _recorder(folder: Path, peer: str, theirs: Span) -> dict[str, object]:
     """CPU time per message of the real recorder process, from the graph to the disk, and what it lost."""
-    bag, load = folder / "bag", Process("hindrax_tools.benchmarks.peers", ())
+    bag = folder / "bag"
     logs = folder / "logs"
     with own_domain(mock=True) as domain, Supervisor(logs, environment(mock=True, domain=domain)) as children:
         recorder = children.start(RECORDER, ["--ros-args", "-p", f"bag:={bag}", "-p", "keep_free_MB:=0.0"])
-        publisher = children.start(load, ["load", str(RATE_Hz), str(BYTES), str(SECONDS)], pipe=True)
-        first_line(publisher, 2 * SECONDS, logs / "peers.log")
+        publisher = children.start(LOAD, ["load", str(RATE_Hz), str(BYTES), str(SECONDS)], pipe=True)
+        first_line(publisher, 2 * SECONDS, logs / "benchmark_peers.log")
         members = family(recorder.handle.pid)
         before_s = cpu_s(members)
-        report = first_line(publisher, 2 * SECONDS, logs / "peers.log")
+        report = first_line(publisher, 2 * SECONDS, logs / "benchmark_peers.log")
         used_s = cpu_s(members) - before_s
         publisher.handle.wait()
         children.stop("recorder")

@@ -20,7 +20,7 @@ TICK_us = 1e6 / os.sysconf("SC_CLK_TCK") / SPAN_S
 """Resolution: a process that only waits uses less."""
 SUPERVISOR = "supervisor"
 """The process of the stack itself, of which all others are children: counted alone."""
-LISTENER = [sys.executable, "-m", "hindrax_tools.benchmarks.peers", "listen"]
+LISTENER = [sys.executable, "-m", "hindrax_tools.benchmark_peers", "listen"]
 
 
 def rows() -> list[dict[str, object]]:

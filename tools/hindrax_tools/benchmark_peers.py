@@ -70,8 +70,14 @@ def load(rate_Hz: float, size: int, seconds: float) -> None:
     rclpy.try_shutdown()
 
 
-if __name__ == "__main__":
+def main() -> int:
+    """Listen, or load the recorder, as the words of this process say."""
     if sys.argv[1] == "listen":
         listen()
     else:
         load(float(sys.argv[2]), int(sys.argv[3]), float(sys.argv[4]))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
