@@ -85,8 +85,10 @@ AXES_OF = {name: columns for names, columns in _ALONG for name in names.split()}
 
 VECTORS = {"nu": "uvwpqr", "tau": "XYZKMN"}
 """Velocities and forces as the vectors of Fossen 2011 (eq. 2.4, 2.5), in columns with numbers from 0 or from 1."""
-_FROM = "dvl imu odom odometry ekf nav navigation est estimate estimated meas measured body rov auv vehicle robot state"
-ORIGINS = frozenset(re.findall(r"\w+", _FROM))
+ORIGINS = frozenset({
+    "dvl", "imu", "odom", "odometry", "ekf", "nav", "navigation", "est", "estimate", "estimated", "meas", "measured",
+    "body", "rov", "auv", "vehicle", "robot", "state",
+})  # fmt: skip
 """Words that say where a number is from, not what it is."""
 UNKNOWN = {"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"}
 """Cells without a value."""
