@@ -42,6 +42,29 @@ class Break:
     arrival: Stamp
 
 
+RESTART_us = 1_000_000
+"""Step back of a device's time beyond which its clock has begun anew, or was set."""
+
+
+def came_again(newest_us: int, found_us: int) -> bool:
+    """Whether a message is no newer than the last of its kind, but not of a clock that has begun anew.
+
+    It came again or out of order, as from a link that is stuck on its last batch: each of its messages then differs
+    from the one before it.
+
+    Parameters
+    ----------
+    newest_us, found_us : [us]
+        By the device's clock: of the last message of its kind, and of this one.
+
+    Returns
+    -------
+    bool
+        True for an equal time too.
+    """
+    return 0 <= newest_us - found_us <= RESTART_us
+
+
 class Timebase:
     """Maps device ticks to ROS time; one per device clock.
 

@@ -25,14 +25,12 @@ from hindrax_core.rejects import RejectCode
 from hindrax_drivers.driver import Driver, SilenceMonitor, sound_mps
 from hindrax_drivers.protocols import waterlinked_protocol as protocol
 from hindrax_drivers.protocols.waterlinked_protocol import VelocityReport
-from hindrax_drivers.timebase import Break, Timebase
+from hindrax_drivers.timebase import Break, Timebase, came_again
 
 NS_PER_US = 1000
 LONGEST_INTERVAL_S = 0.5
 """Of the slowest range mode; after a gap a velocity does not count for the time before."""
 ASK_EVERY_S, TRIES = 3.0, 3
-REORDERED_us = 1_000_000
-"""Step back of the time of validity up to which a report is one that came again, not of a clock that was set."""
 NAME = "Water Linked DVL"
 
 
@@ -124,7 +122,7 @@ class A50:
 
     def _on_velocity(self, report: Mapping[str, object], stamp: Stamp) -> Sequence[Output]:
         found = protocol.velocity_report(report)
-        if self._last_us - REORDERED_us < found.validity_us <= self._last_us:
+        if came_again(self._last_us, found.validity_us):
             raise protocol.ReportError(RejectCode.REPEATED, "velocity")
         if max(map(abs, found.velocity_mps)) > self._knobs.max_speed_mps and found.valid:
             raise protocol.ReportError(RejectCode.RANGE, "velocity")

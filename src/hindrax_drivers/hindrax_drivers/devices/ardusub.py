@@ -112,7 +112,7 @@ class ArduSub(Companion):
         return outputs
 
     def _on_imu(self, one: RawImu, stamp: Stamp) -> list[Output]:
-        if self._is_old("sample", 1e-6 * one.boot_us):
+        if self._is_old("sample", one.boot_us):
             return [Rejected(stamp, reject(RejectCode.REPEATED, "sample"), b"")]
         self._sampled = stamp
         if not _within(one.force_mps2, FULL_SCALE_mps2) or not _within(one.rate_radps, FULL_SCALE_radps):
@@ -130,7 +130,7 @@ class ArduSub(Companion):
         self._pressed = True
         # Asked for more often than it measures, the autopilot sends one measurement twice, with another time.
         repeated = one.pressure_Pa == self._pressure_Pa and seconds_between(self._new_at, stamp) < REPEATED_S
-        if repeated or self._is_old("pressure", 1e-3 * one.boot_ms):
+        if repeated or self._is_old("pressure", 1000 * one.boot_ms):
             return [Rejected(stamp, reject(RejectCode.REPEATED, "pressure"), b"")]
         self._pressure_Pa, self._new_at = one.pressure_Pa, stamp
         if not 0.0 < one.pressure_Pa < self._knobs.largest_Pa:

@@ -81,7 +81,7 @@ class ArduSubEkf(Companion):
         return []
 
     def _on_position(self, one: LocalPosition, stamp: Stamp) -> list[Output]:
-        if self._is_old("velocity", 1e-3 * one.boot_ms):
+        if self._is_old("velocity", 1000 * one.boot_ms):
             return [Rejected(stamp, reject(RejectCode.REPEATED, "velocity"), b"")]
         self._sampled = stamp
         at = self._clock.map(one.boot_ms, stamp)

@@ -57,7 +57,7 @@ class ArduSubRange(Companion):
     def _on_distance(self, one: Distance, stamp: Stamp) -> list[Output]:
         if one.orientation != self._knobs.orientation:
             return []
-        if self._is_old("distance", 1e-3 * one.boot_ms):
+        if self._is_old("distance", 1000 * one.boot_ms):
             return [Rejected(stamp, reject(RejectCode.REPEATED, "distance"), b"")]
         self._sampled, self._count = stamp, self._count + 1
         at = self._clock.map(one.boot_ms, stamp)

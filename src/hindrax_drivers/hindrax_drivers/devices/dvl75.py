@@ -22,14 +22,12 @@ from hindrax_core.rejects import RejectCode, reject
 from hindrax_drivers.devices.dvl75_settings import DEFAULT_KNOBS, FRESH_WATER, Dvl75Knobs, commands, wanted_settings
 from hindrax_drivers.driver import Driver, SilenceMonitor
 from hindrax_drivers.protocols import dvl75_protocol as protocol
-from hindrax_drivers.timebase import Break, Timebase
+from hindrax_drivers.timebase import Break, Timebase, came_again
 
 ASK_CONFIGURATION = b"\nCONFIGURATION\n"
 ENABLE_DELTAS = b"SEND-DVPDL ON\n"
 RETWEET = b"GPS:"
 """Prefix of the sentences of a GPS. Page "Re-Tweeted GPS Messages"."""
-REORDERED_us = 1_000_000
-"""Step back of the DVL's time up to which a sentence is one that came again, not of a DVL that has restarted."""
 SHORTEST_us, LONGEST_us = 20_000, 1_000_000
 """Plausible intervals: the page says 5 to 20 Hz, which is 50 to 200 ms."""
 ROUNDING_VARIANCE_m2 = protocol.POSITION_STEP_m**2 / 12.0
@@ -126,7 +124,7 @@ class Dvl75:
                 raise protocol.SentenceError(RejectCode.REPEATED)
             self._last_tag = tag
             return self._standoff(fields, percent, self._last_stamp)
-        if 0 < self._last_us - now_us < REORDERED_us:
+        if came_again(self._last_us, now_us):
             raise protocol.SentenceError(RejectCode.REPEATED)
         if 0 < now_us - self._last_us < 0.9 * span_us and self._last_us >= 0:
             raise protocol.SentenceError(RejectCode.OVERLAP)

@@ -7,15 +7,10 @@ from hindrax_core.driver_interface import Identity, Output, Trouble
 from hindrax_core.events import Rejected, Stamp, seconds_between
 from hindrax_drivers.devices.ardupilot.link import BAUD, Handlers, Link, no_submarine
 from hindrax_drivers.driver import SilenceMonitor
-from hindrax_drivers.timebase import Break
+from hindrax_drivers.timebase import Break, came_again
 
 ASK_AGAIN_S = 1.0
 """Silence of the stream, with heartbeats, after which it is asked for anew: the autopilot has restarted."""
-
-
-RESTART_S = 1.0
-"""Step back of the time since power-up from which on it is a restart. By less, a message came again or out of order, as
-from a router that is stuck on its last batch."""
 
 
 class Companion(ABC):
@@ -44,15 +39,14 @@ class Companion(ABC):
         self._identity = self._told = ""
         self._sampled = self._asked = stamp
         self._broken: list[Trouble] = []
-        self._newest_s: dict[str, float] = {}
+        self._newest_us: dict[str, int] = {}
         self._clear()
 
-    def _is_old(self, what: str, boot_s: float) -> bool:
+    def _is_old(self, what: str, boot_us: int) -> bool:
         """Whether a message is no newer than the last of its kind, by the time since power-up."""
-        newest_s = self._newest_s.get(what, -RESTART_S)
-        if newest_s - RESTART_S < boot_s <= newest_s:
+        if came_again(self._newest_us.get(what, -1), boot_us):
             return True
-        self._newest_s[what] = boot_s
+        self._newest_us[what] = boot_us
         return False
 
     @property

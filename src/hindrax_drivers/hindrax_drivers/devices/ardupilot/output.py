@@ -42,7 +42,7 @@ from hindrax_drivers.protocols.ardupilot import (
     Supply,
 )
 from hindrax_drivers.protocols.mavlink import CommandAck, StatusText
-from hindrax_drivers.timebase import Timebase
+from hindrax_drivers.timebase import RESTART_us, Timebase, came_again
 
 MANUAL = 19
 """ArduSub's number of its mode."""
@@ -64,8 +64,8 @@ STICK_TOLERANCE_us, PULSE_TOLERANCE_us = 8.0, 3.0
 CONFIRMED_S = 2.5
 """Time from an accepted arming by which the heartbeat says so."""
 FRESH_S = 1.0
-WRAP_us, BACK_us = 2**32, 1_000_000
-"""Length of the autopilot's clock; how far it must go back for a restart."""
+WRAP_us = 2**32
+"""Length of the autopilot's clock."""
 HALF_us = 400.0
 """Way of a stick to either end."""
 FAREWELLS = 3
@@ -376,15 +376,14 @@ class ArduSub:
         back_us, self._boot_us = self._boot_us - boot_us, boot_us
         overflown = back_us > WRAP_us // 2
         self._overflows += overflown
-        if back_us <= BACK_us or overflown or self._restarted:
+        if back_us <= RESTART_us or overflown or self._restarted:
             return []
         self._restarted = True
         return self._end("the autopilot has restarted", stamp)
 
     def _on_servos(self, message: ServoOutput, stamp: Stamp) -> list[Output]:
-        # One that came again, or out of order, as from a router that is stuck on its last batch, is no news of pulses.
-        came_again = message.boot_us > 0 and 0 <= self._boot_us - message.boot_us <= BACK_us
-        if not self._motors or came_again:
+        # One that came again is no news of pulses; a firmware that gives no time says nothing about that.
+        if not self._motors or (message.boot_us > 0 and came_again(self._boot_us, message.boot_us)):
             return []
         self._served_at = stamp
         restarted = self._on_clock(message.boot_us, stamp)
