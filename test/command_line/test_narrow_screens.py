@@ -47,10 +47,10 @@ from hindrax_core.text.screen_text import COMMAND, UNBOUNDED
 from hindrax_core.vehicle import AXES, AxisGain, load_vehicle
 from hindrax_ident.arrays import array
 from hindrax_ident.assess.assessment import METHOD
-from hindrax_ident.assess.influences import MEASURED_THRUST
 from hindrax_ident.assess.objections import unnamed
 from hindrax_ident.assess.results import DragBand, MotionResult, NextStep, Number, Results
 from hindrax_ident.model import motion_model
+from hindrax_ident.remedies import WEIGH_THRUST
 from hindrax_laboratory import pendulum
 from hindrax_laboratory.benchmark.blind_benchmark import Common, Row
 from hindrax_operator.pool_run import FlownManeuver, finish
@@ -412,7 +412,7 @@ def show_all_motions(*reasons: str, aborted: Refusal = NOTHING, session: PoolSes
             reasons=tuple(map(unnamed, reasons)),
             drag=drag,
             quality=quality,
-            next_step=NextStep(MEASURED_THRUST, 0.05),
+            next_step=NextStep(WEIGH_THRUST, 0.05),
         )
         for name in names
     }

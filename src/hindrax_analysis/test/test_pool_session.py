@@ -24,8 +24,8 @@ from hindrax_analysis.identification.pool_session import (
 )
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import AxisGain
-from hindrax_ident.assess.influences import MEASURED_THRUST
 from hindrax_ident.assess.results import Contribution, Corrected, DragBand, Interval, MotionResult, Number
+from hindrax_ident.remedies import WEIGH_THRUST
 
 GAIN = AxisGain(load=15.0, sigma=0.004, positive=0.94, negative=0.95)
 
@@ -122,7 +122,7 @@ def result(force: float, rows: Mapping[str, tuple[float, str]]) -> MotionResult:
 
 
 def test_what_a_step_can_buy_is_what_its_rows_take_of_the_variance() -> None:
-    rows = {"thrust calibration": (4.0, MEASURED_THRUST), "noise of the record": (2.0, ""), "own wake": (4.0, "rest")}
+    rows = {"thrust calibration": (4.0, WEIGH_THRUST), "noise of the record": (2.0, ""), "own wake": (4.0, "rest")}
     found = reached_of(result(100.0, rows))
     assert found.drag == pytest.approx(0.06)
     assert found.added_mass == pytest.approx(0.05)
@@ -134,7 +134,7 @@ def test_what_a_step_can_buy_is_what_its_rows_take_of_the_variance() -> None:
 
 
 def test_a_session_stands_where_the_corrected_numbers_stand() -> None:
-    rows = {"thrust calibration": (4.0, MEASURED_THRUST), "own wake": (4.0, "rest"), "inflow loss": (7.0, "coast")}
+    rows = {"thrust calibration": (4.0, WEIGH_THRUST), "own wake": (4.0, "rest"), "inflow loss": (7.0, "coast")}
     fitted = result(100.0, rows)
     assert fitted.drag is not None
     ends = (np.array([1.0, 82.0]), np.array([1.0, 88.0]), np.array([1.0, 76.0]), np.array([1.0, 92.0]))

@@ -8,6 +8,7 @@ import pytest
 from hindrax_analysis.identification.record_identification import widened_by_scatter
 from hindrax_analysis.report.comparison import RunScatter
 from hindrax_ident.assess.results import DragBand, MotionResult, NextStep, Number
+from hindrax_ident.remedies import Remedy
 
 SPEED = np.array([0.1, 0.5])
 NOISE, CALIBRATED, AFTER = 0.2, 1.0, 0.4
@@ -23,7 +24,7 @@ POOLED = MotionResult(
     reasons=(),
     speeds=(0.1, 0.5),
     drag=DragBand(SPEED, 66.0 * SPEED**2, NOISE / 0.25 * SPEED**2, np.array([0.04, CALIBRATED])),
-    next_step=NextStep("measure the thrust", AFTER),
+    next_step=NextStep(Remedy("measure the thrust"), AFTER),
 )
 
 

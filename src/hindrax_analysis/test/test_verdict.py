@@ -1,5 +1,7 @@
 """The last screen of a result: a line a motion, and one next experiment with what it buys."""
 
+import copy
+import pickle
 import sys
 from dataclasses import replace
 
@@ -9,8 +11,6 @@ from rich.console import Console
 
 from hindrax_analysis import terminal
 from hindrax_analysis.identification.verdict import (
-    COMMANDS,
-    SIMULATED,
     NextFlight,
     NextReport,
     show_next,
@@ -18,9 +18,9 @@ from hindrax_analysis.identification.verdict import (
 )
 from hindrax_core.text import screen_text
 from hindrax_core.text.digits import TWO_SIDED_95
-from hindrax_ident.assess.assessment import FLY_TWICE
-from hindrax_ident.assess.influences import INFLUENCES, MEASURED_THRUST
+from hindrax_ident.assess.influences import INFLUENCES
 from hindrax_ident.assess.results import DragBand, MotionResult, NextStep
+from hindrax_ident.remedies import FLY_TWICE, THRUSTER_SWEEP, WEIGH_THRUST, Remedy
 
 SPEED, FORCE, STD = np.array([0.1, 0.4]), np.array([1.0, 20.0]), np.array([0.5, 2.0])
 SURGE = MotionResult(
@@ -38,7 +38,7 @@ SWAY = replace(
     identifiable=False,
     drag=DragBand(SPEED, FORCE, STD, 3.0 * STD),
     quality={},
-    next_step=NextStep("wait until the water is still", 4.0),
+    next_step=NextStep(Remedy("wait until the water is still"), 4.0),
 )
 
 
@@ -111,24 +111,26 @@ def test_the_next_experiment_is_that_of_the_worst_motion_and_states_what_it_buys
     ],
 )
 def test_a_weighing_is_the_session_of_a_pool_day(flight: NextFlight, motion: str, words: str) -> None:
-    assert " ".join(flight.words(motion, MEASURED_THRUST)) == words
+    assert " ".join(flight.words(motion, WEIGH_THRUST)) == words
 
 
 @pytest.mark.parametrize("remedy", sorted({row.remedy for row in INFLUENCES} | {FLY_TWICE}))
-def test_every_step_has_a_command(remedy: str) -> None:
+def test_every_step_has_a_command(remedy: Remedy) -> None:
     water, mock = NextFlight(), NextFlight(["--mock"], "pool,wake=0.1")
     for flight in (water, mock):
         for motion in ("surge", "roll"):
             assert flight.words(motion, remedy)[0] == "./hindrax"
     assert NextReport("./hindrax identify a.csv --report a.html").words("surge", remedy)
-    named = f" --world pool,wake=0.1,{SIMULATED[remedy]}=0" if remedy in SIMULATED else ""
-    if named:
+    if remedy.condition:
+        named = f" --world pool,wake=0.1,{remedy.condition}=0"
         assert f"./hindrax pool-test --mock{named} --dof roll" == " ".join(mock.words("roll", remedy))
 
 
-def test_the_commands_are_of_steps_that_there_are() -> None:
-    """A remedy that is said in other words keeps its command."""
-    assert {*COMMANDS, *SIMULATED} <= {row.remedy for row in INFLUENCES}
+def test_a_remedy_in_other_words_keeps_its_command() -> None:
+    said = Remedy("weigh it", THRUSTER_SWEEP, "wake")
+    assert NextFlight().words("surge", said) == THRUSTER_SWEEP.split()
+    assert copy.deepcopy(said).command == pickle.loads(pickle.dumps(said)).command == THRUSTER_SWEEP
+    assert NextFlight(["--mock"]).words("surge", Remedy("rest", condition="wake"))[-3] == "pool,wake=0"
 
 
 def test_the_last_screen_of_all_motions_is_one_screen(
@@ -138,7 +140,7 @@ def test_the_last_screen_of_all_motions_is_one_screen(
     monkeypatch.setattr(screen_text, "screen_width", lambda _: 80)
     forces = DragBand(SPEED * 1.11, 0.0444 * FORCE, STD, 0.5 * STD)
     motions = {
-        name: replace(SURGE, motion=name, identifiable=False, drag=forces, next_step=NextStep(MEASURED_THRUST, 1.0))
+        name: replace(SURGE, motion=name, identifiable=False, drag=forces, next_step=NextStep(WEIGH_THRUST, 1.0))
         for name in ("surge", "sway", "heave_down", "heave_up", "roll", "pitch", "yaw")
     }
     show_verdicts(motions, {})

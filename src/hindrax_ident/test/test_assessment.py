@@ -15,7 +15,6 @@ from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess import assessment as module
 from hindrax_ident.assess.assessment import (
-    FLY_TWICE,
     Assessment,
     DraftFit,
     _next_step,
@@ -40,6 +39,7 @@ from hindrax_ident.fit.whitening import Noise
 from hindrax_ident.model.model_parameters import Prior, wide_prior
 from hindrax_ident.model.motion_model import MOTIONS, Model, model_of
 from hindrax_ident.records.axis_record import Record, Series, Stretch
+from hindrax_ident.remedies import FLY_TWICE, Remedy
 from hindrax_ident.testing.synthetic_runs import back_and_forth, fly
 from hindrax_ident.tuning import Tuning
 
@@ -430,10 +430,11 @@ def test_a_value_is_within_its_bounds_unless_it_clearly_is_not(k_q: float, repor
 
 def test_the_next_step_leaves_least() -> None:
     """Variance 10, of which 4 are noise: flown twice, 8 are left; without the others what they leave, and the noise."""
-    assert _next_step(4.0, 10.0, {"weigh": 5.0, "wait": 6.0}) == NextStep(FLY_TWICE, math.sqrt(8.0))
-    assert _next_step(4.0, 10.0, {"weigh": 5.0, "wait": 3.0}) == NextStep("wait", math.sqrt(7.0))
+    weigh, wait = Remedy("weigh"), Remedy("wait")
+    assert _next_step(4.0, 10.0, {weigh: 5.0, wait: 6.0}) == NextStep(FLY_TWICE, math.sqrt(8.0))
+    assert _next_step(4.0, 10.0, {weigh: 5.0, wait: 3.0}) == NextStep(wait, math.sqrt(7.0))
     assert _next_step(4.0, 10.0, {}) == NextStep(FLY_TWICE, math.sqrt(8.0))
-    assert _next_step(0.0, 10.0, {"wait": -1e-12}) == NextStep("wait", 0.0)
+    assert _next_step(0.0, 10.0, {wait: -1e-12}) == NextStep(wait, 0.0)
 
 
 def test_a_noisy_record_is_best_flown_twice(assessed: dict[int, Assessment]) -> None:

@@ -28,6 +28,7 @@ from hindrax_ident.model.model_parameters import wide_prior
 from hindrax_ident.model.motion_model import Model, model_of
 from hindrax_ident.model.simulation import Grid, Trajectory
 from hindrax_ident.records.axis_record import Record, Series, Stretch
+from hindrax_ident.remedies import Remedy
 from hindrax_ident.testing.synthetic_runs import back_and_forth, fly
 from hindrax_ident.tuning import Tuning
 
@@ -647,7 +648,7 @@ def test_an_influence_without_a_deviation_does_not_act(case: AxisFit, sigma: flo
 
 
 def test_a_row_is_plain_unless_it_states_more(case: AxisFit) -> None:
-    plain = Influence("x", "N", RUN, lambda _case: 1.0, lambda one: one.v, "wait")
+    plain = Influence("x", "N", RUN, lambda _case: 1.0, lambda one: one.v, Remedy("wait"))
     assert (plain.of_readings, plain.considered, plain.measured, bool(plain.usual_cause), plain.loss) == (False,) * 5
     assert plain.near == 1.0
     assert plain.drag is None

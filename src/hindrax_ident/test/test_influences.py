@@ -8,13 +8,14 @@ import pytest
 
 from hindrax_core.vehicle import AxisGain, Vehicle
 from hindrax_ident.arrays import Array, array
-from hindrax_ident.assess.influences import GAIN, INFLUENCES, MEASURED_THRUST, MODEL, RUN, AxisFit, Influence, acting
+from hindrax_ident.assess.influences import GAIN, INFLUENCES, MODEL, RUN, AxisFit, Influence, acting
 from hindrax_ident.assess.uncertainty_budget import ALL, Budget, _Likelihood, _posterior, _prior, budget_of
 from hindrax_ident.fit.output_error import refine
 from hindrax_ident.model.model_parameters import wide_prior
 from hindrax_ident.model.motion_model import model_of, speed_across
 from hindrax_ident.model.simulation import sensitivities
 from hindrax_ident.records.axis_record import Record, Series, Stretch
+from hindrax_ident.remedies import WEIGH_THRUST
 from hindrax_ident.testing.synthetic_runs import back_and_forth, fly
 from hindrax_ident.tuning import Tuning
 
@@ -247,7 +248,7 @@ def test_what_a_remedy_leaves_is_the_band_without_its_rows(flown: AxisFit) -> No
     left = every.variance_without(sensitivity[0])
     assert left.keys() == {rows[name].remedy for name in gains + delays}
     without = rest.drag_sensitivity(gradient, v)[0]
-    assert left[MEASURED_THRUST] == pytest.approx(without @ rest.covariance @ without)
+    assert left[WEIGH_THRUST] == pytest.approx(without @ rest.covariance @ without)
     assert min(left.values()) < every.variance(sensitivity)[0]
 
 

@@ -19,6 +19,7 @@ from hindrax_ident.assess.results import (
     truth_of,
     with_truth,
 )
+from hindrax_ident.remedies import Remedy
 
 COVARIANCE = array(np.array([[4.0, 0.0, -1.0], [0.0, 9.0, 0.0], [-1.0, 0.0, 0.5]]))
 """Of k_q, b and k_l."""
@@ -37,7 +38,7 @@ RESULT = MotionResult(
     drag=BAND,
     methods={"plateaus": {"k_q": Number(60.0, 5.0)}},
     budget={"drag": [Contribution("current", 0.3, "wait")]},
-    next_step=NextStep("wait", 0.1),
+    next_step=NextStep(Remedy("wait"), 0.1),
 )
 
 

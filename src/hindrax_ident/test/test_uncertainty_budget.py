@@ -29,6 +29,7 @@ from hindrax_ident.model.model_parameters import wide_prior
 from hindrax_ident.model.motion_model import model_of
 from hindrax_ident.model.simulation import sensitivities
 from hindrax_ident.records.axis_record import Record, Series, Stretch
+from hindrax_ident.remedies import Remedy
 from hindrax_ident.testing.synthetic_runs import back_and_forth, fly
 from hindrax_ident.tuning import Tuning
 
@@ -40,12 +41,12 @@ def to_and_fro(case: AxisFit) -> Array:
     return array((case.steps_s * np.sin(0.7 * np.cumsum(case.steps_s)))[:, None])
 
 
-CURRENT = Influence("current", "m/s", RUN, lambda _case: 0.5, lambda case: np.ones((len(case.v), 2)), "wait")
+CURRENT = Influence("current", "m/s", RUN, lambda _case: 0.5, lambda case: np.ones((len(case.v), 2)), Remedy("wait"))
 GAINS = Influence(
-    "gain", "%", GAIN, lambda _case: 2.0, lambda case: np.ones((len(case.v), 1)), "weigh",
+    "gain", "%", GAIN, lambda _case: 2.0, lambda case: np.ones((len(case.v), 1)), Remedy("weigh"),
     drag=lambda _case, v: array(v[:, None] ** 2),
 )  # fmt: skip
-LAW = Influence("law", "N", MODEL, lambda _case: 0.1, to_and_fro, "wait")
+LAW = Influence("law", "N", MODEL, lambda _case: 0.1, to_and_fro, Remedy("wait"))
 SHIFTS = array(np.array([[1.0, 0.5, 2.0, -1.0], [0.2, -0.3, 0.4, 0.6]]))
 MEAN = array(np.array([0.2, -0.5, -3.0, 1.5]))
 COVARIANCE = array(
@@ -137,7 +138,7 @@ def test_a_remedy_leaves_what_the_others_do(budget: Budget) -> None:
     sensitivity = SHIFTS[0]
     left = budget.variance_without(sensitivity)
     assert left.keys() == {"wait", "weigh"}
-    for remedy, known in (("wait", [0, 1, 3]), ("weigh", [2])):
+    for remedy, known in ((Remedy("wait"), [0, 1, 3]), (Remedy("weigh"), [2])):
         variance, _ = left_if_known(sensitivity, known)
         assert left[remedy] == pytest.approx(variance), "the mean is corrected"
 
@@ -187,7 +188,7 @@ def test_warnings_name_what_the_record_shows_clearest_first(budget: Budget) -> N
 def test_what_no_record_shows_is_named_where_it_makes_most_of_a_band(budget: Budget) -> None:
     own, sensitivity = array(np.array([0.0, 0.0, 1.0, 0.0])), SHIFTS[0]
     hidden = replace(budget, rows=rows_with(replace(GAINS, considered=True)))
-    rest, total = budget.variance_without(own)["weigh"], float(own @ COVARIANCE @ own)
+    rest, total = budget.variance_without(own)[Remedy("weigh")], float(own @ COVARIANCE @ own)
     assert rest < 1e-9 * total
     expected = ("most of the uncertainty of the drag cannot be observed in the data (gain): weigh",)
     # Noise of half of the variance, and a bit less.

@@ -17,9 +17,9 @@ import yaml
 from hindrax_core.errors import UsageError, cause
 from hindrax_core.text.text_file import replace_text, writing
 from hindrax_core.vehicle import AxisGain, Vehicle
-from hindrax_ident.assess.influences import MEASURED_THRUST
 from hindrax_ident.assess.results import MotionResult
 from hindrax_ident.model.motion_model import MOTIONS
+from hindrax_ident.remedies import WEIGH_THRUST
 
 SESSION_FILE = "session.yaml"
 TETHER, LEGS, WEIGH = "tether", "legs", "weigh"
@@ -56,7 +56,7 @@ def drag_goal(motion: str) -> float:
 def reached_of(result: MotionResult) -> Reached:
     """Where a motion stands, and what a weighing and a repeat could buy at best by its budget.
 
-    Variances of independent rows add up (GUM, JCGM 100, eq. 11a): a weighing takes those that MEASURED_THRUST remedies,
+    Variances of independent rows add up (GUM, JCGM 100, eq. 11a): a weighing takes those that WEIGH_THRUST remedies,
     a repeat half of that of the noise. Of the corrected numbers, which are those that are quoted: the rows are of the
     fit, and a correction takes of each the same part.
 
@@ -78,10 +78,10 @@ def reached_of(result: MotionResult) -> Reached:
         return Reached(math.nan, mass_share, math.nan, math.nan, math.nan, "", "")
     variance, left_over = std**2, std / float(drag.std_calibrated[-1])
     rows = [replace(row, std=left_over * row.std) for row in result.budget.get("drag", ())]
-    by_weighing = sum(row.std**2 for row in rows if row.remedy == MEASURED_THRUST)
+    by_weighing = sum(row.std**2 for row in rows if row.remedy == WEIGH_THRUST)
     # A second run halves the variance of the noise; what acts on both alike stays.
     by_repeat = 0.5 * sum(row.std**2 for row in rows if row.influence == NOISE)
-    left = [row for row in rows if row.remedy != MEASURED_THRUST and row.influence != NOISE]
+    left = [row for row in rows if row.remedy != WEIGH_THRUST and row.influence != NOISE]
     largest = max(left, key=lambda row: row.std, default=None)
 
     def share(gained: float) -> float:

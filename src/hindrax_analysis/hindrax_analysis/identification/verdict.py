@@ -10,10 +10,10 @@ from hindrax_analysis.identification.pool_session import WEIGHED
 from hindrax_analysis.terminal import print_table
 from hindrax_core.text.digits import TWO_SIDED_95, last_place
 from hindrax_core.text.screen_text import print_fitted, print_whole
-from hindrax_ident.assess.influences import MEASURED_THRUST
 from hindrax_ident.assess.quality import FORCE_SHARE
 from hindrax_ident.assess.results import MotionResult
 from hindrax_ident.model.motion_model import MOTIONS, axis_units
+from hindrax_ident.remedies import WEIGH_THRUST, Remedy
 
 ERROR, STILL = "held_out_rmse", "held_out_rmse_stays_still"
 TITLE = f"Verdict: drag at highest speed (std below {FORCE_SHARE:.0%} is good), held-out error (still)"
@@ -27,42 +27,10 @@ LOAD_N, LEVER_M = 15.0, 0.3
 """Weight in water and lever of a known-weight test, as the page of a pool day has them."""
 
 
-NEW_FILE, SWEEP = "./hindrax vehicle new myrov", "./hindrax thruster --help"
-COMMANDS: Mapping[str, str] = {
-    MEASURED_THRUST: "./hindrax bollard --help",
-    "describe the thrusters in the vehicle file, or measure the wrench": NEW_FILE,
-    "describe the thrusters in the vehicle file, or measure the thrust at several commands": NEW_FILE,
-    "describe the dead band in the vehicle file": NEW_FILE,
-    "measure each thruster near its dead band, or lower `allocation.idle_bias_N`": SWEEP,
-    "measure the pulse at which each thruster starts": SWEEP,
-    "measure the thrust lag with `./hindrax step`": "./hindrax step --help",
-    "tow it ahead and astern, one record of `./hindrax towing` each": "./hindrax towing --help",
-    "`./hindrax imu calibrate`": "./hindrax imu calibrate --write",
-}
-"""Remedies that are a command of their own; after any other the motion is flown again."""
-SIMULATED: Mapping[str, str] = {
-    "legs with the thrust off at speed, together with boosts from rest and plateaus, separate it from drag": (
-        "inflow_loss"
-    ),
-    "measure the supply voltage, or repeat the first leg at the end": "battery_sag",
-    "measure the supply voltage at the ESCs": "supply_resistance",
-    "fly each speed both ways, in still water": "current",
-    "wait until the water is still": "seiche",
-    "leave the tether slack, or float it, and fly near its fixed end": "tether",
-    "fly near the fixed end of the tether, or with a thinner one": "tether_drag",
-    "longer plateaus and slower changes of speed": "fluid_memory",
-    "rest between legs until the water is still": "wake",
-    "fly the speeds at which the coefficients will be used": "drag_exponent",
-    "align the sensors with the thrusters, and measure it": "imu_misalignment",
-    "compare the distance flown between two walls with a tape measure": "dvl_scale",
-}
-"""What the world of the mock does without where a remedy was followed: there nobody can lead a tether away."""
-
-
 class NextCommand(Protocol):
     """Knows the command of a next step."""
 
-    def words(self, motion: str, remedy: str, /) -> list[str]:
+    def words(self, motion: str, remedy: Remedy, /) -> list[str]:
         """The command that does a step for a motion; none where it takes more than a command."""
 
 
@@ -79,18 +47,18 @@ class NextFlight:
     again: Sequence[str] = ()
     """Options of a flight behind an autopilot, as they were given: no session flies such a vehicle."""
 
-    def words(self, motion: str, remedy: str) -> list[str]:
+    def words(self, motion: str, remedy: Remedy) -> list[str]:
         """The command that does a step for a motion, or flies it again after the step."""
         axis, words, world = motion.partition("_")[0], ["./hindrax", "pool-test"], self.world
-        if remedy == MEASURED_THRUST and axis in WEIGHED and self.again:
+        if remedy == WEIGH_THRUST and axis in WEIGHED and self.again:
             return ["./hindrax", "weigh", "--help"]
-        if remedy == MEASURED_THRUST and axis in WEIGHED:
+        if remedy == WEIGH_THRUST and axis in WEIGHED:
             lever = ("--lever", f"{LEVER_M:g}") if axis == "yaw" else ()
             words += [SESSION, *(() if self.mock else ("--load", f"{LOAD_N:g}", *lever))]
-        elif remedy in COMMANDS:
-            return COMMANDS[remedy].split()
-        elif self.mock and SIMULATOR not in self.mock and remedy in SIMULATED:
-            world = f"{self.world or POOL},{SIMULATED[remedy]}=0"
+        elif remedy.command:
+            return remedy.command.split()
+        elif self.mock and SIMULATOR not in self.mock and remedy.condition:
+            world = f"{self.world or POOL},{remedy.condition}=0"  # there nobody can lead a tether away
         if self.again:
             return [*words, *map(shlex.quote, self.again), "--dof", axis]
         vehicle = ("--vehicle", shlex.quote(self.vehicle)) if self.vehicle else ()
@@ -106,9 +74,9 @@ class NextReport:
     called: Callable[[str], str] = str
     """Gives a command the name of the tool in this installation."""
 
-    def words(self, _motion: str, remedy: str) -> list[str]:
+    def words(self, _motion: str, remedy: Remedy) -> list[str]:
         """The command of a step at the desk, else that of the report."""
-        desk = COMMANDS.get(remedy, "") if remedy != MEASURED_THRUST else ""
+        desk = remedy.command if remedy != WEIGH_THRUST else ""
         return [self.called(one) for one in (desk or self.command,) if one]
 
 

@@ -162,17 +162,18 @@ _ENDINGS = {
 
 def meaning_of(header: str) -> Meaning | None:
     """Meaning of a column by its header; None for an unused one. HindraxError for an unknown unit of a usual name."""
-    found = _meaning(header, _name)
+    found = _meaning(header.strip(), _name, unit_words=1)
     if found:
         return found
     try:
-        looser = _meaning(header, _looser_name)
+        looser = _meaning(_apart(header.strip()), _looser_name, unit_words=2)
     except HindraxError:
         return None
     return looser and looser._replace(gives_way=True)
 
 
-def _meaning(header: str, name_of: Callable[[str], str | None]) -> Meaning | None:
+def _meaning(header: str, name_of: Callable[[str], str | None], unit_words: int) -> Meaning | None:
+    """Meaning by one table of names; the unit is in brackets or, where there are none, up to so many last words."""
     brackets = _IN_BRACKETS.match(header)
     if brackets:
         name = name_of(brackets["name"])
@@ -180,10 +181,8 @@ def _meaning(header: str, name_of: Callable[[str], str | None]) -> Meaning | Non
     name = name_of(header)
     if name:
         return Meaning(name, 1e-9 if name == NANOSECONDS else 1.0, has_unit=name == NANOSECONDS)
-    # The unit is the last word; of a looser name also the last two, as in surge_cm_s, or in capitals, as in TimeUS.
-    usual = name_of is _name
-    words = (header.strip() if usual else _apart(header.strip())).split("_")
-    for last in (1,) if usual else (1, 2):
+    words = header.split("_")
+    for last in range(1, unit_words + 1):
         name = name_of("_".join(words[:-last]))
         factor = UNITS[name].get(plain_unit("_".join(words[-last:]))) if name else None
         if name and factor:
@@ -260,7 +259,7 @@ def _words(text: str) -> str:
 
 
 def _apart(text: str) -> str:
-    """`GyrZ` and `TimeUS` as two words each."""
+    """`GyrZ` and `TimeUS` as two words each: capitals may begin an axis or a unit."""
     return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", text)
 
 

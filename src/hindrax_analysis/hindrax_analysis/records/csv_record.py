@@ -76,8 +76,7 @@ def read_records(
         In SNAME axes, SI.
     """
     header, rows = _rows(text, source)
-    meanings = _meanings(header, source, part=part)
-    outputs = {} if {one.name for one in meanings.values()} & set(FORCES) else output_columns(header)
+    meanings, outputs = _meanings(header, source, part=part)
     if not any(_is_data(row[i]) for _, row in rows[:1] for i in meanings if i < len(row)):
         units = rows[0][1]
         outputs = {i: one.with_unit(units[i]) if i < len(units) else one for i, one in outputs.items()}
@@ -159,8 +158,11 @@ def _is_header(line: str) -> bool:
     return "t" in found and len(found) > 1
 
 
-def _meanings(header: list[str], source: str, *, part: bool) -> dict[int, Meaning]:
-    """Meaning of each used column, by index. HindraxError when too few, or two mean the same."""
+def _meanings(header: list[str], source: str, *, part: bool) -> tuple[dict[int, Meaning], dict[int, OutputColumn]]:
+    """Meaning of each used column, and of those of single thrusters where none is a force, by index.
+
+    HindraxError when too few, or two mean the same.
+    """
     try:
         found = {i: known for i, cell in enumerate(from_one(header)) if (known := meaning_of(cell))}
     except HindraxError as error:
@@ -171,8 +173,8 @@ def _meanings(header: list[str], source: str, *, part: bool) -> dict[int, Meanin
     twice = [header[i] for i, known in found.items() if names.count(known.name) > 1]
     if twice:
         raise HindraxError(f"{source}: columns {' and '.join(twice)} mean the same, wanted one; remove the other")
-    outputs = bool(output_columns(header))
-    forces = FORCES if outputs and not set(FORCES) & set(names) else names
+    outputs = {} if set(FORCES) & set(names) else output_columns(header)
+    forces = FORCES if outputs else names
     pairs = [(speed, force) for speed, force in zip("uvwpqr", FORCES, strict=True) if force in forces]
     others = {"w": {"depth"}, "u": PLACE, "v": PLACE}
     usable = [force for speed, force in pairs if {speed} <= set(names) or others.get(speed, {""}) <= set(names)]
@@ -182,7 +184,7 @@ def _meanings(header: list[str], source: str, *, part: bool) -> dict[int, Meanin
             "of the same axis (u and X, v and Y, w and Z, p and K, q and M, r and N), with the unit where it is not "
             f"SI, such as u_cmps; rename them in the header line{_hint(set(names), header)}"
         )
-    return found
+    return found, outputs
 
 
 def _hint(names: set[str], header: list[str]) -> str:

@@ -45,6 +45,7 @@ from hindrax_ident.model.model_parameters import (
 )
 from hindrax_ident.model.motion_model import HORIZONTAL, Model, Motion, axis_units, coefficient_units
 from hindrax_ident.records.axis_record import Record
+from hindrax_ident.remedies import FLY_TWICE, Remedy
 from hindrax_ident.tuning import Tuning
 
 SPEEDS = 21
@@ -58,7 +59,6 @@ MASS_SHARE = 0.3
 """Relative standard deviation above which the mass is not reported."""
 COUNTS = 0.01
 """Contribution, relative to the largest, below which a row of a budget is left out."""
-FLY_TWICE = "fly it for twice as long, or a second time"
 METHOD = "output-error"
 
 
@@ -448,7 +448,7 @@ def _drag(motion: Motion, assessment: Assessment, excited: Excitation) -> _Drag:
     return _Drag(band if known else None, float(separable[-1]), largest, rows_of_top, next_step, off, (top, variance))
 
 
-def _next_step(noise: float, variance: float, without: Mapping[str, float]) -> NextStep:
+def _next_step(noise: float, variance: float, without: Mapping[Remedy, float]) -> NextStep:
     """The remedy that leaves the least of a variance, of which `noise` is that of the record."""
     left = {remedy: noise + rest for remedy, rest in without.items()} | {FLY_TWICE: variance - 0.5 * noise}
     remedy = min(left, key=lambda one: left[one])

@@ -1,8 +1,9 @@
 """Influence quantities: what may act on a record beside the model, one row each (GUM, JCGM 100, clause 4).
 
-A row has a name, a unit, a prior standard deviation, an effect and a remedy. Its effect is what one unit does to the
-record: unmodeled impulses on the vehicle, or errors of the measurements. From it alone `uncertainty_budget` computes
-what the row contributes to each coefficient, and what the record shows of it. A new influence is a new row.
+A row has a name, a unit, a prior standard deviation, an effect, and a remedy that knows its command (`remedies`). Its
+effect is what one unit does to the record: unmodeled impulses on the vehicle, or errors of the measurements. From it
+alone `uncertainty_budget` computes what the row contributes to each coefficient, and what the record shows of it. A new
+influence is a new row.
 
 The deviations of water, thrust and hull are those of a usual pool (`docs/reference/worlds.md` has their sources).
 """
@@ -24,6 +25,17 @@ from hindrax_ident.model.motion_model import HORIZONTAL
 from hindrax_ident.model.simulation import per_step
 from hindrax_ident.model.thrust_lag import LaggedThrust
 from hindrax_ident.records.axis_record import Record
+from hindrax_ident.remedies import (
+    COAST,
+    DESCRIBE_THRUSTERS,
+    ONE_AXIS,
+    SHORT_TETHER,
+    THRUSTER_SWEEP,
+    USE_ITS_SPEEDS,
+    VEHICLE_FILE,
+    WEIGH_THRUST,
+    Remedy,
+)
 from hindrax_ident.tuning import Tuning
 
 DEADBAND_SIGMA = 0.5
@@ -280,7 +292,7 @@ class Influence:
     scope: str
     sigma: Callable[[AxisFit], float]
     effect: Callable[[AxisFit], Array]
-    remedy: str
+    remedy: Remedy
     of_readings: bool = False
     considered: bool = False
     measured: bool = False
@@ -559,169 +571,171 @@ def _always(sigma: float) -> Callable[[AxisFit], float]:
     return lambda _case: sigma
 
 
-MEASURED_THRUST = "measure the thrust with `./hindrax weigh`, for roll and pitch by a bollard pull"
-
 INFLUENCES: tuple[Influence, ...] = (
     Influence(
         "thrust calibration", "sigma", GAIN,
         lambda case: 1.0 if _gains(case) else 0.0, _calibration,
-        MEASURED_THRUST, considered=True,
+        WEIGH_THRUST, considered=True,
     ),
     Influence(
         "gain by a known weight", "sigma", GAIN,
         lambda case: 1.0 if case.weighed else 0.0, _weighed_gain,
-        "weigh with a larger load, for longer, with the battery of the flight", considered=True, measured=True,
+        Remedy("weigh with a larger load, for longer, with the battery of the flight"), considered=True, measured=True,
     ),
     Influence(
         "gain of the wrench", "-", GAIN,
         lambda case: case.tuning.wrench_gain_sigma, lambda case: case.of_commands(case.record.thrust.y[:, None]),
-        "describe the thrusters in the vehicle file, or measure the wrench", considered=True,
+        Remedy("describe the thrusters in the vehicle file, or measure the wrench", VEHICLE_FILE), considered=True,
     ),
     Influence(
         "losses between thrusters and hull", "-", GAIN,
         lambda case: LOSSES if len(case.weighed) < 2 else 0.0,
         lambda case: case.of_commands(_unweighed(case, case.record.thrust.y, lambda y: -y[:, None])),
-        MEASURED_THRUST, considered=True, near=0.16, usual_cause="losses", loss=True,
+        WEIGH_THRUST, considered=True, near=0.16, usual_cause="losses", loss=True,
     ),
     Influence(
         # A record of a wrench alone has the exponent of the thrust for it.
         "losses that change with the load", "-", MODEL,
         lambda case: 0.0 if case.thrust_doubt > 0.0 else 0.03, _load,
-        MEASURED_THRUST, near=NEAR_MODEL, usual_cause="losses",
+        WEIGH_THRUST, near=NEAR_MODEL, usual_cause="losses",
     ),
     Influence(
         "inflow loss", "of 10 N at 0.5 m/s", GAIN, _always(0.12), _inflow,
-        "legs with the thrust off at speed, together with boosts from rest and plateaus, separate it from drag",
-        considered=True, shown=_coasts, near=0.005, usual_cause="inflow", loss=True,
+        COAST, considered=True, shown=_coasts, near=0.005, usual_cause="inflow", loss=True,
     ),
     Influence(
         "differences between idle thrusters", "of their forces", MODEL,
         lambda case: 0.06 if _idle(case) > 0.0 else 0.0,
         _idle_differences,
-        "measure each thruster near its dead band, or lower `allocation.idle_bias_N`", considered=True, near=0.37,
+        Remedy("measure each thruster near its dead band, or lower `allocation.idle_bias_N`", THRUSTER_SWEEP),
+        considered=True, near=0.37,
     ),
     Influence(
         "sag over the run", "in 15 min", GAIN, _sag(0.1), _drift,
-        "measure the supply voltage, or repeat the first leg at the end", near=NEAR_MODEL, loss=True,
+        Remedy("measure the supply voltage, or repeat the first leg at the end", condition="battery_sag"),
+        near=NEAR_MODEL, loss=True,
     ),
     Influence(
         "sag under load", "-", MODEL, _sag(LOADED_SAG), _load,
-        "measure the supply voltage at the ESCs", near=NEAR_MODEL, loss=True,
+        Remedy("measure the supply voltage at the ESCs", condition="supply_resistance"), near=NEAR_MODEL, loss=True,
     ),
     Influence(
         "dead bands that differ", "of the largest thrust", MODEL, _always(0.01), _edges,
-        "measure the pulse at which each thruster starts", near=NEAR_MODEL,
+        Remedy("measure the pulse at which each thruster starts", THRUSTER_SWEEP), near=NEAR_MODEL,
     ),
     Influence(
         "dead band of the thrust", "sigma", MODEL,
         lambda case: 1.0 if case.thrust_doubt * case.pull > 0.0 else 0.0, _dead_band,
-        "describe the dead band in the vehicle file",
+        Remedy("describe the dead band in the vehicle file", VEHICLE_FILE),
     ),
     Influence(
         "exponent of the thrust", "-", MODEL,
         lambda case: (0.05 if _gains(case) else 0.15) if case.thrust_doubt > 0.0 else 0.0, _thrust_exponent,
-        "describe the thrusters in the vehicle file, or measure the thrust at several commands", near=NEAR_MODEL,
+        DESCRIBE_THRUSTERS, near=NEAR_MODEL,
     ),
     Influence(
         LAG, "s", RUN, lambda case: case.delay_sigma_s, _lag,
-        "measure the thrust lag with `./hindrax step`",
+        Remedy("measure the thrust lag with `./hindrax step`", "./hindrax step --help"),
     ),
     Influence(
         LATENCY, "s", RUN, lambda case: case.delay_sigma_s,
         lambda case: latency_impulse(case.record, case.fit.problem.grid),
-        "set velocity_latency_s to the latency of the instrument",
+        Remedy("set velocity_latency_s to the latency of the instrument"),
     ),
     Influence(
         "stamps of the record", "s", RUN, lambda case: case.stamp_doubt_s, _lag,
-        "record thrust and velocity with stamps of one clock", considered=True,
+        Remedy("record thrust and velocity with stamps of one clock"), considered=True,
     ),
     Influence(
         "current", "m/s", MODEL,
         lambda case: case.tuning.current_sigma_mps if case.axis in HORIZONTAL else 0.0,
         lambda case: case.of_force(case.slope()),
-        "fly each speed both ways, in still water",
+        Remedy("fly each speed both ways, in still water", condition="current"),
     ),
     Influence(
         "seiche", "m/s", MODEL, lambda case: 0.006 if case.axis in HORIZONTAL else 0.0, _seiche,
-        "wait until the water is still", near=NEAR_MODEL,
+        Remedy("wait until the water is still", condition="seiche"), near=NEAR_MODEL,
     ),
     Influence(
         "tether", "N", MODEL, lambda case: max(TETHER, case.thrust_doubt) * case.pull, _tether,
-        "leave the tether slack, or float it, and fly near its fixed end", near=NEAR_MODEL,
+        Remedy("leave the tether slack, or float it, and fly near its fixed end", condition="tether"), near=NEAR_MODEL,
     ),
     Influence(
         "drag of the tether", "N", MODEL, lambda case: max(TETHER, case.thrust_doubt) * case.pull,
         lambda case: case.of_force(-_braking(case)),
-        "fly near the fixed end of the tether, or with a thinner one", near=NEAR_MODEL, loss=True,
+        SHORT_TETHER, near=NEAR_MODEL, loss=True,
     ),
     Influence(
         "drag of the tether with its length", "N", MODEL,
         lambda case: TETHER * case.pull if case.axis in HORIZONTAL else 0.0,
-        _longer_tether, "fly near the fixed end of the tether, or with a thinner one", near=NEAR_MODEL,
+        _longer_tether, SHORT_TETHER, near=NEAR_MODEL,
     ),
     Influence(
         "friction of the tether", "N", MODEL, lambda case: case.thrust_doubt * case.pull, _friction,
-        "keep the tether off the floor and the edge", near=NEAR_MODEL,
+        Remedy("keep the tether off the floor and the edge"), near=NEAR_MODEL,
     ),
     Influence(
         "fluid memory", "-", MODEL, _always(0.06), _memory,
-        "longer plateaus and slower changes of speed", near=NEAR_MODEL, loss=True,
+        Remedy("longer plateaus and slower changes of speed", condition="fluid_memory"), near=NEAR_MODEL, loss=True,
     ),
     Influence(
         "own wake", "-", MODEL, _always(0.12), _wake,
-        "rest between legs until the water is still", near=NEAR_MODEL, loss=True,
+        Remedy("rest between legs until the water is still", condition="wake"), near=NEAR_MODEL, loss=True,
     ),
     Influence(
         "fore/aft asymmetry", "-", MODEL,
         _asymmetry_sigma, lambda case: case.of_force(-_asymmetry(case, case.v)),
-        "tow it ahead and astern, one record of `./hindrax towing` each", drag=_asymmetry, near=0.2,
+        Remedy("tow it ahead and astern, one record of `./hindrax towing` each", "./hindrax towing --help"),
+        drag=_asymmetry, near=0.2,
     ),
     Influence(
         "exponent of the drag", "-", MODEL, _always(0.17),
         lambda case: case.of_force(-_exponent(case, case.v)),
-        "fly the speeds at which the coefficients will be used", drag=_exponent, near=NEAR_MODEL,
+        USE_ITS_SPEEDS, drag=_exponent, near=NEAR_MODEL,
     ),
     Influence(
         OTHER_AXES, "sigma", MODEL,
         lambda case: 1.0 if case.crossing.shape[1] else 0.0, lambda case: case.crossing,
-        "fly one axis at a time, and hold the others",
+        ONE_AXIS,
     ),
     Influence(
         "drag by incidence", "of the projected area", MODEL,
         lambda case: INCIDENCE if case.fit.model.crossed and case.axis < 3 else 0.0, _incidence,
-        "fly one axis at a time, and hold the others", considered=True,
+        ONE_AXIS, considered=True,
     ),
     Influence(
         "masses of other axes", "sigma", RUN,
         lambda case: 1.0 if case.record.coriolis_errors else 0.0, _coriolis,
-        "fly surge, sway and heave in the same run", considered=True,
+        Remedy("fly surge, sway and heave in the same run"), considered=True,
     ),
     Influence(
         "tilt of the accelerometer", "rad", RUN,
         lambda case: tilt_sigma_rad(case.vehicle, case.tuning) if _tilts(case) else 0.0, _tilt,
-        "`./hindrax imu calibrate`", considered=True,
+        Remedy("`./hindrax imu calibrate`", "./hindrax imu calibrate --write"), considered=True,
     ),
     Influence(
         "tilt of the mount", "rad", MODEL,
         lambda case: case.tuning.mount_sigma_rad if _tilts(case) else 0.0, _tilt,
-        "align the sensors with the thrusters, and measure it", considered=True,
+        Remedy("align the sensors with the thrusters, and measure it", condition="imu_misalignment"), considered=True,
     ),
     Influence(
         "gain of the velocity", "-", GAIN, lambda case: case.tuning.velocity_gain_sigma, _velocity_gain,
-        "compare the distance flown between two walls with a tape measure", of_readings=True, considered=True,
+        Remedy("compare the distance flown between two walls with a tape measure", condition="dvl_scale"),
+        of_readings=True, considered=True,
     ),
     Influence(
         "speed of sound of the sonar", "-", GAIN, _of_ranges(0.01), _velocity_gain,
-        "set the sonar's speed of sound for the water", of_readings=True, considered=True,
+        Remedy("set the sonar's speed of sound for the water"), of_readings=True, considered=True,
     ),
     Influence(
         # cos(5 deg) is 0.004 below 1: wall, mount and thrust together are hardly better aligned by eye.
         "angle of sonar and wall", "-", GAIN, _of_ranges(0.004), _velocity_gain,
-        "square the vehicle to the wall before the leg, by the smallest range", of_readings=True, considered=True,
+        Remedy("square the vehicle to the wall before the leg, by the smallest range"),
+        of_readings=True, considered=True,
     ),
     Influence(
         "wander of the heading", "-", RUN, _of_ranges(0.002), _velocity_gain,
-        "calibrate the compass, and fly away from iron", of_readings=True, considered=True,
+        Remedy("calibrate the compass, and fly away from iron"), of_readings=True, considered=True,
     ),
 )  # fmt: skip
 

@@ -13,6 +13,7 @@ from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.objections import Objection, to_json
 from hindrax_ident.model.motion_model import MOTIONS, offset, restoring
+from hindrax_ident.remedies import Remedy
 
 Z95 = 1.959964
 """Half of the 95 % interval of a normal distribution [standard deviations]."""
@@ -113,7 +114,7 @@ class Contribution:
 class NextStep:
     """Next experiment: the remedy that would shrink the band of a quantity most, and to what."""
 
-    remedy: str
+    remedy: Remedy
     std: float
     """Standard deviation of the quantity after it."""
 

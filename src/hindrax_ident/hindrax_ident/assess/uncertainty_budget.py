@@ -38,6 +38,7 @@ from hindrax_ident.assess.objections import Code, Objection, objection
 from hindrax_ident.assess.posterior import LOSSLESS, Draws, Explanations, drawn
 from hindrax_ident.assess.results import Contribution
 from hindrax_ident.fit.scores import score
+from hindrax_ident.remedies import Remedy
 
 BudgetRow: TypeAlias = tuple[slice, Influence, float]
 """Columns of an influence, itself, and its prior standard deviation in its unit."""
@@ -134,7 +135,7 @@ class Budget:
         kept = sensitivity * self._within(scopes)
         return array(np.sum(kept @ self._moment * kept, axis=1))
 
-    def variance_without(self, sensitivity: Array) -> dict[str, float]:
+    def variance_without(self, sensitivity: Array) -> dict[Remedy, float]:
         """What is left of the variance of a corrected quantity if the influences behind one remedy were known.
 
         What is known of an influence is corrected, so only the covariance counts, not the mean.
@@ -146,10 +147,10 @@ class Budget:
 
         Returns
         -------
-        dict[str, float]
+        dict[Remedy, float]
             Variance left, by remedy.
         """
-        columns: dict[str, list[int]] = {}
+        columns: dict[Remedy, list[int]] = {}
         for row, influence, _ in self.rows:
             columns.setdefault(influence.remedy, []).extend(range(row.start, row.stop))
         known = float(sensitivity @ self.covariance @ sensitivity)
@@ -251,7 +252,7 @@ class Budget:
         tuple[Objection, ...]
             One for each remedy without which more than MOST of a variance would be gone.
         """
-        hidden: dict[str, list[str]] = {}
+        hidden: dict[Remedy, list[str]] = {}
         for _, influence, _ in self.rows:
             if influence.considered and not influence.measured and not influence.shown(self.case):
                 hidden.setdefault(influence.remedy, []).append(influence.name)

@@ -20,6 +20,7 @@ import numpy as np
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array
 from hindrax_ident.model.motion_model import LEAST_MASS, offset, restoring, rigid_mass
+from hindrax_ident.remedies import COAST, DESCRIBE_THRUSTERS, USE_ITS_SPEEDS
 
 OWN, CROSS, DOUBT = "own", "cross", "doubt"
 WIDE, LINEAR = 10.0, 0.2
@@ -32,9 +33,6 @@ REST = 0.005
 """Deviation of an offset, of the weight (in moments: at the length of the vehicle) [-]."""
 INFLOW_LOSS, INFLOW_LOSS_SIGMA, EXPONENT, THRUST_EXPONENT = 0.06, 0.07, 0.1, 0.05
 """Inflow loss as `assess.influences` has it, in a usual pool or in none; deviations of exponents [-]."""
-GAIN_REMEDY = "describe the thrusters in the vehicle file, or measure the thrust at several commands"
-INFLOW_REMEDY = "legs with the thrust off at speed, together with boosts from rest and plateaus, separate it from drag"
-SPEEDS_REMEDY = "fly the speeds at which the coefficients will be used"
 LETTERS, FORCES = "uvwpqr", "XYZKMN"
 INFLOW_mps = 0.5
 
@@ -272,10 +270,10 @@ def _doubts(vehicle: Vehicle, axis: int, scales: Scales, gain_sigma: float, drag
 
     name = AXES[axis]
     return [
-        Term(f"{name}: gain of the wrench", DOUBT, 0.0, max(1e-6, gain_sigma), "-", of_gain, remedy=GAIN_REMEDY),
-        Term(f"{name}: inflow loss", DOUBT, INFLOW_LOSS, INFLOW_LOSS_SIGMA, "-", inflow, 0.0, remedy=INFLOW_REMEDY),
-        Term(f"{name}: exponent of the drag", DOUBT, 0.0, EXPONENT, "-", exponent, remedy=SPEEDS_REMEDY),
-        Term(f"{name}: exponent of the thrust", DOUBT, 0.0, THRUST_EXPONENT, "-", load, remedy=GAIN_REMEDY),
+        Term(f"{name}: gain of the wrench", DOUBT, 0.0, max(1e-6, gain_sigma), "-", of_gain, remedy=DESCRIBE_THRUSTERS),
+        Term(f"{name}: inflow loss", DOUBT, INFLOW_LOSS, INFLOW_LOSS_SIGMA, "-", inflow, 0.0, remedy=COAST),
+        Term(f"{name}: exponent of the drag", DOUBT, 0.0, EXPONENT, "-", exponent, remedy=USE_ITS_SPEEDS),
+        Term(f"{name}: exponent of the thrust", DOUBT, 0.0, THRUST_EXPONENT, "-", load, remedy=DESCRIBE_THRUSTERS),
     ]
 
 
