@@ -7,7 +7,6 @@ started as launch would start it. Where launch is installed it has its own say.
 import ast
 import configparser
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -19,6 +18,7 @@ from typing import Any, cast
 import pytest
 from launch_stand_in import Said, actions_of, put_in_place, said
 
+from hindrax_bringup import child_process
 from hindrax_bringup.network.tether import Tether
 from hindrax_bringup.node_options import ParameterOverrides
 from hindrax_bringup.processes import MOCK, ONBOARD, RECORDER, SENSORS, Process
@@ -79,8 +79,8 @@ def executed(name: str, **chosen: str) -> Said:
 
 def options_of(process: Said) -> UpOptions:
     """Options of the stack that it is."""
-    *words, options, parent = process.keywords["cmd"]
-    assert (words, parent) == ([sys.executable, "-m", RUNNER], str(os.getpid())), "it ends with the launch"
+    *words, options = process.keywords["cmd"]
+    assert words == child_process.command_line(RUNNER, []), "it ends with the launch"
     return UpOptions.from_json(options)
 
 

@@ -86,13 +86,18 @@ def execute(
         The process; `wait` and `poll` give its exit code.
     """
     return subprocess.Popen(  # noqa: S603  # our own interpreter and our own module
-        [sys.executable, "-m", __name__, str(os.getpid()), module, *arguments],
+        command_line(module, arguments),
         env=dict(environment),
         stdin=subprocess.DEVNULL,
         stdout=stdout,
         stderr=stderr,
         process_group=0,
     )
+
+
+def command_line(module: str, arguments: Sequence[str]) -> list[str]:
+    """Words of `execute`, for who starts processes by other means; the process ends with this one all the same."""
+    return [sys.executable, "-m", __name__, str(os.getpid()), module, *arguments]
 
 
 def fork(

@@ -3,18 +3,18 @@
 Everything happens when the launch is executed: `ros2 launch --show-args` makes no file and waits for nothing.
 """
 
-import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction, Shutdown
 
+from hindrax_bringup.child_process import command_line
 from hindrax_bringup.network.tether import tether_setting
 from hindrax_bringup.node_options import ParameterOverrides
 from hindrax_bringup.share_files import usual_vehicle, vehicle_file
 from hindrax_bringup.stack import MockOptions, ReplayOptions
-from hindrax_bringup.stack_process import END_S, SETTINGS, UpOptions, command_line
+from hindrax_bringup.stack_process import END_S, RUNNER, SETTINGS, UpOptions
 from hindrax_core.topics import NAMESPACE
 from hindrax_core.vehicle import load_vehicle
 from launch import Action, LaunchContext, LaunchDescription
@@ -65,7 +65,7 @@ def stack(
         )
         ends = Shutdown(reason="the stack has ended")
         patience = {"sigterm_timeout": str(END_S), "sigkill_timeout": str(END_S)}
-        words = [*command_line(options), str(os.getpid())]  # it ends with the launch, whatever ends that
+        words = command_line(RUNNER, [options.to_json()])  # it ends with the launch, whatever ends that
         return [ExecuteProcess(cmd=words, additional_env=SETTINGS, output="screen", on_exit=ends, **patience)]
 
     declared = [

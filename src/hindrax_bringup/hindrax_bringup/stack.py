@@ -195,15 +195,13 @@ def first_line(
     """
     pipe, deadline_s = child.output, time.monotonic() + seconds
     assert pipe is not None
-    while not select.select([pipe], (), (), LOOK_S)[0]:
+    while not (readable := select.select([pipe], (), (), LOOK_S)[0]) and time.monotonic() < deadline_s:
         if over():
             return {}
-        if time.monotonic() > deadline_s:
-            raise HindraxError(f"the mock vehicle did not come up; {last_words(log)}")
-    if line := pipe.readline():
+    if readable and (line := pipe.readline()):
         found: Mapping[str, object] = json.loads(line)
         return found
-    if child.handle.wait(seconds) == UsageError.exit_code:
+    if readable and child.handle.wait(seconds) == UsageError.exit_code:
         raise UsageError(f"the mock vehicle refused; {last_words(log)}")
     raise HindraxError(f"the mock vehicle did not come up; {last_words(log)}")
 

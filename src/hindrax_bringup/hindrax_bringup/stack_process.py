@@ -18,12 +18,13 @@ from pathlib import Path
 from typing import Any, NoReturn, Self
 
 from hindrax_bag.run_folder import RunFolder
+from hindrax_bringup.child_process import execute
 from hindrax_bringup.network.tether import Tether
 from hindrax_bringup.node_options import ParameterOverrides
 from hindrax_bringup.process_state import is_stopped
 from hindrax_bringup.stack import MockOptions, ReplayOptions
 from hindrax_bringup.stack_lock import UP, StackLock
-from hindrax_bringup.supervisor import RESTARTS_AT_MOST, last_words, stop_signals
+from hindrax_bringup.supervisor import RESTARTS_AT_MOST, end_after, last_words, stop_signals
 from hindrax_core.errors import HindraxError, UsageError
 
 RUNNER, LAST_WORDS = "hindrax_bringup.stack_runner", "hindrax up: "
@@ -83,15 +84,11 @@ def _tuples(values: Mapping[str, object]) -> dict[str, Any]:
     return {name: tuple(one) if isinstance(one, list) else one for name, one in values.items()}
 
 
-def command_line(options: UpOptions) -> list[str]:
-    """Words of the process."""
-    return [sys.executable, "-m", RUNNER, options.to_json()]
-
-
 def become(options: UpOptions) -> NoReturn:
     """Replace this process by that of the stack; a Ctrl-C meanwhile waits for it."""
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    os.execve(sys.executable, command_line(options), {**os.environ, **SETTINGS})  # noqa: S606  # ourselves
+    words = [sys.executable, "-m", RUNNER, options.to_json()]
+    os.execve(sys.executable, words, {**os.environ, **SETTINGS})  # noqa: S606  # ourselves
 
 
 class StackProcess:
@@ -103,25 +100,13 @@ class StackProcess:
         self.log = self.folder.logs / "up.log"
         self._read, self._reported = 0, False
         with self.log.open("ab") as log:
-            self._handle = subprocess.Popen(  # noqa: S603  # our own interpreter and our own module
-                [*command_line(options), str(os.getpid())],
-                env={**os.environ, **SETTINGS},
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=log,
-                process_group=0,
-            )
+            self._handle = execute(RUNNER, [options.to_json()], {**os.environ, **SETTINGS}, subprocess.PIPE, log)
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, _kind: object, error: BaseException | None, _trace: object) -> None:
-        try:
-            self.end()
-        except HindraxError as unsafe:
-            if error is None:
-                raise
-            raise HindraxError(f"{error}; {unsafe}") from error
+        end_after(error, self.end)
 
     @property
     def pid(self) -> int:

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from hindrax_bag.read.recovery import begin_completion, unfinished_files
 from hindrax_bag.run_folder import RUNS, RunFolder, make_run_folder, remove_oldest
-from hindrax_bringup.child_process import STOP_SIGNALS, end_with
+from hindrax_bringup.child_process import STOP_SIGNALS
 from hindrax_bringup.liveness import STARTING, LivenessFile, reported_armed, tool_liveness
 from hindrax_bringup.network.tether import FOREVER_S, Tether, address_of, wait_for_address
 from hindrax_bringup.process_state import is_stopped
@@ -262,9 +262,7 @@ def startup_text(lock: StackLock, folder: RunFolder, *, record: bool) -> str:
 
 def main() -> int:
     """Run the stack that the one argument describes; an error is one line and its exit code."""
-    options, parent, came = UpOptions.from_json(sys.argv[1]), sys.argv[2:3], list[int]()
-    if parent:
-        end_with(int(parent[0]))
+    options, came = UpOptions.from_json(sys.argv[1]), list[int]()
     for number in STOP_SIGNALS:
         signal.signal(number, lambda number, _frame: came.append(number))
     signal.pthread_sigmask(signal.SIG_UNBLOCK, STOP_SIGNALS)

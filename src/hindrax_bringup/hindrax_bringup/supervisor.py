@@ -91,12 +91,7 @@ class Supervisor:
         return self
 
     def __exit__(self, _kind: object, error: BaseException | None, _trace: object) -> None:
-        try:
-            self.close()
-        except HindraxError as unsafe:
-            if error is None:
-                raise
-            raise HindraxError(f"{error}; {unsafe}") from error
+        end_after(error, self.close)
 
     def start(self, process: Process, arguments: Sequence[str] = (), *, pipe: bool = False) -> SupervisedProcess:
         """Start one process; its output goes to `logs/NAME.log`.
@@ -249,6 +244,16 @@ class Supervisor:
         finally:
             _end(hardware)
             shutil.rmtree(self._heartbeats, ignore_errors=True)
+
+
+def end_after(error: BaseException | None, end: Callable[[], object]) -> None:
+    """End processes; when an output is not safe after that, say so behind the error that was the cause of the end."""
+    try:
+        end()
+    except HindraxError as unsafe:
+        if error is None:
+            raise
+        raise HindraxError(f"{error}; {unsafe}") from error
 
 
 @contextlib.contextmanager

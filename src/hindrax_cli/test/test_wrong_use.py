@@ -172,7 +172,7 @@ def test_a_pool_test_whose_stack_is_refused_leaves_no_folder_behind(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "refusing.py").write_text(f"import sys; sys.exit('hindrax up: {REFUSAL}')")
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
     monkeypatch.setattr("hindrax_bringup.stack_process.RUNNER", "refusing")
     assert command_line.main(["pool-test", "--mock", "--out", str(tmp_path / "run")]) == 1
     assert capsys.readouterr().err.splitlines()[-1] == f"hindrax pool-test: {REFUSAL}"
