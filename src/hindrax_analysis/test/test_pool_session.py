@@ -100,6 +100,8 @@ def test_aborted_legs_are_flown_once_more_or_said(tmp_path: Path, aborts: list[s
     done = run_steps(session_of("surge", repeats=1), tmp_path, StandIn(aborts=aborts))
     legs = done.done[1]
     assert (legs.folder, legs.remark, legs.seconds) == (folder, remark, 120.0)
+    assert legs.aborted is bool(remark)
+    assert not Step("weigh surge", remark="aborted by the operator").aborted, "legs are what is flown"
 
 
 def test_what_is_no_session_is_said(tmp_path: Path) -> None:

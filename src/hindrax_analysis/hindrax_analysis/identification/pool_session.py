@@ -116,6 +116,11 @@ class Step:
         return self.name.partition(" ")[0]
 
     @property
+    def aborted(self) -> bool:
+        """Whether they are legs of which no try was flown whole: only these have a remark."""
+        return self.kind == LEGS and bool(self.remark)
+
+    @property
     def subject(self) -> str:
         """Number of the legs, or axis that is weighed."""
         return self.name.partition(" ")[2]

@@ -320,8 +320,8 @@ def require_servable(motions: Sequence[str], vehicle: Vehicle, disabled: frozens
     motion, reason = left_out[0]
     flown = servable_motions(AXES, vehicle, disabled).flown
     wanted = f"some of {', '.join(flown)}" if flown else "thrusters that do"
-    disables = reason.startswith("without ")
-    mend = "`./hindrax thruster enable` what works" if disables else "correct `thrusters` in the vehicle file"
+    with_all = servable_motions((motion,), vehicle).flown
+    mend = "`./hindrax thruster enable` what works" if with_all else "correct `thrusters` in the vehicle file"
     sentence = f"{motion}: {reason}, wanted {wanted}; {mend}{', or fly those' if flown else ''}"
     raise UsageError(Refusal(Reason.MOTION, sentence))
 

@@ -107,7 +107,7 @@ def guide(arguments: argparse.Namespace) -> int:
     document = identified.document(bags[0], folder.report, None, NOTHING) | session_document(session, folder.path)
 
     print_answer(document, partial(show_end, identified, session, folder), as_json=arguments.json)
-    aborted = [step.name for step in session.done if step.remark.startswith("aborted")]
+    aborted = any(step.aborted for step in session.done)
     return 1 if aborted or not identified.complete else 0
 
 
