@@ -248,6 +248,27 @@ def test_each_start_of_the_autopilot_is_a_record(tmp_path: Path) -> None:
     assert "the autopilot started 2 times: each is a record" in found[1].assumptions
 
 
+def test_a_message_without_a_time_before_all_others_is_no_start(tmp_path: Path) -> None:
+    """A ground station that connects in mid-dive may record the supply first: its receipt is no time since power-up."""
+    file = tmp_path / "dive.tlog"
+    packets = list(tlog())
+    file.write_bytes(b"".join([packets[-1][:8] + packets[6][8:], *packets]))
+    (found,) = read_log(file, ROV)
+    assert found.duration_s == pytest.approx(2.9, abs=1e-3)
+    assert not any("started" in one for one in found.assumptions)
+
+
+def test_a_dive_that_never_went_down_says_why_there_is_no_heave(tmp_path: Path) -> None:
+    """At the surface and on the bench the pressure is that of the air in the hull, or does not change."""
+    file = tmp_path / "dive.tlog"
+    number = ardupilotmega.MAVLINK_MSG_ID_SCALED_PRESSURE2.to_bytes(3, "little")
+    flat = [one for one in tlog(flags=CONSTANT_POSITION) if one[8 + 7 : 8 + 10] != number]
+    file.write_bytes(b"".join(flat))
+    found = read(file)
+    assert not np.isfinite(found.attitude[:, 2]).any()
+    assert "the pressure varies by less than 5 cm of water: heave cannot be identified" in found.assumptions
+
+
 def test_channels_are_those_of_the_messages() -> None:
     assert hasattr(ardupilotmega.MAVLink_servo_output_raw_message(0, 0, *range(8)), f"servo{CHANNELS}_raw")
 

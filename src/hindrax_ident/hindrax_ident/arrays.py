@@ -8,8 +8,32 @@ from numpy.typing import NDArray
 Array: TypeAlias = NDArray[np.float64]
 Flags: TypeAlias = NDArray[np.bool_]
 Index: TypeAlias = NDArray[np.intp]
+LARGEST = 98.0
+"""Percentile of what counts as the largest: spikes are beyond it."""
+NOTHING = 1e-3
+"""Share of the very largest below which there is nothing [-]."""
 
 
 def array(values: object) -> Array:
     """Numbers as a double-precision array of the same shape (...,); an array of that type is not copied."""
     return np.asarray(values, dtype=np.float64)
+
+
+def largest(values: Array) -> float:
+    """Largest magnitude of values (n,) but for spikes; 0 where there is nothing.
+
+    Parameters
+    ----------
+    values : (n,)
+        Such as the thrust on an axis, or its velocity.
+
+    Returns
+    -------
+    float
+        The percentile LARGEST of all. Where that is nothing, because the axis was pushed for a hundredth of the record,
+        of those that are something: shares of the largest would be endless otherwise.
+    """
+    sizes = np.abs(values)
+    least = NOTHING * sizes.max(initial=0.0)
+    found = float(np.percentile(sizes, LARGEST)) if len(sizes) else 0.0
+    return found if found > least or not least else float(np.percentile(sizes[sizes > least], LARGEST))

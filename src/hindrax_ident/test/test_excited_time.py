@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from hindrax_ident.arrays import Array, array
+from hindrax_ident.arrays import Array, array, largest
 from hindrax_ident.records.axis_record import PhaseLog, Stretch
 from hindrax_ident.records.excited_time import excited_stretches
 
@@ -63,3 +63,13 @@ def test_a_record_of_maneuvers_is_divided() -> None:
     assert log.undivided
     log.add(10.0, "surge", "plateau")
     assert not log.undivided
+
+
+def test_an_axis_that_is_pushed_for_a_hundredth_of_the_time_has_its_largest_thrust() -> None:
+    """By the percentile of the whole it would have none, and every share of it would be endless."""
+    rare = array(np.where(T < 1.2, 3.0, 0.0))
+    assert largest(rare) == 3.0
+    assert largest(array(np.where(T < 1.2, 3.0, 1e-6))) == 3.0, "an allocation leaves a little everywhere"
+    spiked = array(np.where(T < 0.05, 500.0, np.linspace(-30.0, 30.0, len(T))))
+    assert 29.0 < largest(spiked) < 30.0, "a spike is not the largest of anything"
+    assert largest(array(np.zeros(5))) == largest(array(np.zeros(0))) == 0.0

@@ -309,6 +309,18 @@ def test_without_tails_an_explanation_is_that_of_bayes() -> None:
         assert np.logaddexp.reduce(found.evidence) == pytest.approx(evidence - 1.5)
 
 
+@pytest.mark.parametrize("power", [1e5, 1e7, 1e12])
+def test_what_is_known_beyond_all_digits_has_its_size_and_its_evidence(power: float) -> None:
+    """An hour of a record knows a lag to less than a thousandth of its prior: its size is g / H however large both."""
+    seen = 7.0 / math.sqrt(power)
+    information, gradient = array(np.diag([power, 2.0])), array(np.array([power * seen, 1.0]))
+    usual, sigma = array(np.array([0.0, 0.3])), array(np.array([1.0, 0.5]))
+    found = _explained(information, gradient, usual, sigma, np.zeros(2, bool))
+    evidence, mean, _ = normal(information, gradient, usual, sigma)
+    assert found.mean[0] == pytest.approx(mean, rel=1e-4)
+    assert np.logaddexp.reduce(found.evidence) == pytest.approx(evidence - 1.0, rel=1e-3)
+
+
 @pytest.mark.parametrize("by_others", [None, np.array([-3.0, 1.0, -2.0])], ids=["alone", "with others"])
 def test_the_three_waters_count_by_their_odds_and_evidence(by_others: Array | None) -> None:
     found = _posterior(_Likelihood(INFORMATION, GRADIENT, WATERS), by_others)

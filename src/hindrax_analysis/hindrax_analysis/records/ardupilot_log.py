@@ -143,6 +143,8 @@ def _starts(path: Path) -> tuple[list[ArduPilotLog], int]:
             if math.isfinite(value := _value(message)):  # one that was never set, or a flipped bit
                 _rows_of(starts).parameters[_name(message)] = value
             continue
+        if math.isnan(at_s):
+            continue
         if starts and at_s < starts[-1].newest_s - RESTART_S:
             starts.append(_Rows(dict(starts[-1].parameters)))
         _rows_of(starts).add(path, kind, message, at_s)
@@ -224,7 +226,7 @@ class _Clock:
         self._wraps, self._last_s = 0, -math.inf
 
     def read(self, message: Any) -> float:
-        """Time of one message."""
+        """Time of one message; NaN before the first that has its own: nothing is known of the delay."""
         received_s = float(message._timestamp)  # noqa: SLF001  # pymavlink's own name of it
         if (boot_ms := getattr(message, "time_boot_ms", None)) is not None:
             return self._seen(1e-3 * boot_ms, received_s)
@@ -234,7 +236,7 @@ class _Clock:
                 self._wraps, at_s = self._wraps + 1, at_s + WRAP_S
             self._last_s = at_s
             return self._seen(at_s, received_s)
-        return received_s - self._delay_s if math.isfinite(self._delay_s) else received_s
+        return received_s - self._delay_s if math.isfinite(self._delay_s) else math.nan
 
     def _seen(self, at_s: float, received_s: float) -> float:
         delay_s = received_s - at_s

@@ -109,6 +109,9 @@ def _recording(path: Path, tables: Tables, vehicle: Vehicle, restarts: str) -> R
     tilts_t = [attitude_t]
     tilts = [np.column_stack([attitude[:, :2], np.full(len(attitude), np.nan)])]
     depth = _depths(tables, vehicle)
+    if depth is None and not np.isfinite(rows[:, 2]).any():
+        flat = f"varies by less than {100.0 * LEAST_DEPTH_m:g} cm of water"
+        notes.append(f"the pressure {flat if 'pressure' in tables else 'is not logged'}: heave cannot be identified")
     if depth is not None:
         depth_t, depths = depth
         tilts_t.append(depth_t)

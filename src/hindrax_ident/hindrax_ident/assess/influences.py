@@ -17,7 +17,7 @@ import numpy as np
 
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.vehicle import AXES, AxisGain, Vehicle
-from hindrax_ident.arrays import Array, array
+from hindrax_ident.arrays import Array, array, largest
 from hindrax_ident.assess.thrust_calibration import ThrustErrorMode, modes, thrust_shares
 from hindrax_ident.fit.delay import lag_impulse, latency_impulse
 from hindrax_ident.fit.output_error import OutputErrorFit
@@ -183,13 +183,13 @@ class AxisFit:
 
     @cached_property
     def speed(self) -> float:
-        """Highest speed: 98th percentile [m/s, rad/s]."""
-        return _highest(self.v)
+        """Highest speed [m/s, rad/s]."""
+        return largest(self.v)
 
     @cached_property
     def pull(self) -> float:
-        """Largest thrust commanded: 98th percentile [N, N m]."""
-        return _highest(self.record.thrust.y)
+        """Largest thrust commanded [N, N m]."""
+        return largest(self.record.thrust.y)
 
     @property
     def _thrust_s(self) -> Array:
@@ -266,11 +266,7 @@ class AxisFit:
     def position(self) -> Array:
         """Position from the middle of the flown distance, in units of half of it: (n,) [-]."""
         s = self.fit.linear.path.s - float(np.median(self.fit.linear.path.s))
-        return s / max(1e-9, _highest(s))
-
-
-def _highest(values: Array) -> float:
-    return float(np.percentile(np.abs(values), 98.0)) if len(values) else 0.0
+        return s / max(1e-9, largest(s))
 
 
 @dataclass(frozen=True, slots=True)

@@ -55,7 +55,7 @@ GREAT = 10.0
 SAME_EXPLANATION = 0.1
 """Difference of two explanations, in prior deviations, below which they are one."""
 MOST_INFORMATION, MOST_VARIANCE = 1e6, 1e4
-"""Limits in prior units: beyond them the inverse would lose its digits, and nothing would change."""
+"""Limits in prior units: beyond them the inverse would lose its digits."""
 MOST = 0.5
 """Share of a variance above which it is mostly that of its cause."""
 NEEDED = 1.6
@@ -451,6 +451,11 @@ def _explained(information: Array, gradient: Array, usual: Array, sigma: Array, 
     m, known = len(gradient), float(gradient @ usual - 0.5 * usual @ information @ usual)
     gradient = sigma * (gradient - information @ usual)
     power, axes = np.linalg.eigh(sigma[:, None] * information * sigma)
+    # What is known beyond all digits is g / H and explains g^2 / H, whatever its prior: H is limited, g with it, and
+    # what that takes from the evidence is the same for every explanation.
+    beyond, along = np.maximum(1.0, power / MOST_INFORMATION), axes.T @ gradient
+    known += 0.5 * float(np.sum(along**2 * (1.0 - 1.0 / beyond) / np.maximum(power, 1.0) - np.log(beyond)))
+    gradient = axes @ (along / beyond)
     root = axes * np.sqrt(np.clip(power, 0.0, MOST_INFORMATION))
     variance = 1.0 + tails * (GREAT**2 - 1.0) * np.eye(m + 1, m)
     for _ in range(ROUNDS):

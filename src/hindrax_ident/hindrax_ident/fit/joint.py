@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hindrax_core.vehicle import Vehicle
-from hindrax_ident.arrays import Array, Flags, array
+from hindrax_ident.arrays import Array, Flags, array, largest
 from hindrax_ident.fit.joint_problem import (
     DELAYS,
     JointProblem,
@@ -56,8 +56,6 @@ LEAST_ODDS, HYSTERESIS = math.log(20.0), 0.5
 1995), beyond one for each term that could have been chosen; and by how much more for a new one: else two take turns."""
 LONGEST_S, HALVINGS = 0.03, 5
 """Largest change of a delay in one step, and of how many halves a step is tried."""
-LARGEST = 98.0
-"""Percentile that is the largest thrust or speed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +191,7 @@ class _Search:
 
 def _begun(record: SixAxisRecord, vehicle: Vehicle, delays: Delays, gain_sigma: float) -> _Search:
     """Everything at its prior, without cross terms."""
-    pull = np.percentile(np.abs(record.wrench), LARGEST, axis=0)
+    pull = array([largest(one) for one in record.wrench.T])
     scales = Scales(pull, array([_highest(record, axis) for axis in range(6)]))
     terms = (*delays.terms(), *terms_of(vehicle, record.axes, scales, gain_sigma, np.zeros(6)))
     theta = array([term.mean for term in terms])
@@ -223,7 +221,7 @@ def _highest(record: SixAxisRecord, axis: int) -> float:
     if not len(y) and axis == 2 and len(depth):
         times = np.arange(depth.t[0], depth.t[-1], 0.5)
         y = np.diff(np.interp(times, depth.t, depth.y)) / 0.5
-    return float(np.percentile(np.abs(y), LARGEST)) if len(y) else 0.0
+    return largest(y)
 
 
 def _spread(grids: tuple[Grid, ...], count: int) -> tuple[Grid, ...]:

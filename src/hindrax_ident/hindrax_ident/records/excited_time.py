@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hindrax_ident.arrays import Array, Flags
+from hindrax_ident.arrays import Array, Flags, array, largest
 from hindrax_ident.model.thrust_lag import LaggedThrust
 from hindrax_ident.records.axis_record import Stretch
 
@@ -17,8 +17,6 @@ STRONG, WEAK = 0.2, 0.05
 """Smallest mean thrust that excites, as a share of the largest: whatever the others do, and where they do less [-]."""
 IDLE_AXIS = 0.1
 """An axis whose largest thrust is less than this, of that of its kind, was never flown [-]."""
-LARGEST = 98.0
-"""Percentile of the thrust that is the largest."""
 GRID_S, MEAN_S = 0.1, 0.5
 """Steps and time constant of the mean: holding has spikes, and a maneuver passes zero."""
 AROUND_S = 0.5
@@ -70,10 +68,10 @@ def _excitations(t: Array, wrenches: Array, axis: int, end_s: float) -> list[Str
     """Spans of time with thrust beyond that at rest, with what belongs to them."""
     times = np.arange(t[0], max(end_s, t[-1]) + GRID_S, GRID_S)
     means = np.stack([_mean_thrust(t, one, times) for one in wrenches.T], axis=1)
-    largest = np.percentile(means, LARGEST, axis=0)
-    of_kind = np.repeat([largest[:3].max(), largest[3:].max()], 3)
-    shares = np.divide(means, largest, out=np.zeros_like(means), where=largest > IDLE_AXIS * of_kind)
-    own = means[:, axis] / max(1e-12, float(largest[axis]))
+    most = array([largest(one) for one in means.T])
+    of_kind = np.repeat([most[:3].max(), most[3:].max()], 3)
+    shares = np.divide(means, most, out=np.zeros_like(means), where=most > IDLE_AXIS * of_kind)
+    own = means[:, axis] / max(1e-12, float(most[axis]))
     others = np.delete(shares, axis, axis=1).max(axis=1)
     acts: Flags = (own > STRONG) | ((own > WEAK) & (own > others))
     runs = np.split(times[acts], np.flatnonzero(np.diff(times[acts]) > PAUSE_S) + 1)
