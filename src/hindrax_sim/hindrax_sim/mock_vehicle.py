@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self, TypeVar
 
 from hindrax_core.bus_operations import Transaction
-from hindrax_core.events import Stamp, seconds_between, to_s
+from hindrax_core.events import Stamp, seconds_between, stamp_from_s, to_s
 from hindrax_sim.buses.mock_server import BusServer
 from hindrax_sim.buses.mounted_file import MountedFile, Transfer
 from hindrax_sim.buses.serial_ends import Pty, TcpEnd, UdpEnd
 from hindrax_sim.devices.ardupilot.firmware import ArduSub
-from hindrax_sim.hardware import STEP_S, THRUSTERS, Hardware, STEP_ns
+from hindrax_sim.hardware import STEP_S, THRUSTERS, Hardware
 
 if TYPE_CHECKING:
     from hindrax_sim.recorded_hardware import RecordedHardware
@@ -91,7 +91,10 @@ class WallTime:
 
 
 class Ports:
-    """Hardware behind ports in a folder; `step` advances at most 5 ms. Use it as a context manager."""
+    """Hardware behind ports in a folder; `step` advances at most `step_s`. Use it as a context manager."""
+
+    step_s = STEP_S
+    """Time that passes in a step, and the wall time that it takes at the wall clock's rate."""
 
     def __init__(
         self, hardware: "Hardware | RecordedHardware", folder: Path, *, rate: float, waits: bool = True
@@ -162,7 +165,7 @@ class Ports:
         return self._server.clients()
 
     def _next_stamp(self) -> Stamp:
-        return Stamp(self.hardware.stamp + STEP_ns)
+        return Stamp(self.hardware.stamp + stamp_from_s(self.step_s))
 
     def offer_file(self, make: Callable[[Transfer, Callable[[], Stamp]], FileT]) -> FileT:
         """Offer the bus also as a file for third-party programs.
@@ -220,13 +223,13 @@ class Ports:
 
     def _wait(self, now: Stamp) -> None:
         """Serve clients until the minimum wall time of the step is over."""
-        while (least := self.governor.least_wall_s(STEP_S, now, self.last_write)) > 0.0:
+        while (least := self.governor.least_wall_s(self.step_s, now, self.last_write)) > 0.0:
             left = self._step_began + least - time.monotonic()
             if left <= 0.0:
                 break
             self._server.serve(now, min(left, 0.002))
         # At wall-clock rate a late step is made up for: programs that sleep by the wall clock must not drift.
-        due = self._step_began + least if 0.0 < least <= STEP_S else time.monotonic()
+        due = self._step_began + least if 0.0 < least <= self.step_s else time.monotonic()
         self._step_began = max(due, time.monotonic() - MADE_UP_S)
 
     def _transfer(self, transaction: Transaction, now: Stamp) -> bytes:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_core.events import Stamp
+from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.vehicle import Vehicle
 from hindrax_sim.hardware import Hardware
 from hindrax_sim.mock_vehicle import FREE_LAG_S, SLOW, Governor, MockVehicle
@@ -43,3 +43,22 @@ def test_a_mock_that_waits_for_nobody_keeps_its_rate(
         monkeypatch.setattr(mock._server, "busy", lambda: pytest.fail("it asks who is late"))
         with pytest.raises(pytest.fail.Exception):
             mock.step()
+
+
+def test_longer_steps_keep_the_rate_too(vehicle: Vehicle, tmp_path: Path) -> None:
+    """The devices of the virtual vehicle ran four times too fast: 20 ms of theirs in 5 ms."""
+    paced: list[float] = []
+
+    class Coarse(MockVehicle):
+        step_s = 0.02
+
+    class Noted(Governor):
+        def least_wall_s(self, step_s: float, now: Stamp, last_write: Stamp | None) -> float:
+            paced.append(step_s)
+            return super().least_wall_s(step_s, now, last_write)
+
+    with Coarse(Hardware(vehicle, 1), tmp_path, rate=1.0, waits=False) as mock:
+        mock.governor = Noted()
+        before = mock.hardware.stamp
+        mock.step()
+        assert set(paced) == {seconds_between(before, mock.hardware.stamp)} == {Coarse.step_s}

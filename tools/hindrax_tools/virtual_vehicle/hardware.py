@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TextIO
 
 from hindrax_bringup.share_files import default_vehicle
-from hindrax_core.events import Stamp, stamp_from_s
+from hindrax_core.events import Stamp
 from hindrax_core.vehicle import load_vehicle
 from hindrax_i2c_file.fuse_i2c import FuseI2c
 from hindrax_sim.hardware import Hardware
@@ -72,16 +72,13 @@ class Devices(MockVehicle):
 
     step_s = 0.02
 
-    def _next_stamp(self) -> Stamp:
-        return Stamp(self.hardware.stamp + stamp_from_s(self.step_s))
-
 
 def main() -> None:
     """Serve until the end."""
     file = load_vehicle(default_vehicle())
     FOLDER.mkdir(parents=True, exist_ok=True)
     with (
-        Devices(Hardware(file, 1), FOLDER, rate=1.0) as vehicle,
+        Devices(Hardware(file, 1), FOLDER, rate=1.0, waits=False) as vehicle,
         contextlib.closing(vehicle.offer_file(partial(FuseI2c, file.output.port))),
         LINE.open("w") as line,
     ):
