@@ -52,6 +52,21 @@ class StackTime:
         """Nanoseconds since 1970."""
         return Stamp(time.time_ns() if self.epoch_ns is None else self.epoch_ns + time.monotonic_ns())
 
+    def at(self, monotonic_ns: int) -> Stamp:
+        """Time of this clock when the monotonic clock stood there: what the kernel stamps by that clock.
+
+        Parameters
+        ----------
+        monotonic_ns : [ns]
+            Time of the monotonic clock.
+
+        Returns
+        -------
+        Stamp
+            Outside of a stack, by the wall clock as it is now.
+        """
+        return Stamp((epoch_ns() if self.epoch_ns is None else self.epoch_ns) + monotonic_ns)
+
     def step_s(self) -> float:
         """Lead of the wall clock over this time [s], the correction by a clock daemon."""
         return 0.0 if self.epoch_ns is None else (epoch_ns() - self.epoch_ns) / NS_PER_S

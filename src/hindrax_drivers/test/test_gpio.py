@@ -11,6 +11,8 @@ from typing import Any
 import pytest
 
 from hindrax_core.bus_operations import EDGES, DeviceError, Read, Write
+from hindrax_core.events import NS_PER_S
+from hindrax_core.stack_time import StackTime
 from hindrax_core.vehicle import Output, load_vehicle
 from hindrax_drivers.buses import gpio
 from hindrax_drivers.buses.ports import open_bus
@@ -35,7 +37,7 @@ class FakeGpiod(ModuleType):
             Bias=SimpleNamespace(AS_IS="none", PULL_UP="up", PULL_DOWN="down"),
             Value=SimpleNamespace(ACTIVE=1, INACTIVE=0),
             Edge=SimpleNamespace(RISING="rising"),
-            Clock=SimpleNamespace(REALTIME="realtime"),
+            Clock=SimpleNamespace(MONOTONIC="monotonic"),
         )
         self.LineSettings = SimpleNamespace
         self.busy = False
@@ -78,7 +80,7 @@ class FakeGpiod(ModuleType):
 
     def _watched(self, settings: Any) -> Any:
         """A request for edges: those of `edges` wait to be read, two at a time as in a small buffer."""
-        assert (settings.edge_detection, settings.event_clock) == ("rising", "realtime")
+        assert (settings.edge_detection, settings.event_clock) == ("rising", "monotonic")
         self.requested += 1
 
         def read() -> list[Any]:
@@ -183,14 +185,15 @@ def test_a_chip_that_is_not_there_is_reported() -> None:
 
 
 def test_lines_beside_a_bus_are_counted_and_stamped_by_the_kernel(gpiod: FakeGpiod) -> None:
-    lines = gpio.EdgeLines()
+    epoch_ns = 1_700_000_000 * NS_PER_S
+    lines = gpio.EdgeLines(StackTime(epoch_ns))
     with pytest.raises(DeviceError, match="wanted a line that is watched"):
         lines.transfer(Read(EDGES + 17, 12))
     lines.transfer(Write(EDGES + 17, b"pinctrl-bcm2711"))
     assert lines.transfer(Read(EDGES + 17, 12)) == bytes(12), "no edge yet"
     gpiod.edges = [(1, 100), (2, 200), (3, 300)]
-    assert lines.transfer(Read(EDGES + 17, 12)) == struct.pack(">Iq", 3, 300)
-    assert lines.transfer(Read(EDGES + 17, 12)) == struct.pack(">Iq", 3, 300), "the newest stays"
+    assert lines.transfer(Read(EDGES + 17, 12)) == struct.pack(">Iq", 3, epoch_ns + 300)
+    assert lines.transfer(Read(EDGES + 17, 12)) == struct.pack(">Iq", 3, epoch_ns + 300), "the newest stays"
     lines.transfer(Write(EDGES + 17, b"pinctrl-bcm2711"))
     assert lines.transfer(Read(EDGES + 17, 12)) == bytes(12), "watched anew"
     with pytest.raises(DeviceError, match="found the chips"):

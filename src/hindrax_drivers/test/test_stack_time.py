@@ -49,6 +49,13 @@ def test_a_step_moves_no_stamp_and_is_reported(
     wire.close()
 
 
+def test_what_the_kernel_stamps_by_the_monotonic_clock_is_of_the_same_time(clocks: Clocks) -> None:
+    stack, alone = StackTime(epoch_ns()), StackTime()
+    clocks.wall_ns += S // 20
+    assert stack.at(clocks.steady_ns) == stack.now(), "a step too small to restart for"
+    assert alone.at(clocks.steady_ns) == alone.now()
+
+
 def test_outside_of_a_stack_it_is_the_wall_clock(clocks: Clocks) -> None:
     alone = StackTime.of({})
     clocks.wall_ns += 3600 * S

@@ -7,6 +7,7 @@ from typing import Any
 
 from hindrax_core.bus_operations import EDGE, EDGES, DeviceError, Read, Transaction, Write
 from hindrax_core.errors import cause
+from hindrax_core.stack_time import StackTime
 from hindrax_drivers.buses.clock import SystemClock
 
 GPIO_PREFIX = "gpio:"
@@ -91,10 +92,14 @@ class InputLines(dict[int, Any]):
 
 
 class EdgeLines:
-    """Lines beside a bus whose rising edges the kernel counts and stamps, at the addresses from EDGES on."""
+    """Lines beside a bus whose rising edges the kernel counts and stamps, at the addresses from EDGES on.
 
-    def __init__(self) -> None:
-        self._lines = InputLines()
+    The kernel stamps by the monotonic clock: by the wall clock, a step too small to restart a stack would part the
+    edges from the samples that they announce.
+    """
+
+    def __init__(self, time: StackTime) -> None:
+        self._time, self._lines = time, InputLines()
         self._newest: dict[int, tuple[int, int]] = {}
         self.close = self._lines.close
 
@@ -103,7 +108,7 @@ class EdgeLines:
         line = transaction.address - EDGES
         if isinstance(transaction, Write):
             kind, chip = library().line, transaction.data.decode(errors="replace")
-            self._lines.request(chip, line, edge_detection=kind.Edge.RISING, event_clock=kind.Clock.REALTIME)
+            self._lines.request(chip, line, edge_detection=kind.Edge.RISING, event_clock=kind.Clock.MONOTONIC)
             self._newest[line] = (0, 0)
             return b""
         if line not in self._lines:
@@ -112,7 +117,7 @@ class EdgeLines:
         try:
             while request.wait_edge_events(0.0):
                 event = request.read_edge_events()[-1]
-                self._newest[line] = (event.line_seqno & 0xFFFFFFFF, event.timestamp_ns)
+                self._newest[line] = (event.line_seqno & 0xFFFFFFFF, self._time.at(event.timestamp_ns))
         except OSError as error:
             raise DeviceError(f"GPIO line {line}: cannot be read ({cause(error)})") from error
         return EDGE.pack(*self._newest[line])

@@ -22,7 +22,7 @@ class Smbus2Bus(SystemClock):
 
     def __init__(self, port: str) -> None:
         super().__init__()
-        self._port, self._lines = port, EdgeLines()
+        self._port, self._lines = port, EdgeLines(self._time)
         try:
             self._adapter = SMBus(port)
         except OSError as error:
