@@ -247,7 +247,20 @@ class Supervisor:
 
 
 def end_after(error: BaseException | None, end: Callable[[], object]) -> None:
-    """End processes; when an output is not safe after that, say so behind the error that was the cause of the end."""
+    """End processes; when an output is not safe after that, say so behind what was the cause of the end.
+
+    Parameters
+    ----------
+    error
+        The cause; None: the end was wanted.
+    end
+        Ends them.
+
+    Raises
+    ------
+    HindraxError
+        Where an output is not safe.
+    """
     try:
         end()
     except HindraxError as unsafe:
