@@ -234,7 +234,7 @@ def _advanced(
     record: SixAxisRecord, search: _Search, velocities: list[Array], index: int, *, selects: bool
 ) -> tuple[_Search, list[Array]]:
     """One Gauss-Newton step of parameters and velocities, shortened where it does not help, and one of the noise."""
-    normal = search.problem(record).normal(velocities, all_terms=selects, begins=index < BEGIN)
+    normal = search.problem(record).normal(velocities, all_terms=selects, as_measured=index < BEGIN)
     means, sigmas, least = (search.column(name) for name in ("mean", "sigma", "least"))
     if selects:
         kept, odds = _admitted(search, normal)

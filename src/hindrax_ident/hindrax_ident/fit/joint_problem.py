@@ -1,7 +1,24 @@
 """Normal equations of all six axes of a record: velocities of every step and parameters, linearized.
 
-The new part of the unknown force of a step depends on three neighboring states, so the matrix of the velocities has a
-narrow band. The Schur complement leaves the parameters.
+Symbols, for one stretch with a grid of times t_0 ... t_n-1 and the step h:
+
+    v_k       state at t_k: velocities of the axes of the record, and a depth where there is one
+    theta     parameters: lag, latencies, and the factor of each `Term`
+    w_k       unknown force of step k: M (v_k+1 - v_k)/h + [C(M) v + sum theta_i f_i - tau], in the middle of the step
+    e_k       what is new in it: w_k = kept w_k-1 + e_k, an autoregressive process with innovations e ~ N(0, Q)
+    y_j       measurement between two grid times: (1 - part) v_k + part v_k+1 + r_j, with r ~ N(0, R)
+
+The most probable motion and parameters together minimize  J = sum e'Q^-1 e + sum r'R^-1 r + (the distance of theta from
+its prior). So motion is neither integrated from an assumed start (which diverges where a law is wrong) nor taken from
+noisy differences: it is a smoother whose model has parameters. One Gauss-Newton step about the present v and theta:
+
+    | A  B | |dv    |   |a|      A = E'Q^-1 E + H'R^-1 H,   E = de/dv, H = dy/dv     (states)
+    | B' C | |dtheta| = |c|      B, C likewise with the columns de/dtheta            (parameters)
+
+e_k depends on v_k+1, v_k and v_k-1, so A is a band of blocks two wide, and a stretch of an hour is solved in time
+proportional to its length. Its elimination (the Schur complement) leaves the parameters:
+
+    S = C - B'A^-1 B,   s = c - B'A^-1 a,   S dtheta = s,   dv = A^-1 a - A^-1 B dtheta
 """
 
 from __future__ import annotations
@@ -88,7 +105,10 @@ def first_noise(record: SixAxisRecord, pull: Array) -> Noise:
 
 
 def _variance(y: Array, order: int) -> float:
-    """Variance of white noise from differences; of the orders, the least has least of the motion left."""
+    """Variance of white noise from differences of an order: of white noise it is (2m over m) times the variance.
+
+    A motion that is smooth over a few samples vanishes in them; of the orders, the least has least of the motion left.
+    """
     return float(np.mean(np.diff(y, n=order) ** 2)) / math.comb(2 * order, order) if len(y) > order else 1.0
 
 
@@ -124,7 +144,7 @@ class Normal(NamedTuple):
 
 
 class _Steps(NamedTuple):
-    """Steps of a stretch: state, mass of the axes, unknown force (n - 1, states), acceleration by the model."""
+    """Steps of a stretch: state in the middle of each, M of the axes, w (n - 1, states), M^-1 (tau - resisting)."""
 
     state: State
     M: Array
@@ -150,25 +170,26 @@ class _Measured(NamedTuple):
         return array(before + np.bincount(self.step + 1, self.part * values, n))
 
 
-class _Dependence(NamedTuple):
-    """What is new in the unknown force of a step, by the states: at its end, at its begin, and one step before.
+class _Jacobian(NamedTuple):
+    """Innovations e_k of a stretch and their derivatives: the three blocks that each row of E has, and those by theta.
 
-    (n - 1, states, states) each; `columns` (n - 1, states, u): by the parameters; `w` (n - 1, states): its value.
+    `end`, `begin`, `earlier` (n - 1, states, states): de_k by v_k+1, v_k and v_k-1; `columns` (n - 1, states, u): by
+    the parameters in use; `e` (n - 1, states): their values.
     """
 
-    late: Array
-    mid: Array
-    old: Array
+    end: Array
+    begin: Array
+    earlier: Array
     columns: Array
-    w: Array
+    e: Array
 
-    def on_states(self, weighted: Array) -> Array:
-        """Transposed, times weighted forces (n - 1, states, k): (n, states, k)."""
-        out = np.zeros((len(self.w) + 1, *weighted.shape[1:]))
-        late, mid, old = (one.transpose(0, 2, 1) @ weighted for one in (self.late, self.mid, self.old))
-        out[1:] += late
-        out[:-1] += mid
-        out[:-2] += old[1:]
+    def transposed_times(self, weighted: Array) -> Array:
+        """E' times numbers of each step (n - 1, states, k): (n, states, k), a sum over the rows that have a state."""
+        out = np.zeros((len(self.e) + 1, *weighted.shape[1:]))
+        end, begin, earlier = (one.transpose(0, 2, 1) @ weighted for one in (self.end, self.begin, self.earlier))
+        out[1:] += end
+        out[:-1] += begin
+        out[:-2] += earlier[1:]
         return out
 
 
@@ -187,7 +208,7 @@ class JointProblem:
         """Axes of the record."""
         return list(self.record.axes)
 
-    def normal(self, velocities: Sequence[Array], *, all_terms: bool = False, begins: bool = False) -> Normal:
+    def normal(self, velocities: Sequence[Array], *, all_terms: bool = False, as_measured: bool = False) -> Normal:
         """Normal equations of the parameters, summed over the stretches.
 
         Parameters
@@ -196,8 +217,8 @@ class JointProblem:
             Motion of each stretch about which is linearized.
         all_terms
             Whether terms that are not in now have their columns too: for the odds.
-        begins
-            Whether masses act on accelerations as measured: as long as the model does not know better.
+        as_measured
+            Whether masses act on differences of the velocities: before the first fit the model knows no better.
 
         Returns
         -------
@@ -208,7 +229,7 @@ class JointProblem:
         # The same probes in each step: else the noise would never settle.
         rng = np.random.default_rng(0)
         stretches = zip(self.record.grids, velocities, strict=True)
-        parts = [self._stretch(grid, v, used, rng, begins=begins) for grid, v in stretches]
+        parts = [self._stretch(grid, v, used, rng, as_measured=as_measured) for grid, v in stretches]
         return Normal(
             array(sum(one.S for one in parts)),
             array(sum(one.s for one in parts)),
@@ -262,11 +283,11 @@ class JointProblem:
             if M is not None:
                 # w M^-1 is the acceleration that the model does not explain; times the given mass it is a force again.
                 w = np.column_stack([w[:, :na] @ np.linalg.inv(step.M) @ M[np.ix_(self.axes, self.axes)], w[:, na:]])
-            out[0] += np.sum(self._fresh(w) ** 2, axis=0)
+            out[0] += np.sum(self._innovations(w) ** 2, axis=0)
             for place in range(v.shape[1]):
                 if (own := self._measured(place, grid)) is not None:
-                    e = own.errors(v[:, place])
-                    out[1, place] += np.sum(self._robust(e, place) * e**2)
+                    r = own.errors(v[:, place])
+                    out[1, place] += np.sum(self._robust(r, place) * r**2)
         return out
 
     def memory(self, velocities: Sequence[Array]) -> Array:
@@ -291,6 +312,7 @@ class JointProblem:
         for grid, v in zip(self.record.grids, velocities, strict=True):
             w = self._steps(grid, v).w
             sums += [np.sum(w[one:] * w[:-one], axis=0) for one in (span, 2 * span)]
+        # Of an autoregressive process the covariance falls by the same share with each span.
         share = np.divide(sums[1], sums[0], out=np.zeros_like(sums[0]), where=sums[0] > 0.0)
         # From the share over a span to that over a step, and never so near to 1 that a force would be a drift.
         found = np.minimum(np.maximum(share, 0.0) ** (1.0 / span), math.exp(-step_s / LONGEST_MEMORY_S))
@@ -315,7 +337,11 @@ class JointProblem:
         return out
 
     def _steps(self, grid: Grid, v: Array) -> _Steps:
-        """Unknown force of each step of a stretch, and what it was computed from."""
+        """Unknown force w of each step of a stretch, and what it was computed from.
+
+        w = M (v_k+1 - v_k)/h + C(M) v + sum theta_i f_i - tau: what the step has beyond the model. Thrust is its mean
+        over the step, after the lag; velocities are those of the middle.
+        """
         axes, na = self.axes, len(self.axes)
         thrust = self._thrust(grid, max(0.0, float(self.theta[LAG])))
         M = masses(self.terms, np.where(self.kept, self.theta, 0.0))[np.ix_(axes, axes)]
@@ -332,18 +358,24 @@ class JointProblem:
             w[:, na] -= np.sum(nu[:, :3] * grid.down, axis=1)
         return _Steps(state, M, w, predicted)
 
-    def _fresh(self, w: Array) -> Array:
-        """What is new in each step of unknown forces (n, states, ...), of equal variance."""
+    def _innovations(self, w: Array) -> Array:
+        """What is new in each step of unknown forces or of their derivatives, e_k = w_k - kept w_k-1: (n, states, ...).
+
+        Linear in w, so the derivatives of e are those of w through the same function. All have the variance Q: before
+        the first step there is none, so it has the stationary variance Q / (1 - kept^2), and is brought down to Q.
+        """
         kept = self.noise.kept.reshape(-1, *[1] * (w.ndim - 2))
         out = w.copy()
         out[1:] -= kept * w[:-1]
-        # The first one has the stationary variance; this brings it down to that of what is new.
         out[0] *= np.sqrt(1.0 - kept**2)
         return out
 
-    def _robust(self, e: Array, place: int) -> Array:
-        """Weights of measurement errors: 1 but for outliers."""
-        return array(np.minimum(1.0, OUTLIER * math.sqrt(self.noise.velocity[place]) / np.maximum(np.abs(e), 1e-12)))
+    def _robust(self, r: Array, place: int) -> Array:
+        """Weights of measurement errors r: 1, beyond OUTLIER deviations one over the error (Huber 1964).
+
+        So an outlier pulls no more than an error of that size would.
+        """
+        return array(np.minimum(1.0, OUTLIER * math.sqrt(self.noise.velocity[place]) / np.maximum(np.abs(r), 1e-12)))
 
     def _measured(self, place: int, grid: Grid) -> _Measured | None:
         """Measurements of a state within a stretch; None without any."""
@@ -357,8 +389,17 @@ class JointProblem:
         inside = (t >= grid.times_s[0]) & (t <= grid.times_s[-1])
         return _Measured(*grid.places(t[inside]), one.y[inside], latency) if inside.any() else None
 
-    def _dependence(self, grid: Grid, v: Array, used: Index, *, begins: bool) -> _Dependence:
-        """Derivatives of what is new in the unknown forces."""
+    def _jacobian(self, grid: Grid, v: Array, used: Index, *, as_measured: bool) -> _Jacobian:
+        """Innovations of the unknown forces, and their derivatives by states and parameters.
+
+        With the slope F = d(resisting forces)/dv, taken by central differences in the middle of the step,
+
+            dw_k/dv_k+1 = M/h + F/2,   dw_k/dv_k = -M/h + F/2,   and  de_k = dw_k - kept dw_k-1
+
+        so e_k has v_k-1 in it, by the begin of the step before. By a parameter, w changes by the force of its term per
+        unit; that of a mass is the acceleration. It comes from the model, v' = M^-1 (tau - resisting): the difference
+        of noisy velocities would have noise in the regressor, which biases masses towards zero (errors in variables).
+        """
         axes, na, ns, h = self.axes, len(self.axes), v.shape[1], grid.step_s
         steps = self._steps(grid, v)
         inertia, slope = np.eye(ns) / h, np.zeros((len(v) - 1, ns, ns))
@@ -370,18 +411,15 @@ class JointProblem:
             slope[:, :na, place] = ((ahead - back) / (2.0 * NUDGE))[:, axes]
             if ns > na and axis < 3:
                 slope[:, na, place] = -grid.down[:, axis]
-        # Half of the slope at each end of the step, since the forces are taken in its middle.
-        late, before = inertia + 0.5 * slope, -inertia + 0.5 * slope
+        w_by_end, w_by_begin = inertia + 0.5 * slope, -inertia + 0.5 * slope
         kept = self.noise.kept[:, None]
-        mid, old = before.copy(), np.zeros_like(before)
-        # What is new in a step is its force less the kept share of that before, which depends on one state more.
-        mid[1:] -= kept * late[:-1]
-        old[1:] = -kept * before[:-1]
-        for one in (late, mid):
-            one[0] *= np.sqrt(1.0 - kept**2)
-        # The acceleration of the model has no noise; that of a difference would bias the masses towards zero.
+        end, begin, earlier = w_by_end.copy(), w_by_begin.copy(), np.zeros_like(w_by_begin)
+        begin[1:] -= kept * w_by_end[:-1]
+        earlier[1:] = -kept * w_by_begin[:-1]
+        for one in (end, begin):
+            one[0] *= np.sqrt(1.0 - kept**2)  # as `_innovations` has it
         acceleration = steps.predicted
-        if begins:
+        if as_measured:
             acceleration = np.zeros_like(steps.predicted)
             acceleration[:, axes] = np.diff(v[:, :na], axis=0) / h
         columns = np.zeros((len(v) - 1, ns, len(used)))
@@ -394,42 +432,52 @@ class JointProblem:
             # No term of a force: the lag moves the thrust itself.
             more = self._thrust(grid, max(0.0, float(self.theta[LAG])) + SHORT_S)
             columns[:, :na, 0] = -((more - steps.state.thrust) / SHORT_S)[:, axes]
-        return _Dependence(late, mid, old, self._fresh(columns), self._fresh(steps.w))
+        return _Jacobian(end, begin, earlier, self._innovations(columns), self._innovations(steps.w))
 
-    def _stretch(self, grid: Grid, v: Array, used: Index, rng: np.random.Generator, *, begins: bool) -> Normal:
-        """Normal equations of one stretch."""
+    def _stretch(self, grid: Grid, v: Array, used: Index, rng: np.random.Generator, *, as_measured: bool) -> Normal:
+        """Normal equations of one stretch: S and s of its parameters, with the states eliminated.
+
+        One factorization of the band A serves three kinds of right sides, side by side in `right`:
+
+        - a, the step of the states where the parameters stay;
+        - B, one column for each parameter in use;
+        - E'Q^-1/2 z and H'R^-1/2 z with random signs z, for each state. By Hutchinson (1990) the expectation of
+          z'(.)A^-1(.)z is a trace: how many of the innovations, and of the measurements, the fitted motion takes. The
+          rest are the degrees of freedom by which sums of squares become variances (`Noise.updated`).
+
+        `scores` and `shares` are s and C of blocks of time, without the elimination: how much they scatter tells
+        whether the model is wrong by more than its noise (`scatter`).
+        """
         (n, ns), u, W = v.shape, len(used), 1.0 / self.noise.force
-        d = self._dependence(grid, v, used, begins=begins)
+        d = self._jacobian(grid, v, used, as_measured=as_measured)
         whitened = (d.columns * np.sqrt(W)[:, None]).reshape(-1, u)
-        S, rows = whitened.T @ whitened, -np.matmul((W * d.w)[:, None, :], d.columns)[:, 0, :]
-        weighted = np.concatenate([-d.w[:, :, None], d.columns], axis=2) * W[:, None]
+        S, rows = whitened.T @ whitened, -np.matmul((W * d.e)[:, None, :], d.columns)[:, 0, :]
+        weighted = np.concatenate([-d.e[:, :, None], d.columns], axis=2) * W[:, None]
         signs = rng.choice([-1.0, 1.0], (n - 1, ns))
         of_forces = signs[:, :, None] * np.eye(ns) * np.sqrt(W)[:, None]
-        # One factorization for all: the step, its dependence on the parameters, and a random probe for each variance.
-        right = d.on_states(np.concatenate([weighted, of_forces, np.zeros((n - 1, ns, ns))], axis=2))
+        right = d.transposed_times(np.concatenate([weighted, of_forces, np.zeros((n - 1, ns, ns))], axis=2))
         D, L, L2 = _blocks(d, W)
         free = np.stack([np.full(ns, n - 1.0), np.zeros(ns)])
         for place in range(ns):
             if (own := self._measured(place, grid)) is None:
                 continue
-            e = own.errors(v[:, place])
-            weight = self._robust(e, place) / self.noise.velocity[place]
+            r = own.errors(v[:, place])
+            weight = self._robust(r, place) / self.noise.velocity[place]
             # A measurement between two states is their weighted mean, so it is in both diagonals and beside them.
             D[:, place, place] += np.bincount(own.step, weight * (1.0 - own.part) ** 2, n)
             D[:, place, place] += np.bincount(own.step + 1, weight * own.part**2, n)
             L[:, place, place] += np.bincount(own.step, own.part * (1.0 - own.part) * weight, n - 1)
-            right[:, place, 0] += own.placed(weight * e, n)
-            right[:, place, 1 + u + ns + place] = own.placed(np.sqrt(weight) * rng.choice([-1.0, 1.0], len(e)), n)
-            free[1, place] = len(e)
+            right[:, place, 0] += own.placed(weight * r, n)
+            right[:, place, 1 + u + ns + place] = own.placed(np.sqrt(weight) * rng.choice([-1.0, 1.0], len(r)), n)
+            free[1, place] = len(r)
             for k in np.flatnonzero(used == own.latency).tolist():
                 # A latency moves the place at which the state is read: by its rate.
                 moved = (v[own.step, place] - v[own.step + 1, place]) / grid.step_s
                 right[:, place, 1 + k] += own.placed(weight * moved, n)
                 S[k, k] += np.sum(weight * moved**2)
-                rows[:, k] += np.bincount(own.step, weight * moved * e, n - 1)
+                rows[:, k] += np.bincount(own.step, weight * moved * r, n - 1)
         flat = right.reshape(n * ns, -1)
         solved = solveh_banded(_banded(D, L, L2), flat, lower=True, check_finite=False)
-        # A random probe of each state estimates the trace: how many of its numbers the fit takes.
         free -= np.sum(flat[:, 1 + u :] * solved[:, 1 + u :], axis=0).reshape(2, ns)
         S -= flat[:, 1 : u + 1].T @ solved[:, 1 : u + 1]
         s = rows.sum(axis=0) - flat[:, 1 : u + 1].T @ solved[:, 0]
@@ -456,22 +504,30 @@ def _spread(values: Array, used: Index, p: int) -> Array:
     return out
 
 
-def _blocks(d: _Dependence, W: Array) -> tuple[Array, Array, Array]:
-    """Blocks of the matrix of the states by the unknown forces: its diagonal, and the two below it."""
-    n, ns = len(d.w) + 1, d.w.shape[1]
-    late, mid = ((W[:, None] * one).transpose(0, 2, 1) for one in (d.late, d.mid))
+def _blocks(d: _Jacobian, W: Array) -> tuple[Array, Array, Array]:
+    """Blocks of E'Q^-1 E, with W = 1 / Q: its diagonal D (n, s, s), and the first L and second L2 below it.
+
+    Each e_k adds the squares of its three blocks to the diagonal, and their products below it: end by begin and begin
+    by earlier next to it, end by earlier two below.
+    """
+    n, ns = len(d.e) + 1, d.e.shape[1]
+    end, begin, earlier = ((W[:, None] * one).transpose(0, 2, 1) for one in (d.end, d.begin, d.earlier))
     D, L, L2 = np.zeros((n, ns, ns)), np.zeros((n - 1, ns, ns)), np.zeros((n - 2, ns, ns))
-    D[1:] += late @ d.late
-    D[:-1] += mid @ d.mid
-    D[:-2] += ((W[:, None] * d.old).transpose(0, 2, 1) @ d.old)[1:]
-    L += late @ d.mid
-    L[:-1] += (mid @ d.old)[1:]
-    L2 += (late @ d.old)[1:]
+    D[1:] += end @ d.end
+    D[:-1] += begin @ d.begin
+    D[:-2] += (earlier @ d.earlier)[1:]
+    L += end @ d.begin
+    L[:-1] += (begin @ d.earlier)[1:]
+    L2 += (end @ d.earlier)[1:]
     return D, L, L2
 
 
 def _banded(*blocks: Array) -> Array:
-    """Lower band of a matrix of square blocks: those of its diagonal (n, s, s), and of each one below it."""
+    """Lower band of a matrix of square blocks, as LAPACK has it (`solveh_banded`): row i holds the i-th diagonal below.
+
+    `blocks`: those of its diagonal (n, s, s), and of each one below it. Element (a, b) of a block `below` the diagonal
+    is `below` s + a - b rows below it, in the column b of its block column; above the diagonal nothing is kept.
+    """
     n, s, _ = blocks[0].shape
     out = np.zeros((len(blocks) * s, n * s))
     for below, block in enumerate(blocks):
