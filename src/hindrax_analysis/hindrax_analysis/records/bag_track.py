@@ -1,6 +1,9 @@
 """Data of one topic of a third-party bag: times, frame, and rows of velocities, forces, pulses or poses.
 
 Poses beside velocities show the frame of the velocities; where there are none, velocities follow from poses.
+
+Symbols: p position in the world, q = (x, y, z, w) unit quaternion of the body in the world, as messages have it, R(q)
+its rotation from body to world; both signs of q are the same attitude.
 """
 
 from dataclasses import dataclass, field
@@ -114,7 +117,10 @@ def quaternions_of(track: Track) -> Array:
 
 
 def tilts_of(quaternions: Array) -> Array:
-    """Roll and pitch (n, 2) [rad], in the axes of the quaternions."""
+    """Roll and pitch (n, 2) [rad], in the axes of the quaternions, of the sequence yaw, pitch, roll.
+
+    From the last row of R, which is where "up" is in the body: tan(roll) = R_32 / R_33, sin(pitch) = -R_31.
+    """
     x, y, z, w = quaternions.T
     roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     return array(np.column_stack([roll, np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))]))
@@ -150,7 +156,7 @@ def to_body(vectors: Array, quaternions: Array) -> Array:
 
 
 def to_world(vectors: Array, quaternions: Array) -> Array:
-    """Body vectors (n, 3) in world axes, rotated by unit quaternions."""
+    """Body vectors (n, 3) in world axes: v + 2 w (e x v) + 2 e x (e x v), with q = (e, w); (n, 3)."""
     axis, w = quaternions[:, :3], quaternions[:, 3:]
     across = 2.0 * np.cross(axis, vectors)
     return array(vectors + w * across + np.cross(axis, across))
@@ -159,7 +165,9 @@ def to_world(vectors: Array, quaternions: Array) -> Array:
 def compare_frames(t_s: Array, positions: Array, quaternions: Array, velocities: Array) -> FrameErrors | None:
     """Compare velocities with rates of the positions in both frames that they may be of.
 
-    Positions at least COMPARED_S apart are compared with the mean velocity between them.
+    Positions at least COMPARED_S apart are compared with the mean velocity between them, once as it is (if the
+    velocities are of the world) and once turned by R(q) (if they are of the body). Longer steps than usual are gaps, in
+    which velocities say nothing of the way. Only the plane is compared: many an odometry has no height.
 
     Parameters
     ----------
@@ -190,7 +198,7 @@ def compare_frames(t_s: Array, positions: Array, quaternions: Array, velocities:
 
 
 def _means(t: Array, values: Array, starts: list[int]) -> Array:
-    """Means between neighbors of `starts`, (m, k), by the trapezoidal rule."""
+    """Means between neighbors of `starts`, (m, k): differences of the trapezoidal integral over their times."""
     steps = np.diff(t)[:, None]
     sums = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(0.5 * (values[1:] + values[:-1]) * steps, axis=0)])
     return array(np.diff(sums[starts], axis=0) / np.diff(t[starts])[:, None])
@@ -214,6 +222,7 @@ def ways_from_poses(positions: Array, quaternions: Array) -> Array:
     Array
         (n, 3) [m], from zero.
     """
+    # The sum of two quaternions of one sign is halfway between them, but for its length.
     halfway = (
         quaternions[1:]
         + np.where(np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0, -1.0, 1.0)[:, None] * quaternions[:-1]
@@ -245,7 +254,12 @@ def are_exact(ways: Array) -> bool:
 
 
 def velocities_from_poses(t_s: Array, positions: Array, quaternions: Array) -> tuple[Array, Array]:
-    """Velocities in body axes from positions and attitudes.
+    """Velocities in body axes from positions and attitudes, averaged in bins of BIN_S or of a sample if that is longer.
+
+        v = R(q_m)' (p_2 - p_1) / (t_2 - t_1),   omega = 2 e / (t_2 - t_1),   with (e, w) = q_1^-1 q_2
+
+    q_m is the attitude halfway, the mean of both. Twice the vector part of a small turn is its angle; the error is its
+    third power over 24. The mean of p and q of a bin belongs to the mean of its times.
 
     Parameters
     ----------

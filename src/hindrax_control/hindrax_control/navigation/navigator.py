@@ -2,6 +2,13 @@
 
 The IMU drives it: each sample only adds to sums, and at every tick the sums go through the attitude, the vertical and
 the horizontal filter. What other sensors measured waits until the next tick and is fused at its own time of validity.
+
+Symbols: SNAME axes of the body, origin at the body origin. f specific force, what an accelerometer measures:
+acceleration less gravity [m/s^2]; omega = (p, q, r) rates, (bp, bq, br) offsets of the gyroscope; u v w velocities in
+the body. R rotates from the body to north, east, down; its last row d = (dx, dy, dz) is "down" in the body, so
+
+    v' = f + g d - omega x v     (velocity over ground, in axes that turn)
+    down rate = d . (u, v, w),   north and east rate by the other rows
 """
 
 import math
@@ -241,9 +248,15 @@ class Navigator:
     def _predict(self, turned: Vec3, force: Vec3, dt: float, at: SensorMount) -> None:
         """Carry attitude, heading, depth, velocities and place over a tick of `dt` [s].
 
-        `turned` [rad] and the specific `force` [m/s^2] of the tick are in body axes. The accelerations of u and v are
-        those of a body that turns: f + g d - omega x v, without heave where no depth shows it or the vehicle lies on
-        its side.
+        `turned` [rad] and the specific `force` f [m/s^2] of the tick are in body axes. In this order, since each needs
+        the one before:
+
+        - attitude: the angle less the offset of the gyroscope turns R, and f levels it (`AttitudeFilter`);
+        - vertical: d . f + g is the acceleration downward; f is a mean over the tick, so d is that of its middle;
+        - horizontal: u' and v' of f + g d - omega x v, with the heave of the vertical filter; without it where no depth
+          shows it or the vehicle lies on its side;
+        - scale of the DVL, and walls: the change of velocity in north and east, with which both compare what they see;
+        - place: R (u, v, w) over the tick, where the velocity is known.
         """
         attitude, horizontal = self._attitude, self._horizontal
         bp, bq, br = attitude.bias_radps
@@ -281,7 +294,10 @@ class Navigator:
             self._reckon(dt * (a * u + b * v + c * w), dt * (d * u + e * v + f * w), dt)
 
     def _reckon(self, north_m: float, east_m: float, dt: float) -> None:
-        """Count one step of the way, and how far it may be off."""
+        """Count one step of the way, and how far it may be off.
+
+        What is measured adds as independent errors, where nothing measures as one that stays (`PositionUncertainty`).
+        """
         north, east = self._position
         self._position = self._aiding.place_m = (north + north_m, east + east_m)
         self._reckoning.move(self._attitude.heading_rad, north_m, east_m, dt)
@@ -294,7 +310,10 @@ class Navigator:
         self._reckoned = self._imu
 
     def _at_origin(self, force: Vec3, rate: Vec3, dt: float, lever_m: Vec3) -> Vec3:
-        """Specific force at the body origin: what rotation does at the sensor's lever is taken off."""
+        """Specific force at the body origin: at the lever l it is more by omega' x l + omega x (omega x l).
+
+        The derivative of the rates is their difference over the tick.
+        """
         was = self._rate_radps
         turning = ((rate[0] - was[0]) / dt, (rate[1] - was[1]) / dt, (rate[2] - was[2]) / dt)
         tangential, centripetal = cross(turning, lever_m), cross(rate, cross(rate, lever_m))
@@ -361,7 +380,7 @@ class Navigator:
     # ---- what goes out
 
     def _heave(self, down: Vec3, u_mps: float, v_mps: float) -> float:
-        """Heave velocity in body axes from the downward velocity and those along x and y."""
+        """Heave velocity w in body axes: the downward rate is d . (u, v, w), solved for w; dz must not be near zero."""
         return (self._vertical.rate_mps - down[0] * u_mps - down[1] * v_mps) / down[2]
 
     def _locked_at(self, stamp: Stamp) -> bool:
@@ -380,6 +399,11 @@ class Navigator:
         return velocities, sigmas
 
     def _navigation(self, stamp: Stamp, rate: Vec3) -> Navigation:
+        """State at a stamp, with its deviations; rates are those of the sample, less the offset.
+
+        w = (down rate - dx u - dy v) / dz, so its variance is that of the down rate and of u and v by their factors; a
+        velocity that nothing measures may be as large as the vehicle is fast.
+        """
         attitude, vertical, horizontal = self._attitude, self._vertical, self._horizontal
         bp, bq, br = attitude.bias_radps
         down = attitude.rotation[2]

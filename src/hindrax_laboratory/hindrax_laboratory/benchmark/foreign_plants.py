@@ -4,6 +4,9 @@ The fluid has drag that depends on the whole velocity, lift, Magnus and Munk ter
 terms, because the ellipsoids are off the center (MuJoCo, chapter Computation, Fluid forces). Eight propellers behind a
 lag lose thrust to the water that moves along, T = T_0 - T_nu |n| u (Fossen 2011 eq. 9.8). The record has the wrench
 of the commands at rest, as a stack knows it. Simulation needs the wheel `mujoco`; a record that was written does not.
+
+Symbols: nu velocity (6,) and SNAME axes about the center of mass; R body to level axes, its last row "down" in the
+body; B (6, 8) wrench per newton of the thrusters, pinv(B) how a wrench is shared out; M body and added mass (6, 6).
 """
 
 import math
@@ -80,7 +83,11 @@ class Plant:
 
     @property
     def directions(self) -> Array:
-        """Wrench per newton of the eight thrusters: (6, 8) [-, m]. Four at 45 degrees, four vertical."""
+        """Wrench per newton of the eight thrusters: (6, 8) [-, m]. Four at 45 degrees, four vertical.
+
+        The flat ones push forward, those at the bow inward and those at the stern outward: so all four serve surge,
+        sway and yaw. A column is [d; p x d], direction and moment about the center of mass.
+        """
         x, y = self.lever_m
         corners = [(x, y), (x, -y), (-x, y), (-x, -y)]
         c = math.sqrt(0.5)
@@ -157,7 +164,11 @@ class Fluid:
 
     @property
     def added_mass(self) -> Array:
-        """That of all ellipsoids about the center of mass: (6, 6), which MuJoCo leaves to the inertia of the body."""
+        """That of all ellipsoids about the center of mass: (6, 6), which MuJoCo leaves to the inertia of the body.
+
+        Each is diagonal at its own center c. There the velocity is v + omega x c, so nu_c = H nu with H = [1, -c x;
+        0, 1], and equal energy gives H' M_c H: off the center, pushing also turns.
+        """
         total = np.zeros((6, 6))
         for row, center in zip(self._model.geom_fluid, self._model.geom_pos, strict=True):
             moved = np.eye(6)
@@ -253,6 +264,13 @@ class _Motion:
 def fly(plant: Plant, kind: str, seed: int) -> ForeignRecord:
     """Simulate a flight: what is not pushed is held by damping, depth and heading by their errors too.
 
+    Three clocks run: commands (COMMAND_S), rates with angles and depth (RATES_S), and the DVL (DOPPLER_S, else NaN),
+    each with the noise of its instrument. Between them the water moves the vehicle in steps of STEP_S. Moments of roll
+    and pitch stay below what rights the vehicle. The thrust follows its command with a first-order lag, exact over a
+    step; on it is a relative noise with memory (Ornstein-Uhlenbeck with NOISE_S and the deviation THRUST_NOISE: its
+    increments have the variance 2 sigma^2 dt / tau), as of propellers in turbulence. The truth about the drag is the
+    force of the fluid along each axis alone, at shares of the speed that the record reached.
+
     Parameters
     ----------
     plant
@@ -319,15 +337,24 @@ def fly(plant: Plant, kind: str, seed: int) -> ForeignRecord:
 
 
 def _limits(plant: Plant) -> tuple[float, float]:
+    """Least and largest force of a thruster [N]."""
     return -plant.strongest_N, plant.strongest_N
 
 
 def _move(now: _Motion, plant: Plant, fluid: Fluid, inverse: Array, thrust: Array) -> None:
-    """One step by the midpoint rule."""
+    """One step of M nu' = fluid + B T + weight - omega x momentum, by the midpoint rule.
+
+    The rotation is that of the middle rates, to second order, and is made orthogonal again by QR, whose signs are those
+    of the rotation before.
+    """
     B = plant.directions
 
     def acceleration(nu: Array) -> Array:
-        """Acceleration at a velocity, (6,) [m/s^2, rad/s^2]."""
+        """Acceleration at a velocity, (6,) [m/s^2, rad/s^2]: of thrust less what inflow takes, and of own momenta.
+
+        `along` is the speed of the water along each propeller, `lost` T_nu |n| u with |n| as the root of the thrust,
+        scaled to the share `plant.lost` at 10 N and 0.5 m/s. Momenta of the entrained water are in the fluid's force.
+        """
         along = B[:3].T @ nu[:3] + B[3:].T @ nu[3:]
         lost = plant.lost * math.sqrt(10.0) / 0.5 * np.sqrt(np.abs(thrust)) * along
         down = now.R[2]

@@ -3,6 +3,16 @@
 M v' + C(v) v + D(v) v + g(attitude) = tau, with v relative to the water (Fossen 2011, eq. 6.1 and section 8.3).
 Everything is written about the center of mass, so the rigid-body part is diagonal and an offset of the center of mass
 appears only in lever arms. Frames: SNAME body axes; the reference frame is north, east, down with z = 0 at the surface.
+
+Symbols of `step` and `coupling`: u v w p q r velocities; X Y Z K M N forces and moments, which gather all that acts
+before they become accelerations; mx my mz Ix Iy Iz body and entrained water of each axis; P = (px, py, pz) linear and
+h = (hx, hy, hz) angular momentum. C(v) v is what Kirchhoff's equations have for a body in an ideal fluid (Fossen 2011,
+eq. 6.43), with the momenta of body and water together:
+
+    P' = (X, Y, Z) - omega x P,      h' = (K, M, N) - omega x h - v x P
+
+The last term is the Munk moment: it turns a hull across its way. With added mass along the axes alone it is products of
+differences such as (my - mz) v w; `coupling` has the general case.
 """
 
 from collections.abc import Callable, Sequence
@@ -61,6 +71,7 @@ class Plant:
         body = (vehicle.mass_kg, vehicle.mass_kg, vehicle.mass_kg, *vehicle.inertia)
         self._inertia = vec6(own + added for own, added in zip(body, hydrodynamics.added_mass, strict=True))
         mx, my, mz, Ix, Iy, Iz = self._inertia
+        # Factors of the products v w, w u, u v (Munk) and q r, r p, p q (gyroscopic) in K, M, N.
         self._differences = (my - mz, mz - mx, mx - my, Iy - Iz, Iz - Ix, Ix - Iy)
         self._coupling = coupling(self._inertia, hydrodynamics)
         # Factors a, b of the force (a x + b) x, for positive and for negative motion: it always opposes x.
@@ -158,7 +169,10 @@ class Plant:
         return (self.u + cu, self.v + cv, self.w + cw)
 
     def _awash(self, emerged_m: float) -> tuple[float, float, float, float]:
-        """Net weight [N] and buoyancy's moments per unit of "down" [Nm] with the top this far out of the water."""
+        """Net weight [N] and buoyancy's moments per unit of "down" [Nm] with the top this far out of the water.
+
+        The hull counts as a box: it displaces by the share of its height that is under water, about the same center.
+        """
         _, net, bx, by, bz = self._statics
         vehicle = self._vehicle
         share = max(0.0, 1.0 - emerged_m / vehicle.envelope_m[2])
@@ -182,7 +196,12 @@ class Plant:
     # ---- equation of motion
 
     def step(self, dt: float) -> None:  # noqa: PLR0915  # one law, unrolled: a call costs as much as four products
-        """Advance by `dt` seconds (LONGEST_STEP_S at most keeps the attitude stable)."""
+        """Advance by `dt` seconds (LONGEST_STEP_S at most keeps the attitude stable).
+
+        Forces are evaluated once: with the velocities of the middle of the step (`mid_step`), the mean of the thrust
+        over it, and the attitude at its begin. One Euler step with them makes the velocities; the attitude then turns
+        by the new rates, and the way over ground is that of the middle. Steps are short anyway, for the wires.
+        """
         # First, because an influence may move the water, and with it the velocities through the water.
         extra = combined([(1.0, one(self, dt)) for one in self._influences]) if self._influences else None
         u_was, v_was, w_was, p_was, q_was, r_was = self.u, self.v, self.w, self.p, self.q, self.r
@@ -215,14 +234,17 @@ class Plant:
             M += M_goal + mean * M_left
             N += N_goal + mean * N_left
 
-        # Rotation body to north-east-down; its last row is "down" in body axes.
+        # Rotation body to north-east-down of the quaternion, from twice its products:
+        # R = [1 - yy - zz, xy - wz, xz + wy; xy + wz, 1 - xx - zz, yz - wx; xz - wy, yz + wx, 1 - xx - yy]
+        # The last row is "down" in body axes.
         x2, y2, z2 = qx + qx, qy + qy, qz + qz
         xx, yy, zz = x2 * qx, y2 * qy, z2 * qz
         xy, xz, yz = x2 * qy, x2 * qz, y2 * qz
         wx, wy, wz = x2 * qw, y2 * qw, z2 * qw
         down_x, down_y, down_z = xz - wy, yz + wx, 1.0 - xx - yy
 
-        # Weight and buoyancy; a hull partly out of the water displaces less.
+        # Net weight along "down", and r_b x (buoyancy, upwards), with r_b from the center of mass to that of buoyancy.
+        # A hull partly out of the water displaces less.
         awash_z, net, bx, by, bz = self._statics
         if self.z < awash_z:
             net, bx, by, bz = self._awash(awash_z - self.z)
@@ -233,7 +255,7 @@ class Plant:
         M += bx * down_z - bz * down_x
         N += by * down_x - bx * down_y
 
-        # Coriolis and centripetal of body and entrained water together: w x p, and w x h + v x p (Kirchhoff).
+        # Coriolis and centripetal of body and entrained water together: -omega x P, and -omega x h - v x P.
         px, py, pz = mx * u, my * v, mz * w
         X += r * py - q * pz
         Y += p * pz - r * px
@@ -259,7 +281,7 @@ class Plant:
         self.q = q = q_was + dq * dt
         self.r = r = r_was + dr * dt
 
-        # Displacement over ground: the motion of the water is added.
+        # Displacement over ground: the motion of the water is added, R' times the current.
         current = self._current
         if current is not None:
             cx, cy, cz = current
@@ -279,6 +301,7 @@ class Plant:
         self.ax += p
         self.ay += q
         self.az += r
+        # Quaternion times (1, half of the turned angle): the first terms of its exponential.
         p *= 0.5
         q *= 0.5
         r *= 0.5
@@ -300,7 +323,9 @@ def truth_of(vehicle: Vehicle) -> Hydrodynamics:
 def coupling(inertia: Vec6, hydrodynamics: Hydrodynamics) -> Accelerations | None:
     """Accelerations of forces and velocities with off-diagonal added mass.
 
-    Its symmetric part makes momenta (Fossen 2011, property 6.2), all of it resists; see Xu, Ma, Han 2017.
+    In an ideal fluid added mass is symmetric, and its momenta are those of the energy: so the symmetric part makes C v
+    (Fossen 2011, property 6.2). Measured matrices are not symmetric (Xu, Ma, Han 2017): all of it resists.
+    The momenta along the diagonal are in `step`, so here are those of the off-diagonal part alone.
 
     Parameters
     ----------
@@ -333,6 +358,7 @@ def coupling(inertia: Vec6, hydrodynamics: Hydrodynamics) -> Accelerations | Non
     inverse: Rows = np.linalg.inv(whole).tolist()
 
     def accelerations(forces: Vec6, velocities: Vec6) -> Vec6:
+        """M^-1 (forces - omega x P, moments - omega x h - v x P), with P and h of the off-diagonal masses."""
         u, v, w, p, q, r = velocities
         px, py, pz, hx, hy, hz = _times(momentum, velocities)
         X, Y, Z, K, M, N = forces
