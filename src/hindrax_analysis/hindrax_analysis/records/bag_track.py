@@ -117,9 +117,19 @@ def quaternions_of(track: Track) -> Array:
 
 
 def tilts_of(quaternions: Array) -> Array:
-    """Roll and pitch (n, 2) [rad], in the axes of the quaternions, of the sequence yaw, pitch, roll.
+    """Roll and pitch of the sequence yaw, pitch, roll.
 
     From the last row of R, which is where "up" is in the body: tan(roll) = R_32 / R_33, sin(pitch) = -R_31.
+
+    Parameters
+    ----------
+    quaternions : (n, 4) [-]
+        Unit quaternions x, y, z, w of the body in the world.
+
+    Returns
+    -------
+    Array
+        (n, 2) [rad], in the axes of the quaternions.
     """
     x, y, z, w = quaternions.T
     roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))

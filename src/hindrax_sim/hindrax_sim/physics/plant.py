@@ -196,11 +196,16 @@ class Plant:
     # ---- equation of motion
 
     def step(self, dt: float) -> None:  # noqa: PLR0915  # one law, unrolled: a call costs as much as four products
-        """Advance by `dt` seconds (LONGEST_STEP_S at most keeps the attitude stable).
+        """Advance the state.
 
         Forces are evaluated once: with the velocities of the middle of the step (`mid_step`), the mean of the thrust
         over it, and the attitude at its begin. One Euler step with them makes the velocities; the attitude then turns
         by the new rates, and the way over ground is that of the middle. Steps are short anyway, for the wires.
+
+        Parameters
+        ----------
+        dt : [s]
+            LONGEST_STEP_S at most keeps the attitude stable.
         """
         # First, because an influence may move the water, and with it the velocities through the water.
         extra = combined([(1.0, one(self, dt)) for one in self._influences]) if self._influences else None
