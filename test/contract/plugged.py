@@ -128,6 +128,13 @@ class Plugged:
 
     def false(self) -> list[Stamped[Any]]:
         """Readings that must not be said of what was true at their stamps."""
-        return [
-            one for one in self.readings() if not self.emulator.agrees(self.truth(self._wire.seconds(one)), one.reading)
-        ]
+        return [one for one in self.readings() if not self.emulator.agrees(self.truth(self.seconds(one)), one.reading)]
+
+    def seconds(self, one: Stamped[Any]) -> float:
+        """Time of a reading, by its stamp, since the start."""
+        return float(self._wire.seconds(one))
+
+    def beside_the_truth(self, one: Stamped[Any]) -> str:
+        """A reading, its time, and what was true then."""
+        at_s = self.seconds(one)
+        return f"{one.reading} at {at_s:.2f} s, where the truth was {self.truth(at_s)}"
