@@ -165,8 +165,8 @@ def test_what_needs_ros_says_so_in_one_sentence(site: Path, tmp_path: Path) -> N
 
 @pytest.mark.parametrize("record", ["surge.csv", "bag"])
 def test_a_record_is_identified(site: Path, tmp_path: Path, record: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """The numbers of the bag are those of the clone."""
-    words = ["--json", "--dof", "surge"]
+    """The numbers of the bag are those of the clone, and the tool has the name of this installation."""
+    words = ["--json", "--dof", "surge", "--report", str(tmp_path / "report.html")]
     if record == "bag":
         words.insert(0, str(ROOT / "test/replay/bags/surge"))
     else:
@@ -174,10 +174,13 @@ def test_a_record_is_identified(site: Path, tmp_path: Path, record: str, capsys:
         words[:0] = [record, "--vehicle", "bluerov2"]
     done = run(site, tmp_path, "identify", *words)
     assert done.returncode == 0, done.stderr
+    report = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "./hindrax" not in done.stdout + done.stderr + report
+    assert "hindrax weigh" in report
     found = json.loads(done.stdout)
     if record == "bag":
         assert main(["identify", *words]) == 0
-        assert found["motions"] == json.loads(capsys.readouterr().out)["motions"]
+        assert found["motions"] == json.loads(capsys.readouterr().out.replace("./hindrax", "hindrax"))["motions"]
     else:
         assert found["motions"]["surge"]["k_q"]["value"] == pytest.approx(45.0, rel=0.05)
 

@@ -21,6 +21,7 @@ from hindrax_cli.interrupt import interruptible, sentence
 from hindrax_core.errors import INTERRUPTED, HindraxError, UsageError, cause
 from hindrax_core.text.nearest import did_you_mean
 from hindrax_core.text.screen_text import (
+    as_called,
     fitted,
     fitted_description,
     print_fitted,
@@ -83,7 +84,7 @@ class Parser(argparse.ArgumentParser):
             wanted = "a whole number" if unread[2] == "int" else "a number"
             point = " with a decimal point" if "," in unread[3] else ""
             message = f"argument {unread[1]}: found {unread[3]}, wanted {wanted}{point}"
-        print_stderr(as_called(f"{self.prog}: {message}; ./{self.prog} --help shows how"))
+        print_stderr(f"{self.prog}: {message}; ./{self.prog} --help shows how")
         self.exit(UsageError.exit_code)
 
 
@@ -96,11 +97,6 @@ def is_here(name: str) -> bool:
         return importlib.util.find_spec(MODULES[name]) is not None
     except ModuleNotFoundError:  # not even the folder
         return False
-
-
-def as_called(text: str) -> str:
-    """Text with the name by which this installation is called: `./hindrax` in a clone, `hindrax` from the wheel."""
-    return text if is_here("up") else text.replace("./hindrax", "hindrax")
 
 
 def load(name: str) -> ToolCommand:
@@ -146,7 +142,7 @@ def _main(words: list[str]) -> int:
         return 0
     if words[0] not in MODULES:
         known = did_you_mean(words[0], MODULES)
-        print_stderr(as_called(f"hindrax: no command {words[0]!r}{known}; ./hindrax --help lists all"))
+        print_stderr(f"hindrax: no command {words[0]!r}{known}; ./hindrax --help lists all")
         return UsageError.exit_code
     try:
         found = load(words[0])
@@ -185,7 +181,7 @@ def run_command(command: ToolCommand, words: list[str]) -> int:
             return command.run(arguments)
     except HindraxError as error:
         why = str(error).removeprefix(f"{command.name}: ")
-        print_stderr(as_called(f"hindrax {command.name}: {why}"))
+        print_stderr(f"hindrax {command.name}: {why}")
         return error.exit_code
     except KeyboardInterrupt:
         print_stderr(sentence(f"hindrax {command.name}"))
@@ -194,7 +190,7 @@ def run_command(command: ToolCommand, words: list[str]) -> int:
 
 def print_overview() -> None:
     """Print every command with its one line of help."""
-    print_fitted(as_called("usage: ./hindrax COMMAND [OPTIONS]   (./hindrax COMMAND --help shows an example)"))
+    print_fitted("usage: ./hindrax COMMAND [OPTIONS]   (./hindrax COMMAND --help shows an example)")
     width = screen_width(sys.stdout)
     for title, group in GROUPS.items():
         names = [name for name in " ".join(group.values()).split() if is_here(name)]
@@ -202,7 +198,7 @@ def print_overview() -> None:
             print_fitted(f"\n{title}")
         for name in names:
             print_whole(fitted(f"  {name:12} {declared(name)}", width, hang=15))
-    print_fitted(as_called("\nVersion: ./hindrax --version"))
+    print_fitted("\nVersion: ./hindrax --version")
     lacking = [name for name in MODULES if not is_here(name)]
     if lacking:
         print_fitted(f"With ROS 2 and a clone of hindrax also: {', '.join(lacking)}")

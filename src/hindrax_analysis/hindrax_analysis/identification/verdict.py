@@ -2,7 +2,7 @@
 
 import math
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -71,13 +71,11 @@ class NextReport:
 
     command: str
     """That writes the report; empty where it is written."""
-    called: Callable[[str], str] = str
-    """Gives a command the name of the tool in this installation."""
 
     def words(self, _motion: str, remedy: Remedy) -> list[str]:
         """The command of a step at the desk, else that of the report."""
         desk = remedy.command if remedy != WEIGH_THRUST else ""
-        return [self.called(one) for one in (desk or self.command,) if one]
+        return [one for one in (desk or self.command,) if one]
 
 
 def marked(result: MotionResult) -> str:

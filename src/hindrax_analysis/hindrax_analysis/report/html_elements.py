@@ -7,6 +7,7 @@ from html import escape
 from pathlib import Path
 
 from hindrax_core.text.digits import last_place
+from hindrax_core.text.screen_text import as_called
 from hindrax_ident.assess.results import Number
 
 CSS = Path(__file__).with_name("style.css").read_text(encoding="utf-8")
@@ -16,7 +17,7 @@ EMPTY = "data:,"
 
 def page(title: str, body: str) -> str:
     """Whole document around a body."""
-    return (
+    return as_called(
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f'<link rel="icon" href="{EMPTY}">\n<title>{escape(title)}</title>\n<style>{CSS}</style>\n</head>\n'

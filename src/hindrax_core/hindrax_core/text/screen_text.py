@@ -11,6 +11,7 @@ import re
 import sys
 from collections.abc import Iterable, Iterator
 from functools import partial
+from pathlib import Path
 from textwrap import wrap
 from typing import TextIO
 
@@ -21,6 +22,9 @@ ENTRY = re.compile(r" +\S+ {2,}(?=\S)")
 """Begin of an entry of a list: its name, and the column of its meaning."""
 COPIED = re.compile(r"\s*(\./hindrax |export \w+=)")
 """Begin of a line to be copied."""
+INSTALLED = Path(__file__).parents[2]
+"""Folder of this package: of the wheel it is that of all its packages, among which none needs ROS."""
+FROM_WHEEL = (INSTALLED / "hindrax_cli").is_dir() and not (INSTALLED / "hindrax_ros").is_dir()
 LEAST = 20
 """Narrower than this is no width of a screen."""
 _OBEYED = {code: "\ufffd" for code in (*range(0x20), *range(0x7F, 0xA0)) if chr(code) not in "\n\t"}
@@ -109,6 +113,11 @@ def printable(text: str) -> str:
     return text.translate(_OBEYED)
 
 
+def as_called(text: str) -> str:
+    """Text with the name by which this installation is called: `./hindrax` in a clone, `hindrax` from the wheel."""
+    return text.replace("./hindrax", "hindrax") if FROM_WHEEL else text
+
+
 def print_fitted(text: object, stream: TextIO | None = None, end: str = "\n") -> None:
     """Print sentences, on a screen broken between words.
 
@@ -131,7 +140,7 @@ def print_stderr(sentence: object) -> None:
 
 
 def print_whole(text: str, stream: TextIO | None = None, end: str = "\n") -> None:
-    """Print without wrapping: a document, a block to copy, a picture.
+    """Print without wrapping: a document, a block to copy, a picture. The tool has the name of this installation.
 
     Output on stderr gets lost where nothing can be written, as on a full disk: it must not end a flight.
 
@@ -146,4 +155,4 @@ def print_whole(text: str, stream: TextIO | None = None, end: str = "\n") -> Non
     """
     to = sys.stdout if stream is None else stream
     with contextlib.suppress(OSError) if to is sys.stderr else contextlib.nullcontext():
-        print(text, end=end, file=to, flush=True)
+        print(as_called(text), end=end, file=to, flush=True)

@@ -39,7 +39,7 @@ from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.share_files import default_vehicle, vehicle_file
 from hindrax_cli.argument_types import add_json, named_vehicle, within
 from hindrax_cli.command import command, option
-from hindrax_cli.command_line import as_called, is_here
+from hindrax_cli.command_line import is_here
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.refusals import from_sentence
 from hindrax_core.text.screen_text import print_fitted, print_stderr
@@ -276,7 +276,7 @@ def _show_notes(found: Identified, conditions: ResultConditions) -> None:
             times = f"{one.ratio:.1f} times their deviations, expected 1"
             print_fitted(f"{motion} {key}: {one.runs} runs differ by {times}; by {one.between:.3g} from run to run")
     if not found.results.motions:
-        print_stderr(as_called("no motion was flown in this record; `./hindrax bag info` lists its contents"))
+        print_stderr("no motion was flown in this record; `./hindrax bag info` lists its contents")
 
 
 def _show_ending(arguments: argparse.Namespace, found: Identified, following: NextCommand) -> None:
@@ -296,4 +296,4 @@ def _next(arguments: argparse.Namespace, sources: Sequence[RecordSource], vehicl
         return NextFlight(("--mock",) if last.mock else (), vehicle="" if usual else arguments.vehicle or str(own))
     report = Path(arguments.records[0]).with_suffix(".html").name
     again = shlex.join(["./hindrax", *arguments.typed, "--report", report])
-    return NextReport("" if arguments.report else again, as_called)
+    return NextReport("" if arguments.report else again)

@@ -20,7 +20,7 @@ from hindrax_bringup.share_files import VEHICLE, own_vehicles, usual_vehicle, ve
 from hindrax_cli.argument_types import add_json
 from hindrax_cli.autopilot_vehicle import asked_parameters, is_address
 from hindrax_cli.command import add_words, command, option
-from hindrax_cli.command_line import as_called, is_here
+from hindrax_cli.command_line import is_here
 from hindrax_cli.vehicle_edit import with_autopilot, with_outputs
 from hindrax_cli.vehicle_questions import BACK, Answers, ask, file_text, kept_answers
 from hindrax_cli.vehicle_review import findings, picture, same_positions
@@ -54,7 +54,7 @@ def new(arguments: argparse.Namespace) -> int:
         answers.unlink(missing_ok=True)
     _show_checks(vehicle, out)
     next_words = [f"vehicle show {name}", *([f"pool-test --mock --vehicle {name}"] if is_here("pool-test") else [])]
-    print_fitted(as_called("\n".join((f"written: {out}", *(f"  ./hindrax {words}" for words in next_words)))))
+    print_fitted("\n".join((f"written: {out}", *(f"  ./hindrax {words}" for words in next_words))))
     return 0
 
 
