@@ -310,7 +310,8 @@ def ask(
         found = question.numbers(line, answers, typed)
         if wrong := question.wrong(line, found, answers):
             on_wrong(UsageError(wrong))
-            answers.pop(question.against, None)
+            if question.is_within(found):  # alone it could be right
+                answers.pop(question.against, None)
         else:
             answers[question.key] = found
         if line.strip() and question.is_within(found):

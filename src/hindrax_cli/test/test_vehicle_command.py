@@ -146,6 +146,18 @@ def test_a_person_is_asked_both_answers_that_disagree_and_can_go_back() -> None:
     assert (answers["mass"], answers["layout"]) == ((11.5,), (6.0,))
 
 
+def test_an_answer_out_of_its_own_bounds_is_asked_again_alone() -> None:
+    lines = ["11.5", "", "45.7 33.8 25.4", "0.457 0.338 0.254", *[""] * 10]
+    numbers: list[str] = []
+
+    def line_of(prompt: str) -> str:
+        numbers.append(prompt.partition(".")[0])
+        return lines[len(numbers) - 1] + "\n"
+
+    ask(line_of, lambda _: None)
+    assert numbers[:5] == ["1", "2", "3", "3", "4"]
+
+
 BOUNDED = st.fixed_dictionaries(
     {one.key: st.tuples(*(st.floats(low, high) for low, high in one.bounds)) for one in QUESTIONS}
 )
