@@ -139,7 +139,7 @@ def test_every_format_takes_the_numbers_about_the_center_of_mass() -> None:
     )
     assert yaml.safe_load(fossen.write(SHIFTED))["g"]["r_gb_m"] == pytest.approx([0.0, 0.0, -0.12])
     for text in (gz.write(SHIFTED), uuv.write(SHIFTED), stonefish.write(SHIFTED), python_model.write(SHIFTED)):
-        assert "the center of mass, which lies at (0, 0, 0.1) m" in text
+        assert "the center of mass, which lies at (0, 0, 0.1) m" in " ".join(text.replace("#", " ").split())
 
 
 def test_the_plugins_added_mass_is_refused_where_it_would_explode() -> None:
@@ -196,7 +196,7 @@ def test_uuv_simulator_says_how_far_the_mean_of_two_directions_is_off() -> None:
             thrust = (own * speed + 8.5) * speed
             reached = (math.sqrt(k_l**2 + 4.0 * k_q * thrust) - k_l) / (2.0 * k_q)
             off.append(abs(reached / speed - 1.0))
-    assert f"terminal speeds within {100.0 * max(off):.1f} % from 0.17 to 0.7." in uuv.write(MODEL)
+    assert f"terminal speeds within {100.0 * max(off):.1f} % from 0.17 to 0.7." in " ".join(uuv.write(MODEL).split())
 
 
 def stonefish_force(text: str, velocity: Array, exponent: int) -> Array:

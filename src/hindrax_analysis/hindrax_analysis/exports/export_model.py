@@ -7,6 +7,8 @@ of every export are too. The body origin of the vehicle file serves only to say 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from textwrap import wrap
 from typing import TypeAlias, cast
 from xml.etree import ElementTree as ET
 
@@ -254,7 +256,7 @@ def _axis_added_mass(axis: str, sides: Sides, prior: Hydrodynamics | None, notes
 
 
 def header(model: ExportModel, conventions: tuple[str, ...]) -> list[str]:
-    """Header lines of every format: source, reference point, sign conventions, assumptions."""
+    """Header lines of every format: source, reference point, sign conventions, assumptions; 80 wide as a comment."""
     x, y, z = model.vehicle.center_of_mass_m
     lines = [
         f"Hydrodynamics of {model.vehicle.name}, exported by hindrax from {model.source}.",
@@ -263,7 +265,9 @@ def header(model: ExportModel, conventions: tuple[str, ...]) -> list[str]:
             f" ({x:.4g}, {y:.4g}, {z:.4g}) m (forward, starboard, down) from the body origin of the vehicle file."
         ),
     ]
-    return [*lines, *conventions, *(f"Note: {note}." for note in model.notes)]
+    said = [*lines, *conventions, *(f"Note: {note}." for note in model.notes)]
+    broken = partial(wrap, width=78, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
+    return [line for one in said for line in broken(one)]
 
 
 def buoyancy_box_m(vehicle: Vehicle) -> tuple[float, float, float]:
