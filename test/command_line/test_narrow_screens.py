@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import SimpleNamespace
 from typing import Any
 
@@ -216,6 +217,17 @@ def tables(records: Path) -> Mapping[str, list[ResultTable]]:
             else:
                 assert main({**COMMANDS, **RECORDS}[name].replace("{}", str(records)).split()) == 0, name
     return found
+
+
+def show_thruster_fit() -> None:
+    pulses = [1100, 1200, 1300, 1400, 1475, 1525, 1600, 1700, 1800, 1900]
+    with TemporaryDirectory() as folder:
+        sweep = Path(folder, "sweep.csv")
+        sweep.write_text(
+            "\n".join(["pulse_us,load_N,supply_V", *(f"{x},{(x - 1500) / 52 + x % 3 / 50},14.8" for x in pulses)])
+        )
+        words = ["--lever-ratio", "2", "--load-cell-std", "0.005", "--plot", str(Path(folder, "curve.png"))]
+        assert main(["thruster", "fit", str(sweep), *words]) == 0
 
 
 def words_on(
@@ -457,6 +469,7 @@ FULL: dict[str, Callable[[], object]] = {
     "pool-test --plan": show_long_plan,
     "pool-test --plan, refused": partial(show_long_plan, "the DVL loses the bottom", "it hardly moved: speed 0.01 m/s"),
     "faults, all": show_many_faults,
+    "thruster fit": show_thruster_fit,
     "bench, all": show_many_rates,
     "bag list, many": show_many_bags,
     **{name: printer for name, printer in PRINTERS.items() if name not in ("montecarlo", "pool-test")},

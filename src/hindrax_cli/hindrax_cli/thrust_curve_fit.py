@@ -9,11 +9,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import yaml
 
-from hindrax_analysis.terminal import print_answer, print_table, print_values
+from hindrax_analysis.terminal import print_answer, print_table, print_values, print_what_fits
 from hindrax_cli.argument_types import positive
 from hindrax_cli.experiment_command import read_record, save_plot
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.knobs import build
+from hindrax_core.text.digits import measured
 from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whole
 from hindrax_core.thrust.curves import Curve, problems_of
 from hindrax_ident.arrays import Array
@@ -27,6 +28,8 @@ SUCH_AS = "such as 0.02 of kitchen or luggage scales, or 0.005 of a load cell th
 MANUFACTURER_SIGMA = 0.05
 """Another specimen of the thruster, in another tank, at another speed controller; our estimate."""
 MOST_MISSED = 0.1
+AROUND = 3
+"""Lines that stand above and below a curve: its plot, and where its block is."""
 CURVE_REMEDY = f"look for another unit, or {OUTLIERS}"
 
 
@@ -157,10 +160,28 @@ def _show_table(found: MeasuredTable, block: str) -> None:
 
 
 def _show_curve(curve: BollardCurve, block: str) -> None:
-    for name, direction in (("negative", curve.negative), ("positive", curve.positive)):
-        print_values(f"{name}: {direction.from_us:.0f} to {direction.to_us:.0f} us", _direction_rows(direction))
-    print_fitted(f"gain deviation at full thrust: {100.0 * curve.gain_sigma:.2f} %")
-    print_whole(block, end="")  # a list that goes on below is YAML still
+    """Whole tables where the screen has room; the coefficients of a short one are in the block."""
+    directions = {"negative": curve.negative, "positive": curve.positive}
+
+    def tables() -> None:
+        for name, direction in directions.items():
+            print_values(f"{name}: {direction.from_us:.0f} to {direction.to_us:.0f} us", _direction_rows(direction))
+        end()
+
+    def lines() -> None:
+        for name, direction in directions.items():
+            ends = (direction.from_us, direction.to_us)
+            found = [(at, direction.force_N(at)) for at in ends]
+            forces = ", ".join(f"{measured(one.value, one.std)} N at {at:.0f} us" for at, one in found)
+            print_fitted(f"{name}: {forces}")
+        residuals = " and ".join(f"{one.residual_std_N:.2g}" for one in directions.values())
+        end(f"residuals {residuals} N; ")
+
+    def end(before: str = "") -> None:
+        print_fitted(f"{before}gain deviation at full thrust: {100.0 * curve.gain_sigma:.2f} %")
+        print_whole(block, end="")  # a list that goes on below is YAML still
+
+    print_what_fits(tables, lines, above=AROUND)
 
 
 def _direction_rows(direction: Direction) -> list[tuple[str, object, str]]:
