@@ -66,6 +66,7 @@ REMEDY = {
     "baud_mismatch": "report bytes of which none verifies as a Trouble (`last_valid` of `SilenceMonitor`)",
     "unplug_replug": "begin anew in `start`, and let the device boot before its silence is reported",
     "reset": "find a restart by lost settings, by a counter that begins anew, or by the silence of its start",
+    "clock_jump": "map the clock of the device to the time of arrival anew where it steps (`Timebase`)",
     "saturated": "reject the end of the scale (RejectCode.RANGE, END_OF_SCALE)",
     "repeated": "reject a measurement that comes again: the same counter, or none of the noise (RejectCode.REPEATED)",
 }
