@@ -25,7 +25,7 @@ from hindrax_analysis.identification.pool_session import (
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import AxisGain
 from hindrax_ident.assess.results import Contribution, Corrected, DragBand, Interval, MotionResult, Number
-from hindrax_ident.remedies import WEIGH_THRUST
+from hindrax_ident.remedies import WEIGH_THRUST, Remedy
 
 GAIN = AxisGain(load=15.0, sigma=0.004, positive=0.94, negative=0.95)
 
@@ -123,7 +123,7 @@ def result(force: float, rows: Mapping[str, tuple[float, str]]) -> MotionResult:
     )
 
 
-def test_what_a_step_can_buy_is_what_its_rows_take_of_the_variance() -> None:
+def test_what_a_step_can_buy_is_what_its_rows_take_of_the_variance(tmp_path: Path) -> None:
     rows = {"thrust calibration": (4.0, WEIGH_THRUST), "noise of the record": (2.0, ""), "own wake": (4.0, "rest")}
     found = reached_of(result(100.0, rows))
     assert found.drag == pytest.approx(0.06)
@@ -132,6 +132,10 @@ def test_what_a_step_can_buy_is_what_its_rows_take_of_the_variance() -> None:
     assert found.repeated == pytest.approx(math.sqrt(34.0) / 100.0)
     assert found.floor == pytest.approx(math.sqrt(18.0) / 100.0)
     assert (found.cause, found.remedy) == ("own wake", "rest")
+    whole = reached_of(result(100.0, {"own wake": (4.0, Remedy("rest", "./hindrax wait"))}))
+    session = PoolSession({"motions": ["surge"]}, ("legs 1",), (Step("legs 1", reached={"surge": whole}),))
+    save(session, tmp_path)
+    assert load(tmp_path).done[0].reached["surge"].remedy == "rest", "YAML knows no other kind of text"
     assert math.isnan(reached_of(result(-1.0, rows)).drag)
 
 

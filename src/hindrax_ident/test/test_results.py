@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import yaml
 
 from hindrax_core.vehicle import Drag, Vehicle
 from hindrax_ident.arrays import array
@@ -54,6 +55,7 @@ def test_what_is_written_is_plain_and_states_null_for_what_nobody_knows() -> Non
     assert written["methods"]["plateaus"]["k_q"]["value"] == 60.0
     assert written["budget"] == {"drag": {"current": 0.3}}
     assert written["next_step"] == {"remedy": "wait", "std": 0.1}
+    assert yaml.safe_load(yaml.safe_dump(written)) == written, "plain values alone"
     bare = replace(RESULT, drag=None, next_step=None).to_json()
     assert (bare["drag_force"], bare["next_step"]) == (None, None)
 

@@ -157,6 +157,7 @@ def test_a_contribution_is_what_the_band_would_lose_if_it_were_known_and_never_m
     assert [one.std for one in listed] == pytest.approx(sorted(wanted.values(), reverse=True))
     assert listed[0].std <= math.sqrt(band)
     assert [one.remedy for one in listed if one.influence == "gain"] == ["weigh"]
+    assert {type(one.remedy) for one in listed} == {str}, "rows are written as YAML"
     (gain,) = budget.contributions(sensitivity, (GAIN,))
     assert gain.std == pytest.approx(abs(sensitivity[2]) * math.hypot(math.sqrt(COVARIANCE[2, 2]), MEAN[2]))
 

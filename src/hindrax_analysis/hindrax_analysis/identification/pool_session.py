@@ -94,7 +94,7 @@ def reached_of(result: MotionResult) -> Reached:
         repeated=share(by_repeat),
         floor=share(by_weighing + by_repeat),
         cause=largest.influence if largest else "",
-        remedy=largest.remedy if largest else "",
+        remedy=str(largest.remedy) if largest else "",
     )
 
 

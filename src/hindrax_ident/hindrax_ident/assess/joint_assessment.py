@@ -17,6 +17,7 @@ from hindrax_ident.assess.results import Contribution, DragBand, Number
 from hindrax_ident.fit.joint import JointFit
 from hindrax_ident.model.motion_model import Motion, motions_of, rigid_mass
 from hindrax_ident.model.six_axes import CROSS, symmetric
+from hindrax_ident.remedies import FLY_TWICE
 
 LEAST_SPEED = 0.2
 """Share of the highest speed from which the drag is reported [-]."""
@@ -140,8 +141,8 @@ def _motion(fit: JointFit, motion: Motion, vehicle: Vehicle, numbers: Mapping[st
     # A doubt about the law of the drag is one about the drag at a speed as well.
     shift = array(gradient @ fit.by_doubt) + _own_doubts(fit, name, speed, float(force[-1]))
     std, calibrated = np.sqrt(noise), np.sqrt(noise + np.sum(shift**2, axis=1))
-    rows = [("noise of this record", float(std[-1]), "fly it for twice as long, or a second time")]
-    rows += [(one.name, abs(by), one.remedy) for one, by in zip(fit.doubts, shift[-1].tolist(), strict=True)]
+    rows = [("noise of this record", float(std[-1]), str(FLY_TWICE))]
+    rows += [(one.name, abs(by), str(one.remedy)) for one, by in zip(fit.doubts, shift[-1].tolist(), strict=True)]
     budget = sorted((Contribution(*row) for row in rows), key=lambda row: -row.std)
     mass = numbers[f"M_{'XYZKMN'[axis]}{'uvwpqr'[axis]}"]
     of_motion = {key: numbers[fit.terms[place].name] for key, place in zip(("k_q", "k_l"), places, strict=True)}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -118,6 +118,10 @@ class NextStep:
     std: float
     """Standard deviation of the quantity after it."""
 
+    def to_json(self) -> dict[str, object]:
+        """As a mapping of plain values: YAML knows no other kind of text."""
+        return {"remedy": str(self.remedy), "std": self.std}
+
 
 @dataclass(frozen=True, slots=True)
 class DragBand:
@@ -209,7 +213,7 @@ class MotionResult:
             },
             "quality": dict(self.quality),
             "budget": {name: {row.influence: row.std for row in rows} for name, rows in self.budget.items()},
-            "next_step": asdict(self.next_step) if self.next_step else None,
+            "next_step": self.next_step.to_json() if self.next_step else None,
             **to_json("warning", self.warnings),
         }
 

@@ -184,7 +184,7 @@ class Budget:
             rest = error - float(self.mean[row] @ sensitivity[row])
             # What opposes the others is a gain: without it the error would be greater.
             gained = max(0.0, lost + error**2 - rest**2)
-            out.append(Contribution(influence.name, math.sqrt(gained), influence.remedy))
+            out.append(Contribution(influence.name, math.sqrt(gained), str(influence.remedy)))
         return sorted(out, key=lambda one: -one.std)
 
     def _lost(self, at: Sequence[int], sensitivity: Array) -> float:
