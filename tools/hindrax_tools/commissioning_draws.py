@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hindrax_analysis.terminal import print_table
-from hindrax_control.commissioning.findings import mended
+from hindrax_control.commissioning.findings import TRIM, mended
 from hindrax_control.commissioning.hypotheses import turn_of
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_sim.conditions.world_table import POOL
@@ -170,7 +170,7 @@ def judge(draw: Draw, world: str = POOL) -> Judged:
         flight = fly_commissioning(claimed, draw.seed, world, broken, built=built)
         tilt_deg, seconds = max(tilt_deg, flight.tilt_deg), seconds + flight.seconds
         said += [f"{row.claim}: {row.found}" for row in flight.findings.wrong]
-        lists = any(row.claim == "trim at rest" for row in flight.findings.wrong)
+        lists = any(row.claim == TRIM for row in flight.findings.wrong)
         if lists and TRIMMED not in world:
             world = f"{world},{TRIMMED}"
         elif not flight.findings.mends:

@@ -29,6 +29,12 @@ FLOWN = (
     ("hindrax", ("turned_yaw_90:dvl75", "turned_roll_180:icm20948", "turned_pitch_90:ping1d"), 6),
     # Its range falls with the dive by chance: the wall is that much nearer below.
     ("lbv", ("thrusters_swapped:PORT-STARBOARD", "turned_roll_90:ping1d"), 7019),
+    # A swing from before hides that it does not push: it is pulsed once more.
+    ("bluerov2", ("thruster_fails:T6",), 41054),
+    # Turns by 0.7 deg/s while its gyroscope is set to zero: no fault of the magnetometer.
+    ("bluerov2", ("thrusters_swapped:T4-T5", "thrusters_swapped:T5-T6"), 41062),
+    # Ended by the velocity's guard before the body was moved: single thrusters show how it is turned.
+    ("bluerov2", ("turned_yaw_180:dvl75",), 41070),
 )
 
 

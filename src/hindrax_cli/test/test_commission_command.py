@@ -2,12 +2,14 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.operate import commission
+from hindrax_control.commissioning.findings import TRIM, WRONG, Finding, Findings
 from hindrax_core.errors import HindraxError
 from hindrax_operator import commissioning_run
 
@@ -31,3 +33,15 @@ def test_without_a_stack_no_claim_is_judged(
     captured = capsys.readouterr()
     assert "the thrusters; `./hindrax up` starts the stack" in " ".join(captured.err.split())
     assert captured.out == ""
+
+
+@pytest.mark.parametrize(("world", "hinted"), [("pool", True), ("center_of_mass=0.006", False)])
+def test_who_cannot_trim_a_drawn_list_is_told_what_to_draw_instead(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, world: str, hinted: bool
+) -> None:
+    lists = Findings((Finding(TRIM, WRONG, "level", "roll -27.6, pitch -0.1 deg", remedy="trim it"),), "it lists")
+    monkeypatch.setattr(commission, "_in_mock", lambda _: (lists, SimpleNamespace(path=tmp_path), ""))
+    assert main(["commission", "--mock", "--world", world]) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    assert ("another --seed, or --world pool,center_of_mass=0.001" in said) is hinted
+    assert "trim it" in said

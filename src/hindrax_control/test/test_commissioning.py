@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hindrax_control.allocation.effectiveness import effectiveness
+from hindrax_control.allocation.effectiveness import Matrix, effectiveness
 from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_control.commissioning.commissioning import Commissioning
 from hindrax_control.commissioning.dead_bands import QUARTER_S, YAW, DeadBandLadder
@@ -24,7 +24,8 @@ from hindrax_control.pilot import Pilot
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import Stamped, stamp_from_s
 from hindrax_core.hydrostatics import GRAVITY_mps2
-from hindrax_core.readings import Battery, BottomVelocity, Echo, Inertial, Pressure, Reading
+from hindrax_core.readings import Battery, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Reading
+from hindrax_core.rotation import matrix
 from hindrax_core.sensor_table import Capability
 from hindrax_core.signals import Navigation
 from hindrax_core.text.refusals import Reason, found
@@ -180,6 +181,60 @@ def test_single_pulses_that_tilted_the_vehicle_go_on_at_half_the_force_from_the_
     assert work.gentler(stamp_from_s(25.0), TILTED) is None, "once"
 
 
+def test_a_thruster_that_explains_nothing_surely_is_pulsed_once_more() -> None:
+    work, usual = as_claimed(HINDRAX), single_pulses(HINDRAX, effectiveness(HINDRAX))
+    sure = work.wirings
+    verdicts = [(*sure[:6], replace(sure[6], likelihood=0.77), sure[7])] * 2
+    judged = iter(verdicts)
+
+    def judge() -> None:
+        work.wirings = next(judged)
+
+    work._round, work._judge_thrusters = 1, judge  # type: ignore[method-assign]  # what the water showed
+    assert work.next_pulses(stamp_from_s(30.0)) == usual[18:21]
+    assert work.next_pulses(stamp_from_s(34.0)) == body_pulses(HINDRAX, effectiveness(HINDRAX)), "once"
+    for begin_s, index in ((10.0, 6), (12.0, 7), (30.0, 6)):
+        for tick in range(20):
+            forces = tuple(2.0 * (at == index) for at in range(len(HINDRAX.thrusters)))
+            work.on_forces(stamp_from_s(begin_s + 0.02 * tick), forces)
+    assert dict(work._windows())[6].begin_s > 29.0
+    work._round = 1
+    left = work.gentler(stamp_from_s(31.0), TILTED)
+    assert left is not None
+    assert [np.flatnonzero(one.forces_N)[0] for one in left[::3]] == [6, 7], "from the one that was at work"
+
+
+def field_of(turned: Matrix, drift_radps: float) -> Finding:
+    """What is said of a magnetometer that is turned, in a vehicle that turns about the vertical since before its rest."""
+    work, (source, *_) = as_claimed(HINDRAX), HINDRAX.measuring("rates")
+    mount, count = turn_of(HINDRAX.sensors[source].rotation_deg), len(HINDRAX.thrusters)
+    earth_T = np.array([17.5e-6, 3.0e-6, -13.8e-6])
+    for tick in range(5000):
+        at_s = 0.01 * tick
+        # Forth and back by 17 degrees, from 12 to 15 s.
+        turn_radps = 2.0 * math.pi / 3.0
+        phase_rad = turn_radps * min(max(at_s - 12.0, 0.0), 3.0)
+        yaw_rad = drift_radps * at_s + 0.15 * (1.0 - math.cos(phase_rad))
+        rates = mount.T @ np.array([0.0, 0.0, drift_radps + 0.15 * turn_radps * math.sin(phase_rad)])
+        force = mount.T @ np.array([0.0, 0.0, -GRAVITY_mps2])
+        body_T = np.array(matrix((0.0, 0.0, yaw_rad))).T @ earth_T
+        stamp = stamp_from_s(at_s)
+        work.on_reading(source, Stamped(stamp, Inertial(tuple(force.tolist()), tuple(rates.tolist()), 20.0)))
+        if tick % 4 == 0:
+            work.on_reading(source, Stamped(stamp, Magnetic(tuple((mount.T @ turned @ body_T).tolist()))))
+    work.rest(stamp_from_s(0.0), stamp_from_s(3.0))
+    for tick in range(350):
+        work.on_forces(stamp_from_s(11.0 + 0.1 * tick), (1.0, 1.0, *(0.0,) * (count - 2)))
+    (row,) = [one for one in work.finalize().rows if one.claim == f"{source} magnetometer"]
+    return row
+
+
+@pytest.mark.parametrize("drift_radps", [0.0, math.radians(0.7)])
+def test_a_slow_turn_while_the_gyroscope_is_set_to_zero_is_no_fault_of_the_magnetometer(drift_radps: float) -> None:
+    assert field_of(np.eye(3), drift_radps).verdict == PROVEN
+    assert field_of(np.diag((1.0, -1.0, -1.0)), drift_radps).verdict == WRONG, "upside down"
+
+
 def test_nothing_is_tried_again_where_a_thruster_is_not_as_claimed_or_another_guard_ended_it() -> None:
     reversed_one = as_claimed(HINDRAX)
     reversed_one.wirings = (replace(reversed_one.wirings[0], sign=-1), *reversed_one.wirings[1:])
@@ -270,7 +325,11 @@ def test_the_further_a_vehicle_lists_the_gentler_it_is_pulsed(vehicle: Vehicle) 
     assert lists.next_pulses(stamp_from_s(2.0)) is None
     rows = {row.claim: row for row in lists.finalize().rows}
     assert rows["trim at rest"].verdict == WRONG
-    assert "trim it" in rows["trim at rest"].remedy
+    assert rows["trim at rest"].remedy == "trim it to 23 deg at the most: weight to port"
+    mount = f"{vehicle.measuring('rates')[0]} mount"
+    unproven_rows = [row for claim, row in rows.items() if claim == mount or claim.startswith("T")]
+    assert {row.verdict for row in unproven_rows} == {OPEN}, "nothing was pulsed"
+    assert "lag of the thrusters" not in rows
 
 
 def test_a_turned_sensor_does_not_end_it() -> None:

@@ -22,7 +22,7 @@ import numpy as np
 from hindrax_control.allocation.effectiveness import Matrix, effectiveness
 from hindrax_control.commissioning import sensor_claims
 from hindrax_control.commissioning.dead_bands import YAW, DeadBandLadder
-from hindrax_control.commissioning.findings import MEASURED, OPEN, PROVEN, WRONG, Finding, Findings, Mend
+from hindrax_control.commissioning.findings import MEASURED, OPEN, PROVEN, TRIM, WRONG, Finding, Findings, Mend
 from hindrax_control.commissioning.hypotheses import RIGHT_TURNS, TURNED, Wiring, explain, turn_of
 from hindrax_control.commissioning.probes import body_pulses, single_pulses
 from hindrax_control.commissioning.recording import Recording
@@ -50,6 +50,8 @@ UPRIGHT = 0.8
 """Cosine of the largest tilt at rest that is trim; a right angle is a mount."""
 GENTLE, ROOM_rad = 0.5, math.radians(8.0)
 """Of the usual force of single thrusters, the least; and the room for a swing from which on the force is the usual."""
+LEVEL_deg = 5.0
+"""List about an axis up to which nothing is said of how to trim it."""
 QUIET_N = 0.05
 """Force below which a thruster stands still."""
 LAGS_S = (0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.45)
@@ -68,10 +70,11 @@ class Commissioning:
         self.vehicle, self.recording = vehicle, Recording()
         self.B = effectiveness(vehicle)
         self._prior = Prior(vehicle)
-        self._lag_s = float(np.median([one.lag_s for one in vehicle.thrusters])) if vehicle.thrusters else 0.15
+        self._claimed_lag_s = float(np.median([one.lag_s for one in vehicle.thrusters])) if vehicle.thrusters else 0.15
+        self._lag_s = self._claimed_lag_s
         self._rest: Window | None = None
         self._round = 0
-        self._gentle = self._singles_again = self._again = False
+        self._gentle = self._singles_again = self._doubts_again = self._again = False
         self._begun_s = 0.0
         self._ladder: DeadBandLadder | None = None
         self._ladder_s = self._rung_s = np.inf
@@ -81,8 +84,8 @@ class Commissioning:
         self.wirings: tuple[Wiring, ...] = ()
         self.answers: dict[int, Answer] = {}
         self.ended = ""
-        self._seen: dict[int, MotionView] = {}
-        self._models: dict[tuple[int, float], Model] = {}
+        self._seen: dict[Window, MotionView] = {}
+        self._models: dict[tuple[Window, float], Model] = {}
 
     # ---- what comes in
 
@@ -108,6 +111,9 @@ class Commissioning:
             return single_pulses(self.vehicle, self.B, share=self._share) if self.fit else None
         if self._round == 2 and not self.ended:
             self._judge_thrusters()
+            if doubtful := self._doubtful_pulses():
+                self._round = 1
+                return doubtful
             return self._body_pulses(now, self._listing_rad())
         if not (self.ended or self._again) and self._as_claimed and self._left_open:
             self._again = True
@@ -167,9 +173,18 @@ class Commissioning:
 
     def _single_pulses_left(self) -> tuple[Pulse, ...] | None:
         """Pulses of the thrusters from the one on that was at work last, at half the force where it still turns."""
-        last = max((index for index, _ in self._windows()), default=0)
+        last, _ = max(self._windows(), key=lambda one: one[1].begin_s, default=(0, None))
         left = [one for one in single_pulses(self.vehicle, self.B, share=GENTLE) if not any(one.forces_N[:last])]
         return tuple(left) or None
+
+    def _doubtful_pulses(self) -> tuple[Pulse, ...]:
+        """Pulses, once more, of thrusters whose answer explains nothing surely: a swing or the tether disturbed it."""
+        if self._doubts_again:
+            return ()
+        self._doubts_again = True
+        doubtful = [index for index in self.answers if self.wirings[index].likelihood < SURE]
+        pulses = single_pulses(self.vehicle, self.B, share=GENTLE if self._singles_again else self._share)
+        return tuple(one for one in pulses if any(one.forces_N[index] for index in doubtful))
 
     @property
     def _as_claimed(self) -> bool:
@@ -227,7 +242,7 @@ class Commissioning:
     def finalize(self, ended: str = "") -> Findings:
         """Everything that was found; `ended`: why the flight ended early."""
         self.ended = self.ended or ended
-        if self._round and self.upright and not self.wirings:
+        if self.upright and not self.wirings and self._windows():
             self._judge_thrusters()
         rows = [*self._inertial_claims(), *self._thruster_claims()]
         bands = tuple(self._ladder.findings()) if self._ladder is not None else ()
@@ -247,6 +262,7 @@ class Commissioning:
             self.turn,
             self.upright,
             self._body_windows(),
+            [window for _, window in self._windows()],
             self.found if self.wirings else np.zeros((6, 0)),
             self._lag_s,
             self._offset(),
@@ -292,9 +308,9 @@ class Commissioning:
             turn = max(RIGHT_TURNS, key=lambda one: (round(float((one @ down)[2]), 3), float(np.trace(one))))
             return [sensor_claims.turned(source, mount, turn, "gravity comes from the side or from above")]
         roll_deg, pitch_deg = (float(np.degrees(np.arctan2(down[1], down[2]))), float(np.degrees(-np.arcsin(down[0]))))
-        trim = Finding("trim at rest", MEASURED, "level", f"roll {roll_deg:+.1f}, pitch {pitch_deg:+.1f} deg")
+        trim = Finding(TRIM, MEASURED, "level", f"roll {roll_deg:+.1f}, pitch {pitch_deg:+.1f} deg")
         if not self.fit:
-            trim = replace(trim, verdict=WRONG, remedy=f"trim it to {math.degrees(MOST_LIST_rad):.0f} deg at the most")
+            trim = replace(trim, verdict=WRONG, remedy=_trim_remedy(roll_deg, pitch_deg))
         if not self.wirings:
             return [Finding(claim, OPEN, claimed, "upright; nothing was pulsed to show more"), trim]
         if np.allclose(self.turn, np.eye(3)):
@@ -339,9 +355,9 @@ class Commissioning:
         windows = self._windows()
         turns = [turn for turn in RIGHT_TURNS if turn[2, 2] > 0.5]
         # Once with the lag of the file, to know who moves; then the lag that fits them best.
-        best = max((self._explained(turn, windows, self._lag_s) for turn in turns), key=lambda one: one[0])
+        best = max((self._explained(turn, windows, self._claimed_lag_s) for turn in turns), key=lambda one: one[0])
         self.turn = best[1]
-        lags = {lag_s: self._misfit(windows, lag_s) for lag_s in (*LAGS_S, self._lag_s)}
+        lags = {lag_s: self._misfit(windows, lag_s) for lag_s in (*LAGS_S, self._claimed_lag_s)}
         self._lag_s = min(lags, key=lambda one: lags[one])
         _, self.turn, self.wirings, self.answers = self._explained(self.turn, windows, self._lag_s)
 
@@ -359,14 +375,14 @@ class Commissioning:
     def _views(self, windows: Sequence[tuple[int, Window]], lag_s: float) -> Iterator[tuple[int, MotionView, Model]]:
         """Motion in each window, and what the prior makes of one newton in the course of the thruster's force."""
         for index, window in windows:
-            view = self._seen.get(index) or MotionView(self.recording, window, self._offset())
-            self._seen[index] = view
-            if (index, lag_s) not in self._models:
+            view = self._seen.get(window) or MotionView(self.recording, window, self._offset())
+            self._seen[window] = view
+            if (window, lag_s) not in self._models:
                 at_s = grid(window)
                 force = lagged(at_s, self.recording.forces, window, lag_s)[:, index]
-                self._models[index, lag_s] = (at_s, self._prior.respond(at_s, force))
+                self._models[window, lag_s] = (at_s, self._prior.respond(at_s, force))
             if view.known:
-                yield index, view, self._models[index, lag_s]
+                yield index, view, self._models[window, lag_s]
 
     def _answer(self, turn: Matrix, view: MotionView, model: Model) -> Answer:
         return view.answer(turn @ self._mount(), self._lever_m(), *model)
@@ -376,7 +392,8 @@ class Commissioning:
 
     def _thruster_claims(self) -> list[Finding]:
         if not self.wirings:
-            return [Finding(one.name, OPEN, "", "was not pulsed") for one in self.vehicle.thrusters]
+            unpulsed = [(one.name, f"channel {one.channel}") for one in self.vehicle.thrusters]
+            return [Finding(name, OPEN, claimed, "was not pulsed") for name, claimed in unpulsed]
         rows = [self._thruster_claim(index) for index in range(len(self.wirings))]
         lags = sorted({one.lag_s for one in self.vehicle.thrusters})
         claimed = ", ".join(f"{lag_s:g} s" for lag_s in lags)
@@ -411,6 +428,13 @@ class Commissioning:
         if reversed_now is not other.reversed:
             mends.append(Mend(("thrusters", other.name, "reversed"), reversed_now))
         return Finding(mine.name, WRONG, claimed, f"{what}, {share}", wiring.likelihood, mends=tuple(mends))
+
+
+def _trim_remedy(roll_deg: float, pitch_deg: float) -> str:
+    """Where weight must go: away from the side that hangs."""
+    sides = {"starboard": -roll_deg, "port": roll_deg, "the bow": pitch_deg, "the stern": -pitch_deg}
+    wanted = " and ".join(side for side, by_deg in sides.items() if by_deg > LEVEL_deg)
+    return f"trim it to {math.degrees(MOST_LIST_rad):.0f} deg at the most: weight to {wanted}"
 
 
 def _doubted(row: Finding) -> Finding:

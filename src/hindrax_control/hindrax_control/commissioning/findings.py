@@ -7,6 +7,8 @@ from typing import Any
 from hindrax_core.vehicle import Vehicle
 
 PROVEN, WRONG, OPEN, MEASURED = "proven", "wrong", "open", "measured"
+TRIM = "trim at rest"
+"""Name of the claim that it floats level."""
 VERDICTS = (PROVEN, WRONG, OPEN, MEASURED)
 """A claim holds; it does not; nothing showed it; a quantity of which the file claims nothing that can be wrong."""
 

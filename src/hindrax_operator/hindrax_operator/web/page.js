@@ -517,7 +517,7 @@ async function showProof() {
     return row;
   }));
   at("lines").textContent = found.lines.length ? "These lines go into the vehicle file; then restart the stack:"
-    : "What is open: mend it, and commission again.";
+    : "What is wrong or open: mend it, and commission again.";
   at("yaml").textContent = found.lines.join("\n");
   at("yaml").hidden = !found.lines.length;
   if (at("picture").src) URL.revokeObjectURL(at("picture").src);

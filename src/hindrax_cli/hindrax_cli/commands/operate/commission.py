@@ -3,6 +3,7 @@
 import argparse
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 
 from hindrax_analysis.terminal import print_answer, print_table
@@ -12,7 +13,7 @@ from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_cli.command import command, option
 from hindrax_cli.commands.operate.up_stop import add_mock_options, require_known
 from hindrax_cli.vehicle_edit import add_write, require_editable, set_keys
-from hindrax_control.commissioning.findings import MEASURED, PROVEN, Findings, table
+from hindrax_control.commissioning.findings import MEASURED, PROVEN, TRIM, Findings, table
 from hindrax_control.commissioning.picture import svg
 from hindrax_control.commissioning.record import geometry_hash, proof
 from hindrax_core.errors import UsageError
@@ -20,6 +21,7 @@ from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.vehicle import load_vehicle
 from hindrax_operator.connection import add_stack, joined, ordered_stack
 
+TRIMMED_IN_MOCK = "in mock the list is drawn by the seed: take another --seed, or --world pool,center_of_mass=0.001"
 AGAIN = "the file has changed: end the stack, start it with this file, and commission it again"
 
 
@@ -37,7 +39,7 @@ AGAIN = "the file has changed: end the stack, start it with this file, and commi
         metavar="DIR",
         help="new or empty folder for the picture (in mock for the bag too); default runs/<time>",
     ),
-    add_mock_options,
+    partial(add_mock_options, rate="0"),
     add_json,
     add_stack,
 )
@@ -94,6 +96,8 @@ def _keep(arguments: argparse.Namespace, findings: Findings, bag: str) -> list[s
             return ["these lines mend the file; --write puts them into it:", *lines]
         set_keys(file, [(mend.keys, mend.value) for mend in findings.mends])
         return [f"written to {file}:", *lines, AGAIN]
+    if arguments.world == "pool" and any(row.claim == TRIM for row in findings.wrong):
+        return [TRIMMED_IN_MOCK]
     record = proof(load_vehicle(file), findings, bag, datetime.now(UTC).date().isoformat())
     if record is None:
         return []

@@ -32,10 +32,10 @@ from hindrax_operator.connection import add_stack, chosen_stack, find_stack
 from hindrax_operator.stopping import OutputStop, stop_lost_outputs, stop_outputs, stop_over_ros
 
 
-def add_mock_options(parser: argparse.ArgumentParser) -> None:
-    """Behavior of the mock vehicle."""
+def add_mock_options(parser: argparse.ArgumentParser, rate: str = "1") -> None:
+    """Behavior of the mock vehicle; `rate`: default of the command."""
     parser.add_argument("--seed", type=seed, help="mock: seed of its noise; default 1")
-    parser.add_argument("--rate", type=pace, help="mock: times real time at most (0: no bound); default 1")
+    parser.add_argument("--rate", type=pace, help=f"mock: times real time at most (0: no bound); default {rate}")
     parser.add_argument("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP)
     parser.add_argument("--world", help=f"{WORLD_HELP}. Default: ideal")
     parser.add_argument("--simulator", default="", metavar="KIND", help=SIMULATOR_HELP)
