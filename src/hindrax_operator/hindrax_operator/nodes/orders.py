@@ -1,7 +1,7 @@
 """Manual orders of an operator: holds, wrenches, thrusters out of use, one thruster alone, stop.
 
 The vehicle checks every order. These functions only report in advance what it would refuse, and wait for the outcome.
-Every order expires on board: nothing moves for longer than half a second after the last message of the operator.
+A wrench and the pulses of a single thruster expire on board half a second after their stamps; holds stay.
 """
 
 import math
