@@ -314,7 +314,14 @@ class Operator:
             begin, last = stamp_from_msg(since.header.stamp), stamp_from_msg(now.header.stamp)
             return now.state == ArmingPhase.DISARMED and (began or seconds_between(begin, last) > FLOWN_S)
 
-        self.wait(ended, seconds, self._thruster_state)
+        try:
+            self.wait(ended, seconds, self._thruster_state)
+        except BaseException:  # Ctrl-C too
+            # Arming goes on by itself: who gave up must not find them armed seconds later.
+            if arm:
+                with contextlib.suppress(HindraxError):
+                    self._request_arming(arm=False)
+            raise
         if self.armed is not arm:
             raise HindraxError(f"the thrusters stopped arming: {self.reason}")
         if arm and self.reason:
