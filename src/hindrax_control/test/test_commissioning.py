@@ -205,7 +205,7 @@ def test_a_thruster_that_explains_nothing_surely_is_pulsed_once_more() -> None:
 
 
 def field_of(turned: Matrix, drift_radps: float) -> Finding:
-    """What is said of a magnetometer that is turned, in a vehicle that turns about the vertical since before its rest."""
+    """What is said of a magnetometer that is turned, in a vehicle that turned slowly while it rested."""
     work, (source, *_) = as_claimed(HINDRAX), HINDRAX.measuring("rates")
     mount, count = turn_of(HINDRAX.sensors[source].rotation_deg), len(HINDRAX.thrusters)
     earth_T = np.array([17.5e-6, 3.0e-6, -13.8e-6])

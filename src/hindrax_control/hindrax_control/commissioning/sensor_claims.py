@@ -144,8 +144,8 @@ def _velocity(evidence: Evidence) -> Iterator[Finding]:
         elif evidence.moved:
             yield _velocity_turn(evidence, source, mount, evidence.windows)
         else:
-            # One that is turned may end the flight before the body is moved: it contradicts the accelerometer. So single
-            # thrusters must do, where they show it.
+            # One that is turned may end the flight before the body is moved: it contradicts the accelerometer. Then
+            # single thrusters must do, where they show it.
             alone = _velocity_turn(evidence, source, mount, evidence.singles if evidence.found.shape[1] else [])
             unmoved = Finding(claim, OPEN, claimed, "locked; the vehicle was not moved")
             yield alone if alone.verdict == WRONG else unmoved
@@ -387,8 +387,8 @@ def _field_errors(evidence: Evidence, source: str, window: Window) -> Matrix:
     -(step of the angle) x m, summed from the first sample on. Measured fields stand on the right, not summed ones, so
     that errors do not grow. Level components only: a turn about the vertical leaves the third as it is.
 
-    A constant rate about the vertical is taken off both: a vehicle afloat may turn while the offset of its gyroscope is
-    taken, by 0.7 deg/s in one pool, which is 24 degrees after 35 s. What a pulse turns, there and back, is no such ramp.
+    A constant rate about the vertical is taken off both: a vehicle afloat may turn while the offset of its gyroscope
+    is taken, by 0.7 deg/s in one pool, which is 24 degrees after 35 s. A pulse, there and back, is no such ramp.
     """
     times_s, rows = evidence.recording.magnetic[source].between(window.begin_s, window.end_s)
     gyro_s, gyro = evidence.rates(window)
