@@ -122,7 +122,7 @@ def frozen(intervals: list[tuple[float, float]], at_s: float) -> bool:
 def flown(schedule: Schedule) -> list[Thrust]:
     """Fly, and return all steps with thrust."""
     wire, cycle, start = Wire(), AllocationCycle(HINDRAX), stamp_from_s(100.0)
-    host = OutputHost(wire, GUARD, Deaf())
+    host = OutputHost(wire, GUARD, Deaf())  # type: ignore[arg-type]  # an output of no kind there is
     host.turn()
     assert host.arm(Request(wire.time, 1)).accepted
     due = beaten = wire.time
@@ -219,7 +219,8 @@ class ThawedWire(Wire):
 
 def test_a_write_that_was_frozen_on_its_way_is_taken_back_by_the_next_turn() -> None:
     wire = ThawedWire()
-    host, pulses = OutputHost(wire, GUARD, Deaf()), (1600.0,) * len(HINDRAX.thrusters)
+    pulses = (1600.0,) * len(HINDRAX.thrusters)
+    host = OutputHost(wire, GUARD, Deaf())  # type: ignore[arg-type]  # as above
     host.turn()
     assert host.arm(Request(wire.time, 1)).accepted
     host.turn()
