@@ -27,10 +27,10 @@ from hindrax_ident.assess.assessment import (
     unidentified,
 )
 from hindrax_ident.assess.influences import GAIN, LAG, LATENCY, MODEL, RUN, AxisFit
-from hindrax_ident.assess.objections import Code, Objection, unnamed
+from hindrax_ident.assess.objections import Code, Objection, objection, unnamed
 from hindrax_ident.assess.quality import Evidence, excitation, measured_speed, measurement_noise
 from hindrax_ident.assess.results import Contribution, NextStep
-from hindrax_ident.assess.uncertainty_budget import budget_of
+from hindrax_ident.assess.uncertainty_budget import Budget, budget_of
 from hindrax_ident.fit.output_error import OutputErrorFit, refine
 from hindrax_ident.fit.plateaus import fit as fit_plateaus
 from hindrax_ident.fit.plateaus import measure
@@ -319,6 +319,22 @@ def test_a_result_is_that_of_the_rows_of_its_motion(
     for name, row in zip(result.names, rows, strict=True):
         wanted = _with_noise(float(one.noise[row, row]), one.budget.contributions(one.budget.shifts[row]))
         assert result.budget[name] == wanted
+
+
+@pytest.mark.parametrize(("fit", "named"), [(0.9, True), (0.1, False)])
+def test_no_cause_is_named_of_a_fit_that_is_none_of_the_motion(
+    assessed: dict[int, Assessment], patch: pytest.MonkeyPatch, fit: float, named: bool
+) -> None:
+    """Its residuals resemble something in any case."""
+    cause = objection(
+        Code.EVIDENCE, influence="tether", shown="1.0 +- 0.1", unit="N", times=2.0, remedy="leave it slack"
+    )
+    patch.setattr(Budget, "warnings", lambda _self: (cause,))
+    one = assessed[2]
+    assert one.validation is not None
+    found = result_of(MOTIONS["heave_down"], replace(one, validation=replace(one.validation, fit=fit, excess=9.0)))
+    assert (Code.POOR_PREDICTION in [why.code for why in found.reasons]) is not named
+    assert (cause in found.warnings) is named
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Poor excitation, wrong signs, strange records: wide bands or a refusal with its reason."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,13 +12,15 @@ from hindrax_core.events import Stamped
 from hindrax_core.readings import Vec3, Vec6
 from hindrax_core.signals import Thrust, Velocity
 from hindrax_core.vehicle import Vehicle
-from hindrax_ident.arrays import Array
-from hindrax_ident.assess.objections import Code
+from hindrax_ident.arrays import Array, array
+from hindrax_ident.assess.objections import CAUSES, Code
 from hindrax_ident.assess.quality import Evidence, Excitation, reasons_against
-from hindrax_ident.assess.results import Contribution, MotionResult
+from hindrax_ident.assess.results import Contribution, MotionResult, truth_of
 from hindrax_ident.model.motion_model import model_of
 from hindrax_ident.online.session import Session
-from hindrax_ident.testing.synthetic_runs import DVL, Plan, Sensors, back_and_forth, events, fly
+from hindrax_ident.records.feed import Feed
+from hindrax_ident.testing.synthetic_runs import DVL, Plan, Sensors, back_and_forth, events, fly, sensors_of
+from hindrax_ident.tuning import Tuning, for_foreign_records
 
 SURGE = np.array([66.48, 1.25, 0.0, 27.3])
 
@@ -195,3 +198,26 @@ def test_a_noisy_velocity_gives_wide_bands(vehicle: Vehicle) -> None:
     result = identify(vehicle, flown(vehicle, back_and_forth((4.0, 13.0), 10.0, 60.0), sensors=noisy))
     assert honest(result)
     assert result.coefficients["k_q"].std > 5.0
+
+
+def test_weight_that_the_file_does_not_have_is_no_tether(vehicle: Vehicle) -> None:
+    """Heave that sinks by four metres with 5 N of buoyancy more than in the file: all of it is the model's b.
+
+    The depths tell a pull that grows with them to a thousandth of what is usual.
+    """
+    down, up = (truth_of(vehicle)[name] for name in ("heave_down", "heave_up"))
+    model = model_of(vehicle, 2)
+    drags = [down["k_q"], down["k_l"], up["k_q"], up["k_l"]]
+    theta = np.array([*drags, down["b"] + 5.0, model.rigid + down["added_mass"]])
+    plan = back_and_forth((5.0, 12.0, 30.0), 4.0, 100.0)
+    flight = fly(model, theta, replace(plan, forces=array(plan.forces + down["b"] + 4.0)), 0.12)
+    assert np.ptp(flight.path.s) > 4.0
+    session = Session(replace(vehicle, thrusters=()), for_foreign_records(Tuning()))
+    rng = np.random.default_rng(1)
+    for event in Feed(session.vehicle, session.tuning).all(events(flight, 2, "heave_down", sensors_of(2), rng)):
+        session.step(event)
+    for result in session.finalize().results.motions.values():
+        assert result.identifiable
+        assert not [one for one in result.warnings if one.code in CAUSES]
+        assert result.coefficients["b"].value == pytest.approx(theta[4], abs=0.3)
+        assert result.coefficients["k_l"].std_calibrated < 8.0

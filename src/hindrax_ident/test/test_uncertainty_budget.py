@@ -8,7 +8,7 @@ import pytest
 
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
-from hindrax_ident.assess.influences import GAIN, MODEL, RUN, AxisFit, Influence
+from hindrax_ident.assess.influences import GAIN, INFLUENCES, LAG, LATENCY, MODEL, RUN, AxisFit, Influence
 from hindrax_ident.assess.objections import Code
 from hindrax_ident.assess.uncertainty_budget import (
     ALL,
@@ -23,6 +23,7 @@ from hindrax_ident.assess.uncertainty_budget import (
     _weighed,
     budget_of,
 )
+from hindrax_ident.fit.delay import latency_impulse
 from hindrax_ident.fit.output_error import refine
 from hindrax_ident.fit.scores import score
 from hindrax_ident.model.model_parameters import wide_prior
@@ -31,7 +32,7 @@ from hindrax_ident.model.simulation import sensitivities
 from hindrax_ident.records.axis_record import Record, Series, Stretch
 from hindrax_ident.remedies import Remedy
 from hindrax_ident.testing.synthetic_runs import back_and_forth, fly
-from hindrax_ident.tuning import Tuning
+from hindrax_ident.tuning import Tuning, for_foreign_records
 
 SURGE = np.array([66.48, 1.25, 0.0, 27.3])
 
@@ -186,6 +187,15 @@ def test_warnings_name_what_the_record_shows_clearest_first(budget: Budget) -> N
     )
 
 
+def test_what_leaves_the_same_in_a_record_is_named_with_it(budget: Budget) -> None:
+    either = replace(GAINS, or_else=lambda case: "another gain" if case.axis == 0 else "")
+    gain, _ = replace(budget, rows=rows_with(either)).warnings()
+    assert gain.startswith("evidence of gain or another gain (-6.0 +- 1.0 %)")
+    (tether,) = (one for one in INFLUENCES if one.name == "tether")
+    heaving = replace(budget.case, fit=replace(budget.case.fit, model=replace(budget.case.fit.model, axis=2)))
+    assert (tether.or_else(budget.case), tether.or_else(heaving)) == ("", "a buoyancy that changes with depth")
+
+
 def test_what_no_record_shows_is_named_where_it_makes_most_of_a_band(budget: Budget) -> None:
     own, sensitivity = array(np.array([0.0, 0.0, 1.0, 0.0])), SHIFTS[0]
     hidden = replace(budget, rows=rows_with(replace(GAINS, considered=True)))
@@ -216,6 +226,42 @@ def test_what_a_record_may_not_judge_keeps_its_prior(case: AxisFit, loss: bool) 
     assert bool(found.mean[0] > 0.5) is loss
     shown = budget_of(case, (replace(hidden, shown=lambda _case: True),))
     assert shown.found("law")[1] < 0.5 * found.found("law")[1]
+
+
+def test_what_may_not_be_judged_moves_the_delays_that_were_fitted_with_the_rest(vehicle: Vehicle) -> None:
+    """A force like a delay: lag and latency take it up, and the mass hardly moves."""
+    model = model_of(vehicle, 0)
+    flight = fly(model, SURGE, back_and_forth((4.0, 13.0), 3.0, 60.0), 0.15)
+    t = flight.grid.times_s[::10]
+    v = flight.path.v[::10] + 0.004 * np.random.default_rng(4).standard_normal(len(t))
+    record = Record(Series(t, v), Series(flight.times_s, flight.commands), (Stretch(0.0, 59.9),), lag_s=0.15)
+    prior, tuning = wide_prior(vehicle, model), for_foreign_records(Tuning())
+    fit = refine(model, record, SURGE, prior)
+
+    def rows(*, considered: bool) -> tuple[Influence, ...]:
+        late = Influence("late", "s", MODEL, lambda _case: 0.02, latency, Remedy("wait"), considered=considered)
+        return (late, *(one for one in INFLUENCES if one.name in (LAG, LATENCY)))
+
+    def latency(case: AxisFit) -> Array:
+        return latency_impulse(case.record, case.fit.problem.grid)
+
+    foreign = AxisFit(vehicle, record, fit, tuning)
+    alone, together, judged = (
+        budget_of(replace(foreign, tuning=one), rows(considered=hidden)).shifts[-1, 0]
+        for one, hidden in ((Tuning(), True), (tuning, True), (tuning, False))
+    )
+    assert abs(alone) > 0.3
+    assert judged == pytest.approx(alone)
+    # All of it is taken up by the delays, but for what their prior of 0.1 s keeps.
+    assert abs(together) < 0.05 * abs(alone)
+
+
+@pytest.mark.parametrize(("delays_s", "doubt_s"), [((0.1, 0.0), 0.03), ((0.1, -0.11), 0.03), ((0.0, -0.3), 0.3)])
+def test_a_motion_before_its_thrust_is_doubt_of_the_stamps(
+    case: AxisFit, delays_s: tuple[float, float], doubt_s: float
+) -> None:
+    record = replace(case.record, lag_s=delays_s[0], latency_s=delays_s[1])
+    assert replace(case, record=record, tuning=Tuning(stamp_doubt_s=0.03)).stamp_doubt_s == pytest.approx(doubt_s)
 
 
 def test_in_water_that_may_be_near_the_model_an_influence_is_a_little_less(case: AxisFit) -> None:
@@ -320,6 +366,15 @@ def test_what_is_known_beyond_all_digits_has_its_size_and_its_evidence(power: fl
     evidence, mean, _ = normal(information, gradient, usual, sigma)
     assert found.mean[0] == pytest.approx(mean, rel=1e-4)
     assert np.logaddexp.reduce(found.evidence) == pytest.approx(evidence - 1.0, rel=1e-3)
+
+
+def test_what_a_record_shows_beyond_all_digits_is_as_small_as_it_shows() -> None:
+    """Of the second unknown 50000 times more is known than the inverse keeps."""
+    information, usual, one = array(np.array([[1e2, 1e6], [1e6, 5e10]])), array(np.array([0.8, 0.0])), array(np.ones(2))
+    gradient = array(information @ np.array([0.3, 1e-6]))
+    _, mean, _ = normal(information, gradient, usual, one)
+    found = _explained(information, gradient, usual, one, np.array([False, True]))
+    assert np.all(np.abs(found.mean - mean) < 1e-3)
 
 
 @pytest.mark.parametrize("by_others", [None, np.array([-3.0, 1.0, -2.0])], ids=["alone", "with others"])

@@ -10,7 +10,7 @@ from hindrax_analysis.records.recording import Recording
 from hindrax_core.text.digits import measured
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array
-from hindrax_ident.assess.objections import NO_OBJECTION, Code, Objection, objection
+from hindrax_ident.assess.objections import CAUSES, NO_OBJECTION, Code, Objection, objection
 from hindrax_ident.assess.results import Contribution, MotionResult
 from hindrax_ident.model.motion_model import MOTIONS, axis_units, rigid_mass
 from hindrax_ident.model.thrust_lag import LaggedThrust
@@ -69,7 +69,11 @@ def with_plausibility_check(result: MotionResult, vehicle: Vehicle, against: Obj
     """
     found = _implausibilities(result, vehicle) if result.coefficients else []
     reasons = [*found, against] if against else found
-    return replace(result, identifiable=False, reasons=(*result.reasons, *reasons)) if reasons else result
+    if not reasons:
+        return result
+    # What the residuals of such a fit resemble is no cause.
+    warnings = tuple(one for one in result.warnings if one.code not in CAUSES)
+    return replace(result, identifiable=False, reasons=(*result.reasons, *reasons), warnings=warnings)
 
 
 def with_weight_check(result: MotionResult, vehicle: Vehicle) -> MotionResult:

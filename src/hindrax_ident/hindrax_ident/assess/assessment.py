@@ -16,6 +16,7 @@ from hindrax_ident.assess.influences import LAG, LATENCY, MODEL, RUN, AxisFit
 from hindrax_ident.assess.objections import Code, Objection, objection
 from hindrax_ident.assess.posterior import Draws
 from hindrax_ident.assess.quality import (
+    CONTRADICTED,
     Evidence,
     Excitation,
     Validation,
@@ -301,7 +302,7 @@ def result_of(motion: Motion, assessment: Assessment) -> MotionResult:
         next_step=drag.next_step,
         warnings=(
             *_at_bounds(theta, covariance, model.rigid, reported),
-            *assessment.budget.warnings(),
+            *(() if any(one.code in CONTRADICTED for one in reasons) else assessment.budget.warnings()),
             *_unseen(assessment, reported, drag),
         ),
     )

@@ -81,7 +81,7 @@ IDLING = 10.0
 """Percentile of the effort that is that of idle thrusters."""
 NOT_WEIGHED = AxisGain(load=1.0, sigma=0.0)
 OTHER_AXES = "forces of the other axes"
-LAG, LATENCY = "thrust lag", "latency of the velocity"
+LAG, LATENCY, STAMPS = "thrust lag", "latency of the velocity", "stamps of the record"
 GAIN, RUN, MODEL = "gain", "run", "model"
 """Scope of a row: scales all forces; differs in each run, so it belongs to `std`; is missing in the model."""
 
@@ -197,8 +197,13 @@ class AxisFit:
 
     @property
     def stamp_doubt_s(self) -> float:
-        """Standard deviation of the stamps that residuals cannot correct [s]."""
-        return 0.0 if self.tuning.stamp_doubt_s is None else self.tuning.stamp_doubt_s
+        """Standard deviation of the stamps that residuals cannot correct [s].
+
+        A motion that comes before its thrust is one by stamps that are off, or by forces that nobody recorded: no
+        record tells which, so all of the time by which it comes first is doubt.
+        """
+        early_s = -(self.record.lag_s + self.record.latency_s)
+        return max(0.0 if self.tuning.stamp_doubt_s is None else self.tuning.stamp_doubt_s, early_s)
 
     @property
     def thrust_doubt(self) -> float:
@@ -210,6 +215,11 @@ class AxisFit:
         """Prior standard deviation of lag and latency [s]."""
         found_s = FOUND_DELAY_S if self.delay_found else 0.0
         return max(self.tuning.timing_sigma_s, self.tuning.lag_doubt_s or 0.0, found_s)
+
+    @property
+    def delays_fitted(self) -> bool:
+        """Whether lag and latency were fitted together with the parameters."""
+        return self.delay_found or self.tuning.lag_doubt_s is not None
 
     def drag(self, v: Array) -> Array:
         """Drag of the fit at velocities (n,): (n,) [N, N m]."""
@@ -281,6 +291,7 @@ class Influence:
     `near`: share of the deviation that is left in water near the model; less than 1 for what a usual pool has.
     `usual_cause`: a cause whose rows may be as in usual water while all others are as near the model; "" has none.
     `loss`: it acts in one direction, the positive one, as losses of thrust do: all of them add up.
+    `or_else`: what is no row and leaves the same in a record of a case: named with it, since no record tells which.
     """
 
     name: str
@@ -297,6 +308,7 @@ class Influence:
     near: float = 1.0
     usual_cause: str = ""
     loss: bool = False
+    or_else: Callable[[AxisFit], str] = lambda _case: ""
 
     def __reduce__(self) -> "tuple[Callable[[str], Influence], tuple[str]]":
         """By its name, as results of other processes come: the functions of a row cannot be pickled."""
@@ -639,7 +651,7 @@ INFLUENCES: tuple[Influence, ...] = (
         Remedy("set velocity_latency_s to the latency of the instrument"),
     ),
     Influence(
-        "stamps of the record", "s", RUN, lambda case: case.stamp_doubt_s, _lag,
+        STAMPS, "s", RUN, lambda case: case.stamp_doubt_s, _lag,
         Remedy("record thrust and velocity with stamps of one clock"), considered=True,
     ),
     Influence(
@@ -655,6 +667,7 @@ INFLUENCES: tuple[Influence, ...] = (
     Influence(
         "tether", "N", MODEL, lambda case: max(TETHER, case.thrust_doubt) * case.pull, _tether,
         Remedy("leave the tether slack, or float it, and fly near its fixed end", condition="tether"), near=NEAR_MODEL,
+        or_else=lambda case: "a buoyancy that changes with depth" if case.axis == HEAVE else "",
     ),
     Influence(
         "drag of the tether", "N", MODEL, lambda case: max(TETHER, case.thrust_doubt) * case.pull,

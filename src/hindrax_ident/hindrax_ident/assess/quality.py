@@ -39,6 +39,17 @@ MOST_HELD_OUT = 0.51
 BETWEEN_RUNS_S = 300.0
 """A longer pause divides runs."""
 
+CONTRADICTED = (
+    Code.NOT_CONVERGED,
+    Code.HARDLY_MOVED,
+    Code.UNEXPLAINED_MOTION,
+    Code.NO_DRAG,
+    Code.NEGATIVE_DRAG,
+    Code.MASS_BELOW_BODY,
+    Code.POOR_PREDICTION,
+)
+"""Reasons by which the fit is none of this motion: what its residuals resemble is then no evidence of a cause."""
+
 MOVED = 2.0
 """Speed, in the noise of one measurement, above which a record holds a motion."""
 

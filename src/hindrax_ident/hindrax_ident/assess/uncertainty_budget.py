@@ -33,11 +33,24 @@ import numpy as np
 
 from hindrax_core.text.digits import measured
 from hindrax_ident.arrays import Array, Flags, array
-from hindrax_ident.assess.influences import GAIN, HEAVE, INFLUENCES, MODEL, NEAR_MODEL, RUN, AxisFit, Influence, acting
+from hindrax_ident.assess.influences import (
+    GAIN,
+    HEAVE,
+    INFLUENCES,
+    LAG,
+    LATENCY,
+    MODEL,
+    NEAR_MODEL,
+    RUN,
+    STAMPS,
+    AxisFit,
+    Influence,
+    acting,
+)
 from hindrax_ident.assess.objections import Code, Objection, objection
 from hindrax_ident.assess.posterior import LOSSLESS, Draws, Explanations, drawn
 from hindrax_ident.assess.results import Contribution
-from hindrax_ident.fit.scores import score
+from hindrax_ident.fit.scores import ScoreTest, score
 from hindrax_ident.remedies import Remedy
 
 BudgetRow: TypeAlias = tuple[slice, Influence, float]
@@ -232,7 +245,7 @@ class Budget:
         times = abs(float(self.mean[at]))
         return objection(
             Code.UNEXPLAINED_RESIDUALS if times > GREAT else Code.EVIDENCE,
-            influence=influence.name,
+            influence=" or ".join(filter(None, (influence.name, influence.or_else(self.case)))),
             shown=measured(value, spread),
             unit=unit,
             times=times,
@@ -328,7 +341,8 @@ def budget_of(case: AxisFit, influences: Sequence[Influence] = INFLUENCES) -> Bu
     judged = np.ones(ends[-1])
     for row, influence, _ in rows:
         judged[row] = not influence.considered or influence.shown(case)
-    weighed = _weighed(case, found.shifts)
+    shifts = _through_delays(found, rows, judged) if case.delays_fitted else found.shifts
+    weighed = _weighed(case, shifts)
     prior = _prior(rows)
     likelihood = _Likelihood(
         found.information * np.outer(judged, judged) + weighed[0],
@@ -340,7 +354,7 @@ def budget_of(case: AxisFit, influences: Sequence[Influence] = INFLUENCES) -> Bu
     return Budget(
         case=case,
         rows=rows,
-        shifts=found.shifts,
+        shifts=shifts,
         mean=known.mean,
         covariance=known.covariance,
         evidence=known.evidence,
@@ -348,6 +362,26 @@ def budget_of(case: AxisFit, influences: Sequence[Influence] = INFLUENCES) -> Bu
         whole=whole,
         explanations=known.explanations,
     )
+
+
+def _through_delays(found: ScoreTest, rows: Sequence[BudgetRow], judged: Array) -> Array:
+    """Errors of the parameters (p, m) where lag and latency were fitted too: what is not judged moved both.
+
+    A force c u that the residuals may not judge changes the delays found by (H_dd + 1)^-1 H_dc u, and these the
+    parameters: forces that go with turn rate and speed across can look like a delay of -0.14 s, which looks like half
+    of the mass. Stamps are a delay themselves, and stand for what the residuals cannot correct.
+    """
+    delays = [row.start for row, influence, _ in rows if influence.name in (LAG, LATENCY)]
+    hidden = judged == 0.0
+    for row, influence, _ in rows:
+        hidden[row] &= influence.name != STAMPS
+    if not delays or not hidden.any():
+        return found.shifts
+    information = found.information[np.ix_(delays, delays)] + np.eye(len(delays))
+    moved = np.linalg.solve(information, found.information[delays][:, hidden])
+    shifts = found.shifts.copy()
+    shifts[:, hidden] -= found.shifts[:, delays] @ moved
+    return array(shifts)
 
 
 def _prior(rows: Sequence[BudgetRow]) -> _Prior:
