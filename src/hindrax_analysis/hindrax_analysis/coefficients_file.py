@@ -23,7 +23,7 @@ from hindrax_ident.assess.joint_assessment import JointResults
 from hindrax_ident.assess.objections import read_back
 from hindrax_ident.assess.results import Contribution, Corrected, MotionResult, Number, Results
 
-KNOWN = ("k_q", "k_l", "b", "k_r", "added_mass")
+KNOWN = ("k_q", "k_l", "b", "k_r", "added_mass", "k_w")
 """Names of coefficients, in display order."""
 JOINT = "All axes in one fit: M v' + C(M) v + drag + terms = thrust, M = M_RB + M_A (6 x 6, surge to yaw)."
 TABULATED = ("k_q", "k_l", "b", "added_mass")
@@ -140,6 +140,7 @@ def _head(conditions: ResultConditions) -> str:
     lines = (
         f"Hydrodynamic coefficients of {conditions.vehicle}, {flown}.",
         "(m + added_mass) v' = thrust - k_q |v| v - k_l v - b;  SI units; SNAME axes (x forward, y starboard, z down).",
+        "k_w, where a record moves across as well: drag k_w (sqrt(v^2 + w^2) - |v|) v by the speed w across.",
         "Drag, added mass and thrust are about the center of mass.",
         "value: of the fit; std: of the noise of this run; std_calibrated: with all influences of the budget as well.",
         "corrected: by the probable size of each influence, with 68 and 95 % intervals: the numbers to quote.",

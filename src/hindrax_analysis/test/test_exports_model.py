@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hindrax_analysis.coefficients_file import coefficients_of
+from hindrax_analysis.exports import python_model
 from hindrax_analysis.exports.export_model import ExportModel, export_model, header
 from hindrax_analysis.exports.tables import result_table, write_csv, write_latex
 from hindrax_core.errors import HindraxError
@@ -101,6 +102,20 @@ def test_bands_and_assumptions_go_with_the_numbers() -> None:
     lines = header(exported(reported), ())
     assert any("surge: k_q 18.0 +- 1.9 N s^2/m^2" in line for line in lines)
     assert any("assumed: the gain is believed" in line for line in lines)
+
+
+def test_drag_by_the_speed_across_goes_into_the_models_that_can_have_it() -> None:
+    model = exported(results(surge={"k_w": value(80.0)}, yaw={"k_w": value(-0.2)}))
+    assert model.across == (80.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    notes = "; ".join(model.notes)
+    assert "surge: the drag by the speed across, k_w, is in the Python and the MuJoCo model only" in notes
+    assert "yaw: drag by the speed across, k_w = -0.2, would drive the vehicle; taken as zero" in notes
+    space: dict[str, Any] = {"__name__": "exported"}
+    exec(python_model.write(model), space)  # the file stands on its own: what it does is asked
+    # 0.3 along and 0.4 m/s across: 80 (0.5 - 0.3) 0.3 N beside the drag along.
+    surge, heaving = (space["drag"](one)[0] for one in ([0.3, 0.0, 0.0, 0, 0, 0], [0.3, 0.0, 0.4, 0, 0, 0]))
+    assert surge == pytest.approx((66.48 * 0.3 + 1.25) * 0.3)
+    assert heaving == pytest.approx(surge + 80.0 * 0.2 * 0.3)
 
 
 def test_missing_added_mass_is_asked_for() -> None:

@@ -13,6 +13,7 @@ from hindrax_ident.assess.quality import held_out
 from hindrax_ident.assess.results import Number
 from hindrax_ident.model.model_parameters import parameters_of
 from hindrax_ident.model.motion_model import model_of
+from hindrax_ident.model.simulation import trajectory
 from hindrax_ident.records.axis_record import Record, Series, Stretch
 from hindrax_ident.testing.synthetic_runs import back_and_forth, fly
 
@@ -40,6 +41,24 @@ def test_the_motion_of_the_model_itself_is_predicted() -> None:
     assert found.rmse(found.predicted) < 1e-3 * found.rmse(found.still)
     assert found.windows == 6
     assert found.unit == "m/s"
+
+
+def test_what_a_fit_knows_of_the_speed_across_its_prediction_knows_too() -> None:
+    """A body with k_w = k_q that moves across at up to 0.4 m/s; without k_w the model is the one of before."""
+    model = replace(model_of(ROV, 0), crossed=True)
+    theta = parameters_of(model, {"surge": TRUE | {"k_w": 60.0}})
+    flight = fly(model_of(ROV, 0), theta[[0, 1, 2, 4]], back_and_forth((4.0, 8.0, 12.0), 5.0, END_S), 0.0)
+    across = array(0.4 * np.abs(np.sin(0.7 * flight.grid.times_s)))
+    path = trajectory(model, theta, replace(flight.grid, across=across), flight.path)
+    assert path is not None
+    t, v = flight.grid.times_s[::20], path.v[::20]
+    stretches = (Stretch(0.0, END_S),)
+    record = Record(
+        Series(t, v), Series(flight.times_s, flight.commands), stretches, across=Series(t, array(across[::20]))
+    )
+    whole, alone = (predict_record(one, ROV, 0, record, 10.0) for one in (numbers(k_w=60.0), numbers()))
+    assert whole.rmse(whole.predicted) < 0.005
+    assert alone.rmse(alone.predicted) > 5.0 * whole.rmse(whole.predicted)
 
 
 def test_noise_of_the_beginning_does_not_grow() -> None:

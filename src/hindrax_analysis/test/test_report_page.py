@@ -243,6 +243,15 @@ def test_one_plateau_is_no_plateaus(count: float, text: str) -> None:
     assert text in _facts(replace(a_motion("surge", None), quality={"plateaus": count}))
 
 
+def test_drag_by_the_speed_across_has_its_column_where_a_record_has_any(vehicle: Vehicle) -> None:
+    numbers = {"k_q": Number(60.0, 1.0), "k_w": Number(71.0, 9.0)}
+    surge = replace(a_motion("surge", None), coefficients=numbers)
+    page = table_3(Results({"surge": surge, "heave_down": a_motion("heave_down", None)}, vehicle))
+    assert "k<sub>w</sub> [N\u00b7s\u00b2/m\u00b2]" in page
+    assert "71.0 \u00b1 9.0" in page
+    assert page.count("k<sub>w</sub>") == 2, "its head, and the cell of surge"
+
+
 def test_a_warning_about_many_motions_is_reported_once() -> None:
     wide, late = unnamed("most of the band comes from the tether"), unnamed("the stamps are late")
     motions = {

@@ -85,7 +85,7 @@ def test_a_bluff_body_has_the_drag_of_its_whole_speed() -> None:
     theta = np.array([60.0, 0.0, 0.0, 60.0, 30.0])
     force = model.force(theta, np.array([0.3, -0.3]), np.zeros(2), np.array([0.4, 0.4]))
     assert force == pytest.approx([9.0, -9.0])
-    assert "k_w" not in model.names_of(1), "not a coefficient of the motion: it belongs to both axes"
+    assert model.names_of(1) == ("k_q", "k_l", "b", "mass", "k_w")
 
 
 def test_rigid_part_is_mass_and_inertia_of_a_prism(vehicle: Vehicle) -> None:

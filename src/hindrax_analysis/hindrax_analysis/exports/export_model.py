@@ -17,6 +17,7 @@ import numpy as np
 from hindrax_analysis.coefficients_file import TABULATED, SavedCoefficients
 from hindrax_core.errors import HindraxError
 from hindrax_core.readings import Vec3, Vec6
+from hindrax_core.signals import ZERO6
 from hindrax_core.text.digits import PLUS_MINUS, measured
 from hindrax_core.thrust.curves import running
 from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Thruster, Vehicle
@@ -35,6 +36,8 @@ class ExportModel:
     """Largest tested speed per axis [m/s, rad/s]; formats with another drag law are fitted up to it."""
     source: str = ""
     notes: tuple[str, ...] = ()
+    across: Vec6 = ZERO6
+    """k_w of each axis: drag by the speed across it [N s^2/m^2, N m s^2]; the formats that can have it apply it."""
 
     def arm_m(self, position_m: Vec3) -> Vec3:
         """Position from the center of mass [m] of a point that the vehicle file gives from the body origin."""
@@ -155,8 +158,10 @@ def export_model(saved: SavedCoefficients, vehicle: Vehicle, source: str, *, com
     masses = [_axis_added_mass(axis, sides[axis], prior, notes) for axis in AXES]
     cross = prior.added_mass_cross if prior else ()
     hydrodynamics = Hydrodynamics(added_mass=cast("Vec6", tuple(masses)), added_mass_cross=cross, **drags)
+    X, Y, Z, K, M, N = (_axis_across(axis, sides[axis], notes) for axis in AXES)
     notes = [*_joined(notes), *_uncertainty_notes(motions), *assumption_notes(saved)]
-    return ExportModel(vehicle, hydrodynamics, cast("Vec6", tuple(tops)), source, tuple(notes))
+    highest, across = cast("Vec6", tuple(tops)), (X, Y, Z, K, M, N)
+    return ExportModel(vehicle, hydrodynamics, highest, source, tuple(notes), across)
 
 
 def unidentified_model(vehicle: Vehicle, source: str) -> ExportModel:
@@ -238,6 +243,17 @@ def _passive(motion: MotionResult, axis: str, top: float, notes: list[str]) -> t
         notes.append(f"{axis}: k_q = {k_q:.3g} would drive a fast vehicle; folded into k_l at {at}")
         return 0.0, max(0.0, k_l + k_q * top)
     return k_q, k_l
+
+
+def _axis_across(axis: str, sides: Sides, notes: list[str]) -> float:
+    found = [side.coefficients["k_w"].quoted[0] for side in sides if side and "k_w" in side.coefficients]
+    if not found:
+        return 0.0
+    if found[0] < 0.0:
+        notes.append(f"{axis}: drag by the speed across, k_w = {found[0]:.3g}, would drive the vehicle; taken as zero")
+        return 0.0
+    notes.append(f"{axis}: the drag by the speed across, k_w, is in the Python and the MuJoCo model only")
+    return found[0]
 
 
 def _axis_added_mass(axis: str, sides: Sides, prior: Hydrodynamics | None, notes: list[str]) -> float:

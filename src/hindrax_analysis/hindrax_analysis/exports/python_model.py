@@ -14,6 +14,7 @@ from hindrax_analysis.exports.export_model import ExportModel, header, thrust_ra
 from hindrax_control.allocation.effectiveness import effectiveness
 from hindrax_core.vehicle import AXES
 from hindrax_ident.arrays import Array
+from hindrax_ident.model.motion_model import weights_across
 
 CONVENTIONS = (
     "SNAME body axes: x forward, y starboard, z down; velocity u v w p q r of the center of mass, wrench X Y Z K M N.",
@@ -38,6 +39,8 @@ EFFECTIVENESS = np.array({effectiveness})  # wrench of one newton of each thrust
 ADDED_MASS = np.array({added_mass})
 QUADRATIC = np.array({quadratic})  # rows: motion forward, motion backward
 LINEAR = np.array({linear})
+ACROSS = np.array({across})  # drag by the speed across each axis, k_w
+OTHERS = np.array({others})  # what the velocities of all axes count in that speed, a row for each axis
 
 
 def skew(vector):
@@ -55,8 +58,9 @@ def drag(velocity):
     """D(v) v: six forces and moments that resist the velocity."""
     velocity = np.asarray(velocity, dtype=float)
     backward = (velocity < 0.0).astype(int)
-    axis = np.arange(6)
-    return (QUADRATIC[backward, axis] * np.abs(velocity) + LINEAR[backward, axis]) * velocity
+    axis, speed = np.arange(6), np.abs(velocity)
+    whole = np.sqrt(velocity**2 + OTHERS**2 @ velocity**2 + 1e-18)  # a slope at rest, too
+    return (QUADRATIC[backward, axis] * speed + LINEAR[backward, axis] + ACROSS * (whole - speed)) * velocity
 
 
 def coriolis(velocity):
@@ -125,6 +129,8 @@ def write(model: ExportModel) -> str:
         added_mass=_rows(model.added_mass),
         quadratic=_rows(np.array(sides)[:, :, 0]),
         linear=_rows(np.array(sides)[:, :, 1]),
+        across=list(model.across),
+        others=_rows(np.stack([weights_across(vehicle, axis) for axis in range(6)])),
     )
     # A docstring must not end early, whatever a note quotes.
     lines = "\n".join(header(model, CONVENTIONS)).replace("\\", "/").replace('"""', "'''")

@@ -23,7 +23,7 @@ from hindrax_ident.assess.results import MotionResult
 SHARED = ("thrust calibration", "gain of the velocity")
 """Rows of the budget that are one unknown for all motions, and act on all coefficients in proportion."""
 MOST_TRIES = 1000
-DRAWN = ("k_q", "k_l", "b", "k_r", "added_mass")
+DRAWN = ("k_q", "k_l", "b", "k_r", "added_mass", "k_w")
 
 
 class Posterior:

@@ -48,7 +48,7 @@ from hindrax_ident.assess.results import MotionResult, Results, with_truth
 from hindrax_ident.online.session import Outcome, Session
 from hindrax_ident.tuning import Tuning
 
-LINE, OFF_LINE = ("k_q", "k_l", "added_mass", "b"), ("k_r",)
+LINE, OFF_LINE = ("k_q", "k_l", "added_mass", "b"), ("k_r", "k_w")
 """Coefficients that the line of a motion has room for, and the others."""
 
 

@@ -317,7 +317,7 @@ def _excitation(figures: MotionFigures) -> Chart:
 # ---- labels
 
 
-LABELS = {"k_q": "k_q", "k_l": "k_l", "b": "b", "added_mass": "added mass", "k_r": "k_r"}
+LABELS = {"k_q": "k_q", "k_l": "k_l", "b": "b", "added_mass": "added mass", "k_r": "k_r", "k_w": "k_w"}
 
 ROLES: Mapping[str, Role] = {"output-error": "model", "rls": "online", "ekf": "online", "plateaus": "plateau"}
 METHODS = {

@@ -17,6 +17,8 @@ from hindrax_ident.assess.results import MotionResult, Number, Results
 from hindrax_ident.model.motion_model import MOTIONS, coefficient_units
 
 HEADINGS = ("k<sub>q</sub>", "k<sub>l</sub>", "b", "added mass")
+OF_SOME = {"k_r": "k<sub>r</sub>", "k_w": "k<sub>w</sub>"}
+"""Coefficients that only some motions have: by a restoring moment, and in records that move across."""
 CONTRIBUTIONS = (
     "Rows are of the fit without its correction. A row is the part of the uncertainty that vanishes if its influence "
     "is known. Losses have one sign and may all be large, so their rows do not add up in squares to the total."
@@ -40,12 +42,12 @@ def table_3(results: Results) -> str:
     """Coefficients with their deviations, titled; below each motion the paper's row and the mock's truth."""
     rows: list[list[str]] = []
     own: list[int] = []
-    righted = {motion for motion, result in results.motions.items() if has_restoring_moment(result)}
-    titles = dict(zip(TABULATED, HEADINGS, strict=True)) | ({"k_r": "k<sub>r</sub>"} if righted else {})
+    having = {name: [key for key, one in results.motions.items() if name in one.coefficients] for name in OF_SOME}
+    titles = dict(zip(TABULATED, HEADINGS, strict=True)) | {key: OF_SOME[key] for key, some in having.items() if some}
     for motion, result in results.motions.items():
         own += [len(rows)] if result.identifiable else []
         verdict = "identified" if result.identifiable else "not identifiable"
-        wanted = [name for name in titles if name != "k_r" or motion in righted]
+        wanted = [name for name in titles if motion in having.get(name, results.motions)]
         cells = {name: cell(result.coefficients.get(name), "<small>not found</small>") for name in wanted}
         rows.append([title_of(motion), *(cells.get(name, "") for name in titles), verdict])
         known = [(name, one, one.truth) for name, one in result.coefficients.items()]
@@ -57,7 +59,7 @@ def table_3(results: Results) -> str:
                 rows.append([*map(_small, (source, *(beside.get(name, "") for name in titles))), ""])
     # Straight motions and turns have different units; the heading has those of what was flown.
     units = {name: [units_of(motion)[name] for motion in results.motions] for name in TABULATED}
-    units |= {"k_r": [units_of(motion)["k_r"] for motion in righted]}
+    units |= {name: [units_of(motion)[name] for motion in some] for name, some in having.items()}
     heads = [f"{head} [{' or '.join(dict.fromkeys(units[name]))}]" for name, head in titles.items()]
     note = f'<p class="soft">{SIGN_OF_B}</p>' if _printed(results, "heave_up") else ""
     return _titled(TITLE_3, 3, results) + table(["motion", *heads, "verdict"], rows, own) + note

@@ -17,7 +17,7 @@ from hindrax_ident.arrays import Array, Index, array
 from hindrax_ident.assess.results import Number
 from hindrax_ident.fit.output_error_problem import OutputErrorProblem, build_problem
 from hindrax_ident.model.model_parameters import parameters_of
-from hindrax_ident.model.motion_model import Model, model_of
+from hindrax_ident.model.motion_model import Model, model_of, motions_of
 from hindrax_ident.model.simulation import Trajectory, sensitivities, trajectory
 from hindrax_ident.records.axis_record import Record, Stretch
 
@@ -178,7 +178,8 @@ def predict_record(
     HindraxError
         Where there is no window to predict.
     """
-    model = model_of(vehicle, axis)
+    own = [motions[motion.name] for motion in motions_of(axis) if motion.name in motions]
+    model = replace(model_of(vehicle, axis), crossed=any("k_w" in numbers for numbers in own))
     values = {motion: {name: one.value for name, one in numbers.items()} for motion, numbers in motions.items()}
     theta = parameters_of(model, values)
     windows = windows_of(record.stretches, window_s)

@@ -72,7 +72,7 @@ def parameters_of(model: Model, coefficients: Mapping[str, Mapping[str, float]])
     UsageError
         Names what is missing.
     """
-    # No motion reports k_w: coefficients are those of an axis that moves alone.
+    # Only records that move across have k_w.
     found = {"k_w": 0.0} if model.crossed else {}
     for motion in motions_of(model.axis):
         reported, known = reported_parameters(model, motion), coefficients.get(motion.name, {})
@@ -225,7 +225,7 @@ def one_sided(model: Model, prior: Prior, online: OnlineEstimates, side: int) ->
     drag = [0, 1] if side > 0 else [2, 3]
     rows = [*drag, *range(4, len(model.names))]
     narrowed = {name: (theta[rows], C[np.ix_(rows, rows)]) for name, (theta, C) in online.items()}
-    plain = Model(model.axis, model.rigid, split=False, restores=model.restores)
+    plain = replace(model, split=False)
     return plain, Prior(prior.values[rows], prior.sigmas[rows]), narrowed
 
 
@@ -246,7 +246,7 @@ def crossed(
     Returns
     -------
     tuple[Model, Prior, OnlineEstimates]
-        The same with it; no online estimate knows of it.
+        The same with it; online estimates know nothing of it.
     """
     at, sigma = model.drags + 1, _cross_flow(vehicle, model)
     wider = {}
@@ -256,3 +256,26 @@ def crossed(
         wider[name] = np.insert(theta, at, 0.0), covariance
     values, sigmas = np.insert(prior.values, at, 0.0), np.insert(prior.sigmas, at, sigma)
     return replace(model, crossed=True), Prior(values, sigmas), wider
+
+
+def uncrossed(model: Model, prior: Prior, online: OnlineEstimates) -> tuple[Model, Prior, OnlineEstimates]:
+    """The model without the drag by the speed across, for a record that hardly has any.
+
+    Parameters
+    ----------
+    model, prior
+        With it.
+    online
+        Estimates with covariances, by the name of the estimator.
+
+    Returns
+    -------
+    tuple[Model, Prior, OnlineEstimates]
+        The same without it; what it may be stays in the covariances of the others.
+    """
+    at = model.drags + 1
+    less = {
+        name: (np.delete(theta, at), np.delete(np.delete(C, at, axis=0), at, axis=1))
+        for name, (theta, C) in online.items()
+    }
+    return replace(model, crossed=False), Prior(np.delete(prior.values, at), np.delete(prior.sigmas, at)), less

@@ -22,6 +22,7 @@ HORIZONTAL = (0, 1)
 
 
 LEAST_SPEED = 1e-9
+"""Speed below which nothing moves; it is divided by [m/s, rad/s]."""
 LEAST_MASS = 0.5
 """Share of the mass of the body; less contradicts the vehicle file, and is reported [-]."""
 
@@ -71,10 +72,12 @@ def coefficient_units(axis: int) -> dict[str, str]:
     -------
     dict[str, str]
         `k_q`, `k_l`: quadratic and linear drag; `b`: net buoyancy in heave, elsewhere an offset; `added_mass`; `k_r`:
-        restoring moment per sine of the angle.
+        restoring moment per sine of the angle; `k_w`: drag by the speed across.
     """
-    of_axis = ("N m s^2", "N m s", "N m", "kg m^2", "N m") if axis >= 3 else ("N s^2/m^2", "N s/m", "N", "kg", "N")
-    return dict(zip(("k_q", "k_l", "b", "added_mass", "k_r"), of_axis, strict=True))
+    square, of_axis = (
+        ("N m s^2", ("N m s", "N m", "kg m^2", "N m")) if axis >= 3 else ("N s^2/m^2", ("N s/m", "N", "kg", "N"))
+    )
+    return dict(zip(("k_q", "k_l", "b", "added_mass", "k_r", "k_w"), (square, *of_axis, square), strict=True))
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +115,8 @@ class Model:
     def names_of(self, side: int) -> tuple[str, ...]:
         """Parameters reported by a motion in one direction, in the order of their names."""
         suffix = "_negative" if self.split and side < 0 else ""
-        return (f"k_q{suffix}", f"k_l{suffix}", "b", "mass", *(("k_r",) if self.restores else ()))
+        more = (*(("k_r",) if self.restores else ()), *(("k_w",) if self.crossed else ()))
+        return (f"k_q{suffix}", f"k_l{suffix}", "b", "mass", *more)
 
     def columns(self, v: Array, position: Array, across: Array | float = 0.0) -> Array:
         """Regressors of all parameters but the mass.
@@ -207,9 +211,14 @@ def speed_across(vehicle: Vehicle, axis: int, nu: Sequence[Array]) -> Array:
     Array
         (n,) [m/s, rad/s].
     """
-    own_unit = [1.0] * 3 + [0.0] * 3 if axis < 3 else [2.0 / max(vehicle.envelope_m)] * 3 + [1.0] * 3
-    own_unit[axis] = 0.0
-    return array(np.linalg.norm(np.stack(nu, axis=1) * own_unit, axis=1))
+    return array(np.linalg.norm(np.stack(nu, axis=1) * weights_across(vehicle, axis), axis=1))
+
+
+def weights_across(vehicle: Vehicle, axis: int) -> Array:
+    """What the velocity of each axis counts in the speed across one: (6,) [-, m or 1/m]."""
+    weights = np.array([1.0] * 3 + [0.0] * 3 if axis < 3 else [2.0 / max(vehicle.envelope_m)] * 3 + [1.0] * 3)
+    weights[axis] = 0.0
+    return weights
 
 
 def rigid_mass(vehicle: Vehicle, axis: int) -> float:

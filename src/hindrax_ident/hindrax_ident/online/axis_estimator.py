@@ -36,6 +36,7 @@ from hindrax_ident.online.filtered_regression import (
     found_delays,
     physical,
     scaled,
+    slope_by_speed_across,
 )
 from hindrax_ident.online.joint_ekf import JointFilter
 from hindrax_ident.online.rls import Rls
@@ -198,6 +199,10 @@ class AxisEstimator:
     def position(self, t_s: float, position: float) -> None:
         """Angle, for the restoring moment, or depth."""
         self._inputs.append((t_s, "position", position))
+
+    def across(self, t_s: float, speed: float) -> None:
+        """Speed across the axis from this time on, for the drag by it."""
+        self._inputs.append((t_s, "across", speed))
 
     def _apply_inputs_until(self, t_s: float) -> None:
         """Apply inputs up to this time: velocities are means, so they are older than inputs received with them."""
@@ -365,6 +370,9 @@ class AxisEstimator:
         q, tuning = self._rls.values, self._tuning
         back = 2 if self.model.split and sample.speed < 0.0 else 0
         slope = max(0.0, 2.0 * q[back] * abs(sample.speed) + q[back + 1])
+        if self.model.crossed:
+            at = self.model.drags + 1
+            slope += max(0.0, q[at] * slope_by_speed_across(sample.speed, self.regression.speed_across))
         self.regression.rate = min(tuning.filter_fastest, math.hypot(slope, tuning.filter_slowest))
 
     def estimate(self) -> tuple[Array, Array]:
@@ -380,6 +388,7 @@ class AxisEstimator:
         p = len(self.model.names)
         if self._shapes:
             covariance = covariance + self._left_out(values, covariance)
+            values, covariance = self._not_before_its_cause(values, covariance)
         return physical(values[:p].tolist(), covariance[:p, :p])
 
     def _left_out(self, values: Array, covariance: Array) -> Array:
@@ -391,6 +400,24 @@ class AxisEstimator:
         variance = float(covariance[-1, -1])
         changed = covariance[:, -1] / variance
         return array(np.outer(changed, changed) * max(0.0, float(values[-1]) ** 2 - variance))
+
+    def _not_before_its_cause(self, values: Array, covariance: Array) -> tuple[Array, Array]:
+        """Estimate and covariance, (n,) and (n, n), with no motion that comes before its thrust.
+
+        Mean of lag and delay is what the regression assumes less the first shape over 1 / M (`found_delays`). Where a
+        record contains forces that the model lacks, the shapes follow them, and the mass grows: with a mean delay below
+        zero the estimate is taken at zero, and what that changed beyond noise is doubt.
+        """
+        at = len(self.model.names)
+        early = np.zeros(len(values))
+        early[at], early[at - 1] = 1.0, -(self.regression.lag_s + self._late_s)
+        excess, along = float(early @ values), covariance @ early
+        variance = float(early @ along)
+        if excess <= 0.0:
+            return values, covariance
+        moved = along / variance
+        doubt = np.outer(moved, moved) * max(0.0, excess**2 - variance)
+        return array(values - moved * excess), array(covariance + doubt)
 
     @property
     def _noise_variance(self) -> float:

@@ -119,6 +119,8 @@ class AxisSession:
         self._others = others
         self._other_velocities.append((t_s, *others))
         self._coriolis = coriolis(axis, masses.values, nu)
+        if self.model.crossed:
+            self.estimator.across(t_s, float(speed_across(self._vehicle, axis, [array([one]) for one in nu])[0]))
         self.estimator.known(t_s, self._hydrostatic + self._coriolis)
 
     def velocity(

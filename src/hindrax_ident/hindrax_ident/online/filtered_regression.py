@@ -20,7 +20,7 @@ from operator import mul
 import numpy as np
 
 from hindrax_ident.arrays import Array
-from hindrax_ident.model.motion_model import Model
+from hindrax_ident.model.motion_model import LEAST_SPEED, Model
 from hindrax_ident.model.thrust_lag import LEAST_MEMORY_S, LaggedInput
 
 SETTLED = 0.05
@@ -65,6 +65,7 @@ class FilteredRegression:
         `shapes`: number of columns for what the delay of the thrust differs from the lag, which needs one above 0.
 
         `velocity_time_s`, `thrust_time_s`: times of the last velocity and thrust command; NaN before the first.
+        `speed_across` [m/s, rad/s]: the present one.
         """
         self.model, self.rate, self.noise_variance = model, rate, 0.0
         self.lag_s, self._split = lag_s, model.split
@@ -73,6 +74,7 @@ class FilteredRegression:
         self._cascade, self._cascade_f = (0.0,) * shapes, (0.0,) * shapes
         self._terms: tuple[float, ...] = ()
         self._position: tuple[float, float] | None = None
+        self.speed_across = 0.0
         self._known_f = 0.0
         self._t_thrust = self.thrust_time_s = math.nan
         self.restart()
@@ -104,6 +106,10 @@ class FilteredRegression:
     def position(self, t_s: float, angle_rad: float) -> None:
         """Angle measured at this time, for the restoring moment."""
         self._position = (t_s, angle_rad)
+
+    def across(self, _t_s: float, speed: float) -> None:
+        """Speed across the axis from this time on, for the drag by it [m/s, rad/s]."""
+        self.speed_across = speed
 
     def velocity(self, t_s: float, v: float, spread_s2: float = 0.0) -> Sample | None:
         """Add a velocity measured at this time.
@@ -149,7 +155,8 @@ class FilteredRegression:
         # Near rest the sign is that of the noise; used as it is, each direction would take half of the noise for speed.
         ahead = v > 0.0 if square > CLEAR_SIGN * self.noise_variance else self._direction > 0.0
         square = square if ahead else -square
-        return (*self._drag_terms(square, v, ahead=ahead), 1.0, *self._restoring_at(t_s, v))
+        crossed = ((math.hypot(v, self.speed_across) - abs(v)) * v,) if self.model.crossed else ()
+        return (*self._drag_terms(square, v, ahead=ahead), 1.0, *crossed, *self._restoring_at(t_s, v))
 
     def _drag_terms(self, square: float, linear: float, *, ahead: bool) -> tuple[float, ...]:
         """Columns of the drag; in the place of its direction where both have their own."""
@@ -166,7 +173,9 @@ class FilteredRegression:
         return (math.sin(angle + v * (t_s - since)),)
 
     def _slope(self, ramp: float, v: float, terms: tuple[float, ...]) -> tuple[float, ...]:
-        rest = (0.0,) * (len(terms) - self.model.drags + 1)
+        rest = [0.0] * (len(terms) - self.model.drags + 1)
+        if self.model.crossed:
+            rest[1] = -ramp * slope_by_speed_across(v, self.speed_across)
         return (*self._drag_terms(-2.0 * ramp * abs(v), -ramp, ahead=bool(terms[1])), *rest)
 
     def _advance_velocity(self, step: float, v: float, terms: tuple[float, ...]) -> float:
@@ -246,6 +255,12 @@ class FilteredRegression:
         parts = zip(self._cascade_f, self._cascade, after, strict=True)
         filtered = [kept * total + first * was + ramp * now for total, was, now in parts]
         self._cascade_f, self._cascade = tuple(filtered), tuple(after)
+
+
+def slope_by_speed_across(v: float, across: float) -> float:
+    """Derivative of (sqrt(v^2 + w^2) - |v|) v by the velocity along, w the speed across [m/s, rad/s]."""
+    whole = max(math.hypot(v, across), LEAST_SPEED)
+    return whole + v * v / whole - 2.0 * abs(v)
 
 
 def _two_poles(a: float, b: float, step: float, at_a: float, at_b: float) -> float:

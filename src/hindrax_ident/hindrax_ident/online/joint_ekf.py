@@ -23,6 +23,7 @@ class JointFilter:
         self._model = model
         self._thrust, self._known = LaggedInput(lag_s), LaggedInput(0.0)
         self._t_state = math.nan
+        self._across = 0.0
         self._noise, self._position_noise = 0.0, position_sigma**2
         self._x: Array = np.zeros(0)
         self._P: Array = np.zeros((0, 0))
@@ -65,6 +66,10 @@ class JointFilter:
         """Known force from this time on [N, N m]."""
         self._known.set(t_s, force)
 
+    def across(self, _t_s: float, speed: float) -> None:
+        """Speed across the axis from this time on, for the drag by it [m/s, rad/s]."""
+        self._across = speed
+
     def _impulse(self, t_s: float) -> float:
         """Impulse up to this time since it was taken last [N s, N m s]."""
         return self._thrust.taken(t_s) + self._known.taken(t_s)
@@ -95,7 +100,7 @@ class JointFilter:
         v, s, q = float(self._x[0]), float(self._x[1]), self._x[2:]
         middle = v
         for _ in range(3):
-            columns = self._model.columns(np.array([middle]), np.array([s + 0.5 * h * middle]))[0]
+            columns = self._model.columns(np.array([middle]), np.array([s + 0.5 * h * middle]), self._across)[0]
             change = q[-1] * impulse - h * float(columns @ q[:-1])
             middle = v + 0.5 * change
         self._x[0], self._x[1] = v + change, s + h * middle
@@ -105,7 +110,7 @@ class JointFilter:
     def _transition(self, h: float, v: float, s: float, columns: Array, impulse: float) -> Array:
         """Jacobian of the implicit midpoint step: (n, n)."""
         q = self._x[2:]
-        slope = float(self._model.slope(q, np.array([v]))[0])
+        slope = float(self._model.slope(q, np.array([v]), self._across)[0])
         turn = float(q[-2]) * math.cos(s) if self._model.restores else 0.0
         share = 1.0 / (1.0 + 0.5 * h * slope + 0.25 * h * h * turn)
         row = np.concatenate([[-h * slope - 0.5 * h * h * turn, -h * turn], -h * columns, [impulse]]) * share

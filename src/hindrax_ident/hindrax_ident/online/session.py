@@ -31,8 +31,8 @@ from hindrax_ident.assess.assessment import (
 from hindrax_ident.assess.objections import Code, objection
 from hindrax_ident.assess.results import MotionResult, Results
 from hindrax_ident.model.coriolis import USUAL_MASS_RATIO, USUAL_MASS_RATIO_SIGMA, Masses, VelocityHistory
-from hindrax_ident.model.model_parameters import OnlineEstimates, crossed, one_sided, wide_prior
-from hindrax_ident.model.motion_model import MOTIONS, Motion, model_of, motions_of, rigid_mass
+from hindrax_ident.model.model_parameters import OnlineEstimates, crossed, one_sided, uncrossed, wide_prior
+from hindrax_ident.model.motion_model import MOTIONS, Model, Motion, model_of, motions_of, rigid_mass
 from hindrax_ident.online.axis_session import AxisSession
 from hindrax_ident.online.sample_verdict import LEARNED, NotLearned, SampleVerdict, not_learned
 from hindrax_ident.records.axis_record import PhaseLog, Record, side_of, usable
@@ -132,11 +132,17 @@ class Session:
         self._masses = self._estimated_masses({})
         motion = self._motion
         if motion and motion.axis not in self._axes:
-            model = model_of(self.vehicle, motion.axis)
+            model = self._live_model(motion.axis)
             self._axes[motion.axis] = AxisSession(self.vehicle, model, wide_prior(self.vehicle, model), self.tuning)
         if motion and self._thrust is not None:
             # An axis that was not active before needs the present thrust.
             self._axes[motion.axis].thrust(t_s, self._thrust)
+
+    def _live_model(self, axis: int) -> Model:
+        """Model of the live estimate: in the record of another stack several axes may move at once."""
+        model = model_of(self.vehicle, axis)
+        pilot = self._phase.phase == "excite" and self.tuning.lag_doubt_s is not None
+        return replace(model, crossed=pilot and not model.restores)
 
     def _on_thrust(self, t_s: float, thrust: Thrust) -> None:
         if not all(abs(force) < STRONGEST for force in thrust.wrench):
@@ -297,6 +303,9 @@ class Session:
         if side:
             model, prior, online = one_sided(model, prior, online, side)
         # Roll and pitch answer to their restoring moment: beside it a record does not tell two drags apart.
-        if self._log.undivided and not model.restores and record.crossing() > CROSSED:
+        crosses = self._log.undivided and not model.restores and record.crossing() > CROSSED
+        if crosses and not model.crossed:
             model, prior, online = crossed(self.vehicle, model, prior, online)
+        elif model.crossed and not crosses:
+            model, prior, online = uncrossed(model, prior, online)
         return draft(self.vehicle, model, record, prior, online, tuning=self.tuning)
