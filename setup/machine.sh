@@ -478,7 +478,8 @@ make_everything() {
   find_python
   rm -f "$state/ready"
   : >"$log"
-  say "setting hindrax up in $root (once; later runs skip this)"
+  say "setting hindrax up, once; everything stays in"
+  say "  $root"
   restore_links
   make_bootstrap
   make_environment
