@@ -81,13 +81,15 @@ keep /etc/modules-load.d/hindrax.conf <<<'i2c-dev' || true
 
 # --- Names, groups, time ----------------------------------------------------------------------------------------------
 
-if keep /etc/udev/rules.d/60-hindrax.rules <"$here/60-hindrax.rules"; then
+new_group=
+for group in i2c gpio; do
+  getent group "$group" >/dev/null || { act groupadd --system "$group" && new_group=1; }
+done
+# After the groups: udev looks them up as it reads the rules, and ignores what it does not find.
+if keep /etc/udev/rules.d/60-hindrax.rules <"$here/60-hindrax.rules" || [ -n "$new_group" ]; then
   act udevadm control --reload
   act udevadm trigger --subsystem-match=tty --subsystem-match=i2c-dev --subsystem-match=gpio
 fi
-for group in i2c gpio; do
-  getent group "$group" >/dev/null || act groupadd --system "$group"
-done
 id "$user" >/dev/null 2>&1 || act useradd --system --user-group --home-dir /var/lib/hindrax --groups dialout,i2c,gpio "$user"
 # A user who runs the doctor or a pool test needs access to the devices too.
 for name in "$user" "${SUDO_USER-}"; do

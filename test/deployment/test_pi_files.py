@@ -1,6 +1,7 @@
 """What is put on a Raspberry Pi agrees with itself, with the vehicle file and with the tools of the system."""
 
 import configparser
+import os
 import re
 import shutil
 import subprocess
@@ -109,6 +110,19 @@ def test_whoever_sets_it_up_may_open_the_wires_too(pi: Path, monkeypatch: pytest
     assert "would run usermod --append --groups dialout,i2c,gpio nobody" in set_up(pi)
     monkeypatch.delenv("SUDO_USER")
     assert "usermod" not in set_up(pi)
+
+
+def test_udev_reads_the_rules_when_their_groups_are_there(pi: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It ignores a group that it does not know: a chip stayed root's until the next boot."""
+    tools = pi / "tools"
+    tools.mkdir()
+    (tools / "getent").write_text("#!/bin/sh\nexit 2\n")
+    (tools / "getent").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tools}:{os.environ['PATH']}")
+    for _ in range(2):  # also where the rules are those of an earlier set-up, without the groups
+        said = set_up(pi).splitlines()
+        groups = [said.index(f"would run groupadd --system {group}") for group in ("i2c", "gpio")]
+        assert max(groups) < said.index("would run udevadm control --reload")
 
 
 def test_a_container_gets_the_group_of_its_bus_and_no_service(tmp_path: Path) -> None:
