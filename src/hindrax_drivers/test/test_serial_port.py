@@ -1,5 +1,6 @@
 """A serial port against a pseudo terminal: arrival, waking, loss and return, and words for what cannot be opened."""
 
+import errno
 import os
 import termios
 import threading
@@ -8,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import serial
 
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Send
@@ -96,6 +98,26 @@ def test_an_auto_baud_device_is_woken_before_the_bytes(pty: Pty, clock: SystemCl
     port.send(Send(b"BR", wake=True))
     port.send(Send(b"!"))
     assert pty.received(4) == b"UBR!"
+    port.close()
+
+
+@pytest.mark.parametrize(("code", "lost"), [(errno.EOPNOTSUPP, False), (errno.EIO, True)])
+def test_an_adapter_that_can_send_no_break_is_not_lost(
+    pty: Pty, clock: SystemClock, monkeypatch: pytest.MonkeyPatch, code: int, *, lost: bool
+) -> None:
+    """Linux, drivers/usb/class/cdc-acm.c: acm_tty_break_ctl."""
+
+    def refuse(_port: serial.Serial) -> None:
+        raise OSError(code, os.strerror(code))
+
+    port = SerialPort(str(pty.path), 115200, clock)
+    monkeypatch.setattr(serial.Serial, "_update_break_state", refuse)
+    if lost:
+        with pytest.raises(DeviceError, match=r"dvl: lost .*check cable and power"):
+            port.send(Send(b"BR", wake=True))
+    else:
+        port.send(Send(b"BR", wake=True))
+        assert pty.received(3) == b"UBR"
     port.close()
 
 

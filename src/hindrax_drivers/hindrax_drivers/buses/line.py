@@ -146,12 +146,19 @@ class SerialPort(Line):
 
     def _transmit(self, order: Send) -> None:
         if order.wake:
-            self._port.break_condition = True
-            time.sleep(BREAK_S)
-            self._port.break_condition = False
-            time.sleep(BREAK_S)
+            self._break()
             self._port.write(AUTO_BAUD)
         self._port.write(order.data)
+
+    def _break(self) -> None:
+        """Send a BREAK, where the port can: most adapters at /dev/ttyACM* cannot, and a device may do without."""
+        try:
+            for on in (True, False):
+                self._port.break_condition = on
+                time.sleep(BREAK_S)
+        except OSError as error:
+            if error.errno != errno.EOPNOTSUPP:
+                raise
 
 
 class UdpPort(Line):
