@@ -6,13 +6,23 @@ import numpy as np
 import pytest
 from filterpy.kalman import KalmanFilter
 
-from hindrax_control.navigation.vertical_filter import VerticalFilter, VerticalKnobs
+from hindrax_control.navigation.vertical_filter import Matrix, VerticalFilter, VerticalKnobs
 
 KNOBS = VerticalKnobs(gate=1000.0)
 DEPTH_DELAY_S, ALTITUDE_DELAY_S = 0.02, 0.05
 DEPTH_SIGMA_m, ALTITUDE_SIGMA_m = 0.004, 0.03
-DEPTH_ROW = np.array([[1.0, -DEPTH_DELAY_S, 0.0, 0.0]])
-ALTITUDE_ROW = np.array([[-1.0, ALTITUDE_DELAY_S, 0.0, 1.0]])
+
+
+def depth_row(delay_s: float) -> Matrix:
+    """First row of the transition by a negative time: the depth of then, but for the measured acceleration."""
+    return np.array([[1.0, -delay_s, 0.5 * delay_s**2, 0.0]])
+
+
+def altitude_row(delay_s: float) -> Matrix:
+    return np.array([[0.0, 0.0, 0.0, 1.0]]) - depth_row(delay_s)
+
+
+DEPTH_ROW, ALTITUDE_ROW = depth_row(DEPTH_DELAY_S), altitude_row(ALTITUDE_DELAY_S)
 
 
 class Reference:
@@ -51,7 +61,8 @@ def test_it_agrees_with_filterpy_over_a_dive() -> None:
     ours, theirs, rng = VerticalFilter(KNOBS), Reference(), np.random.default_rng(3)
     ours.depth(0.5, DEPTH_SIGMA_m, DEPTH_DELAY_S)
     theirs.kalman.x[0] = 0.5
-    theirs.depth(0.5)
+    # Before the first tick the accelerometer has said nothing, and the path back is straight.
+    theirs.kalman.update(0.5, DEPTH_SIGMA_m**2, np.array([[1.0, -DEPTH_DELAY_S, 0.0, 0.0]]))
     for tick in range(2000):
         acceleration = 0.3 * np.sin(0.02 * tick) + 0.05 * rng.standard_normal()
         dt = 0.005 if tick % 7 else 0.01
@@ -72,6 +83,27 @@ def test_it_agrees_with_filterpy_over_a_dive() -> None:
     assert ours.rate_mps == pytest.approx(x[1], abs=1e-9)
     assert ours.altitude_m == pytest.approx(x[3] - x[0], abs=1e-9)
     assert ours.rate_variance == pytest.approx(P[1, 1], rel=1e-9)
+
+
+@pytest.mark.parametrize("bias_mps2", [-0.25, 0.25])
+@pytest.mark.parametrize("first", ["altitude", "depth"])
+def test_readings_that_waited_for_a_busy_start_are_all_taken(first: str, bias_mps2: float) -> None:
+    """At rest, with an accelerometer that is off: the estimate rose to 8 m/s, against pressure, sonar and DVL."""
+    ours, rng = VerticalFilter(VerticalKnobs()), np.random.default_rng(5)
+    truth_m, sigma_m = {"depth": 0.2, "altitude": 1.6}, {"depth": 0.003, "altitude": 0.012}
+
+    def take(source: str, delay_s: float) -> bool:
+        noise_m = sigma_m[source] * rng.standard_normal()
+        return bool(getattr(ours, source)(truth_m[source] + noise_m, sigma_m[source], delay_s))
+
+    sources = (first, *(truth_m.keys() - {first}))
+    ours.predict(bias_mps2, 0.04)
+    taken = [take(source, delay_s) for source in sources for delay_s in (1.0, 0.7, 0.4, 0.2, 0.05)]
+    for tick in range(100):
+        ours.predict(bias_mps2, 0.04)
+        taken += [take(source, 1.0 if tick in (3, 7) else 0.05) for source in sources]
+        assert abs(ours.rate_mps) < 0.1
+    assert all(taken)
 
 
 @pytest.mark.parametrize(("jump_m", "counted"), [(0.1, 10), (0.2, 30)])
@@ -121,7 +153,7 @@ def test_the_gate_stands_where_the_variance_of_the_innovation_puts_it(sign: floa
     ours, theirs = dived(knobs)
     x, P, sigma_m = theirs.kalman.x, theirs.kalman.P, 1e-4
     bent_m = theirs.bend * delay_s**2
-    depth, altitude = np.array([[1.0, -delay_s, 0.0, 0.0]]), np.array([[-1.0, delay_s, 0.0, 1.0]])
+    depth, altitude = depth_row(delay_s), altitude_row(delay_s)
     for name, expected_m, H in (
         ("depth", float((depth @ x).item()) + bent_m, depth),
         ("altitude", float((altitude @ x).item()) - bent_m, altitude),

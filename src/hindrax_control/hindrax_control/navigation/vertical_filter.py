@@ -31,6 +31,7 @@ Matrix: TypeAlias = NDArray[np.float64]
 Model: TypeAlias = tuple[Matrix, Matrix, Matrix]
 
 IDENTITY = np.eye(4)
+FLOOR = np.array([[0.0, 0.0, 0.0, 1.0]])
 MOST_MODELS = 1000
 JUMP_m, JUMP_COUNTS = 0.15, 2
 """A depth that jumps by more counts as so many times the refusals that it took; at the surface a sensor comes out."""
@@ -64,7 +65,7 @@ class VerticalFilter:
         self._x: Matrix = np.zeros((4, 1))
         self._P: Matrix = np.diag([1e4, 0.25, knobs.heave_bias_mps2**2, 1e4])
         self._model_of = lru_cache(MOST_MODELS)(self._model)
-        self._acceleration_mps2 = 0.0
+        self._acceleration_mps2, self._ticked = 0.0, False
         self._refused = {"depth": 0, "altitude": 0}
         self.refused_depths = 0
         """Recent surplus of refused over accepted depths."""
@@ -73,7 +74,7 @@ class VerticalFilter:
 
     def predict(self, acceleration_mps2: float, dt_s: float) -> None:
         """Advance by a mean acceleration (down is positive, gravity taken off)."""
-        self._acceleration_mps2 = acceleration_mps2
+        self._acceleration_mps2, self._ticked = acceleration_mps2, True
         F, B, Q = self._model_of(dt_s)
         self._x = F @ self._x + B * acceleration_mps2
         self._P = F @ self._P @ F.T + Q
@@ -108,10 +109,13 @@ class VerticalFilter:
         """
         if not self.has_depth:
             self.has_depth = True
+            # An altitude that came before has placed the floor below a depth of nothing: both go down together.
+            self._x[3, 0] += depth_m - self._x[0, 0]
             self._x[0, 0] = depth_m
-        # It measured the depth of then: z - delay z', plus the bend of `_depth_then_m`. The state is not wound back and
-        # the ticks since not repeated: delays are tens of milliseconds, in which the covariance hardly moves.
-        H = np.array([[1.0, -delay_s, 0.0, 0.0]])
+        # It measured the depth of then. The state is not wound back and the ticks since not repeated: delays are tens
+        # of milliseconds, in which the covariance hardly moves. At a busy start they are a second, in which the bias
+        # makes as much as 0.1 m: so it has its share in the row.
+        H = self._row_then(delay_s)
         used = self._fuse("depth", depth_m - self._depth_then_m(delay_s), sigma_m, H)
         surplus = self.refused_depths - 1 if used else self.refused_depths + 1
         self.refused_depths = max(0, min(MOST_SURPLUS, surplus))
@@ -135,14 +139,22 @@ class VerticalFilter:
         if not self.has_floor:
             self.has_floor = True
             self._x[3, 0] = altitude_m + self._x[0, 0]
-        H = np.array([[-1.0, delay_s, 0.0, 1.0]])
+        H = FLOOR - self._row_then(delay_s)
         expected_m = float(self._x[3, 0]) - self._depth_then_m(delay_s)
         return self._fuse("altitude", altitude_m - expected_m, sigma_m, H)
 
+    def _row_then(self, delay_s: float) -> Matrix:
+        """Row of the depth some time ago: first row of the transition, back along the path.
+
+        Before the first tick it is not known what the accelerometer reads: the path is then straight.
+        """
+        half = 0.5 * delay_s * delay_s if self._ticked else 0.0
+        return np.array([[1.0, -delay_s, half, 0.0]])
+
     def _depth_then_m(self, delay_s: float) -> float:
-        """Depth some time ago: back along the path, which the known acceleration bends."""
-        (z,), (rate,), _, _ = self._x.tolist()
-        return float(z - delay_s * rate + 0.5 * delay_s * delay_s * self._acceleration_mps2)
+        """Depth some time ago: back along the path, which the acceleration bends, as measured and with its bias."""
+        known_m = (self._row_then(delay_s) @ self._x).item()
+        return float(known_m + 0.5 * delay_s * delay_s * self._acceleration_mps2)
 
     def _fuse(self, source: str, off: float, sigma: float, H: Matrix) -> bool:
         # One measurement at a time, so its innovation covariance is a number and nothing is inverted. Joseph's form of
