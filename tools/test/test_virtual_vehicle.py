@@ -1,5 +1,6 @@
 """The parts of the virtual vehicle that need no machine."""
 
+import os
 import subprocess
 import tempfile
 import time
@@ -9,7 +10,16 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_tools.virtual_vehicle.checks import Finding
+from hindrax_core.events import Stamp, stamp_from_s
+from hindrax_core.knobs import build
+from hindrax_core.sensor_table import SENSORS, row_of
+from hindrax_core.vehicle import Vehicle, capabilities
+from hindrax_sim.devices.icm20948 import Icm20948
+from hindrax_sim.devices.pca9685 import Pca9685
+from hindrax_sim.hardware import Hardware
+from hindrax_tools.virtual_vehicle import gpio
+from hindrax_tools.virtual_vehicle.checks import Finding, every_device
+from hindrax_tools.virtual_vehicle.gpio import labels_of_chips
 from hindrax_tools.virtual_vehicle.hardware import seen_in, thrust_after_s
 from hindrax_tools.virtual_vehicle.image import ADDRESS, Image, identity, missing_packages
 from hindrax_tools.virtual_vehicle.machine import Machine
@@ -107,3 +117,99 @@ def _runs(group: int, processes: int) -> bool:
     listed = subprocess.run(["ps", "-e", "-o", "pid=,pgid=,stat="], capture_output=True, text=True, check=True).stdout
     rows = [row.split() for row in listed.splitlines()]
     return sum(int(of_group) == group and not state.startswith("Z") for _, of_group, state in rows) == processes
+
+
+def test_what_was_not_run_is_neither_good_nor_bad() -> None:
+    assert Finding("all devices", good=None, figure="no chip").line().split()[:3] == ["skip", "all", "devices"]
+
+
+def test_the_vehicle_of_all_devices_has_one_on_every_kind_of_wire() -> None:
+    vehicle = build(Vehicle, every_device(timed=True), "all devices")
+    assert {row_of(mount.device).wire for mount in vehicle.sensors.values()} == {row.wire for row in SENSORS}
+    assert vehicle.output.enable_timer
+    assert vehicle.sensors["icm20948"].data_ready
+    measured = {one for row in SENSORS for one in row.measures}
+    found = {one for name in vehicle.sensors for one in capabilities(vehicle.sensors[name])}
+    assert measured - {"range"} <= found
+    assert labels_of_chips(vehicle) == {"pinctrl-bcm2711"}
+
+
+@pytest.fixture
+def kernel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Folder of the lines of a chip that is there already; what the kernel would do with it is not played."""
+    chip, lines = tmp_path / "config/vehicle", tmp_path / "platform/gpio-sim.0/gpiochip0"
+    (chip / "bank").mkdir(parents=True)
+    (chip / "dev_name").write_text("gpio-sim.0\n")
+    (chip / "bank/chip_name").write_text("gpiochip0\n")
+    for line in range(54):
+        (lines / f"sim_gpio{line}").mkdir(parents=True)
+        (lines / f"sim_gpio{line}/value").write_text("0\n")
+    monkeypatch.setattr(gpio, "SIMULATED", tmp_path / "config")
+    monkeypatch.setattr(gpio, "PLATFORM", tmp_path / "platform")
+    return lines
+
+
+def test_lines_carry_what_the_emulated_devices_say(kernel: Path, tmp_path: Path) -> None:
+    hardware = Hardware(build(Vehicle, every_device(timed=False), "all devices"), 1)
+    wiring = gpio.Wiring(hardware, tmp_path)
+    output = hardware.output
+    assert isinstance(output, Pca9685)
+    for data in ("0030", "fe1e", "0020", "0600003301"):
+        output.write(bytes.fromhex(data), 10.0)
+
+    def step() -> str:
+        hardware.advance(Stamp(hardware.stamp + stamp_from_s(0.02)))
+        wiring.step(hardware.stamp)
+        return (kernel / "sim_gpio27/pull").read_text()
+
+    assert step() == "pull-down"
+    assert output.pulse_us(0) is not None
+    (tmp_path / gpio.LEAK).touch()
+    step()
+    assert step() == "pull-up"
+    (tmp_path / gpio.CUT_ENABLE).touch()
+    step()
+    assert output.pulse_us(0) is None
+    (tmp_path / gpio.CUT_ENABLE).unlink()
+    (kernel / "sim_gpio26/value").write_text("1\n")
+    step()
+    assert output.pulse_us(0) is None
+
+
+def test_each_sample_raises_the_data_ready_line_unless_its_wire_is_cut(kernel: Path, tmp_path: Path) -> None:
+    hardware = Hardware(build(Vehicle, every_device(timed=False), "all devices"), 1)
+    wiring, pulls = gpio.Wiring(hardware, tmp_path), kernel / "sim_gpio22/pull"
+    imu = hardware.registers["icm20948"]
+    assert isinstance(imu, Icm20948)
+    imu.write(b"\x06\x01", 10.0)  # awake
+    imu.write(b"\x11\x01", 10.0)  # a pulse for each sample
+
+    def pulses() -> bool:
+        pulls.unlink(missing_ok=True)
+        hardware.advance(Stamp(hardware.stamp + stamp_from_s(0.1)))
+        wiring.step(hardware.stamp)
+        return pulls.exists()
+
+    assert pulses()
+    (tmp_path / gpio.CUT_READY).touch()
+    assert not pulses()
+
+
+def test_a_timer_keeps_the_outputs_enabled_for_a_while_after_a_pulse(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "events/gpio/gpio_value").mkdir(parents=True)
+    os.mkfifo(tmp_path / "trace_pipe")
+    monkeypatch.setattr(gpio, "TRACING", tmp_path)
+    reader = os.open(tmp_path / "trace_pipe", os.O_RDONLY | os.O_NONBLOCK)
+    pipe = os.open(tmp_path / "trace_pipe", os.O_WRONLY)
+    timer = gpio.Monostable()
+    assert not timer.enables(10.0)
+    os.write(pipe, b" python-7 [000] .... 1.0: gpio_value: 538 set 1\n")
+    assert not timer.enables(10.0)
+    os.write(pipe, b" python-7 [000] .... 1.0: gpio_value: 538 set 0\n")
+    assert timer.enables(10.0)
+    assert timer.enables(10.2)
+    assert not timer.enables(10.4)
+    os.close(pipe)
+    os.close(reader)

@@ -39,6 +39,18 @@ def test_pulse_follows_counts_and_oscillator() -> None:
     assert running().rate_Hz == pytest.approx(50.03, abs=0.003)
 
 
+def test_a_high_output_enable_line_puts_all_channels_low_and_loses_no_register() -> None:
+    chip = running()
+    before = chip.pulses_us()
+    chip.enable(FAR, low=False)
+    assert chip.pulses_us() == (None,) * 16
+    assert chip.changes[-1].now_s == FAR
+    chip.write(bytes.fromhex("0600003301"), FAR)
+    assert chip.pulses_us() == (None,) * 16, "a write changes nothing at the pins"
+    chip.enable(FAR + 1.0, low=True)
+    assert chip.pulses_us() == before
+
+
 def test_without_auto_increment_all_bytes_go_to_one_register() -> None:
     chip = Pca9685()
     chip.write(b"\x06\x01\x02\x03", 0.0)

@@ -1,8 +1,11 @@
-"""The devices of the virtual vehicle, run there in a service of their own: `python hardware.py`.
+"""The devices of the virtual vehicle, run there in a service of their own, as a module.
 
-The bus is the file that the vehicle file names, the serial ports are ptys. What is on the wires goes to the second
-serial line of the machine, ten times a second and whenever it changes between neutral and thrust: the pulses as the
-emulated PCA9685 gives them, whatever was killed, with the times of both clocks. The line ends in a file outside.
+The bus is the file that the vehicle file names, serial ports are ptys, what is on a network serves there, and GPIO
+lines are those of a chip that the kernel simulates.
+
+What is on the wires goes to the second serial line of the machine, ten times a second and whenever it changes between
+neutral and thrust: the pulses as the emulated PCA9685 gives them, whatever was killed, with the times of both clocks.
+The line ends in a file outside.
 """
 
 import contextlib
@@ -14,12 +17,15 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TextIO
 
-from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.share_files import usual_vehicle
 from hindrax_core.events import Stamp
 from hindrax_core.vehicle import load_vehicle
+from hindrax_drivers.buses.line import TCP_PREFIX
 from hindrax_i2c_file.fuse_i2c import FuseI2c
+from hindrax_sim.buses.serial_ends import TcpEnd
 from hindrax_sim.hardware import Hardware
 from hindrax_sim.mock_vehicle import MockVehicle
+from hindrax_tools.virtual_vehicle.gpio import Wiring, labels_of_chips
 
 FOLDER, LINE = Path("/run/virtual-devices"), Path("/dev/ttyS1")
 PERIOD_S = 0.1
@@ -75,7 +81,7 @@ class Devices(MockVehicle):
 
 def main() -> None:
     """Serve until the end."""
-    file = load_vehicle(default_vehicle())
+    file = load_vehicle(usual_vehicle())
     FOLDER.mkdir(parents=True, exist_ok=True)
     with (
         Devices(Hardware(file, 1), FOLDER, rate=1.0, waits=False) as vehicle,
@@ -83,15 +89,24 @@ def main() -> None:
         LINE.open("w") as line,
     ):
         for name in file.sensors.keys() & vehicle.hardware.serial:
-            # A pty where the vehicle file looks for a port; all users may open it.
-            port = Path(file.sensors[name].port)
-            port.parent.mkdir(parents=True, exist_ok=True)
-            port.unlink(missing_ok=True)
-            port.symlink_to(FOLDER / name)
-            (FOLDER / name).resolve().chmod(0o666)
+            _offer(vehicle, name, file.sensors[name].port)
+        if labels_of_chips(file):
+            vehicle.after_step.append(Wiring(vehicle.hardware, FOLDER).step)
         vehicle.after_step.append(Witness(vehicle, line).write)
         while True:
             vehicle.step()
+
+
+def _offer(vehicle: Devices, name: str, port: str) -> None:
+    """Put a serial device where the vehicle file looks for it: on the network, or as a pty that all users may open."""
+    if port.startswith(TCP_PREFIX):
+        vehicle.put_on_network(name, TcpEnd())
+        return
+    path = Path(port)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.unlink(missing_ok=True)
+    path.symlink_to(FOLDER / name)
+    (FOLDER / name).resolve().chmod(0o666)
 
 
 if __name__ == "__main__":

@@ -24,9 +24,18 @@ STARTED = "started.log"
 """Output of scripts that run in the background."""
 BOOT_S, LONGEST_S = 90.0, 240.0
 """Longest wait for a login, and longest script."""
+ADAPTER = ("0x0403", "0x6001")
+"""Vendor and product of a USB adapter that becomes a /dev/ttyUSB*."""
 KERNEL_WORDS = (
     *("mem=2048M", "seccomp=on", "root=/dev/ubda", "rw", f"init={NO_CLOCK}", "quiet"),
     *("console=tty0", "con=null", "ssl=null"),
+    # Of a kernel that simulates USB: sockets, and the adapter that is no modem. Others ignore them.
+    *(
+        "dummy_hcd.num=2",
+        f"usbserial.vendor={ADAPTER[0]}",
+        f"usbserial.product={ADAPTER[1]}",
+        "i2c_stub.chip_addr=0x40",
+    ),
 )
 NETWORK = """ip link set lo up
 ip tuntap add mode tap name vehicle
@@ -128,6 +137,12 @@ class Machine:
         """Write a file there, as root."""
         script = f"sudo mkdir -p {shlex.quote(str(Path(name).parent))} && sudo tee {shlex.quote(name)} >/dev/null"
         _call([str(self._ssh), HOST, script], input=text, text=True, check=True)
+
+    def put_tree(self, clone: Path, tree: str, folder: str) -> None:
+        """Write the files of a folder of the last commit of a clone there, as root."""
+        packed = _call(["git", "-C", str(clone), "archive", f"HEAD:{tree}"], capture_output=True, check=True)
+        unpack = f"sudo mkdir -p {folder} && sudo tar -x --touch -C {folder}"
+        _call([str(self._ssh), HOST, unpack], input=packed.stdout, check=True)
 
     def fetch(self, folder: str, target: Path) -> None:
         """Copy the files of a folder there into a new one here."""

@@ -5,6 +5,7 @@ Samples are computed on access, from the history of truths. Source: TDK DS-00018
 
 import math
 import struct
+from collections.abc import Callable
 
 from hindrax_core.bus_operations import EDGES
 from hindrax_core.readings import DeviceText, Inertial, Magnetic
@@ -226,11 +227,14 @@ class DataReadyLine:
         self._edges, self._newest_s = 0, 0.0
         self.cut = False
         """Fault: the wire is broken."""
+        self.wired_to: Callable[[float], None] = lambda _taken_s: None
+        """What else sees each edge: a pin of a real kernel."""
 
     def rise(self, taken_s: float) -> None:
         """A sample is ready."""
         if not self.cut:
             self._edges, self._newest_s = self._edges + 1, taken_s
+            self.wired_to(taken_s)
 
     def write(self, _data: bytes, now_s: float) -> None:
         """Be watched from now on; the name of the chip does not matter."""

@@ -38,7 +38,8 @@ class Pca9685:
         self.changes: deque[Change] = deque(maxlen=CHANGES_KEPT)
         self._external_Hz = external_Hz
         self._pulses_us: tuple[float | None, ...] = (None,) * CHANNELS
-        self._noted: tuple[bytes, int, bool] | None = None
+        self._noted: tuple[bytes, int, bool, bool] | None = None
+        self._enabled = True
         self.all_call, self.general_call = FurtherAddress(self._on_all_call), FurtherAddress(self._on_general_call)
         self.power_cycle(0.0)
 
@@ -53,6 +54,12 @@ class Pca9685:
         self._woken_s = float("-inf")
         self._resumed = False
         self._note(now_s)
+
+    def enable(self, now_s: float, *, low: bool) -> None:
+        """Level of the output-enable line, OE: while it is high, all channels are low (section 7.4)."""
+        if low is not self._enabled:
+            self._enabled = low
+            self._note(now_s)
 
     @property
     def rate_Hz(self) -> float:
@@ -105,7 +112,7 @@ class Pca9685:
         return 25e6 * (1.0 + self.clock_error)
 
     def _made_us(self, on: int, off: int) -> float | None:
-        stopped = self._registers[MODE1] & SLEEP or not self._resumed or self._clock_Hz <= 0.0
+        stopped = self._registers[MODE1] & SLEEP or not self._resumed or not self._enabled or self._clock_Hz <= 0.0
         if stopped or (on | off) & STEPS or on == off:
             return None
         return ((off - on) % STEPS) * 1e6 * (self._registers[PRE_SCALE] + 1) / self._clock_Hz
@@ -163,7 +170,7 @@ class Pca9685:
 
     def _note(self, now_s: float) -> None:
         """Recompute the pulses after a change of their registers."""
-        state = (bytes(self._registers[: LED15_LAST + 1]), self._registers[PRE_SCALE], self._resumed)
+        state = (bytes(self._registers[: LED15_LAST + 1]), self._registers[PRE_SCALE], self._resumed, self._enabled)
         if state == self._noted:
             return
         self._noted = state
