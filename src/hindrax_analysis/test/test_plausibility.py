@@ -5,8 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hindrax_analysis.records.plausibility import INERTIA_SHARE, with_inertia_uncertainty
+from hindrax_analysis.records.plausibility import INERTIA_SHARE, with_inertia_uncertainty, wrong_thrust_sign
+from hindrax_analysis.records.recording import Recording
 from hindrax_core.vehicle import Vehicle
+from hindrax_ident.arrays import Array, array
+from hindrax_ident.assess.objections import NO_OBJECTION, Code
 from hindrax_ident.assess.results import Contribution, MotionResult, Number
 
 BOX = Vehicle("box", mass_kg=20.0, volume_m3=0.0203, envelope_m=(0.6, 0.5, 0.4))
@@ -32,3 +35,26 @@ def test_the_added_mass_of_a_turn_is_no_better_than_an_inertia_that_nobody_named
 def test_an_inertia_that_was_named_is_accepted_and_a_mass_always() -> None:
     assert with_inertia_uncertainty(turned("yaw"), replace(BOX, inertia_kgm2=(0.5, 0.6, 0.7))) == turned("yaw")
     assert with_inertia_uncertainty(turned("surge"), BOX) == turned("surge")
+
+
+def rolled(thrust: Array, v: Array) -> Recording:
+    """A record of roll, at 20 Hz."""
+    t = array(0.05 * np.arange(len(v)))
+    velocity, wrench = np.full((len(t), 6), np.nan), np.zeros((len(t), 6))
+    velocity[:, 3], wrench[:, 3] = v, thrust
+    return Recording("made", t, velocity, t, wrench, np.zeros(0), np.zeros((0, 3)))
+
+
+@pytest.mark.parametrize(("sign", "hold_Nms", "wrong"), [(1.0, 0.0, False), (-1.0, 0.0, True), (1.0, 6.0, False)])
+def test_thrust_that_answers_a_motion_is_none_of_the_wrong_sign(sign: float, hold_Nms: float, wrong: bool) -> None:
+    """Waves of 2 N m roll it: a controller that damps them pushes against the motion, a wrong sign follows it."""
+    rng, v, speeds, forces = np.random.default_rng(5), 0.0, [], []
+    waves = 2.0 * np.sin(0.9 * 0.05 * np.arange(2400)) + rng.normal(0.0, 0.1, 2400)
+    pushes = np.repeat(rng.uniform(-3.0, 3.0, 60), 40) * (hold_Nms == 0.0)
+    for wave, push in zip((waves * (hold_Nms > 0.0)).tolist(), pushes.tolist(), strict=True):
+        force = push - hold_Nms * v
+        speeds.append(v + float(rng.normal(0.0, 0.003)))
+        forces.append(sign * force)
+        v += 0.05 * (force + wave - 1.5 * v) / 0.9
+    found = wrong_thrust_sign([rolled(array(forces), array(speeds))], 3)
+    assert found.code is (Code.AGAINST_THRUST if wrong else NO_OBJECTION.code)

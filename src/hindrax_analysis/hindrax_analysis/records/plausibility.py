@@ -29,25 +29,30 @@ differ by as much."""
 INERTIA_REMEDY = "name inertia_kgm2 in the vehicle file; a pendulum measures it"
 USUAL_S = 0.7
 """Usual time constant of a small vehicle."""
-AGAINST = -0.6
-"""Correlation of velocity and thrust below which the sign of the thrust is wrong."""
+AGAINST, ANSWERS = -0.6, 0.05
+"""Correlation of velocity and thrust below which the sign of the thrust is wrong; and how much weaker it is behind the
+lag of a vehicle than at once where the thrust follows the velocity, as that of a controller which damps it."""
 
 
 def wrong_thrust_sign(recordings: Sequence[Recording], axis: int) -> Objection:
     """Return the objection to a result with motion opposite to the thrust; otherwise none."""
-    v, force = np.concatenate([np.zeros((0, 2)), *(_velocity_and_thrust(one, axis) for one in recordings)]).T
-    if not len(v) or np.ptp(v) == 0.0 or np.ptp(force) == 0.0 or np.corrcoef(v, force)[0, 1] > AGAINST:
+    v, force, now = np.concatenate([np.zeros((0, 3)), *(_velocity_and_thrust(one, axis) for one in recordings)]).T
+    if not len(v) or min(np.ptp(v), np.ptp(force), np.ptp(now)) == 0.0:
+        return NO_OBJECTION
+    moved, at_once = (float(np.corrcoef(v, one)[0, 1]) for one in (force, now))
+    if moved > AGAINST or moved > at_once + ANSWERS:
         return NO_OBJECTION
     return objection(Code.AGAINST_THRUST)
 
 
 def _velocity_and_thrust(recording: Recording, axis: int) -> Array:
-    """Velocities [m/s, rad/s] and low-pass filtered thrust [N, N m] at their times: (n, 2)."""
+    """Velocities [m/s, rad/s], and thrust at their times, low-pass filtered and as it is [N, N m]: (n, 3)."""
     commanded, moved = np.isfinite(recording.wrench[:, axis]), np.isfinite(recording.velocity[:, axis])
     if not commanded.any() or not moved.any():
-        return np.zeros((0, 2))
-    thrust = LaggedThrust(recording.wrench_t[commanded], recording.wrench[commanded, axis], USUAL_S)
-    return np.column_stack([recording.velocity[moved, axis], thrust.force(recording.velocity_t[moved])])
+        return np.zeros((0, 3))
+    times, commands, t = recording.wrench_t[commanded], recording.wrench[commanded, axis], recording.velocity_t[moved]
+    filtered, at_once = (LaggedThrust(times, commands, lag_s).force(t) for lag_s in (USUAL_S, 0.0))
+    return np.column_stack([recording.velocity[moved, axis], filtered, at_once])
 
 
 def with_plausibility_check(result: MotionResult, vehicle: Vehicle, against: Objection = NO_OBJECTION) -> MotionResult:
