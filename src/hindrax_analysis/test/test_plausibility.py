@@ -5,12 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hindrax_analysis.records.plausibility import INERTIA_SHARE, with_inertia_uncertainty, wrong_thrust_sign
+from hindrax_analysis.records.plausibility import (
+    INERTIA_SHARE,
+    with_inertia_uncertainty,
+    with_plausibility_check,
+    wrong_thrust_sign,
+)
 from hindrax_analysis.records.recording import Recording
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.objections import NO_OBJECTION, Code
-from hindrax_ident.assess.results import Contribution, MotionResult, Number
+from hindrax_ident.assess.results import Contribution, DragBand, MotionResult, Number
 
 BOX = Vehicle("box", mass_kg=20.0, volume_m3=0.0203, envelope_m=(0.6, 0.5, 0.4))
 FOUND = Number(0.8, 0.01, 0.02, unit="kg m^2")
@@ -58,3 +63,22 @@ def test_thrust_that_answers_a_motion_is_none_of_the_wrong_sign(sign: float, hol
         v += 0.05 * (force + wave - 1.5 * v) / 0.9
     found = wrong_thrust_sign([rolled(array(forces), array(speeds))], 3)
     assert found.code is (Code.AGAINST_THRUST if wrong else NO_OBJECTION.code)
+
+
+@pytest.mark.parametrize(("share", "implausible"), [(0.2, True), (0.4, True), (0.8, False), (30.0, False)])
+def test_a_drag_that_may_be_anything_is_no_wrong_unit(share: float, implausible: bool) -> None:
+    """A drag coefficient of 1000; a unit that is off shows in numbers that are known."""
+    force = 1000.0 * 0.5 * 1000.0 * 0.3**2 * BOX.characteristic_length_m**2
+    speed, size, noise, wide = (array([one, one]) for one in (0.3, force, 0.1 * share * force, share * force))
+    drag = DragBand(speed, size, noise, wide)
+    surge = replace(turned("surge"), coefficients={"k_q": Number(60.0, 1.0)}, drag=drag)
+    codes = [one.code for one in with_plausibility_check(surge, BOX).reasons]
+    assert codes == ([Code.IMPLAUSIBLE_DRAG] if implausible else [])
+
+
+@pytest.mark.parametrize(("sigma_kg", "implausible"), [(5.0, True), (90.0, False)])
+def test_a_mass_that_may_be_anything_is_no_wrong_unit(sigma_kg: float, implausible: bool) -> None:
+    """240 kg of 20 kg, where a flat plate has 160."""
+    surge = replace(turned("surge"), coefficients={"added_mass": Number(240.0, 1.0, sigma_kg)})
+    codes = [one.code for one in with_plausibility_check(surge, BOX).reasons]
+    assert codes == ([Code.IMPLAUSIBLE_MASS] if implausible else [])

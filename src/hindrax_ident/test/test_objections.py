@@ -41,7 +41,7 @@ SAID = {
     objection(Code.UNEXPLAINED_MOTION, speed=0.27, unit="m/s", explained=0.009): "it moved at up to 0.27 m/s, and this "
     "force explains 0.009 m/s of it: other forces than drag act, or the thrust obeys another law than recorded",
     objection(Code.NO_DRAG, speed=0.45, unit="rad/s", drag=-14.02, force_unit="N m"): "the drag at 0.45 rad/s is -14 "
-    "N m, wanted above 0: check the sign of the wrench",
+    "N m, wanted above 0: other forces move it, or the wrench has another sign",
     objection(Code.POORLY_KNOWN_DRAG, share=0.21, **GAIN): "the drag at the highest speed is known to 21.0% only, "
     "wanted 20%, the gain of the thrust left out; most by current: wait until the water is still",
     objection(Code.UNKNOWN_DRAG, share=3.0, **GAIN): "the drag at the highest speed is unknown: its uncertainty is "

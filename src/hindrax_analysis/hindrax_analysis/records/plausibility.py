@@ -11,7 +11,7 @@ from hindrax_core.text.digits import measured
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array
 from hindrax_ident.assess.objections import CAUSES, NO_OBJECTION, Code, Objection, objection
-from hindrax_ident.assess.results import Contribution, MotionResult
+from hindrax_ident.assess.results import Contribution, MotionResult, Number
 from hindrax_ident.model.motion_model import MOTIONS, axis_units, rigid_mass
 from hindrax_ident.model.thrust_lag import LaggedThrust
 
@@ -19,6 +19,8 @@ DRAG_COEFFICIENTS = (0.03, 100.0)
 """Range for bodies of any shape, on the area of the volume; at low speeds, with linear drag, they are large [-]."""
 MOST_ADDED = 8.0
 """Largest ratio of added to body mass of anything but a flat plate [-]."""
+SURELY = 2.0
+"""Deviations by which a number is beyond its range: of a motion that hardly was, it may be any."""
 FASTEST = (10.0, 12.0)
 """Speeds [m/s] and rates [rad/s] that no small vehicle reaches under water."""
 CONTRADICTED, LEAST_OFF = 3.0, 0.005
@@ -87,7 +89,7 @@ def with_weight_check(result: MotionResult, vehicle: Vehicle) -> MotionResult:
     if MOTIONS[result.motion].axis != 2 or found is None:
         return result
     off_N = found.value - vehicle.net_buoyancy_N
-    sigma_N = found.std_calibrated if math.isfinite(found.std_calibrated) else found.std
+    sigma_N = _sigma(found)
     if abs(off_N) < max(CONTRADICTED * sigma_N, LEAST_OFF * vehicle.weight_N):
         return result
     shown = measured(found.value, sigma_N)
@@ -108,6 +110,11 @@ def with_inertia_uncertainty(result: MotionResult, vehicle: Vehicle) -> MotionRe
     return replace(result, coefficients=numbers, budget=budget)
 
 
+def _sigma(number: Number) -> float:
+    """Deviation with all influences, where they are known."""
+    return number.std_calibrated if math.isfinite(number.std_calibrated) else number.std
+
+
 def _implausibilities(result: MotionResult, vehicle: Vehicle) -> list[Objection]:
     axis, speed = MOTIONS[result.motion].axis, result.speeds[1]
     out = []
@@ -115,14 +122,15 @@ def _implausibilities(result: MotionResult, vehicle: Vehicle) -> list[Objection]
         out.append(objection(Code.IMPLAUSIBLE_SPEED, speed=speed, unit=axis_units(axis)[0]))
     added = result.coefficients.get("added_mass")
     own = rigid_mass(vehicle, axis)
-    if added is not None and axis < 3 and added.value > MOST_ADDED * own:
+    if added is not None and axis < 3 and added.value - SURELY * _sigma(added) > MOST_ADDED * own:
         out.append(objection(Code.IMPLAUSIBLE_MASS, times=added.value / own))
     if axis < 3 and result.drag is not None:
         # On the area of COB-2023-1394, volume to the power of two thirds, at the highest speed.
         pressure = 0.5 * vehicle.water.density_kgpm3 * float(result.drag.speed[-1]) ** 2
         area_m2 = vehicle.characteristic_length_m**2
-        coefficient = float(result.drag.force[-1]) / max(1e-12, pressure * area_m2)
-        if coefficient > 0.0 and not DRAG_COEFFICIENTS[0] < coefficient < DRAG_COEFFICIENTS[1]:
-            low, high = DRAG_COEFFICIENTS
+        unit_N, (low, high) = max(1e-12, pressure * area_m2), DRAG_COEFFICIENTS
+        coefficient, sigma = (float(one[-1]) / unit_N for one in (result.drag.force, result.drag.std_calibrated))
+        beyond = max(low - coefficient, coefficient - high)
+        if coefficient > 0.0 and beyond > SURELY * (sigma if math.isfinite(sigma) else 0.0):
             out.append(objection(Code.IMPLAUSIBLE_DRAG, found=coefficient, low=low, high=high))
     return out

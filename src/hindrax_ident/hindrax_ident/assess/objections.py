@@ -92,8 +92,8 @@ SENTENCES: Mapping[Code, str] = {
     Code.HARDLY_MOVED: "it hardly moved: speed at most {speed:.2g} {unit}, no more than the noise of one measurement",
     Code.UNEXPLAINED_MOTION: "it moved at up to {speed:.2g} {unit}, and this force explains {explained:.2g} {unit} of "
     f"it: {_OTHER_LAW}",
-    Code.NO_DRAG: "the drag at {speed:.2g} {unit} is {drag:.3g} {force_unit}, wanted above 0: check the sign of the "
-    "wrench",
+    Code.NO_DRAG: "the drag at {speed:.2g} {unit} is {drag:.3g} {force_unit}, wanted above 0: other forces move it, or "
+    "the wrench has another sign",
     Code.POORLY_KNOWN_DRAG: f"the drag at the highest speed is known to {{share:.1%}} only, {_WHAT_TO_GAIN}",
     Code.UNKNOWN_DRAG: f"the drag at the highest speed is unknown: its uncertainty is larger than itself, "
     f"{_WHAT_TO_GAIN}",

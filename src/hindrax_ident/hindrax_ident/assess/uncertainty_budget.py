@@ -41,6 +41,7 @@ from hindrax_ident.assess.influences import (
     LATENCY,
     MODEL,
     NEAR_MODEL,
+    OTHER_AXES,
     RUN,
     STAMPS,
     AxisFit,
@@ -245,12 +246,18 @@ class Budget:
         times = abs(float(self.mean[at]))
         return objection(
             Code.UNEXPLAINED_RESIDUALS if times > GREAT else Code.EVIDENCE,
-            influence=" or ".join(filter(None, (influence.name, influence.or_else(self.case)))),
+            influence=" or ".join(
+                filter(None, (influence.name, influence.or_else(self.case), self._by_others(influence)))
+            ),
             shown=measured(value, spread),
             unit=unit,
             times=times,
             remedy=influence.remedy,
         )
+
+    def _by_others(self, influence: Influence) -> str:
+        """What else may be it where the vehicle moves across: lift and turns have forces of any form."""
+        return OTHER_AXES if self.case.fit.model.crossed and influence.name != OTHER_AXES else ""
 
     def unseen(self, quantities: Mapping[str, tuple[Array, float]]) -> tuple[Objection, ...]:
         """Objections to what no record shows and what makes most of the variance of a quantity.
