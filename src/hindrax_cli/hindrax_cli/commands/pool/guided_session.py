@@ -301,7 +301,7 @@ def _report(folder: Path, session: PoolSession) -> None:
             was = f"{before[motion].drag:.1%} -> " if motion in before else ""
             print_stderr(f"{step.name}: drag of {motion} {was}{one.drag:.1%}, wanted {drag_goal(motion):.0%}")
         print_stderr(f"best next step: {next_sentence(session)}")
-    print_stderr(f"{step.name}: kept in {folder}; {len(session.left)} steps are left")
+    print_stderr(f"{step.name}: kept in {folder}; steps left: {len(session.left)}")
 
 
 def session_document(session: PoolSession, folder: Path) -> dict[str, object]:
