@@ -89,7 +89,8 @@ class NodeDiagnostics:
         if not self.identity:
             return DiagnosticStatus.ERROR, self.trouble or "has not answered yet"
         if age > stale_s:
-            return DiagnosticStatus.ERROR, f"no reading for {age:.1f} s; {self.trouble or 'line is silent'}"
+            since = f"for {age:.1f} s" if self.last_reading is not None else "since it answered"
+            return DiagnosticStatus.ERROR, f"no reading {since}; {self.trouble or 'line is silent'}"
         if self.alarm:
             return DiagnosticStatus.ERROR, self.alarm
         return DiagnosticStatus.OK, self.note or "measuring"

@@ -24,3 +24,10 @@ def test_rejects_are_counted_by_their_keys_and_the_last_is_told_whole() -> None:
 def test_without_a_reject_there_is_none_to_tell() -> None:
     values = {one.key for one in NodeDiagnostics().report("hindrax: depth", Stamp(4), 1.0).values}
     assert "last reject" not in values
+
+
+def test_a_device_that_answered_and_has_measured_nothing_yet_has_no_age() -> None:
+    health = NodeDiagnostics(identity="MS5837 at 0x76")
+    assert health.report("hindrax: depth", Stamp(4), 1.0).message == "no reading since it answered; line is silent"
+    health.reading(Stamp(4))
+    assert health.report("hindrax: depth", Stamp(3 * 10**9 + 4), 1.0).message.startswith("no reading for 3.0 s; ")
