@@ -258,7 +258,17 @@ def _motion(name: str, body: object, source: str) -> MotionResult:
         covariance_calibrated=calibrated,
         covariance_corrected=corrected,
         budget=_budget(body.get("budget"), f"{path}.budget"),
+        quality=_quality(body.get("quality"), f"{path}.quality"),
     )
+
+
+def _quality(found: object, path: str) -> Mapping[str, float]:
+    """Numbers behind a fit, such as its delays; none in files of earlier versions."""
+    if found is None:
+        return {}
+    if not isinstance(found, Mapping):
+        raise HindraxError(f"{path}: found {type(found).__name__}, wanted numbers by name")
+    return {str(key): _float(value, f"{path}.{key}") for key, value in found.items() if value is not None}
 
 
 def _matrix(found: object, size: int, path: str) -> Array:

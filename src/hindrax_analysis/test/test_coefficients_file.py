@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
-from hindrax_analysis.coefficients_file import as_yaml, conditions_of, read_coefficients
+from hindrax_analysis.coefficients_file import as_yaml, coefficients_of, conditions_of, read_coefficients
 from hindrax_analysis.exports.export_model import export_model
 from hindrax_core.errors import HindraxError
 from hindrax_core.vehicle import Vehicle
@@ -39,6 +39,7 @@ def a_result(motion: str = "surge", *, identifiable: bool = True) -> MotionResul
         identifiable=identifiable,
         reasons=() if identifiable else (unnamed("it hardly moved: 0.01 # at most"), objection(Code.NOT_CONVERGED)),
         speeds=(0.1, 0.4),
+        quality={"lag_s": 0.12, "latency_s": -0.01, "residual_std": 0.004},
         drag=DragBand(speed, 66.48 * speed**2, 0.1 * speed, 0.3 * speed),
     )
 
@@ -59,10 +60,19 @@ def test_numbers_come_back_to_the_last_digit(saved: Path) -> None:
     assert np.array_equal(surge.covariance_corrected, 9.0 * surge.covariance)
     assert math.isnan(surge.coefficients["k_l"].std_calibrated)
     assert surge.speeds == (0.1, 0.4)
+    assert surge.quality == {"lag_s": 0.12, "latency_s": -0.01, "residual_std": 0.004}
     assert not found.motions["yaw"].identifiable
     reasons = found.motions["yaw"].reasons
     assert reasons == ("it hardly moved: 0.01 # at most", "the fit did not converge")
     assert [one.code for one in reasons] == [Code.UNNAMED, Code.NOT_CONVERGED]
+
+
+def test_numbers_behind_a_fit_may_be_missing_and_are_numbers() -> None:
+    numbers = {"k_q": {"value": 1.0, "std": 0.1}, "quality": {"lag_s": None}}
+    assert coefficients_of({"motions": {"surge": numbers}}, "c.yaml").motions["surge"].quality == {}
+    for broken, message in (({"lag_s": "much"}, r"quality\.lag_s: found 'much', wanted a number"), ([], "found list")):
+        with pytest.raises(HindraxError, match=message):
+            coefficients_of({"motions": {"surge": numbers | {"quality": broken}}}, "c.yaml")
 
 
 def test_conditions_come_back(saved: Path, vehicle: Vehicle) -> None:

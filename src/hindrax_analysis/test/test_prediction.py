@@ -8,7 +8,7 @@ import pytest
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
-from hindrax_ident.assess.prediction import predict_record
+from hindrax_ident.assess.prediction import predict_record, with_delays_of
 from hindrax_ident.assess.quality import held_out
 from hindrax_ident.assess.results import Number
 from hindrax_ident.model.model_parameters import parameters_of
@@ -59,6 +59,16 @@ def test_what_a_fit_knows_of_the_speed_across_its_prediction_knows_too() -> None
     whole, alone = (predict_record(one, ROV, 0, record, 10.0) for one in (numbers(k_w=60.0), numbers()))
     assert whole.rmse(whole.predicted) < 0.005
     assert alone.rmse(alone.predicted) > 5.0 * whole.rmse(whole.predicted)
+
+
+def test_a_record_of_another_stack_has_the_delays_that_the_fit_found() -> None:
+    flown_late = flown()
+    late = replace(flown_late, velocity=Series(array(flown_late.velocity.t + 0.3), flown_late.velocity.y))
+    found = with_delays_of(late, [{}, {"lag_s": 0.0, "latency_s": 0.3, "residual_std": 0.01}])
+    assert (found.lag_s, found.latency_s) == (0.0, 0.3)
+    assert with_delays_of(late, [{"residual_std": 0.01}]) is late
+    right, wrong = (predict_record(numbers(), ROV, 0, one, 10.0) for one in (found, late))
+    assert right.rmse(right.predicted) < 0.1 * wrong.rmse(wrong.predicted)
 
 
 def test_noise_of_the_beginning_does_not_grow() -> None:

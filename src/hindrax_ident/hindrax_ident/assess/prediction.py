@@ -195,6 +195,14 @@ def predict_record(
         raise HindraxError(f"{AXES[axis]}: {error}, in windows of {window_s:g} s") from None
 
 
+def with_delays_of(record: Record, qualities: Iterable[Mapping[str, float]]) -> Record:
+    """The record with lag and latency that a fit found (`quality` of its motions); as it is where there are none."""
+    for one in qualities:
+        if "lag_s" in one and "latency_s" in one:
+            return replace(record, lag_s=one["lag_s"], latency_s=one["latency_s"])
+    return record
+
+
 def _moved(model: Model, theta: Array, problem: OutputErrorProblem, start: Trajectory) -> Trajectory:
     path = trajectory(model, theta, problem.grid, start)
     if path is None:

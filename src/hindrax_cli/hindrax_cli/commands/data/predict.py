@@ -22,7 +22,8 @@ from hindrax_cli.experiment_command import add_output, require_plot, save_plot
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import AXES, Vehicle
-from hindrax_ident.assess.prediction import WINDOW_S, Prediction, predict_record, predictions_joined
+from hindrax_ident.assess.prediction import WINDOW_S, Prediction, predict_record, predictions_joined, with_delays_of
+from hindrax_ident.model.motion_model import motions_of
 
 ABOUT = """
 The model runs freely over windows of the record, from the velocity that fits the first second of each, with the
@@ -78,6 +79,10 @@ def _of_record(
     numbers = {name: motion.coefficients for name, motion in saved.motions.items() if motion.identifiable}
     found, reasons = [], []
     for axis, record in axis_records([source], vehicle, task).items():
+        if source.recording is not None:
+            # Of another stack: nobody knows its delays but the fit.
+            fitted = [saved.motions[one.name].quality for one in motions_of(axis) if one.name in numbers]
+            record = with_delays_of(record, fitted)  # noqa: PLW2901  # the record that is predicted
         try:
             found.append(predict_record(numbers, vehicle, axis, record, window_s))
         except HindraxError as error:
