@@ -225,7 +225,7 @@ def test_a_pilot_that_states_nothing_more_or_is_not_there_ends_it(
     bench.until(lambda: bench.pilot.flying is None)  # it was told to end, and it did
     bench.pilot.close()
     bench.until(lambda: not bench.identifier._experiments._fly.server_is_ready())
-    assert bench.run("surge")[0] == experiment_server.GONE
+    assert bench.run("surge")[0] == experiment_server.PILOT_GONE
 
 
 def test_an_identifier_that_starts_again_hangs_nothing(bench: Bench) -> None:

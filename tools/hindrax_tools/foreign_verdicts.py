@@ -21,7 +21,7 @@ from hindrax_ident.assess.results import MotionResult
 from hindrax_ident.model.motion_model import MOTIONS
 from hindrax_laboratory.benchmark.foreign_plants import AS_THE_COMMAND, KINDS, PLANTS, ForeignRecord, fly, read, write
 
-NEAR = 2.0
+WANTED_DEVIATIONS = 2.0
 """Deviations within which 95 % are wanted."""
 
 
@@ -90,8 +90,10 @@ def summary(found: Sequence[Score]) -> str:
         ("corrected drag", [off for one in known for off in one.corrected]),
     ):
         if far:
-            within = sum(abs(off) <= NEAR for off in far) / len(far)
-            words.append(f"{name}: {within:.1%} of {len(far)} within {NEAR:g}, {min(far):+.1f} to {max(far):+.1f}")
+            within = sum(abs(off) <= WANTED_DEVIATIONS for off in far) / len(far)
+            words.append(
+                f"{name}: {within:.1%} of {len(far)} within {WANTED_DEVIATIONS:g}, {min(far):+.1f} to {max(far):+.1f}"
+            )
     return "; ".join(words)
 
 

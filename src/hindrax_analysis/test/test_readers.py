@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hindrax_analysis.records.csv_record import read_records
-from hindrax_analysis.records.recording import FEWEST, Recording, events, has_signal, reason_to_skip, tuned
+from hindrax_analysis.records.recording import FEWEST_VELOCITIES, Recording, events, has_signal, reason_to_skip, tuned
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import to_s
 from hindrax_core.signals import Attitude, Phase, Thrust, Velocity
@@ -107,7 +107,7 @@ def test_a_cut_keeps_the_force_in_force() -> None:
     [
         (lambda i: (0.1 * i, 0.3, 0.0), Code.CONSTANT_THRUST),
         (lambda i: (0.1 * i, 0.0, i % 3), Code.CONSTANT_VELOCITY),
-        (lambda i: (0.1 * i, 0.1 * i if i < FEWEST - 1 else "", i), Code.FEW_VELOCITIES),
+        (lambda i: (0.1 * i, 0.1 * i if i < FEWEST_VELOCITIES - 1 else "", i), Code.FEW_VELOCITIES),
         (lambda i: (100 * i, i % 3, i % 5), Code.SLOW_VELOCITIES),
         (lambda i: (0.1 * i, i if i < 25 else "", "" if i < 30 else i), Code.LATE_THRUST),
     ],

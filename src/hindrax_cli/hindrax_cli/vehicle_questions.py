@@ -24,7 +24,7 @@ from hindrax_cli.vehicle_plausibility import (
     pull_objection,
     thrust_objection,
 )
-from hindrax_cli.vehicle_review import MARGIN, upright_speed_mps
+from hindrax_cli.vehicle_review import RIGHTING_MARGIN, upright_speed_mps
 from hindrax_core.errors import UsageError
 from hindrax_core.hydrostatics import GRAVITY_mps2, Water
 from hindrax_core.readings import Vec3
@@ -359,8 +359,8 @@ def file_text(name: str, answers: Answers) -> str:
     assumed = {"projected_areas_m2": [front, side, top], "center_of_buoyancy_m": [0.0, 0.0, -RIGHTING_ARM_m]}
     parts = [HEAD.format(name=name), _dump(known), ASSUMED, _dump(assumed), ESTIMATED, prior.rstrip()]
     upright_mps = upright_speed_mps(vehicle_from_text("\n".join(parts), name)) if "thrusters" in known else math.inf
-    if MARGIN * upright_mps < Limits().speed_mps:
-        limit = _dump({"limits": {"speed_mps": float(f"{MARGIN * upright_mps:.2g}")}})
+    if RIGHTING_MARGIN * upright_mps < Limits().speed_mps:
+        limit = _dump({"limits": {"speed_mps": float(f"{RIGHTING_MARGIN * upright_mps:.2g}")}})
         parts += ["\n# Nothing controls pitch: beyond this it would no longer right itself.", limit.rstrip()]
     return "\n".join([*parts, ""])
 

@@ -27,11 +27,11 @@ NEEDED: Mapping[Capability, str] = {
 FLOATS_AT_MOST = 0.1
 """Net buoyancy over weight beyond which trim is implausible."""
 POSITIONS = "check unit and origin of position_m"
-MARGIN = 0.8
+RIGHTING_MARGIN = 0.8
 """Speed limit over the speed up to which a vehicle rights itself."""
 ARROWS = "\u2191\u2197\u2192\u2198\u2193\u2199\u2190\u2196"
 UP, DOWN = "\u2299", "\u2297"
-WIDE, TALL = 45, 9
+PICTURE_COLUMNS, PICTURE_LINES = 45, 9
 """Of the picture [characters, lines]: poses and forces fit below it on a screen of 24 lines."""
 
 
@@ -101,7 +101,9 @@ def _thrusters(vehicle: Vehicle) -> list[Check]:
         found.append(Check("limits.wrench", f"leaves {', '.join(capped)}"))
     if math.isfinite(upright := upright_speed_mps(vehicle)):
         most = vehicle.limits.speed_mps
-        slower = f"set limits.speed_mps to {MARGIN * upright:.2f}, or ballast it deeper" if most > upright else ""
+        slower = (
+            f"set limits.speed_mps to {RIGHTING_MARGIN * upright:.2f}, or ballast it deeper" if most > upright else ""
+        )
         found.append(Check("pitch", f"rights itself up to {upright:.2f} m/s ahead, limit {most:g} m/s", slower))
     assumed = [name for name, curve in vehicle.curves.items() if curve.table is None and curve.positive is None]
     found += [Check(f"curve {name}", "positive branch assumed to mirror the negative one") for name in assumed]
@@ -173,10 +175,11 @@ def picture(vehicle: Vehicle) -> str:
     """Top view of the thrusters, bow up: an arrow along positive thrust, a dot for up, a cross for down."""
     ahead = max([0.5 * vehicle.envelope_m[0], *(abs(one.position_m[0]) for one in vehicle.thrusters)])
     across = max([0.5 * vehicle.envelope_m[1], *(abs(one.position_m[1]) for one in vehicle.thrusters)])
-    canvas = [[" "] * WIDE for _ in range(TALL)]
+    canvas = [[" "] * PICTURE_COLUMNS for _ in range(PICTURE_LINES)]
 
     def place(x_m: float, y_m: float) -> tuple[int, int]:
-        return round((1.0 - x_m / ahead) * 0.5 * (TALL - 3)) + 1, round((1.0 + y_m / across) * 0.5 * (WIDE - 9)) + 4
+        line = round((1.0 - x_m / ahead) * 0.5 * (PICTURE_LINES - 3)) + 1
+        return line, round((1.0 + y_m / across) * 0.5 * (PICTURE_COLUMNS - 9)) + 4
 
     (top, left), (bottom, right) = (
         place(s * 0.5 * vehicle.envelope_m[0], -s * 0.5 * vehicle.envelope_m[1]) for s in (1, -1)
@@ -188,15 +191,15 @@ def picture(vehicle: Vehicle) -> str:
     taken: set[tuple[int, int]] = set()
     for one in vehicle.thrusters:
         row, column = place(*one.position_m[:2])
-        label = f"{one.name}{_arrow(one.azimuth_deg, one.elevation_deg)}"[:WIDE]
-        start = min(max(0, column - len(label) // 2), WIDE - len(label))
-        cells = {at: {(at, start + shift) for shift in range(len(label))} for at in range(TALL)}
+        label = f"{one.name}{_arrow(one.azimuth_deg, one.elevation_deg)}"[:PICTURE_COLUMNS]
+        start = min(max(0, column - len(label) // 2), PICTURE_COLUMNS - len(label))
+        cells = {at: {(at, start + shift) for shift in range(len(label))} for at in range(PICTURE_LINES)}
         # One above the other: the nearest row with room, or none, where a column is full of them.
         free = [at for at in sorted(cells, key=lambda at: abs(at - row)) if not cells[at] & taken]
         for at in free[:1]:
             taken |= cells[at]
             canvas[at][start : start + len(label)] = label
-    lines = ["bow".center(WIDE), *("".join(row) for row in canvas)]
+    lines = ["bow".center(PICTURE_COLUMNS), *("".join(row) for row in canvas)]
     return "\n".join(line.rstrip() for line in lines).rstrip()
 
 

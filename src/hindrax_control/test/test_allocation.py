@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from hindrax_control.allocation.allocator import (
     KEPT_LAYOUTS,
-    LARGEST,
+    LARGEST_WRENCH,
     AllocationKnobs,
     Allocator,
     _unchecked,
@@ -169,7 +169,7 @@ def test_axis_that_is_not_finite_is_refused_and_the_others_are_served() -> None:
 def test_no_axis_whatever_it_holds_makes_another_one_wrong(wrench: Vec6) -> None:
     accepted, refused = bounded_axes(wrench)
     assert len(refused) == sum(not math.isfinite(value) for value in wrench)
-    assert all(abs(value) <= LARGEST for value in accepted)
+    assert all(abs(value) <= LARGEST_WRENCH for value in accepted)
     assert all(map(math.isfinite, ALLOCATOR.allocate(wrench).achieved))
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from hindrax_control.allocation.allocation_cycle import KEPT, AllocationCycle
+from hindrax_control.allocation.allocation_cycle import COMMANDS_KEPT, AllocationCycle
 from hindrax_control.allocation.allocator import AllocationKnobs, Allocator
 from hindrax_core.events import Stamp, after, stamp_from_s
 from hindrax_core.readings import Vec6
@@ -103,8 +103,8 @@ def test_plans_that_are_not_exact_are_counted(cycle: AllocationCycle, monkeypatc
 
 
 def test_it_knows_the_plans_of_its_last_commands(cycle: AllocationCycle) -> None:
-    sent = [commanded(cycle, at_s=0.02 * index).sequence for index in range(KEPT + 3)]
-    assert [cycle.has_plan(sequence) for sequence in sent] == [False] * 3 + [True] * KEPT
+    sent = [commanded(cycle, at_s=0.02 * index).sequence for index in range(COMMANDS_KEPT + 3)]
+    assert [cycle.has_plan(sequence) for sequence in sent] == [False] * 3 + [True] * COMMANDS_KEPT
     assert cycle.has_plan(0)
     assert not cycle.has_plan(sent[-1] + 1)
 

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 Array: TypeAlias = NDArray[np.float64]
 Flags: TypeAlias = NDArray[np.bool_]
 Index: TypeAlias = NDArray[np.intp]
-LARGEST = 98.0
+LARGEST_PERCENTILE = 98.0
 """Percentile of what counts as the largest: spikes are beyond it."""
-NOTHING = 1e-3
+NOTHING_SHARE = 1e-3
 """Share of the very largest below which there is nothing [-]."""
 
 
@@ -34,6 +34,6 @@ def largest(values: Array) -> float:
         of those that are something: shares of the largest would be endless otherwise.
     """
     sizes = np.abs(values)
-    least = NOTHING * sizes.max(initial=0.0)
-    found = float(np.percentile(sizes, LARGEST)) if len(sizes) else 0.0
-    return found if found > least or not least else float(np.percentile(sizes[sizes > least], LARGEST))
+    least = NOTHING_SHARE * sizes.max(initial=0.0)
+    found = float(np.percentile(sizes, LARGEST_PERCENTILE)) if len(sizes) else 0.0
+    return found if found > least or not least else float(np.percentile(sizes[sizes > least], LARGEST_PERCENTILE))

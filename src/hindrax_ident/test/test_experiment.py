@@ -13,7 +13,7 @@ from hindrax_ident.arrays import Array, array
 from hindrax_ident.fit.plateaus import Plateaus
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.online.aim import FIRST, Aim, Choice, check_experiment, plan_text
-from hindrax_ident.online.experiment import MARGIN, DragEstimate, Experiment, drag_of
+from hindrax_ident.online.experiment import CONTENT_SHARE, DragEstimate, Experiment, drag_of
 from hindrax_ident.online.session import Session
 
 MODEL = Model(0, 20.0)
@@ -91,7 +91,9 @@ def test_the_gain_of_a_leg_is_that_of_the_least_squares_with_it(speeds: tuple[fl
 
         now = np.sum(known.gradient @ known.covariance * known.gradient, axis=1)
         after = now * spread(with_it) / spread(rows(speeds))
-        assert gain == pytest.approx(np.sum(np.maximum(now, MARGIN**2) - np.maximum(after, MARGIN**2)), rel=1e-6)
+        assert gain == pytest.approx(
+            np.sum(np.maximum(now, CONTENT_SHARE**2) - np.maximum(after, CONTENT_SHARE**2)), rel=1e-6
+        )
         assert (seconds, times) == pytest.approx((20.0, 1))
 
 

@@ -18,9 +18,9 @@ from hindrax_ident.assess.influences import (
     AxisFit,
     Influence,
     _coasts,
-    _root,
     acting,
 )
+from hindrax_ident.assess.posterior import root
 from hindrax_ident.assess.thrust_calibration import thrust_shares
 from hindrax_ident.fit.delay import lag_impulse, latency_impulse
 from hindrax_ident.fit.output_error import OutputErrorFit, refine
@@ -252,9 +252,9 @@ def test_a_gain_is_a_share_of_the_command(case: AxisFit) -> None:
 
 def test_the_root_of_a_covariance_is_a_root() -> None:
     C = np.array([[4.0, 1.0, 0.0], [1.0, 2.0, -0.5], [0.0, -0.5, 0.3]])
-    assert _root(array(C)) @ _root(array(C)).T == pytest.approx(C)
+    assert root(array(C)) @ root(array(C)).T == pytest.approx(C)
     # Rounding may leave a variance slightly below nothing.
-    assert _root(array(np.diag([-1e-18, 4.0]))) @ np.ones(2) == pytest.approx([0.0, 2.0])
+    assert root(array(np.diag([-1e-18, 4.0]))) @ np.ones(2) == pytest.approx([0.0, 2.0])
 
 
 @pytest.mark.parametrize(("both", "known"), [((0.9, 1.1), (1.0, -1.0)), ((0.9, None), (1.0,)), ((None, 0.9), (-1.0,))])

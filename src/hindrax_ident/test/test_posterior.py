@@ -30,7 +30,7 @@ def one_loss(mean: float = MEAN, sigma: float = SPREAD, weight: float = 1.0) -> 
 
 @pytest.fixture
 def sure_limits(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(posterior, "BEYOND", 1e-9)
+    monkeypatch.setattr(posterior, "NORMAL_SHARE", 1e-9)
 
 
 def quantiles(values: Array, weight: Array, ends: tuple[float, ...]) -> list[float]:

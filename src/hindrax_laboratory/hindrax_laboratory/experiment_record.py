@@ -15,7 +15,7 @@ MOST_JITTER = 0.01
 LONGEST_GAP = 10.0
 """Time step, in median steps, above which samples are missing and interpolation is not valid."""
 
-LARGEST = 1e12
+LARGEST_QUANTITY = 1e12
 """No quantity of these experiments is as large in its unit, and squares of what is larger are no numbers."""
 
 
@@ -93,7 +93,7 @@ def _number(cells: list[str], index: int, where: str) -> float:
         raise HindraxError(f"{where}: found {cells[index]!r}, wanted a number with a decimal point") from None
     if not np.isfinite(number):
         raise HindraxError(f"{where}: found {cells[index]!r}, wanted a finite number; remove the line")
-    if abs(number) > LARGEST:
+    if abs(number) > LARGEST_QUANTITY:
         raise HindraxError(f"{where}: found {cells[index]!r}, wanted a measurement; check the unit, or remove the line")
     return number
 

@@ -27,7 +27,7 @@ WEIGHED = ("surge", "sway", "heave", "yaw")
 """Axes with a known-weight test; roll and pitch carry a load by their righting moment."""
 DRAG_GOAL, ROTATION_GOAL, MASS_GOAL = 0.05, 0.10, 0.08
 """Wanted calibrated standard deviations of the drag at the highest speed and of the added mass, shares of them [-]."""
-TRIES = 2
+TRIES_OF_LEGS = 2
 NOISE = "noise of the record"
 
 
@@ -267,7 +267,7 @@ def _do(name: str, motions: tuple[str, ...], session: PoolSession, folder: Path,
         gain, seconds, remark = runner.weigh(step.subject, _free(folder, name), session)
         return replace(step, gain=gain, seconds=seconds, remark=remark)
     seconds, aborted = 0.0, ""
-    for _ in range(TRIES):
+    for _ in range(TRIES_OF_LEGS):
         place = _free(folder, name)
         took, aborted = runner.legs(order_of(motions, int(step.subject)), place, session)
         seconds += took

@@ -36,8 +36,8 @@ BIN_S = 0.1
 """Averaging time of positions; differences of the means are velocities."""
 COMPARED_S = 0.5
 """Shortest time over which positions are compared with velocities, so that noise is negligible."""
-FEWEST = 20
-CLEAR = 4.0
+FEWEST_POSES = 20
+CLEAR_RATIO = 4.0
 """Ratio of mean squared errors above which one frame is the right one."""
 
 
@@ -152,7 +152,7 @@ class FrameErrors(NamedTuple):
     @property
     def is_world(self) -> bool:
         """Whether positions and velocities agree only in world axes."""
-        return self.still > CLEAR * self.world and self.body > CLEAR * self.world
+        return self.still > CLEAR_RATIO * self.world and self.body > CLEAR_RATIO * self.world
 
     @property
     def is_neither(self) -> bool:
@@ -193,7 +193,7 @@ def compare_frames(t_s: Array, positions: Array, quaternions: Array, velocities:
     """
     known = np.isfinite(velocities[:, :2]).all(axis=1) & np.isfinite(quaternions).all(axis=1)
     t, p, q, v = t_s[known], positions[known, :2], quaternions[known], np.nan_to_num(velocities[known])
-    if len(t) < FEWEST or np.ptp(p) == 0.0:
+    if len(t) < FEWEST_POSES or np.ptp(p) == 0.0:
         return None
     starts = [0]
     for i, at in enumerate(t.tolist()):

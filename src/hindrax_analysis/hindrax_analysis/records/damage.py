@@ -16,9 +16,9 @@ from hindrax_analysis.records.recording import Recording
 from hindrax_core.vehicle import AXES
 from hindrax_ident.arrays import Array, Flags, array
 
-SHORTEST_S, FEWEST = 0.5, 5
+SHORTEST_STUCK_S, FEWEST_EQUAL = 0.5, 5
 """Least time and number of equal values of a stretch."""
-CHANCE = 1e-6
+CHANCE_OF_EQUAL = 1e-6
 """Probability below which equal values in a row are no coincidence of a coarse resolution."""
 JUMP = 0.2
 """Least step at an end of a stretch of zeros, and least thrust during one, relative to the largest of the record."""
@@ -43,7 +43,8 @@ def without_damage(recording: Recording) -> Recording:
     for axis, name in enumerate(AXES):
         known = np.flatnonzero(np.isfinite(spread.velocity[:, axis]))
         t, v = spread.velocity_t[known], spread.velocity[known, axis]
-        if len(known) <= 2 * FEWEST or np.ptp(v) == 0.0:  # never measured, which is reported where it is asked for
+        # One that was never measured is reported where it is asked for.
+        if len(known) <= 2 * FEWEST_EQUAL or np.ptp(v) == 0.0:
             continue
         for what, damaged in _damage(t, v, thrust[known, axis]):
             gone = known[damaged]
@@ -98,7 +99,7 @@ def _equal_values(t: Array, v: Array) -> Iterator[slice]:
     """Stretches of equal values, long enough to be looked at, in the order of time."""
     edges = [0, *(np.flatnonzero(np.diff(v) != 0.0) + 1).tolist(), len(v)]
     for first, end in itertools.pairwise(edges):
-        if end - first >= FEWEST and t[end - 1] - t[first] >= SHORTEST_S:
+        if end - first >= FEWEST_EQUAL and t[end - 1] - t[first] >= SHORTEST_STUCK_S:
             yield slice(first, end)
 
 
@@ -117,7 +118,7 @@ def _longest_by_chance(v: Array) -> float:
     equal = float(np.mean(v[1:][inside] == v[:-1][inside]))
     if equal >= 0.9:
         return math.inf
-    return FEWEST + math.log(CHANCE) / math.log(max(equal, 1e-3))
+    return FEWEST_EQUAL + math.log(CHANCE_OF_EQUAL) / math.log(max(equal, 1e-3))
 
 
 def _outliers(v: Array) -> Flags:
@@ -137,7 +138,7 @@ def _with_even_times(recording: Recording) -> tuple[Recording, list[str]]:
     t, known = recording.velocity_t, np.isfinite(recording.velocity)
     steps = np.diff(t)
     # Rows of different axes are of different sensors: their times are unrelated.
-    if len(steps) < 2 * FEWEST or float(np.mean(steps)) <= 0.0 or (known != known[0]).any():
+    if len(steps) < 2 * FEWEST_EQUAL or float(np.mean(steps)) <= 0.0 or (known != known[0]).any():
         return recording, []
     short = steps < SHORT_STEP * float(np.mean(steps))
     if float(np.mean(short)) < MOST_SHORT:

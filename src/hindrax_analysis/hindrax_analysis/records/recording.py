@@ -22,7 +22,7 @@ from hindrax_ident.model.motion_model import motions_of
 from hindrax_ident.online.record_session import SOURCE, finite_wrench
 from hindrax_ident.tuning import Tuning, for_foreign_records
 
-FEWEST = 20
+FEWEST_VELOCITIES = 20
 """Fewest velocity samples of an axis."""
 NO_TIMES, NO_WAYS = array(np.zeros(0)), array(np.zeros((0, 3)))
 DERIVED = "odometry"
@@ -190,8 +190,8 @@ def _reasons_to_skip(recording: Recording, axis: int) -> Iterator[Objection]:
     step_s = _period(recording.velocity_t)
     if step_s > SLOWEST_S:
         yield objection(Code.SLOW_VELOCITIES, step_s=step_s)
-    if len(speeds) < FEWEST:
-        yield objection(Code.FEW_VELOCITIES, found=len(speeds), axis=AXES[axis], wanted=FEWEST)
+    if len(speeds) < FEWEST_VELOCITIES:
+        yield objection(Code.FEW_VELOCITIES, found=len(speeds), axis=AXES[axis], wanted=FEWEST_VELOCITIES)
     if not len(forces):
         yield objection(Code.NO_THRUST, kind="moment" if axis >= 3 else "force", axis=AXES[axis])
         return

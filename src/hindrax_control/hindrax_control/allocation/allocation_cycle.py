@@ -20,7 +20,7 @@ from hindrax_core.signals import NAN, ZERO6, Allocation, Command
 from hindrax_core.text.refusals import NOTHING, Reason, Refusal, refused
 from hindrax_core.vehicle import Vehicle
 
-KEPT = 32
+COMMANDS_KEPT = 32
 NO_COMMAND = Command((), (), Stamp(0), 0)
 NO_PLAN = Allocation(ZERO6, ZERO6, ZERO6, (), (), ())
 PLAUSIBLE = (0.25, 2.0)
@@ -197,7 +197,7 @@ class AllocationCycle:
     def keep_plan(self, sequence: int, plan: Allocation) -> None:
         """Store the plan of a command until its applied pulses are known."""
         self._plans[sequence] = plan
-        if len(self._plans) > KEPT:
+        if len(self._plans) > COMMANDS_KEPT:
             self._plans.popitem(last=False)
 
     def has_plan(self, sequence: int) -> bool:

@@ -23,7 +23,7 @@ from hindrax_core.readings import Vec6, vec6
 from hindrax_core.signals import ZERO6, Allocation
 from hindrax_core.vehicle import AXES, Vehicle
 
-LARGEST = 1e12
+LARGEST_WRENCH = 1e12
 """No vehicle reaches this wrench [N, Nm]; beyond it squares would overflow."""
 
 KEPT_LAYOUTS = 32
@@ -272,7 +272,7 @@ class Allocator:
             Its size [N, N m], never negative.
         """
         index = AXES.index(axis)
-        wanted = vec6(sign * LARGEST if one == index else 0.0 for one in range(6))
+        wanted = vec6(sign * LARGEST_WRENCH if one == index else 0.0 for one in range(6))
         given = self.B @ np.array(self.forces(wanted, disabled))
         return abs(float(given[index]))
 
@@ -288,10 +288,10 @@ class Allocator:
 
 def bounded_axes(wrench: Vec6) -> tuple[Vec6, tuple[str, ...]]:
     """As `finite_axes`, with the rest within `LARGEST`."""
-    if math.isfinite(sum(wrench)) and max(wrench) < LARGEST and min(wrench) > -LARGEST:
+    if math.isfinite(sum(wrench)) and max(wrench) < LARGEST_WRENCH and min(wrench) > -LARGEST_WRENCH:
         return wrench, ()
     finite, refused = finite_axes(wrench)
-    return vec6(max(-LARGEST, min(LARGEST, value)) for value in finite), refused
+    return vec6(max(-LARGEST_WRENCH, min(LARGEST_WRENCH, value)) for value in finite), refused
 
 
 def difference(wanted: Vec6, achieved: Vec6) -> Vec6:

@@ -23,7 +23,7 @@ from hindrax_core.vehicle import AXES, Vehicle
 STEP_S = 0.004
 BEFORE_S, AFTER_S = 0.25, 0.6
 """Rest before a pulse, and what is looked at after it."""
-SLOW = (0.1, 0.1, 0.1, 0.3, 0.3, 0.3)
+LINEARIZED_AT = (0.1, 0.1, 0.1, 0.3, 0.3, 0.3)
 """Rates at which the quadratic drag is taken as linear [m/s, rad/s]."""
 LEAST_SAMPLES = 20
 CORRELATED = 4.0
@@ -56,7 +56,7 @@ class Prior:
     def __init__(self, vehicle: Vehicle) -> None:
         freedoms = [prior_dynamics(vehicle)[axis] for axis in AXES]
         self.inertia = np.array([one.inertia for one in freedoms])
-        self.drag = np.array([one.drag.resistance(v) / v for one, v in zip(freedoms, SLOW, strict=True)])
+        self.drag = np.array([one.drag.resistance(v) / v for one, v in zip(freedoms, LINEARIZED_AT, strict=True)])
         self.restoring = np.array([max(0.0, one.restoring) for one in freedoms])
 
     def respond(self, times_s: Matrix, force: Matrix) -> tuple[Matrix, Matrix]:

@@ -15,11 +15,11 @@ from hindrax_control.maneuver.leg import LegOutput
 Signal: TypeAlias = Callable[[float], float]
 
 SINES = 9
-EDGE = 0.5
+FREE_SHARE = 0.5
 """Share of the room, about its middle, in which the signal rules alone."""
 FADE = 4.0
 """Within a quarter of the way from there to the end of the room, the signal loses its outward push."""
-MOST = 1.5
+MOST_FORCE = 1.5
 """Largest force, as a multiple of the signal's."""
 
 
@@ -36,7 +36,7 @@ class Bounds:
     @property
     def slowest_Hz(self) -> float:
         """Frequency below which a swing at full rate would leave half of the room."""
-        return self.rate / (math.tau * EDGE * self.room)
+        return self.rate / (math.tau * FREE_SHARE * self.room)
 
 
 def signal(kind: str, seed: int, seconds: float, slowest_Hz: float) -> Signal:
@@ -118,8 +118,8 @@ class Excite:
         self.ends = (bounds.middle - bounds.room, bounds.middle + bounds.room)
         self._signal, self._bounds = wanted, bounds
         self._started_s: float | None = None
-        self._margin = (1.0 - EDGE) * bounds.room
-        self._stiffness = MOST * bounds.force / self._margin
+        self._margin = (1.0 - FREE_SHARE) * bounds.room
+        self._stiffness = MOST_FORCE * bounds.force / self._margin
         self._damping = 2.0 * math.sqrt(self._stiffness * bounds.inertia)
 
     def step(self, coordinate: float, rate: float, time_s: float, *, trusted: bool = True) -> LegOutput:  # noqa: ARG002
@@ -147,9 +147,9 @@ class Excite:
         bounds = self._bounds
         force = bounds.force * self._signal(elapsed_s)
         off = coordinate - bounds.middle
-        side, beyond = math.copysign(1.0, off), abs(off) - EDGE * bounds.room
+        side, beyond = math.copysign(1.0, off), abs(off) - FREE_SHARE * bounds.room
         if beyond > 0.0:
             outward = max(0.0, force * side) * min(1.0, FADE * beyond / self._margin)
             force -= side * (outward + self._stiffness * beyond + self._damping * max(0.0, rate * side))
-        most = MOST * bounds.force
+        most = MOST_FORCE * bounds.force
         return LegOutput(max(-most, min(most, force)), "excite", finished=elapsed_s >= self.seconds)

@@ -35,7 +35,7 @@ SILENT_S = 1.0
 """Without pressure for longer, the depth is that of the accelerometer and of the floor."""
 WINDOW = StampWindow(0.5, 0.1)
 """For the stamps of an odometry; those of a wrench have the same limits."""
-SHORTEST_S = 0.015
+SHORTEST_INTERVAL_S = 0.015
 """States in between are left out: the pilot counts on 50 Hz."""
 JUMP_m = 0.3
 """A position may be corrected by so much at once."""
@@ -262,7 +262,11 @@ class ExternalOdometry:
         if wrong_stamp is not None:
             return None, wrong_stamp.refusal
         last = self._last
-        if last is not None and source == self._source and 0.0 <= seconds_between(last.stamp, found.stamp) < SHORTEST_S:
+        if (
+            last is not None
+            and source == self._source
+            and 0.0 <= seconds_between(last.stamp, found.stamp) < SHORTEST_INTERVAL_S
+        ):
             return None, NOTHING
         if last is None or source != self._source or self._broken(last, found):
             self._began, self.breaks = found.stamp, self.breaks + (last is not None)

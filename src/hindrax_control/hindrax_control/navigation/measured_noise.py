@@ -12,7 +12,7 @@ import math
 from collections import deque
 
 MEMORY, MOST_TIMES = 40, 9.0
-BEYOND = 2.0
+ABOVE_CLAIM = 2.0
 """Times what is claimed: with less, the estimate's own scatter would count as noise."""
 SECOND_DIFFERENCE = 6.0
 """Its variance over that of a sample: 1 + 4 + 1."""
@@ -49,4 +49,4 @@ class MeasuredNoise:
     @property
     def _sigma(self) -> float:
         sigma = math.sqrt(self._variance)
-        return sigma if sigma > BEYOND * self._claimed else self._claimed
+        return sigma if sigma > ABOVE_CLAIM * self._claimed else self._claimed

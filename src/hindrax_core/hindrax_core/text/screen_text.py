@@ -25,7 +25,7 @@ COPIED = re.compile(r"\s*(\./hindrax |export \w+=)")
 INSTALLED = Path(__file__).parents[2]
 """Folder of this package: of the wheel it is that of all its packages, among which none needs ROS."""
 FROM_WHEEL = (INSTALLED / "hindrax_cli").is_dir() and not (INSTALLED / "hindrax_ros").is_dir()
-LEAST = 20
+NARROWEST = 20
 """Narrower than this is no width of a screen."""
 _OBEYED = {code: "\ufffd" for code in (*range(0x20), *range(0x7F, 0xA0)) if chr(code) not in "\n\t"}
 _wrapped = partial(wrap, break_long_words=False, break_on_hyphens=False, replace_whitespace=False)
@@ -39,7 +39,7 @@ def screen_width(stream: TextIO) -> int:
         return UNBOUNDED
     chosen = os.environ.get("COLUMNS", "")
     width = int(chosen) if chosen.isdecimal() else width
-    return width if width >= LEAST else UNBOUNDED
+    return width if width >= NARROWEST else UNBOUNDED
 
 
 def fitted(text: str, width: int, hang: int | None = None) -> str:

@@ -25,7 +25,7 @@ NO_DATA_S = 0.25
 known, and seldom succeeds where transfers fail; to try again takes one cycle."""
 MISALIGNED = 5
 """Counts in a row that are no whole number of samples: a sample may be half written, but not every time."""
-LATE = 1.1
+FASTEST_CLOCK = 1.1
 """Samples may come faster than nominal by the drift of the clock; more than this, and the count itself is wrong."""
 
 SILENT_LINE = reject(
@@ -207,7 +207,7 @@ class Icm20948(RegisterPart):
         self._fetched, self._torn = stamp, False
         if not self._chip:
             return self._samples.decode(data, stamp)
-        still = edge == last and abs(EDGE.unpack(edge)[1] - stamp) < NS_PER_S * LATE / self._knobs.rate_Hz
+        still = edge == last and abs(EDGE.unpack(edge)[1] - stamp) < NS_PER_S * FASTEST_CLOCK / self._knobs.rate_Hz
         outputs = self._samples.decode(data, stamp, EDGE.unpack(edge) if still else None)
         return outputs + self._watch_line(stamp, edge)
 
@@ -229,7 +229,7 @@ class Icm20948(RegisterPart):
         if count > r.FIFO_BYTES - r.SAMPLE_BYTES:
             return reject(RejectCode.OVERFLOW, found=f"FIFO overflow: {count} bytes waiting, samples are lost")
         elapsed_s = seconds_between(self._fetched, stamp)
-        most = 4 + LATE * elapsed_s * self._knobs.rate_Hz
+        most = 4 + FASTEST_CLOCK * elapsed_s * self._knobs.rate_Hz
         self._misaligned = self._misaligned + 1 if count % r.SAMPLE_BYTES else 0
         if self._misaligned >= (1 if self._torn else MISALIGNED):
             found = f"FIFO out of step: {count} bytes are no whole number of samples"

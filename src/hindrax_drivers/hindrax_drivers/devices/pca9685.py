@@ -19,7 +19,7 @@ RESTART, EXTCLK, AUTO_INCREMENT, SLEEP = 0x80, 0x40, 0x20, 0x10
 TOTEM_POLE = 0x04  # OUTDRV; OCH = 0: all outputs change at STOP
 STEPS = 4096
 NOMINAL_CLOCK_Hz = 25e6
-OFF = STEPS  # bit 12 of LEDn_OFF: full OFF
+FULL_OFF = STEPS  # bit 12 of LEDn_OFF: full OFF
 WAKE_S = 0.0005
 LARGEST_RATE_Hz = 400.0  # Basic ESC: highest update rate
 
@@ -142,7 +142,7 @@ class Pca9685(RegisterPart):
 
     def _registers(self, pulses_us: Sequence[float]) -> bytes:
         """LEDn_ON and LEDn_OFF from the first to the last channel in use; channels between them are off."""
-        counts = [0, OFF] * self._slots
+        counts = [0, FULL_OFF] * self._slots
         for channel, pulse in zip(self._channels, pulses_us, strict=True):
             counts[2 * (channel - self._first) + 1] = self._count(pulse)
         return struct.pack(f"<{len(counts)}H", *counts)

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from hindrax_core.bus_operations import EDGE, EDGES, DeviceError, Pause, Program, Read, Write, WriteRead
-from hindrax_drivers.devices.pca9685 import LED0, MODE1, OFF, PRE_SCALE, SLEEP, STEPS
+from hindrax_drivers.devices.pca9685 import FULL_OFF, LED0, MODE1, PRE_SCALE, SLEEP, STEPS
 
 HALF = STEPS // 2
 LOOKS = 50
-FEWEST = 100
+FEWEST_SAMPLES = 100
 IRREGULAR = 0.05
 """Largest distance of an interval from a whole number of periods, in periods; a busy kernel is a tenth of that late."""
 PLAUSIBLE_Hz = (20e6, 50e6)
@@ -72,14 +72,14 @@ def edges(chip: str, line: int, seconds: float) -> Program[Sequence[Edge]]:
 
 def end(address: int, channel: int) -> Program[None]:
     """Switch the channel off."""
-    yield Write(address, _channel(channel, OFF))
+    yield Write(address, _channel(channel, FULL_OFF))
 
 
 def clock_Hz(found: Sequence[Edge], prescale: int) -> float:
     """Frequency of the oscillator [Hz]. DeviceError where there are too few edges, or edges of another signal."""
     count, elapsed_ns = found[-1][0] - found[0][0], found[-1][1] - found[0][1]
-    if count < FEWEST:
-        raise DeviceError(f"found {count} edges, wanted at least {FEWEST}; check wire, channel and GPIO line")
+    if count < FEWEST_SAMPLES:
+        raise DeviceError(f"found {count} edges, wanted at least {FEWEST_SAMPLES}; check wire, channel and GPIO line")
     steps = [(after[0] - before[0], after[1] - before[1]) for before, after in pairwise(found)]
     wrong = sum(abs(ns * count / max(1, elapsed_ns) - number) > IRREGULAR for number, ns in steps)
     if wrong:

@@ -31,7 +31,7 @@ SERVO_LOW_us, SERVO_HIGH_us = 500.0, 2500.0
 """A value outside is no servo pulse but garbage; one inside is clipped to the limits."""
 REFUSING_S = 1.0
 """Time for which the last refusal explains why nothing is obeyed."""
-AGAIN = frozenset((Reason.LATE, Reason.CLOCK, Reason.OUT_OF_ORDER))
+WORTH_ANOTHER_TRY = frozenset((Reason.LATE, Reason.CLOCK, Reason.OUT_OF_ORDER))
 """Refusals of a request that would be taken if it were made now."""
 LEAST_REST_us = 1000.0
 """No speed controller rests at a shorter pulse."""

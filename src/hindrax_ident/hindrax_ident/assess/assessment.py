@@ -58,7 +58,7 @@ LEAST_DELAY_S = 0.005
 """Error of a delay below which it is left alone."""
 MASS_SHARE = 0.3
 """Relative standard deviation above which the mass is not reported."""
-COUNTS = 0.01
+LEAST_CONTRIBUTION = 0.01
 """Contribution, relative to the largest, below which a row of a budget is left out."""
 METHOD = "output-error"
 
@@ -460,7 +460,7 @@ def _with_noise(variance: float, rows: list[Contribution]) -> list[Contribution]
     """Rows of a budget that count, with that of the noise, largest first."""
     noise = Contribution("noise of the record", math.sqrt(max(0.0, variance)), "fly longer, or more runs")
     ordered = sorted([noise, *rows], key=lambda row: -row.std)
-    return [row for row in ordered if row.std >= COUNTS * ordered[0].std]
+    return [row for row in ordered if row.std >= LEAST_CONTRIBUTION * ordered[0].std]
 
 
 def _budget(assessment: Assessment, reported: ReportedParameters) -> dict[str, list[Contribution]]:

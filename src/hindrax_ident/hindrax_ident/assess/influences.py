@@ -18,6 +18,7 @@ import numpy as np
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.vehicle import AXES, AxisGain, Vehicle
 from hindrax_ident.arrays import Array, array, largest
+from hindrax_ident.assess.posterior import root
 from hindrax_ident.assess.thrust_calibration import ThrustErrorMode, modes, thrust_shares
 from hindrax_ident.fit.delay import lag_impulse, latency_impulse
 from hindrax_ident.fit.output_error import OutputErrorFit
@@ -53,7 +54,7 @@ LOADED_SAG = 0.03
 """The same of the share lost at the largest thrust to 0 to 50 mohm of cable and battery: 9 A, thrust with V^1.7."""
 MEASURED_SAG = 0.005
 """Share of the thrust that may still fall where the supply is measured: its voltage is used in steps of 0.1 V."""
-EDGE = 0.1
+WORKING_THRUST = 0.1
 """Share of the largest thrust from which a thruster works on its curve [-]."""
 COASTS_FROM, COAST_S = 0.5, 1.0
 """Share of the highest speed that a coast has at least once [-], and how long it lasts at least [s]."""
@@ -61,7 +62,7 @@ MEMORY_S, WAKE_S = 1.0, 4.0
 """Time constants of fluid memory, and of the vehicle's own wake."""
 TETHER = 0.04
 """Standard deviation of the pull or drag of a tether, as a share of the largest thrust [-]."""
-STUCK = 0.02
+FRICTION_SPEED = 0.02
 """Share of the highest speed below which dry friction is less than that of motion [-]."""
 CROSS_DRAG, OFF_DIAGONAL = 0.5, 0.1
 """Standard deviations of the drag that an axis has from the speed across it, of that of one speed, and of off-diagonal
@@ -329,7 +330,7 @@ def _gains(case: AxisFit) -> list[ThrustErrorMode]:
 
 def _calibration(case: AxisFit) -> Array:
     """One column per unknown of the thrust curves, each of one standard deviation."""
-    kinds = [(mode.error, _root(mode.covariance)) for mode in _gains(case)]
+    kinds = [(mode.error, root(mode.covariance)) for mode in _gains(case)]
     return case.of_commands(
         _unweighed(case, case.record.thrust.y, lambda y: np.hstack([error(y) @ root for error, root in kinds]))
     )
@@ -348,12 +349,6 @@ def _weighed_gain(case: AxisFit) -> Array:
     y, gain = case.record.thrust.y, case.weighing
     known = np.isin(np.sign(y), case.weighed)
     return case.of_commands(np.stack([gain.sigma * y * known, gain.sigma_difference * np.abs(y) * known], axis=1))
-
-
-def _root(covariance: Array) -> Array:
-    """Matrix square root of a covariance: (k, k)."""
-    values, vectors = np.linalg.eigh(covariance)
-    return array(vectors * np.sqrt(np.maximum(0.0, values)))
 
 
 def _idle(case: AxisFit) -> float:
@@ -383,7 +378,7 @@ def _inflow(case: AxisFit) -> Array:
 
 def _coasts(case: AxisFit) -> bool:
     """Whether the thrust was taken away at speed, and for a while: beside plateaus, that separates inflow from drag."""
-    idle = np.abs(case.thrust) < EDGE * case.pull
+    idle = np.abs(case.thrust) < WORKING_THRUST * case.pull
     fast = np.abs(case.v) > COASTS_FROM * case.speed
     begins = np.flatnonzero(np.diff(idle, prepend=idle[:1]) | case.fit.problem.grid.starts)
     lasts_s = np.add.reduceat(np.where(case.fit.problem.grid.starts, 0.0, case.steps_s), begins)
@@ -424,7 +419,7 @@ def _thrust_exponent(case: AxisFit) -> Array:
 
 
 def _edges(case: AxisFit) -> Array:
-    edge = max(1e-9, EDGE * case.pull)
+    edge = max(1e-9, WORKING_THRUST * case.pull)
     return case.of_commands(
         _unweighed(case, case.record.thrust.y, lambda y: -case.pull * np.clip(y / edge, -1.0, 1.0)[:, None])
     )
@@ -503,7 +498,7 @@ def _braking(case: AxisFit) -> Array:
 
 def _friction(case: AxisFit) -> Array:
     """A rope that drags over the floor or an edge: against the motion, and the same at every speed."""
-    return case.of_force(-np.tanh(case.v / max(1e-9, STUCK * case.speed)))
+    return case.of_force(-np.tanh(case.v / max(1e-9, FRICTION_SPEED * case.speed)))
 
 
 def _seiche(case: AxisFit) -> Array:

@@ -21,7 +21,7 @@ from hindrax_ident.remedies import FLY_TWICE
 
 LEAST_SPEED = 0.2
 """Share of the highest speed from which the drag is reported [-]."""
-MOST = 0.35
+MOST_SIGMA = 0.35
 """Deviation of the drag at the highest speed, as a share of it, above which an axis is not identified [-]."""
 MOST_UNKNOWN = 0.5
 """Unknown force, of the largest thrust, above which the model is not that of the vehicle [-]."""
@@ -155,7 +155,7 @@ def _motion(fit: JointFit, motion: Motion, vehicle: Vehicle, numbers: Mapping[st
     reasons = []
     if not fit.converged:
         reasons.append(objection(Code.JOINT_NOT_CONVERGED))
-    if not calibrated[-1] < MOST * force[-1]:
+    if not calibrated[-1] < MOST_SIGMA * force[-1]:
         shown = measured(float(force[-1]), float(calibrated[-1]))
         reasons.append(objection(Code.JOINT_UNKNOWN_DRAG, shown=shown))
     spread = float(fit.frequencies[fit.axes.index(axis)])

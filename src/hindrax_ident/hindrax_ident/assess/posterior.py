@@ -19,11 +19,11 @@ from hindrax_ident.assess.results import Interval
 DRAWS = 8192
 SEED = 68
 """Of all draws, so that the same record always gives the same numbers."""
-BEYOND = 0.25
+NORMAL_SHARE = 0.25
 """Share of the prior of a loss that is normal, of the same mean and deviation: no limit is sure, and what no row has
 may look like a gain."""
 WITHIN_68, WITHIN_95 = 0.6827, 0.95
-EVEN = math.sqrt(math.tau / 12.0)
+UNIFORM_OVER_NORMAL = math.sqrt(math.tau / 12.0)
 """Density of a uniform distribution over that of the normal one of its mean and deviation, at the mean."""
 STAND_IN = 3.0
 """Prior deviations beyond which an influence stands in for what no row has: its size counts, and not its sign."""
@@ -102,9 +102,9 @@ def drawn(known: Explanations, noise: Array, lossless: float = 0.0) -> Draws:
     influences = np.empty((DRAWS, m))
     for one in np.unique(of).tolist():
         here = of == one
-        influences[here] = known.mean[one] + standard[here, :m] @ _root(known.covariance[one]).T
+        influences[here] = known.mean[one] + standard[here, :m] @ root(known.covariance[one]).T
     weight = _importance(known, influences, of)
-    return Draws(_either_way(influences, known.loss), standard[:, m:] @ _root(noise).T, weight)
+    return Draws(_either_way(influences, known.loss), standard[:, m:] @ root(noise).T, weight)
 
 
 def _either_way(influences: Array, loss: Array) -> Array:
@@ -152,14 +152,14 @@ def _importance(known: Explanations, influences: Array, of: Array) -> Array:
     at = np.flatnonzero(known.loss)
     spread, drawn_losses = known.spread[of][:, at], influences[:, at]
     far = (drawn_losses - known.usual[of][:, at]) / spread
-    even = np.where(np.abs(far) <= math.sqrt(3.0), EVEN * np.exp(0.5 * np.minimum(far**2, 3.0)), 0.0)
+    even = np.where(np.abs(far) <= math.sqrt(3.0), UNIFORM_OVER_NORMAL * np.exp(0.5 * np.minimum(far**2, 3.0)), 0.0)
     # No loss is no draw of either.
-    log = np.sum(np.where(drawn_losses == 0.0, 0.0, np.log((1.0 - BEYOND) * even + BEYOND)), axis=1)
+    log = np.sum(np.where(drawn_losses == 0.0, 0.0, np.log((1.0 - NORMAL_SHARE) * even + NORMAL_SHARE)), axis=1)
     weight = np.exp(log - log.max())
     return array(weight / weight.sum())
 
 
-def _root(covariance: Array) -> Array:
+def root(covariance: Array) -> Array:
     """Matrix square root of a covariance: (k, k)."""
     values, vectors = np.linalg.eigh(covariance)
     return array(vectors * np.sqrt(np.maximum(0.0, values)))

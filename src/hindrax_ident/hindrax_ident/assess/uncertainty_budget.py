@@ -64,17 +64,17 @@ NEAR_ODDS = math.log(0.014)
 LOSS_MEAN = 0.75**0.5
 """Mean over root mean square of what is anywhere between nothing and its greatest."""
 ROUNDS = 20
-GREAT = 10.0
+GREAT_INFLUENCE = 10.0
 """Scale at which the search for one great influence begins, beyond which it explains nothing [prior deviations]."""
 SAME_EXPLANATION = 0.1
 """Difference of two explanations, in prior deviations, below which they are one."""
 MOST_INFORMATION, MOST_VARIANCE = 1e6, 1e4
 """Limits in prior units: beyond them the inverse would lose its digits."""
-MOST = 0.5
+MOST_SHARE = 0.5
 """Share of a variance above which it is mostly that of its cause."""
-NEEDED = 1.6
+NEEDED_LOG_ODDS = 1.6
 """Logarithm of the odds that a record has an influence, against all others, above which it is named: five to one."""
-SURPRISE = 3.0
+SURPRISE_SIGMAS = 3.0
 """Standard deviations from zero beyond which an influence seen in a record is reported."""
 
 
@@ -117,14 +117,14 @@ class Budget:
     def band_of_run(self) -> Array:
         """Covariance of the parameters due to what differs in each run, and to what is seen beyond chance.
 
-        What is seen counts from SURPRISE deviations on, and gradually, so that a band does not jump at the limit.
+        What is seen counts from SURPRISE_SIGMAS deviations, and gradually, so that a band does not jump at the limit.
 
         Returns
         -------
         Array
             (p, p), in the units of the parameters.
         """
-        excess = 1.0 - (SURPRISE / np.maximum(self._surprise, SURPRISE)) ** 2
+        excess = 1.0 - (SURPRISE_SIGMAS / np.maximum(self._surprise, SURPRISE_SIGMAS)) ** 2
         shown = self.shifts @ (self.mean * excess)
         return self._sandwich(self.covariance, (RUN,)) + np.outer(shown, shown)
 
@@ -233,7 +233,7 @@ class Budget:
         clear = []
         for row, influence, sigma in self.rows:
             at = row.start + int(np.argmax(surprise[row]))
-            if surprise[at] > SURPRISE and abs(self.mean[at]) > 1.0:
+            if surprise[at] > SURPRISE_SIGMAS and abs(self.mean[at]) > 1.0:
                 clear.append((float(surprise[at]), at, row, self._named(at, influence, sigma)))
         if not clear or not self._needs([row for _, _, row, _ in clear]):
             return ()
@@ -245,7 +245,7 @@ class Budget:
         unit = "N m" if influence.unit == "N" and self.case.axis >= 3 else influence.unit
         times = abs(float(self.mean[at]))
         return objection(
-            Code.UNEXPLAINED_RESIDUALS if times > GREAT else Code.EVIDENCE,
+            Code.UNEXPLAINED_RESIDUALS if times > GREAT_INFLUENCE else Code.EVIDENCE,
             influence=" or ".join(
                 filter(None, (influence.name, influence.or_else(self.case), self._by_others(influence)))
             ),
@@ -270,7 +270,7 @@ class Budget:
         Returns
         -------
         tuple[Objection, ...]
-            One for each remedy without which more than MOST of a variance would be gone.
+            One for each remedy without which more than MOST_SHARE of a variance would be gone.
         """
         hidden: dict[Remedy, list[str]] = {}
         for _, influence, _ in self.rows:
@@ -282,7 +282,9 @@ class Budget:
         }
         out = []
         for remedy, names in hidden.items():
-            wide = [name for name, (rest, noise, total) in left.items() if noise + rest[remedy] < (1.0 - MOST) * total]
+            wide = [
+                name for name, (rest, noise, total) in left.items() if noise + rest[remedy] < (1.0 - MOST_SHARE) * total
+            ]
             if wide:
                 causes, widened = " and ".join(names), " and ".join(wide)
                 out.append(objection(Code.UNSEEN, widened=widened, causes=causes, remedy=remedy))
@@ -293,7 +295,7 @@ class Budget:
         kept = np.ones(len(self.mean))
         for row in rows:
             kept[row] = 0.0
-        return _evidence(self.whole) - _evidence(_only(self.whole, kept)) > NEEDED
+        return _evidence(self.whole) - _evidence(_only(self.whole, kept)) > NEEDED_LOG_ODDS
 
     @property
     def _surprise(self) -> Array:
@@ -498,7 +500,7 @@ def _explained(information: Array, gradient: Array, usual: Array, sigma: Array, 
     known += 0.5 * float(np.sum(along**2 * (1.0 - 1.0 / beyond) / np.maximum(power, 1.0) - np.log(beyond)))
     gradient = axes @ (along / beyond)
     root = axes * np.sqrt(np.clip(power, 0.0, MOST_INFORMATION))
-    variance = 1.0 + tails * (GREAT**2 - 1.0) * np.eye(m + 1, m)
+    variance = 1.0 + tails * (GREAT_INFLUENCE**2 - 1.0) * np.eye(m + 1, m)
     for _ in range(ROUNDS):
         covariance, log_size = _given(variance, root)
         mean = covariance @ gradient

@@ -34,7 +34,7 @@ from hindrax_ident.records.axis_record import Record, Stretch
 MASS = -3
 """Index of the total mass among the unknowns of a search: lag and latency follow it."""
 SMALL_S = 1e-4
-LONGEST_S = 1.0
+LONGEST_DELAY_S = 1.0
 STEPS, MOST_DAMPING = 25, 1e6
 SETTLED_S, NEGLIGIBLE = 1e-3, 0.1
 """Largest change of the delays that have settled, and in their standard deviations: of an axis that barely moves
@@ -193,7 +193,7 @@ class _Search:
 
     def _bounded(self, x: Array) -> Array:
         """Unknowns with both delays within limits: (p + 2,)."""
-        x[-2:] = np.clip(x[-2:], [0.0, -LONGEST_S], LONGEST_S)
+        x[-2:] = np.clip(x[-2:], [0.0, -LONGEST_DELAY_S], LONGEST_DELAY_S)
         return x
 
     def _weights(self, linear: LinearizedProblem | None) -> Callable[[Array], Array]:

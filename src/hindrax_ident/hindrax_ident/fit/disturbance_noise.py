@@ -17,10 +17,10 @@ from hindrax_ident.fit.output_error import OutputErrorFit
 from hindrax_ident.fit.output_error_problem import error_dynamics_of
 from hindrax_ident.fit.whitening import Noise
 
-BEYOND = 3.0
+SEARCH_FACTOR = 3.0
 """Factor beyond the individual densities up to which a common one is sought."""
 POINTS = 24
-CHANCE = 1e-4
+CHANCE_OF_EXCLUSION = 1e-4
 """Probability of excluding a motion that has the common density."""
 
 
@@ -29,10 +29,10 @@ def common_noise(fits: Mapping[int, OutputErrorFit]) -> dict[int, Noise]:
     found = [fit.noise.thrust for fit in fits.values() if fit.noise.thrust > 0.0]
     if len(fits) < 2 or not found:
         return {}
-    tried = array(np.geomspace(min(found) / BEYOND, max(found) * BEYOND, POINTS))
+    tried = array(np.geomspace(min(found) / SEARCH_FACTOR, max(found) * SEARCH_FACTOR, POINTS))
     chains = {axis: error_dynamics_of(fit.problem, fit.theta, fit.linear.path) for axis, fit in fits.items()}
     profiles = {axis: disturbance_profile(chains[axis], fit.linear.raw, fit.noise, tried) for axis, fit in fits.items()}
-    limit = float(chdtri(1, CHANCE))
+    limit = float(chdtri(1, CHANCE_OF_EXCLUSION))
     while len(profiles) > 1:
         total = np.sum([cost for cost, _ in profiles.values()], axis=0)
         best = int(np.argmin(total))

@@ -54,7 +54,7 @@ LEAST_DELAY_S = 0.005
 LEAST_ODDS, HYSTERESIS = math.log(20.0), 0.5
 """Logarithm of how much likelier a record has to be with a term than without it (strong evidence, Kass and Raftery
 1995), beyond one for each term that could have been chosen; and by how much more for a new one: else two take turns."""
-LONGEST_S, HALVINGS = 0.03, 5
+LONGEST_DELAY_STEP_S, HALVINGS = 0.03, 5
 """Largest change of a delay in one step, and of how many halves a step is tried."""
 
 
@@ -251,7 +251,7 @@ def _advanced(
         array(theta[own] + C @ (normal.s[own] + prior * (means[own] - theta[own]))), C, least[own].tolist()
     )
     step = _within_masses(search, array(wanted - theta))
-    step = array(step * min(1.0, LONGEST_S / max(1e-9, float(np.abs(step[:DELAYS]).max()))))
+    step = array(step * min(1.0, LONGEST_DELAY_STEP_S / max(1e-9, float(np.abs(step[:DELAYS]).max()))))
     M = masses(search.terms, theta)
     before, trial, tried = problem.cost(velocities, M, (means, sigmas)), problem, velocities
     for halving in range(HALVINGS):

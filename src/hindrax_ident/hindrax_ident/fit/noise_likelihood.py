@@ -26,13 +26,13 @@ from hindrax_ident.arrays import Array, Flags, Index
 from hindrax_ident.fit.whitening import ErrorDynamics, Noise, transitions
 from hindrax_ident.model.thrust_lag import LEAST_MEMORY_S
 
-ENOUGH = 5000
+ENOUGH_SAMPLES = 5000
 """Samples sufficient to estimate the noise; a longer record is subsampled by pieces."""
 PIECE = 200
 """Samples per piece: long compared with the memory of the motion."""
 DECADES = (-7.0, 3.0)
 """Range of the search, in decades of the ratio of force noise to measurement noise."""
-WIDE = 1e3
+START_VARIANCE = 1e3
 """Variance of the velocity and the position at the start of a piece, in units of the measurement's."""
 NONZERO = ((0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (2, 2))
 """Nonzero elements of a transition."""
@@ -148,7 +148,7 @@ def _piece_rows(starts: Flags) -> tuple[Index, Flags]:
         firsts += cut
         ends += [*cut[1:], end]
     # Every so many pieces over the whole record, rather than its beginning: noise differs between slow and fast legs.
-    every = max(1, round(len(starts) / ENOUGH))
+    every = max(1, round(len(starts) / ENOUGH_SAMPLES))
     first, end = np.array(firsts[::every]), np.array(ends[::every])
     rows = first + np.arange(int((end - first).max()))[:, None]
     return np.minimum(rows, end - 1), rows < end
@@ -191,7 +191,7 @@ class _Pieces:
         density = force + self._thrust[:, :, None] * thrust
         variances = np.ones_like([force, force])
         variances[1 - self._main] = 10.0**other
-        vv = ss = WIDE * variances.max(axis=0)
+        vv = ss = START_VARIANCE * variances.max(axis=0)
         aa = density[0] / (2.0 * self._memory_s)
         vs = va = sa = v = s = a = squares = logs = np.zeros(len(force))
         for k, (A, Q, q) in enumerate(zip(self._A[:, :, :, :, None], self._Q[:, :, :, :, None], density, strict=True)):

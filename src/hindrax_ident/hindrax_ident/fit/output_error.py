@@ -45,7 +45,7 @@ STEPS, MANY_STEPS = 40, 200
 """Of a search, and of one that goes on with refined derivatives: it creeps where a valley is bent."""
 TOLERANCE = 1e-10
 REFINEMENTS = 3
-ROUGH = 1e-4
+ROUGH_STEP = 1e-4
 """Step, in standard deviations per square root of the samples, that ends a search before outliers and noise are known;
 TOLERANCE is that of the final search."""
 NEGLIGIBLE, LEFT = 1e-3, 0.25
@@ -140,7 +140,7 @@ def refine(
     for _ in range(OUTLIER_ROUNDS):
         problem = _without_outliers(problem, linear)
         white = whitener_of(problem, theta, linear.path, noise)
-        linear, theta, _ = _descend(problem, theta, linear.path, white, prior, tolerance=ROUGH)
+        linear, theta, _ = _descend(problem, theta, linear.path, white, prior, tolerance=ROUGH_STEP)
     for _ in range(REWEIGHTINGS):
         chain = error_dynamics_of(problem, theta, linear.path)
         # The noise of the last round is where the next search begins, so rounds agree after a few.
@@ -148,7 +148,7 @@ def refine(
         settled, noise = _similar(fresh, noise), fresh
         white = Whitener(chain, noise)
         if rough:
-            linear, theta, converged = _descend(problem, theta, linear.path, white, prior, tolerance=ROUGH)
+            linear, theta, converged = _descend(problem, theta, linear.path, white, prior, tolerance=ROUGH_STEP)
         else:
             linear, theta, converged = _searched(problem, theta, linear.path, white, prior)
         if settled:
@@ -200,7 +200,7 @@ def retrained(fit: OutputErrorFit, record: Record, prior: Prior) -> tuple[Array,
     theta, path = fit.theta, problem.guess
     for _ in range(OUTLIER_ROUNDS):
         white = whitener_of(problem, theta, path, fit.noise)
-        linear, theta, _ = _descend(problem, theta, path, white, prior, tolerance=ROUGH)
+        linear, theta, _ = _descend(problem, theta, path, white, prior, tolerance=ROUGH_STEP)
         kept, problem, path = problem.samples, _without_outliers(problem, linear), linear.path
         if problem.samples == kept:
             break
@@ -295,7 +295,7 @@ def _best_of(
     """
     found: list[tuple[LinearizedProblem, Array]] = []
     for start in starts:
-        linear, theta, ended = _descend(problem, start, problem.guess, white, prior, tolerance=ROUGH)
+        linear, theta, ended = _descend(problem, start, problem.guess, white, prior, tolerance=ROUGH_STEP)
         found.append((linear, theta))
         if ended:
             break

@@ -14,10 +14,10 @@ import numpy as np
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.records.axis_record import Record, Series, Stretch
 
-SHORTEST_S = 2.0
+SHORTEST_PLATEAU_S = 2.0
 TRANSIENT = 0.5
 """Share of a span of constant thrust that counts as transient."""
-STEADY = 0.05
+STEADY_THRUST = 0.05
 """Largest change of the thrust, relative to its largest value in the record, within a plateau."""
 
 
@@ -70,7 +70,7 @@ def detected(record: Record) -> tuple[Stretch, ...]:
     """Later part of every span of constant thrust within the stretches."""
     if not len(record.thrust):
         return ()
-    limit = STEADY * float(np.abs(record.thrust.y).max())
+    limit = STEADY_THRUST * float(np.abs(record.thrust.y).max())
     parts = [(record.thrust.between(one.start_s, one.end_s), one.end_s) for one in record.stretches]
     return tuple(span for thrust, end_s in parts for span in _still(thrust, end_s, limit))
 
@@ -82,7 +82,7 @@ def _still(thrust: Series, end_s: float, limit: float) -> list[Stretch]:
         if index < len(thrust) and abs(float(thrust.y[index] - thrust.y[begin])) <= limit:
             continue
         start, end = edges[begin], edges[index]
-        if end - start >= SHORTEST_S:
+        if end - start >= SHORTEST_PLATEAU_S:
             found.append(Stretch(start + TRANSIENT * (end - start), end))
         begin = index
     return found

@@ -8,7 +8,7 @@ from scipy.special import chdtri
 from hindrax_ident.arrays import Array
 
 BLOCK_S = 15.0
-CHANCE = 0.999
+LIMIT_QUANTILE = 0.999
 
 
 def scatter_inflation(gradients: Array, informations: Sequence[Array], inverse: Array, covariance: Array) -> Array:
@@ -44,7 +44,7 @@ def scatter_inflation(gradients: Array, informations: Sequence[Array], inverse: 
     # Blocks with little information on a parameter add few degrees of freedom to its scatter.
     shares = np.array([np.diag(inverse @ information @ inverse) for information in informations])
     freedom = np.maximum(1.0, _ratio(shares.sum(axis=0) ** 2, np.sum(shares**2, axis=0)) - 1.0)
-    limit = chdtri(freedom, 1.0 - CHANCE) / freedom
+    limit = chdtri(freedom, 1.0 - LIMIT_QUANTILE) / freedom
     return np.where(ratio > limit, np.sqrt(ratio), 1.0)
 
 

@@ -28,7 +28,7 @@ from hindrax_ident.model.thrust_lag import LEAST_MEMORY_S
 
 NEGLIGIBLE_Hz = 1e-4
 """Density of the unknown acceleration, in measurement variances, below which it is neglected."""
-SHORT = 0.1
+SHORT_STEP = 0.1
 """Step, in units of the fastest time constant, over which the series of the transition is exact."""
 
 
@@ -93,7 +93,7 @@ def transitions(chain: ErrorDynamics) -> tuple[Array, Array]:
     """
     n, rate = len(chain.step_s), 1.0 / max(LEAST_MEMORY_S, chain.memory_s)
     fastest = rate + float(np.abs(chain.damping).max() + np.sqrt(np.abs(chain.stiffness).max()))
-    doublings = math.ceil(math.log2(max(1.0, fastest * float(chain.step_s.max()) / SHORT)))
+    doublings = math.ceil(math.log2(max(1.0, fastest * float(chain.step_s.max()) / SHORT_STEP)))
     h = chain.step_s / 2**doublings
     F = np.zeros((n, 3, 3))
     F[:, 0, 0], F[:, 0, 1], F[:, 0, 2] = -chain.damping * h, -chain.stiffness * h, h

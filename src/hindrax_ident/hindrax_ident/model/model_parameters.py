@@ -15,7 +15,7 @@ from hindrax_ident.arrays import Array, Index, array
 from hindrax_ident.model.motion_model import Model, Motion, coefficient_units, motions_of, restoring
 
 NOT_NEGATIVE = ("k_q", "added_mass")
-WIDE, CROSS_FLOW = 30.0, 2.0
+WIDE_DRAG, CROSS_FLOW = 30.0, 2.0
 """Prior deviations of a drag coefficient, and of that by the speed across, in the drag of a plate of this size [-]."""
 OnlineEstimates = Mapping[str, tuple[Array, Array]]
 """Parameters and their covariance, by the name of the method: (p,), (p, p)."""
@@ -191,7 +191,7 @@ def wide_prior(vehicle: Vehicle, model: Model) -> Prior:
     across = [0.0] if model.crossed else []
     rest = [restoring(vehicle)] if model.restores else []
     values = [*drag, 0.0, *across, *rest, 1.8 * model.rigid]
-    sigmas = [WIDE * unit] * (len(values) - 1) + [3.0 * model.rigid]
+    sigmas = [WIDE_DRAG * unit] * (len(values) - 1) + [3.0 * model.rigid]
     if model.crossed:
         sigmas[model.drags + 1] = _cross_flow(vehicle, model)
     if model.restores:

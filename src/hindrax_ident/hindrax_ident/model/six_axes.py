@@ -23,13 +23,13 @@ from hindrax_ident.model.motion_model import LEAST_MASS, offset, restoring, rigi
 from hindrax_ident.remedies import COAST, DESCRIBE_THRUSTERS, USE_ITS_SPEEDS
 
 OWN, CROSS, DOUBT = "own", "cross", "doubt"
-WIDE, LINEAR = 10.0, 0.2
+QUADRATIC_SIGMA, LINEAR_SIGMA = 10.0, 0.2
 """Deviations of quadratic and linear drag, in the drag of a plate as large as the vehicle at 1 m/s [-]."""
 OFF_DIAGONAL, LIFT, CROSS_FLOW = 0.15, 0.3, 2.0
 """Prior deviations of cross terms: of the root of both masses, and of the drag of a plate [-]."""
 ADDED, ADDED_SIGMA = 1.8, 3.0
 """Total mass before a fit and its deviation, in those of the body [-]; `model_parameters.wide_prior` has the same."""
-REST = 0.005
+OFFSET_SIGMA = 0.005
 """Deviation of an offset, of the weight (in moments: at the length of the vehicle) [-]."""
 INFLOW_LOSS, INFLOW_LOSS_SIGMA, EXPONENT, THRUST_EXPONENT = 0.06, 0.07, 0.1, 0.05
 """Inflow loss as `assess.influences` has it, in a usual pool or in none; deviations of exponents [-]."""
@@ -142,7 +142,8 @@ def _own_terms(vehicle: Vehicle, axis: int) -> list[Term]:
             v = s.nu[:, axis]
             return {axis: np.abs(v) ** (power - 1) * v * (v * side >= 0.0)}
 
-        mean, sigma, unit = (plate, WIDE * plate, unit_q) if power == 2 else (0.0, LINEAR * plate, unit_l)
+        quadratic, linear = (plate, QUADRATIC_SIGMA * plate, unit_q), (0.0, LINEAR_SIGMA * plate, unit_l)
+        mean, sigma, unit = quadratic if power == 2 else linear
         name = f"{AXES[axis]}{suffix} {'k_q' if power == 2 else 'k_l'}"
         return Term(name, OWN, mean, sigma, unit, force, 0.0, None, axis, power)
 
@@ -162,7 +163,7 @@ def _standing_terms(vehicle: Vehicle, axis: int) -> list[Term]:
 
     if axis == 2:
         return [Term("net buoyancy", OWN, at_rest, 0.05 * weight, unit, buoyancy)]
-    sigma = REST * (1.0 if axis < 3 else vehicle.characteristic_length_m) * weight
+    sigma = OFFSET_SIGMA * (1.0 if axis < 3 else vehicle.characteristic_length_m) * weight
     out = [Term(f"{AXES[axis]} b", OWN, at_rest, sigma, unit, lambda s: {axis: np.ones(len(s.nu))})]
     if axis in (3, 4):
         own = restoring(vehicle)

@@ -36,7 +36,7 @@ WATCH_S = 0.05
 SILENT_S = 10.0
 """Wall time without a message of the pilot after which it counts as gone; it reports several times a second."""
 BUSY = Refusal(Reason.BUSY, "start: an experiment is being run; `./hindrax stop` ends it")
-GONE = Refusal(Reason.PILOT, "pilot: does not offer maneuver/fly; start it")
+PILOT_GONE = Refusal(Reason.PILOT, "pilot: does not offer maneuver/fly; start it")
 NO_FEEDBACK = Refusal(
     Reason.PILOT,
     f"pilot: no feedback of the maneuver for {SILENT_S:.0f} s; see whether its process is up, and run again",
@@ -100,7 +100,7 @@ class ExperimentServer:
             return late_goal(wrong_stamp)
         if self._run is not None:
             return BUSY
-        return NOTHING if self._fly.server_is_ready() else GONE
+        return NOTHING if self._fly.server_is_ready() else PILOT_GONE
 
     def _now_s(self) -> float:
         return to_s(self._node.now())

@@ -44,7 +44,7 @@ from hindrax_ros.process import spin
 
 REPORT_S = 1.0
 ASSESS = "ident/assess"
-NOTHING = "nothing to judge yet: found no velocities and thrust, wanted a maneuver, or `odometry` and `wrench`"
+NOTHING_TO_JUDGE = "nothing to judge yet: found no velocities and thrust, wanted a maneuver, or `odometry` and `wrench`"
 Events: TypeAlias = Sequence[Stamped[IdentEvent]]
 MessageT = TypeVar("MessageT")
 Judged = TypeVar("Judged")
@@ -124,7 +124,7 @@ class Identifier(BatchedNode):
         """Verdict on every motion so far, a line each; success if there is any."""
         motions = self._judged(_motions, self._any if self._any_received else self._session)
         response.success = bool(motions)
-        response.message = "\n".join(map(verdict_text, motions.values())) or NOTHING
+        response.message = "\n".join(map(verdict_text, motions.values())) or NOTHING_TO_JUDGE
         return response
 
     def _judged(self, judge: Callable[[Judged], Verdict], session: Judged) -> Verdict:

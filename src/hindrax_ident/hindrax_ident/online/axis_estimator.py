@@ -72,7 +72,7 @@ DELAY_OFF_S, DELAY_KNOWN_S = 0.03, 0.01
 """Change of lag or delay that is worth to begin anew, and the standard deviation below which it is known."""
 MOST_LATE_S = 1.0
 """Longest lag or latency that is followed: more is another defect."""
-KEPT = 10.0
+PRIOR_KEPT = 10.0
 """Standard deviations of an estimate with wrong delays that are left of it as a prior: it was off by up to six."""
 MOST_OUTLIERS_IN_A_ROW = 20
 """Consecutive outliers after which samples are accepted again: then the estimate is wrong, not the samples."""
@@ -277,7 +277,7 @@ class AxisEstimator:
             delays_s = self._other_delays_s()
             if delays_s:
                 theta, covariance = self.estimate()
-                sigmas = np.minimum(self._prior.sigmas, KEPT * np.sqrt(np.diag(covariance)))
+                sigmas = np.minimum(self._prior.sigmas, PRIOR_KEPT * np.sqrt(np.diag(covariance)))
                 self._begin(Prior(theta, sigmas), *delays_s)
         return verdict
 

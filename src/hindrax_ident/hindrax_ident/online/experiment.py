@@ -25,7 +25,7 @@ SHARES = (0.5, 1.0)
 LEAST_S, MOST_REPEATS = 10.0, 6
 """Time on plateaus that a choice is worth settling for, and how often it may be flown for that."""
 OF_CALIBRATION = 1.0 / 3.0
-MARGIN = 0.85
+CONTENT_SHARE = 0.85
 """Share of the wanted noise at which it is content: the last fit, with what all axes taught, differs a bit."""
 UNKNOWN_CALIBRATION = 0.03
 """Share of the thrust that counts as its deviation where the vehicle file gives none [-]."""
@@ -82,7 +82,7 @@ class DragEstimate:
             x @ gain + self.density / (times * seconds) * np.eye(len(x)), gain.T
         )
         now, then = (
-            np.maximum(self._variance(one) / self.wanted**2, MARGIN**2) for one in (self.covariance, array(left))
+            np.maximum(self._variance(one) / self.wanted**2, CONTENT_SHARE**2) for one in (self.covariance, array(left))
         )
         return float(np.sum(now - then)), 2.0 * times * seconds, times
 
@@ -211,7 +211,7 @@ class Experiment:
             self.known[motion] = found
 
     def _reason(self, unflown: Sequence[str], left_s: float) -> str:
-        enough = {motion for motion, drag in self.known.items() if drag.noise <= MARGIN * drag.wanted}
+        enough = {motion for motion, drag in self.known.items() if drag.noise <= CONTENT_SHARE * drag.wanted}
         lacking = [motion for motion in self.motions if motion not in enough]
         time = f"{self.aim.limit_s / 60.0:g} minutes"
         if unflown:

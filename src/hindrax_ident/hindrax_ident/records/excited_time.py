@@ -25,7 +25,7 @@ PAUSE_S = 7.0
 """Longest pause within a maneuver: another axis is not flown in so short a time."""
 WHOLE = 0.8
 """Share of a record above which all of it belongs to the axis."""
-SHORTEST_S = 5.0
+SHORTEST_EXCITATION_S = 5.0
 """An excitation shorter than this, with what belongs to it, is a disturbance that was held."""
 
 
@@ -55,7 +55,7 @@ def excited_stretches(spans: Sequence[Stretch], t: Array, wrenches: Array, axis:
         Stretch(max(span.start_s, one.start_s), min(span.end_s, one.end_s))
         for span in spans
         for one in own
-        if min(span.end_s, one.end_s) - max(span.start_s, one.start_s) > SHORTEST_S
+        if min(span.end_s, one.end_s) - max(span.start_s, one.start_s) > SHORTEST_EXCITATION_S
     ]
     return parts if 0.0 < _duration(parts) < WHOLE * _duration(spans) else list(spans)
 

@@ -14,11 +14,11 @@ from hindrax_ident.records.axis_record import Series
 
 FINEST_S, COARSEST_S = 0.04, 0.1
 """Bounds of the step of the grid: thrust lags are longer, and what is faster is averaged by the noise of the fit."""
-LONGEST_S = 60.0
+LONGEST_STRETCH_S = 60.0
 """Longest stretch with one linear system: what is longer is cut, which bounds the memory."""
 SPECTRUM_STEP_S, BINS_OF_A_SINE = 0.1, 2.0
 """Sampling of the thrust for its spectrum; and how many bins of a spectrum with Hann's window one sine takes."""
-FEWEST = 20
+FEWEST_VELOCITIES = 20
 """Fewest velocities of an axis that is fitted."""
 
 
@@ -64,7 +64,9 @@ class SixAxisRecord:
     def axes(self) -> tuple[int, ...]:
         """Axes that were measured and that thrust has moved."""
         counts = [len(one) + (len(self.depth) if axis == 2 else 0) for axis, one in enumerate(self.velocities)]
-        return tuple(axis for axis in range(6) if counts[axis] >= FEWEST and np.ptp(self.wrench[:, axis]) > 0.0)
+        return tuple(
+            axis for axis in range(6) if counts[axis] >= FEWEST_VELOCITIES and np.ptp(self.wrench[:, axis]) > 0.0
+        )
 
     def frequencies(self, axis: int) -> float:
         """As how many equal sines the thrust of an axis is spread over its spectrum.
@@ -121,14 +123,18 @@ def six_axis_record(
     """
     (v_t, v), (w_t, w), (a_t, a) = velocity, wrench, attitude
     velocities = tuple(_finite(v_t, one) for one in v.T)
-    depth = _finite(a_t, a[:, 2]) if len(velocities[2]) < FEWEST else Series(array([]), array([]))
+    depth = _finite(a_t, a[:, 2]) if len(velocities[2]) < FEWEST_VELOCITIES else Series(array([]), array([]))
     known_w = np.isfinite(w).any(axis=1)
     w_t, w = w_t[known_w], np.nan_to_num(w[known_w])
     measured = np.unique(np.concatenate([one.t for one in (*velocities, depth)]))
-    if not len(w_t) or len(measured) < FEWEST:
+    if not len(w_t) or len(measured) < FEWEST_VELOCITIES:
         raise ValueError("the record holds too few velocities and forces for a fit of all axes")
     measured = measured[measured >= w_t[0]]
-    pieces = [part for part in np.split(measured, np.flatnonzero(np.diff(measured) > gap_s) + 1) if len(part) > FEWEST]
+    pieces = [
+        part
+        for part in np.split(measured, np.flatnonzero(np.diff(measured) > gap_s) + 1)
+        if len(part) > FEWEST_VELOCITIES
+    ]
     angles = [_finite(a_t, one) for one in a.T[:2]]
     step_s = min(COARSEST_S, max(FINEST_S, _period(velocities)))
     grids = tuple(grid for part in pieces for grid in _grids(part, step_s, angles))
@@ -150,11 +156,11 @@ def _period(velocities: Sequence[Series]) -> float:
 
 def _grids(times_s: Array, step_s: float, angles: Sequence[Series]) -> list[Grid]:
     begin, end = float(times_s[0]), float(times_s[-1])
-    out, count = [], max(1, math.ceil((end - begin) / LONGEST_S))
+    out, count = [], max(1, math.ceil((end - begin) / LONGEST_STRETCH_S))
     edges = np.linspace(begin, end, count + 1)
     for start, stop in itertools.pairwise(edges.tolist()):
         steps = math.floor((stop - start) / step_s)
-        if steps > FEWEST:
+        if steps > FEWEST_VELOCITIES:
             t = start + step_s * np.arange(steps + 1)
             middle = t[:-1] + 0.5 * step_s
             level = [np.interp(middle, one.t, one.y) if len(one) else np.zeros(steps) for one in angles]

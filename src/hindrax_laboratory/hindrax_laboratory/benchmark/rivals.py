@@ -24,7 +24,7 @@ from hindrax_laboratory.benchmark.foreign_plants import ForeignRecord
 STEP_S = 0.1
 STEADY_S, STEADY = 1.0, 0.05
 """A plateau: thrust and velocity that change by less than a share of their largest for so long [-]."""
-FEWEST = 4
+FEWEST_PLATEAUS = 4
 """Plateaus for a drag of two coefficients."""
 LAGS, DEGREE, TERMS, SETTLES = 1, 3, 5, 600
 """Of the polynomial NARX model: delayed samples, degree, terms, and steps until it is called steady.
@@ -127,7 +127,7 @@ def plateaus(v: Array, thrust: Array, others: Array, speeds: Array) -> AxisAnswe
         else:
             index += 1
     table = np.array(points)
-    if len(table) < FEWEST + others.shape[1] or np.ptp(np.abs(table[:, 0])) < 0.3 * most_v:
+    if len(table) < FEWEST_PLATEAUS + others.shape[1] or np.ptp(np.abs(table[:, 0])) < 0.3 * most_v:
         return None
     columns = np.column_stack([np.abs(table[:, 0]) * table[:, 0], table[:, 0], table[:, 2:]])
     return {"drag": _drag(*_fitted(array(columns), array(table[:, 1])), 0, speeds)}

@@ -15,8 +15,8 @@ from hindrax_operator.snapshot import ANGLES, ManeuverView, NodeHealth, Snapshot
 
 GOOD, WARN, BAD, DIM, VALUE = "green", "yellow", "bold red", "grey58", "bold"
 SILENT_S = 2.0
-GONE = "ended, disarmed before; its last values stand below"
-LOST = "no program left to stop it: if it thrusts, cut the power"
+ENDED_DISARMED = "ended, disarmed before; its last values stand below"
+ENDED_ARMED = "no program left to stop it: if it thrusts, cut the power"
 """What is known of a vehicle whose programs are all gone: by the last state of its thrusters."""
 FULL_us = 400.0
 """Half the span of the pulses: a full bar."""
@@ -31,7 +31,7 @@ def headline(view: Snapshot, title: str) -> Text:
     thrusters = view.thrusters
     if view.silent_s > SILENT_S:
         silent = "no message yet" if math.isinf(view.silent_s) else f"no message for {view.silent_s:.0f} s"
-        hint = "" if view.stoppable else f"  {GONE if thrusters.state == 'disarmed' else LOST}"
+        hint = "" if view.stoppable else f"  {ENDED_DISARMED if thrusters.state == 'disarmed' else ENDED_ARMED}"
         return Text.assemble((f" {silent} ", "bold white on red"), hint, "  ", (title, DIM))
     color = "bold white on red" if thrusters.armed else "bold black on green"
     word = thrusters.state.upper() if thrusters.armed or thrusters.state == "disarmed" else thrusters.state

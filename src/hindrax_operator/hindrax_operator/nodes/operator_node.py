@@ -25,7 +25,7 @@ from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.signals import Estimate, Navigation
 from hindrax_core.text.refusals import NOTHING, Reason, Refusal, received
-from hindrax_drivers.output.output_guard import AGAIN as ASK_AGAIN
+from hindrax_drivers.output.output_guard import WORTH_ANOTHER_TRY as ASK_AGAIN
 from hindrax_drivers.output.output_guard import ArmingPhase
 from hindrax_drivers.output.output_reasons import OutputReason, from_sentence
 from hindrax_ident.online.aim import ExperimentGoal
@@ -52,7 +52,7 @@ ActionGoal: TypeAlias = FlyManeuver.Goal | RunExperiment.Goal
 
 UP = "`./hindrax up` starts the stack"
 ANSWER_S = 5.0
-AGAIN = "find the cause (`./hindrax doctor`), arm and fly again"
+FLY_AGAIN = "find the cause (`./hindrax doctor`), arm and fly again"
 ASKED_AT_MOST = 5
 RESULT_LOST = Refusal(Reason.IDENTIFIER, "identifier: its result was lost; see whether its process is up")
 WITHOUT_REASON = Refusal(Reason.UNNAMED, "maneuver: ended without a reason")
@@ -392,7 +392,7 @@ class Operator:
         goal.stamp = self.order_stamp()
         self.maneuver = None
         future = client.send_goal_async(goal)
-        self.wait(future.done, ANSWER_S, lambda: f"the vehicle to answer a goal; {AGAIN}")
+        self.wait(future.done, ANSWER_S, lambda: f"the vehicle to answer a goal; {FLY_AGAIN}")
         self._goal = future.result()
         if not self._goal.accepted:
             raise HindraxError("the vehicle rejected the goal without a reason; it is of another version: restart it")
@@ -422,7 +422,7 @@ class Operator:
         now, found = "the thrusters are silent", self.thrusters
         if found is not None:
             now = f"the thrusters are {found.state}" + (f" ({found.reason})" if found.reason else "")
-        text = f"link: no status of the maneuver for {MANEUVER_LOST_S:.0f} s, and {now}; {AGAIN}"
+        text = f"link: no status of the maneuver for {MANEUVER_LOST_S:.0f} s, and {now}; {FLY_AGAIN}"
         return Refusal(Reason.LINK, text)
 
     def _maneuver_lost(self) -> bool:

@@ -29,7 +29,7 @@ VIEWER_LOST_S = 1.5
 """A page that has reported nothing for this long has no viewer, or no connection."""
 OUTCOMES = 8
 SEEDS = 1 << 32
-LARGEST = 1e9
+LARGEST_NUMBER = 1e9
 """No number of an order is as large."""
 
 
@@ -192,7 +192,7 @@ def goal_of(words: Mapping[str, object]) -> Goal | ExperimentGoal:
 def _number(words: Mapping[str, object], name: str) -> float | None:
     if (found := words.get(name)) is None:
         return None
-    if isinstance(found, bool) or not isinstance(found, (int, float)) or not abs(found) < LARGEST:
+    if isinstance(found, bool) or not isinstance(found, (int, float)) or not abs(found) < LARGEST_NUMBER:
         raise _wrong(f"{name}: wanted a number")
     return float(found)
 

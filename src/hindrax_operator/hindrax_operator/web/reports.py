@@ -13,7 +13,7 @@ from hindrax_operator.progress import units
 from hindrax_operator.web.access import RefusedRequest
 
 LARGEST_bytes = 50_000_000
-MOST = 200
+MOST_REPORTS = 200
 
 
 class Reports:
@@ -63,7 +63,7 @@ class Reports:
                     found.append((newest.stat().st_mtime, folder.name, run.report))
         except OSError:  # no runs yet, or one that is being removed
             pass
-        return {name: file for _, name, file in sorted(found, reverse=True)[:MOST]}
+        return {name: file for _, name, file in sorted(found, reverse=True)[:MOST_REPORTS]}
 
 
 def _motions(file: Path) -> Sequence[Mapping[str, str]]:

@@ -26,7 +26,7 @@ from hindrax_sim.conditions.world_table import IDEAL, sizes_of
 from hindrax_sim.flights.lockstep import IDLE, Lockstep, LockstepCommand
 from hindrax_sim.world import Conditions, World
 
-LONGEST_S = 7200.0
+LONGEST_FLIGHT_S = 7200.0
 Watch: TypeAlias = Callable[[World, ManeuverOutput], None]
 """Called in every cycle of a maneuver with the truth and what the maneuver puts out."""
 READY_S = 1.0
@@ -118,7 +118,7 @@ def fly(
         pilot = GoalPilot(vehicle, None, knobs, following=chosen, cancel_at_s=experiment.aim.limit_s)
     conditions = Conditions(sizes=sizes_of(world, seed))
     step = Lockstep(vehicle, pilot, seed, conditions=conditions, session=session, by_bytes=by_bytes)
-    for event in step.run(LONGEST_S):
+    for event in step.run(LONGEST_FLIGHT_S):
         if isinstance(event.reading, Navigation) and pilot.output is not None:
             watch(step.world, pilot.output)
     never = pilot.refused or Refusal(Reason.UNNAMED, "start: the maneuver did not begin")

@@ -25,9 +25,9 @@ ALL = [*PYTEST, "-n", str(WORKERS), "--durations", "10"]
 QUICK = (
     ("style", [sys.executable, "-m", "ruff", "check", "--quiet"]),
     ("format", [sys.executable, "-m", "ruff", "format", "--check", "--quiet"]),
-    ("rooms", [sys.executable, "-c", "from importlinter.cli import lint_imports_command as c; c()"]),
+    ("imports", [sys.executable, "-c", "from importlinter.cli import lint_imports_command as c; c()"]),
 )
-BESIDE = {
+DURING_TESTS = {
     "types": [sys.executable, "-m", "mypy"],
     "site": [sys.executable, "-m", "hindrax_tools.site.build"],
 }
@@ -58,8 +58,8 @@ def test(arguments: argparse.Namespace) -> int:
         return 0 if good("tests", [*PYTEST, *words], root) else 1
     passed = [good(name, command, root) for name, command in QUICK]
     with contextlib.ExitStack() as running:
-        beside = {name: _Beside(running, command, root) for name, command in BESIDE.items()}
-        print_fitted(f"== {' and '.join(BESIDE)}: checked during the tests")
+        beside = {name: _Beside(running, command, root) for name, command in DURING_TESTS.items()}
+        print_fitted(f"== {' and '.join(DURING_TESTS)}: checked during the tests")
         passed.append(good("tests", ALL, root))
         for name, one in beside.items():
             passed.append(code_of(one.process) == 0)

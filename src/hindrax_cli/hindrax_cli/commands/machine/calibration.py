@@ -31,7 +31,7 @@ SLOW_radps = 0.15
 NEAR_GRAVITY = 0.15
 AIR_Pa = (80_000.0, 120_000.0)
 CALM_Pa = 150.0
-FEWEST = 20
+FEWEST_SAMPLES = 20
 
 
 @command(
@@ -198,8 +198,8 @@ def depth(arguments: argparse.Namespace) -> int:
 
 def judged(pressures_Pa: list[float]) -> tuple[float, float]:
     """Mean and standard deviation; HindraxError when this was not calm air."""
-    if len(pressures_Pa) < FEWEST:
-        raise HindraxError(f"found {len(pressures_Pa)} readings, wanted at least {FEWEST}; measure longer")
+    if len(pressures_Pa) < FEWEST_SAMPLES:
+        raise HindraxError(f"found {len(pressures_Pa)} readings, wanted at least {FEWEST_SAMPLES}; measure longer")
     mean, spread = statistics.fmean(pressures_Pa), statistics.stdev(pressures_Pa)
     low, high = AIR_Pa
     if not low <= mean <= high:

@@ -30,8 +30,10 @@ Wire the signal pin of channel {channel} to GPIO {gpio} and the grounds together
 The PCA9685 must run from 3.3 V: 5 V destroys the GPIO."""
 FULL_us, LEAST_us = 1900.0, 1100.0
 SUPPLIED_V = 3.0
-OFF = "Switch the supply of the speed controllers OFF, then type off:"
-ON = "Full throttle is on {names}. Switch their supply ON; 3 s later they beep that it is stored: press Enter then."
+SWITCH_OFF = "Switch the supply of the speed controllers OFF, then type off:"
+SWITCH_ON = (
+    "Full throttle is on {names}. Switch their supply ON; 3 s later they beep that it is stored: press Enter then."
+)
 STORED = "Zero throttle is on them. After the beeps that follow 3 s of it, switch the supply OFF again and press Enter:"
 
 
@@ -172,12 +174,12 @@ def _calibrate(bench: _Bench) -> None:
     output = bench.vehicle.output
     if output.clock_Hz is None and not output.external_clock:
         print_fitted("output.clock_Hz is not measured: `./hindrax oscillator` first, or the range has the same error")
-    if _ask(OFF) != "off":
+    if _ask(SWITCH_OFF) != "off":
         raise HindraxError("wanted `off`; only neutral was written")
     bench.require_no_supply()
     try:
         bench.put(FULL_us)
-        _ask(ON.format(names=", ".join(bench.names)))
+        _ask(SWITCH_ON.format(names=", ".join(bench.names)))
         bench.put(LEAST_us)
         _ask(STORED)
     finally:

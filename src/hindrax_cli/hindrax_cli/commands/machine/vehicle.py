@@ -32,7 +32,7 @@ from hindrax_core.text.text_file import replace_text, require_place, writing
 from hindrax_core.vehicle import AXES, WRENCH_UNITS, Thruster, Vehicle, load_vehicle, vehicle_from_text
 
 UPRIGHT_deg = 90.0
-KEPT = ".answers"
+ANSWERS_SUFFIX = ".answers"
 """Suffix of the file of answers that have not made a vehicle file yet."""
 
 
@@ -45,7 +45,7 @@ def new(arguments: argparse.Namespace) -> int:
     if out.exists():
         raise UsageError(f"{out}: exists already; use another name, or remove it")
     require_place(next(folder for folder in out.absolute().parents if folder.exists()) / out.name)
-    answers = out.with_suffix(KEPT)
+    answers = out.with_suffix(ANSWERS_SUFFIX)
     text = _text_from(name, arguments.source) if arguments.source else file_text(name, _answers(answers))
     vehicle = vehicle_from_text(text, str(out))
     with writing(out, "name another place with --out", UsageError):

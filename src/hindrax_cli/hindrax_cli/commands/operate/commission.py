@@ -22,7 +22,7 @@ from hindrax_core.vehicle import load_vehicle
 from hindrax_operator.connection import add_stack, joined, ordered_stack
 
 TRIMMED_IN_MOCK = "in mock the list is drawn by the seed: take another --seed, or --world pool,center_of_mass=0.001"
-AGAIN = "the file has changed: end the stack, start it with this file, and commission it again"
+COMMISSION_AGAIN = "the file has changed: end the stack, start it with this file, and commission it again"
 
 
 @command(
@@ -95,7 +95,7 @@ def _keep(arguments: argparse.Namespace, findings: Findings, bag: str) -> list[s
         if not arguments.write:
             return ["these lines mend the file; --write puts them into it:", *lines]
         set_keys(file, [(mend.keys, mend.value) for mend in findings.mends])
-        return [f"written to {file}:", *lines, AGAIN]
+        return [f"written to {file}:", *lines, COMMISSION_AGAIN]
     if arguments.world == "pool" and any(row.claim == TRIM for row in findings.wrong):
         return [TRIMMED_IN_MOCK]
     record = proof(load_vehicle(file), findings, bag, datetime.now(UTC).date().isoformat())

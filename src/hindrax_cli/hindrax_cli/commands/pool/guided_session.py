@@ -334,13 +334,13 @@ def show_end(identified: Identified, session: PoolSession, folder: RunFolder) ->
         print_whole(f"  {next_command(session, folder)}")
         print_fitted(f"report: {folder.report}")
 
-    def alone(*, short: bool) -> None:
+    def without_tables(*, short: bool) -> None:
         left_out = ["coefficients", "verdicts", "warnings", *(["causes"] if short else [])]
         print_fitted(f"in the report: {', '.join(left_out)}")
         ending(short=short)
 
     whole = partial(show, identified, reported=True, ending=ending)
-    print_what_fits(whole, partial(alone, short=False), partial(alone, short=True))
+    print_what_fits(whole, partial(without_tables, short=False), partial(without_tables, short=True))
 
 
 def next_command(session: PoolSession, folder: RunFolder) -> str:

@@ -14,7 +14,7 @@ from hindrax_drivers.imu_calibration import Correction
 from hindrax_drivers.timebase import Timebase
 
 SAMPLE = struct.Struct(">6h")
-LEAST, MOST = -32768, 32767
+LEAST_COUNT, MOST_COUNT = -32768, 32767
 """Value at the end of the range."""
 REPEATS = 2
 """The noise of six axes is several counts each: more equal samples in a row than this are a device that has hung."""
@@ -220,7 +220,7 @@ class SampleDecoder:
             repeated = reject(RejectCode.REPEATED, found=f"{self._repeats + 1} equal samples")
             return repeated if self._repeats > REPEATS else None
         self._repeats = 0
-        if LEAST in raw or MOST in raw:
+        if LEAST_COUNT in raw or MOST_COUNT in raw:
             return reject(RejectCode.SATURATED, found="saturated: the motion exceeds the range")
         if last is not None and self._jumps(raw, last, periods) and self._leaps < ACCEPT_AFTER:
             self._leaps += 1

@@ -15,7 +15,7 @@ SINGLE, SELF_TEST = 0x01, 0x10
 PERIOD_S = {0x02: 0.1, 0x04: 0.05, 0x06: 0.02, 0x08: 0.01}
 MEASUREMENT_S = 0.0072
 T_PER_LSB = 0.15e-6
-LARGEST = 32752
+LARGEST_COUNT = 32752
 LARGEST_SUM_T = 4912e-6
 NOISE_LSB = 2.0
 SATURATED = (32767, -32767, 32767)
@@ -101,7 +101,7 @@ class Ak09916:
         x, y, z = SATURATED if self.saturated else counts
         self._strong = (abs(x) + abs(y) + abs(z)) * T_PER_LSB >= LARGEST_SUM_T
         if not self.hung:
-            self._data = struct.pack("<3h", *(max(-LARGEST, min(LARGEST, one)) for one in (x, y, z)))
+            self._data = struct.pack("<3h", *(max(-LARGEST_COUNT, min(LARGEST_COUNT, one)) for one in (x, y, z)))
         self._status |= READY
 
     def _counts(self) -> tuple[int, int, int]:
