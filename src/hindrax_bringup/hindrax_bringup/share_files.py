@@ -87,3 +87,12 @@ def vehicle_file(name: str) -> Path:
         f"vehicle {name}{meant}: found no {name}.yaml here, in {own_vehicles()} or in the clone; wanted one of {known},"
         " or a file; `./hindrax vehicle new` makes one"
     )
+
+
+def vehicle_word(file: Path) -> str:
+    """The shortest word for a file that `--vehicle` takes here: its name where that finds it, else its path."""
+    try:
+        found = vehicle_file(file.stem)
+    except UsageError:
+        return str(file)
+    return file.stem if found.resolve() == file.resolve() else str(file)
