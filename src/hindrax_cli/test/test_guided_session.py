@@ -11,13 +11,17 @@ import yaml
 
 from hindrax_analysis.identification.pool_session import PoolSession, Reached, Step
 from hindrax_bag.run_folder import RunFolder
+from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.command_line import main
-from hindrax_cli.commands.pool import guided_session
+from hindrax_cli.commands.pool import guided_session, lockstep_session
 from hindrax_cli.commands.pool.guided_session import StackStepRunner
 from hindrax_cli.commands.pool.lockstep_session import SessionTrial, session_summary
 from hindrax_core.errors import HindraxError
-from hindrax_core.vehicle import AxisGain
+from hindrax_core.events import Stamp, Stamped
+from hindrax_core.signals import Thrust
+from hindrax_core.vehicle import AxisGain, load_vehicle
 from hindrax_operator.pool_run import FlownManeuver, PoolOptions
+from hindrax_sim.flights.weighing_flight import WeighingFlight
 
 
 @pytest.mark.parametrize(
@@ -133,6 +137,17 @@ def test_the_summary_of_sessions_has_the_goal_beside_what_was_reached() -> None:
     assert row["coverage95"] == pytest.approx(2.0 / 3.0)
     assert row["cause"] == "own wake"
     json.dumps(document)
+
+
+def test_a_weighing_that_a_guard_ends_costs_its_gain_and_not_the_session(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of forty sessions in mock the fourth drifted toward a wall, and the other thirty-nine were lost with it."""
+    spans = [(Stamp(0), Stamp(20_000_000_000), 1.0)]
+    flight = WeighingFlight([Stamped(Stamp(10**9 + n), Thrust((1.0,) * 6)) for n in range(50)], spans)
+    monkeypatch.setattr(lockstep_session, "fly_weighing", lambda *_: flight)
+    vehicle = load_vehicle(default_vehicle())
+    gain, seconds, remark = lockstep_session.weigh_in_lockstep(vehicle, "surge", "pool", 4)
+    assert (gain, seconds) == (None, 20.0)
+    assert remark == "hold with +1: found 50 wrenches and 0 velocities in 20 s, wanted 40 and 2"
 
 
 @pytest.mark.parametrize(

@@ -249,7 +249,7 @@ class StackStepRunner:
             from hindrax_cli.commands.pool.lockstep_session import weigh_in_lockstep  # noqa: PLC0415  # no simulator on the vehicle
 
             with working(f"weighing {axis} in lock-step, in the world of the legs"):
-                return *weigh_in_lockstep(self.vehicle, axis, mock["world"], mock["seed"]), ""
+                return weigh_in_lockstep(self.vehicle, axis, mock["world"], mock["seed"])
         load_N, lever_m = self._settings["load_N"], self._settings["lever_m"] if axis == "yaw" else 1.0
         if self._yes or not load_N or not lever_m:
             return None, 0.0, "left out: wanted a person, --load and for yaw --lever"

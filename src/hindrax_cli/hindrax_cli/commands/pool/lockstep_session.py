@@ -22,6 +22,7 @@ from hindrax_analysis.identification.pool_session import (
 )
 from hindrax_analysis.identification.record_identification import events_apart
 from hindrax_control.prior_dynamics import prior_dynamics
+from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamped
 from hindrax_core.signals import IdentEvent
 from hindrax_core.text.digits import TWO_SIDED_95
@@ -36,7 +37,7 @@ SHARES = (0.0, 1.0, -1.0, 1.0, -1.0)
 
 def weigh_in_lockstep(
     vehicle: Vehicle, axis: str, world: str, seed: int, shares: Sequence[float] = SHARES
-) -> tuple[AxisGain, float]:
+) -> tuple[AxisGain | None, float, str]:
     """Weigh an axis by a known load in lock-step.
 
     Parameters
@@ -52,15 +53,18 @@ def weigh_in_lockstep(
 
     Returns
     -------
-    tuple[AxisGain, float]
-        Gain with its uncertainty, and the seconds that it takes.
+    tuple[AxisGain | None, float, str]
+        Gain with its uncertainty, None without one; the seconds that it takes; why there is none.
     """
     number = AXES.index(axis)
     flight = fly_weighing(vehicle, number, f"{world},{MOCK_LOADS[axis]}", seed, shares)
     spans = [LoadSpan(*one) for one in flight.spans]
-    found = weighed(holds_of(flight.events, number, spans), number, prior_dynamics(vehicle)[axis])
-    seconds = 1e-9 * (spans[-1].end - spans[0].begin)
-    return found.gain, seconds
+    seconds = 1e-9 * (spans[-1].end - spans[0].begin) if spans else 0.0
+    try:
+        found = weighed(holds_of(flight.events, number, spans), number, prior_dynamics(vehicle)[axis])
+    except HindraxError as error:  # a hold that a guard ended, as beside a pool: the session goes on without this gain
+        return None, seconds, str(error)
+    return found.gain, seconds, ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,8 +116,9 @@ def session_trial(seed: int, motions: tuple[str, ...], vehicle_file: str, world:
             heard.append(events)
             step = replace(step, seconds=1e-9 * (events[-1].stamp - events[0].stamp) if events else 0.0)
         else:
-            gain, seconds = weigh_in_lockstep(vehicle, step.subject, world, seed)
-            step = replace(step, gain=gain, seconds=seconds)
+            gain, seconds, remark = weigh_in_lockstep(vehicle, step.subject, world, seed)
+            trouble = trouble or (f"{name}: {remark}" if remark else "")
+            step = replace(step, gain=gain, seconds=seconds, remark=remark)
         session = replace(session, done=(*session.done, step))
         if step.kind == LEGS or not (session.left and session.left[0].startswith(WEIGH)):
             results = _joint(heard, session.weighed(vehicle))
