@@ -29,6 +29,10 @@ def read(header: str, *rows: str) -> Recording:
         ("yawspeed", "r", 1.0),
         ("/imu/angular_velocity/y", "q", 1.0),
         ("nu_6", "r", 1.0),
+        ("u_meas", "u", 1.0),
+        ("r_imu", "r", 1.0),
+        ("X_est", "X", 1.0),
+        ("ATTITUDE.yawspeed", "r", 1.0),
         ("tau_1", "X", 1.0),
     ],
 )
@@ -72,10 +76,25 @@ def test_two_loose_names_of_one_meaning_are_refused() -> None:
 
 @pytest.mark.parametrize("first", [0, 1])
 def test_vectors_count_from_zero_or_one(first: int) -> None:
-    names = [f"{vector}[{number + first}]" for vector in ("nu", "tau") for number in range(6)]
-    found = read(",".join(["t", *names]), ",".join(map(str, range(13))), ",".join(map(str, range(1, 14))))
-    assert found.velocity[0].tolist() == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
-    assert found.wrench[0].tolist() == [7.0, 8.0, 9.0, 10.0, 11.0, 12.0]
+    for form in ("{}[{}]", "{}{}", "{}({})"):
+        names = [form.format(vector, number + first) for vector in ("nu", "tau") for number in range(6)]
+        found = read(",".join(["t", *names]), ",".join(map(str, range(13))), ",".join(map(str, range(1, 14))))
+        assert found.velocity[0].tolist() == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+        assert found.wrench[0].tolist() == [7.0, 8.0, 9.0, 10.0, 11.0, 12.0]
+
+
+def test_a_moment_is_one_by_its_unit() -> None:
+    found = meaning_of("Mz [N·m]")
+    assert found is not None
+    assert (found.name, found.factor) == ("N", 1.0)
+    assert meaning_of("Mz [uT]") is None
+
+
+def test_a_header_line_that_is_a_comment_counts_where_no_other_does() -> None:
+    """As numpy writes it."""
+    found = read("# made by numpy\n# t u X", "0 0.1 5", "1 0.2 6")
+    assert found.velocity[:, 0].tolist() == [0.1, 0.2]
+    assert read("# t u X\nt u Y X", "0 0.1 9 5", "1 0.2 9 6").wrench[:, 0].tolist() == [5.0, 6.0]
 
 
 def test_seconds_and_nanoseconds_are_one_time() -> None:

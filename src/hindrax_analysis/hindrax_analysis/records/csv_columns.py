@@ -87,7 +87,7 @@ VECTORS = {"nu": "uvwpqr", "tau": "XYZKMN"}
 """Velocities and forces as the vectors of Fossen 2011 (eq. 2.4, 2.5), in columns with numbers from 0 or from 1."""
 ORIGINS = frozenset({
     "dvl", "imu", "odom", "odometry", "ekf", "nav", "navigation", "est", "estimate", "estimated", "meas", "measured",
-    "body", "rov", "auv", "vehicle", "robot", "state",
+    "attitude", "body", "rov", "auv", "vehicle", "robot", "state",
 })  # fmt: skip
 """Words that say where a number is from, not what it is."""
 UNKNOWN = {"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"}
@@ -149,6 +149,8 @@ def _pairs(word: str, others: Sequence[str]) -> list[str]:
 
 NANOSECONDS = "t_ns"
 """The nanoseconds of a stamp in two columns."""
+MOMENTS = {"mx": "K", "my": "M", "mz": "N"}
+"""Names of moments with their unit, without it of magnetic fields."""
 NAMES: dict[str, str] = dict(_names())
 MORE_NAMES: dict[str, str] = {**dict(_more_names()), **NAMES}
 _ENDINGS = {
@@ -176,7 +178,9 @@ def _meaning(header: str, name_of: Callable[[str], str | None], unit_words: int)
     """Meaning by one table of names; the unit is in brackets or, where there are none, up to so many last words."""
     brackets = _IN_BRACKETS.match(header)
     if brackets:
-        name = name_of(brackets["name"])
+        name = name_of(brackets["name"]) or MOMENTS.get(_words(brackets["name"]))
+        if name in MOMENTS.values() and plain_unit(brackets["unit"]) not in _MOMENT:
+            return None
         return (name and Meaning(name, factor_of(name, brackets["unit"], header), has_unit=True)) or None
     name = name_of(header)
     if name:
@@ -250,8 +254,11 @@ def _looser_name(text: str) -> str | None:
     """Column of a name in other spellings, without the words that say where a number is from."""
     if text in COLUMNS:
         return text
-    words = _words(_apart(text)).split("_")
-    return MORE_NAMES.get("_".join(words)) or MORE_NAMES.get("_".join(word for word in words if word not in ORIGINS))
+    words: list[str] = re.findall(r"[0-9A-Za-z]+", _apart(text))
+    own = [word for word in words if word.lower() not in ORIGINS]
+    if len(own) == 1 and own[0] in COLUMNS:
+        return own[0]
+    return MORE_NAMES.get("_".join(words).lower()) or MORE_NAMES.get("_".join(own).lower())
 
 
 def _words(text: str) -> str:
@@ -265,7 +272,7 @@ def _apart(text: str) -> str:
 
 def from_one(header: Sequence[str]) -> list[str]:
     """Header line in which vectors such as nu[0] ... nu[5] are nu_1 ... nu_6."""
-    counted = [re.fullmatch(rf"({'|'.join(VECTORS)})_(\d)", _words(cell)) for cell in header]
+    counted = [re.fullmatch(rf"({'|'.join(VECTORS)})_?(\d)", _words(cell)) for cell in header]
     from_zero = {found[1] for found in counted if found and found[2] == "0"}
     return [
         f"{found[1]}_{int(found[2]) + (found[1] in from_zero)}" if found else cell
@@ -308,7 +315,8 @@ def rows_of(text: str, source: str, is_header: Callable[[str], bool] = bool) -> 
     """Row of the header line, or else of the first line, and of each line below it.
 
     Separators are comma, semicolon or tab, or spaces where there is no other; empty lines and those that begin with #
-    are skipped. Where the comma does not separate it is that of decimals, and becomes a point.
+    are skipped, but for a header line where no other line is one: numpy writes it so. Where the comma does not separate
+    it is that of decimals, and becomes a point.
 
     Parameters
     ----------
@@ -328,8 +336,11 @@ def rows_of(text: str, source: str, is_header: Callable[[str], bool] = bool) -> 
         For what is no text of lines and cells.
     """
     numbered = [(n, line.lstrip("\ufeff")) for n, line in enumerate(text.splitlines(), start=1)]
+    comments = [(n, line.lstrip().lstrip("#").strip()) for n, line in numbered if line.lstrip().startswith("#")]
     lines = [(n, line) for n, line in numbered if line.strip() and not line.lstrip().startswith("#")]
-    lines = lines[next((i for i, (_, line) in enumerate(lines[:PREAMBLE]) if is_header(line)), 0) :]
+    begin = next((i for i, (_, line) in enumerate(lines[:PREAMBLE]) if is_header(line)), None)
+    named = [one for one in comments[:PREAMBLE] if is_header is not bool and is_header(one[1])]
+    lines = [named[-1], *lines] if begin is None and named else lines[begin or 0 :]
     try:
         cells = cells_of([line for _, line in lines])
     except csv.Error as error:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from hindrax_analysis.records.bag_track import are_exact, ways_from_poses
+from hindrax_analysis.records.csv_angles import in_radians
 from hindrax_analysis.records.csv_columns import (
     Meaning,
     Row,
@@ -100,13 +101,15 @@ def read_records(
         size = abs(float(np.median(columns["t"])))
         for factor, unit in [(factor, unit) for least, factor, unit in UNIX_SCALES if size > least][:1]:
             columns["t"], by_size = array(factor * columns["t"]), f"times are in {unit} since 1970, by their size"
+    unnamed = {meaning.name for meaning in meanings.values() if not meaning.has_unit}
+    columns, by_angles = in_radians(columns, unnamed, columns["t"])
     pieces = _pieces(columns["t"])
     parts = [_recording(source, {name: values[piece] for name, values in columns.items()}) for piece in pieces]
     recordings = _together([one for one in parts if one.measured_t or len(one.wrench_t)])
     axes = "x forward, y left, z up, as named" if frame == "flu" else "SNAME: x forward, y starboard, z down"
     steps = "once" if len(recordings) == 2 else f"{len(recordings) - 1} times"
     back = f"time steps back {steps}: {len(recordings)} records" if len(recordings) > 1 else ""
-    assumptions = tuple(one for one in (by_size, f"axes are {axes}", forces_are, back) if one)
+    assumptions = tuple(one for one in (by_size, *by_angles, f"axes are {axes}", forces_are, back) if one)
     turned = [one.half_turned() if frame == "flu" else one for one in recordings]
     return [replace(one, assumptions=assumptions) for one in turned]
 

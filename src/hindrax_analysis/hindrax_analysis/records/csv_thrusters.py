@@ -39,7 +39,7 @@ _OUTPUT = re.compile(
     r"(?:.*[^0-9a-z])?"  # path of a message, as PlotJuggler writes it
     rf"(?P<word>{'|'.join(sorted(_WORDS, key=len, reverse=True))})"
     r"[\s._/\[-]*(?P<number>\d{1,2})\]?"
-    r"(?:[\s._-]*raw)?"
+    r"(?:[\s._-]*(?:raw|pwm|(?P<force>force|thrust)|(?P<throttle>throttle)))?"
     r"(?:[\s._-]*[\[(]?(?P<unit>[^\W\d_]+|%)[\])]?)?"
 )
 _SUPPLY = re.compile(
@@ -66,7 +66,8 @@ def output_of(header: str) -> OutputColumn | None:
     found = _OUTPUT.fullmatch(header.strip().lower())
     if not found:
         return None
-    column = OutputColumn(int(found["number"]), _WORDS[found["word"]], 1.0)
+    after = FORCES if found["force"] else THROTTLES if found["throttle"] else _WORDS[found["word"]]
+    column = OutputColumn(int(found["number"]), after, 1.0)
     if not found["unit"]:
         return column
     return column.with_unit(found["unit"]) if plain_unit(found["unit"]) in _UNITS else None

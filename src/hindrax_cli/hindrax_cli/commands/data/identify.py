@@ -77,7 +77,8 @@ record. Invalid samples are left out and reported: zeros of a DVL without lock, 
 sensor, outliers; velocities that came in bursts are spread evenly.
 
 columns of a CSV record (SNAME axes or --frame flu; SI units, or others in the header line such as "u [cm/s]" or t_ms;
-names like vx, surge_force or as of PlotJuggler serve too; empty cells where a row says nothing; others are ignored):
+names like vx, surge_force or as of PlotJuggler serve too; angles and rates without a unit are in degrees where their
+size or each other says so; empty cells where a row says nothing; others are ignored):
 """
 
 

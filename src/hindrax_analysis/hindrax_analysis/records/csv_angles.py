@@ -1,0 +1,80 @@
+"""Units of angles and rates of a CSV file whose header line names none: by their size, and by each other.
+
+A ground station writes headings of 0 to 360 and rates in degrees per second, without a word. Rates that are taken for
+rad/s are 57 times too large, which is still a possible rate of a small vehicle. But the integral of a rate is an angle:
+the slope of one over the other is 1 where both units are alike, and tells which is not.
+"""
+
+from collections.abc import Collection, Mapping
+
+import numpy as np
+
+from hindrax_analysis.records.csv_columns import DEGREE
+from hindrax_ident.arrays import Array, array
+
+ANGLES = {"roll": "p", "pitch": "q", "yaw": "r"}
+"""Angles, and the rate about each axis: alike as long as the vehicle is nearly level."""
+TURN = 6.5
+"""An angle beyond this is none in radians [rad]: a turn, and a little."""
+WINDOW_S = 1.0
+"""Time over which the angle turns by the integral of the rate."""
+FEWEST, LEAST_CORRELATION = 8, 0.7
+"""Windows that decide, and how alike both turns within them must be: their correlation about zero."""
+
+
+def in_radians(
+    columns: Mapping[str, Array], unnamed: Collection[str], t: Array
+) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """Columns with all angles and rates in radians.
+
+    Parameters
+    ----------
+    columns
+        By name, (n,) each; those with a named unit in SI.
+    unnamed
+        Names of the columns without a named unit.
+    t : (n,) [s]
+        Their times.
+
+    Returns
+    -------
+    tuple[dict[str, Array], tuple[str, ...]]
+        The columns, and what was assumed.
+    """
+    out, notes = dict(columns), []
+    angles, rates = ([one for one in names if one in out and one in unnamed] for names in (ANGLES, ANGLES.values()))
+    slopes = [
+        slope
+        for angle, rate in ANGLES.items()
+        if angle in out and rate in out and (slope := _slope(t, out[angle], out[rate]))
+    ]
+    slope = float(np.median(slopes)) if slopes else 0.0
+    large = any(np.nanmax(np.abs(out[one]), initial=0.0) > TURN for one in angles)
+    # Unwrapped, a yaw in radians is large after some turns; a rate that is known says so.
+    turned = large and 0.5 < slope < 2.0 and not rates
+    if angles and (slope > 0.5 / DEGREE or (large and not turned)):
+        out |= {one: array(out[one] * DEGREE) for one in angles}
+        notes.append(f"angles ({', '.join(angles)}) are in degrees, by their {'size' if large else 'rates'}")
+        slope *= DEGREE
+    if rates and 0.0 < slope < 2.0 * DEGREE:
+        out |= {one: array(out[one] * DEGREE) for one in rates}
+        notes.append(f"rates ({', '.join(rates)}) are in deg/s, by the angles")
+    return out, tuple(notes)
+
+
+def _slope(t: Array, angle: Array, rate: Array) -> float:
+    """What an angle turns per integral of its rate, both as they are; 0 where they do not tell."""
+    there, moved = np.isfinite(angle), np.isfinite(rate)
+    if there.sum() < FEWEST or moved.sum() < FEWEST:
+        return 0.0
+    period = 360.0 if np.abs(angle[there]).max() > TURN else 2.0 * np.pi
+    begin, end = max(t[there][0], t[moved][0]), min(t[there][-1], t[moved][-1])
+    at = np.arange(begin, end, max(WINDOW_S, 2.0 * float(np.median(np.diff(t[there])))))
+    steps = np.diff(t[moved])
+    integral = np.append(0.0, np.cumsum(0.5 * steps * (rate[moved][1:] + rate[moved][:-1])))
+    turns = np.diff(np.interp(at, t[there], np.unwrap(angle[there], period=period)))
+    integrals = np.diff(np.interp(at, t[moved], integral))
+    along, most = float(turns @ integrals), float(np.linalg.norm(turns) * np.linalg.norm(integrals))
+    if len(turns) < FEWEST or along <= LEAST_CORRELATION * most:
+        return 0.0
+    return along / float(integrals @ integrals)
