@@ -39,7 +39,7 @@ def in_radians(
     Returns
     -------
     tuple[dict[str, Array], tuple[str, ...]]
-        The columns, and what was assumed.
+        The columns, (n,) each, and what was assumed.
     """
     out, notes = dict(columns), []
     angles, rates = ([one for one in names if one in out and one in unnamed] for names in (ANGLES, ANGLES.values()))
