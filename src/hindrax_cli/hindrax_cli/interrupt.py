@@ -70,3 +70,21 @@ def interruptible() -> Iterator[None]:
         signal.signal(signal.SIGINT, end_now)
         # Python notes where one leaves an `exec`, as of a named tuple in an import, and would kill itself at its end.
         exec("")  # noqa: S102
+
+
+@contextlib.contextmanager
+def hung_up_alike() -> Iterator[None]:
+    """Have SIGTERM and a closed terminal end what is done meanwhile as Ctrl-C does, but for a `nohup`.
+
+    Killed at once, a command that arms leaves the thrusters arming.
+    """
+    numbers = [signal.SIGTERM, *([] if sys.platform == "win32" else [signal.SIGHUP])]
+    before = {number: signal.getsignal(number) for number in numbers}
+    for number, handler in before.items():
+        if handler is not signal.SIG_IGN:
+            signal.signal(number, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -5,7 +5,6 @@ input), the family of the Basic ESC: full throttle from power-up until it is sto
 """
 
 import argparse
-import signal
 import sys
 from dataclasses import dataclass
 
@@ -13,6 +12,7 @@ from hindrax_analysis.terminal import print_answer
 from hindrax_bringup.stack_lock import vehicle_stack
 from hindrax_cli.argument_types import add_i2c_port, add_json, add_tuning, add_vehicle, output_settings
 from hindrax_cli.command import command, option
+from hindrax_cli.interrupt import hung_up_alike
 from hindrax_cli.vehicle_edit import add_write, keep, require_editable
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.readings import Battery
@@ -159,9 +159,7 @@ def esc(arguments: argparse.Namespace) -> int:
         raise UsageError("remove every propeller, then add --propellers-off: this command outputs full throttle")
     chip = pca9685_of(vehicle, settings.guard.neutral.all_us)
     bench = _Bench(vehicle, chip, arguments.port or settings.port, names)
-    for number in (signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.default_int_handler)
-    with outputs_enabled(vehicle.output, bench.port):
+    with hung_up_alike(), outputs_enabled(vehicle.output, bench.port):
         _calibrate(bench)
     print_fitted(
         f"calibrated to {LEAST_us:g} and {FULL_us:g} us: {', '.join(names)}; check one with `./hindrax thruster`"

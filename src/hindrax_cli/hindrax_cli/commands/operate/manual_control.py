@@ -8,6 +8,7 @@ from typing import Protocol
 from hindrax_bringup.share_files import usual_vehicle, vehicle_file
 from hindrax_cli.argument_types import positive
 from hindrax_cli.command import command, option
+from hindrax_cli.interrupt import hung_up_alike
 from hindrax_control.hold.holds import HOLDS, STATION
 from hindrax_core.errors import UsageError
 from hindrax_core.readings import Vec6
@@ -32,7 +33,7 @@ MEANINGS = (
 @command("./hindrax arm", add_stack)
 def arm(arguments: argparse.Namespace) -> int:
     """Arm the thrusters, after the ESCs' time at neutral."""
-    with operator_of(arguments) as operator:
+    with operator_of(arguments) as operator, hung_up_alike():
         operator.wait_for_thrusters()
         print_fitted("arming; keep hands off the thrusters")
         operator.arm(seconds=ARMING_S)
