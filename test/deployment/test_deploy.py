@@ -45,6 +45,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("CALLS", str(tmp_path / "calls"))
     monkeypatch.setenv(FOLDER, str(tmp_path / "runtime"))
     monkeypatch.setattr(deploy, "clone_root", lambda: clone)
+    monkeypatch.setattr("hindrax_cli.deployment.STEADY_S", 0)
     git(clone, "init", "-q")
     commit(clone)
     return tmp_path
@@ -135,6 +136,25 @@ def test_the_wait_for_health_ends_by_the_clock_and_states_what_was_wrong(monkeyp
     script = script.replace("/opt/hindrax/hindrax", "/bin/false no device;")
     done = subprocess.run(["sh", "-c", f"set -e\n{script}"], capture_output=True, timeout=30, check=False)
     assert done.returncode == 1
+
+
+def test_a_stack_whose_sensors_report_seconds_later_is_not_healthy_yet(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a machine without devices a deployment ended well: no sensor had had its time to fail."""
+    monkeypatch.setattr("hindrax_cli.deployment.HEALTHY_S", 4)
+    monkeypatch.setattr("hindrax_cli.deployment.STEADY_S", 3)
+    (tmp_path / "health").write_text(
+        '#!/bin/sh\n[ ! -e "$0.asked" ] && touch "$0.asked" || { echo no sensor; exit 1; }\n'
+    )
+    (tmp_path / "health").chmod(0o755)
+    script = plan(Target("rov"))[-1].script.replace("sudo -u hindrax", "env").replace("sudo ", "echo ")
+    script = script.replace("/opt/hindrax/hindrax health", str(tmp_path / "health"))
+    words = ["sh", "-c", f"set -e\n{script}"]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=30, check=False)
+    assert (done.returncode, done.stderr) == (1, "no sensor\n")
+    (tmp_path / "health").write_text("#!/bin/sh\necho up\n")
+    assert subprocess.run(words, capture_output=True, text=True, timeout=30, check=True).stdout == "up\n"
 
 
 def test_what_is_not_committed_is_reported(place: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,7 +7,8 @@ from enum import StrEnum
 
 from hindrax_core.errors import HindraxError, UsageError
 
-HEALTHY_S = 120
+HEALTHY_S, STEADY_S = 120, 15
+"""How long a stack may take to be healthy, and how long it then has to be: sensors report seconds after it is up."""
 ROS = "/opt/ros/jazzy/setup.bash"
 
 
@@ -125,10 +126,16 @@ def _made(target: Target) -> DeploymentStep:
 
 
 def _until(ask: str, tail: str) -> str:
-    """Ask for HEALTHY_S of the monotonic clock, however long one answer takes."""
+    """Ask until it was healthy for STEADY_S, for HEALTHY_S of the monotonic clock, however long one answer takes."""
     return f"""uptime() {{ cut -d. -f1 /proc/uptime; }}
-end=$(($(uptime) + {HEALTHY_S}))
-while text=$({ask} 2>&1) && echo "$text" && exit; [ "$(uptime)" -lt $end ]; do
+end=$(($(uptime) + {HEALTHY_S})) since=
+while [ "$(uptime)" -le $end ]; do
+  if text=$({ask} 2>&1); then
+    since=${{since:-$(uptime)}}
+    [ $(($(uptime) - since)) -ge {STEADY_S} ] && echo "$text" && exit
+  else
+    since=
+  fi
   sleep 1
 done
 {tail}
