@@ -74,10 +74,8 @@ def interruptible() -> Iterator[None]:
 
 @contextlib.contextmanager
 def hung_up_alike() -> Iterator[None]:
-    """Have SIGTERM and a closed terminal end what is done meanwhile as Ctrl-C does, but for a `nohup`.
-
-    Killed at once, a command that arms leaves the thrusters arming.
-    """
+    """Have SIGTERM and a closed terminal end what is done meanwhile as Ctrl-C does, but for a `nohup`."""
+    # Killed at once, a command that arms leaves the thrusters arming.
     numbers = [signal.SIGTERM, *([] if sys.platform == "win32" else [signal.SIGHUP])]
     before = {number: signal.getsignal(number) for number in numbers}
     for number, handler in before.items():
