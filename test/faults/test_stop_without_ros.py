@@ -65,10 +65,17 @@ def test_an_arm_request_from_before_the_stop_does_not_undo_it(flight: Flight) ->
     assert "before the vehicle disarmed itself" in answer.reason
 
 
+def frozen(pid: int) -> bool:
+    """Whether all threads stand still; on a busy host some go on for a while after the signal, and could obey."""
+    stats = [stat.read_text() for stat in Path(f"/proc/{pid}/task").glob("*/stat")]
+    return all(stat.rpartition(")")[2].split()[0] == "T" for stat in stats)
+
+
 def test_a_node_that_does_not_obey_is_killed(flight: Flight) -> None:
     node = flight.take_off()
     begin = flight.world.now
     node.send_signal(signal.SIGSTOP)
+    flight.pilot.until(lambda: frozen(node.pid), "all its threads to stand still")
     answer = stopped(flight)
     assert answer is not None
     assert answer.neutral, answer
