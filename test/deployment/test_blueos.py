@@ -58,6 +58,15 @@ def test_it_has_the_labels_that_blueos_reads() -> None:
         assert target["platforms"] == ["linux/arm64", "linux/amd64"]
 
 
+def test_the_folder_of_running_stacks_belongs_to_who_runs_them() -> None:
+    """A folder of another user is refused, so in the first image that was built nothing could have come up."""
+    below = (ROOT / "docker/Dockerfile").read_text()
+    (folder,) = re.findall(r"HINDRAX_RUNTIME_DIR=(\S+)", below)
+    assert "USER 1100" in below
+    assert re.search(r"^USER 0\n", DOCKERFILE, re.MULTILINE)
+    assert f"\nRUN chown root:root {folder}\n" in DOCKERFILE
+
+
 def test_it_may_do_no_more_than_serve_its_page_hear_mavlink_and_keep_its_data() -> None:
     permissions: dict[str, Any] = json.loads(LABELS["permissions"])
     host = permissions["HostConfig"]
