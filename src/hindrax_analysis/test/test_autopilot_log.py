@@ -33,10 +33,13 @@ STEPS = 30
 
 
 def tlog(
-    start_ms: int = 0, flags: int | None = None, late_us: Callable[[int], int] = lambda _step: 0
+    start_ms: int = 0,
+    flags: int | None = None,
+    late_us: Callable[[int], int] = lambda _step: 0,
+    system: int = 0,
 ) -> Iterator[bytes]:
     """Recorded telemetry: the time of receipt [us since 1970] before each packet."""
-    link = ardupilotmega.MAVLink(None)
+    link = ardupilotmega.MAVLink(None, srcSystem=system)
     for step in range(STEPS):
         at_ms = start_ms + 100 * step
         status = [] if flags is None else [ardupilotmega.MAVLink_ekf_status_report_message(flags, *[0.0] * 6)]
@@ -246,6 +249,17 @@ def test_each_start_of_the_autopilot_is_a_record(tmp_path: Path) -> None:
     found = read_log(file, ROV)
     assert [one.duration_s for one in found] == pytest.approx([2.9, 2.9], abs=1e-3)
     assert "the autopilot started 2 times: each is a record" in found[1].assumptions
+
+
+def test_a_second_vehicle_of_the_network_is_left_out(tmp_path: Path) -> None:
+    """A ground station records all vehicles into one file; mixed, their rates and outputs are those of neither."""
+    file = tmp_path / "dive.tlog"
+    both = zip(tlog(system=1), tlog(system=7, start_ms=900_000), strict=True)
+    file.write_bytes(b"".join(packet for pair in both for packet in pair))
+    (found,) = read_log(file, ROV)
+    assert len(found.wrench_t) == STEPS
+    assert found.duration_s == pytest.approx(2.9, abs=1e-3)
+    assert "messages of other vehicles (MAVLink system 7) are left out" in found.assumptions
 
 
 def test_a_message_without_a_time_before_all_others_is_no_start(tmp_path: Path) -> None:

@@ -67,10 +67,14 @@ RESTART_S = 5.0
 
 @dataclass(slots=True)
 class ArduPilotLog:
-    """One start of an autopilot: tables of its quantities, and its parameters."""
+    """One start of an autopilot: tables of its quantities, and its parameters.
+
+    `others`: numbers of the MAVLink systems whose messages were left out, being of other vehicles.
+    """
 
     tables: Tables = field(default_factory=dict)
     parameters: Mapping[str, float] = field(default_factory=dict)
+    others: tuple[int, ...] = ()
 
 
 def read_starts(path: Path) -> list[ArduPilotLog]:
@@ -131,10 +135,11 @@ def _starts(path: Path) -> tuple[list[ArduPilotLog], int]:
     """Starts, and how many messages were read."""
     clock = _Clock() if path.suffix.lower() == ".tlog" else None
     starts: list[_Rows] = []
-    messages = 0
+    messages, others = 0, set[int]()
+    found = _messages(path) if clock is None else _of_one_vehicle(_messages(path), others)
     stamped = (
         (message, float(message._timestamp) if clock is None else clock.read(message))  # noqa: SLF001  # its name
-        for message in _messages(path)
+        for message in found
     )
     for message, at_s in _in_order(stamped):
         messages += 1
@@ -148,7 +153,23 @@ def _starts(path: Path) -> tuple[list[ArduPilotLog], int]:
         if starts and at_s < starts[-1].newest_s - RESTART_S:
             starts.append(_Rows(dict(starts[-1].parameters)))
         _rows_of(starts).add(path, kind, message, at_s)
-    return [ArduPilotLog(one.tables(), one.parameters) for one in starts if one.found], messages
+    left_out = tuple(sorted(others))
+    return [ArduPilotLog(one.tables(), one.parameters, left_out) for one in starts if one.found], messages
+
+
+def _of_one_vehicle(messages: Iterator[Any], others: set[int]) -> Iterator[Any]:
+    """Messages of the system that sends the first one; `others` gets the numbers of all that are left out.
+
+    A ground station records every vehicle of its network into one file.
+    """
+    own = None
+    for message in messages:
+        system = message.get_srcSystem()
+        own = system if own is None else own
+        if system == own:
+            yield message
+        else:
+            others.add(system)
 
 
 def _in_order(stamped: Iterator[tuple[Any, float]]) -> Iterator[tuple[Any, float]]:

@@ -76,8 +76,12 @@ def read_log(path: Path, vehicle: Vehicle | None) -> list[Recording]:
         # pyulog prints what is corrupt.
         with Path(os.devnull).open("w") as nowhere, redirect_stdout(nowhere), redirect_stderr(nowhere):
             starts = [_px4_tables(path, [thruster.channel for thruster in vehicle.thrusters])]
+        others = ""
     else:
-        starts = [one.tables for one in read_starts(path)]
+        logs = read_starts(path)
+        starts = [one.tables for one in logs]
+        systems = ", ".join(str(number) for number in (logs[0].others if logs else ()))
+        others = f"messages of other vehicles (MAVLink system {systems}) are left out" if systems else ""
     lacks = [_lacking(tables) for tables in starts]
     usable = [tables for tables, lacking in zip(starts, lacks, strict=True) if not lacking]
     if not usable:
@@ -85,7 +89,7 @@ def read_log(path: Path, vehicle: Vehicle | None) -> list[Recording]:
         wanted = next(iter(lacks), WANTED["pulses"])
         raise UsageError(f"{path}: found {there}, wanted the {wanted}")
     restarts = f"the autopilot started {len(starts)} times: each is a record" if len(starts) > 1 else ""
-    return [_recording(path, tables, vehicle, restarts) for tables in usable]
+    return [_recording(path, tables, vehicle, (restarts, others)) for tables in usable]
 
 
 def _lacking(tables: Tables) -> str:
@@ -95,7 +99,7 @@ def _lacking(tables: Tables) -> str:
     return next((words for name, words in WANTED.items() if name not in tables), "")
 
 
-def _recording(path: Path, tables: Tables, vehicle: Vehicle, restarts: str) -> Recording:
+def _recording(path: Path, tables: Tables, vehicle: Vehicle, of_log: Sequence[str]) -> Recording:
     origin = min(float(t[0]) for t, _ in tables.values())
     tables = {name: (array(t - origin), rows) for name, (t, rows) in tables.items()}
     attitude_t, attitude = tables["attitude"]
@@ -120,7 +124,7 @@ def _recording(path: Path, tables: Tables, vehicle: Vehicle, restarts: str) -> R
     return Recording(
         str(path), array(t[order]), array(rows[order]), pulses_t, wrench,
         array(np.concatenate(tilts_t)[tilt_order]), array(np.concatenate(tilts)[tilt_order]), origin,
-        tuple(one for one in (*notes, supply_note, restarts) if one),
+        tuple(one for one in (*notes, supply_note, *of_log) if one),
     )  # fmt: skip
 
 
