@@ -15,6 +15,7 @@ from hindrax_core.readings import Vec6
 from hindrax_core.thrust.curves import Curve
 from hindrax_core.thrust.table import ThrustTable
 from hindrax_core.vehicle import AXES, Hydrodynamics, Vehicle
+from hindrax_sim.conditions.hull import KnownLoad
 from hindrax_sim.conditions.known_coefficients import known_coefficients
 from hindrax_sim.conditions.realization import TESTED, Realization
 from hindrax_sim.conditions.world_table import CONDITIONS, SIGNED, realize, sizes_of
@@ -328,6 +329,18 @@ def moving(**sizes: float) -> World:
 
 def covered(world: World) -> tuple[float, float, float]:
     return world.travel(world.mounting(world.vehicle.sensors["dvl75"]))[1]
+
+
+def test_a_weight_hangs_below_and_a_float_on_top_so_that_both_right_the_vehicle(vehicle: Vehicle) -> None:
+    """A float that is tied below the hull turned the mock over, and the weighing of heave was lost."""
+    level, rolled = Plant(vehicle), Plant(vehicle)
+    rolled.place((0.0, 0.0, 1.0), (0.3, 0.0, 0.0))
+    (load,) = realize(vehicle, {"weight": 18.0}, 1).influences
+    assert isinstance(load, KnownLoad)
+    for share in (1.0, -1.0):
+        load.share = share
+        assert load(level, 0.0)[2] == pytest.approx(18.0 * share)
+        assert load(rolled, 0.0)[3] < -0.5, "a moment against the roll"
 
 
 def test_the_dvl_is_late_by_its_latency_and_long_by_its_scale() -> None:

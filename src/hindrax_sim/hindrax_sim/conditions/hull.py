@@ -83,7 +83,8 @@ def center_of_mass(world: Realization, size: float, draws: NormalDraws) -> None:
 class KnownLoad:
     """A force of steady direction (ahead, aside and down in the pool) at a hook of the hull; `share`: of it that hangs.
 
-    A share of -1 is the same load the other way: a float, a line from the other wall, or the hook opposite.
+    A share of -1 is the same load the other way: a float, a line from the other wall, or the hook opposite. A float is
+    tied to the top: below the hull it would turn the vehicle over.
     """
 
     def __init__(self, vehicle: Vehicle, force: Vec3, hook: Vec3) -> None:
@@ -91,11 +92,14 @@ class KnownLoad:
         self._force = force
         x, y, z = (0.5 * size * part for size, part in zip(vehicle.envelope_m, hook, strict=True))
         self._lever_m = minus((x, y, z), vehicle.center_of_mass_m)
+        hangs = hook == DOWN and not any(force[:2])
+        self._lever_of_float_m = minus((x, y, -z), vehicle.center_of_mass_m) if hangs else self._lever_m
 
     def __call__(self, plant: Plant, _dt: float) -> Vec6:
         """Force and moment in body axes."""
         force = plus(MIDDLE, self._force, self.share)
-        return lever_wrench(rotate_back(plant.quaternion, force), self._lever_m)
+        lever_m = self._lever_m if self.share > 0.0 else self._lever_of_float_m
+        return lever_wrench(rotate_back(plant.quaternion, force), lever_m)
 
     @property
     def level(self) -> Vec6:
@@ -117,7 +121,10 @@ ONE_kg = "Size: A dive weight of 1 kg less the water that it displaces."
 BOTTLE = "Size: A bottle of 1.5 l that hangs in the air."
 
 LOADS: Mapping[str, tuple[float, Hang]] = {
-    "weight": (18.0, _hung(DOWN, DOWN, f"{WEIGHT} under the middle of the hull; negative: a float. {TWO_kg}")),
+    "weight": (
+        18.0,
+        _hung(DOWN, DOWN, f"{WEIGHT} under the hull; negative: a float on its top. {TWO_kg}"),
+    ),
     "weight_starboard": (9.0, _hung(DOWN, ASIDE, f"{WEIGHT} from the middle of the starboard side. {ONE_kg}")),
     "weight_bow": (9.0, _hung(DOWN, AHEAD, f"{WEIGHT} from the middle of the bow. {ONE_kg}")),
     "line": (15.0, _hung(AHEAD, MIDDLE, f"{LINE} along the pool, in the middle of the hull. {BOTTLE}")),

@@ -29,7 +29,7 @@ from hindrax_operator.connection import add_stack, operator_of
 ACTS = {
     "surge": ("a line over a pulley pulls it ahead", "a line over a pulley pulls it astern"),
     "sway": ("a line over a pulley pulls it to starboard", "a line over a pulley pulls it to port"),
-    "heave": ("the weight hangs under its middle", "a float of this lift is tied to its middle"),
+    "heave": ("the weight hangs under its middle", "a float of this lift is tied to the middle of its top"),
     "yaw": ("a line over a pulley pulls the bow to starboard", "a line over a pulley pulls the bow to port"),
 }
 SHARES = (0.0, 1.0, -1.0, 1.0, -1.0)
