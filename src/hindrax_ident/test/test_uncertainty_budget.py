@@ -27,7 +27,7 @@ from hindrax_ident.fit.delay import latency_impulse
 from hindrax_ident.fit.output_error import refine
 from hindrax_ident.fit.scores import score
 from hindrax_ident.model.model_parameters import wide_prior
-from hindrax_ident.model.motion_model import model_of
+from hindrax_ident.model.motion_model import Model, model_of
 from hindrax_ident.model.simulation import sensitivities
 from hindrax_ident.records.axis_record import Record, Series, Stretch
 from hindrax_ident.remedies import Remedy
@@ -57,13 +57,18 @@ COLUMNS = {RUN: [0, 1], GAIN: [2], MODEL: [3]}
 MOMENT = array(COVARIANCE + np.outer(MEAN, MEAN))
 
 
+def recorded(model: Model, hold_s: float, long_s: float) -> Record:
+    """A record of surge to and fro, with the noise of a DVL."""
+    flight = fly(model, SURGE, back_and_forth((4.0, 13.0), hold_s, long_s), 0.15)
+    t = flight.grid.times_s[::10]
+    v = flight.path.v[::10] + 0.004 * np.random.default_rng(4).standard_normal(len(t))
+    return Record(Series(t, v), Series(flight.times_s, flight.commands), (Stretch(0.0, long_s - 0.1),), lag_s=0.15)
+
+
 @pytest.fixture(scope="module")
 def case(vehicle: Vehicle) -> AxisFit:
     model = model_of(vehicle, 0)
-    flight = fly(model, SURGE, back_and_forth((4.0, 13.0), 8.0, 32.0), 0.15)
-    t = flight.grid.times_s[::10]
-    v = flight.path.v[::10] + 0.004 * np.random.default_rng(4).standard_normal(len(t))
-    record = Record(Series(t, v), Series(flight.times_s, flight.commands), (Stretch(0.0, 31.9),), lag_s=0.15)
+    record = recorded(model, hold_s=8.0, long_s=32.0)
     prior = wide_prior(vehicle, model)
     return AxisFit(vehicle, record, refine(model, record, prior.values, prior), Tuning())
 
@@ -234,10 +239,7 @@ def test_what_a_record_may_not_judge_keeps_its_prior(case: AxisFit, loss: bool) 
 def test_what_may_not_be_judged_moves_the_delays_that_were_fitted_with_the_rest(vehicle: Vehicle) -> None:
     """A force like a delay: lag and latency take it up, and the mass hardly moves."""
     model = model_of(vehicle, 0)
-    flight = fly(model, SURGE, back_and_forth((4.0, 13.0), 3.0, 60.0), 0.15)
-    t = flight.grid.times_s[::10]
-    v = flight.path.v[::10] + 0.004 * np.random.default_rng(4).standard_normal(len(t))
-    record = Record(Series(t, v), Series(flight.times_s, flight.commands), (Stretch(0.0, 59.9),), lag_s=0.15)
+    record = recorded(model, hold_s=3.0, long_s=60.0)
     prior, tuning = wide_prior(vehicle, model), for_foreign_records(Tuning())
     fit = refine(model, record, SURGE, prior)
 

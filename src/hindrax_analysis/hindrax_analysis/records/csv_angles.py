@@ -22,19 +22,15 @@ FEWEST, LEAST_CORRELATION = 8, 0.7
 """Windows that decide, and how alike both turns within them must be: their correlation about zero."""
 
 
-def in_radians(
-    columns: Mapping[str, Array], unnamed: Collection[str], t: Array
-) -> tuple[dict[str, Array], tuple[str, ...]]:
+def in_radians(columns: Mapping[str, Array], unnamed: Collection[str]) -> tuple[dict[str, Array], tuple[str, ...]]:
     """Columns with all angles and rates in radians.
 
     Parameters
     ----------
     columns
-        By name, (n,) each; those with a named unit in SI.
+        By name, (n,) each, with the times "t" [s]; those with a named unit in SI.
     unnamed
         Names of the columns without a named unit.
-    t : (n,) [s]
-        Their times.
 
     Returns
     -------
@@ -46,7 +42,7 @@ def in_radians(
     slopes = [
         slope
         for angle, rate in ANGLES.items()
-        if angle in out and rate in out and (slope := _slope(t, out[angle], out[rate]))
+        if angle in out and rate in out and (slope := _slope(out["t"], out[angle], out[rate]))
     ]
     slope = float(np.median(slopes)) if slopes else 0.0
     large = any(np.nanmax(np.abs(out[one]), initial=0.0) > TURN for one in angles)

@@ -336,11 +336,13 @@ def rows_of(text: str, source: str, is_header: Callable[[str], bool] = bool) -> 
         For what is no text of lines and cells.
     """
     numbered = [(n, line.lstrip("\ufeff")) for n, line in enumerate(text.splitlines(), start=1)]
-    comments = [(n, line.lstrip().lstrip("#").strip()) for n, line in numbered if line.lstrip().startswith("#")]
     lines = [(n, line) for n, line in numbered if line.strip() and not line.lstrip().startswith("#")]
     begin = next((i for i, (_, line) in enumerate(lines[:PREAMBLE]) if is_header(line)), None)
-    named = [one for one in comments[:PREAMBLE] if is_header is not bool and is_header(one[1])]
-    lines = [named[-1], *lines] if begin is None and named else lines[begin or 0 :]
+    named: list[tuple[int, str]] = []
+    if begin is None and is_header is not bool:
+        comments = [(n, line.lstrip().lstrip("#").strip()) for n, line in numbered if line.lstrip().startswith("#")]
+        named = [one for one in comments[:PREAMBLE] if is_header(one[1])]
+    lines = [*named[-1:], *lines[begin or 0 :]]
     try:
         cells = cells_of([line for _, line in lines])
     except csv.Error as error:

@@ -102,7 +102,7 @@ def read_records(
         for factor, unit in [(factor, unit) for least, factor, unit in UNIX_SCALES if size > least][:1]:
             columns["t"], by_size = array(factor * columns["t"]), f"times are in {unit} since 1970, by their size"
     unnamed = {meaning.name for meaning in meanings.values() if not meaning.has_unit}
-    columns, by_angles = in_radians(columns, unnamed, columns["t"])
+    columns, by_angles = in_radians(columns, unnamed)
     pieces = _pieces(columns["t"])
     parts = [_recording(source, {name: values[piece] for name, values in columns.items()}) for piece in pieces]
     recordings = _together([one for one in parts if one.measured_t or len(one.wrench_t)])

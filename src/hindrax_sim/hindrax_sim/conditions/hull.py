@@ -92,8 +92,7 @@ class KnownLoad:
         self._force = force
         x, y, z = (0.5 * size * part for size, part in zip(vehicle.envelope_m, hook, strict=True))
         self._lever_m = minus((x, y, z), vehicle.center_of_mass_m)
-        hangs = hook == DOWN and not any(force[:2])
-        self._lever_of_float_m = minus((x, y, -z), vehicle.center_of_mass_m) if hangs else self._lever_m
+        self._lever_of_float_m = minus((x, y, -z), vehicle.center_of_mass_m)
 
     def __call__(self, plant: Plant, _dt: float) -> Vec6:
         """Force and moment in body axes."""
