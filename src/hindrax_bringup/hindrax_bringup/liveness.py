@@ -10,7 +10,8 @@ import math
 import os
 import socket
 import time
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Self
 
@@ -23,7 +24,8 @@ DEAD_S = 5.0
 LATE_S = 3.0
 """A process without a heartbeat for this long is reported."""
 NOBODY = "no stack is up here; start one with `./hindrax up`"
-STARTING = {"stack": "starting"}
+STARTING = "starting"
+PROCESSES_START = {STARTING: "waiting for the processes"}
 """Trouble of a stack whose processes are not up yet."""
 NOTIFY = "NOTIFY_SOCKET"
 NODES = ".nodes.pulse"
@@ -53,7 +55,9 @@ class LivenessFile:
         self._path.unlink(missing_ok=True)
         self.close()
 
-    def beat(self, status: str, troubles: Mapping[str, str], *, armed: bool = False) -> None:
+    def beat(
+        self, status: str, troubles: Mapping[str, str], *, armed: bool = False, awaited: Collection[str] = ()
+    ) -> None:
         """Write the heartbeat of the tool, at most once per `PERIOD_S`, and tell the service manager.
 
         Parameters
@@ -64,6 +68,8 @@ class LivenessFile:
             Sentence about each node that is unhealthy, by name; empty sentences are well.
         armed
             Whether its vehicle may thrust.
+        awaited
+            Nodes that have to report, by name, before the stack of this tool is well.
         """
         now_s = time.monotonic()
         if now_s < self._next_s:
@@ -72,6 +78,7 @@ class LivenessFile:
         notify(f"WATCHDOG=1\nSTATUS={status}")
         with contextlib.suppress(OSError):  # the folder goes with the last session of its user; what flies flies on
             beat = {"at_s": now_s, "status": status, "troubles": dict(troubles), "armed": armed}
+            beat["awaited"] = list(awaited)
             file = locked(self._path, beat)
             self.close()
             self._file = file
@@ -103,13 +110,20 @@ def stacks_well(folder: Path, now_s: float) -> tuple[bool, str]:
 
 def liveness_of_stacks(folder: Path, now_s: float) -> dict[int, tuple[str, str]]:
     """Activity of each tool that supervises a stack, and problems of it or its nodes, by its process."""
-    found: dict[int, tuple[str, list[str]]] = {}
+    found: dict[int, list[_Liveness]] = {}
     for path in sorted(folder.glob("*.pulse")):  # that of the nodes first: what the tool does counts
         if (one := _liveness_of(path, now_s)) is not None:
-            pid = _stack_of(path)
-            known = found.get(pid, ("", []))[1]
-            found[pid] = (one[0], [*one[1], *(trouble for trouble in known if trouble not in one[1])])
-    return {pid: (status, "; ".join(troubles)) for pid, (status, troubles) in found.items()}
+            found.setdefault(_stack_of(path), []).append(one)
+    return {pid: (files[-1].status, "; ".join(_troubles(files))) for pid, files in found.items()}
+
+
+def _troubles(files: Sequence["_Liveness"]) -> list[str]:
+    """Problems in the files of one stack, each once; first, which nodes have not reported yet."""
+    troubles = dict.fromkeys(trouble for one in reversed(files) for trouble in one.troubles)
+    reported = {name for one in files for name in one.reported}
+    awaited = [name for one in files for name in one.awaited if name not in reported]
+    waiting = [f"{STARTING}: waiting for {', '.join(awaited)}"] if awaited else []
+    return [*waiting, *troubles]
 
 
 def reported_armed(folder: Path, pid: int) -> bool:
@@ -124,18 +138,30 @@ def _stack_of(path: Path) -> int:
     return int(path.name.partition(".")[0])
 
 
-def _liveness_of(path: Path, now_s: float) -> tuple[str, list[str]] | None:
-    """Activity and problems of the process behind a liveness file; None without a process."""
+@dataclass(frozen=True, slots=True)
+class _Liveness:
+    """What the file of one process says: activity, problems, nodes that it waits for, and those that have reported."""
+
+    status: str
+    troubles: Sequence[str]
+    awaited: Sequence[str] = ()
+    reported: Collection[str] = ()
+
+
+def _liveness_of(path: Path, now_s: float) -> _Liveness | None:
+    """Liveness of the process behind a file; None without a process."""
     if (beat := owned_document(path)) is None:
         return None
     age_s, pid, of_nodes = now_s - beat["at_s"], _stack_of(path), path.name.endswith(NODES)
     if not of_nodes and is_stopped(pid):
-        return "", [f"process {pid}: stopped, as by Ctrl-Z; nothing supervises it until `kill -CONT {pid}`"]
+        return _Liveness("", [f"process {pid}: stopped, as by Ctrl-Z; nothing supervises it until `kill -CONT {pid}`"])
+    reported = beat["troubles"] if of_nodes else ()
     if not 0.0 <= age_s <= DEAD_S:
         who = f"safety monitor of process {pid}" if of_nodes else f"process {pid}"
-        return "", [f"{who}: no heartbeat for {abs(age_s):.0f} s; restart it"]
+        return _Liveness("", [f"{who}: no heartbeat for {abs(age_s):.0f} s; restart it"], reported=reported)
     troubles = [f"{name}: {trouble}" for name, trouble in beat["troubles"].items() if trouble]
-    return beat["status"], [*silent(beats(path.parent, pid, now_s)), *troubles]
+    late = silent(beats(path.parent, pid, now_s))
+    return _Liveness(beat["status"], [*late, *troubles], beat.get("awaited", ()), reported)
 
 
 def beats(folder: Path, pid: int, now_s: float) -> dict[str, float]:

@@ -14,17 +14,17 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from hindrax_bag.read.recovery import begin_completion, unfinished_files
 from hindrax_bag.run_folder import RUNS, RunFolder, make_run_folder, remove_oldest
 from hindrax_bringup.child_process import STOP_SIGNALS
-from hindrax_bringup.liveness import STARTING, LivenessFile, reported_armed, tool_liveness
+from hindrax_bringup.liveness import PROCESSES_START, LivenessFile, reported_armed, tool_liveness
 from hindrax_bringup.network.tether import FOREVER_S, Tether, address_of, wait_for_address
 from hindrax_bringup.process_state import is_stopped
-from hindrax_bringup.processes import EVERY, MOCK, ONBOARD, REPLAY, SAFETY_MONITOR, THRUSTERS
+from hindrax_bringup.processes import EVERY, MOCK, ONBOARD, REPLAY, SAFETY_MONITOR, SENSORS, THRUSTERS
 from hindrax_bringup.ros_graph import PROFILE, full_shared_memory, graph_settings, set_aside
 from hindrax_bringup.stack import OTHER_WORLD, Stack, adopted, own_domain, stack_environment
 from hindrax_bringup.stack_lock import CLONE, StackLock, announced, runtime_folder, stacks
@@ -33,7 +33,7 @@ from hindrax_bringup.supervisor import Supervisor, stop_signals
 from hindrax_core.errors import INTERRUPTED, HindraxError, cause
 from hindrax_core.stack_time import STEP_S, StackTime
 from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whole
-from hindrax_core.vehicle import load_vehicle
+from hindrax_core.vehicle import Vehicle, load_vehicle
 
 VITAL = {MOCK.name, REPLAY.name, THRUSTERS.name, SAFETY_MONITOR.name}
 """Without these nothing is left to operate; without another one the rest still serves."""
@@ -75,7 +75,7 @@ def _run(options: UpOptions, run: int, domain: int | None, over: Callable[[], bo
     supervised = Supervisor(folder.logs, made, show_reports=not options.client, forks=True, restarts=options.restarts)
     # The client library reads the settings of the graph as it is imported, which is here.
     with adopted(made), supervised as supervisor:
-        beating.beat(options.purpose, STARTING)
+        beating.beat(options.purpose, PROCESSES_START)
         stack = Stack(folder, supervisor, options.client or "up", options.tuning)
         without_operator = options.without_operator if options.tether else ""
         onboard = None if options.processes is None else [one for one in EVERY if one.name in options.processes]
@@ -188,14 +188,24 @@ def _look_after(
     supervisor: Supervisor, over: Callable[[], bool], options: UpOptions, address: str, beating: LivenessFile
 ) -> None:
     needed = VITAL if options.needed is None else set(options.needed)
+    awaited = awaited_nodes(supervisor.children, load_vehicle(options.vehicle_file))
     while not over():
         time.sleep(TURN_S)
         for sentence in supervisor.check():
             print_stderr(sentence)
         _require_same(options.tether, address)
         frozen = bool(options.client) and is_stopped(os.getppid())
-        beating.beat(options.purpose, {options.purpose: "stopped, as by Ctrl-Z"} if frozen else {})
+        troubles = {options.purpose: "stopped, as by Ctrl-Z"} if frozen else {}
+        beating.beat(options.purpose, troubles, awaited=awaited)
         supervisor.require(*(supervisor.children.keys() - needed))
+
+
+def awaited_nodes(running: Container[str], vehicle: Vehicle) -> tuple[str, ...]:
+    """Nodes of the devices, each of which reports once before the stack is well: those of processes that run."""
+    if SAFETY_MONITOR.name not in running:  # who listens to them
+        return ()
+    of_processes = {SENSORS: tuple(vehicle.sensors), THRUSTERS: THRUSTERS.nodes}
+    return tuple(node for process, nodes in of_processes.items() if process.name in running for node in nodes)
 
 
 def _require_same(tether: Tether | None, address: str) -> None:

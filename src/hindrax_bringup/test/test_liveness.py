@@ -15,6 +15,7 @@ from hindrax_bringup.liveness import (
     NOBODY,
     NODES,
     NOTIFY,
+    PROCESSES_START,
     LivenessFile,
     beats,
     health_change,
@@ -111,6 +112,30 @@ def test_what_is_wrong_with_its_nodes_is_reported_of_a_stack_and_of_one_that_lau
     nodes.close()
     tool.close()
     assert liveness_of_stacks(tmp_path, now_s) == {}
+
+
+def test_a_stack_is_starting_until_each_of_its_devices_has_reported_once(tmp_path: Path) -> None:
+    runtime, tool = tmp_path / "runtime", tool_liveness()
+    tool.beat("up", PROCESSES_START)
+    assert stacks_well(runtime, time.monotonic()) == (False, "starting: waiting for the processes")
+    tool._next_s = 0.0
+    tool.beat("up", {}, awaited=("dvl75", "ms5837"))
+    assert stacks_well(runtime, time.monotonic()) == (False, "starting: waiting for dvl75, ms5837")
+    nodes = LivenessFile(runtime / f"{os.getpid()}{NODES}")
+    nodes.beat("nodes in /hindrax", {"dvl75": "no bottom lock", "pilot": ""})
+    wrong = "starting: waiting for ms5837; dvl75: no bottom lock"
+    assert stacks_well(runtime, time.monotonic()) == (False, wrong), "what is known already is said too"
+    nodes._next_s = 0.0
+    nodes.beat("nodes in /hindrax", {"dvl75": "", "ms5837": ""})
+    now_s = time.monotonic()
+    assert stacks_well(runtime, now_s) == (True, "up")
+    # A safety monitor that has died has heard them all: it does not make its stack one that is starting.
+    tool._next_s = now_s + 60.0
+    monitor = json.loads((runtime / f"{os.getpid()}{NODES}").read_text())
+    (runtime / f"{os.getpid()}{NODES}").write_text(json.dumps({**monitor, "at_s": now_s - 60.0}))
+    assert "starting" not in stacks_well(runtime, now_s)[1]
+    tool.close()
+    nodes.close()
 
 
 def test_a_pulse_whose_folder_has_gone_ends_nothing(tmp_path: Path) -> None:

@@ -11,8 +11,11 @@ from hindrax_bag.read.bag_reader import messages
 from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_bag.write.limits import BagLimits
 from hindrax_bringup.liveness import LATE_S, NODES, LivenessFile, reported_armed
-from hindrax_bringup.stack_runner import SETTLED_S, ClockStep, complete_earlier
+from hindrax_bringup.processes import ONBOARD, REPLAYED
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.stack_runner import SETTLED_S, ClockStep, awaited_nodes, complete_earlier
 from hindrax_core.stack_time import StackTime, epoch_ns
+from hindrax_core.vehicle import load_vehicle
 
 WORD = Channel("/demo/word", "demo_msgs/msg/Word")
 
@@ -81,3 +84,10 @@ def test_a_frozen_safety_monitor_receives_no_armed_thrusters(tmp_path: Path, mon
     for age_s, armed in ((LATE_S - 0.1, True), (LATE_S + 0.1, False)):
         monkeypatch.setattr("hindrax_bringup.liveness.time.monotonic", lambda age_s=age_s: reported_s + age_s)
         assert reported_armed(tmp_path, 7) is armed
+
+
+def test_a_stack_waits_for_the_report_of_each_of_its_devices_where_somebody_listens() -> None:
+    vehicle = load_vehicle(default_vehicle())
+    assert awaited_nodes([one.name for one in ONBOARD], vehicle) == (*vehicle.sensors, "thrusters")
+    assert awaited_nodes([one.name for one in REPLAYED], vehicle) == (), "no safety monitor"
+    assert awaited_nodes(["safety_monitor", "thrusters"], vehicle) == ("thrusters",)

@@ -12,7 +12,7 @@ from hindrax_core.text.screen_text import print_fitted
 
 @command("./hindrax health || ./hindrax doctor")
 def health(_arguments: argparse.Namespace) -> int:
-    """One line about every stack on this machine; exit 1 unless all are up and healthy (`doctor` shows why)."""
+    """One line about every stack on this machine; exit 1 while one is starting or unwell (`doctor` shows why)."""
     try:
         well, sentence = stacks_well(runtime_folder(), time.monotonic())
     except OSError as error:
