@@ -124,7 +124,7 @@ def show_findings() -> None:
         Finding("T3 (channel 2)", "wrong", "55 deg", "pushes the other way", 0.99, "turn it", (Mend(("name",), 1),)),
         Finding("depth", "proven", "down", "down"),
     )
-    commission._show(Findings(rows, "", {}), ["  runs/a/commissioning.svg"])
+    commission._show(Findings(rows, "", {}), ["  runs/a/commissioning.svg"], "runs/a/commissioning.txt")
 
 
 def show_plan() -> None:
@@ -446,6 +446,27 @@ def show_session_of_all_motions() -> None:
     show_all_motions(session=PoolSession({"mock": None, "motions": list(AXES)}, (), done=steps))
 
 
+def show_doubtful_findings(verdict: str, count: int, ended: str = "") -> None:
+    """A vehicle of eight thrusters and five sensors, of which the last rows are in doubt."""
+    fine = [Finding(f"T{at}", "proven", f"channel {at}", "pushes as claimed, 84 % of its curve") for at in range(1, 9)]
+    fine += [
+        Finding("lag of the thrusters", "measured", "0.15 s", "0.15 s, roughly"),
+        Finding("trim at rest", "measured", "level", "roll +0.8, pitch +1.1 deg"),
+        Finding("dvl75 mount", "proven", "[0.0, 0.0, 0.0]", "its velocities follow the motion (98%)"),
+        Finding("ping1d mount", "proven", "[0.0, 0.0, 0.0]", "has an echo that follows the depth"),
+        Finding("ms5837 direction", "proven", "deeper is more", "deeper is more"),
+        Finding("icm20948 magnetometer", "proven", "turns with the gyroscope", "explains 99% of the turning"),
+    ]
+    mends = [Mend(("thrusters", f"T{at}", "reversed"), True) for at in range(8)] if verdict == "wrong" else []
+    doubt = [
+        replace(row, verdict=verdict, found="the vehicle was not dived", remedy="look at it, and mend the file")
+        for row in fine[-count:]
+    ]
+    kept = [f"  {one.line}" for one in mends[:count]]
+    files = "  runs/2026-05-04_10-00-00/commissioning.svg", "runs/2026-05-04_10-00-00/commissioning.txt"
+    commission._show(Findings((*fine[:-count], *doubt), ended), [*kept, files[0]], files[1])
+
+
 VEHICLES = ("hindrax", "bluerov2", "bluerov2-heavy", "lbv")
 OF_A_VEHICLE = (
     "vehicle show {}",
@@ -469,6 +490,16 @@ FULL: dict[str, Callable[[], object]] = {
     "pool-test --plan": show_long_plan,
     "pool-test --plan, refused": partial(show_long_plan, "the DVL loses the bottom", "it hardly moved: speed 0.01 m/s"),
     "faults, all": show_many_faults,
+    "commission, open": partial(show_doubtful_findings, "open", 2),
+    "commission, ended": partial(
+        show_doubtful_findings,
+        "open",
+        2,
+        "commission: tilted by 20.2 deg from rest, wanted at most 20.0 deg; let it come to rest, check its trim and "
+        "the thrusters of the file, and commission again",
+    ),
+    "commission, wrong": partial(show_doubtful_findings, "wrong", 3),
+    "commission, nothing as claimed": partial(show_doubtful_findings, "wrong", 14),
     "thruster fit": show_thruster_fit,
     "bench, all": show_many_rates,
     "bag list, many": show_many_bags,
@@ -503,9 +534,9 @@ def test_a_vehicle_that_is_proven_is_one_screen(
 ) -> None:
     monkeypatch.setattr(terminal, "console", lambda: Console(width=80, file=sys.stdout))
     thruster = Finding("lag of the thrusters", "proven", "channel 2, 0.15 s", "pushes as claimed, 107 % of its curve")
-    commission._show(Findings((thruster,) * 16, "", {}), ["  runs/a/commissioning.svg"])
+    commission._show(Findings((thruster,) * 16, "", {}), ["  runs/a/commissioning.svg"], "runs/a/commissioning.txt")
     assert len(capsys.readouterr().out.splitlines()) <= 23
-    commission._show(Findings((thruster, replace(thruster, verdict="wrong")), "", {}), [])
+    commission._show(Findings((thruster, replace(thruster, verdict="wrong")), "", {}), [], "")
     assert "channel 2" in capsys.readouterr().out
 
 

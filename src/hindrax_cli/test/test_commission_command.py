@@ -7,9 +7,10 @@ from types import SimpleNamespace
 
 import pytest
 
+from hindrax_analysis import terminal
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.operate import commission
-from hindrax_control.commissioning.findings import TRIM, WRONG, Finding, Findings
+from hindrax_control.commissioning.findings import OPEN, PROVEN, TRIM, WRONG, Finding, Findings
 from hindrax_core.errors import HindraxError
 from hindrax_operator import commissioning_run
 
@@ -45,3 +46,24 @@ def test_who_cannot_trim_a_drawn_list_is_told_what_to_draw_instead(
     said = " ".join(capsys.readouterr().out.split())
     assert ("another --seed, or --world pool,center_of_mass=0.001" in said) is hinted
     assert "trim it" in said
+
+
+def test_what_is_in_doubt_comes_first_and_the_folder_has_the_whole_table(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    thrusters = tuple(Finding(f"T{at}", PROVEN, f"channel {at}", "pushes as claimed, 84 %") for at in range(1, 20))
+    found = Findings((*thrusters, Finding("ms5837 direction", OPEN, "deeper is more", "the vehicle was not dived")))
+    monkeypatch.setattr(commission, "_in_mock", lambda _: (found, SimpleNamespace(path=tmp_path), ""))
+    monkeypatch.setattr(terminal, "screen_rows", lambda: 23)
+    assert main(["commission", "--mock"]) == 1
+    printed = capsys.readouterr().out
+    assert printed.startswith("open: ms5837 direction\n")
+    assert "channel 7" not in printed
+    assert "as claimed, or measured: T1, T2, " in printed
+    assert "commission it again, with room to turn and to dive" in printed
+    (named,) = (line for line in printed.splitlines() if line.startswith("the whole table: "))
+    assert Path(named.partition(": ")[2]) == tmp_path / "commissioning.txt"
+    whole = (tmp_path / "commissioning.txt").read_text(encoding="utf-8")
+    assert [
+        words for words in ("channel 7", "pushes as claimed", "the vehicle was not dived") if words not in whole
+    ] == []

@@ -1,27 +1,34 @@
 """`hindrax commission`: the vehicle proves in the water what its file claims."""
 
 import argparse
+import io
+import sys
+from collections.abc import Sequence
+from contextlib import redirect_stdout
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 
-from hindrax_analysis.terminal import print_answer, print_table
+from hindrax_analysis.terminal import print_answer, print_table, print_what_fits
 from hindrax_bag.run_folder import RunFolder, make_run_folder
 from hindrax_bringup.stack import MockOptions
 from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_cli.command import command, option
 from hindrax_cli.commands.operate.up_stop import add_mock_options, require_known
 from hindrax_cli.vehicle_edit import add_write, require_editable, set_keys
-from hindrax_control.commissioning.findings import MEASURED, PROVEN, TRIM, Findings, table
+from hindrax_control.commissioning.findings import MEASURED, PROVEN, TRIM, Finding, Findings, table
 from hindrax_control.commissioning.picture import svg
 from hindrax_control.commissioning.record import geometry_hash, proof
 from hindrax_core.errors import UsageError
-from hindrax_core.text.screen_text import print_fitted, print_stderr
+from hindrax_core.text.screen_text import fitted, print_fitted, print_stderr, screen_width
 from hindrax_core.vehicle import load_vehicle
 from hindrax_operator.connection import add_stack, joined, ordered_stack
 
 TRIMMED_IN_MOCK = "in mock the list is drawn by the seed: take another --seed, or --world pool,center_of_mass=0.001"
+TITLE = "Claims of the vehicle file, and findings"
+AS_CLAIMED = (PROVEN, MEASURED)
+OPEN_AGAIN = "nothing showed what is open: commission it again, with room to turn and to dive"
 COMMISSION_AGAIN = "the file has changed: end the stack, start it with this file, and commission it again"
 
 
@@ -51,11 +58,12 @@ def commission(arguments: argparse.Namespace) -> int:
         raise UsageError("--fault, --world, --simulator, --rate and --seed are for --mock only")
     findings, folder, bag = _in_mock(arguments) if arguments.mock else _beside(arguments)
     vehicle = load_vehicle(arguments.vehicle)
-    picture = folder.path / "commissioning.svg"
+    picture, file = folder.path / "commissioning.svg", folder.path / "commissioning.txt"
     picture.write_text(svg(vehicle, findings), encoding="utf-8")
     kept = _keep(arguments, findings, bag)
+    file.write_text(whole_table(findings, kept), encoding="utf-8")
     document = _document(findings) | {"bag": bag, "picture": str(picture), "written": arguments.write and bool(kept)}
-    print_answer(document, lambda: _show(findings, [*kept, f"  {picture}"]), as_json=arguments.json)
+    print_answer(document, lambda: _show(findings, [*kept, f"  {picture}"], str(file)), as_json=arguments.json)
     return 0 if findings.complete else 1
 
 
@@ -100,7 +108,7 @@ def _keep(arguments: argparse.Namespace, findings: Findings, bag: str) -> list[s
         return [TRIMMED_IN_MOCK]
     record = proof(load_vehicle(file), findings, bag, datetime.now(UTC).date().isoformat())
     if record is None:
-        return []
+        return [] if findings.wrong or findings.ended else [OPEN_AGAIN]
     if not arguments.write:
         return ["everything is proven; --write puts the record of it into the file"]
     set_keys(file, [(("commissioned",), asdict(record))])
@@ -113,14 +121,48 @@ def _document(findings: Findings) -> dict[str, object]:
     return {"findings": rows, "ended": findings.ended, "complete": findings.complete, "wrenches": findings.wrenches}
 
 
-def _show(findings: Findings, kept: list[str]) -> None:
-    title = "Claims of the vehicle file, and findings"
-    rows = table(findings)
-    if all(row.verdict in (PROVEN, MEASURED) for row in findings.rows):  # what was claimed stands in the file
-        print_table(title, ["verdict", "claim"], [], [(*names, found) for *names, _, found in rows], ["found"])
+def _show(findings: Findings, kept: Sequence[str], file: str) -> None:
+    """Print what is wrong or open, and what to do; where the screen has too few lines, the rest by its names.
+
+    `file`: that of the whole table.
+    """
+    ended = f"ended early: {findings.ended}" if findings.ended else ""
+    if ended:
+        print_stderr(ended)
+    doubtful = [row for row in findings.rows if row.verdict not in AS_CLAIMED]
+    fine = ", ".join(row.claim for row in findings.rows if row.verdict in AS_CLAIMED)
+    rest = f"as claimed, or measured: {fine}" if fine else ""
+
+    def way(rows: Sequence[Finding], *more: str, claims: bool = True) -> None:
+        if not findings.complete:
+            print_fitted(findings.sentence)
+        if rows:
+            _print_rows(rows, claims=claims)
+        for line in filter(None, (*more, *kept)):
+            print_fitted(line)
+
+    print_what_fits(
+        partial(way, findings.rows, claims=bool(doubtful)),  # of what is as claimed the file says the rest
+        partial(way, doubtful, rest, f"the whole table: {file}"),
+        partial(way, doubtful, f"the whole table: {file}", claims=False),
+        partial(way, [], f"what was found: {file}"),
+        above=len(fitted(ended, screen_width(sys.stderr)).splitlines()),
+    )
+
+
+def _print_rows(rows: Sequence[Finding], *, claims: bool) -> None:
+    """Print findings as a table; `claims`: whether with the claims of the file."""
+    cells = table(Findings(tuple(rows)))
+    if claims:
+        print_table(TITLE, ["verdict", "claim", "claimed"], [], cells, ["found"])
     else:
-        print_table(title, ["verdict", "claim", "claimed"], [], rows, ["found"])
-    if findings.ended:
-        print_stderr(f"ended early: {findings.ended}")
-    for line in kept:
-        print_fitted(line)
+        print_table(TITLE, ["verdict", "claim"], [], [(*names, found) for *names, _, found in cells], ["found"])
+
+
+def whole_table(findings: Findings, kept: Sequence[str]) -> str:
+    """All that was found, as wide as it is, for the folder of the run."""
+    with redirect_stdout(io.StringIO()) as text:
+        _print_rows(findings.rows, claims=True)
+        for line in filter(None, (f"ended early: {findings.ended}" if findings.ended else "", *kept)):
+            print_fitted(line)
+    return text.getvalue()
