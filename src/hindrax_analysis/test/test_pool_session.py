@@ -159,6 +159,13 @@ def test_the_next_step_is_the_cheapest_for_the_motion_farthest_from_its_goal() -
     assert next_sentence(session).startswith("surge is known to 20.0%, wanted 5%; the weighing can buy 10.0%")
     finished = replace(session, planned=session.planned[: len(session.done)])
     assert next_sentence(finished).endswith("end at 9.0%, by inflow loss: coast")
+    vague = after_legs(began, {"surge": replace(wide, drag=3.2)})
+    assert next_sentence(vague).startswith("surge is unknown, wanted 5%; the weighing can buy 10.0%")
+    lost = after_legs(began, {"surge": replace(wide, drag=42.79, weighed=10.99, repeated=31.0)})
+    assert (
+        next_sentence(lost)
+        == "the drag of surge stays unknown after a weighing or a repeat: fly it faster, or for longer"
+    )
     good = replace(wide, drag=0.04)
     assert "as well known as wanted" in next_sentence(after_legs(began, {"surge": good}))
     assert meets("surge", good)

@@ -16,9 +16,12 @@ from hindrax_analysis.identification.verdict import (
     show_next,
     show_verdicts,
 )
+from hindrax_analysis.next_step import lacking
+from hindrax_analysis.report.run_page import _next
 from hindrax_core.text import screen_text
 from hindrax_core.text.digits import TWO_SIDED_95
 from hindrax_ident.assess.influences import INFLUENCES
+from hindrax_ident.assess.objections import Code, objection
 from hindrax_ident.assess.results import DragBand, MotionResult, NextStep
 from hindrax_ident.remedies import FLY_TWICE, THRUSTER_SWEEP, WEIGH_THRUST, Remedy
 
@@ -92,6 +95,35 @@ def test_the_next_experiment_is_that_of_the_worst_motion_and_states_what_it_buys
     printed = capsys.readouterr().out.splitlines()
     assert printed[0] == f"best next step: {FLY_TWICE}; std of the drag of heave_down 10.0% -> 7.5% at best"
     assert printed[1:] == ["  ./hindrax pool-test --mock --dof heave"]
+
+
+def test_where_no_step_makes_a_drag_known_it_says_what_the_record_lacks_and_no_such_numbers(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    unknown = objection(Code.UNKNOWN_DRAG, wanted=0.2, influence="drag of the tether", remedy="fly near its end")
+    still = objection(Code.HARDLY_MOVED, speed=0.01, unit="m/s")
+    wide = replace(
+        SURGE,
+        identifiable=False,
+        drag=DragBand(SPEED, FORCE, STD, 400.0 * STD),
+        reasons=(unknown, still),
+        next_step=NextStep(WEIGH_THRUST, 220.0),
+    )
+    wider = replace(wide, motion="sway", next_step=NextStep(WEIGH_THRUST, 700.0))
+    show_verdicts({"surge": wide}, {})
+    assert rows(capsys.readouterr().out)[0][3] == ">100%"
+    show_next({"sway": wider, "surge": wide}, NextFlight())
+    assert capsys.readouterr().out == (
+        f"best next step: another record of surge; this one lacks: {still}\n  ./hindrax pool-test --dof surge\n"
+    )
+    on_page = _next(wide)
+    assert str(still) in on_page
+    assert "%" not in on_page
+    assert lacking(replace(wide, reasons=(unknown,))) == unknown, "there is nothing else"
+    assert "fly it faster" in lacking(replace(wide, reasons=()))
+    show_next({"surge": replace(wide, next_step=NextStep(FLY_TWICE, 8.0))}, NextFlight())
+    bought = "std of the drag of surge >100% -> 40.0% at best"
+    assert capsys.readouterr().out.splitlines()[0] == f"best next step: {FLY_TWICE}; {bought}"
 
 
 @pytest.mark.parametrize(

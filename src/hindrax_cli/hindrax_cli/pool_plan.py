@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from hindrax_analysis.identification.verdict import REJECTED
+from hindrax_analysis.next_step import quoted_share
 from hindrax_analysis.terminal import print_answer, print_table, print_what_fits, working
 from hindrax_control.maneuver.goal import motions_to_fly
 from hindrax_core.errors import UsageError
@@ -57,7 +58,7 @@ def predicted_of(arguments: argparse.Namespace, aim: Aim) -> Mapping[str, float]
     with working("rehearsing") as reached:
         found = rehearse(motions, arguments.seed, vehicle=vehicle, aim=aim, report=reached)
     bands = {motion: band.calibrated for motion, band in found.bands.items() if math.isfinite(band.calibrated)}
-    each = ", ".join(f"{motion} {share:.1%}" for motion, share in bands.items())
+    each = ", ".join(f"{motion} {quoted_share(share)}" for motion, share in bands.items())
     ended = f"aborted by {found.aborted}" if found.aborted else found.ended
     text = f"predicted: {found.seconds:.0f} s in the water; deviation of the drag at the highest speed: {each}; {ended}"
     print_stderr(text)
@@ -99,7 +100,7 @@ def _show_tables(found: Rehearsal, *, dense: bool) -> None:
     rows = []
     for motion, band in found.bands.items():
         shares = (band.noise, band.calibrated, band.added_mass)
-        percents = ("" if math.isnan(share) else f"{100 * share:.1f}" for share in shares)
+        percents = ("" if math.isnan(share) else quoted_share(share).rstrip("%") for share in shares)
         unit, _ = axis_units(MOTIONS[motion].axis)
         rows.append((f"{motion}{REJECTED if band.reasons else ''}", f"{band.speed:.2f} {unit}", *percents))
     title = "Standard deviations to be expected: of the drag, by noise and in all; of added mass"

@@ -14,6 +14,7 @@ from typing import Any, Protocol
 
 import yaml
 
+from hindrax_analysis.next_step import UNKNOWN, quoted_share
 from hindrax_core.errors import UsageError, cause
 from hindrax_core.text.text_file import replace_text, writing
 from hindrax_core.vehicle import AxisGain, Vehicle
@@ -334,9 +335,11 @@ def next_sentence(session: PoolSession) -> str:
     if motion is None:
         known = any(math.isfinite(one.drag) for one in session.reached.values())
         return "the drag of every motion is as well known as wanted" if known else "no motion has a drag yet"
-    one = session.reached[motion]
-    at = f"{motion} is known to {one.drag:.1%}, wanted {drag_goal(motion):.0%}"
-    best = min(one.weighed, one.repeated)
+    one, best = session.reached[motion], min(session.reached[motion].weighed, session.reached[motion].repeated)
+    if best >= UNKNOWN:
+        return f"the drag of {motion} stays unknown after a weighing or a repeat: fly it faster, or for longer"
+    now = f"known to {quoted_share(one.drag)}" if one.drag < UNKNOWN else "unknown"
+    at = f"{motion} is {now}, wanted {drag_goal(motion):.0%}"
     if session.left and best < 0.9 * one.drag:
         what = "the weighing" if one.weighed <= one.repeated else "a repeat"
         return f"{at}; {what} can buy {best:.1%} at best"

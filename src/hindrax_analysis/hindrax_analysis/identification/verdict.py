@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from hindrax_analysis.identification.pool_session import WEIGHED
+from hindrax_analysis.next_step import UNKNOWN, lacking, quoted_share, shares_of_step
 from hindrax_analysis.terminal import print_table
 from hindrax_core.text.digits import TWO_SIDED_95, last_place
 from hindrax_core.text.screen_text import print_fitted, print_whole
 from hindrax_ident.assess.quality import FORCE_SHARE
 from hindrax_ident.assess.results import MotionResult
 from hindrax_ident.model.motion_model import MOTIONS, axis_units
-from hindrax_ident.remedies import WEIGH_THRUST, Remedy
+from hindrax_ident.remedies import FLY_TWICE, WEIGH_THRUST, Remedy
 
 ERROR, STILL = "held_out_rmse", "held_out_rmse_stays_still"
 TITLE = f"Verdict: drag at highest speed (std below {FORCE_SHARE:.0%} is good), held-out error (still)"
@@ -98,7 +99,7 @@ def show_verdicts(motions: Mapping[str, MotionResult], predicted: Mapping[str, f
     numbers = ("drag", "95 % interval", "std", *((REHEARSED,) if predicted else ()), HELD_OUT)
     rows = []
     for motion, result in motions.items():
-        before = (f"{predicted[motion]:.0%}" if motion in predicted else "",) if predicted else ()
+        before = (quoted_share(predicted[motion], 0) if motion in predicted else "",) if predicted else ()
         rows.append((marked(result), *_drag(result), *before, _held_out(result)))
     if any(one.drag is not None for one in motions.values()):  # else the reasons say it all
         print_table(TITLE, ("motion",), numbers, rows, spare=(HELD_OUT, REHEARSED), dense=dense)
@@ -118,7 +119,7 @@ def _drag(result: MotionResult) -> tuple[str, str, str]:
     if result.drag.corrected is not None:
         ends = result.drag.corrected.at(-1).interval95
     low, high = (f"{end:z.{digits}f}" for end in ends)
-    share = f"{std / force:.0%}" if force > 0.0 else ""
+    share = quoted_share(std / force, 0) if force > 0.0 else ""
     return f"{force:.{digits}f} {unit} at {speed:.2g} {rate}", f"{low} to {high}", share
 
 
@@ -135,30 +136,34 @@ def _short(error: float) -> str:
 
 
 def show_next(motions: Mapping[str, MotionResult], following: NextCommand) -> None:
-    """Print the best next step for the worst drag, what it buys at best, and its command."""
-    known = [(share, one) for one in motions.values() if (share := _share(one)) is not None]
+    """Print the best next step for the worst drag, what it buys at best, and its command.
+
+    Where the drag of every motion stays unknown after it, print what the record of the nearest one lacks.
+
+    Parameters
+    ----------
+    motions
+        Results by motion.
+    following
+        Knows the command of a step.
+    """
+    steps = {name: shares for name, one in motions.items() if (shares := shares_of_step(one)) is not None}
     # Of a motion that hardly moved nothing would be known after the next step either.
-    known = [(share, one) for share, one in known if share < 1.0] or known
-    if not known:
+    if known := {name: shares for name, shares in steps.items() if shares[0] < UNKNOWN}:
+        worst = motions[max(known, key=known.__getitem__)]
+    elif steps:
+        worst = motions[min(steps, key=lambda name: steps[name][1])]
+    else:
         return
-    share, worst = max(known, key=lambda pair: pair[0])
-    step, drag = worst.next_step, worst.drag
+    (now, then), step = steps[worst.motion], worst.next_step
     assert step is not None
-    assert drag is not None
-    then = step.std / drag.quoted(-1)[0]
-    bought = f"std of the drag of {worst.motion} {share:.1%} -> {then:.1%} at best"
-    words = following.words(worst.motion, step.remedy)
-    print_fitted(f"best next step: {WEIGHING if SESSION in words else step.remedy}; {bought}")
+    if then < UNKNOWN:
+        words = following.words(worst.motion, step.remedy)
+        what = WEIGHING if SESSION in words else step.remedy
+        bought = f"std of the drag of {worst.motion} {quoted_share(now)} -> {quoted_share(then)} at best"
+        print_fitted(f"best next step: {what}; {bought}")
+    else:
+        words = following.words(worst.motion, FLY_TWICE)
+        print_fitted(f"best next step: another record of {worst.motion}; this one lacks: {lacking(worst)}")
     if words:
         print_whole(f"  {' '.join(words)}")
-
-
-def _share(result: MotionResult) -> float | None:
-    """Deviation of the drag of a motion as a share of it; None where there is no drag or nothing to do next."""
-    if result.drag is None or result.next_step is None:
-        return None
-    force, std = result.drag.quoted(-1)
-    if not force > 0.0:
-        return None
-    share = std / force
-    return share if math.isfinite(share) else None

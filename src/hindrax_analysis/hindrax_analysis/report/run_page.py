@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from html import escape
 
 from hindrax_analysis.coefficients_file import MOCK_WORLD, TABULATED, ResultConditions, SavedCoefficients
+from hindrax_analysis.next_step import UNKNOWN, lacking, quoted_share, shares_of_step
 from hindrax_analysis.published import CITATION, PAPER, published_of
 from hindrax_analysis.report.chart import figure
 from hindrax_analysis.report.figures import (
@@ -185,15 +186,18 @@ def _motion(report: RunReport, result: MotionResult) -> str:
 
 
 def _next(result: MotionResult) -> str:
-    """Next experiment, and the deviation of the drag after it."""
-    step, drag = result.next_step, result.drag
-    force, std = drag.quoted(-1) if drag is not None else (0.0, 0.0)
-    if step is None or not force > 0.0:
+    """Next experiment, and the deviation of the drag after it; what comes first where the drag stays unknown."""
+    step, shares = result.next_step, shares_of_step(result)
+    if step is None or shares is None:
         return ""
-    now, then = (f"{one / force:.1%}" for one in (std, step.std))
-    text = (
-        f"Best next step: {step.remedy}. Standard deviation of the drag at the highest speed: {then} instead of {now}."
-    )
+    now, then = shares
+    if then < UNKNOWN:
+        bought = f"{quoted_share(then)} instead of {quoted_share(now)}"
+        text = f"Best next step: {step.remedy}. Standard deviation of the drag at the highest speed: {bought}."
+    else:
+        text = (
+            f"Best next step: another record of this motion. After any other the drag stays unknown: {lacking(result)}."
+        )
     return f"<p>{prose(text)}</p>"
 
 

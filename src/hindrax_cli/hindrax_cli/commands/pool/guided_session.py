@@ -36,6 +36,7 @@ from hindrax_analysis.identification.pool_session import (
     save,
 )
 from hindrax_analysis.identification.record_identification import IdentificationTask, identify_sources, open_sources
+from hindrax_analysis.next_step import quoted_share
 from hindrax_analysis.records.third_party_bag import TopicSelection
 from hindrax_analysis.terminal import print_answer, print_table, print_what_fits, working
 from hindrax_bag.run_folder import RunFolder, make_run_folder
@@ -298,8 +299,8 @@ def _report(folder: Path, session: PoolSession) -> None:
     if step.reached:
         before = replace(session, done=session.done[:-1]).reached
         for motion, one in step.reached.items():
-            was = f"{before[motion].drag:.1%} -> " if motion in before else ""
-            print_stderr(f"{step.name}: drag of {motion} {was}{one.drag:.1%}, wanted {drag_goal(motion):.0%}")
+            was = f"{quoted_share(before[motion].drag)} -> " if motion in before else ""
+            print_stderr(f"{step.name}: drag of {motion} {was}{quoted_share(one.drag)}, wanted {drag_goal(motion):.0%}")
         print_stderr(f"best next step: {next_sentence(session)}")
     print_stderr(f"{step.name}: kept in {folder}; steps left: {len(session.left)}")
 
@@ -362,8 +363,9 @@ def show_session(session: PoolSession, *, short: bool = False) -> None:
     names = [f"after {step.name} [%]" for step in stages]
     rows = []
     for motion, last in session.reached.items():
-        shares = [f"{100 * one.drag:.1f}" if (one := step.reached.get(motion)) else "" for step in stages]
-        cells = (f"{100 * drag_goal(motion):.0f}", *shares, f"{100 * last.added_mass:.1f}", f"{100 * last.floor:.1f}")
+        drags = [one.drag if (one := step.reached.get(motion)) else None for step in stages]
+        shares = ["" if one is None else quoted_share(one) for one in (*drags, last.added_mass, last.floor)]
+        cells = (f"{100 * drag_goal(motion):.0f}", *(one.rstrip("%") for one in shares))
         rows.append((motion, *cells, "" if short else last.cause))
     minutes = f"{session.seconds / 60.0:.0f} min of water"
     title = f"Session, {minutes}: std of the drag at the highest speed; at best: thrust weighed, half the noise"
