@@ -2,11 +2,13 @@
 
 import argparse
 import json
+import math
 import os
 import select
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from hindrax_analysis.identification.known_weight import Weighing
@@ -15,8 +17,13 @@ from hindrax_cli.command_line import main
 from hindrax_cli.commands.experiment import weigh
 from hindrax_core.errors import HindraxError
 from hindrax_core.vehicle import AxisGain, load_vehicle
+from hindrax_ident.model.motion_model import model_of
+from hindrax_ident.online.session import Session
+from hindrax_ident.remedies import WEIGH_THRUST
+from hindrax_ident.testing.synthetic_runs import DVL, back_and_forth, events, fly
 from hindrax_sim.flights import weighing_flight
 
+SURGE = np.array([66.48, 1.25, 0.0, 27.3])
 COMMENT = "# Poses are not published"
 
 
@@ -78,6 +85,27 @@ def test_each_axis_is_kept_beside_the_others_and_a_second_weighing_takes_the_pla
     assert {axis: gain.positive for axis, gain in found.items()} == {"surge": 0.94, "heave": 0.97}
     after = vehicle_file.read_text(encoding="utf-8").splitlines()
     assert [line for line in after if "thrust_gain" not in line] == before.splitlines()
+
+
+def test_the_next_result_over_the_same_record_knows_of_a_weighing_that_was_written(vehicle_file: Path) -> None:
+    """A step counts by what it leaves in a file: the deviation falls, and it is not the next step again."""
+    before = load_vehicle(vehicle_file)
+    flight = fly(model_of(before, 0), SURGE, back_and_forth((3.0, 8.0, 14.0), 8.0, 96.0), 0.15)
+    flown = list(events(flight, 0, "surge", DVL, np.random.default_rng(1), plateau_s=4.0))
+    gain = AxisGain(load=10.0, sigma=0.004, positive=1.0, negative=1.0)
+    words = argparse.Namespace(vehicle=str(vehicle_file), write=True)
+    weigh._keep(words, before, Weighing("surge", gain, {}, 0.0, 1.0))
+    stds, by_weighing = [], []
+    for vehicle in (before, load_vehicle(vehicle_file)):
+        session = Session(vehicle)
+        for event in flown:
+            session.step(event)
+        result = session.finalize().results.motions["surge"]
+        assert result.drag is not None
+        stds.append(result.drag.quoted(-1)[1])
+        by_weighing.append(math.hypot(*(row.std for row in result.budget["drag"] if row.remedy == WEIGH_THRUST)))
+    assert stds[1] < 0.9 * stds[0]
+    assert by_weighing[1] < 0.5 * by_weighing[0]
 
 
 @pytest.mark.parametrize(("axis", "unit"), [("surge", "N"), ("yaw", "Nm")])
