@@ -94,29 +94,27 @@ def test_an_assessment_comes_from_another_process_as_it_was(assessed: dict[int, 
 class Stand:
     """In the place of fits and budgets: what was asked, and answers of the test's choice."""
 
-    def __init__(
-        self, patch: pytest.MonkeyPatch, fit: OutputErrorFit, *found: tuple[float, float, float, float]
-    ) -> None:
+    def __init__(self, patch: pytest.MonkeyPatch, fit: OutputErrorFit, *found: float) -> None:
         self.starts: list[list[float]] = []
-        self.delays: list[tuple[float, float]] = []
-        self.moved: list[bool] = []
-        self._fit, self._found = fit, iter([*found, *[(0.0, 1.0, 0.0, 1.0)] * 9])
+        self.searched: list[tuple[list[float], float]] = []
+        self._fit, self._found = fit, found or (0.0, 1.0, 0.0, 1.0)
         patch.setattr(module, "refine", self.refine)
-        patch.setattr(module, "budget_of", self.budget_of)
+        patch.setattr(module, "fit_with_delays", self.fit_with_delays)
+        patch.setattr(module, "budget_of", lambda _case: self)
 
-    def refine(self, _model: Model, record: Record, start: Array, _belief: Prior) -> OutputErrorFit:
+    def refine(self, _model: Model, _record: Record, start: Array, _belief: Prior) -> OutputErrorFit:
         self.starts.append(start.tolist())
-        self.delays.append((round(record.lag_s, 9), round(record.latency_s, 9)))
         return replace(self._fit, theta=array(self._fit.theta + 1.0))
 
-    def budget_of(self, case: Any) -> Stand:
-        self.moved.append(case.delay_found)
-        lag_s, lag_sigma, late_s, late_sigma = next(self._found)
-        self.said = {LAG: (lag_s, lag_sigma), LATENCY: (late_s, late_sigma)}
-        return self
+    def fit_with_delays(
+        self, record: Record, start: Array, _model: Model, _belief: Prior, sigma_s: float
+    ) -> tuple[Record, OutputErrorFit]:
+        self.searched.append((start.tolist(), sigma_s))
+        return replace(record, lag_s=0.2, latency_s=-0.01), self._fit
 
     def found(self, name: str) -> tuple[float, float]:
-        return self.said[name]
+        lag_s, lag_sigma, late_s, late_sigma = self._found
+        return {LAG: (lag_s, lag_sigma), LATENCY: (late_s, late_sigma)}[name]
 
 
 @pytest.fixture
@@ -139,47 +137,68 @@ def test_a_draft_starts_from_the_last_online_estimate_or_from_the_prior(
     assert found.fit.theta.tolist() == (surge.fit.theta + 1.0).tolist()
     draft_of(vehicle, surge, {})
     assert stand.starts == [(SURGE * 1.1).tolist(), surge.prior.values.tolist()]
-    assert stand.moved == [False, False]
+    assert not stand.searched
 
 
 @pytest.mark.parametrize(
-    ("found", "delays"),
+    ("found", "contradicts"),
     [
-        # Before anything was moved a delay has to contradict by five deviations, and by 5 ms.
-        ((0.049, 0.01, 0.049, 0.01), None),
-        ((0.051, 0.01, 0.049, 0.01), (0.201, 0.01)),
-        ((0.049, 0.01, -0.051, 0.01), (0.15, -0.041)),
-        ((0.0049, 0.0001, -0.0049, 0.0001), None),
-        ((0.0051, 0.0001, 0.0, 0.0001), (0.1551, 0.01)),
-        ((math.nan, math.nan, math.nan, math.nan), None),
-        ((-1.0, 0.01, 0.0, 0.01), (0.0, 0.01)),
-        ((2.5, 0.01, 3.0, 0.01), (2.0, 2.0)),
-        ((0.0, 0.01, -3.0, 0.01), (0.15, -2.0)),
+        # By five deviations, and by 5 ms.
+        ((0.049, 0.01, 0.049, 0.01), False),
+        ((0.051, 0.01, 0.049, 0.01), True),
+        ((0.049, 0.01, -0.051, 0.01), True),
+        ((0.0049, 0.0001, -0.0049, 0.0001), False),
+        ((0.0051, 0.0001, 0.0, 0.0001), True),
+        ((math.nan, math.nan, math.nan, math.nan), False),
     ],
 )
-def test_delays_that_contradict_the_vehicle_file_are_taken_over(
+def test_delays_that_contradict_the_vehicle_file_are_fitted(
     vehicle: Vehicle, surge: DraftFit, patch: pytest.MonkeyPatch,
-    found: tuple[float, float, float, float], delays: tuple[float, float] | None,
+    found: tuple[float, float, float, float], contradicts: bool,
 ) -> None:  # fmt: skip
-    stand = Stand(patch, surge.fit, found)
+    stand = Stand(patch, surge.fit, *found)
     one = draft_of(vehicle, surge)
-    assert one.moved is (delays is not None)
-    assert stand.delays == [(0.15, 0.01), *([delays] if delays else [])]
-    assert (one.record.lag_s, one.record.latency_s) == pytest.approx(delays or (0.15, 0.01))
-    if delays:
-        # Again from what was found before.
-        assert stand.starts[1] == (surge.fit.theta + 1.0).tolist()
-        assert stand.moved == [False, True]
+    assert one.moved is contradicts
+    # From the fit of before, with the prior deviation that the budget has of them.
+    assert stand.searched == ([((surge.fit.theta + 1.0).tolist(), 0.1)] if contradicts else [])
+    assert (one.record.lag_s, one.record.latency_s) == ((0.2, -0.01) if contradicts else (0.15, 0.01))
 
 
-def test_once_moved_one_deviation_is_enough_and_after_three_rounds_it_is_good(
-    vehicle: Vehicle, surge: DraftFit, patch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("sigmas", "contradicts"), [(2.9, False), (3.1, True)])
+def test_a_mass_below_that_of_the_body_contradicts_the_delays_too(
+    vehicle: Vehicle, surge: DraftFit, patch: pytest.MonkeyPatch, sigmas: float, contradicts: bool
 ) -> None:
-    stand = Stand(patch, surge.fit, (0.06, 0.01, 0.0, 0.01), (0.011, 0.01, 0.009, 0.01), *[(0.02, 0.01, 0.0, 0.01)] * 5)
-    one = draft_of(vehicle, surge)
-    assert stand.delays == [(0.15, 0.01), (0.21, 0.01), (0.221, 0.01), (0.241, 0.01)]
-    assert stand.moved == [False, True, True]
-    assert one.record.lag_s == pytest.approx(0.241)
+    stand = Stand(patch, surge.fit)
+    light = surge.fit.model.rigid - sigmas * math.sqrt(surge.fit.covariance[-1, -1])
+    patch.setattr(module, "refine", lambda *_: replace(surge.fit, theta=array([*surge.fit.theta[:-1], light])))
+    assert draft_of(vehicle, surge).moved is contradicts
+    assert bool(stand.searched) is contradicts
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_mass_of_the_file_that_is_too_large_and_a_lag_that_is_not_there_are_told_apart(
+    vehicle: Vehicle, seed: int
+) -> None:
+    """Heave by coarse depths: as a step at a time, delays went to -0.2 s, or the mass to half of the body's."""
+    body = model_of(vehicle, 2)
+    theta = array([69.0, 0.0, 69.0, 0.0, -0.7, 0.78 * body.rigid])
+    rng = np.random.default_rng(50 + seed)
+    flight = fly(body, theta, back_and_forth((4.0, 8.0, 14.0), 3.0, 60.0), 0.0, 0.02 * rng.standard_normal(4000))
+    t, s = flight.grid.times_s[::20], flight.path.s[::20]
+    coarse = Series(t, array(s + 0.02 * np.random.default_rng(seed).standard_normal(len(t))))
+    record = replace(
+        Record(Series(t[:0], t[:0]), Series(flight.times_s, flight.commands), (Stretch(0.0, 59.9),), lag_s=0.15),
+        position=coarse, prior_delays_s=(0.15, 0.0),
+    )  # fmt: skip
+    found = draft(vehicle, body, record, wide_prior(vehicle, body), {}, tuning=PLAIN)
+    assert found.moved
+    assert found.record.lag_s + found.record.latency_s == pytest.approx(0.0, abs=0.03)
+    assert found.record.latency_s > -0.1
+    one = assess(vehicle, {2: found}, tuning=PLAIN)[0][2]
+    assert (np.abs(one.fit.theta - theta) / np.sqrt(np.diag(one.fit.covariance))).max() < 3.0
+    told = {one.code: one for one in result_of(MOTIONS["heave_down"], one).warnings}[Code.OTHER_MASS]
+    assert "mass_kg" in told
+    assert f"{body.rigid:.3g} kg" in told
 
 
 def test_doubted_delays_are_fitted_together_with_the_rest(vehicle: Vehicle, surge: DraftFit) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from hindrax_core.text.digits import measured
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array, array
-from hindrax_ident.assess.influences import LAG, LATENCY, MODEL, RUN, AxisFit
+from hindrax_ident.assess.influences import FOUND_DELAY_S, LAG, LATENCY, MODEL, RUN, AxisFit
 from hindrax_ident.assess.objections import Code, Objection, objection
 from hindrax_ident.assess.posterior import Draws
 from hindrax_ident.assess.quality import (
@@ -50,12 +50,12 @@ from hindrax_ident.remedies import FLY_TWICE, Remedy
 from hindrax_ident.tuning import Tuning
 
 SPEEDS = 21
-DELAY_ROUNDS = 3
-LONGEST_DELAY_S = 2.0
 CONTRADICTION_SIGMAS = 5.0
 """Water that is not the model has shown delays of four that were none."""
 LEAST_DELAY_S = 0.005
 """Error of a delay below which it is left alone."""
+BOUND_SIGMAS = 3.0
+"""Deviations beyond a bound from which a value is not due to noise, and is shown as it is."""
 MASS_SHARE = 0.3
 """Relative standard deviation above which the mass is not reported."""
 LEAST_CONTRIBUTION = 0.01
@@ -221,28 +221,24 @@ def _assess(draft_fit: DraftFit, budget: Budget) -> Assessment:
 
 
 def _with_delays(vehicle: Vehicle, draft_fit: DraftFit, tuning: Tuning) -> DraftFit:
-    """Refit with lag and latency from the residuals, where they contradict the vehicle file."""
-    for _ in range(DELAY_ROUNDS):
-        record, fit = draft_fit.record, draft_fit.fit
-        budget = budget_of(AxisFit(vehicle, record, fit, tuning, draft_fit.moved))
-        (lag_s, lag_sigma), (late_s, late_sigma) = (budget.found(name) for name in (LAG, LATENCY))
-        least = 1.0 if draft_fit.moved else CONTRADICTION_SIGMAS
-        lag_s, late_s = (
-            missing if abs(missing) > max(LEAST_DELAY_S, least * sigma) else 0.0
-            for missing, sigma in ((lag_s, lag_sigma), (late_s, late_sigma))
-        )
-        later = replace(
-            record,
-            lag_s=min(LONGEST_DELAY_S, max(0.0, record.lag_s + lag_s)),
-            latency_s=min(LONGEST_DELAY_S, max(-LONGEST_DELAY_S, record.latency_s + late_s)),
-        )
-        if (later.lag_s, later.latency_s) == (record.lag_s, record.latency_s):
-            break
-        # Estimate the noise again: delays appeared as unknown forces.
-        draft_fit = replace(
-            draft_fit, record=later, fit=refine(fit.model, later, fit.theta, draft_fit.prior), moved=True
-        )
-    return draft_fit
+    """Fit lag and latency as well, where the record contradicts those of the vehicle file.
+
+    Residuals of a fit with wrong delays show that they are wrong, but not by how much: the mass has taken their place,
+    down to its bound. A mass below that of the body is such a contradiction itself.
+    """
+    record, fit = draft_fit.record, draft_fit.fit
+    budget = budget_of(AxisFit(vehicle, record, fit, tuning, draft_fit.moved))
+    missing = (budget.found(name) for name in (LAG, LATENCY))
+    off = [abs(error_s) > max(LEAST_DELAY_S, CONTRADICTION_SIGMAS * sigma_s) for error_s, sigma_s in missing]
+    if not any(off) and not _below_body(fit.theta[-1], fit.covariance[-1, -1], fit.model.rigid):
+        return draft_fit
+    record, fit = fit_with_delays(record, fit.theta, fit.model, draft_fit.prior, FOUND_DELAY_S)
+    return replace(draft_fit, record=record, fit=fit, moved=True)
+
+
+def _below_body(mass: float, variance: float, rigid: float) -> bool:
+    """Whether a total mass is clearly below that of the body, for the noise of its record."""
+    return mass < rigid - BOUND_SIGMAS * math.sqrt(max(0.0, variance))
 
 
 def result_of(motion: Motion, assessment: Assessment) -> MotionResult:
@@ -302,6 +298,7 @@ def result_of(motion: Motion, assessment: Assessment) -> MotionResult:
         next_step=drag.next_step,
         warnings=(
             *_at_bounds(theta, covariance, model.rigid, reported),
+            *_other_mass(model, theta, covariance, widened, reported),
             *(() if any(one.code in CONTRADICTED for one in reasons) else assessment.budget.warnings()),
             *_unseen(assessment, reported, drag),
         ),
@@ -337,6 +334,18 @@ def _at_bounds(theta: Array, covariance: Array, rigid: float, reported: Reported
         )
         if shown == least and value < least
     )
+
+
+def _other_mass(
+    model: Model, theta: Array, covariance: Array, calibrated: Array, reported: ReportedParameters
+) -> tuple[Objection, ...]:
+    """Objection to the mass of the vehicle file, where the record has clearly less than the body alone."""
+    at = reported.mass, reported.mass
+    if not _below_body(theta[-1], covariance[at], model.rigid):
+        return ()
+    shown = measured(theta[-1], math.sqrt(max(0.0, calibrated[at])))
+    unit, key = reported.units[reported.mass], "inertia_kgm2" if model.axis >= 3 else "mass_kg"
+    return (objection(Code.OTHER_MASS, shown=shown, unit=unit, known=model.rigid, key=key),)
 
 
 def _unseen(assessment: Assessment, reported: ReportedParameters, drag: _Drag) -> tuple[Objection, ...]:
@@ -399,7 +408,7 @@ def _sigmas(covariance: Array) -> Array:
 
 def _within(values: Array, block: Array, reported: ReportedParameters) -> Array:
     """Coefficients within bounds, (p,), where the violation is within noise; a clear violation stays visible."""
-    if np.any(values < np.array(reported.low) - 3.0 * _sigmas(block)):
+    if np.any(values < np.array(reported.low) - BOUND_SIGMAS * _sigmas(block)):
         return values
     return bounded(values, block, reported.low)
 

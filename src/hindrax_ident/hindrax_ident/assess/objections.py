@@ -64,6 +64,7 @@ class Code(StrEnum):
     UNEXPLAINED_RESIDUALS = "unexplained_residuals"
     UNSEEN = "unseen"
     OTHER_WEIGHT = "other_weight"
+    OTHER_MASS = "other_mass"
 
 
 CAUSES = (Code.EVIDENCE, Code.UNEXPLAINED_RESIDUALS)
@@ -124,6 +125,8 @@ SENTENCES: Mapping[Code, str] = {
     Code.UNSEEN: "most of the uncertainty of {widened} cannot be observed in the data ({causes}): {remedy}",
     Code.OTHER_WEIGHT: "the record has a net buoyancy of {shown} N, mass and volume of the vehicle file {known_N:.3g} "
     "N: check mass_kg, volume_m3 and the density of the water",
+    Code.OTHER_MASS: "the record has a total mass of {shown} {unit}, less than the body alone has by the vehicle file, "
+    "{known:.3g} {unit}: check its {key}, and the thrust",
 }
 """The sentence of each code, with the numbers behind it and what to do. Remedies of influences are in their table,
 `influences.INFLUENCES`."""
