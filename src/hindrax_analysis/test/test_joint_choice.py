@@ -47,6 +47,12 @@ def test_one_axis_after_the_other_is_one_also_while_the_others_are_held() -> Non
     assert 1.0 < axes_at_once([pushed(array(held))]) < SEVERAL
 
 
+def test_a_short_push_in_a_long_record_counts_by_its_size() -> None:
+    """By a percentile of the whole record there would be no force, and all of it would be the largest."""
+    brief = sines(3) * np.array([1.0, 0.1, 0.1, 0.0, 0.0, 0.0]) * (T > 59.6)[:, None]
+    assert axes_at_once([pushed(array(brief))]) == pytest.approx(1.04, abs=0.02)
+
+
 def test_records_are_pooled_and_forces_that_nobody_knows_push_nothing() -> None:
     known = sines(2)
     known[:, 1] = np.nan

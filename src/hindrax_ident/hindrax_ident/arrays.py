@@ -19,21 +19,26 @@ def array(values: object) -> Array:
     return np.asarray(values, dtype=np.float64)
 
 
-def largest(values: Array) -> float:
+def largest(values: Array, side: int = 0) -> float:
     """Largest magnitude of values (n,) but for spikes; 0 where there is nothing.
 
     Parameters
     ----------
     values : (n,)
         Such as the thrust on an axis, or its velocity.
+    side
+        1 or -1: of those with this sign; 0: of all.
 
     Returns
     -------
     float
-        The percentile LARGEST of all. Where that is nothing, because the axis was pushed for a hundredth of the record,
-        of those that are something: shares of the largest would be endless otherwise.
+        The percentile LARGEST_PERCENTILE of all. Where that is nothing, because the axis was pushed for a hundredth of
+        the record, of those that are something: shares of the largest would be endless otherwise.
     """
     sizes = np.abs(values)
     least = NOTHING_SHARE * sizes.max(initial=0.0)
-    found = float(np.percentile(sizes, LARGEST_PERCENTILE)) if len(sizes) else 0.0
-    return found if found > least or not least else float(np.percentile(sizes[sizes > least], LARGEST_PERCENTILE))
+    if not least:
+        return 0.0
+    if np.percentile(sizes, LARGEST_PERCENTILE) <= least:
+        values = values[sizes > least]
+    return float(np.percentile(np.maximum(0.0, side * values) if side else np.abs(values), LARGEST_PERCENTILE))

@@ -28,7 +28,7 @@ from hindrax_ident.fit.output_error import OutputErrorFit, refine
 from hindrax_ident.model.model_parameters import Prior, wide_prior
 from hindrax_ident.model.motion_model import axis_units, model_of
 from hindrax_ident.model.simulation import Grid, Trajectory
-from hindrax_ident.records.axis_record import Record, Series, Stretch
+from hindrax_ident.records.axis_record import Record, Series, Stretch, side_of
 from hindrax_ident.testing.synthetic_runs import Plan, back_and_forth, fly
 
 SURGE = np.array([66.48, 1.25, 0.0, 27.3])
@@ -341,6 +341,15 @@ def test_the_speed_in_a_record_is_of_its_means_and_of_its_direction() -> None:
     assert measured_speed(seen([-0.3] * 9), 1) == 0.0
     assert measured_speed(seen([-0.3] * 9), -1) == pytest.approx(0.3)
     assert measured_speed(record.with_stretches(()), 0) == 0.0
+
+
+def test_an_axis_that_moves_for_a_hundredth_of_a_record_has_its_speeds(ahead: OutputErrorFit) -> None:
+    """By the percentile of the whole it would be at rest, and hardly have moved."""
+    brief = [0.0] * 900 + [0.4] * 5 + [-0.3] * 5
+    assert excitation(flown(ahead, brief), 0).high == pytest.approx(0.4)
+    assert excitation(flown(ahead, brief), -1).high == pytest.approx(0.3)
+    assert measured_speed(seen(brief), 1) == pytest.approx(0.4)
+    assert [side_of(seen(one)) for one in (brief, brief[:905], [-v for v in brief[:905]])] == [0, 1, -1]
 
 
 def test_the_noise_of_a_velocity_is_that_of_its_changes() -> None:

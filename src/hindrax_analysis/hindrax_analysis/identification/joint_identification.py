@@ -16,15 +16,15 @@ from hindrax_core.signals import Attitude, IdentEvent, Thrust, Velocity
 from hindrax_core.text.digits import PLUS_MINUS, measured
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import AXES, Vehicle
-from hindrax_ident.arrays import Array, array
+from hindrax_ident.arrays import Array, array, largest
 from hindrax_ident.assess.joint_assessment import JointResults, joint_results
 from hindrax_ident.fit.joint import Delays, fit_jointly
 from hindrax_ident.model.motion_model import lag_s
 from hindrax_ident.records.six_axis_record import SixAxisRecord, six_axis_record
 from hindrax_ident.tuning import LAG_SIGMA_S, STAMP_SIGMA_S, USUAL_LAG_S, USUAL_LATENCY_S, Tuning
 
-STEP_S, STRONGEST = 0.1, 99.0
-"""Sampling of the thrust for the number of axes at once; and the percentile that is its largest."""
+STEP_S = 0.1
+"""Sampling of the thrust for the number of axes at once."""
 SEVERAL = 1.3
 """Axes pushed at once from which they are fitted together. Legs have 1.0, pilots 1.7, whirls 2.3."""
 
@@ -58,8 +58,8 @@ def axes_at_once(recordings: Sequence[Recording]) -> float:
     joined = np.abs(np.concatenate(shares)) if shares else np.zeros((0, 6))
     if not len(joined):
         return 0.0
-    top = np.percentile(joined, STRONGEST, axis=0)
-    scale = np.repeat([max(1e-12, top[:3].max()), max(1e-12, top[3:].max())], 3)
+    top = [largest(one) for one in joined.T]
+    scale = np.repeat([max(1e-12, *top[:3]), max(1e-12, *top[3:])], 3)
     power = np.minimum(1.0, joined / scale) ** 2
     total = power.sum(axis=1)
     return float(np.sum(total**2) / max(1e-300, float(np.sum(power**2))))

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hindrax_core.text.digits import measured
-from hindrax_ident.arrays import Array
+from hindrax_ident.arrays import Array, largest
 from hindrax_ident.assess.objections import Code, Objection, objection
 from hindrax_ident.assess.prediction import WINDOW_S, Prediction, predict, windows_of
 from hindrax_ident.assess.results import Contribution
@@ -56,7 +56,7 @@ MOVED = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Excitation:
-    """Excitation in one direction: 5th and 98th percentile of the speeds in motion [m/s, rad/s].
+    """Excitation in one direction: 5th percentile and the largest of the speeds in motion [m/s, rad/s].
 
     `share_at_one_speed`: share of the time above a tenth of the highest speed that was at nearly one speed.
     """
@@ -70,17 +70,15 @@ def excitation(fit: OutputErrorFit, side: int) -> Excitation:
     """Excitation from the fitted motion, which has no noise."""
     v, steps = fit.linear.path.v, fit.problem.grid.steps_s
     own = np.abs(v) if side == 0 else np.maximum(0.0, side * v)
-    high = float(np.percentile(own, 98.0))
+    high = largest(v, side)
     moving = own > 0.1 * max(high, 1e-12)
     low = float(np.percentile(own[moving], 5.0)) if moving.any() else 0.0
     return Excitation(low, high, _share_at_one_speed(own[moving], steps[moving]))
 
 
 def measured_speed(record: Record, side: int) -> float:
-    """Highest speed in a record, 98th percentile: in one direction, or in both [m/s, rad/s]."""
-    v = record.mean_velocities()
-    own = np.abs(v) if side == 0 else np.maximum(0.0, side * v)
-    return float(np.percentile(own, 98.0)) if len(own) else 0.0
+    """Highest speed in a record but for spikes: in one direction, or in both [m/s, rad/s]."""
+    return largest(record.mean_velocities(), side)
 
 
 def measurement_noise(record: Record) -> float:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hindrax_core.signals import BLOCKED
-from hindrax_ident.arrays import Array, array
+from hindrax_ident.arrays import Array, array, largest
 from hindrax_ident.model.thrust_lag import LaggedThrust
 from hindrax_ident.tuning import USUAL_LAG_S, USUAL_LATENCY_S, Tuning
 
@@ -20,9 +20,9 @@ EMPTY: Array = np.zeros(0)
 SPAN_S = 0.5
 """Time over which a velocity is a mean, where its noise must not count."""
 SHARE = 0.25
+"""Share of the highest speed that the other direction must reach."""
 SMOOTH_S = 0.4
 """Mean of a speed across: a sample of it is noise and holds until the next."""
-"""Share of the highest speed that the other direction must reach."""
 BEFORE_BLOCKED_S = 2.0
 """The time before a blocked phase is no free motion either; the pilot reports it after 1.5 s."""
 
@@ -171,10 +171,10 @@ def side_of(record: Record) -> int:
     v = record.mean_velocities()
     if not len(v):
         return 1
-    up, down = float(np.percentile(v, 98.0)), float(np.percentile(v, 2.0))
-    if min(up, -down) > SHARE * max(up, -down):
+    up, down = largest(v, 1), largest(v, -1)
+    if min(up, down) > SHARE * max(up, down):
         return 0
-    return 1 if up >= -down else -1
+    return 1 if up >= down else -1
 
 
 @dataclass(slots=True)
