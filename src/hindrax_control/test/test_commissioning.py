@@ -300,6 +300,18 @@ def test_a_vehicle_without_room_for_a_swing_is_not_pulsed() -> None:
     assert maneuver.last.aborted.startswith("commission: lists by 24 deg")
 
 
+def test_what_swings_at_its_start_is_judged_by_its_rest() -> None:
+    maneuver = PulseManeuver(HINDRAX, Goal((), pulses=single_pulses(HINDRAX, effectiveness(HINDRAX))))
+    for cycle in range(100):
+        # 26 degrees to one side, then to the other, and so on to rest.
+        lean_rad = math.radians(26.0) * math.exp(-0.02 * cycle) * math.cos(0.2 * cycle)
+        swinging = replace(QUIET, attitude_rad=(lean_rad, 0.0, 0.0), rate_radps=(0.2, 0.0, 0.0))
+        assert not any(maneuver.step(swinging, stamp_from_s(10.0 + 0.02 * cycle)).forces_N)
+    assert any(map(any, flown(maneuver, QUIET, 1.0, 12.0)))
+    tilted = maneuver.step(replace(QUIET, attitude_rad=(math.radians(21.0), 0.0, 0.0)), stamp_from_s(13.0))
+    assert tilted.aborted.startswith("commission: tilted by 21 deg from rest")
+
+
 def at_rest(vehicle: Vehicle, list_deg: float) -> Commissioning:
     """Commissioning of a vehicle that rested with this list."""
     work, (source, *_) = Commissioning(vehicle), vehicle.measuring("rates")

@@ -120,11 +120,12 @@ class PulseManeuver:
         begins = self._started_at is None
         self._started_at = stamp if self._started_at is None else self._started_at
         now_s = seconds_between(self._started_at, stamp)
+        forces, phase = self._act(navigation, now_s)
+        # Asked with what it is about to do: the list at rest is that of the moment before the first pulse.
         if not self._aborted:
             self._aborted = next(iter(self._wrong(navigation, stamp, battery_V)), NOTHING)
         if self._aborted:
             return self._put_out(self._rest, "aborted", now_s, done=True)
-        forces, phase = self._act(navigation, now_s)
         return self._put_out(forces, phase, now_s, done=phase == "done", begins=begins)
 
     def _act(self, navigation: Navigation, now_s: float) -> tuple[tuple[float, ...], str]:
@@ -148,13 +149,18 @@ class PulseManeuver:
         """What must end it: the guards that are believed, and its own of tilt and rate."""
         roll, pitch, _ = navigation.attitude_rad
         down = (-math.sin(pitch), math.sin(roll) * math.cos(pitch), math.cos(roll) * math.cos(pitch))
-        self._down = self._down or down
+        # What still swings when it begins would be judged by the moment: until the first pulse, now is its rest.
+        resting = self._at < 0
+        if resting or self._down is None:
+            self._down = down
         cosine = sum(a * b for a, b in zip(down, self._down, strict=True))
         tilt_rad = math.acos(max(-1.0, min(1.0, cosine)))
         rate_radps = math.hypot(*navigation.rate_radps)
         # Of a sensor that is turned, the vertical is false, and only the tilt from rest counts.
         known = self._down[2] > UPRIGHT
         list_rad, lean_rad = (math.acos(min(1.0, one[2])) if known else 0.0 for one in (self._down, down))
+        if resting:
+            list_rad = lean_rad = 0.0
         own = (
             above("lists by {} deg at rest, wanted at most {} deg", *_deg(list_rad, MOST_LIST_rad), 0),
             above("tilted by {} deg from rest, wanted at most {} deg", *_deg(tilt_rad, MOST_TILT_rad), 0),
