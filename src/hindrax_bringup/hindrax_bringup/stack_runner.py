@@ -222,7 +222,7 @@ def _require_same(tether: Tether | None, address: str) -> None:
 
 @contextlib.contextmanager
 def asked_to_end() -> Iterator[Callable[[], bool]]:
-    """Only note SIGINT and SIGTERM, however often they come.
+    """Only note the signals that stop, however often they come.
 
     Yields
     ------

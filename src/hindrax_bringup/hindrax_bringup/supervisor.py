@@ -3,9 +3,9 @@
 A process that a signal has stopped, or whose heartbeat has stopped, is killed and started again like one that died. One
 that drives an output and could not leave it safe itself is run once more for that alone (`Process.last_resort`).
 
-Whatever happens to the tool (Ctrl-C, an exception, SIGTERM), `close` runs: SIGINT to each group, then SIGTERM, then
-SIGKILL, always by the id of a process that was started here. If the tool itself is killed outright, the kernel sends
-SIGINT to each child (`child_process.end_with`), so that none is orphaned.
+Whatever happens to the tool (Ctrl-C, an exception, SIGTERM, a closed terminal), `close` runs: SIGINT to each group,
+then SIGTERM, then SIGKILL, always by the id of a process that was started here. If the tool itself is killed outright,
+the kernel sends SIGINT to each child (`child_process.end_with`), so that none is orphaned.
 """
 
 import contextlib
@@ -271,9 +271,24 @@ def end_after(error: BaseException | None, end: Callable[[], object]) -> None:
 
 @contextlib.contextmanager
 def stop_signals(handler: Callable[[int, FrameType | None], object]) -> Iterator[None]:
-    """Have SIGINT and SIGTERM handled like this meanwhile; in another thread than the main one nothing changes."""
+    """Have Ctrl-C, SIGTERM and a closed terminal (but for a `nohup`) handled like this meanwhile.
+
+    In another thread than the main one nothing changes.
+
+    Parameters
+    ----------
+    handler
+        As `signal.signal` takes it.
+
+    Yields
+    ------
+    None
+        Afterwards they are handled as before.
+    """
     main = threading.current_thread() is threading.main_thread()
-    numbers = (signal.SIGINT, signal.SIGTERM) if main else ()
+    numbers = [signal.SIGINT, signal.SIGTERM] if main else []
+    if main and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        numbers.append(signal.SIGHUP)
     before: dict[int, Any] = {number: signal.signal(number, handler) for number in numbers}
     try:
         yield
@@ -284,7 +299,7 @@ def stop_signals(handler: Callable[[int, FrameType | None], object]) -> Iterator
 
 @contextlib.contextmanager
 def deferred_signals() -> Iterator[None]:
-    """Have SIGINT and SIGTERM wait until the block ends, then act as before it.
+    """Have the signals that stop wait until the block ends, then act as before it.
 
     Ctrl-C raises wherever Python is; within a message that C++ is converting, that ends as another exception.
 

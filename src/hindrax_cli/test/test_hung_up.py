@@ -1,4 +1,4 @@
-"""A terminal that is closed while a command arms: the command ends as by Ctrl-C, so that arming ends with it."""
+"""A terminal that is closed while a command arms or flies: the command ends as by Ctrl-C, and what it began with it."""
 
 import contextlib
 import os
@@ -10,7 +10,9 @@ import pytest
 
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.operate import manual_control
+from hindrax_cli.commands.pool import guided_session, pool_flight
 from hindrax_core.errors import INTERRUPTED
+from hindrax_operator.pool_run import interrupted_once
 
 
 class Arming:
@@ -47,3 +49,40 @@ def test_arming_ends_with_its_terminal(number: signal.Signals, monkeypatch: pyte
     assert main(["arm"]) == INTERRUPTED
     assert operator.gave_up
     assert signal.getsignal(number) is before
+
+
+@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTERM])
+@pytest.mark.parametrize("words", [["--mock"], ["--session", "--mock"]])
+def test_a_flight_lands_when_its_terminal_is_closed(
+    number: signal.Signals, words: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Killed at once, it left a bag without results."""
+    landed = []
+
+    def fly(_options: object) -> int:
+        try:
+            with interrupted_once():
+                try:
+                    os.kill(os.getpid(), number)
+                    time.sleep(1.0)
+                finally:
+                    os.kill(os.getpid(), number)  # does not interrupt the landing
+                    landed.append(number)
+        except KeyboardInterrupt:
+            return INTERRUPTED
+        return 0
+
+    monkeypatch.setattr(pool_flight, "run_pool_test", fly)
+    monkeypatch.setattr(guided_session, "guide", fly)
+    assert main(["pool-test", *words]) == INTERRUPTED
+    assert landed == [number]
+
+
+def test_whoever_asked_for_no_hang_up_gets_none() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with interrupted_once():
+            os.kill(os.getpid(), signal.SIGHUP)
+            assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)

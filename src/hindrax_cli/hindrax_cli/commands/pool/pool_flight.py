@@ -2,7 +2,6 @@
 
 import argparse
 import math
-import signal
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -25,6 +24,7 @@ from hindrax_cli.autopilot_vehicle import behind_autopilot, has_velocity, requir
 from hindrax_cli.command import command, option
 from hindrax_cli.commands.operate.manual_control import PLACE_HELP, place_of
 from hindrax_cli.commands.operate.up_stop import require_known
+from hindrax_cli.interrupt import hung_up_alike
 from hindrax_control.maneuver.goal import EXCITATIONS, PLATEAUS
 from hindrax_control.pool_bounds import PoolBounds
 from hindrax_core.errors import UsageError
@@ -152,7 +152,8 @@ def pool_test(arguments: argparse.Namespace) -> int:
     if arguments.session is not None:
         from hindrax_cli.commands.pool.guided_session import guide  # noqa: PLC0415  # a single flight needs none of it
 
-        return guide(arguments)
+        with hung_up_alike():
+            return guide(arguments)
     of_session = [f"--{one}" for one in ("load", "lever", "yes") if getattr(arguments, one)]
     if of_session:
         raise UsageError(f"found {', '.join(of_session)} without --session, wanted both or neither")
@@ -182,24 +183,23 @@ def pool_test(arguments: argparse.Namespace) -> int:
         from hindrax_cli.pool_plan import predicted_of  # noqa: PLC0415  # as above
 
         predicted = predicted_of(arguments, aim)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    return run_pool_test(
-        PoolOptions(
-            motions=tuple(arguments.dof),
-            vehicle_file=Path(arguments.vehicle),
-            mock=mock,
-            out=arguments.out,
-            seed=arguments.seed,
-            excitation=arguments.excitation,
-            on_cancel=arguments.on_cancel,
-            without_record=arguments.without_record,
-            headless=arguments.headless or arguments.json,
-            json=arguments.json,
-            aim=aim,
-            predicted=predicted,
-            tuning=tuning,
-            uncommissioned=arguments.uncommissioned,
-            start=start if arguments.start else None,
-            again=again,
-        )
+    options = PoolOptions(
+        motions=tuple(arguments.dof),
+        vehicle_file=Path(arguments.vehicle),
+        mock=mock,
+        out=arguments.out,
+        seed=arguments.seed,
+        excitation=arguments.excitation,
+        on_cancel=arguments.on_cancel,
+        without_record=arguments.without_record,
+        headless=arguments.headless or arguments.json,
+        json=arguments.json,
+        aim=aim,
+        predicted=predicted,
+        tuning=tuning,
+        uncommissioned=arguments.uncommissioned,
+        start=start if arguments.start else None,
+        again=again,
     )
+    with hung_up_alike():
+        return run_pool_test(options)
