@@ -35,6 +35,14 @@ class Arming:
             raise
 
 
+@pytest.fixture(autouse=True)
+def of_a_terminal() -> Iterator[None]:
+    """As a shell starts a command, whatever has started these tests; `nohup` has SIGHUP ignored."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
 @pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTERM])
 def test_arming_ends_with_its_terminal(number: signal.Signals, monkeypatch: pytest.MonkeyPatch) -> None:
     """Killed at once, it left the thrusters arming: they were armed seconds later, and nobody was there."""
@@ -79,10 +87,7 @@ def test_a_flight_lands_when_its_terminal_is_closed(
 
 
 def test_whoever_asked_for_no_hang_up_gets_none() -> None:
-    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    try:
-        with interrupted_once():
-            os.kill(os.getpid(), signal.SIGHUP)
-            assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
-    finally:
-        signal.signal(signal.SIGHUP, before)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    with interrupted_once():
+        os.kill(os.getpid(), signal.SIGHUP)
+        assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
