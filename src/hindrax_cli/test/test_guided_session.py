@@ -165,3 +165,21 @@ def test_the_end_of_a_session_names_the_next_command(mock: object, drag: float, 
     session = PoolSession({"mock": mock, "motions": ["surge", "heave"]}, ())
     session = replace(session, done=(Step("legs 1", reached={"heave_down": reached}),))
     assert words.format(tmp_path) in guided_session.next_command(session, RunFolder(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ({"vehicle": ""}, "./hindrax pool-test --session --dof surge"),
+        ({"vehicle": "lbv", "load_N": 15.0, "lever_m": 0.3}, "--load 15 --lever 0.3 --vehicle lbv --dof surge"),
+    ],
+)
+def test_the_next_command_has_the_words_that_the_session_was_begun_with(more: dict[str, object], words: str) -> None:
+    reached = Reached(0.09, 0.1, 0.09, 0.09, 0.09, "own wake", "rest")
+    session = PoolSession(
+        {"mock": None, "motions": ["surge"], **more}, (), (Step("legs 1", reached={"surge": reached}),)
+    )
+    assert guided_session.next_command(session, RunFolder(Path("/runs/1"))).endswith(words)
+    good = replace(session, done=(Step("legs 1", reached={"surge": replace(reached, drag=0.01)}),))
+    here = RunFolder(Path.cwd() / "runs" / "1")
+    assert guided_session.next_command(good, here) == "./hindrax tune runs/1/coefficients.yaml"

@@ -40,6 +40,7 @@ from hindrax_analysis.next_step import quoted_share
 from hindrax_analysis.records.third_party_bag import TopicSelection
 from hindrax_analysis.terminal import print_answer, print_table, print_what_fits, working
 from hindrax_bag.run_folder import RunFolder, make_run_folder
+from hindrax_bringup.share_files import default_vehicle, vehicle_word
 from hindrax_bringup.stack import MockOptions
 from hindrax_cli.commands.experiment.weigh import SHARES, LEVER_SIGMA_m, ask_for_load, check_load, entered, require_tty
 from hindrax_cli.commands.operate.up_stop import require_known
@@ -139,6 +140,7 @@ def _opened(arguments: argparse.Namespace) -> tuple[PoolSession, RunFolder]:
         "mock": {"seed": arguments.seed, "world": arguments.world or "pool"} if arguments.mock else None,
         "load_N": arguments.load,
         "lever_m": arguments.lever,
+        "vehicle": "" if Path(arguments.vehicle) == default_vehicle() else vehicle_word(Path(arguments.vehicle)),
         "repeats": arguments.repeats,
     }
     folder = make_run_folder(arguments.session or None, Path(arguments.vehicle))
@@ -346,31 +348,39 @@ def show_end(identified: Identified, session: PoolSession, folder: RunFolder) ->
 
 def next_command(session: PoolSession, folder: RunFolder) -> str:
     """The command of the next step: the same legs again, those of the motion that is farthest, or the use of it all."""
-    motion, mock = farthest_motion(session), session.settings["mock"]
-    options = ["--mock", *(["--world", mock["world"]] if mock["world"] != "pool" else [])] if mock else []
-    file = folder.vehicle
-    words = ["./hindrax", "pool-test", "--session", *options, "--vehicle", str(file), "--dof"]
-    if motion is not None:
-        return shlex.join([*words, motion.partition("_")[0]])
-    if not any(math.isfinite(one.drag) for one in session.reached.values()):
-        return shlex.join([*words, *session.settings["motions"]])
-    return shlex.join(["./hindrax", "tune", str(folder.coefficients)])
+    motion, settings = farthest_motion(session), session.settings
+    known = any(math.isfinite(one.drag) for one in session.reached.values())
+    if motion is None and known:
+        return shlex.join(["./hindrax", "tune", _as_typed(folder.coefficients)])
+    words = ["./hindrax", "pool-test", "--session"]
+    if (mock := settings["mock"]) is not None:
+        words += ["--mock", *(["--world", mock["world"]] if mock["world"] != "pool" else [])]
+    for name, value in (("--load", settings.get("load_N")), ("--lever", settings.get("lever_m"))):
+        words += [name, f"{value:g}"] if value else []
+    vehicle = settings.get("vehicle", _as_typed(folder.vehicle))
+    words += ["--vehicle", vehicle] if vehicle else []
+    return shlex.join([*words, "--dof", *([motion.partition("_")[0]] if motion else settings["motions"])])
+
+
+def _as_typed(file: Path) -> str:
+    """Path of a file from here, where it is below."""
+    here = Path.cwd()
+    return str(file.relative_to(here) if file.is_relative_to(here) else file)
 
 
 def show_session(session: PoolSession, *, short: bool = False) -> None:
     """Print goal, what is reached, and what is left by the budget; `short`: without the causes of the latter."""
     stages = [step for step in session.done if step.reached]
-    names = [f"after {step.name} [%]" for step in stages]
+    names = [step.name for step in stages]
     rows = []
     for motion, last in session.reached.items():
         drags = [one.drag if (one := step.reached.get(motion)) else None for step in stages]
         shares = ["" if one is None else quoted_share(one) for one in (*drags, last.added_mass, last.floor)]
-        cells = (f"{100 * drag_goal(motion):.0f}", *(one.rstrip("%") for one in shares))
-        rows.append((motion, *cells, "" if short else last.cause))
+        rows.append((motion, f"{drag_goal(motion):.0%}", *shares, "" if short else last.cause))
     minutes = f"{session.seconds / 60.0:.0f} min of water"
-    title = f"Session, {minutes}: std of the drag at the highest speed; at best: thrust weighed, half the noise"
-    numbers = ("goal [%]", *names, "added mass [%]", "at best [%]")
+    title = f"Session, {minutes}: std of the drag after each step; at best: weighed, half the noise"
+    numbers = ("goal", *names, "added mass", "at best")
     # What came between goes first: the first and the last stage tell what the day has bought.
-    spare = ("added mass [%]", *names[1:-1])
+    spare = ("added mass", *names[1:-1])
     print_table(title, ("motion",), numbers, rows, ("largest left",), spare=spare, dense=short)
     print_fitted(f"best next step: {next_sentence(session)}")
