@@ -1,5 +1,6 @@
 """`hindrax commission`: it judges a vehicle that is there, and no other."""
 
+import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -8,6 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from hindrax_analysis import terminal
+from hindrax_bringup.testing.vehicle_files import hindrax_file
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.operate import commission
 from hindrax_control.commissioning.findings import OPEN, PROVEN, TRIM, WRONG, Finding, Findings
@@ -55,6 +57,8 @@ def test_what_is_in_doubt_comes_first_and_the_folder_has_the_whole_table(
     found = Findings((*thrusters, Finding("ms5837 direction", OPEN, "deeper is more", "the vehicle was not dived")))
     monkeypatch.setattr(commission, "_in_mock", lambda _: (found, SimpleNamespace(path=tmp_path), ""))
     monkeypatch.setattr(terminal, "screen_rows", lambda: 23)
+    assert main(["commission", "--mock", "--write", "--json", "--vehicle", str(hindrax_file(tmp_path))]) == 1
+    assert json.loads(capsys.readouterr().out)["written"] is False, "advice is nothing that was written"
     assert main(["commission", "--mock"]) == 1
     printed = capsys.readouterr().out
     assert printed.startswith("open: ms5837 direction\n")
@@ -67,3 +71,9 @@ def test_what_is_in_doubt_comes_first_and_the_folder_has_the_whole_table(
     assert [
         words for words in ("channel 7", "pushes as claimed", "the vehicle was not dived") if words not in whole
     ] == []
+
+
+def test_what_ended_early_is_not_called_proven() -> None:
+    proven = Finding("T1", PROVEN, "channel 0", "pushes as claimed")
+    assert Findings((proven,)).sentence == "everything is proven"
+    assert Findings((proven,), "it tilted").sentence == "it ended early"

@@ -73,7 +73,7 @@ class Findings:
         """Outcome in a line: which claims are wrong, and which were not shown."""
         kinds = {"wrong": self.wrong, "open": self.open}
         named = [f"{kind}: {', '.join(row.claim for row in rows)}" for kind, rows in kinds.items() if rows]
-        return "; ".join(named) or "everything is proven"
+        return "; ".join(named) or ("it ended early" if self.ended else "everything is proven")
 
 
 def table(findings: Findings) -> list[tuple[str, str, str, str]]:

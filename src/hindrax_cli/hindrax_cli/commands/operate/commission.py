@@ -60,9 +60,9 @@ def commission(arguments: argparse.Namespace) -> int:
     vehicle = load_vehicle(arguments.vehicle)
     picture, file = folder.path / "commissioning.svg", folder.path / "commissioning.txt"
     picture.write_text(svg(vehicle, findings), encoding="utf-8")
-    kept = _keep(arguments, findings, bag)
+    kept, written = _keep(arguments, findings, bag)
     file.write_text(whole_table(findings, kept), encoding="utf-8")
-    document = _document(findings) | {"bag": bag, "picture": str(picture), "written": arguments.write and bool(kept)}
+    document = _document(findings) | {"bag": bag, "picture": str(picture), "written": written}
     print_answer(document, lambda: _show(findings, [*kept, f"  {picture}"], str(file)), as_json=arguments.json)
     return 0 if findings.complete else 1
 
@@ -95,24 +95,24 @@ def _beside(arguments: argparse.Namespace) -> tuple[Findings, RunFolder, str]:
     return findings, folder, found.bag if found is not None else ""
 
 
-def _keep(arguments: argparse.Namespace, findings: Findings, bag: str) -> list[str]:
-    """Write what mends the file, or the record of its proof; returns what was done, or what can be."""
-    file = Path(arguments.vehicle)
+def _keep(arguments: argparse.Namespace, findings: Findings, bag: str) -> tuple[list[str], bool]:
+    """Write what mends the file, or the record of its proof; returns what was done or can be, and whether it was."""
+    file, written = Path(arguments.vehicle), bool(arguments.write)
     if findings.mends:
         lines = [f"  {mend.line}" for mend in findings.mends]
-        if not arguments.write:
-            return ["these lines mend the file; --write puts them into it:", *lines]
+        if not written:
+            return ["these lines mend the file; --write puts them into it:", *lines], False
         set_keys(file, [(mend.keys, mend.value) for mend in findings.mends])
-        return [f"written to {file}:", *lines, COMMISSION_AGAIN]
+        return [f"written to {file}:", *lines, COMMISSION_AGAIN], True
     if arguments.world == "pool" and any(row.claim == TRIM for row in findings.wrong):
-        return [TRIMMED_IN_MOCK]
+        return [TRIMMED_IN_MOCK], False
     record = proof(load_vehicle(file), findings, bag, datetime.now(UTC).date().isoformat())
     if record is None:
-        return [] if findings.wrong or findings.ended else [OPEN_AGAIN]
-    if not arguments.write:
-        return ["everything is proven; --write puts the record of it into the file"]
+        return [OPEN_AGAIN] if findings.open and not (findings.wrong or findings.ended) else [], False
+    if not written:
+        return ["--write puts the record of it into the file"], False
     set_keys(file, [(("commissioned",), asdict(record))])
-    return [f"everything is proven; the record stands in {file}"]
+    return [f"the record stands in {file}"], True
 
 
 def _document(findings: Findings) -> dict[str, object]:
@@ -134,8 +134,7 @@ def _show(findings: Findings, kept: Sequence[str], file: str) -> None:
     rest = f"as claimed, or measured: {fine}" if fine else ""
 
     def way(rows: Sequence[Finding], *more: str, claims: bool = True) -> None:
-        if not findings.complete:
-            print_fitted(findings.sentence)
+        print_fitted(findings.sentence)
         if rows:
             _print_rows(rows, claims=claims)
         for line in filter(None, (*more, *kept)):
