@@ -1,4 +1,8 @@
-"""The suite on all cores: whole files go to the workers, the longest first, and each is shown when it is done."""
+"""The suite on all cores: whole files go to the workers, the longest first, and each is shown when it is done.
+
+Tests with real processes wait for half of their time, and all others compute. While some workers wait, others compute:
+each kind has workers that take it first, so that no core is idle.
+"""
 
 import time
 from collections import Counter, defaultdict
@@ -11,6 +15,10 @@ from xdist.scheduler import LoadScopeScheduling
 
 ONE_FLIGHT = ("test/ros/test_pool_test.py", "test/ros/test_tutorial.py")
 """Files that look at the same pool test, which one worker flies once."""
+REAL_PROCESSES = ("test/ros/", "test/faults/", "test/deployment/")
+"""Folders of the tests that wait."""
+COMPUTING = 3
+"""Every third worker takes what computes first."""
 
 
 def file_of(nodeid: str) -> str:
@@ -26,7 +34,7 @@ def long_ones_first(items: list[pytest.Item]) -> None:
 
 
 class FileScheduling(LoadScopeScheduling):  # type: ignore[misc]  # xdist has no public base
-    """Gives whole files to the workers, in the order in which they were collected."""
+    """Gives whole files to the workers, in the order in which they were collected, the kind of each worker first."""
 
     def __init__(self, config: pytest.Config, log: Any = None) -> None:
         config.option.loadscopereorder = False
@@ -34,6 +42,13 @@ class FileScheduling(LoadScopeScheduling):  # type: ignore[misc]  # xdist has no
 
     def _split_scope(self, nodeid: str) -> str:
         return file_of(nodeid)
+
+    def _assign_work_unit(self, node: Any) -> None:
+        computes = self.nodes.index(node) % COMPUTING == COMPUTING - 1
+        wanted = (file for file in self.workqueue if file.startswith(REAL_PROCESSES) != computes)
+        if file := next(wanted, ""):
+            self.workqueue.move_to_end(file, last=False)
+        super()._assign_work_unit(node)
 
 
 class FileProgress:
