@@ -1,6 +1,5 @@
 """The page "Use one node", word for word: each of our nodes beside a program of ten lines that replaces another one."""
 
-import os
 import shlex
 import subprocess
 import sys
@@ -17,6 +16,7 @@ pytest.importorskip("rclpy", reason="needs the ROS environment")
 pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
 
 import rclpy
+from built_messages import built_messages
 from documentation.pages import ROOT, block_of
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
@@ -277,24 +277,9 @@ def test_pulses_of_anybody_become_the_wrench_that_they_achieve(around: Surroundi
 
 @pytest.fixture(scope="module")
 def mavros_msgs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Environment with `mavros_msgs/RCOut`, which is in no wheel: built as set-up builds the message of /tf."""
-    folder, like = tmp_path_factory.mktemp("mavros_msgs"), ROOT / "setup" / "tf2_msgs"
-    for name in ("CMakeLists.txt", "package.xml"):
-        text = (like / name).read_text(encoding="utf-8").replace("tf2_msgs", "mavros_msgs")
-        text = text.replace("geometry_msgs", "std_msgs").replace("TFMessage", "RCOut")
-        (folder / name).write_text(text, encoding="utf-8")
-    (folder / "msg").mkdir()
-    (folder / "msg" / "RCOut.msg").write_text("std_msgs/Header header\nuint16[] channels\n", encoding="utf-8")
-    install = folder / "install"
-    for words in (
-        ["-S", str(folder), "-B", str(folder / "build"), f"-DCMAKE_INSTALL_PREFIX={install}", "-DBUILD_TESTING=OFF"],
-        ["--build", str(folder / "build"), "--target", "install"],
-    ):
-        made = subprocess.run(["cmake", *words], capture_output=True, text=True, check=False)
-        assert made.returncode == 0, made.stdout[-2000:] + made.stderr[-2000:]
-    (modules,) = install.glob("lib/python*/site-packages")
-    first = {"AMENT_PREFIX_PATH": install, "LD_LIBRARY_PATH": install / "lib", "PYTHONPATH": modules}
-    return {name: os.pathsep.join(filter(None, [str(path), os.environ.get(name)])) for name, path in first.items()}
+    """Environment with `mavros_msgs/RCOut`, which is in no wheel."""
+    folder = tmp_path_factory.mktemp("mavros_msgs")
+    return built_messages(folder, "mavros_msgs", "RCOut", "std_msgs/Header header\nuint16[] channels\n", "std_msgs")
 
 
 def test_a_bluerov_on_ardusub_is_identified_beside_mavros(around: Surroundings, mavros_msgs: dict[str, str]) -> None:

@@ -62,36 +62,37 @@ NOWHERE = SensorMount(Mount(""))
 
 MOST_FORCE_mps2, MOST_RATE_radps = 1e3, 1e2
 """Beyond the range of every inertial sensor that a vehicle carries (ICM-20948: 157 m/s^2 and 35 rad/s)."""
-MOST_FIELD_T = 0.1
-MOST_PRESSURE_Pa = 2e8
-"""The deepest sea has 1.1e8 Pa."""
+MOST_FIELD = 1e6
+"""The direction alone counts: drivers of others give gauss, microtesla, or shares of the earth's field."""
+LEAST_PRESSURE_Pa, MOST_PRESSURE_Pa = 5e4, 2e8
+"""Air has half of its pressure at 5500 m, and the deepest sea 1.1e8 Pa; below are gauge pressures, hPa and kPa."""
 FARTHEST_m, FASTEST_mps, LONGEST_S = 1e4, 1e3, 60.0
 
 
-Bound: TypeAlias = tuple[str, Callable[[Any], float], float]
-"""Checked part of a reading, its size, and the largest possible one."""
+Bound: TypeAlias = tuple[str, Callable[[Any], float], float, float]
+"""Checked part of a reading, its size, and the least and the largest possible one."""
 BOUNDS: Mapping[type, tuple[Bound, ...]] = {
     Inertial: (
-        ("force [m/s^2]", lambda one: math.hypot(*one.specific_force_mps2), MOST_FORCE_mps2),
-        ("rate [rad/s]", lambda one: math.hypot(*one.rate_radps), MOST_RATE_radps),
+        ("force [m/s^2]", lambda one: math.hypot(*one.specific_force_mps2), 0.0, MOST_FORCE_mps2),
+        ("rate [rad/s]", lambda one: math.hypot(*one.rate_radps), 0.0, MOST_RATE_radps),
     ),
-    Magnetic: (("field [T]", lambda one: math.hypot(*one.field_T), MOST_FIELD_T),),
-    Pressure: (("pressure [Pa]", lambda one: one.pressure_Pa, MOST_PRESSURE_Pa),),
-    Echo: (("range [m]", lambda one: one.range_m, FARTHEST_m),),
+    Magnetic: (("field", lambda one: math.hypot(*one.field_T), 0.0, MOST_FIELD),),
+    Pressure: (("pressure [Pa]", lambda one: one.pressure_Pa, LEAST_PRESSURE_Pa, MOST_PRESSURE_Pa),),
+    Echo: (("range [m]", lambda one: one.range_m, 0.0, FARTHEST_m),),
     BottomVelocity: (
-        ("speed [m/s]", lambda one: math.hypot(*(one.velocity_mps or ())), FASTEST_mps),
-        ("deviation [m/s]", lambda one: one.sigma_mps, FASTEST_mps),
-        ("interval [s]", lambda one: one.interval_s, LONGEST_S),
+        ("speed [m/s]", lambda one: math.hypot(*(one.velocity_mps or ())), 0.0, FASTEST_mps),
+        ("deviation [m/s]", lambda one: one.sigma_mps, 0.0, FASTEST_mps),
+        ("interval [s]", lambda one: one.interval_s, 0.0, LONGEST_S),
     ),
-    BottomTrack: (("altitude [m]", lambda one: one.altitude_m or 0.0, FARTHEST_m),),
+    BottomTrack: (("altitude [m]", lambda one: one.altitude_m or 0.0, 0.0, FARTHEST_m),),
 }
 
 
 def why_impossible(stamped: Stamped[Reading]) -> Refusal:
     """Return why a reading is impossible (`IMPOSSIBLE`, `NO_TIME`), or nothing. The filters judge implausible ones."""
     reading = stamped.reading
-    for what, size_of, most in BOUNDS.get(type(reading), ()):
+    for what, size_of, least, most in BOUNDS.get(type(reading), ()):
         size = size_of(reading)
-        if not 0.0 <= size <= most:  # nor is NaN
-            return refused(Reason.IMPOSSIBLE, what=what, found=size, low=0.0, high=most, unit="")
+        if not least <= size <= most:  # nor is NaN
+            return refused(Reason.IMPOSSIBLE, what=what, found=size, low=least, high=most, unit="")
     return impossible(stamped.stamp)

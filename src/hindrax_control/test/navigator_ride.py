@@ -2,16 +2,17 @@
 
 import math
 import random
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TypeAlias, TypeVar
+from typing import TypeVar
 
 from hindrax_control.navigation.navigator import Navigator, NavigatorKnobs
+from hindrax_control.testing.motion import Motion, Way, rotate_back, vector
 from hindrax_core.events import Stamped, stamp_from_s
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import BottomVelocity, Echo, Inertial, Magnetic, Pressure, Reading, Vec3
-from hindrax_core.rotation import Matrix3, matrix, rotate
+from hindrax_core.rotation import matrix
 from hindrax_core.signals import Navigation
 from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
 
@@ -29,14 +30,8 @@ MOUNTED = replace(
 )
 FLOOR_m = 1.8
 FIELD_T = (17.5e-6, 0.0, -13.8e-6)
-Motion: TypeAlias = Callable[[float], Vec3]
-HOVER: Motion = lambda _: (0.0, 0.0, 0.9)  # noqa: E731
-STILL: Motion = lambda _: (0.0, 0.0, 0.0)  # noqa: E731
-
-
-def vector(values: Iterable[float]) -> Vec3:
-    x, y, z = values
-    return (x, y, z)
+HOVER: Way = lambda _: (0.0, 0.0, 0.9)  # noqa: E731
+STILL: Way = lambda _: (0.0, 0.0, 0.0)  # noqa: E731
 
 
 def part(of: Callable[[T], Sequence[float]], axis: int) -> Callable[[T], float]:
@@ -44,19 +39,14 @@ def part(of: Callable[[T], Sequence[float]], axis: int) -> Callable[[T], float]:
     return lambda one: of(one)[axis]
 
 
-def rotate_back(turn: Matrix3, vector: Vec3) -> Vec3:
-    a, b, c = zip(*turn, strict=True)
-    return rotate((a, b, c), vector)
-
-
 @dataclass
-class Ride:
-    """A motion, and the sensors that watch it. Position is north, east, down; attitude roll, pitch, yaw."""
+class Ride(Motion):
+    """A motion, and the sensors that watch it."""
 
+    position: Way = HOVER
+    attitude: Way = STILL
     vehicle: Vehicle = CENTERED
     knobs: NavigatorKnobs = field(default_factory=NavigatorKnobs)
-    position: Motion = HOVER
-    attitude: Motion = STILL
     gyro_bias: Vec3 = (0.0, 0.0, 0.0)
     force_bias: Vec3 = (0.0, 0.0, 0.0)
     noise: float = 0.0
@@ -65,31 +55,15 @@ class Ride:
     dvl_until_s: float = 1e9
     sonar_until_s: float = 1e9
     deep: bool = True
-    motors_T: Motion = STILL
+    motors_T: Way = STILL
 
     def __post_init__(self) -> None:
         self.navigator = Navigator(self.vehicle, self.knobs)
         self.out: list[Stamped[Navigation]] = []
         self.random = random.Random(1)
 
-    def rates(self, t: float, h: float = 1e-4) -> Vec3:
-        """Body rates by the rotation between two close attitudes."""
-        before, after = matrix(self.attitude(t - h)), matrix(self.attitude(t + h))
-        columns = [rotate_back(before, rotate(after, axis)) for axis in ((1, 0, 0), (0, 1, 0), (0, 0, 1))]
-        return (columns[1][2] / (2 * h), columns[2][0] / (2 * h), columns[0][1] / (2 * h))
-
-    def point(self, t: float, lever: Vec3) -> Vec3:
-        turned = rotate(matrix(self.attitude(t)), lever)
-        return vector(a + b for a, b in zip(self.position(t), turned, strict=True))
-
-    def velocity(self, t: float, lever: Vec3 = (0.0, 0.0, 0.0), h: float = 1e-4) -> Vec3:
-        low, high = self.point(t - h, lever), self.point(t + h, lever)
-        return rotate_back(matrix(self.attitude(t)), vector((b - a) / (2 * h) for a, b in zip(low, high, strict=True)))
-
-    def inertial(self, t: float, mount: Mount, h: float = 1e-3) -> Inertial:
-        low, mid, high = (self.point(t + dt, mount.position_m) for dt in (-h, 0.0, h))
-        a, b, c = ((x - 2 * y + z) / h**2 for x, y, z in zip(low, mid, high, strict=True))
-        force = rotate_back(matrix(self.attitude(t)), (a, b, c - GRAVITY_mps2))
+    def inertial(self, t: float, mount: Mount) -> Inertial:
+        force = self.specific_force(t, mount.position_m)
         turn = matrix(vector(math.radians(x) for x in mount.rotation_deg))
         return Inertial(
             vector(f + d for f, d in zip(rotate_back(turn, force), self.force_bias, strict=True)),

@@ -49,8 +49,16 @@ class Rig:
             self.horizontal.predict((0.0, 0.0), (0.02 * p, 0.02 * q, 0.02 * r), self.time_s, 0.02)
             self.vertical.predict(0.0, 0.02)
 
-    def dvl(self, velocity: Vec3, interval_s: float = 0.1, late_s: float = 0.1, at: SensorMount = HERE) -> bool:
-        reading = BottomVelocity(velocity, 0.01, 1.0, interval_s, 0)
+    def dvl(
+        self,
+        velocity: Vec3,
+        interval_s: float = 0.1,
+        late_s: float = 0.1,
+        at: SensorMount = HERE,
+        *,
+        device_time: bool = True,
+    ) -> bool:
+        reading = BottomVelocity(velocity, 0.01, 1.0, interval_s, round(1e6 * self.time_s) if device_time else 0)
         return self.aiding.bottom_velocity(reading, at, self.time_s - late_s)
 
     def pressure(self, depth_m: float, at: SensorMount = HERE) -> bool:
@@ -103,6 +111,16 @@ def test_a_velocity_that_jumps_is_accepted_in_the_end_unless_it_repeats_itself(
         rig.wait(0.1)
         rig.dvl((0.0 if tick < 30 else 2.0 + noise_mps * (tick % 3), 0.0, 0.0))
     assert (rig.horizontal.u_mps > 1.0) is assumed
+
+
+def test_an_equal_velocity_counts_again_only_where_the_device_says_that_it_is_another(hindrax: Vehicle) -> None:
+    for device_time in (True, False):
+        rig = Rig(hindrax)
+        rig.wait(1.0)
+        assert rig.dvl((0.3, 0.1, 0.0), device_time=device_time)
+        rig.wait(0.1)
+        assert rig.dvl((0.3, 0.1, 0.0), device_time=device_time) is device_time
+        assert rig.dvl((0.3, 0.1001, 0.0), device_time=device_time)
 
 
 @pytest.mark.parametrize("velocity", [(3.1, 0.0, 0.0), (0.0, -3.1, 0.0), (-4.0, 4.0, 0.0)])

@@ -1,15 +1,17 @@
 """The navigator against motions that are known in closed form."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from navigator_ride import CENTERED, FIELD_T, HOVER, MOUNTED, FLOOR_m, Ride, part, rms, vector
+from navigator_ride import CENTERED, FIELD_T, HOVER, MOUNTED, FLOOR_m, Ride, part, rms
 
 from hindrax_control.navigation.navigator import Navigator, NavigatorKnobs
+from hindrax_control.testing.motion import vector
 from hindrax_core.events import Stamp, Stamped, stamp_from_s
 from hindrax_core.hydrostatics import GRAVITY_mps2
 from hindrax_core.readings import (
@@ -176,7 +178,7 @@ def test_an_inertial_sensor_that_states_the_very_same_is_reported() -> None:
 def test_samples_of_an_autopilot_repeat_at_rest_and_are_frozen_only_where_they_claim_a_turn() -> None:
     coarse = replace(CENTERED, sensors={**CENTERED.sensors, "icm20948": Mount("ardusub")})
     still, turning = (
-        Ride(coarse, gyro_bias=(0.0, 0.0, offset_radps)).run(4.0).out[-1].reading.consistency
+        Ride(vehicle=coarse, gyro_bias=(0.0, 0.0, offset_radps)).run(4.0).out[-1].reading.consistency
         for offset_radps in (0.002, 0.02)
     )
     assert still.frozen_s == 0.0, "RAW_IMU has steps of 1 mrad/s and 1 mg"
@@ -491,3 +493,41 @@ def test_rates_of_the_test_itself_are_those_of_a_turning_body() -> None:
     assert ride.rates(5.0) == pytest.approx((0.0, 0.0, 0.3), abs=1e-6)
     lever = (0.2, 0.0, 0.0)
     assert ride.velocity(5.0, lever) == pytest.approx(cross((0.0, 0.0, 0.3), lever), abs=1e-6)
+
+
+def level_samples(
+    begin_s: float, seconds: float, force: Vec3 = (0.0, 0.0, -GRAVITY_mps2)
+) -> Iterator[Stamped[Reading]]:
+    """A hundred samples a second of a vehicle at rest."""
+    for number in range(round(100 * seconds)):
+        yield Stamped(stamp_from_s(begin_s + 0.01 * number), Inertial(force, (0.0, 0.0, 0.0), 20.0))
+
+
+@pytest.mark.parametrize(("at_s", "side"), [(1.7e9, "after"), (3.0, "before")])
+def test_a_sensor_with_another_clock_than_the_inertial_one_is_named(at_s: float, side: str) -> None:
+    navigator = Navigator(CENTERED)
+    for sample in level_samples(1000.0, 3.0):
+        navigator.step(sample, "icm20948")
+    navigator.step(Stamped(stamp_from_s(at_s), Pressure(110_000.0, 20.0)), "ms5837")
+    assert f"s {side} the inertial sensor's, wanted within 10 s" in navigator.refusals.last
+    assert navigator.refusals.counts == {"ms5837": 1}
+
+
+def test_a_clock_that_is_set_back_costs_an_alignment_and_one_odd_stamp_nothing() -> None:
+    navigator = Navigator(CENTERED)
+    for sample in level_samples(5000.0, 3.0):
+        navigator.step(sample, "icm20948")
+    navigator.step(next(level_samples(10.0, 0.01)), "icm20948")
+    assert navigator.step(Stamped(stamp_from_s(5003.02), Inertial((0.0, 0.0, -9.8), (0.0, 0.0, 0.0), 20.0)), "icm20948")
+    assert navigator.refusals.last.startswith("icm20948: found a stamp 4.99e+03 s before the last one")
+    states = [navigator.step(sample, "icm20948") for sample in level_samples(1000.0, 4.0)]
+    assert sum(state is not None for state in states) > 50
+
+
+@pytest.mark.parametrize("force", [(0.0, 0.0, -1.0), (0.0, 0.0, 0.0)], ids=["in g", "without gravity"])
+def test_accelerations_that_are_none_of_gravity_are_named_and_make_no_state(force: Vec3) -> None:
+    navigator = Navigator(CENTERED)
+    states = [navigator.step(sample, "icm20948") for sample in level_samples(10.0, 10.0, force)]
+    assert not any(states)
+    found = f"found mean acceleration with gravity [m/s^2] {math.hypot(*force):g}, wanted 8 to 12"
+    assert navigator.refusals.last == f"icm20948: {found}"

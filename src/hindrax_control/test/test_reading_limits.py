@@ -19,8 +19,10 @@ ZERO = (0.0, 0.0, 0.0)
         (Inertial((math.nan, 0.0, 0.0), ZERO, 20.0), "force"),
         (Inertial((1e200, 0.0, 0.0), ZERO, 20.0), "force"),
         (Inertial(REST, (0.0, -math.inf, 0.0), 20.0), "rate"),
-        (Magnetic((0.0, 0.0, 1.0)), "field"),
+        (Magnetic((0.0, 0.0, math.inf)), "field"),
         (Pressure(-math.inf, 20.0), "pressure"),
+        (Pressure(12_000.0, 20.0), "pressure"),  # without the air above the water
+        (Pressure(101.325, 20.0), "pressure"),  # kPa
         (Echo(math.nan, 1.0), "range"),
         (BottomVelocity((0.0, math.nan, 0.0), 0.01, 1.0, 0.1, 1), "speed"),
         (BottomVelocity(ZERO, math.nan, 1.0, 0.1, 1), "deviation"),
@@ -35,8 +37,8 @@ def test_what_cannot_be_measured_is_named(reading: Reading, part: str) -> None:
 
 
 def test_the_sentence_has_what_was_found_and_what_is_possible() -> None:
-    why = why_impossible(Stamped(stamp_from_s(5.0), Magnetic((0.0, 0.0, 1.0))))
-    assert why == "found field [T] 1, wanted 0 to 0.1"
+    why = why_impossible(Stamped(stamp_from_s(5.0), Pressure(1013.25, math.nan)))
+    assert why == "found pressure [Pa] 1013.25, wanted 50000 to 2e+08"
 
 
 @pytest.mark.parametrize(
@@ -44,6 +46,8 @@ def test_the_sentence_has_what_was_found_and_what_is_possible() -> None:
     [
         Inertial(REST, ZERO, math.nan),
         Magnetic((2e-5, 0.0, 4e-5)),
+        Magnetic((0.2, 0.0, 0.4)),  # gauss
+        Magnetic((20.0, 0.0, 40.0)),  # microtesla
         Pressure(1e5, math.nan),
         Echo(0.0, 0.0),
         BottomVelocity(None, 0.01, 0.0, 0.1, 1),

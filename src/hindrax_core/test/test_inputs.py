@@ -12,6 +12,7 @@ from hindrax_core.messages.contents import bytes_reader
 from hindrax_core.messages.definition import ONE, Definition, Field
 from hindrax_core.messages.inputs import INPUTS, InputKnobs
 from hindrax_core.readings import BottomVelocity, Pressure
+from hindrax_core.sensor_table import Capability
 
 WATER, SIGMA_mps = Water(), 0.02
 UNKNOWN = (-1.0, *(0.0,) * 8)
@@ -51,10 +52,17 @@ def dvl(
     body = struct.pack("<3d9d3d", *velocity, *covariance, 2.5, 0.0, 0.3) + bytes((beams, 0, 0, 0))
     data = b"\x00\x01\x00\x00" + head + body + struct.pack("<f", 1500.0) + bytes((True, valid))
     row = INPUTS["velocity"]["dvl"]
-    stamped = bytes_reader(DVL, row.contents(WATER, SIGMA_mps))(data)
+    stamped = bytes_reader(DVL, row.contents(WATER, InputKnobs(velocity_sigma_mps=SIGMA_mps)))(data)
     assert stamped.stamp == 7_500_000_000
     assert isinstance(stamped.reading, BottomVelocity)
     return stamped.reading
+
+
+def made_of(capability: Capability, word: str, *values: float, **knobs: float) -> Any:
+    """What the values of a message of this topic make."""
+    asked: Any = {"velocity_sigma_mps": SIGMA_mps, **knobs}
+    made: Callable[..., Any] = INPUTS[capability][word].contents(WATER, InputKnobs(**asked)).made
+    return made(*values)
 
 
 def test_the_report_of_a_dvl_is_in_the_axes_of_the_instrument() -> None:
@@ -66,7 +74,12 @@ def test_the_report_of_a_dvl_is_in_the_axes_of_the_instrument() -> None:
 
 @pytest.mark.parametrize(
     ("velocity", "beams", "valid"),
-    [((0.0, 0.0, 0.0), 0, False), ((0.1, 0.0, 0.0), 2, False), ((math.nan, 0.0, 0.0), 4, True)],
+    [
+        ((0.0, 0.0, 0.0), 0, False),
+        ((0.0, 0.0, 0.0), 4, True),
+        ((0.1, 0.0, 0.0), 2, False),
+        ((math.nan, 0.0, 0.0), 4, True),
+    ],
 )
 def test_without_bottom_lock_there_is_no_velocity(
     velocity: tuple[float, float, float], beams: int, valid: bool
@@ -81,18 +94,29 @@ def test_a_velocity_through_the_water_is_refused() -> None:
 
 @pytest.mark.parametrize("word", ["velocity", "odometry"])
 def test_a_twist_is_turned_from_rep_103(word: str) -> None:
-    made: Callable[..., Any] = INPUTS["velocity"][word].contents(WATER, SIGMA_mps).made
-    assert made(0.3, -0.1, 0.2, 4e-4, *(0.0,) * 35) == BottomVelocity((0.3, 0.1, -0.2), 0.02, 1.0, 0.0, 0)
-    assert made(0.3, -0.1, 0.2, 0.0, *(0.0,) * 35).sigma_mps == SIGMA_mps
-    assert made(0.0, 0.0, 0.0, 1e6, *(0.0,) * 35).velocity_mps is None
-    assert made(math.nan, 0.0, 0.0, 0.0, *(0.0,) * 35).velocity_mps is None
+    def made(*values: float) -> Any:
+        return made_of("velocity", word, *values, *(0.0,) * 35)
+
+    assert made(0.3, -0.1, 0.2, 4e-4) == BottomVelocity((0.3, 0.1, -0.2), 0.02, 1.0, 0.0, 0)
+    assert made(0.3, -0.1, 0.2, 0.0).sigma_mps == SIGMA_mps
+    assert made(0.0, 0.0, 0.0, 1e6).velocity_mps is None
+    assert made(math.nan, 0.0, 0.0, 0.0).velocity_mps is None
 
 
-@pytest.mark.parametrize("word", ["pose", "odometry"])
+@pytest.mark.parametrize("word", ["velocity", "odometry"])
+def test_zeros_without_a_variance_are_a_driver_without_bottom_lock(word: str) -> None:
+    for variance in (0.0, -1.0, math.nan):
+        assert made_of("velocity", word, 0.0, 0.0, 0.0, variance, *(0.0,) * 35).velocity_mps is None
+    assert made_of("velocity", word, 0.0, 0.0, 0.0, 1e-6, *(0.0,) * 35).velocity_mps == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("word", ["pose", "pose_stamped", "odometry"])
 def test_a_height_is_the_pressure_at_its_depth(word: str) -> None:
-    found = INPUTS["depth"][word].contents(WATER, SIGMA_mps).made(-1.2)
+    found = made_of("depth", word, -1.2)
     assert isinstance(found, Pressure)
     assert WATER.depth_m(found.pressure_Pa) == pytest.approx(1.2)
+    above_the_floor = made_of("depth", word, 0.6, surface_m=1.8)
+    assert WATER.depth_m(above_the_floor.pressure_Pa) == pytest.approx(1.2)
 
 
 def test_our_own_messages_are_the_default() -> None:

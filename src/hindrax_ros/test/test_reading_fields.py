@@ -13,7 +13,7 @@ from geometry_msgs.msg import TwistWithCovarianceStamped
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
-from sensor_msgs.msg import NavSatFix
+from sensor_msgs.msg import Imu, NavSatFix
 
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import (
@@ -27,6 +27,7 @@ from hindrax_core.readings import (
     Magnetic,
     Position,
     Pressure,
+    Reading,
     SonarHealth,
     Thermal,
     Vec3,
@@ -178,6 +179,23 @@ def test_dvl_detail_there_and_back(velocity: Vec3 | None) -> None:
     message = deserialize_message(data, Dvl)
     assert message.altitude == 1.25
     assert reader(DVL_DETAIL)(data).reading == reading
+
+
+@pytest.mark.parametrize(("rates", "forces"), [(-1.0, 0.01), (0.01, -1.0)])
+def test_what_an_imu_says_it_does_not_measure_is_nan(rates: float, forces: float) -> None:
+    message = Imu()
+    message.linear_acceleration.z = 9.8
+    message.angular_velocity_covariance[0], message.linear_acceleration_covariance[0] = rates, forces
+    found = reader(IMU)(serialize_message(message)).reading
+    assert isinstance(found, Inertial)
+    assert math.isnan(found.rate_radps[0]) == (rates < 0.0)
+    assert math.isnan(found.specific_force_mps2[2]) == (forces < 0.0)
+
+
+def test_an_orientation_alone_is_no_inertial_sample() -> None:
+    message = Imu()
+    message.angular_velocity_covariance[0] = message.linear_acceleration_covariance[0] = -1.0
+    assert reader(IMU)(serialize_message(message)).reading == Reading()
 
 
 def test_a_place_states_whether_a_gps_gives_it() -> None:

@@ -24,6 +24,13 @@ class Pose:
     @classmethod
     def get_fields_and_field_types(cls) -> dict[str, str]: ...
 
+class PoseStamped:
+    header: std_msgs.msg.Header
+    pose: Pose
+    def __init__(self, *, header: std_msgs.msg.Header = ..., pose: Pose = ...) -> None: ...
+    @classmethod
+    def get_fields_and_field_types(cls) -> dict[str, str]: ...
+
 class PoseWithCovariance:
     pose: Pose
     @property

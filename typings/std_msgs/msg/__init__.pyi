@@ -15,6 +15,11 @@ class Bool:
     @classmethod
     def get_fields_and_field_types(cls) -> dict[str, str]: ...
 
+class Empty:
+    def __init__(self) -> None: ...
+    @classmethod
+    def get_fields_and_field_types(cls) -> dict[str, str]: ...
+
 class Float32MultiArray:
     layout: MultiArrayLayout
     @property

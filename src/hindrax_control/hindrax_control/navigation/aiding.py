@@ -107,7 +107,14 @@ class Aiding:
         u, v, w = mount.body(reading.velocity_mps)
         fastest = self._knobs.fastest_mps
         repeated_s = self._repeated_s(reading.velocity_mps, valid_s, source)
-        if repeated_s > self._knobs.repeated_s or way is None or not (abs(u) <= fastest and abs(v) <= fastest):
+        # Without a time of the device, an equal velocity is the same one, sent again under a later stamp.
+        sent_again = repeated_s > 0.0 and not reading.device_us
+        if (
+            sent_again
+            or repeated_s > self._knobs.repeated_s
+            or way is None
+            or not (abs(u) <= fastest and abs(v) <= fastest)
+        ):
             return False
         by_rotation = cross(way.rate_radps, mount.lever_m)
         u, v, w = u - by_rotation[0], v - by_rotation[1], w - by_rotation[2]

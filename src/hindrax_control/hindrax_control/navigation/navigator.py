@@ -29,11 +29,18 @@ from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, M
 from hindrax_core.rotation import cross
 from hindrax_core.sensor_table import row_of
 from hindrax_core.signals import NAN, ZERO6, Consistency, Navigation
+from hindrax_core.text.refusals import Reason, Refusal, refused
 from hindrax_core.vehicle import Vehicle
 
 LEAST_UPRIGHT = 0.3
 """Cosine of tilt below which the downward velocity determines heave too poorly."""
 MOST_WAITING = 200
+OTHER_CLOCK_S = 10.0
+"""Later than any measurement comes: stamps of two sensors this far apart are of two clocks."""
+STEPPED_BACK = 100
+"""Samples in a row whose stamps do not go on from the last: no disorder, the clock was set back."""
+GRAVITY_BOUNDS_mps2 = (8.0, 12.0)
+"""Mean specific force at the start: less or more is of another unit, or gravity was taken off."""
 AT_REST_radps = 0.005
 """Rates within which a sensor of coarse steps repeats its samples."""
 
@@ -92,6 +99,7 @@ class Navigator:
         self._begin(Stamp(0))
         self._imu = self._changed = EARLIEST
         self._sample = ZERO6
+        self._disordered = 0
 
     def _begin(self, stamp: Stamp) -> None:
         """Restart: at the first sample, or after a long gap."""
@@ -154,7 +162,14 @@ class Navigator:
             return None
         if isinstance(reading, Inertial):
             return self._inertial(stamped.stamp, reading, source)
-        if isinstance(reading, AIDS) and (self._aligned or not isinstance(reading, BottomVelocity)):
+        if not isinstance(reading, AIDS):
+            return None
+        lead_s = (stamped.stamp - self._imu) / NS_PER_S
+        if abs(lead_s) > OTHER_CLOCK_S and self._imu != EARLIEST:
+            self.refused += 1
+            found = f"found a stamp {abs(lead_s):.3g} s {'after' if lead_s > 0.0 else 'before'} the inertial sensor's"
+            self.refusals.add(source, Refusal(Reason.CLOCK, f"{found}, wanted within {OTHER_CLOCK_S:g} s: one clock"))
+        elif self._aligned or not isinstance(reading, BottomVelocity):
             self._waiting.append((stamped.stamp, reading, source))
         return None
 
@@ -168,17 +183,15 @@ class Navigator:
         fx, fy, fz = reading.specific_force_mps2
         p, q, r = reading.rate_radps
         if not dt > 0.0:
-            self.refused += 1
+            self._out_of_order(stamp, dt, source)
             return None
+        self._disordered = 0
         ex, ey, ez, o, n, m = before = self._sample
         self._sample = (fx, fy, fz, p, q, r)
         if self._sample != before or (self._coarse and max(abs(p), abs(q), abs(r)) < AT_REST_radps):
             self._changed = stamp
         if dt > self._knobs.longest_gap_s:
-            # The gyroscope is the same and may not rest when it is back; the place is near.
-            self._heading_rad = self._attitude.heading_rad
-            self._offset = self.gyroscope_offset or self._offset
-            self._begin(stamp)
+            self._restart(stamp)
             return None
         self._imu = self._received[source] = stamp
         # Samples are instants: without the one before, the angle would be half a period ahead of the rate.
@@ -192,13 +205,29 @@ class Navigator:
         if stamp < self._due:
             return None
         at = self._mounts.get(source, NOWHERE)
-        if not self._complete(stamp, at):
+        if not self._complete(stamp, at, source):
             return None
         return Stamped(stamp, self._navigation(stamp, at.body(reading.rate_radps)))
 
+    def _out_of_order(self, stamp: Stamp, dt: float, source: str) -> None:
+        """Refuse a sample that is not later than the last; after many in a row the clock was set back, so restart."""
+        self.refused += 1
+        found = f"found a stamp {-dt:.3g} s before the last one, wanted a later one"
+        self.refusals.add(source, Refusal(Reason.OUT_OF_ORDER, found))
+        self._disordered += 1
+        if self._disordered >= STEPPED_BACK and dt < 0.0:
+            self._disordered = 0
+            self._restart(stamp)
+
+    def _restart(self, stamp: Stamp) -> None:
+        """Begin anew. The gyroscope is the same and may not rest when it is back; the place is near."""
+        self._heading_rad = self._attitude.heading_rad
+        self._offset = self.gyroscope_offset or self._offset
+        self._begin(stamp)
+
     # ---- what happens at a tick
 
-    def _complete(self, stamp: Stamp, at: SensorMount) -> bool:
+    def _complete(self, stamp: Stamp, at: SensorMount, source: str) -> bool:
         """End a tick: the sums become angle and mean specific force, the filters predict, what waits is fused.
 
         False during alignment.
@@ -210,7 +239,7 @@ class Navigator:
         self._since = stamp
         if self._aligned:
             self._predict(turned, force, dt, at)
-        elif not self._align(force, (turned[0] / dt, turned[1] / dt, turned[2] / dt), stamp):
+        elif not self._align(force, (turned[0] / dt, turned[1] / dt, turned[2] / dt), stamp, source):
             self._due = after(stamp, self._span_s)
             return False
         # Ticks keep to their grid, so that the rate is right although samples do not fall on it.
@@ -225,8 +254,11 @@ class Navigator:
                 self._received[source] = max(valid, self._received.get(source, valid))
         return True
 
-    def _align(self, force: Vec3, rate: Vec3, stamp: Stamp) -> bool:
-        """Begin when it rests, when the offset is known from before, or when patience is over, with an honest sigma."""
+    def _align(self, force: Vec3, rate: Vec3, stamp: Stamp, source: str) -> bool:
+        """Begin when it rests, when the offset is known from before, or when patience is over, with an honest sigma.
+
+        Not where the force is not that of gravity: what such a state would be made of is in other units.
+        """
         spans, knobs = self._spans, self._knobs
         spans.append((rate, force))
         if len(spans) < SPANS:
@@ -235,6 +267,12 @@ class Navigator:
         resting = shown.sigma_radps <= math.radians(knobs.still_dps)
         known = self._offset is not self._unknown
         if not (resting or known) and stamp < after(self._began, knobs.align_patience_s):
+            return False
+        size = math.hypot(*mean(force for _, force in spans))
+        low, high = GRAVITY_BOUNDS_mps2
+        if not low <= size <= high:
+            what = "mean acceleration with gravity [m/s^2]"
+            self.refusals.add(source, refused(Reason.IMPOSSIBLE, what=what, found=size, low=low, high=high, unit=""))
             return False
         offset = self._offset.combined(shown)
         # Swinging, gravity is where it was last, not where it was on the average.

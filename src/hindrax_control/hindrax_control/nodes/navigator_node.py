@@ -40,6 +40,8 @@ READ: tuple[Capability, ...] = (
 """In the order of subscription: the inertial samples, which complete a tick, come last."""
 OURS = InputKnobs()
 REPORT_EVERY = 50
+SILENT_S = 5.0
+"""Time without a state after which that is reported; alignment takes less unless the vehicle is moved [wall time]."""
 REMEMBERED = 4
 """Numbers that the navigator of a restarted process begins with: offset of the gyroscope and its deviation [rad/s]."""
 TRANSFORM_EVERY = 5
@@ -68,7 +70,7 @@ def sources(vehicle: Vehicle, inputs: InputKnobs = OURS) -> dict[topics.Topic, t
             # Many drivers publish best effort, of which a reliable reader gets nothing.
             quality = replace(topic.quality, reliable=False)
             theirs = replace(topic, name=f"{name}/{word}", type=row.type, quality=quality)
-            read = contents_reader(row.type, row.contents(vehicle.water, inputs.velocity_sigma_mps))
+            read = contents_reader(row.type, row.contents(vehicle.water, inputs))
             found[theirs] = name, read
     return found
 
@@ -97,10 +99,12 @@ class NavigatorNode(BatchedNode):
         self._publish_transform = transform_publisher(self, vehicle, prefix)
         self._reporter = DiagnosticsPublisher(self, self._navigator.refusals)
         self._turn = 0
+        self._heard, self._spoke = Stamp(0), True
         subscription(self, topics.ALLOCATION, self._on_allocation_message, raw=True)
         inputs = knobs(self, Inputs, fixed={"": SETUP}).input
         for topic, (source, read) in sources(vehicle, inputs).items():
             self.lead = subscription(self, topic, self._callback(source, read), raw=True)
+        self.every(SILENT_S, self._report_silence)
 
     def _callback(self, source: str, read: Read[Reading]) -> Callable[[bytes], None]:
         step = self._navigator.step
@@ -111,6 +115,7 @@ class NavigatorNode(BatchedNode):
             except ValueError as error:
                 self._navigator.refusals.add(source, unreadable(error))
                 return
+            self._heard = stamped.stamp
             found = step(stamped, source)
             if found is not None:
                 self._publish(found)
@@ -131,6 +136,7 @@ class NavigatorNode(BatchedNode):
             self._navigator.thrust(thrust.reading.forces_N)
 
     def _publish(self, found: Stamped[Navigation]) -> None:
+        self._spoke = True
         self.on_state(found)
         self._status.publish(self._status_bytes(found))
         self._odometry.publish(self._odometry_bytes(found))
@@ -139,6 +145,12 @@ class NavigatorNode(BatchedNode):
             self._publish_transform(found)
         if self._turn == 0:
             self._report(found)
+
+    def _report_silence(self) -> None:
+        """Say why there is no state; the reports of a state come with it."""
+        spoke, self._spoke = self._spoke, False
+        if not spoke:
+            self._reporter.report(self._heard, ["no state yet: it begins with an inertial sensor"], "", {})
 
     def _report(self, found: Stamped[Navigation]) -> None:
         if offset := self._navigator.gyroscope_offset:

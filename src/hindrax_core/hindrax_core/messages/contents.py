@@ -19,6 +19,8 @@ from hindrax_core.topics import Topic
 ContentT_co = TypeVar("ContentT_co", covariant=True)
 STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 BEAMS = 4
+NOT_MEASURED = -1.0
+UNKNOWN = (math.nan, math.nan, math.nan)
 _BEAM = ("range", "range_covar", "quality", "velocity", "velocity_covar", "locked")
 
 
@@ -69,18 +71,36 @@ def _bottom_velocity(u: float, v: float, w: float, variance: float, *others: flo
     return BottomVelocity(velocity, math.sqrt(max(0.0, variance)), confidence, interval_s, int(device_us))
 
 
+def _inertial(p: float, q: float, r: float, *others: float) -> Reading:
+    """NaN for what the message says it does not have: element 0 of its covariance is -1 (sensor_msgs/Imu)."""
+    rates_known, (x, y, z), forces_known = others[0] != NOT_MEASURED, others[9:12], others[12] != NOT_MEASURED
+    if not (rates_known or forces_known):
+        return Reading()  # an orientation alone
+    return Inertial((x, y, z) if forces_known else UNKNOWN, (p, q, r) if rates_known else UNKNOWN, math.nan)
+
+
+def _echo(range_m: float) -> Echo:
+    """Only confident echoes travel; infinity stands for what is out of range, or too close (REP-117)."""
+    return Echo(0.0, 0.0) if math.isinf(range_m) else Echo(range_m, 1.0)
+
+
+def _altitude(range_m: float) -> BottomTrack:
+    altitude_m = None if math.isinf(range_m) else range_m
+    return BottomTrack(True, *UNKNOWN, altitude_m, (math.nan, math.nan), (), "", 0)
+
+
 SENSORS: Mapping[str, Contents[Reading]] = {
     "data_raw": Contents(
-        (*parts("angular_velocity"), *parts("linear_acceleration")),
-        lambda p, q, r, x, y, z: Inertial((x, y, z), (p, q, r), math.nan),
+        (
+            *(*parts("angular_velocity"), "angular_velocity_covariance"),
+            *(*parts("linear_acceleration"), "linear_acceleration_covariance"),
+        ),
+        _inertial,
     ),
     "mag": Contents(parts("magnetic_field"), lambda x, y, z: Magnetic((x, y, z))),
     "pressure": Contents(("fluid_pressure",), lambda pressure_Pa: Pressure(pressure_Pa, math.nan)),
-    "range": Contents(("range",), lambda range_m: Echo(range_m, 1.0)),  # only confident echoes travel
-    "altitude": Contents(
-        ("range",),
-        lambda range_m: BottomTrack(True, *(math.nan,) * 3, range_m, (math.nan, math.nan), (), "", 0),
-    ),
+    "range": Contents(("range",), _echo),
+    "altitude": Contents(("range",), _altitude),
     "attitude": Contents(
         parts("orientation", "xyzw"),
         lambda *xyzw: BottomTrack(True, *sname_from_xyzw(*xyzw), None, (math.nan, math.nan), (), "", 0),

@@ -8,6 +8,7 @@ apl-ocean-engineering/marine_msgs), REP-103 and REP-105.
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import NamedTuple
 
 from hindrax_core.hydrostatics import GRAVITY_mps2, Water
@@ -25,10 +26,10 @@ LARGEST_VARIANCE = 1e3
 
 
 class Input(NamedTuple):
-    """Type of a message; and what it holds, in this water, with this deviation where its own is not known [m/s]."""
+    """Type of a message; and what it holds, in this water, by these parameters."""
 
     type: str
-    contents: Callable[[Water, float], Contents[Reading]]
+    contents: Callable[[Water, "InputKnobs"], Contents[Reading]]
 
 
 def _sigma_mps(variance: float, otherwise_mps: float) -> float:
@@ -36,7 +37,7 @@ def _sigma_mps(variance: float, otherwise_mps: float) -> float:
     return math.sqrt(variance) if 0.0 < variance < math.inf else otherwise_mps
 
 
-def _dvl(_water: Water, sigma_mps: float) -> Contents[Reading]:
+def _dvl(_water: Water, knobs: "InputKnobs") -> Contents[Reading]:
     """Axes of the instrument: x forward, y starboard, z along the beam axis."""
 
     def made(mode: int, u: float, v: float, w: float, *others: float) -> BottomVelocity:
@@ -44,33 +45,37 @@ def _dvl(_water: Water, sigma_mps: float) -> Contents[Reading]:
             raise ValueError(f"found velocity_mode {mode}, wanted {BOTTOM}, over ground")
         *covariance, beams, valid = others
         locked = all(map(math.isfinite, (u, v, w))) and (bool(valid) or beams >= LEAST_BEAMS)
-        return _bottom((u, v, w) if locked else None, covariance[0], sigma_mps)
+        return _bottom((u, v, w) if locked else None, covariance[0], knobs.velocity_sigma_mps)
 
     paths = ("velocity_mode", *parts("velocity"), "velocity_covar", "num_good_beams", "beam_velocities_valid")
     return Contents(paths, made)
 
 
-def _twist(_water: Water, sigma_mps: float) -> Contents[Reading]:
+def _twist(_water: Water, knobs: "InputKnobs") -> Contents[Reading]:
     """REP-103: x forward, y left, z up. What is not finite, or of a variance that is no knowledge, is no velocity."""
 
     def made(x: float, y: float, z: float, variance: float, *_: float) -> BottomVelocity:
         known = all(map(math.isfinite, (x, y, z))) and not variance >= LARGEST_VARIANCE
-        return _bottom((x, -y, -z) if known else None, variance, sigma_mps)
+        return _bottom((x, -y, -z) if known else None, variance, knobs.velocity_sigma_mps)
 
     return Contents((*parts("twist.twist.linear"), "twist.covariance"), made)
 
 
 def _bottom(velocity_mps: tuple[float, float, float] | None, variance: float, sigma_mps: float) -> BottomVelocity:
+    """Velocity, if it is one: without bottom lock some drivers send on, with zeros for it and for its covariance."""
+    if velocity_mps is not None and not any(velocity_mps) and not variance > 0.0:
+        velocity_mps = None
     return BottomVelocity(velocity_mps, _sigma_mps(variance, sigma_mps), 1.0, 0.0, 0)
 
 
-def _height(water: Water, _sigma_mps: float) -> Contents[Reading]:
-    """Position in a world with z up and zero at the surface (REP-105), as the pressure at that depth."""
+def _height(path: str, water: Water, knobs: "InputKnobs") -> Contents[Reading]:
+    """Height in a world with z up (REP-105), as the pressure at that depth."""
 
     def made(z_m: float) -> Pressure:
-        return Pressure(water.surface_pressure_Pa - z_m * water.density_kgpm3 * GRAVITY_mps2, math.nan)
+        depth_m = knobs.surface_m - z_m
+        return Pressure(water.surface_pressure_Pa + depth_m * water.density_kgpm3 * GRAVITY_mps2, math.nan)
 
-    return Contents(("pose.pose.position.z",), made)
+    return Contents((path,), made)
 
 
 INPUTS: Mapping[Capability, Mapping[str, Input]] = {
@@ -80,8 +85,9 @@ INPUTS: Mapping[Capability, Mapping[str, Input]] = {
         "odometry": Input("nav_msgs/msg/Odometry", _twist),
     },
     "depth": {
-        "pose": Input("geometry_msgs/msg/PoseWithCovarianceStamped", _height),
-        "odometry": Input("nav_msgs/msg/Odometry", _height),
+        "pose": Input("geometry_msgs/msg/PoseWithCovarianceStamped", partial(_height, "pose.pose.position.z")),
+        "pose_stamped": Input("geometry_msgs/msg/PoseStamped", partial(_height, "pose.position.z")),
+        "odometry": Input("nav_msgs/msg/Odometry", partial(_height, "pose.pose.position.z")),
     },
 }
 """By what is measured and by the last word of the topic `NAME/...`: messages other than those of our own drivers."""
@@ -94,6 +100,7 @@ class InputKnobs:
     velocity: str = choice("detail", ("detail", *INPUTS["velocity"]), "topic NAME/... with the velocity of a DVL")
     depth: str = choice("pressure", ("pressure", *INPUTS["depth"]), "topic NAME/... with the depth")
     velocity_sigma_mps: float = knob(0.01, 1e-4, 1.0, "deviation of a velocity whose covariance is not known [m/s]")
+    surface_m: float = knob(0.0, -1e4, 1e4, "height of the surface in the world of a pose or odometry [m]")
 
     def of(self, capability: Capability) -> tuple[str, Input] | None:
         """Word and row of the chosen message; None where it is our own."""

@@ -179,7 +179,7 @@ FIELDS: Mapping[str, Fields] = {
     "data_raw": Fields(
         (Inertial,),
         _inertial,
-        SENSORS["data_raw"].paths,
+        (*parts("angular_velocity"), *parts("linear_acceleration")),
         values=lambda found: (*found.rate_radps, *found.specific_force_mps2),
     ),
     "mag": Fields(
