@@ -1,7 +1,7 @@
 """Live bands hold whatever the thrusters' lag and the latency of the velocities are: nobody has to know either."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -13,8 +13,9 @@ from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.results import truth_of
 from hindrax_ident.model.model_parameters import wide_prior
-from hindrax_ident.model.motion_model import model_of, motions_of
+from hindrax_ident.model.motion_model import Model, areas_across, model_of, motions_of
 from hindrax_ident.model.simulation import trajectory
+from hindrax_ident.online import axis_estimator
 from hindrax_ident.online.axis_estimator import AxisEstimator
 from hindrax_ident.online.axis_session import AxisSession
 from hindrax_ident.online.filtered_regression import found_delays
@@ -103,23 +104,31 @@ def test_unknown_forces_are_no_thrust_that_acts_before_it_is_commanded(vehicle: 
     assert abs(found[-1] - theta[-1]) < 3.0 * math.sqrt(covariance[-1, -1])
 
 
+def moved_across(flight: Flight, model: Model, theta: Array, sway: Array, felt: Array) -> Iterator[Stamped[IdentEvent]]:
+    """Surge of a flight that moves across by `sway` (n,), of which its drag feels a speed (n,); measured both."""
+    path = trajectory(model, theta, replace(flight.grid, across=np.abs(felt)), flight.path)
+    assert path is not None
+    seen = events(replace(flight, path=path), 0, "surge", sensors_of(0), np.random.default_rng(2))
+    for one in seen:
+        if isinstance(one.reading, Velocity):
+            v = float(np.interp(seconds_between(Stamp(0), one.stamp), flight.grid.times_s, sway))
+            yield Stamped(one.stamp, replace(one.reading, nu=(one.reading.nu[0], v, *one.reading.nu[2:])))
+        else:
+            yield one
+
+
+def pushed(vehicle: Vehicle) -> tuple[Flight, Array, Model]:
+    """Steps of surge with their true parameters, and its model with drag by the speed across."""
+    steps = array(np.repeat([4.0, -8.0, 13.0, -4.0, 9.0, -13.0] * 4, 100))
+    return *moved_by(vehicle, steps, array(np.zeros(2400)), 0.04), replace(model_of(vehicle, 0), crossed=True)
+
+
 def test_drag_by_the_speed_across_is_known_live_too(vehicle: Vehicle) -> None:
     """A bluff body that moves across as fast as along: without it k_q and k_l are those of another one."""
-    flight, theta = moved_by(vehicle, np.repeat([4.0, -8.0, 13.0, -4.0, 9.0, -13.0] * 4, 100), np.zeros(2400), 0.04)
+    flight, theta, model = pushed(vehicle)
+    whole = np.insert(theta, 3, theta[0])
     across = array(0.35 * np.sin(0.9 * flight.grid.times_s + 0.2))
-    model, whole = replace(model_of(vehicle, 0), crossed=True), np.insert(theta, 3, theta[0])
-    path = trajectory(model, whole, replace(flight.grid, across=np.abs(across)), flight.path)
-    assert path is not None
-    rng = np.random.default_rng(2)
-
-    def with_sway(one: Stamped[IdentEvent]) -> Stamped[IdentEvent]:
-        if not isinstance(one.reading, Velocity):
-            return one
-        sway = float(np.interp(seconds_between(Stamp(0), one.stamp), flight.grid.times_s, across))
-        return Stamped(one.stamp, replace(one.reading, nu=(one.reading.nu[0], sway, *one.reading.nu[2:])))
-
-    seen = events(replace(flight, path=path), 0, "surge", sensors_of(0), rng)
-    estimator, session = of_another_stack(vehicle, map(with_sway, seen))
+    estimator, session = of_another_stack(vehicle, moved_across(flight, model, whole, across, across))
     found, covariance = estimator.estimate()
     assert np.abs((found - whole) / np.sqrt(np.diag(covariance))).max() < 3.0
     assert found[3] == pytest.approx(whole[3], rel=0.3)
@@ -130,3 +139,27 @@ def test_drag_by_the_speed_across_is_known_live_too(vehicle: Vehicle) -> None:
         after_ = result.coefficients[name]
         assert abs(live.value - after_.value) < 3.0 * math.hypot(live.std, after_.std), name
     assert result.coefficients["k_w"].value == pytest.approx(whole[3], abs=3.0 * result.coefficients["k_w"].std)
+
+
+def test_the_live_interval_has_the_drag_by_incidence_as_that_after_the_run(
+    vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A long hull that moves across: what it turns to the flow looks like drag along, in every record."""
+    vehicle = replace(vehicle, envelope_m=(1.2, 0.3, 0.3))
+    flight, theta, model = pushed(vehicle)
+    whole = np.insert(theta, 3, theta[0])
+    sway = array(0.35 * np.sin(0.9 * flight.grid.times_s + 0.2))
+    record = moved_across(flight, model, whole, sway, array(areas_across(vehicle, 0)[1] * sway))
+    estimator, session = of_another_stack(vehicle, record)
+    outcome = session.finalize()
+    top = outcome.assessments[0].budget.case.speed
+    gradient = np.array([top**2, top, 0.0, 0.0, 0.0])
+    found, covariance = estimator.estimate()
+    off, sigma = gradient @ (found - whole), math.sqrt(gradient @ covariance @ gradient)
+    assert abs(off) < 3.0 * sigma
+    drag = outcome.results.motions["surge"].drag
+    assert drag is not None
+    assert 0.5 < sigma / drag.std_calibrated[-1] < 1.5
+    monkeypatch.setattr(axis_estimator, "INCIDENCE", 0.0)
+    _, without = estimator.estimate()
+    assert abs(off) > 3.0 * math.sqrt(gradient @ without @ gradient)

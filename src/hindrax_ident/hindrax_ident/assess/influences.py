@@ -22,7 +22,7 @@ from hindrax_ident.assess.posterior import root
 from hindrax_ident.assess.thrust_calibration import ThrustErrorMode, modes, thrust_shares
 from hindrax_ident.fit.delay import lag_impulse, latency_impulse
 from hindrax_ident.fit.output_error import OutputErrorFit
-from hindrax_ident.model.motion_model import HORIZONTAL
+from hindrax_ident.model.motion_model import HORIZONTAL, INCIDENCE, areas_across
 from hindrax_ident.model.simulation import per_step
 from hindrax_ident.model.thrust_lag import LaggedThrust
 from hindrax_ident.records.axis_record import Record
@@ -67,9 +67,6 @@ FRICTION_SPEED = 0.02
 CROSS_DRAG, OFF_DIAGONAL = 0.5, 0.1
 """Standard deviations of the drag that an axis has from the speed across it, of that of one speed, and of off-diagonal
 terms of added mass and drag, of the own ones [-]."""
-INCIDENCE = 2.0
-"""Standard deviation of the drag by incidence, in that of the projected area: a long hull has a drag coefficient of 0.3
-along and 1.1 across (Hoerner 1965, chapter 3)."""
 LEAST_CROSSING = 0.003
 """Impulse of another axis, of those of the thrust, below which it is nothing [-]."""
 MOST_CROSSINGS = 4
@@ -464,13 +461,10 @@ def _exponent(case: AxisFit, v: Array) -> Array:
 def _incidence(case: AxisFit) -> Array:
     """Drag along by the area that a hull turns to flow at an angle, where that is larger than the own one.
 
-    Of an ellipsoid in the envelope: area times speed is the root of the sum of (area of an axis times its velocity)^2.
     The record cannot tell it from drag along: where it moves along there is an angle too.
     """
-    length, width, height = case.vehicle.envelope_m
-    areas = np.array([width * height, length * height, length * width])
-    larger = np.maximum(1.0, areas / areas[case.axis])
-    turned = np.sqrt(case.v**2 + np.sum((larger * case.others[:, :3]) ** 2, axis=1))
+    larger = areas_across(case.vehicle, case.axis)
+    turned = np.sqrt(case.v**2 + np.sum((larger * case.others) ** 2, axis=1))
     return case.of_force(-case.top_drag / max(1e-9, case.speed**2) * (turned - np.abs(case.v)) * case.v)
 
 
@@ -704,7 +698,7 @@ INFLUENCES: tuple[Influence, ...] = (
     ),
     Influence(
         "drag by incidence", "of the projected area", MODEL,
-        lambda case: INCIDENCE if case.fit.model.crossed and case.axis < 3 else 0.0, _incidence,
+        lambda case: INCIDENCE if case.fit.model.turns else 0.0, _incidence,
         ONE_AXIS, considered=True,
     ),
     Influence(

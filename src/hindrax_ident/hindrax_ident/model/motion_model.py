@@ -27,6 +27,11 @@ LEAST_MASS = 0.5
 """Share of the mass of the body; less contradicts the vehicle file, and is reported [-]."""
 
 
+INCIDENCE = 2.0
+"""Standard deviation of the drag by incidence, in that of the projected area: a long hull has a drag coefficient of 0.3
+along and 1.1 across (Hoerner 1965, chapter 3)."""
+
+
 @dataclass(frozen=True, slots=True)
 class Motion:
     """One row of COB-2023-1394 Table 3: axis 0 to 5 (surge to yaw) and direction of motion (0: both)."""
@@ -106,6 +111,11 @@ class Model:
         drag = ("k_q", "k_l", "k_q_negative", "k_l_negative") if self.split else ("k_q", "k_l")
         more = (*(("k_w",) if self.crossed else ()), *(("k_r",) if self.restores else ()))
         return (*drag, "b", *more, "mass")
+
+    @property
+    def turns(self) -> bool:
+        """Whether drag by incidence may act, which no record tells from drag along (`areas_across`)."""
+        return self.crossed and self.axis < 3
 
     @property
     def drags(self) -> int:
@@ -217,6 +227,30 @@ def speed_across(vehicle: Vehicle, axis: int, nu: Sequence[Array]) -> Array:
 def weights_across(vehicle: Vehicle, axis: int) -> Array:
     """What the velocity of each axis counts in the speed across one: (6,) [-, m or 1/m]."""
     weights = np.array([1.0] * 3 + [0.0] * 3 if axis < 3 else [2.0 / max(vehicle.envelope_m)] * 3 + [1.0] * 3)
+    weights[axis] = 0.0
+    return weights
+
+
+def areas_across(vehicle: Vehicle, axis: int) -> Array:
+    """What the velocity of each axis counts in the drag by incidence along one.
+
+    Of an ellipsoid in the envelope: area times speed is the root of the sum of (area of an axis times its velocity)^2.
+
+    Parameters
+    ----------
+    vehicle
+        Its envelope.
+    axis
+        Index, 0 to 2.
+
+    Returns
+    -------
+    Array
+        (6,) [-]: area of each over that of the axis, 1 at least; 0 of the axis itself and of turns.
+    """
+    length, width, height = vehicle.envelope_m
+    areas = np.array([width * height, length * height, length * width])
+    weights = np.append(np.maximum(1.0, areas / areas[axis]), np.zeros(3))
     weights[axis] = 0.0
     return weights
 

@@ -13,8 +13,9 @@ the coefficients of the delay's shapes; n = p + number of shapes, less one where
 of one velocity, whose variance s^2 is estimated; `Rls.unit_covariance` (n, n) is to be multiplied by it.
 
 What the covariance of least squares does not contain is added when it is asked for (`estimate`): color of the residuals
-and what differs between parts of the run (`_measured_widening`), and shapes beyond the last (`_left_out`). It is
-computed from sums, so a sample costs the same however long the run is.
+and what differs between parts of the run (`_measured_widening`), shapes beyond the last (`_left_out`), and of a record
+that moves across the drag by incidence (`_by_incidence`). It is computed from sums, so a sample costs the same however
+long the run is.
 """
 
 import itertools
@@ -28,7 +29,7 @@ from hindrax_core.text.coded import Coded
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.fit.autoregression import Correlator
 from hindrax_ident.model.model_parameters import Prior
-from hindrax_ident.model.motion_model import Model
+from hindrax_ident.model.motion_model import INCIDENCE, LEAST_SPEED, Model
 from hindrax_ident.online.filtered_regression import (
     FilteredRegression,
     RowWhitener,
@@ -128,7 +129,9 @@ class AxisEstimator:
         sigmas += [delay_sigma_s**order * values[-1] / NOISE for order in range(1, self._shapes + 1)]
         values += [0.0] * self._shapes
         self._rls = Rls(values, sigmas, tuning.forgetting)
-        self._whitener = RowWhitener(len(values) + 1, lag_s, float(prior.values[-1]))
+        self._whitener = RowWhitener(len(values) + 1 + model.turns, lag_s, float(prior.values[-1]))
+        # Sum over the rows of x times the column of incidence, and the highest speed: `_by_incidence`.
+        self._along, self._fastest = (0.0,) * len(values), 0.0
         self.correlator = Correlator()
         self._filter = JointFilter(model, self._lag_s) if tuning.estimator == "ekf" and not self._fixed_mass else None
         self._sum: tuple[float, ...] = ()
@@ -200,9 +203,21 @@ class AxisEstimator:
         """Angle, for the restoring moment, or depth."""
         self._inputs.append((t_s, "position", position))
 
-    def across(self, t_s: float, speed: float) -> None:
-        """Speed across the axis from this time on, for the drag by it."""
+    def across(self, t_s: float, speed: float, by_areas: float = 0.0) -> None:
+        """Speed across the axis from this time on.
+
+        Parameters
+        ----------
+        t_s : [s]
+            In time order.
+        speed : [m/s, rad/s]
+            For the drag by it (`motion_model.speed_across`).
+        by_areas : [m/s]
+            Weighted by areas, for the drag by incidence (`motion_model.areas_across`).
+        """
         self._inputs.append((t_s, "across", speed))
+        if self.model.turns:
+            self._inputs.append((t_s, "areas", by_areas))
 
     def _apply_inputs_until(self, t_s: float) -> None:
         """Apply inputs up to this time: velocities are means, so they are older than inputs received with them."""
@@ -217,7 +232,7 @@ class AxisEstimator:
             first.popleft()
             if first is thrusts or kind != "thrust":
                 getattr(self._whitener if kind == "effort" else self.regression, kind)(acts_s, value)
-            if self._filter and first is inputs:
+            if self._filter and first is inputs and kind != "areas":
                 getattr(self._filter, kind)(at_s, value)
             if kind == "effort":
                 self._thrust_s = at_s
@@ -284,11 +299,12 @@ class AxisEstimator:
     def _summed(self, sample: Sample, pause: float) -> Sample:
         """Leaky integral of the rows, which turns differences of measured positions back into positions."""
         keep = math.exp(-pause / SUMMED_S)
-        row = (*sample.x, *sample.shapes, sample.y)
+        row = (*sample.x, *sample.shapes, sample.y, *sample.incidence)
         past = self._sum or (0.0,) * len(row)
         self._sum = tuple(keep * old + new for old, new in zip(past, row, strict=True))
-        columns = len(sample.x)
-        return replace(sample, x=self._sum[:columns], shapes=self._sum[columns:-1], y=self._sum[-1])
+        columns, y = len(sample.x), len(sample.x) + len(sample.shapes)
+        x, shapes, incidence = self._sum[:columns], self._sum[columns:y], self._sum[y + 1 :]
+        return replace(sample, x=x, shapes=shapes, y=self._sum[y], incidence=incidence)
 
     def _refusal(self, sample: Sample | None, pause_s: float, age_s: float) -> Coded[NotLearned]:
         if math.isnan(age_s):
@@ -307,14 +323,14 @@ class AxisEstimator:
         velocities are summed instead of whitened: their noise is that of a difference, not of a disturbance. An outlier
         leaves no trace, neither in the filters nor in the whitening; so nothing is updated before it is judged.
         """
-        x, y = (*sample.x, *sample.shapes), sample.y
+        x, y, incidence = (*sample.x, *sample.shapes), sample.y, sample.incidence
         if self._fixed_mass:
             x, y = x[:-1], y - x[-1] / self._fixed_mass
         scale = 1.0
         if not derived:
             scale = self._whitener.scale
-            *columns, y = (scale * value for value in self._whitener.unpredicted((*x, y)))
-            x = tuple(columns)
+            whitened = [scale * value for value in self._whitener.unpredicted((*x, y, *incidence))]
+            x, y, incidence = tuple(whitened[: len(x)]), whitened[len(x)], tuple(whitened[len(x) + 1 :])
         innovation, information = self._rls.evaluate(x, y)
         self._outliers = self._outliers + 1 if self._is_outlier(innovation, information) else 0
         if 0 < self._outliers <= MOST_OUTLIERS_IN_A_ROW:
@@ -329,8 +345,12 @@ class AxisEstimator:
         self._rls.update(x, y)
         self.correlator.add(innovation / (1.0 + information))
         if not derived and math.isfinite(innovation):
-            self._whitener.update([value / scale for value in (*x, y)])
+            self._whitener.update([value / scale for value in (*x, y, *incidence)])
         self._add_to_block((*x, y))
+        if incidence and math.isfinite(innovation):
+            kept, (turned,) = self._tuning.forgetting, incidence
+            self._along = tuple(kept * total + turned * value for total, value in zip(self._along, x, strict=True))
+            self._fastest = max(self._fastest, abs(sample.speed))
         if self.samples > ROUGHLY_AFTER * self._rls.n:
             # The noise of a sum of differences is that of the positions: a difference has twice its variance.
             self.regression.noise_variance = self._rls.variance * (2.0 if derived else 1.0)
@@ -389,6 +409,8 @@ class AxisEstimator:
         if self._shapes:
             covariance = covariance + self._left_out(values, covariance)
             values, covariance = self._not_before_its_cause(values, covariance)
+        if self.model.turns:
+            covariance = covariance + self._by_incidence(values)
         return physical(values[:p].tolist(), covariance[:p, :p])
 
     def _left_out(self, values: Array, covariance: Array) -> Array:
@@ -418,6 +440,16 @@ class AxisEstimator:
         moved = along / variance
         doubt = np.outer(moved, moved) * max(0.0, excess**2 - variance)
         return array(values - moved * excess), array(covariance + doubt)
+
+    def _by_incidence(self, values: Array) -> Array:
+        """Covariance for the drag by incidence, which no record tells from drag along: (n, n).
+
+        What the fit after the run considers too (`influences`): each unit of it, a deviation of INCIDENCE times the
+        drag at the highest speed over the square of that, moves the estimate by P times the sum of x and its column.
+        """
+        per_mass = abs(float(values[0]) + float(values[1]) / max(self._fastest, LEAST_SPEED))
+        moved = INCIDENCE * per_mass * (self._rls.unit_covariance @ np.array(self._along))
+        return array(np.outer(moved, moved))
 
     @property
     def _noise_variance(self) -> float:

@@ -1,6 +1,7 @@
 """One axis of a running session: its estimator, its choice of sources, and its record for the final fit."""
 
 import math
+from operator import mul
 from typing import TypeVar
 
 import numpy as np
@@ -15,11 +16,13 @@ from hindrax_ident.model.model_parameters import Prior, bounded, reported_parame
 from hindrax_ident.model.motion_model import (
     Model,
     Motion,
+    areas_across,
     known_force,
     lag_s,
     motions_of,
     speed_across,
     unit_wrench,
+    weights_across,
 )
 from hindrax_ident.online.axis_estimator import AxisEstimator
 from hindrax_ident.online.sample_verdict import LEARNED, NotLearned, SampleVerdict
@@ -70,6 +73,8 @@ class AxisSession:
         self._other_velocities: Samples[tuple[float, ...]] = Samples()
         self._others: tuple[float, ...] = ZERO6
         self._hydrostatic = self._coriolis = 0.0
+        self._across: list[float] = weights_across(vehicle, model.axis).tolist()
+        self._areas: list[float] = areas_across(vehicle, model.axis).tolist() if model.turns else []
         self._reported = {motion.side: reported_parameters(model, motion) for motion in motions_of(model.axis)}
 
     # ---- inputs, in time order
@@ -120,7 +125,7 @@ class AxisSession:
         self._other_velocities.append((t_s, *others))
         self._coriolis = coriolis(axis, masses.values, nu)
         if self.model.crossed:
-            self.estimator.across(t_s, float(speed_across(self._vehicle, axis, [array([one]) for one in nu])[0]))
+            self.estimator.across(t_s, math.hypot(*map(mul, self._across, nu)), math.hypot(*map(mul, self._areas, nu)))
         self.estimator.known(t_s, self._hydrostatic + self._coriolis)
 
     def velocity(

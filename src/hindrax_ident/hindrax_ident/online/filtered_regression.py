@@ -45,7 +45,8 @@ class Sample:
     """One row of the regression: y = x . (theta / M, 1 / M) + noise of the velocity [m/s, rad/s].
 
     `slope` is the derivative of x by this velocity; `speed` is the filtered velocity; `settled`: the initial
-    transient of the filters has decayed; `shapes`: see `found_delays` [N/s, N/s^2, ...; N m/s, ...].
+    transient of the filters has decayed; `shapes`: see `found_delays` [N/s, N/s^2, ...; N m/s, ...]; `incidence`:
+    column of the drag by incidence, which is no unknown, where the model `turns` [m^2/s].
     """
 
     x: tuple[float, ...]
@@ -54,6 +55,7 @@ class Sample:
     speed: float
     settled: bool
     shapes: tuple[float, ...] = ()
+    incidence: tuple[float, ...] = ()
 
 
 class FilteredRegression:
@@ -65,7 +67,7 @@ class FilteredRegression:
         `shapes`: number of columns for what the delay of the thrust differs from the lag, which needs one above 0.
 
         `velocity_time_s`, `thrust_time_s`: times of the last velocity and thrust command; NaN before the first.
-        `speed_across` [m/s, rad/s]: the present one.
+        `speed_across` [m/s, rad/s]: the present one; `area_speed` [m/s]: that by the areas of a turned hull.
         """
         self.model, self.rate, self.noise_variance = model, rate, 0.0
         self.lag_s, self._split = lag_s, model.split
@@ -74,7 +76,7 @@ class FilteredRegression:
         self._cascade, self._cascade_f = (0.0,) * shapes, (0.0,) * shapes
         self._terms: tuple[float, ...] = ()
         self._position: tuple[float, float] | None = None
-        self.speed_across = 0.0
+        self.speed_across = self.area_speed = 0.0
         self._known_f = 0.0
         self._t_thrust = self.thrust_time_s = math.nan
         self.restart()
@@ -82,7 +84,7 @@ class FilteredRegression:
     def restart(self) -> None:
         """Reset the velocity filters: after a gap, or before the first sample."""
         self.velocity_time_s, self._start = math.nan, 1.0
-        self._sums = [0.0] * (len(self.model.names) - 1)
+        self._sums = [0.0] * (len(self.model.names) - 1 + self.model.turns)
         self._recent = self._direction = 0.0
 
     def undo_last(self) -> None:
@@ -110,6 +112,10 @@ class FilteredRegression:
     def across(self, _t_s: float, speed: float) -> None:
         """Speed across the axis from this time on, for the drag by it [m/s, rad/s]."""
         self.speed_across = speed
+
+    def areas(self, _t_s: float, speed: float) -> None:
+        """Speed across by the areas of a turned hull from this time on, for the drag by incidence [m/s]."""
+        self.area_speed = speed
 
     def velocity(self, t_s: float, v: float, spread_s2: float = 0.0) -> Sample | None:
         """Add a velocity measured at this time.
@@ -139,14 +145,16 @@ class FilteredRegression:
         self._advance_thrust(t_s)
         before, self.velocity_time_s = self.velocity_time_s, t_s
         ramp = self._advance_velocity(t_s - before, v, terms)
-        x = (*(-total for total in self._sums), self._force_f + 0.5 * spread_s2 * self._force_curvature)
+        sums, terms_of_model = [-total for total in self._sums], len(self.model.names) - 1
+        force = self._force_f + 0.5 * spread_s2 * self._force_curvature
         return Sample(
-            x,
+            (*sums[:terms_of_model], force),
             v + self._z,
             self._slope(ramp, v, terms),
             self._linear(self._sums) * self.rate,
             self._start < SETTLED,
             self._shapes(),
+            tuple(sums[terms_of_model:]),
         )
 
     def _terms_at(self, t_s: float, v: float) -> tuple[float, ...]:
@@ -156,7 +164,8 @@ class FilteredRegression:
         ahead = v > 0.0 if square > CLEAR_SIGN * self.noise_variance else self._direction > 0.0
         square = square if ahead else -square
         crossed = ((math.hypot(v, self.speed_across) - abs(v)) * v,) if self.model.crossed else ()
-        return (*self._drag_terms(square, v, ahead=ahead), 1.0, *crossed, *self._restoring_at(t_s, v))
+        turned = ((math.hypot(v, self.area_speed) - abs(v)) * v,) if self.model.turns else ()
+        return (*self._drag_terms(square, v, ahead=ahead), 1.0, *crossed, *self._restoring_at(t_s, v), *turned)
 
     def _drag_terms(self, square: float, linear: float, *, ahead: bool) -> tuple[float, ...]:
         """Columns of the drag; in the place of its direction where both have their own."""
@@ -173,7 +182,7 @@ class FilteredRegression:
         return (math.sin(angle + v * (t_s - since)),)
 
     def _slope(self, ramp: float, v: float, terms: tuple[float, ...]) -> tuple[float, ...]:
-        rest = [0.0] * (len(terms) - self.model.drags + 1)
+        rest = [0.0] * (len(self.model.names) - self.model.drags)
         if self.model.crossed:
             rest[1] = -ramp * slope_by_speed_across(v, self.speed_across)
         return (*self._drag_terms(-2.0 * ramp * abs(v), -ramp, ahead=bool(terms[1])), *rest)
