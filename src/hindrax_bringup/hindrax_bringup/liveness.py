@@ -156,7 +156,7 @@ def _liveness_of(path: Path, now_s: float) -> _Liveness | None:
     if not of_nodes and is_stopped(pid):
         return _Liveness("", [f"process {pid}: stopped, as by Ctrl-Z; nothing supervises it until `kill -CONT {pid}`"])
     reported = beat["troubles"] if of_nodes else ()
-    if not 0.0 <= age_s <= DEAD_S:
+    if abs(age_s) > DEAD_S:  # it may beat after the time was read; a file of before a boot is far in the future
         who = f"safety monitor of process {pid}" if of_nodes else f"process {pid}"
         return _Liveness("", [f"{who}: no heartbeat for {abs(age_s):.0f} s; restart it"], reported=reported)
     troubles = [f"{name}: {trouble}" for name, trouble in beat["troubles"].items() if trouble]

@@ -178,12 +178,17 @@ def _read(path: Path) -> StackLock | None:
 
 def owned_document(path: Path) -> Any:
     """Content of a lock file; None where its tool no longer holds it, and then the file is removed."""
-    with contextlib.suppress(OSError, ValueError), path.open(encoding="utf-8") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return json.load(file)
-        path.unlink(missing_ok=True)
+    with contextlib.suppress(OSError, ValueError):
+        while True:
+            with path.open(encoding="utf-8") as file:
+                try:
+                    fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+                except BlockingIOError:
+                    return json.load(file)
+                # A heartbeat puts another file in this place, and then gives up the lock of the one opened here.
+                if os.path.samestat(os.fstat(file.fileno()), path.stat()):
+                    path.unlink(missing_ok=True)
+                    return None
     return None
 
 

@@ -1,5 +1,6 @@
 """Who is alive: the operator at the other end of a link, the tool of a stack, its nodes and processes."""
 
+import fcntl
 import json
 import os
 import signal
@@ -8,6 +9,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import IO
 
 import pytest
 
@@ -138,6 +140,29 @@ def test_a_stack_is_starting_until_each_of_its_devices_has_reported_once(tmp_pat
     nodes.close()
 
 
+def test_a_heartbeat_while_somebody_looks_is_neither_removed_nor_late(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with tool_liveness() as tool:
+        tool.beat("up", {})
+        (path,) = (tmp_path / "runtime").glob("*.pulse")
+        beats, lock = ["up again"], fcntl.flock
+
+        def beating(file: IO[str], operation: int) -> None:
+            if operation & fcntl.LOCK_NB and beats:
+                tool._next_s = 0.0
+                tool.beat(beats.pop(), {})
+            lock(file, operation)
+
+        monkeypatch.setattr(fcntl, "flock", beating)
+        now_s = time.monotonic()
+        assert stacks_well(path.parent, now_s) == (True, "up again")
+        assert path.exists()
+        assert json.loads(path.read_text())["at_s"] > now_s, "it beat after the time was read"
+        after_a_boot = stacks_well(path.parent, now_s - 3600.0)[1]
+        assert "no heartbeat for 3600 s" in after_a_boot
+
+
 def test_a_pulse_whose_folder_has_gone_ends_nothing(tmp_path: Path) -> None:
     with tool_liveness() as beating:
         (tmp_path / "runtime").rmdir()
@@ -237,7 +262,7 @@ def test_where_the_lines_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     tool.beat("up", {})
     nodes.beat("nodes", {})
     dead = "process 7: no heartbeat for {} s; restart it"
-    for now_s, well in ((100.0, True), (105.0, True), (105.6, False), (99.0, False)):
+    for now_s, well in ((100.0, True), (105.0, True), (105.6, False), (99.0, True), (94.0, False)):
         found = liveness_of_stacks(tmp_path, now_s)[7]
         age = f"{abs(now_s - 100.0):.0f}"
         assert found == (("up", "") if well else ("", f"{dead.format(age)}; safety monitor of {dead.format(age)}"))
