@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hindrax_analysis.coefficients_file import coefficients_of
+from hindrax_analysis.coefficients_file import MOCK_WORLD, coefficients_of
 from hindrax_analysis.exports import python_model
 from hindrax_analysis.exports.export_model import ExportModel, export_model, header
 from hindrax_analysis.exports.tables import result_table, write_csv, write_latex
@@ -98,8 +98,11 @@ def test_what_is_reported_of_several_axes_is_reported_once() -> None:
 
 def test_bands_and_assumptions_go_with_the_numbers() -> None:
     reported = results(surge={"k_q": {"value": 18.0, "std": 0.5, "std_calibrated": 1.9}})
-    reported["conditions"] = {"assumptions": ["the gain is believed to within 10%"]}
+    world = f"{MOCK_WORLD}: tether 0.524 N, current 0.00998 m/s"
+    reported["conditions"] = {"assumptions": ["the gain is believed to within 10%", world]}
     lines = header(exported(reported), ())
+    assert any(MOCK_WORLD in line for line in lines)
+    assert not any("0.524" in line for line in lines), "the sizes stand in the file that is named"
     assert any("surge: k_q 18.0 +- 1.9 N s^2/m^2" in line for line in lines)
     assert any("assumed: the gain is believed" in line for line in lines)
 

@@ -14,7 +14,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from hindrax_analysis.coefficients_file import TABULATED, SavedCoefficients
+from hindrax_analysis.coefficients_file import MOCK_WORLD, TABULATED, SavedCoefficients
 from hindrax_core.errors import HindraxError
 from hindrax_core.readings import Vec3, Vec6
 from hindrax_core.signals import ZERO6
@@ -110,8 +110,9 @@ def abort_notes(saved: SavedCoefficients) -> list[str]:
 
 
 def assumption_notes(saved: SavedCoefficients) -> list[str]:
-    """Notes on what was assumed of the record."""
-    return [f"assumed: {one}" for one in saved.conditions.assumptions]
+    """Notes on what was assumed of the record; the two dozen sizes of a mock's world stay with the results."""
+    world = f"{MOCK_WORLD}; its sizes stand in the coefficients"
+    return [f"assumed: {world if one.startswith(MOCK_WORLD) else one}" for one in saved.conditions.assumptions]
 
 
 def export_model(saved: SavedCoefficients, vehicle: Vehicle, source: str, *, complete: bool = False) -> ExportModel:
