@@ -123,6 +123,9 @@ def test_the_page_in_a_browser(tmp_path: Path) -> None:
             )
             assert seen.run(TOO_SMALL) == []
             assert seen.run(ORDER) == ["Health", "Maneuver", "Estimate"]
+            # While it flies, nothing can be started: the estimate is on the first screen instead.
+            assert seen.run("document.getElementById('flying').offsetParent") is None
+            assert seen.run("document.getElementById('estimate').getBoundingClientRect().top + scrollY") < 844
             seen.picture(tmp_path / f"phone-{scheme}.png")
         assert not seen.complaints
 

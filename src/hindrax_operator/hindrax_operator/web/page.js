@@ -268,6 +268,7 @@ function flight(update) {
     at("excitation").value === choices.excitations[0] ? picked.filter(Boolean).join("; ") : "";
   const busy = update.ordered || armed && !over;
   at("flying").disabled = !armed || busy;
+  at("maneuver").classList.toggle("busy", armed && !over);
   at("why").textContent = readOnly ? "" : busy ? "" : armed ? "" :
     "the page cannot arm: `./hindrax arm` in a terminal";
 }
