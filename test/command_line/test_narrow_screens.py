@@ -116,7 +116,7 @@ def show_weighing() -> None:
 def show_gains() -> None:
     gains = designed(load_vehicle(default_vehicle()), [])
     outcome = StepOutcome(3.2, 0.001, settled=True), StepOutcome(14.0, 0.1, settled=False)
-    tune._show(gains, {"1 m along": outcome})
+    tune._show(gains, {"1 m along": outcome}, ["tune", "runs/first"])
 
 
 def show_findings() -> None:

@@ -55,7 +55,12 @@ def test_files_for_our_nodes_and_for_an_ardusub(
     assert command_line.main([*words, "ardusub"]) == 0
     assert "\nATC_RAT_YAW_P," in capsys.readouterr().out
     assert command_line.main([*words, "table"]) == 0
-    assert "and margins of the worst vehicle" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "and margins of the worst vehicle" in printed
+    again = next(line.split()[1:] for line in printed.splitlines() if line.startswith("  ./hindrax tune "))
+    again[again.index("--out") + 1] = str(tmp_path / "again.yaml")
+    assert command_line.main(again) == 0, "the line that is printed does it"
+    assert (tmp_path / "again.yaml").read_text() == (tmp_path / "gains.yaml").read_text()
     assert command_line.main(["tune", str(tmp_path / "nothing.yaml")]) == 2
 
 

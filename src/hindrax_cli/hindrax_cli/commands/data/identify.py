@@ -267,11 +267,13 @@ def _show_notes(found: Identified, conditions: ResultConditions) -> None:
     if conditions.aborted:
         print_stderr(f"aborted by {conditions.aborted}; the results are of the part flown until then")
     foreign = not conditions.mock and found.origin is None
+    delays: dict[str, list[str]] = {}
     for motion, result in found.results.motions.items() if foreign else ():
         # Those of a refused fit are of anything: 1.00 s of a thrust that nobody flew.
         if result.quality and result.identifiable:
-            delays = _delays(result.quality["lag_s"], result.quality["latency_s"])
-            print_fitted(f"{motion}: estimated delays: {delays}")
+            delays.setdefault(_delays(result.quality["lag_s"], result.quality["latency_s"]), []).append(motion)
+    for words, motions in delays.items():
+        print_fitted(f"{', '.join(motions)}: estimated delays: {words}")
     for motion, spreads in found.spreads.items():
         for key, one in spreads.items():
             times = f"{one.ratio:.1f} times their deviations, expected 1"

@@ -2,6 +2,8 @@
 
 import argparse
 import math
+import shlex
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -14,7 +16,7 @@ from hindrax_cli.command import command, option
 from hindrax_cli.commands.pool.report_export import print_or_write, results_file, vehicle_of
 from hindrax_control.maneuver.goal import servable_motions
 from hindrax_core.errors import HindraxError
-from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted, print_whole
 from hindrax_core.text.text_file import require_place
 from hindrax_sim.flights.step_flight import STEPS, SetpointStep, StepOutcome, step_flight
 
@@ -44,7 +46,9 @@ def tune(arguments: argparse.Namespace) -> int:
         rehearsal = rehearsed(gains)
     _require_settled(rehearsal)
     if arguments.to == "table":
-        return print_answer(_document(gains, rehearsal), lambda: _show(gains, rehearsal), as_json=arguments.json)
+        return print_answer(
+            _document(gains, rehearsal), lambda: _show(gains, rehearsal, arguments.typed), as_json=arguments.json
+        )
     text = (parameter_file if arguments.to == "hindrax" else ardusub_file)(gains, str(file))
     if arguments.json:
         return print_answer(_document(gains, rehearsal), lambda: None, as_json=True)
@@ -102,7 +106,8 @@ def _document(gains: HoldGains, rehearsal: Rehearsal) -> dict[str, object]:
     }
 
 
-def _show(gains: HoldGains, rehearsal: Rehearsal) -> None:
+def _show(gains: HoldGains, rehearsal: Rehearsal, typed: Sequence[str]) -> None:
+    """Print gains, margins and rehearsal, and the command as it was typed, for the file of the gains."""
     rows = [
         (
             axis,
@@ -126,6 +131,5 @@ def _show(gains: HoldGains, rehearsal: Rehearsal) -> None:
     for axis in gains.left_out:
         print_fitted(f"{axis}: no thruster serves it")
     print_fitted(f"The margins hold for {gains.drawn} vehicles drawn from the uncertainty of the result.")
-    print_fitted(
-        "Next: `./hindrax tune COEFFICIENTS --to hindrax --out gains.yaml`, then `./hindrax up --params gains.yaml`"
-    )
+    print_fitted("Next: the file of these gains, then `./hindrax up --params gains.yaml`")
+    print_whole(f"  ./hindrax {shlex.join(typed)} --to hindrax --out gains.yaml")
