@@ -31,6 +31,11 @@ def test_a_heading_of_many_degrees_tells_the_unit_of_the_rates() -> None:
     assert "rates (p, r) are in deg/s, by the angles" in found.assumptions
 
 
+def test_a_compass_counts_clockwise_and_the_rate_beside_it_perhaps_not() -> None:
+    found = read("heading,yawRate", YAW * DEG, -RATE * DEG)
+    assert found.velocity[:, 5] == pytest.approx(-RATE, abs=1e-4)
+
+
 def test_a_heading_that_passes_north_is_one_turn() -> None:
     found = read("heading,yawRate", (YAW * DEG + 170.0) % 360.0, RATE * DEG)
     assert found.velocity[:, 5] == pytest.approx(RATE, abs=1e-4)

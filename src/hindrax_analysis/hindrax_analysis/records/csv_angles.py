@@ -2,13 +2,15 @@
 
 A ground station writes headings of 0 to 360 and rates in degrees per second, without a word. Rates that are taken for
 rad/s are 57 times too large, which is still a possible rate of a small vehicle. But the integral of a rate is an angle:
-the slope of one over the other is 1 where both units are alike, and tells which is not.
+the slope of one over the other is 1 where both units are alike, and tells which is not. A compass counts clockwise
+whatever the axes of the rates are, so only the size of the slope says something of units.
 """
 
 from collections.abc import Collection, Mapping
 
 import numpy as np
 
+from hindrax_analysis.records.csv_agreement import slope_of
 from hindrax_analysis.records.csv_columns import DEGREE
 from hindrax_ident.arrays import Array, array
 
@@ -16,10 +18,6 @@ ANGLES = {"roll": "p", "pitch": "q", "yaw": "r"}
 """Angles, and the rate about each axis: alike as long as the vehicle is nearly level."""
 TURN = 6.5
 """An angle beyond this is none in radians [rad]: a turn, and a little."""
-WINDOW_S = 1.0
-"""Time over which the angle turns by the integral of the rate."""
-FEWEST, LEAST_CORRELATION = 8, 0.7
-"""Windows that decide, and how alike both turns within them must be: their correlation about zero."""
 
 
 def in_radians(columns: Mapping[str, Array], unnamed: Collection[str]) -> tuple[dict[str, Array], tuple[str, ...]]:
@@ -42,7 +40,7 @@ def in_radians(columns: Mapping[str, Array], unnamed: Collection[str]) -> tuple[
     slopes = [
         slope
         for angle, rate in ANGLES.items()
-        if angle in out and rate in out and (slope := _slope(out["t"], out[angle], out[rate]))
+        if angle in out and rate in out and (slope := abs(slope_of(out["t"], _unwrapped(out[angle]), out[rate])))
     ]
     slope = float(np.median(slopes)) if slopes else 0.0
     large = any(np.nanmax(np.abs(out[one]), initial=0.0) > TURN for one in angles)
@@ -58,19 +56,10 @@ def in_radians(columns: Mapping[str, Array], unnamed: Collection[str]) -> tuple[
     return out, tuple(notes)
 
 
-def _slope(t: Array, angle: Array, rate: Array) -> float:
-    """What an angle turns per integral of its rate, both as they are; 0 where they do not tell."""
-    there, moved = np.isfinite(angle), np.isfinite(rate)
-    if there.sum() < FEWEST or moved.sum() < FEWEST:
-        return 0.0
-    period = 360.0 if np.abs(angle[there]).max() > TURN else 2.0 * np.pi
-    begin, end = max(t[there][0], t[moved][0]), min(t[there][-1], t[moved][-1])
-    at = np.arange(begin, end, max(WINDOW_S, 2.0 * float(np.median(np.diff(t[there])))))
-    steps = np.diff(t[moved])
-    integral = np.append(0.0, np.cumsum(0.5 * steps * (rate[moved][1:] + rate[moved][:-1])))
-    turns = np.diff(np.interp(at, t[there], np.unwrap(angle[there], period=period)))
-    integrals = np.diff(np.interp(at, t[moved], integral))
-    along, most = float(turns @ integrals), float(np.linalg.norm(turns) * np.linalg.norm(integrals))
-    if len(turns) < FEWEST or along <= LEAST_CORRELATION * most:
-        return 0.0
-    return along / float(integrals @ integrals)
+def _unwrapped(angle: Array) -> Array:
+    """The same angle, (n,), without its leaps by a turn; the unit follows from its size."""
+    known = np.isfinite(angle)
+    period = 360.0 if np.abs(angle[known]).max(initial=0.0) > TURN else 2.0 * np.pi
+    out = angle.copy()
+    out[known] = np.unwrap(angle[known], period=period)
+    return out

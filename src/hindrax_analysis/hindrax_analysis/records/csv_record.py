@@ -8,6 +8,7 @@ import numpy as np
 
 from hindrax_analysis.records.bag_track import are_exact, ways_from_poses
 from hindrax_analysis.records.csv_angles import in_radians
+from hindrax_analysis.records.csv_axes import frame_by_depth, with_angles, with_depths
 from hindrax_analysis.records.csv_columns import (
     Meaning,
     Row,
@@ -41,6 +42,7 @@ MOST_LINES = 250_000
 UNIX_SCALES = ((1e17, 1e-9, "ns"), (1e14, 1e-6, "us"), (1e11, 1e-3, "ms"))
 """Times above the first number are since 1970: factor and unit."""
 FORCES = "XYZKMN"
+AXES_OF = {"flu": "x forward, y left, z up", "fsd": "SNAME: x forward, y starboard, z down"}
 REAL_FORCES = "forces are those achieved by the thrusters, about the center of mass"
 
 
@@ -65,7 +67,7 @@ def read_records(
     text, source
         Of the file, and its name. HindraxError names line and column, what was found and what was wanted.
     frame
-        Body axes of all columns, flu or fsd; empty: fsd.
+        Body axes of all columns, flu or fsd; empty: fsd, or flu where depth and velocity say so.
     part
         Whether velocities or forces alone do.
     vehicle
@@ -88,11 +90,6 @@ def read_records(
         meaning.name: meaning.factor * _values(rows, i, meaning.name, f"column {header[i]}", source)
         for i, meaning in meanings.items()
     }
-    forces_are = REAL_FORCES
-    if outputs:
-        forces, forces_are = _forces_of_outputs(outputs, header, rows, source, vehicle)
-        # The whole record is turned below, and these are in SNAME axes already.
-        columns |= zip(FORCES, (forces * HALF_TURN if frame == "flu" else forces).T, strict=True)
     if "t_ns" in columns:
         columns["t"] = array(columns["t"] + columns.pop("t_ns"))
     _check_times(columns["t"], rows, source)
@@ -103,15 +100,31 @@ def read_records(
             columns["t"], by_size = array(factor * columns["t"]), f"times are in {unit} since 1970, by their size"
     unnamed = {meaning.name for meaning in meanings.values() if not meaning.has_unit}
     columns, by_angles = in_radians(columns, unnamed)
+    frame, columns, axes = _axes(columns, frame)
+    forces_are = REAL_FORCES
+    if outputs:
+        forces, forces_are = _forces_of_outputs(outputs, header, rows, source, vehicle)
+        # The whole record is turned below, and these are in SNAME axes already.
+        columns |= zip(FORCES, (forces * HALF_TURN if frame == "flu" else forces).T, strict=True)
     pieces = _pieces(columns["t"])
     parts = [_recording(source, {name: values[piece] for name, values in columns.items()}) for piece in pieces]
     recordings = _together([one for one in parts if one.measured_t or len(one.wrench_t)])
-    axes = "x forward, y left, z up, as named" if frame == "flu" else "SNAME: x forward, y starboard, z down"
     steps = "once" if len(recordings) == 2 else f"{len(recordings) - 1} times"
     back = f"time steps back {steps}: {len(recordings)} records" if len(recordings) > 1 else ""
-    assumptions = tuple(one for one in (by_size, *by_angles, f"axes are {axes}", forces_are, back) if one)
+    assumptions = tuple(one for one in (by_size, *by_angles, *axes, forces_are, back) if one)
     turned = [one.half_turned() if frame == "flu" else one for one in recordings]
     return [replace(one, assumptions=assumptions) for one in turned]
+
+
+def _axes(columns: dict[str, Array], named: str) -> tuple[str, dict[str, Array], tuple[str, ...]]:
+    """Frame of all columns, the columns with depths and angles that count as their rates do, and what was assumed."""
+    columns, heights = with_depths(columns)
+    columns, turned = with_angles(columns)
+    shown = frame_by_depth(columns)
+    frame = named or shown or "fsd"
+    how = ", as named" if named else ", by depth and w" if shown else ""
+    how += f", but depth and w say {shown}" if named and shown not in ("", named) else ""
+    return frame, columns, (f"axes are {AXES_OF[frame]}{how}", *heights, *turned)
 
 
 def _pieces(t: Array) -> list[np.ndarray[tuple[int], np.dtype[np.intp]]]:

@@ -1,0 +1,76 @@
+"""Body axes of a CSV file where nobody has named them: depth and angles say which way velocities are counted.
+
+Half of the world writes z down, the other half z up (REP-103), and most headers say neither. Drag alone does not mind.
+But with the wrong sense a vehicle that sinks would float, its drag downward would be the one upward, and gravity would
+turn it over. The depth is the integral of the velocity down, an angle is the integral of its rate: what runs against
+them is counted the other way.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from hindrax_analysis.records.csv_agreement import slope_of
+from hindrax_ident.arrays import Array, array
+
+LEAST_SLOPE = 0.5
+"""Size of the slope of a depth over its rate from which they are the same motion."""
+HIGH_m = -0.2
+"""Median of a depth below which it is a height: no vehicle flies above the water."""
+
+
+def with_depths(columns: Mapping[str, Array]) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """Have a column of depths count down from the surface.
+
+    Parameters
+    ----------
+    columns
+        By name, (n,) each.
+
+    Returns
+    -------
+    tuple[dict[str, Array], tuple[str, ...]]
+        The columns, (n,) each, and what was assumed.
+    """
+    depth = columns.get("depth")
+    if depth is None or not np.isfinite(depth).any() or float(np.nanmedian(depth)) > HIGH_m:
+        return dict(columns), ()
+    return dict(columns) | {"depth": array(-depth)}, ("depths are heights above the surface, by their sign",)
+
+
+def frame_by_depth(columns: Mapping[str, Array]) -> str:
+    """Frame in which the velocity down is the rate of the depth.
+
+    Parameters
+    ----------
+    columns
+        By name, (n,) each, with the times "t" [s], depths and velocities in SI.
+
+    Returns
+    -------
+    str
+        fsd or flu; empty where depth and velocity do not tell.
+    """
+    slope = slope_of(columns["t"], columns["depth"], columns["w"]) if {"depth", "w"} <= set(columns) else 0.0
+    return "" if abs(slope) < LEAST_SLOPE else "fsd" if slope > 0.0 else "flu"
+
+
+def with_angles(columns: Mapping[str, Array]) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """Have roll and pitch count as their rates do.
+
+    Parameters
+    ----------
+    columns
+        By name, (n,) each, with the times "t" [s], angles and rates in SI.
+
+    Returns
+    -------
+    tuple[dict[str, Array], tuple[str, ...]]
+        The columns, (n,) each, and what was assumed.
+    """
+    out, notes = dict(columns), []
+    for angle, rate in (("roll", "p"), ("pitch", "q")):
+        if {angle, rate} <= set(out) and slope_of(out["t"], out[angle], out[rate]) < -LEAST_SLOPE:
+            out[angle] = array(-out[angle])
+            notes.append(f"{angle} is counted against {rate}, and was turned")
+    return out, tuple(notes)

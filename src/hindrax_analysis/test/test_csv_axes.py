@@ -1,0 +1,74 @@
+"""Body axes of a CSV file whose header does not name them: depth and angles say how velocities are counted."""
+
+import numpy as np
+import pytest
+
+from hindrax_analysis.records.csv_record import read_records
+from hindrax_analysis.records.recording import Recording
+from hindrax_ident.arrays import Array
+
+T = np.arange(0.0, 40.0, 0.1)
+SINKS = 0.2 * np.sin(T / 3.0)
+DEPTH = 2.0 + 0.6 * (1.0 - np.cos(T / 3.0))
+PUSH = 8.0 * np.sin(T / 3.0)
+
+
+def read(columns: dict[str, Array], frame: str = "") -> Recording:
+    rows = zip(T, *columns.values(), strict=True)
+    lines = [",".join(f"{cell:.6f}" for cell in row) for row in rows]
+    (one,) = read_records("\n".join([f"t,{','.join(columns)}", *lines]), "x.csv", frame)
+    return one
+
+
+def axes_of(record: Recording) -> str:
+    (sentence,) = (one for one in record.assumptions if one.startswith("axes are"))
+    return sentence
+
+
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_what_sinks_has_a_velocity_down(sense: float) -> None:
+    """Taken for SNAME, a record with z up gave a net buoyancy of the wrong sign, without a word."""
+    found = read({"w": sense * SINKS, "Z": sense * PUSH, "depth": DEPTH})
+    assert found.velocity[:, 2] == pytest.approx(SINKS, abs=1e-5)
+    assert found.wrench[:, 2] == pytest.approx(PUSH, abs=1e-5)
+    wanted = {1.0: "SNAME: x forward, y starboard, z down", -1.0: "x forward, y left, z up"}
+    assert axes_of(found) == f"axes are {wanted[sense]}, by depth and w"
+
+
+def test_a_depth_below_zero_is_a_height() -> None:
+    found = read({"w": SINKS, "Z": PUSH, "depth": -DEPTH})
+    assert found.velocity[:, 2] == pytest.approx(SINKS, abs=1e-5)
+    assert found.attitude[:, 2] == pytest.approx(DEPTH, abs=1e-5)
+    assert "depths are heights above the surface, by their sign" in found.assumptions
+
+
+def test_at_the_surface_a_sensor_may_read_a_little_less_than_zero() -> None:
+    found = read({"Z": PUSH, "depth": DEPTH - 2.05})
+    assert found.attitude[:, 2] == pytest.approx(DEPTH - 2.05, abs=1e-5)
+
+
+def test_noise_does_not_tell_and_a_named_frame_stays() -> None:
+    noise = np.random.default_rng(1).normal(0.0, 0.01, (2, len(T)))
+    found = read({"w": noise[0], "Z": PUSH, "depth": 1.0 + noise[1]})
+    assert axes_of(found) == "axes are SNAME: x forward, y starboard, z down"
+    named = read({"w": -SINKS, "Z": -PUSH, "depth": DEPTH}, "fsd")
+    assert named.velocity[:, 2] == pytest.approx(-SINKS, abs=1e-5)
+    assert axes_of(named) == "axes are SNAME: x forward, y starboard, z down, as named, but depth and w say flu"
+
+
+def test_trials_below_each_other_tell_as_one_does() -> None:
+    columns = {"w": -SINKS, "Z": -PUSH, "depth": DEPTH}
+    rows = zip(T, *columns.values(), strict=True)
+    lines = [",".join(f"{cell:.6f}" for cell in row) for row in rows]
+    both = read_records("\n".join(["t,w,Z,depth", *lines, *lines]), "x.csv")
+    assert len(both) == 2
+    for one in both:
+        assert one.velocity[:, 2] == pytest.approx(SINKS, abs=1e-5)
+
+
+def test_angles_count_as_their_rates_do() -> None:
+    pitch, rate = 0.3 * np.sin(T / 2.0), 0.15 * np.cos(T / 2.0)
+    found = read({"pitch": -pitch, "q": rate, "M": PUSH})
+    assert found.attitude[:, 1] == pytest.approx(pitch, abs=1e-5)
+    assert "pitch is counted against q, and was turned" in found.assumptions
+    assert read({"pitch": pitch, "q": rate, "M": PUSH}).attitude[:, 1] == pytest.approx(pitch, abs=1e-5)
