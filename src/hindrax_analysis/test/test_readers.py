@@ -3,15 +3,18 @@
 import contextlib
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hindrax_analysis.identification.record_identification import TABLES, open_sources
 from hindrax_analysis.records.csv_record import read_records
 from hindrax_analysis.records.recording import FEWEST_VELOCITIES, Recording, events, has_signal, reason_to_skip, tuned
-from hindrax_core.errors import HindraxError
+from hindrax_analysis.records.third_party_bag import TopicSelection
+from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import to_s
 from hindrax_core.signals import Attitude, Phase, Thrust, Velocity
 from hindrax_ident.assess.objections import Code
@@ -133,3 +136,11 @@ def test_a_slow_topic_is_not_a_pause() -> None:
     knobs = tuned([slow])
     assert knobs.gap_s > 2.0
     assert knobs.thrust_age_s > 2.0
+
+
+@pytest.mark.parametrize("ending", TABLES)
+def test_a_table_of_another_program_is_to_be_saved_as_csv(ending: str, tmp_path: Path) -> None:
+    file = tmp_path / f"dive{ending.upper()}"
+    file.write_bytes(b"PK\3\4")
+    with pytest.raises(UsageError, match=r"is a table in a format that is not read; save it as CSV"):
+        open_sources([file], TopicSelection())

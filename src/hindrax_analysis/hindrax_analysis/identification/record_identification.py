@@ -47,6 +47,8 @@ from hindrax_ident.tuning import Tuning
 APART_S = 1000.0
 """Time between concatenated records: no stretch spans it."""
 CSV_ENDINGS = (".csv", ".tsv", ".txt")
+TABLES = (".xlsx", ".xls", ".ods", ".mat", ".npz", ".npy", ".parquet", ".feather", ".pkl", ".h5", ".hdf5")
+"""Tables of spreadsheets, MATLAB and Python, which their programs save as CSV."""
 LONG_S = 300.0
 """Time in records from which the axes are worth a process each."""
 TRACE_S, TRACE_POINTS = 0.5, 2000.0
@@ -144,6 +146,9 @@ def _read(path: Path, wanted: TopicSelection, vehicle: Vehicle | None, *, part: 
         return [RecordSource(bag, one) for one in found]
     if bag.suffix.lower() in ENDINGS:
         return [RecordSource(bag, one) for one in read_log(bag, vehicle)]
+    if bag.is_file() and bag.suffix.lower() in TABLES:
+        remedy = "save it as CSV, with a line of column names above (`./hindrax identify --help` lists them)"
+        raise UsageError(f"{path}: is a table in a format that is not read; {remedy}")
     try:
         topics = topics_of(bag)
     except UsageError as error:
