@@ -25,7 +25,7 @@ import yaml
 from built_messages import built_messages, load_here
 from diagnostic_msgs.msg import DiagnosticStatus
 from documentation.pages import ROOT, block_of
-from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, TwistWithCovarianceStamped
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, TwistWithCovarianceStamped, WrenchStamped
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, qos_profile_sensor_data, qos_profile_system_default
@@ -44,6 +44,7 @@ from hindrax_core.readings import Inertial, Vec3
 from hindrax_core.rotation import matrix, xyzw_from_sname
 from hindrax_core.signals import Navigation
 from hindrax_core.vehicle import Mount, load_vehicle
+from hindrax_ident.nodes.identifier import Identifier, _motions
 from hindrax_ros.messages.convert import half_turn, stamp_to_msg
 from hindrax_ros.messages.serialization import message_class
 
@@ -530,6 +531,65 @@ def test_the_pilot_flies_on_an_estimator_of_others(line: str, graph_of: Callable
         assert found.reading.depth_m == pytest.approx(TRUTH.position(t)[2], abs=0.02)
         assert found.reading.attitude_rad == pytest.approx(TRUTH.attitude(t), abs=1e-6)
     assert not pilot.health.failed()
+
+
+K_Q, K_L, INERTIA_kg = 60.0, 5.0, 25.0
+PUSHED_s = 150.0
+
+
+def pushed(rate_Hz: float) -> Iterator[tuple[float, float, float]]:
+    """Time, force and speed of a vehicle that is pushed forth and back along surge."""
+    speed_mps, steps = 0.0, 20
+    for step in range(round(PUSHED_s * rate_Hz)):
+        t = step / rate_Hz
+        force = (20.0, 12.0, 6.0)[int(t // 12.0) % 3] * (1.0 if t % 12.0 < 6.0 else -1.0)
+        yield t, force, speed_mps
+        for _ in range(steps):
+            drag = K_Q * abs(speed_mps) * speed_mps + K_L * speed_mps
+            speed_mps += (force - drag) / INERTIA_kg / rate_Hz / steps
+
+
+@pytest.mark.parametrize(("topic", "variance"), [("/odometry/filtered", 1e-4), ("/mavros/local_position/odom", 0.0)])
+@pytest.mark.usefixtures("graph_of")
+def test_the_identifier_finds_the_drag_on_an_estimator_of_others(topic: str, variance: float, tmp_path: Path) -> None:
+    _, quality, rate_Hz, _ = DRIVERS[topic]
+    vehicle = vehicle_with(yaml.safe_load(SENSORS), tmp_path)
+    words = ["-p", f"vehicle:={vehicle}", "-r", f"odometry:={topic}", "-r", "wrench:=/myrov/wrench"]
+    rclpy.init(args=["--ros-args", *words])
+    node, driver = Identifier(), Node("drivers")
+    try:
+        out = driver.create_publisher(Odometry, topic, quality)
+        thrust = driver.create_publisher(WrenchStamped, "/myrov/wrench", 10)
+        deadline = time.monotonic() + PATIENT_S
+        while not (out.get_subscription_count() and thrust.get_subscription_count()):
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        time.sleep(DISCOVERED_S)
+        # A stamp may not be far ahead of the clock.
+        begin_ns = node.now() - round(PUSHED_s * NS_PER_S)
+        for step, (t, force, speed_mps) in enumerate(pushed(rate_Hz)):
+            stamp = stamp_to_msg(begin_ns + round(t * NS_PER_S))
+            state, push = Odometry(child_frame_id="base_link"), WrenchStamped()
+            state.header.frame_id, push.header.frame_id = "map", "base_link"
+            state.header.stamp = push.header.stamp = stamp
+            state.twist.twist.linear.x, push.wrench.force.x = SPEED.on([speed_mps])[0], force
+            state.twist.covariance[::7] = [variance] * 6
+            thrust.publish(push)
+            out.publish(state)
+            if step % 20 == 0:
+                time.sleep(0.01)
+                node.drain()
+        time.sleep(DISCOVERED_S)
+        node.drain()
+        (found,) = _motions(node._any).values()
+    finally:
+        for one in (node, driver):
+            one.destroy_node()
+        rclpy.try_shutdown()
+    assert found.identifiable, found.reasons
+    drag = found.coefficients["k_q"]
+    assert drag.std < 0.1 * K_Q
+    assert abs(drag.value - K_Q) < 2.5 * drag.std
 
 
 def test_a_message_that_is_not_installed_is_named_with_the_remedy(
