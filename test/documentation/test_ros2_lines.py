@@ -123,3 +123,14 @@ def test_a_wrong_line_is_noticed() -> None:
     ):
         with pytest.raises(AssertionError):
             test_a_line_names_what_is_there(wrong)
+
+
+ROSDEP = {"--from-paths", "--ignore-src", "-y"}
+"""Options of `rosdep install` that there are, of 0.22 to 0.27; `--yes` is none."""
+
+
+def test_rosdep_is_asked_with_options_that_it_has() -> None:
+    texts = [page.read_text(encoding="utf-8") for page in (*PAGES, ROOT / "ros_ws" / "README.md")]
+    found = [line for text in texts for line in re.findall(r"rosdep install ([^#&\n]*)", text)]
+    assert len(found) == 3
+    assert {word for line in found for word in line.split() if word.startswith("-")} <= ROSDEP
