@@ -20,7 +20,7 @@ from hindrax_ident.arrays import array
 from hindrax_ident.assess.objections import Code, Objection
 from hindrax_ident.model.motion_model import MOTIONS
 from hindrax_laboratory.benchmark.foreign_plants import AS_THE_COMMAND, PLANTS, Fluid, read, recorded, write
-from hindrax_tools.foreign_verdicts import Score, scores, summary
+from hindrax_tools.uncertainty.foreign_verdicts import Score, scores, summary
 
 RECORDS = Path(__file__).parent / "foreign_records"
 FALSE = ("dead band", "friction of the tether", "sag", "current")

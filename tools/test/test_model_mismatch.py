@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hindrax_tools.model_mismatch import AXES, LAWS, VEHICLES, MotionVerdict, fly, judged
+from hindrax_tools.uncertainty.model_mismatch import AXES, LAWS, VEHICLES, MotionVerdict, fly, judged
 
 
 def test_the_truth_of_a_record_without_another_law_is_its_steady_speed() -> None:

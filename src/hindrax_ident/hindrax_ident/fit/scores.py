@@ -61,16 +61,26 @@ def score(fit: OutputErrorFit, impulses: Array, readings: Array | None = None) -
     linear = linearize(fit.problem, fit.theta, fit.linear.path, fit.whitener, impulses, readings=readings)
     if linear is None:
         return ScoreTest(np.zeros((p, m)), np.zeros(m), np.zeros((m, m)))
-    information, size = linear.information, _noise(fit)
+    information, size = linear.information, noise_ratio(fit)
     shifts = array(np.linalg.solve(information[:p, :p] + fit.prior_information, information[:p, p:]))
     rest = information[p:, p:] - information[p:, :p] @ shifts
     return ScoreTest(shifts, array(linear.gradient[p:] / size), array(0.5 * (rest + rest.T) / size))
 
 
-def _noise(fit: OutputErrorFit) -> float:
+def noise_ratio(fit: OutputErrorFit) -> float:
     """Ratio of the covariance of the parameters to that for white noise of unit variance.
 
     Without the scatter between blocks: what is tested here may be its cause.
+
+    Parameters
+    ----------
+    fit
+        A converged fit.
+
+    Returns
+    -------
+    float
+        [-].
     """
     plain = np.diag(np.linalg.inv(fit.linear.information + fit.prior_information)) * fit.inflation**2
     return float(np.median(np.diag(fit.covariance) / plain))

@@ -1,8 +1,8 @@
 """Records of vehicles that obey laws which no row of the uncertainty budget knows, and what `identify` makes of them.
 
-`python -m hindrax_tools.model_mismatch` prints the table of docs/explanation/third-party-records.md: five vehicles,
-twelve laws, surge, heave and yaw flown one after the other. The truth is the drag of the hull alone: k_q |v| v + k_l v,
-unless the law is another drag.
+`python -m hindrax_tools.uncertainty.model_mismatch` prints the table of docs/explanation/third-party-records.md: five
+vehicles, twelve laws, surge, heave and yaw flown one after the other. The truth is the drag of the hull alone:
+k_q |v| v + k_l v, unless the law is another drag.
 """
 
 import argparse

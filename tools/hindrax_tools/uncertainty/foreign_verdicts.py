@@ -1,6 +1,7 @@
 """What `identify` makes of the records of foreign plants, in its calibrated deviations.
 
-    python -m hindrax_tools.foreign_verdicts [--only small-pilot] [--seeds 3 4] [--write FOLDER | --read FOLDER]
+    python -m hindrax_tools.uncertainty.foreign_verdicts [--only small-pilot] [--seeds 3 4]
+        [--write FOLDER | --read FOLDER]
 
 Simulation needs the wheel `mujoco`; records that were written do not.
 """

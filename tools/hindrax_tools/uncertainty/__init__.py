@@ -1,0 +1,1 @@
+"""Whether uncertainties hold: against other fluids, other laws, and a posterior without linearization."""
