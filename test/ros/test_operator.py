@@ -303,7 +303,7 @@ def test_without_a_stack_commands_say_what_is_missing(tmp_path: Path, terminal: 
     alone = Terminal(terminal.environment | {FOLDER: str(tmp_path), "ROS_DOMAIN_ID": str(ros_domain)}, tmp_path)
     code, _, printed = alone.run("disarm")
     assert code == 1
-    assert "the thrusters node to offer thrusters/arm; `./hindrax up` starts the stack" in printed
+    assert "the thrusters node to offer thrusters/arm; `./hindrax health` says what of its stack is up" in printed
     code, _, printed = alone.run("stop")
     assert code == 1
     assert "cut the power" in printed

@@ -50,8 +50,9 @@ from hindrax_ros.messages.fast_serialization import navigation_from_bytes
 T = TypeVar("T")
 ActionGoal: TypeAlias = FlyManeuver.Goal | RunExperiment.Goal
 
-UP = "`./hindrax up` starts the stack"
-ANSWER_S = 5.0
+UP = "`./hindrax health` says what of its stack is up, `./hindrax up` starts one"
+ANSWER_S = 10.0
+"""For answers, and for nodes to be found: on a busy machine both take seconds."""
 FLY_AGAIN = "find the cause (`./hindrax doctor`), arm and fly again"
 ASKED_AT_MOST = 5
 RESULT_LOST = Refusal(Reason.IDENTIFIER, "identifier: its result was lost; see whether its process is up")

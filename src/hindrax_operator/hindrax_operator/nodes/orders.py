@@ -31,7 +31,7 @@ from hindrax_operator.nodes.operator_node import UP, Operator
 from hindrax_operator.snapshot import ANGLES, holds_of
 from hindrax_ros.messages.convert import stamp_from_msg, stamp_to_msg, wrench_to_msg
 
-SEEN_S = 5.0
+SEEN_S = 10.0
 WRENCH_PERIOD_S = 0.1
 COMMAND_PERIOD_S = 0.05
 AGAIN_S = 0.5
