@@ -89,8 +89,10 @@ def test_records_are_identified_and_predicted_as_here(
 
 def test_the_benchmark_is_answered_as_here(cluster: str, tmp_path: Path) -> None:
     (tmp_path / RECORD.name).write_bytes(RECORD.read_bytes())
-    here = answers(tmp_path, "least-squares")
+    told: list[str] = []
+    here = answers(tmp_path, "least-squares", reached=told.append)
     assert list(here) == [RECORD.stem]
+    assert told == ["1 of 1"]
     assert answers(tmp_path, "least-squares", Workers(cluster)) == here
 
 

@@ -7,10 +7,11 @@ tool is JSON: by record and axis `drag`, three pairs of force and standard devia
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -29,6 +30,8 @@ TRUTH = "truth.json"
 COVERED = 1.96
 SPEEDS = 3
 
+ResultT = TypeVar("ResultT")
+
 
 @dataclass(frozen=True, slots=True)
 class Row:
@@ -46,7 +49,13 @@ class Row:
     worst: float | None = None
 
 
-def make(folder: Path, only: str = "", seeds: Sequence[int] = (1, 2), workers: Workers = HERE) -> None:
+def make(
+    folder: Path,
+    only: str = "",
+    seeds: Sequence[int] = (1, 2),
+    workers: Workers = HERE,
+    reached: Callable[[str], object] = lambda _: None,
+) -> None:
     """Fly the records: questions without answers, and the truth in its own file.
 
     Parameters
@@ -59,19 +68,23 @@ def make(folder: Path, only: str = "", seeds: Sequence[int] = (1, 2), workers: W
         Flights of each.
     workers
         Where the flights are computed.
+    reached
+        Called with how many are done.
     """
     folder.mkdir(parents=True, exist_ok=True)
     wanted = [(plant, kind, seed) for plant in PLANTS for kind in KINDS for seed in seeds]
     jobs = [partial(fly, *one) for one in wanted if only in f"{one[0].name}-{one[1]}-{one[2]}"]
     truth = {}
-    for record in workers.run(jobs):
+    for record in _counted(workers.run(jobs), len(jobs), reached):
         truth[record.name] = {"drag": record.drag.tolist(), "added_mass": record.added_mass.tolist()}
         hidden = np.full_like(record.drag, math.nan), np.full(6, math.nan)
         write(ForeignRecord(record.name, record.vehicle, record.recording, record.speeds, *hidden), folder)
     (folder / TRUTH).write_text(json.dumps(truth, indent=1))
 
 
-def answers(folder: Path, method: str, workers: Workers = HERE) -> dict[str, Answer]:
+def answers(
+    folder: Path, method: str, workers: Workers = HERE, reached: Callable[[str], object] = lambda _: None
+) -> dict[str, Answer]:
     """Ask a method about all records of a folder; it does not open the truth.
 
     Parameters
@@ -82,6 +95,8 @@ def answers(folder: Path, method: str, workers: Workers = HERE) -> dict[str, Ans
         Name of the method.
     workers
         Where it computes.
+    reached
+        Called with how many are done.
 
     Returns
     -------
@@ -89,8 +104,15 @@ def answers(folder: Path, method: str, workers: Workers = HERE) -> dict[str, Ans
         By record.
     """
     records = [read(file) for file in sorted(folder.glob("*.npz"))]
-    found = workers.run([partial(METHODS[method], one) for one in records])
+    found = _counted(workers.run([partial(METHODS[method], one) for one in records]), len(records), reached)
     return {record.name: answer for record, answer in zip(records, found, strict=True)}
+
+
+def _counted(results: Iterable[ResultT], count: int, reached: Callable[[str], object]) -> Iterator[ResultT]:
+    """Pass results on, and tell how many of how many have come."""
+    for number, result in enumerate(results, start=1):
+        reached(f"{number} of {count}")
+        yield result
 
 
 def _joint(record: ForeignRecord) -> Answer:

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from hindrax_analysis.identification.executor import add_workers, workers_of
-from hindrax_analysis.terminal import print_answer, print_table
+from hindrax_analysis.terminal import print_answer, print_table, working
 from hindrax_cli.argument_types import add_json, at_least
 from hindrax_cli.command import command, option
 from hindrax_core.errors import HindraxError, UsageError
@@ -57,7 +57,8 @@ def benchmark(arguments: argparse.Namespace) -> int:
     if arguments.files and arguments.what != SCORE:
         raise UsageError(f"found {arguments.files[0]}, wanted files of answers with `{SCORE}` alone")
     if arguments.what == MAKE:
-        make(folder, arguments.only, arguments.seeds, workers_of(arguments))
+        with working("flying records") as reached:
+            make(folder, arguments.only, arguments.seeds, workers_of(arguments), reached)
         records = sorted(file.stem for file in folder.glob("*.npz"))
         return print_answer({"records": records}, lambda: print_fitted(", ".join(records)), as_json=arguments.json)
     if not any(folder.glob("*.npz")):
@@ -92,7 +93,8 @@ def _answer(arguments: argparse.Namespace) -> int:
     written = []
     for name in arguments.method or METHODS:
         try:
-            found = answers(arguments.folder, name, workers_of(arguments))
+            with working(f"answering by {name}") as reached:
+                found = answers(arguments.folder, name, workers_of(arguments), reached)
         except UsageError as error:
             if arguments.method:
                 raise HindraxError(f"{name}: {error}") from error
