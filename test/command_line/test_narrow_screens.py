@@ -35,7 +35,7 @@ from hindrax_cli.command_line import load, main, parser_of, print_overview
 from hindrax_cli.commands.data import bag
 from hindrax_cli.commands.experiment import weigh
 from hindrax_cli.commands.explain import benchmark, trials
-from hindrax_cli.commands.machine import doctor
+from hindrax_cli.commands.machine import doctor, vehicle
 from hindrax_cli.commands.operate import commission, status
 from hindrax_cli.commands.operate.status import StackStatus
 from hindrax_cli.commands.pool import guided_session, tune
@@ -490,6 +490,9 @@ FULL: dict[str, Callable[[], object]] = {
     "pool-test --plan": show_long_plan,
     "pool-test --plan, refused": partial(show_long_plan, "the DVL loses the bottom", "it hardly moved: speed 0.01 m/s"),
     "faults, all": show_many_faults,
+    "vehicle check, incomplete": lambda: vehicle._show_checks(
+        replace(load_vehicle(default_vehicle()), sensors={}, hydrodynamics=None), Path("mine.yaml")
+    ),
     "commission, open": partial(show_doubtful_findings, "open", 2),
     "commission, ended": partial(
         show_doubtful_findings,

@@ -3,7 +3,7 @@
 import argparse
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -15,12 +15,13 @@ from hindrax_analysis.records.autopilot_vehicle import (
     wired,
     wiring_of,
 )
-from hindrax_analysis.terminal import print_answer, print_table
+from hindrax_analysis.terminal import print_answer, print_table, print_what_fits
 from hindrax_bringup.share_files import VEHICLE, own_vehicles, usual_vehicle, vehicle_file
 from hindrax_cli.argument_types import add_json
 from hindrax_cli.autopilot_vehicle import asked_parameters, is_address
 from hindrax_cli.command import add_words, command, option
 from hindrax_cli.command_line import is_here
+from hindrax_cli.health_checks import Check
 from hindrax_cli.vehicle_edit import with_autopilot, with_outputs
 from hindrax_cli.vehicle_questions import BACK, Answers, ask, file_text, kept_answers
 from hindrax_cli.vehicle_review import findings, picture, same_positions
@@ -138,9 +139,18 @@ def _print_title(vehicle: Vehicle, file: Path) -> None:
 
 
 def _show_checks(vehicle: Vehicle, file: Path) -> None:
-    _print_title(vehicle, file)
-    rows = [(one.name, one.found, one.remedy) for one in findings(vehicle)]
-    print_table("", ["check"], [], rows, ["found", "to do"])
+    """Print what was found; where the screen has too few lines, what needs nothing by its name."""
+    found = findings(vehicle)
+    to_do = [one for one in found if one.remedy]
+    fine = ", ".join(one.name for one in found if not one.remedy)
+
+    def way(shown: Sequence[Check], *sentences: str) -> None:
+        _print_title(vehicle, file)
+        print_table("", ["check"], [], [(one.name, one.found, one.remedy) for one in shown], ["found", "to do"])
+        for sentence in sentences:
+            print_fitted(sentence)
+
+    print_what_fits(partial(way, found), partial(way, to_do, f"nothing to do (--json shows the findings): {fine}"))
 
 
 def show(arguments: argparse.Namespace) -> int:
