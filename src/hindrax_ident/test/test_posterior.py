@@ -120,6 +120,45 @@ def test_what_is_far_greater_than_usual_stands_in_for_another_cause_and_widens_e
     assert (found.low95[1], found.high95[1]) == pytest.approx((1.0, 1.0), abs=0.01)
 
 
+LOSSES = [1, 4, 7]
+
+
+def correlated(m: int = 12) -> Explanations:
+    """One explanation of m influences that a record has correlated, three of them losses; most are as before it."""
+    rng = np.random.default_rng(3)
+    seen = rng.standard_normal((m, 2))
+    covariance = np.eye(m) - 0.4 * seen @ np.linalg.solve(np.eye(2) + seen.T @ seen, seen.T)
+    usual, loss = np.zeros((1, m)), np.zeros(m)
+    usual[:, LOSSES], loss[LOSSES] = 1.7, 1.0
+    return Explanations(
+        weight=array([1.0]),
+        mean=array(0.5 * usual),
+        covariance=array([covariance]),
+        usual=array(usual),
+        spread=array(np.ones((1, m))),
+        loss=array(loss),
+    )
+
+
+def test_a_draw_without_losses_has_none_to_the_last_bit() -> None:
+    """Else its weight is one of a small loss: what the draws make of the two hypotheses is decided by rounding."""
+    known = posterior._perhaps_lossless(correlated(), LOSSLESS)
+    draws = drawn(known, NO_NOISE)
+    without = round(DRAWS * float(known.weight[1] / known.weight.sum()))
+    exact = np.all(draws.influences[:, LOSSES] == 0.0, axis=1)
+    assert without > 100
+    assert abs(int(exact.sum()) - without) <= 1
+
+
+def test_the_last_bits_of_a_covariance_do_not_make_other_draws() -> None:
+    known = correlated()
+    noise = np.random.default_rng(4).standard_normal((12, 12))
+    other = known._replace(covariance=array(known.covariance + 1e-14 * (noise + noise.T)))
+    (found, same) = (drawn(one, NO_NOISE) for one in (known, other))
+    assert np.max(np.abs(found.influences - same.influences)) < 1e-9
+    assert np.cov(found.influences.T) == pytest.approx(known.covariance[0], abs=0.1), "and they have it"
+
+
 def test_the_same_record_gives_the_same_numbers() -> None:
     first, second = (drawn(one_loss(), NO_NOISE, LOSSLESS) for _ in range(2))
     assert np.array_equal(first.influences, second.influences)

@@ -160,6 +160,10 @@ def _importance(known: Explanations, influences: Array, of: Array) -> Array:
 
 
 def root(covariance: Array) -> Array:
-    """Matrix square root of a covariance: (k, k)."""
+    """Symmetric square root of a covariance: (k, k); what has no variance has none to the last bit."""
     values, vectors = np.linalg.eigh(covariance)
-    return array(vectors * np.sqrt(np.maximum(0.0, values)))
+    # Of the roots the one that depends on the covariance alone: equal eigenvalues have any basis, and with it another
+    # NumPy, or the last bits of a record, would make other draws.
+    made = (vectors * np.sqrt(np.maximum(0.0, values))) @ vectors.T
+    varies = np.diagonal(covariance) > 0.0
+    return array(np.where(np.outer(varies, varies), made, 0.0))
