@@ -8,7 +8,7 @@ from enum import StrEnum
 from hindrax_core.errors import HindraxError, UsageError
 
 HEALTHY_S, STEADY_S = 120, 15
-"""How long a stack may take to be healthy, and how long it then has to be: sensors report seconds after it is up."""
+"""How long a stack may take to be healthy, and how long it then has to be: a device may fail after its first report."""
 ROS = "/opt/ros/jazzy/setup.bash"
 
 
