@@ -11,6 +11,7 @@ import shlex
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
+from itertools import count
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any, NamedTuple
@@ -86,6 +87,7 @@ FLOOR_m, SURFACE_m = 2.4, 1.8
 """Depth of the floor below the vehicle; height of the surface in the world of the cameras."""
 GAUSS = (0.175, 0.0, 0.138)
 PATIENT_S = 20.0
+LEAST_TURNS = 4
 DISCOVERED_S = 0.5
 """A reader may find its publisher later than the publisher finds it."""
 NAN = math.nan
@@ -429,14 +431,12 @@ class Graph:
         return stamp / NS_PER_S - self._begin_s
 
     def _drain(self, done: Callable[[], bool]) -> None:
-        deadline = time.monotonic() + PATIENT_S
-        for turn in range(100_000):
+        deadline, turns = time.monotonic() + PATIENT_S, count()
+        while next(turns) < LEAST_TURNS or not done():
+            assert time.monotonic() < deadline, "no state came of what was published"
             time.sleep(0.002)
             for node in self.nodes:
                 node.drain()
-            if turn > 2 and done():
-                return
-            assert time.monotonic() < deadline, [node.__dict__.get("_reporter") for node in self.nodes]
 
     def close(self) -> None:
         """End all."""
