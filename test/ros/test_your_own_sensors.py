@@ -615,7 +615,7 @@ def test_a_navigator_without_a_state_says_why(graph_of: Callable[..., Graph], mo
     assert said == [], "it has just started"
     node._report_silence()
     assert said[-1].level == DiagnosticStatus.WARN
-    assert said[-1].message.startswith("no state yet: it begins with an inertial sensor; refused: imu: found mean acc")
+    assert said[-1].message.startswith("no state: it takes samples of an inertial sensor; refused: imu: found mean acc")
 
 
 def test_the_whole_line_of_the_page_starts(graph_of: Callable[..., Graph]) -> None:

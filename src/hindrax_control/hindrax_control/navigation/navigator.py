@@ -167,8 +167,9 @@ class Navigator:
         lead_s = (stamped.stamp - self._imu) / NS_PER_S
         if abs(lead_s) > OTHER_CLOCK_S and self._imu != EARLIEST:
             self.refused += 1
+            cause = "another clock, or no inertial samples" if lead_s > 0.0 else "another clock"
             found = f"found a stamp {abs(lead_s):.3g} s {'after' if lead_s > 0.0 else 'before'} the inertial sensor's"
-            self.refusals.add(source, Refusal(Reason.CLOCK, f"{found}, wanted within {OTHER_CLOCK_S:g} s: one clock"))
+            self.refusals.add(source, Refusal(Reason.CLOCK, f"{found}, wanted within {OTHER_CLOCK_S:g} s; {cause}"))
         elif self._aligned or not isinstance(reading, BottomVelocity):
             self._waiting.append((stamped.stamp, reading, source))
         return None

@@ -150,7 +150,7 @@ class NavigatorNode(BatchedNode):
         """Say why there is no state; the reports of a state come with it."""
         spoke, self._spoke = self._spoke, False
         if not spoke:
-            self._reporter.report(self._heard, ["no state yet: it begins with an inertial sensor"], "", {})
+            self._reporter.report(self._heard, ["no state: it takes samples of an inertial sensor"], "", {})
 
     def _report(self, found: Stamped[Navigation]) -> None:
         if offset := self._navigator.gyroscope_offset:
