@@ -1,6 +1,7 @@
 """`identify` over third-party records: CSV, MCAP, sqlite3, any topics and frames; no confidence without cause."""
 
 import functools
+import itertools
 import json
 import math
 import re
@@ -18,6 +19,7 @@ from mcap_ros2.writer import Writer
 from hindrax_analysis.coefficients_file import read_coefficients
 from hindrax_analysis.records.third_party_bag import TopicSelection, read_bag, topics_of
 from hindrax_analysis.testing.ulog import ulog
+from hindrax_bag.read import bag_reader, compression
 from hindrax_bag.read.bag_reader import messages
 from hindrax_bag.read.recovery import recover
 from hindrax_bringup.clone import clone_root
@@ -489,6 +491,21 @@ def test_every_type_of_velocity_serves(desk: Desk, velocity: str) -> None:
     assert document["motions"]["surge"]["identifiable"]
     assert is_true(document["motions"]["surge"])
     assert any("REP-103" in one for one in document["assumptions"])
+
+
+def test_messages_that_nobody_can_decode_are_left_out_and_told(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A bag whose chunks have no checksum gives damaged bytes to the decoder."""
+    bag, real, seen = as_bag(desk.folder / "a.mcap"), compression.unpacked, itertools.count()
+    monkeypatch.setattr(bag_reader, "unpacked", lambda data: real(data)[:20] if next(seen) % 500 == 40 else real(data))
+    document = desk.of_small(bag, "--dof", "surge")
+    assert is_true(document["motions"]["surge"])
+    assert any("is damaged" in one and "left out" in one for one in document["assumptions"])
+
+
+def test_a_topic_of_which_nothing_can_be_decoded_is_named(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    bag, real = as_bag(desk.folder / "a.mcap"), compression.unpacked
+    monkeypatch.setattr(bag_reader, "unpacked", lambda data: real(data)[:20])
+    assert "none of the messages of /odom can be decoded" in desk.refused(bag, "--vehicle", desk.small)
 
 
 def test_a_wrench_without_stamps_is_taken_by_its_times_of_receipt(desk: Desk) -> None:

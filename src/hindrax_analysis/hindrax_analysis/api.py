@@ -6,6 +6,7 @@ A table is a mapping from names to columns of one length, as `pandas.DataFrame(t
 xarray is needed here. Tutorial: docs/how-to/analyze-in-python.ipynb.
 """
 
+import warnings
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,6 +22,7 @@ from hindrax_analysis.identification.record_identification import (
     recorded_vehicle,
 )
 from hindrax_analysis.records.third_party_bag import TopicSelection, topics_of
+from hindrax_bag.read.mcap_records import Damage
 from hindrax_bag.read.message_columns import message_rows
 from hindrax_control.allocation.allocator import Allocator
 from hindrax_core.errors import UsageError
@@ -68,7 +70,10 @@ def read(bag: str | Path, topic: str) -> Table:
     UsageError
         For what is no bag, and for a topic without messages; it names those that there are.
     """
-    rows = [{"time_s": time_s} | fields for _, time_s, _, fields in message_rows(Path(bag), {topic})]
+    damage = Damage()
+    rows = [{"time_s": time_s} | fields for _, time_s, _, fields in message_rows(Path(bag), {topic}, damage=damage)]
+    for sentence in damage.sentences:
+        warnings.warn(f"{bag}: {sentence}", stacklevel=2)
     if not rows:
         raise UsageError(f"{bag}: no message on {topic}; there are {', '.join(sorted(topics(bag)))}")
     return {name: np.array([row.get(name, np.nan) for row in rows]) for name in rows[0]}

@@ -1,6 +1,7 @@
 """Bags that rosbag2 compressed, and bags of ROS 1: read like others, and copied into bags that others can read."""
 
 import builtins
+import re
 import sqlite3
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from rosbags.typesys import Stores, get_typestore
 from hindrax_bag.read import compression
 from hindrax_bag.read.bag_reader import attachments, messages
 from hindrax_bag.read.mcap_records import Damage
+from hindrax_bag.read.message_columns import extract, series
 from hindrax_bag.read.recovery import recover
 from hindrax_bag.read.survey import find_bags, survey
 from hindrax_bag.testing.bag_samples import small_bag
@@ -163,6 +165,24 @@ def test_a_damaged_message_costs_itself_and_is_named(tmp_path: Path) -> None:
     assert len(list(messages(bag, damage=damage))) == COUNT - 1
     assert damage.notes == [f"{file.name}: a message of /wrench is damaged (ValueError) and left out"]
     assert len(list(messages(bag))) == COUNT - 1
+
+
+def test_what_is_whole_and_cannot_be_decoded_is_left_out_and_named(tmp_path: Path) -> None:
+    """A flipped bit in a length, or zeros of a bad disk: each was a traceback of the decoder."""
+    bag = rosbag2(tmp_path / "bag", StoragePlugin.SQLITE3, "message")
+    (file,) = bag.glob("*.db3")
+    with sqlite3.connect(file) as database:
+        rows = database.execute("SELECT id, data FROM messages").fetchall()
+        for number, data in rows[5:8]:
+            whole = bytearray(compression.unpacked(data))
+            whole[12:16] = b"\xff\xff\x00\x00"  # length of the name of the frame
+            database.execute("UPDATE messages SET data = ? WHERE id = ?", (lz4.frame.compress(bytes(whole)), number))
+    damage = Damage()
+    tables = extract(bag, tmp_path / "csv", None, damage=damage)
+    (sentence,) = damage.sentences
+    assert re.fullmatch(r"a message of /wrench is damaged \(\w+\) and left out \(3 times\)", sentence)
+    assert tables["/wrench"][1] == COUNT - 3
+    assert len(series(bag, ["/wrench:wrench.force.x"])[0].values) == COUNT - 3
 
 
 def test_a_message_that_grows_without_end_is_damaged(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -61,7 +61,7 @@ class Track:
     """Where the messages hold numbers of single thrusters instead of a wrench."""
 
     def add(self, message: BagMessage) -> None:
-        """Append one message."""
+        """Append one message; DamagedMessageError, and nothing is appended, where it cannot be decoded."""
         content = message.decoded()
         header = getattr(content, "header", None)
         self.stamped.append(header.stamp.sec * 1_000_000_000 + header.stamp.nanosec if header else 0)

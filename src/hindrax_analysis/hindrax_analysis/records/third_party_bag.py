@@ -24,7 +24,8 @@ from hindrax_analysis.records.bag_track import (
 )
 from hindrax_analysis.records.recording import HALF_TURN, NO_TIMES, NO_WAYS, Recording
 from hindrax_analysis.records.thruster_values import PULSES, UNITS, ThrusterValues, wrenches_of_thrusters
-from hindrax_bag.read.bag_reader import messages
+from hindrax_bag.read.bag_reader import DamagedMessageError, messages
+from hindrax_bag.read.mcap_records import Damage
 from hindrax_control.allocation.thrust_curve import PULSE_FIELDS
 from hindrax_core.errors import UsageError
 from hindrax_core.topics import ALLOCATION, MANEUVER, resolved
@@ -105,9 +106,17 @@ def read_bag(bag: Path, wanted: TopicSelection, topics: Mapping[str, str], vehic
     if named.path(topics[wrench]):
         unit = named.unit or (PULSES if topics[wrench].startswith("mavros_msgs/") else "")
         tracks[wrench].values = replace(named, topic=wrench, unit=unit)
-    for message in messages(bag, set(tracks)):
-        tracks[message.topic].add(message)
-    return _recording(bag, tracks[velocity], tracks[wrench], wanted.frame, vehicle)
+    damage = Damage()
+    for message in messages(bag, set(tracks), damage=damage):
+        try:
+            tracks[message.topic].add(message)
+        except DamagedMessageError as error:
+            damage.skip(str(error), message.received, message.received)
+    for track in tracks.values():
+        if not track.received:
+            raise UsageError(f"{bag}: none of the messages of {track.topic} can be decoded; record it again")
+    found = _recording(bag, tracks[velocity], tracks[wrench], wanted.frame, vehicle)
+    return replace(found, assumptions=(*found.assumptions, *damage.sentences))
 
 
 def _choose(

@@ -19,7 +19,7 @@ from hindrax_bag.metadata import COMPRESSED, DESCRIPTION, part_number
 from hindrax_bag.read.compression import unpacked, unpacked_file
 from hindrax_bag.read.mcap_records import BROKEN, Damage, records
 from hindrax_bag.read.ros1 import ENCODING, ros1_bag, ros1_type
-from hindrax_core.errors import UsageError
+from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import NS_PER_S
 from hindrax_core.messages.contents import Contents, ContentT_co, Read, bytes_reader, of_message
 from hindrax_core.messages.definition import parsed
@@ -38,6 +38,10 @@ Decode = Callable[[bytes], Any]
 Unpack = Callable[[bytes], bytes]
 _STAMP = struct.Struct("<iI")
 CDR_HEAD, LITTLE_ENDIAN = 4, b"\x00\x01"
+
+
+class DamagedMessageError(HindraxError):
+    """The bytes of one message are not of its type: others of its topic may be."""
 
 
 class MessageDecoder:
@@ -66,7 +70,10 @@ class MessageDecoder:
             raise UsageError(f"topic {self.channel.topic}: encoding {encoding!r} cannot be decoded, wanted cdr")
 
         def decode(data: bytes) -> object:
-            message = made(data)
+            try:
+                message = made(data)
+            except BROKEN as error:
+                raise DamagedMessageError(damaged_message(self.channel.topic, error)) from error
             for step in self._steps:
                 step.apply(message)
             return message
@@ -94,7 +101,7 @@ class BagMessage(NamedTuple):
         return self.form.old
 
     def decoded(self) -> Any:
-        """The message as an object with the fields of its type."""
+        """The message as an object with the fields of its type; DamagedMessageError where its bytes are none of it."""
         return self.form.decode(self.data)
 
 
@@ -189,7 +196,7 @@ def _mcap_messages(file: Path, topics: Collection[str] | None, damage: Damage) -
                 try:
                     data = unpack(record.data)
                 except BROKEN as error:
-                    damage.skip(_damaged_message(file, topic, error), record.log_time, record.log_time)
+                    damage.skip(f"{file.name}: {damaged_message(topic, error)}", record.log_time, record.log_time)
                     continue
                 yield BagMessage(topic, form.type, data, record.log_time, record.publish_time, form)
         elif isinstance(record, Schema):
@@ -216,8 +223,9 @@ def _modern_form(number: int, topic: str, encoding: str, kind: str, definition: 
     return MessageDecoder(Channel(number, topic, encoding, {}, number), schema)
 
 
-def _damaged_message(file: Path, topic: str, error: Exception) -> str:
-    return f"{file.name}: a message of {topic} is damaged ({type(error).__name__}) and left out"
+def damaged_message(topic: str, error: Exception) -> str:
+    """Say that a message is of no use."""
+    return f"a message of {topic} is damaged ({type(error).__name__}) and left out"
 
 
 def _ros1_messages(file: Path, topics: Collection[str] | None) -> Iterator[BagMessage]:
@@ -251,7 +259,7 @@ def _sqlite_messages(file: Path, topics: Collection[str] | None, damage: Damage)
                     try:
                         data = unpacked(bytes(packed))
                     except BROKEN as error:
-                        damage.skip(_damaged_message(file, topic, error), int(stamp), int(stamp))
+                        damage.skip(f"{file.name}: {damaged_message(topic, error)}", int(stamp), int(stamp))
                         continue
                     yield BagMessage(topic, form.type, data, int(stamp), int(stamp), form)
     except sqlite3.DatabaseError as error:

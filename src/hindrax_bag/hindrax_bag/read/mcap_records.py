@@ -7,6 +7,7 @@ length before the `mcap` package opens it, so that what is wrong inside one cost
 import os
 import struct
 import zlib
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
@@ -56,6 +57,12 @@ class Damage:
     unfinished: bool = False
     left_out: int = 0
     """Damaged records that are left out; the one that a file ends in is not among them."""
+
+    @property
+    def sentences(self) -> list[str]:
+        """The notes, each once: a bad disk damages a thousand messages in the same way."""
+        counts = Counter(self.notes)
+        return [f"{note}{f' ({count} times)' if count > 1 else ''}" for note, count in counts.items()]
 
     def add_loss(self, note: str, start: int, end: int) -> None:
         """Record an unreadable part.

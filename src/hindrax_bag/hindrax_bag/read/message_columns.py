@@ -10,7 +10,8 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from hindrax_bag.message_comparison import flat
-from hindrax_bag.read.bag_reader import BagMessage, messages, stamp_of
+from hindrax_bag.read.bag_reader import BagMessage, DamagedMessageError, messages, stamp_of
+from hindrax_bag.read.mcap_records import Damage
 from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S
 from hindrax_core.text.received_names import file_name
@@ -20,7 +21,9 @@ MOST_NAMED = 12
 TIME = ("time_s", "stamp_ns")
 
 
-def extract(bag: Path, folder: Path, topics: Collection[str] | None) -> dict[str, tuple[Path, int]]:
+def extract(
+    bag: Path, folder: Path, topics: Collection[str] | None, *, damage: Damage | None = None
+) -> dict[str, tuple[Path, int]]:
     """Write one CSV file per topic.
 
     Columns: seconds since the first message of the bag, the message's own stamp (that of receipt where it has none),
@@ -34,6 +37,8 @@ def extract(bag: Path, folder: Path, topics: Collection[str] | None) -> dict[str
         Is made; where the work fails, nothing is left in it.
     topics
         Names of those wanted; None: all.
+    damage
+        Receives a report of what was left out.
 
     Returns
     -------
@@ -47,7 +52,7 @@ def extract(bag: Path, folder: Path, topics: Collection[str] | None) -> dict[str
     """
     tables: dict[str, _Table] = {}
     with writing(folder, "name another"), nothing_left(folder), contextlib.ExitStack() as files:
-        for message, time_s, stamp, row in message_rows(bag, topics):
+        for message, time_s, stamp, row in message_rows(bag, topics, damage=damage):
             if message.topic not in tables:
                 folder.mkdir(parents=True, exist_ok=True)
                 path = _unused(folder, file_name(message.topic), [one.path for one in tables.values()])
@@ -72,14 +77,32 @@ def _unused(folder: Path, name: str, used: Collection[Path]) -> Path:
 
 
 def message_rows(
-    bag: Path, topics: Collection[str] | None
+    bag: Path, topics: Collection[str] | None, *, damage: Damage | None = None
 ) -> Iterator[tuple[BagMessage, float, int, dict[str, object]]]:
-    """Messages of these topics or of all: seconds since the first of the bag, own stamp or receipt [ns], fields."""
+    """Messages of these topics or of all: seconds since the first of the bag, own stamp or receipt [ns], fields.
+
+    Parameters
+    ----------
+    bag, topics
+        As `bag_files` takes it, and names of those wanted; None: all.
+    damage
+        Receives a report of what was left out.
+
+    Yields
+    ------
+    tuple[BagMessage, float, int, dict[str, object]]
+        Of each message that can be decoded.
+    """
     begin: int | None = None
-    for message in messages(bag):
+    noted = Damage() if damage is None else damage
+    for message in messages(bag, damage=noted):
         begin = message.received if begin is None else begin
         if topics is None or message.topic in topics:
-            row = dict(flat(message.decoded()))
+            try:
+                row = dict(flat(message.decoded()))
+            except DamagedMessageError as error:
+                noted.skip(str(error), message.received, message.received)
+                continue
             stamp = stamp_of(message.data) if "header.stamp.sec" in row else message.received
             yield message, (message.received - begin) / NS_PER_S, stamp, row
 
@@ -107,7 +130,7 @@ class FieldSeries:
     """As the definition of the message names it; empty where it does not."""
 
 
-def series(bag: Path, wanted: Sequence[str]) -> list[FieldSeries]:
+def series(bag: Path, wanted: Sequence[str], *, damage: Damage | None = None) -> list[FieldSeries]:
     """Fields of messages over time.
 
     Parameters
@@ -116,6 +139,8 @@ def series(bag: Path, wanted: Sequence[str]) -> list[FieldSeries]:
         As `bag_files` takes it.
     wanted
         `TOPIC:FIELD` each, the field with dots and numbers, such as `twist.twist.linear.x`.
+    damage
+        Receives a report of what was left out.
 
     Returns
     -------
@@ -129,7 +154,7 @@ def series(bag: Path, wanted: Sequence[str]) -> list[FieldSeries]:
     """
     places = [_place(word) for word in wanted]
     made = [FieldSeries(word) for word in wanted]
-    for message, time_s, stamp, row in message_rows(bag, {topic for topic, _ in places}):
+    for message, time_s, stamp, row in message_rows(bag, {topic for topic, _ in places}, damage=damage):
         for one, (topic, name) in zip(made, places, strict=True):
             if topic == message.topic:
                 one.unit = one.unit or _unit(message.form.definition, name)

@@ -169,7 +169,7 @@ class _Copy:
         except (HindraxError, *BROKEN) as error:
             self.unreadable.append(message.topic)
             self.damage.notes.append(
-                f"{message.topic}: its messages are not of {message.type} ({error}); copied unread"
+                f"{message.topic}: its messages are not of {message.type} ({error.__cause__ or error}); copied unread"
             )
 
 

@@ -62,7 +62,7 @@ class Survey:
             "bytes": self.size_bytes,
             "files": [file.name for file in self.files],
             "finished": not self.damage.unfinished,
-            "damage": self.damage.notes,
+            "damage": self.damage.sentences,
             "attachments": self.inside,
             "topics": {
                 name: {"type": one.type, "count": one.count, "bytes": one.bytes, "rate_Hz": self.rate_Hz(one)}

@@ -12,6 +12,7 @@ from rich import progress
 from rich.console import Console
 
 from hindrax_analysis.terminal import print_answer, print_table, screen_rows, working
+from hindrax_bag.read.mcap_records import Damage
 from hindrax_bag.read.message_columns import FieldSeries, extract, series
 from hindrax_bag.read.recovery import Recovered, recover
 from hindrax_bag.read.survey import ListedBag, Survey, find_bags, survey
@@ -19,7 +20,7 @@ from hindrax_cli.argument_types import add_json
 from hindrax_cli.bag_fetch import Progress, fetch, remote_of
 from hindrax_cli.command import add_words, command, option
 from hindrax_core.errors import UsageError
-from hindrax_core.text.screen_text import UNBOUNDED, print_fitted
+from hindrax_core.text.screen_text import UNBOUNDED, print_fitted, print_stderr
 from hindrax_core.text.text_file import nothing_left, require_place, writing
 
 PLOTS = (".png", ".svg", ".pdf")
@@ -43,7 +44,7 @@ def info(arguments: argparse.Namespace) -> int:
 
 def _show_info(found: Survey, *, whole: bool = False) -> None:
     """Print the topics; of more than the screen has room for only the busiest, unless the `whole` bag is asked for."""
-    notes = [f"inside: {', '.join(found.inside) or 'no files'}", *found.damage.notes]
+    notes = [f"inside: {', '.join(found.inside) or 'no files'}", *found.damage.sentences]
     if found.damage.unfinished:
         notes.append(f"the bag is unfinished; ./hindrax bag recover {found.bag} completes it")
     shown, room = found.topics, UNBOUNDED if whole else screen_rows() - INFO_LINES - len(notes)
@@ -118,8 +119,10 @@ def _answer_copy(made: Recovered, document: dict[str, object], outcome: str, *, 
 )
 def extracted(arguments: argparse.Namespace) -> int:
     """Messages as CSV files, one per topic."""
+    damage = Damage()
     with working("writing tables"):
-        tables = extract(arguments.bag, arguments.csv, arguments.topics)
+        tables = extract(arguments.bag, arguments.csv, arguments.topics, damage=damage)
+    _tell(damage)
     document = {"files": {topic: {"path": str(path), "rows": rows} for topic, (path, rows) in tables.items()}}
     lines = [f"{path}: {rows} rows of {topic}" for topic, (path, rows) in sorted(tables.items())]
     return print_answer(document, "\n".join(lines), as_json=arguments.json)
@@ -138,11 +141,18 @@ def plotted(arguments: argparse.Namespace) -> int:
     if out.suffix not in PLOTS:
         raise UsageError(f"{out}: wanted a picture with one of {', '.join(PLOTS)}")
     require_place(out)
+    damage = Damage()
     with working("drawing"):
-        lines = series(arguments.bag, arguments.fields)
+        lines = series(arguments.bag, arguments.fields, damage=damage)
         draw(lines, out, str(arguments.bag))
+    _tell(damage)
     document = {"plot": str(out), "series": {one.name: len(one.values) for one in lines}}
     return print_answer(document, out, as_json=arguments.json)
+
+
+def _tell(damage: Damage) -> None:
+    for sentence in damage.sentences:
+        print_stderr(f"note: {sentence}")
 
 
 def draw(lines: Sequence[FieldSeries], out: Path, title: str) -> None:
