@@ -97,6 +97,11 @@ def read_bag(bag: Path, wanted: TopicSelection, topics: Mapping[str, str], vehic
     -------
     Recording
         In SNAME axes, SI.
+
+    Raises
+    ------
+    UsageError
+        Names a topic of which no message can be decoded.
     """
     velocity = _choose(bag, topics, (VELOCITY_TYPES, NAMED_VELOCITY_TYPES), wanted.odometry, ("velocity", "--odometry"))
     named = ThrusterValues.named(wanted.wrench)
