@@ -90,7 +90,9 @@ def vehicle_file(name: str) -> Path:
 
 
 def vehicle_word(file: Path) -> str:
-    """The shortest word for a file that `--vehicle` takes here: its name where that finds it, else its path."""
+    """The shortest word for a file that `--vehicle` takes here: none for the default one, its name, else its path."""
+    if file == default_vehicle():
+        return ""
     try:
         found = vehicle_file(file.stem)
     except UsageError:

@@ -21,7 +21,7 @@ from hindrax_bringup.liveness import health_change
 from hindrax_bringup.network.tether import available_tether
 from hindrax_bringup.node_options import ParameterOverrides
 from hindrax_bringup.processes import EVERY, RECORDER
-from hindrax_bringup.share_files import default_vehicle, vehicle_word
+from hindrax_bringup.share_files import vehicle_word
 from hindrax_bringup.stack import MockOptions, adopted, environment_beside
 from hindrax_bringup.stack_process import StackProcess, UpOptions
 from hindrax_bringup.supervisor import stop_signals
@@ -226,8 +226,7 @@ def next_flight(options: PoolOptions) -> NextFlight:
     if (mock := options.mock) is not None:
         words = ["--mock", *(["--simulator", mock.simulator] if mock.simulator else [])]
         world = mock.world if mock.world != ("ideal" if mock.simulator else "pool") else ""
-    vehicle = "" if options.vehicle_file == default_vehicle() else vehicle_word(options.vehicle_file)
-    return NextFlight(words, world, vehicle, options.again)
+    return NextFlight(words, world, vehicle_word(options.vehicle_file), options.again)
 
 
 def finish(identified: Identified, folder: RunFolder, flight: FlownManeuver, following: NextFlight) -> None:

@@ -73,7 +73,7 @@ class MessageDecoder:
             try:
                 message = made(data)
             except BROKEN as error:
-                raise DamagedMessageError(damaged_message(self.channel.topic, error)) from error
+                raise DamagedMessageError(_damaged_message(self.channel.topic, error)) from error
             for step in self._steps:
                 step.apply(message)
             return message
@@ -196,7 +196,7 @@ def _mcap_messages(file: Path, topics: Collection[str] | None, damage: Damage) -
                 try:
                     data = unpack(record.data)
                 except BROKEN as error:
-                    damage.skip(f"{file.name}: {damaged_message(topic, error)}", record.log_time, record.log_time)
+                    damage.skip(f"{file.name}: {_damaged_message(topic, error)}", record.log_time, record.log_time)
                     continue
                 yield BagMessage(topic, form.type, data, record.log_time, record.publish_time, form)
         elif isinstance(record, Schema):
@@ -223,8 +223,7 @@ def _modern_form(number: int, topic: str, encoding: str, kind: str, definition: 
     return MessageDecoder(Channel(number, topic, encoding, {}, number), schema)
 
 
-def damaged_message(topic: str, error: Exception) -> str:
-    """Say that a message is of no use."""
+def _damaged_message(topic: str, error: Exception) -> str:
     return f"a message of {topic} is damaged ({type(error).__name__}) and left out"
 
 
@@ -259,7 +258,7 @@ def _sqlite_messages(file: Path, topics: Collection[str] | None, damage: Damage)
                     try:
                         data = unpacked(bytes(packed))
                     except BROKEN as error:
-                        damage.skip(f"{file.name}: {damaged_message(topic, error)}", int(stamp), int(stamp))
+                        damage.skip(f"{file.name}: {_damaged_message(topic, error)}", int(stamp), int(stamp))
                         continue
                     yield BagMessage(topic, form.type, data, int(stamp), int(stamp), form)
     except sqlite3.DatabaseError as error:

@@ -157,10 +157,8 @@ class PulseManeuver:
         tilt_rad = math.acos(max(-1.0, min(1.0, cosine)))
         rate_radps = math.hypot(*navigation.rate_radps)
         # Of a sensor that is turned, the vertical is false, and only the tilt from rest counts.
-        known = self._down[2] > UPRIGHT
+        known = not resting and self._down[2] > UPRIGHT
         list_rad, lean_rad = (math.acos(min(1.0, one[2])) if known else 0.0 for one in (self._down, down))
-        if resting:
-            list_rad = lean_rad = 0.0
         own = (
             above("lists by {} deg at rest, wanted at most {} deg", *_deg(list_rad, MOST_LIST_rad), 0),
             above("tilted by {} deg from rest, wanted at most {} deg", *_deg(tilt_rad, MOST_TILT_rad), 0),

@@ -27,11 +27,10 @@ from hindrax_msgs.msg import (
     ThrusterState,
 )
 from hindrax_msgs.srv import Recentre
-from hindrax_operator.nodes.operator_node import UP, Operator
+from hindrax_operator.nodes.operator_node import ANSWER_S, UP, Operator
 from hindrax_operator.snapshot import ANGLES, holds_of
 from hindrax_ros.messages.convert import stamp_from_msg, stamp_to_msg, wrench_to_msg
 
-SEEN_S = 10.0
 WRENCH_PERIOD_S = 0.1
 COMMAND_PERIOD_S = 0.05
 AGAIN_S = 0.5
@@ -49,7 +48,7 @@ LIGHTS_PERIOD_S = 0.3
 def stop(operator: Operator) -> list[str]:
     """Disarm (neutral at once, holds released), then cancel whatever flies; returns a sentence for what failed."""
     failed: list[str] = []
-    acts: tuple[Callable[[], object], ...] = (lambda: operator.arm(arm=False, seconds=SEEN_S), operator.cancel_all)
+    acts: tuple[Callable[[], object], ...] = (lambda: operator.arm(arm=False, seconds=ANSWER_S), operator.cancel_all)
     for act in acts:
         try:
             act()
@@ -60,7 +59,7 @@ def stop(operator: Operator) -> list[str]:
 
 def awaited_thrusters(operator: Operator) -> ThrusterState:
     """State of the thrusters; HindraxError where no stack tells it, with the command that starts one."""
-    return operator.awaited(lambda: operator.thrusters, SEEN_S, lambda: f"the thrusters; {UP}")
+    return operator.awaited(lambda: operator.thrusters, ANSWER_S, lambda: f"the thrusters; {UP}")
 
 
 def require_armed(operator: Operator) -> None:
@@ -114,7 +113,7 @@ def _send_until_held(operator: Operator, send: Callable[[HoldSetpoint], None], w
 
     verb = "engage" if wanted.engaged else "end"
     with operator.repeating(AGAIN_S, publish):
-        operator.wait(held, SEEN_S, lambda: f"the {wanted.axis} hold to {verb}{_note(operator.holds, wanted.axis)}")
+        operator.wait(held, ANSWER_S, lambda: f"the {wanted.axis} hold to {verb}{_note(operator.holds, wanted.axis)}")
 
 
 def _hold(status: HoldStatus | None, axis: str) -> HoldState | None:
@@ -144,12 +143,12 @@ def recentre(operator: Operator, x_m: float, y_m: float, turned_rad: float) -> N
     """Tell the pilot where in the pool the vehicle is now; HindraxError with its reason if it does not take it."""
     client = operator.node.create_client(Recentre, "maneuver/recentre")
     try:
-        operator.wait(client.service_is_ready, SEEN_S, lambda: f"the pilot to offer maneuver/recentre; {UP}")
+        operator.wait(client.service_is_ready, ANSWER_S, lambda: f"the pilot to offer maneuver/recentre; {UP}")
         turned = not math.isnan(turned_rad)
         stamp = operator.order_stamp()
         request = Recentre.Request(x=x_m, y=y_m, set_heading=turned, turned=turned_rad, stamp=stamp)
         future = client.call_async(request)
-        operator.wait(future.done, SEEN_S, lambda: "an answer from maneuver/recentre")
+        operator.wait(future.done, ANSWER_S, lambda: "an answer from maneuver/recentre")
     finally:
         operator.node.destroy_client(client)
     answer: Recentre.Response = future.result()
@@ -159,7 +158,7 @@ def recentre(operator: Operator, x_m: float, y_m: float, turned_rad: float) -> N
 
 def apply_wrench(operator: Operator, wrench: Vec6, seconds: float) -> AllocationStatus:
     """Command a wrench [N, Nm] for a span of vehicle time; returns the last allocation, ends with a zero wrench."""
-    operator.awaited(lambda: operator.allocation, SEEN_S, lambda: f"the allocator; {UP}")
+    operator.awaited(lambda: operator.allocation, ANSWER_S, lambda: f"the allocator; {UP}")
     with operator.sender(OPERATOR_WRENCH, "the pilot, which accepts operator wrenches") as send:
         end = after(operator.now(), seconds)
         try:
@@ -180,13 +179,13 @@ def until(operator: Operator, over: Callable[[], bool], seconds: float, what: st
         require_obedience(operator)
         return over()
 
-    operator.wait(done, seconds / SLOWEST_PACE + SEEN_S, lambda: f"{what} to end; the clock has stopped")
+    operator.wait(done, seconds / SLOWEST_PACE + ANSWER_S, lambda: f"{what} to end; the clock has stopped")
 
 
 def set_health(operator: Operator, names: set[str], reason: str, *, usable: bool) -> list[str]:
     """Take thrusters into use or out of it; returns all that are out, as the allocator has it, with their reasons."""
     listed = _list_in_force(operator)
-    known_names = operator.awaited(lambda: operator.allocation, SEEN_S, lambda: "the allocator").thrusters
+    known_names = operator.awaited(lambda: operator.allocation, ANSWER_S, lambda: "the allocator").thrusters
     unknown = sorted(names - set(known_names))
     if unknown:
         known = ", ".join(known_names)
@@ -204,7 +203,7 @@ def set_health(operator: Operator, names: set[str], reason: str, *, usable: bool
             lambda: all(
                 one is not None and sorted(one.disabled) == wanted for one in (operator.health, operator.allocation)
             ),
-            SEEN_S,
+            ANSWER_S,
             lambda: "the allocator to take the list",
         )
     return wanted
@@ -212,8 +211,8 @@ def set_health(operator: Operator, names: set[str], reason: str, *, usable: bool
 
 def _list_in_force(operator: Operator) -> ThrusterHealth:
     """Return the pilot's list; after a restart of the pilot, wait until the safety monitor has sent the list again."""
-    operator.awaited(lambda: operator.allocation, SEEN_S, lambda: f"the allocator and the pilot; {UP}")
-    found = operator.awaited(lambda: operator.health, SEEN_S, lambda: f"the allocator and the pilot; {UP}")
+    operator.awaited(lambda: operator.allocation, ANSWER_S, lambda: f"the allocator and the pilot; {UP}")
+    found = operator.awaited(lambda: operator.health, ANSWER_S, lambda: f"the allocator and the pilot; {UP}")
     if stamp_from_msg(found.header.stamp) == 0:
         operator.pause(KEPT_S)
     return operator.health or found
@@ -240,10 +239,12 @@ def run_alone(operator: Operator, pulses_us: Sequence[float], seconds: float) ->
 
         with operator.repeating(COMMAND_PERIOD_S, lambda: command(pulses_us)):
             # Armed for a while without a command, they say that they obey none: until the first one has arrived.
-            operator.wait(lambda: not operator.unobeyed, SEEN_S, lambda: f"a command to be obeyed: {operator.unobeyed}")
+            operator.wait(
+                lambda: not operator.unobeyed, ANSWER_S, lambda: f"a command to be obeyed: {operator.unobeyed}"
+            )
             end = after(operator.now(), seconds)
             until(operator, lambda: operator.now() >= end, seconds, "the thruster's run")
-        return operator.awaited(lambda: operator.thrusters, SEEN_S, lambda: "the thrusters")
+        return operator.awaited(lambda: operator.thrusters, ANSWER_S, lambda: "the thrusters")
 
 
 def set_lights(operator: Operator, levels: Sequence[float]) -> None:

@@ -40,7 +40,7 @@ from hindrax_analysis.next_step import quoted_share
 from hindrax_analysis.records.third_party_bag import TopicSelection
 from hindrax_analysis.terminal import print_answer, print_table, print_what_fits, working
 from hindrax_bag.run_folder import RunFolder, make_run_folder
-from hindrax_bringup.share_files import default_vehicle, vehicle_word
+from hindrax_bringup.share_files import vehicle_word
 from hindrax_bringup.stack import MockOptions
 from hindrax_cli.commands.experiment.weigh import SHARES, LEVER_SIGMA_m, ask_for_load, check_load, entered, require_tty
 from hindrax_cli.commands.operate.up_stop import require_known
@@ -140,7 +140,7 @@ def _opened(arguments: argparse.Namespace) -> tuple[PoolSession, RunFolder]:
         "mock": {"seed": arguments.seed, "world": arguments.world or "pool"} if arguments.mock else None,
         "load_N": arguments.load,
         "lever_m": arguments.lever,
-        "vehicle": "" if Path(arguments.vehicle) == default_vehicle() else vehicle_word(Path(arguments.vehicle)),
+        "vehicle": vehicle_word(Path(arguments.vehicle)),
         "repeats": arguments.repeats,
     }
     folder = make_run_folder(arguments.session or None, Path(arguments.vehicle))
