@@ -4,10 +4,14 @@ import ctypes
 import os
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
+import pytest
 from documentation.pages import ROOT
+
+from hindrax_ros.messages.serialization import message_class
 
 LIKE = ROOT / "setup" / "tf2_msgs"
 
@@ -45,14 +49,21 @@ def _with_needs(text: str, needs: Sequence[str]) -> str:
     return "\n".join(made) + "\n"
 
 
-def load_here(environment: Mapping[str, str]) -> None:
-    """Let this process import them: the loader has read its search path before they were built."""
-    os.environ.update(environment)
-    sys.path.insert(0, environment["PYTHONPATH"].partition(os.pathsep)[0])
-    waiting = sorted(Path(environment["LD_LIBRARY_PATH"].partition(os.pathsep)[0]).glob("*.so"))
-    while waiting:
-        waiting, before = [library for library in waiting if not _loaded(library)], len(waiting)
-        assert len(waiting) < before, f"libraries that need others: {waiting}"
+@contextmanager
+def loaded_here(environment: Mapping[str, str], package: str) -> Iterator[None]:
+    """Let this process import them until the end: the loader has read its search path before they were built."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in environment.items():
+            patch.setenv(name, value)
+        patch.syspath_prepend(environment["PYTHONPATH"].partition(os.pathsep)[0])
+        waiting = sorted(Path(environment["LD_LIBRARY_PATH"].partition(os.pathsep)[0]).glob("*.so"))
+        while waiting:
+            waiting, before = [library for library in waiting if not _loaded(library)], len(waiting)
+            assert len(waiting) < before, f"libraries that need others: {waiting}"
+        yield
+    for name in [name for name in sys.modules if name.partition(".")[0] == package]:
+        del sys.modules[name]
+    message_class.cache_clear()
 
 
 def _loaded(library: Path) -> bool:

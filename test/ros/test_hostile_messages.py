@@ -412,7 +412,7 @@ def test_nothing_that_anybodys_stack_states_ends_the_identifier_or_spoils_what_i
         identifier.drain()
         assert "wanted" in identifier._refusals.last
     reported.clear()
-    dropped, begin = identifier._any.dropped, Stamp(time.time_ns())
+    dropped, begin = identifier._any.dropped, after(now, 2.0)
     state.twist.covariance = np.zeros(36)
     monkeypatch.setattr(thrust, "_out", SimpleNamespace(publish=wrench))
     flown = [(stamp_to_msg(after(begin, k * ardusub.STEP_S)), *one) for k, one in enumerate(ardusub.flight(12.5))]

@@ -23,7 +23,7 @@ pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
 
 import rclpy
 import yaml
-from built_messages import built_messages, load_here
+from built_messages import built_messages, loaded_here
 from diagnostic_msgs.msg import DiagnosticStatus
 from documentation.pages import ROOT, block_of
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, TwistWithCovarianceStamped, WrenchStamped
@@ -359,10 +359,14 @@ SENSORS = """
 
 
 @pytest.fixture(scope="module", autouse=True)
-def marine(tmp_path_factory: pytest.TempPathFactory) -> None:
+def marine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """The message of a DVL, which is in no wheel."""
-    if not any((Path(entry) / MARINE).is_dir() for entry in sys.path):
-        load_here(built_messages(tmp_path_factory.mktemp(MARINE), MARINE, "Dvl", DVL, "std_msgs", "geometry_msgs"))
+    if any((Path(entry) / MARINE).is_dir() for entry in sys.path):
+        yield
+        return
+    built = built_messages(tmp_path_factory.mktemp(MARINE), MARINE, "Dvl", DVL, "std_msgs", "geometry_msgs")
+    with loaded_here(built, MARINE):
+        yield
 
 
 def vehicle_with(sensors: dict[str, Any], folder: Path) -> Path:

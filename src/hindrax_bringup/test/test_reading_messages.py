@@ -37,7 +37,8 @@ def test_the_altitude_of_either_dvl_is_published() -> None:
 
 def test_a_dvl_without_lock_shows_its_detail_and_no_velocity() -> None:
     lost = Stamped(Stamp(0), BottomVelocity(None, 0.0, 0.0, 0.05, 77))
-    assert [name for name, _ in messages_of_dvl().of(lost)] == ["dvl75/detail"]
+    published = {name for name, _ in messages_of_dvl().of(lost)}
+    assert published - {"dvl75/dvl"} == {"dvl75/detail"}, "a copy where marine_acoustic_msgs is installed"
 
 
 def test_every_topic_has_a_name_that_messages_come_under() -> None:

@@ -69,7 +69,9 @@ def test_a_velocity_without_lock_is_unknown_there_too() -> None:
     assert not theirs.beam_velocities_valid
 
 
-def test_without_the_package_nothing_is_published_and_nothing_breaks() -> None:
+def test_without_the_package_nothing_is_published_and_nothing_breaks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "marine_acoustic_msgs", None)
+    message_class.cache_clear()
     assert optional_class(MARINE_ACOUSTIC) is None
     assert "dvl75/dvl" not in {topic.name for topic in dvl_messages().topics}
 
