@@ -123,6 +123,22 @@ def test_an_equal_velocity_counts_again_only_where_the_device_says_that_it_is_an
         assert rig.dvl((0.3, 0.1001, 0.0), device_time=device_time)
 
 
+def test_a_dvl_that_hangs_is_back_when_its_velocities_differ_for_a_while_and_not_by_one(hindrax: Vehicle) -> None:
+    rig = Rig(hindrax)
+    rig.wait(1.0)
+    # The same way, by intervals that become shorter, as where the floor comes nearer.
+    for interval_s in (0.1,) * 15 + (0.05,) * 15 + (0.1, 0.05) * 5:
+        rig.wait(0.1)
+        used = rig.dvl((0.03 / interval_s, 0.01 / interval_s, 0.0), interval_s)
+    assert not used
+    back = []
+    for tick in range(15):
+        rig.wait(0.1)
+        back.append(rig.dvl((0.301 + 0.001 * tick, 0.1, 0.0)))
+    assert not any(back[:9])
+    assert all(back[11:])
+
+
 @pytest.mark.parametrize("velocity", [(3.1, 0.0, 0.0), (0.0, -3.1, 0.0), (-4.0, 4.0, 0.0)])
 def test_a_velocity_that_is_too_fast_is_not_used(hindrax: Vehicle, velocity: Vec3) -> None:
     rig = Rig(hindrax, fastest_mps=3.0)

@@ -56,6 +56,52 @@ class AidingKnobs(AttitudeKnobs, HeadingKnobs, VerticalKnobs, HorizontalKnobs):
         return math.hypot(self.sonar_sigma_m, self.sonar_sigma * range_m)
 
 
+class Repetition:
+    """Whether one DVL repeats itself: in motion its noise shows in the last digits, at rest it may not.
+
+    It hangs when it has repeated one velocity for `patience_s`, or one way: over an interval of another length, the way
+    of a DVL that hangs is another velocity. It is back when it has repeated nothing for as long.
+    """
+
+    def __init__(self, patience_s: float) -> None:
+        self._patience_s = patience_s
+        self._velocity_mps: Vec3 = (0.0, 0.0, 0.0)
+        self._interval_s = 0.0
+        self._changed_s = self._repeated_s = -math.inf
+        self.hung = False
+
+    def step(self, velocity_mps: Vec3, interval_s: float, valid_s: float) -> bool:
+        """Compare a velocity with the last one.
+
+        Parameters
+        ----------
+        velocity_mps, interval_s : (3,) [m/s], [s]
+            Mean over an interval, and its length.
+        valid_s : [s]
+            In filter time.
+
+        Returns
+        -------
+        bool
+            Whether it repeats the last one.
+        """
+        last_mps, last_s = self._velocity_mps, self._interval_s
+        self._velocity_mps, self._interval_s = velocity_mps, interval_s
+        same_way = interval_s != last_s and all(
+            math.isclose(now * interval_s, then * last_s) for now, then in zip(velocity_mps, last_mps, strict=True)
+        )
+        repeated = any(velocity_mps) and (velocity_mps == last_mps or same_way)
+        if repeated:
+            self._repeated_s = valid_s
+        else:
+            self._changed_s = valid_s
+        if self.hung:
+            self.hung = valid_s - self._repeated_s <= self._patience_s
+        else:
+            self.hung = valid_s - self._changed_s > self._patience_s
+        return repeated
+
+
 class Aiding:
     """The filters of one state. Compares measurements with what they expect, and lets them learn.
 
@@ -80,8 +126,8 @@ class Aiding:
         self.drift = DepthDrift()
         self._noise: dict[str, MeasuredNoise] = {}
         self._sunk_s = -math.inf
-        self._last_velocities: dict[str, tuple[Vec3, float]] = {}
-        """What each DVL said last, and since when [s]."""
+        self._repetitions: dict[str, Repetition] = {}
+        """Of each DVL."""
 
     def bottom_velocity(self, reading: BottomVelocity, mount: SensorMount, valid_s: float, source: str = "") -> bool:
         """Fuse a velocity over ground.
@@ -106,30 +152,18 @@ class Aiding:
         way = self.horizontal.way(valid_s - half_s, valid_s + half_s)
         u, v, w = mount.body(reading.velocity_mps)
         fastest = self._knobs.fastest_mps
-        repeated_s = self._repeated_s(reading.velocity_mps, valid_s, source)
+        repetition = self._repetitions.setdefault(source, Repetition(self._knobs.repeated_s))
+        repeated = repetition.step(reading.velocity_mps, reading.interval_s, valid_s)
         # Without a time of the device, an equal velocity is the same one, sent again under a later stamp.
-        sent_again = repeated_s > 0.0 and not reading.device_us
-        if (
-            sent_again
-            or repeated_s > self._knobs.repeated_s
-            or way is None
-            or not (abs(u) <= fastest and abs(v) <= fastest)
-        ):
+        sent_again = repeated and not reading.device_us
+        if sent_again or repetition.hung or way is None or not (abs(u) <= fastest and abs(v) <= fastest):
             return False
         by_rotation = cross(way.rate_radps, mount.lever_m)
         u, v, w = u - by_rotation[0], v - by_rotation[1], w - by_rotation[2]
         self._compare_sinking((u, v, w), valid_s)
         (a, b, c), (d, e, f), _ = self.attitude.rotation
         self.gain.measured(complex(a * u + b * v + c * w, d * u + e * v + f * w), valid_s)
-        return self.horizontal.fuse(u, v, reading.sigma_mps, way, repeated=repeated_s > 0.0)
-
-    def _repeated_s(self, velocity_mps: Vec3, valid_s: float, source: str) -> float:
-        """Time for which a DVL repeats a velocity: in motion its noise shows in the last digits, at rest it may not."""
-        last, since_s = self._last_velocities.get(source, (None, valid_s))
-        if velocity_mps != last or not any(velocity_mps):
-            since_s = valid_s
-        self._last_velocities[source] = (velocity_mps, since_s)
-        return valid_s - since_s
+        return self.horizontal.fuse(u, v, reading.sigma_mps, way, repeated=repeated)
 
     def _compare_sinking(self, velocity_mps: Vec3, valid_s: float) -> None:
         """Compare the way down by the DVL with that by pressure and accelerometer."""
