@@ -538,7 +538,7 @@ def test_the_pilot_flies_on_an_estimator_of_others(line: str, graph_of: Callable
 
 
 K_Q, K_L, INERTIA_kg = 60.0, 5.0, 25.0
-PUSHED_s = 150.0
+PUSHED_s = 72.0
 
 
 def pushed(rate_Hz: float) -> Iterator[tuple[float, float, float]]:
