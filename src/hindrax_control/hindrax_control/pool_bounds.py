@@ -40,6 +40,8 @@ class PoolPosition:
     sigma_m: float = NAN
     seen: tuple[bool, bool] = (True, True)
     """Whether the way along surge and along sway is measured: one sonar that looks at a wall shows one of them."""
+    speed_sigma_mps: float = 0.0
+    """Standard deviation of the velocity where nothing measures it now; 0 where something does, or it is unknown."""
 
     def off_m(self, x_m: float, y_m: float) -> float:
         """Distance from a place, along the axes that are measured."""
@@ -148,7 +150,11 @@ class PoolBounds:
             u, v = (0.0 if math.isnan(one) else one for one in (u, v))
         heading = math.remainder(navigation.attitude_rad[2] - self.axis_rad, math.tau)
         cos, sin = math.cos(heading), math.sin(heading)
-        return PoolPosition(x_m, y_m, heading, cos * u - sin * v, sin * u + cos * v, self._sigma_m(navigation), seen)
+        vx_mps, vy_mps = cos * u - sin * v, sin * u + cos * v
+        sigma_m, speed_sigma_mps = self._sigma_m(navigation), 0.0
+        if not navigation.dvl_locked:
+            speed_sigma_mps = max((one for one in navigation.velocity_sigma_mps[:2] if math.isfinite(one)), default=0.0)
+        return PoolPosition(x_m, y_m, heading, vx_mps, vy_mps, sigma_m, seen, speed_sigma_mps)
 
     def _sigma_m(self, navigation: Navigation) -> float:
         """Uncertainty of the given position and of the way since then.

@@ -143,6 +143,17 @@ def test_a_place_is_judged_by_the_heading_from_the_length_of_the_pool() -> None:
         PoolBounds(HINDRAX, 0.0).recentre(navigation((0.0, 0.0), 1.0), 5.0, 0.3, math.nan)
 
 
+@pytest.mark.parametrize("locked", [True, False])
+@pytest.mark.parametrize(
+    ("sigmas_mps", "worst_mps"), [((0.1, 0.3), 0.3), ((math.nan, 0.2), 0.2), ((math.nan,) * 2, 0.0)]
+)
+def test_a_velocity_has_its_uncertainty_while_nothing_measures_it(
+    sigmas_mps: tuple[float, float], worst_mps: float, *, locked: bool
+) -> None:
+    found = replace(navigation(), velocity_sigma_mps=(*sigmas_mps, 9.0), dvl_locked=locked)
+    assert PoolBounds(HINDRAX, 0.0).place(found).speed_sigma_mps == (0.0 if locked else worst_mps)
+
+
 @pytest.mark.parametrize("seen", [(True, True), (True, False), (False, True), (False, False)])
 def test_a_way_in_the_pool_is_along_surge_and_sway_where_they_are_measured(seen: tuple[bool, bool]) -> None:
     place = PoolPosition(4.0, 2.0, 0.7, 0.0, 0.0, seen=seen)

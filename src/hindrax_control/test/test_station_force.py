@@ -114,3 +114,14 @@ def test_integral_stands_still_while_held_back(hindrax: Vehicle) -> None:
     first, *_, last = (station.step(hover("x", -0.5), 0.02, held_back=True) for _ in range(500))
     assert last == first
     assert station.step(hover("x", -0.5), 0.02)[0] > last[0]
+
+
+def test_a_velocity_that_was_integrated_for_too_long_asks_for_nothing(hindrax: Vehicle) -> None:
+    """As one that is unknown: the vehicle drifts until it is measured again, and stays there."""
+    station, most_mps = StationKeeping(hindrax), StationKeepingKnobs().unsure_mps
+    station.start(hover("x"))
+    moving = hover("x", speed_mps=0.4)
+    assert station.step(replace(moving, speed_sigma_mps=most_mps), 0.02)[0] < 0.0
+    assert station.step(replace(moving, speed_sigma_mps=1.01 * most_mps), 0.02) == (0.0, 0.0)
+    station.step(hover("x", 2.0), 0.02)
+    assert station.goal_m == (7.0, 3.0)

@@ -23,6 +23,9 @@ class StationKeepingKnobs:
     integral_s: float = knob(6.0, 0.5, 60.0, "time in which the integral part repeats the proportional one [s]")
     speed_mps: float = knob(0.3, 0.02, 2.0, "speed of a transit [m/s]")
     integral_N: float = knob(8.0, 0.0, 500.0, "largest integral part [N]")
+    unsure_mps: float = knob(
+        0.25, 0.01, 10.0, "standard deviation of a velocity that is not measured, beyond which it gives no force [m/s]"
+    )
 
 
 class StationKeeping:
@@ -66,7 +69,9 @@ class StationKeeping:
         tuple[float, float]
             [N] in body axes; zero while the place or the velocity is unknown.
         """
-        if not all(map(math.isfinite, (place.x_m, place.y_m, place.vx_mps, place.vy_mps))):
+        # A velocity that was integrated for too long is none: to brake it would be to drive the vehicle into a wall.
+        unsure = place.speed_sigma_mps > self._knobs.unsure_mps
+        if unsure or not all(map(math.isfinite, (place.x_m, place.y_m, place.vx_mps, place.vy_mps))):
             self.goal_m = None
             return (0.0, 0.0)
         if self.goal_m is None:
