@@ -149,3 +149,21 @@ def test_a_slow_lean_against_the_thrusters_ends_as_a_fast_one(
     guard = DivergenceGuard(hindrax)
     why = [guard.step(state, stamp_from_s(0.02 * turn), forces) for turn in range(1, 70)]
     assert ("leans by 42 deg" in why[-1]) is found
+
+
+@pytest.mark.parametrize(("braking_radps2", "found"), [(1.5, False), (0.1, True)])
+def test_a_maneuver_that_turned_too_far_and_is_brought_back_goes_on(
+    hindrax: Vehicle, braking_radps2: float, found: bool
+) -> None:
+    """Pitch of a pool test overshot to 42 deg by thrust that did less than its file says, and obeyed."""
+    freedom, peak_s, peak, missing_radps2 = prior_dynamics(hindrax)["pitch"], 0.5, np.radians(42.0), 2.0
+    guard, why = DivergenceGuard(hindrax), []
+    for turn in range(1, 30):
+        t = 0.02 * turn - peak_s
+        pitch, rate = float(peak - 0.5 * braking_radps2 * t * t), -braking_radps2 * t
+        known = freedom.restoring * np.sin(pitch) + freedom.drag_force(rate)
+        moment = known - freedom.inertia * (braking_radps2 + missing_radps2)
+        forces = tuple(np.linalg.pinv(effectiveness(hindrax)) @ np.array([3.0, 0.0, 0.0, 0.0, moment, 0.0]))
+        state = Navigation((0.0, pitch, 0.0), (0.0, rate, 0.0), (0.0,) * 3, 1.0, 1.0, (0.0, 0.0), True)
+        why.append(guard.step(state, stamp_from_s(0.02 * turn), forces))
+    assert any("leans by" in one for one in why) is found

@@ -190,7 +190,7 @@ class DivergenceGuard:
         if is_reversed and driven[2] and abs(rates[2]) > math.radians(knobs.yaw_dps):
             return f"turns at {math.degrees(abs(rates[2])):.0f} deg/s"
         tilt, tilting = tilt_of(attitude_rad, rates)
-        if self._leans(residual, attitude_rad, tilt):
+        if self._leans(balance, attitude_rad, tilt):
             return f"leans by {math.degrees(tilt):.0f} deg"
         if tilting < math.radians(knobs.rate_dps) or not driven[:2].any():
             return ""
@@ -202,12 +202,17 @@ class DivergenceGuard:
         found = f"tilts by {math.degrees(tilt):.0f} deg at {math.degrees(tilting):.0f} deg/s"
         return found if early or late else ""
 
-    def _leans(self, residual: Matrix, attitude_rad: Vec3, tilt: float) -> bool:
-        """Whether it has come slowly to a tilt that it may not reach, which its thrusters, at work, do not ask for."""
+    def _leans(self, balance: tuple[Matrix, Matrix], attitude_rad: Vec3, tilt: float) -> bool:
+        """Whether it has come slowly to a tilt that it may not reach, which its thrusters, at work, do not ask for.
+
+        What is brought back as hard as a surprise is no slow lean: a maneuver that turned further than it was to.
+        """
         if tilt < math.radians(self._knobs.worst_deg) or np.abs(self._slow_thrust).max() < AT_WORK_N:
             return False
         outwards = np.sin(attitude_rad[:2])
-        return float(residual[:2] @ outwards) > max(0.0, float((self._B @ self._slow_thrust)[:2] @ outwards))
+        residual, momentum = (float(one[:2] @ outwards) for one in balance)
+        back = float(self._inertia[:2] @ np.abs(outwards)) * self._knobs.surprise_radps2
+        return momentum > -back and residual > max(0.0, float((self._B @ self._slow_thrust)[:2] @ outwards))
 
     def _reason(self, best: int, share: float) -> str:
         """What explains it, as the end of a sentence; it may also be somebody who holds the vehicle."""
