@@ -123,6 +123,17 @@ def test_the_file_of_a_vehicle_comes_from_the_autopilot_that_it_has(tmp_path: Pa
     assert autopilot.parameters == before
 
 
+def test_a_motor_without_an_output_is_named_with_what_helps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    autopilot = ArduSub(load_vehicle(vehicle_file("bluerov2-heavy")).thrusters, now_s=time.monotonic())
+    autopilot.parameters["SERVO8_FUNCTION"] = 7.0  # a camera's tilt, as in ArduPilot's own sub.parm
+    made = tmp_path / "mine.yaml"
+    with sending(autopilot) as address:
+        assert main(["vehicle", "new", "mine", "--from", address, "--out", str(made)]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "drives 7 (by its SERVOn_FUNCTION motors 1, 2, 3, 4, 5, 6, 7); give each motor its output" in said
+    assert "--vehicle" not in said, "this command has no such option"
+
+
 @pytest.mark.parametrize("velocity_mps", [None, (0.0, 0.0, 0.0)], ids=["nothing", "a DVL of its own"])
 def test_what_an_estimator_claims_is_asked_before_anything_starts(
     velocity_mps: tuple[float, float, float] | None, monkeypatch: pytest.MonkeyPatch

@@ -28,10 +28,12 @@ from hindrax_bringup.testing.vehicle_files import hindrax_file
 from hindrax_cli.command_line import main
 from hindrax_cli.health_checks import machine, nodes, wires
 from hindrax_cli.health_checks.machine import KernelTime
+from hindrax_core.bus_operations import DeviceError
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.buses import gpio
 from hindrax_drivers.nodes.thruster_settings import Settings
 from hindrax_drivers.output.output_guard import OutputGuardKnobs, Pulses
+from hindrax_drivers.output.output_ports import LineOutput
 
 NOW_S = 1_767_225_600.0  # 2026-01-01
 
@@ -217,6 +219,32 @@ def test_the_output_is_asked_at_the_rest_of_its_node(monkeypatch: pytest.MonkeyP
     for settings in (Settings(moved, "/dev/null"), tuned):
         assert [one.found for one in wires.devices(settings, {}, "system")] == ["PCA9685 at /dev/null"]
     assert opened == [(1520.0,) * 8, (1530.0,) * 8]
+
+
+@pytest.mark.parametrize("settling", [True, False])
+def test_an_autopilot_that_is_still_answering_is_waited_for(settling: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Slow(LineOutput):
+        def __init__(self) -> None:
+            self.answers = [DeviceError("/dev/null: ardusub: still answering (waited 2 s)"), "ArduSub 4.5.7"]
+
+        @property
+        def settling(self) -> bool:
+            return settling
+
+        def set_up(self) -> str:
+            answer = self.answers.pop(0)
+            if isinstance(answer, DeviceError):
+                raise answer
+            return answer
+
+        def close(self) -> None:
+            pass
+
+    monkeypatch.setattr(wires, "open_output", lambda *_words, **_neutral: Slow())
+    bare = replace(load_vehicle(default_vehicle()), sensors={})
+    (found,) = wires.devices(Settings(bare, "/dev/null"), {}, "system")
+    assert found.ok is settling
+    assert found.found.startswith("ArduSub 4.5.7" if settling else "/dev/null: ardusub: still answering")
 
 
 def test_a_silent_device_is_a_problem_with_its_line(mock_ports: dict[str, Any]) -> None:

@@ -118,7 +118,9 @@ def test_the_emulator_has_the_layouts_of_pymavlink() -> None:
         assert (layout.extra, layout.fields.size) == (theirs.crc_extra, theirs.unpacker.size), theirs.msgname
 
 
-def barometers(knobs: ArduSubKnobs, noise_Pa: Mapping[int, float], seconds: float = 5.0, times: int = 1) -> list[Any]:
+def barometers(
+    knobs: ArduSubKnobs, noise_Pa: Mapping[int, float], seconds: float = 5.0, times: int = 1, air_hPa: float = 1013.0
+) -> list[Any]:
     """What the sensor makes of an autopilot whose barometers, by number, have so much noise; 20 pressures a second.
 
     Each is sent so many `times` before the next is measured.
@@ -142,7 +144,7 @@ def barometers(knobs: ArduSubKnobs, noise_Pa: Mapping[int, float], seconds: floa
         for number, sigma in noise_Pa.items():
             if {1: ardupilot.SCALED_PRESSURE, 2: ardupilot.SCALED_PRESSURE2}[number] in asked:
                 if step % times == 0 or number not in measured:
-                    measured[number] = 1013.0 + 10.0 * number + draws.gauss(0.0, sigma / 100.0)
+                    measured[number] = air_hPa + 10.0 * number + draws.gauss(0.0, sigma / 100.0)
                 outputs += sensor.feed(bytes(made[number](50 * step, measured[number], 0.0, 2000).pack(end)), now)
     return outputs
 
@@ -158,6 +160,16 @@ def test_a_pressure_that_stays_is_passed_on_now_and_then() -> None:
     found = [one for one in barometers(ArduSubKnobs(barometer=1), {1: 0.0}) if isinstance(one, Stamped)]
     stamps_s = [1e-9 * one.stamp for one in found if isinstance(one.reading, Pressure)]
     assert max(later - sooner for sooner, later in itertools.pairwise(stamps_s)) == pytest.approx(0.3, abs=0.051)
+
+
+@pytest.mark.parametrize("barometer", [None, 1])
+def test_a_barometer_that_gives_no_pressure_of_water_is_named_once(barometer: int | None) -> None:
+    # An ArduSub 4.5.7 in a SITL that starts 584 m above the sea, which is where sim_vehicle.py starts it by default.
+    outputs = barometers(ArduSubKnobs(barometer=barometer), {1: 5.0, 2: 5.0}, air_hPa=-57619.9)
+    assert not [one for one in outputs if isinstance(one, Stamped) and isinstance(one.reading, Pressure)]
+    (told,) = (one.text for one in outputs if isinstance(one, Trouble))
+    assert f"barometer {barometer or 2} gives -57" in told
+    assert "-L RATBeach" in told
 
 
 @pytest.mark.parametrize(

@@ -85,7 +85,9 @@ def logged_parameters(paths: Sequence[Path]) -> Mapping[str, float]:
     return {}
 
 
-def wired(vehicle: Vehicle, wiring: Wiring) -> Vehicle:
+def wired(
+    vehicle: Vehicle, wiring: Wiring, remedy: str = "name the vehicle file of this vehicle with --vehicle"
+) -> Vehicle:
     """Connect a vehicle as an ArduSub does.
 
     Parameters
@@ -94,6 +96,8 @@ def wired(vehicle: Vehicle, wiring: Wiring) -> Vehicle:
         With thrusters T1 to Tn in their order.
     wiring
         Outputs and senses of the motors.
+    remedy
+        What to do where the file has another number of thrusters.
 
     Returns
     -------
@@ -109,7 +113,7 @@ def wired(vehicle: Vehicle, wiring: Wiring) -> Vehicle:
         numbers = ", ".join(map(str, sorted(wiring.motors)))
         raise UsageError(
             f"{vehicle.name}: has {len(vehicle.thrusters)} thrusters, the autopilot drives {len(wiring.motors)} "
-            f"(by its SERVOn_FUNCTION motors {numbers}); name the vehicle file of this vehicle with --vehicle"
+            f"(by its SERVOn_FUNCTION motors {numbers}); {remedy}"
         )
     thrusters = tuple(_wired(one, wiring.motors.get(index)) for index, one in enumerate(vehicle.thrusters, start=1))
     return replace(vehicle, thrusters=thrusters)

@@ -97,6 +97,7 @@ class ArduSub(Companion):
         self._first_Pa: list[float] = []
         self._first_noise_Pa = 0.0
         self._pressure_Pa, self._new_at = math.nan, Stamp(0)
+        self._plausible = False
         self._looking: Stamp | None = None
         self._ready_since: Stamp | None = None
         self._field_at = self._leak_at = Stamp(0)
@@ -134,7 +135,9 @@ class ArduSub(Companion):
             return [Rejected(stamp, reject(RejectCode.REPEATED, "pressure"), b"")]
         self._pressure_Pa, self._new_at = one.pressure_Pa, stamp
         if not 0.0 < one.pressure_Pa < self._knobs.largest_Pa:
-            return [Rejected(stamp, reject(RejectCode.RANGE, "pressure"), b"")]
+            rejected = Rejected(stamp, reject(RejectCode.RANGE, "pressure"), b"")
+            return [rejected, *self._no_pressure(stamp, one.pressure_Pa)]
+        self._plausible = True
         if self._knobs.barometer is None and not self._seen(one.pressure_Pa, stamp):
             return []
         if self._first_noise_Pa > NOISY_Pa:
@@ -159,6 +162,20 @@ class ArduSub(Companion):
         self._said = True
         remedy = "check the depth sensor; where it is barometer 1, as in a SITL: `--set NAME.barometer:=1`"
         return [Trouble(stamp, f"ardusub: barometer 2 {why}: no depth; {remedy}, NAME as in the vehicle file")]
+
+    def _no_pressure(self, stamp: Stamp, found_Pa: float) -> list[Output]:
+        """Say once that the barometer has given no pressure of water yet: each sample is only counted."""
+        if self._plausible or self._said:
+            return []
+        self._said = True
+        found, largest = f"{found_Pa / 100.0:.0f} hPa", f"{self._knobs.largest_Pa / 100.0:.0f}"
+        return [
+            Trouble(
+                stamp,
+                f"ardusub: barometer {self._barometer} gives {found}, wanted 0 to {largest}: no depth; check the depth "
+                "sensor; a SITL must start at the level of the sea: `sim_vehicle.py -L RATBeach`",
+            )
+        ]
 
     def _on_text(self, one: StatusText, stamp: Stamp) -> list[Output]:
         if not one.text.startswith(LEAK):

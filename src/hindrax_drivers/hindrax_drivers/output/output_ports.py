@@ -176,6 +176,11 @@ class LineOutput:
         else:
             self._port.wait(soon, meanwhile)
 
+    @property
+    def settling(self) -> bool:
+        """Whether the line is open, and its device has answered but needs more time to become ready."""
+        return self._port is not None and self._device.settling
+
     def set_up(self) -> str:
         """Open the line and wait until the device is ready; one that has answered is waited for on the open line.
 
@@ -189,7 +194,7 @@ class LineOutput:
         DeviceError
             Where it does not answer in time.
         """
-        if self._port is None or not self._device.settling:
+        if not self.settling:
             self.close_port()
             self._port = open_line(self._path, self._device.baud, self._clock)
             now = self._clock.now()

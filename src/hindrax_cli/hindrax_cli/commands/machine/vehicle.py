@@ -33,6 +33,11 @@ from hindrax_core.text.text_file import replace_text, require_place, writing
 from hindrax_core.vehicle import AXES, WRENCH_UNITS, Thruster, Vehicle, load_vehicle, vehicle_from_text
 
 UPRIGHT_deg = 90.0
+NO_OUTPUT = (
+    "give each motor its output at the autopilot (SERVOn_FUNCTION 33 is motor 1), or make the file without --from, by "
+    "ten questions"
+)
+"""What helps where the autopilot drives other motors than its frame has."""
 ANSWERS_SUFFIX = ".answers"
 """Suffix of the file of answers that have not made a vehicle file yet."""
 
@@ -95,7 +100,7 @@ def _text_from(name: str, source: str) -> str:
             " or a log of one that holds its parameters, as every .bin does; without --from ten questions make the file"
         )
     file = vehicle_file(wiring.kind)
-    wired(load_vehicle(file), wiring)
+    wired(load_vehicle(file), wiring, NO_OUTPUT)
     low_us, high_us = (round(parameters.get(one, usual)) for one, usual in PULSES_us.items())
     head = (
         f"# Frame, outputs and senses of the thrusters by {source if live else Path(source).name}; hull, water and\n"
