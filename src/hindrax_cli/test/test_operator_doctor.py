@@ -225,7 +225,10 @@ def test_the_output_is_asked_at_the_rest_of_its_node(monkeypatch: pytest.MonkeyP
 def test_an_autopilot_that_is_still_answering_is_waited_for(settling: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     class Slow(LineOutput):
         def __init__(self) -> None:
-            self.answers = [DeviceError("/dev/null: ardusub: still answering (waited 2 s)"), "ArduSub 4.5.7"]
+            self.answers: list[DeviceError | str] = [
+                DeviceError("/dev/null: ardusub: still answering (waited 2 s)"),
+                "ArduSub 4.5.7",
+            ]
 
         @property
         def settling(self) -> bool:
