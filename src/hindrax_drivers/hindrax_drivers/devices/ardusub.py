@@ -136,7 +136,8 @@ class ArduSub(Companion):
         self._pressure_Pa, self._new_at = one.pressure_Pa, stamp
         if not 0.0 < one.pressure_Pa < self._knobs.largest_Pa:
             rejected = Rejected(stamp, reject(RejectCode.RANGE, "pressure"), b"")
-            return [rejected, *self._no_pressure(stamp, one.pressure_Pa)]
+            # Once it has measured water, each sample is only counted.
+            return [rejected] if self._plausible else [rejected, *self._no_pressure(stamp, one.pressure_Pa)]
         self._plausible = True
         if self._knobs.barometer is None and not self._seen(one.pressure_Pa, stamp):
             return []
@@ -156,26 +157,27 @@ class ArduSub(Companion):
         return looked
 
     def _no_depth(self, stamp: Stamp, why: str) -> list[Output]:
-        """Say once that the barometer is none of depth, and what to do where another is."""
-        if self._knobs.barometer is not None or self._said:
+        """Say that the barometer is none of depth, and what to do where another is."""
+        if self._knobs.barometer is not None:
             return []
-        self._said = True
         remedy = "check the depth sensor; where it is barometer 1, as in a SITL: `--set NAME.barometer:=1`"
-        return [Trouble(stamp, f"ardusub: barometer 2 {why}: no depth; {remedy}, NAME as in the vehicle file")]
+        return self._tell_once(stamp, f"barometer 2 {why}: no depth; {remedy}, NAME as in the vehicle file")
 
     def _no_pressure(self, stamp: Stamp, found_Pa: float) -> list[Output]:
-        """Say once that the barometer has given no pressure of water yet: each sample is only counted."""
-        if self._plausible or self._said:
+        """Say that the barometer has given no pressure of water yet."""
+        found, largest = f"{found_Pa / 100.0:.0f} hPa", f"{self._knobs.largest_Pa / 100.0:.0f}"
+        return self._tell_once(
+            stamp,
+            f"barometer {self._barometer} gives {found}, wanted 0 to {largest}: no depth; check the depth sensor; a "
+            "SITL must start at the level of the sea: `sim_vehicle.py -L RATBeach`",
+        )
+
+    def _tell_once(self, stamp: Stamp, sentence: str) -> list[Output]:
+        """Say why there is no depth, the first time."""
+        if self._said:
             return []
         self._said = True
-        found, largest = f"{found_Pa / 100.0:.0f} hPa", f"{self._knobs.largest_Pa / 100.0:.0f}"
-        return [
-            Trouble(
-                stamp,
-                f"ardusub: barometer {self._barometer} gives {found}, wanted 0 to {largest}: no depth; check the depth "
-                "sensor; a SITL must start at the level of the sea: `sim_vehicle.py -L RATBeach`",
-            )
-        ]
+        return [Trouble(stamp, f"ardusub: {sentence}")]
 
     def _on_text(self, one: StatusText, stamp: Stamp) -> list[Output]:
         if not one.text.startswith(LEAK):
