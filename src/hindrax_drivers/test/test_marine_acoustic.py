@@ -19,6 +19,7 @@ from hindrax_ros.messages.serialization import message_class
 from hindrax_ros.testing.sensor_messages import dvl_to_msg
 
 VEHICLE_FILE = Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml"
+PACKAGE = ("marine_acoustic_msgs", "marine_acoustic_msgs.msg")
 
 
 class Dvl(SimpleNamespace):
@@ -33,7 +34,7 @@ class Dvl(SimpleNamespace):
 
 @pytest.fixture
 def package(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    for name in ("marine_acoustic_msgs", "marine_acoustic_msgs.msg"):
+    for name in PACKAGE:
         monkeypatch.setitem(sys.modules, name, ModuleType(name))
     sys.modules["marine_acoustic_msgs.msg"].Dvl = Dvl  # type: ignore[attr-defined]  # a stand-in
     yield
@@ -70,7 +71,8 @@ def test_a_velocity_without_lock_is_unknown_there_too() -> None:
 
 
 def test_without_the_package_nothing_is_published_and_nothing_breaks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "marine_acoustic_msgs", None)
+    for name in PACKAGE:
+        monkeypatch.setitem(sys.modules, name, None)
     message_class.cache_clear()
     assert optional_class(MARINE_ACOUSTIC) is None
     assert "dvl75/dvl" not in {topic.name for topic in dvl_messages().topics}
