@@ -63,7 +63,7 @@ class Chain:
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
         self.kept = [float("nan")] * 8
-        self.phase, self.speaking = "", True
+        self.phase, self.reason, self.speaking = "", "", True
         for index in range(8):
             topic = f"/thruster_{index + 1}_controller/reference"
             self.node.create_subscription(Float64, topic, partial(self._keep, index), qos_profile_system_default)
@@ -77,7 +77,7 @@ class Chain:
         self.kept[index] = force.data
 
     def _on_state(self, state: ThrusterState) -> None:
-        self.phase = state.state
+        self.phase, self.reason = state.state, state.reason
 
     def speak(self) -> None:
         if self.speaking:
@@ -89,11 +89,12 @@ class Chain:
     def until(self, done: Callable[[], Any], what: str) -> None:
         deadline = time.monotonic() + PATIENT_S
         while not done():
-            assert time.monotonic() < deadline, f"waited for {what}; last {self.phase} {self.kept}"
+            assert time.monotonic() < deadline, f"waited for {what}; {self.phase}: {self.reason} {self.kept}"
             self.executor.spin_once(timeout_sec=0.02)
 
     def arm(self) -> None:
         self.until(self.client.service_is_ready, "the service")
+        self.until(self.out.get_subscription_count, "an allocator that listens: without commands the output disarms")
         self.until(lambda: self.phase == "disarmed", "an output that is set up")
         request = Arm.Request(arm=True, sequence=1, stamp=stamp_to_msg(self.node.get_clock().now().nanoseconds))
         future = self.client.call_async(request)
