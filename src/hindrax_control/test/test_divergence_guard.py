@@ -167,3 +167,19 @@ def test_a_maneuver_that_turned_too_far_and_is_brought_back_goes_on(
         state = Navigation((0.0, pitch, 0.0), (0.0, rate, 0.0), (0.0,) * 3, 1.0, 1.0, (0.0, 0.0), True)
         why.append(guard.step(state, stamp_from_s(0.02 * turn), forces))
     assert any("leans by" in one for one in why) is found
+
+
+@pytest.mark.parametrize(("push_N", "found"), [(0.0, False), (3.0, True)], ids=["coasts", "pushes ahead"])
+def test_a_swing_without_thrust_goes_on_as_far_as_it_goes(hindrax: Vehicle, push_N: float, found: bool) -> None:
+    """Of a pool test: a vehicle less stable than its file coasts to 36 deg, and there is no thrust to end."""
+    freedom = prior_dynamics(hindrax)["pitch"]
+    push = tuple(np.linalg.pinv(effectiveness(hindrax)) @ np.array([push_N, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    guard, why = DivergenceGuard(hindrax), []
+    pitch, rate = 0.0, 0.9
+    for turn in range(1, 100):
+        moment = -0.2 * freedom.restoring * np.sin(pitch) - freedom.drag_force(rate)
+        rate += 0.02 * moment / freedom.inertia
+        pitch += 0.02 * rate
+        state = Navigation((0.0, pitch, 0.0), (0.0, rate, 0.0), (0.0,) * 3, 1.0, 1.0, (0.0, 0.0), True)
+        why.append(guard.step(state, stamp_from_s(0.02 * turn), push))
+    assert any("tilts by" in one for one in why) is found

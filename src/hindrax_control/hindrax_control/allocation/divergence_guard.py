@@ -47,7 +47,8 @@ outside, which several thrusters hold together, is a multiple of what each of th
 CERTAIN_S = 0.8
 """Time after which a large moment without explanation is no blow."""
 AT_WORK_N = 0.1
-"""Force below which all thrusters stand: what leans then is carried, or lies somewhere."""
+"""Commanded force below which all thrusters stand: what leans then is carried, swings or lies somewhere, and no
+thrust is there to end."""
 AHEAD_S = 0.15
 """Time from the decision to the end of the thrust: lag of thrusters and output."""
 
@@ -62,7 +63,7 @@ class DivergenceKnobs:
     rate_dps: float = knob(15.0, 1.0, 400.0, "slowest tilting that may be a divergence [deg/s]")
     yaw_dps: float = knob(70.0, 1.0, 400.0, "slowest turning that may be a divergence [deg/s]")
     tilt_deg: float = knob(10.0, 0.0, 90.0, "least tilt with something reversed [deg]")
-    worst_deg: float = knob(38.0, 5.0, 90.0, "tilt that it may not reach, whatever the reason [deg]")
+    worst_deg: float = knob(38.0, 5.0, 90.0, "tilt that nothing but asked thrust may bring about [deg]")
     surprise_radps2: float = knob(0.6, 0.05, 50.0, "least angular acceleration without explanation [rad/s^2]")
     certain_radps2: float = knob(3.0, 0.1, 100.0, "the same, from which on it ends thrust without diverging [rad/s^2]")
     known_times: float = knob(6.0, 1.0, 50.0, "times drag and righting moment of its file that a vehicle may have [-]")
@@ -93,6 +94,7 @@ class DivergenceGuard:
         self._slow_rates: Matrix | None = None
         self._along, self._power, self._surprise = np.zeros(count + 3), np.zeros(count + 3), 0.0
         self._since_s = self._certain_s = 0.0
+        self._at_work = False
 
     def step(self, navigation: Navigation, stamp: Stamp, forces_N: Sequence[float]) -> str:
         """Compare what the vehicle does with what its thrusters should do to it.
@@ -116,6 +118,7 @@ class DivergenceGuard:
         if not (0.0 < dt <= LONGEST_STEP_S and known and len(forces_N) == len(self._names)):
             self._begin()
             return ""
+        self._at_work = bool(np.abs(forces_N).max(initial=0.0) >= AT_WORK_N)
         residual, momentum = self._balance(rates, attitude_rad, np.array(forces_N), dt)
         self._gather(residual, dt)
         missing = self._along / np.maximum(self._power, 1e-9)
@@ -179,7 +182,7 @@ class DivergenceGuard:
 
         Four ways: it turns fast about the vertical with something reversed; it has leaned slowly to a tilt that it may
         not reach; it tilts with one thruster reversed and the motion growing (`early`: a small tilt is enough); it
-        tilts and will be too far when the thrust ends, whatever the reason (`late`).
+        tilts and will be too far when the thrust ends, whatever the reason but a swing without thrust (`late`).
         """
         knobs, (residual, momentum) = self._knobs, balance
         if self._surprise < knobs.surprise_radps2**2:
@@ -198,7 +201,7 @@ class DivergenceGuard:
         unasked = float(residual[:2] @ rates[:2]) > float((self._B @ self._slow_thrust)[:2] @ rates[:2])
         by_thruster = is_reversed and best < len(self._names)
         early = by_thruster and faster[:2].any() and tilt > math.radians(knobs.tilt_deg)
-        late = unasked and tilt + AHEAD_S * tilting > math.radians(knobs.worst_deg)
+        late = self._at_work and unasked and tilt + AHEAD_S * tilting > math.radians(knobs.worst_deg)
         found = f"tilts by {math.degrees(tilt):.0f} deg at {math.degrees(tilting):.0f} deg/s"
         return found if early or late else ""
 
@@ -207,7 +210,7 @@ class DivergenceGuard:
 
         What is brought back as hard as a surprise is no slow lean: a maneuver that turned further than it was to.
         """
-        if tilt < math.radians(self._knobs.worst_deg) or np.abs(self._slow_thrust).max() < AT_WORK_N:
+        if tilt < math.radians(self._knobs.worst_deg) or not self._at_work:
             return False
         outwards = np.sin(attitude_rad[:2])
         residual, momentum = (float(one[:2] @ outwards) for one in balance)
