@@ -18,7 +18,7 @@ from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
 from hindrax_control.maneuver.goal import BUSY as PILOT_BUSY
 from hindrax_control.nodes.pilot_messages import result_of
-from hindrax_core.input_checks import MOCK_ORDER
+from hindrax_core.input_checks import MOCK_ORDER, TypedOrders
 from hindrax_core.text.refusals import CANCELLED, from_sentence
 from hindrax_ident.nodes import experiment_server
 from hindrax_ident.nodes.identifier import Identifier
@@ -91,7 +91,7 @@ class Bench:
 
     def begin_identifier(self) -> Identifier:
         identifier = Identifier()
-        identifier._experiments._window = MOCK_ORDER  # a busy machine takes a second now and then
+        identifier._experiments._goals = TypedOrders(MOCK_ORDER)  # a busy machine takes a second now and then
         self._executor.add_node(identifier)
         return identifier
 
@@ -177,7 +177,7 @@ def test_hostile_goals_are_refused_in_one_sentence_and_fly_nothing(bench: Bench)
         "goal: ending 'drift' unknown, wanted hold or neutral": RunExperiment.Goal(
             motions=["surge"], plan=True, on_cancel="drift"
         ),
-        "clock: the goal is stamped 0 s, wanted the time at which it was made": unstamped,
+        "repeat: the goal is not stamped, wanted the time at which it was made; repeat it within 8 s with ": unstamped,
     }
     for sentence, goal in refused.items():
         found = bench.ask(goal)

@@ -5,6 +5,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -17,6 +18,7 @@ pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
 import hostile
 import numpy as np
 import rclpy
+import yaml
 from builtin_interfaces.msg import Time
 from documentation.pages import ROOT, block_of
 from geometry_msgs.msg import Twist
@@ -70,6 +72,7 @@ from hindrax_ident.nodes.measurement_messages import readers
 from hindrax_ident.online.session import Outcome, Session
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import AllocationStatus, HoldSetpoint, ThrusterHealth, ThrusterState
+from hindrax_msgs.srv import Recentre
 from hindrax_ros.messages import convert
 from hindrax_ros.messages.convert import stamp_from_msg, stamp_to_msg, wrench_from_msg, wrench_to_msg
 from hindrax_ros.messages.fast_serialization import command_from_bytes
@@ -348,13 +351,35 @@ def test_a_goal_that_is_not_of_now_or_makes_no_sense_is_answered_and_flies_nothi
     for sec, nanosec in hostile.TIMES:
         sensible.stamp = Time(sec=sec, nanosec=nanosec)
         printed.append(control.ask(sensible).result.aborted)
-    assert [one.partition(": ")[0] for one in printed] == ["clock", "clock", "clock", "late", "clock", "clock"]
+    assert [one.partition(": ")[0] for one in printed] == ["clock", "clock", "repeat", "late", "clock", "clock"]
     assert all("wanted" in one for one in printed)
     sensible.stamp = stamp_to_msg(control.now())
     sensible.motions = ["surge"] * 10_000
     assert control.ask(sensible).result.aborted == "goal: 10000 motions, wanted at most 12; fly the rest after them"
     assert control.pilot._goal is None
     assert control.still()
+
+
+def test_what_is_typed_without_a_stamp_is_obeyed_when_it_is_repeated_with_the_stamp_of_the_answer(
+    control: Control,
+) -> None:
+    ask = partial(control.pilot._on_recentre, response=Recentre.Response())
+    refused = ask(Recentre.Request())
+    assert (refused.accepted, refused.error_code) == (False, Reason.REPEAT)
+    assert ask(Recentre.Request(stamp=typed(refused.reason))).accepted
+    goal = FlyManeuver.Goal(motions=["surge"])
+    result = control.ask(goal).result
+    assert result.error_code == Reason.REPEAT
+    goal.stamp = typed(result.aborted)
+    assert control.ask(goal).result is None
+    assert control.pilot._goal is not None
+    kept = control.pilot._goal.goal
+    assert (kept.excitation, kept.on_cancel) == ("plateaus", "hold")
+
+
+def typed(sentence: str) -> Time:
+    """The stamp of the line that a refusal wants typed."""
+    return Time(**yaml.safe_load(sentence.rpartition("stamp: ")[2]))
 
 
 def test_two_hundred_goals_at_once_are_answered_one_by_one_and_the_first_is_kept(control: Control) -> None:

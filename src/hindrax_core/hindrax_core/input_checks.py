@@ -1,7 +1,8 @@
 """Checks of what other programs send: its stamp, its publisher, and the count of what was refused.
 
 Stamps: one rule for everything that commands the vehicle. An order that is too old may have waited in a dead link; one
-from the future would override every later request. Both are refused, and so is a request without a stamp.
+from the future would override every later request. Both are refused, and so is a request without a stamp; where a
+person may have typed it, the refusal names a stamp to repeat it with.
 
 Publishers: a message does not name its sender, but the graph names the publishers. With two, neither is obeyed.
 """
@@ -112,9 +113,39 @@ def order_window(*, mock: bool) -> StampWindow:
     return MOCK_ORDER if mock else ORDER
 
 
-def late_goal(wrong_stamp: WrongStamp) -> Refusal:
-    """Refusal of a goal that came at the wrong time; one that only came late may be sent again."""
-    return wrong_stamp.refusal.within(f"{wrong_stamp.reason.word}: the goal is ")
+NAMED_S = 8.0
+"""Time in which an order may be repeated with the stamp that its refusal named; an arm request's number has as long."""
+
+
+@dataclass(slots=True)
+class TypedOrders:
+    """Judges the stamps of one kind of order that a person may type: `ros2 service call` and `send_goal` stamp nothing.
+
+    An order without a stamp is refused with one to repeat it with: the vehicle's clock, to the nanosecond. It counts
+    once, and who has it asked after the vehicle named it: an order that waited in a dead link never has it (ADR 17).
+    """
+
+    window: StampWindow
+    _named: Stamp | None = None
+
+    def refusal(self, stamp: Stamp, now: Stamp) -> Refusal:
+        """Return why an order is refused by its stamp: `REPEAT`, `LATE` or `CLOCK`; nothing when it is in time."""
+        named = self._named
+        if named is not None and stamp == named and 0.0 <= seconds_between(named, now) <= NAMED_S:
+            self._named = None
+            return NOTHING
+        if stamp == 0 and now > 0:
+            self._named = now
+            sec, nanosec = divmod(now, 10**9)
+            remedy = f"repeat it within {NAMED_S:g} s with stamp: {{sec: {sec}, nanosec: {nanosec}}}"
+            return Refusal(Reason.REPEAT, f"not stamped, wanted the time at which it was made; {remedy}")
+        wrong_stamp = self.window.judge(stamp, now)
+        return wrong_stamp.refusal if wrong_stamp else NOTHING
+
+
+def untimely_goal(why: Refusal) -> Refusal:
+    """Refusal of a goal by its stamp; one that only came late may be sent again."""
+    return why.within(f"{why.word}: the goal is ")
 
 
 def impossible(stamp: Stamp) -> Refusal:

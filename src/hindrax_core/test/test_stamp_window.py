@@ -10,13 +10,16 @@ from hindrax_core.events import Stamp, after, seconds_between, stamp_from_s
 from hindrax_core.input_checks import (
     LAST,
     MOCK_ORDER,
+    NAMED_S,
     ORDER,
     StampFault,
     StampWindow,
+    TypedOrders,
     WrongStamp,
     impossible,
     order_window,
 )
+from hindrax_core.text.refusals import Reason
 
 NOW = stamp_from_s(1.8e9)
 
@@ -75,6 +78,40 @@ def test_on_a_mock_s_clock_ten_seconds_either_way_are_in_time() -> None:
 def test_a_list_may_be_reported_again_long_after_it_was_made_but_not_before() -> None:
     assert ORDER.of_lists.judge(after(NOW, -1e6), NOW) is None
     assert refused(ORDER.of_lists, after(NOW, 0.2)).kind is StampFault.FUTURE
+
+
+def named(orders: TypedOrders, now: Stamp = NOW) -> Stamp:
+    """The stamp that an order without one is to be repeated with, as it stands in the line to type."""
+    why = orders.refusal(Stamp(0), now)
+    assert why.reason is Reason.REPEAT
+    line = re.search(r"within 8 s with stamp: \{sec: (\d+), nanosec: (\d+)\}$", why)
+    assert line, why
+    return Stamp(int(line[1]) * 10**9 + int(line[2]))
+
+
+def test_an_order_without_a_stamp_counts_once_it_is_repeated_with_the_one_named_to_it() -> None:
+    orders = TypedOrders(ORDER)
+    stamp = named(orders)
+    assert orders.refusal(stamp, after(NOW, NAMED_S)) == ""
+    assert orders.refusal(stamp, after(NOW, NAMED_S)).reason is Reason.LATE, "it counts once"
+    assert orders.refusal(NOW, NOW) == "", "one that is stamped needs none"
+
+
+@pytest.mark.parametrize("later_s", [NAMED_S + 0.001, 3600.0, -0.2])
+def test_a_named_stamp_does_not_count_for_longer_nor_when_the_clock_was_set_back(later_s: float) -> None:
+    orders = TypedOrders(ORDER)
+    stamp = named(orders)
+    assert orders.refusal(stamp, after(NOW, later_s)).reason in (Reason.LATE, Reason.CLOCK)
+
+
+def test_what_waited_in_a_dead_link_has_no_stamp_that_was_named() -> None:
+    orders = TypedOrders(ORDER)
+    first = named(orders)
+    assert orders.refusal(Stamp(first + 1), after(NOW, 3.0)).reason is Reason.LATE, "one that nobody named"
+    named(orders, after(NOW, 4.0))
+    assert orders.refusal(first, after(NOW, 5.0)).reason is Reason.LATE, "a newer one was named since"
+    assert TypedOrders(ORDER).refusal(first, after(NOW, 3.0)).reason is Reason.LATE, "of another kind of order"
+    assert TypedOrders(ORDER).refusal(Stamp(0), Stamp(0)).reason is Reason.CLOCK, "no time, no name"
 
 
 @given(

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from rclpy.action.server import ServerGoalHandle
 
 from hindrax_control.hold.holds import HoldState
-from hindrax_control.maneuver.goal import Goal, Pulse
+from hindrax_control.maneuver.goal import ENDINGS, PLATEAUS, Goal, Pulse
 from hindrax_control.maneuver.maneuver import ManeuverOutput
 from hindrax_control.maneuver.plan import Plan
 from hindrax_control.pool_bounds import GuardedPlace
@@ -32,7 +32,8 @@ def goal_from_msg(message: FlyManeuver.Goal, thrusters: int) -> Goal:
     """Motions and how to fly them, or pulses of so many thrusters. UsageError where their numbers do not fit."""
     levels = tuple(map(float, message.levels))
     pulses = _pulses_from_msg(message, thrusters)
-    return Goal(tuple(message.motions), message.excitation, int(message.seed), message.on_cancel, levels, pulses)
+    excitation, on_cancel = message.excitation or PLATEAUS, message.on_cancel or ENDINGS[0]
+    return Goal(tuple(message.motions), excitation, int(message.seed), on_cancel, levels, pulses)
 
 
 def _pulses_from_msg(message: FlyManeuver.Goal, thrusters: int) -> tuple[Pulse, ...]:

@@ -29,7 +29,7 @@ from hindrax_control.sensors import altimeters
 from hindrax_core import topics
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
-from hindrax_core.input_checks import SinglePublisher, late_goal, names_of_others, order_window
+from hindrax_core.input_checks import SinglePublisher, TypedOrders, names_of_others, order_window, untimely_goal
 from hindrax_core.messages.contents import Read
 from hindrax_core.readings import BottomTrack, Echo, Reading, Vec6
 from hindrax_core.rotation import FSD, foreign_frame
@@ -120,18 +120,18 @@ class PilotNode(BatchedNode):
         self._pilot = Pilot(self._as_proven(vehicle, tuned.guards.unproven, mock=mock), tuned)
         self._armed, self._unarmed, self._thrusters_known = False, "", False
         self._obeyed_at, self._unobeyed = Stamp(0), ""
-        self._last_state = Stamp(0)
         self._supply = supply
         self._allocation: Allocation | None = None
         self._names = frozenset(one.name for one in vehicle.thrusters)
         self._goal: ActiveGoal | None = None
         self._window = order_window(mock=mock)
+        self._goals, self._places = TypedOrders(self._window), TypedOrders(self._window)
         self._suspects: dict[str, str] = {}
         self._untimed: list[ThrusterHealth] = []
         self._setpoints: list[Setpoint] = []
         self._phase = ("", "")
         self._estimates: dict[str, Stamped[Estimate]] = {}
-        self._turn = 0
+        self._turn, self._last_state = 0, Stamp(0)
         self._wrench = publisher(self, topics.WRENCH)
         self._holds = publisher(self, topics.HOLD_STATUS)
         self._maneuver = publisher(self, topics.MANEUVER)
@@ -377,8 +377,8 @@ class PilotNode(BatchedNode):
 
     def _on_recentre(self, request: Recentre.Request, response: Recentre.Response) -> Recentre.Response:
         """Restart dead reckoning at the position given by the operator."""
-        wrong_stamp = self._window.judge(stamp_from_msg(request.stamp), self.now())
-        why = wrong_stamp.refusal if wrong_stamp else self._pilot.recentre(*pilot_messages.place_from_msg(request))
+        why = self._places.refusal(stamp_from_msg(request.stamp), self.now())
+        why = why or self._pilot.recentre(*pilot_messages.place_from_msg(request))
         if why:
             self._reporter.refusals.add(RECENTRE, why)
         else:
@@ -400,17 +400,18 @@ class PilotNode(BatchedNode):
 
     def _unflyable(self, request: FlyManeuver.Goal) -> Refusal:
         """Return why a goal is not even kept, as "guard: sentence"; nothing when it is."""
-        wrong_stamp = self._window.judge(stamp_from_msg(request.stamp), self.now())
-        if wrong_stamp is not None:
-            return late_goal(wrong_stamp)
-        if self._goal is not None:
-            return BUSY.within("start: ")
+        # What it asks for comes first: a goal that is typed again with the stamp named to it can be flown.
         try:
             goal = self._goal_of(request)
             self._pilot.check(goal)
         except HindraxError as error:
             return refusal_of(error)
-        return ELSEWHERE if goal.pulses and self.send_forces is None else NOTHING
+        if goal.pulses and self.send_forces is None:
+            return ELSEWHERE
+        if self._goal is not None:
+            return BUSY.within("start: ")
+        why = self._goals.refusal(stamp_from_msg(request.stamp), self.now())
+        return untimely_goal(why) if why else NOTHING
 
     def _follow_goal(self, stamp: Stamp) -> None:
         """Begin the goal that waits, or send its client the state of this cycle."""

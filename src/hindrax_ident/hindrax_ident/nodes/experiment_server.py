@@ -18,7 +18,7 @@ from rclpy.task import Future
 
 from hindrax_core.errors import UsageError
 from hindrax_core.events import to_s
-from hindrax_core.input_checks import late_goal, order_window
+from hindrax_core.input_checks import TypedOrders, order_window, untimely_goal
 from hindrax_core.text.refusals import CANCELLED, NOTHING, Reason, Refusal, received
 from hindrax_ident.online.aim import Aim, Choice, check_experiment, plan_text
 from hindrax_ident.online.experiment import DragEstimate, Experiment
@@ -57,7 +57,7 @@ class ExperimentServer:
     def __init__(self, node: BatchedNode, judge: Judge) -> None:
         self._node, self._judge = node, judge
         self._run: _Run | None = None
-        self._window = order_window(mock=bool(node.get_parameter("use_sim_time").value))
+        self._goals = TypedOrders(order_window(mock=bool(node.get_parameter("use_sim_time").value)))
         self._fly = ActionClient(node, FlyManeuver, FLY)
         self._server = ActionServer(
             node,
@@ -95,12 +95,12 @@ class ExperimentServer:
             return Refusal(Reason.GOAL, str(error))
         if request.plan:
             return NOTHING
-        wrong_stamp = self._window.judge(stamp_from_msg(request.stamp), self._node.now())
-        if wrong_stamp is not None:
-            return late_goal(wrong_stamp)
         if self._run is not None:
             return BUSY
-        return NOTHING if self._fly.server_is_ready() else PILOT_GONE
+        if not self._fly.server_is_ready():
+            return PILOT_GONE
+        why = self._goals.refusal(stamp_from_msg(request.stamp), self._node.now())
+        return untimely_goal(why) if why else NOTHING
 
     def _now_s(self) -> float:
         return to_s(self._node.now())
