@@ -19,7 +19,7 @@ from hindrax_bringup.stack import adopted, environment, own_domain
 from hindrax_control.maneuver.goal import BUSY as PILOT_BUSY
 from hindrax_control.nodes.pilot_messages import result_of
 from hindrax_core.input_checks import MOCK_ORDER, TypedOrders
-from hindrax_core.text.refusals import CANCELLED, from_sentence
+from hindrax_core.text.refusals import CANCELLED, Reason, from_sentence
 from hindrax_ident.nodes import experiment_server
 from hindrax_ident.nodes.identifier import Identifier
 from hindrax_ident.online.aim import Aim, ExperimentGoal
@@ -180,8 +180,10 @@ def test_hostile_goals_are_refused_in_one_sentence_and_fly_nothing(bench: Bench)
         "repeat: the goal is not stamped, wanted the time at which it was made; repeat it within 8 s with ": unstamped,
     }
     for sentence, goal in refused.items():
-        found = bench.ask(goal)
-        assert (found.aborted[: len(sentence)], found.completed) == (sentence, False)
+        outcome = bench.outcome(bench.send(goal))
+        found, code = outcome.result, Reason.GOAL if sentence.startswith("goal") else Reason.REPEAT
+        assert (found.aborted[: len(sentence)], found.error_code, found.completed) == (sentence, code, False)
+        assert outcome.status == GoalStatus.STATUS_ABORTED, "a rejection would have no room for the code"
     assert bench.pilot.goals == []
 
 

@@ -130,6 +130,7 @@ class Handle:
     def __init__(self, request: Any) -> None:
         self.request, self.is_cancel_requested = request, False
         self.result: Any = None
+        self.status = ""
 
     def execute(self, callback: Any) -> None:
         assert self.result is None, "one result for one goal"
@@ -138,7 +139,9 @@ class Handle:
     def publish_feedback(self, _: Any) -> None: ...
     def succeed(self) -> None: ...
     def canceled(self) -> None: ...
-    def abort(self) -> None: ...
+
+    def abort(self) -> None:
+        self.status = "aborted"
 
 
 class Control:
@@ -358,6 +361,32 @@ def test_a_goal_that_is_not_of_now_or_makes_no_sense_is_answered_and_flies_nothi
     assert control.ask(sensible).result.aborted == "goal: 10000 motions, wanted at most 12; fly the rest after them"
     assert control.pilot._goal is None
     assert control.still()
+
+
+def test_each_goal_that_cannot_be_flown_is_aborted_with_the_code_of_its_reason(control: Control) -> None:
+    """Not rejected: a rejection has no room for a code (ADR 55)."""
+
+    def refused(reason: Reason, age_s: float = 0.0, **words: Any) -> None:
+        stamp = stamp_to_msg(after(control.now(), -age_s))
+        handle = control.ask(FlyManeuver.Goal(stamp=stamp, **{"motions": ["surge"]} | words))
+        control.cycle(pilot_node.ARMED_WITHIN + 1 if handle.result is None else 0)
+        found = handle.result
+        assert (handle.status, found.error_code, found.completed) == ("aborted", reason, False), found.aborted
+        assert found.aborted
+
+    refused(Reason.GOAL, motions=["loop"])
+    refused(Reason.GOAL, pulse_seconds=[1.0])
+    refused(Reason.GOAL, excitation="noise")
+    refused(Reason.ELSEWHERE, motions=[], pulse_forces=[2.0] * 8, pulse_seconds=[0.5], pulse_calm=[True])
+    refused(Reason.LATE, age_s=11.0)
+    refused(Reason.CLOCK, age_s=-11.0)
+    control.pilot._pilot.water_in_hull = True
+    refused(Reason.LEAK)
+    control.pilot._publish_disabled({f"T{number}": "a test" for number in range(1, 9)}, control.now())
+    refused(Reason.MOTION)
+    control.pilot._publish_disabled({}, control.now())
+    control.pilot._armed = False
+    refused(Reason.NOT_ARMED)
 
 
 def test_what_is_typed_without_a_stamp_is_obeyed_when_it_is_repeated_with_the_stamp_of_the_answer(

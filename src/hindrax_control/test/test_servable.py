@@ -17,6 +17,7 @@ from hindrax_control.maneuver.goal import (
     servable_motions,
 )
 from hindrax_core.errors import UsageError
+from hindrax_core.text.refusals import Reason, refusal_of
 from hindrax_core.thrust.curves import Branch, Curve
 from hindrax_core.vehicle import AXES, Vehicle
 
@@ -122,8 +123,9 @@ def test_it_agrees_with_the_allocator(hindrax: Vehicle, disabled: tuple[str, ...
 def test_what_its_thrusters_cannot_hold_at_a_depth_is_refused(hindrax: Vehicle, mass_kg: float, found: str) -> None:
     heavy = replace(hindrax, mass_kg=mass_kg)
     for refuse in (lambda: motions_to_fly(("all",), heavy), lambda: require_flyable(Goal(("surge",)), heavy)):
-        with pytest.raises(UsageError, match=f"found {found}, wanted less than the 62 N that its thrusters give"):
+        with pytest.raises(UsageError, match=f"found {found}, wanted less than the 62 N that its thrusters") as why:
             refuse()
+        assert refusal_of(why.value).reason is Reason.LIFT
     motions_to_fly(("all",), replace(hindrax, mass_kg=20.0))
 
 
