@@ -5,12 +5,13 @@ import math
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import yaml
 
+from hindrax_core.bus_operations import DeviceError
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import after
 from hindrax_core.text.yaml_text import read_yaml
@@ -67,6 +68,36 @@ def asked_parameters(address: str, wanted: Sequence[str]) -> dict[str, float]:
         if link.system and not link.asking:
             return link.parameters
     raise _no_answer(address, link)
+
+
+def require_fit(file: Path, address: str) -> None:
+    """Require that the ArduSub at an address can drive the thrusters of a vehicle file; nothing moves.
+
+    One that does not answer yet is waited for later.
+
+    Parameters
+    ----------
+    file
+        Of the vehicle, whatever its output is.
+    address
+        Of the autopilot.
+
+    Raises
+    ------
+    HindraxError
+        With what the autopilot lacks.
+    """
+    with _drivers_wanted(address):
+        from hindrax_drivers.buses.clock import SystemClock  # noqa: PLC0415  # the wheel has no drivers
+        from hindrax_drivers.devices.ardupilot.output import ArduSub  # noqa: PLC0415  # as above
+        from hindrax_drivers.output.output_ports import LineOutput, set_up_patiently  # noqa: PLC0415  # as above
+
+    device = ArduSub(load_vehicle(behind_autopilot(file, address, aided=False)[0]))
+    output = LineOutput(address, device, SystemClock(), lambda _stamp, _sent, _data: None)
+    with closing(output), suppress(DeviceError):
+        set_up_patiently(output)
+    if device.lack:
+        raise HindraxError(f"{address}: {device.trouble}")
 
 
 def has_velocity(address: str, say: Callable[[str], None] = lambda _: None) -> bool:

@@ -13,6 +13,7 @@ from hindrax_bringup.share_files import default_vehicle, vehicle_file
 from hindrax_cli import autopilot_vehicle
 from hindrax_cli.autopilot_vehicle import behind_autopilot, has_velocity
 from hindrax_cli.command_line import main
+from hindrax_cli.commands.pool import pool_flight
 from hindrax_control.maneuver.goal import flyable_motions
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import AXES, load_vehicle
@@ -132,6 +133,20 @@ def test_a_motor_without_an_output_is_named_with_what_helps(tmp_path: Path, caps
     said = " ".join(capsys.readouterr().err.split())
     assert "drives 7 (by its SERVOn_FUNCTION motors 1, 2, 3, 4, 5, 6, 7); give each motor its output" in said
     assert "--vehicle" not in said, "this command has no such option"
+
+
+def test_a_vehicle_file_that_does_not_fit_is_refused_before_anything_is_waited_for(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(pool_flight, "has_velocity", lambda *_words: pytest.fail("an estimator takes a minute"))
+    autopilot = ArduSub(load_vehicle(vehicle_file("bluerov2-heavy")).thrusters, now_s=time.monotonic())
+    autopilot.parameters |= {"FRAME_CONFIG": 4.0, "SERVO4_FUNCTION": 0.0}
+    with sending(autopilot) as address:
+        words = ["--autopilot", address, "--vehicle", "bluerov2-heavy", "--dof", "yaw"]
+        assert main(["pool-test", *words]) == 1
+    assert "T4 is at output 4 in the vehicle file, where SERVO4_FUNCTION is 0" in " ".join(
+        capsys.readouterr().err.split()
+    )
 
 
 @pytest.mark.parametrize("velocity_mps", [None, (0.0, 0.0, 0.0)], ids=["nothing", "a DVL of its own"])

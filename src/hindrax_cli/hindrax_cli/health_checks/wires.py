@@ -24,7 +24,7 @@ from hindrax_drivers.buses.line import UDP_IN, UDP_PREFIX, at_baud, is_network, 
 from hindrax_drivers.buses.ports import open_clock
 from hindrax_drivers.driver_registry import driver_of
 from hindrax_drivers.nodes.thruster_settings import Settings
-from hindrax_drivers.output.output_ports import LineOutput, open_output
+from hindrax_drivers.output.output_ports import open_output, set_up_patiently
 from hindrax_sim.buses.mounted_file import is_mounted
 
 ANSWER_S = 4.0
@@ -201,10 +201,4 @@ def _output(settings: Settings, where: str, clock: str) -> str:
     vehicle, neutral = settings.vehicle, settings.guard.neutral
     output = open_output(vehicle, where, clock, lambda _stamp, _sent, _data: None, "doctor", neutral=neutral)
     with contextlib.closing(output):
-        try:
-            return output.set_up()
-        except DeviceError:
-            # As its node does: an autopilot that has answered is given time for all that it was asked.
-            if not (isinstance(output, LineOutput) and output.settling):
-                raise
-            return output.set_up()
+        return set_up_patiently(output)

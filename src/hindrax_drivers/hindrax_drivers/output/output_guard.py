@@ -553,6 +553,9 @@ class OutputGuard:
         return None
 
     def _request_fault(self, state: OutputGuardState, request: Request, now: Stamp) -> Refusal:
+        # First: an output that is being set up answers late, and a request that is made again would not help it.
+        if state.phase is ArmingPhase.FAULTED:
+            return _faulted(state)
         wrong_stamp = StampWindow(self.knobs.arm_lifespan_s, self.knobs.future_s).judge(request.stamp, now)
         if wrong_stamp is not None:
             clocks = wrong_stamp.remedy if wrong_stamp.other_clock else "set the clocks of both machines if this lasts"
@@ -568,7 +571,7 @@ class OutputGuard:
         if state.monitor_disarmed_at is not None and request.stamp <= state.monitor_disarmed_at:
             found = f"request {request.sequence} was made before the vehicle disarmed itself"
             return Refusal(Reason.OUT_OF_ORDER, f"{found}; try again")
-        return _faulted(state) if state.phase is ArmingPhase.FAULTED else NOTHING
+        return NOTHING
 
 
 def _faulted(state: OutputGuardState) -> Refusal:

@@ -282,6 +282,32 @@ class LineOutput:
 ThrusterOutput: TypeAlias = RegisterOutput | LineOutput | ForceOutput
 
 
+def set_up_patiently(output: ThrusterOutput) -> str:
+    """Set an output up as its node does: an autopilot that has answered is given time for all that it was asked.
+
+    Parameters
+    ----------
+    output
+        As it was opened.
+
+    Returns
+    -------
+    str
+        Its identity.
+
+    Raises
+    ------
+    DeviceError
+        Where it does not become ready.
+    """
+    try:
+        return output.set_up()
+    except DeviceError:
+        if not (isinstance(output, LineOutput) and output.settling):
+            raise
+        return output.set_up()
+
+
 def open_output(
     vehicle: Vehicle, port: str, clock: str, tap: Tap, name: str, *, neutral: Pulses, riders: Sequence[Rider] = ()
 ) -> ThrusterOutput:
