@@ -40,6 +40,7 @@ def test_a_command_of_the_tutorial_works(place: Path, command: Any) -> None:
     )
     assert done.returncode == 0, done.stderr[-2000:]
     assert done.stdout.strip() or "written: " in done.stderr
+    assert "not identifiable" not in done.stdout, "the first day shows what works"
     if "--out" in command.words:
         assert (place / command.words[command.words.index("--out") + 1]).stat().st_size > 0
 
