@@ -10,7 +10,7 @@ from hindrax_control.allocation.allocation_cycle import AllocationCycle
 from hindrax_control.allocation.thrust_curve import AppliedWrench
 from hindrax_core.driver_interface import Output, Send, Trouble
 from hindrax_core.events import Stamp, Stamped, stamp_from_s, to_s
-from hindrax_core.readings import AppliedPulses, vec6
+from hindrax_core.readings import AppliedPulses, DeviceText, vec6
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_drivers.devices.ardupilot.output import ArduSub
 from hindrax_sim.devices.ardupilot import firmware
@@ -119,6 +119,18 @@ def test_the_pulses_that_were_asked_for_are_output_and_reported(control: str, pu
     assert bench.wire() == NEUTRAL
     assert not bench.board.armed
     assert bench.device.fault() == ""
+
+
+def test_the_gain_of_the_pilot_is_known_and_nothing_is_asked_for_that_cannot_be_scheduled() -> None:
+    bench = Bench()
+    bench.run(2.0)
+    bench.board.gain = 0.25  # a button of the joystick at another ground station
+    bench.fly(*AHEAD)
+    assert bench.wire() == pytest.approx(AHEAD, abs=3.0)
+    told = [
+        one.reading.text for one in bench.outputs if isinstance(one, Stamped) and isinstance(one.reading, DeviceText)
+    ]
+    assert not [one for one in told if "No ap_message" in one], "an operator at QGroundControl reads it too"
 
 
 def unlike_the_wire(bench: Bench, stamp: Stamp, pulses: tuple[float, ...]) -> bool:

@@ -78,8 +78,8 @@ PARAMETERS = (
     *("MOT_PWM_MIN", "MOT_PWM_MAX", "JS_GAIN_DEFAULT", "JS_THR_GAIN"),
     *("FS_PILOT_INPUT", "FS_PILOT_TIMEOUT", "FS_GCS_ENABLE", "FS_EKF_ACTION", "FS_LEAK_ENABLE"),
 )
-STREAMS = {ardupilot.SERVO_OUTPUT: SERVO_Hz, ardupilot.RC_CHANNELS: STICKS_Hz, ardupilot.NAMED_FLOAT: 2.0}
-STREAMS[ardupilot.SYS_STATUS] = 2.0
+# Named values (gain, input hold) come by themselves; asked for them, it answers with a text to every station.
+STREAMS = {ardupilot.SERVO_OUTPUT: SERVO_Hz, ardupilot.RC_CHANNELS: STICKS_Hz, ardupilot.SYS_STATUS: 2.0}
 MODES = {
     0: "STABILIZE",
     1: "ACRO",

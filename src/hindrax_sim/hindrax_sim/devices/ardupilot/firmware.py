@@ -2,7 +2,8 @@
 
 Public sources: ArduSub/motors.cpp (motor test), joystick.cpp (sticks), failsafe.cpp, mode_manual.cpp;
 libraries/AP_Motors/AP_Motors6DOF.cpp (frames, mixer). Modes other than MANUAL hold the thrusters still here: this
-project flies in none of them. A stream that nobody has asked for is not sent, but for the heartbeat.
+project flies in none of them. A stream that nobody has asked for is not sent, but for the heartbeat and the named
+values. Those cannot be asked for (GCS_Common.cpp has no number for them): they come with a group of streams.
 """
 
 import math
@@ -26,6 +27,7 @@ ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
 ALERT, CRITICAL, WARNING, INFO = 1, 2, 4, 6
 BOOT_S = 1.0
 """Until it speaks again; the real one needs 10 s and more, which would only make the tests longer."""
+NAMED, NAMED_EVERY_S = 251, 0.5
 TEST_TIMEOUT_S, TEST_COOLDOWN_S = 0.5, 10.0
 HANDED_S = 0.03
 """Time between two deliveries of the link: firmware, router and network pass messages on in batches."""
@@ -144,7 +146,6 @@ class ArduSub(Part[AutopilotTruth]):
             137: self._pressure,
             148: self._autopilot_version,
             193: self._estimator,
-            251: self._pilot_gain,
         }
         self.channels: list[_Channel] = [_Channel()]
         self.power_cycle(now_s)
@@ -164,7 +165,7 @@ class ArduSub(Part[AutopilotTruth]):
         self._pilot_s: float = now_s
         self._station_s: float | None = None
         self._pilot_lost = self._station_lost = False
-        self._beat_s = now_s + BOOT_S
+        self._beat_s = self._named_s = now_s + BOOT_S
         self._sequence, self._leak_warned_s = 0, -math.inf
         self.channels[:] = [_Channel() for _ in self.channels]
 
@@ -178,6 +179,9 @@ class ArduSub(Part[AutopilotTruth]):
         if now_s >= self._beat_s:
             self._beat_s += 1.0
             self._send_all(0, self._heartbeat())
+        if now_s >= self._named_s:
+            self._named_s += NAMED_EVERY_S
+            self._send_all(NAMED, self._pilot_gain())
         for channel in self.channels:
             for number, interval_s in channel.intervals_s.items():
                 if now_s >= channel.due_s[number]:
@@ -333,6 +337,7 @@ class ArduSub(Part[AutopilotTruth]):
     def _set_interval(self, values: tuple[float, ...], channel: _Channel) -> int:
         number, interval_us = round(values[0]), values[1]
         if number not in self._messages:
+            self._text(INFO, f"No ap_message for mavlink id ({number})")
             return DENIED
         channel.intervals_s[number], channel.due_s[number] = 1e-6 * interval_us, self._now_s
         return ACCEPTED
