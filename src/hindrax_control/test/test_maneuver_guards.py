@@ -188,8 +188,8 @@ def test_fast_vehicle_is_stopped_earlier_than_a_slow_one(look: Callable[..., tup
         ({"attitude_rad": (0.0, 0.0, math.nan)}, "attitude: unknown"),
         ({"velocity_mps": (1.0, 0.0, 0.08)}, "speed: 1.003 m/s, wanted at most 1.000 m/s"),
         ({"velocity_mps": (0.9, 0.0, 0.6)}, "speed: 1.08 m/s, wanted at most 1.00 m/s"),
-        ({"ages_s": {"icm20948": 0.5}}, "sensor_age: icm20948 received 0.50 s ago"),
-        ({"depth_age_s": math.inf}, "sensor_age: ms5837 received never, wanted at most 1.00 s"),
+        ({"ages_s": {"icm20948": 0.5}}, "sensor_age: rates from icm20948 received 0.50 s ago"),
+        ({"depth_age_s": math.inf}, "sensor_age: depth from ms5837 received never, wanted at most 1.00 s"),
         ({"depth_m": math.nan}, "sensor_age: depth unknown"),
     ],
 )
@@ -221,6 +221,16 @@ def test_a_lost_velocity_of_the_autopilot_sends_nobody_to_a_dvl_that_is_not_ther
         "dvl_lock: the autopilot's estimator claims no velocity for 6.0 s, wanted less than 5.0 s; "
     )
     assert found.endswith(AIDING)
+
+
+def test_a_depth_that_the_autopilot_does_not_give_is_told_with_its_barometer(hindrax: Vehicle) -> None:
+    sensors = {"fcu": Mount("ardusub")}
+    guards = ManeuverGuards(replace(hindrax, sensors=sensors, output=replace(hindrax.output, device="ardusub")))
+    deep = replace(WELL, ages_s={"fcu": 0.01}, depth_age_s=math.inf)
+    guards.step(Situation(deep, None, {}, 0.0))
+    (found,) = guards.step(Situation(deep, None, {}, 1.0))
+    assert found.startswith("sensor_age: depth from fcu received never, wanted at most 1.00 s; check the autopilot")
+    assert found.endswith("`--set fcu.barometer:=1`")
 
 
 def test_battery_leak_time_and_thrusters(look: Callable[..., tuple[str, ...]]) -> None:

@@ -15,7 +15,7 @@ from hindrax_control.sensors import velocity_is_estimated, without_velocity
 from hindrax_core.knobs import choice, knob
 from hindrax_core.signals import NAN, Navigation
 from hindrax_core.text.digits import above, below, unlike
-from hindrax_core.text.refusals import AIDING, Reason, Refusal, found
+from hindrax_core.text.refusals import AIDING, BAROMETER, Reason, Refusal, found
 from hindrax_core.vehicle import Vehicle
 
 MOVES_mps = 0.2
@@ -82,6 +82,8 @@ class ManeuverGuards:
         self._depth = vehicle.measuring("depth")
         self._velocity = vehicle.measuring("velocity")
         self._remedies = {Reason.DVL_LOCK: AIDING} if velocity_is_estimated(vehicle) else {}
+        if by_autopilot := [name for name in self._depth if vehicle.sensors[name].device == "ardusub"]:
+            self._remedies[Reason.SENSOR_AGE] = BAROMETER.format(name=by_autopilot[0])
         self._freedoms = prior_dynamics(vehicle)
         self._patience_s = dict.fromkeys((Reason.ATTITUDE, Reason.SPEED, Reason.SENSOR_AGE), self._knobs.patience_s)
         """The other guards act at once."""
@@ -178,13 +180,13 @@ class ManeuverGuards:
     def _sensor_age(self, navigation: Navigation) -> str:
         inertial_s = min((navigation.ages_s.get(name, math.inf) for name in self._inertial), default=0.0)
         limits = (
-            (self._inertial, inertial_s, self._knobs.inertial_age_s),
-            (self._depth, navigation.depth_age_s, self._knobs.depth_age_s),
+            ("rates", self._inertial, inertial_s, self._knobs.inertial_age_s),
+            ("depth", self._depth, navigation.depth_age_s, self._knobs.depth_age_s),
         )
-        for names, age_s, limit_s in limits:
+        for quantity, names, age_s, limit_s in limits:
             if names and age_s > limit_s:
                 age = above("{} s ago, wanted at most {} s", age_s, limit_s, 2)
-                return f"{' and '.join(names)} received {age}".replace("inf s ago", "never")
+                return f"{quantity} from {' and '.join(names)} received {age}".replace("inf s ago", "never")
         return "" if math.isfinite(navigation.depth_m) else "depth unknown"
 
     def _blocked(self, situation: Situation) -> str:

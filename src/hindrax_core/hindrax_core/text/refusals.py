@@ -109,6 +109,11 @@ REMEDIES: Mapping[Reason, str] = {
     Reason.COMMISSION: "let it come to rest, check its trim and the thrusters of the file, and commission again",
 }
 """What to do about each guard that finds something."""
+BAROMETER = (
+    "check the autopilot and its barometer in the water (`./hindrax doctor`), which in a SITL is the first: "
+    "`--set {name}.barometer:=1`"
+)
+"""Where depth is measured by the autopilot: what to check before the next flight."""
 AIDING = "check what aids the autopilot's estimator, its DVL or GPS (QGroundControl, EKF status)"
 """What to do instead about a velocity that only the autopilot has."""
 
