@@ -862,7 +862,10 @@ def test_the_log_of_an_ardusub_says_which_vehicle_it_is_of(tmp_path: Path, capsy
     assert [one.name for one in vehicle.thrusters if one.reversed] == ["T4"]
     log.write_bytes(dataflash_of_yaw({"FRAME_CONFIG": 5.0}))
     assert main(["vehicle", "new", "other", "--from", str(log), "--out", str(tmp_path / "o.yaml")]) == 2
-    assert "found FRAME_CONFIG 5, wanted an ArduSub with the frame 1" in capsys.readouterr().err
+    told = " ".join(capsys.readouterr().err.split())
+    assert "found FRAME_CONFIG 5, wanted an ArduSub with the frame 1" in told
+    assert "describe its thrusters by hand (docs/how-to/new-vehicle.md" in told
+    assert "ten questions" not in told, "they know no such frame"
     assert main(["identify", str(log)]) == 2
     assert "name no outputs (SERVOn_FUNCTION): the outputs of the vehicle file are assumed" in (
         told := capsys.readouterr().err

@@ -310,6 +310,11 @@ def custom(board: firmware.ArduSub) -> None:
     board.parameters["FRAME_CONFIG"] = 7.0
 
 
+def simple(board: firmware.ArduSub) -> None:
+    """SIMPLEROV_4, three thrusters: no vehicle in the box, so no file can be made from a log of it."""
+    board.parameters |= {"FRAME_CONFIG": 4.0} | {f"SERVO{number}_FUNCTION": 0.0 for number in range(4, 9)}
+
+
 def larger(board: firmware.ArduSub) -> None:
     """A heavy kit behind the file of six thrusters: its two more motors are driven by the same sticks."""
     board.parameters |= {"FRAME_CONFIG": 2.0, "SERVO7_FUNCTION": 39.0, "SERVO8_FUNCTION": 40.0}
@@ -329,6 +334,8 @@ def streamless(board: firmware.ArduSub) -> None:
         (old, "its release is 4.1.2, whose MANUAL_CONTROL has no pitch and roll, wanted 4.5"),
         (unprotected, "its FS_PILOT_INPUT is 0"),
         (rewired, "T3 is at output 3 in the vehicle file, where SERVO3_FUNCTION is 59, wanted a motor"),
+        (rewired, "; take the file of this vehicle: `./hindrax vehicle new NAME --from LOG`"),
+        (simple, "SERVO4_FUNCTION is 0, wanted a motor, 33 to 40; no file is made for this frame: describe its"),
         (turned, "its frame 2 has T5 the other way round than the vehicle file"),
         (custom, "its FRAME_CONFIG is 7"),
         (streamless, "it does not stream SERVO_OUTPUT_RAW"),

@@ -114,6 +114,10 @@ BAROMETER = (
     "`--set {name}.barometer:=1`"
 )
 """Where depth is measured by the autopilot: what to check before the next flight."""
+THRUSTERS_BY_HAND = (
+    "no file is made for this frame: describe its thrusters by hand (docs/how-to/new-vehicle.md, Minimum for flight)"
+)
+"""What to do about an ArduSub whose frame has no vehicle in the box."""
 AIDING = "check what aids the autopilot's estimator, its DVL or GPS (QGroundControl, EKF status)"
 """What to do instead about a velocity that only the autopilot has."""
 

@@ -41,7 +41,7 @@ from hindrax_cli.argument_types import add_json, named_vehicle, within
 from hindrax_cli.command import command, option
 from hindrax_cli.command_line import is_here
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.text.refusals import from_sentence
+from hindrax_core.text.refusals import THRUSTERS_BY_HAND, from_sentence
 from hindrax_core.text.screen_text import print_fitted, print_stderr
 from hindrax_core.text.text_file import require_place
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
@@ -122,7 +122,7 @@ def _with_wiring(records: Sequence[Path], named: Vehicle | None) -> Vehicle | No
         known = ", ".join(f"{frame} ({name})" for frame, name in VEHICLE_OF_FRAME.items())
         raise UsageError(
             f"the log's FRAME_CONFIG is {wiring.frame}, wanted one of a vehicle in the box, {known}; "
-            "name the vehicle file with --vehicle (`./hindrax vehicle new` makes one)"
+            f"name a vehicle file with --vehicle; {THRUSTERS_BY_HAND}"
         )
     if named.name in BOX:
         return wired(named, wiring)

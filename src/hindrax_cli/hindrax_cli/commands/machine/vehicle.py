@@ -28,6 +28,7 @@ from hindrax_cli.vehicle_review import findings, picture, same_positions
 from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_control.maneuver.goal import largest_wrench, servable_motions
 from hindrax_core.errors import UsageError
+from hindrax_core.text.refusals import THRUSTERS_BY_HAND
 from hindrax_core.text.screen_text import print_fitted, print_stderr, print_whole
 from hindrax_core.text.text_file import replace_text, require_place, writing
 from hindrax_core.vehicle import AXES, WRENCH_UNITS, Thruster, Vehicle, load_vehicle, vehicle_from_text
@@ -95,9 +96,10 @@ def _text_from(name: str, source: str) -> str:
     wiring = wiring_of(parameters)
     if wiring is None or not wiring.kind:
         found = f"FRAME_CONFIG {wiring.frame}" if wiring else "no FRAME_CONFIG"
+        remedy = THRUSTERS_BY_HAND if wiring else "without --from ten questions make the file"
         raise UsageError(
             f"--from {source}: found {found}, wanted an ArduSub with the frame 1 (vectored) or 2 (vectored 6DOF),"
-            " or a log of one that holds its parameters, as every .bin does; without --from ten questions make the file"
+            f" or a log of one that holds its parameters, as every .bin does; {remedy}"
         )
     file = vehicle_file(wiring.kind)
     wired(load_vehicle(file), wiring, NO_OUTPUT)

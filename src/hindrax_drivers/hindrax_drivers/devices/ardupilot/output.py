@@ -19,6 +19,7 @@ from enum import StrEnum
 from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
 from hindrax_core.readings import AppliedPulses, Battery, DeviceText
+from hindrax_core.text.refusals import THRUSTERS_BY_HAND
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.devices.ardupilot.link import (
     ACCEPTED,
@@ -80,6 +81,9 @@ PARAMETERS = (
 )
 # Named values (gain, input hold) come by themselves; asked for them, it answers with a text to every station.
 STREAMS = {ardupilot.SERVO_OUTPUT: SERVO_Hz, ardupilot.RC_CHANNELS: STICKS_Hz, ardupilot.SYS_STATUS: 2.0}
+FRAMES_IN_BOX = (1, 2)
+FILE_OF_LOG = "take the file of this vehicle: `./hindrax vehicle new NAME --from LOG`"
+"""Only for frames of a vehicle in the box a file can be made."""
 MODES = {
     0: "STABILIZE",
     1: "ACRO",
@@ -289,8 +293,8 @@ class ArduSub:
             if not 1 <= number <= MOST_MOTORS:
                 return (
                     f"{thruster.name} is at output {output} in the vehicle file, where SERVO{output}_FUNCTION is "
-                    f"{function}, wanted a motor, {FIRST_MOTOR} to {FIRST_MOTOR + MOST_MOTORS - 1}; `./hindrax vehicle "
-                    "new --from LOG` takes the outputs from a log of this vehicle"
+                    f"{function}, wanted a motor, {FIRST_MOTOR} to {FIRST_MOTOR + MOST_MOTORS - 1}; "
+                    f"{self._other_file()}"
                 )
             sense = -1.0 if parameters.get(f"MOT_{number}_DIRECTION", 1.0) < 0.0 else 1.0
             curve = self._vehicle.curves[thruster.curve]
@@ -298,6 +302,11 @@ class ArduSub:
             motors.append(Motor(number, thruster.channel, sense, *table))
         self._motors = tuple(motors)
         return ""
+
+    def _other_file(self) -> str:
+        """Where a vehicle file with the motors of this autopilot comes from."""
+        frame = self._link.parameters.get("FRAME_CONFIG")
+        return FILE_OF_LOG if frame in FRAMES_IN_BOX else THRUSTERS_BY_HAND
 
     def _find_mixer(self) -> str:
         parameters, version = self._link.parameters, self._link.version
@@ -312,12 +321,12 @@ class ArduSub:
             numbers, outputs = (", ".join(map(str, those)) for those in (others, others.values()))
             return (
                 f"its frame {frame} drives motors {numbers} too, at outputs {outputs}, which are no thrusters of the "
-                "vehicle file; take the file of this vehicle: `./hindrax vehicle new NAME --from LOG`"
+                f"vehicle file; {self._other_file()}"
             )
         if backwards := self._backwards(frame):
             return (
                 f"its frame {frame} has {', '.join(backwards)} the other way round than the vehicle file; turn them in"
-                " the file, or `./hindrax vehicle new NAME --from LOG`: a log of this vehicle has the directions"
+                f" the file{f', or {FILE_OF_LOG}' if frame in FRAMES_IN_BOX else ''}"
             )
         if parameters.get("FS_PILOT_INPUT") == 0.0:
             return (
